@@ -1,0 +1,63 @@
+"""The layout of the robot's state and what the simulator measures of it at one tick."""
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+TICK_SECONDS = 0.01  # s, the paper's T_s
+TORQUE_LIMIT = 200.0  # N m at each joint
+ROBOT_MASS = 32.0  # kg, nominal
+
+COORDINATES = ("base_x", "base_z", "base_pitch", "left_hip", "left_knee", "right_hip", "right_knee")
+ACTUATED = COORDINATES[3:]
+SWAP_STATE = np.array([0, 1, 2, 5, 6, 3, 4])  # left, right <-> stance, swing when the right leg stands
+SWAP_TORQUE = np.array([2, 3, 0, 1])
+
+
+class Leg(IntEnum):
+    """Row of a leg in arrays over the feet."""
+
+    LEFT = 0
+    RIGHT = 1
+
+    @property
+    def other(self) -> "Leg":
+        return Leg(1 - self)
+
+
+@dataclass(frozen=True)
+class StonePreview:
+    """Stone `index` (the first is 1), seen one step ahead: `l_k` must end in [l_min, l_max], m from the stance foot."""
+
+    index: int
+    l_min: float
+    l_max: float
+
+
+@dataclass(frozen=True)
+class RobotState:
+    """What is measured at one tick, all in the world frame (x forward, z up).
+
+    `q`, `dq` (7,): `COORDINATES`, m and rad. `foot_force` (2, 2), N: rows left, right; columns tangential (+x) and
+    normal (+z), averaged over the tick that ended now. `contact` (2,): a foot carries more than 1 N at the tick's end.
+    `touchdowns` counts landings since the reset, so stone `touchdowns + 1` is the one previewed; `preview` is None on
+    flat ground. `running` is False once the episode has ended (fall, miss, all stones walked).
+    """
+
+    tick: int
+    q: Array
+    dq: Array
+    foot_force: Array
+    contact: NDArray[np.bool_]
+    touchdowns: int
+    preview: StonePreview | None
+    running: bool = True
+
+    @property
+    def time(self) -> float:
+        """Seconds since the reset."""
+        return self.tick * TICK_SECONDS
