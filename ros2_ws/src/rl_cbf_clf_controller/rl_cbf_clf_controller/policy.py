@@ -1,0 +1,84 @@
+"""Policies on the control path: what gives alpha and beta of every quantity at a tick. No torch here.
+
+The actor is the paper's network, 400-300 with ReLU and tanh outputs in [-1, 1], times fixed action scales. With the
+structured form (the default), the CLF's outputs are a 4x5 matrix [D2 | D1] contracted with LgV, as the paper's own
+expression Delta^v = 2 eta' P G Delta = LgV Delta [eq70] says:
+
+    alpha_V = scale_alpha LgV D2,    beta_V = scale_beta LgV D1
+
+Plain, they are 5 outputs times (|LgV| + 1). Either way the action is the paper's (25 values on stones).
+"""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from rabbit_description.state import Array
+
+from rl_cbf_clf_controller.uncertainty import INPUTS, Estimates, Problem
+from rl_cbf_clf_controller.weights import PolicyFile, forward
+
+
+@dataclass(frozen=True)
+class PolicyContext:
+    """All an actor may see at a tick: `observation` (14,) or (15,), raw, see `Problem.observation`; `LgV` (4,)."""
+
+    observation: Array
+    LgV: Array
+
+
+class Policy(Protocol):
+    """Gives the estimates of a tick; `version` is echoed with every torque."""
+
+    @property
+    def version(self) -> str: ...
+
+    def estimate(self, context: PolicyContext) -> Estimates: ...
+
+
+class ZeroPolicy:
+    """No correction: the same controller becomes the nominal one."""
+
+    version = "zero"
+
+    def __init__(self, problem: Problem) -> None:
+        self._estimates = Estimates.zero(problem)
+
+    def estimate(self, context: PolicyContext) -> Estimates:
+        """Zeros, whatever the context."""
+        return self._estimates
+
+
+class ActorPolicy:
+    """The actor's forward pass in numpy, from a checked policy file."""
+
+    def __init__(self, file: PolicyFile) -> None:
+        self.file = file
+        self.version = file.version
+        form = file.metadata
+        self._center = np.array(form.observation_center)
+        self._inverse_scale = 1 / np.array(form.observation_scale)
+        self._alpha_scale, self._beta_scale = np.array(form.alpha_scale), np.array(form.beta_scale)
+        self._structured, self._has_clf = form.structured, form.problem.has_clf
+
+    def estimate(self, context: PolicyContext) -> Estimates:
+        """Alpha and beta of every quantity. A network without `l_min` reads the first 14 observations."""
+        observation = (context.observation[: len(self._center)] - self._center) * self._inverse_scale
+        outputs: Array = forward(self.file.arrays, observation.astype(np.float32)).astype(np.float64)
+        if self._structured:
+            outputs = contract(outputs, context.LgV)
+        raw = Estimates.from_flat(outputs)
+        alpha, beta = raw.alpha * self._alpha_scale[:, None], raw.beta * self._beta_scale
+        if self._has_clf and not self._structured:
+            size = np.linalg.norm(context.LgV) + 1
+            alpha[0] *= size
+            beta[0] *= size
+        return Estimates(alpha, beta)
+
+
+def contract(outputs: Array, LgV: Array) -> Array:
+    """Structured outputs (20 + 5(n - 1),) to the flat vector (5n,): the first 20 are [D2 | D1] (4, 5), row by row."""
+    rows = INPUTS + 1
+    clf, others = LgV @ outputs[: INPUTS * rows].reshape(INPUTS, rows), outputs[INPUTS * rows :]
+    alphas = others.size // rows * INPUTS
+    return np.concatenate([clf[:INPUTS], others[:alphas], clf[INPUTS:], others[alphas:]])

@@ -1,0 +1,91 @@
+"""What is learned: for each constrained quantity, the error of the nominal model, affine in mu.
+
+    true value = nominal value(mu) + alpha(x) mu + beta(x)        [CLF_estimate], [eq:cbf_der], [eq_const]
+
+Quantities: `V` (V-dot, 1/s), `B1`, `B2` (second derivatives of the barriers, m/s^2), `C1` (normal force F_N of the
+stance foot, N), `C2` (its tangential force F_T, N). The rows of the unilateral and the friction constraint are built
+from F_N and F_T; see docs/differences_from_paper.md.
+
+In the first approach the quantities are the outputs' accelerations `y1` to `y4` (rad/s^2), and alpha, beta are not an
+estimate but an input: u = u~(mu) + (LgLfh)^-1 (alpha mu + beta) [approach1_input].
+"""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from rabbit_description.state import Array
+
+INPUTS = 4  # mu has one component for each output
+STATE_OBSERVATION = (
+    *(f"y{i}" for i in range(1, 5)),  # rad
+    *(f"dy{i}" for i in range(1, 5)),  # rad/s
+    *("hip_x", "hip_z", "phase"),  # m, m (from the stance foot), 1
+    *("hip_dx", "hip_dz", "dphase"),  # m/s, m/s, 1/s
+)
+
+
+class Problem(StrEnum):
+    """A learning problem of the paper, by the name of the controller that uses it."""
+
+    IO_RL_CLF_QP = "io-rl-clf-qp"
+    RL_CLF_QP = "rl-clf-qp"
+    RL_CBF_CLF_QP = "rl-cbf-clf-qp"
+
+    @property
+    def quantities(self) -> tuple[str, ...]:
+        """Names of the n learned quantities, in the order of every array over them."""
+        return _QUANTITIES[self]
+
+    @property
+    def observation(self) -> tuple[str, ...]:
+        """Names of the observation's components: 14 of the state, and `l_min` on stones."""
+        return (*STATE_OBSERVATION, "l_min") if self is Problem.RL_CBF_CLF_QP else STATE_OBSERVATION
+
+    @property
+    def has_clf(self) -> bool:
+        """V is among the quantities, so its row may take the structured form."""
+        return "V" in self.quantities
+
+
+_QUANTITIES = {
+    Problem.IO_RL_CLF_QP: ("y1", "y2", "y3", "y4"),
+    Problem.RL_CLF_QP: ("V",),
+    Problem.RL_CBF_CLF_QP: ("V", "B1", "B2", "C1", "C2"),
+}
+
+
+@dataclass(frozen=True)
+class Estimates:
+    """`alpha` (n, 4) and `beta` (n,) of the n quantities, in the quantities' units (per unit of mu, rad/s^2)."""
+
+    alpha: Array
+    beta: Array
+
+    def __post_init__(self) -> None:
+        if self.alpha.shape != (len(self.beta), INPUTS) or self.beta.ndim != 1:
+            raise ValueError(f"estimates: alpha {self.alpha.shape}, beta {self.beta.shape}; expected (n, 4) and (n,)")
+
+    @classmethod
+    def zero(cls, problem: Problem) -> "Estimates":
+        """No error anywhere: the nominal controller."""
+        n = len(problem.quantities)
+        return cls(np.zeros((n, INPUTS)), np.zeros(n))
+
+    @classmethod
+    def from_flat(cls, flat: Array) -> "Estimates":
+        """From the paper's vector of 5n values: all alphas, then all betas (25 for V, B1, B2, C1, C2)."""
+        n, rest = divmod(flat.size, INPUTS + 1)
+        if flat.ndim != 1 or rest or n == 0:
+            raise ValueError(f"estimates: a vector of shape {flat.shape}; expected 5 values for each quantity")
+        return cls(flat[: INPUTS * n].reshape(n, INPUTS), flat[INPUTS * n :])
+
+    @property
+    def flat(self) -> Array:
+        """The paper's order (alpha_V, alpha_B1, ..., alpha_C2, beta_V, ..., beta_C2), shape (5n,)."""
+        return np.concatenate([self.alpha.ravel(), self.beta])
+
+    def error(self, mu: Array) -> Array:
+        """Estimated error of each quantity at `mu` (4,), shape (n,)."""
+        error: Array = self.alpha @ mu + self.beta
+        return error

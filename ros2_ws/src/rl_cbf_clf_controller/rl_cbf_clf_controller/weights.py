@@ -1,0 +1,206 @@
+"""The policy file: an actor's weights as safetensors with the metadata that makes sense of them.
+
+The weights message carries the same bytes, and `decode` is the one gate for both: size, layout, metadata, names and
+shapes, finite values, content hash, and a probe that repeats outputs the trainer stored. Nothing is unpickled.
+"""
+
+import hashlib
+import itertools
+import json
+import os
+import tempfile
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from safetensors import SafetensorError
+from safetensors.numpy import load, save
+
+from rl_cbf_clf_controller.uncertainty import INPUTS, Problem
+
+Float32 = NDArray[np.float32]
+Arrays = dict[str, Float32]
+
+SIZE_LIMIT = 8_000_000  # bytes; a 400-300 actor is 0.56 MB
+PROBE = "probe.outputs"
+PROBE_TOLERANCE = 1e-3  # of outputs in [-1, 1]; float32 sums in another order differ by 1e-6
+_KEY = "rabbit_policy"
+
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+
+
+class PolicyFileError(ValueError):
+    """A policy file or message that is refused; the text says what was found and what was expected."""
+
+
+class PolicyMetadata(BaseModel):
+    """What the weights mean and where they come from."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    format_version: Literal[1] = 1
+    problem: Problem
+    observation: tuple[str, ...] = Field(description="names of the inputs, in order; l_min may be left out")
+    observation_center: tuple[Finite, ...] = Field(description="the network reads (observation - center) / scale")
+    observation_scale: tuple[Positive, ...]
+    hidden: tuple[Annotated[int, Field(ge=1, le=4096)], Annotated[int, Field(ge=1, le=4096)]] = (400, 300)
+    structured: bool = Field(description="the CLF's outputs are a 4x5 matrix contracted with LgV")
+    alpha_scale: tuple[Positive, ...] = Field(description="alpha = scale * output, one for each quantity")
+    beta_scale: tuple[Positive, ...] = Field(description="beta = scale * output, one for each quantity")
+    learner: str = Field(description="what trained it")
+    plant: dict[str, bool | int | float | str] = Field(description="parameters of the plant it was trained on")
+    training_seed: int
+    episodes: int = Field(ge=0)
+    transitions: int = Field(ge=0)
+    commit: str = Field(description="of this repository, at training")
+    command: str = Field(description="makes this file again")
+
+    @model_validator(mode="after")
+    def _fits_the_problem(self) -> "PolicyMetadata":
+        names, n = self.problem.observation, len(self.problem.quantities)
+        if self.observation not in (names, tuple(name for name in names if name != "l_min")):
+            raise ValueError(f"observation = {self.observation}; {self.problem} has {names}")
+        if {len(self.observation_center), len(self.observation_scale)} != {len(self.observation)}:
+            raise ValueError(f"observation_center and observation_scale need {len(self.observation)} values each")
+        if {len(self.alpha_scale), len(self.beta_scale)} != {n}:
+            raise ValueError(f"alpha_scale and beta_scale need {n} values each")
+        if self.structured and not self.problem.has_clf:
+            raise ValueError(f"structured = True, but {self.problem} learns no CLF row")
+        return self
+
+    @property
+    def outputs(self) -> int:
+        """Size of the network's output layer."""
+        rows = INPUTS + 1
+        n = len(self.problem.quantities)
+        return rows * (n - 1) + INPUTS * rows if self.structured else rows * n
+
+    @property
+    def shapes(self) -> dict[str, tuple[int, ...]]:
+        """Names and shapes of all arrays in the file."""
+        sizes = (len(self.observation), *self.hidden, self.outputs)
+        shapes: dict[str, tuple[int, ...]] = {PROBE: (len(probe_inputs(1)), self.outputs)}
+        for i, (before, after) in enumerate(itertools.pairwise(sizes)):
+            shapes |= {f"{i}.weight": (after, before), f"{i}.bias": (after,)}
+        return shapes
+
+
+@dataclass(frozen=True)
+class PolicyFile:
+    """Checked metadata and float32 arrays `0.weight` ... `2.bias`, `probe.outputs`; see `PolicyMetadata.shapes`."""
+
+    metadata: PolicyMetadata
+    arrays: Arrays = field(repr=False)
+
+    def __post_init__(self) -> None:
+        _check_arrays(self.metadata, self.arrays)
+
+    @cached_property
+    def content_hash(self) -> str:
+        """SHA-256 over metadata and arrays, independent of how the file lays them out."""
+        digest = hashlib.sha256(self.metadata.model_dump_json().encode())
+        for name in sorted(self.arrays):
+            digest.update(name.encode() + self.arrays[name].tobytes())
+        return digest.hexdigest()
+
+    @property
+    def version(self) -> str:
+        """The name torques and logs give this policy: the first 12 digits of the hash."""
+        return self.content_hash[:12]
+
+    def encode(self) -> bytes:
+        """The bytes of file and message."""
+        header = {_KEY: self.metadata.model_dump_json(), "content_hash": self.content_hash}
+        data: bytes = save(self.arrays, metadata=header)
+        return data
+
+    def write(self, path: Path) -> None:
+        """Write the file at once or not at all."""
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, partial = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}")
+        try:
+            with os.fdopen(handle, "wb") as file:
+                file.write(self.encode())
+            Path(partial).chmod(0o644)
+            Path(partial).replace(path)
+        except BaseException:
+            Path(partial).unlink(missing_ok=True)
+            raise
+
+
+def decode(data: bytes, problem: Problem | None = None) -> PolicyFile:
+    """Check and read a policy.
+
+    Args:
+        data: content of a file or message.
+        problem: what the running controller needs; None accepts any.
+
+    Raises:
+        PolicyFileError: anything is wrong with it.
+    """
+    if len(data) > SIZE_LIMIT:
+        raise PolicyFileError(f"policy: {len(data)} bytes; at most {SIZE_LIMIT} are read")
+    try:
+        arrays = load(data)
+        header = json.loads(data[8 : 8 + int.from_bytes(data[:8], "little")]).get("__metadata__", {})
+        metadata = PolicyMetadata.model_validate_json(header.get(_KEY, "{}"))
+    except (SafetensorError, ValidationError, ValueError, KeyError, OverflowError) as error:
+        raise PolicyFileError(f"policy: not a policy file: {error}") from error
+    if problem is not None and metadata.problem is not problem:
+        raise PolicyFileError(f"policy: it was trained for {metadata.problem}; this controller needs {problem}")
+    file = PolicyFile(metadata, arrays)
+    if header.get("content_hash") != file.content_hash:
+        raise PolicyFileError(f"policy: content hash {header.get('content_hash')}; its content has {file.content_hash}")
+    _check_probe(file)
+    return file
+
+
+def read(path: Path, problem: Problem | None = None) -> PolicyFile:
+    """Read a policy file; raises `PolicyFileError`, also when there is no such file."""
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise PolicyFileError(f"policy: cannot read {path}: {error.strerror}") from error
+    try:
+        return decode(data, problem)
+    except PolicyFileError as error:
+        raise PolicyFileError(f"{path}: {error}") from error
+
+
+def forward(arrays: Arrays, scaled: Float32) -> Float32:
+    """The actor: scaled observation (m,) to outputs in [-1, 1]."""
+    hidden = np.maximum(arrays["0.weight"] @ scaled + arrays["0.bias"], np.float32(0))
+    hidden = np.maximum(arrays["1.weight"] @ hidden + arrays["1.bias"], np.float32(0))
+    outputs: Float32 = np.tanh(arrays["2.weight"] @ hidden + arrays["2.bias"])
+    return outputs
+
+
+def probe_inputs(size: int) -> Float32:
+    """Four fixed scaled observations, shape (4, size): the centre and three spread over [-1, 1]."""
+    grid = np.arange(1, size + 1)
+    return np.stack([np.zeros(size), *(np.sin(k * grid) for k in (1, 2, 3))]).astype(np.float32)
+
+
+def _check_arrays(metadata: PolicyMetadata, arrays: Arrays) -> None:
+    expected = metadata.shapes
+    if arrays.keys() != expected.keys():
+        raise PolicyFileError(f"policy: arrays {sorted(arrays)}; expected {sorted(expected)}")
+    for name, shape in expected.items():
+        array = arrays[name]
+        if array.shape != shape or array.dtype != np.float32:
+            raise PolicyFileError(f"policy: {name} is {array.dtype} {array.shape}; expected float32 {shape}")
+        if not np.isfinite(array).all():
+            raise PolicyFileError(f"policy: {name} has values that are not finite")
+
+
+def _check_probe(file: PolicyFile) -> None:
+    inputs = probe_inputs(len(file.metadata.observation))
+    outputs = np.stack([forward(file.arrays, row) for row in inputs])
+    error = np.abs(outputs - file.arrays[PROBE]).max()
+    if not error <= PROBE_TOLERANCE:
+        raise PolicyFileError(f"policy: on the fixed observations its outputs differ by {error:.2g} from those stored")
