@@ -2,11 +2,12 @@
 
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+Array = NDArray[Any]  # float64 unless said otherwise
 
 TICK_SECONDS = 0.01  # s, the paper's T_s
 TORQUE_LIMIT = 200.0  # N m at each joint

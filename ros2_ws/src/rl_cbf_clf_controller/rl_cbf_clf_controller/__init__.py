@@ -1,0 +1,1 @@
+"""The controller: nominal model, constraints, QP, policy. `controller.py` is the file to read first."""

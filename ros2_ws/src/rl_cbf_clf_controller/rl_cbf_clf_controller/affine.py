@@ -1,0 +1,41 @@
+"""Quantities affine in an input: value(w) = a w + b.
+
+Accelerations and contact forces are affine in the torque u, u is affine in the auxiliary input mu, so everything the
+QP constrains is affine in mu. One class carries all of them, nominal, estimated or true.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from rabbit_description.state import Array
+
+
+@dataclass(frozen=True)
+class Affine:
+    """`value(w) = a w + b` with `a` (n, m) and `b` (n,)."""
+
+    a: Array
+    b: Array
+
+    def __call__(self, w: Array) -> Array:
+        """The value at `w` (m,), shape (n,)."""
+        return self.a @ w + self.b
+
+    def after(self, inner: "Affine") -> "Affine":
+        """Composition: this of `inner`."""
+        return Affine(self.a @ inner.a, self.a @ inner.b + self.b)
+
+    def inverse(self) -> "Affine":
+        """The inverse map of a square one; raises numpy.linalg.LinAlgError where `a` is singular."""
+        a_inverse = np.linalg.inv(self.a)
+        return Affine(a_inverse, -a_inverse @ self.b)
+
+    def mapped(self, matrix: Array, offset: Array | float = 0.0) -> "Affine":
+        """`matrix value(w) + offset`."""
+        return Affine(matrix @ self.a, matrix @ self.b + offset)
+
+    def __add__(self, other: "Affine") -> "Affine":
+        return Affine(self.a + other.a, self.b + other.b)
+
+    def __sub__(self, other: "Affine") -> "Affine":
+        return Affine(self.a - other.a, self.b - other.b)

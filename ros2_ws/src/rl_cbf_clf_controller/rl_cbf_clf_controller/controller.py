@@ -1,0 +1,279 @@
+"""The controller of one tick: state in, torque out. Read this file first.
+
+    relabel to stance/swing -> nominal model -> outputs y, precontrol u(mu) -> quantities (V-dot, B-ddot, F) in mu
+    -> policy's alpha, beta -> rows -> QP -> mu -> exploration -> torque, saturated
+
+Nominal CLF-QP, CBF-CLF-QP and their learned versions are this one path with other rows and another policy.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from rabbit_description.gait import Gait
+from rabbit_description.state import SWAP_STATE, SWAP_TORQUE, TICK_SECONDS, Array, Leg, RobotState
+
+from rl_cbf_clf_controller.affine import Affine
+from rl_cbf_clf_controller.contact_force import force_rows, literal_cone_rows
+from rl_cbf_clf_controller.ecbf import Barriers, ecbf_bound, ecbf_gains, stone_barriers
+from rl_cbf_clf_controller.io_linearization import precontrol
+from rl_cbf_clf_controller.nominal_model import Kinematics, NominalModel
+from rl_cbf_clf_controller.oracle import OracleContext
+from rl_cbf_clf_controller.parameters import ControllerParameters
+from rl_cbf_clf_controller.policy import Policy
+from rl_cbf_clf_controller.qp import Decision, QuadraticProgram, build_qp, unpack
+from rl_cbf_clf_controller.quantities import QuantityModel
+from rl_cbf_clf_controller.res_clf import ResClf
+from rl_cbf_clf_controller.rows import Rows
+from rl_cbf_clf_controller.saturation import clip, saturation_rows
+from rl_cbf_clf_controller.solvers import Solution, make_solver
+from rl_cbf_clf_controller.uncertainty import Estimates
+from rl_cbf_clf_controller.virtual_constraints import Outputs, VirtualConstraints
+
+NO_BARRIERS = np.full(2, np.nan)
+
+
+class ControllerError(ValueError):
+    """A state that the controller refuses: names the field, its value and what was expected."""
+
+
+@dataclass(frozen=True)
+class ControllerOutput:
+    """All of one tick that a person debugging, a recorder or the trainer wants.
+
+    `torque` (4,) N m, left/right order, saturated; `eta` (8,); `barriers`, `barrier_rates` (2,), NaN on flat ground;
+    `mu` (4,) as executed after exploration and saturation, `mu_qp` the QP's, `omega` the noise; nominal value of the
+    quantities = `nominal_a` mu + `nominal_b`, (n, 4) and (n,); `alpha`, `beta` the estimates; `observation` (14,) or
+    (15,); `LgV` (4,); `clf_slack`, `rescue_slack`: the paper's d, the sum of the slacks of last resort; `active` names
+    the rows that hold with equality; `answered` is False where the guard solver had to answer; `fault` is empty, or
+    why the episode must end.
+    """
+
+    tick: int
+    torque: Array
+    stance: Leg
+    step_index: int
+    step_time: float
+    phase: float
+    eta: Array
+    V: float
+    barriers: Array
+    barrier_rates: Array
+    mu: Array
+    mu_qp: Array
+    omega: Array
+    quantities: tuple[str, ...]
+    nominal_a: Array
+    nominal_b: Array
+    alpha: Array
+    beta: Array
+    observation: Array
+    LgV: Array
+    clf_slack: float
+    rescue_slack: float
+    active: tuple[str, ...]
+    saturated: bool
+    solver: str
+    status: str
+    answered: bool
+    solve_seconds: float
+    policy_version: str
+    fault: str = ""
+
+
+@dataclass(frozen=True)
+class Terms:
+    """The model terms of one tick, before any decision is taken."""
+
+    q_s: Array
+    dq_s: Array
+    feet: Kinematics
+    outputs: Outputs
+    eta: Array
+    precontrol: Affine
+    model: QuantityModel
+    nominal: Affine
+    context: OracleContext
+
+    @property
+    def barriers(self) -> Barriers | None:
+        return self.model.barriers
+
+
+@dataclass
+class StepState:
+    """Which leg stands, for how long, and how many steps have been taken."""
+
+    stance: Leg = Leg.LEFT
+    index: int = 0
+    start_tick: int = 0
+    rng: np.random.Generator = field(default_factory=lambda: np.random.default_rng(0))
+
+
+class Controller:
+    """One controller with its parameters, gait and policy; `step` is called once a tick."""
+
+    def __init__(self, parameters: ControllerParameters, gait: Gait, policy: Policy) -> None:
+        self.parameters = parameters
+        self.policy = policy
+        self.clf = ResClf(4, parameters.eps, (parameters.kp, parameters.kd))
+        self._K_b = ecbf_gains((parameters.barrier_pole_1, parameters.barrier_pole_2))
+        self._constraints = VirtualConstraints(gait)
+        self._model = NominalModel()
+        self._solver = make_solver(parameters.qp_solver)
+        self.reset(0)
+
+    @property
+    def unanswered(self) -> int:
+        """Ticks since construction that the chosen solver did not answer itself."""
+        return self._solver.unanswered
+
+    def reset(self, seed: int) -> None:
+        """Begin an episode: left leg stands; the exploration noise starts from `seed`."""
+        self._step = StepState(rng=np.random.default_rng(seed))
+
+    def step(self, state: RobotState) -> ControllerOutput:
+        """The torque for one tick.
+
+        Raises:
+            ControllerError: a state of the wrong shape, not finite, or without the preview of the next stone.
+        """
+        self._check(state)
+        fault = self._swap_legs(state)
+        terms = self.terms(state)
+        estimates = self.policy.estimate(terms.context)
+        control = self._control(terms, estimates)
+        qp = build_qp(self.rows(terms, estimates, control))
+        solution = self._solver.solve(qp)
+        decision = unpack(qp, solution.x)
+        if not solution.solved:
+            fault = fault or f"no solver answered: {solution.status}"
+            decision = Decision(np.zeros(4), decision.slack, decision.active)
+        return self._output(state, terms, estimates, control, qp, solution, decision, fault)
+
+    def terms(self, state: RobotState) -> Terms:
+        """Nominal terms at a state, with the present stance leg."""
+        q_s, dq_s = self._relabel(state.q), self._relabel(state.dq)
+        feet = self._model.update(q_s, dq_s)
+        dynamics = self._model.pinned()
+        outputs = self._constraints.evaluate(q_s, dq_s)
+        eta = outputs.eta
+        control = precontrol(outputs.second_derivative(dynamics.acceleration))
+        p = self.parameters
+        barriers = stone_barriers(feet, state.preview, p.R1, p.R2) if p.on_stones and state.preview else None
+        clf = self.clf.derivative(eta)
+        model = QuantityModel(outputs, clf, barriers, outputs_only=p.controller == "io-rl-clf-qp")
+        nominal = model.evaluate(dynamics).after(control)
+        z = (*feet.hip, outputs.phase, *feet.hip_rate, outputs.phase_rate)
+        stone = (state.preview.l_min,) if p.on_stones and state.preview else ()
+        observation = np.concatenate([eta, z, stone])
+        context = OracleContext(observation, clf.a[0], q_s, dq_s, model, nominal, control)
+        return Terms(q_s, dq_s, feet, outputs, eta, control, model, nominal, context)
+
+    def rows(self, terms: Terms, estimates: Estimates, control: Affine) -> list[Rows]:
+        """Which QP has which rows: every constraint of this tick, with its estimates."""
+        p = self.parameters
+        saturation = saturation_rows(control, p.torque_limit)
+        if terms.model.outputs_only:
+            return [self._clf_rows(terms.eta, terms.model.clf_derivative), saturation]
+        learned = terms.nominal + Affine(estimates.alpha, estimates.beta)
+        rows = [self._clf_rows(terms.eta, Affine(learned.a[:1], learned.b[:1]))]
+        if terms.barriers is not None and p.barrier_rows:
+            lower = ecbf_bound(terms.barriers, self._K_b) - learned.b[1:3]
+            rows.append(Rows.at_least(("B1", "B2"), learned.a[1:3], lower, p.barrier_rescue_weight).normalised())
+        if terms.barriers is not None and p.force_rows:
+            build = force_rows if p.cone == "two_rows" else literal_cone_rows
+            force = Affine(learned.a[3:], learned.b[3:])
+            rows.append(build(force, p.min_normal_force, p.friction_coeff, p.force_rescue_weight).normalised())
+        return [*rows, saturation]
+
+    def _clf_rows(self, eta: Array, derivative: Affine) -> Rows:
+        p = self.parameters
+        upper = np.array([self.clf.bound(eta)]) - derivative.b
+        weight = p.slack_weight if p.on_stones else p.clf_rescue_weight
+        rows = Rows.at_most(("CLF",), derivative.a, upper, weight, rescue=not p.on_stones)
+        return rows if p.on_stones and p.clf_row == "literal" else rows.normalised()
+
+    def _control(self, terms: Terms, estimates: Estimates) -> Affine:
+        """The torque affine in mu; in the first approach with the policy's own input [approach1_input]."""
+        if not terms.model.outputs_only:
+            return terms.precontrol
+        return terms.precontrol.after(Affine(np.eye(4) + estimates.alpha, estimates.beta))
+
+    def _output(
+        self,
+        state: RobotState,
+        terms: Terms,
+        estimates: Estimates,
+        control: Affine,
+        qp: QuadraticProgram,
+        solution: Solution,
+        decision: Decision,
+        fault: str,
+    ) -> ControllerOutput:
+        p, step, barriers = self.parameters, self._step, terms.barriers
+        omega = p.sigma * step.rng.standard_normal(4) if p.sigma > 0 else np.zeros(4)
+        mu = decision.mu + omega
+        wanted = control(mu)
+        torque = clip(wanted, p.torque_limit)
+        saturated = bool((torque != wanted).any())
+        if saturated:
+            mu = np.linalg.solve(control.a, torque - control.b)
+        return ControllerOutput(
+            tick=state.tick,
+            torque=torque[SWAP_TORQUE] if step.stance is Leg.RIGHT else torque,
+            stance=step.stance,
+            step_index=step.index,
+            step_time=(state.tick - step.start_tick) * TICK_SECONDS,
+            phase=terms.outputs.phase,
+            eta=terms.eta,
+            V=self.clf.value(terms.eta),
+            barriers=NO_BARRIERS if barriers is None else barriers.B,
+            barrier_rates=NO_BARRIERS if barriers is None else barriers.dB,
+            mu=mu,
+            mu_qp=decision.mu,
+            omega=omega,
+            quantities=p.problem.quantities,
+            nominal_a=terms.nominal.a,
+            nominal_b=terms.nominal.b,
+            alpha=estimates.alpha,
+            beta=estimates.beta,
+            observation=terms.context.observation,
+            LgV=terms.context.LgV,
+            clf_slack=float(decision.slack[~qp.rescue].sum()),
+            rescue_slack=float(decision.slack[qp.rescue].sum()),
+            active=tuple(name for name, on in zip(qp.names, decision.active, strict=True) if on),
+            saturated=saturated,
+            solver=solution.solver,
+            status=solution.status,
+            answered=solution.solver == p.qp_solver,
+            solve_seconds=solution.seconds,
+            policy_version=self.policy.version,
+            fault=fault,
+        )
+
+    def _relabel(self, values: Array) -> Array:
+        return values[SWAP_STATE] if self._step.stance is Leg.RIGHT else values
+
+    def _swap_legs(self, state: RobotState) -> str:
+        """Swap stance and swing at a touchdown; a fault where this and the simulator's count disagree."""
+        p, step = self.parameters, self._step
+        swing = step.stance.other
+        if state.contact[swing] and (state.tick - step.start_tick) * TICK_SECONDS > p.swap_time:
+            phase = self._constraints.evaluate(self._relabel(state.q), self._relabel(state.dq)).phase
+            if phase > p.swap_phase:
+                step.stance, step.index, step.start_tick = swing, step.index + 1, state.tick
+        if state.touchdowns != step.index:
+            return f"contact disagreement: {state.touchdowns} touchdowns, {step.index} steps"
+        return ""
+
+    def _check(self, state: RobotState) -> None:
+        for name, value in (("q", state.q), ("dq", state.dq)):
+            if value.shape != (7,) or not np.isfinite(value).all():
+                raise ControllerError(f"state.{name} = {value}: expected 7 finite values")
+        preview = state.preview
+        if not self.parameters.on_stones:
+            return
+        if preview is None or preview.index != state.touchdowns + 1:
+            raise ControllerError(f"state.preview = {preview}: expected stone {state.touchdowns + 1}")
+        if not 0 < preview.l_min < preview.l_max < 2:
+            raise ControllerError(f"state.preview = {preview}: expected 0 < l_min < l_max < 2 m")

@@ -1,0 +1,115 @@
+"""The robot as the controller believes it to be: pinned-foot dynamics from pinocchio.
+
+With the stance foot held, (q-ddot, F) solve, for a torque u at the four joints,
+
+    M(q) q-ddot + bias_forces(q, q-dot) = input_map u + J' F
+    J q-ddot + J-dot q-dot = 0,
+
+F = (F_T, F_N) being the ground's force on the stance foot and J its Jacobian. Both are affine in u. Coordinates are
+relabelled to stance/swing, so the model's left leg is always the stance leg. Impact: inelastic, the swing foot stays.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+from rabbit_description import URDF_PATH
+from rabbit_description.state import Array
+
+from rl_cbf_clf_controller.affine import Affine
+
+PLANE = [0, 2]  # x and z of a spatial vector
+INPUT_MAP = np.vstack([np.zeros((3, 4)), np.eye(4)])
+
+
+@dataclass(frozen=True)
+class Kinematics:
+    """Swing foot from the stance foot and hip from the stance foot, world frame; m, m/s, m/s^2.
+
+    `swing`, `swing_rate`, `hip`, `hip_rate` (2,); `swing_jacobian` (2, 7); `swing_bias` (2,) its J-dot q-dot.
+    """
+
+    swing: Array
+    swing_rate: Array
+    swing_jacobian: Array
+    swing_bias: Array
+    hip: Array
+    hip_rate: Array
+
+
+@dataclass(frozen=True)
+class PinnedDynamics:
+    """`acceleration` (7) and stance-foot `force` (F_T, F_N), both affine in the torque u (4,), stance/swing order."""
+
+    acceleration: Affine
+    force: Affine
+
+
+class NominalModel:
+    """Pinned-foot dynamics of a URDF robot with RABBIT's joints.
+
+    `motor_gain` and `joint_damping` (generalised force -d M_jj dq_j, 1/s) are 1 and 0 in a nominal model; the oracle's
+    model carries the plant's.
+    """
+
+    def __init__(self, urdf: str | None = None, motor_gain: float = 1.0, joint_damping: float = 0.0) -> None:
+        self.model = pin.buildModelFromXML(urdf or URDF_PATH.read_text(encoding="utf-8"))
+        self.data = self.model.createData()
+        self._stance = self.model.getFrameId("left_foot")
+        self._swing = self.model.getFrameId("right_foot")
+        self._no_acceleration = np.zeros(self.model.nv)
+        self._input_map = motor_gain * INPUT_MAP
+        self._damping = joint_damping * INPUT_MAP.sum(axis=1)
+
+    def update(self, q_s: Array, dq_s: Array) -> Kinematics:
+        """Compute all terms at a state `q_s`, `dq_s` (7,), stance/swing order, and return the feet's kinematics."""
+        model, data = self.model, self.data
+        pin.computeAllTerms(model, data, q_s, dq_s)
+        pin.forwardKinematics(model, data, q_s, dq_s, self._no_acceleration)
+        pin.updateFramePlacements(model, data)
+        self._jacobian, self._bias = self._point(self._stance)
+        swing_jacobian, swing_bias = self._point(self._swing)
+        self._dq_s = dq_s
+        stance, swing = (data.oMf[frame].translation[PLANE] for frame in (self._stance, self._swing))
+        relative_jacobian = swing_jacobian - self._jacobian
+        return Kinematics(
+            swing=swing - stance,
+            swing_rate=relative_jacobian @ dq_s,
+            swing_jacobian=relative_jacobian,
+            swing_bias=swing_bias - self._bias,
+            hip=q_s[:2] - stance,
+            hip_rate=dq_s[:2] - self._jacobian @ dq_s,
+        )
+
+    def pinned(self) -> PinnedDynamics:
+        """Acceleration and contact force at the state of the last `update`."""
+        mass, bias_forces = self.mass_matrix(), self.data.nle + self._damping * np.diag(self.data.M) * self._dq_s
+        kkt = np.zeros((9, 9))
+        kkt[:7, :7], kkt[:7, 7:], kkt[7:, :7] = mass, -self._jacobian.T, self._jacobian
+        right = np.zeros((9, 5))
+        right[:7, :4], right[:7, 4], right[7:, 4] = self._input_map, -bias_forces, -self._bias
+        solution = np.linalg.solve(kkt, right)
+        return PinnedDynamics(
+            acceleration=Affine(solution[:7, :4], solution[:7, 4]), force=Affine(solution[7:, :4], solution[7:, 4])
+        )
+
+    def mass_matrix(self) -> Array:
+        """M (7, 7) at the state of the last `update`."""
+        upper = np.triu(self.data.M)
+        return upper + np.triu(upper, 1).T
+
+    def impact(self, q_s: Array, dq_s: Array) -> tuple[Array, Array]:
+        """Post-impact rates (7,) before relabelling and the impulse (2,) in N s when the swing foot lands at `q_s`."""
+        self.update(q_s, dq_s)
+        jacobian, _ = self._point(self._swing)
+        mass = self.mass_matrix()
+        kkt = np.block([[mass, -jacobian.T], [jacobian, np.zeros((2, 2))]])
+        solution = np.linalg.solve(kkt, np.concatenate([mass @ dq_s, np.zeros(2)]))
+        return solution[:7], solution[7:]
+
+    def _point(self, frame: int) -> tuple[Array, Array]:
+        """Planar Jacobian (2, 7) of a frame's origin and its J-dot q-dot (2,)."""
+        world = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        jacobian = pin.getFrameJacobian(self.model, self.data, frame, world)[PLANE]
+        bias = pin.getFrameClassicalAcceleration(self.model, self.data, frame, world).linear[PLANE]
+        return jacobian, bias

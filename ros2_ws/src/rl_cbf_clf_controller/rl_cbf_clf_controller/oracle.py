@@ -1,0 +1,60 @@
+"""Exact alpha and beta from the plant's own parameters: for tests and upper bounds, never for training.
+
+A second model carries the plant's perturbed parameters. Both models give every quantity as an affine function of mu at
+the same state; their difference is the estimate. In the first approach alpha and beta are the input that makes
+y-ddot = mu: I + alpha = LgLfh_nominal LgLfh_true^-1, beta = LgLfh_nominal (u_true* - u_nominal*).
+"""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from rabbit_description.state import Array
+
+from rl_cbf_clf_controller.affine import Affine
+from rl_cbf_clf_controller.io_linearization import precontrol
+from rl_cbf_clf_controller.nominal_model import NominalModel
+from rl_cbf_clf_controller.policy import PolicyContext
+from rl_cbf_clf_controller.uncertainty import Estimates
+
+if TYPE_CHECKING:
+    from rl_cbf_clf_controller.quantities import QuantityModel
+
+
+@dataclass(frozen=True)
+class OracleContext(PolicyContext):
+    """What only the oracle sees besides: the state, stance/swing order, and the tick's nominal terms."""
+
+    q_s: Array
+    dq_s: Array
+    quantities: "QuantityModel"
+    nominal: Affine
+    precontrol: Affine
+
+
+class OraclePolicy:
+    """The plant's true errors; `urdf`, `motor_gain` and `joint_damping` are the plant's."""
+
+    version = "oracle"
+
+    def __init__(self, urdf: str, motor_gain: float = 1.0, joint_damping: float = 0.0, io: bool = False) -> None:
+        self._model = NominalModel(urdf, motor_gain, joint_damping)
+        self._io = io
+
+    def estimate(self, context: PolicyContext) -> Estimates:
+        """Exact estimates at this tick.
+
+        Raises:
+            TypeError: called with the context of an actor.
+        """
+        if not isinstance(context, OracleContext):
+            raise TypeError(f"oracle: expected an OracleContext, got {type(context).__name__}")
+        self._model.update(context.q_s, context.dq_s)
+        dynamics = self._model.pinned()
+        if self._io:
+            true_control = precontrol(context.quantities.outputs.second_derivative(dynamics.acceleration))
+            nominal_inverse = context.precontrol.inverse()
+            error = nominal_inverse.after(true_control)
+            return Estimates(error.a - np.eye(len(error.b)), error.b)
+        error = context.quantities.evaluate(dynamics).after(context.precontrol) - context.nominal
+        return Estimates(error.a, error.b)

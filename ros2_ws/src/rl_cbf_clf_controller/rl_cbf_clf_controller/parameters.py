@@ -1,0 +1,82 @@
+"""The controller's parameters: typed, bounded, described. One model serves files, the command line and ROS."""
+
+from pathlib import Path
+from typing import Literal
+
+import yaml
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from rl_cbf_clf_controller.uncertainty import Problem
+
+ControllerName = Literal["clf-qp", "io-rl-clf-qp", "rl-clf-qp", "cbf-clf-qp", "rl-cbf-clf-qp"]
+CONFIG = Path(__file__).parent / "config"
+
+
+class ParameterError(ValueError):
+    """A parameter file that cannot be used: names the file, the parameter, its value and what was expected."""
+
+
+class ControllerParameters(BaseModel):
+    """Everything that shapes the controller. Defaults are this project's own; `authors.yaml` has the first author's."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    controller: ControllerName = Field("cbf-clf-qp", description="controller by name")
+    gait: str = Field("stones", description="name of a shipped gait, or a gait file's path")
+    eps: float = Field(0.05, gt=0, le=1, description="epsilon of the RES-CLF")
+    kp: float = Field(0.5, gt=0, le=100, description="gain on y at eps = 1")
+    kd: float = Field(0.8660254037844386, gt=0, le=100, description="gain on dy at eps = 1")
+    clf_row: Literal["normalised", "literal"] = Field(
+        "normalised", description="whether the CLF row is divided by its norm, so that d is in units of mu"
+    )
+    slack_weight: float = Field(5.0, gt=0, le=1e6, description="p, weight of the CLF slack d")
+    barrier_pole_1: float = Field(70.0, gt=0, le=1000, description="first ECBF pole, 1/s")
+    barrier_pole_2: float = Field(70.0, gt=0, le=1000, description="second ECBF pole, 1/s")
+    R1: float = Field(1.0, gt=0, le=100, description="radius offset of the outer circle, m")
+    R2: float = Field(0.36, gt=0, le=100, description="depth of the inner circle's centre, m")
+    barrier_rows: bool = Field(True, description="stepping-stone barriers in the CBF controllers")
+    force_rows: bool = Field(True, description="contact-force rows in the CBF controllers")
+    cone: Literal["two_rows", "literal"] = Field("two_rows", description="form of the friction cone rows")
+    friction_coeff: float = Field(0.8, gt=0, le=10, description="k_f, the limit of |F_T| / F_N")
+    min_normal_force: float = Field(20.0, ge=0, le=1000, description="least normal force of row C1, N")
+    torque_limit: float = Field(200.0, gt=0, le=10000, description="saturation, N m")
+    clf_rescue_weight: float = Field(1e6, gt=0, le=1e9, description="slack of last resort on a hard CLF row")
+    barrier_rescue_weight: float = Field(1e6, gt=0, le=1e9, description="slack of last resort on barrier rows")
+    force_rescue_weight: float = Field(1e5, gt=0, le=1e9, description="slack of last resort on force rows")
+    sigma: float = Field(0.0, ge=0, le=1000, description="standard deviation of the exploration noise on mu, rad/s^2")
+    qp_solver: Literal["osqp", "daqp"] = Field("osqp", description="QP solver; the other one is its guard")
+    swap_time: float = Field(0.15, ge=0, le=5, description="least time of a step before the legs swap, s")
+    swap_phase: float = Field(0.5, ge=0, le=1, description="least phase before the legs swap")
+
+    @property
+    def problem(self) -> Problem:
+        """The learning problem whose quantities this controller's estimates are."""
+        if self.controller == "io-rl-clf-qp":
+            return Problem.IO_RL_CLF_QP
+        return Problem.RL_CBF_CLF_QP if self.on_stones else Problem.RL_CLF_QP
+
+    @property
+    def on_stones(self) -> bool:
+        """Whether the controller has barriers and force rows, and a slack on the CLF."""
+        return self.controller in ("cbf-clf-qp", "rl-cbf-clf-qp")
+
+    @property
+    def learns(self) -> bool:
+        """Whether a policy belongs to the controller."""
+        return self.controller.startswith(("rl-", "io-rl-"))
+
+
+def load_parameters(name_or_path: str | Path, **changes: object) -> ControllerParameters:
+    """Read `ours`, `authors` or a YAML file, then apply `changes`.
+
+    Raises:
+        ParameterError: no such file, not YAML, an unknown parameter or a value out of its range.
+    """
+    path = Path(name_or_path)
+    if path.suffix != ".yaml":
+        path = CONFIG / f"{name_or_path}.yaml"
+    try:
+        values = yaml.safe_load(path.read_text(encoding="utf-8")) or {}
+        return ControllerParameters.model_validate({**values, **changes})
+    except (OSError, UnicodeDecodeError, yaml.YAMLError, ValidationError, TypeError) as error:
+        raise ParameterError(f"controller parameters {path}: {error}") from error

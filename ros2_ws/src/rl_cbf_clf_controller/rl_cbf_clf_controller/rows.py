@@ -1,0 +1,47 @@
+"""Rows of the QP: what every constraint yields at a tick, and the function that stacks them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from rabbit_description.state import Array
+
+NO_SLACK = np.inf
+TINY = 1e-9  # a row with no input in it stays as it is
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Named rows `lower <= A mu - slack <= upper`, k of them, over mu (m,).
+
+    `slack_weight` (k,): the cost w s^2 of violating a row by s, in the row's own units; inf makes the row hard.
+    `rescue` tells a slack of last resort, whose use is published, from one the problem itself has (the paper's d).
+    """
+
+    names: tuple[str, ...]
+    A: Array
+    upper: Array
+    lower: Array
+    slack_weight: Array
+    rescue: bool = True
+
+    @classmethod
+    def at_most(cls, names: Sequence[str], A: Array, upper: Array, slack_weight: float, rescue: bool = True) -> "Rows":
+        """`A mu <= upper`, each row with the same slack weight."""
+        k = len(names)
+        return cls(tuple(names), A, upper, np.full(k, -np.inf), np.full(k, slack_weight), rescue)
+
+    @classmethod
+    def at_least(cls, names: Sequence[str], A: Array, lower: Array, slack_weight: float) -> "Rows":
+        """`A mu >= lower`."""
+        return cls.at_most(names, -A, -lower, slack_weight)
+
+    @classmethod
+    def between(cls, names: Sequence[str], A: Array, lower: Array, upper: Array) -> "Rows":
+        """`lower <= A mu <= upper`, hard."""
+        return cls(tuple(names), A, upper, lower, np.full(len(names), NO_SLACK), False)
+
+    def normalised(self) -> "Rows":
+        """Each row divided by its norm, so that its slack is in units of mu."""
+        norm = np.maximum(np.sqrt((self.A * self.A).sum(axis=1)), TINY)
+        return replace(self, A=self.A / norm[:, None], upper=self.upper / norm, lower=self.lower / norm)

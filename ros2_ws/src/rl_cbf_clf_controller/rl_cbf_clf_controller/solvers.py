@@ -1,0 +1,140 @@
+"""Solvers behind one small interface. An answer counts only if the solver says so and its KKT residuals agree.
+
+For min x'x + q'x, lower <= A x <= upper with multipliers y:  2 x + q + A'y = 0, lower <= A x <= upper.
+"""
+
+import time
+from dataclasses import dataclass
+from typing import ClassVar, Protocol
+
+import daqp
+import numpy as np
+import osqp
+from rabbit_description.state import Array
+from scipy import sparse
+
+from rl_cbf_clf_controller.qp import QuadraticProgram
+
+TOLERANCE = 1e-4  # KKT residual that is let pass, relative to the size of x
+UNBOUNDED = 1e30  # DAQP's infinity
+
+
+@dataclass(frozen=True)
+class Solution:
+    """`x` (n,), trustworthy only if `solved`; the solver's own `status`; `residual`, the larger KKT residual."""
+
+    x: Array
+    solved: bool
+    status: str
+    solver: str
+    residual: float
+    seconds: float
+
+
+class Solver(Protocol):
+    """Solves one programme a tick."""
+
+    name: str
+
+    def solve(self, qp: QuadraticProgram) -> Solution: ...
+
+
+class OsqpSolver:
+    """OSQP, set up once for the controller's sparsity pattern and updated at every tick."""
+
+    name = "osqp"
+    SETTINGS: ClassVar[dict[str, object]] = {
+        "scaling": 0,
+        "eps_abs": 1e-6,
+        "eps_rel": 1e-6,
+        "eps_prim_inf": 1e-8,
+        "polishing": True,
+        "check_termination": 10,
+        "max_iter": 4000,
+        "verbose": False,
+        "adaptive_rho_interval": 50,
+    }
+
+    def __init__(self) -> None:
+        self._pattern: Array | None = None
+
+    def solve(self, qp: QuadraticProgram) -> Solution:
+        """Solve; a programme of another pattern sets the solver up anew."""
+        start = time.perf_counter()
+        pattern = qp.pattern
+        if self._pattern is None or pattern.shape != self._pattern.shape or (pattern != self._pattern).any():
+            self._set_up(qp, pattern)
+        else:
+            self._solver.update(q=qp.q, l=qp.lower, u=qp.upper, Ax=qp.A.T[pattern.T])
+        result = self._solver.solve(raise_error=False)
+        status = str(result.info.status)
+        residual = kkt_residual(qp, result.x, result.y) if status == "solved" else np.inf
+        elapsed = time.perf_counter() - start
+        return Solution(result.x, residual < TOLERANCE, status, self.name, residual, elapsed)
+
+    def _set_up(self, qp: QuadraticProgram, pattern: Array) -> None:
+        rows, columns = pattern.T.nonzero()[::-1]
+        A = sparse.csc_matrix((qp.A.T[pattern.T], (rows, columns)), shape=qp.A.shape)
+        P = sparse.eye(qp.q.size, format="csc") * 2
+        self._solver = osqp.OSQP()
+        self._solver.setup(P, qp.q, A, qp.lower, qp.upper, **self.SETTINGS)
+        self._pattern = pattern
+
+
+class DaqpSolver:
+    """DAQP, a dual active-set solver: exact, small and dense; the peer of the tests and the guard of OSQP."""
+
+    name = "daqp"
+
+    def solve(self, qp: QuadraticProgram) -> Solution:
+        """Solve from scratch."""
+        start = time.perf_counter()
+        upper = np.minimum(qp.upper, UNBOUNDED)
+        lower = np.maximum(qp.lower, -UNBOUNDED)
+        sense = np.zeros(len(upper), dtype=np.int32)
+        x, _, flag, info = daqp.solve(2 * np.eye(qp.q.size), qp.q, qp.A, upper, lower, sense)
+        residual = kkt_residual(qp, x, info["lam"]) if flag > 0 else np.inf
+        elapsed = time.perf_counter() - start
+        return Solution(x, residual < TOLERANCE, f"exit {flag}", self.name, residual, elapsed)
+
+
+class GuardedSolver:
+    """A first solver and the one that answers in its stead when it does not; `unanswered` counts those ticks.
+
+    Two programmes need no solver: one with bad data is refused, and one whose unconstrained minimum meets every row
+    is answered by it (OSQP cannot polish where no row is active).
+    """
+
+    def __init__(self, first: Solver, guard: Solver) -> None:
+        self._first, self._guard = first, guard
+        self.unanswered = 0
+
+    def solve(self, qp: QuadraticProgram) -> Solution:
+        """The first solver's answer, or the guard's."""
+        free = -qp.q / 2
+        value = qp.A @ free
+        if not np.isfinite(value).all() or (qp.lower > qp.upper).any() or np.isnan(qp.lower + qp.upper).any():
+            return Solution(free, False, "bad data", self._first.name, np.inf, 0.0)
+        if (value <= qp.upper).all() and (value >= qp.lower).all():
+            return Solution(free, True, "unconstrained", self._first.name, 0.0, 0.0)
+        solution = self._first.solve(qp)
+        if solution.solved:
+            return solution
+        self.unanswered += 1
+        return self._guard.solve(qp)
+
+
+def kkt_residual(qp: QuadraticProgram, x: Array, y: Array) -> float:
+    """Largest violation of stationarity and of the rows, over 1 + max |x|; inf where `x` is not finite."""
+    if not np.isfinite(x).all():
+        return float(np.inf)
+    value = qp.A @ x
+    stationarity = np.abs(2 * x + qp.q + y @ qp.A).max()
+    violation = max((value - qp.upper).max(), (qp.lower - value).max(), 0.0)
+    return float(max(stationarity, violation) / (1 + np.abs(x).max()))
+
+
+def make_solver(name: str) -> GuardedSolver:
+    """`osqp` or `daqp`, each guarded by the other."""
+    osqp_solver, daqp_solver = OsqpSolver(), DaqpSolver()
+    return GuardedSolver(osqp_solver, daqp_solver) if name == "osqp" else GuardedSolver(daqp_solver, osqp_solver)
