@@ -1,0 +1,124 @@
+"""From a specification to a gait: solve, check, describe."""
+
+import sys
+from collections.abc import Callable
+from importlib.metadata import version
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from rabbit_description.gait import Gait
+from rabbit_description.state import Array
+
+from rl_cbf_clf_controller.gait_design.figures import Orbit
+from rl_cbf_clf_controller.gait_design.specification import GaitSpecification
+from rl_cbf_clf_controller.gait_design.transcription import Transcription
+from rl_cbf_clf_controller.gait_design.zero_dynamics import ZeroDynamics
+
+Progress = Callable[[int, float, float], None]  # iteration, cost, largest constraint violation
+
+
+class GaitDesignError(RuntimeError):
+    """IPOPT found no gait: names the status and the constraints that stayed broken."""
+
+
+def design_gait(specification: GaitSpecification, progress: Progress | None = None) -> Gait:
+    """Find the cheapest gait that keeps the specification.
+
+    `progress(iteration, cost, violation)` is called at every iteration of IPOPT.
+
+    Raises:
+        GaitDesignError: IPOPT did not converge.
+    """
+    programme = Transcription(specification)
+    nlp, bounds = programme.nlp(), programme.bounds()
+    options: dict[str, Any] = {
+        "print_time": False,
+        "ipopt": {"print_level": 0, "sb": "yes", "max_iter": specification.max_iterations, "tol": 1e-9},
+    }
+    if progress is not None:
+        options["iteration_callback"] = _Watch(nlp, bounds, progress)
+    solver = ca.nlpsol("gait", "ipopt", nlp, options)
+    solution = solver(**bounds)
+    stats = solver.stats()
+    if not stats["success"]:
+        raise GaitDesignError(_complaint(programme, stats["return_status"], solution["g"]))
+    return _as_gait(programme, solution, int(stats["iter_count"]))
+
+
+def _complaint(programme: Transcription, status: str, rows: ca.DM) -> str:
+    spec, violation = programme.specification, _violations(programme, np.asarray(rows).ravel())
+    worst = ", ".join(f"{name} by {value:.3g}" for name, value in list(violation.items())[:3]) or "none"
+    return (
+        f"gait {spec.name}: no gait of {spec.step_length} m at {spec.speed} m/s found (IPOPT: {status}); "
+        f"constraints still broken: {worst}; loosen those, or change speed or step_length"
+    )
+
+
+def _violations(programme: Transcription, rows: Array) -> dict[str, float]:
+    """Largest violation of each group of rows above 1e-6, worst first."""
+    excess = np.maximum(np.array(programme.rows.lower) - rows, rows - np.array(programme.rows.upper))
+    worst: dict[str, float] = {}
+    for name, value in zip(programme.rows.names, excess, strict=True):
+        if value > 1e-6:
+            worst[name] = max(worst.get(name, 0.0), float(value))
+    return dict(sorted(worst.items(), key=lambda item: -item[1]))
+
+
+def _as_gait(programme: Transcription, solution: dict[str, ca.DM], iterations: int) -> Gait:
+    spec, found = programme.specification, programme.unpack(solution["x"])
+    fields: dict[str, Any] = {
+        "name": spec.name,
+        "step_length": spec.step_length,
+        "step_time": spec.step_time,
+        "phase_angle_start": float(found["phase_range"][0]),
+        "phase_angle_end": float(found["phase_range"][1]),
+        "bezier_coeffs": found["coeffs"].tolist(),
+    }
+    shape = Gait(**fields, q_start=[0.0] * 7, dq_start=[0.0] * 7)
+    q, dq = ZeroDynamics(shape).state(0.0, float(np.sqrt(2 * found["sigma"][0])))
+    gait = Gait(**fields, q_start=q.tolist(), dq_start=dq.tolist())
+    metadata = {
+        "command": "rabbit gait",
+        "specification": spec.model_dump(mode="json"),
+        "figures": Orbit(gait).figures().rounded(),
+        "iterations": iterations,
+        "versions": {
+            "casadi": version("casadi"),
+            "pinocchio": version("pin"),
+            "numpy": version("numpy"),
+            "python": ".".join(map(str, sys.version_info[:3])),
+        },
+    }
+    return gait.model_copy(update={"metadata": metadata})
+
+
+class _Watch(ca.Callback):  # type: ignore[misc]
+    """Hands IPOPT's iterates to a progress function; an interrupt there stops the solver."""
+
+    def __init__(self, nlp: dict[str, ca.SX], bounds: dict[str, Array], progress: Progress) -> None:
+        ca.Callback.__init__(self)
+        self._sizes = {"x": nlp["x"].numel(), "f": 1, "g": nlp["g"].numel(), "p": 0}
+        self._bounds, self._progress, self._iteration = bounds, progress, 0
+        self.construct("watch", {})
+
+    def get_n_in(self) -> int:
+        return int(ca.nlpsol_n_out())
+
+    def get_name_in(self, i: int) -> str:
+        return str(ca.nlpsol_out(i))
+
+    def get_n_out(self) -> int:
+        return 1
+
+    def get_sparsity_in(self, i: int) -> ca.Sparsity:
+        name = ca.nlpsol_out(i).removeprefix("lam_")
+        return ca.Sparsity.dense(self._sizes[name], 1) if self._sizes[name] else ca.Sparsity(0, 0)
+
+    def eval(self, arguments: list[ca.DM]) -> list[int]:
+        values = dict(zip(map(ca.nlpsol_out, range(ca.nlpsol_n_out())), arguments, strict=True))
+        rows = np.asarray(values["g"]).ravel()
+        violation = np.maximum(self._bounds["lbg"] - rows, rows - self._bounds["ubg"]).max()
+        self._progress(self._iteration, float(values["f"]), float(max(violation, 0.0)))
+        self._iteration += 1
+        return [0]
