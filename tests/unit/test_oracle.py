@@ -1,0 +1,72 @@
+"""The oracle against the closed form of a uniformly scaled robot, and its estimates against the true dynamics."""
+
+import numpy as np
+import pytest
+from rabbit_description import URDF_PATH
+from rabbit_description.gait import load_gait
+from rabbit_description.state import RobotState, StonePreview
+from rl_cbf_clf_controller.controller import Controller
+from rl_cbf_clf_controller.nominal_model import NominalModel
+from rl_cbf_clf_controller.oracle import OraclePolicy
+from rl_cbf_clf_controller.parameters import load_parameters
+from rl_cbf_clf_controller.policy import PolicyContext, ZeroPolicy
+from rl_cbf_clf_controller.virtual_constraints import VirtualConstraints
+
+GAIT = load_gait("authors_035")
+SCALE = 2.0
+
+
+def scaled_urdf(scale):
+    """The nominal robot with every mass and inertia times `scale`."""
+    import re
+
+    def times(match):
+        return f'{match[1]}="{float(match[2]) * scale}"'
+
+    return re.sub(r'(value|ixx|iyy|izz)="([^"]+)"', times, URDF_PATH.read_text())
+
+
+def tick(state, controller="cbf-clf-qp"):
+    q, dq = state
+    parameters = load_parameters("ours", controller=controller, gait="authors_035")
+    built = Controller(parameters, GAIT, ZeroPolicy(parameters.problem))
+    measured = RobotState(0, q, dq, np.zeros((2, 2)), np.zeros(2, bool), 0, StonePreview(1, 0.35, 0.40))
+    return built.terms(measured)
+
+
+def test_closed_form_under_uniform_scale(state):
+    terms = tick(state)
+    oracle = OraclePolicy(scaled_urdf(SCALE)).estimate(terms.context)
+    model = NominalModel()
+    model.update(*state)
+    dynamics = model.pinned()
+    outputs = VirtualConstraints(GAIT).evaluate(*state).second_derivative(dynamics.acceleration)
+    shrink, LgV = 1 / SCALE - 1, terms.context.LgV
+    barrier = terms.model.barriers.second_derivative(dynamics.acceleration)
+    alpha = np.vstack([shrink * LgV, shrink * barrier.a @ terms.precontrol.a, np.zeros((2, 4))])
+    force = (SCALE - 1) * dynamics.force.b[::-1]
+    beta = np.concatenate([[-shrink * LgV @ outputs.b], shrink * barrier.a @ terms.precontrol.b, force])
+    assert oracle.alpha == pytest.approx(alpha, rel=1e-7, abs=1e-7)
+    assert oracle.beta == pytest.approx(beta, rel=1e-7, abs=1e-6)
+
+
+def test_first_approach_makes_the_true_output_acceleration_mu(state):
+    terms = tick(state, "io-rl-clf-qp")
+    oracle = OraclePolicy(scaled_urdf(SCALE), motor_gain=0.85, joint_damping=1.0, io=True).estimate(terms.context)
+    plant = NominalModel(scaled_urdf(SCALE), motor_gain=0.85, joint_damping=1.0)
+    plant.update(*state)
+    mu = np.array([10.0, -20.0, 30.0, 5.0])
+    u = terms.precontrol(mu + oracle.alpha @ mu + oracle.beta)
+    acceleration = plant.pinned().acceleration(u)
+    assert terms.outputs.jacobian @ acceleration + terms.outputs.bias == pytest.approx(mu, abs=1e-7)
+
+
+def test_no_error_when_the_plant_is_nominal(state):
+    oracle = OraclePolicy(URDF_PATH.read_text()).estimate(tick(state).context)
+    assert oracle.alpha == pytest.approx(0, abs=1e-9)
+    assert oracle.beta == pytest.approx(0, abs=1e-9)
+
+
+def test_an_actors_context_is_not_enough():
+    with pytest.raises(TypeError, match="OracleContext"):
+        OraclePolicy(URDF_PATH.read_text()).estimate(PolicyContext(np.zeros(15), np.zeros(4)))

@@ -1,0 +1,68 @@
+"""Bézier curves, outputs and input-output linearisation against closed forms and differences."""
+
+import numpy as np
+import pytest
+from rabbit_description.gait import load_gait
+from rl_cbf_clf_controller.bezier import Bezier
+from rl_cbf_clf_controller.io_linearization import precontrol
+from rl_cbf_clf_controller.nominal_model import NominalModel
+from rl_cbf_clf_controller.virtual_constraints import VirtualConstraints
+from scipy.interpolate import BPoly
+
+GAIT = load_gait("authors_035")
+H = 1e-6
+
+
+@pytest.mark.parametrize("s", [0.0, 0.2, 0.77, 1.0])
+def test_bezier_agrees_with_scipy(s):
+    reference = BPoly(GAIT.coeffs.T[:, None, :], [0, 1])
+    value, first, second = Bezier(GAIT.coeffs)(s)
+    assert value == pytest.approx(reference(s))
+    assert first == pytest.approx(reference(s, nu=1))
+    assert second == pytest.approx(reference(s, nu=2))
+
+
+@pytest.mark.parametrize(("s", "end"), [(-0.3, 0.0), (1.4, 1.0)])
+def test_bezier_goes_on_along_its_tangent(s, end):
+    value, first, _ = Bezier(GAIT.coeffs)(end)
+    outside, slope, curvature = Bezier(GAIT.coeffs)(s)
+    assert outside == pytest.approx(value + first * (s - end))
+    assert slope == pytest.approx(first)
+    assert curvature == pytest.approx(0)
+
+
+def test_outputs_vanish_where_the_joints_follow_the_gait():
+    constraints = VirtualConstraints(GAIT)
+    q = GAIT.x_start[0]
+    desired = Bezier(GAIT.coeffs)(constraints.evaluate(q, np.zeros(7)).phase)[0]
+    y = constraints.evaluate(q, np.zeros(7)).y
+    assert y == pytest.approx(q[3:] - desired)
+    q = np.array([0, 0.75, GAIT.phase_angle_start - desired[0] - desired[1] / 2, *desired])
+    assert constraints.evaluate(q, np.zeros(7)).phase == pytest.approx(0, abs=1e-12)
+
+
+def test_phase_is_0_and_1_at_its_ends():
+    constraints = VirtualConstraints(GAIT)
+    for angle, phase in ((GAIT.phase_angle_start, 0.0), (GAIT.phase_angle_end, 1.0)):
+        q = np.array([0, 0.75, angle + 0.1, -0.3, 0.4, 0, 0])
+        assert constraints.evaluate(q, np.zeros(7)).phase == pytest.approx(phase, abs=1e-12)
+
+
+def test_derivatives_of_outputs_by_differences(state):
+    q, dq = state
+    constraints, ddq = VirtualConstraints(GAIT), np.array([0.5, -1, 2, 3, -2, 1, 4.0])
+    q = q.copy()
+    q[2] += GAIT.phase_angle_start + 0.2 - (q[2] + q[3] + q[4] / 2)  # a phase inside (0, 1)
+    ahead, behind = (constraints.evaluate(q + t * dq, dq + t * ddq) for t in (H, -H))
+    here = constraints.evaluate(q, dq)
+    assert here.dy == pytest.approx((ahead.y - behind.y) / (2 * H), abs=1e-6)
+    assert here.jacobian @ ddq + here.bias == pytest.approx((ahead.dy - behind.dy) / (2 * H), abs=1e-4)
+    assert here.phase_rate == pytest.approx((ahead.phase - behind.phase) / (2 * H), abs=1e-6)
+
+
+def test_precontrol_makes_the_output_acceleration_mu(state):
+    q, dq = state
+    model, mu = NominalModel(), np.array([3.0, -50.0, 20.0, 7.0])
+    model.update(q, dq)
+    acceleration = VirtualConstraints(GAIT).evaluate(q, dq).second_derivative(model.pinned().acceleration)
+    assert acceleration(precontrol(acceleration)(mu)) == pytest.approx(mu, abs=1e-8)

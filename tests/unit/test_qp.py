@@ -1,0 +1,122 @@
+"""The QP against closed forms, KKT residuals, and its two solvers against each other; no flag is trusted."""
+
+import numpy as np
+import pytest
+from rl_cbf_clf_controller.affine import Affine
+from rl_cbf_clf_controller.contact_force import force_rows, literal_cone_rows
+from rl_cbf_clf_controller.qp import build_qp, unpack
+from rl_cbf_clf_controller.rows import Rows
+from rl_cbf_clf_controller.saturation import saturation_rows
+from rl_cbf_clf_controller.solvers import DaqpSolver, GuardedSolver, OsqpSolver, Solution, kkt_residual, make_solver
+
+SOLVERS = [OsqpSolver, DaqpSolver]
+
+
+def random_rows(rng):
+    """Rows as a tick has them: a soft CLF, rescued barriers and forces, hard saturation."""
+    clf = Rows.at_most(("CLF",), rng.normal(0, 50, (1, 4)), rng.normal(-50, 100, 1), 5.0, rescue=False)
+    barriers = Rows.at_least(("B1", "B2"), rng.normal(0, 0.5, (2, 4)), rng.normal(-20, 30, 2), 1e6)
+    force = Affine(rng.normal(0, 1.5, (2, 4)), np.array([300.0, 50.0]) + rng.normal(0, 60, 2))
+    forces = force_rows(force, 20.0, 0.8, 1e5)
+    saturation = saturation_rows(Affine(rng.normal(0, 1, (4, 4)), rng.normal(0, 30, 4)), 200.0)
+    return [clf.normalised(), barriers.normalised(), forces.normalised(), saturation]
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_one_row_has_the_closed_form(solver):
+    a, b = np.array([[3.0, 0, -4.0, 0]]), np.array([-10.0])
+    qp = build_qp([Rows.at_most(("CLF",), a, b, np.inf)])
+    assert solver().solve(qp).x == pytest.approx(a[0] * b[0] / 25, abs=1e-7)
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("p", [0.1, 5.0, 1e6])
+def test_one_soft_row_has_the_closed_form(solver, p):
+    a, b = np.array([3.0, 0, -4.0, 0]), -10.0
+    qp = build_qp([Rows.at_most(("CLF",), a[None], np.array([b]), p, rescue=False)])
+    decision = unpack(qp, solver().solve(qp).x)
+    multiplier = -b / (25 + 1 / p)  # mu = -l a, s = l / p, a mu - s = b
+    assert decision.mu == pytest.approx(-multiplier * a, rel=1e-5, abs=1e-7)
+    assert decision.slack == pytest.approx([multiplier / p], rel=1e-5, abs=1e-6)
+    assert decision.active.all()
+
+
+def test_center_moves_the_free_minimum():
+    center = np.array([1.0, 2.0, -3.0, 0.5])
+    qp = build_qp([Rows.at_most(("CLF",), np.ones((1, 4)), np.array([100.0]), 5.0)], center)
+    assert unpack(qp, make_solver("osqp").solve(qp).x).mu == pytest.approx(center)
+
+
+def test_solvers_agree_and_meet_kkt_on_random_ticks():
+    rng = np.random.default_rng(2)
+    osqp, daqp = OsqpSolver(), DaqpSolver()
+    answered = 0
+    for _ in range(300):
+        qp = build_qp(random_rows(rng))
+        exact, first = daqp.solve(qp), osqp.solve(qp)
+        assert exact.solved
+        assert exact.residual < 1e-6
+        if first.solved:
+            answered += 1
+            assert first.x == pytest.approx(exact.x, abs=1e-3 * (1 + np.abs(exact.x).max()))
+    assert answered >= 295
+
+
+def test_residual_sees_a_wrong_answer():
+    qp = build_qp([Rows.at_most(("CLF",), np.ones((1, 4)), np.array([-8.0]), np.inf)])
+    right, multiplier = np.full(4, -2.0), np.array([4.0]) * 2  # 2 x + A'y = 0 with A of norm one
+    assert kkt_residual(qp, right, multiplier) < 1e-12
+    assert kkt_residual(qp, right + 0.1, multiplier) > 1e-2
+    assert kkt_residual(qp, right, multiplier * 2) > 1e-2
+    assert kkt_residual(qp, np.full(4, np.nan), multiplier) == np.inf
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_infeasible_hard_rows_are_not_solved(solver):
+    rows = [
+        Rows.at_most(("low",), np.eye(4)[:1], np.array([-1.0]), np.inf),
+        Rows.at_least(("high",), np.eye(4)[:1], np.array([1.0]), np.inf),
+    ]
+    assert not solver().solve(build_qp(rows)).solved
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_bad_data_is_refused(value):
+    qp = build_qp([Rows.at_most(("CLF",), np.array([[value, 0, 0, 0]]), np.array([-1.0]), 1.0)])
+    assert not make_solver("osqp").solve(qp).solved
+
+
+def test_guard_answers_and_is_counted():
+    class Broken:
+        name = "broken"
+
+        def solve(self, qp):
+            return Solution(np.full(qp.q.size, 2e9), False, "max iterations", self.name, np.inf, 0.0)
+
+    guarded = GuardedSolver(Broken(), DaqpSolver())
+    solution = guarded.solve(build_qp([Rows.at_most(("CLF",), np.ones((1, 4)), np.array([-4.0]), np.inf)]))
+    assert (solution.solver, guarded.unanswered) == ("daqp", 1)
+    assert solution.x == pytest.approx(np.full(4, -1.0))
+
+
+def test_slack_of_last_resort_keeps_saturation_feasible():
+    rng = np.random.default_rng(3)
+    impossible = Rows.at_least(("B1",), np.ones((1, 4)), np.array([1e6]), 1e6)
+    control = Affine(np.eye(4), rng.normal(0, 10, 4))
+    qp = build_qp([impossible, saturation_rows(control, 200.0)])
+    decision = unpack(qp, DaqpSolver().solve(qp).x)
+    assert np.abs(control(decision.mu)).max() <= 200 + 1e-6
+    assert decision.slack[0] > 0
+    assert qp.rescue.tolist() == [True] + 4 * [False]
+
+
+@pytest.mark.parametrize(("force", "ok"), [((100, 79), True), ((100, -79), True), ((100, 81), False), ((10, 0), False)])
+def test_force_rows_are_the_cone(force, ok):
+    rows = force_rows(Affine(np.zeros((2, 4)), np.array(force, float)), 20.0, 0.8, 1e5)
+    assert (rows.upper >= 0).all() == ok
+
+
+def test_literal_cone_takes_the_present_sign():
+    for tangential in (50.0, -90.0):
+        rows = literal_cone_rows(Affine(np.zeros((2, 4)), np.array([100.0, tangential])), 20.0, 0.8, 1e5)
+        assert rows.upper[1] == pytest.approx(80 - abs(tangential))
