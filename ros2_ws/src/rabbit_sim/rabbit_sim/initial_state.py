@@ -1,0 +1,48 @@
+"""The first state of an episode: the gait's post-impact state, noise, and a stance foot at rest on the ground.
+
+The noise moves the five angles and their rates. The base follows: its position puts the left, stance foot's centre at
+(0, 0), its velocity that foot at rest, in the true kinematics. A swing foot that the noise has put below the ground is
+raised to it by its knee.
+"""
+
+from math import acos, atan, hypot
+
+import numpy as np
+from rabbit_description.gait import Gait
+from rabbit_description.state import Array, Leg
+
+from rabbit_sim.kinematics import LINK_LENGTH, foot_jacobian, foot_positions
+from rabbit_sim.parameters import SimulationParameters
+
+SWING_KNEE = 6  # in q, while the left leg stands
+
+
+def initial_state(parameters: SimulationParameters, gait: Gait, rng: np.random.Generator) -> tuple[Array, Array]:
+    """`(q, dq)`, each of shape (7,), left stance."""
+    q, dq = gait.x_start
+    spread = parameters.x0_spread
+    q[2:] += spread * parameters.x0_position_std * rng.standard_normal(5)
+    dq[2:] *= 1 + spread * parameters.x0_velocity_std * rng.standard_normal(5)
+    return project(q, dq, parameters.link_bend)
+
+
+def project(q: Array, dq: Array, bend: float) -> tuple[Array, Array]:
+    """The nearest base to hold the left foot at rest at (0, 0); the right foot not below it. Copies, shape (7,)."""
+    q, dq = q.copy(), dq.copy()
+    q[:2] -= foot_positions(q, bend)[Leg.LEFT]
+    _raise_swing_foot(q, bend)
+    dq[:2] -= foot_jacobian(q, Leg.LEFT, bend) @ dq
+    return q, dq
+
+
+def _raise_swing_foot(q: Array, bend: float) -> None:
+    """Flex the right knee until its foot is no lower than z = 0, or as high as the knee can bring it."""
+    depth = -float(foot_positions(q, bend)[Leg.RIGHT, 1])
+    if depth <= 0:
+        return
+    # the shin hangs L sqrt(1 + bend^2) cos(a - atan(bend)) below the knee at the angle a
+    length, lean = LINK_LENGTH * hypot(1.0, bend), atan(bend)
+    upper = float(q[2] + q[5])
+    angle = upper + float(q[SWING_KNEE]) - lean
+    reach = length * np.cos(angle) - depth
+    q[SWING_KNEE] = acos(max(-1.0, min(1.0, reach / length))) + lean - upper

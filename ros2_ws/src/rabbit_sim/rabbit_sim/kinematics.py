@@ -1,0 +1,41 @@
+"""Where the true feet are: planar kinematics of two legs whose links may be bent.
+
+A leg's foot is base + R(a1) l + R(a2) l with a1 = pitch + hip, a2 = a1 + knee, l = L (bend, -1) the way along a link,
+R a rotation about +y, so R(a) (x, z) = (x cos a + z sin a, z cos a - x sin a) and dR(a)v/da = (z, -x) of R(a) v.
+"""
+
+from math import cos, sin
+
+import numpy as np
+from rabbit_description.state import Array, Leg
+
+LINK_LENGTH = 0.4  # m, thigh and shin of the URDF
+
+
+def _link(angle: float, bend: float) -> tuple[float, float]:
+    """(x, z) from a link's upper to its lower joint."""
+    c, s = cos(angle), sin(angle)
+    return LINK_LENGTH * (bend * c - s), -LINK_LENGTH * (bend * s + c)
+
+
+def foot_positions(q: Array, bend: float = 0.0) -> Array:
+    """Centres of the feet, world, shape (2, 2): rows left, right; columns x, z; m."""
+    x, z, pitch, left_hip, left_knee, right_hip, right_knee = q.tolist()
+    feet = []
+    for hip, knee in ((left_hip, left_knee), (right_hip, right_knee)):
+        thigh, shin = _link(pitch + hip, bend), _link(pitch + hip + knee, bend)
+        feet.append((x + thigh[0] + shin[0], z + thigh[1] + shin[1]))
+    return np.array(feet)
+
+
+def foot_jacobian(q: Array, leg: Leg, bend: float = 0.0) -> Array:
+    """Foot velocity over `dq`, shape (2, 7): rows x, z."""
+    hip = 3 + 2 * leg
+    upper_angle = float(q[2] + q[hip])
+    thigh, shin = _link(upper_angle, bend), _link(upper_angle + float(q[hip + 1]), bend)
+    jacobian = np.zeros((2, 7))
+    jacobian[0, 0] = jacobian[1, 1] = 1.0
+    whole = thigh[1] + shin[1], -thigh[0] - shin[0]
+    jacobian[:, 2] = jacobian[:, hip] = whole
+    jacobian[:, hip + 1] = shin[1], -shin[0]
+    return jacobian

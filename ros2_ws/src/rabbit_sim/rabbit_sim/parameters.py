@@ -1,0 +1,70 @@
+"""Everything about the true plant, its course and its start that can be set."""
+
+import math
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+from rabbit_description.state import TORQUE_LIMIT
+
+SUBSTEP_SECONDS = 0.001
+
+Number = Annotated[float, Field(allow_inf_nan=False)]
+
+
+class SimulationParameters(BaseModel):
+    """Flat, immutable and checked: pydantic's error names the field, its value and what was expected."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    plant: Literal["pybullet", "rigid"] = Field("pybullet", description="physics engine, or the paper's hybrid model")
+
+    mass_scale: Number = Field(1.0, ge=0.1, le=10, description="factor on every true mass and inertia")
+    payload: Number = Field(0.0, ge=0, le=200, description="point mass on the torso, kg")
+    payload_height: Number = Field(0.24, ge=-0.5, le=1, description="of the payload above the hip, m")
+    motor_lag: Number = Field(0.0, ge=0, le=0.1, description="first-order time constant of the motors, s")
+    motor_loss: Number = Field(0.0, ge=0, lt=1, description="fraction of the torque that is lost")
+    joint_damping: Number = Field(0.0, ge=0, le=100, description="d in the joint torque -d M_jj dq_j, 1/s")
+    link_bend: Number = Field(0.0, ge=-0.3, le=0.3, description="forward shift of knee and foot over link length")
+    ground_friction: Number = Field(1.5, gt=0, le=5, description="Coulomb coefficient of the true ground")
+
+    encoder_resolution: Number = Field(0.0, ge=0, le=0.1, description="step of the measured angles, rad")
+    velocity_noise: Number = Field(0.0, ge=0, le=10, description="std of the measured angle rates, rad/s")
+    force_noise: Number = Field(0.0, ge=0, le=1000, description="std of the measured foot forces, N")
+    torque_delay: Number = Field(0.0, ge=0, le=0.1, description="dead time of the motors, whole ms, s")
+    torque_limit: Number = Field(TORQUE_LIMIT, gt=0, le=10000, description="saturation of each motor, N m")
+
+    terrain: Literal["flat", "stones"] = Field("stones", description="flat ground or stones with gaps")
+    stones: int = Field(20, ge=1, le=4000, description="stones of an episode; on flat ground, steps")
+    l_min_mean: Number = Field(0.35, gt=0, le=0.8, description="mean of the near edge, m from the stance foot")
+    l_min_std: Number = Field(0.02, ge=0, le=0.3, description="standard deviation of the near edge, m")
+    l_min_truncation: Number = Field(2.5, gt=0, le=6, description="largest deviation from the mean, in std")
+    l_min_distribution: Literal["normal", "uniform"] = Field(
+        "normal", description="of the near edge, both on mean +- truncation x std"
+    )
+    stone_width: Number = Field(0.05, gt=0, le=0.5, description="l_max - l_min, m")
+    stone_placement: Literal["relative", "absolute"] = Field(
+        "relative", description="from where the foot landed, or from the middle of the stone before"
+    )
+    course: str = Field("", description="file of stones (.yaml or .csv); empty: drawn")
+
+    x0_position_std: Number = Field(0.02, ge=0, le=0.5, description="noise of the first angles, rad")
+    x0_velocity_std: Number = Field(0.05, ge=0, le=1, description="noise of the first angle rates, over their size")
+    x0_spread: Number = Field(1.0, ge=0, le=10, description="factor on both")
+
+    stop_at_miss: bool = Field(True, description="a missed stone ends the episode")
+    fall_height: Number = Field(0.70, ge=0, le=0.8, description="a hip below it has fallen, m")
+    fall_pitch: Number = Field(math.pi / 3, gt=0, le=math.pi, description="a torso beyond it has fallen, rad")
+
+    @model_validator(mode="after")
+    def _near_edges_are_ahead(self) -> "SimulationParameters":
+        nearest = self.l_min_mean - self.l_min_truncation * self.l_min_std
+        if nearest <= 0:
+            raise ValueError(f"l_min_mean - l_min_truncation * l_min_std = {nearest:g}: expected more than 0 m")
+        return self
+
+    @model_validator(mode="after")
+    def _delay_is_whole_substeps(self) -> "SimulationParameters":
+        steps = self.torque_delay / SUBSTEP_SECONDS
+        if abs(steps - round(steps)) > 1e-6:
+            raise ValueError(f"torque_delay = {self.torque_delay:g}: expected a multiple of {SUBSTEP_SECONDS:g} s")
+        return self

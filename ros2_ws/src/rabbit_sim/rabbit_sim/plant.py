@@ -1,0 +1,61 @@
+"""What the simulation asks of a plant, whatever its physics."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from rabbit_description.state import TICK_SECONDS, Array, Leg
+
+from rabbit_sim.parameters import SUBSTEP_SECONDS
+
+SUBSTEPS = round(TICK_SECONDS / SUBSTEP_SECONDS)
+CONTACT_FORCE = 1.0  # N, a foot that carries more is in contact
+
+Span = tuple[float, float]  # near and far edge of a stone's top, world x, m
+
+
+@dataclass(frozen=True)
+class Touch:
+    """A foot that had been clear came down: its centre's world `x`, m; no `hold` where it fell into a gap."""
+
+    leg: Leg
+    x: float
+    hold: bool
+
+
+@dataclass(frozen=True)
+class PlantReading:
+    """The truth after a tick, world frame.
+
+    `q`, `dq` (7,): m, rad and their rates. `foot_force` (2, 2): rows left, right; columns tangential, normal; N,
+    averaged over the tick. `foot_position` (2, 2): columns x, z; m. `contact` (2,): at the tick's end. `touches`: the
+    feet that came down during the tick, in order.
+    """
+
+    q: Array
+    dq: Array
+    foot_force: Array
+    foot_position: Array
+    contact: NDArray[np.bool_]
+    touches: tuple[Touch, ...]
+
+
+class Plant(Protocol):
+    """The true robot and its ground; one tick lasts `TICK_SECONDS`."""
+
+    def reset(self, q: Array, dq: Array, stance: Leg) -> None:
+        """Put the robot into a state, its motors at rest, and take away every stone."""
+
+    def set_stones(self, spans: Sequence[Span]) -> None:
+        """Have exactly these stones, tops at z = 0 for a foot's centre."""
+
+    def advance(self, command: Array) -> None:
+        """Go on one tick under the commanded joint torques, shape (4,), N m."""
+
+    def observe(self) -> PlantReading:
+        """The truth after the last tick."""
+
+    def close(self) -> None:
+        """Give back what the plant holds; it cannot be used afterwards."""

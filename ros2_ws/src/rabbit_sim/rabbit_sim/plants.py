@@ -1,0 +1,10 @@
+"""The choice of the plant."""
+
+from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.plant import Plant
+from rabbit_sim.pybullet_plant import PybulletPlant
+
+
+def make_plant(parameters: SimulationParameters) -> Plant:
+    """The plant that `parameters.plant` names."""
+    return PybulletPlant(parameters)

@@ -1,0 +1,159 @@
+"""Episodes of the true plant: what a controller sees, where the feet landed and how it ended. Read this file first."""
+
+from dataclasses import dataclass
+from enum import Enum
+from pathlib import Path
+
+import numpy as np
+from rabbit_description.gait import Gait
+from rabbit_description.state import Array, Leg, RobotState, StonePreview
+
+from rabbit_sim.initial_state import initial_state
+from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.plant import Plant, PlantReading
+from rabbit_sim.plants import make_plant
+from rabbit_sim.sensors import Sensors
+from rabbit_sim.stones import draw_course, read_course
+from rabbit_sim.terrain import Terrain
+
+FLIGHT_TICKS = 5  # without a foot on the ground
+SLIP_FRICTION = 0.8  # ground no better than this counts slips
+SLIP_DISTANCE = 0.005  # m
+
+
+class Outcome(Enum):
+    """How an episode stands or ended."""
+
+    RUNNING = "running"
+    WALKED = "walked"  # all stones
+    MISS = "miss"  # the foot came down off its stone, and the episode stops at that
+    GAP_FALL = "gap_fall"  # the foot fell into a gap
+    FALL = "fall"  # by pose
+    SLIP = "slip"
+    FLIGHT = "flight"
+    DIVERGED = "diverged"  # the plant's numbers are not finite
+
+
+@dataclass(frozen=True)
+class Landing:
+    """Stone `index` was stepped at in `tick`: `l`, true, m from the stance foot; the stone's edges, NaN on flat ground.
+
+    `on_stone` is False where the foot found no hold.
+    """
+
+    index: int
+    tick: int
+    l: float  # noqa: E741, the paper's l_k
+    l_min: float
+    l_max: float
+    on_stone: bool
+
+    @property
+    def missed(self) -> bool:
+        """Outside [l_min, l_max], whether or not there was a hold."""
+        return self.l < self.l_min or self.l > self.l_max
+
+
+class Simulation:
+    """One robot on one course at a time.
+
+    Example: `state = simulation.reset(seed=1)`, then `state = simulation.step(torque)` while `state.running`.
+    """
+
+    def __init__(self, parameters: SimulationParameters, gait: Gait) -> None:
+        """Raises: CourseError: the course file cannot be used."""
+        self.parameters = parameters
+        self._gait = gait
+        course = parameters.course
+        self._file_course = read_course(Path(course), parameters.stones, parameters.stone_width) if course else None
+        self._plant: Plant = make_plant(parameters)
+        self.outcome: Outcome | None = None
+        self.landings: list[Landing] = []
+
+    def close(self) -> None:
+        """Give back the plant."""
+        self._plant.close()
+
+    def reset(self, seed: int) -> RobotState:
+        """A new episode, the left leg standing. Course, first state and sensor noise have generators of their own."""
+        course_rng, start_rng, sensor_rng = (np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(3))
+        course = self._file_course or draw_course(self.parameters, course_rng)
+        self._terrain = Terrain(self.parameters, course)
+        self._sensors = Sensors(self.parameters, sensor_rng)
+        self.outcome, self.landings = Outcome.RUNNING, []
+        self._tick = self._touchdowns = self._airborne_ticks = 0
+        self._fell_into_gap = False
+        q, dq = initial_state(self.parameters, self._gait, start_rng)
+        self._plant.reset(q, dq, Leg.LEFT)
+        self._stand_on(Leg.LEFT, 0.0)
+        return self._state(self._plant.observe())
+
+    def step(self, torque: Array) -> RobotState:
+        """Go on one tick under `torque` (4,), N m: left hip, left knee, right hip, right knee.
+
+        Raises:
+            ValueError: not four finite torques.
+            RuntimeError: no episode is running.
+        """
+        torque = np.asarray(torque, dtype=float)
+        if torque.shape != (4,) or not np.isfinite(torque).all():
+            raise ValueError(f"torque = {torque}: expected four finite numbers, N m")
+        if self.outcome is not Outcome.RUNNING:
+            raise RuntimeError(f"outcome = {self.outcome}: expected a running episode, call reset first")
+        self._plant.advance(torque)
+        self._tick += 1
+        reading = self._plant.observe()
+        self._count_landings(reading)
+        if self.outcome is Outcome.RUNNING:
+            self.outcome = self._judge(reading)
+        return self._state(reading)
+
+    def _stand_on(self, leg: Leg, x: float) -> None:
+        """The stance foot is at world x: place and preview the next stone from there."""
+        self._stance, self._stance_x, self._landed = leg, x, False
+        self._preview = self._terrain.place_next(self._touchdowns + 1, x)
+        self._plant.set_stones(self._terrain.spans)
+
+    def _count_landings(self, reading: PlantReading) -> None:
+        for touch in reading.touches:
+            if touch.leg is self._stance or self.outcome is not Outcome.RUNNING:
+                continue
+            if not self._landed:
+                self._land(touch.x, touch.hold)
+            if touch.hold:
+                self._touchdowns += 1
+                self._stand_on(touch.leg, touch.x)
+            if self._touchdowns == self.parameters.stones and self.outcome is Outcome.RUNNING:
+                self.outcome = Outcome.WALKED
+
+    def _land(self, x: float, hold: bool) -> None:
+        """Note where the swing foot came down, once a step."""
+        self._landed = True
+        index = self._touchdowns + 1
+        seen = self._preview or StonePreview(index, np.nan, np.nan)
+        landing = Landing(index, self._tick, x - self._stance_x, seen.l_min, seen.l_max, hold)
+        self.landings.append(landing)
+        self._fell_into_gap |= not hold
+        if self.parameters.stop_at_miss and (landing.missed or not hold):
+            self.outcome = Outcome.MISS if hold else Outcome.GAP_FALL
+
+    def _judge(self, reading: PlantReading) -> Outcome:
+        """What else may have ended the episode in this tick."""
+        if not (np.isfinite(reading.q).all() and np.isfinite(reading.dq).all()):
+            return Outcome.DIVERGED
+        if reading.q[1] < self.parameters.fall_height or abs(reading.q[2]) > self.parameters.fall_pitch:
+            return Outcome.GAP_FALL if self._fell_into_gap else Outcome.FALL
+        self._airborne_ticks = 0 if reading.contact.any() else self._airborne_ticks + 1
+        if self._airborne_ticks >= FLIGHT_TICKS and not self._fell_into_gap:
+            return Outcome.FLIGHT
+        travel = abs(reading.foot_position[self._stance, 0] - self._stance_x)
+        if self.parameters.ground_friction <= SLIP_FRICTION and travel > SLIP_DISTANCE:
+            return Outcome.SLIP
+        return Outcome.RUNNING
+
+    def _state(self, reading: PlantReading) -> RobotState:
+        q, dq, force = self._sensors.measure(reading)
+        running = self.outcome is Outcome.RUNNING
+        return RobotState(
+            self._tick, q, dq, force, reading.contact.copy(), self._touchdowns, self._preview, running=running
+        )

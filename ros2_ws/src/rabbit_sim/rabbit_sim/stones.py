@@ -1,0 +1,97 @@
+"""Courses of stepping stones: drawn from a distribution, or read from a file."""
+
+import csv
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import yaml
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, model_validator
+from rabbit_description.state import Array
+from scipy.special import ndtr, ndtri
+
+from rabbit_sim.parameters import SimulationParameters
+
+Edge = Annotated[float, Field(gt=0, le=0.9, allow_inf_nan=False)]
+
+
+class CourseError(ValueError):
+    """A course file that cannot be used: names the file, the stone and what was expected."""
+
+
+class Stone(BaseModel):
+    """Near and far edge, m, from the stance foot (relative) or the middle of the stone before (absolute placement)."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    l_min: Edge
+    l_max: Edge
+
+    @model_validator(mode="after")
+    def _has_width(self) -> "Stone":
+        if self.l_max <= self.l_min:
+            raise ValueError(f"l_max = {self.l_max:g} must exceed l_min = {self.l_min:g}")
+        return self
+
+
+def draw_course(parameters: SimulationParameters, rng: np.random.Generator) -> list[Stone]:
+    """`parameters.stones` stones, independent, from the named distribution; always the same from the same generator."""
+    reach = parameters.l_min_truncation
+    share = rng.uniform(size=parameters.stones)
+    if parameters.l_min_distribution == "normal":
+        deviation: Array = ndtri(ndtr(-reach) + share * (ndtr(reach) - ndtr(-reach))).clip(-reach, reach)
+    else:
+        deviation = reach * (2 * share - 1)
+    near = parameters.l_min_mean + parameters.l_min_std * deviation
+    return [Stone(l_min=edge, l_max=edge + parameters.stone_width) for edge in near.tolist()]
+
+
+def read_course(path: Path, stones: int, width: float) -> list[Stone]:
+    """The first `stones` stones of a file; one without `l_max` is `width` wide.
+
+    YAML: `stones:` with a list of `{l_min: 0.35, l_max: 0.40}`. CSV: a header `l_min` or `l_min,l_max`, a row a stone.
+
+    Raises:
+        CourseError: no such file, not readable as its kind, too few stones, or an edge out of bounds.
+    """
+    rows = _read_rows(path)
+    for row in rows:
+        if isinstance(row, dict) and row.get("l_max") in (None, "") and row.get("l_min") not in (None, ""):
+            row["l_max"] = _shifted(row["l_min"], width)
+    try:
+        course = TypeAdapter(list[Stone]).validate_python(rows)
+    except ValidationError as error:
+        raise CourseError(f"course {path}: {_first_fault(error)}") from error
+    if len(course) < stones:
+        raise CourseError(f"course {path}: {len(course)} stones: expected at least {stones}")
+    return course[:stones]
+
+
+def _read_rows(path: Path) -> list[Any]:
+    if path.suffix not in (".yaml", ".yml", ".csv"):
+        raise CourseError(f"course {path}: kind {path.suffix!r}: expected .yaml or .csv")
+    try:
+        text = path.read_text(encoding="utf-8")
+        if path.suffix == ".csv":
+            return list(csv.DictReader(text.splitlines()))
+        content = yaml.safe_load(text)
+    except (OSError, UnicodeDecodeError, yaml.YAMLError, csv.Error) as error:
+        raise CourseError(f"course {path}: cannot be read: {error}") from error
+    if not isinstance(content, dict) or set(content) != {"stones"} or not isinstance(content["stones"], list):
+        raise CourseError(f"course {path}: expected a mapping with one key 'stones' and a list under it")
+    return list(content["stones"])
+
+
+def _shifted(near: Any, width: float) -> Any:
+    try:
+        return float(near) + width
+    except (TypeError, ValueError):
+        return near
+
+
+def _first_fault(error: ValidationError) -> str:
+    fault = error.errors()[0]
+    place = fault["loc"]
+    stone = f"stone {int(place[0]) + 1}" if place else "stones"
+    names = "".join(f" {name}" for name in place[1:])
+    return f"{stone}{names} = {fault['input']!r}: {fault['msg']}"
