@@ -1,0 +1,44 @@
+# make help lists what there is. PYTHON chooses the interpreter for the environment: make setup PYTHON=python3.12
+SHELL := /bin/bash
+.DEFAULT_GOAL := help
+.PHONY: help setup build walk test check format bench lock clean
+
+ifneq ($(words $(CURDIR)),1)
+$(error The path "$(CURDIR)" has a space in it: move the project to a path without one)
+endif
+
+PYTHON ?= $(if $(wildcard .venv/bin/python),.venv/bin/python,python3)
+WITH_WORKSPACE := source ros2_ws/install/setup.bash &&
+CODE := ros2_ws/src scripts $(wildcard tests examples)
+
+help: ## list the targets
+	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | awk -F':.*## ' '{printf "make %-8s %s\n", $$1, $$2}'
+
+setup: ## create the environment from the locks, once
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info[:2] not in ((3, 11), (3, 12)))' 2>/dev/null || \
+	  { echo 'set-up: "$(PYTHON)" is not Python 3.11 or 3.12; install one, then call make again with PYTHON=python3.12' >&2; exit 1; }
+	@$(PYTHON) -B scripts/set_up.py
+
+build: setup ## build the ROS 2 workspace, when something changed
+	@.venv/bin/python -B scripts/build_workspace.py
+
+walk: build ## RABBIT walks over 20 stepping stones through the three nodes
+	@$(WITH_WORKSPACE) rabbit walk $(ARGS)
+
+test: build ## all tests; fails under 90 % coverage of the controller's mathematics
+	@$(WITH_WORKSPACE) python -m pytest -n 2 --dist loadgroup --cov --cov-report=term:skip-covered $(ARGS)
+
+check: setup ## ruff and mypy
+	@.venv/bin/ruff check . && .venv/bin/ruff format --check . && .venv/bin/mypy $(CODE)
+
+format: setup ## let ruff format and mend
+	@.venv/bin/ruff check --fix-only . && .venv/bin/ruff format .
+
+bench: build ## time a tick, an evaluation and the way through the nodes
+	@$(WITH_WORKSPACE) rabbit bench $(ARGS)
+
+lock: ## write the locks anew (needs uv)
+	@python3 scripts/lock.py
+
+clean: ## remove the environment and all that was built
+	@rm -rf .venv .setup ros2_ws/build ros2_ws/install ros2_ws/log .pytest_cache .mypy_cache .ruff_cache .coverage .coverage.*

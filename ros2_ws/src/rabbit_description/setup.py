@@ -1,0 +1,30 @@
+"""Installs rabbit_description: `pip install` anywhere, `colcon build` in a ROS 2 workspace."""
+
+from glob import glob
+
+from setuptools import find_packages, setup
+
+NAME = "rabbit_description"
+
+
+setup(
+    name=NAME,
+    version="0.1.0",
+    description="What the RABBIT robot is, as data: URDF, state layout, gait files",
+    license="Apache-2.0",
+    python_requires=">=3.11",
+    packages=find_packages(include=[NAME, f"{NAME}.*"]),
+    package_data={NAME: ["py.typed", "**/*.yaml", "**/*.urdf", "**/*.json", "**/*.safetensors"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
+        (f"share/{NAME}", ["package.xml"]),
+        (f"share/{NAME}/urdf", glob(f"{NAME}/urdf/*.urdf")),
+        (f"share/{NAME}/gaits", glob(f"{NAME}/gaits/*.yaml")),
+    ],
+    install_requires=[
+        "numpy",
+        "pydantic>=2",
+        "pyyaml",
+    ],
+    extras_require={"test": ["pytest"]},
+)

@@ -1,0 +1,43 @@
+"""Installs rl_cbf_clf_controller: `pip install` anywhere, `colcon build` in a ROS 2 workspace."""
+
+from glob import glob
+from pathlib import Path
+
+from setuptools import find_packages, setup
+
+NAME = "rl_cbf_clf_controller"
+HERE = Path(__file__).resolve().parent
+
+
+def sibling(name: str) -> str:
+    """A package beside this one, required by its path, since no registry has it."""
+    return f"{name} @ {(HERE.parent / name).as_uri()}"
+
+
+setup(
+    name=NAME,
+    version="0.1.0",
+    description="The CBF-CLF-QP controller of bipedal walking under learned uncertainty; node: the controller",
+    license="Apache-2.0",
+    python_requires=">=3.11",
+    packages=find_packages(include=[NAME, f"{NAME}.*"]),
+    package_data={NAME: ["py.typed", "**/*.yaml", "**/*.urdf", "**/*.json", "**/*.safetensors"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
+        (f"share/{NAME}", ["package.xml"]),
+        (f"share/{NAME}/config", glob(f"{NAME}/config/*.yaml")),
+    ],
+    install_requires=[
+        sibling("rabbit_description"),
+        "numpy>=2",
+        "scipy",
+        "pin>=4.1,<5",
+        "osqp>=1.1,<2",
+        "daqp>=0.11",
+        "pydantic>=2",
+        "pyyaml",
+        "safetensors",
+    ],
+    extras_require={"test": ["pytest"], "gait": ["casadi>=3.8", "matplotlib"]},
+    entry_points={"console_scripts": ["controller = rl_cbf_clf_controller.node:main"]},
+)

