@@ -47,36 +47,27 @@ def design_gait(specification: GaitSpecification, progress: Progress | None = No
 
 
 def _complaint(programme: Transcription, status: str, rows: ca.DM) -> str:
-    spec, violation = programme.specification, _violations(programme, np.asarray(rows).ravel())
-    worst = ", ".join(f"{name} by {value:.3g}" for name, value in list(violation.items())[:3]) or "none"
+    spec, broken = programme.specification, programme.rows.broken(np.asarray(rows).ravel())
+    worst = ", ".join(f"{name} by {value:.3g}" for name, value in list(broken.items())[:3]) or "none"
     return (
         f"gait {spec.name}: no gait of {spec.step_length} m at {spec.speed} m/s found (IPOPT: {status}); "
         f"constraints still broken: {worst}; loosen those, or change speed or step_length"
     )
 
 
-def _violations(programme: Transcription, rows: Array) -> dict[str, float]:
-    """Largest violation of each group of rows above 1e-6, worst first."""
-    excess = np.maximum(np.array(programme.rows.lower) - rows, rows - np.array(programme.rows.upper))
-    worst: dict[str, float] = {}
-    for name, value in zip(programme.rows.names, excess, strict=True):
-        if value > 1e-6:
-            worst[name] = max(worst.get(name, 0.0), float(value))
-    return dict(sorted(worst.items(), key=lambda item: -item[1]))
-
-
 def _as_gait(programme: Transcription, solution: dict[str, ca.DM], iterations: int) -> Gait:
-    spec, found = programme.specification, programme.unpack(solution["x"])
+    spec, x = programme.specification, np.asarray(solution["x"]).ravel()
+    coeffs, phase_range = programme.path.unpack(x)
     fields: dict[str, Any] = {
         "name": spec.name,
         "step_length": spec.step_length,
         "step_time": spec.step_time,
-        "phase_angle_start": float(found["phase_range"][0]),
-        "phase_angle_end": float(found["phase_range"][1]),
-        "bezier_coeffs": found["coeffs"].tolist(),
+        "phase_angle_start": float(phase_range[0]),
+        "phase_angle_end": float(phase_range[1]),
+        "bezier_coeffs": coeffs.tolist(),
     }
     shape = Gait(**fields, q_start=[0.0] * 7, dq_start=[0.0] * 7)
-    q, dq = ZeroDynamics(shape).state(0.0, float(np.sqrt(2 * found["sigma"][0])))
+    q, dq = ZeroDynamics(shape).state(0.0, programme.first_rate(x))
     gait = Gait(**fields, q_start=q.tolist(), dq_start=dq.tolist())
     metadata = {
         "command": "rabbit gait",

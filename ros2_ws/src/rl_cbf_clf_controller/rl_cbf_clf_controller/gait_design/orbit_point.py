@@ -44,13 +44,13 @@ def path() -> ca.Function:
 
 
 @cache
-def dynamics_residual() -> ca.Function:
+def dynamics_residual(payload: float = 0.0) -> ca.Function:
     """`(coeffs, phase_range, s, sigma, w, u (4,), force (2,)) -> residual (7,)` of the equation of motion, N and N m."""
     coeffs, phase_range, s = ca.SX.sym("coeffs", 4, DEGREE + 1), ca.SX.sym("phase_range", 2), ca.SX.sym("s")
     sigma, w, u, force = ca.SX.sym("sigma"), ca.SX.sym("w"), ca.SX.sym("u", 4), ca.SX.sym("force", 2)
     q, q_s, q_ss = path()(coeffs, phase_range, s)
     dq, ddq = q_s * ca.sqrt(2 * sigma), 2 * sigma * q_ss + w * q_s
-    mass_matrix, bias_forces = symbolic_robot.dynamics()
+    mass_matrix, bias_forces = symbolic_robot.dynamics(payload)
     contact = symbolic_robot.foot_motion()(q=q, dq=dq, ddq=ddq)
     generalised = ca.vertcat(ca.SX.zeros(3), u) + contact["J_stance"].T @ force
     residual = mass_matrix(q) @ ddq + bias_forces(q, dq) - generalised
@@ -68,16 +68,16 @@ def swing_foot() -> ca.Function:
     return ca.Function("swing_foot", [coeffs, phase_range, s, sigma, w], outputs)
 
 
-def ecbf_condition(barrier: ca.SX, foot: ca.SX, velocity: ca.SX, acceleration: ca.SX, poles: tuple[float, float]) -> ca.SX:
+def ecbf_condition(
+    barrier: ca.SX, foot: ca.SX, velocity: ca.SX, acceleration: ca.SX, poles: tuple[float, float]
+) -> ca.SX:
     """B'' + (p1 + p2) B' + p1 p2 B along the foot's motion [CBF_const]."""
     rate = ca.jtimes(barrier, foot, velocity)
     curvature = ca.jtimes(rate, foot, velocity) + ca.jtimes(barrier, foot, acceleration)
     return curvature + sum(poles) * rate + poles[0] * poles[1] * barrier
 
 
-def barrier_conditions(
-    l_min: float, l_max: float, R1: float, R2: float, poles: tuple[float, float]
-) -> ca.Function:
+def barrier_conditions(l_min: float, l_max: float, R1: float, R2: float, poles: tuple[float, float]) -> ca.Function:
     """`(foot, velocity, acceleration) -> (2,)`: both ECBF expressions, which must not be negative, m/s^2."""
     foot, velocity, acceleration = (ca.SX.sym(name, 2) for name in ("foot", "velocity", "acceleration"))
     outer = R1 + l_max - ca.norm_2(foot + ca.vertcat(R1, 0))

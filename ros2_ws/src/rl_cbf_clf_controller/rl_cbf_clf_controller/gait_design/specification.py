@@ -5,14 +5,15 @@ from typing import Annotated
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Payload = Annotated[float, Field(gt=0, le=100, allow_inf_nan=False)]
 
 
 class GaitSpecification(BaseModel):
     """Parameters of one trajectory optimisation; lengths in m, angles in rad, forces in N, torques in N m.
 
     The stone is [step_length - near_edge, step_length + far_edge] ahead of the stance foot; both barriers' inequalities
-    hold along the whole gait for every stone whose edges lie that far off.
+    hold along the whole gait for every stone whose edges lie that far off. Under each of `payloads` (a point mass at the
+    torso's centre of mass, known perfectly) the same path must have a periodic walk of its own, within its limits.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -41,7 +42,12 @@ class GaitSpecification(BaseModel):
     knee_range: tuple[float, float] = Field((0.1, 1.6), description="knee angles, rad")
     pitch_range: tuple[float, float] = Field((-0.3, 0.5), description="torso pitch, rad")
 
-    intervals: int = Field(20, ge=6, le=100, description="Hermite-Simpson intervals over the phase")
+    payloads: tuple[Payload, ...] = Field((), description="payloads under which a fixed point must remain, kg")
+    payload_friction_limit: float = Field(0.7, gt=0, le=1.5, description="largest abs(F_T) / F_N under them")
+    payload_min_normal_force: float = Field(80.0, ge=0, le=1000, description="least F_N under them, N")
+    payload_torque_limit: float = Field(170.0, gt=0, le=200, description="largest joint torque under them, N m")
+
+    intervals: int = Field(30, ge=6, le=100, description="Hermite-Simpson intervals over the phase")
     max_iterations: int = Field(500, ge=10, le=5000, description="IPOPT's iteration limit")
 
     @model_validator(mode="after")

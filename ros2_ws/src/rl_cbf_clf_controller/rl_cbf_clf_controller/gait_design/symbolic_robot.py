@@ -16,6 +16,7 @@ import pinocchio as pin
 from rabbit_description import URDF_PATH
 
 GRAVITY = 9.81
+PAYLOAD_HEIGHT = 0.24  # m above the hip: the torso's centre of mass
 
 
 @dataclass(frozen=True)
@@ -55,10 +56,11 @@ def feet(q: ca.SX) -> tuple[ca.SX, ca.SX]:
     return stance, swing
 
 
-def bodies(q: ca.SX) -> list[tuple[Link, ca.SX, ca.SX]]:
-    """Each link with its centre of mass (x, z) and its absolute angle."""
+def bodies(q: ca.SX, payload: float) -> list[tuple[Link, ca.SX, ca.SX]]:
+    """Each link with its centre of mass (x, z) and its absolute angle; `payload` kg rides on the torso."""
     torso, thigh, shin, thigh_length, _ = nominal_links()
-    result = [(torso, q[:2] + torso.com * up(q[2]), q[2])]
+    load = Link(payload, 0.0, PAYLOAD_HEIGHT)
+    result = [(link, q[:2] + link.com * up(q[2]), q[2]) for link in (torso, load)]
     for i in (3, 5):
         thigh_angle, shin_angle = q[2] + q[i], q[2] + q[i] + q[i + 1]
         knee = q[:2] - thigh_length * up(thigh_angle)
@@ -68,11 +70,11 @@ def bodies(q: ca.SX) -> list[tuple[Link, ca.SX, ca.SX]]:
 
 
 @cache
-def dynamics() -> tuple[ca.Function, ca.Function]:
+def dynamics(payload: float = 0.0) -> tuple[ca.Function, ca.Function]:
     """`mass_matrix(q) -> (7, 7)` and `bias_forces(q, dq) -> (7,)` (Coriolis, centrifugal, gravity)."""
     q, dq = ca.SX.sym("q", 7), ca.SX.sym("dq", 7)
     mass, bias = ca.SX.zeros(7, 7), ca.SX.zeros(7)
-    for link, centre, angle in bodies(q):
+    for link, centre, angle in bodies(q, payload):
         jacobian, turn = ca.jacobian(centre, q), ca.jacobian(angle, q)
         mass += link.mass * jacobian.T @ jacobian + link.inertia * turn.T @ turn
         convective = ca.jtimes(jacobian @ dq, q, dq)

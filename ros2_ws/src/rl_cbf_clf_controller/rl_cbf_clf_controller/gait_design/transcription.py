@@ -1,7 +1,8 @@
 """The gait as a nonlinear programme.
 
-    minimise    (1 / step length) integral u'u dt
-    over        Bézier coefficients, phase range, and at each Hermite-Simpson point: sigma, w, u, F; the impulse
+    minimise    (1 / step length) integral u'u dt  of the nominal walk
+    over        Bézier coefficients and phase range: one path q(s), shared by all walks;
+                for each walk (nominal, and each payload): sigma, w, u, F at Hermite-Simpson points, the impact
     subject to  equation of motion at every point, d sigma / d s = w by Hermite-Simpson,
                 impact and leg relabelling lead back to the start, step length and time,
                 torque, friction, normal force, foot path, both barrier inequalities.
@@ -9,65 +10,59 @@
 `orbit_point` says why the phase, not time, is the independent variable: outputs are zero exactly, everywhere.
 """
 
-from dataclasses import dataclass, field
+from typing import Any
 
 import casadi as ca
 import numpy as np
+from rabbit_description.state import ROBOT_MASS, Array
 
 from rl_cbf_clf_controller.gait_design import orbit_point, symbolic_robot
+from rl_cbf_clf_controller.gait_design.constraint_rows import UNBOUNDED, ConstraintRows
 from rl_cbf_clf_controller.gait_design.guess import initial_guess
 from rl_cbf_clf_controller.gait_design.orbit_point import DEGREE, SWAP
 from rl_cbf_clf_controller.gait_design.specification import GaitSpecification
 
-UNBOUNDED = np.inf
+IMPULSE_FRICTION = 0.8
+LEAST_SIGMA = 1e-3  # 1/s^2; the phase never stops
 
 
-@dataclass
-class Rows:
-    """Constraint rows lower <= value <= upper, each group under a name for the error message."""
+class Path:
+    """The shared path q(s): Bézier coefficients (4, 6) and phase range (2,)."""
 
-    values: list[ca.SX] = field(default_factory=list)
-    lower: list[float] = field(default_factory=list)
-    upper: list[float] = field(default_factory=list)
-    names: list[str] = field(default_factory=list)
+    size = 4 * (DEGREE + 1) + 2
 
-    def add(self, name: str, value: ca.SX, lower: float = 0.0, upper: float = UNBOUNDED) -> None:
-        """Append `lower <= value <= upper`, element by element."""
-        size = ca.SX(value).numel()
-        self.values.append(ca.vec(value))
-        self.lower += [lower] * size
-        self.upper += [upper] * size
-        self.names += [name] * size
+    def __init__(self) -> None:
+        self.symbols = (ca.SX.sym("coeffs", 4, DEGREE + 1), ca.SX.sym("phase_range", 2))
 
-    def equal(self, name: str, value: ca.SX) -> None:
-        """Append `value = 0`."""
-        self.add(name, value, 0.0, 0.0)
+    def at(self, s: float) -> tuple[ca.SX, ca.SX]:
+        """q and q_s at `s`."""
+        q, q_s, _ = orbit_point.path()(*self.symbols, s)
+        return q, q_s
+
+    @staticmethod
+    def unpack(x: Array) -> tuple[Array, Array]:
+        """Coefficients (4, 6) and phase range (2,) of a solution."""
+        return x[:24].reshape(4, DEGREE + 1, order="F"), x[24:26]
 
 
-class Transcription:
-    """Variables, rows and cost of one `GaitSpecification`; `solver_arguments` is what IPOPT is given."""
+class Walk:
+    """One periodic walk along the path, of the robot with `payload` kg: variables, dynamics, impact."""
 
-    def __init__(self, specification: GaitSpecification) -> None:
-        self.specification = specification
-        self.points = 2 * specification.intervals + 1
-        self.s = np.linspace(0.0, 1.0, self.points)
-        self.coeffs = ca.SX.sym("coeffs", 4, DEGREE + 1)
-        self.phase_range = ca.SX.sym("phase_range", 2)
-        self.sigma = ca.SX.sym("sigma", self.points)
-        self.w = ca.SX.sym("w", self.points)
-        self.u = ca.SX.sym("u", 4, self.points)
-        self.force = ca.SX.sym("force", 2, self.points)
-        self.impulse = ca.SX.sym("impulse", 2)
-        self.rows = Rows()
-        self._add_points()
-        self._add_collocation()
-        self._add_closure()
-        self._add_step()
+    def __init__(self, path: Path, payload: float, intervals: int, rows: ConstraintRows) -> None:
+        self.path, self.payload, self.rows = path, payload, rows
+        self.label = f"{payload:g} kg: " if payload else ""
+        self.points = n = 2 * intervals + 1
+        self.s = np.linspace(0.0, 1.0, n)
+        self.sigma, self.w, self.u = ca.SX.sym("sigma", n), ca.SX.sym("w", n), ca.SX.sym("u", 4, n)
+        self.force, self.impulse, self.after = ca.SX.sym("force", 2, n), ca.SX.sym("impulse", 2), ca.SX.sym("dq+", 7)
+        self._add_motion()
+        self._add_collocation(1.0 / intervals)
+        self._add_impact()
 
     @property
     def variables(self) -> ca.SX:
-        """All variables in one column."""
-        blocks = [self.coeffs, self.phase_range, self.sigma, self.w, self.u, self.force, self.impulse]
+        """All of this walk's variables in one column."""
+        blocks = [self.sigma, self.w, self.u, self.force, self.impulse, self.after]
         return ca.vertcat(*(ca.vec(block) for block in blocks))
 
     @property
@@ -77,95 +72,147 @@ class Transcription:
         weights[1:-1:2], weights[2:-1:2] = 4.0, 2.0
         return weights / (3 * (self.points - 1)) / ca.sqrt(2 * self.sigma)
 
-    @property
-    def cost(self) -> ca.SX:
-        """Integral of u'u dt over step length, (N m)^2 s / m."""
-        return ca.sum1(self.durations * ca.sum1(self.u**2).T) / self.specification.step_length
+    def guess(self, rate: float) -> Array:
+        """Constant phase rate, no torque, support by weight alone."""
+        n, weight = self.points, (ROBOT_MASS + self.payload) * symbolic_robot.GRAVITY
+        force = np.tile([0.0, weight], n)
+        blocks = [np.full(n, rate**2 / 2), np.zeros(5 * n), force, [0.0, 10.0], np.zeros(7)]
+        return np.concatenate(blocks)
 
-    def nlp(self) -> dict[str, ca.SX]:
-        """CasADi's description of the programme."""
-        return {"x": self.variables, "f": self.cost, "g": ca.vertcat(*self.rows.values)}
+    def bounds(self, torque_limit: float) -> tuple[Array, Array]:
+        """Lower and upper bounds of the variables."""
+        n = self.points
+        upper = np.concatenate([np.full(2 * n, UNBOUNDED), np.full(4 * n, torque_limit), np.full(2 * n + 9, UNBOUNDED)])
+        lower = -upper
+        lower[:n] = LEAST_SIGMA
+        return lower, upper
 
-    def bounds(self) -> dict[str, np.ndarray]:
-        """Simple bounds, row bounds and the initial guess."""
-        n, limit = self.points, self.specification.torque_limit
-        lower = [np.full(26, -UNBOUNDED), np.full(n, 1e-3), np.full(n, -UNBOUNDED), np.full(4 * n, -limit)]
-        upper = [np.full(26, UNBOUNDED), np.full(2 * n, UNBOUNDED), np.full(4 * n, limit)]
-        lower.append(np.full(2 * n + 2, -UNBOUNDED))
-        upper.append(np.full(2 * n + 2, UNBOUNDED))
-        return {
-            "x0": self.pack_guess(),
-            "lbx": np.concatenate(lower),
-            "ubx": np.concatenate(upper),
-            "lbg": np.array(self.rows.lower),
-            "ubg": np.array(self.rows.upper),
-        }
+    def limit_force(self, friction: float, normal: float) -> None:
+        """Hold abs(F_T) <= friction F_N and F_N >= normal at every point."""
+        tangential, upward = self.force[0, :], self.force[1, :]
+        self.rows.add(f"{self.label}normal force", upward, normal)
+        self.rows.add(f"{self.label}friction", friction * upward - tangential)
+        self.rows.add(f"{self.label}friction", friction * upward + tangential)
 
-    def pack_guess(self) -> np.ndarray:
-        """A walk with a straight hip path, upright torso, and support by weight alone."""
-        coeffs, phase_range = initial_guess(self.specification)
-        rate = 1.0 / self.specification.step_time
-        force = np.tile([0.0, 32.0 * symbolic_robot.GRAVITY], self.points)
-        tail = [np.full(self.points, rate**2 / 2), np.zeros(self.points), np.zeros(4 * self.points), force, [0.0, 10.0]]
-        return np.concatenate([coeffs.flatten(order="F"), phase_range, *tail])
-
-    def unpack(self, x: ca.DM) -> dict[str, np.ndarray]:
-        """Coefficients (4, 6), phase range (2,), sigma (points,) of a solution."""
-        x = np.asarray(x).ravel()
-        return {
-            "coeffs": x[:24].reshape(4, DEGREE + 1, order="F"),
-            "phase_range": x[24:26],
-            "sigma": x[26 : 26 + self.points],
-        }
-
-    def _add_points(self) -> None:
-        spec, path = self.specification, (self.coeffs, self.phase_range)
-        conditions = orbit_point.barrier_conditions(
-            spec.step_length - spec.near_edge, spec.step_length + spec.far_edge, spec.R1, spec.R2, spec.barrier_poles
-        )
+    def _add_motion(self) -> None:
+        residual = orbit_point.dynamics_residual(self.payload)
         for i, s in enumerate(self.s):
-            motion = (*path, s, self.sigma[i], self.w[i])
-            force = self.force[:, i]
-            self.rows.equal("equation of motion", orbit_point.dynamics_residual()(*motion, self.u[:, i], force))
-            self.rows.add("normal force", force[1], spec.min_normal_force)
-            self.rows.add("friction", spec.friction_limit * force[1] - force[0])
-            self.rows.add("friction", spec.friction_limit * force[1] + force[0])
-            q, _, _ = orbit_point.path()(*path, s)
-            self.rows.add("pitch range", q[2], *spec.pitch_range)
-            self.rows.add("knee range", q[[4, 6]], *spec.knee_range)
-            foot, velocity, acceleration = orbit_point.swing_foot()(*motion)
-            if 0 < i < self.points - 1:
-                self.rows.add("foot height", foot[1], spec.clearance * 4 * s * (1 - s), spec.max_foot_height)
-            if spec.barriers:
-                self.rows.add("barriers", conditions(foot, velocity, acceleration), spec.barrier_margin)
+            rows = residual(*self.path.symbols, s, self.sigma[i], self.w[i], self.u[:, i], self.force[:, i])
+            self.rows.equal(f"{self.label}equation of motion", rows)
 
-    def _add_collocation(self) -> None:
-        h = 1.0 / self.specification.intervals
+    def _add_collocation(self, h: float) -> None:
         first, middle, last = slice(0, -2, 2), slice(1, None, 2), slice(2, None, 2)
         sigma, w = self.sigma, self.w
         hermite = sigma[middle] - (sigma[first] + sigma[last]) / 2 - h / 8 * (w[first] - w[last])
         simpson = sigma[last] - sigma[first] - h / 6 * (w[first] + 4 * w[middle] + w[last])
-        self.rows.equal("collocation", ca.vertcat(hermite, simpson))
+        self.rows.equal(f"{self.label}collocation", ca.vertcat(hermite, simpson))
 
-    def _add_closure(self) -> None:
-        """Impact: M (dq+ - dq-) = J_swing' impulse with dq+ the relabelled start, so the orbit closes."""
-        spec, path = self.specification, (self.coeffs, self.phase_range)
-        q_0, tangent_0, _ = orbit_point.path()(*path, 0.0)
-        q_1, tangent_1, _ = orbit_point.path()(*path, 1.0)
-        before, after = tangent_1 * ca.sqrt(2 * self.sigma[-1]), (tangent_0 * ca.sqrt(2 * self.sigma[0]))[SWAP]
-        feet = symbolic_robot.foot_motion()(q=q_1, dq=after, ddq=0)
-        mass_matrix, _ = symbolic_robot.dynamics()
-        jump = mass_matrix(q_1) @ (after - before) - feet["J_swing"].T @ self.impulse
-        self.rows.equal("leg relabelling", q_0[2:] - q_1[SWAP][2:])
-        self.rows.equal("impact map", jump)
-        self.rows.add("impulse friction", 0.8 * self.impulse[1] - self.impulse[0])
-        self.rows.add("impulse friction", 0.8 * self.impulse[1] + self.impulse[0])
-        self.rows.add("lift-off", feet["v_stance"][1], spec.lift_speed)
+    def _add_impact(self) -> None:
+        """M (dq+ - dq-) = J_swing' impulse, the landed foot at rest; relabelled, its phase rate is the first one."""
+        q, q_s = self.path.at(1.0)
+        before = q_s * ca.sqrt(2 * self.sigma[-1])
+        feet = symbolic_robot.foot_motion()(q=q, dq=self.after, ddq=0)
+        mass_matrix, _ = symbolic_robot.dynamics(self.payload)
+        self.rows.equal(
+            f"{self.label}impact map", mass_matrix(q) @ (self.after - before) - feet["J_swing"].T @ self.impulse
+        )
+        self.rows.equal(f"{self.label}impact map", feet["v_swing"])
+        span = self.path.symbols[1][1] - self.path.symbols[1][0]
+        rate = (self.after[2] + self.after[5] + self.after[6] / 2) / span
+        self.rows.equal(f"{self.label}orbit closure", rate - ca.sqrt(2 * self.sigma[0]))
+        for sign in (-1, 1):
+            self.rows.add(
+                f"{self.label}impulse friction", IMPULSE_FRICTION * self.impulse[1] + sign * self.impulse[0]
+            )
 
-    def _add_step(self) -> None:
+
+class Transcription:
+    """Variables, rows and cost of one `GaitSpecification`, as CasADi's `nlpsol` takes them."""
+
+    def __init__(self, specification: GaitSpecification) -> None:
+        self.specification = spec = specification
+        self.rows = ConstraintRows()
+        self.path = Path()
+        self.nominal, *self.loaded = (
+            Walk(self.path, payload, spec.intervals, self.rows) for payload in (0.0, *spec.payloads)
+        )
+        self._add_path()
+        self._add_nominal()
+        for walk in self.loaded:
+            walk.limit_force(spec.payload_friction_limit, spec.payload_min_normal_force)
+
+    @property
+    def walks(self) -> list[Walk]:
+        """The nominal walk, then the loaded ones."""
+        return [self.nominal, *self.loaded]
+
+    @property
+    def cost(self) -> ca.SX:
+        """Integral of u'u dt over step length, (N m)^2 s / m."""
+        walk = self.nominal
+        return ca.sum1(walk.durations * ca.sum1(walk.u**2).T) / self.specification.step_length
+
+    def nlp(self) -> dict[str, ca.SX]:
+        """CasADi's description of the programme."""
+        x = ca.vertcat(*(ca.vec(block) for block in self.path.symbols), *(walk.variables for walk in self.walks))
+        return {"x": x, "f": self.cost, "g": ca.vertcat(*self.rows.values)}
+
+    def bounds(self) -> dict[str, Array]:
+        """Initial guess, bounds of the variables and of the rows."""
         spec = self.specification
-        foot, velocity, _ = orbit_point.swing_foot()(self.coeffs, self.phase_range, 1.0, self.sigma[-1], self.w[-1])
+        coeffs, phase_range = initial_guess(spec)
+        limits = [spec.torque_limit] + [spec.payload_torque_limit] * len(self.loaded)
+        free = np.full(Path.size, UNBOUNDED)
+        pairs: list[Any] = [(-free, free)]
+        pairs += [walk.bounds(limit) for walk, limit in zip(self.walks, limits, strict=True)]
+        guesses = [coeffs.flatten(order="F"), phase_range, *(walk.guess(1 / spec.step_time) for walk in self.walks)]
+        return {
+            "x0": np.concatenate(guesses),
+            "lbx": np.concatenate([pair[0] for pair in pairs]),
+            "ubx": np.concatenate([pair[1] for pair in pairs]),
+            "lbg": np.array(self.rows.lower),
+            "ubg": np.array(self.rows.upper),
+        }
+
+    def first_rate(self, x: Array) -> float:
+        """Post-impact phase rate of the nominal walk of a solution, 1/s."""
+        return float(np.sqrt(2 * x[Path.size]))
+
+    def _add_path(self) -> None:
+        """Leg relabelling, step length, joint ranges and foot height: geometry of the path alone."""
+        spec, (first, _), (last, _) = self.specification, self.path.at(0.0), self.path.at(1.0)
+        self.rows.equal("leg relabelling", first[2:] - last[SWAP][2:])
+        foot = symbolic_robot.feet(last)[1]
         self.rows.equal("step length", foot - ca.vertcat(spec.step_length, 0))
-        self.rows.add("landing speed", -velocity[1], spec.landing_speed, spec.max_landing_speed)
-        self.rows.add("landing slide", velocity[0], -spec.max_landing_slide, spec.max_landing_slide)
-        self.rows.equal("step time", ca.sum1(self.durations) - spec.step_time)
+        for s in self.nominal.s:
+            q, _ = self.path.at(s)
+            self.rows.add("pitch range", q[2], *spec.pitch_range)
+            self.rows.add("knee range", q[[4, 6]], *spec.knee_range)
+            if 0 < s < 1:
+                height = symbolic_robot.feet(q)[1][1]
+                self.rows.add("foot height", height, spec.clearance * 4 * s * (1 - s), spec.max_foot_height)
+
+    def _add_nominal(self) -> None:
+        """What only the nominal walk must keep: exact closure, step time, forces, landing, barriers."""
+        spec, walk = self.specification, self.nominal
+        _, tangent = self.path.at(0.0)
+        start = (tangent * ca.sqrt(2 * walk.sigma[0]))[SWAP]
+        self.rows.equal("orbit closure", (start - walk.after)[2:6])
+        self.rows.equal("step time", ca.sum1(walk.durations) - spec.step_time)
+        walk.limit_force(spec.friction_limit, spec.min_normal_force)
+        last, tangent = self.path.at(1.0)
+        lift = symbolic_robot.foot_motion()(q=last, dq=walk.after, ddq=0)["v_stance"]
+        landing = symbolic_robot.foot_motion()(q=last, dq=tangent * ca.sqrt(2 * walk.sigma[-1]), ddq=0)["v_swing"]
+        self.rows.add("lift-off", lift[1], spec.lift_speed)
+        self.rows.add("landing speed", -landing[1], spec.landing_speed, spec.max_landing_speed)
+        self.rows.add("landing slide", landing[0], -spec.max_landing_slide, spec.max_landing_slide)
+        if spec.barriers:
+            self._add_barriers()
+
+    def _add_barriers(self) -> None:
+        spec, walk = self.specification, self.nominal
+        l_min, l_max = spec.step_length - spec.near_edge, spec.step_length + spec.far_edge
+        conditions = orbit_point.barrier_conditions(l_min, l_max, spec.R1, spec.R2, spec.barrier_poles)
+        for i, s in enumerate(walk.s):
+            foot = orbit_point.swing_foot()(*self.path.symbols, s, walk.sigma[i], walk.w[i])
+            self.rows.add("barriers", conditions(*foot), spec.barrier_margin)
