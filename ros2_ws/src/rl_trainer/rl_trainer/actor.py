@@ -1,0 +1,102 @@
+"""The actor: observation to alpha and beta of every quantity, in torch; `rl_cbf_clf_controller.policy` is its twin.
+
+Its last layer has one row for each output; with `shared = False` every quantity has a network of its own, and the file
+holds them as blocks of one wide network, so that the controller needs to know of one form only.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+import torch
+from rl_cbf_clf_controller.uncertainty import INPUTS
+from rl_cbf_clf_controller.weights import PROBE, Arrays, probe_inputs
+from torch import Tensor, nn
+
+from rl_trainer.networks import Scaling, hidden_layers
+from rl_trainer.parameters import TrainingParameters
+
+ROWS = INPUTS + 1  # alpha and beta of a quantity
+FIRST_OUTPUTS = 0.01  # an untrained actor is nearly the zero policy
+
+
+class Actor(nn.Module):
+    """Networks, tanh outputs in [-1, 1], action scales, and the structured CLF row."""
+
+    def __init__(self, parameters: TrainingParameters) -> None:
+        super().__init__()
+        self.n, self.structured = parameters.n, parameters.is_structured
+        self.has_clf = parameters.problem.has_clf
+        self.scaling = Scaling(parameters.observation)
+        sizes = [INPUTS * ROWS if self.structured and i == 0 else ROWS for i in range(self.n)]
+        self._sizes = [sum(sizes)] if parameters.shared else sizes
+        self.networks = nn.ModuleList(self._network(size, parameters) for size in self._sizes)
+        self.hidden = (parameters.hidden1 * len(self.networks), parameters.hidden2 * len(self.networks))
+        alpha, beta, _ = parameters.scales
+        self.alpha_scale: Tensor
+        self.beta_scale: Tensor
+        self.register_buffer("alpha_scale", torch.tensor(alpha))
+        self.register_buffer("beta_scale", torch.tensor(beta))
+
+    def forward(self, observation: Tensor, LgV: Tensor) -> tuple[Tensor, Tensor]:
+        """Raw observation (b, m), LgV (b, 4) to alpha (b, n, 4) and beta (b, n), in the quantities' units."""
+        alpha, beta = self.unit_action(observation, LgV)
+        size = self.clf_size(LgV)
+        return alpha * self.alpha_scale[:, None] * size[..., None], beta * self.beta_scale * size
+
+    def unit_action(self, observation: Tensor, LgV: Tensor) -> tuple[Tensor, Tensor]:
+        """Alpha (b, n, 4) and beta (b, n) over their scales and, for V, over |LgV| + 1."""
+        outputs = self.outputs(self.scaling(observation))
+        if not self.structured:
+            return outputs[:, : INPUTS * self.n].reshape(-1, self.n, INPUTS), outputs[:, INPUTS * self.n :]
+        direction = LgV / self.clf_size(LgV)[:, :1]
+        matrix = outputs[:, : INPUTS * ROWS].reshape(-1, INPUTS, ROWS)
+        clf = torch.einsum("bi,bij->bj", direction, matrix)
+        others = outputs[:, INPUTS * ROWS :]
+        alphas = INPUTS * (self.n - 1)
+        alpha = torch.cat([clf[:, :INPUTS], others[:, :alphas]], 1).reshape(-1, self.n, INPUTS)
+        return alpha, torch.cat([clf[:, INPUTS:], others[:, alphas:]], 1)
+
+    def clf_size(self, LgV: Tensor) -> Tensor:
+        """|LgV| + 1 for V and 1 for all else, (b, n)."""
+        size = torch.ones(len(LgV), self.n)
+        if self.has_clf:
+            size[:, 0] += torch.linalg.vector_norm(LgV, dim=1)
+        return size
+
+    def outputs(self, scaled: Tensor) -> Tensor:
+        """The tanh outputs in the order of the policy file, (b, outputs)."""
+        outputs = torch.cat([network(scaled) for network in self.networks], 1)
+        return torch.tanh(outputs[:, self._order()])
+
+    def arrays(self) -> Arrays:
+        """Weights as one network, with the probe's outputs, for a `PolicyFile`."""
+        linears = [[layer for layer in network if isinstance(layer, nn.Linear)] for network in self._sequences()]
+        weights = [torch.cat([row[0].weight for row in linears])]
+        weights += [torch.block_diag(*(row[i].weight for row in linears)) for i in (1, 2)]  # type: ignore[no-untyped-call]
+        biases = [torch.cat([row[i].bias for row in linears]) for i in range(3)]
+        weights[2], biases[2] = weights[2][self._order()], biases[2][self._order()]
+        with torch.no_grad():
+            probe = self.outputs(torch.from_numpy(probe_inputs(len(self.scaling.center))))
+        named = {f"{i}.weight": weights[i] for i in range(3)} | {f"{i}.bias": biases[i] for i in range(3)}
+        return {
+            name: np.ascontiguousarray(value.detach().numpy(), dtype=np.float32)
+            for name, value in (named | {PROBE: probe}).items()
+        }
+
+    def _network(self, outputs: int, parameters: TrainingParameters) -> nn.Sequential:
+        hidden = (parameters.hidden1, parameters.hidden2)
+        return hidden_layers(len(parameters.observation), hidden, outputs, FIRST_OUTPUTS)
+
+    def _sequences(self) -> Sequence[nn.Sequential]:
+        return [network for network in self.networks if isinstance(network, nn.Sequential)]
+
+    def _order(self) -> Tensor:
+        """The networks' outputs in the file's order: the CLF's matrix first, all alphas before all betas."""
+        if len(self._sizes) == 1:
+            return torch.arange(self._sizes[0])
+        starts = np.concatenate([[0], np.cumsum(self._sizes)])
+        matrix = list(range(INPUTS * ROWS)) if self.structured else []
+        plain = range(1 if self.structured else 0, self.n)
+        alphas = [start + j for start in starts[list(plain)] for j in range(INPUTS)]
+        betas = [start + INPUTS for start in starts[list(plain)]]
+        return torch.tensor([*matrix, *alphas, *betas], dtype=torch.long)

@@ -1,0 +1,135 @@
+"""DDPG [SectionRL], literal and as it works: the parameters choose.
+
+    critic: fit   Q(s, mu, a)  to  r + discount (1 - failed) Q'(s', mu', pi'(s'))
+    actor:  ascend  Q(s, mu, pi(s))                                               deterministic policy gradient
+
+Literal: a plain network with one output that does not see mu, stored actions, discount > 0. What works: discount 0, a
+head for each quantity, mu known to the critic, the critic in the reward's form, and the reward recomputed for sampled
+actions, which it can be because the measured error does not depend on the action. With discount 0 this is a contextual
+bandit: no value is carried from one tick to another.
+"""
+
+import copy
+from typing import Any
+
+import torch
+from rl_cbf_clf_controller.uncertainty import Problem
+from torch import Tensor, nn
+
+from rl_trainer.actor import Actor
+from rl_trainer.critic import Action, make_critic
+from rl_trainer.learner import AveragedActor, Optimizer, follow
+from rl_trainer.parameters import TrainingParameters
+from rl_trainer.replay import Batch
+from rl_trainer.reward import norm
+
+RELABEL_MU = 20.0  # rad/s^2, deviation of the mu that another action is asked for in the first approach
+
+
+class Ddpg:
+    """Actor and critic with their averages; see `TrainingParameters` for its options."""
+
+    def __init__(self, parameters: TrainingParameters) -> None:
+        self._parameters = parameters
+        self._average = AveragedActor(parameters)
+        self._critic = make_critic(parameters)
+        self._target_critic = copy.deepcopy(self._critic).requires_grad_(False)
+        self._optimizer = Optimizer(self._critic, parameters.critic_rate, parameters.gradient_clip)
+        self._generator = torch.Generator().manual_seed(parameters.seed + 1)
+        self._weights = torch.tensor(parameters.weights)
+
+    @property
+    def acting(self) -> Actor:
+        """The actor to walk with."""
+        return self._average.acting
+
+    def update(self, batch: Batch, rate: float) -> dict[str, float]:
+        """One step of the critic, then one of the actor."""
+        critic_loss = self._critic_loss(batch)
+        self._optimizer.step(critic_loss, rate)
+        self._critic.requires_grad_(False)
+        actor_loss = -self._value(batch, batch.mu, self._act(self._average.actor, batch.observation, batch.LgV))
+        self._average.descend(actor_loss, rate)
+        self._critic.requires_grad_(True)
+        if self._parameters.discount > 0:
+            follow(self._target_critic, self._critic, self._parameters.polyak)
+        return {"critic": critic_loss.item(), "actor": actor_loss.item()}
+
+    def state_dict(self) -> dict[str, Any]:
+        """All that a checkpoint must hold."""
+        return {
+            "actor": self._average.state_dict(),
+            "critic": self._critic.state_dict(),
+            "target_critic": self._target_critic.state_dict(),
+            "optimizer": self._optimizer.state_dict(),
+            "generator": self._generator.get_state(),
+        }
+
+    def load_state_dict(self, state: dict[str, Any]) -> None:
+        """Go on from a checkpoint."""
+        self._average.load_state_dict(state["actor"])
+        self._critic.load_state_dict(state["critic"])
+        self._target_critic.load_state_dict(state["target_critic"])
+        self._optimizer.load_state_dict(state["optimizer"])
+        self._generator.set_state(state["generator"])
+
+    def _value(self, batch: Batch, mu: Tensor, action: Action) -> Tensor:
+        q: Tensor = self._critic(batch.observation, mu, batch.unit, action)
+        return q.sum(1).mean()
+
+    def _critic_loss(self, batch: Batch) -> Tensor:
+        p = self._parameters
+        mu, action, reward = self._relabelled(batch) if p.relabel else (batch.mu, self._stored(batch), batch.reward)
+        wanted = reward + batch.penalty[:, None] / p.n
+        if p.heads == "one":
+            wanted = wanted.sum(1, keepdim=True)
+        if p.discount > 0:
+            wanted = wanted + p.discount * (1 - batch.failed[:, None]) * self._next_value(batch)
+        loss = nn.functional.smooth_l1_loss if p.critic_loss == "huber" else nn.functional.mse_loss
+        return loss(self._critic(batch.observation, mu, batch.unit, action), wanted)
+
+    @torch.no_grad()
+    def _next_value(self, batch: Batch) -> Tensor:
+        action = self._act(self._average.average, batch.next_observation, batch.next_LgV)
+        q: Tensor = self._target_critic(batch.next_observation, batch.next_mu, batch.unit, action)
+        return q
+
+    def _act(self, actor: Actor, observation: Tensor, LgV: Tensor) -> Action:
+        alpha, beta = actor.unit_action(observation, LgV)
+        return self._action(alpha, beta, LgV)
+
+    def _action(self, alpha: Tensor, beta: Tensor, LgV: Tensor) -> Action:
+        """From alpha (b, n, 4) and beta (b, n) over their scales."""
+        alpha_scale, beta_scale = self._action_scales(LgV)
+        return Action(alpha * alpha_scale, beta * beta_scale, torch.cat([alpha.flatten(1), beta], 1))
+
+    def _stored(self, batch: Batch) -> Action:
+        """The action that was taken."""
+        alpha_scale, beta_scale = self._action_scales(batch.LgV)
+        return self._action(batch.alpha / alpha_scale, batch.beta / beta_scale, batch.LgV)
+
+    def _action_scales(self, LgV: Tensor) -> tuple[Tensor, Tensor]:
+        actor = self._average.actor
+        size = actor.clf_size(LgV)
+        return actor.alpha_scale[:, None] * size[..., None], actor.beta_scale * size
+
+    @torch.no_grad()
+    def _relabelled(self, batch: Batch) -> tuple[Tensor, Action, Tensor]:
+        """Another action, the mu it is asked for, and the reward it would have had: -w norm(correction - target).
+
+        In the first approach the same input v was measured; it is what another action makes of another mu.
+        """
+        p = self._parameters
+        alpha, beta = self._average.actor.unit_action(batch.observation, batch.LgV)
+        alpha, beta = alpha + p.relabel_noise * self._noise(alpha), beta + p.relabel_noise * self._noise(beta)
+        mu, action = batch.mu, self._action(alpha, beta, batch.LgV)
+        if p.problem is Problem.IO_RL_CLF_QP:
+            v = batch.mu + self._stored(batch).correction(batch.mu)
+            mu = batch.mu + RELABEL_MU * self._noise(batch.mu)
+            beta = v - mu - torch.einsum("bij,bj->bi", action.alpha, mu)
+            action = self._action(alpha, beta / self._action_scales(batch.LgV)[1], batch.LgV)
+        error = action.correction(mu) / batch.unit - batch.target
+        return mu, action, -self._weights * norm(error, p.error_norm)
+
+    def _noise(self, like: Tensor) -> Tensor:
+        return torch.randn(like.shape, generator=self._generator)

@@ -1,0 +1,180 @@
+"""Every parameter of the training, flat, so that a YAML file or a node's parameters can name them.
+
+The paper states the observations, actions, networks, T_s and ten steps an episode. Reward weights, penalty, noise,
+learning rates and all else are ours: docs/differences_from_paper.md.
+"""
+
+from pathlib import Path
+from typing import Any, Literal
+
+import yaml
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from rl_cbf_clf_controller.uncertainty import Problem
+
+Scales = tuple[float, ...]
+
+# of alpha (unit per rad/s^2), beta (unit) and error (unit) for V (times |LgV| + 1), B1, B2, C1, C2, and y1..y4
+_SCALES: dict[Problem, tuple[Scales, Scales, Scales]] = {
+    Problem.RL_CLF_QP: ((1.5,), (250.0,), (50.0,)),
+    Problem.RL_CBF_CLF_QP: (
+        (1.5, 1.5, 1.5, 20.0, 20.0),
+        (250.0, 200.0, 200.0, 800.0, 800.0),
+        (50.0, 20.0, 20.0, 150.0, 150.0),
+    ),
+    Problem.IO_RL_CLF_QP: ((2.0,) * 4, (400.0,) * 4, (50.0,) * 4),
+}
+
+
+class ParameterError(ValueError):
+    """A parameter that is out of its range or does not fit the others."""
+
+
+class TrainingParameters(BaseModel):
+    """Parameters of learner, reward, transitions and schedule; defaults are what works, `paper_literal()` the paper."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    problem: Problem = Field(default=Problem.RL_CBF_CLF_QP, description="which of the paper's three problems")
+    learner: Literal["ddpg", "regression"] = Field(default="ddpg", description="how the actor is trained")
+    seed: int = Field(default=1, ge=0, description="of weights, noise, courses and minibatches")
+    episodes: int = Field(default=20, ge=1, le=10_000, description="episodes to train")
+    walking_steps: int = Field(default=10, ge=1, le=1000, description="walking steps an episode")
+
+    # actor
+    structured: bool = Field(default=True, description="CLF outputs are a 4x5 matrix contracted with LgV")
+    observe_l_min: bool = Field(default=True, description="l_min is part of the observation (contribution 3)")
+    shared: bool = Field(default=True, description="one network for all quantities (Remark 1), or one each")
+    hidden1: int = Field(default=400, ge=1, le=4096, description="width of the first hidden layer")
+    hidden2: int = Field(default=300, ge=1, le=4096, description="width of the second hidden layer")
+    alpha_scale: Scales = Field(default=(), description="alpha at an output of 1, one a quantity; empty: the default")
+    beta_scale: Scales = Field(default=(), description="beta at an output of 1, one a quantity; empty: the default")
+
+    # reward: -sum of weight * norm(error / error_scale) - failure_penalty
+    error_scale: Scales = Field(default=(), description="unit of each quantity's error; empty: the default")
+    weight: Scales = Field(default=(), description="weight of each quantity's term; empty: 1 each")
+    relative_clf: bool = Field(default=True, description="the error of V-dot is measured in units of |LgV| + 1")
+    error_norm: Literal["squared", "absolute"] = Field(default="squared", description="norm of the scaled error")
+    failure_penalty: float = Field(default=0.0, ge=0, le=1e6, description="l_e, subtracted when the pose failed")
+
+    # DDPG
+    critic: Literal["reward", "plain"] = Field(
+        default="reward", description="critic of the reward's form, or a network"
+    )
+    heads: Literal["one", "each"] = Field(default="each", description="one Q, or one for each quantity")
+    critic_sees_mu: bool = Field(default=True, description="mu is part of the critic's state")
+    relabel: bool = Field(default=True, description="recompute the reward for sampled actions in each minibatch")
+    relabel_noise: float = Field(default=0.3, gt=0, le=2, description="their deviation from the actor's, outputs' unit")
+    critic_loss: Literal["huber", "squared"] = Field(default="huber", description="of Q against its target")
+    discount: float = Field(default=0.0, ge=0, lt=1, description="gamma")
+    polyak: float = Field(default=5e-4, gt=0, le=1, description="tau of target networks and of the actor's average")
+    act_with_average: bool = Field(default=True, description="walk with the actor's average, not the actor itself")
+
+    # optimisation
+    actor_rate: float = Field(default=6e-4, gt=0, le=1, description="Adam's learning rate, actor")
+    critic_rate: float = Field(default=1e-3, gt=0, le=1, description="Adam's learning rate, critic")
+    rate_half_life: float = Field(default=8.0, gt=0, description="episodes in which both rates halve")
+    rate_floor: float = Field(default=0.05, ge=0, le=1, description="the least share of both rates")
+    gradient_clip: float = Field(default=1.0, gt=0, description="largest norm of a gradient")
+    batch: int = Field(default=160, ge=1, le=65_536, description="transitions a minibatch")
+    updates_per_tick: float = Field(default=2.0, ge=0, le=100, description="updates for each tick walked")
+    updates_least: int = Field(default=400, ge=0, description="least number of updates an episode")
+    capacity: int = Field(default=100_000, ge=1, le=5_000_000, description="transitions kept, the oldest go first")
+
+    # schedule
+    nominal_episodes: int = Field(default=3, ge=0, description="first episodes under the nominal QP, with noise")
+    sigma: float = Field(default=5.0, ge=0, le=1000, description="exploration noise on mu, rad/s^2")
+    sigma_factors: tuple[float, ...] = Field(
+        default=(0.0, 0.5, 1.0, 2.0), min_length=1, description="sigma's factor, drawn anew each episode"
+    )
+
+    # transitions that are left out
+    settle_time: float = Field(default=0.05, ge=0, le=1, description="s after an impact")
+    far_position: float = Field(default=0.6, gt=0, description="abs(y) beyond this is far off the gait, rad")
+    far_velocity: float = Field(default=12.0, gt=0, description="abs(dy) beyond this is far off the gait, rad/s")
+    leave_out: tuple[Literal["settling", "flight", "scuff", "saturated", "far"], ...] = Field(
+        default=("settling", "flight", "scuff", "saturated", "far"), description="kinds of ticks not learned from"
+    )
+    fall_height: float = Field(default=0.70, ge=0, le=2, description="base below this has failed, m")
+    fall_pitch: float = Field(default=1.0472, gt=0, le=3.15, description="pitch beyond this has failed, rad")
+
+    @model_validator(mode="after")
+    def _fits(self) -> "TrainingParameters":
+        n = len(self.problem.quantities)
+        for name in ("alpha_scale", "beta_scale", "error_scale", "weight"):
+            values: Scales = getattr(self, name)
+            if values and (len(values) != n or not all(value > 0 for value in values)):
+                raise ValueError(f"{name} = {values}; expected {n} positive values for {self.problem.quantities}")
+        if self.critic == "reward" and (self.discount > 0 or self.heads == "one"):
+            raise ValueError("critic = reward holds no future and has a head each: it needs discount = 0, heads = each")
+        if self.relabel and self.discount > 0:
+            raise ValueError("relabel = True with discount > 0: another action would have led to another next state")
+        if self.relabel and self.critic == "plain" and self.problem is Problem.IO_RL_CLF_QP:
+            raise ValueError("relabel = True: in io-rl-clf-qp another action would have given another acceleration")
+        return self
+
+    @property
+    def n(self) -> int:
+        """Number of learned quantities."""
+        return len(self.problem.quantities)
+
+    @property
+    def learns_failures(self) -> bool:
+        """The learner has a use for a transition of which nothing is measured but the failure."""
+        return self.learner == "ddpg" and self.critic == "plain" and not self.relabel
+
+    @property
+    def is_structured(self) -> bool:
+        """`structured`, where there is a CLF row."""
+        return self.structured and self.problem.has_clf
+
+    @property
+    def observation(self) -> tuple[str, ...]:
+        """Names of the network's inputs."""
+        return tuple(name for name in self.problem.observation if self.observe_l_min or name != "l_min")
+
+    @property
+    def scales(self) -> tuple[Scales, Scales, Scales]:
+        """Scales of alpha, beta and error, the defaults filled in."""
+        alpha, beta, error = _SCALES[self.problem]
+        return self.alpha_scale or alpha, self.beta_scale or beta, self.error_scale or error
+
+    @property
+    def weights(self) -> Scales:
+        """Weights of the reward's terms."""
+        return self.weight or (1.0,) * self.n
+
+
+def paper_literal(problem: Problem, **changes: Any) -> TrainingParameters:
+    """DDPG as the paper states it; what it leaves open is taken from the DDPG paper or our working set."""
+    literal: dict[str, Any] = {
+        "structured": False,
+        "relative_clf": False,
+        "critic": "plain",
+        "heads": "one",
+        "critic_sees_mu": False,
+        "relabel": False,
+        "critic_loss": "squared",
+        "discount": 0.99,
+        "polyak": 1e-3,
+        "failure_penalty": 10.0,
+        "act_with_average": False,
+        "actor_rate": 1e-4,
+        "critic_rate": 1e-3,
+        "rate_floor": 1.0,
+        "batch": 64,
+        "updates_per_tick": 1.0,
+        "updates_least": 0,
+        "nominal_episodes": 0,
+        "sigma_factors": (1.0,),
+        "leave_out": (),
+    }
+    return TrainingParameters.model_validate({"problem": problem, **literal, **changes})
+
+
+def load_parameters(path: Path, **changes: Any) -> TrainingParameters:
+    """Read a YAML file; raises `ParameterError` with the file, the name, the value and what was expected."""
+    try:
+        values = yaml.safe_load(path.read_text(encoding="utf-8")) or {}
+        return TrainingParameters.model_validate({**values, **changes})
+    except (OSError, UnicodeDecodeError, yaml.YAMLError, ValidationError, TypeError) as error:
+        raise ParameterError(f"{path}: {error}") from error

@@ -1,0 +1,111 @@
+"""A training session on disk: the episode loop, checkpoints that a killed run resumes from, TensorBoard, policies.
+
+DIR/parameters.yaml        what was asked for
+DIR/checkpoint.pt          after each episode, replaced at once or not at all
+DIR/policies/NNN.safetensors    the policy after episode NNN
+DIR/tensorboard/           reward terms, losses, steps walked
+"""
+
+import os
+import pickle
+from collections.abc import Callable, Iterator
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import torch
+import yaml
+from rl_cbf_clf_controller.policy import ActorPolicy, Policy, ZeroPolicy
+
+from rl_trainer.parameters import TrainingParameters
+from rl_trainer.rollout import Controller, Simulation, rollout
+from rl_trainer.training import EpisodePlan, EpisodeReport, Trainer
+
+MakeController = Callable[[Policy, float], Controller]  # (policy, sigma)
+CHECKPOINT = "checkpoint.pt"
+
+
+class CheckpointError(RuntimeError):
+    """A checkpoint that cannot be resumed from."""
+
+
+def train(trainer: Trainer, simulation: Simulation, make_controller: MakeController) -> Iterator[EpisodeReport]:
+    """Walk and learn until the trainer's number of episodes is reached; yields after each."""
+    while trainer.episode < trainer.parameters.episodes:
+        plan = trainer.begin_episode()
+        controller = make_controller(policy_of(plan, trainer.parameters), plan.sigma)
+        last = rollout(simulation, controller, plan.seed, lambda record: trainer.observe(record.state, record.output))
+        yield trainer.end_episode(plan, last)
+
+
+def policy_of(plan: EpisodePlan, parameters: TrainingParameters) -> Policy:
+    """The policy that an episode walks with."""
+    return ActorPolicy(plan.policy) if plan.policy else ZeroPolicy(parameters.problem)
+
+
+class Session:
+    """Trains in a folder, and goes on there if it was killed."""
+
+    def __init__(self, folder: Path, trainer: Trainer) -> None:
+        """Raises `CheckpointError` where the folder holds a session of other parameters."""
+        self.folder, self.trainer = folder, trainer
+        self.resumed = (folder / CHECKPOINT).exists()
+        if self.resumed:
+            load_checkpoint(folder / CHECKPOINT, trainer)
+        (folder / "policies").mkdir(parents=True, exist_ok=True)
+        text = yaml.safe_dump(trainer.parameters.model_dump(mode="json"), sort_keys=False)
+        (folder / "parameters.yaml").write_text(text, encoding="utf-8")
+
+    def run(self, simulation: Simulation, make_controller: MakeController) -> Iterator[EpisodeReport]:
+        """The rest of the episodes; all is on disk when an episode's report is yielded."""
+        from torch.utils.tensorboard import SummaryWriter  # half a second, for this alone
+
+        writer = SummaryWriter(self.folder / "tensorboard", purge_step=self.trainer.episode)
+        try:
+            for report in train(self.trainer, simulation, make_controller):
+                self.trainer.policy_file().write(self.folder / "policies" / f"{self.trainer.episode:03d}.safetensors")
+                save_checkpoint(self.folder / CHECKPOINT, self.trainer)
+                for name, value in scalars(report).items():
+                    writer.add_scalar(name, value, report.episode)
+                writer.flush()
+                yield report
+        finally:
+            writer.close()
+
+
+def scalars(report: EpisodeReport) -> dict[str, float]:
+    """What is logged of an episode, by name."""
+    values = asdict(report)
+    walk = {f"episode/{name}": float(values[name]) for name in ("steps", "ticks", "kept", "failed", "sigma")}
+    groups = {f"{group}/{name}": v for group in ("reward", "losses", "left_out") for name, v in values[group].items()}
+    return walk | groups
+
+
+def save_checkpoint(path: Path, trainer: Trainer) -> None:
+    """Write all of the trainer's state, at once or not at all."""
+    state = {"parameters": _key(trainer.parameters), **trainer.state_dict()}
+    partial = path.with_suffix(".partial")
+    with partial.open("wb") as file:
+        torch.save(state, file)
+        file.flush()
+        os.fsync(file.fileno())
+    partial.replace(path)
+
+
+def load_checkpoint(path: Path, trainer: Trainer) -> None:
+    """Bring the trainer to where the checkpoint was taken.
+
+    Raises:
+        CheckpointError: unreadable, or of other parameters (the number of episodes may differ).
+    """
+    try:
+        state: dict[str, Any] = torch.load(path, weights_only=True)
+    except (OSError, RuntimeError, EOFError, pickle.UnpicklingError) as error:
+        raise CheckpointError(f"checkpoint {path}: {error}") from error
+    if state.pop("parameters") != _key(trainer.parameters):
+        raise CheckpointError(f"checkpoint {path}: made with other parameters; use another folder, or the same ones")
+    trainer.load_state_dict(state)
+
+
+def _key(parameters: TrainingParameters) -> str:
+    return parameters.model_dump_json(exclude={"episodes"})

@@ -1,0 +1,192 @@
+"""Training: what happens with each tick and at each episode's end. The node and `rabbit train` run this same code.
+
+    plan = trainer.begin_episode()      which seed, noise and policy to walk with
+    trainer.observe(state, output)      every tick
+    trainer.end_episode(last_state)     the updates, always as many as the ticks ask for
+
+The updates wait for the episode's end, so the weights depend on the seed and not on timing; a node that wants to learn
+while the robot walks on may call `learn` in between.
+"""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import torch
+from rabbit_description.state import RobotState
+from rl_cbf_clf_controller.controller import ControllerOutput
+from rl_cbf_clf_controller.weights import PolicyFile, PolicyMetadata
+
+from rl_trainer.ddpg import Ddpg
+from rl_trainer.learner import Learner
+from rl_trainer.parameters import TrainingParameters
+from rl_trainer.regression import Regression
+from rl_trainer.replay import Replay
+from rl_trainer.reward import reward_terms
+from rl_trainer.transitions import Doubt, Transition, TransitionBuilder
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """Where the transitions come from and who asks; it ends up in the policy file."""
+
+    plant: dict[str, bool | int | float | str] = field(default_factory=dict)
+    commit: str = ""
+    command: str = ""
+
+
+@dataclass(frozen=True)
+class EpisodePlan:
+    """How to walk the next episode: `policy` None is the nominal controller; `sigma` in rad/s^2."""
+
+    episode: int
+    seed: int
+    sigma: float
+    policy: PolicyFile | None
+
+
+@dataclass(frozen=True)
+class EpisodeReport:
+    """An episode in figures: steps taken, ticks, transitions kept, mean reward terms a measured tick, mean losses."""
+
+    episode: int
+    sigma: float
+    nominal: bool
+    steps: int
+    ticks: int
+    kept: int
+    failed: bool
+    reward: dict[str, float]
+    losses: dict[str, float]
+    left_out: dict[str, int]
+
+
+class Trainer:
+    """Collects transitions, learns from them, and hands out policies."""
+
+    def __init__(
+        self, parameters: TrainingParameters, provenance: Provenance | None = None, learner: Learner | None = None
+    ) -> None:
+        """`learner` replaces the one that the parameters name."""
+        self.parameters = parameters
+        self.provenance = provenance or Provenance()
+        self.episode = 0
+        self.learner = learner or make_learner(parameters)
+        self.replay = Replay(parameters)
+        self._builder = TransitionBuilder(parameters)
+        self._episode: list[Transition] = []
+        self._kept = 0
+
+    @property
+    def gaps(self) -> int:
+        """Ticks that never came."""
+        return self._builder.gaps
+
+    def begin_episode(self) -> EpisodePlan:
+        """Seed, noise and policy of the next episode, from the seed and the episode's number alone."""
+        p = self.parameters
+        seeds = np.random.SeedSequence([p.seed, self.episode])
+        factor = np.random.default_rng(seeds.spawn(1)[0]).choice(p.sigma_factors)
+        nominal = self.episode < p.nominal_episodes
+        self._builder.reset()
+        self._episode, self._kept = [], 0
+        return EpisodePlan(
+            episode=self.episode,
+            seed=int(seeds.generate_state(1)[0]),
+            sigma=p.sigma if nominal else p.sigma * float(factor),
+            policy=None if nominal else self.policy_file(),
+        )
+
+    def observe(self, state: RobotState, output: ControllerOutput) -> Transition | None:
+        """Take in a tick; returns the transition that it completes."""
+        return self._take(self._builder.add(state, output))
+
+    def end_episode(self, plan: EpisodePlan, state: RobotState) -> EpisodeReport:
+        """Take in the last state and learn; the next `begin_episode` has the new policy."""
+        self._take(self._builder.end(state))
+        p = self.parameters
+        updates = max(p.updates_least, round(p.updates_per_tick * len(self._episode)))
+        losses = self.learn(updates)
+        self.episode += 1
+        return self._report(plan, losses)
+
+    def learn(self, updates: int) -> dict[str, float]:
+        """So many updates from the replay buffer; mean losses, empty while there are too few transitions."""
+        if len(self.replay) < self.parameters.batch:
+            return {}
+        total: dict[str, float] = {}
+        for _ in range(updates):
+            for name, loss in self.learner.update(self.replay.sample(), self.rate).items():
+                total[name] = total.get(name, 0.0) + loss / updates
+        return total
+
+    @property
+    def rate(self) -> float:
+        """Factor on both learning rates at this episode."""
+        p = self.parameters
+        return max(p.rate_floor, float(0.5 ** (self.episode / p.rate_half_life)))
+
+    def policy_file(self) -> PolicyFile:
+        """The present policy with all that says where it comes from."""
+        p, actor, source = self.parameters, self.learner.acting, self.provenance
+        alpha, beta, _ = p.scales
+        metadata = PolicyMetadata(
+            problem=p.problem,
+            observation=p.observation,
+            observation_center=tuple(actor.scaling.center.tolist()),
+            observation_scale=tuple(actor.scaling.scale.tolist()),
+            hidden=actor.hidden,
+            structured=p.is_structured,
+            alpha_scale=alpha,
+            beta_scale=beta,
+            learner=p.learner,
+            plant=source.plant,
+            training_seed=p.seed,
+            episodes=self.episode,
+            transitions=self.replay.added,
+            commit=source.commit,
+            command=source.command,
+        )
+        return PolicyFile(metadata, actor.arrays())
+
+    def state_dict(self) -> dict[str, Any]:
+        """All that is needed to go on between two episodes as if nothing had happened."""
+        return {"episode": self.episode, "learner": self.learner.state_dict(), "replay": self.replay.state_dict()}
+
+    def load_state_dict(self, state: dict[str, Any]) -> None:
+        """Go on from a checkpoint."""
+        self.episode = state["episode"]
+        self.learner.load_state_dict(state["learner"])
+        self.replay.load_state_dict(state["replay"])
+
+    def _take(self, transition: Transition | None) -> Transition | None:
+        if transition is not None:
+            self._episode.append(transition)
+            self._kept += self.replay.add(transition)
+        return transition
+
+    def _report(self, plan: EpisodePlan, losses: dict[str, float]) -> EpisodeReport:
+        p, episode = self.parameters, self._episode
+        terms = [reward_terms(t, p) for t in episode if not t.doubt & Doubt.UNMEASURED]
+        mean = np.mean([t.estimation for t in terms], axis=0) if terms else np.zeros(p.n)
+        failure = -p.failure_penalty * float(episode[-1].failed) if episode else 0.0
+        return EpisodeReport(
+            episode=plan.episode,
+            sigma=plan.sigma,
+            nominal=plan.policy is None,
+            steps=episode[-1].step_index if episode else 0,
+            ticks=len(episode),
+            kept=self._kept,
+            failed=bool(episode and episode[-1].failed),
+            reward={**dict(zip(p.problem.quantities, mean.tolist(), strict=True)), "failure": failure},
+            losses=losses,
+            left_out={f.name.lower(): sum(f in t.doubt for t in episode) for f in Doubt if f.name},
+        )
+
+
+def make_learner(parameters: TrainingParameters) -> Learner:
+    """The learner that the parameters name, its first weights from the seed alone."""
+    torch.set_num_threads(1)
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(parameters.seed)
+        return Ddpg(parameters) if parameters.learner == "ddpg" else Regression(parameters)

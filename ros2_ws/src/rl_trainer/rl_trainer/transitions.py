@@ -1,0 +1,166 @@
+"""From two ticks of a walk to a transition: what the learner may know, and nothing of the true dynamics.
+
+A quantity is measured by one numerical difference over the tick [SectionRL, Remark 3]:
+
+    V-dot = (V' - V) / dt,   B_i'' = (B_i-dot' - B_i-dot) / dt,   y'' = (dy' - dy) / dt,   ' = one tick later
+
+and the stance foot's force is the one averaged over that tick. A difference across a change of stance means nothing.
+"""
+
+from dataclasses import dataclass
+from enum import IntFlag
+
+import numpy as np
+from rabbit_description.state import TICK_SECONDS, Array, RobotState
+from rl_cbf_clf_controller.controller import ControllerOutput
+from rl_cbf_clf_controller.uncertainty import Problem
+
+from rl_trainer.parameters import TrainingParameters
+
+CONTACT_FORCE = 1.0  # N; a foot that carries less is in the air
+
+
+class Doubt(IntFlag):
+    """Why a transition may be left out of learning."""
+
+    NONE = 0
+    UNMEASURED = 1  # no next output, or another stance leg: there is no difference to take
+    SETTLING = 2  # shortly after an impact
+    FLIGHT = 4  # the stance foot carries nothing
+    SCUFF = 8  # the swing foot touches the ground
+    SATURATED = 16  # the torque limit changed mu
+    FAR = 32  # far off the gait
+
+
+@dataclass(frozen=True)
+class Transition:
+    """One tick, with m observations and n quantities.
+
+    `observation`, `next_observation` (m,), raw; `LgV`, `next_LgV` (4,); `mu`, `next_mu` (4,), executed, rad/s^2;
+    `alpha` (n, 4), `beta` (n,), used at this tick; `nominal`, `measured` (n,), in the quantities' units, NaN where not
+    measured. `failed`: the next pose is a failure, and the episode's end.
+    """
+
+    problem: Problem
+    tick: int
+    step_index: int
+    observation: Array
+    LgV: Array
+    mu: Array
+    alpha: Array
+    beta: Array
+    nominal: Array
+    measured: Array
+    next_observation: Array
+    next_LgV: Array
+    next_mu: Array
+    failed: bool
+    doubt: Doubt
+
+    @property
+    def correction(self) -> Array:
+        """alpha mu + beta at this tick, (n,)."""
+        correction: Array = self.alpha @ self.mu + self.beta
+        return correction
+
+    @property
+    def target(self) -> Array:
+        """What the correction should have been, (n,): the model's error at the executed mu.
+
+        In the first approach the correction is part of the input v = mu + correction, and the target is v - y''.
+        """
+        if self.problem is Problem.IO_RL_CLF_QP:
+            return self.mu + self.correction - self.measured
+        return self.measured - self.nominal
+
+    @property
+    def error(self) -> Array:
+        """What the reward squares: estimate minus measurement [eq:loss_functions]; y'' - mu in the first approach."""
+        return self.correction - self.target
+
+
+class TransitionBuilder:
+    """Puts transitions together from the ticks of a walk, in order; `gaps` counts ticks that never came."""
+
+    def __init__(self, parameters: TrainingParameters) -> None:
+        self.gaps = 0
+        self._parameters = parameters
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin an episode."""
+        self._last: ControllerOutput | None = None
+
+    def add(self, state: RobotState, output: ControllerOutput) -> Transition | None:
+        """The transition that ends at this tick; None at the episode's first and after a gap."""
+        if output.quantities != self._parameters.problem.quantities:
+            raise ValueError(f"quantities = {output.quantities}; expected {self._parameters.problem.quantities}")
+        last, self._last = self._last, output
+        if last is None:
+            return None
+        if output.tick != last.tick + 1:
+            self.gaps += 1
+            return None
+        return self._transition(last, state, output)
+
+    def end(self, state: RobotState) -> Transition | None:
+        """The episode's last transition, into a state without an output; nothing is measured but the failure."""
+        last, self._last = self._last, None
+        if last is None or state.tick != last.tick + 1:
+            return None
+        return self._transition(last, state, None)
+
+    def _transition(self, last: ControllerOutput, state: RobotState, output: ControllerOutput | None) -> Transition:
+        following = output or last
+        doubt = self._doubt(last, state, output)
+        unmeasured = np.full(len(last.quantities), np.nan)
+        return Transition(
+            problem=self._parameters.problem,
+            tick=last.tick,
+            step_index=last.step_index,
+            observation=last.observation,
+            LgV=last.LgV,
+            mu=last.mu,
+            alpha=last.alpha,
+            beta=last.beta,
+            nominal=last.nominal_a @ last.mu + last.nominal_b,
+            measured=unmeasured if doubt & Doubt.UNMEASURED or output is None else measure(last, state, output),
+            next_observation=following.observation,
+            next_LgV=following.LgV,
+            next_mu=following.mu,
+            failed=output is None and self._failed(state),
+            doubt=doubt,
+        )
+
+    def _doubt(self, last: ControllerOutput, state: RobotState, output: ControllerOutput | None) -> Doubt:
+        p = self._parameters
+        y, dy = np.abs(last.eta[:4]).max(), np.abs(last.eta[4:]).max()
+        normal_force = state.foot_force[:, 1]
+        reasons = {
+            Doubt.UNMEASURED: output is None or output.step_index != last.step_index,
+            Doubt.SETTLING: last.step_index > 0 and last.step_time < p.settle_time - TICK_SECONDS / 2,
+            Doubt.FLIGHT: normal_force[last.stance] < CONTACT_FORCE,
+            Doubt.SCUFF: normal_force[last.stance.other] >= CONTACT_FORCE,
+            Doubt.SATURATED: last.saturated,
+            Doubt.FAR: y > p.far_position or dy > p.far_velocity,
+        }
+        return Doubt(sum(flag for flag, holds in reasons.items() if holds))
+
+    def _failed(self, state: RobotState) -> bool:
+        return bool(state.q[1] < self._parameters.fall_height or abs(state.q[2]) > self._parameters.fall_pitch)
+
+
+def measure(last: ControllerOutput, state: RobotState, output: ControllerOutput) -> Array:
+    """All quantities over the tick from `last` to (`state`, `output`), (n,), in their units."""
+    barriers = (output.barrier_rates - last.barrier_rates) / TICK_SECONDS
+    accelerations = (output.eta[4:] - last.eta[4:]) / TICK_SECONDS
+    tangential, normal = state.foot_force[last.stance]
+    values = {
+        "V": (output.V - last.V) / TICK_SECONDS,
+        "B1": barriers[0],
+        "B2": barriers[1],
+        "C1": normal,
+        "C2": tangential,
+        **{f"y{i + 1}": acceleration for i, acceleration in enumerate(accelerations)},
+    }
+    return np.array([values[name] for name in last.quantities])
