@@ -12,16 +12,21 @@ from rabbit_sim.parameters import SUBSTEP_SECONDS
 
 SUBSTEPS = round(TICK_SECONDS / SUBSTEP_SECONDS)
 CONTACT_FORCE = 1.0  # N, a foot that carries more is in contact
+CLEAR_HEIGHT = 0.005  # m, a foot that has been higher since its last contact is clear, and can come down
 
 Span = tuple[float, float]  # near and far edge of a stone's top, world x, m
 
 
 @dataclass(frozen=True)
 class Touch:
-    """A foot that had been clear came down: its centre's world `x`, m; no `hold` where it fell into a gap."""
+    """A foot that had been clear came down, its centre at world `x`, the other's at `other_x`, m.
+
+    `hold` is False where it fell into a gap or against a stone's side.
+    """
 
     leg: Leg
     x: float
+    other_x: float
     hold: bool
 
 

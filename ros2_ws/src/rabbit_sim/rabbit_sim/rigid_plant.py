@@ -1,7 +1,7 @@
 """The true plant as the paper models it: a pinned stance foot, and an inelastic impact where the other foot lands.
 
 There is ground everywhere at z = 0 and no slip; a pinned foot can also be pulled at, so a negative normal force is
-reported, not flight. A foot that has risen lands where its height passes zero, wherever that is.
+reported, not flight. A foot that has been clear lands where its height passes zero, wherever that is.
 """
 
 from collections.abc import Sequence
@@ -14,10 +14,9 @@ from rabbit_sim.actuation import Actuation
 from rabbit_sim.kinematics import foot_positions
 from rabbit_sim.parameters import SUBSTEP_SECONDS, SimulationParameters
 from rabbit_sim.pinned_dynamics import PinnedDynamics
-from rabbit_sim.plant import PlantReading, Span, Touch
+from rabbit_sim.plant import CLEAR_HEIGHT, PlantReading, Span, Touch
 from rabbit_sim.robot_urdf import perturbed_urdf
 
-RISEN_HEIGHT = 0.001  # m, a foot that has been higher can land
 EVENT_TOLERANCE = 1e-13  # s
 
 Motion = tuple[Array, Array, Array]  # q, dq, impulse of the ground on the stance foot
@@ -38,7 +37,7 @@ class RigidPlant:
         """`q`, `dq` must have the stance foot at rest: it stays where it is."""
         self._actuation.reset()
         self._q, self._dq, self._stance = q.copy(), dq.copy(), stance
-        self._risen = False
+        self._clear = False
         self._impulse = np.zeros((2, 2))
         self._touches: list[Touch] = []
 
@@ -61,13 +60,13 @@ class RigidPlant:
     def _substep(self, torque: Array, duration: float) -> None:
         motion = self._integrate(torque, duration)
         height = self._swing_height(motion)
-        if self._risen and height < 0:
+        if self._clear and height < 0:
             until = brentq(lambda t: self._swing_height(self._integrate(torque, t)), 0, duration, xtol=EVENT_TOLERANCE)
             self._accept(self._integrate(torque, until))
             self._strike()
             motion = self._integrate(torque, duration - until)
         self._accept(motion)
-        self._risen = self._risen or height > RISEN_HEIGHT
+        self._clear = self._clear or height > CLEAR_HEIGHT
 
     def _accept(self, motion: Motion) -> None:
         self._q, self._dq, impulse = motion
@@ -78,11 +77,11 @@ class RigidPlant:
 
     def _strike(self) -> None:
         """The swing foot lands and is pinned; the old stance foot is free."""
-        self._stance, self._risen = self._stance.other, False
+        self._stance, self._clear = self._stance.other, False
         self._dq, impulse = self._dynamics.impact(self._q, self._dq, self._stance)
         self._impulse[self._stance] += impulse
-        x = foot_positions(self._q, self._bend)[self._stance, 0]
-        self._touches.append(Touch(self._stance, float(x), hold=True))
+        x = foot_positions(self._q, self._bend)[:, 0].tolist()
+        self._touches.append(Touch(self._stance, x[self._stance], x[self._stance.other], hold=True))
 
     def _integrate(self, torque: Array, h: float) -> Motion:
         """One classical Runge-Kutta step of length `h`, s, from the present state; the force is integrated with it."""

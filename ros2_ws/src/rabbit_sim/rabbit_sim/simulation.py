@@ -10,7 +10,7 @@ from rabbit_description.state import Array, Leg, RobotState, StonePreview
 
 from rabbit_sim.initial_state import initial_state
 from rabbit_sim.parameters import SimulationParameters
-from rabbit_sim.plant import Plant, PlantReading
+from rabbit_sim.plant import Plant, PlantReading, Touch
 from rabbit_sim.plants import make_plant
 from rabbit_sim.sensors import Sensors
 from rabbit_sim.stones import draw_course, read_course
@@ -119,23 +119,23 @@ class Simulation:
             if touch.leg is self._stance or self.outcome is not Outcome.RUNNING:
                 continue
             if not self._landed:
-                self._land(touch.x, touch.hold)
+                self._land(touch)
             if touch.hold:
                 self._touchdowns += 1
                 self._stand_on(touch.leg, touch.x)
             if self._touchdowns == self.parameters.stones and self.outcome is Outcome.RUNNING:
                 self.outcome = Outcome.WALKED
 
-    def _land(self, x: float, hold: bool) -> None:
+    def _land(self, touch: Touch) -> None:
         """Note where the swing foot came down, once a step."""
         self._landed = True
         index = self._touchdowns + 1
         seen = self._preview or StonePreview(index, np.nan, np.nan)
-        landing = Landing(index, self._tick, x - self._stance_x, seen.l_min, seen.l_max, hold)
+        landing = Landing(index, self._tick, touch.x - touch.other_x, seen.l_min, seen.l_max, touch.hold)
         self.landings.append(landing)
-        self._fell_into_gap |= not hold
-        if self.parameters.stop_at_miss and (landing.missed or not hold):
-            self.outcome = Outcome.MISS if hold else Outcome.GAP_FALL
+        self._fell_into_gap |= not touch.hold
+        if self.parameters.stop_at_miss and (landing.missed or not touch.hold):
+            self.outcome = Outcome.MISS if touch.hold else Outcome.GAP_FALL
 
     def _judge(self, reading: PlantReading) -> Outcome:
         """What else may have ended the episode in this tick."""

@@ -4,10 +4,8 @@ from collections.abc import Callable, Sequence
 
 from rabbit_description.state import Array, Leg
 
-from rabbit_sim.plant import CONTACT_FORCE, SUBSTEPS, Touch
+from rabbit_sim.plant import CLEAR_HEIGHT, CONTACT_FORCE, Touch
 
-CLEAR_SUBSTEPS = SUBSTEPS  # substeps without contact after which a foot is clear
-RISEN_HEIGHT = 0.001  # m, only a foot that has been higher can fall into a gap
 NEAR_HEIGHT = 0.05  # m, a foot below it may reach the ground within the tick
 EDGE_DEPTH = 0.005  # m, a first contact deeper than this is with a stone's side
 
@@ -17,10 +15,8 @@ class TouchWatch:
 
     def __init__(self, locate: Callable[[], Array]) -> None:
         self._locate = locate
-        self._free_substeps = [0, 0]
-        self._risen = [False, False]
-        self._crossing: list[float | None] = [None, None]  # x where a foot has just gone below the ground
-        self._last = locate()
+        self._clear = [False, False]
+        self._crossings: list[Touch | None] = [None, None]  # of feet that have just gone below the ground
         self.touches: list[Touch] = []
 
     def begin_tick(self, feet: Array) -> None:
@@ -28,41 +24,38 @@ class TouchWatch:
         self.touches = []
         heights = feet[:, 1].tolist()
         for leg in Leg:
-            self._risen[leg] |= heights[leg] > RISEN_HEIGHT
-        self._near = any(self._risen[leg] and heights[leg] < NEAR_HEIGHT for leg in Leg)
+            self._clear[leg] |= heights[leg] > CLEAR_HEIGHT
+        self._near = any(self._clear[leg] and heights[leg] < NEAR_HEIGHT for leg in Leg)
         self._last = feet
 
     def substep(self, forces: Sequence[Sequence[float]]) -> None:
         """Take in the forces (rows left, right; columns x, z; N) of the substep that has just ended."""
-        if self._near:
-            self._watch_heights(forces)
         for leg in Leg:
-            if forces[leg][1] <= CONTACT_FORCE:
-                self._free_substeps[leg] += 1
-                continue
-            if self._free_substeps[leg] >= CLEAR_SUBSTEPS:
-                self._land(leg)
-            self._free_substeps[leg] = 0
-            self._risen[leg] = False
+            if forces[leg][1] > CONTACT_FORCE:
+                if self._clear[leg]:
+                    feet = self._locate()
+                    self._touch(_touch(leg, feet, hold=bool(feet[leg, 1] > -EDGE_DEPTH)))
+                self._clear[leg] = False
+        if self._near:
+            self._watch_heights()
 
-    def _watch_heights(self, forces: Sequence[Sequence[float]]) -> None:
-        """A foot below the ground for a whole substep without a force has no stone: the engine sees overlaps late."""
+    def _watch_heights(self) -> None:
+        """The engine stops a foot only once it is below the ground: one that stays there has no stone."""
         feet = self._locate()
         for leg in Leg:
-            crossing = self._crossing[leg]
-            if crossing is not None and forces[leg][1] <= CONTACT_FORCE:
-                self.touches.append(Touch(leg, crossing, hold=False))
-                self._risen[leg] = False
-            below = self._risen[leg] and feet[leg, 1] < 0
-            self._crossing[leg] = _ground_crossing(self._last[leg], feet[leg]) if below else None
+            crossing = self._crossings[leg]
+            if crossing is not None and self._clear[leg]:
+                self._touch(crossing)
+            if self._clear[leg] and feet[leg, 1] < 0:
+                share = self._last[leg, 1] / (self._last[leg, 1] - feet[leg, 1])
+                self._crossings[leg] = _touch(leg, self._last + share * (feet - self._last), hold=False)
         self._last = feet
 
-    def _land(self, leg: Leg) -> None:
-        x, z = self._locate()[leg]
-        self.touches.append(Touch(leg, float(x), hold=bool(z > -EDGE_DEPTH)))
+    def _touch(self, touch: Touch) -> None:
+        self.touches.append(touch)
+        self._clear[touch.leg] = False
+        self._crossings[touch.leg] = None
 
 
-def _ground_crossing(above: Array, below: Array) -> float:
-    """World x where the way from one (x, z) to the other passes z = 0."""
-    share = above[1] / (above[1] - below[1])
-    return float(above[0] + share * (below[0] - above[0]))
+def _touch(leg: Leg, feet: Array, hold: bool) -> Touch:
+    return Touch(leg, float(feet[leg, 0]), float(feet[leg.other, 0]), hold)
