@@ -32,7 +32,9 @@ def check_python() -> None:
     headers = Path(sysconfig.get_path("include")) / "Python.h"
     version = f"{sys.version_info.major}.{sys.version_info.minor}"
     if not headers.is_file():
-        raise SetUpError(f"no headers for Python {version} ({headers}); install python{version}-dev, then call make again")
+        raise SetUpError(
+            f"no headers for Python {version} ({headers}); install python{version}-dev, then call make again"
+        )
     if find_spec("ensurepip") is None or find_spec("venv") is None:
         raise SetUpError(f"Python {version} has no venv; install python{version}-venv, then call make again")
 

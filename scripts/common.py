@@ -1,4 +1,4 @@
-"""What the set-up scripts share: paths, one-line errors, stamps, commands whose output goes to a log. Standard library only."""
+"""What the set-up scripts share: paths, one-line errors, stamps, logged commands. Standard library only."""
 
 import fcntl
 import hashlib
@@ -23,7 +23,9 @@ class SetUpError(Exception):
 
 def system_ros() -> Path | None:
     """Prefix of a full ROS 2 Jazzy: the one sourced in this shell, or /opt/ros/jazzy; None where there is none."""
-    sourced = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if os.environ.get("ROS_DISTRO") == "jazzy" else []
+    sourced = (
+        os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if os.environ.get("ROS_DISTRO") == "jazzy" else []
+    )
     for prefix in (*map(Path, filter(None, sourced)), Path("/opt/ros/jazzy")):
         if prefix != VENV and (prefix / "setup.bash").is_file() and (prefix / "share" / "rclpy").is_dir():
             return prefix

@@ -1,7 +1,7 @@
-"""`make lock`: write the hashed locks in requirements/ from the `.in` files, for Python 3.11 and 3.12. Needs `uv` on the path.
+"""`make lock`: write the hashed locks in requirements/ from the `.in` files, for Python 3.11 and 3.12. Needs `uv`.
 
-torch's PyPI build wants CUDA packages, its CPU build does not: torch stands alone in torch.txt and CUDA in torch_cuda.txt,
-which the set-up installs only if torch's own metadata asks for it.
+torch has locks of its own: the CPU build, which PyPI does not list, in torch_cpu.txt (by hand), tried first; PyPI's
+build in torch.txt; and what that one needs of CUDA in torch_cuda.txt.
 """
 
 import re
@@ -33,9 +33,7 @@ def main() -> None:
     write("python.txt", compile_lock("python.in", "build.txt"))
     write("ros.txt", compile_lock("ros.in", "build.txt", "python.txt"))
     packages = compile_lock("torch.in", "build.txt", "python.txt")
-    extra = re.findall(r"--hash=sha256:\w+", (REQUIREMENTS / "torch.in").read_text())  # of builds that PyPI does not list
-    torch = next(package for package in packages if package.startswith("torch=="))
-    write("torch.txt", [torch.rstrip("\n") + "".join(f" \\\n    {each}" for each in extra) + "\n"])
+    write("torch.txt", [package for package in packages if package.startswith("torch==")])
     write("torch_cuda.txt", [package for package in packages if CUDA.match(package)])
 
 

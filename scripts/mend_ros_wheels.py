@@ -1,7 +1,8 @@
 """Mend the ROS 2 wheels in an environment, so that CMake, colcon and a sourced shell find everything.
 
-The wheels carry paths of the machine that built them: Python and numpy headers in the CMake files of the message packages,
-and parent prefixes in the ament index. They also lack the set-up files that a ROS prefix has. Running this twice is harmless.
+The wheels carry paths of the machine that built them: Python and numpy headers in the CMake files of the message
+packages, and parent prefixes in the ament index. They also lack the set-up files that a ROS prefix has. Running this
+twice is harmless.
 """
 
 import re
@@ -21,6 +22,7 @@ _rabbit_prepend() {{
   esac
 }}
 {lines}
+if [ -z "${{HOME:-}}${{ROS_HOME:-}}${{ROS_LOG_DIR:-}}" ]; then export ROS_HOME="{prefix}/.ros"; fi
 unset -f _rabbit_prepend
 unset _rabbit_value
 """
@@ -42,7 +44,9 @@ def mend_cmake(prefix: Path, python_headers: str, numpy_headers: str) -> int:
 
 def mend_parents(prefix: Path) -> int:
     """Blank the parent prefixes, which do not exist here; returns how many files changed."""
-    entries = [path for path in prefix.glob("share/ament_index/resource_index/parent_prefix_path/*") if path.stat().st_size]
+    entries = [
+        path for path in prefix.glob("share/ament_index/resource_index/parent_prefix_path/*") if path.stat().st_size
+    ]
     for path in entries:
         path.write_text("")
     return len(entries)
@@ -59,8 +63,8 @@ def wheel_paths(prefix: Path, site_packages: Path) -> Iterator[tuple[str, Path]]
 
 
 def write_setup_files(prefix: Path, lines: list[str], underlay: Path | None = None) -> None:
-    """Write `setup.*` and `local_setup.*` at the prefix, for sh, bash and zsh; the former sources the underlay first."""
-    local = LOCAL_SETUP.format(lines="\n".join(lines))
+    """Write `setup.*` and `local_setup.*` at the prefix, for sh, bash and zsh; `setup.*` sources the underlay first."""
+    local = LOCAL_SETUP.format(lines="\n".join(lines), prefix=prefix)
     for shell in ("sh", "bash", "zsh"):
         first = f'. "{underlay}/setup.{shell}"\n' if underlay else ""
         (prefix / f"local_setup.{shell}").write_text(local)

@@ -11,7 +11,10 @@ CAUSES = (
     (r"No space left on device|\[Errno 28\]", "no room on the disk: make room (3 GB; 10 GB with CUDA)"),
     (r"Disk quota exceeded|\[Errno 122\]", "the disk quota is used up: make room (3 GB; 10 GB with CUDA)"),
     (r"Permission denied|\[Errno 13\]", "a folder is not writable: see to its owner"),
-    (r"DO NOT MATCH THE HASHES", "a download is not the file that the lock names: try again, or clear pip's cache (`pip cache purge`)"),
+    (
+        r"DO NOT MATCH THE HASHES",
+        "a download is not the file that the lock names: try again, or clear pip's cache (`pip cache purge`)",
+    ),
     (r"Python\.h: No such file", "Python's headers are missing: install python3-dev"),
     (r"(gcc|g\+\+|cc|c\+\+|clang).*(No such file or directory|not found)", "no C++ compiler: install build-essential"),
     (
@@ -37,7 +40,9 @@ def pip_install(*locks: str, first: bool = False) -> None:
         SetUpError: pip failed; the line says why as far as pip's output shows it.
     """
     log = STATE / f"pip-{Path(locks[0]).stem}.log"
-    patience = ["--timeout", "30", "--retries", "1"] if first else ["--timeout", os.environ.get("PIP_DEFAULT_TIMEOUT", "60")]
+    patience = (
+        ["--timeout", "30", "--retries", "1"] if first else ["--timeout", os.environ.get("PIP_DEFAULT_TIMEOUT", "60")]
+    )
     files = [part for lock in locks for part in ("-r", str(REQUIREMENTS / lock))]
     options = ["--disable-pip-version-check", "--no-input", "--no-deps", "--no-build-isolation", "--require-hashes"]
     command = [str(VENV / "bin" / "python"), "-m", "pip", "install", *options, *patience, *files]

@@ -4,10 +4,12 @@ Each step leaves a stamp with a hash of its inputs, so a second call does nothin
 Called by the interpreter that the environment is to have (Python 3.11 or 3.12).
 """
 
+import os
 import shutil
 import subprocess
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -56,14 +58,26 @@ def ask(code: str) -> str:
     return subprocess.run([str(PYTHON), "-c", code], capture_output=True, text=True, check=False).stdout.strip()
 
 
+def torch_is_there() -> bool:
+    """Whether the locked version is installed, in whatever build."""
+    wanted = (REQUIREMENTS / "torch.in").read_text().strip().removeprefix("torch==")
+    return ask("import importlib.metadata as m; print(m.version('torch'))").split("+")[0] == wanted
+
+
 def install_torch() -> None:
-    """torch, unless this version is there already (say a CPU build put there by hand); CUDA only if its build asks for it."""
-    found = ask("import importlib.metadata as m; print(m.version('torch'))")
-    wanted = (REQUIREMENTS / "torch.in").read_text().split("==")[1].split()[0]
-    if found.split("+")[0] != wanted:
+    """torch: the wheel that $TORCH_WHEEL names, else the CPU build where pip knows of one, else PyPI's with CUDA."""
+    wheel = os.environ.get("TORCH_WHEEL")
+    if wheel and logged([str(PYTHON), "-m", "pip", "install", "--no-deps", wheel], STATE / "pip-torch_wheel.log"):
+        raise SetUpError(
+            f"pip cannot install TORCH_WHEEL={wheel}; give the file of a build for this Python, then call make again"
+        )
+    if not torch_is_there():
+        with suppress(SetUpError):
+            pip_install("torch_cpu.txt")
+    if not torch_is_there():
+        check_room(ROOT, CUDA_ROOM)
         pip_install("torch.txt")
     if "nvidia" in ask("import importlib.metadata as m; print(m.requires('torch'))"):
-        check_room(ROOT, CUDA_ROOM)
         pip_install("torch_cuda.txt")
 
 
@@ -74,17 +88,24 @@ def mend_ros() -> None:
         prepend = [f'_rabbit_prepend PATH "{VENV}/bin"', f'_rabbit_prepend COLCON_PREFIX_PATH "{VENV}"']
         write_setup_files(VENV, prepend, underlay)
     elif logged([str(PYTHON), str(SCRIPTS / "mend_ros_wheels.py")], STATE / "mend.log"):
-        raise SetUpError("the ROS wheels could not be mended (log: .setup/mend.log); remove .venv, then call make again")
+        raise SetUpError(
+            "the ROS wheels could not be mended (log: .setup/mend.log); remove .venv, then call make again"
+        )
 
 
 def steps() -> list[Step]:
     """The steps in their order."""
-    locks = [REQUIREMENTS / f"{name}.txt" for name in ("build", "python", "ros", "torch", "torch_cuda")]
+    locks = [REQUIREMENTS / f"{name}.txt" for name in ("build", "python", "ros", "torch_cpu", "torch", "torch_cuda")]
     return [
         Step("venv", "an environment in .venv", (), make_venv),
         Step("build", "build tools", (locks[0],), install_build),
-        Step("python", "Python packages and ROS 2 (a minute; more where PyBullet is compiled)", (locks[1], locks[2]), install_python),
-        Step("torch", "torch", (locks[3], locks[4], REQUIREMENTS / "torch.in"), install_torch),
+        Step(
+            "python",
+            "Python packages and ROS 2 (a minute; more where PyBullet is compiled)",
+            (locks[1], locks[2]),
+            install_python,
+        ),
+        Step("torch", "torch", tuple(locks[3:]), install_torch),
         Step("mend", "set-up files for ROS 2", (locks[2], SCRIPTS / "mend_ros_wheels.py"), mend_ros),
     ]
 

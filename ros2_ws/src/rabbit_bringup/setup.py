@@ -1,6 +1,5 @@
 """Installs rabbit_bringup: `pip install` anywhere, `colcon build` in a ROS 2 workspace."""
 
-from glob import glob
 from pathlib import Path
 
 from setuptools import find_packages, setup
@@ -25,9 +24,9 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
-        (f"share/{NAME}/launch", glob("launch/*.launch.py")),
-        (f"share/{NAME}/config", glob("config/*")),
-        (f"lib/{NAME}", glob("bin/*")),
+        (f"share/{NAME}/launch", sorted(map(str, Path().glob("launch/*.launch.py")))),
+        (f"share/{NAME}/config", sorted(map(str, Path().glob("config/*")))),
+        (f"lib/{NAME}", sorted(map(str, Path().glob("bin/*")))),
     ],
     install_requires=[
         sibling("rabbit_description"),

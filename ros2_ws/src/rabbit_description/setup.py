@@ -1,6 +1,6 @@
 """Installs rabbit_description: `pip install` anywhere, `colcon build` in a ROS 2 workspace."""
 
-from glob import glob
+from pathlib import Path
 
 from setuptools import find_packages, setup
 
@@ -18,8 +18,8 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
-        (f"share/{NAME}/urdf", glob(f"{NAME}/urdf/*.urdf")),
-        (f"share/{NAME}/gaits", glob(f"{NAME}/gaits/*.yaml")),
+        (f"share/{NAME}/urdf", sorted(map(str, Path().glob(f"{NAME}/urdf/*.urdf")))),
+        (f"share/{NAME}/gaits", sorted(map(str, Path().glob(f"{NAME}/gaits/*.yaml")))),
     ],
     install_requires=[
         "numpy",

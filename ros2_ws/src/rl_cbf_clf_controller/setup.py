@@ -1,6 +1,5 @@
 """Installs rl_cbf_clf_controller: `pip install` anywhere, `colcon build` in a ROS 2 workspace."""
 
-from glob import glob
 from pathlib import Path
 
 from setuptools import find_packages, setup
@@ -25,7 +24,7 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
-        (f"share/{NAME}/config", glob(f"{NAME}/config/*.yaml")),
+        (f"share/{NAME}/config", sorted(map(str, Path().glob(f"{NAME}/config/*.yaml")))),
     ],
     install_requires=[
         sibling("rabbit_description"),
