@@ -44,7 +44,8 @@ class RobotState:
     """What is measured at one tick, all in the world frame (x forward, z up).
 
     `q`, `dq` (7,): `COORDINATES`, m and rad. `foot_force` (2, 2), N: rows left, right; columns tangential (+x) and
-    normal (+z), averaged over the tick that ended now. `contact` (2,): a foot carries more than 1 N at the tick's end.
+    normal (+z), averaged over the tick that ended now. `contact` (2,): a foot carried more than 1 N at some
+    moment of that tick.
     `touchdowns` counts landings since the reset, so stone `touchdowns + 1` is the one previewed; `preview` is None on
     flat ground. `running` is False once the episode has ended (fall, miss, all stones walked).
     """

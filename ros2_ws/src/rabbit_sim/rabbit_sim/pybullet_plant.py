@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pybullet
 from rabbit_description.state import ACTUATED, COORDINATES, Array, Leg
 
 from rabbit_sim.actuation import Actuation, JointDamping
+from rabbit_sim.bullet import pybullet
 from rabbit_sim.kinematics import foot_positions
 from rabbit_sim.parameters import SUBSTEP_SECONDS, SimulationParameters
 from rabbit_sim.plant import CONTACT_FORCE, SUBSTEPS, PlantReading, Span
@@ -125,15 +125,16 @@ class PybulletPlant:
     def advance(self, command: Array) -> None:
         """Ten substeps; the torque is given anew at each, as PyBullet forgets it."""
         self._watch.begin_tick(self._feet)
-        impulse = np.zeros((2, 2))
+        impulse, peak = np.zeros((2, 2)), np.zeros((2, 2))
         for torque in self._actuation.advance(command):
             self._apply(torque)
             pybullet.stepSimulation(physicsClientId=self._client)
             force = self._contact_forces()
             self._watch.substep(force)
             impulse += force
+            peak = np.maximum(peak, force)
         self._force = impulse / SUBSTEPS
-        self._contact = np.array([force[0][1] > CONTACT_FORCE, force[1][1] > CONTACT_FORCE])
+        self._contact = peak[:, 1] > CONTACT_FORCE  # at any moment of the tick: a foot may bounce within it
         self._q, self._dq = self._joint_states()
         self._feet = foot_positions(self._q, self._parameters.link_bend)
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from rabbit_description.gait import Gait
-from rabbit_description.state import SWAP_STATE, SWAP_TORQUE, TICK_SECONDS, Array, Leg, RobotState
+from rabbit_description.state import SWAP_STATE, SWAP_TORQUE, TICK_SECONDS, Array, Leg, RobotState, StonePreview
 
 from rl_cbf_clf_controller.affine import Affine
 from rl_cbf_clf_controller.contact_force import force_rows, literal_cone_rows
@@ -159,7 +159,7 @@ class Controller:
         eta = outputs.eta
         control = precontrol(outputs.second_derivative(dynamics.acceleration))
         p = self.parameters
-        barriers = stone_barriers(feet, state.preview, p.R1, p.R2) if p.on_stones and state.preview else None
+        barriers = self._barriers(feet, state.preview)
         clf = self.clf.derivative(eta)
         model = QuantityModel(outputs, clf, barriers, outputs_only=p.controller == "io-rl-clf-qp")
         nominal = model.evaluate(dynamics).after(control)
@@ -185,6 +185,13 @@ class Controller:
             force = Affine(learned.a[3:], learned.b[3:])
             rows.append(build(force, p.min_normal_force, p.friction_coeff, p.force_rescue_weight).normalised())
         return [*rows, saturation]
+
+    def _barriers(self, feet: Kinematics, stone: StonePreview | None) -> Barriers | None:
+        p = self.parameters
+        if stone is None or not p.on_stones:
+            return None
+        inside = StonePreview(stone.index, stone.l_min + p.stone_margin, stone.l_max - p.stone_margin)
+        return stone_barriers(feet, inside, p.R1, p.R2)
 
     def _clf_rows(self, eta: Array, derivative: Affine) -> Rows:
         p = self.parameters
