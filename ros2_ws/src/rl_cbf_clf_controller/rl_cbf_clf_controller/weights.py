@@ -90,6 +90,13 @@ class PolicyMetadata(BaseModel):
         return shapes
 
 
+class _Head(BaseModel):
+    """What the header holds."""
+
+    content_hash: str
+    metadata: PolicyMetadata
+
+
 @dataclass(frozen=True)
 class PolicyFile:
     """Checked metadata and float32 arrays `0.weight` ... `2.bias`, `probe.outputs`; see `PolicyMetadata.shapes`."""
@@ -115,8 +122,8 @@ class PolicyFile:
 
     def encode(self) -> bytes:
         """The bytes of file and message."""
-        header = {_KEY: self.metadata.model_dump_json(), "content_hash": self.content_hash}
-        data: bytes = save(self.arrays, metadata=header)
+        head = _Head(content_hash=self.content_hash, metadata=self.metadata)
+        data: bytes = save(self.arrays, metadata={_KEY: head.model_dump_json()})  # one key: their order is not fixed
         return data
 
     def write(self, path: Path) -> None:
@@ -148,14 +155,14 @@ def decode(data: bytes, problem: Problem | None = None) -> PolicyFile:
     try:
         arrays = load(data)
         header = json.loads(data[8 : 8 + int.from_bytes(data[:8], "little")]).get("__metadata__", {})
-        metadata = PolicyMetadata.model_validate_json(header.get(_KEY, "{}"))
+        head = _Head.model_validate_json(header.get(_KEY, "{}"))
     except (SafetensorError, ValidationError, ValueError, KeyError, OverflowError) as error:
         raise PolicyFileError(f"policy: not a policy file: {error}") from error
-    if problem is not None and metadata.problem is not problem:
-        raise PolicyFileError(f"policy: it was trained for {metadata.problem}; this controller needs {problem}")
-    file = PolicyFile(metadata, arrays)
-    if header.get("content_hash") != file.content_hash:
-        raise PolicyFileError(f"policy: content hash {header.get('content_hash')}; its content has {file.content_hash}")
+    if problem is not None and head.metadata.problem is not problem:
+        raise PolicyFileError(f"policy: it was trained for {head.metadata.problem}; this controller needs {problem}")
+    file = PolicyFile(head.metadata, arrays)
+    if head.content_hash != file.content_hash:
+        raise PolicyFileError(f"policy: content hash {head.content_hash}; its content has {file.content_hash}")
     _check_probe(file)
     return file
 

@@ -13,7 +13,7 @@ import copy
 from typing import Any
 
 import torch
-from rl_cbf_clf_controller.uncertainty import Problem
+from rl_cbf_clf_controller.uncertainty import INPUTS, Problem
 from torch import Tensor, nn
 
 from rl_trainer.actor import Actor
@@ -45,10 +45,11 @@ class Ddpg:
 
     def update(self, batch: Batch, rate: float) -> dict[str, float]:
         """One step of the critic, then one of the actor."""
-        critic_loss = self._critic_loss(batch)
+        action = self._act(self._average.actor, batch.observation, batch.LgV)
+        critic_loss = self._critic_loss(batch, action)
         self._optimizer.step(critic_loss, rate)
         self._critic.requires_grad_(False)
-        actor_loss = -self._value(batch, batch.mu, self._act(self._average.actor, batch.observation, batch.LgV))
+        actor_loss = -self._critic(batch.observation, batch.mu, batch.unit, action).sum(1).mean()
         self._average.descend(actor_loss, rate)
         self._critic.requires_grad_(True)
         if self._parameters.discount > 0:
@@ -73,13 +74,11 @@ class Ddpg:
         self._optimizer.load_state_dict(state["optimizer"])
         self._generator.set_state(state["generator"])
 
-    def _value(self, batch: Batch, mu: Tensor, action: Action) -> Tensor:
-        q: Tensor = self._critic(batch.observation, mu, batch.unit, action)
-        return q.sum(1).mean()
-
-    def _critic_loss(self, batch: Batch) -> Tensor:
+    def _critic_loss(self, batch: Batch, acted: Action) -> Tensor:
         p = self._parameters
-        mu, action, reward = self._relabelled(batch) if p.relabel else (batch.mu, self._stored(batch), batch.reward)
+        mu, action, reward = batch.mu, self._stored(batch), batch.reward
+        if p.relabel:
+            mu, action, reward = self._relabelled(batch, acted)
         wanted = reward + batch.penalty[:, None] / p.n
         if p.heads == "one":
             wanted = wanted.sum(1, keepdim=True)
@@ -96,17 +95,20 @@ class Ddpg:
 
     def _act(self, actor: Actor, observation: Tensor, LgV: Tensor) -> Action:
         alpha, beta = actor.unit_action(observation, LgV)
-        return self._action(alpha, beta, LgV)
+        return self._action(torch.cat([alpha.flatten(1), beta], 1), LgV)
 
-    def _action(self, alpha: Tensor, beta: Tensor, LgV: Tensor) -> Action:
-        """From alpha (b, n, 4) and beta (b, n) over their scales."""
+    def _action(self, flat: Tensor, LgV: Tensor) -> Action:
+        """From alphas and betas (b, 5n) over their scales."""
         alpha_scale, beta_scale = self._action_scales(LgV)
-        return Action(alpha * alpha_scale, beta * beta_scale, torch.cat([alpha.flatten(1), beta], 1))
+        alphas = INPUTS * self._parameters.n
+        alpha = flat[:, :alphas].reshape(-1, self._parameters.n, INPUTS)
+        return Action(alpha * alpha_scale, flat[:, alphas:] * beta_scale, flat)
 
     def _stored(self, batch: Batch) -> Action:
         """The action that was taken."""
         alpha_scale, beta_scale = self._action_scales(batch.LgV)
-        return self._action(batch.alpha / alpha_scale, batch.beta / beta_scale, batch.LgV)
+        flat = torch.cat([(batch.alpha / alpha_scale).flatten(1), batch.beta / beta_scale], 1)
+        return Action(batch.alpha, batch.beta, flat)
 
     def _action_scales(self, LgV: Tensor) -> tuple[Tensor, Tensor]:
         actor = self._average.actor
@@ -114,20 +116,20 @@ class Ddpg:
         return actor.alpha_scale[:, None] * size[..., None], actor.beta_scale * size
 
     @torch.no_grad()
-    def _relabelled(self, batch: Batch) -> tuple[Tensor, Action, Tensor]:
+    def _relabelled(self, batch: Batch, acted: Action) -> tuple[Tensor, Action, Tensor]:
         """Another action, the mu it is asked for, and the reward it would have had: -w norm(correction - target).
 
         In the first approach the same input v was measured; it is what another action makes of another mu.
         """
         p = self._parameters
-        alpha, beta = self._average.actor.unit_action(batch.observation, batch.LgV)
-        alpha, beta = alpha + p.relabel_noise * self._noise(alpha), beta + p.relabel_noise * self._noise(beta)
-        mu, action = batch.mu, self._action(alpha, beta, batch.LgV)
+        flat = acted.flat.detach()
+        flat = flat + p.relabel_noise * self._noise(flat)
+        mu, action = batch.mu, self._action(flat, batch.LgV)
         if p.problem is Problem.IO_RL_CLF_QP:
             v = batch.mu + self._stored(batch).correction(batch.mu)
             mu = batch.mu + RELABEL_MU * self._noise(batch.mu)
             beta = v - mu - torch.einsum("bij,bj->bi", action.alpha, mu)
-            action = self._action(alpha, beta / self._action_scales(batch.LgV)[1], batch.LgV)
+            action = Action(action.alpha, beta, torch.empty(0))
         error = action.correction(mu) / batch.unit - batch.target
         return mu, action, -self._weights * norm(error, p.error_norm)
 

@@ -1,0 +1,74 @@
+"""Whatever arrives on the topic: decode accepts the policy that was sent, or refuses; it never does anything else."""
+
+from contextlib import suppress
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from rl_cbf_clf_controller.uncertainty import Problem
+from rl_cbf_clf_controller.weights import (
+    PROBE,
+    PolicyFile,
+    PolicyFileError,
+    PolicyMetadata,
+    decode,
+    forward,
+    probe_inputs,
+)
+
+METADATA = PolicyMetadata(
+    problem=Problem.RL_CLF_QP,
+    observation=Problem.RL_CLF_QP.observation,
+    observation_center=(0.0,) * 14,
+    observation_scale=(1.0,) * 14,
+    hidden=(5, 4),
+    structured=True,
+    alpha_scale=(1.5,),
+    beta_scale=(250.0,),
+    learner="test",
+    plant={},
+    training_seed=1,
+    episodes=0,
+    transitions=0,
+    commit="",
+    command="",
+)
+
+
+def small_file() -> PolicyFile:
+    rng = np.random.default_rng(0)
+    arrays = {name: rng.standard_normal(shape).astype(np.float32) for name, shape in METADATA.shapes.items()}
+    arrays[PROBE] = np.stack([forward(arrays, row) for row in probe_inputs(14)])
+    return PolicyFile(METADATA, arrays)
+
+
+FILE = small_file()
+DATA = FILE.encode()
+
+
+@given(st.binary(max_size=300))
+def test_noise_is_refused(data: bytes) -> None:
+    with pytest.raises(PolicyFileError):
+        decode(data)
+
+
+@settings(max_examples=400)
+@given(st.integers(0, len(DATA) - 1), st.integers(1, 255))
+def test_a_flipped_byte_changes_nothing_or_is_refused(place: int, flip: int) -> None:
+    damaged = bytearray(DATA)
+    damaged[place] ^= flip
+    with suppress(PolicyFileError):
+        assert decode(bytes(damaged)).version == FILE.version
+
+
+@given(st.integers(0, len(DATA) - 1))
+def test_a_cut_is_refused(length: int) -> None:
+    with pytest.raises(PolicyFileError):
+        decode(DATA[:length])
+
+
+@given(st.binary(min_size=1, max_size=50))
+def test_an_appendix_is_refused(more: bytes) -> None:
+    with pytest.raises(PolicyFileError):
+        decode(DATA + more)

@@ -1,0 +1,207 @@
+"""Ticks, transitions and a tiny world for the learners, without a robot: the truth is written down, not simulated."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import pytest
+from rabbit_description.state import TICK_SECONDS, Array, Leg, RobotState
+from rl_cbf_clf_controller.controller import ControllerOutput
+from rl_cbf_clf_controller.policy import Policy, PolicyContext
+from rl_cbf_clf_controller.res_clf import ResClf
+from rl_cbf_clf_controller.uncertainty import Problem
+from rl_trainer.networks import OBSERVATION_UNITS
+from rl_trainer.transitions import Doubt, Transition
+
+CLF = ResClf(4, 0.1, (0.5, 0.8660254037844386))
+MakeTransition = Callable[..., Transition]
+
+
+def make_state(tick: int, **changes: Any) -> RobotState:
+    """The left leg stands with 300 N upright."""
+    state = RobotState(
+        tick=tick,
+        q=np.array([0, 0.78, 0, 0, 0, 0, 0], dtype=float),
+        dq=np.zeros(7),
+        foot_force=np.array([[30.0, 300.0], [0.0, 0.0]]),
+        contact=np.array([True, False]),
+        touchdowns=0,
+        preview=None,
+    )
+    return replace(state, **changes)
+
+
+def make_output(tick: int, problem: Problem = Problem.RL_CBF_CLF_QP, **changes: Any) -> ControllerOutput:
+    """Nothing moves, nothing is corrected."""
+    n = len(problem.quantities)
+    output = ControllerOutput(
+        tick=tick,
+        torque=np.zeros(4),
+        stance=Leg.LEFT,
+        step_index=0,
+        step_time=tick * TICK_SECONDS,
+        phase=0.3,
+        eta=np.zeros(8),
+        V=0.0,
+        barriers=np.zeros(2),
+        barrier_rates=np.zeros(2),
+        mu=np.zeros(4),
+        mu_qp=np.zeros(4),
+        omega=np.zeros(4),
+        quantities=problem.quantities,
+        nominal_a=np.zeros((n, 4)),
+        nominal_b=np.zeros(n),
+        alpha=np.zeros((n, 4)),
+        beta=np.zeros(n),
+        observation=np.zeros(len(problem.observation)),
+        LgV=np.zeros(4),
+        clf_slack=0.0,
+        rescue_slack=0.0,
+        active=(),
+        saturated=False,
+        solver="none",
+        status="",
+        answered=True,
+        solve_seconds=0.0,
+        policy_version="zero",
+    )
+    return replace(output, **changes)
+
+
+def drift(observation: Array) -> Array:
+    """Delta_1 of the tiny world, a smooth function of phase and pitch-like coordinates, rad/s^2."""
+    return 60 * np.sin(np.arange(4) + observation[..., 10:11]) + 20 * observation[..., 0:4]
+
+
+def true_errors(problem: Problem, observation: Array, LgV: Array) -> tuple[Array, Array]:
+    """Closed-form alpha (n, 4) and beta (n,) of a plant of twice the mass: Delta_2 = -I/2."""
+    if problem is Problem.IO_RL_CLF_QP:  # y'' = v + Delta_1 - v/2, so v = 2 y'' - 2 Delta_1
+        return np.eye(4), -2 * drift(observation)
+    alpha, beta = [-LgV / 2], [LgV @ drift(observation)]
+    if problem is Problem.RL_CBF_CLF_QP:
+        alpha += [np.full(4, -0.2), np.full(4, 0.1), np.zeros(4), np.zeros(4)]
+        beta += [10 * observation[8], -10 * observation[10], 300.0, 100 * observation[8]]
+    return np.array(alpha), np.array(beta)
+
+
+@pytest.fixture
+def random_transition() -> MakeTransition:
+    """Transitions at random states of the tiny world, measured without error."""
+
+    def make(problem: Problem, rng: np.random.Generator, **changes: Any) -> Transition:
+        center, scale = np.array([OBSERVATION_UNITS[name] for name in problem.observation]).T
+        observation = center + scale * rng.standard_normal(len(center))
+        LgV = CLF.derivative(observation[:8]).a[0]
+        mu = 30 * rng.standard_normal(4)
+        n = len(problem.quantities)
+        used_alpha, used_beta = np.zeros((n, 4)), np.zeros(n)
+        alpha, beta = true_errors(problem, observation, LgV)
+        nominal = np.arange(n, dtype=float)
+        measured = nominal + alpha @ mu + beta
+        if problem is Problem.IO_RL_CLF_QP:
+            used_alpha, used_beta = 0.5 * rng.standard_normal((4, 4)), 20 * rng.standard_normal(4)
+            nominal, measured = mu, (mu + used_alpha @ mu + used_beta) / 2 + drift(observation)
+        transition = Transition(
+            problem=problem,
+            tick=0,
+            step_index=1,
+            observation=observation,
+            LgV=LgV,
+            mu=mu,
+            alpha=used_alpha,
+            beta=used_beta,
+            nominal=nominal,
+            measured=measured,
+            next_observation=observation,
+            next_LgV=LgV,
+            next_mu=mu,
+            failed=False,
+            doubt=Doubt.NONE,
+        )
+        return replace(transition, **changes)
+
+    return make
+
+
+class ToyWorld:
+    """Four double integrators of twice the expected mass, for a fixed number of ticks; y is in `q[3:]`."""
+
+    def __init__(self, ticks: int = 40) -> None:
+        self.ticks = ticks
+
+    def reset(self, seed: int) -> RobotState:
+        self._rng = np.random.default_rng(seed)
+        self._y, self._dy, self._tick = 0.1 * self._rng.standard_normal(4), np.zeros(4), 0
+        return self._state()
+
+    def step(self, torque: Array) -> RobotState:
+        acceleration = torque / 2 + 5 * np.sin(self._y)
+        self._y = self._y + TICK_SECONDS * self._dy + TICK_SECONDS**2 / 2 * acceleration
+        self._dy = self._dy + TICK_SECONDS * acceleration
+        self._tick += 1
+        return self._state()
+
+    def _state(self) -> RobotState:
+        q, dq = np.array([0, 0.78, 0, *self._y]), np.array([0, 0, 0, *self._dy])
+        return make_state(self._tick, q=q, dq=dq, running=self._tick < self.ticks)
+
+
+@dataclass
+class ToyController:
+    """PD on the tiny world, in the clothes of the RL-CLF-QP."""
+
+    policy: Policy
+    sigma: float
+
+    def reset(self, seed: int) -> None:
+        self._rng = np.random.default_rng(seed)
+
+    def step(self, state: RobotState) -> ControllerOutput:
+        eta = np.concatenate([state.q[3:], state.dq[3:]])
+        LgV = CLF.derivative(eta).a[0]
+        observation = np.concatenate([eta, np.zeros(6)])
+        estimates = self.policy.estimate(PolicyContext(observation, LgV))
+        mu = -20 * eta[:4] - 8 * eta[4:] + self.sigma * self._rng.standard_normal(4)
+        changes = {"eta": eta, "V": CLF.value(eta), "LgV": LgV, "mu": mu, "torque": mu, "observation": observation}
+        nominal = CLF.derivative(eta)
+        return make_output(
+            state.tick,
+            Problem.RL_CLF_QP,
+            nominal_a=nominal.a,
+            nominal_b=nominal.b,
+            alpha=estimates.alpha,
+            beta=estimates.beta,
+            policy_version=self.policy.version,
+            **changes,
+        )
+
+
+@pytest.fixture
+def toy_world() -> ToyWorld:
+    return ToyWorld()
+
+
+@pytest.fixture
+def toy_controller() -> Callable[[Policy, float], ToyController]:
+    return ToyController
+
+
+@pytest.fixture
+def tick() -> Callable[..., tuple[RobotState, ControllerOutput]]:
+    """A tick by its number: `tick(3, state={...}, output={...}, problem=...)`."""
+
+    def make(
+        number: int,
+        state: dict[str, Any] | None = None,
+        output: dict[str, Any] | None = None,
+        problem: Problem = Problem.RL_CBF_CLF_QP,
+    ) -> tuple[RobotState, ControllerOutput]:
+        return make_state(number, **(state or {})), make_output(number, problem, **(output or {}))
+
+    return make
+
+
+@pytest.fixture
+def truth() -> Callable[[Problem, Array, Array], tuple[Array, Array]]:
+    return true_errors

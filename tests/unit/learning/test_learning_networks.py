@@ -1,0 +1,87 @@
+"""Actor against its numpy twin, critics against the reward's form."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+import torch
+from rl_cbf_clf_controller.policy import ActorPolicy, PolicyContext
+from rl_cbf_clf_controller.uncertainty import Problem
+from rl_cbf_clf_controller.weights import decode
+from rl_trainer.actor import Actor
+from rl_trainer.critic import Action, PlainCritic, RewardCritic
+from rl_trainer.parameters import TrainingParameters
+from rl_trainer.replay import as_batch
+from rl_trainer.training import Trainer
+from rl_trainer.transitions import Transition
+
+MakeTransition = Callable[..., Transition]
+
+
+@pytest.mark.parametrize("problem", Problem)
+@pytest.mark.parametrize("structured", [True, False])
+@pytest.mark.parametrize("shared", [True, False])
+@pytest.mark.parametrize("observe_l_min", [True, False])
+def test_actor_and_its_numpy_twin(problem: Problem, structured: bool, shared: bool, observe_l_min: bool) -> None:
+    parameters = TrainingParameters(
+        problem=problem, structured=structured, shared=shared, observe_l_min=observe_l_min, hidden1=12, hidden2=9
+    )
+    trainer = Trainer(parameters)
+    for weight in trainer.learner.acting.parameters():
+        torch.nn.init.normal_(weight, std=0.3)
+    policy = ActorPolicy(decode(trainer.policy_file().encode(), problem))
+    rng = np.random.default_rng(0)
+    for _ in range(5):
+        observation, LgV = 0.3 * rng.standard_normal(len(problem.observation)), 5 * rng.standard_normal(4)
+        estimates = policy.estimate(PolicyContext(observation, LgV))
+        inputs = torch.tensor(observation[: len(parameters.observation)][None], dtype=torch.float32)
+        with torch.no_grad():
+            alpha, beta = trainer.learner.acting(inputs, torch.tensor(LgV[None], dtype=torch.float32))
+        np.testing.assert_allclose(estimates.alpha, alpha[0], rtol=1e-3, atol=1e-3)
+        np.testing.assert_allclose(estimates.beta, beta[0], rtol=1e-3, atol=1e-2)
+
+
+def test_separate_networks_do_not_share_a_weight() -> None:
+    """The gradient of one quantity reaches one network only (Remark 1)."""
+    actor = Actor(TrainingParameters(shared=False, hidden1=6, hidden2=5))
+    alpha, _ = actor(torch.randn(3, 15), torch.randn(3, 4))
+    alpha[:, 2].sum().backward()
+    touched = [any(p.grad is not None and p.grad.any() for p in net.parameters()) for net in actor.networks]
+    assert touched == [False, False, True, False, False]
+
+
+def test_untrained_actor_is_nearly_the_zero_policy() -> None:
+    actor = Actor(TrainingParameters())
+    observation = actor.scaling.center + actor.scaling.scale * torch.randn(50, 15)
+    alpha, beta = actor.unit_action(observation, torch.randn(50, 4))
+    assert alpha.abs().max() < 0.02
+    assert beta.abs().max() < 0.02
+
+
+@pytest.mark.parametrize("norm", ["squared", "absolute"])
+def test_reward_critic_peaks_at_its_target(norm: str, random_transition: MakeTransition) -> None:
+    parameters = TrainingParameters(error_norm=norm)  # type: ignore[arg-type]
+    rng = np.random.default_rng(1)
+    batch = as_batch([random_transition(parameters.problem, rng) for _ in range(6)], parameters)
+    critic = RewardCritic(parameters)
+    best = critic.target(batch.observation, batch.mu) * batch.unit
+    action = Action(torch.zeros(6, 5, 4), best, torch.empty(0))
+    assert critic(batch.observation, batch.mu, batch.unit, action).abs().max() < 1e-6
+    off = Action(torch.zeros(6, 5, 4), best + 2 * batch.unit, torch.empty(0))
+    expected = -4.0 if norm == "squared" else -2.0
+    assert torch.allclose(critic(batch.observation, batch.mu, batch.unit, off), torch.tensor(expected), rtol=1e-3)
+
+
+@pytest.mark.parametrize(("heads", "outputs"), [("one", 1), ("each", 5)])
+@pytest.mark.parametrize("sees_mu", [True, False])
+def test_plain_critic_sees_what_it_should(
+    heads: str, outputs: int, sees_mu: bool, random_transition: MakeTransition
+) -> None:
+    parameters = TrainingParameters(critic="plain", heads=heads, critic_sees_mu=sees_mu)  # type: ignore[arg-type]
+    rng = np.random.default_rng(2)
+    batch = as_batch([random_transition(parameters.problem, rng) for _ in range(4)], parameters)
+    action = Action(batch.alpha, batch.beta, torch.randn(4, 25))
+    critic = PlainCritic(parameters)
+    q = critic(batch.observation, batch.mu, batch.unit, action)
+    assert q.shape == (4, outputs)
+    assert torch.equal(q, critic(batch.observation, batch.mu + 10, batch.unit, action)) != sees_mu

@@ -1,0 +1,118 @@
+"""Reward, replay, parameters."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from rl_cbf_clf_controller.uncertainty import Problem
+from rl_trainer.parameters import ParameterError, TrainingParameters, load_parameters, paper_literal
+from rl_trainer.replay import Replay, as_batch
+from rl_trainer.reward import error_unit, reward_terms
+from rl_trainer.transitions import Doubt, Transition
+
+MakeTransition = Callable[..., Transition]
+
+
+def test_reward_is_the_weighted_sum_of_squares_and_the_penalty(random_transition: MakeTransition) -> None:
+    weight, unit = (1.0, 2.0, 3.0, 4.0, 5.0), (10.0, 1.0, 1.0, 100.0, 100.0)
+    parameters = TrainingParameters(weight=weight, error_scale=unit, failure_penalty=7, relative_clf=False)
+    transition = random_transition(Problem.RL_CBF_CLF_QP, np.random.default_rng(0), failed=True)
+    terms = reward_terms(transition, parameters)
+    estimate = transition.nominal + transition.alpha @ transition.mu + transition.beta
+    expected = -np.array(weight) * ((transition.measured - estimate) / unit) ** 2
+    np.testing.assert_allclose(terms.estimation, expected)
+    assert terms.total == pytest.approx(expected.sum() - 7)
+    assert list(terms.named(Problem.RL_CBF_CLF_QP.quantities)) == ["V", "B1", "B2", "C1", "C2", "failure"]
+
+
+@pytest.mark.parametrize("problem", Problem)
+def test_true_errors_earn_no_penalty(problem: Problem, random_transition: MakeTransition, truth: Any) -> None:
+    transition = random_transition(problem, np.random.default_rng(1))
+    alpha, beta = truth(problem, transition.observation, transition.LgV)
+    measured = transition.measured
+    if problem is Problem.IO_RL_CLF_QP:  # the input is corrected, so the plant answers mu itself
+        measured = transition.mu
+    transition = replace(transition, alpha=alpha, beta=beta, measured=measured)
+    assert reward_terms(transition, TrainingParameters(problem=problem)).total == pytest.approx(0, abs=1e-20)
+
+
+def test_what_is_not_measured_costs_nothing(random_transition: MakeTransition) -> None:
+    transition = random_transition(Problem.RL_CLF_QP, np.random.default_rng(2), measured=np.array([np.nan]))
+    assert reward_terms(transition, TrainingParameters(problem=Problem.RL_CLF_QP)).total == 0
+
+
+def test_unit_of_the_clf_grows_with_LgV() -> None:
+    parameters = TrainingParameters(problem=Problem.RL_CLF_QP, error_scale=(10.0,))
+    np.testing.assert_allclose(error_unit(np.array([[0.0, 0, 0, 0], [3, 0, 4, 0]]), parameters), [[10], [60]])
+
+
+def test_replay_drops_the_oldest(random_transition: MakeTransition) -> None:
+    parameters = TrainingParameters(capacity=5, batch=64)
+    replay, rng = Replay(parameters), np.random.default_rng(3)
+    transitions = [random_transition(parameters.problem, rng) for _ in range(8)]
+    assert all(replay.add(transition) for transition in transitions)
+    kept = {round(float(x), 4) for x in replay.sample().mu[:, 0]}
+    assert kept == {round(float(np.float32(t.mu[0])), 4) for t in transitions[3:]}
+    assert (len(replay), replay.added) == (5, 8)
+
+
+def test_replay_goes_on_from_its_state(random_transition: MakeTransition) -> None:
+    parameters, rng = TrainingParameters(capacity=50), np.random.default_rng(4)
+    first, second = Replay(parameters), Replay(parameters)
+    for _ in range(20):
+        first.add(random_transition(parameters.problem, rng))
+    first.sample()
+    second.load_state_dict(first.state_dict())
+    assert torch.equal(first.sample().target, second.sample().target)
+
+
+def test_batch_of_transitions(random_transition: MakeTransition) -> None:
+    parameters, rng = TrainingParameters(observe_l_min=False), np.random.default_rng(5)
+    transitions = [random_transition(parameters.problem, rng) for _ in range(3)]
+    batch = as_batch(transitions, parameters)
+    assert batch.observation.shape == (3, 14)
+    np.testing.assert_allclose(batch.target * batch.unit, [t.target for t in transitions], rtol=1e-5)
+    np.testing.assert_allclose(batch.reward.sum(1), [reward_terms(t, parameters).total for t in transitions], rtol=1e-5)
+
+
+def test_only_the_literal_learner_keeps_failures(random_transition: MakeTransition) -> None:
+    transition = random_transition(
+        Problem.RL_CLF_QP, np.random.default_rng(6), failed=True, doubt=Doubt.UNMEASURED, measured=np.array([np.nan])
+    )
+    literal = paper_literal(Problem.RL_CLF_QP)
+    assert Replay(literal).add(transition)
+    assert not Replay(TrainingParameters(problem=Problem.RL_CLF_QP, failure_penalty=10)).add(transition)
+    assert as_batch([transition], literal).penalty.item() == -literal.failure_penalty
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"discount": 0.9},
+        {"heads": "one"},
+        {"error_scale": (1.0,)},
+        {"weight": (1.0, 1, 1, 1, -1)},
+        {"batch": 0},
+        {"sigma_factors": ()},
+        {"leave_out": ("everything",)},
+        {"speed": 1},
+    ],
+)
+def test_parameters_that_do_not_fit_are_named(changes: dict[str, Any]) -> None:
+    with pytest.raises(ValueError, match=next(iter(changes))):
+        TrainingParameters.model_validate(changes)
+
+
+def test_parameter_file(tmp_path: Path) -> None:
+    path = tmp_path / "training.yaml"
+    path.write_text("problem: rl-clf-qp\nbatch: 32\n")
+    assert load_parameters(path, batch=16).batch == 16
+    path.write_text("batch: many\n")
+    with pytest.raises(ParameterError, match="batch"):
+        load_parameters(path)
+    with pytest.raises(ParameterError, match=r"none\.yaml"):
+        load_parameters(tmp_path / "none.yaml")

@@ -1,0 +1,101 @@
+"""The episode loop in a tiny world: resuming, checkpoints, what the folder holds."""
+
+import itertools
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rabbit_description.state import RobotState
+from rl_cbf_clf_controller.controller import ControllerOutput
+from rl_cbf_clf_controller.policy import ZeroPolicy
+from rl_cbf_clf_controller.uncertainty import Problem
+from rl_cbf_clf_controller.weights import read
+from rl_trainer.parameters import TrainingParameters
+from rl_trainer.rollout import Record, rollout
+from rl_trainer.session import CheckpointError, Session, scalars
+from rl_trainer.training import Provenance, Trainer
+
+PARAMETERS = TrainingParameters(
+    problem=Problem.RL_CLF_QP, episodes=4, nominal_episodes=1, batch=16, updates_least=10, hidden1=16, hidden2=12
+)
+
+
+def test_a_killed_run_resumes_with_nothing_lost(tmp_path: Path, toy_world: Any, toy_controller: Any) -> None:
+    whole = Session(tmp_path / "whole", Trainer(PARAMETERS))
+    reports = list(whole.run(toy_world, toy_controller))
+    cut = Session(tmp_path / "cut", Trainer(PARAMETERS))
+    seen = list(itertools.islice(cut.run(toy_world, toy_controller), 2))
+    (tmp_path / "cut" / "checkpoint.partial").write_bytes(b"killed here")
+    again = Session(tmp_path / "cut", Trainer(PARAMETERS))
+    assert again.resumed
+    seen += list(again.run(toy_world, toy_controller))
+    assert seen == reports
+    assert again.trainer.policy_file().encode() == whole.trainer.policy_file().encode()
+    assert not list(Session(tmp_path / "cut", Trainer(PARAMETERS)).run(toy_world, toy_controller))
+
+
+def test_a_finished_run_goes_on_to_more_episodes(tmp_path: Path, toy_world: Any, toy_controller: Any) -> None:
+    list(Session(tmp_path, Trainer(PARAMETERS)).run(toy_world, toy_controller))
+    longer = Trainer(PARAMETERS.model_copy(update={"episodes": 5}))
+    assert [report.episode for report in Session(tmp_path, longer).run(toy_world, toy_controller)] == [4]
+
+
+def test_a_checkpoint_of_other_parameters_is_refused(tmp_path: Path, toy_world: Any, toy_controller: Any) -> None:
+    list(itertools.islice(Session(tmp_path, Trainer(PARAMETERS)).run(toy_world, toy_controller), 1))
+    with pytest.raises(CheckpointError, match="other parameters"):
+        Session(tmp_path, Trainer(PARAMETERS.model_copy(update={"seed": 2})))
+    (tmp_path / "checkpoint.pt").write_bytes(b"not a checkpoint")
+    with pytest.raises(CheckpointError, match=r"checkpoint\.pt"):
+        Session(tmp_path, Trainer(PARAMETERS))
+
+
+def test_the_folder_holds_a_policy_an_episode(tmp_path: Path, toy_world: Any, toy_controller: Any) -> None:
+    trainer = Trainer(PARAMETERS, Provenance(plant={"mass_scale": 2.0}, commit="abc", command="rabbit train"))
+    reports = list(Session(tmp_path, trainer).run(toy_world, toy_controller))
+    files = sorted((tmp_path / "policies").iterdir())
+    assert [file.stem for file in files] == ["001", "002", "003", "004"]
+    metadata = read(files[-1], Problem.RL_CLF_QP).metadata
+    assert (metadata.episodes, metadata.commit, metadata.plant) == (4, "abc", {"mass_scale": 2.0})
+    assert metadata.transitions == sum(report.kept for report in reports)
+    assert any((tmp_path / "tensorboard").iterdir())
+
+
+def test_reports(tmp_path: Path, toy_world: Any, toy_controller: Any) -> None:
+    first, *others = Session(tmp_path, Trainer(PARAMETERS)).run(toy_world, toy_controller)
+    assert first.nominal
+    assert not any(report.nominal for report in others)
+    assert first.ticks == toy_world.ticks  # the last transition is not measured
+    assert first.kept == toy_world.ticks - 1
+    assert set(scalars(first)) >= {"reward/V", "reward/failure", "losses/actor", "episode/steps", "left_out/settling"}
+
+
+def test_schedule_depends_on_seed_and_episode_alone() -> None:
+    first, second = Trainer(PARAMETERS), Trainer(PARAMETERS)
+    for _ in range(3):
+        second.begin_episode()
+    second.episode = first.episode = 7
+    a, b = first.begin_episode(), second.begin_episode()
+    assert (a.seed, a.sigma) == (b.seed, b.sigma)
+    assert a.sigma in {PARAMETERS.sigma * factor for factor in PARAMETERS.sigma_factors}
+    second.episode = 8
+    assert second.begin_episode().seed != a.seed
+
+
+def test_rollout_shows_each_tick_once_in_order(toy_world: Any, toy_controller: Any) -> None:
+    records: list[Record] = []
+    last = rollout(toy_world, toy_controller(ZeroPolicy(Problem.RL_CLF_QP), 0.0), 3, records.append)
+    assert [record.state.tick for record in records] == list(range(toy_world.ticks))
+    assert (last.tick, last.running) == (toy_world.ticks, False)
+
+
+def test_a_fault_ends_the_rollout(toy_world: Any, tick: Callable[..., tuple[RobotState, ControllerOutput]]) -> None:
+    class Faulty:
+        def reset(self, seed: int) -> None:
+            pass
+
+        def step(self, state: RobotState) -> ControllerOutput:
+            return tick(state.tick, output={"fault": "lost" if state.tick == 5 else "", "torque": np.zeros(4)})[1]
+
+    assert rollout(toy_world, Faulty(), 1).tick == 5

@@ -1,0 +1,185 @@
+"""The policy file: what is read back, and what is refused with which word."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rl_cbf_clf_controller.policy import ActorPolicy, PolicyContext, ZeroPolicy, contract
+from rl_cbf_clf_controller.uncertainty import Estimates, Problem
+from rl_cbf_clf_controller.weights import (
+    PROBE,
+    SIZE_LIMIT,
+    PolicyFile,
+    PolicyFileError,
+    PolicyMetadata,
+    decode,
+    forward,
+    probe_inputs,
+    read,
+)
+from safetensors.numpy import save
+
+
+def make_file(problem: Problem = Problem.RL_CBF_CLF_QP, structured: bool = True, **changes: Any) -> PolicyFile:
+    m, n = len(problem.observation), len(problem.quantities)
+    values = {
+        "problem": problem,
+        "observation": problem.observation,
+        "observation_center": (0.1,) * m,
+        "observation_scale": (2.0,) * m,
+        "hidden": (8, 6),
+        "structured": structured,
+        "alpha_scale": tuple(range(1, n + 1)),
+        "beta_scale": tuple(range(10, n + 10)),
+        "learner": "test",
+        "plant": {"mass_scale": 2.0, "plant": "pybullet"},
+        "training_seed": 1,
+        "episodes": 3,
+        "transitions": 100,
+        "commit": "0" * 40,
+        "command": "rabbit train",
+    }
+    metadata = PolicyMetadata.model_validate(values | changes)
+    rng = np.random.default_rng(0)
+    arrays = {name: rng.standard_normal(shape).astype(np.float32) for name, shape in metadata.shapes.items()}
+    arrays[PROBE] = np.stack([forward(arrays, row) for row in probe_inputs(len(metadata.observation))])
+    return PolicyFile(metadata, arrays)
+
+
+@pytest.mark.parametrize("problem", Problem)
+def test_bytes_come_back_as_they_went(problem: Problem) -> None:
+    file = make_file(problem, structured=problem.has_clf)
+    again = decode(file.encode(), problem)
+    assert again.metadata == file.metadata
+    assert again.version == file.version
+    assert again.encode() == file.encode()
+    assert all((again.arrays[name] == array).all() for name, array in file.arrays.items())
+
+
+def test_file_is_the_message(tmp_path: Path) -> None:
+    file = make_file()
+    file.write(tmp_path / "deep" / "policy.safetensors")
+    assert (tmp_path / "deep" / "policy.safetensors").read_bytes() == file.encode()
+    assert read(tmp_path / "deep" / "policy.safetensors").version == file.version
+    assert [path.name for path in (tmp_path / "deep").iterdir()] == ["policy.safetensors"]
+
+
+def test_version_depends_on_weights_and_on_metadata() -> None:
+    file = make_file()
+    other_weights = {name: array + np.float32(name == "2.bias") for name, array in file.arrays.items()}
+    assert PolicyFile(file.metadata, other_weights).version != file.version
+    assert make_file(training_seed=2).version != file.version
+
+
+def tampered(name: str, change: Any) -> bytes:
+    """A file whose array is replaced without a word in the header."""
+    file = make_file()
+    head = {"content_hash": file.content_hash, "metadata": file.metadata.model_dump(mode="json")}
+    arrays = dict(file.arrays)
+    arrays[name] = change(arrays[name])
+    data: bytes = save(arrays, metadata={"rabbit_policy": json.dumps(head)})
+    return data
+
+
+@pytest.mark.parametrize(
+    ("data", "word"),
+    [
+        (b"", "not a policy file"),
+        (b"\xff" * 100, "not a policy file"),
+        (save({"a": np.zeros(1, np.float32)}), "not a policy file"),
+        (b"0" * (SIZE_LIMIT + 1), "at most"),
+        (tampered("2.bias", lambda a: a + np.float32(1)), "content hash"),
+        (tampered("2.bias", lambda a: a[:-1]), "2.bias"),
+        (tampered("0.weight", lambda a: a * np.float32("nan")), "not finite"),
+        (tampered("0.weight", lambda a: a.astype(np.float64)), "float64"),
+    ],
+)
+def test_refused(data: bytes, word: str) -> None:
+    with pytest.raises(PolicyFileError, match=word):
+        decode(data)
+
+
+def test_another_problem_is_refused() -> None:
+    with pytest.raises(PolicyFileError, match="needs rl-clf-qp"):
+        decode(make_file().encode(), Problem.RL_CLF_QP)
+
+
+def test_outputs_that_differ_from_those_stored_are_refused() -> None:
+    file = make_file()
+    arrays = file.arrays | {PROBE: file.arrays[PROBE] + np.float32(0.01)}
+    with pytest.raises(PolicyFileError, match="fixed observations"):
+        decode(PolicyFile(file.metadata, arrays).encode())
+
+
+def test_missing_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(PolicyFileError, match=r"none\.safetensors"):
+        read(tmp_path / "none.safetensors")
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"observation": ("y1",)},
+        {"observation_scale": (0.0,) * 15},
+        {"observation_center": (0.0,) * 14},
+        {"alpha_scale": (1.0,)},
+        {"hidden": (0, 6)},
+        {"format_version": 2},
+        {"something": 1},
+    ],
+)
+def test_metadata_that_does_not_fit(changes: dict[str, Any]) -> None:
+    with pytest.raises(ValueError, match=next(iter(changes))):
+        make_file(**changes)
+
+
+def test_structured_row_is_LgV_times_the_matrix() -> None:
+    rng = np.random.default_rng(1)
+    D2, D1, LgV, others = rng.standard_normal((4, 4)), rng.standard_normal(4), rng.standard_normal(4), np.arange(20.0)
+    flat = contract(np.concatenate([np.column_stack([D2, D1]).ravel(), others]), LgV)
+    estimates = Estimates.from_flat(flat)
+    np.testing.assert_allclose(estimates.alpha[0], LgV @ D2)
+    np.testing.assert_allclose(estimates.beta[0], LgV @ D1)
+    np.testing.assert_array_equal(estimates.alpha[1:].ravel(), others[:16])
+    np.testing.assert_array_equal(estimates.beta[1:], others[16:])
+
+
+def test_structured_clf_vanishes_with_LgV() -> None:
+    estimates = ActorPolicy(make_file()).estimate(PolicyContext(np.ones(15), np.zeros(4)))
+    assert not estimates.alpha[0].any()
+    assert estimates.beta[0] == 0
+
+
+def test_outputs_stay_within_the_scales() -> None:
+    policy = ActorPolicy(make_file(structured=False))
+    LgV = np.array([3.0, 0.0, 4.0, 0.0])
+    estimates = policy.estimate(PolicyContext(1e3 * np.ones(15), LgV))
+    assert (np.abs(estimates.alpha) <= np.array([6.0, 2, 3, 4, 5])[:, None]).all()
+    assert (np.abs(estimates.beta) <= np.array([60.0, 11, 12, 13, 14])).all()
+
+
+def test_a_network_without_l_min_reads_the_first_fourteen() -> None:
+    observation = Problem.RL_CLF_QP.observation
+    units = {"observation": observation, "observation_center": (0.1,) * 14, "observation_scale": (2.0,) * 14}
+    policy = ActorPolicy(make_file(**units))
+    LgV = np.ones(4)
+    with_stone = policy.estimate(PolicyContext(np.append(np.linspace(-1, 1, 14), 0.35), LgV))
+    without = policy.estimate(PolicyContext(np.linspace(-1, 1, 14), LgV))
+    np.testing.assert_array_equal(with_stone.flat, without.flat)
+
+
+def test_flat_vector_is_in_the_papers_order() -> None:
+    estimates = Estimates.from_flat(np.arange(25.0))
+    np.testing.assert_array_equal(estimates.alpha[1], [4, 5, 6, 7])
+    np.testing.assert_array_equal(estimates.beta, [20, 21, 22, 23, 24])
+    np.testing.assert_array_equal(estimates.flat, np.arange(25.0))
+    with pytest.raises(ValueError, match="5 values"):
+        Estimates.from_flat(np.arange(24.0))
+
+
+@pytest.mark.parametrize("problem", Problem)
+def test_zero_policy_corrects_nothing(problem: Problem) -> None:
+    estimates = ZeroPolicy(problem).estimate(PolicyContext(np.ones(len(problem.observation)), np.ones(4)))
+    assert not estimates.error(np.ones(4)).any()
