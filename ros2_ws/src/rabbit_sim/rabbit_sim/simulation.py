@@ -10,7 +10,7 @@ from rabbit_description.state import Array, Leg, RobotState, StonePreview
 
 from rabbit_sim.initial_state import initial_state
 from rabbit_sim.parameters import SimulationParameters
-from rabbit_sim.plant import Plant, PlantReading, Touch
+from rabbit_sim.plant import Plant, PlantReading, Span, Touch
 from rabbit_sim.plants import make_plant
 from rabbit_sim.sensors import Sensors
 from rabbit_sim.stones import draw_course, read_course
@@ -24,6 +24,7 @@ SLIP_DISTANCE = 0.005  # m
 class Outcome(Enum):
     """How an episode stands or ended."""
 
+    IDLE = "idle"  # not reset yet
     RUNNING = "running"
     WALKED = "walked"  # all stones
     MISS = "miss"  # the foot came down off its stone, and the episode stops at that
@@ -57,6 +58,7 @@ class Landing:
 class Simulation:
     """One robot on one course at a time.
 
+    `outcome`, `landings`: how the episode stands. `reading`: the truth after the last tick, for judges, not controllers.
     Example: `state = simulation.reset(seed=1)`, then `state = simulation.step(torque)` while `state.running`.
     """
 
@@ -67,7 +69,7 @@ class Simulation:
         course = parameters.course
         self._file_course = read_course(Path(course), parameters.stones, parameters.stone_width) if course else None
         self._plant: Plant = make_plant(parameters)
-        self.outcome: Outcome | None = None
+        self.outcome = Outcome.IDLE
         self.landings: list[Landing] = []
 
     def close(self) -> None:
@@ -86,7 +88,13 @@ class Simulation:
         q, dq = initial_state(self.parameters, self._gait, start_rng)
         self._plant.reset(q, dq, Leg.LEFT)
         self._stand_on(Leg.LEFT, 0.0)
-        return self._state(self._plant.observe())
+        self.reading = self._plant.observe()
+        return self._state()
+
+    @property
+    def stones(self) -> tuple[Span, ...]:
+        """Edges of the ground placed since the reset, the first platform and the next stone included; world x, m."""
+        return tuple(self._terrain.placed)
 
     def step(self, torque: Array) -> RobotState:
         """Go on one tick under `torque` (4,), N m: left hip, left knee, right hip, right knee.
@@ -102,20 +110,20 @@ class Simulation:
             raise RuntimeError(f"outcome = {self.outcome}: expected a running episode, call reset first")
         self._plant.advance(torque)
         self._tick += 1
-        reading = self._plant.observe()
-        self._count_landings(reading)
+        self.reading = self._plant.observe()
+        self._count_landings()
         if self.outcome is Outcome.RUNNING:
-            self.outcome = self._judge(reading)
-        return self._state(reading)
+            self.outcome = self._judge(self.reading)
+        return self._state()
 
     def _stand_on(self, leg: Leg, x: float) -> None:
         """The stance foot is at world x: place and preview the next stone from there."""
         self._stance, self._stance_x, self._landed = leg, x, False
         self._preview = self._terrain.place_next(self._touchdowns + 1, x)
-        self._plant.set_stones(self._terrain.spans)
+        self._plant.set_stones(self._terrain.present)
 
-    def _count_landings(self, reading: PlantReading) -> None:
-        for touch in reading.touches:
+    def _count_landings(self) -> None:
+        for touch in self.reading.touches:
             if touch.leg is self._stance or self.outcome is not Outcome.RUNNING:
                 continue
             if not self._landed:
@@ -151,9 +159,7 @@ class Simulation:
             return Outcome.SLIP
         return Outcome.RUNNING
 
-    def _state(self, reading: PlantReading) -> RobotState:
-        q, dq, force = self._sensors.measure(reading)
-        running = self.outcome is Outcome.RUNNING
-        return RobotState(
-            self._tick, q, dq, force, reading.contact.copy(), self._touchdowns, self._preview, running=running
-        )
+    def _state(self) -> RobotState:
+        q, dq, force = self._sensors.measure(self.reading)
+        contact, running = self.reading.contact.copy(), self.outcome is Outcome.RUNNING
+        return RobotState(self._tick, q, dq, force, contact, self._touchdowns, self._preview, running)

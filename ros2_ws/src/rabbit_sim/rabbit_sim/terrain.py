@@ -12,15 +12,20 @@ KEPT_STONES = 3  # one under the trailing foot, one under the stance foot, the n
 
 
 class Terrain:
-    """Stones placed one at a time; `spans` are those that are there, world, m. On flat ground there is no stone."""
+    """Stones placed one at a time. `placed`: edges of all so far, world x, m. On flat ground there is no stone."""
 
     def __init__(self, parameters: SimulationParameters, course: list[Stone]) -> None:
         self._absolute = parameters.stone_placement == "absolute"
         self._flat = parameters.terrain == "flat"
         self._course = course
         half = parameters.stone_width / 2
-        self.spans: list[Span] = [GROUND if self._flat else (PLATFORM_START, half)]
+        self.placed: list[Span] = [GROUND if self._flat else (PLATFORM_START, half)]
         self._middle = 0.0  # of the last stone placed, m
+
+    @property
+    def present(self) -> list[Span]:
+        """The stones in reach: those far behind are taken away."""
+        return self.placed[-KEPT_STONES:]
 
     def place_next(self, index: int, foot: float) -> StonePreview | None:
         """Place stone `index` (from 1) for the stance foot at world x = `foot`, m; None where there is none."""
@@ -30,5 +35,5 @@ class Terrain:
         origin = self._middle if self._absolute else foot
         near, far = origin + stone.l_min, origin + stone.l_max
         self._middle = (near + far) / 2
-        self.spans = [*self.spans, (near, far)][-KEPT_STONES:]
+        self.placed.append((near, far))
         return StonePreview(index, near - foot, far - foot)

@@ -1,0 +1,163 @@
+"""What must hold for any parameters, states and commands."""
+
+import numpy as np
+import pinocchio
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from rabbit_description.gait import load_gait
+from rabbit_description.state import Leg
+from rabbit_sim.actuation import Actuation
+from rabbit_sim.initial_state import initial_state, project
+from rabbit_sim.kinematics import centripetal_acceleration, foot_jacobian, foot_positions
+from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.pinned_dynamics import PinnedDynamics
+from rabbit_sim.robot_urdf import perturbed_urdf
+from rabbit_sim.stones import draw_course
+from rabbit_sim.terrain import Terrain
+
+GAIT = load_gait("authors_035")
+
+
+def numbers(low, high):
+    return st.floats(low, high, allow_nan=False, allow_subnormal=False)
+
+
+robots = st.builds(
+    SimulationParameters,
+    mass_scale=numbers(0.2, 5),
+    payload=numbers(0, 80),
+    payload_height=numbers(-0.2, 0.6),
+    link_bend=numbers(-0.2, 0.2),
+)
+postures = arrays(float, 7, elements=numbers(-1.5, 1.5))
+rates = arrays(float, 7, elements=numbers(-10, 10))
+commands = arrays(float, (6, 4), elements=numbers(-1000, 1000))
+legs = st.sampled_from(Leg)
+
+
+def model_of(parameters):
+    model = pinocchio.buildModelFromXML(perturbed_urdf(parameters))
+    return model, model.createData(), [model.getFrameId(name) for name in ("left_foot", "right_foot")]
+
+
+@settings(max_examples=50, deadline=None)
+@given(robots, postures, rates, legs)
+def test_own_kinematics_are_those_of_the_urdf(p, q, dq, leg):
+    model, data, frames = model_of(p)
+    pinocchio.forwardKinematics(model, data, q, dq, np.zeros(7))
+    pinocchio.updateFramePlacements(model, data)
+    axes = pinocchio.LOCAL_WORLD_ALIGNED
+    place = data.oMf[frames[leg]].translation[[0, 2]]
+    velocity = pinocchio.getFrameVelocity(model, data, frames[leg], axes).linear[[0, 2]]
+    acceleration = pinocchio.getFrameClassicalAcceleration(model, data, frames[leg], axes).linear[[0, 2]]
+    np.testing.assert_allclose(foot_positions(q, p.link_bend)[leg], place, atol=1e-12)
+    np.testing.assert_allclose(foot_jacobian(q, leg, p.link_bend) @ dq, velocity, atol=1e-11)
+    np.testing.assert_allclose(centripetal_acceleration(q, dq, leg, p.link_bend), acceleration, atol=1e-10)
+
+
+@settings(max_examples=50, deadline=None)
+@given(robots)
+def test_masses_add_up_and_the_payloads_moment_is_where_it_was_put(p):
+    model, data, _ = model_of(p)
+    own = 32 * p.mass_scale
+    assert np.isclose(pinocchio.computeTotalMass(model), own + p.payload, rtol=1e-12)
+    bare, bare_data, _ = model_of(p.model_copy(update={"payload": 0.0}))
+    with_load = pinocchio.centerOfMass(model, data, np.zeros(7))[2] * (own + p.payload)
+    without = pinocchio.centerOfMass(bare, bare_data, np.zeros(7))[2] * own
+    assert np.isclose(with_load - without, p.payload * p.payload_height, atol=1e-9)
+
+
+@settings(max_examples=50, deadline=None)
+@given(robots, rates)
+def test_a_payload_is_a_point_mass(p, dq):
+    """Its kinetic energy is half its mass times its own squared speed, at any pitch rate."""
+    q = np.zeros(7)
+    dq = np.r_[dq[:3], np.zeros(4)]
+    energies = []
+    for payload in (p.payload, 0.0):
+        model, data, _ = model_of(p.model_copy(update={"payload": payload}))
+        energies.append(pinocchio.computeKineticEnergy(model, data, q, dq))
+    speed_squared = (dq[0] + dq[2] * p.payload_height) ** 2 + dq[1] ** 2
+    assert np.isclose(energies[0] - energies[1], p.payload * speed_squared / 2, rtol=1e-9, atol=1e-7)
+
+
+@settings(max_examples=50, deadline=None)
+@given(commands, numbers(0, 0.05), numbers(0, 0.9), st.integers(0, 30), numbers(1, 300))
+def test_no_motor_gives_more_than_its_limit_and_loss_allow(asked, lag, loss, delay_ms, limit):
+    motor = Actuation(
+        SimulationParameters(motor_lag=lag, motor_loss=loss, torque_delay=delay_ms * 0.001, torque_limit=limit)
+    )
+    for command in asked:
+        given_torque = motor.advance(command)
+        assert given_torque.shape == (10, 4)
+        assert np.abs(given_torque).max() <= (1 - loss) * limit * (1 + 1e-9)
+
+
+@settings(max_examples=50, deadline=None)
+@given(commands, numbers(0, 0.05), numbers(0, 0.9), st.integers(0, 30))
+def test_motors_are_linear_below_their_limit(asked, lag, loss, delay_ms):
+    settings_ = {"motor_lag": lag, "motor_loss": loss, "torque_delay": delay_ms * 0.001, "torque_limit": 10000}
+    one, three = Actuation(SimulationParameters(**settings_)), Actuation(SimulationParameters(**settings_))
+    for command in asked:
+        np.testing.assert_allclose(3 * one.advance(command), three.advance(3 * command), atol=1e-9)
+
+
+@settings(max_examples=50, deadline=None)
+@given(
+    numbers(0.2, 0.6), numbers(0, 0.03), numbers(0.5, 4), st.sampled_from(["normal", "uniform"]), st.integers(0, 2**32)
+)
+def test_drawn_edges_keep_their_bounds(mean, std, truncation, distribution, seed):
+    p = SimulationParameters(
+        l_min_mean=mean, l_min_std=std, l_min_truncation=truncation, l_min_distribution=distribution, stones=50
+    )
+    course = draw_course(p, np.random.default_rng(seed))
+    assert len(course) == 50
+    for stone in course:
+        assert abs(stone.l_min - mean) <= truncation * std + 1e-12
+        assert np.isclose(stone.l_max - stone.l_min, p.stone_width)
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.integers(0, 2**32), st.lists(numbers(-0.02, 0.02), min_size=20, max_size=20))
+def test_absolute_stones_do_not_depend_on_where_the_feet_land(seed, errors):
+    p = SimulationParameters(stone_placement="absolute", stones=20)
+    course = draw_course(p, np.random.default_rng(seed))
+    exact, sloppy = Terrain(p, course), Terrain(p, course)
+    for index, error in enumerate(errors, start=1):
+        exact.place_next(index, 0.0)
+        seen = sloppy.place_next(index, error)
+        near, far = sloppy.placed[-1]
+        np.testing.assert_allclose((seen.l_min + error, seen.l_max + error), (near, far), atol=1e-12)
+    np.testing.assert_allclose(exact.placed, sloppy.placed, atol=1e-12)
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.integers(0, 2**32), numbers(0, 3), numbers(-0.1, 0.1))
+def test_the_first_state_stands_whatever_the_noise(seed, spread, bend):
+    p = SimulationParameters(x0_spread=spread, link_bend=bend)
+    q, dq = initial_state(p, GAIT, np.random.default_rng(seed))
+    feet = foot_positions(q, bend)
+    np.testing.assert_allclose(feet[Leg.LEFT], 0, atol=1e-12)
+    np.testing.assert_allclose(foot_jacobian(q, Leg.LEFT, bend) @ dq, 0, atol=1e-11)
+    assert feet[Leg.RIGHT, 1] >= -1e-12
+
+
+@settings(max_examples=100, deadline=None)
+@given(postures, rates)
+def test_projection_changes_nothing_twice(q, dq):
+    once = project(q, dq, 0.0)
+    twice = project(*once, 0.0)
+    np.testing.assert_allclose(once[0], twice[0], atol=1e-9)
+    np.testing.assert_allclose(once[1], twice[1], atol=1e-9)
+
+
+@settings(max_examples=100, deadline=None)
+@given(robots, postures, rates, legs)
+def test_an_impact_stops_the_foot_and_makes_no_energy(p, q, dq, leg):
+    model, data, _ = model_of(p)
+    after, impulse = PinnedDynamics(perturbed_urdf(p), p.link_bend).impact(q, dq, leg)
+    before = pinocchio.computeKineticEnergy(model, data, q, dq)
+    assert pinocchio.computeKineticEnergy(model, data, q, after) <= before * (1 + 1e-9) + 1e-9
+    np.testing.assert_allclose(foot_jacobian(q, leg, p.link_bend) @ after, 0, atol=1e-9)
+    assert impulse @ (foot_jacobian(q, leg, p.link_bend) @ dq) <= 1e-9

@@ -1,0 +1,104 @@
+"""Motors and sensors against their closed forms."""
+
+import numpy as np
+import pytest
+from rabbit_description.state import TICK_SECONDS
+from rabbit_sim.actuation import Actuation, JointDamping
+from rabbit_sim.parameters import SUBSTEP_SECONDS, SimulationParameters
+from rabbit_sim.plant import SUBSTEPS, PlantReading
+from rabbit_sim.robot_urdf import perturbed_urdf
+from rabbit_sim.sensors import Sensors
+
+U = np.array([10.0, -40.0, 80.0, 150.0])
+ENDS = SUBSTEP_SECONDS * np.arange(1, SUBSTEPS + 1)[:, None]
+
+
+def motors(**changes):
+    return Actuation(SimulationParameters(**changes))
+
+
+def test_a_perfect_motor_gives_what_is_asked():
+    assert motors().advance(U) == pytest.approx(np.tile(U, (SUBSTEPS, 1)), abs=0)
+
+
+@pytest.mark.parametrize("lag", [0.001, 0.004, 0.05])
+def test_lag_is_the_first_order_step_response(lag):
+    """tau(t) = u (1 - exp(-t/T)), also from tick to tick; a substep's mean has its integral."""
+    motor = motors(motor_lag=lag)
+    means = motor.advance(U)
+    response = U * (1 - np.exp(-ENDS / lag))
+    assert motor.torque == pytest.approx(response[-1], rel=1e-12)
+    area = U * (ENDS - lag * (1 - np.exp(-ENDS / lag)))
+    assert SUBSTEP_SECONDS * np.cumsum(means, axis=0) == pytest.approx(area, rel=1e-9)
+    motor.advance(U)
+    assert motor.torque == pytest.approx(U * (1 - np.exp(-2 * TICK_SECONDS / lag)), rel=1e-12)
+    motor.advance(np.zeros(4))
+    left = U * (1 - np.exp(-2 * TICK_SECONDS / lag)) * np.exp(-TICK_SECONDS / lag)
+    assert motor.torque == pytest.approx(left, rel=1e-9)
+
+
+def test_loss_takes_its_share_of_the_saturated_torque():
+    torque = motors(motor_loss=0.15, torque_limit=100).advance(2 * U)
+    assert torque[0] == pytest.approx(0.85 * np.array([20.0, -80.0, 100.0, 100.0]), rel=1e-12)
+
+
+@pytest.mark.parametrize("delay_ms", [1, 4, 10, 23])
+def test_delay_shifts_the_command_by_whole_milliseconds(delay_ms):
+    motor = motors(torque_delay=delay_ms * 1e-3)
+    commands = [U, -U, 3.0 * np.ones(4), np.zeros(4)]
+    given = np.vstack([motor.advance(command) for command in commands])
+    asked = np.repeat(commands, SUBSTEPS, axis=0)
+    assert not given[:delay_ms].any()
+    assert given[delay_ms:] == pytest.approx(asked[:-delay_ms], abs=0)
+
+
+def test_reset_brings_the_motors_to_rest():
+    motor = motors(torque_delay=0.005, motor_lag=0.004)
+    motor.advance(U)
+    motor.reset()
+    assert not motor.advance(np.zeros(4)).any()
+
+
+def test_damping_torque_of_a_knee_is_its_shins_inertia():
+    """M_jj of a knee is the shin's inertia about it, in any posture; twice that at twice the mass."""
+    shin = 0.20 + 3.2 * 0.24**2
+    q, dq = np.array([0.1, 0.7, 0.2, -0.5, 0.6, -0.2, 0.9]), np.array([1, 0, 2, 3, -4, 5, 6.0])
+    torque = JointDamping(perturbed_urdf(SimulationParameters(mass_scale=2)), 1.5).torque(q, dq)
+    assert torque[[1, 3]] == pytest.approx(-1.5 * 2 * shin * dq[[4, 6]], rel=1e-9)
+
+
+def reading():
+    rng = np.random.default_rng(0)
+    return PlantReading(rng.normal(size=7), rng.normal(size=7), rng.normal(size=(2, 2)), np.zeros((2, 2)), None, ())
+
+
+def measured(count, **changes):
+    sensors = Sensors(SimulationParameters(**changes), np.random.default_rng(1))
+    return [np.array(values) for values in zip(*(sensors.measure(reading()) for _ in range(count)), strict=True)]
+
+
+def test_perfect_sensors_give_copies_of_the_truth():
+    true = reading()
+    for value, expected in zip(
+        Sensors(SimulationParameters(), np.random.default_rng(0)).measure(true),
+        (true.q, true.dq, true.foot_force),
+        strict=True,
+    ):
+        assert (value == expected).all()
+        assert value is not expected
+
+
+def test_encoders_give_multiples_of_their_resolution():
+    (q,), _, _ = measured(1, encoder_resolution=0.01)
+    assert q[2:] / 0.01 == pytest.approx(np.round(q[2:] / 0.01), abs=1e-9)
+    assert np.abs(q - reading().q).max() <= 0.005 + 1e-12
+    assert (q[:2] == reading().q[:2]).all()
+
+
+def test_noise_has_the_asked_spread_and_no_bias():
+    _, dq, force = measured(4000, velocity_noise=0.3, force_noise=7.0)
+    for error, std in ((dq - reading().dq, 0.3), (force - reading().foot_force, 7.0)):
+        noisy = error.reshape(4000, -1)[:, -4:]
+        assert noisy.std(axis=0) == pytest.approx(std, rel=0.06)
+        assert noisy.mean(axis=0) == pytest.approx(0, abs=0.08 * std)
+    assert (dq[:, :2] == reading().dq[:2]).all()

@@ -1,0 +1,269 @@
+"""Episodes: counting, preview, outcomes; on a scripted plant where the truth is written down, and on the real ones."""
+
+import numpy as np
+import pytest
+from rabbit_description.gait import load_gait
+from rabbit_description.state import Leg
+from rabbit_sim import simulation as module
+from rabbit_sim.kinematics import foot_jacobian, foot_positions
+from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.plant import PlantReading, Touch
+from rabbit_sim.simulation import Outcome, Simulation
+from rabbit_sim.stones import CourseError
+
+GAIT = load_gait("authors_035")
+UP = np.array([0, 0.75, 0.1, 0, 0, 0, 0])
+GROUNDED = np.array([True, False])
+
+
+def up(touches=(), q=UP, contact=GROUNDED, feet=((0, 0), (0, 0))):
+    return PlantReading(q, np.zeros(7), np.zeros((2, 2)), np.array(feet, float), np.array(contact), tuple(touches))
+
+
+class ScriptedPlant:
+    """Gives one written reading a tick."""
+
+    def __init__(self, readings):
+        self.readings = [up(), *readings]
+        self.stones = []
+
+    def reset(self, q, dq, stance):
+        self.start = q, dq, stance
+
+    def set_stones(self, spans):
+        self.stones.append(list(spans))
+
+    def advance(self, command):
+        self.readings.pop(0)
+
+    def observe(self):
+        return self.readings[0]
+
+    def close(self):
+        pass
+
+
+@pytest.fixture
+def play(monkeypatch):
+    """Run a script through a simulation: its states, and the simulation."""
+
+    def run(readings, **changes):
+        plant = ScriptedPlant(readings)
+        monkeypatch.setattr(module, "make_plant", lambda parameters: plant)
+        simulation = Simulation(SimulationParameters(**{"l_min_std": 0.0, "stones": 3, **changes}), GAIT)
+        states = [simulation.reset(0)]
+        while states[-1].running and len(plant.readings) > 1:
+            states.append(simulation.step(np.zeros(4)))
+        return states, simulation
+
+    return run
+
+
+def right(x, stance=0.0, hold=True):
+    return Touch(Leg.RIGHT, x, stance, hold)
+
+
+def left(x, stance, hold=True):
+    return Touch(Leg.LEFT, x, stance, hold)
+
+
+def test_a_walk_over_all_stones_and_its_preview(play):
+    """Stone k + 1 is seen from the tick of touchdown k on, never earlier; the last one leaves nothing to see."""
+    feet = [((0, 0), (0, 0)), ((0, 0), (0.37, 0)), ((0.75, 0), (0.37, 0))]
+    script = [
+        up(),
+        up([right(0.37)], feet=feet[1]),
+        up(feet=feet[1]),
+        up([left(0.75, 0.37)], feet=feet[2]),
+        up([right(1.13, 0.75)]),
+    ]
+    states, simulation = play(script)
+    assert [state.touchdowns for state in states] == [0, 0, 1, 1, 2, 3]
+    assert [state.preview and state.preview.index for state in states] == [1, 1, 2, 2, 3, None]
+    assert [state.preview.l_min for state in states[:-1]] == pytest.approx([0.35] * 5)
+    assert [state.running for state in states] == [True] * 5 + [False]
+    assert simulation.outcome is Outcome.WALKED
+    assert [(landing.index, landing.tick, landing.missed) for landing in simulation.landings] == [
+        (1, 2, False),
+        (2, 4, False),
+        (3, 5, False),
+    ]
+    assert [landing.l for landing in simulation.landings] == pytest.approx([0.37, 0.38, 0.38])
+    expected = [(0.35, 0.40), (0.72, 0.77), (1.10, 1.15)]
+    assert np.array(simulation.stones[1:]) == pytest.approx(np.array(expected))
+
+
+@pytest.mark.parametrize("x", [0.349, 0.401, -0.3])
+def test_a_foot_off_its_stone_is_a_miss_though_it_holds(play, x):
+    states, simulation = play([up([right(x)]), up()])
+    assert simulation.outcome is Outcome.MISS
+    assert simulation.landings[0].missed
+    assert simulation.landings[0].on_stone
+    assert not states[-1].running
+
+
+def test_edges_belong_to_the_stone(play):
+    _, simulation = play([up([right(0.3500001)]), up()])
+    assert not simulation.landings[0].missed
+
+
+def test_a_gap_is_counted_apart(play):
+    _, simulation = play([up([right(0.42, hold=False)])])
+    assert simulation.outcome is Outcome.GAP_FALL
+    assert not simulation.landings[0].on_stone
+    assert simulation.landings[0].missed
+
+
+def test_going_on_after_misses(play):
+    feet = ((0, 0), (0.33, 0))
+    states, simulation = play([up([right(0.33)], feet=feet), up(feet=feet)], stop_at_miss=False)
+    assert simulation.outcome is Outcome.RUNNING
+    assert states[-1].touchdowns == 1
+    assert simulation.landings[0].missed
+
+
+def test_going_on_after_a_gap_ends_as_a_gap_fall_and_counts_one_landing(play):
+    fallen = np.array([0, 0.6, 0.1, 0, 0, 0, 0])
+    script = [up([right(0.42, hold=False)]), up([right(0.43, hold=False)]), up(q=fallen)]
+    states, simulation = play(script, stop_at_miss=False)
+    assert simulation.outcome is Outcome.GAP_FALL
+    assert len(simulation.landings) == 1
+    assert states[-1].touchdowns == 0
+
+
+def test_the_stance_foot_does_not_count(play):
+    states, simulation = play([up([left(0.01, 0.37)])])
+    assert states[-1].touchdowns == 0
+    assert simulation.landings == []
+
+
+@pytest.mark.parametrize(("height", "pitch"), [(0.699, 0.0), (0.75, 1.05), (0.75, -1.05)])
+def test_falls_are_by_pose(play, height, pitch):
+    _, simulation = play([up(q=np.array([0, height, pitch, 0, 0, 0, 0]))])
+    assert simulation.outcome is Outcome.FALL
+
+
+def test_flight_needs_five_ticks_in_a_row_without_contact(play):
+    air = up(contact=(False, False))
+    assert play([air] * 4 + [up()] + [air] * 4)[1].outcome is Outcome.RUNNING
+    assert play([air] * 5)[1].outcome is Outcome.FLIGHT
+
+
+@pytest.mark.parametrize(("friction", "outcome"), [(0.8, Outcome.SLIP), (1.5, Outcome.RUNNING)])
+def test_slips_count_on_slippery_ground(play, friction, outcome):
+    assert play([up(feet=((0.0051, 0), (0, 0)))], ground_friction=friction)[1].outcome is outcome
+    assert play([up(feet=((-0.0049, 0), (0, 0)))], ground_friction=friction)[1].outcome is Outcome.RUNNING
+
+
+def test_numbers_that_are_not_finite_have_a_name_of_their_own(play):
+    assert play([up(q=np.full(7, np.nan))])[1].outcome is Outcome.DIVERGED
+
+
+def test_flat_ground_has_no_preview_and_no_miss(play):
+    states, simulation = play([up([right(0.6)], feet=((0, 0), (0.6, 0)))], terrain="flat")
+    assert [state.preview for state in states] == [None, None]
+    assert not simulation.landings[0].missed
+    assert simulation.outcome is Outcome.RUNNING
+
+
+@pytest.mark.parametrize("torque", [np.zeros(3), np.array([0, 0, np.nan, 0]), np.array([0, np.inf, 0, 0])])
+def test_torques_are_checked(play, torque):
+    _, simulation = play([])
+    with pytest.raises(ValueError, match="expected four finite"):
+        simulation.step(torque)
+
+
+def test_no_step_without_an_episode(play):
+    _, simulation = play([up([right(0.2)])])
+    with pytest.raises(RuntimeError, match="call reset first"):
+        simulation.step(np.zeros(4))
+
+
+def test_the_course_file_is_read_at_the_door(tmp_path):
+    path = tmp_path / "course.csv"
+    path.write_text("l_min\n0.3\n0.45\n")
+    with pytest.raises(CourseError, match="expected at least 3"):
+        Simulation(SimulationParameters(course=str(path), stones=3), GAIT)
+    simulation = Simulation(SimulationParameters(course=str(path), stones=2, plant="rigid"), GAIT)
+    assert simulation.reset(0).preview.l_min == pytest.approx(0.3)
+    assert simulation.reset(1).preview.l_max == pytest.approx(0.35)
+
+
+# ---- real plants -----------------------------------------------------------------------------------------------------
+
+
+def episode(seed, ticks=15, **changes):
+    simulation = Simulation(SimulationParameters(**changes), GAIT)
+    try:
+        states = [simulation.reset(seed)]
+        while states[-1].running and len(states) <= ticks:
+            states.append(simulation.step(np.array([-10.0, -25.0, 10.0, -10.0])))
+        return states
+    finally:
+        simulation.close()
+
+
+NOISY = {"velocity_noise": 0.1, "force_noise": 3.0, "motor_lag": 0.004}
+
+
+@pytest.mark.parametrize("plant", ["pybullet", "rigid"])
+@pytest.mark.parametrize("terrain", ["flat", "stones"])
+def test_an_episode_is_its_seed(plant, terrain):
+    first, again, other = (episode(seed, plant=plant, terrain=terrain, **NOISY) for seed in (5, 5, 6))
+    for a, b in zip(first, again, strict=True):
+        assert (a.q == b.q).all()
+        assert (a.dq == b.dq).all()
+        assert (a.foot_force == b.foot_force).all()
+        assert a.preview == b.preview
+    assert np.abs(first[0].q - other[0].q).max() > 1e-3
+    assert np.abs(first[-1].q[2:] - other[-1].q[2:]).max() > 1e-3
+
+
+@pytest.mark.parametrize("plant", ["pybullet", "rigid"])
+def test_an_episode_does_not_depend_on_the_one_before(plant):
+    simulation = Simulation(SimulationParameters(plant=plant), GAIT)
+    ends = []
+    for seed in (5, 6, 5):
+        state = simulation.reset(seed)
+        for _ in range(10):
+            state = simulation.step(np.array([-10.0, -25.0, 10.0, -10.0]))
+        ends.append(state.q)
+    simulation.close()
+    assert (ends[0] == ends[2]).all()
+
+
+@pytest.mark.parametrize("bend", [0.0, 0.05])
+@pytest.mark.parametrize("seed", range(5))
+def test_the_first_state_has_its_stance_foot_at_rest_on_the_ground(bend, seed):
+    state = episode(seed, ticks=0, link_bend=bend, plant="rigid")[0]
+    feet = foot_positions(state.q, bend)
+    assert feet[Leg.LEFT] == pytest.approx([0, 0], abs=1e-12)
+    assert foot_jacobian(state.q, Leg.LEFT, bend) @ state.dq == pytest.approx([0, 0], abs=1e-12)
+    assert feet[Leg.RIGHT, 1] >= -1e-12
+    assert state.tick == state.touchdowns == 0
+    assert not state.foot_force.any()
+
+
+def test_no_spread_starts_in_the_gaits_own_state():
+    first = episode(0, ticks=0, plant="rigid", x0_spread=0.0)[0]
+    q, dq = GAIT.x_start
+    assert first.q == pytest.approx(q, abs=1e-3)
+    assert first.dq == pytest.approx(dq, abs=1e-2)
+
+
+def test_course_and_first_state_are_drawn_apart():
+    """Another course distribution leaves the first state of a seed alone."""
+    wide, narrow = (episode(3, ticks=0, plant="rigid", l_min_std=std)[0] for std in (0.03, 0.0))
+    assert (wide.q == narrow.q).all()
+    assert wide.preview.l_min != narrow.preview.l_min
+
+
+def test_a_collapsing_robot_falls_on_both_plants():
+    for plant in ("pybullet", "rigid"):
+        simulation = Simulation(SimulationParameters(plant=plant, terrain="flat", x0_spread=0.0), GAIT)
+        state = simulation.reset(0)
+        while state.running:
+            state = simulation.step(np.zeros(4))
+        assert simulation.outcome is Outcome.FALL
+        assert state.q[1] < 0.7
+        simulation.close()

@@ -1,0 +1,150 @@
+"""Courses, their files, and where the stones lie."""
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.stones import CourseError, Stone, draw_course, read_course
+from rabbit_sim.terrain import Terrain
+
+
+def near_edges(seed=0, **changes):
+    p = SimulationParameters(**{"stones": 4000, **changes})
+    return np.array([stone.l_min for stone in draw_course(p, np.random.default_rng(seed))])
+
+
+def test_normal_course_has_the_truncated_normals_moments():
+    """Variance of a normal cut at +-2.5: 1 - 2 a phi(a) / (2 Phi(a) - 1) = 0.9113 of the whole one's."""
+    edges = near_edges(l_min_mean=0.35, l_min_std=0.02)
+    assert np.abs(edges - 0.35).max() <= 2.5 * 0.02
+    assert edges.mean() == pytest.approx(0.35, abs=4 * 0.02 / np.sqrt(4000))
+    assert edges.std() == pytest.approx(0.02 * np.sqrt(0.9113), rel=0.05)
+
+
+def test_uniform_course_fills_the_same_bounds():
+    edges = near_edges(l_min_mean=0.4, l_min_std=0.05, l_min_truncation=1.0, l_min_distribution="uniform")
+    assert edges.min() == pytest.approx(0.35, abs=0.001)
+    assert edges.max() == pytest.approx(0.45, abs=0.001)
+    assert edges.std() == pytest.approx(0.1 / np.sqrt(12), rel=0.05)
+
+
+def test_a_course_is_its_seeds():
+    assert (near_edges(seed=3) == near_edges(seed=3)).all()
+    assert (near_edges(seed=3) != near_edges(seed=4)).any()
+
+
+def test_every_stone_has_the_asked_width():
+    course = draw_course(SimulationParameters(stone_width=0.07), np.random.default_rng(0))
+    assert [stone.l_max - stone.l_min for stone in course] == pytest.approx([0.07] * 20)
+
+
+# ---- files -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("c.yaml", "stones: [{l_min: 0.3, l_max: 0.36}, {l_min: 0.4}]"),
+        ("c.csv", "l_min,l_max\n0.3,0.36\n0.4,\n"),
+    ],
+)
+def test_course_files(tmp_path, name, text):
+    path = tmp_path / name
+    path.write_text(text)
+    first, second = read_course(path, 2, 0.05)
+    assert (first.l_min, first.l_max) == (0.3, 0.36)
+    assert (second.l_min, second.l_max) == pytest.approx((0.4, 0.45))
+    assert read_course(path, 1, 0.05) == [first]
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "expected"),
+    [
+        ("c.yaml", "stones: [{l_min: 0.3}]", "1 stones: expected at least 2"),
+        ("c.yaml", "stones: [{l_min: 0.3}, {l_min: -0.3}]", "stone 2 l_min = -0.3"),
+        ("c.yaml", "stones: [{l_min: 0.3}, {l_min: 0.4, l_max: 0.35}]", "l_max = 0.35 must exceed l_min = 0.4"),
+        ("c.yaml", "stones: [{l_min: 0.3}, {l_min: .nan}]", "stone 2 l_min = nan"),
+        ("c.yaml", "stones: [{l_min: 0.3}, {l_min: far}]", "stone 2 l_min = 'far'"),
+        ("c.yaml", "stones: [{l_min: 0.3}, {l_max: 0.4}]", "stone 2 l_min"),
+        ("c.yaml", "stones: [{l_min: 0.3, width: 1}, {l_min: 0.4}]", "stone 1 width"),
+        ("c.yaml", "stones: [0.3, 0.4]", "stone 1 = 0.3"),
+        ("c.yaml", "[1, 2", "cannot be read"),
+        ("c.yaml", "course: []", "one key 'stones'"),
+        ("c.csv", "near\n0.3\n0.4\n", "stone 1 l_min"),
+        ("c.csv", "l_min\n0.3\nx\n", "stone 2 l_min = 'x'"),
+        ("c.csv", "l_min\n0.3,0.4,0.5\n0.3\n", "stone 1"),
+        ("c.txt", "0.3", "expected .yaml or .csv"),
+        ("c.csv", None, "cannot be read"),
+    ],
+)
+def test_bad_course_files_are_refused_by_name(tmp_path, name, text, expected):
+    path = tmp_path / name
+    if text is not None:
+        path.write_text(text)
+    with pytest.raises(CourseError) as error:
+        read_course(path, 2, 0.05)
+    assert expected in str(error.value)
+    assert str(path) in str(error.value)
+
+
+# ---- placement -------------------------------------------------------------------------------------------------------
+
+COURSE = [Stone(l_min=0.3, l_max=0.36), Stone(l_min=0.4, l_max=0.44)]
+
+
+def test_relative_stones_follow_the_foot():
+    terrain = Terrain(SimulationParameters(stones=2), COURSE)
+    terrain.place_next(1, 0.0)
+    seen = terrain.place_next(2, 0.31)
+    assert (seen.index, seen.l_min, seen.l_max) == pytest.approx((2, 0.4, 0.44))
+    assert terrain.placed[-1] == pytest.approx((0.71, 0.75))
+
+
+def test_absolute_stones_stay_where_they_are():
+    """Stone 1 has its middle at 0.33, so stone 2 lies at 0.73 to 0.77 wherever the foot is."""
+    for foot in (0.31, 0.35):
+        terrain = Terrain(SimulationParameters(stones=2, stone_placement="absolute"), COURSE)
+        terrain.place_next(1, 0.0)
+        seen = terrain.place_next(2, foot)
+        assert terrain.placed[-1] == pytest.approx((0.73, 0.77))
+        assert (seen.l_min, seen.l_max) == pytest.approx((0.73 - foot, 0.77 - foot))
+
+
+def test_no_stone_beyond_the_last_and_none_on_flat_ground():
+    assert Terrain(SimulationParameters(stones=2), COURSE).place_next(3, 0.7) is None
+    flat = Terrain(SimulationParameters(terrain="flat"), COURSE)
+    assert flat.place_next(1, 0.0) is None
+    assert len(flat.present) == 1
+
+
+# ---- parameters ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("changes", "expected"),
+    [
+        ({"mass_scale": 0}, ("mass_scale", "input_value=0", "greater than or equal to 0.1")),
+        ({"payload": -1}, ("payload", "input_value=-1", "greater than or equal to 0")),
+        ({"motor_loss": 1.0}, ("motor_loss", "input_value=1.0", "less than 1")),
+        ({"ground_friction": float("nan")}, ("ground_friction", "input_value=nan", "finite")),
+        ({"plant": "mujoco"}, ("plant", "mujoco", "'pybullet' or 'rigid'")),
+        ({"stones": 2.5}, ("stones", "input_value=2.5", "valid integer")),
+        ({"stone": 3}, ("stone", "input_value=3", "not permitted")),
+        ({"torque_delay": 0.0015}, ("torque_delay = 0.0015", "multiple of 0.001")),
+        ({"l_min_mean": 0.1, "l_min_std": 0.05}, ("l_min_mean - l_min_truncation", "more than 0 m")),
+    ],
+)
+def test_bad_parameters_are_refused_by_name_value_and_what_was_expected(changes, expected):
+    with pytest.raises(ValidationError) as error:
+        SimulationParameters(**changes)
+    for part in expected:
+        assert part in str(error.value)
+
+
+def test_every_parameter_is_described():
+    assert all(field.description for field in SimulationParameters.model_fields.values())
+
+
+def test_parameters_do_not_change():
+    with pytest.raises(ValidationError):
+        SimulationParameters().payload = 3
