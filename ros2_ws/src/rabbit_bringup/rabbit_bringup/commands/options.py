@@ -1,0 +1,132 @@
+"""Command-line options made from pydantic models: one for each field, checked by the model itself.
+
+    @app.command()
+    @options(EvaluationOptions, SimulationParameters)
+    def evaluate(given: Given) -> None:
+        request = given.build(EvaluationOptions)
+
+A field of several models is one option. Values reach the models as text; a wrong one ends the command with one line and
+exit code 2.
+"""
+
+import functools
+import inspect
+import re
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal, NoReturn, TypeVar, get_args, get_origin
+
+import typer
+from pydantic import BaseModel, ValidationError
+from pydantic.fields import FieldInfo
+from pydantic_core import ErrorDetails
+
+BAD_VALUE = 2
+Model = TypeVar("Model", bound=BaseModel)
+
+
+@dataclass(frozen=True)
+class Given:
+    """The options that were given, by field name."""
+
+    values: dict[str, Any]
+
+    def of(self, model: type[BaseModel]) -> dict[str, Any]:
+        """Those that `model` has."""
+        return {name: value for name, value in self.values.items() if name in model.model_fields}
+
+    def build(self, model: type[Model], **defaults: Any) -> Model:
+        """The model, `defaults` in place of its own; ends the command where a value is wrong."""
+        with complaints():
+            return model.model_validate({**defaults, **self.of(model)})
+
+
+def fail(text: object, code: int = BAD_VALUE) -> NoReturn:
+    """End the command with one line."""
+    print("rabbit:", " ".join(str(text).split()), file=sys.stderr)
+    raise typer.Exit(code)
+
+
+@contextmanager
+def complaints(*errors: type[Exception]) -> Iterator[None]:
+    """Turn pydantic's errors and `errors` into one line and exit code 2."""
+    kinds: tuple[type[Exception], ...] = (ValidationError, *errors)
+    try:
+        yield
+    except kinds as error:
+        cause = error.__cause__
+        if isinstance(error, ValidationError):
+            fail(fault(error))
+        if isinstance(cause, ValidationError):
+            fail(f"{str(error).split(': ')[0]}: {fault(cause)}")
+        fail(error)
+
+
+def fault(error: ValidationError) -> str:
+    """Option, value and expectation of the first thing that is wrong."""
+    first: ErrorDetails = error.errors()[0]
+    text = re.sub(r"^(Input should be|Value error,)( a valid)? ?", "", first["msg"])
+    if first["type"] == "extra_forbidden":
+        return f"{first['loc'][0]}: no such parameter"
+    if not first["loc"]:
+        return text
+    name = option_name(str(first["loc"][0]))
+    return f"{name}: missing" if first["type"] == "missing" else f"{name} {first['input']}: expected {text}"
+
+
+def option_name(field: str) -> str:
+    """`mass_scale` on the command line."""
+    return "--" + field.replace("_", "-")
+
+
+def options(*models: type[BaseModel]) -> Callable[[Callable[[Given], Any]], Callable[..., Any]]:
+    """Give a command the fields of `models` as options; it is called with what was given."""
+
+    def decorate(function: Callable[[Given], Any]) -> Callable[..., Any]:
+        parameters = _parameters(models)
+
+        @functools.wraps(function)
+        def command(**values: Any) -> Any:
+            return function(Given({name: value for name, value in values.items() if value is not None}))
+
+        command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+        command.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
+        return command
+
+    return decorate
+
+
+def _parameters(models: tuple[type[BaseModel], ...]) -> list[inspect.Parameter]:
+    fields: dict[str, tuple[str, FieldInfo]] = {}
+    for model in models:
+        for name, field in model.model_fields.items():
+            fields.setdefault(name, (_panel(model), field))
+    keyword = inspect.Parameter.KEYWORD_ONLY
+    return [
+        inspect.Parameter(name, keyword, default=None, annotation=_annotation(name, field, panel))
+        for name, (panel, field) in fields.items()
+    ]
+
+
+def _panel(model: type[BaseModel]) -> str:
+    words = re.findall(r"[A-Z][a-z]*", model.__name__)
+    return words[0] if words else model.__name__
+
+
+def _annotation(name: str, field: FieldInfo, panel: str) -> Any:
+    default = "" if field.is_required() or field.default in (None, "") else f" (default {field.default})"
+    help_text = f"{field.description or ''}{default}"
+    if field.annotation is bool:
+        flags = f"{option_name(name)}/--no-{option_name(name)[2:]}"
+        return Annotated[bool | None, typer.Option(flags, help=help_text, rich_help_panel=panel)]
+    flag, metavar = option_name(name), _metavar(field.annotation)
+    return Annotated[str | None, typer.Option(flag, help=help_text, metavar=metavar, rich_help_panel=panel)]
+
+
+def _metavar(annotation: Any) -> str:
+    if get_origin(annotation) is Literal:
+        return "|".join(map(str, get_args(annotation)))
+    known = {float: "NUMBER", int: "COUNT", str: "NAME"}
+    return known.get(annotation, "VALUE")

@@ -1,0 +1,104 @@
+"""Plant, controller and policy of one in-process run, put together. The oracle is wired here and nowhere else."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import rl_cbf_clf_controller
+from rabbit_description.gait import load_gait
+from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.robot_urdf import perturbed_urdf
+from rabbit_sim.simulation import Simulation
+from rl_cbf_clf_controller.controller import Controller
+from rl_cbf_clf_controller.oracle import OraclePolicy
+from rl_cbf_clf_controller.parameters import ControllerParameters
+from rl_cbf_clf_controller.policy import ActorPolicy, Policy, ZeroPolicy
+from rl_cbf_clf_controller.weights import PolicyFile, read
+
+EVALUATION_LAG = 0.004  # s, of the motors in evaluation, as in the paper
+SUFFIX = ".safetensors"
+SHIPPED = Path(rl_cbf_clf_controller.__file__).parent / "policies"
+
+
+class AssemblyError(ValueError):
+    """Parts that do not go together; `option` is the one to change."""
+
+    def __init__(self, option: str, text: str) -> None:
+        super().__init__(text)
+        self.option = option
+
+
+@dataclass(frozen=True)
+class Assembly:
+    """What an episode is made of, but for its seed. `policy` is `zero`, `oracle` or the path of a policy file."""
+
+    simulation: SimulationParameters
+    controller: ControllerParameters
+    policy: str
+
+    def __post_init__(self) -> None:
+        if self.controller.on_stones and self.simulation.terrain == "flat":
+            raise AssemblyError("terrain", f"flat: expected stones, {self.controller.controller} steps on them")
+
+    def build(self) -> tuple[Simulation, Controller]:
+        """A plant and a controller that have seen nothing yet; raises `GaitError`, `CourseError`, `PolicyFileError`."""
+        gait = load_gait(self.controller.gait)
+        return Simulation(self.simulation, gait), Controller(self.controller, gait, self.make_policy())
+
+    def make_policy(self) -> Policy:
+        """The policy object."""
+        if self.policy == "zero":
+            return ZeroPolicy(self.controller.problem)
+        if self.policy == "oracle":
+            return self._oracle()
+        return ActorPolicy(_policy_file(self.policy, self.controller))
+
+    def identity(self) -> dict[str, Any]:
+        """All that decides what an episode does, as plain data: equal identities, equal runs."""
+        return {
+            "simulation": self.simulation.model_dump(mode="json"),
+            "controller": self.controller.model_dump(mode="json"),
+            "policy": self.policy,
+            "policy_version": self.make_policy().version,
+            "gait": load_gait(self.controller.gait).model_dump(mode="json", exclude={"metadata"}),
+        }
+
+    def _oracle(self) -> OraclePolicy:
+        plant = self.simulation
+        first_approach = self.controller.controller == "io-rl-clf-qp"
+        return OraclePolicy(perturbed_urdf(plant), 1 - plant.motor_loss, plant.joint_damping, io=first_approach)
+
+
+def resolve_policy(name: str | None, controller: ControllerParameters) -> str:
+    """`zero`, `oracle` or a path, for what the user named; a learning controller's own policy where nothing was.
+
+    Raises:
+        AssemblyError: no such policy.
+    """
+    if name is None:
+        name = controller.controller if controller.learns else "zero"
+        if name != "zero" and not shipped_path(name).is_file():
+            raise AssemblyError("policy", f"not given, and none is shipped for {name}: expected zero, oracle or a file")
+    if name in ("zero", "oracle"):
+        return name
+    path = shipped_path(name) if shipped_path(name).is_file() else Path(name)
+    if not path.is_file():
+        choice = ", ".join(("zero", "oracle", *shipped_policies()))
+        raise AssemblyError("policy", f"{name}: expected one of {choice}, or a policy file")
+    return str(path)
+
+
+def shipped_path(name: str) -> Path:
+    """Where the policy shipped under this name is or would be."""
+    return SHIPPED / f"{name}{SUFFIX}"
+
+
+def shipped_policies() -> list[str]:
+    """Names of the policies that come with the controller; each learning controller's own has its name."""
+    return sorted(path.stem for path in SHIPPED.glob(f"*{SUFFIX}"))
+
+
+@lru_cache(maxsize=1)
+def _policy_file(path: str, controller: ControllerParameters) -> PolicyFile:
+    return read(Path(path), controller.problem)
