@@ -267,3 +267,27 @@ def test_a_collapsing_robot_falls_on_both_plants():
         assert simulation.outcome is Outcome.FALL
         assert state.q[1] < 0.7
         simulation.close()
+
+
+def step_short(plant):
+    """A swing leg drawn forward too slowly: its foot comes down between the platform and stone 1."""
+    changes = {"fall_height": 0.0, "fall_pitch": 3.1, "x0_spread": 0.0}
+    simulation = Simulation(SimulationParameters(plant=plant, **changes), GAIT)
+    state = simulation.reset(0)
+    while state.running:
+        state = simulation.step(np.array([0.0, 0.0, -23.0, 0.0]))
+    simulation.close()
+    return simulation
+
+
+def test_a_short_step_falls_into_the_real_gap_and_misses_on_the_rigid_plant():
+    """Both plants agree on where it came down, to a few mm after 0.4 s."""
+    bullet, rigid = step_short("pybullet"), step_short("rigid")
+    assert bullet.outcome is Outcome.GAP_FALL
+    assert rigid.outcome is Outcome.MISS
+    (short,), (missed,) = bullet.landings, rigid.landings
+    assert not short.on_stone
+    assert missed.on_stone
+    assert bullet.stones[0][1] < short.l < bullet.stones[1][0]
+    assert short.l == pytest.approx(missed.l, abs=0.005)
+    assert abs(short.tick - missed.tick) <= 1
