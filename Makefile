@@ -26,7 +26,9 @@ walk: build ## RABBIT walks over 20 stepping stones through the three nodes
 	@$(WITH_WORKSPACE) rabbit walk $(ARGS)
 
 test: build ## all tests; fails under 90 % coverage of the controller's mathematics
-	@$(WITH_WORKSPACE) python -m pytest -n 2 --dist loadgroup --cov --cov-report=term:skip-covered $(ARGS)
+	@$(WITH_WORKSPACE) export OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 && \
+	  python -m pytest tests -n 2 --dist loadgroup --cov --junitxml=.setup/tests.xml && \
+	  python scripts/count_tests.py .setup/tests.xml
 
 check: setup ## ruff and mypy
 	@.venv/bin/ruff check . && .venv/bin/ruff format --check . && .venv/bin/mypy $(CODE)

@@ -34,6 +34,7 @@ setup(
         sibling("rl_cbf_clf_controller"),
         sibling("rl_trainer"),
         "numpy>=2",
+        "scipy",
         "pydantic>=2",
         "pyyaml",
         "typer",
