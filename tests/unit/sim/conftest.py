@@ -1,0 +1,78 @@
+"""The true robot by pinocchio, for comparison."""
+
+import numpy as np
+import pinocchio
+import pytest
+from rabbit_description.gait import load_gait
+from rabbit_description.state import Array
+from rabbit_sim.initial_state import initial_state
+from rabbit_sim.kinematics import foot_jacobian
+from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.pinned_dynamics import PinnedDynamics
+from rabbit_sim.robot_urdf import perturbed_urdf
+
+
+class Truth:
+    """What must be true of the robot with these parameters."""
+
+    def __init__(self, **changes) -> None:
+        self.parameters = SimulationParameters(**changes)
+        self.urdf = perturbed_urdf(self.parameters)
+        self.mass = 32.0 * self.parameters.mass_scale + self.parameters.payload
+        self._model = pinocchio.buildModelFromXML(self.urdf)
+        self._data = self._model.createData()
+
+    def start(self, seed: int = 1) -> tuple[Array, Array]:
+        """A first state `(q, dq)`, left stance."""
+        return initial_state(self.parameters, load_gait("authors_035"), np.random.default_rng(seed))
+
+    def pinned(self) -> PinnedDynamics:
+        """Our model of it in stance."""
+        return PinnedDynamics(self.urdf, self.parameters.link_bend, self.parameters.joint_damping)
+
+    def jacobian(self, q, leg):
+        """Of a foot, (2, 7)."""
+        return foot_jacobian(q, leg, self.parameters.link_bend)
+
+    def mass_matrix(self, q):
+        return pinocchio.crba(self._model, self._data, q)
+
+    def free_acceleration(self, q, dq, torque):
+        """From the equation of motion without contact, the damping as the documents give it."""
+        damping = self.parameters.joint_damping * self.mass_matrix(q).diagonal()[3:] * dq[3:]
+        return pinocchio.aba(self._model, self._data, q, dq, np.r_[np.zeros(3), torque - damping])
+
+    def kinetic_energy(self, q, dq):
+        return pinocchio.computeKineticEnergy(self._model, self._data, q, dq)
+
+    def energy(self, q, dq):
+        return self.kinetic_energy(q, dq) + pinocchio.computePotentialEnergy(self._model, self._data, q)
+
+    def momentum(self, q, dq):
+        """Linear, x and z."""
+        return np.asarray(pinocchio.computeCentroidalMomentum(self._model, self._data, q, dq).linear)[[0, 2]]
+
+    def angular_momentum(self, q, dq, point):
+        """About +y and a point (x, z)."""
+        about_com = pinocchio.computeCentroidalMomentum(self._model, self._data, q, dq).angular[1]
+        arm = np.asarray(self._data.com[0])[[0, 2]] - point
+        linear = self.momentum(q, dq)
+        return about_com + arm[1] * linear[0] - arm[0] * linear[1]
+
+
+@pytest.fixture
+def truth() -> type[Truth]:
+    """Call it with the perturbations."""
+    return Truth
+
+
+@pytest.fixture
+def random_state():
+    """`(q, dq)` in the air by seed."""
+
+    def draw(seed: int) -> tuple[Array, Array]:
+        rng = np.random.default_rng(seed)
+        q = np.array([0.3, 3.0, 0.1, -0.3, 0.5, -0.3, 0.6]) + rng.uniform(-0.4, 0.4, 7)
+        return q, rng.uniform(-4, 4, 7)
+
+    return draw

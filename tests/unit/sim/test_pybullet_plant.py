@@ -1,0 +1,190 @@
+"""PyBullet against pinocchio, momentum, Coulomb's law and the pinned model."""
+
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+from rabbit_description.state import TICK_SECONDS, Leg
+from rabbit_sim.bullet import pybullet
+from rabbit_sim.initial_state import project
+from rabbit_sim.kinematics import LINK_LENGTH, foot_positions
+from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.pybullet_plant import FOOT_RADIUS, PybulletPlant
+from rabbit_sim.rigid_plant import RigidPlant
+
+PERTURBED = {"mass_scale": 1.7, "payload": 11.0, "payload_height": 0.4, "link_bend": 0.06, "joint_damping": 2.5}
+GROUND = [(-5.0, 5.0)]
+TORQUE = np.array([12.0, 25.0, -20.0, 8.0])
+PRESSING = np.array([-10.0, -25.0, 10.0, -10.0])  # keeps the left foot on the ground
+
+
+@contextmanager
+def bullet(parameters, q, dq, spans=()):
+    plant = PybulletPlant(parameters)
+    try:
+        plant.reset(q, dq, Leg.LEFT)
+        plant.set_stones(spans)
+        yield plant
+    finally:
+        plant.close()
+
+
+def standing(robot):
+    """A first posture at rest."""
+    return project(robot.start()[0], np.zeros(7), 0.0)
+
+
+@pytest.mark.parametrize("changes", [{}, PERTURBED, {"mass_scale": 0.5}, {"link_bend": -0.1}])
+@pytest.mark.parametrize("seed", range(3))
+def test_pybullet_accelerates_as_pinocchio_in_free_flight(random_state, truth, changes, seed):
+    """Bullet's new velocity is v + dt a(q, v): one short step gives `a` up to rounding in v / dt."""
+    robot, dt = truth(**changes), 1e-5
+    q, dq = random_state(seed)
+    with bullet(robot.parameters, q, dq) as plant:
+        pybullet.setTimeStep(dt, physicsClientId=plant._client)
+        plant._apply(TORQUE)
+        pybullet.stepSimulation(physicsClientId=plant._client)
+        measured = (plant._joint_states()[1] - dq) / dt
+    expected = robot.free_acceleration(q, dq, TORQUE)
+    assert np.abs(measured - expected).max() <= 1e-9 * np.abs(expected).max()
+
+
+def test_a_robot_without_stones_falls_freely_and_the_torque_lasts_the_whole_tick(random_state, truth):
+    """Momentum falls by gravity alone; joint rates change by ten substeps' torque, not one's."""
+    robot = truth()
+    q = random_state(4)[0]
+    with bullet(robot.parameters, q, np.zeros(7)) as plant:
+        plant.advance(np.zeros(4))
+        free = plant.observe()
+        plant.reset(q, np.zeros(7), Leg.LEFT)
+        plant.advance(TORQUE)
+        driven = plant.observe()
+    fall = -9.81 * robot.mass * TICK_SECONDS
+    assert robot.momentum(free.q, free.dq) == pytest.approx([0, fall], abs=1e-3 * abs(fall))
+    assert robot.momentum(driven.q, driven.dq) == pytest.approx([0, fall], abs=2e-2 * abs(fall))
+    gained = robot.free_acceleration(q, np.zeros(7), TORQUE) - robot.free_acceleration(q, np.zeros(7), np.zeros(4))
+    assert np.abs(driven.dq - free.dq - gained * TICK_SECONDS).max() < 0.1 * np.abs(gained * TICK_SECONDS).max()
+    assert not driven.foot_force.any()
+    assert not driven.contact.any()
+
+
+def test_robot_parts_but_feet_collide_with_nothing():
+    """With its hips below the ground's top and its feet above any ground there is no force."""
+    q = np.array([0, -0.3, 0, np.pi - 0.3, 0.2, np.pi + 0.3, -0.2])
+    with bullet(SimulationParameters(), q, np.zeros(7), [(-0.05, 0.05)]) as plant:
+        assert plant.observe().foot_position[:, 1].min() > 0.2
+        plant.advance(np.zeros(4))
+        assert not plant.observe().foot_force.any()
+
+
+@pytest.mark.parametrize("changes", [{}, PERTURBED])
+@pytest.mark.parametrize("seed", range(3))
+def test_pybullet_in_stance_follows_the_pinned_model(truth, changes, seed):
+    """Over one tick, to the foot's radius over a link's length: the true foot is a sphere that rolls."""
+    robot = truth(**changes)
+    q, dq = robot.start(seed)
+    q[6] += 0.2  # the swing foot well off the ground
+    q, dq = project(q, dq, robot.parameters.link_bend)
+    torque = PRESSING * robot.mass / 32
+    rigid = RigidPlant(robot.parameters)
+    rigid.reset(q, dq, Leg.LEFT)
+    with bullet(robot.parameters, q, dq, GROUND) as plant:
+        for each in (rigid, plant):
+            each.advance(torque)
+        expected, measured = rigid.observe(), plant.observe()
+    tolerance, change = FOOT_RADIUS / LINK_LENGTH, np.abs(expected.dq - dq).max()
+    assert np.abs(measured.dq - expected.dq).max() < tolerance * change
+    size = np.abs(expected.foot_force).max()
+    assert np.abs(measured.foot_force - expected.foot_force).max() < tolerance * size
+    assert measured.contact.tolist() == expected.contact.tolist() == [True, False]
+
+
+def test_measured_forces_are_the_momentum_that_the_ground_gives(truth):
+    """Sum of forces - m g = dp/dt over a tick with a landing in it; 1% for Bullet's first-order steps."""
+    robot = truth()
+    q, dq = robot.start()
+    with bullet(robot.parameters, q, dq, GROUND) as plant:
+        touched = False
+        for _ in range(120):
+            before = robot.momentum(plant.observe().q, plant.observe().dq)
+            plant.advance(PRESSING)
+            reading = plant.observe()
+            gained = robot.momentum(reading.q, reading.dq) - before + [0, robot.mass * 9.81 * TICK_SECONDS]
+            given = reading.foot_force.sum(axis=0) * TICK_SECONDS
+            assert given == pytest.approx(gained, abs=0.01 * np.abs(gained).max() + 0.05)
+            touched |= bool(reading.touches)
+            if reading.q[1] < 0.4:
+                break
+    assert touched
+
+
+@pytest.mark.parametrize("friction", [0.3, 0.8])
+def test_pybullet_keeps_coulombs_cone_and_slides_on_it(truth, friction):
+    robot = truth(ground_friction=friction)
+    q, dq = standing(robot)
+    with bullet(robot.parameters, q, dq, GROUND) as plant:
+        for _ in range(8):
+            plant.advance(np.array([-150.0, 0.0, 0.0, 0.0]))  # the leg pushes the ground backward
+        reading = plant.observe()
+    tangential, normal = np.abs(reading.foot_force[Leg.LEFT])
+    assert tangential == pytest.approx(friction * normal, rel=0.02)
+    assert abs(reading.foot_position[Leg.LEFT, 0]) > 0.005
+
+
+@pytest.mark.parametrize(("edge", "stands"), [(0.0, True), (-0.0005, True), (-2.5 * FOOT_RADIUS, False)])
+def test_a_foot_stands_up_to_the_edge_of_a_real_stone(truth, edge, stands):
+    """The stone ends at x = edge under a foot at 0: boxes reach a foot's radius further."""
+    q, dq = standing(truth())
+    with bullet(SimulationParameters(), q, dq, [(edge - 0.05, edge)]) as plant:
+        for _ in range(3):
+            plant.advance(np.zeros(4))
+        assert plant.observe().contact[Leg.LEFT] == stands
+
+
+def test_a_foot_falls_into_a_real_gap_and_the_other_finds_its_stone():
+    q = np.array([0.0, 0.0, 0.0, 0.3, 0.0, -0.3, 0.0])
+    q[1] = 0.03 - foot_positions(q)[0, 1]
+    left, right = foot_positions(q)[:, 0]
+    stones = [(left - 0.03, left + 0.03), (right + 0.02, right + 0.1)]
+    with bullet(SimulationParameters(), q, np.zeros(7), stones) as plant:
+        touches = []
+        for _ in range(12):
+            plant.advance(np.zeros(4))
+            touches += plant.observe().touches
+    by_leg = {touch.leg: touch for touch in touches}
+    assert len(touches) == 2
+    assert by_leg[Leg.LEFT].hold
+    assert not by_leg[Leg.RIGHT].hold
+    assert by_leg[Leg.RIGHT].x == pytest.approx(right, abs=0.01)
+    assert by_leg[Leg.RIGHT].other_x == pytest.approx(left, abs=0.01)
+
+
+def test_a_foot_on_the_ground_is_no_touch(truth):
+    q, dq = truth().start()
+    with bullet(SimulationParameters(), q, dq, GROUND) as plant:
+        for _ in range(3):
+            plant.advance(np.zeros(4))
+            assert plant.observe().touches == ()
+
+
+def test_pybullet_repeats_itself_bit_for_bit(truth):
+    """After another episode in the same plant, and in a second plant beside it."""
+    robot = truth()
+    q, dq = robot.start()
+    runs = []
+    with bullet(robot.parameters, q, dq, GROUND) as first, bullet(robot.parameters, q, dq, GROUND) as second:
+        for plant, again in ((first, False), (first, True), (second, False)):
+            if again:
+                plant.reset(q, dq, Leg.LEFT)
+                plant.set_stones(GROUND)
+            for _ in range(40):
+                plant.advance(TORQUE)
+            runs.append(np.r_[plant.observe().q, plant.observe().dq, plant.observe().foot_force.ravel()])
+    assert (runs[0] == runs[1]).all()
+    assert (runs[0] == runs[2]).all()
+
+
+def test_closing_twice_is_harmless():
+    plant = PybulletPlant(SimulationParameters())
+    plant.close()
+    plant.close()

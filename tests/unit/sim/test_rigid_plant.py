@@ -1,0 +1,122 @@
+"""The pinned model and the rigid plant against the equation of motion, energy, momentum and the impact's identities."""
+
+import numpy as np
+import pytest
+from rabbit_description.state import TICK_SECONDS, Leg
+from rabbit_sim.kinematics import foot_positions
+from rabbit_sim.rigid_plant import RigidPlant
+
+PERTURBED = {"mass_scale": 1.7, "payload": 11.0, "payload_height": 0.4, "link_bend": 0.06, "joint_damping": 2.5}
+TORQUE = np.array([12.0, 25.0, -20.0, 8.0])
+PRESSING = np.array([-10.0, -25.0, 10.0, -10.0])  # keeps the left foot on the ground
+
+
+@pytest.mark.parametrize("changes", [{}, PERTURBED])
+@pytest.mark.parametrize("leg", Leg)
+@pytest.mark.parametrize("seed", range(3))
+def test_pinned_dynamics_obey_the_equation_of_motion_and_hold_the_foot(random_state, truth, changes, leg, seed):
+    robot = truth(**changes)
+    q, dq = random_state(seed)
+    ddq, force = robot.pinned().accelerations(q, dq, TORQUE, leg)
+    jacobian, h = robot.jacobian(q, leg), 1e-6
+    drift = (robot.jacobian(q + h * dq, leg) - robot.jacobian(q - h * dq, leg)) / (2 * h) @ dq
+    assert jacobian @ ddq + drift == pytest.approx([0, 0], abs=1e-6)
+    pushed = robot.free_acceleration(q, dq, TORQUE) + np.linalg.solve(robot.mass_matrix(q), jacobian.T @ force)
+    assert ddq == pytest.approx(pushed, rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize("scale", [0.5, 2.0, 3.0])
+def test_mass_scale_with_scaled_torque_moves_alike_and_scales_the_forces(random_state, truth, scale):
+    q, dq = random_state(1)
+    nominal, heavy = truth().pinned(), truth(mass_scale=scale).pinned()
+    ddq, force = nominal.accelerations(q, dq, TORQUE, Leg.LEFT)
+    scaled_ddq, scaled_force = heavy.accelerations(q, dq, scale * TORQUE, Leg.LEFT)
+    assert scaled_ddq == pytest.approx(ddq, rel=1e-9)
+    assert scaled_force == pytest.approx(scale * force, rel=1e-9)
+
+
+@pytest.mark.parametrize("changes", [{}, PERTURBED])
+@pytest.mark.parametrize("leg", Leg)
+@pytest.mark.parametrize("seed", range(5))
+def test_impact_identities(random_state, truth, changes, leg, seed):
+    """New stance foot at rest, energy not grown, momentum from the impulse alone, none about the contact."""
+    robot = truth(**changes)
+    q, dq = random_state(seed)
+    after, impulse = robot.pinned().impact(q, dq, leg)
+    assert robot.jacobian(q, leg) @ after == pytest.approx([0, 0], abs=1e-12)
+    assert robot.energy(q, after) <= robot.energy(q, dq)
+    assert robot.momentum(q, after) - robot.momentum(q, dq) == pytest.approx(impulse, rel=1e-9, abs=1e-9)
+    contact = foot_positions(q, robot.parameters.link_bend)[leg]
+    before = robot.angular_momentum(q, dq, contact)
+    assert robot.angular_momentum(q, after, contact) == pytest.approx(before, rel=1e-9, abs=1e-9)
+
+
+def test_impact_of_a_foot_at_rest_changes_nothing(truth):
+    q, dq = truth().start()
+    after, impulse = truth().pinned().impact(q, dq, Leg.LEFT)
+    assert after == pytest.approx(dq, abs=1e-12)
+    assert impulse == pytest.approx([0, 0], abs=1e-10)
+
+
+@pytest.mark.parametrize("changes", [{}, {**PERTURBED, "joint_damping": 0.0}])
+def test_rigid_keeps_energy_and_its_foot_without_torque(truth, changes):
+    robot = truth(plant="rigid", **changes)
+    q, dq = robot.start()
+    plant = RigidPlant(robot.parameters)
+    plant.reset(q, dq, Leg.LEFT)
+    for _ in range(8):
+        plant.advance(np.zeros(4))
+    reading = plant.observe()
+    assert reading.contact.tolist() == [True, False]
+    assert robot.energy(reading.q, reading.dq) == pytest.approx(robot.energy(q, dq), rel=1e-9)
+    assert reading.foot_position[Leg.LEFT] == pytest.approx([0, 0], abs=1e-10)
+
+
+def test_damping_takes_the_energy_that_its_power_says(truth):
+    robot = truth(plant="rigid", joint_damping=3.0)
+    q, dq = robot.start()
+    power = -3.0 * (robot.mass_matrix(q).diagonal()[3:] * dq[3:] ** 2).sum()
+    ddq, _ = robot.pinned().accelerations(q, dq, np.zeros(4), Leg.LEFT)
+    h = 1e-6
+    rate = (robot.energy(q + h * dq, dq + h * ddq) - robot.energy(q - h * dq, dq - h * ddq)) / (2 * h)
+    assert rate == pytest.approx(power, rel=1e-5)
+
+
+def fall_until_touch(robot):
+    q, dq = robot.start()
+    plant = RigidPlant(robot.parameters)
+    plant.reset(q, dq, Leg.LEFT)
+    for _ in range(200):
+        before = plant.observe()
+        plant.advance(PRESSING)
+        if plant.observe().touches:
+            return before, plant.observe()
+    raise AssertionError("no foot came down")
+
+
+@pytest.mark.parametrize("changes", [{}, PERTURBED])
+def test_rigid_locates_the_impact_and_pins_the_other_foot(truth, changes):
+    robot = truth(plant="rigid", **changes)
+    before, after = fall_until_touch(robot)
+    (touch,) = after.touches
+    assert touch.leg is Leg.RIGHT
+    assert after.foot_position[Leg.RIGHT] == pytest.approx([touch.x, 0], abs=1e-9)
+    assert touch.other_x == pytest.approx(0, abs=1e-9)
+    assert after.contact.tolist() == [False, True]
+    assert robot.jacobian(after.q, Leg.RIGHT) @ after.dq == pytest.approx([0, 0], abs=1e-9)
+    gained = robot.momentum(after.q, after.dq) - robot.momentum(before.q, before.dq)
+    given = after.foot_force.sum(axis=0) * TICK_SECONDS - [0, robot.mass * 9.81 * TICK_SECONDS]
+    assert given == pytest.approx(gained, rel=1e-7)
+
+
+def test_rigid_mean_force_is_the_momentum_over_the_tick(truth):
+    robot = truth(plant="rigid")
+    q, dq = robot.start()
+    plant = RigidPlant(robot.parameters)
+    plant.reset(q, dq, Leg.LEFT)
+    plant.advance(TORQUE)
+    reading = plant.observe()
+    gained = robot.momentum(reading.q, reading.dq) - robot.momentum(q, dq)
+    weight = [0, robot.mass * 9.81 * TICK_SECONDS]
+    assert reading.foot_force[Leg.LEFT] * TICK_SECONDS == pytest.approx(gained + weight, rel=1e-8)
+    assert not reading.foot_force[Leg.RIGHT].any()
