@@ -1,0 +1,51 @@
+"""Runs one node until it is told to stop. Every node's `main` is a call of this."""
+
+import signal
+import sys
+from collections.abc import Callable
+
+import rclpy
+from rclpy.clock import Clock, ClockType
+from rclpy.experimental import EventsExecutor
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+from rclpy.timer import Timer
+
+from rabbit_ros.parameters_node import ParameterError
+
+_LOOK_UP = 0.1  # s between looks at the signals; without a time-out this executor's wait hears none
+
+
+def run(make: Callable[[], Node], errors: tuple[type[Exception], ...] = ()) -> None:
+    """Make the node, spin it, close it; exit code 2 with one line if its parameters cannot be used.
+
+    SIGINT and SIGTERM end it between two callbacks; more of them change nothing.
+
+    Args:
+        make: the node's class. Its `close()`, if it has one, is called at the end.
+        errors: besides `ParameterError`, what the constructor raises when a file or value cannot be used.
+    """
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    signals: list[int] = []
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda got, _: signals.append(got))
+    unusable: tuple[type[Exception], ...] = (ParameterError, *errors)
+    try:
+        node = make()
+    except unusable as error:
+        print(f"error: {error}", file=sys.stderr)
+        sys.exit(2)
+    executor = EventsExecutor()
+    executor.add_node(node)
+    try:
+        while not signals:
+            executor.spin_once(_LOOK_UP)
+    finally:
+        getattr(node, "close", lambda: None)()
+        node.destroy_node()
+        rclpy.try_shutdown()
+
+
+def steady_timer(node: Node, period: float, callback: Callable[[], None]) -> Timer:
+    """A timer by the wall clock, in s, whatever the simulated time is."""
+    return node.create_timer(period, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))

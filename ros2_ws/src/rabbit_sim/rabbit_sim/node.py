@@ -1,0 +1,265 @@
+"""The simulator's node: publishes the state of a tick, waits for its torque, steps. It owns the clock and the episodes.
+
+In lock-step (the default) nothing moves before the torque of the very tick has come. In real time a tick lasts 10 ms by
+the wall clock, and a torque that comes late is replaced by the last one, for two ticks at most.
+"""
+
+import math
+import time
+
+from pydantic import BaseModel, ConfigDict, Field
+from rabbit_description.gait import GaitError, load_gait
+from rabbit_description.state import TICK_SECONDS, Array, RobotState, StonePreview
+from rabbit_msgs.msg import Episode, EpisodePlan, RabbitState, TorqueCommand
+from rabbit_msgs.msg import Landing as LandingMessage
+from rabbit_msgs.msg import StonePreview as PreviewMessage
+from rabbit_msgs.srv import Pause, ResetEpisode
+from rabbit_ros.conversions_node import joint_state, preview_message, stamp, state_message, torque_of
+from rabbit_ros.diagnostics_node import OK, WARN, Diagnostics, Status
+from rabbit_ros.door import Door, Refused, check_turn
+from rabbit_ros.parameters_node import declare, follow, refuse_unknown
+from rabbit_ros.qos_node import EVENT, TICK
+from rabbit_ros.spin_node import run, steady_timer
+from rclpy.node import Node
+from rclpy.timer import Timer
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+
+from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.simulation import Simulation
+from rabbit_sim.stones import CourseError
+
+LOOK_SECONDS = 0.02  # between looks at who is there and what is late
+HELD_TICKS = 2  # in real time, how long an old torque stands in for a late one
+
+
+class NodeParameters(BaseModel):
+    """What the node is told besides the plant."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    gait: str = Field(
+        "stones_0350_070", description="gait whose post-impact state the robot starts from: a name or a file"
+    )
+    seed: int = Field(1, ge=0, le=2**63 - 1, description="of the first episode; the next ones count up from it")
+    episodes: int = Field(1, ge=0, description="episodes to walk by itself; 0: those that reset_episode asks for")
+    start_paused: bool = Field(False, description="wait for the pause service to let the first episode begin")
+    real_time: bool = Field(False, description="100 Hz by the wall clock instead of lock-step")
+    pace: float = Field(0.0, ge=0, le=100, description="lock-step: times real time at most; 0: no limit; dynamic")
+    answer_timeout: float = Field(5.0, gt=0, le=3600, description="s without a torque that end an episode")
+    wait_for_trainer: bool = Field(False, description="each episode waits for the trainer's plan, and follows it")
+
+
+class SimulatorNode(Node):
+    """Plays episodes with whoever answers its states."""
+
+    def __init__(self) -> None:
+        super().__init__("simulator")
+        self._own = declare(self, NodeParameters, dynamic=("pace",))
+        plant = declare(self, SimulationParameters)
+        refuse_unknown(self)
+        self._simulation = Simulation(plant, load_gait(self._own.gait))
+        self._door = Door()
+        self._episode = Episode(stones=plant.stones, sigma=math.nan)
+        self._state: RobotState | None = None  # the one whose torque is awaited; None between episodes
+        self._preview: StonePreview | None = None
+        self._torque: Array | None = None
+        self._plan: EpisodePlan | None = None
+        self._paused = self._own.start_paused
+        self._due = True  # a torque may be used at once; with a pace, once a tick
+        self._pacer: Timer | None = None
+        self._clock_ticks = self._landings_told = self._held_ticks = self._late_ticks = 0
+        self._since = time.monotonic()
+        self._connect()
+        self._set_pace(self._own)
+        follow(self, self._own, self._set_pace)
+
+    def close(self) -> None:
+        """Give back the plant."""
+        self._simulation.close()
+
+    def _connect(self) -> None:
+        self._states = self.create_publisher(RabbitState, "state", TICK)
+        self._joints = self.create_publisher(JointState, "joint_states", TICK)
+        self._clock = self.create_publisher(Clock, "clock", TICK)
+        self._previews = self.create_publisher(PreviewMessage, "preview", EVENT)
+        self._landings = self.create_publisher(LandingMessage, "landing", EVENT)
+        self._episodes = self.create_publisher(Episode, "episode", EVENT)
+        self._torques = self.create_subscription(TorqueCommand, "torque", self._on_torque, TICK)
+        self.create_subscription(EpisodePlan, "episode_plan", self._on_plan, EVENT)
+        self.create_service(ResetEpisode, "reset_episode", self._on_reset)
+        self.create_service(Pause, "pause", self._on_pause)
+        self._diagnostics = Diagnostics(self, self._door, self._status)
+        steady_timer(self, LOOK_SECONDS, self._look)
+        self._tell(Episode.WAITING)
+
+    # What comes in
+
+    def _on_torque(self, message: TorqueCommand) -> None:
+        try:
+            if self._state is None or self._torque is not None:
+                raise Refused("not awaited", f"episode {message.episode}, tick {message.tick}")
+            check_turn((message.episode, message.tick), (self._episode.episode, self._state.tick))
+            torque = torque_of(message)
+        except Refused as error:
+            self.get_logger().warning(self._door.refuse("torque", error))
+            return
+        self._door.accept("torque")
+        if message.fault:
+            self._end("fault", message.fault)
+            return
+        self._torque, self._held_ticks = torque, 0
+        self._go_on()
+
+    def _on_plan(self, message: EpisodePlan) -> None:
+        self._door.accept("episode_plan")
+        self._plan = message
+
+    def _on_reset(self, request: ResetEpisode.Request, response: ResetEpisode.Response) -> ResetEpisode.Response:
+        if not self._answered_by_someone():
+            response.message = "there is no controller"
+            return response
+        if self._state is not None:
+            self._end("reset", "by service")
+        self._begin(request.seed)
+        response.accepted, response.episode = True, self._episode.episode
+        return response
+
+    def _on_pause(self, request: Pause.Request, response: Pause.Response) -> Pause.Response:
+        self._paused, self._since = request.paused, time.monotonic()
+        if self._state is not None:
+            self._tell(Episode.PAUSED if self._paused else Episode.RUNNING)
+        self._go_on()
+        response.accepted = True
+        return response
+
+    # The episode
+
+    def _begin(self, seed: int, sigma: float = math.nan, policy: str = "") -> None:
+        """Reset the plant; tick 0 goes out at once."""
+        self._torque, self._landings_told, self._held_ticks = None, 0, 0
+        state = self._simulation.reset(seed)
+        number = self._episode.episode + 1
+        self._episode = Episode(
+            episode=number, seed=seed, sigma=sigma, policy_version=policy, stones=self._simulation.parameters.stones
+        )
+        self._preview, self._state = None, state
+        self._tell(Episode.RUNNING)
+        self._publish(state)
+
+    def _go_on(self) -> None:
+        """Step, if the torque is there, nobody paused and the pace allows it."""
+        if self._torque is not None and self._due and not self._paused:
+            self._due = self._pacer is None
+            self._step(self._torque)
+
+    def _step(self, torque: Array) -> None:
+        self._state, self._torque, self._last_torque = self._simulation.step(torque), None, torque
+        self._clock_ticks += 1
+        self._publish(self._state)
+        if not self._state.running:
+            self._end(self._simulation.outcome.value)
+
+    def _end(self, outcome: str, reason: str = "") -> None:
+        if self._state is None:
+            return
+        self._episode.outcome, self._episode.reason = outcome, reason[:128]
+        self._tell(Episode.ENDED)
+        self._state = self._torque = None
+        self._since = time.monotonic()
+
+    def _publish(self, state: RobotState) -> None:
+        """A tick's messages; what the controller needs with the state goes before it."""
+        at, number = stamp(self._clock_ticks), self._episode.episode
+        self._clock.publish(Clock(clock=at))
+        if state.preview is not None and state.preview != self._preview:
+            self._previews.publish(preview_message(state.preview, number, at))
+        self._preview = state.preview
+        self._states.publish(state_message(state, number, at))
+        self._joints.publish(joint_state(state, at))
+        for landing in self._simulation.landings[self._landings_told :]:
+            fields = {name: getattr(landing, name) for name in ("tick", "index", "l", "l_min", "l_max", "on_stone")}
+            self._landings.publish(LandingMessage(stamp=at, episode=number, **fields))
+            self._landings_told += 1
+        self._since = time.monotonic()
+
+    def _tell(self, phase: int) -> None:
+        """Publish where the episode stands."""
+        self._episode.phase, self._episode.stamp = phase, stamp(self._clock_ticks)
+        if self._state is not None:
+            self._episode.tick, self._episode.touchdowns = self._state.tick, self._state.touchdowns
+        self._episodes.publish(self._episode)
+
+    # Time
+
+    def _look(self) -> None:
+        """Begin what can begin; end what nobody answers."""
+        if self._paused:
+            return
+        if self._state is None:
+            self._begin_next()
+        elif self._torque is None and time.monotonic() - self._since > self._own.answer_timeout:
+            who = "no answer from the controller" if self._answered_by_someone() else "the controller has gone"
+            self._end("silent", f"{who}: no torque for tick {self._state.tick} in {self._own.answer_timeout:g} s")
+
+    def _begin_next(self) -> None:
+        done = self._episode.episode
+        if done >= self._own.episodes or not self._answered_by_someone():
+            return
+        if not self._own.wait_for_trainer:
+            self._begin(self._own.seed + done)
+        elif self._plan is not None and self._plan.after_episode == done:
+            self._begin(self._plan.seed, self._plan.sigma, self._plan.policy_version)
+
+    def _answered_by_someone(self) -> bool:
+        return bool(self._states.get_subscription_count() and self._torques.get_publisher_count())
+
+    def _set_pace(self, own: NodeParameters) -> None:
+        """Follow a new pace between two ticks."""
+        self._own = own
+        if self._pacer is not None:
+            self.destroy_timer(self._pacer)
+            self._pacer = None
+        pace = 1.0 if own.real_time else own.pace
+        if pace > 0:
+            self._pacer = steady_timer(self, TICK_SECONDS / pace, self._on_pace)
+        self._due = self._pacer is None
+
+    def _on_pace(self) -> None:
+        """A tick is due."""
+        self._due = True
+        if self._own.real_time and self._state is not None and self._torque is None and not self._paused:
+            self._stand_in()
+        self._go_on()
+
+    def _stand_in(self) -> None:
+        """Real time does not wait: hold the last torque, then give up."""
+        self._late_ticks += 1
+        self._held_ticks += 1
+        if self._state is not None and self._state.tick == 0:
+            return  # nothing moves before the first torque
+        if self._held_ticks > HELD_TICKS:
+            self._end("silent", f"{self._held_ticks} ticks without a torque in real time")
+        else:
+            self._torque = self._last_torque
+
+    def _status(self) -> Status:
+        waits = {
+            "controller": not self._answered_by_someone(),
+            "trainer": self._own.wait_for_trainer and self._state is None and self._plan is None,
+        }
+        missing = [who for who, is_missing in waits.items() if is_missing]
+        e = self._episode
+        figures = {"episode": e.episode, "outcome": e.outcome, "late ticks": self._late_ticks, "paused": self._paused}
+        if missing and e.episode < self._own.episodes:
+            return WARN, f"waiting for {' and '.join(missing)}", figures
+        return OK, f"episode {e.episode}" if self._state is not None else "between episodes", figures
+
+
+def main() -> None:
+    """The executable `simulator`."""
+    run(SimulatorNode, errors=(GaitError, CourseError))
+
+
+if __name__ == "__main__":
+    main()

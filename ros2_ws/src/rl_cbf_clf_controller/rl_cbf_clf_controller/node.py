@@ -1,0 +1,266 @@
+"""The controller's node: a state comes in, is held until all its tick needs is there, and is answered with a torque.
+
+A tick needs the preview of stone `touchdowns + 1`, if one was announced; the first tick of an episode also needs the
+episode's seed and the policy it names. Policies are checked in another thread (policy_intake_node) and put in force
+between two ticks; every torque says which policy made it.
+"""
+
+import math
+from array import array
+from collections import deque
+from pathlib import Path
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+from rabbit_description.gait import GaitError, load_gait
+from rabbit_description.state import StonePreview
+from rabbit_msgs.msg import ControllerState, Episode, PolicySwap, RabbitState, TorqueCommand
+from rabbit_msgs.msg import StonePreview as PreviewMessage
+from rabbit_ros.conversions_node import preview_of, state_of
+from rabbit_ros.diagnostics_node import OK, WARN, Diagnostics, Status
+from rabbit_ros.door import Door, Refused, check_turn
+from rabbit_ros.parameters_node import declare, follow, refuse_unknown
+from rabbit_ros.qos_node import EVENT, TICK
+from rabbit_ros.spin_node import run
+from rclpy.node import Node
+
+from rl_cbf_clf_controller.controller import Controller
+from rl_cbf_clf_controller.messages_node import controller_state, torque_message
+from rl_cbf_clf_controller.parameters import ControllerParameters
+from rl_cbf_clf_controller.policy import ZeroPolicy
+from rl_cbf_clf_controller.policy_intake_node import Decided, PolicyIntake, check
+from rl_cbf_clf_controller.uncertainty import Problem
+from rl_cbf_clf_controller.weights import PolicyFileError
+
+SHIPPED = Path(__file__).parent / "policies"
+ZERO = "zero"
+
+
+class NodeParameters(BaseModel):
+    """What the node is told besides the controller."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    policy: str = Field(ZERO, description="policy to begin with: zero, the name of a shipped one, or a file")
+    swap_at: Literal["tick", "episode", "never"] = Field(
+        "tick", description="when published policies take effect; one loaded by service always does at the next tick"
+    )
+
+
+class ControllerNode(Node):
+    """Answers states with torques."""
+
+    def __init__(self) -> None:
+        super().__init__("controller")
+        self._own = declare(self, NodeParameters)
+        self._parameters = declare(self, ControllerParameters, dynamic=("sigma",))
+        refuse_unknown(self)
+        problem = self._parameters.problem
+        self._zero = Decided(ZERO, "built in", False, ZeroPolicy(problem))
+        self._in_force = self._zero if self._own.policy == ZERO else first_policy(self._own.policy, problem)
+        self._waiting: Decided | None = None  # the newest policy that is not in force yet
+        self._refused: dict[str, str] = {}  # version to reason
+        self._decided: deque[Decided] = deque()  # from the other thread
+        gait = load_gait(self._parameters.gait)
+        self._controller = Controller(self._parameters, gait, self._in_force.policy or ZeroPolicy(problem))
+        self._door = Door()
+        self._episode = Episode(sigma=math.nan)
+        self._previews: dict[tuple[int, int], StonePreview] = {}  # by episode and index
+        self._held: RabbitState | None = None
+        self._turn = (0, -1)  # episode and tick of the newest state
+        self._connect()
+        follow(self, self._parameters, self._set_parameters)
+
+    def close(self) -> None:
+        """End the thread that checks policies."""
+        self._intake.close()
+
+    def _connect(self) -> None:
+        self._torques = self.create_publisher(TorqueCommand, "torque", TICK)
+        self._details = self.create_publisher(ControllerState, "controller_state", TICK)
+        self._swaps = self.create_publisher(PolicySwap, "policy_swap", EVENT)
+        self.create_subscription(RabbitState, "state", self._on_state, TICK)
+        self.create_subscription(PreviewMessage, "preview", self._on_preview, EVENT)
+        self.create_subscription(Episode, "episode", self._on_episode, EVENT)
+        self._diagnostics = Diagnostics(self, self._door, self._status)
+        self._tell_swap(self._in_force)
+        self._intake = PolicyIntake(self._parameters.problem, self._on_decided)
+
+    # What comes in
+
+    def _on_state(self, message: RabbitState) -> None:
+        turn = (message.episode, message.tick)
+        begins = message.tick == 0 and message.episode > self._turn[0]
+        try:
+            check_turn(turn, turn if begins else (self._turn[0], self._turn[1] + 1))
+        except Refused as error:
+            self._refuse("state", error)
+            return
+        self._turn, self._held = turn, message if message.running else None
+        if not message.running:
+            self._door.accept("state")
+        self._go_on()
+
+    def _on_preview(self, message: PreviewMessage) -> None:
+        try:
+            preview = preview_of(message)
+        except Refused as error:
+            self._refuse("preview", error)
+            return
+        self._door.accept("preview")
+        self._previews = {key: stone for key, stone in self._previews.items() if key[0] == message.episode}
+        self._previews[message.episode, message.index] = preview
+        self._go_on()
+
+    def _on_episode(self, message: Episode) -> None:
+        self._door.accept("episode")
+        self._episode = message
+        self._go_on()
+
+    def _on_decided(self, decided: Decided) -> None:
+        """Called in the other thread."""
+        self._decided.append(decided)
+        if self.executor is not None:
+            self.executor.create_task(self._go_on)
+
+    # The tick
+
+    def _go_on(self) -> None:
+        self._take_decided()
+        message = self._held
+        if message is None or self._missing(message):
+            return
+        self._held = None
+        try:
+            state = state_of(message, self._previews.get((message.episode, message.touchdowns + 1)))
+        except Refused as error:
+            self._refuse("state", error)
+            return
+        self._door.accept("state")
+        if message.tick == 0:
+            self._begin()
+        self._swap(message.tick)
+        try:
+            output = self._controller.step(state)
+        except ValueError as error:
+            self._give_up(message, str(error))
+            return
+        self._torques.publish(torque_message(output, message.episode, message.stamp))
+        self._details.publish(controller_state(output, message.episode, message.stamp))
+
+    def _missing(self, message: RabbitState) -> str:
+        """What this tick still waits for; empty when it can be made."""
+        stone = message.touchdowns + 1
+        if message.previewed and (message.episode, stone) not in self._previews:
+            return f"preview of stone {stone}"
+        if message.tick > 0:
+            return ""
+        if self._episode.episode != message.episode or self._episode.phase == Episode.WAITING:
+            return f"announcement of episode {message.episode}"
+        wanted = self._wanted()
+        if wanted in self._refused:
+            self._held = None
+            self._give_up(message, f"policy {wanted} was refused: {self._refused[wanted]}")
+        here = ("", ZERO, self._in_force.version, self._waiting.version if self._waiting else "")
+        return "" if wanted in here else f"policy {wanted}"
+
+    def _begin(self) -> None:
+        self._set_parameters(self._parameters)
+        self._controller.reset(self._episode.seed)
+
+    def _give_up(self, message: RabbitState, reason: str) -> None:
+        """Answer with a fault: the simulator ends the episode under this reason."""
+        self.get_logger().error(reason)
+        self._torques.publish(
+            TorqueCommand(
+                stamp=message.stamp,
+                episode=message.episode,
+                tick=message.tick,
+                policy_version=self._in_force.version,
+                fault=reason[:128],
+            )
+        )
+
+    # Policies and parameters, between two ticks
+
+    def _take_decided(self) -> None:
+        while self._decided:
+            decided = self._decided.popleft()
+            if decided.policy is None:
+                self._refused = {decided.version: decided.reason}
+                self._refuse("policy", Refused("not fit", f"{decided.source}: {decided.reason}"))
+                self._tell_swap(decided)
+            elif decided.by_operator or self._own.swap_at != "never":
+                self._door.accept("policy")
+                self._waiting = decided
+
+    def _wanted(self) -> str:
+        return "" if self._own.swap_at == "never" else str(self._episode.policy_version)
+
+    def _swap(self, tick: int) -> None:
+        """Put in force what is due at this tick."""
+        new = self._waiting
+        if tick == 0 and self._wanted() == ZERO:
+            new = self._zero
+        elif new and not (new.by_operator or self._own.swap_at == "tick" or tick == 0):
+            return
+        if new is self._waiting:
+            self._waiting = None
+        if new and new.policy and new.version != self._in_force.version:
+            self._in_force, self._controller.policy = new, new.policy
+            self._tell_swap(new)
+
+    def _tell_swap(self, decided: Decided) -> None:
+        self._swaps.publish(
+            PolicySwap(
+                episode=max(self._turn[0], 0),
+                tick=max(self._turn[1], 0),
+                version=decided.version,
+                source=decided.source[-128:],
+                accepted=decided.policy is not None,
+                reason=decided.reason,
+                data=array("B", decided.data),
+            )
+        )
+
+    def _set_parameters(self, parameters: ControllerParameters) -> None:
+        """The episode's own sigma goes before the node's."""
+        self._parameters = parameters
+        sigma = parameters.sigma if math.isnan(self._episode.sigma) else self._episode.sigma
+        self._controller.parameters = parameters.model_copy(update={"sigma": sigma})
+
+    def _refuse(self, topic: str, error: Refused) -> None:
+        self.get_logger().warning(self._door.refuse(topic, error))
+
+    def _status(self) -> Status:
+        figures = {
+            "policy": self._in_force.version,
+            "policy waiting": self._waiting.version if self._waiting else "",
+            "ticks not answered by the chosen solver": self._controller.unanswered,
+        }
+        missing = self._missing(self._held) if self._held else ""
+        if missing:
+            return WARN, f"tick {self._turn[1]} of episode {self._turn[0]} waits for the {missing}", figures
+        return OK, f"episode {self._turn[0]}", figures
+
+
+def first_policy(name: str, problem: Problem) -> Decided:
+    """The shipped policy of this name, or the file; raises `PolicyFileError`."""
+    shipped = SHIPPED / f"{name}.safetensors"
+    path = shipped if shipped.is_file() else Path(name)
+    try:
+        decided = check(path.read_bytes(), name, problem)
+    except OSError as error:
+        raise PolicyFileError(f"policy {name}: neither a shipped one nor a file: {error.strerror}") from error
+    if decided.policy is None:
+        raise PolicyFileError(f"policy {name}: {decided.reason}")
+    return decided
+
+
+def main() -> None:
+    """The executable `controller`."""
+    run(ControllerNode, errors=(GaitError, PolicyFileError))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,83 @@
+"""Where policies come in: from the topic `policy` or, by service, from a file. Off the control path.
+
+This second node of the controller's process has a thread of its own, in which the bytes are received, decoded and
+checked; what it decided is handed to `decided`, which puts it in force between two ticks.
+"""
+
+import threading
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from rabbit_msgs.msg import PolicyWeights
+from rabbit_msgs.srv import LoadPolicy
+from rabbit_ros.qos_node import WEIGHTS
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+
+from rl_cbf_clf_controller.policy import ActorPolicy, Policy
+from rl_cbf_clf_controller.uncertainty import Problem
+from rl_cbf_clf_controller.weights import PolicyFileError, decode
+
+
+@dataclass(frozen=True)
+class Decided:
+    """The word on what came in: a policy ready to use, or the reason it is refused."""
+
+    version: str
+    source: str
+    by_operator: bool
+    policy: Policy | None
+    reason: str = ""
+    data: bytes = b""
+
+
+class PolicyIntake(Node):
+    """Receives, checks and hands over policies."""
+
+    def __init__(self, problem: Problem, decided: Callable[[Decided], None]) -> None:
+        super().__init__("controller_policies", start_parameter_services=False, enable_rosout=False)
+        self._problem, self._decided = problem, decided
+        self.create_subscription(PolicyWeights, "policy", self._on_weights, WEIGHTS)
+        self.create_service(LoadPolicy, "load_policy", self._on_load)
+        self._executor = SingleThreadedExecutor()
+        self._executor.add_node(self)
+        self._thread = threading.Thread(target=self._spin, name="policies", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """End the thread."""
+        self._executor.shutdown()
+        self._thread.join(timeout=2.0)
+        self.destroy_node()
+
+    def _spin(self) -> None:
+        with suppress(ExternalShutdownException):
+            self._executor.spin()
+
+    def _on_weights(self, message: PolicyWeights) -> None:
+        decided = check(bytes(message.data), message.source, self._problem)
+        if decided.policy is not None and decided.version != message.version:
+            text = f"the message says version {message.version}; its content has {decided.version}"
+            decided = Decided(message.version, message.source, False, None, text)
+        self._decided(decided)
+
+    def _on_load(self, request: LoadPolicy.Request, response: LoadPolicy.Response) -> LoadPolicy.Response:
+        try:
+            decided = check(Path(request.path).read_bytes(), request.path, self._problem, by_operator=True)
+        except (OSError, ValueError) as error:
+            decided = Decided("", request.path, True, None, f"cannot read {request.path}: {error}")
+        self._decided(decided)
+        response.accepted, response.message = decided.policy is not None, decided.reason
+        response.version = decided.version
+        return response
+
+
+def check(data: bytes, source: str, problem: Problem, by_operator: bool = False) -> Decided:
+    """Decode a policy; never raises."""
+    try:
+        policy = ActorPolicy(decode(data, problem))
+    except PolicyFileError as error:
+        return Decided("", source, by_operator, None, str(error))
+    return Decided(policy.version, source, by_operator, policy, "", data)
