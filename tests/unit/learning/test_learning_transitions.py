@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 from rabbit_description.state import TICK_SECONDS, Leg, RobotState
 from rl_cbf_clf_controller.controller import ControllerOutput
+from rl_cbf_clf_controller.res_clf import ResClf
 from rl_cbf_clf_controller.uncertainty import Problem
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.replay import Replay
 from rl_trainer.transitions import Doubt, Transition, TransitionBuilder
 
 Tick = Callable[..., tuple[RobotState, ControllerOutput]]
-PARAMETERS = TrainingParameters(problem=Problem.RL_CBF_CLF_QP)
+PARAMETERS = TrainingParameters(problem=Problem.RL_CBF_CLF_QP, clf_difference="value")
 
 
 def join(*ticks: tuple[RobotState, ControllerOutput], parameters: TrainingParameters = PARAMETERS) -> Transition:
@@ -29,6 +30,25 @@ def test_one_difference_measures_every_quantity(tick: Tick) -> None:
     force = np.array([[-40.0, 310.0], [7.0, 0.5]])
     second = tick(21, state={"foot_force": force}, output={"V": 2.5, "barrier_rates": np.array([0.2, -0.1])})
     np.testing.assert_allclose(join(first, second).measured, [50.0, 10.0, 20.0, 310.0, -40.0])
+
+
+def test_rate_of_the_clf_from_rates_is_exact_for_constant_acceleration(tick: Tick) -> None:
+    """V's own difference over a tick holds a term of second order besides; the gradient's does not."""
+    clf, acceleration = ResClf(4, 0.1, (0.5, 0.866)), np.array([30.0, -20.0, 10.0, 40.0])
+    y, dy = np.array([0.1, -0.05, 0.02, 0.0]), np.array([0.3, 0.1, -0.2, 0.5])
+    later = y + TICK_SECONDS * dy + TICK_SECONDS**2 / 2 * acceleration, dy + TICK_SECONDS * acceleration
+    eta, next_eta = np.concatenate([y, dy]), np.concatenate(later)
+    slope = clf.derivative(eta)
+    problem = Problem.RL_CLF_QP
+    output = {"eta": eta, "V": clf.value(eta), "LgV": slope.a[0], "nominal_a": slope.a, "nominal_b": slope.b}
+    ticks = (
+        tick(20, output=output, problem=problem),
+        tick(21, output={"eta": next_eta, "V": clf.value(next_eta)}, problem=problem),
+    )
+    by_rates = join(*ticks, parameters=TrainingParameters(problem=problem))
+    assert by_rates.measured[0] == pytest.approx(slope(acceleration)[0], abs=1e-9)
+    by_value = join(*ticks, parameters=TrainingParameters(problem=problem, clf_difference="value"))
+    assert abs(by_value.measured[0] - slope(acceleration)[0]) > 10
 
 
 def test_output_accelerations_are_exact_for_constant_acceleration(tick: Tick) -> None:

@@ -87,7 +87,10 @@ class TrainingParameters(BaseModel):
         default=(0.0, 0.5, 1.0, 2.0), min_length=1, description="sigma's factor, drawn anew each episode"
     )
 
-    # transitions that are left out
+    # transitions: how they are measured, which are left out
+    clf_difference: Literal["rates", "value"] = Field(
+        default="rates", description="V-dot from the difference of dy and the gradient of V, or of V itself"
+    )
     settle_time: float = Field(default=0.05, ge=0, le=1, description="s after an impact")
     far_position: float = Field(default=0.6, gt=0, description="abs(y) beyond this is far off the gait, rad")
     far_velocity: float = Field(default=12.0, gt=0, description="abs(dy) beyond this is far off the gait, rad/s")
@@ -148,6 +151,7 @@ def paper_literal(problem: Problem, **changes: Any) -> TrainingParameters:
     """DDPG as the paper states it; what it leaves open is taken from the DDPG paper or our working set."""
     literal: dict[str, Any] = {
         "structured": False,
+        "clf_difference": "value",
         "relative_clf": False,
         "critic": "plain",
         "heads": "one",

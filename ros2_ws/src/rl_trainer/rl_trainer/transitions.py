@@ -5,6 +5,8 @@ A quantity is measured by one numerical difference over the tick [SectionRL, Rem
     V-dot = (V' - V) / dt,   B_i'' = (B_i-dot' - B_i-dot) / dt,   y'' = (dy' - dy) / dt,   ' = one tick later
 
 and the stance foot's force is the one averaged over that tick. A difference across a change of stance means nothing.
+V is quadratic in dy, so its own difference is off by dt |G y''|^2 in the metric P; with `clf_difference = rates` the
+known gradient of V takes the difference of dy instead: V-dot = LfV + LgV (dy' - dy) / dt.
 """
 
 from dataclasses import dataclass
@@ -124,7 +126,9 @@ class TransitionBuilder:
             alpha=last.alpha,
             beta=last.beta,
             nominal=last.nominal_a @ last.mu + last.nominal_b,
-            measured=unmeasured if doubt & Doubt.UNMEASURED or output is None else measure(last, state, output),
+            measured=unmeasured
+            if doubt & Doubt.UNMEASURED or output is None
+            else measure(last, state, output, self._parameters.clf_difference),
             next_observation=following.observation,
             next_LgV=following.LgV,
             next_mu=following.mu,
@@ -150,13 +154,14 @@ class TransitionBuilder:
         return bool(state.q[1] < self._parameters.fall_height or abs(state.q[2]) > self._parameters.fall_pitch)
 
 
-def measure(last: ControllerOutput, state: RobotState, output: ControllerOutput) -> Array:
+def measure(last: ControllerOutput, state: RobotState, output: ControllerOutput, clf_difference: str) -> Array:
     """All quantities over the tick from `last` to (`state`, `output`), (n,), in their units."""
     barriers = (output.barrier_rates - last.barrier_rates) / TICK_SECONDS
     accelerations = (output.eta[4:] - last.eta[4:]) / TICK_SECONDS
     tangential, normal = state.foot_force[last.stance]
+    by_rates = clf_difference == "rates" and "V" in last.quantities
     values = {
-        "V": (output.V - last.V) / TICK_SECONDS,
+        "V": last.nominal_b[0] + last.LgV @ accelerations if by_rates else (output.V - last.V) / TICK_SECONDS,
         "B1": barriers[0],
         "B2": barriers[1],
         "C1": normal,
