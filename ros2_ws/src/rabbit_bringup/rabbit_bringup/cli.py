@@ -3,6 +3,7 @@
 import typer
 
 from rabbit_bringup.commands.evaluate import evaluate
+from rabbit_bringup.commands.video import video
 
 app = typer.Typer(
     name="rabbit",
@@ -11,6 +12,7 @@ app = typer.Typer(
     pretty_exceptions_show_locals=False,
 )
 app.command()(evaluate)
+app.command()(video)
 
 
 @app.callback()

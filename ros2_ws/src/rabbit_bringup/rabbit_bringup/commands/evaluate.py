@@ -141,8 +141,15 @@ def show(summary: dict[str, Any], out: Path) -> None:
 
 
 def draw_first(assembly: Any, request: EvaluationOptions) -> None:
-    """Walk the first run again, with its records and pictures."""
-    raise NotImplementedError
+    """Walk the first run again, the same, and leave its records and pictures."""
+    from rabbit_bringup.experiments.evaluation import episode_seeds, record_walk
+    from rabbit_bringup.viewing.pictures import RECORDS, draw_run
+    from rabbit_bringup.viewing.walk_records import save_records
+
+    walk = record_walk(assembly, episode_seeds(request.seed, 1)[0])
+    save_records(walk, request.out / RECORDS)
+    for path in draw_run(request.out):
+        print(f"drawn {path}")
 
 
 SHOWN = (

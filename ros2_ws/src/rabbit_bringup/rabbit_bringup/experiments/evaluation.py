@@ -13,10 +13,13 @@ import joblib
 import numpy as np
 from rabbit_sim.simulation import Simulation
 from rl_cbf_clf_controller.controller import Controller, ControllerError
-from rl_trainer.rollout import Observer, rollout
+from rl_trainer.rollout import Controller as AnyController
+from rl_trainer.rollout import Observer, Record, rollout
+from rl_trainer.rollout import Simulation as AnySimulation
 
 from rabbit_bringup.experiments.assembly import Assembly
 from rabbit_bringup.experiments.metrics import RunResult, RunTally
+from rabbit_bringup.viewing.walk_records import WalkRecords, about_walk
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -64,12 +67,33 @@ def walk(assembly: Assembly, run: int, seed: int, *observers: Observer) -> RunRe
     plant, timed = TimedPlant(simulation), TimedController(controller)
     tally = RunTally(run, assembly.controller, lambda: simulation.reading.foot_force)
     try:
-        rollout(plant, timed, seed, tally, *observers)
-    except (ControllerError, np.linalg.LinAlgError) as error:
-        tally.fault = f"controller error: {error}"
+        tally.fault = episode(plant, timed, seed, tally, *observers) or tally.fault
     finally:
         simulation.close()
     return tally.result(seed, simulation.outcome, simulation.landings, timed.step.seconds, plant.step.seconds)
+
+
+def record_walk(assembly: Assembly, seed: int) -> WalkRecords:
+    """One run again, with all its ticks."""
+    simulation, controller = assembly.build()
+    ticks: list[Record] = []
+    try:
+        fault = episode(simulation, controller, seed, ticks.append)
+    finally:
+        simulation.close()
+    fault = fault or (ticks[-1].output.fault if ticks else "")
+    outcome, policy = fault.split(":")[0] or simulation.outcome.value, controller.policy.version
+    about = about_walk(assembly.controller, assembly.simulation, policy, seed, outcome)
+    return WalkRecords.from_ticks(ticks, simulation.landings, about)
+
+
+def episode(simulation: AnySimulation, controller: AnyController, seed: int, *observers: Observer) -> str:
+    """A rollout that survives a state the controller refuses; returns why it did, or nothing."""
+    try:
+        rollout(simulation, controller, seed, *observers)
+    except (ControllerError, np.linalg.LinAlgError) as error:
+        return f"controller error: {error}"
+    return ""
 
 
 def evaluate(assembly: Assembly, seeds: Mapping[int, int], jobs: int = 1) -> Iterator[RunResult]:

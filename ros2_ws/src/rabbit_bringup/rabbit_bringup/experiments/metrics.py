@@ -9,7 +9,7 @@ F_N > 20 N) or without a push from the ground (F_N <= 0, "lost").
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,6 +62,8 @@ class RunRow(BaseModel):
     barrier_active_steps: int
     max_torque: float
     max_clf: float
+    max_slack: float
+    max_rescue_slack: float
     tick_ms_p50: float
     tick_ms_p99: float
     plant_ms_p50: float
@@ -147,7 +149,7 @@ class RunTally:
         self._counts: Counter[str] = Counter()
         self._barrier_steps: set[int] = set()
         self._step, self._step_tick = -1, 0
-        self._max_torque = self._max_clf = 0.0
+        self._most: dict[str, float] = {"max_torque": 0.0, "max_clf": 0.0, "max_slack": 0.0, "max_rescue_slack": 0.0}
 
     def __call__(self, record: Record) -> None:
         """Take in a tick."""
@@ -159,8 +161,8 @@ class RunTally:
             self._counts["ecbf_start_violations"] += self._starts_outside(output)
         self._forces.add(output, state.tick - self._step_tick, self._foot_force()[output.stance])
         self._count(output)
-        self._max_torque = max(self._max_torque, float(np.abs(output.torque).max()))
-        self._max_clf = max(self._max_clf, output.V)
+        values = (float(np.abs(output.torque).max()), output.V, output.clf_slack, output.rescue_slack)
+        self._most = {name: max(most, value) for (name, most), value in zip(self._most.items(), values, strict=True)}
 
     def _starts_outside(self, output: ControllerOutput) -> bool:
         """Whether a barrier's B' + p1 B is negative where the step begins: from there an ECBF promises nothing."""
@@ -185,6 +187,7 @@ class RunTally:
         stones = missed.index(True) if True in missed else len(missed)
         success = outcome is Outcome.WALKED and not self.fault and not any(missed)
         forces, milliseconds = self._forces, np.array(ticks) * 1e3
+        counted: dict[str, Any] = {**self._most, **{name: self._counts[name] for name in _COUNTED}}
         over, lost = forces.count("over_cone", at_impact=False), forces.count("lost", at_impact=False)
         row = RunRow(
             run=self.run,
@@ -205,13 +208,11 @@ class RunTally:
             ticks_lost=lost,
             ticks_lost_at_impact=forces.count("lost", at_impact=True),
             barrier_active_steps=len(self._barrier_steps),
-            max_torque=self._max_torque,
-            max_clf=self._max_clf,
             tick_ms_p50=float(np.percentile(milliseconds, 50)),
             tick_ms_p99=float(np.percentile(milliseconds, 99)),
             plant_ms_p50=float(np.median(plant_ticks)) * 1e3 if plant_ticks else np.nan,
             walk_seconds=sum(ticks) + sum(plant_ticks),
-            **{name: self._counts[name] for name in _COUNTED},
+            **counted,
         )
         return RunResult(row, forces.violations, np.array(ticks, dtype=np.float32))
 

@@ -54,6 +54,8 @@ def summarise(results: Sequence[RunResult], qp_solver: str) -> dict[str, Any]:
         "active_share": {name: sum(getattr(row, f"active_{name}") for row in rows) / max(ticks, 1) for name in ROWS},
         "barrier_active_step_share": sum(row.barrier_active_steps for row in rows) / max(sum(r.steps for r in rows), 1),
         "max_torque": max(row.max_torque for row in rows),
+        "max_slack": max(row.max_slack for row in rows),
+        "max_rescue_slack": max(row.max_rescue_slack for row in rows),
         **times(results),
     }
 
