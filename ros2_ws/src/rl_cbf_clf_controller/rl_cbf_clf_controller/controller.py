@@ -6,7 +6,9 @@
 Nominal CLF-QP, CBF-CLF-QP and their learned versions are this one path with other rows and another policy.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 from rabbit_description.gait import Gait
@@ -16,7 +18,7 @@ from rl_cbf_clf_controller.affine import Affine
 from rl_cbf_clf_controller.contact_force import force_rows, literal_cone_rows
 from rl_cbf_clf_controller.ecbf import Barriers, ecbf_bound, ecbf_gains, stone_barriers
 from rl_cbf_clf_controller.io_linearization import precontrol
-from rl_cbf_clf_controller.nominal_model import Kinematics, NominalModel
+from rl_cbf_clf_controller.nominal_model import Kinematics, NominalModel, PinnedDynamics
 from rl_cbf_clf_controller.oracle import OracleContext
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import Policy
@@ -87,6 +89,7 @@ class Terms:
     q_s: Array
     dq_s: Array
     feet: Kinematics
+    dynamics: PinnedDynamics
     outputs: Outputs
     eta: Array
     precontrol: Affine
@@ -97,6 +100,12 @@ class Terms:
     @property
     def barriers(self) -> Barriers | None:
         return self.model.barriers
+
+
+class Constraint(Protocol):
+    """A constraint of one's own: rows from the terms of a tick (its q_s, feet, nominal model, precontrol)."""
+
+    def rows(self, terms: Terms) -> Rows: ...
 
 
 @dataclass
@@ -110,15 +119,26 @@ class StepState:
 
 
 class Controller:
-    """One controller with its parameters, gait and policy; `step` is called once a tick."""
+    """One controller with its parameters, gait and policy; `step` is called once a tick.
 
-    def __init__(self, parameters: ControllerParameters, gait: Gait, policy: Policy) -> None:
+    `constraints` are added to the QP; `urdf` replaces RABBIT's as the nominal model (the same joints and feet).
+    """
+
+    def __init__(
+        self,
+        parameters: ControllerParameters,
+        gait: Gait,
+        policy: Policy,
+        constraints: Sequence[Constraint] = (),
+        urdf: str | None = None,
+    ) -> None:
         self.parameters = parameters
         self.policy = policy
+        self._extra = tuple(constraints)
         self.clf = ResClf(4, parameters.eps, (parameters.kp, parameters.kd))
         self._K_b = ecbf_gains((parameters.barrier_pole_1, parameters.barrier_pole_2))
         self._constraints = VirtualConstraints(gait)
-        self._model = NominalModel()
+        self._model = NominalModel(urdf)
         self._solver = make_solver(parameters.qp_solver)
         self.reset(0)
 
@@ -142,7 +162,7 @@ class Controller:
         terms = self.terms(state)
         estimates = self.policy.estimate(terms.context)
         control = self._control(terms, estimates)
-        qp = build_qp(self.rows(terms, estimates, control))
+        qp = build_qp([*self.rows(terms, estimates, control), *(own.rows(terms) for own in self._extra)])
         solution = self._solver.solve(qp)
         decision = unpack(qp, solution.x)
         if not solution.solved:
@@ -167,7 +187,7 @@ class Controller:
         stone = (state.preview.l_min,) if p.on_stones and state.preview else ()
         observation = np.concatenate([eta, z, stone])
         context = OracleContext(observation, clf.a[0], q_s, dq_s, model, nominal, control)
-        return Terms(q_s, dq_s, feet, outputs, eta, control, model, nominal, context)
+        return Terms(q_s, dq_s, feet, dynamics, outputs, eta, control, model, nominal, context)
 
     def rows(self, terms: Terms, estimates: Estimates, control: Affine) -> list[Rows]:
         """Which QP has which rows: every constraint of this tick, with its estimates."""
