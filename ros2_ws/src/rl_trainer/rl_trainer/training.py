@@ -47,7 +47,10 @@ class EpisodePlan:
 
 @dataclass(frozen=True)
 class EpisodeReport:
-    """An episode in figures: steps taken, ticks, transitions kept, mean reward terms a measured tick, mean losses."""
+    """An episode in figures: touchdowns, ticks, transitions kept, mean reward terms a measured tick, mean losses.
+
+    `failed` by pose; `fault` is the controller's reason to end it, or empty; `left_out` counts the ticks of each doubt.
+    """
 
     episode: int
     sigma: float
@@ -56,6 +59,7 @@ class EpisodeReport:
     ticks: int
     kept: int
     failed: bool
+    fault: str
     reward: dict[str, float]
     losses: dict[str, float]
     left_out: dict[str, int]
@@ -74,8 +78,7 @@ class Trainer:
         self.learner = learner or make_learner(parameters)
         self.replay = Replay(parameters)
         self._builder = TransitionBuilder(parameters)
-        self._episode: list[Transition] = []
-        self._kept = 0
+        self._clear()
 
     @property
     def gaps(self) -> int:
@@ -88,8 +91,7 @@ class Trainer:
         seeds = np.random.SeedSequence([p.seed, self.episode])
         factor = np.random.default_rng(seeds.spawn(1)[0]).choice(p.sigma_factors)
         nominal = self.episode < p.nominal_episodes
-        self._builder.reset()
-        self._episode, self._kept = [], 0
+        self._clear()
         return EpisodePlan(
             episode=self.episode,
             seed=int(seeds.generate_state(1)[0]),
@@ -99,6 +101,7 @@ class Trainer:
 
     def observe(self, state: RobotState, output: ControllerOutput) -> Transition | None:
         """Take in a tick; returns the transition that it completes."""
+        self._fault = output.fault
         return self._take(self._builder.add(state, output))
 
     def end_episode(self, plan: EpisodePlan, state: RobotState) -> EpisodeReport:
@@ -108,7 +111,7 @@ class Trainer:
         updates = max(p.updates_least, round(p.updates_per_tick * len(self._episode)))
         losses = self.learn(updates)
         self.episode += 1
-        return self._report(plan, losses)
+        return self._report(plan, state, losses)
 
     def learn(self, updates: int) -> dict[str, float]:
         """So many updates from the replay buffer; mean losses, empty while there are too few transitions."""
@@ -159,13 +162,18 @@ class Trainer:
         self.learner.load_state_dict(state["learner"])
         self.replay.load_state_dict(state["replay"])
 
+    def _clear(self) -> None:
+        self._builder.reset()
+        self._episode: list[Transition] = []
+        self._kept, self._fault = 0, ""
+
     def _take(self, transition: Transition | None) -> Transition | None:
         if transition is not None:
             self._episode.append(transition)
             self._kept += self.replay.add(transition)
         return transition
 
-    def _report(self, plan: EpisodePlan, losses: dict[str, float]) -> EpisodeReport:
+    def _report(self, plan: EpisodePlan, state: RobotState, losses: dict[str, float]) -> EpisodeReport:
         p, episode = self.parameters, self._episode
         terms = [reward_terms(t, p) for t in episode if not t.doubt & Doubt.UNMEASURED]
         mean = np.mean([t.estimation for t in terms], axis=0) if terms else np.zeros(p.n)
@@ -174,10 +182,11 @@ class Trainer:
             episode=plan.episode,
             sigma=plan.sigma,
             nominal=plan.policy is None,
-            steps=episode[-1].step_index if episode else 0,
+            steps=state.touchdowns,
             ticks=len(episode),
             kept=self._kept,
             failed=bool(episode and episode[-1].failed),
+            fault=self._fault,
             reward={**dict(zip(p.problem.quantities, mean.tolist(), strict=True)), "failure": failure},
             losses=losses,
             left_out={f.name.lower(): sum(f in t.doubt for t in episode) for f in Doubt if f.name},

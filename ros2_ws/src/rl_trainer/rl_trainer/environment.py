@@ -1,0 +1,104 @@
+"""The same walk as a `gymnasium.Env`, for learners of one's own: action alpha and beta, reward the paper's.
+
+    observation   (m,) scaled, see `rl_trainer.networks.OBSERVATION_UNITS`
+    action        (5n,) in [-1, 1], times the action scales: all alphas, then all betas (25 on stones)
+    reward        -weighted squared errors of the tick - failure penalty
+    info          the fields of the tick's `Transition`; `next_LgV` also after a reset
+
+A tick's observation is needed before its action, while a controller gives both at once; so a second controller, the
+scout, looks at each state first. Which leg stands and all that is measured do not depend on the policy.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.spaces import Box
+from numpy.typing import NDArray
+from rabbit_description.state import Array, RobotState
+from rl_cbf_clf_controller.controller import ControllerOutput
+from rl_cbf_clf_controller.policy import Policy, PolicyContext, ZeroPolicy
+from rl_cbf_clf_controller.uncertainty import Estimates
+
+from rl_trainer.networks import OBSERVATION_UNITS
+from rl_trainer.parameters import TrainingParameters
+from rl_trainer.reward import reward_terms
+from rl_trainer.rollout import Controller, Simulation
+from rl_trainer.transitions import TransitionBuilder
+
+Float32 = NDArray[np.float32]
+
+
+class GivenAction:
+    """A policy that answers with the action it was given."""
+
+    version = "environment"
+
+    def __init__(self, parameters: TrainingParameters) -> None:
+        self.action: Array = np.zeros(5 * parameters.n)
+        alpha, beta, _ = parameters.scales
+        self._alpha_scale, self._beta_scale = np.array(alpha)[:, None], np.array(beta)
+        self._has_clf = parameters.problem.has_clf
+
+    def estimate(self, context: PolicyContext) -> Estimates:
+        """The action times its scales; that of V also times |LgV| + 1."""
+        unit = Estimates.from_flat(self.action)
+        size = np.ones(len(unit.beta))
+        if self._has_clf:
+            size[0] += np.linalg.norm(context.LgV)
+        return Estimates(unit.alpha * self._alpha_scale * size[:, None], unit.beta * self._beta_scale * size)
+
+
+class WalkingEnv(gymnasium.Env[Float32, Float32]):
+    """One episode is one walk of the simulation that was passed in; a time limit or a fault truncates it."""
+
+    def __init__(
+        self,
+        parameters: TrainingParameters,
+        simulation: Simulation,
+        make_controller: Callable[[Policy, float], Controller],
+    ) -> None:
+        self.parameters, self._simulation = parameters, simulation
+        self._policy, self._builder = GivenAction(parameters), TransitionBuilder(parameters)
+        self._controller = make_controller(self._policy, parameters.sigma)
+        self._scout = make_controller(ZeroPolicy(parameters.problem), 0.0)
+        self._center, self._scale = np.array([OBSERVATION_UNITS[name] for name in parameters.observation]).T
+        self.observation_space = Box(-np.inf, np.inf, (len(parameters.observation),), np.float32)
+        self.action_space = Box(-1.0, 1.0, (5 * parameters.n,), np.float32)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Float32, dict[str, Any]]:
+        """A new walk; its course, first state and noise follow from the seed."""
+        super().reset(seed=seed)
+        episode = int(self.np_random.integers(2**32))
+        self._state: RobotState = self._simulation.reset(episode)
+        self._controller.reset(episode)
+        self._scout.reset(episode)
+        seen = self._scout.step(self._state)
+        return self._look(seen), {"next_LgV": seen.LgV}
+
+    def step(self, action: Float32) -> tuple[Float32, float, bool, bool, dict[str, Any]]:
+        """One tick with `action` (5n,) as the estimates."""
+        self._policy.action = np.asarray(action, dtype=float)
+        output = self._controller.step(self._state)
+        self._builder.reset()
+        self._builder.add(self._state, output)
+        self._state = self._simulation.step(output.torque)
+        if self._state.running:
+            scouted = self._scout.step(self._state)
+            transition = self._builder.add(self._state, scouted)
+        else:
+            scouted, transition = output, self._builder.end(self._state)
+        if transition is None:
+            raise RuntimeError(f"tick {self._state.tick} does not follow tick {output.tick}")
+        reward = reward_terms(transition, self.parameters).total
+        truncated = not transition.failed and (not self._state.running or bool(output.fault))
+        return self._look(scouted), reward, transition.failed, truncated, vars(transition).copy()
+
+    def _look(self, output: ControllerOutput) -> Float32:
+        observation: Float32 = ((output.observation[: len(self._center)] - self._center) / self._scale).astype(
+            np.float32
+        )
+        return observation
