@@ -1,9 +1,9 @@
-"""How well a policy explains transitions it was not trained on: the measure by which weights are published or kept back.
+"""How well a policy explains transitions it was not trained on: by this, weights are published or kept back.
 
     e_i = rms(correction_i - target_i) / rms(target_i)      0: exact, 1: no better than the zero policy
 
 Measured errors only, in units of `error_unit`. In the first approach the target at mu is not known for another policy
-than the one that walked; but the executed v is the right input for the measured y'', so the policy is asked at mu = y''.
+than the one that walked; but the executed v is the right input for the measured y'', so it is asked at mu = y''.
 """
 
 from collections.abc import Sequence
