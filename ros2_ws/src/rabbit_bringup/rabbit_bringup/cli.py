@@ -1,18 +1,40 @@
-"""The command `rabbit`. Each subcommand imports what it needs when it is called."""
+"""The command `rabbit`. A subcommand's module is imported when it is called, so that the rest costs nothing."""
+
+from importlib import import_module
+from typing import Any
 
 import typer
+from typer.core import TyperCommand, TyperGroup
 
-from rabbit_bringup.commands.evaluate import evaluate
-from rabbit_bringup.commands.video import video
+COMMANDS = {
+    "walk": "Walk through the node graph: simulator, controller, trainer, recorder.",
+    "run": "Run a package's executable, as `ros2 run` does.",
+    "evaluate": "Walk many seeded runs without ROS: success, stones, forces, solver and speed.",
+    "gait": "Find a gait: periodic, within the limits of robot and ground, both stone barriers kept.",
+    "train": "Learn a policy in process.",
+    "policy": "Policy files: show, verify.",
+    "video": "Film a run that left its records.",
+}
 
-app = typer.Typer(
-    name="rabbit",
-    help="RABBIT on stepping stones: simulate, control, learn, evaluate.",
-    no_args_is_help=True,
-    pretty_exceptions_show_locals=False,
-)
-app.command()(evaluate)
-app.command()(video)
+
+class LazyGroup(TyperGroup):
+    """Knows its commands by name and help; `rabbit_bringup.commands.NAME` has the Typer `app` of each."""
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """In the order of the help text."""
+        return list(COMMANDS)
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """What the help text needs of a command."""
+        return TyperCommand(cmd_name, help=COMMANDS[cmd_name]) if cmd_name in COMMANDS else None
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """The command itself."""
+        name, _, rest = super().resolve_command(ctx, args)
+        return name, typer.main.get_command(import_module(f"rabbit_bringup.commands.{name}").app), rest
+
+
+app = typer.Typer(cls=LazyGroup, add_completion=False, no_args_is_help=True, pretty_exceptions_show_locals=False)
 
 
 @app.callback()

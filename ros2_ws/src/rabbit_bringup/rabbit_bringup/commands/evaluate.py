@@ -4,11 +4,14 @@ import os
 from pathlib import Path
 from typing import Any
 
+import typer
 from pydantic import BaseModel, ConfigDict, Field
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
 from rabbit_bringup.commands.options import Given, complaints, fail, options
+
+app = typer.Typer(add_completion=False)
 
 
 class EvaluationOptions(BaseModel):
@@ -30,6 +33,7 @@ class EvaluationOptions(BaseModel):
     overwrite: bool = Field(False, description="begin anew in a folder that holds another evaluation")
 
 
+@app.command()
 @options(EvaluationOptions, ControllerParameters, SimulationParameters)
 def evaluate(given: Given) -> None:
     """Walk many seeded runs without ROS: success rate, stones, forces, solver and speed, in DIR/summary.json."""

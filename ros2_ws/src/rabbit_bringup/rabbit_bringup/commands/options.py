@@ -13,7 +13,7 @@ import functools
 import inspect
 import re
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal, NoReturn, TypeVar, get_args, get_origin
@@ -33,9 +33,11 @@ class Given:
 
     values: dict[str, Any]
 
-    def of(self, model: type[BaseModel]) -> dict[str, Any]:
-        """Those that `model` has."""
-        return {name: value for name, value in self.values.items() if name in model.model_fields}
+    def of(self, model: type[BaseModel], but: Collection[str] = ()) -> dict[str, Any]:
+        """Those that `model` has, `but` some."""
+        fields = model.model_fields.items()
+        chosen = {name: field for name, field in fields if name in self.values and name not in but}
+        return {name: _split(field, self.values[name]) for name, field in chosen.items()}
 
     def build(self, model: type[Model], **defaults: Any) -> Model:
         """The model, `defaults` in place of its own; ends the command where a value is wrong."""
@@ -72,7 +74,7 @@ def fault(error: ValidationError) -> str:
         return f"{first['loc'][0]}: no such parameter"
     if not first["loc"]:
         return text
-    name = option_name(str(first["loc"][0]))
+    name = option_name(str(first["loc"][0])) + "".join(f"[{part}]" for part in first["loc"][1:])
     return f"{name}: missing" if first["type"] == "missing" else f"{name} {first['input']}: expected {text}"
 
 
@@ -81,11 +83,13 @@ def option_name(field: str) -> str:
     return "--" + field.replace("_", "-")
 
 
-def options(*models: type[BaseModel]) -> Callable[[Callable[[Given], Any]], Callable[..., Any]]:
-    """Give a command the fields of `models` as options; it is called with what was given."""
+def options(
+    *models: type[BaseModel], without: Collection[str] = ()
+) -> Callable[[Callable[[Given], Any]], Callable[..., Any]]:
+    """Give a command the fields of `models` as options, `without` some; it is called with what was given."""
 
     def decorate(function: Callable[[Given], Any]) -> Callable[..., Any]:
-        parameters = _parameters(models)
+        parameters = [each for each in _parameters(models) if each.name not in without]
 
         @functools.wraps(function)
         def command(**values: Any) -> Any:
@@ -125,8 +129,16 @@ def _annotation(name: str, field: FieldInfo, panel: str) -> Any:
     return Annotated[str | None, typer.Option(flag, help=help_text, metavar=metavar, rich_help_panel=panel)]
 
 
+def _split(field: FieldInfo, value: Any) -> Any:
+    """The parts of a list, where the field is one."""
+    is_list = get_origin(field.annotation) is tuple
+    return [part for part in value.split(",") if part] if is_list else value
+
+
 def _metavar(annotation: Any) -> str:
     if get_origin(annotation) is Literal:
         return "|".join(map(str, get_args(annotation)))
+    if get_origin(annotation) is tuple:
+        return "NUMBER,..."
     known = {float: "NUMBER", int: "COUNT", str: "NAME"}
     return known.get(annotation, "VALUE")

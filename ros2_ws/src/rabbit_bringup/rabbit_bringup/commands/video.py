@@ -7,7 +7,10 @@ import typer
 
 from rabbit_bringup.commands.options import complaints
 
+app = typer.Typer(add_completion=False)
 
+
+@app.command()
 def video(
     folder: Annotated[Path, typer.Argument(help="folder of a run, with records.npz in it")],
     speed: Annotated[float, typer.Option(help="times real time", min=0.02, max=20)] = 1.0,

@@ -1,0 +1,72 @@
+"""`rabbit gait`: find a gait by trajectory optimisation; its file, pictures and payload table in a folder."""
+
+import math
+from pathlib import Path
+from typing import Any
+
+import typer
+from pydantic import BaseModel, ConfigDict, Field
+from rl_cbf_clf_controller.gait_design.specification import GaitSpecification
+
+from rabbit_bringup.commands.options import Given, fail, options
+
+NOT_FOUND = 1
+
+app = typer.Typer(add_completion=False)
+
+
+class FolderOptions(BaseModel):
+    """What `rabbit gait` is told besides the specification."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    out: Path = Field(Path("runs/gaits"), description="folder for NAME.yaml, NAME.png and the payload table")
+    payload_table: tuple[float, ...] = Field(
+        tuple(float(kg) for kg in range(0, 73, 8)), description="payloads to report on, kg; '' for none"
+    )
+
+
+@app.command()
+@options(FolderOptions, GaitSpecification)
+def gait(given: Given) -> None:
+    """Find a gait: periodic, within the limits of robot and ground, both stone barriers kept along it."""
+    specification, folder = given.build(GaitSpecification), given.build(FolderOptions)
+    from rich.console import Console
+    from rl_cbf_clf_controller.gait_design.design import GaitDesignError
+    from rl_cbf_clf_controller.gait_design.runner import run
+
+    console = Console()
+    try:
+        with console.status("IPOPT begins") as status:
+            made = run(
+                specification,
+                folder.out,
+                lambda iteration, cost, violation: status.update(progress_text(iteration, cost, violation)),
+                folder.payload_table,
+            )
+    except GaitDesignError as error:
+        fail(error, NOT_FOUND)
+    except OSError as error:
+        fail(f"--out {folder.out}: {error.strerror}")
+    show(made, console)
+
+
+def progress_text(iteration: int, cost: float, violation: float) -> str:
+    """What the screen says while IPOPT works."""
+    return f"iteration {iteration}: cost {cost:.4g}, constraints broken by {violation:.1e}"
+
+
+def show(made: Any, console: Any) -> None:
+    """Figures of the gait, and under payload."""
+    from rich.table import Table
+
+    for name, value in made.gait.metadata["figures"].items():
+        console.print(f"{name:>24} {value:.4g}", highlight=False)
+    if made.reports:
+        table = Table("payload (kg)", "phase rate (1/s)", "least (1/s)", "eigenvalue", "peak torque (N m)")
+        for report in made.reports:
+            figures = (report.phase_rate, report.least_phase_rate, report.eigenvalue, report.peak_torque)
+            table.add_row(f"{report.payload:g}", *(f"{f:.3g}" if math.isfinite(f) else "-" for f in figures))
+        console.print(table)
+    for path in (made.file, made.picture):
+        console.print(f"written {path}", highlight=False, soft_wrap=True)

@@ -1,0 +1,25 @@
+"""`rabbit run PACKAGE EXECUTABLE [--ros-args ...]`: what `ros2 run` does, where there is no `ros2`."""
+
+import os
+
+import typer
+
+from rabbit_bringup.commands.options import fail
+from rabbit_bringup.launching.executables import LaunchError, find_executable
+
+app = typer.Typer(add_completion=False)
+SETTINGS = {"ignore_unknown_options": True, "allow_extra_args": True, "allow_interspersed_args": False}
+
+
+@app.command(context_settings=SETTINGS)
+def run(
+    context: typer.Context,
+    package: str = typer.Argument(help="for example rabbit_sim"),
+    executable: str = typer.Argument(help="for example simulator"),
+) -> None:
+    """Become a package's executable; what follows is handed to it."""
+    try:
+        path = find_executable(package, executable)
+    except LaunchError as error:
+        fail(error)
+    os.execv(path, [str(path), *context.args])

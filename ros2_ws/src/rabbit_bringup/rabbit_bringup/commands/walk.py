@@ -1,0 +1,106 @@
+"""`rabbit walk`: the three nodes walk together, under one progress line, and leave a folder."""
+
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import typer
+from rabbit_sim.parameters import SimulationParameters
+from rl_cbf_clf_controller.parameters import ControllerParameters
+
+from rabbit_bringup.commands.evaluate import given_assembly
+from rabbit_bringup.commands.options import Given, fail, options
+from rabbit_bringup.launching.walk import Graph, Interrupted, WalkOptions, make_graph, run_graph
+
+FELL = 1
+
+app = typer.Typer(add_completion=False)
+
+
+@app.command()
+@options(WalkOptions, ControllerParameters, SimulationParameters)
+def walk(given: Given) -> None:
+    """Walk through the node graph: simulator, controller, trainer, recorder. Exit code 1 if the robot falls."""
+    request = given.build(WalkOptions)
+    assembly = given_assembly(given, request.policy, request.parameters)
+    if assembly.policy == "oracle":
+        fail("--policy oracle: expected zero, a shipped policy or a file; the nodes never see the true plant")
+    folder = make_folder(request)
+    simulation, controller = assembly.simulation, assembly.controller
+    graph = make_graph(folder, request, simulation.model_dump(), controller.model_dump(), assembly.policy)
+    ended, seconds = walk_with_progress(graph, request)
+    show(folder, ended)
+    if request.record != "none":
+        tell(folder, request, simulation, controller, seconds)
+    print(f"written to {folder}")
+    if any(episode.outcome != "walked" for episode in ended):
+        raise typer.Exit(FELL)
+
+
+def make_folder(request: WalkOptions) -> Path:
+    """The walk's own folder, new."""
+    name = f"{datetime.now():%Y%m%d-%H%M%S}-seed-{request.seed}"
+    folder = (request.out or Path("runs") / name).absolute()
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        fail(f"--out {folder}: expected a new or empty folder")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        fail(f"--out {folder}: {error.strerror}")
+    return folder
+
+
+def walk_with_progress(graph: Graph, request: WalkOptions) -> tuple[list[Any], float]:
+    """How each episode ended, and the wall seconds of all."""
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    from rabbit_bringup.launching.executables import LaunchError
+
+    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[text]}"), TimeElapsedColumn())
+    with Progress(*columns) as bar:
+        task = bar.add_task("starting", total=None, text=" ".join(graph.names))
+
+        def glance(now: Any) -> None:
+            text = f"stone {now.stone} of {now.stones}  margin {now.margin * 1e3:.0f} mm"
+            text += f"  slack {now.slack:.2f}  force ratio {now.ratio:.2f}"
+            bar.update(task, description=f"episode {now.episode}", total=now.stones, completed=now.stone, text=text)
+
+        try:
+            return run_graph(graph, request, glance)
+        except LaunchError as error:
+            bar.stop()
+            fail(error, code=FELL)
+        except Interrupted as error:
+            bar.stop()
+            fail(f"stopped by {error}; what was recorded is in {graph.folder}", code=error.code)
+
+
+def show(folder: Path, ended: list[Any]) -> None:
+    """A line an episode."""
+    for e in ended:
+        reason = f" ({e.reason})" if e.reason else ""
+        print(
+            f"episode {e.episode}, seed {e.seed}: {e.outcome}{reason}, {e.touchdowns} of {e.stones} stones, {e.tick} ticks"
+        )
+
+
+def tell(
+    folder: Path,
+    request: WalkOptions,
+    simulation: SimulationParameters,
+    controller: ControllerParameters,
+    seconds: float,
+) -> None:
+    """Summary, pictures and film from the recording."""
+    from rabbit_bringup.launching.telling import write_summary
+
+    summary = write_summary(folder, simulation, controller, seconds)
+    print(f"{summary['ticks']} ticks in {seconds:.1f} s: {summary['real_time_factor'] or 0:.1f} times real time")
+    if request.pictures:
+        from rabbit_bringup.viewing.pictures import draw_run
+
+        draw_run(folder)
+    if request.video:
+        from rabbit_bringup.viewing.video import film_run
+
+        film_run(folder)

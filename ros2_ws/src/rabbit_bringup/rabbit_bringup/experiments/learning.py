@@ -1,0 +1,47 @@
+"""A training session put together: the true plant, the controller with the policy of the episode, the trainer."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from rabbit_description.gait import load_gait
+from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.simulation import Simulation
+from rl_cbf_clf_controller.controller import Controller
+from rl_cbf_clf_controller.parameters import ControllerParameters
+from rl_cbf_clf_controller.policy import Policy
+from rl_trainer.parameters import TrainingParameters
+from rl_trainer.session import Session
+from rl_trainer.training import EpisodeReport, Provenance, Trainer
+
+from rabbit_bringup.experiments import provenance
+
+TRAINING_SCALE = 2.0  # the paper's training plant: twice the mass, no motor lag, no noise
+
+
+@dataclass(frozen=True)
+class Training:
+    """A session in `folder`, and the reports of the episodes that are left."""
+
+    session: Session
+    reports: Iterator[EpisodeReport]
+
+
+@contextmanager
+def training(
+    folder: Path, parameters: TrainingParameters, controller: ControllerParameters, plant: SimulationParameters
+) -> Iterator[Training]:
+    """Begin a session, or go on with the one in `folder`; raises `GaitError`, `CourseError`, `CheckpointError`."""
+    gait = load_gait(controller.gait)
+
+    def make_controller(policy: Policy, sigma: float) -> Controller:
+        return Controller(controller.model_copy(update={"sigma": sigma}), gait, policy)
+
+    source = Provenance(plant.model_dump(), provenance.commit(), provenance.command())
+    simulation = Simulation(plant, gait)
+    try:
+        session = Session(folder, Trainer(parameters, source))
+        yield Training(session, session.run(simulation, make_controller))
+    finally:
+        simulation.close()
