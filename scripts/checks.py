@@ -7,7 +7,7 @@ import sysconfig
 from importlib.util import find_spec
 from pathlib import Path
 
-from common import ROOT, SetUpError
+from common import ROOT, SetUpError, system_ros
 
 INSTALL = "with apt: `apt-get install build-essential cmake git python3-dev python3-venv`"
 ROOM = 3  # GB, with the CPU build of torch
@@ -39,6 +39,13 @@ def check_python() -> None:
         raise SetUpError(f"Python {version} has no venv; install python{version}-venv, then call make again")
 
 
+def check_ros(prefix: Path | None) -> None:
+    """Refuse a full ROS 2 that was built for another Python."""
+    version = f"{sys.version_info.major}.{sys.version_info.minor}"
+    if prefix and not any(prefix.glob(f"l*/**/python{version}/*-packages/rclpy")):
+        raise SetUpError(f"the ROS 2 in {prefix} is not for Python {version}; call make with PYTHON=/usr/bin/python3")
+
+
 def check_room(root: Path, gigabytes: float = ROOM) -> None:
     """Refuse a disk without room."""
     free = shutil.disk_usage(root).free / 1e9
@@ -51,4 +58,5 @@ def check_all() -> None:
     check_path(ROOT)
     check_tools()
     check_python()
+    check_ros(system_ros())
     check_room(ROOT)

