@@ -8,6 +8,7 @@ $(error The path "$(CURDIR)" has a space in it: move the project to a path witho
 endif
 
 PYTHON ?= $(if $(wildcard .venv/bin/python),.venv/bin/python,python3)
+PLUGINS := -p xdist -p pytest_cov -p pytest_timeout # and not those of a full ROS 2
 WITH_WORKSPACE := source ros2_ws/install/setup.bash &&
 CODE := ros2_ws/src scripts $(wildcard tests examples)
 
@@ -26,8 +27,8 @@ walk: build ## RABBIT walks over 20 stepping stones through the three nodes
 	@$(WITH_WORKSPACE) rabbit walk $(ARGS)
 
 test: build ## all tests; fails under 90 % coverage of the controller's mathematics
-	@$(WITH_WORKSPACE) export OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 && \
-	  python -m pytest tests -n 2 --dist loadgroup --cov --junitxml=.setup/tests.xml && \
+	@$(WITH_WORKSPACE) export OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 PYTEST_DISABLE_PLUGIN_AUTOLOAD=1 && \
+	  python -m pytest $(PLUGINS) tests -n 2 --dist loadgroup --cov --junitxml=.setup/tests.xml $(ARGS) && \
 	  python scripts/count_tests.py .setup/tests.xml
 
 check: setup ## ruff and mypy
