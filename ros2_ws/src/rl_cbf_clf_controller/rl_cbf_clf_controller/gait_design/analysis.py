@@ -29,7 +29,7 @@ SHAPE = slice(2, 7)  # pitch and joints: the pinned robot's own coordinates
 
 @dataclass(frozen=True)
 class Step:
-    """One step: the next post-impact state (7,), (7,); duration, s; torque (n, 4) and stance force (n, 2) on the way."""
+    """One step: the next post-impact state `q`, `dq` (7,); duration, s; torque (n, 4) and stance force (n, 2)."""
 
     q: Array
     dq: Array
@@ -43,14 +43,14 @@ class PayloadReport:
     """A gait under one payload with perfect knowledge; nan where there is no fixed point. SI units."""
 
     payload: float
-    phase_rate: float
-    eigenvalue: float
     least_phase_rate: float
-    step_time: float
-    step_length: float
-    peak_torque: float
-    friction_used: float
-    least_normal_force: float
+    phase_rate: float = np.nan
+    eigenvalue: float = np.nan
+    step_time: float = np.nan
+    step_length: float = np.nan
+    peak_torque: float = np.nan
+    friction_used: float = np.nan
+    least_normal_force: float = np.nan
 
     @property
     def has_fixed_point(self) -> bool:
@@ -169,12 +169,12 @@ def under_payload(gait: Gait, payload: float, eps: float = 0.05) -> PayloadRepor
         if taken is not None:
             break
     if taken is None:
-        return PayloadReport(payload, *[np.nan] * 2, least, *[np.nan] * 5)
+        return PayloadReport(payload, least)
     return PayloadReport(
         payload=payload,
+        least_phase_rate=least,
         phase_rate=walk.phase_rate(taken.q, taken.dq),
         eigenvalue=poincare_eigenvalue(walk, taken.q, taken.dq),
-        least_phase_rate=least,
         step_time=taken.duration,
         step_length=float(-model.update(taken.q, taken.dq).swing[0]),
         peak_torque=float(np.abs(taken.torque).max()),

@@ -1,7 +1,7 @@
 """From a specification to a gait: solve, check, describe."""
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from importlib.metadata import version
 from typing import Any
 
@@ -84,7 +84,7 @@ def _as_gait(programme: Transcription, solution: dict[str, ca.DM], iterations: i
     return gait.model_copy(update={"metadata": metadata})
 
 
-class _Watch(ca.Callback):  # type: ignore[misc]
+class _Watch(ca.Callback):
     """Hands IPOPT's iterates to a progress function; an interrupt there stops the solver."""
 
     def __init__(self, nlp: dict[str, ca.SX], bounds: dict[str, Array], progress: Progress) -> None:
@@ -106,7 +106,7 @@ class _Watch(ca.Callback):  # type: ignore[misc]
         name = ca.nlpsol_out(i).removeprefix("lam_")
         return ca.Sparsity.dense(self._sizes[name], 1) if self._sizes[name] else ca.Sparsity(0, 0)
 
-    def eval(self, arguments: list[ca.DM]) -> list[int]:
+    def eval(self, arguments: Sequence[ca.DM]) -> list[int]:
         values = dict(zip(map(ca.nlpsol_out, range(ca.nlpsol_n_out())), arguments, strict=True))
         rows = np.asarray(values["g"]).ravel()
         violation = np.maximum(self._bounds["lbg"] - rows, rows - self._bounds["ubg"]).max()

@@ -45,7 +45,7 @@ def path() -> ca.Function:
 
 @cache
 def dynamics_residual(payload: float = 0.0) -> ca.Function:
-    """`(coeffs, phase_range, s, sigma, w, u (4,), force (2,)) -> residual (7,)` of the equation of motion, N and N m."""
+    """`(coeffs, phase_range, s, sigma, w, u (4,), force (2,)) -> residual (7,)` of the equation of motion, N, N m."""
     coeffs, phase_range, s = ca.SX.sym("coeffs", 4, DEGREE + 1), ca.SX.sym("phase_range", 2), ca.SX.sym("s")
     sigma, w, u, force = ca.SX.sym("sigma"), ca.SX.sym("w"), ca.SX.sym("u", 4), ca.SX.sym("force", 2)
     q, q_s, q_ss = path()(coeffs, phase_range, s)

@@ -12,8 +12,10 @@ class GaitSpecification(BaseModel):
     """Parameters of one trajectory optimisation; lengths in m, angles in rad, forces in N, torques in N m.
 
     The stone is [step_length - near_edge, step_length + far_edge] ahead of the stance foot; both barriers' inequalities
-    hold along the whole gait for every stone whose edges lie that far off. Under each of `payloads` (a point mass at the
-    torso's centre of mass, known perfectly) the same path must have a periodic walk of its own, within its limits.
+    hold along the whole gait for every stone whose edges lie that far off. Up to phase `clear_until` the foot is high
+    enough for the farthest stone too: otherwise B2 of a far stone meets the foot before the circle's middle and pushes
+    it back. Under each of `payloads` (a point mass at the torso's centre of mass, known perfectly) the same path must
+    have a periodic walk of its own, within its limits.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -26,8 +28,10 @@ class GaitSpecification(BaseModel):
     far_edge: float = Field(0.025, ge=0.0, le=0.2, description="far edge of the stone beyond the landing point, m")
     barriers: bool = Field(True, description="hold both barrier inequalities along the gait")
     R1: float = Field(1.0, gt=0, le=50, description="radius offset of the outer circle (B1), m")
-    R2: float = Field(0.36, gt=0, le=50, description="depth of the inner circle's centre (B2), m")
+    R2: float = Field(0.5, gt=0, le=50, description="depth of the inner circle's centre (B2), m")
     barrier_poles: tuple[Positive, Positive] = Field((70.0, 70.0), description="poles of both barriers, 1/s")
+    farthest_l_min: float = Field(0.403, ge=0.1, le=0.7, description="near edge of the farthest stone to be met, m")
+    clear_until: float = Field(0.75, ge=0, le=1, description="phase until which that stone's B2 must not push back")
     barrier_margin: float = Field(0.0, ge=0, le=50, description="least B'' + (p1+p2) B' + p1 p2 B, m/s^2")
 
     friction_limit: float = Field(0.5, gt=0, le=1.5, description="largest abs(F_T) / F_N")

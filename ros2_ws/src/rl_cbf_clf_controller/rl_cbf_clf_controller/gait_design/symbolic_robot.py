@@ -1,6 +1,6 @@
 """The nominal robot as CasADi expressions, in stance/swing coordinates.
 
-Equation of motion with the stance foot on the ground, q = (x, z, pitch, stance hip, stance knee, swing hip, swing knee):
+With the stance foot on the ground and q = (x, z, pitch, stance hip, stance knee, swing hip, swing knee):
 
     M(q) q'' + h(q, q') = B u + J_stance(q)' F,      J_stance q'' + J_stance' q' = 0.
 
@@ -50,9 +50,7 @@ def up(angle: ca.SX) -> ca.SX:
 def feet(q: ca.SX) -> tuple[ca.SX, ca.SX]:
     """Stance and swing foot (x, z), m."""
     *_, thigh_length, shin_length = nominal_links()
-    stance, swing = (
-        q[:2] - thigh_length * up(q[2] + q[i]) - shin_length * up(q[2] + q[i] + q[i + 1]) for i in (3, 5)
-    )
+    stance, swing = (q[:2] - thigh_length * up(q[2] + q[i]) - shin_length * up(q[2] + q[i] + q[i + 1]) for i in (3, 5))
     return stance, swing
 
 

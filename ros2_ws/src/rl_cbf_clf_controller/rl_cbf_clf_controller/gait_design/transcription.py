@@ -23,6 +23,7 @@ from rl_cbf_clf_controller.gait_design.orbit_point import DEGREE, SWAP
 from rl_cbf_clf_controller.gait_design.specification import GaitSpecification
 
 IMPULSE_FRICTION = 0.8
+UNBOUNDED_STONE = 1.0  # m, a far edge out of reach
 LEAST_SIGMA = 1e-3  # 1/s^2; the phase never stops
 
 
@@ -70,14 +71,13 @@ class Walk:
         """Simpson weight of each point times ds / s', so that their sum is the step time, s."""
         weights = np.ones(self.points)
         weights[1:-1:2], weights[2:-1:2] = 4.0, 2.0
-        return weights / (3 * (self.points - 1)) / ca.sqrt(2 * self.sigma)
+        return ca.SX(weights / (3 * (self.points - 1))) / ca.sqrt(2 * self.sigma)
 
     def guess(self, rate: float) -> Array:
         """Constant phase rate, no torque, support by weight alone."""
         n, weight = self.points, (ROBOT_MASS + self.payload) * symbolic_robot.GRAVITY
-        force = np.tile([0.0, weight], n)
-        blocks = [np.full(n, rate**2 / 2), np.zeros(5 * n), force, [0.0, 10.0], np.zeros(7)]
-        return np.concatenate(blocks)
+        force, impulse = np.tile([0.0, weight], n), np.array([0.0, 10.0])
+        return np.concatenate([np.full(n, rate**2 / 2), np.zeros(5 * n), force, impulse, np.zeros(7)])
 
     def bounds(self, torque_limit: float) -> tuple[Array, Array]:
         """Lower and upper bounds of the variables."""
@@ -121,9 +121,7 @@ class Walk:
         rate = (self.after[2] + self.after[5] + self.after[6] / 2) / span
         self.rows.equal(f"{self.label}orbit closure", rate - ca.sqrt(2 * self.sigma[0]))
         for sign in (-1, 1):
-            self.rows.add(
-                f"{self.label}impulse friction", IMPULSE_FRICTION * self.impulse[1] + sign * self.impulse[0]
-            )
+            self.rows.add(f"{self.label}impulse friction", IMPULSE_FRICTION * self.impulse[1] + sign * self.impulse[0])
 
 
 class Transcription:
@@ -203,16 +201,20 @@ class Transcription:
         last, tangent = self.path.at(1.0)
         lift = symbolic_robot.foot_motion()(q=last, dq=walk.after, ddq=0)["v_stance"]
         landing = symbolic_robot.foot_motion()(q=last, dq=tangent * ca.sqrt(2 * walk.sigma[-1]), ddq=0)["v_swing"]
-        self.rows.add("lift-off", lift[1], spec.lift_speed)
-        self.rows.add("landing speed", -landing[1], spec.landing_speed, spec.max_landing_speed)
-        self.rows.add("landing slide", landing[0], -spec.max_landing_slide, spec.max_landing_slide)
+        self.rows.add("lift-off", ca.SX(lift[1]), spec.lift_speed)
+        self.rows.add("landing speed", ca.SX(-landing[1]), spec.landing_speed, spec.max_landing_speed)
+        self.rows.add("landing slide", ca.SX(landing[0]), -spec.max_landing_slide, spec.max_landing_slide)
         if spec.barriers:
             self._add_barriers()
 
     def _add_barriers(self) -> None:
         spec, walk = self.specification, self.nominal
         l_min, l_max = spec.step_length - spec.near_edge, spec.step_length + spec.far_edge
-        conditions = orbit_point.barrier_conditions(l_min, l_max, spec.R1, spec.R2, spec.barrier_poles)
+        shape = (spec.R1, spec.R2, spec.barrier_poles)
+        own = orbit_point.barrier_conditions(l_min, l_max, *shape)
+        farthest = orbit_point.barrier_conditions(spec.farthest_l_min, UNBOUNDED_STONE, *shape)
         for i, s in enumerate(walk.s):
             foot = orbit_point.swing_foot()(*self.path.symbols, s, walk.sigma[i], walk.w[i])
-            self.rows.add("barriers", conditions(*foot), spec.barrier_margin)
+            self.rows.add("barriers", own(*foot), spec.barrier_margin)
+            if s <= spec.clear_until:
+                self.rows.add("farthest stone", farthest(*foot)[1], spec.barrier_margin)

@@ -1,0 +1,160 @@
+"""A gait found by IPOPT, judged by pinocchio between the nodes as well as at them."""
+
+import casadi as ca
+import numpy as np
+import pytest
+from pydantic import ValidationError
+from rabbit_description.gait import load_gait
+from rl_cbf_clf_controller.gait_design import GaitDesignError, GaitSpecification, design_gait, run
+from rl_cbf_clf_controller.gait_design.constraint_rows import ConstraintRows
+from rl_cbf_clf_controller.gait_design.figures import Orbit
+from rl_cbf_clf_controller.gait_design.guess import initial_guess, leg_angles
+from rl_cbf_clf_controller.gait_design.runner import designed_stone
+
+SPECIFICATION = GaitSpecification(
+    name="test", step_length=0.36, speed=0.65, friction_limit=0.45, min_normal_force=150, intervals=12
+)
+BETWEEN_NODES = 0.02  # share by which a limit may be passed between two nodes
+
+
+@pytest.fixture(scope="module")
+def designed():
+    iterations = []
+    gait = design_gait(SPECIFICATION, lambda *progress: iterations.append(progress))
+    return gait, iterations
+
+
+@pytest.fixture(scope="module")
+def orbit(designed):
+    return Orbit(designed[0], 601)
+
+
+def test_step_and_speed(orbit):
+    last = orbit.instants[-1]
+    assert last.swing == pytest.approx([0.36, 0], abs=1e-7)
+    assert orbit.times[-1] == pytest.approx(0.36 / 0.65, rel=1e-3)
+
+
+def test_impact_and_relabelling_return_to_the_start(designed, orbit):
+    q, dq, impulse = orbit.after_impact()
+    start_q, start_dq = designed[0].x_start
+    assert q == pytest.approx(start_q, abs=1e-7)
+    assert dq == pytest.approx(start_dq, abs=2e-4)
+    assert impulse[1] > 0
+    assert abs(impulse[0]) <= 0.8 * impulse[1]
+
+
+def test_bezier_ends_are_relabelled_into_each_other(designed):
+    coeffs = designed[0].coeffs
+    assert coeffs[[2, 3, 0, 1], -1] == pytest.approx(coeffs[:, 0], abs=1e-7)
+
+
+def test_forces_and_torques(orbit):
+    force, torque = orbit.series("force"), orbit.series("torque")
+    assert force[:, 1].min() >= SPECIFICATION.min_normal_force * (1 - BETWEEN_NODES)
+    assert np.abs(force[:, 0] / force[:, 1]).max() <= SPECIFICATION.friction_limit * (1 + BETWEEN_NODES)
+    assert np.abs(torque).max() <= SPECIFICATION.torque_limit * (1 + BETWEEN_NODES)
+
+
+def test_swing_foot(orbit):
+    height, landing = orbit.series("swing")[1:-1, 1], orbit.instants[-1].swing_rate
+    bump = 4 * orbit.phases * (1 - orbit.phases)
+    assert (height >= SPECIFICATION.clearance * bump[1:-1] * (1 - BETWEEN_NODES) - 1e-5).all()
+    assert height.max() <= SPECIFICATION.max_foot_height * (1 + BETWEEN_NODES)
+    assert SPECIFICATION.landing_speed - 1e-6 <= -landing[1] <= SPECIFICATION.max_landing_speed + 1e-3
+    assert abs(landing[0]) <= SPECIFICATION.max_landing_slide + 1e-3
+
+
+def test_barriers(orbit):
+    conditions = orbit.ecbf_conditions(designed_stone(SPECIFICATION))
+    slack = BETWEEN_NODES * np.abs(conditions).max()
+    assert conditions.min() >= -min(slack, 1.0)  # m/s^2, against thousands mid-step
+
+
+def test_knees_never_stretch(orbit):
+    assert orbit.series("q")[:, [4, 6]].min() >= SPECIFICATION.knee_range[0] - 1e-4
+
+
+def test_walk_is_stable_and_has_momentum_to_spare(designed):
+    figures = designed[0].metadata["figures"]
+    assert 0 < figures["eigenvalue"] < 1
+    assert figures["start_phase_rate"] > figures["least_phase_rate"]
+
+
+def test_progress_ends_feasible(designed):
+    iterations = designed[1]
+    assert [entry[0] for entry in iterations] == list(range(len(iterations)))
+    assert iterations[-1][2] < 1e-6 < iterations[0][2]
+    assert iterations[-1][1] == pytest.approx(designed[0].metadata["figures"]["cost"], rel=0.02)
+
+
+def test_file_tells_how_it_was_made(designed, tmp_path):
+    gait = designed[0]
+    gait.save(tmp_path / "test.yaml")
+    again = load_gait(tmp_path / "test.yaml")
+    assert again == gait
+    assert GaitSpecification(**again.metadata["specification"]) == SPECIFICATION
+    assert {"casadi", "pinocchio"} <= again.metadata["versions"].keys()
+
+
+def test_run_writes_gait_and_pictures(tmp_path):
+    folder = run(SPECIFICATION, tmp_path, payloads=(0.0,))
+    assert load_gait(folder.file) == folder.gait
+    assert folder.picture.stat().st_size > 10_000
+    assert (tmp_path / "test_payload.json").is_file()
+    assert folder.reports[0].has_fixed_point
+
+
+def test_payload_walk_is_a_fixed_point_on_the_manifold():
+    """With a payload in the specification its own walk is found too; here it only must not break the nominal one."""
+    gait = design_gait(SPECIFICATION.model_copy(update={"payloads": (32.0,)}))
+    assert gait.metadata["figures"]["speed"] == pytest.approx(0.65, rel=1e-3)
+
+
+def test_no_gait_ends_in_a_clear_word():
+    hopeless = SPECIFICATION.model_copy(update={"torque_limit": 1.0, "max_iterations": 60})
+    with pytest.raises(GaitDesignError, match=r"gait test: no gait of 0\.36 m at 0\.65 m/s.*still broken: \w+"):
+        design_gait(hopeless)
+
+
+@pytest.mark.parametrize(
+    ("change", "complaint"),
+    [
+        ({"step_length": -0.1}, "step_length"),
+        ({"speed": float("nan")}, "speed"),
+        ({"knee_range": (0.5, 0.1)}, "knee_range"),
+        ({"landing_speed": 0.9}, "landing_speed"),
+        ({"barrier_poles": (0.0, 70.0)}, "barrier_poles"),
+        ({"name": "../up"}, "name"),
+        ({"payloads": (-3.0,)}, "payloads"),
+        ({"stride": 1.0}, "stride"),
+    ],
+)
+def test_specification_is_checked(change, complaint):
+    with pytest.raises(ValidationError, match=complaint):
+        GaitSpecification(**{**SPECIFICATION.model_dump(), **change})
+
+
+def test_leg_angles_reach_the_foot():
+    rng = np.random.default_rng(0)
+    wanted = np.column_stack([rng.uniform(-0.3, 0.3, 20), rng.uniform(-0.74, -0.5, 20)])
+    hip, knee = leg_angles(wanted, 0.2).T
+    thigh, shin = 0.2 + hip, 0.2 + hip + knee
+    reached = -0.4 * np.column_stack([np.sin(thigh) + np.sin(shin), np.cos(thigh) + np.cos(shin)])
+    assert reached == pytest.approx(wanted, abs=1e-12)
+    assert (knee > 0).all()
+
+
+def test_guess_has_the_step_length():
+    coeffs, phase_range = initial_guess(SPECIFICATION)
+    assert coeffs.shape == (4, 6)
+    assert phase_range[1] == -phase_range[0] > 0
+
+
+def test_broken_rows_are_named_worst_first():
+    rows = ConstraintRows()
+    rows.equal("a", ca.SX.sym("x", 2))
+    rows.add("b", ca.SX.sym("y"), -1.0, 1.0)
+    rows.add("c", ca.SX.sym("z"), 0.0)
+    assert rows.broken(np.array([0.0, 0.5, -3.0, 0.0])) == {"b": 2.0, "a": 0.5}
+    assert rows.broken(np.array([0.0, 0.0, np.nan, 0.0])).keys() == {"b"}
