@@ -13,6 +13,7 @@ COMMANDS = {
     "gait": "Find a gait: periodic, within the limits of robot and ground, both stone barriers kept.",
     "train": "Learn a policy in process.",
     "policy": "Policy files: show, verify.",
+    "bench": "Time a tick, its parts and a walk against their limits.",
     "video": "Film a run that left its records.",
 }
 
