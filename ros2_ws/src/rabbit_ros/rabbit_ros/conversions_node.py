@@ -32,7 +32,7 @@ def state_message(state: RobotState, episode: int, at: Time) -> msg.RabbitState:
         q=state.q,
         dq=state.dq,
         foot_force=state.foot_force.ravel(),
-        contact=state.contact.astype(bool),
+        contact=state.contact.tolist(),  # of numpy's own booleans rosidl writes False
         touchdowns=state.touchdowns,
         previewed=state.preview is not None,
         running=state.running,

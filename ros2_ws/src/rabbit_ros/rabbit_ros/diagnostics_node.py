@@ -1,5 +1,9 @@
-"""Diagnostics of a node: its state in one line and the counts of what it took and refused, once a second."""
+"""Diagnostics of a node: its state in one line and the counts of what it took and refused.
 
+Once a second, and at once (within 0.1 s) when it changes between OK, WARN and ERROR: the launcher waits for OK.
+"""
+
+import time
 from collections.abc import Callable, Mapping
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -10,21 +14,28 @@ from rabbit_ros.qos_node import DIAGNOSTICS
 from rabbit_ros.spin_node import steady_timer
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+LOOK_SECONDS = 0.1
+PERIOD_SECONDS = 1.0
 Status = tuple[bytes, str, Mapping[str, object]]  # level, line, figures
 
 
 class Diagnostics:
     """Publishes on `diagnostics` what `status` says, with the door's counts; a refusal is a warning for one period."""
 
-    def __init__(self, node: Node, door: Door, status: Callable[[], Status], period: float = 1.0) -> None:
+    def __init__(self, node: Node, door: Door, status: Callable[[], Status]) -> None:
         self._node, self._door, self._status = node, door, status
         self._publisher = node.create_publisher(DiagnosticArray, "diagnostics", DIAGNOSTICS)
         self._told = 0
-        steady_timer(node, period, self.publish)
+        self._level, self._since = b"", 0.0
+        steady_timer(node, LOOK_SECONDS, self._look)
 
-    def publish(self) -> None:
-        """One message, now."""
+    def _look(self) -> None:
         level, line, figures = self._status()
+        if level != self._level or time.monotonic() - self._since >= PERIOD_SECONDS:
+            self._level, self._since = level, time.monotonic()
+            self._publish(level, line, figures)
+
+    def _publish(self, level: bytes, line: str, figures: Mapping[str, object]) -> None:
         refused = sum(self._door.refused.values())
         if refused > self._told and level == OK:
             level, line = WARN, self._door.last_refusal

@@ -2,6 +2,7 @@
 
 import signal
 import sys
+import time
 from collections.abc import Callable
 
 import rclpy
@@ -14,6 +15,7 @@ from rclpy.timer import Timer
 from rabbit_ros.parameters_node import ParameterError
 
 _LOOK_UP = 0.1  # s between looks at the signals; without a time-out this executor's wait hears none
+_LAST_WORK = 10.0  # s
 
 
 def run(make: Callable[[], Node], errors: tuple[type[Exception], ...] = ()) -> None:
@@ -22,7 +24,8 @@ def run(make: Callable[[], Node], errors: tuple[type[Exception], ...] = ()) -> N
     SIGINT and SIGTERM end it between two callbacks; more of them change nothing.
 
     Args:
-        make: the node's class. Its `close()`, if it has one, is called at the end.
+        make: the node's class. If it has `busy()`, it is spun until that is False (10 s at most); if it has
+            `close()`, that is called at the end.
         errors: besides `ParameterError`, what the constructor raises when a file or value cannot be used.
     """
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
@@ -39,6 +42,9 @@ def run(make: Callable[[], Node], errors: tuple[type[Exception], ...] = ()) -> N
     executor.add_node(node)
     try:
         while not signals:
+            executor.spin_once(_LOOK_UP)
+        deadline = time.monotonic() + _LAST_WORK
+        while getattr(node, "busy", lambda: False)() and time.monotonic() < deadline:
             executor.spin_once(_LOOK_UP)
     finally:
         getattr(node, "close", lambda: None)()

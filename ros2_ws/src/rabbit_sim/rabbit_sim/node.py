@@ -81,7 +81,7 @@ class SimulatorNode(Node):
     def _connect(self) -> None:
         self._states = self.create_publisher(RabbitState, "state", TICK)
         self._joints = self.create_publisher(JointState, "joint_states", TICK)
-        self._clock = self.create_publisher(Clock, "clock", TICK)
+        self._clock_out = self.create_publisher(Clock, "clock", TICK)
         self._previews = self.create_publisher(PreviewMessage, "preview", EVENT)
         self._landings = self.create_publisher(LandingMessage, "landing", EVENT)
         self._episodes = self.create_publisher(Episode, "episode", EVENT)
@@ -171,7 +171,7 @@ class SimulatorNode(Node):
     def _publish(self, state: RobotState) -> None:
         """A tick's messages; what the controller needs with the state goes before it."""
         at, number = stamp(self._clock_ticks), self._episode.episode
-        self._clock.publish(Clock(clock=at))
+        self._clock_out.publish(Clock(clock=at))
         if state.preview is not None and state.preview != self._preview:
             self._previews.publish(preview_message(state.preview, number, at))
         self._preview = state.preview
@@ -245,13 +245,13 @@ class SimulatorNode(Node):
 
     def _status(self) -> Status:
         waits = {
-            "controller": not self._answered_by_someone(),
-            "trainer": self._own.wait_for_trainer and self._state is None and self._plan is None,
+            "a controller": not self._answered_by_someone(),
+            "the trainer": self._own.wait_for_trainer and self._plan is None,
         }
         missing = [who for who, is_missing in waits.items() if is_missing]
         e = self._episode
         figures = {"episode": e.episode, "outcome": e.outcome, "late ticks": self._late_ticks, "paused": self._paused}
-        if missing and e.episode < self._own.episodes:
+        if missing and self._state is None:
             return WARN, f"waiting for {' and '.join(missing)}", figures
         return OK, f"episode {e.episode}" if self._state is not None else "between episodes", figures
 

@@ -53,23 +53,23 @@ class ControllerNode(Node):
     def __init__(self) -> None:
         super().__init__("controller")
         self._own = declare(self, NodeParameters)
-        self._parameters = declare(self, ControllerParameters, dynamic=("sigma",))
+        self._settings = declare(self, ControllerParameters, dynamic=("sigma",))
         refuse_unknown(self)
-        problem = self._parameters.problem
+        problem = self._settings.problem
         self._zero = Decided(ZERO, "built in", False, ZeroPolicy(problem))
         self._in_force = self._zero if self._own.policy == ZERO else first_policy(self._own.policy, problem)
         self._waiting: Decided | None = None  # the newest policy that is not in force yet
         self._refused: dict[str, str] = {}  # version to reason
         self._decided: deque[Decided] = deque()  # from the other thread
-        gait = load_gait(self._parameters.gait)
-        self._controller = Controller(self._parameters, gait, self._in_force.policy or ZeroPolicy(problem))
+        gait = load_gait(self._settings.gait)
+        self._controller = Controller(self._settings, gait, self._in_force.policy or ZeroPolicy(problem))
         self._door = Door()
         self._episode = Episode(sigma=math.nan)
         self._previews: dict[tuple[int, int], StonePreview] = {}  # by episode and index
         self._held: RabbitState | None = None
         self._turn = (0, -1)  # episode and tick of the newest state
         self._connect()
-        follow(self, self._parameters, self._set_parameters)
+        follow(self, self._settings, self._set_parameters)
 
     def close(self) -> None:
         """End the thread that checks policies."""
@@ -79,12 +79,12 @@ class ControllerNode(Node):
         self._torques = self.create_publisher(TorqueCommand, "torque", TICK)
         self._details = self.create_publisher(ControllerState, "controller_state", TICK)
         self._swaps = self.create_publisher(PolicySwap, "policy_swap", EVENT)
-        self.create_subscription(RabbitState, "state", self._on_state, TICK)
+        self._states = self.create_subscription(RabbitState, "state", self._on_state, TICK)
         self.create_subscription(PreviewMessage, "preview", self._on_preview, EVENT)
         self.create_subscription(Episode, "episode", self._on_episode, EVENT)
         self._diagnostics = Diagnostics(self, self._door, self._status)
         self._tell_swap(self._in_force)
-        self._intake = PolicyIntake(self._parameters.problem, self._on_decided)
+        self._intake = PolicyIntake(self._settings.problem, self._on_decided)
 
     # What comes in
 
@@ -165,7 +165,7 @@ class ControllerNode(Node):
         return "" if wanted in here else f"policy {wanted}"
 
     def _begin(self) -> None:
-        self._set_parameters(self._parameters)
+        self._set_parameters(self._settings)
         self._controller.reset(self._episode.seed)
 
     def _give_up(self, message: RabbitState, reason: str) -> None:
@@ -225,7 +225,7 @@ class ControllerNode(Node):
 
     def _set_parameters(self, parameters: ControllerParameters) -> None:
         """The episode's own sigma goes before the node's."""
-        self._parameters = parameters
+        self._settings = parameters
         sigma = parameters.sigma if math.isnan(self._episode.sigma) else self._episode.sigma
         self._controller.parameters = parameters.model_copy(update={"sigma": sigma})
 
@@ -238,6 +238,8 @@ class ControllerNode(Node):
             "policy waiting": self._waiting.version if self._waiting else "",
             "ticks not answered by the chosen solver": self._controller.unanswered,
         }
+        if not self._states.get_publisher_count():
+            return WARN, "waiting for a simulator", figures
         missing = self._missing(self._held) if self._held else ""
         if missing:
             return WARN, f"tick {self._turn[1]} of episode {self._turn[0]} waits for the {missing}", figures

@@ -1,0 +1,97 @@
+"""The nodes as processes: each with a log file, ended together, whatever ends first.
+
+They have sessions of their own, so a Ctrl-C reaches the launcher alone, which ends them in order. If the launcher is
+killed, the kernel tells them to end.
+"""
+
+import ctypes
+import os
+import signal
+import subprocess
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from rabbit_bringup.launching.executables import LaunchError, find_executable
+
+PATIENCE = 12.0  # s for a node to end after SIGINT: a recorder drains, a trainer ends its update
+LOG_TAIL = 12  # lines shown of a node that failed
+_PR_SET_PDEATHSIG = 1
+_libc = ctypes.CDLL(None)
+
+
+@dataclass(frozen=True)
+class NodeSpec:
+    """A node to start."""
+
+    package: str
+    executable: str
+    arguments: tuple[str, ...] = ()
+
+
+class Processes:
+    """The running nodes, by executable."""
+
+    def __init__(self, logs: Path) -> None:
+        self._logs = logs
+        self._running: dict[str, subprocess.Popen[bytes]] = {}
+        logs.mkdir(parents=True, exist_ok=True)
+
+    def start(self, node: NodeSpec) -> None:
+        """Start a node; raises `LaunchError` if there is none."""
+        command = [str(find_executable(node.package, node.executable)), *node.arguments]
+        with (self._logs / f"{node.executable}.log").open("wb") as log:
+            self._running[node.executable] = subprocess.Popen(
+                command, stdin=subprocess.DEVNULL, stdout=log, stderr=log, start_new_session=True, preexec_fn=_follow
+            )
+
+    def check(self) -> None:
+        """Raises `LaunchError` with the end of its log if a node has ended by itself."""
+        for name, process in self._running.items():
+            if process.poll() is not None:
+                tail = "\n".join(self._tail(name))
+                raise LaunchError(f"the {name} ended by itself ({_how(process.returncode)}):\n{tail}")
+
+    def stop(self, names: Sequence[str] = ()) -> dict[str, str]:
+        """End the named nodes, or all; politely, then not. Returns how those ended that did not end well."""
+        chosen = {name: process for name, process in self._running.items() if name in (names or self._running)}
+        for process in chosen.values():
+            _send(process, signal.SIGINT)
+        deadline = time.monotonic() + PATIENCE
+        ends = {}
+        for name, process in chosen.items():
+            try:
+                process.wait(max(0.0, deadline - time.monotonic()))
+            except subprocess.TimeoutExpired:
+                _send(process, signal.SIGKILL)
+                process.wait()
+            if process.returncode != 0:
+                ends[name] = _how(process.returncode)
+            del self._running[name]
+        return ends
+
+    def kill(self) -> None:
+        """End all at once."""
+        for process in self._running.values():
+            _send(process, signal.SIGKILL)
+            process.wait()
+        self._running.clear()
+
+    def _tail(self, name: str) -> list[str]:
+        lines = (self._logs / f"{name}.log").read_text(encoding="utf-8", errors="replace").splitlines()
+        return lines[-LOG_TAIL:]
+
+
+def _send(process: subprocess.Popen[bytes], number: int) -> None:
+    if process.poll() is None:
+        os.killpg(process.pid, number)
+
+
+def _how(code: int) -> str:
+    return f"signal {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"
+
+
+def _follow() -> None:
+    """In the child: end when the launcher dies."""
+    _libc.prctl(_PR_SET_PDEATHSIG, signal.SIGINT)

@@ -1,0 +1,83 @@
+"""What a walk leaves behind, made from its recording: records, summary, pictures, film."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rabbit_description.state import TICK_SECONDS
+from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.simulation import Outcome
+from rl_cbf_clf_controller.parameters import ControllerParameters
+from rl_trainer.rollout import Record
+
+from rabbit_bringup.experiments import provenance
+from rabbit_bringup.experiments.metrics import RunTally
+from rabbit_bringup.recording.reader import RecordedEpisode, read_episodes
+from rabbit_bringup.viewing.walk_records import WalkRecords, about_walk, save_records
+
+OUTCOMES = {outcome.value: outcome for outcome in Outcome}
+UNTIMED = ("tick_ms_p50", "tick_ms_p99", "plant_ms_p50", "walk_seconds")
+
+
+def write_summary(
+    folder: Path, simulation: SimulationParameters, controller: ControllerParameters, wall_seconds: float
+) -> dict[str, Any]:
+    """Write `summary.json`, a row an episode as in `rabbit evaluate`, and `records.npz` of the last one with ticks."""
+    episodes = list(read_episodes(folder / "recording").values())
+    rows = [describe(episode, controller) for episode in episodes]
+    ticks = sum(len(episode.records) for episode in episodes)
+    summary = {
+        "walked": bool(rows) and all(row["outcome"] == Outcome.WALKED.value for row in rows),
+        "episodes": rows,
+        "ticks": ticks,
+        "wall_seconds": wall_seconds,
+        "real_time_factor": ticks * TICK_SECONDS / wall_seconds if wall_seconds else None,
+        "command": provenance.command(),
+        "commit": provenance.commit(),
+        "versions": provenance.versions(),
+        "controller": controller.model_dump(mode="json"),
+        "simulation": simulation.model_dump(mode="json"),
+    }
+    (folder / "summary.json").write_text(json.dumps(_plain(summary), indent=2) + "\n", encoding="utf-8")
+    for episode in [each for each in episodes if each.records][-1:]:
+        save_records(records_of(episode, simulation, controller), folder / "records.npz")
+    return summary
+
+
+def describe(episode: RecordedEpisode, controller: ControllerParameters) -> dict[str, Any]:
+    """An episode in figures."""
+    here: dict[str, Record] = {}
+    tally = RunTally(episode.number, controller, lambda: here["tick"].state.foot_force)
+    for record in episode.records:
+        here["tick"] = record
+        tally(record)
+    outcome = OUTCOMES.get(episode.outcome)
+    if outcome is None:
+        tally.fault = tally.fault or f"{episode.outcome}: {episode.reason}"
+    row = tally.result(episode.seed, outcome or Outcome.IDLE, episode.landings, [0.0], []).row
+    versions = list(dict.fromkeys(record.output.policy_version for record in episode.records))
+    return {
+        **row.model_dump(exclude=set(UNTIMED)),
+        "reason": episode.reason,
+        "ticks_not_recorded": episode.missing,
+        "policies": versions,
+    }
+
+
+def records_of(
+    episode: RecordedEpisode, simulation: SimulationParameters, controller: ControllerParameters
+) -> WalkRecords:
+    """What the pictures are drawn from."""
+    policy = episode.records[-1].output.policy_version
+    about = about_walk(controller, simulation, policy, episode.seed, episode.outcome)
+    return WalkRecords.from_ticks(episode.records, episode.landings, about)
+
+
+def _plain(value: Any) -> Any:
+    """JSON has no NaN."""
+    if isinstance(value, dict):
+        return {name: _plain(each) for name, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(each) for each in value]
+    return None if isinstance(value, float) and not np.isfinite(value) else value

@@ -1,0 +1,168 @@
+"""One walk through the node graph: start the nodes, wait until they are matched, let them walk, end them, tell.
+
+FOLDER/parameters.yaml   what every node was told (a ROS parameter file)
+FOLDER/recording/        the recording
+FOLDER/log/              what each node printed
+FOLDER/summary.json, records.npz, pictures/, walk.mp4, walk.gif    made from the recording afterwards
+"""
+
+import contextlib
+import os
+import signal
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from rabbit_bringup.launching.executables import LaunchError
+from rabbit_bringup.launching.parameter_file import write_parameters
+from rabbit_bringup.launching.processes import NodeSpec, Processes
+
+GLANCE_SECONDS = 0.2  # between two looks at the walk
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+
+
+class WalkOptions(BaseModel):
+    """What `rabbit walk` is told besides plant and controller."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    out: Path | None = Field(None, description="folder for all that the walk leaves (default: runs/DATE-seed-SEED)")
+    seed: int = Field(1, ge=0, le=2**63 - 1, description="of course, first state and noise")
+    episodes: int = Field(1, ge=1, le=10_000, description="episodes, their seeds counting up")
+    policy: str | None = Field(None, description="zero, a shipped policy or a file")
+    parameters: str = Field("ours", description="of the controller: ours, authors or a YAML file")
+    trainer: bool = Field(True, description="the trainer learns beside the walk")
+    swap_at: Literal["tick", "episode", "never"] = Field("never", description="when the trainer's policies take effect")
+    record: Literal["mcap", "sqlite3", "none"] = Field("mcap", description="format of the recording")
+    pictures: bool = Field(True, description="draw the walk")
+    video: bool = Field(True, description="film the walk")
+    real_time: bool = Field(False, description="100 Hz by the wall clock instead of lock-step")
+    pace: float = Field(0.0, ge=0, le=100, description="lock-step: times real time at most; 0: no limit")
+    namespace: str = Field("", pattern=r"^(/?[a-zA-Z_]\w*)*$", description="of the graph")
+    ready_timeout: float = Field(60.0, gt=0, le=3600, description="s for the nodes to find each other")
+
+
+@dataclass(frozen=True)
+class Graph:
+    """The nodes of a walk and what each is told."""
+
+    folder: Path
+    namespace: str
+    nodes: dict[str, NodeSpec]
+    parameters: dict[str, dict[str, Any]]
+
+    @property
+    def names(self) -> list[str]:
+        """The nodes by name."""
+        return list(self.nodes)
+
+
+class Interrupted(BaseException):
+    """A signal asked the launcher to end."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__(signal.Signals(number).name)
+        self.code = 128 + number
+
+
+def make_graph(
+    folder: Path, options: WalkOptions, simulation: dict[str, Any], controller: dict[str, Any], policy: str
+) -> Graph:
+    """Who walks: simulator and controller; the trainer and the recorder if wanted."""
+    learns_between = options.trainer and options.swap_at == "episode"
+    plant = {name: value for name, value in simulation.items() if isinstance(value, bool | int | float | str)}
+    own = {"seed": options.seed, "episodes": options.episodes, "start_paused": True, "wait_for_trainer": learns_between}
+    pace = {"real_time": options.real_time, "pace": options.pace}
+    told = {
+        "simulator": {**own, **pace, "gait": controller["gait"], **simulation},
+        "controller": {"policy": policy, "swap_at": options.swap_at, **controller},
+        "trainer": {"problem": "", "plan_episodes": learns_between, "plant": repr(plant)},
+        "recorder": {"path": str(folder / "recording"), "storage": options.record},
+    }
+    packages = {"simulator": "rabbit_sim", "controller": "rl_cbf_clf_controller", "trainer": "rl_trainer"}
+    wanted = ["simulator", "controller", *["trainer"] * options.trainer, *["recorder"] * (options.record != "none")]
+    remaps = ["-r", "/clock:=clock", "-r", f"__ns:=/{options.namespace.strip('/')}", "--log-level", "warn"]
+    arguments = ("--ros-args", "--params-file", str(folder / "parameters.yaml"), *remaps)
+    nodes = {name: NodeSpec(packages.get(name, "rabbit_bringup"), name, arguments) for name in wanted}
+    return Graph(folder, options.namespace, nodes, {name: told[name] for name in wanted})
+
+
+def run_graph(graph: Graph, options: WalkOptions, show: Callable[[Any], None]) -> tuple[list[Any], float]:
+    """Walk all episodes; returns their last `Episode` messages and the wall seconds that they took.
+
+    All nodes have ended when this returns or raises.
+
+    Raises:
+        LaunchError: a node cannot be started, ended by itself, or is not ready in time.
+        Interrupted: by a signal.
+    """
+    write_parameters(graph.folder / "parameters.yaml", graph.parameters)
+    for name in THREADS:
+        os.environ.setdefault(name, "1")
+    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    with _signals_raise():
+        processes = Processes(graph.folder / "log")
+        watch = None
+        try:
+            for node in graph.nodes.values():
+                processes.start(node)
+            from rabbit_bringup.launching.watch_node import Watch
+
+            watch = Watch(graph.namespace)
+            _wait_until_ready(graph, watch, processes, options.ready_timeout)
+            _walk(watch, processes, options, show)
+            return watch.ended[: options.episodes], watch.seconds
+        finally:
+            _end(processes)
+            if watch is not None:
+                watch.close()
+
+
+def _wait_until_ready(graph: Graph, watch: Any, processes: Processes, timeout: float) -> None:
+    deadline = time.monotonic() + timeout
+    while missing := watch.not_ready(graph.names):
+        processes.check()
+        if time.monotonic() > deadline:
+            lines = "; ".join(f"{name}: {line}" for name, line in missing.items())
+            raise LaunchError(f"not ready after {timeout:g} s: {lines}")
+        watch.spin(0.05)
+    if not watch.begin():
+        raise LaunchError("the simulator does not answer its pause service")
+
+
+def _walk(watch: Any, processes: Processes, options: WalkOptions, show: Callable[[Any], None]) -> None:
+    while len(watch.ended) < options.episodes:
+        watch.spin(GLANCE_SECONDS)
+        processes.check()
+        show(watch.progress())
+
+
+def _end(processes: Processes) -> None:
+    """End all nodes, those that others listen to first; a further signal ends them at once."""
+
+    def hurry(number: int, frame: object) -> None:
+        processes.kill()
+
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, hurry)
+    processes.stop(("simulator", "controller"))
+    processes.stop(("trainer",))
+    processes.stop()
+
+
+@contextlib.contextmanager
+def _signals_raise() -> Iterator[None]:
+    def stop(number: int, frame: object) -> None:
+        raise Interrupted(number)
+
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    before = {number: signal.signal(number, stop) for number in numbers}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

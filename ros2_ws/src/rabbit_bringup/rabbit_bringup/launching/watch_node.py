@@ -1,0 +1,111 @@
+"""The launcher's own node: sees who is ready, lets the walk begin, and says how it goes."""
+
+import math
+import time
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rabbit_msgs.msg import ControllerState, Episode, Landing, RabbitState
+from rabbit_msgs.srv import Pause
+from rabbit_ros.qos_node import DIAGNOSTICS, EVENT
+from rclpy.experimental import EventsExecutor
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.serialization import deserialize_message
+from rclpy.signals import SignalHandlerOptions
+
+GLANCE = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+LOADED = 20.0  # N; below it a force ratio means nothing
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How the walk stands."""
+
+    episode: int
+    stone: int
+    stones: int
+    margin: float  # m, of the last landing
+    slack: float
+    ratio: float  # |F_T| / F_N of the stance foot
+
+
+class Watch:
+    """Hears the graph in a namespace."""
+
+    def __init__(self, namespace: str) -> None:
+        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+        self._node = rclpy.create_node("launcher", namespace=namespace)
+        self._executor = EventsExecutor()
+        self._executor.add_node(self._node)
+        self._levels: dict[str, tuple[bytes, str]] = {}
+        self._newest: dict[str, bytes] = {}
+        self.episode = Episode()
+        self.ended: list[Episode] = []
+        self.seconds = 0.0  # of the ended episodes
+        self._began = time.monotonic()
+        self._margin = math.nan
+        subscribe = self._node.create_subscription
+        subscribe(DiagnosticArray, "diagnostics", self._on_diagnostics, DIAGNOSTICS)
+        subscribe(Episode, "episode", self._on_episode, EVENT)
+        subscribe(Landing, "landing", self._on_landing, EVENT)
+        for name, kind in (("state", RabbitState), ("controller_state", ControllerState)):
+            subscribe(kind, name, lambda data, name=name: self._newest.update({name: data}), GLANCE, raw=True)
+        self._pause = self._node.create_client(Pause, "pause")
+
+    def close(self) -> None:
+        """Leave the graph."""
+        self._node.destroy_node()
+        rclpy.try_shutdown()
+
+    def spin(self, seconds: float) -> None:
+        """Hear what comes for so long."""
+        end = time.monotonic() + seconds
+        while (left := end - time.monotonic()) > 0:
+            self._executor.spin_once(left)
+
+    def not_ready(self, nodes: list[str]) -> dict[str, str]:
+        """Which of the nodes are not ready, and what they say."""
+        unheard = (DiagnosticStatus.WARN, "not heard of yet")
+        said = {name: self._levels.get(name, unheard) for name in nodes}
+        return {name: line for name, (level, line) in said.items() if level != DiagnosticStatus.OK}
+
+    def begin(self, timeout: float = 10.0) -> bool:
+        """Let the simulator go on; False if it does not answer."""
+        if not self._pause.wait_for_service(timeout_sec=timeout):
+            return False
+        answer = self._pause.call_async(Pause.Request(paused=False))
+        end = time.monotonic() + timeout
+        while not answer.done() and time.monotonic() < end:
+            self.spin(0.02)
+        return bool(answer.done() and answer.result().accepted)
+
+    def progress(self) -> Progress:
+        """How it goes, from the newest messages."""
+        state: Any = self._decode("state", RabbitState)
+        details: Any = self._decode("controller_state", ControllerState)
+        tangential, normal = np.asarray(state.foot_force).reshape(2, 2)[details.stance]
+        ratio = abs(tangential) / normal if normal > LOADED else math.nan
+        e = self.episode
+        return Progress(e.episode, state.touchdowns, e.stones, self._margin, details.clf_slack, ratio)
+
+    def _decode(self, name: str, kind: Any) -> Any:
+        data = self._newest.get(name)
+        return deserialize_message(data, kind) if data else kind()
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            self._levels[status.name.split("/")[-1]] = (status.level, status.message)
+
+    def _on_episode(self, message: Episode) -> None:
+        if message.phase == Episode.RUNNING and message.tick == 0:
+            self._began = time.monotonic()
+        if message.phase == Episode.ENDED:
+            self.seconds += time.monotonic() - self._began
+            self.ended.append(message)
+        self.episode = message
+
+    def _on_landing(self, message: Landing) -> None:
+        self._margin = min(message.l - message.l_min, message.l_max - message.l)

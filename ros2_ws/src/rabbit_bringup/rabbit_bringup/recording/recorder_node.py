@@ -1,0 +1,121 @@
+"""The recorder: every topic of the graph, as its bytes came, into a rosbag2 folder.
+
+Messages are stored under the simulated time that they carry, so that a recording plays at the pace of the walk whatever
+the pace of the machine was; diagnostics, which carry none, under that of the message before.
+"""
+
+import sqlite3
+import time
+from functools import partial
+from pathlib import Path
+
+from ament_index_python.packages import get_package_share_directory
+from pydantic import BaseModel, ConfigDict, Field
+from rabbit_ros.diagnostics_node import ERROR, OK, WARN, Diagnostics, Status
+from rabbit_ros.door import Door
+from rabbit_ros.parameters_node import declare, refuse_unknown
+from rabbit_ros.spin_node import run
+from rabbit_ros.topics_node import TOPICS, Topic
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
+
+from rabbit_bringup.recording.bag_writer import BagWriter, RecordingError, Storage
+
+IDLE_SECONDS = 0.3  # without a message, after which nothing more is on its way
+STAMP = slice(4, 12)  # after the CDR header: seconds int32, nanoseconds uint32
+FOREVER = QosTime(2147483647, 4294967295)
+
+
+class NodeParameters(BaseModel):
+    """What to record and where."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    path: str = Field("recording", min_length=1, description="folder to be made; it must not be there yet")
+    storage: Storage = Field("mcap", description="file format")
+    expect: tuple[str, ...] = Field(
+        ("simulator", "controller"), description="nodes whose topics must be there before the recorder says it is ready"
+    )
+
+
+class RecorderNode(Node):
+    """Writes what it hears."""
+
+    def __init__(self) -> None:
+        super().__init__("recorder")
+        self._own = declare(self, NodeParameters)
+        refuse_unknown(self)
+        definitions = Path(get_package_share_directory("rabbit_msgs"))
+        self._writer = BagWriter(Path(self._own.path), self._own.storage, [definitions])
+        self._door = Door()
+        self._nanoseconds = 0
+        self._heard = time.monotonic()
+        self._failure = ""
+        self._readers = {topic.name: self._subscribe(topic) for topic in TOPICS}
+        self._diagnostics = Diagnostics(self, self._door, self._status)
+
+    def busy(self) -> bool:
+        """Messages that were sent before the end may still be on their way."""
+        return time.monotonic() - self._heard < IDLE_SECONDS
+
+    def close(self) -> None:
+        """Finish the recording."""
+        try:
+            self._writer.close()
+        except (OSError, sqlite3.Error) as error:
+            self.get_logger().error(f"recording {self._own.path}: {error}")
+
+    def _subscribe(self, topic: Topic) -> object:
+        name = self.resolve_topic_name(topic.name)
+        self._writer.add(name, topic.type_name, offered(topic.qos))
+        return self.create_subscription(topic.type, topic.name, partial(self._on_bytes, name), topic.qos, raw=True)
+
+    def _on_bytes(self, name: str, data: bytes) -> None:
+        self._heard = time.monotonic()
+        if self._failure:
+            return
+        seconds, nanoseconds = (int.from_bytes(data[i : i + 4], "little") for i in (STAMP.start, STAMP.start + 4))
+        if seconds or nanoseconds:
+            self._nanoseconds = seconds * 1_000_000_000 + nanoseconds
+        try:
+            self._writer.write(name, self._nanoseconds, data)
+        except (OSError, sqlite3.Error) as error:
+            self._failure = f"recording stopped: {error}"
+            self.get_logger().error(self._failure)
+            return
+        self._door.accept(name)
+
+    def _status(self) -> Status:
+        figures = {"path": self._own.path}
+        if self._failure:
+            return ERROR, self._failure, figures
+        absent = [t.name for t in TOPICS if t.publisher in self._own.expect and not self._is_published(t.name)]
+        return (WARN, f"waiting for {', '.join(absent)}", figures) if absent else (OK, "recording", figures)
+
+    def _is_published(self, name: str) -> bool:
+        return bool(self._readers[name].get_publisher_count())
+
+
+def offered(profile: QoSProfile) -> Qos:
+    """A QoS profile as a recording notes it."""
+    return Qos(
+        history=QosHistory[profile.history.name],
+        depth=profile.depth,
+        reliability=QosReliability[profile.reliability.name],
+        durability=QosDurability[profile.durability.name],
+        deadline=FOREVER,
+        lifespan=FOREVER,
+        liveliness=QosLiveliness.AUTOMATIC,
+        liveliness_lease_duration=FOREVER,
+        avoid_ros_namespace_conventions=False,
+    )
+
+
+def main() -> None:
+    """The executable `recorder`."""
+    run(RecorderNode, errors=(RecordingError,))
+
+
+if __name__ == "__main__":
+    main()
