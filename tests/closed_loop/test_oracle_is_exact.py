@@ -1,0 +1,119 @@
+"""The oracle's reward on the rigid plant: nominal + alpha mu + beta against the true derivative at the same state.
+
+The truth comes from the plant's own equations of motion: V and B-dot a short time before and after, and the ground
+force at the instant. Only differencing errors are left.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from rabbit_bringup.experiments.assembly import Assembly
+from rabbit_bringup.experiments.evaluation import episode
+from rabbit_description.state import Array, RobotState
+from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.pinned_dynamics import PinnedDynamics
+from rabbit_sim.robot_urdf import perturbed_urdf
+from rl_cbf_clf_controller.controller import Controller, ControllerOutput, Terms
+from rl_trainer.rollout import Record
+
+MakeAssembly = Callable[..., Assembly]
+
+SHORT = 5e-6  # s, between which V and B-dot are differenced
+PLANTS: list[dict[str, float]] = [
+    {"mass_scale": 2.0},
+    {"mass_scale": 0.7, "payload": 20.0},
+    {"payload": 32.0, "motor_loss": 0.15, "joint_damping": 1.0},
+    {"mass_scale": 2.0, "link_bend": 0.05},
+]
+
+
+class Truth:
+    """The perturbed robot's motion from a state, under the torque that the plant's motors give."""
+
+    def __init__(self, plant: SimulationParameters) -> None:
+        self._dynamics = PinnedDynamics(perturbed_urdf(plant), plant.link_bend, plant.joint_damping)
+        self._share = 1 - plant.motor_loss
+
+    def acceleration_and_force(self, q: Array, dq: Array, output: ControllerOutput) -> tuple[Array, Array]:
+        return self._dynamics.accelerations(q, dq, self._share * output.torque, output.stance)
+
+    def after(self, state: RobotState, output: ControllerOutput, h: float) -> RobotState:
+        """The state `h` seconds later, by one Runge-Kutta step."""
+        q, v1 = state.q, state.dq
+        a1 = self.acceleration_and_force(q, v1, output)[0]
+        v2 = v1 + h / 2 * a1
+        a2 = self.acceleration_and_force(q + h / 2 * v1, v2, output)[0]
+        v3 = v1 + h / 2 * a2
+        a3 = self.acceleration_and_force(q + h / 2 * v2, v3, output)[0]
+        v4 = v1 + h * a3
+        a4 = self.acceleration_and_force(q + h * v3, v4, output)[0]
+        return replace(state, q=q + h / 6 * (v1 + 2 * v2 + 2 * v3 + v4), dq=v1 + h / 6 * (a1 + 2 * a2 + 2 * a3 + a4))
+
+
+def estimated_and_true(assembly: Assembly, ticks: int = 60, every: int = 3) -> tuple[Array, Array]:
+    """The quantities (n,) as the controller estimates them at the executed mu, and as they are."""
+    simulation, controller = assembly.build()
+    truth, pairs = Truth(assembly.simulation), list[tuple[Array, Array]]()
+
+    def look(record: Record) -> None:
+        state, output = record.state, record.output
+        if state.tick >= ticks or state.tick % every:
+            return
+        nominal = output.nominal_a @ output.mu + output.nominal_b
+        before, later = (controller.terms(truth.after(state, output, h)) for h in (-SHORT, SHORT))
+        force = truth.acceleration_and_force(state.q, state.dq, output)[1]
+        pairs.append((nominal + output.alpha @ output.mu + output.beta, derivatives(controller, before, later, force)))
+
+    episode(simulation, controller, 1, look)
+    simulation.close()
+    estimated, true = (np.array(values) for values in zip(*pairs, strict=True))
+    return estimated, true
+
+
+def derivatives(controller: Controller, before: Terms, later: Terms, force: Array) -> Array:
+    """V', B1'', B2'', F_N, F_T."""
+    assert before.barriers is not None
+    assert later.barriers is not None
+    barrier = (later.barriers.dB - before.barriers.dB) / (2 * SHORT)
+    clf = (controller.clf.value(later.eta) - controller.clf.value(before.eta)) / (2 * SHORT)
+    return np.array([clf, *barrier, force[1], force[0]])
+
+
+def relative_error(estimated: Array, true: Array) -> Array:
+    """Root mean square of the error over that of the truth, by quantity."""
+    error: Array = np.sqrt(((estimated - true) ** 2).mean(axis=0) / (true**2).mean(axis=0))
+    return error
+
+
+@pytest.mark.parametrize("plant", PLANTS)
+def test_reward_of_every_quantity_is_zero(make_assembly: MakeAssembly, plant: dict[str, float]) -> None:
+    parts = make_assembly("rl-cbf-clf-qp", "oracle", plant="rigid", motor_lag=0.0, **plant)
+    estimated, true = estimated_and_true(parts)
+    assert len(true) >= 5
+    assert relative_error(estimated, true).max() < 1e-6
+
+
+def test_without_it_the_reward_is_not(make_assembly: MakeAssembly) -> None:
+    parts = make_assembly("cbf-clf-qp", "zero", plant="rigid", motor_lag=0.0, mass_scale=2.0)
+    assert relative_error(*estimated_and_true(parts)).min() > 0.05
+
+
+@pytest.mark.parametrize("plant", PLANTS)
+def test_in_the_first_approach_outputs_accelerate_as_mu_says(
+    make_assembly: MakeAssembly, plant: dict[str, float]
+) -> None:
+    parts = make_assembly("io-rl-clf-qp", "oracle", plant="rigid", motor_lag=0.0, **plant)
+    simulation, controller = parts.build()
+    truth, pairs = Truth(parts.simulation), list[tuple[Array, Array]]()
+
+    def look(record: Record) -> None:
+        if record.state.tick < 30 and not record.output.saturated:
+            before, later = (controller.terms(truth.after(record.state, record.output, h)) for h in (-SHORT, SHORT))
+            pairs.append((record.output.mu, (later.outputs.dy - before.outputs.dy) / (2 * SHORT)))
+
+    episode(simulation, controller, 1, look)
+    simulation.close()
+    mu, acceleration = (np.array(values) for values in zip(*pairs, strict=True))
+    assert relative_error(mu, acceleration).max() < 1e-6

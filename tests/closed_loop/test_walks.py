@@ -1,0 +1,93 @@
+"""Who walks, who falls, and that a seed decides it all."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rabbit_bringup.experiments.assembly import Assembly
+from rabbit_bringup.experiments.evaluation import episode_seeds, evaluate, record_walk, walk
+from rabbit_bringup.experiments.metrics import RunResult
+from rabbit_bringup.viewing.walk_records import ARRAYS
+
+MakeAssembly = Callable[..., Assembly]
+WALL_TIMES = {"tick_ms_p50", "tick_ms_p99", "plant_ms_p50", "walk_seconds"}
+TWICE = 2.0
+
+
+def figures(result: RunResult) -> dict[str, Any]:
+    """A row without what the clock says."""
+    return result.row.model_dump(exclude=WALL_TIMES)
+
+
+@pytest.mark.parametrize("plant", ["pybullet", "rigid"])
+def test_nominal_controller_walks_on_flat_ground(make_assembly: MakeAssembly, plant: str) -> None:
+    row = walk(make_assembly("clf-qp", stones=8, plant=plant), 0, seed=1).row
+    assert (row.outcome, row.steps, row.success) == ("walked", 8, True)
+    assert row.ticks_normal_force_negative == 0
+
+
+def test_nominal_controller_walks_on_stones(make_assembly: MakeAssembly) -> None:
+    result = walk(make_assembly("cbf-clf-qp", stones=5), 0, seed=1)
+    assert result.row.success
+    assert result.row.stones == 5
+    assert 0 < result.row.worst_margin < 0.025  # half a stone's width
+    assert result.row.qp_unanswered_ticks == 0
+    assert len(result.tick_seconds) == result.row.ticks
+
+
+@pytest.mark.parametrize("controller", ["clf-qp", "cbf-clf-qp"])
+def test_nominal_controller_falls_at_twice_the_mass(make_assembly: MakeAssembly, controller: str) -> None:
+    heavy = make_assembly(controller, mass_scale=TWICE, stones=20)
+    assert not any(walk(heavy, run, seed).row.success for run, seed in episode_seeds(1, 2).items())
+
+
+@pytest.mark.parametrize("controller", ["rl-clf-qp", "rl-cbf-clf-qp", "io-rl-clf-qp"])
+def test_oracle_walks_at_twice_the_mass(make_assembly: MakeAssembly, controller: str) -> None:
+    assert walk(make_assembly(controller, "oracle", mass_scale=TWICE), 0, seed=1).row.success
+
+
+@pytest.mark.parametrize("controller", ["rl-clf-qp", "rl-cbf-clf-qp"])
+def test_oracle_of_the_nominal_plant_is_no_correction(make_assembly: MakeAssembly, controller: str) -> None:
+    with_oracle = record_walk(make_assembly(controller, "oracle", stones=1), seed=2)
+    nominal = record_walk(make_assembly(controller, stones=1), seed=2)
+    assert with_oracle.torque == pytest.approx(nominal.torque, abs=1e-3)
+
+
+def test_two_seeds_walk_differently_on_flat_ground(make_assembly: MakeAssembly) -> None:
+    one, other = (record_walk(make_assembly(stones=2), seed) for seed in (1, 2))
+    assert np.abs(one.q[0] - other.q[0]).max() > 1e-3
+    assert np.abs(one.torque[:20] - other.torque[:20]).max() > 1
+
+
+@pytest.mark.parametrize("plant", ["pybullet", "rigid"])
+@pytest.mark.parametrize(("controller", "policy"), [("clf-qp", "zero"), ("rl-cbf-clf-qp", "oracle")])
+def test_the_same_seed_walks_the_same_bit_for_bit(
+    make_assembly: MakeAssembly, plant: str, controller: str, policy: str
+) -> None:
+    parts = make_assembly(controller, policy, plant=plant, stones=2)
+    one, again = (record_walk(parts, seed=3) for _ in range(2))
+    for name in ARRAYS:
+        np.testing.assert_array_equal(getattr(one, name), getattr(again, name), err_msg=name)
+
+
+def test_processes_change_nothing(make_assembly: MakeAssembly) -> None:
+    parts, seeds = make_assembly("cbf-clf-qp", stones=3), episode_seeds(5, 3)
+    alone = [figures(result) for result in evaluate(parts, seeds, jobs=1)]
+    spread = sorted((figures(result) for result in evaluate(parts, seeds, jobs=2)), key=lambda row: row["run"])
+    assert spread == alone
+
+
+def test_more_runs_leave_the_first_as_they_were() -> None:
+    assert list(episode_seeds(9, 20).items())[:5] == list(episode_seeds(9, 5).items())
+    assert episode_seeds(9, 5) != episode_seeds(10, 5)
+
+
+def test_a_missed_stone_is_a_miss(make_assembly: MakeAssembly, tmp_path: Path) -> None:
+    course = tmp_path / "course.csv"
+    course.write_text("l_min,l_max\n0.60,0.61\n")  # too far for any leg of this gait
+    row = walk(make_assembly("cbf-clf-qp", stones=1, course=str(course)), 0, seed=1).row
+    assert not row.success
+    assert row.stones == 0
+    assert row.outcome != "walked"
