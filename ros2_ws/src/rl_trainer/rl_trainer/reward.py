@@ -36,7 +36,7 @@ def reward_terms(transition: Transition, parameters: TrainingParameters) -> Rewa
     """Each term of R for one transition."""
     scaled = np.nan_to_num(transition.error / error_unit(transition.LgV, parameters))
     terms = -np.array(parameters.weights) * norm(scaled, parameters.error_norm)
-    return RewardTerms(terms, -parameters.failure_penalty * transition.failed)
+    return RewardTerms(terms, 0.0 - parameters.failure_penalty * transition.failed)
 
 
 def error_unit(LgV: Array, parameters: TrainingParameters) -> Array:

@@ -47,7 +47,7 @@ class EpisodePlan:
 
 @dataclass(frozen=True)
 class EpisodeReport:
-    """An episode in figures: touchdowns, ticks, transitions kept, mean reward terms a measured tick, mean losses.
+    """An episode in figures: touchdowns, ticks, transitions kept, their mean reward terms, mean losses.
 
     `failed` by pose; `fault` is the controller's reason to end it, or empty; `left_out` counts the ticks of each doubt.
     """
@@ -175,9 +175,9 @@ class Trainer:
 
     def _report(self, plan: EpisodePlan, state: RobotState, losses: dict[str, float]) -> EpisodeReport:
         p, episode = self.parameters, self._episode
-        terms = [reward_terms(t, p) for t in episode if not t.doubt & Doubt.UNMEASURED]
+        terms = [reward_terms(t, p) for t in episode if self.replay.accepts(t)]
         mean = np.mean([t.estimation for t in terms], axis=0) if terms else np.zeros(p.n)
-        failure = -p.failure_penalty * float(episode[-1].failed) if episode else 0.0
+        failure = 0.0 - p.failure_penalty * float(episode[-1].failed) if episode else 0.0
         return EpisodeReport(
             episode=plan.episode,
             sigma=plan.sigma,
