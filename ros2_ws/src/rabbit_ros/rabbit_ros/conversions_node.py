@@ -39,9 +39,12 @@ def state_message(state: RobotState, episode: int, at: Time) -> msg.RabbitState:
     )
 
 
-def state_of(message: msg.RabbitState, preview: StonePreview | None) -> RobotState:
-    """A state from its message and the preview of stone `touchdowns + 1`; None on flat ground."""
-    for name in ("q", "dq", "foot_force"):
+def state_of(message: msg.RabbitState, preview: StonePreview | None, finite: bool = True) -> RobotState:
+    """A state from its message and the preview of stone `touchdowns + 1`; None on flat ground.
+
+    An episode's last state may be anything (`finite` False): the plant may have diverged.
+    """
+    for name in ("q", "dq", "foot_force") if finite else ():
         check_finite(name, getattr(message, name))
     return RobotState(
         tick=message.tick,

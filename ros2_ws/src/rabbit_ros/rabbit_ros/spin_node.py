@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 import rclpy
 from rclpy.clock import Clock, ClockType
+from rclpy.duration import Duration
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
@@ -16,6 +17,7 @@ from rabbit_ros.parameters_node import ParameterError
 
 _LOOK_UP = 0.1  # s between looks at the signals; without a time-out this executor's wait hears none
 _LAST_WORK = 10.0  # s
+_DELIVERY = 3.0  # s
 
 
 def run(make: Callable[[], Node], errors: tuple[type[Exception], ...] = ()) -> None:
@@ -48,8 +50,16 @@ def run(make: Callable[[], Node], errors: tuple[type[Exception], ...] = ()) -> N
             executor.spin_once(_LOOK_UP)
     finally:
         getattr(node, "close", lambda: None)()
+        _deliver(node)
         node.destroy_node()
         rclpy.try_shutdown()
+
+
+def _deliver(node: Node) -> None:
+    """What was sent must arrive: a publisher takes with it what its readers do not have yet."""
+    deadline = time.monotonic() + _DELIVERY
+    for publisher in node.publishers:
+        publisher.wait_for_all_acked(Duration(seconds=max(0.0, deadline - time.monotonic())))
 
 
 def steady_timer(node: Node, period: float, callback: Callable[[], None]) -> Timer:

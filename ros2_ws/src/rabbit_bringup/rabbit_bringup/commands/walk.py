@@ -27,7 +27,7 @@ def walk(given: Given) -> None:
         fail("--policy oracle: expected zero, a shipped policy or a file; the nodes never see the true plant")
     folder = make_folder(request)
     simulation, controller = assembly.simulation, assembly.controller
-    graph = make_graph(folder, request, simulation.model_dump(), controller.model_dump(), assembly.policy)
+    graph = make_graph(folder, request, simulation, controller, assembly.policy)
     ended, seconds = walk_with_progress(graph, request)
     show(folder, ended)
     if request.record != "none":
@@ -79,9 +79,8 @@ def show(folder: Path, ended: list[Any]) -> None:
     """A line an episode."""
     for e in ended:
         reason = f" ({e.reason})" if e.reason else ""
-        print(
-            f"episode {e.episode}, seed {e.seed}: {e.outcome}{reason}, {e.touchdowns} of {e.stones} stones, {e.tick} ticks"
-        )
+        walked = f"{e.touchdowns} of {e.stones} stones, {e.tick} ticks"
+        print(f"episode {e.episode}, seed {e.seed}: {e.outcome}{reason}, {walked}")
 
 
 def tell(

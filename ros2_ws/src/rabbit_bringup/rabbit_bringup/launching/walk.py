@@ -7,6 +7,7 @@ FOLDER/summary.json, records.npz, pictures/, walk.mp4, walk.gif    made from the
 """
 
 import contextlib
+import json
 import os
 import signal
 import time
@@ -16,6 +17,8 @@ from pathlib import Path
 from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
+from rabbit_sim.parameters import SimulationParameters
+from rl_cbf_clf_controller.parameters import ControllerParameters
 
 from rabbit_bringup.launching.executables import LaunchError
 from rabbit_bringup.launching.parameter_file import write_parameters
@@ -70,17 +73,22 @@ class Interrupted(BaseException):
 
 
 def make_graph(
-    folder: Path, options: WalkOptions, simulation: dict[str, Any], controller: dict[str, Any], policy: str
+    folder: Path, options: WalkOptions, simulation: SimulationParameters, controller: ControllerParameters, policy: str
 ) -> Graph:
     """Who walks: simulator and controller; the trainer and the recorder if wanted."""
     learns_between = options.trainer and options.swap_at == "episode"
-    plant = {name: value for name, value in simulation.items() if isinstance(value, bool | int | float | str)}
+    plant, problem = simulation.model_dump(), str(controller.problem)
     own = {"seed": options.seed, "episodes": options.episodes, "start_paused": True, "wait_for_trainer": learns_between}
     pace = {"real_time": options.real_time, "pace": options.pace}
     told = {
-        "simulator": {**own, **pace, "gait": controller["gait"], **simulation},
-        "controller": {"policy": policy, "swap_at": options.swap_at, **controller},
-        "trainer": {"problem": "", "plan_episodes": learns_between, "plant": repr(plant)},
+        "simulator": {**own, **pace, "gait": controller.gait, **simulation.model_dump()},
+        "controller": {"policy": policy, "swap_at": options.swap_at, **controller.model_dump()},
+        "trainer": {
+            "problem": problem,
+            "seed": options.seed,
+            "plan_episodes": learns_between,
+            "plant": json.dumps(plant),
+        },
         "recorder": {"path": str(folder / "recording"), "storage": options.record},
     }
     packages = {"simulator": "rabbit_sim", "controller": "rl_cbf_clf_controller", "trainer": "rl_trainer"}

@@ -18,6 +18,7 @@ from rabbit_ros.spin_node import run
 from rabbit_ros.topics_node import TOPICS, Topic
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
+from rclpy.subscription import Subscription
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 
 from rabbit_bringup.recording.bag_writer import BagWriter, RecordingError, Storage
@@ -66,7 +67,7 @@ class RecorderNode(Node):
         except (OSError, sqlite3.Error) as error:
             self.get_logger().error(f"recording {self._own.path}: {error}")
 
-    def _subscribe(self, topic: Topic) -> object:
+    def _subscribe(self, topic: Topic) -> Subscription:
         name = self.resolve_topic_name(topic.name)
         self._writer.add(name, topic.type_name, offered(topic.qos))
         return self.create_subscription(topic.type, topic.name, partial(self._on_bytes, name), topic.qos, raw=True)

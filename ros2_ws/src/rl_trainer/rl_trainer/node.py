@@ -1,0 +1,198 @@
+"""The trainer's node: puts ticks together from state, torque and controller state, and hands them to the learning thread.
+
+It publishes the transitions, the weights, and, where the simulator waits for it, how each episode is to be walked. It
+never holds up a tick: what it cannot learn from at once waits in a queue.
+"""
+
+import json
+import time
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from builtin_interfaces.msg import Time
+from pydantic import BaseModel, ConfigDict, Field
+from rabbit_msgs.msg import ControllerState, Episode, EpisodePlan, PolicyWeights, RabbitState, TorqueCommand
+from rabbit_msgs.msg import Transition as TransitionMessage
+from rabbit_ros.conversions_node import state_of, torque_of
+from rabbit_ros.diagnostics_node import ERROR, OK, WARN, Diagnostics, Status
+from rabbit_ros.door import Door, Refused
+from rabbit_ros.parameters_node import ParameterError, declare, refuse_unknown
+from rabbit_ros.qos_node import EVENT, TICK, WEIGHTS
+from rabbit_ros.spin_node import run, steady_timer
+from rclpy.node import Node
+from rl_cbf_clf_controller.message_fields import output_of
+from rl_cbf_clf_controller.weights import PolicyFile
+
+from rl_trainer.background import Background
+from rl_trainer.messages_node import plan_message, transition_message, weights_message
+from rl_trainer.pairing import Event, Tick, Walk
+from rl_trainer.parameters import TrainingParameters
+from rl_trainer.session import CheckpointError
+from rl_trainer.training import EpisodePlan as Plan
+from rl_trainer.training import EpisodeReport, Provenance, Trainer
+from rl_trainer.transitions import Transition
+
+PARTS = ("state", "torque", "controller_state")
+GIVE_UP_SECONDS = 2.0  # after an episode's end, for ticks that have not come
+ACTED = ("fault",)  # outcomes after which the last state has an answer too
+
+
+class NodeParameters(BaseModel):
+    """What the node is told besides the training."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    plan_episodes: bool = Field(False, description="plan each episode's seed, noise and policy; the simulator waits")
+    learn_beside: int = Field(
+        200, ge=0, description="updates between two publications while the robot walks; 0 with plan_episodes: none"
+    )
+    folder: str = Field("", description="for checkpoint and policies after each episode; it goes on from there")
+    plant: str = Field("{}", description="what the policy file says of the plant, JSON")
+
+
+class TrainerNode(Node):
+    """Hears a walk and learns from it."""
+
+    def __init__(self) -> None:
+        super().__init__("trainer")
+        own = declare(self, NodeParameters)
+        training = declare(self, TrainingParameters)
+        refuse_unknown(self)
+        self._training = training
+        trainer = Trainer(training, Provenance(plant=plant_of(own.plant), command="trainer node"))
+        beside = 0 if own.plan_episodes else own.learn_beside
+        self._plans = own.plan_episodes
+        self._learning = Background(trainer, self, beside, Path(own.folder) if own.folder else None)
+        self._door = Door()
+        self._walk = Walk(PARTS)
+        self._held_up_since: float | None = None
+        self._started = False
+        self._report: EpisodeReport | None = None
+        self._connect()
+
+    def close(self) -> None:
+        """End the learning thread."""
+        self._learning.close()
+
+    def _connect(self) -> None:
+        self._transitions = self.create_publisher(TransitionMessage, "transition", TICK)
+        self._weights = self.create_publisher(PolicyWeights, "policy", WEIGHTS)
+        self._plan = self.create_publisher(EpisodePlan, "episode_plan", EVENT)
+        kinds = (RabbitState, TorqueCommand, ControllerState)
+        self._inputs = [
+            self.create_subscription(kind, part, partial(self._on_part, part), TICK)
+            for part, kind in zip(PARTS, kinds, strict=True)
+        ]
+        self.create_subscription(Episode, "episode", self._on_episode, EVENT)
+        self._diagnostics = Diagnostics(self, self._door, self._status)
+        steady_timer(self, 0.5, self._look)
+
+    # What comes in
+
+    def _on_part(self, part: str, message: Any) -> None:
+        checked = None
+        try:
+            checked = self._check(part, message)
+            self._door.accept(part)
+        except Refused as error:
+            self.get_logger().warning(self._door.refuse(part, error))
+        self._hand_on(self._walk.add(part, message.episode, message.tick, checked))
+
+    def _on_episode(self, message: Episode) -> None:
+        self._door.accept("episode")
+        idle = message.phase in (Episode.WAITING, Episode.ENDED)
+        if not self._started:
+            self._start(message.episode if idle else message.episode - 1)
+        if message.phase == Episode.ENDED:
+            self._hand_on(self._walk.end(message.episode, message.tick, message.outcome in ACTED))
+
+    def _check(self, part: str, message: Any) -> Any:
+        if part == "state":
+            return state_of(message, None, finite=message.running)
+        if part == "torque":
+            return torque_of(message)
+        try:
+            return message.stamp, output_of(message, np.zeros(4))
+        except ValueError as error:
+            raise Refused("not fit", str(error)) from error
+
+    # What goes on
+
+    def _start(self, after: int) -> None:
+        """Begin to learn with the episode after this one."""
+        self._started, self._walk.done = True, after
+        self._learning.start(after)
+
+    def _hand_on(self, events: list[tuple[int, Event]]) -> None:
+        for episode, event in events:
+            if isinstance(event, Tick):
+                state, torque, (stamp, output) = event.messages
+                self._learning.tick(state, replace(output, torque=torque), (episode, stamp))
+            else:
+                self._learning.end(event.last, episode)
+
+    def _look(self) -> None:
+        """Give up what an ended episode still owes."""
+        now = time.monotonic()
+        if not self._walk.is_held_up:
+            self._held_up_since = None
+        elif self._held_up_since is None:
+            self._held_up_since = now
+        elif now - self._held_up_since > GIVE_UP_SECONDS:
+            self._held_up_since = None
+            self._hand_on(self._walk.give_up())
+
+    # What was learned, called in the learning thread
+
+    def on_plan(self, plan: Plan, after: int) -> None:
+        """Announce the next episode, its policy first."""
+        if not self._plans:
+            return
+        if plan.policy is not None:
+            self.on_policy(plan.policy)
+        self._plan.publish(plan_message(plan, after, Time()))
+
+    def on_transition(self, transition: Transition, tag: tuple[int, Time]) -> None:
+        """A transition was taken in."""
+        self._transitions.publish(transition_message(transition, self._training, *tag))
+
+    def on_policy(self, policy: PolicyFile) -> None:
+        """New weights."""
+        self._weights.publish(weights_message(policy, self.get_fully_qualified_name(), Time()))
+
+    def on_report(self, report: EpisodeReport) -> None:
+        """An episode was digested."""
+        self._report = report
+
+    def _status(self) -> Status:
+        figures: dict[str, object] = {"ticks waiting": self._learning.waiting, "ticks lost": self._walk.lost}
+        if self._report:
+            figures |= {"episode": self._report.episode, **self._report.reward, **self._report.losses}
+        if self._learning.error:
+            return ERROR, self._learning.error, figures
+        if not self._started or not all(reader.get_publisher_count() for reader in self._inputs):
+            return WARN, "waiting for simulator and controller", figures
+        return OK, "learning", figures
+
+
+def plant_of(text: str) -> dict[str, bool | int | float | str]:
+    """What the policy file says of the plant."""
+    try:
+        plant = json.loads(text)
+    except ValueError as error:
+        raise ParameterError(f"parameter plant = {text!r}: not JSON: {error}") from error
+    if not isinstance(plant, dict):
+        raise ParameterError(f"parameter plant = {text!r}: expected a JSON object")
+    return plant
+
+
+def main() -> None:
+    """The executable `trainer`."""
+    run(TrainerNode, errors=(CheckpointError,))
+
+
+if __name__ == "__main__":
+    main()
