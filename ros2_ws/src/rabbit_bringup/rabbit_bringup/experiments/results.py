@@ -13,9 +13,10 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import IO, Any
+from zipfile import BadZipFile
 
 import numpy as np
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel
 
 from rabbit_bringup.experiments.metrics import ForceTick, RunResult, RunRow
 
@@ -82,7 +83,7 @@ class ResultsFolder:
             for row in rows:
                 ticks = [tick for tick in violations if tick.run == row.run]
                 self.results[row.run] = RunResult(row, ticks, seconds[row.run])
-        except (OSError, ValidationError, ValueError, KeyError) as error:
+        except (OSError, EOFError, ValueError, KeyError, BadZipFile) as error:
             raise ResultsError(f"{self.path}: its runs cannot be read: {error}") from error
 
     def _save(self) -> None:

@@ -127,5 +127,5 @@ def load_records(path: Path) -> WalkRecords:
         with np.load(path) as content:
             arrays = {name: content[name] for name in ARRAYS}
             return WalkRecords(**arrays, about=json.loads(str(content["about"])))
-    except (OSError, ValueError, KeyError, BadZipFile) as error:
+    except (OSError, EOFError, ValueError, KeyError, BadZipFile) as error:
         raise RecordsError(f"{path}: no records of a walk: {error}") from error

@@ -1,0 +1,188 @@
+"""`rabbit evaluate` as a user calls it: files, resumption, and one line with exit code 2 for what is wrong."""
+
+import csv
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rabbit_bringup.cli import COMMANDS, app
+from rabbit_bringup.experiments.assembly import Assembly
+from rabbit_sim.parameters import SimulationParameters
+from rl_cbf_clf_controller.parameters import ControllerParameters, load_parameters
+from rl_cbf_clf_controller.uncertainty import Problem
+from rl_cbf_clf_controller.weights import PROBE, PolicyFile, PolicyMetadata, forward, probe_inputs
+from typer.testing import CliRunner, Result
+
+KEYS = (
+    *("runs", "stones", "success_rate", "success_with_forces", "success_rate_ci95", "mean_stones", "std_stones"),
+    *("missed_stones", "falls", "max_force_ratio", "ticks_over_cone", "ticks_over_cone_at_impact"),
+    *("qp_unanswered_ticks", "slack_ticks", "tick_ms_p50", "tick_ms_p99", "real_time_factor"),
+    *("command", "versions", "parameters", "ecbf_start_violations", "rescue_ticks", "active_share"),
+)
+
+
+def rabbit(*words: object) -> Result:
+    """Call the command in this process."""
+    return CliRunner().invoke(app, [str(word) for word in words])
+
+
+def evaluate(out: Path, *words: object) -> Result:
+    """Short runs in this process."""
+    return rabbit("evaluate", "--out", out, "--jobs", 1, "--stones", 1, *words)
+
+
+def zero_policy_file(path: Path) -> Path:
+    """An actor for stepping stones whose outputs are all zero."""
+    metadata = PolicyMetadata(
+        problem=Problem.RL_CBF_CLF_QP,
+        observation=Problem.RL_CBF_CLF_QP.observation,
+        observation_center=(0.0,) * 15,
+        observation_scale=(1.0,) * 15,
+        structured=True,
+        alpha_scale=(1.0,) * 5,
+        beta_scale=(1.0,) * 5,
+        learner="none",
+        plant={},
+        training_seed=0,
+        episodes=0,
+        transitions=0,
+        commit="",
+        command="",
+    )
+    arrays = {name: np.zeros(shape, dtype=np.float32) for name, shape in metadata.shapes.items()}
+    arrays[PROBE] = np.stack([forward(arrays, row) for row in probe_inputs(15)])
+    PolicyFile(metadata, arrays).write(path)
+    return path
+
+
+def rows(out: Path) -> list[dict[str, str]]:
+    """Of runs.csv."""
+    with (out / "runs.csv").open() as file:
+        return list(csv.DictReader(file))
+
+
+def test_files_of_an_evaluation(tmp_path: Path) -> None:
+    done = evaluate(tmp_path, "--runs", 2, "--mass-scale", 1.1, "--eps", 0.06, "--no-force-rows", "--torque-limit", 150)
+    assert done.exit_code == 0, done.output
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert set(KEYS) <= summary.keys()
+    assert summary["runs"] == len(rows(tmp_path)) == 2
+    used = summary["parameters"]
+    assert (used["simulation"]["mass_scale"], used["simulation"]["motor_lag"]) == (1.1, 0.004)
+    assert (used["controller"]["eps"], used["controller"]["force_rows"]) == (0.06, False)
+    assert used["controller"]["torque_limit"] == used["simulation"]["torque_limit"] == 150
+    assert summary["success_rate_ci95"][0] <= summary["success_rate"] <= summary["success_rate_ci95"][1]
+
+
+def test_runs_that_are_done_are_not_run_again(tmp_path: Path) -> None:
+    assert evaluate(tmp_path, "--runs", 1).exit_code == 0
+    first = rows(tmp_path)
+    assert evaluate(tmp_path, "--runs", 3).exit_code == 0
+    assert rows(tmp_path)[:1] == first  # its wall times too
+    assert len(rows(tmp_path)) == 3
+    refused = evaluate(tmp_path, "--runs", 3, "--seed", 2)
+    assert refused.exit_code == 2
+    assert "another evaluation" in refused.stderr
+    assert evaluate(tmp_path, "--runs", 1, "--seed", 2, "--overwrite").exit_code == 0
+    assert rows(tmp_path)[0]["seed"] != first[0]["seed"]
+
+
+def test_first_run_is_drawn(tmp_path: Path) -> None:
+    assert evaluate(tmp_path, "--runs", 1, "--pictures").exit_code == 0
+    assert len(list((tmp_path / "pictures").glob("*.png"))) == 5
+
+
+def test_a_policy_file_of_zeros_is_the_nominal_controller(tmp_path: Path) -> None:
+    file = zero_policy_file(tmp_path / "zeros.safetensors")
+    assert evaluate(tmp_path / "zeros", "--controller", "rl-cbf-clf-qp", "--policy", file, "--runs", 1).exit_code == 0
+    assert evaluate(tmp_path / "nominal", "--runs", 1).exit_code == 0
+    learned, nominal = (rows(tmp_path / name)[0] for name in ("zeros", "nominal"))
+    assert learned["max_clf"] == nominal["max_clf"]
+    assert learned["ticks"] == nominal["ticks"]
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (("--runs", "ten"), ("--runs ten", "integer")),
+        (("--runs", 0), ("--runs 0", "greater than or equal to 1")),
+        (("--mass-scale", 50), ("--mass-scale 50", "10")),
+        (("--eps", "nan"), ("--eps nan",)),
+        (("--plant", "bullet"), ("--plant bullet", "'pybullet' or 'rigid'")),
+        (("--controller", "pid"), ("--controller pid", "'cbf-clf-qp'")),
+        (("--terrain", "flat"), ("--terrain flat", "stones")),
+        (("--policy", "nobody"), ("--policy nobody", "zero, oracle")),
+        (("--gait", "nobody"), ("gait", "nobody", "shipped gaits are")),
+        (("--course", "nowhere.csv"), ("nowhere.csv", "cannot be read")),
+        (("--parameters", "nowhere.yaml"), ("nowhere.yaml",)),
+        (("--torque-delay", 0.0005), ("torque_delay", "multiple of 0.001")),
+        (("--stone-placement", "here"), ("--stone-placement here", "'relative' or 'absolute'")),
+    ],
+)
+def test_a_bad_value_ends_in_one_line(tmp_path: Path, words: tuple[object, ...], told: tuple[str, ...]) -> None:
+    done = evaluate(tmp_path, *words)
+    assert done.exit_code == 2
+    assert done.stderr.count("\n") == 1
+    for text in told:
+        assert text in done.stderr
+
+
+def test_a_policy_for_another_problem_is_refused(tmp_path: Path) -> None:
+    file = zero_policy_file(tmp_path / "zeros.safetensors")
+    done = evaluate(tmp_path / "out", "--controller", "rl-clf-qp", "--policy", file)
+    assert done.exit_code == 2
+    assert "rl-cbf-clf-qp" in done.stderr
+
+
+def test_without_a_folder_nothing_is_done() -> None:
+    done = rabbit("evaluate", "--runs", 1)
+    assert (done.exit_code, "--out" in done.stderr) == (2, True)
+
+
+def test_a_wrong_value_in_a_parameter_file_is_told_with_the_file(tmp_path: Path) -> None:
+    file = tmp_path / "mine.yaml"
+    file.write_text("eps: 7\n")
+    done = evaluate(tmp_path / "out", "--parameters", file)
+    assert done.exit_code == 2
+    assert "mine.yaml" in done.stderr
+    assert "eps 7" in done.stderr
+
+
+def test_authors_parameters_and_an_option_over_them(tmp_path: Path) -> None:
+    evaluate(tmp_path, "--runs", 1, "--parameters", "authors", "--slack-weight", 50)
+    used = json.loads((tmp_path / "summary.json").read_text())["parameters"]["controller"]
+    authors = load_parameters("authors")
+    assert (used["eps"], used["kp"], used["slack_weight"]) == (authors.eps, authors.kp, 50)
+
+
+def test_every_parameter_has_an_option() -> None:
+    text = CliRunner().invoke(app, ["evaluate", "--help"], env={"COLUMNS": "300"}).output
+    for model in (SimulationParameters, ControllerParameters):
+        for name in model.model_fields:
+            assert f"--{name.replace('_', '-')}" in text
+
+
+def test_help_needs_neither_ros_nor_the_libraries() -> None:
+    code = f"""
+import sys
+sys.modules["rclpy"] = None
+from typer.testing import CliRunner
+from rabbit_bringup.cli import app
+for words in (["--help"], {[[name, "--help"] for name in COMMANDS if name not in ("walk", "run")]!r}[0]):
+    assert CliRunner().invoke(app, words).exit_code == 0
+print(sorted({{"torch", "pybullet", "matplotlib", "pinocchio"}} & sys.modules.keys()))
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_identity_sees_what_decides_a_run() -> None:
+    stones, plant = load_parameters("ours"), SimulationParameters.model_validate({})
+    base = Assembly(plant, stones, "zero").identity()
+    assert Assembly(plant, stones.model_copy(update={"eps": 0.06}), "zero").identity() != base
+    assert Assembly(plant.model_copy(update={"payload": 1.0}), stones, "zero").identity() != base
+    assert Assembly(plant, stones, "oracle").identity() != base
+    assert Assembly(plant, stones, "zero").identity() == base

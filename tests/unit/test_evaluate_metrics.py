@@ -1,0 +1,129 @@
+"""The figures of a run: what counts as a violation, a success, a stone; on hand-made ticks."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from rabbit_bringup.experiments.metrics import IMPACT_TICKS, ForceTally, RunResult, RunTally
+from rabbit_description.gait import load_gait
+from rabbit_description.state import Array, Leg, RobotState, StonePreview
+from rabbit_sim.simulation import Landing, Outcome
+from rl_cbf_clf_controller.controller import Controller, ControllerOutput
+from rl_cbf_clf_controller.parameters import load_parameters
+from rl_cbf_clf_controller.policy import ZeroPolicy
+from rl_trainer.rollout import Record
+
+PARAMETERS = load_parameters("ours")
+LATE = IMPACT_TICKS  # a tick's age at which the impact is over
+
+
+@pytest.fixture(scope="module")
+def record() -> Record:
+    """One real tick to be altered."""
+    gait = load_gait(PARAMETERS.gait)
+    q, dq = gait.x_start
+    contact = np.array([True, False])
+    state = RobotState(0, q, dq, np.zeros((2, 2)), contact, 0, StonePreview(1, 0.35, 0.4))
+    output = Controller(PARAMETERS, gait, ZeroPolicy(PARAMETERS.problem)).step(state)
+    return Record(state, output)
+
+
+def output_at(record: Record, tick: int, **changes: Any) -> ControllerOutput:
+    return replace(record.output, tick=tick, **changes)
+
+
+def tally_of(record: Record, forces: list[tuple[float, float]], age: int = LATE) -> ForceTally:
+    tally = ForceTally(run=0, friction_coeff=0.8)
+    for tick, force in enumerate(forces, start=1):
+        tally.add(output_at(record, tick), age, np.array(force))
+    return tally
+
+
+@pytest.mark.parametrize(
+    ("force", "over", "lost"),
+    [
+        ((79.0, 100.0), 0, 0),
+        ((81.0, 100.0), 1, 0),
+        ((-81.0, 100.0), 1, 0),
+        ((19.0, 20.0), 0, 0),  # not loaded: no ratio
+        ((0.0, 0.0), 0, 1),
+        ((0.0, -5.0), 0, 1),
+    ],
+)
+def test_violations(record: Record, force: tuple[float, float], over: int, lost: int) -> None:
+    late, early = tally_of(record, [force]), tally_of(record, [force], age=LATE - 1)
+    assert (late.count("over_cone", at_impact=False), late.count("lost", at_impact=False)) == (over, lost)
+    assert (early.count("over_cone", at_impact=True), early.count("lost", at_impact=True)) == (over, lost)
+    assert early.count("over_cone", at_impact=False) == early.count("lost", at_impact=False) == 0
+
+
+def test_largest_ratio_is_taken_of_loaded_ticks_after_the_impact(record: Record) -> None:
+    tally = tally_of(record, [(10.0, 100.0), (-50.0, 100.0), (15.0, 16.0)])
+    assert tally.max_ratio == pytest.approx(0.5)
+    assert tally.min_normal == 16.0
+    assert tally_of(record, [(90.0, 100.0)], age=0).max_ratio == 0.0
+
+
+def test_the_window_is_30_ms_of_whole_ticks() -> None:
+    # the landing is up to a tick before the swap; the mean of tick k begins at k - 1
+    assert (IMPACT_TICKS - 1) * 0.01 >= 0.03 > (IMPACT_TICKS - 2) * 0.01
+
+
+def run(record: Record, landings: list[Landing], outcome: Outcome, force: Array, **changes: Any) -> RunResult:
+    """A run of as many steps as landings, four late ticks each."""
+    tally = RunTally(0, PARAMETERS, lambda: force)
+    for tick in range(2 * LATE * max(len(landings), 1)):
+        step = tick // (2 * LATE)
+        state = replace(record.state, tick=tick)
+        tally(Record(state, output_at(record, tick, step_index=step, stance=Leg(step % 2), **changes)))
+    seconds = [0.001] * tally.ticks
+    return tally.result(7, outcome, landings, seconds, seconds)
+
+
+GOOD = Landing(1, 8, 0.37, 0.35, 0.40, on_stone=True)
+SHORT = Landing(2, 16, 0.34, 0.35, 0.40, on_stone=True)
+IN_GAP = Landing(2, 16, 0.34, 0.35, 0.40, on_stone=False)
+STANDING = np.array([[10.0, 300.0], [10.0, 300.0]])
+
+
+def test_a_walk_over_all_stones_is_a_success(record: Record) -> None:
+    row = run(record, [GOOD, replace(GOOD, index=2)], Outcome.WALKED, STANDING).row
+    assert (row.success, row.success_with_forces, row.stones, row.missed_stones) == (True, True, 2, 0)
+    assert row.worst_margin == pytest.approx(0.02)
+    assert (row.outcome, row.steps, row.ticks) == ("walked", 2, 4 * LATE)
+
+
+@pytest.mark.parametrize("missed", [SHORT, IN_GAP])
+def test_a_missed_stone_is_none_even_if_the_walk_goes_on(record: Record, missed: Landing) -> None:
+    row = run(record, [GOOD, missed, replace(GOOD, index=3)], Outcome.WALKED, STANDING).row
+    assert (row.success, row.success_with_forces, row.stones, row.missed_stones) == (False, False, 1, 1)
+
+
+def test_forces_are_judged_apart_from_stones(record: Record) -> None:
+    row = run(record, [GOOD], Outcome.WALKED, STANDING * [10, 1]).row
+    assert (row.success, row.success_with_forces) == (True, True)  # 100 N of 300 N
+    row = run(record, [GOOD], Outcome.WALKED, STANDING * [25, 1]).row
+    assert (row.success, row.success_with_forces) == (True, False)
+    assert (row.ticks_over_cone, row.ticks_over_cone_at_impact) == (LATE, LATE - 1)  # no force before tick 0
+
+
+def test_a_fault_ends_under_its_own_name(record: Record) -> None:
+    row = run(record, [GOOD], Outcome.RUNNING, STANDING, fault="no solver answered: exit -1").row
+    assert (row.outcome, row.success) == ("no solver answered", False)
+
+
+def test_rows_and_slacks_are_counted(record: Record) -> None:
+    changes = {"active": ("CLF", "B2", "C2-", "u3"), "clf_slack": 2.0, "rescue_slack": 0.0, "answered": False}
+    row = run(record, [GOOD], Outcome.WALKED, STANDING, **changes).row
+    counted = (row.active_CLF, row.active_B2, row.active_C2, row.active_u, row.slack_ticks, row.qp_unanswered_ticks)
+    assert counted == (row.ticks,) * 6
+    assert (row.active_B1, row.active_C1, row.rescue_ticks, row.barrier_active_steps) == (0, 0, 0, 1)
+
+
+def test_barriers_that_begin_outside_their_promise_are_counted_once_a_step(record: Record) -> None:
+    pole = PARAMETERS.barrier_pole_1
+    sinking = {"barriers": np.array([1.0, 0.5]), "barrier_rates": np.array([0.0, -0.5 * pole - 1e-6])}
+    assert run(record, [GOOD, GOOD], Outcome.WALKED, STANDING, **sinking).row.ecbf_start_violations == 2
+    sound = {**sinking, "barrier_rates": np.array([0.0, -0.5 * pole + 1e-6])}
+    assert run(record, [GOOD, GOOD], Outcome.WALKED, STANDING, **sound).row.ecbf_start_violations == 0

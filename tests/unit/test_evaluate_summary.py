@@ -1,0 +1,91 @@
+"""Intervals with known ends, summaries of hand-made rows, and a results folder that goes on where it stopped."""
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rabbit_bringup.experiments.metrics import ForceTick, RunResult, RunRow
+from rabbit_bringup.experiments.results import ResultsError, ResultsFolder
+from rabbit_bringup.experiments.summary import mean_interval, summarise, wilson
+
+
+def result(run: int, **changes: Any) -> RunResult:
+    """A run in which nothing happened, but for `changes`."""
+    values: dict[str, Any] = dict.fromkeys(RunRow.model_fields, 0)
+    values |= {"run": run, "outcome": "walked", "success": True, "success_with_forces": True, "stones": 20}
+    values |= {"ticks": 4, "steps": 2, "walk_seconds": 0.01, **changes}
+    return RunResult(RunRow.model_validate(values), [], np.full(4, 0.002, dtype=np.float32))
+
+
+@pytest.mark.parametrize(("successes", "runs"), [(0, 10), (5, 10), (49, 50), (50, 50)])
+def test_wilson_interval_solves_its_equation(successes: int, runs: int) -> None:
+    z = 1.959963984540054
+    for end in wilson(successes, runs):
+        share = successes / runs
+        assert (share - end) ** 2 == pytest.approx(z**2 * end * (1 - end) / runs, abs=1e-12)
+
+
+def test_interval_of_the_mean_of_two_values() -> None:
+    low, high = mean_interval(np.array([1.0, 3.0])) or (math.nan, math.nan)
+    half = math.tan(math.pi * 0.475)  # Student's t of one degree of freedom is Cauchy's; standard error 1
+    assert [low, high] == pytest.approx([2 - half, 2 + half])
+    assert mean_interval(np.array([4.0])) is None
+
+
+def test_summary_counts() -> None:
+    runs = [
+        result(0),
+        result(1, success_with_forces=False, ticks_over_cone=3, max_force_ratio=0.9),
+        result(2, success=False, success_with_forces=False, outcome="gap_fall", stones=5, missed_stones=1),
+        result(3, success=False, success_with_forces=False, outcome="fall", stones=7, qp_unanswered_ticks=1),
+    ]
+    summary = summarise(runs, "osqp")
+    assert (summary["success_rate"], summary["success_with_forces"]) == (0.5, 0.25)
+    assert summary["falls"] == {"gap_fall": 1, "fall": 1}
+    assert (summary["mean_stones"], summary["missed_stones"]) == (13.0, 1)
+    assert (summary["ticks_over_cone"], summary["max_force_ratio"]) == (3, 0.9)
+    assert summary["qp_solver_share"] == 15 / 16
+    assert summary["tick_ms_p50"] == pytest.approx(2.0)
+    assert summary["real_time_factor"] == pytest.approx(4.0)
+    json.dumps(summary, allow_nan=False)
+
+
+def test_a_folder_goes_on_where_it_stopped(tmp_path: Path) -> None:
+    about = {"key": "a"}
+    slip = ForceTick(
+        run=1,
+        kind="over_cone",
+        tick=9,
+        step=1,
+        ticks_since_landing=5,
+        at_impact=False,
+        tangential_force=90.0,
+        normal_force=100.0,
+        ratio=0.9,
+    )
+    first = ResultsFolder(tmp_path, about)
+    first.add(RunResult(result(1).row, [slip], np.array([0.1, 0.2], dtype=np.float32)))
+    first.add(result(0, worst_margin=math.nan))
+    again = ResultsFolder(tmp_path, about)
+    assert again.results.keys() == {0, 1}
+    assert again.results[1].row == first.results[1].row
+    assert again.results[1].violations == [slip]
+    assert math.isnan(again.results[0].row.worst_margin)
+    np.testing.assert_array_equal(again.results[1].tick_seconds, np.array([0.1, 0.2], dtype=np.float32))
+
+
+def test_a_folder_of_another_evaluation_is_refused(tmp_path: Path) -> None:
+    ResultsFolder(tmp_path, {"key": "a"}).add(result(0))
+    with pytest.raises(ResultsError, match="another evaluation"):
+        ResultsFolder(tmp_path, {"key": "b"})
+    assert not ResultsFolder(tmp_path, {"key": "b"}, overwrite=True).results
+
+
+def test_a_folder_that_cannot_be_read_is_refused(tmp_path: Path) -> None:
+    ResultsFolder(tmp_path, {"key": "a"}).add(result(0))
+    (tmp_path / "runs.csv").write_text("run,seed\nx,y\n")
+    with pytest.raises(ResultsError, match="cannot be read"):
+        ResultsFolder(tmp_path, {"key": "a"})
