@@ -10,7 +10,7 @@ endif
 PYTHON ?= $(if $(wildcard .venv/bin/python),.venv/bin/python,python3)
 PLUGINS := -p xdist -p pytest_cov -p pytest_timeout # and not those of a full ROS 2
 WITH_WORKSPACE := source ros2_ws/install/setup.bash &&
-CODE := ros2_ws/src scripts $(wildcard tests examples)
+CODE := ros2_ws/src scripts examples
 
 help: ## list the targets
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | awk -F':.*## ' '{printf "make %-8s %s\n", $$1, $$2}'
