@@ -17,6 +17,8 @@ from rabbit_bringup.viewing.walk_records import WalkRecords, load_records
 RECORDS = "records.npz"
 IMPACT = 0.04  # s: a mean over a tick that begins within 30 ms of impact
 LOADED = 20.0  # N, normal force from which the friction ratio is drawn
+MILLIMETRES = 1e3  # in a metre
+FAR_OFF = 50.0  # mm from a stone, drawn no farther
 NAMES = ("hip, stance leg", "knee, stance leg", "hip, swing leg", "knee, swing leg")
 
 
@@ -81,10 +83,12 @@ def draw_clf(walk: WalkRecords, path: Path) -> Path:
     value.set_ylabel("CLF V (rad²/s²)")
     used = ((walk.clf_slack, style.GREEN, "d, of the CLF row"), (walk.rescue_slack, style.RED, "of last resort"))
     for values, colour, label in used:
+        if not values.any():
+            continue
         slack.plot(walk.time, np.where(values > 0, values, np.nan), ".-", markersize=3, color=colour, label=label)
     slack.set_ylabel("slack (rad/s²)")
     for axes in (value, slack):
-        axes.set_yscale("log")
+        axes.set_yscale("log" if axes.lines else "linear")
     style.legend(slack)
     return _finish(walk, figure, slack, path)
 
@@ -157,22 +161,29 @@ def _draw_stones(walk: WalkRecords, axes: Axes) -> None:
 
 
 def _draw_landings(walk: WalkRecords, axes: Axes) -> None:
-    """Each landing's place on its stone, past the near edge."""
+    """Each landing's place on its stone, past the near edge; one that is far off is drawn at the panel's end."""
     _, tick, length, near, far, on_stone = walk.landings.T
     time, missed = tick * TICK_SECONDS, (length < near) | (length > far) | (on_stone == 0)
-    millimetre = 1e3
-    axes.bar(time, (far - near) * millimetre, width=0.12, color=style.AREA, label="stone")
+    width = (far - near) * MILLIMETRES
+    place = np.clip((length - near) * MILLIMETRES, -FAR_OFF, width + FAR_OFF)
+    axes.bar(time, width, width=0.01 * _end(walk), color=style.AREA, label="stone")
     for chosen, marker, colour, label in ((~missed, "o", style.GREEN, "landed"), (missed, "X", style.PURPLE, "missed")):
         if chosen.any():
-            place = (length - near)[chosen] * millimetre
-            axes.plot(time[chosen], place, marker, color=colour, label=label, markersize=5)
+            axes.plot(time[chosen], place[chosen], marker, color=colour, label=label, markersize=5, clip_on=False)
     axes.set_ylabel("past near edge (mm)")
-    style.legend(axes)
+    if len(time):
+        style.legend(axes)
+
+
+def _end(walk: WalkRecords) -> float:
+    """Seconds to be shown."""
+    landed: float = walk.landings[:, 1].max(initial=0) * TICK_SECONDS
+    return max(float(walk.time[-1]), landed, TICK_SECONDS)
 
 
 def _finish(walk: WalkRecords, figure: Figure, last: Axes, path: Path) -> Path:
     last.set_xlabel("time (s)")
-    last.set_xlim(0, 1.01 * max(float(walk.time[-1]), TICK_SECONDS))
+    last.set_xlim(0, 1.02 * _end(walk))
     title = walk.about.get("title")
     if title:
         figure.suptitle(str(title), fontsize=10)
