@@ -6,6 +6,7 @@ the wall clock, and a torque that comes late is replaced by the last one, for tw
 
 import math
 import time
+from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 from rabbit_description.gait import GaitError, load_gait
@@ -47,7 +48,9 @@ class NodeParameters(BaseModel):
     real_time: bool = Field(False, description="100 Hz by the wall clock instead of lock-step")
     pace: float = Field(0.0, ge=0, le=100, description="lock-step: times real time at most; 0: no limit; dynamic")
     answer_timeout: float = Field(5.0, gt=0, le=3600, description="s without a torque that end an episode")
-    wait_for_trainer: bool = Field(False, description="each episode waits for the trainer's plan, and follows it")
+    trainer: Literal["ignore", "wait", "follow"] = Field(
+        "ignore", description="wait: until it has digested the last episode; follow: and as it plans the next one"
+    )
 
 
 class SimulatorNode(Node):
@@ -206,10 +209,13 @@ class SimulatorNode(Node):
         done = self._episode.episode
         if done >= self._own.episodes or not self._answered_by_someone():
             return
-        if not self._own.wait_for_trainer:
+        plan = self._plan
+        if self._own.trainer != "ignore" and (plan is None or plan.after_episode != done):
+            return
+        if self._own.trainer == "follow" and plan is not None:
+            self._begin(plan.seed, plan.sigma, plan.policy_version)
+        else:
             self._begin(self._own.seed + done)
-        elif self._plan is not None and self._plan.after_episode == done:
-            self._begin(self._plan.seed, self._plan.sigma, self._plan.policy_version)
 
     def _answered_by_someone(self) -> bool:
         return bool(self._states.get_subscription_count() and self._torques.get_publisher_count())
@@ -246,7 +252,7 @@ class SimulatorNode(Node):
     def _status(self) -> Status:
         waits = {
             "a controller": not self._answered_by_someone(),
-            "the trainer": self._own.wait_for_trainer and self._plan is None,
+            "the trainer": self._own.trainer != "ignore" and self._plan is None,
         }
         missing = [who for who, is_missing in waits.items() if is_missing]
         e = self._episode

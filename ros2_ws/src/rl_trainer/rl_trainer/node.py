@@ -1,4 +1,4 @@
-"""The trainer's node: puts ticks together from state, torque and controller state, and hands them to the learning thread.
+"""The trainer's node: puts ticks together from state, torque and controller state, for the learning thread.
 
 It publishes the transitions, the weights, and, where the simulator waits for it, how each episode is to be walked. It
 never holds up a tick: what it cannot learn from at once waits in a queue.
@@ -45,9 +45,9 @@ class NodeParameters(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    plan_episodes: bool = Field(False, description="plan each episode's seed, noise and policy; the simulator waits")
+    plan_episodes: bool = Field(False, description="the simulator follows the plans: learn between episodes alone")
     learn_beside: int = Field(
-        200, ge=0, description="updates between two publications while the robot walks; 0 with plan_episodes: none"
+        100, ge=0, description="updates between two publications while the robot walks; 0, or plan_episodes: none"
     )
     folder: str = Field("", description="for checkpoint and policies after each episode; it goes on from there")
     plant: str = Field("{}", description="what the policy file says of the plant, JSON")
@@ -64,7 +64,7 @@ class TrainerNode(Node):
         self._training = training
         trainer = Trainer(training, Provenance(plant=plant_of(own.plant), command="trainer node"))
         beside = 0 if own.plan_episodes else own.learn_beside
-        self._plans = own.plan_episodes
+        self._plans_policies = own.plan_episodes
         self._learning = Background(trainer, self, beside, Path(own.folder) if own.folder else None)
         self._door = Door()
         self._walk = Walk(PARTS)
@@ -149,9 +149,7 @@ class TrainerNode(Node):
 
     def on_plan(self, plan: Plan, after: int) -> None:
         """Announce the next episode, its policy first."""
-        if not self._plans:
-            return
-        if plan.policy is not None:
+        if self._plans_policies and plan.policy is not None:
             self.on_policy(plan.policy)
         self._plan.publish(plan_message(plan, after, Time()))
 

@@ -77,18 +77,15 @@ def make_graph(
 ) -> Graph:
     """Who walks: simulator and controller; the trainer and the recorder if wanted."""
     learns_between = options.trainer and options.swap_at == "episode"
-    plant, problem = simulation.model_dump(), str(controller.problem)
-    own = {"seed": options.seed, "episodes": options.episodes, "start_paused": True, "wait_for_trainer": learns_between}
+    plant = simulation.model_dump()
+    training = {"problem": str(controller.problem), "seed": options.seed}
+    trainer = "ignore" if not options.trainer else "follow" if learns_between else "wait"
+    own = {"seed": options.seed, "episodes": options.episodes, "start_paused": True, "trainer": trainer}
     pace = {"real_time": options.real_time, "pace": options.pace}
     told = {
         "simulator": {**own, **pace, "gait": controller.gait, **simulation.model_dump()},
         "controller": {"policy": policy, "swap_at": options.swap_at, **controller.model_dump()},
-        "trainer": {
-            "problem": problem,
-            "seed": options.seed,
-            "plan_episodes": learns_between,
-            "plant": json.dumps(plant),
-        },
+        "trainer": {**training, "plan_episodes": learns_between, "plant": json.dumps(plant)},
         "recorder": {"path": str(folder / "recording"), "storage": options.record},
     }
     packages = {"simulator": "rabbit_sim", "controller": "rl_cbf_clf_controller", "trainer": "rl_trainer"}
