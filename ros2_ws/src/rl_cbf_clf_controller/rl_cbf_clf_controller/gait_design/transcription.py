@@ -215,6 +215,6 @@ class Transcription:
         farthest = orbit_point.barrier_conditions(spec.farthest_l_min, UNBOUNDED_STONE, *shape)
         for i, s in enumerate(walk.s):
             foot = orbit_point.swing_foot()(*self.path.symbols, s, walk.sigma[i], walk.w[i])
-            self.rows.add("barriers", own(*foot), spec.barrier_margin)
+            self.rows.add("barriers", ca.SX(own(*foot)), spec.barrier_margin)
             if s <= spec.clear_until:
-                self.rows.add("farthest stone", farthest(*foot)[1], spec.barrier_margin)
+                self.rows.add("farthest stone", ca.SX(farthest(*foot)[1]), spec.barrier_margin)
