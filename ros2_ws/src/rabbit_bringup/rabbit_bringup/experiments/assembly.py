@@ -59,7 +59,6 @@ class Assembly:
         return {
             "simulation": self.simulation.model_dump(mode="json"),
             "controller": self.controller.model_dump(mode="json"),
-            "policy": self.policy,
             "policy_version": self.make_policy().version,
             "gait": load_gait(self.controller.gait).model_dump(mode="json", exclude={"metadata"}),
         }

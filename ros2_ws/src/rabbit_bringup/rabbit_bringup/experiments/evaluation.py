@@ -66,11 +66,13 @@ def walk(assembly: Assembly, run: int, seed: int, *observers: Observer) -> RunRe
     simulation, controller = assembly.build()
     plant, timed = TimedPlant(simulation), TimedController(controller)
     tally = RunTally(run, assembly.controller, lambda: simulation.reading.foot_force)
+    start = time.perf_counter()
     try:
         tally.fault = episode(plant, timed, seed, tally, *observers) or tally.fault
     finally:
         simulation.close()
-    return tally.result(seed, simulation.outcome, simulation.landings, timed.step.seconds, plant.step.seconds)
+    wall = time.perf_counter() - start
+    return tally.result(seed, simulation.outcome, simulation.landings, timed.step.seconds, plant.step.seconds, wall)
 
 
 def record_walk(assembly: Assembly, seed: int) -> WalkRecords:

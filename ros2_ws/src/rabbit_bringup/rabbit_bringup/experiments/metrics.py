@@ -180,9 +180,15 @@ class RunTally:
         self._counts["saturated_ticks"] += output.saturated
 
     def result(
-        self, seed: int, outcome: Outcome, landings: list[Landing], ticks: list[float], plant_ticks: list[float]
+        self,
+        seed: int,
+        outcome: Outcome,
+        landings: list[Landing],
+        ticks: list[float],
+        plant_ticks: list[float],
+        walk_seconds: float = 0.0,
     ) -> RunResult:
-        """The run in figures, once it is over; `ticks`, `plant_ticks`: seconds each controller and plant tick took."""
+        """The run in figures, once it is over; seconds that each controller and plant tick took, and the whole walk."""
         missed = [landing.missed or not landing.on_stone for landing in landings]
         stones = missed.index(True) if True in missed else len(missed)
         success = outcome is Outcome.WALKED and not self.fault and not any(missed)
@@ -211,7 +217,7 @@ class RunTally:
             tick_ms_p50=float(np.percentile(milliseconds, 50)),
             tick_ms_p99=float(np.percentile(milliseconds, 99)),
             plant_ms_p50=float(np.median(plant_ticks)) * 1e3 if plant_ticks else np.nan,
-            walk_seconds=sum(ticks) + sum(plant_ticks),
+            walk_seconds=walk_seconds,
             **counted,
         )
         return RunResult(row, forces.violations, np.array(ticks, dtype=np.float32))

@@ -15,9 +15,10 @@ from typing import Any
 import rabbit_description
 import rabbit_sim
 import rl_cbf_clf_controller
+from rabbit_bringup import experiments
 
 LIBRARIES = ("numpy", "scipy", "pin", "pybullet", "osqp", "daqp", "torch", "casadi", "safetensors", "joblib")
-PACKAGES = (rabbit_description, rabbit_sim, rl_cbf_clf_controller)
+PACKAGES = (rabbit_description, rabbit_sim, rl_cbf_clf_controller, experiments)
 
 
 def versions() -> dict[str, str]:
@@ -46,11 +47,11 @@ def command() -> str:
 
 @cache
 def code_hash(packages: Iterable[ModuleType] = PACKAGES) -> str:
-    """SHA-256, 16 digits, over the Python files that decide how a run goes."""
+    """SHA-256, 16 digits, over the files that decide how a run goes and how it is judged."""
     digest = hashlib.sha256()
     for package in packages:
         root = Path(str(package.__file__)).parent
-        for path in sorted(root.rglob("*.py")):
+        for path in sorted((*root.rglob("*.py"), *root.rglob("*.urdf"))):
             if "gait_design" not in path.parts and not path.name.endswith("node.py"):
                 digest.update(str(path.relative_to(root)).encode() + path.read_bytes())
     return digest.hexdigest()[:16]
