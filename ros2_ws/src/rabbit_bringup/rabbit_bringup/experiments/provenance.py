@@ -15,6 +15,7 @@ from typing import Any
 import rabbit_description
 import rabbit_sim
 import rl_cbf_clf_controller
+
 from rabbit_bringup import experiments
 
 LIBRARIES = ("numpy", "scipy", "pin", "pybullet", "osqp", "daqp", "torch", "casadi", "safetensors", "joblib")
