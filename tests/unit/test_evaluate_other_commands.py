@@ -1,0 +1,79 @@
+"""The other commands that need no ROS: train, policy, bench, video, gait."""
+
+import json
+from pathlib import Path
+
+import pytest
+from rabbit_bringup.cli import COMMANDS, app
+from rl_cbf_clf_controller.weights import read
+from typer.testing import CliRunner, Result
+
+SHORT = ("--episodes", 2, "--nominal-episodes", 1, "--walking-steps", 1, "--updates-least", 3, "--updates-per-tick", 0)
+
+
+def rabbit(*words: object) -> Result:
+    """Call the command in this process."""
+    return CliRunner().invoke(app, [str(word) for word in words])
+
+
+def test_training_leaves_a_sound_policy_and_goes_on(tmp_path: Path) -> None:
+    done = rabbit("train", "--out", tmp_path, "--problem", "rl-clf-qp", "--batch", 8, *SHORT)
+    assert done.exit_code == 0, done.output
+    first = read(tmp_path / "policy.safetensors")
+    assert (first.metadata.episodes, first.metadata.plant["mass_scale"], first.metadata.plant["motor_lag"]) == (2, 2, 0)
+    assert rabbit("policy", "verify", tmp_path / "policy.safetensors").exit_code == 0
+    assert first.content_hash in rabbit("policy", "show", tmp_path / "policy.safetensors").output
+    again = rabbit("train", "--out", tmp_path, "--problem", "rl-clf-qp", "--batch", 8, *SHORT[2:], "--episodes", 3)
+    assert again.exit_code == 0, again.output
+    assert "episode   3" in again.output
+    assert "episode   2" not in again.output
+    assert read(tmp_path / "policy.safetensors").metadata.episodes == 3
+
+
+def test_another_session_in_the_folder_is_refused(tmp_path: Path) -> None:
+    words = ("train", "--out", tmp_path, "--problem", "rl-clf-qp", *SHORT)
+    assert rabbit(*words).exit_code == 0
+    refused = rabbit(*words, "--seed", 2)
+    assert (refused.exit_code, refused.stderr.count("\n")) == (2, 1)
+    assert "other parameters" in refused.stderr
+
+
+def test_paper_literal_learner_has_the_papers_form(tmp_path: Path) -> None:
+    done = rabbit("train", "--out", tmp_path, "--problem", "rl-clf-qp", "--paper-literal", *SHORT, "--batch", 9)
+    assert done.exit_code == 0, done.output
+    assert not read(tmp_path / "policy.safetensors").metadata.structured
+    assert "critic: plain" in (tmp_path / "parameters.yaml").read_text()
+    assert "batch: 9" in (tmp_path / "parameters.yaml").read_text()
+
+
+def test_bench_measures_and_asserts_nothing(tmp_path: Path) -> None:
+    done = rabbit("bench", "--out", tmp_path / "bench.json", "--stones", 1)
+    assert done.exit_code == 0, done.output
+    figures = json.loads((tmp_path / "bench.json").read_text())
+    assert {"solve by OSQP", "solve by DAQP", "QP build"} <= figures["parts"].keys()
+    assert figures["real_time_factor"] > 0
+    assert figures["ratios"].keys() == {"tick median / limit", "tick p99 / limit", "real time / limit"}
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (("gait", "--step-length", 0.9, "--name", "x"), "--step-length 0.9: expected less than or equal to 0.7"),
+        (("gait",), "--name: missing"),
+        (("gait", "--name", "x", "--barrier-poles", "70"), "--barrier-poles"),
+        (("video", "nowhere"), "nowhere"),
+        (("policy", "verify", "nowhere"), "nowhere"),
+        (("train", "--out", "x", "--critic", "none"), "--critic none"),
+        (("bench", "--policy", "nobody"), "--policy nobody"),
+    ],
+)
+def test_a_bad_value_ends_in_one_line(words: tuple[object, ...], told: str) -> None:
+    done = rabbit(*words)
+    assert (done.exit_code, done.stderr.count("\n")) == (2, 1)
+    assert told in done.stderr
+
+
+def test_every_command_is_listed_and_others_are_not_known() -> None:
+    text = rabbit("--help").output
+    assert all(name in text for name in COMMANDS)
+    assert rabbit("dance").exit_code == 2
