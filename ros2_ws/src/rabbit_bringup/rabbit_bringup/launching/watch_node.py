@@ -36,9 +36,10 @@ class Watch:
     """Hears the graph in a namespace."""
 
     def __init__(self, namespace: str) -> None:
-        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
-        self._node = rclpy.create_node("launcher", namespace=namespace)
-        self._executor = EventsExecutor()
+        self._context = rclpy.Context()
+        rclpy.init(args=[], context=self._context, signal_handler_options=SignalHandlerOptions.NO)
+        self._node = rclpy.create_node("launcher", namespace=namespace, context=self._context)
+        self._executor = EventsExecutor(context=self._context)
         self._executor.add_node(self._node)
         self._levels: dict[str, tuple[bytes, str]] = {}
         self._newest: dict[str, bytes] = {}
@@ -58,7 +59,7 @@ class Watch:
     def close(self) -> None:
         """Leave the graph."""
         self._node.destroy_node()
-        rclpy.try_shutdown()
+        rclpy.try_shutdown(context=self._context)
 
     def spin(self, seconds: float) -> None:
         """Hear what comes for so long."""

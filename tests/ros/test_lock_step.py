@@ -1,0 +1,93 @@
+"""The walk through the nodes is the walk in process, bit for bit, and the recording holds all of it."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rabbit_bringup.launching.walk import WalkOptions, make_graph, run_graph
+from rabbit_bringup.recording.reader import RecordedEpisode, read_episodes
+from rabbit_description.gait import load_gait
+from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.simulation import Simulation
+from rl_cbf_clf_controller.controller import Controller, ControllerOutput
+from rl_cbf_clf_controller.parameters import ControllerParameters
+from rl_cbf_clf_controller.policy import ZeroPolicy
+from rl_trainer.rollout import Record, rollout
+from rosbags.highlevel import AnyReader
+
+SEED, STONES = 9001, 20
+UNTIMED = [name for name in ControllerOutput.__dataclass_fields__ if name != "solve_seconds"]
+
+
+def walk_in_process(
+    plant: SimulationParameters, law: ControllerParameters, seed: int
+) -> tuple[list[Record], Simulation]:
+    """The reference."""
+    gait = load_gait(law.gait)
+    simulation = Simulation(plant, gait)
+    records: list[Record] = []
+    rollout(simulation, Controller(law, gait, ZeroPolicy(law.problem)), seed, records.append)
+    simulation.close()
+    return records, simulation
+
+
+def walk_through_nodes(folder: Path, plant: SimulationParameters, law: ControllerParameters, **options: Any) -> Any:
+    """Simulator, controller and recorder."""
+    request = WalkOptions(seed=SEED, trainer=False, **options)
+    ended, _ = run_graph(make_graph(folder, request, plant, law, "zero"), request, lambda _: None)
+    return ended
+
+
+def assert_same(through: list[Record], inside: list[Record]) -> None:
+    """Every tick, every figure but the solver's wall time."""
+    assert [record.state.tick for record in through] == [record.state.tick for record in inside]
+    for ours, theirs in zip(through, inside, strict=True):
+        for name in ("q", "dq", "foot_force", "contact", "touchdowns", "preview"):
+            np.testing.assert_array_equal(getattr(ours.state, name), getattr(theirs.state, name), f"{name}")
+        for name in UNTIMED:
+            np.testing.assert_array_equal(getattr(ours.output, name), getattr(theirs.output, name), f"{name}")
+
+
+@pytest.mark.parametrize(("storage", "stones"), [("mcap", STONES), ("sqlite3", 3)])
+def test_nodes_equal_one_process(tmp_path: Path, storage: str, stones: int) -> None:
+    plant, law = SimulationParameters(stones=stones, motor_lag=0.004), ControllerParameters()
+    (ended,) = walk_through_nodes(tmp_path, plant, law, record=storage)
+    inside, simulation = walk_in_process(plant, law, SEED)
+    episode: RecordedEpisode = read_episodes(tmp_path / "recording")[1]
+    assert_same(episode.records, inside)
+    assert (episode.seed, episode.outcome, episode.missing) == (SEED, simulation.outcome.value, 0)
+    assert episode.landings == simulation.landings
+    assert ended.touchdowns == len([landing for landing in simulation.landings if landing.on_stone])
+
+
+def test_noise_of_the_controller_follows_the_seed(tmp_path: Path) -> None:
+    plant = SimulationParameters(stones=2, motor_lag=0.004, encoder_resolution=1e-4, velocity_noise=0.01)
+    law = ControllerParameters(sigma=3.0)
+    walk_through_nodes(tmp_path, plant, law)
+    inside, _ = walk_in_process(plant, law, SEED)
+    assert any(record.output.omega.any() for record in inside)
+    assert_same(read_episodes(tmp_path / "recording")[1].records, inside)
+
+
+def test_recording_has_qos_and_definitions(tmp_path: Path) -> None:
+    walk_through_nodes(tmp_path, SimulationParameters(stones=1), ControllerParameters(), namespace="here")
+    with AnyReader([tmp_path / "recording"]) as reader:
+        connections = {connection.topic: connection for connection in reader.connections}
+        counts = {topic: connection.msgcount for topic, connection in connections.items()}
+        assert counts["/here/state"] == counts["/here/torque"] + 1 == counts["/here/joint_states"] > 1
+        state = connections["/here/state"]
+        assert "float64[7] q" in state.msgdef.data
+        assert state.ext.offered_qos_profiles[0].reliability.name == "RELIABLE"  # type: ignore[union-attr]
+        preview = connections["/here/preview"].ext.offered_qos_profiles[0]  # type: ignore[union-attr]
+        assert preview.durability.name == "TRANSIENT_LOCAL"
+        ticks = [time for connection, time, _ in reader.messages() if connection.topic == "/here/state"]
+    assert np.diff(ticks).tolist() == [10_000_000] * (len(ticks) - 1)
+
+
+def test_two_episodes_take_the_next_seed(tmp_path: Path) -> None:
+    plant, law = SimulationParameters(stones=1), ControllerParameters()
+    walk_through_nodes(tmp_path, plant, law, episodes=2)
+    episodes = read_episodes(tmp_path / "recording")
+    assert [episodes[number].seed for number in (1, 2)] == [SEED, SEED + 1]
+    assert_same(episodes[2].records, walk_in_process(plant, law, SEED + 1)[0])
