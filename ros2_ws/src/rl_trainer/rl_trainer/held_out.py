@@ -22,7 +22,7 @@ def estimation_error(policy: Policy, transitions: Sequence[Transition], paramete
     """Normalised error of each quantity, (n,), over the transitions beyond doubt; NaN where there are none."""
     wrong, size = [], []
     for transition in transitions:
-        if transition.doubt != Doubt.NONE:
+        if transition.doubt & ~Doubt.SATURATED:
             continue
         unit = error_unit(transition.LgV, parameters)
         mu = transition.measured if transition.problem is Problem.IO_RL_CLF_QP else transition.mu

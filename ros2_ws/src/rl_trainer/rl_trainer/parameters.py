@@ -91,11 +91,11 @@ class TrainingParameters(BaseModel):
     clf_difference: Literal["rates", "value"] = Field(
         default="rates", description="V-dot from the difference of dy and the gradient of V, or of V itself"
     )
-    settle_time: float = Field(default=0.05, ge=0, le=1, description="s after an impact")
+    settle_time: float = Field(default=0.04, ge=0, le=1, description="s after an impact")
     far_position: float = Field(default=0.6, gt=0, description="abs(y) beyond this is far off the gait, rad")
     far_velocity: float = Field(default=12.0, gt=0, description="abs(dy) beyond this is far off the gait, rad/s")
-    leave_out: tuple[Literal["settling", "flight", "scuff", "saturated", "far"], ...] = Field(
-        default=("settling", "flight", "scuff", "saturated", "far"), description="kinds of ticks not learned from"
+    leave_out: tuple[Literal["settling", "flight", "scuff", "saturated", "far", "edge"], ...] = Field(
+        default=("settling", "flight", "scuff", "far", "edge"), description="kinds of ticks not learned from"
     )
     fall_height: float = Field(default=0.70, ge=0, le=2, description="base below this has failed, m")
     fall_pitch: float = Field(default=1.0472, gt=0, le=3.15, description="pitch beyond this has failed, rad")

@@ -32,6 +32,7 @@ class Doubt(IntFlag):
     SCUFF = 8  # the swing foot touches the ground
     SATURATED = 16  # the torque limit changed mu
     FAR = 32  # far off the gait
+    EDGE = 64  # the phase passed 0 or 1, where the desired outputs' second derivative jumps
 
 
 @dataclass(frozen=True)
@@ -147,6 +148,7 @@ class TransitionBuilder:
             Doubt.SCUFF: normal_force[last.stance.other] >= CONTACT_FORCE,
             Doubt.SATURATED: last.saturated,
             Doubt.FAR: y > p.far_position or dy > p.far_velocity,
+            Doubt.EDGE: output is not None and any((last.phase < edge) != (output.phase < edge) for edge in (0, 1)),
         }
         return Doubt(sum(flag for flag, holds in reasons.items() if holds))
 
