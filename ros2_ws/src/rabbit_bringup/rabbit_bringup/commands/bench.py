@@ -10,7 +10,7 @@ from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
 from rabbit_bringup.commands.evaluate import given_assembly
-from rabbit_bringup.commands.options import Given, options
+from rabbit_bringup.commands.options import Given, complaints, options
 
 app = typer.Typer(add_completion=False)
 
@@ -24,18 +24,23 @@ class BenchOptions(BaseModel):
     seed: int = Field(9001, ge=0, le=2**32 - 1, description="of the walk")
     policy: str | None = Field(None, description="zero, oracle, a shipped policy or a file")
     parameters: str = Field("ours", description="of the controller: ours, authors or a YAML file")
+    nodes: bool = Field(True, description="also walk through the nodes, where there is ROS")
 
 
 @app.command()
 @options(BenchOptions, ControllerParameters, SimulationParameters)
 def bench(given: Given) -> None:
-    """Time a tick, its parts, both QP solvers, the plant and a whole walk, in one process."""
+    """Time a tick, its parts, both QP solvers, the plant and a whole walk, in one process and through the nodes."""
     request = given.build(BenchOptions)
     assembly = given_assembly(given, request.policy, request.parameters)
     from rabbit_bringup.experiments import provenance
     from rabbit_bringup.experiments.bench import bench as measure
+    from rabbit_bringup.experiments.bench_nodes import bench_nodes
+    from rabbit_bringup.launching.executables import LaunchError
 
-    figures = measure(assembly, request.seed)
+    with complaints(LaunchError):
+        figures = measure(assembly, request.seed)
+        figures["nodes"] = bench_nodes(assembly, request.seed) if request.nodes else None
     about = {"command": provenance.command(), "commit": provenance.commit(), "versions": provenance.versions()}
     show(figures)
     request.out.parent.mkdir(parents=True, exist_ok=True)
@@ -50,7 +55,8 @@ def show(figures: dict[str, Any]) -> None:
 
     table = Table("ms", "median", "p99", "CPU median", "CPU p99", title=f"{figures['ticks']} ticks")
     whole = {name: value for name, value in figures.items() if isinstance(value, dict) and "wall_ms_p50" in value}
-    for name, times in (*whole.items(), *((f"  {part}", times) for part, times in figures["parts"].items())):
+    parts = {f"  {part}": times for part, times in figures["parts"].items()}
+    for name, times in {**whole, **parts, **figures["solvers"]}.items():
         table.add_row(
             name, *(f"{times[key]:.3f}" for key in ("wall_ms_p50", "wall_ms_p99", "cpu_ms_p50", "cpu_ms_p99"))
         )
@@ -61,3 +67,6 @@ def show(figures: dict[str, Any]) -> None:
     )
     for name, ratio in figures["ratios"].items():
         print(f"{name}: {ratio:.2f}")
+    if figures["nodes"]:
+        nodes = figures["nodes"]
+        print(f"through the nodes: {nodes['real_time_factor']:.1f} times real time, / limit: {nodes['ratio']:.2f}")

@@ -1,26 +1,30 @@
 """How long a tick takes, as a whole and in parts, on one walk in one process.
 
-Each part is timed again at every state of the walk, right after the tick itself; OSQP and DAQP solve the same
-programmes. Wall time says what this machine gives now; CPU time what it would give if nothing else ran.
+Three walks, the same: one free, one with the controller's parts timed, one in which OSQP and DAQP solve each programme
+again. Wall time says what this machine gives now; CPU time leaves out what it had to wait for.
 """
 
 import time
 from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, TypeVar
 
 import numpy as np
 from rabbit_description.state import TICK_SECONDS
 from rl_cbf_clf_controller.controller import Controller
-from rl_cbf_clf_controller.qp import build_qp, unpack
+from rl_cbf_clf_controller.policy import Policy
+from rl_cbf_clf_controller.qp import build_qp
 from rl_cbf_clf_controller.solvers import make_solver
-from rl_trainer.rollout import Record, rollout
+from rl_trainer.rollout import Observer, Record, rollout
 
 from rabbit_bringup.experiments.assembly import Assembly
 
 MEDIAN_LIMIT, P99_LIMIT, REAL_TIME_LIMIT = 0.5, 1.5, 12.0  # ms, ms, times real time
 TICK, PLANT = "tick: observation to torque", "plant tick"
+MODEL, POLICY, ROWS = "model, outputs, quantities", "policy", "rows of the QP"
+SOLVE, REST = "solver (wall)", "QP build, checks, output"
 WARM_UP = 20  # ticks not counted
 T = TypeVar("T")
 
@@ -57,38 +61,57 @@ class WatchedPart:
         self.step = lambda given: watch.time(name, lambda: part.step(given))
 
 
-class Parts:
-    """Observes a walk and times the parts of each tick again."""
+class WatchedPolicy:
+    """A policy whose forward pass is timed."""
 
-    def __init__(self, controller: Controller, watch: StopWatch) -> None:
-        self._controller, self._watch = controller, watch
-        self._osqp, self._daqp = make_solver("osqp"), make_solver("daqp")
+    def __init__(self, policy: Policy, watch: StopWatch) -> None:
+        self.version = policy.version
+        self.estimate = lambda context: watch.time(POLICY, lambda: policy.estimate(context))
+
+
+def watch_parts(controller: Controller, watch: StopWatch) -> None:
+    """Time what the controller's own tick calls, where it calls it: caches are as they are in a walk."""
+    controller.policy = WatchedPolicy(controller.policy, watch)
+    terms, rows = controller.terms, controller.rows
+    setattr(controller, "terms", lambda state: watch.time(MODEL, lambda: terms(state)))  # noqa: B010, mypy
+    setattr(controller, "rows", lambda *given: watch.time(ROWS, lambda: rows(*given)))  # noqa: B010
+
+
+class SolverDuel:
+    """Observes a walk; both solvers answer each tick's programme once more."""
+
+    def __init__(self, assembly: Assembly, watch: StopWatch) -> None:
+        simulation, self._controller = assembly.build()
+        simulation.close()
+        self._solvers = {name: make_solver(name) for name in ("osqp", "daqp")}
+        self._watch = watch
 
     def __call__(self, record: Record) -> None:
-        controller, time_of = self._controller, self._watch.time
-        terms = time_of("model, outputs, quantities", lambda: controller.terms(record.state))
-        estimates = time_of("policy", lambda: controller.policy.estimate(terms.context))
-        rows = time_of("rows", lambda: controller.rows(terms, estimates, terms.precontrol))
-        qp = time_of("QP build", lambda: build_qp(rows))
-        time_of("solve by OSQP", lambda: self._osqp.solve(qp))
-        solution = time_of("solve by DAQP", lambda: self._daqp.solve(qp))
-        time_of("unpack", lambda: unpack(qp, solution.x))
+        controller = self._controller
+        controller.step(record.state)  # which leg stands
+        terms = controller.terms(record.state)
+        estimates = controller.policy.estimate(terms.context)
+        qp = build_qp(controller.rows(terms, estimates, terms.precontrol))
+        for name, solver in self._solvers.items():
+            self._watch.time(f"solve by {name.upper()}", partial(solver.solve, qp))
 
 
 def bench(assembly: Assembly, seed: int) -> dict[str, Any]:
-    """Times of one walk (`seed`) with parts, and of the same walk without."""
-    watch, free = StopWatch(), StopWatch()
-    ticks = _walk(assembly, seed, watch, with_parts=True)
+    """Times of one walk (`seed`), of its parts, and of the solvers on its programmes."""
+    free, parts, duel = StopWatch(), StopWatch(), StopWatch()
     start = time.perf_counter()
-    _walk(assembly, seed, free, with_parts=False)
+    ticks = _walk(assembly, seed, free)
     wall = time.perf_counter() - start
+    _walk(assembly, seed, parts, with_parts=True)
+    _walk(assembly, seed, StopWatch(), SolverDuel(assembly, duel))
     whole = free.figures(TICK)
     factor = ticks * TICK_SECONDS / wall
     return {
         "ticks": ticks,
         TICK: whole,
         PLANT: free.figures(PLANT),
-        "parts": {name: watch.figures(name) for name in watch.wall if name not in (TICK, PLANT)},
+        "parts": {name: parts.figures(name) for name in (MODEL, POLICY, ROWS, SOLVE, REST)},
+        "solvers": {name: duel.figures(name) for name in duel.wall},
         "real_time_factor": factor,
         "real_time_factor_cpu": ticks * TICK_SECONDS / sum(sum(free.cpu[name]) for name in (TICK, PLANT)),
         "ratios": {
@@ -100,12 +123,25 @@ def bench(assembly: Assembly, seed: int) -> dict[str, Any]:
     }
 
 
-def _walk(assembly: Assembly, seed: int, watch: StopWatch, with_parts: bool) -> int:
+def _walk(assembly: Assembly, seed: int, watch: StopWatch, *observers: Observer, with_parts: bool = False) -> int:
     """A walk from fresh parts; returns its ticks."""
     simulation, controller = assembly.build()
-    observers = [Parts(controller, watch)] if with_parts else []
+    solves: list[float] = []
+    if with_parts:
+        watch_parts(controller, watch)
+    plant, watched = WatchedPart(simulation, watch, PLANT), WatchedPart(controller, watch, TICK)
     try:
-        last = rollout(WatchedPart(simulation, watch, PLANT), WatchedPart(controller, watch, TICK), seed, *observers)
+        last = rollout(plant, watched, seed, lambda record: solves.append(record.output.solve_seconds), *observers)
     finally:
         simulation.close()
+    if with_parts:
+        _add_rest(watch, solves)
     return last.tick
+
+
+def _add_rest(watch: StopWatch, solves: list[float]) -> None:
+    """What the controller's own clock says of the solver, and what is left of each tick."""
+    for seconds, measured in ((watch.wall, solves), (watch.cpu, solves)):
+        seconds[SOLVE] = measured
+        known = np.sum([seconds[name] for name in (MODEL, POLICY, ROWS, SOLVE)], axis=0)
+        seconds[REST] = (np.array(seconds[TICK]) - known).tolist()
