@@ -1,0 +1,80 @@
+"""The examples run as they stand, for a few steps, and show what they claim."""
+
+import importlib.util
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+
+def load(name):
+    """Import an example by its file name."""
+    spec = importlib.util.spec_from_file_location(name, EXAMPLES / f"{name}.py")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.parametrize("path", sorted(EXAMPLES.glob("*.py")), ids=lambda p: p.stem)
+def test_an_example_is_short(path):
+    assert len(path.read_text().splitlines()) <= 80
+
+
+def test_cruise_control_follows_the_closed_form_while_the_clf_alone_is_active():
+    cruise = load("cruise_control")
+    control, clf = cruise.CruiseControl(), cruise.CruiseControl().clf
+    v, scale = 10.0, 0.5
+    error = cruise.true_error(v, scale)
+    rate, P, p = clf.clf_rate / clf.eps, clf.P_eps[0, 0], 10.0
+    y = v - cruise.V_DESIRED
+    row = 2 * P * y * (1 + error.a[0, 0])  # row mu <= bound, divided by its size, with slack weight p
+    bound = -rate * P * y**2 - 2 * P * y * error.b[0]
+    hard = bound / row
+    assert hard == pytest.approx((-rate / 2 * y - error.b[0]) / (1 + error.a[0, 0]))
+    assert control.mu(v, error) == pytest.approx(hard / (1 + 1 / p), rel=1e-5)
+
+
+@pytest.mark.parametrize("scale", [0.5, 2.0])
+def test_cruise_control_keeps_the_limit_with_a_perfect_estimate(scale):
+    cruise = load("cruise_control")
+    speeds = cruise.drive(scale, perfect=True)
+    assert max(speeds) <= cruise.V_LIMIT + 1e-6
+    assert speeds[-1] == pytest.approx(cruise.V_LIMIT, abs=0.01)
+
+
+def test_cruise_control_of_a_lighter_car_breaks_the_limit_without_it():
+    cruise = load("cruise_control")
+    assert max(cruise.drive(0.5, perfect=False)) > cruise.V_LIMIT + 0.05
+
+
+def test_own_robot_hits_the_shelf_only_without_the_true_rows():
+    arm = load("own_robot")
+    assert arm.reach(oracle=False) > arm.SHELF + 0.01
+    assert arm.reach(oracle=True) == pytest.approx(arm.SHELF, abs=5e-4)
+
+
+def test_own_robots_barrier_derivatives_by_differences():
+    arm = load("own_robot")
+    rng, h = np.random.default_rng(0), 1e-6
+    for _ in range(5):
+        q, dq, ddq = rng.normal(size=(3, 2))
+        here, ahead, behind = (arm.shelf_barrier(q + t * dq, dq + t * ddq) for t in (0, h, -h))
+        assert here.dB == pytest.approx((ahead.B - behind.B) / (2 * h), abs=1e-7)
+        assert here.jacobian @ ddq + here.bias == pytest.approx((ahead.dB - behind.dB) / (2 * h), abs=1e-6)
+
+
+def test_own_barrier_lowers_the_swing_foot():
+    barrier = load("own_barrier")
+    free = barrier.highest_step(None, steps=3)
+    ceiling = free - 0.01
+    assert barrier.highest_step(ceiling, steps=3) <= ceiling + 1e-3
+
+
+def test_own_learner_learns():
+    losses = load("own_learner").learn(episodes=5, steps=4)
+    assert len(losses) >= 2
+    assert losses[-1] < losses[0]

@@ -1,0 +1,160 @@
+"""One tick of the controller: what goes in, which rows there are, what comes out."""
+
+import numpy as np
+import pytest
+from rabbit_description.gait import load_gait
+from rabbit_description.state import SWAP_STATE, SWAP_TORQUE, Leg, RobotState, StonePreview
+from rl_cbf_clf_controller.controller import Controller, ControllerError
+from rl_cbf_clf_controller.parameters import ControllerParameters, ParameterError, load_parameters
+from rl_cbf_clf_controller.policy import ZeroPolicy
+from rl_cbf_clf_controller.uncertainty import Estimates
+
+NAME = "stones_0350_070"
+GAIT = load_gait(NAME)
+
+
+def make(controller="cbf-clf-qp", policy=None, **changes):
+    parameters = load_parameters("ours", controller=controller, gait=NAME, **changes)
+    return Controller(parameters, GAIT, policy or ZeroPolicy(parameters.problem))
+
+
+def state(tick=0, swap=False, **changes):
+    q, dq = GAIT.x_start
+    order = SWAP_STATE if swap else np.arange(7)
+    values = {"touchdowns": 0, "preview": StonePreview(1, 0.35, 0.40), "contact": np.array([True, False])} | changes
+    values = {"q": q[order], "dq": dq[order]} | values
+    return RobotState(tick=tick, foot_force=np.zeros((2, 2)), **values)
+
+
+class FixedPolicy:
+    """The same estimates at every tick."""
+
+    version = "fixed"
+
+    def __init__(self, alpha, beta):
+        self._estimates = Estimates(alpha, beta)
+
+    def estimate(self, context):
+        return self._estimates
+
+
+@pytest.mark.parametrize(
+    ("controller", "changes", "names"),
+    [
+        ("clf-qp", {}, ["CLF"]),
+        ("io-rl-clf-qp", {}, ["CLF"]),
+        ("cbf-clf-qp", {}, ["CLF", "B1", "B2", "C1", "C2+", "C2-"]),
+        ("rl-cbf-clf-qp", {}, ["CLF", "B1", "B2", "C1", "C2+", "C2-"]),
+        ("cbf-clf-qp", {"force_rows": False}, ["CLF", "B1", "B2"]),
+        ("cbf-clf-qp", {"barrier_rows": False}, ["CLF", "C1", "C2+", "C2-"]),
+        ("cbf-clf-qp", {"cone": "literal"}, ["CLF", "B1", "B2", "C1", "C2"]),
+    ],
+)
+def test_which_qp_has_which_rows(controller, changes, names):
+    built = make(controller, **changes)
+    terms = built.terms(state())
+    rows = built.rows(terms, Estimates.zero(built.parameters.problem), terms.precontrol)
+    assert [name for block in rows for name in block.names] == [*names, "u1", "u2", "u3", "u4"]
+
+
+def test_the_robot_is_symmetric():
+    """With legs and names swapped the torque is the same but for the legs' order."""
+    left, right = make(), make()
+    right._step.stance = Leg.RIGHT
+    torque = left.step(state()).torque
+    mirrored = right.step(state(swap=True, contact=np.array([False, True]))).torque
+    assert mirrored == pytest.approx(torque[SWAP_TORQUE], abs=1e-9)
+
+
+def test_torque_is_the_precontrol_of_mu():
+    built = make()
+    output, terms = built.step(state()), built.terms(state())
+    assert output.torque == pytest.approx(terms.precontrol(output.mu))
+    assert output.mu == pytest.approx(output.mu_qp)
+
+
+def test_saturated_noise_is_published_as_executed():
+    built = make(sigma=1000.0)
+    output, terms = built.step(state()), built.terms(state())
+    assert output.saturated
+    assert np.abs(output.torque).max() == pytest.approx(200.0)
+    assert output.torque == pytest.approx(terms.precontrol(output.mu), abs=1e-6)
+
+
+def test_noise_depends_on_the_seed_alone():
+    built = make(sigma=5.0)
+    built.reset(3)
+    first = built.step(state()).omega
+    built.reset(3)
+    assert built.step(state()).omega == pytest.approx(first)
+    built.reset(4)
+    assert built.step(state()).omega != pytest.approx(first)
+
+
+def test_estimates_shift_the_quantities_and_only_them():
+    alpha, beta = np.zeros((5, 4)), np.array([0.0, 0.0, 0.0, 100.0, 0.0])
+    built, plain = make(policy=FixedPolicy(alpha, beta)), make()
+    terms = built.terms(state())
+    with_force = built.rows(terms, Estimates(alpha, beta), terms.precontrol)[2]
+    without = plain.rows(terms, Estimates.zero(plain.parameters.problem), terms.precontrol)[2]
+    assert with_force.A == pytest.approx(without.A)
+    freed = (with_force.upper - without.upper) * np.linalg.norm(terms.nominal.a[3])
+    assert freed[0] == pytest.approx(100.0)  # F_N is 100 N more than believed
+
+
+def test_first_approach_adds_its_input():
+    alpha, beta = 0.5 * np.eye(4), np.array([10.0, 0.0, -5.0, 0.0])
+    output = make("io-rl-clf-qp", FixedPolicy(alpha, beta)).step(state())
+    terms = make("io-rl-clf-qp").terms(state())
+    assert output.torque == pytest.approx(terms.precontrol(1.5 * output.mu + beta))
+
+
+def test_legs_swap_at_a_touchdown_and_not_before_its_time():
+    built, landed = make("clf-qp"), np.array([True, True])
+    end = GAIT.x_start[0].copy()
+    end[2] += GAIT.phase_angle_end - GAIT.phase_angle_start  # the phase of the impact
+    assert built.step(state(tick=5, q=end, contact=landed)).stance is Leg.LEFT
+    assert built.step(state(tick=40, contact=landed)).stance is Leg.LEFT  # the phase of the start
+    output = built.step(state(tick=41, q=end, contact=landed, touchdowns=1))
+    assert (output.stance, output.step_index, output.fault) == (Leg.RIGHT, 1, "")
+
+
+def test_disagreement_about_contact_is_a_fault():
+    assert "contact disagreement" in make("clf-qp").step(state(touchdowns=1)).fault
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"q": np.full(7, np.nan)}, "state.q"),
+        ({"dq": np.zeros(6)}, "state.dq"),
+        ({"preview": None}, "expected stone 1"),
+        ({"preview": StonePreview(2, 0.35, 0.4)}, "expected stone 1"),
+        ({"preview": StonePreview(1, 0.4, 0.35)}, "0 < l_min < l_max"),
+        ({"preview": StonePreview(1, np.nan, 0.35)}, "0 < l_min < l_max"),
+    ],
+)
+def test_bad_states_are_refused(changes, message):
+    with pytest.raises(ControllerError, match=message):
+        make().step(state(**changes))
+
+
+@pytest.mark.parametrize(
+    "changes", [{"eps": 0.0}, {"eps": 1.5}, {"controller": "pid"}, {"nonsense": 1}, {"slack_weight": "many"}]
+)
+def test_bad_parameters_are_refused(changes):
+    with pytest.raises(ParameterError, match=next(iter(changes))):
+        load_parameters("ours", **changes)
+
+
+@pytest.mark.parametrize("text", ["- a list", "eps: [", "eps: .nan"])
+def test_bad_parameter_files_are_refused(tmp_path, text):
+    path = tmp_path / "bad.yaml"
+    path.write_text(text)
+    with pytest.raises(ParameterError, match="bad.yaml"):
+        load_parameters(path)
+
+
+def test_shipped_parameter_files_load():
+    assert load_parameters("ours") == ControllerParameters()
+    assert load_parameters("authors").eps == 0.07
