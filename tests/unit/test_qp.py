@@ -93,6 +93,9 @@ def test_guard_answers_and_is_counted():
         def solve(self, qp):
             return Solution(np.full(qp.q.size, 2e9), False, "max iterations", self.name, np.inf, 0.0)
 
+        def reset(self):
+            pass
+
     guarded = GuardedSolver(Broken(), DaqpSolver())
     solution = guarded.solve(build_qp([Rows.at_most(("CLF",), np.ones((1, 4)), np.array([-4.0]), np.inf)]))
     assert (solution.solver, guarded.unanswered) == ("daqp", 1)

@@ -150,6 +150,7 @@ class Controller:
     def reset(self, seed: int) -> None:
         """Begin an episode: left leg stands; the exploration noise starts from `seed`."""
         self._step = StepState(rng=np.random.default_rng(seed))
+        self._solver.reset()
 
     def step(self, state: RobotState) -> ControllerOutput:
         """The torque for one tick.

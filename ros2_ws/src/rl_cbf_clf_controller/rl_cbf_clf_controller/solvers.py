@@ -38,6 +38,9 @@ class Solver(Protocol):
 
     def solve(self, qp: QuadraticProgram) -> Solution: ...
 
+    def reset(self) -> None:
+        """Forget the last programme, so that an episode does not depend on the one before."""
+
 
 class OsqpSolver:
     """OSQP, set up once for the controller's sparsity pattern and updated at every tick."""
@@ -56,6 +59,10 @@ class OsqpSolver:
     }
 
     def __init__(self) -> None:
+        self.reset()
+
+    def reset(self) -> None:
+        """The next programme sets the solver up anew: no warm start."""
         self._pattern: Array | None = None
 
     def solve(self, qp: QuadraticProgram) -> Solution:
@@ -86,6 +93,9 @@ class DaqpSolver:
 
     name = "daqp"
 
+    def reset(self) -> None:
+        """Nothing is kept between programmes."""
+
     def solve(self, qp: QuadraticProgram) -> Solution:
         """Solve from scratch."""
         start = time.perf_counter()
@@ -108,6 +118,11 @@ class GuardedSolver:
     def __init__(self, first: Solver, guard: Solver) -> None:
         self._first, self._guard = first, guard
         self.unanswered = 0
+
+    def reset(self) -> None:
+        """Reset both; the count goes on."""
+        self._first.reset()
+        self._guard.reset()
 
     def solve(self, qp: QuadraticProgram) -> Solution:
         """The first solver's answer, or the guard's."""
