@@ -1,6 +1,6 @@
 """`make build`: colcon builds ros2_ws over the environment's own or the system's ROS 2. A second call does nothing.
 
-Modules are linked, not copied, so that an edit of a `.py` file needs no build; a new file, message or executable does.
+Modules are linked, not copied: a new or changed one needs no build. A new data file, message or executable does.
 """
 
 import os
@@ -11,7 +11,6 @@ from pathlib import Path
 from common import STATE, VENV, WORKSPACE, SetUpError, digest, is_done, logged, main, mark_done, say, system_ros
 
 SOURCES = WORKSPACE / "src"
-CONTENT_COUNTS = {"package.xml", "setup.py", "setup.cfg", "CMakeLists.txt"}
 LINKED = {".py", ".yaml", ".urdf", ".safetensors"}
 KEPT = {"PATH", "HOME", "LANG", "TERM", "CC", "CXX", "TMPDIR"}
 COLCON = (
@@ -22,19 +21,20 @@ COLCON = (
 CAUSES = (
     (r"No space left on device|Errno 28", "no room on the disk: make room"),
     (r"No CMAKE_\w+_COMPILER|compiler.*not (found|able)", "no C++ compiler: install build-essential"),
-    (r"colcon: |can't open file ''", "no colcon beside the full ROS 2: install python3-colcon-common-extensions"),
+    (r"find '__main__' module", "no colcon beside the full ROS 2: install python3-colcon-common-extensions"),
 )
 
 
 def source_files() -> list[Path]:
-    """The files of the workspace but caches."""
-    return [path for path in SOURCES.rglob("*") if path.is_file() and "__pycache__" not in path.parts]
+    """The files of the workspace that a build copies, links one by one or reads: all but modules and caches."""
+    paths = [path for path in SOURCES.rglob("*") if path.is_file() and "__pycache__" not in path.parts]
+    return [path for path in paths if path.suffix != ".py" or path.name.endswith(("setup.py", ".launch.py"))]
 
 
 def build_key() -> str:
-    """A hash of what decides a build: all names, the build files' contents, the environment."""
+    """A hash of what decides a build: all names, the contents of what is not linked, the environment."""
     files = source_files()
-    read = [path for path in files if path.name in CONTENT_COUNTS or path.suffix not in LINKED]
+    read = [path for path in files if path.name == "setup.py" or path.suffix not in LINKED]
     names = sorted(str(path.relative_to(SOURCES)) for path in files)
     return digest([*read, Path(__file__)], *names, place(), (STATE / "mend.stamp").read_text())
 
