@@ -11,6 +11,7 @@ from pathlib import Path
 from common import STATE, VENV, WORKSPACE, SetUpError, digest, is_done, logged, main, mark_done, say, system_ros
 
 SOURCES = WORKSPACE / "src"
+LEFT_OVER = {"__pycache__", "build", *(path.name for path in SOURCES.glob("*/*.egg-info"))}  # by pip
 LINKED = {".py", ".yaml", ".urdf", ".safetensors"}
 KEPT = {"PATH", "HOME", "LANG", "TERM", "CC", "CXX", "TMPDIR"}
 COLCON = (
@@ -27,7 +28,7 @@ CAUSES = (
 
 def source_files() -> list[Path]:
     """The files of the workspace that a build copies, links one by one or reads: all but modules and caches."""
-    paths = [path for path in SOURCES.rglob("*") if path.is_file() and "__pycache__" not in path.parts]
+    paths = [path for path in SOURCES.rglob("*") if path.is_file() and not LEFT_OVER & set(path.parent.parts)]
     return [path for path in paths if path.suffix != ".py" or path.name.endswith(("setup.py", ".launch.py"))]
 
 

@@ -101,7 +101,8 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]
     @cache
     def install(package: str) -> Path:
         folder = tmp_path_factory.mktemp(package)
-        source = shutil.copytree(SOURCES / package, folder / "source", ignore=shutil.ignore_patterns("__pycache__"))
+        left_over = shutil.ignore_patterns("__pycache__", "build", "*.egg-info")
+        source = shutil.copytree(SOURCES / package, folder / "source", ignore=left_over)
         options = ["--quiet", "--no-index", "--no-deps", "--no-build-isolation", "--target", str(folder / "target")]
         subprocess.run([sys.executable, "-m", "pip", "install", *options, str(source)], check=True, timeout=120)
         return folder / "target"
