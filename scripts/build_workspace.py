@@ -28,7 +28,8 @@ CAUSES = (
 
 def source_files() -> list[Path]:
     """The files of the workspace that a build copies, links one by one or reads: all but modules and caches."""
-    paths = [path for path in SOURCES.rglob("*") if path.is_file() and not LEFT_OVER & set(path.parent.parts)]
+    paths = [path for path in SOURCES.rglob("*") if path.is_file()]
+    paths = [path for path in paths if not LEFT_OVER & set(path.relative_to(SOURCES).parent.parts)]
     return [path for path in paths if path.suffix != ".py" or path.name.endswith(("setup.py", ".launch.py"))]
 
 
