@@ -1,6 +1,7 @@
 """Diagnostics of a node: its state in one line and the counts of what it took and refused.
 
-Once a second, and at once (within 0.1 s) when it changes between OK, WARN and ERROR: the launcher waits for OK.
+Once a second, and within 0.1 s of a change between OK, WARN and ERROR or in the number of readers of its topics: the
+launcher waits for both before it lets a walk begin.
 """
 
 import time
@@ -16,6 +17,7 @@ from rabbit_ros.spin_node import steady_timer
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 LOOK_SECONDS = 0.1
 PERIOD_SECONDS = 1.0
+READERS = "readers of "
 Status = tuple[bytes, str, Mapping[str, object]]  # level, line, figures
 
 
@@ -26,14 +28,16 @@ class Diagnostics:
         self._node, self._door, self._status = node, door, status
         self._publisher = node.create_publisher(DiagnosticArray, "diagnostics", DIAGNOSTICS)
         self._told = 0
-        self._level, self._since = b"", 0.0
+        self._seen: tuple[bytes, dict[str, int]] = (b"", {})
+        self._since = 0.0
         steady_timer(node, LOOK_SECONDS, self._look)
 
     def _look(self) -> None:
         level, line, figures = self._status()
-        if level != self._level or time.monotonic() - self._since >= PERIOD_SECONDS:
-            self._level, self._since = level, time.monotonic()
-            self._publish(level, line, figures)
+        readers = {f"{READERS}{p.topic_name.split('/')[-1]}": p.get_subscription_count() for p in self._node.publishers}
+        if self._seen != (level, readers) or time.monotonic() - self._since >= PERIOD_SECONDS:
+            self._seen, self._since = (level, readers), time.monotonic()
+            self._publish(level, line, {**figures, **readers})
 
     def _publish(self, level: bytes, line: str, figures: Mapping[str, object]) -> None:
         refused = sum(self._door.refused.values())
@@ -46,3 +50,9 @@ class Diagnostics:
         name = self._node.get_fully_qualified_name()
         status = DiagnosticStatus(level=level, name=name, hardware_id="rabbit", message=line, values=values)
         self._publisher.publish(DiagnosticArray(status=[status]))
+
+
+def readers_told(status: DiagnosticStatus) -> dict[str, int]:
+    """How many readers a node says its topics have, by the topic's last name."""
+    told = [value for value in status.values if value.key.startswith(READERS)]
+    return {value.key.removeprefix(READERS): int(value.value) for value in told}

@@ -1,5 +1,6 @@
 """The graph's topics in one table: what the recorder records and docs/topics.md lists. Names are relative."""
 
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,12 +15,13 @@ from rabbit_ros.qos_node import DIAGNOSTICS, EVENT, TICK, WEIGHTS
 
 @dataclass(frozen=True)
 class Topic:
-    """A topic's type, QoS and the node that publishes it."""
+    """A topic's type and QoS, the node that publishes it and those that need it. The recorder reads them all."""
 
     name: str
     type: Any
     qos: QoSProfile
     publisher: str
+    readers: tuple[str, ...] = ()
 
     @property
     def type_name(self) -> str:
@@ -29,17 +31,26 @@ class Topic:
 
 
 TOPICS = (
-    Topic("state", msg.RabbitState, TICK, "simulator"),
+    Topic("state", msg.RabbitState, TICK, "simulator", ("controller", "trainer", "launcher")),
     Topic("joint_states", JointState, TICK, "simulator"),
     Topic("clock", Clock, TICK, "simulator"),
-    Topic("preview", msg.StonePreview, EVENT, "simulator"),
-    Topic("landing", msg.Landing, EVENT, "simulator"),
-    Topic("episode", msg.Episode, EVENT, "simulator"),
-    Topic("torque", msg.TorqueCommand, TICK, "controller"),
-    Topic("controller_state", msg.ControllerState, TICK, "controller"),
+    Topic("preview", msg.StonePreview, EVENT, "simulator", ("controller",)),
+    Topic("landing", msg.Landing, EVENT, "simulator", ("launcher",)),
+    Topic("episode", msg.Episode, EVENT, "simulator", ("controller", "trainer", "launcher")),
+    Topic("torque", msg.TorqueCommand, TICK, "controller", ("simulator", "trainer")),
+    Topic("controller_state", msg.ControllerState, TICK, "controller", ("trainer", "launcher")),
     Topic("policy_swap", msg.PolicySwap, EVENT, "controller"),
     Topic("transition", msg.Transition, TICK, "trainer"),
-    Topic("policy", msg.PolicyWeights, WEIGHTS, "trainer"),
-    Topic("episode_plan", msg.EpisodePlan, EVENT, "trainer"),
-    Topic("diagnostics", DiagnosticArray, DIAGNOSTICS, "all"),
+    Topic("policy", msg.PolicyWeights, WEIGHTS, "trainer", ("controller",)),
+    Topic("episode_plan", msg.EpisodePlan, EVENT, "trainer", ("simulator",)),
+    Topic("diagnostics", DiagnosticArray, DIAGNOSTICS, "all", ("launcher",)),
 )
+
+
+def missing_readers(nodes: Collection[str], counted: Mapping[str, int]) -> list[str]:
+    """Topics of `nodes` that have fewer readers matched than those nodes need; `counted`, by topic."""
+
+    def wanted(topic: Topic) -> int:
+        return len({*topic.readers, "recorder"} & set(nodes))
+
+    return [t.name for t in TOPICS if t.publisher in nodes and counted.get(t.name, 0) < wanted(t)]

@@ -31,6 +31,7 @@ from rabbit_sim.simulation import Simulation
 from rabbit_sim.stones import CourseError
 
 LOOK_SECONDS = 0.02  # between looks at who is there and what is late
+REPEAT_SECONDS = 0.5  # without an answer, after which a state is sent again: its reader may just have come
 HELD_TICKS = 2  # in real time, how long an old torque stands in for a late one
 
 
@@ -68,11 +69,12 @@ class SimulatorNode(Node):
         self._preview: StonePreview | None = None
         self._torque: Array | None = None
         self._plan: EpisodePlan | None = None
+        self._controllers, self._is_answered = 0, False
         self._paused = self._own.start_paused
         self._due = True  # a torque may be used at once; with a pace, once a tick
         self._pacer: Timer | None = None
         self._clock_ticks = self._landings_told = self._held_ticks = self._late_ticks = 0
-        self._since = time.monotonic()
+        self._since, self._reminders = time.monotonic(), 0
         self._connect()
         self._set_pace(self._own)
         follow(self, self._own, self._set_pace)
@@ -99,6 +101,7 @@ class SimulatorNode(Node):
     # What comes in
 
     def _on_torque(self, message: TorqueCommand) -> None:
+        self._is_answered = True
         try:
             if self._state is None or self._torque is not None:
                 raise Refused("not awaited", f"episode {message.episode}, tick {message.tick}")
@@ -129,7 +132,7 @@ class SimulatorNode(Node):
         return response
 
     def _on_pause(self, request: Pause.Request, response: Pause.Response) -> Pause.Response:
-        self._paused, self._since = request.paused, time.monotonic()
+        self._paused, self._since, self._reminders = request.paused, time.monotonic(), 0
         if self._state is not None:
             self._tell(Episode.PAUSED if self._paused else Episode.RUNNING)
         self._go_on()
@@ -184,7 +187,7 @@ class SimulatorNode(Node):
             fields = {name: getattr(landing, name) for name in ("tick", "index", "l", "l_min", "l_max", "on_stone")}
             self._landings.publish(LandingMessage(stamp=at, episode=number, **fields))
             self._landings_told += 1
-        self._since = time.monotonic()
+        self._since, self._reminders = time.monotonic(), 0
 
     def _tell(self, phase: int) -> None:
         """Publish where the episode stands."""
@@ -197,13 +200,26 @@ class SimulatorNode(Node):
 
     def _look(self) -> None:
         """Begin what can begin; end what nobody answers."""
+        controllers = self._torques.get_publisher_count()
+        self._is_answered |= controllers > self._controllers  # a new one
+        self._controllers = controllers
         if self._paused:
             return
         if self._state is None:
             self._begin_next()
-        elif self._torque is None and time.monotonic() - self._since > self._own.answer_timeout:
-            who = "no answer from the controller" if self._answered_by_someone() else "the controller has gone"
-            self._end("silent", f"{who}: no torque for tick {self._state.tick} in {self._own.answer_timeout:g} s")
+        elif self._torque is None:
+            self._remind(self._state, time.monotonic() - self._since)
+
+    def _remind(self, state: RobotState, silence: float) -> None:
+        """Nobody has answered for so many seconds."""
+        if silence > self._own.answer_timeout:
+            self._is_answered = False
+            self._end(
+                "silent", f"the controller sent no torque for tick {state.tick} in {self._own.answer_timeout:g} s"
+            )
+        elif silence > (self._reminders + 1) * REPEAT_SECONDS:
+            self._reminders += 1
+            self._states.publish(state_message(state, self._episode.episode, stamp(self._clock_ticks)))
 
     def _begin_next(self) -> None:
         done = self._episode.episode
@@ -218,7 +234,8 @@ class SimulatorNode(Node):
             self._begin(self._own.seed + done)
 
     def _answered_by_someone(self) -> bool:
-        return bool(self._states.get_subscription_count() and self._torques.get_publisher_count())
+        """A killed controller stays matched for 20 s, so one that did not answer counts only when it speaks again."""
+        return bool(self._is_answered and self._states.get_subscription_count() and self._torques.get_publisher_count())
 
     def _set_pace(self, own: NodeParameters) -> None:
         """Follow a new pace between two ticks."""
@@ -245,6 +262,7 @@ class SimulatorNode(Node):
         if self._state is not None and self._state.tick == 0:
             return  # nothing moves before the first torque
         if self._held_ticks > HELD_TICKS:
+            self._is_answered = False
             self._end("silent", f"{self._held_ticks} ticks without a torque in real time")
         else:
             self._torque = self._last_torque

@@ -68,6 +68,7 @@ class ControllerNode(Node):
         self._previews: dict[tuple[int, int], StonePreview] = {}  # by episode and index
         self._held: RabbitState | None = None
         self._turn = (0, -1)  # episode and tick of the newest state
+        self._answer: TorqueCommand | None = None  # to it
         self._connect()
         follow(self, self._settings, self._set_parameters)
 
@@ -90,16 +91,25 @@ class ControllerNode(Node):
 
     def _on_state(self, message: RabbitState) -> None:
         turn = (message.episode, message.tick)
+        if turn == self._turn:
+            self._repeat()
+            return
         begins = message.tick == 0 and message.episode > self._turn[0]
         try:
             check_turn(turn, turn if begins else (self._turn[0], self._turn[1] + 1))
         except Refused as error:
             self._refuse("state", error)
             return
-        self._turn, self._held = turn, message if message.running else None
+        self._turn, self._held, self._answer = turn, message if message.running else None, None
         if not message.running:
             self._door.accept("state")
         self._go_on()
+
+    def _repeat(self) -> None:
+        """The simulator has not heard the answer: say it again, if there is one."""
+        self._door.accept("state again")
+        if self._answer is not None:
+            self._torques.publish(self._answer)
 
     def _on_preview(self, message: PreviewMessage) -> None:
         try:
@@ -145,8 +155,12 @@ class ControllerNode(Node):
         except ValueError as error:
             self._give_up(message, str(error))
             return
-        self._torques.publish(torque_message(output, message.episode, message.stamp))
+        self._say(torque_message(output, message.episode, message.stamp))
         self._details.publish(controller_state(output, message.episode, message.stamp))
+
+    def _say(self, answer: TorqueCommand) -> None:
+        self._answer = answer
+        self._torques.publish(answer)
 
     def _missing(self, message: RabbitState) -> str:
         """What this tick still waits for; empty when it can be made."""
@@ -171,7 +185,7 @@ class ControllerNode(Node):
     def _give_up(self, message: RabbitState, reason: str) -> None:
         """Answer with a fault: the simulator ends the episode under this reason."""
         self.get_logger().error(reason)
-        self._torques.publish(
+        self._say(
             TorqueCommand(
                 stamp=message.stamp,
                 episode=message.episode,

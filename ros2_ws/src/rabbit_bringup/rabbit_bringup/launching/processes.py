@@ -71,12 +71,16 @@ class Processes:
             del self._running[name]
         return ends
 
-    def kill(self) -> None:
-        """End all at once."""
-        for process in self._running.values():
+    def kill(self, names: Sequence[str] = ()) -> None:
+        """End the named nodes, or all, at once."""
+        for name in names or list(self._running):
+            process = self._running.pop(name)
             _send(process, signal.SIGKILL)
             process.wait()
-        self._running.clear()
+
+    def wait(self, name: str, timeout: float) -> int:
+        """Exit code of a node that ends by itself; raises `subprocess.TimeoutExpired`."""
+        return self._running.pop(name).wait(timeout)
 
     def _tail(self, name: str) -> list[str]:
         lines = (self._logs / f"{name}.log").read_text(encoding="utf-8", errors="replace").splitlines()

@@ -10,7 +10,9 @@ import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rabbit_msgs.msg import ControllerState, Episode, Landing, RabbitState
 from rabbit_msgs.srv import Pause
+from rabbit_ros.diagnostics_node import readers_told
 from rabbit_ros.qos_node import DIAGNOSTICS, EVENT
+from rabbit_ros.topics_node import missing_readers
 from rclpy.experimental import EventsExecutor
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
@@ -41,7 +43,7 @@ class Watch:
         self._node = rclpy.create_node("launcher", namespace=namespace, context=self._context)
         self._executor = EventsExecutor(context=self._context)
         self._executor.add_node(self._node)
-        self._levels: dict[str, tuple[bytes, str]] = {}
+        self._said: dict[str, DiagnosticStatus] = {}
         self._newest: dict[str, bytes] = {}
         self.episode = Episode()
         self.ended: list[Episode] = []
@@ -58,6 +60,8 @@ class Watch:
 
     def close(self) -> None:
         """Leave the graph."""
+        self._executor.remove_node(self._node)
+        self._executor.shutdown()
         self._node.destroy_node()
         rclpy.try_shutdown(context=self._context)
 
@@ -68,10 +72,14 @@ class Watch:
             self._executor.spin_once(left)
 
     def not_ready(self, nodes: list[str]) -> dict[str, str]:
-        """Which of the nodes are not ready, and what they say."""
-        unheard = (DiagnosticStatus.WARN, "not heard of yet")
-        said = {name: self._levels.get(name, unheard) for name in nodes}
-        return {name: line for name, (level, line) in said.items() if level != DiagnosticStatus.OK}
+        """Which of the nodes are not ready, and what they say; and topics that do not reach all who need them."""
+        unheard = DiagnosticStatus(level=DiagnosticStatus.WARN, message="not heard of yet")
+        said = {name: self._said.get(name, unheard) for name in nodes}
+        told: dict[str, int] = {}
+        for status in said.values():
+            told |= readers_told(status)
+        alone = dict.fromkeys(missing_readers([*nodes, "launcher"], told), "too few readers")
+        return {name: s.message for name, s in said.items() if s.level != DiagnosticStatus.OK} or alone
 
     def begin(self, timeout: float = 10.0) -> bool:
         """Let the simulator go on; False if it does not answer."""
@@ -98,7 +106,7 @@ class Watch:
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
-            self._levels[status.name.split("/")[-1]] = (status.level, status.message)
+            self._said[status.name.split("/")[-1]] = status
 
     def _on_episode(self, message: Episode) -> None:
         if message.phase == Episode.RUNNING and message.tick == 0:

@@ -1,0 +1,194 @@
+"""Any order of start, two graphs side by side, services, and messages that do not belong."""
+
+import itertools
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from rabbit_msgs.msg import Episode, PolicyWeights, RabbitState, StonePreview, TorqueCommand
+from rabbit_msgs.srv import Pause, ResetEpisode
+from rcl_interfaces.srv import DescribeParameters, SetParameters
+from rclpy.parameter import Parameter
+
+SHORT = {"motor_lag": 0.004, "stones": 3}
+
+
+def ended(episodes: list[Episode], number: int = 1) -> Callable[[], bool]:
+    """Whether episode `number` is over."""
+    return lambda: any(e.episode >= number and e.phase == Episode.ENDED for e in episodes)
+
+
+def torques(messages: list[TorqueCommand]) -> Any:
+    """All torques of an episode as one array, in order of their ticks."""
+    assert [message.tick for message in messages] == list(range(len(messages)))
+    return np.array([message.torque for message in messages])
+
+
+@pytest.mark.parametrize("order", list(itertools.permutations(("simulator", "controller", "trainer"))), ids="-".join)
+def test_nodes_start_in_any_order(world: Any, order: tuple[str, ...]) -> None:
+    episodes, transitions = world.hear("episode"), world.hear("transition")
+    told = {"simulator": {**SHORT, "stones": 1, "trainer": "wait"}, "controller": {}, "trainer": {"learn_beside": 0}}
+    for name in order:
+        world.start(name, **told[name])
+        world.spin(0.3)
+    world.go()
+    world.wait(ended(episodes))
+    assert episodes[-1].outcome == "walked"
+    world.wait(lambda: len(transitions) == episodes[-1].tick - 1)
+
+
+def test_two_graphs_do_not_meet(make_world: Callable[[str], Any]) -> None:
+    worlds = [make_world(name) for name in ("alone", "left", "right")]
+    heard = [(world.hear("torque"), world.hear("episode")) for world in worlds]
+    for world, seed in zip(worlds, (5, 5, 6), strict=True):
+        world.start("controller")
+        world.start("simulator", seed=seed, **SHORT)
+    for world, (_, episodes) in zip(worlds, heard, strict=True):
+        world.go()
+        if world is worlds[0]:
+            world.wait(ended(episodes))
+    for world, (_, episodes) in zip(worlds[1:], heard[1:], strict=True):
+        world.wait(ended(episodes))
+    alone, left, right = (torques(messages) for messages, _ in heard)
+    np.testing.assert_array_equal(left, alone)
+    assert left.shape != right.shape or (left != right).any()
+
+
+def test_pause_holds_between_two_ticks_and_changes_nothing(world: Any) -> None:
+    states, commands, episodes = world.hear("state"), world.hear("torque"), world.hear("episode")
+    world.start("simulator", episodes=0, pace=2.0, **SHORT)
+    world.start("controller")
+    world.go()
+    assert world.ask(ResetEpisode, "reset_episode", seed=3).accepted
+    assert world.ask(Pause, "pause", paused=True).accepted
+    world.spin(0.5)
+    held = len(states)
+    assert episodes[-1].phase == Episode.PAUSED
+    world.spin(0.5)
+    assert len(states) == held
+    world.ask(Pause, "pause", paused=False)
+    world.wait(ended(episodes))
+    first = torques(commands)
+    commands.clear()
+    assert world.ask(ResetEpisode, "reset_episode", seed=3).episode == 2
+    world.wait(ended(episodes, 2))
+    np.testing.assert_array_equal(torques(commands), first)
+
+
+def test_reset_ends_the_running_episode(world: Any) -> None:
+    episodes = world.hear("episode")
+    world.start("simulator", episodes=0, pace=1.0, **SHORT)
+    assert world.ask(ResetEpisode, "reset_episode", seed=3).message == "there is no controller"
+    world.start("controller")
+    world.go()
+    assert world.ask(ResetEpisode, "reset_episode", seed=3).accepted
+    assert world.ask(ResetEpisode, "reset_episode", seed=4).accepted
+    world.wait(lambda: episodes[-1].episode == 2)
+    assert [e.outcome for e in episodes if e.phase == Episode.ENDED] == ["reset"]
+    assert (episodes[-1].seed, episodes[-1].phase) == (4, Episode.RUNNING)
+
+
+def refusals(diagnostics: list[Any]) -> dict[str, int]:
+    """What a node says it has refused."""
+    return {v.key: int(v.value) for m in diagnostics for v in m.status[0].values if v.key.startswith("refused")}
+
+
+def test_wrong_messages_are_refused_counted_and_told(world: Any) -> None:
+    states, episodes, diagnostics = world.hear("state"), world.hear("episode"), world.hear("diagnostics")
+    world.start("simulator", answer_timeout=4.0, start_paused=False, **SHORT)
+    world.say("torque", TorqueCommand())  # the test plays the controller; this one is for no episode at all
+    world.wait(lambda: bool(states))
+    for episode, tick, value in ((7, 0, 0.0), (1, 1, 0.0), (1, 0, math.nan), (1, 0, math.inf)):
+        world.say("torque", TorqueCommand(episode=episode, tick=tick, torque=[value] * 4))
+    world.wait(lambda: sum(refusals(diagnostics).values()) == 5)
+    counts = refusals(diagnostics)
+    assert counts["refused torque: wrong episode"] + counts.get("refused torque: not awaited", 0) == 2
+    assert (counts["refused torque: wrong tick"], counts["refused torque: not finite"]) == (1, 2)
+    assert any("refused" in m.status[0].message for m in diagnostics)
+    world.say("torque", TorqueCommand(episode=1, tick=0))
+    world.wait(lambda: states[-1].tick == 1)
+    world.wait(ended(episodes))
+    assert episodes[-1].outcome == "silent"
+    assert "tick 1" in episodes[-1].reason
+
+
+def test_wrong_messages_do_not_harm_a_walk(world: Any) -> None:
+    states, episodes = world.hear("state"), world.hear("episode")
+    world.start("simulator", pace=2.0, **SHORT)
+    world.start("controller")
+    world.go()
+    world.wait(lambda: bool(states))
+    while not ended(episodes)():
+        world.say("torque", TorqueCommand(episode=1, tick=states[-1].tick + 5, torque=[150.0] * 4))
+        world.say("preview", StonePreview(episode=1, index=2, l_min=0.4, l_max=math.inf))
+        world.say("state", RabbitState(episode=1, tick=9999))
+        world.say("policy", PolicyWeights(version="x", data=b"no policy"))
+        world.spin(0.05)
+    assert episodes[-1].outcome == "walked", episodes[-1].reason
+
+
+def test_a_dead_controller_ends_the_episode_and_a_new_one_walks(world: Any) -> None:
+    states, episodes = world.hear("state"), world.hear("episode")
+    world.start("simulator", episodes=2, answer_timeout=1.0, pace=1.0, **SHORT)
+    world.start("controller")
+    world.go()
+    world.wait(lambda: len(states) > 20)
+    world.processes.kill(("controller",))
+    world.wait(ended(episodes))
+    assert episodes[-1].outcome == "silent"
+    world.start("controller")
+    world.wait(ended(episodes, 2))
+    assert episodes[-1].outcome == "walked"
+
+
+def test_parameters_are_described_bounded_and_read_only(world: Any) -> None:
+    world.start("simulator", episodes=0)
+    names = ["mass_scale", "pace", "plant", "stones"]
+    scale, pace, plant, stones = world.ask(DescribeParameters, "simulator/describe_parameters", names=names).descriptors
+    assert scale.description
+    assert (scale.floating_point_range[0].from_value, scale.floating_point_range[0].to_value) == (0.1, 10.0)
+    assert [each.read_only for each in (scale, pace, plant, stones)] == [True, False, True, True]
+    assert "pybullet, rigid" in plant.additional_constraints
+    assert stones.integer_range[0].from_value == 1
+
+    def set_one(name: str, value: Any) -> bool:
+        parameters = [Parameter(name, value=value).to_parameter_msg()]
+        return bool(world.ask(SetParameters, "simulator/set_parameters", parameters=parameters).results[0].successful)
+
+    assert not set_one("mass_scale", 2.0)
+    assert not set_one("pace", 1000.0)
+    assert set_one("pace", 1.0)
+    world.start("controller")
+    states = world.hear("state")
+    world.go()
+    assert world.ask(ResetEpisode, "reset_episode", seed=3).accepted
+    world.spin(1.0)
+    assert 50 <= len(states) <= 110  # about 100 ticks a second, on a busy machine too
+
+
+@pytest.mark.parametrize(
+    ("node", "parameters", "said"),
+    [
+        ("simulator", {"mass_scale": 99.0}, "mass_scale"),
+        ("simulator", {"plant": "moon"}, "plant = 'moon'"),
+        ("simulator", {"masss_scale": 2.0}, "masss_scale: simulator has no parameter"),
+        ("simulator", {"stones": "many"}, "stones"),
+        ("simulator", {"gait": "nowhere"}, "gait: no file"),
+        ("simulator", {"course": "/nowhere.csv"}, "nowhere.csv"),
+        ("controller", {"policy": "/nowhere"}, "policy /nowhere"),
+        ("controller", {"eps": math.nan}, "eps"),
+        ("trainer", {"plant": "scale 2"}, "not JSON"),
+        ("trainer", {"discount": 2.0}, "discount"),
+        ("recorder", {"path": "/proc/nowhere"}, "/proc/nowhere"),
+    ],
+)
+def test_parameters_that_cannot_be_used_end_a_node_with_one_line(
+    world: Any, node: str, parameters: dict[str, Any], said: str
+) -> None:
+    world.start(node, **parameters)
+    assert world.processes.wait(node, 60.0) == 2
+    (line,) = (world.folder / "log" / f"{node}.log").read_text().splitlines()
+    assert line.startswith("error: ")
+    assert said in line
