@@ -1,15 +1,21 @@
 """Tests that start nodes: on a ROS domain of their own, on this machine only, one after another in one worker."""
 
 import os
+import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 HERE = Path(__file__).parent
 DOMAINS = 100  # domain ids above 101 may meet the ephemeral ports
+PACKAGES = {"simulator": "rabbit_sim", "controller": "rl_cbf_clf_controller", "trainer": "rl_trainer"}
+SHORT = {"motor_lag": 0.004, "stones": 3}  # a plant for tests that need a walk, not a result
 
 os.environ["ROS_DOMAIN_ID"] = str(1 + os.getpid() % DOMAINS)
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -18,3 +24,134 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if item.path.is_relative_to(HERE):
             item.add_marker(pytest.mark.xdist_group("ros"))
+
+
+class World:
+    """Nodes as processes in one namespace, and a node of the test's own that hears and says what it likes there."""
+
+    def __init__(self, folder: Path, namespace: str) -> None:
+        import rclpy
+        from rabbit_bringup.launching.processes import Processes
+        from rclpy.experimental import EventsExecutor
+        from rclpy.signals import SignalHandlerOptions
+
+        self.folder, self.namespace = folder, namespace
+        self.processes = Processes(folder / "log")
+        self._context = rclpy.Context()
+        rclpy.init(args=[], context=self._context, signal_handler_options=SignalHandlerOptions.NO)
+        self.node = rclpy.create_node("test", namespace=namespace, context=self._context)
+        self._executor = EventsExecutor(context=self._context)
+        self._executor.add_node(self.node)
+        self._publishers: dict[str, Any] = {}
+        self._heard: dict[str, list[Any]] = {}
+        self._nodes: list[str] = []
+        self.hear("diagnostics")
+
+    def start(self, name: str, **parameters: Any) -> None:
+        """Start a node under these parameters. The simulator is paused until `go`."""
+        from rabbit_bringup.launching.parameter_file import write_parameters
+        from rabbit_bringup.launching.processes import NodeSpec
+
+        if name == "simulator":
+            parameters = {"start_paused": True, **parameters}
+        self._nodes.append(name)
+        path = self.folder / f"{name}.yaml"
+        write_parameters(path, {name: parameters})
+        options = ("--ros-args", "--params-file", str(path), "-r", f"__ns:=/{self.namespace}", "-r", "/clock:=clock")
+        self.processes.start(NodeSpec(PACKAGES.get(name, "rabbit_bringup"), name, options))
+
+    def hear(self, name: str) -> list[Any]:
+        """All messages of a topic from now on, and those that are latched."""
+        from rabbit_ros.topics_node import TOPICS
+
+        if name not in self._heard:
+            (topic,) = (topic for topic in TOPICS if topic.name == name)
+            self._heard[name] = []
+            self.node.create_subscription(topic.type, name, self._heard[name].append, topic.qos)
+        return self._heard[name]
+
+    def go(self) -> None:
+        """Let the simulator begin, once all hear each other and the test hears what it wants to."""
+        from rabbit_msgs.srv import Pause
+
+        self.wait(lambda: not self._not_ready())
+        assert self.ask(Pause, "pause", paused=False).accepted
+
+    def _not_ready(self) -> list[str]:
+        from rabbit_ros.diagnostics_node import OK, readers_told
+        from rabbit_ros.topics_node import TOPICS, missing_readers
+
+        said = {s.name.split("/")[-1]: s for m in self.hear("diagnostics") for s in m.status}
+        told = {name: n for s in said.values() for name, n in readers_told(s).items() if name != "diagnostics"}
+        published = {t.name for t in TOPICS if t.publisher in self._nodes}
+        told = {name: n - (name in self._heard) for name, n in told.items()}  # the test is a reader too
+        deaf = [name for name in self._heard if name in published and told.get(name, -1) < 0]
+        loud = [name for name in self._nodes if name not in said or said[name].level != OK]
+        return deaf + loud + missing_readers(self._nodes, told)
+
+    def say(self, name: str, message: Any) -> None:
+        """Publish on a topic, once somebody listens."""
+        from rabbit_ros.topics_node import TOPICS
+
+        if name not in self._publishers:
+            (topic,) = (topic for topic in TOPICS if topic.name == name)
+            publisher = self.node.create_publisher(topic.type, name, topic.qos)
+            self._publishers[name] = publisher
+            self.wait(lambda: publisher.get_subscription_count() > 0)
+            self.spin(0.3)  # the reader may know the writer a little later
+        self._publishers[name].publish(message)
+
+    def ask(self, kind: Any, name: str, **fields: Any) -> Any:
+        """Call a service."""
+        client = self.node.create_client(kind, name)
+        assert client.wait_for_service(timeout_sec=20.0), f"no service {name}"
+        answer = client.call_async(kind.Request(**fields))
+        self.wait(answer.done)
+        self.node.destroy_client(client)
+        return answer.result()
+
+    def wait(self, until: Callable[[], bool], seconds: float = 60.0) -> None:
+        """Spin until something holds; a node that ends by itself is an error."""
+        end = time.monotonic() + seconds
+        while not until():
+            assert time.monotonic() < end, f"not within {seconds} s"
+            self.processes.check()
+            self._executor.spin_once(0.05)
+
+    def spin(self, seconds: float) -> None:
+        """Hear what comes."""
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            self._executor.spin_once(0.02)
+
+    def close(self) -> None:
+        """End all."""
+        import rclpy
+
+        self.processes.stop()
+        self._executor.remove_node(self.node)
+        self._executor.shutdown()
+        self.node.destroy_node()
+        rclpy.try_shutdown(context=self._context)
+
+
+@pytest.fixture
+def make_world(tmp_path: Path) -> Iterator[Callable[[str], World]]:
+    """Worlds, each in a namespace that no other test has, closed at the end."""
+    worlds: list[World] = []
+
+    def make(name: str) -> World:
+        folder = tmp_path / name
+        folder.mkdir()
+        worlds.append(World(folder, f"{name}_{time.monotonic_ns()}"))
+        return worlds[-1]
+
+    yield make
+    for world in worlds:
+        world.close()
+
+
+@pytest.fixture
+def world(make_world: Callable[[str], World]) -> World:
+    """One world."""
+    return make_world("world")

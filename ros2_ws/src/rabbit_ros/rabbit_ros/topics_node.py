@@ -42,7 +42,7 @@ TOPICS = (
     Topic("policy_swap", msg.PolicySwap, EVENT, "controller"),
     Topic("transition", msg.Transition, TICK, "trainer"),
     Topic("policy", msg.PolicyWeights, WEIGHTS, "trainer", ("controller",)),
-    Topic("episode_plan", msg.EpisodePlan, EVENT, "trainer", ("simulator",)),
+    Topic("episode_plan", msg.EpisodePlan, EVENT, "trainer", ("simulator", "launcher")),
     Topic("diagnostics", DiagnosticArray, DIAGNOSTICS, "all", ("launcher",)),
 )
 

@@ -49,6 +49,9 @@ class NodeParameters(BaseModel):
     real_time: bool = Field(False, description="100 Hz by the wall clock instead of lock-step")
     pace: float = Field(0.0, ge=0, le=100, description="lock-step: times real time at most; 0: no limit; dynamic")
     answer_timeout: float = Field(5.0, gt=0, le=3600, description="s without a torque that end an episode")
+    trainer_timeout: float = Field(
+        600.0, gt=0, le=86400, description="s between two episodes that the trainer may take"
+    )
     trainer: Literal["ignore", "wait", "follow"] = Field(
         "ignore", description="wait: until it has digested the last episode; follow: and as it plans the next one"
     )
@@ -74,7 +77,8 @@ class SimulatorNode(Node):
         self._due = True  # a torque may be used at once; with a pace, once a tick
         self._pacer: Timer | None = None
         self._clock_ticks = self._landings_told = self._held_ticks = self._late_ticks = 0
-        self._since, self._reminders = time.monotonic(), 0
+        self._since: float | None = time.monotonic()  # when the wait began for what is awaited
+        self._reminders = 0
         self._connect()
         self._set_pace(self._own)
         follow(self, self._own, self._set_pace)
@@ -207,7 +211,7 @@ class SimulatorNode(Node):
             return
         if self._state is None:
             self._begin_next()
-        elif self._torque is None:
+        elif self._torque is None and self._since is not None:
             self._remind(self._state, time.monotonic() - self._since)
 
     def _remind(self, state: RobotState, silence: float) -> None:
@@ -227,11 +231,19 @@ class SimulatorNode(Node):
             return
         plan = self._plan
         if self._own.trainer != "ignore" and (plan is None or plan.after_episode != done):
+            self._wait_for_trainer()
             return
         if self._own.trainer == "follow" and plan is not None:
             self._begin(plan.seed, plan.sigma, plan.policy_version)
         else:
             self._begin(self._own.seed + done)
+
+    def _wait_for_trainer(self) -> None:
+        if self._since is not None and time.monotonic() - self._since > self._own.trainer_timeout:
+            self._episode.outcome = "silent"
+            self._episode.reason = f"the trainer has planned nothing in {self._own.trainer_timeout:g} s"
+            self._tell(Episode.ENDED)
+            self._since = None  # told once
 
     def _answered_by_someone(self) -> bool:
         """A killed controller stays matched for 20 s, so one that did not answer counts only when it speaks again."""

@@ -9,7 +9,7 @@ from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
 from rabbit_bringup.commands.evaluate import given_assembly
-from rabbit_bringup.commands.options import Given, fail, options
+from rabbit_bringup.commands.options import Given, complaints, fail, options
 from rabbit_bringup.launching.walk import Graph, Interrupted, WalkOptions, make_graph, run_graph
 
 FELL = 1
@@ -27,7 +27,8 @@ def walk(given: Given) -> None:
         fail("--policy oracle: expected zero, a shipped policy or a file; the nodes never see the true plant")
     folder = make_folder(request)
     simulation, controller = assembly.simulation, assembly.controller
-    graph = make_graph(folder, request, simulation, controller, assembly.policy)
+    training = given_training(request, controller) if request.trainer else None
+    graph = make_graph(folder, request, simulation, controller, assembly.policy, training)
     ended, seconds = walk_with_progress(graph, request)
     show(folder, ended)
     if request.record != "none":
@@ -35,6 +36,16 @@ def walk(given: Given) -> None:
     print(f"written to {folder}")
     if any(episode.outcome != "walked" for episode in ended):
         raise typer.Exit(FELL)
+
+
+def given_training(request: WalkOptions, controller: ControllerParameters) -> dict[str, Any]:
+    """The trainer's parameters: the file's, for this controller's problem."""
+    from rl_trainer.parameters import ParameterError, TrainingParameters, load_parameters
+
+    known = {"problem": controller.problem, "seed": request.seed}
+    with complaints(ParameterError):
+        training = load_parameters(request.training, **known) if request.training else TrainingParameters(**known)
+    return training.model_dump(mode="json")
 
 
 def make_folder(request: WalkOptions) -> Path:
@@ -56,14 +67,16 @@ def walk_with_progress(graph: Graph, request: WalkOptions) -> tuple[list[Any], f
 
     from rabbit_bringup.launching.executables import LaunchError
 
-    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[text]}"), TimeElapsedColumn())
+    text = TextColumn("{task.description} {task.fields[text]}")
+    columns = (BarColumn(bar_width=12), text, TimeElapsedColumn())
     with Progress(*columns) as bar:
         task = bar.add_task("starting", total=None, text=" ".join(graph.names))
 
         def glance(now: Any) -> None:
-            text = f"stone {now.stone} of {now.stones}  margin {now.margin * 1e3:.0f} mm"
-            text += f"  slack {now.slack:.2f}  force ratio {now.ratio:.2f}"
-            bar.update(task, description=f"episode {now.episode}", total=now.stones, completed=now.stone, text=text)
+            episode = f"episode {now.episode}, " if request.episodes > 1 else ""
+            text = f"margin {now.margin * 1e3:.0f} mm, slack {now.slack:.2f}, force ratio {now.ratio:.2f}"
+            description = f"{episode}stone {now.stone} of {now.stones},"
+            bar.update(task, description=description, total=now.stones, completed=now.stone, text=text)
 
         try:
             return run_graph(graph, request, glance)
@@ -95,11 +108,16 @@ def tell(
 
     summary = write_summary(folder, simulation, controller, seconds)
     print(f"{summary['ticks']} ticks in {seconds:.1f} s: {summary['real_time_factor'] or 0:.1f} times real time")
-    if request.pictures:
-        from rabbit_bringup.viewing.pictures import draw_run
+    if not summary["ticks"]:
+        return
+    from rich.console import Console
 
-        draw_run(folder)
-    if request.video:
-        from rabbit_bringup.viewing.video import film_run
+    with Console().status("drawing"):
+        if request.pictures:
+            from rabbit_bringup.viewing.pictures import draw_run
 
-        film_run(folder)
+            draw_run(folder)
+        if request.video:
+            from rabbit_bringup.viewing.video import film_run
+
+            film_run(folder)

@@ -39,7 +39,11 @@ class WalkOptions(BaseModel):
     policy: str | None = Field(None, description="zero, a shipped policy or a file")
     parameters: str = Field("ours", description="of the controller: ours, authors or a YAML file")
     trainer: bool = Field(True, description="the trainer learns beside the walk")
-    swap_at: Literal["tick", "episode", "never"] = Field("never", description="when the trainer's policies take effect")
+    training: Path | None = Field(None, description="YAML file of training parameters")
+    swap_at: Literal["tick", "episode", "never"] = Field(
+        "never",
+        description="when the trainer's policies take effect; episode: it plans each episode, as in rabbit train",
+    )
     record: Literal["mcap", "sqlite3", "none"] = Field("mcap", description="format of the recording")
     pictures: bool = Field(True, description="draw the walk")
     video: bool = Field(True, description="film the walk")
@@ -73,19 +77,24 @@ class Interrupted(BaseException):
 
 
 def make_graph(
-    folder: Path, options: WalkOptions, simulation: SimulationParameters, controller: ControllerParameters, policy: str
+    folder: Path,
+    options: WalkOptions,
+    simulation: SimulationParameters,
+    controller: ControllerParameters,
+    policy: str,
+    training: dict[str, Any] | None = None,
 ) -> Graph:
-    """Who walks: simulator and controller; the trainer and the recorder if wanted."""
+    """Who walks: simulator and controller; the trainer, under the parameters `training`, and the recorder if wanted."""
     learns_between = options.trainer and options.swap_at == "episode"
     plant = simulation.model_dump()
-    training = {"problem": str(controller.problem), "seed": options.seed}
+    learner = {"plan_episodes": learns_between, "folder": str(folder / "training"), "plant": json.dumps(plant)}
     trainer = "ignore" if not options.trainer else "follow" if learns_between else "wait"
     own = {"seed": options.seed, "episodes": options.episodes, "start_paused": True, "trainer": trainer}
     pace = {"real_time": options.real_time, "pace": options.pace}
     told = {
         "simulator": {**own, **pace, "gait": controller.gait, **simulation.model_dump()},
         "controller": {"policy": policy, "swap_at": options.swap_at, **controller.model_dump()},
-        "trainer": {**training, "plan_episodes": learns_between, "plant": json.dumps(plant)},
+        "trainer": {**learner, "problem": str(controller.problem), "seed": options.seed, **(training or {})},
         "recorder": {"path": str(folder / "recording"), "storage": options.record},
     }
     packages = {"simulator": "rabbit_sim", "controller": "rl_cbf_clf_controller", "trainer": "rl_trainer"}
@@ -120,7 +129,7 @@ def run_graph(graph: Graph, options: WalkOptions, show: Callable[[Any], None]) -
             watch = Watch(graph.namespace)
             _wait_until_ready(graph, watch, processes, options.ready_timeout)
             _walk(watch, processes, options, show)
-            return watch.ended[: options.episodes], watch.seconds
+            return list(watch.ended.values()), watch.seconds
         finally:
             _end(processes)
             if watch is not None:
@@ -140,9 +149,12 @@ def _wait_until_ready(graph: Graph, watch: Any, processes: Processes, timeout: f
 
 
 def _walk(watch: Any, processes: Processes, options: WalkOptions, show: Callable[[Any], None]) -> None:
-    while len(watch.ended) < options.episodes:
+    learns_between = options.trainer and options.swap_at == "episode"
+    while len(watch.ended) < options.episodes or (learns_between and watch.digested < options.episodes):
         watch.spin(GLANCE_SECONDS)
         processes.check()
+        if watch.complaint:
+            raise LaunchError(watch.complaint)
         show(watch.progress())
 
 

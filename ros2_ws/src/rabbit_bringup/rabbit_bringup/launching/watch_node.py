@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from rabbit_msgs.msg import ControllerState, Episode, Landing, RabbitState
+from rabbit_msgs.msg import ControllerState, Episode, EpisodePlan, Landing, RabbitState
 from rabbit_msgs.srv import Pause
 from rabbit_ros.diagnostics_node import readers_told
 from rabbit_ros.qos_node import DIAGNOSTICS, EVENT
@@ -46,13 +46,16 @@ class Watch:
         self._said: dict[str, DiagnosticStatus] = {}
         self._newest: dict[str, bytes] = {}
         self.episode = Episode()
-        self.ended: list[Episode] = []
+        self.ended: dict[int, Episode] = {}
+        self.complaint = ""  # of a simulator that cannot go on
+        self.digested = 0  # episodes that the trainer has learned from
         self.seconds = 0.0  # of the ended episodes
         self._began = time.monotonic()
         self._margin = math.nan
         subscribe = self._node.create_subscription
         subscribe(DiagnosticArray, "diagnostics", self._on_diagnostics, DIAGNOSTICS)
         subscribe(Episode, "episode", self._on_episode, EVENT)
+        subscribe(EpisodePlan, "episode_plan", self._on_plan, EVENT)
         subscribe(Landing, "landing", self._on_landing, EVENT)
         for name, kind in (("state", RabbitState), ("controller_state", ControllerState)):
             subscribe(kind, name, lambda data, name=name: self._newest.update({name: data}), GLANCE, raw=True)
@@ -111,10 +114,15 @@ class Watch:
     def _on_episode(self, message: Episode) -> None:
         if message.phase == Episode.RUNNING and message.tick == 0:
             self._began = time.monotonic()
-        if message.phase == Episode.ENDED:
+        if message.phase == Episode.ENDED and message.episode in self.ended:
+            self.complaint = message.reason
+        elif message.phase == Episode.ENDED:
             self.seconds += time.monotonic() - self._began
-            self.ended.append(message)
+            self.ended[message.episode] = message
         self.episode = message
+
+    def _on_plan(self, message: EpisodePlan) -> None:
+        self.digested = message.after_episode
 
     def _on_landing(self, message: Landing) -> None:
         self._margin = min(message.l - message.l_min, message.l_max - message.l)

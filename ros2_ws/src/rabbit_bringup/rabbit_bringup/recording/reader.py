@@ -1,7 +1,7 @@
 """Reads a recording back into what a rollout in process gives: ticks and landings, by episode. No ROS needed."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,13 +14,22 @@ from rosbags.highlevel import AnyReader, AnyReaderError
 
 from rabbit_bringup.recording.bag_writer import RecordingError
 
-TOPICS = ("state", "preview", "landing", "episode", "torque", "controller_state")
+TOPICS = ("state", "preview", "landing", "episode", "torque", "controller_state", "policy_swap")
 Key = tuple[int, int]  # episode and tick, or episode and stone
+
+
+@dataclass(frozen=True)
+class RecordedSwap:
+    """A policy that came in force before the answer to `tick`; `data` is empty for the built-in zero policy."""
+
+    tick: int
+    version: str
+    data: bytes
 
 
 @dataclass
 class RecordedEpisode:
-    """One episode. `last` is the state that got no torque, if it was recorded; `missing` counts ticks with a gap."""
+    """One episode. `swaps` begin with the policy in force at its start. `last` is the state that got no torque, if it was recorded; `missing` counts ticks with a gap."""
 
     number: int
     seed: int = 0
@@ -28,6 +37,7 @@ class RecordedEpisode:
     reason: str = ""
     records: list[Record] = field(default_factory=list)
     landings: list[Landing] = field(default_factory=list)
+    swaps: list[RecordedSwap] = field(default_factory=list)
     last: RobotState | None = None
     missing: int = 0
 
@@ -61,8 +71,21 @@ def read_episodes(path: Path) -> dict[int, RecordedEpisode]:
             tables[topic][message.episode, message.index if topic == "preview" else message.tick] = message
     for key in sorted(tables["state"]):
         _add_tick(episodes[key[0]], key, tables)
-    episodes.pop(0, None)
-    return episodes
+    _add_swaps(episodes, sorted(tables["policy_swap"].items()))
+    return {number: episode for number, episode in sorted(episodes.items()) if number > 0}
+
+
+def _add_swaps(episodes: dict[int, RecordedEpisode], swaps: list[tuple[Key, Any]]) -> None:
+    in_force: RecordedSwap | None = None
+    for number in sorted(episodes):
+        here = [
+            RecordedSwap(tick, message.version, bytes(message.data))
+            for (episode, tick), message in swaps
+            if episode == number and message.accepted
+        ]
+        carried = [replace(in_force, tick=0)] if in_force and not (here and here[0].tick == 0) else []
+        episodes[number].swaps = carried + here
+        in_force = episodes[number].swaps[-1] if episodes[number].swaps else None
 
 
 def _add_tick(episode: RecordedEpisode, key: Key, tables: dict[str, dict[Key, Any]]) -> None:

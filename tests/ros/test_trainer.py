@@ -1,0 +1,82 @@
+"""The trainer through the graph: the same weights as in process, and nothing lost."""
+
+import itertools
+from typing import Any
+
+from rabbit_description.gait import load_gait
+from rabbit_msgs.msg import Episode
+from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.simulation import Simulation
+from rl_cbf_clf_controller.controller import Controller
+from rl_cbf_clf_controller.parameters import ControllerParameters
+from rl_cbf_clf_controller.policy import Policy
+from rl_trainer.parameters import TrainingParameters
+from rl_trainer.session import train
+from rl_trainer.training import Provenance, Trainer
+
+PLANT = SimulationParameters(mass_scale=2.0, stones=3)
+LAW = ControllerParameters(controller="rl-cbf-clf-qp")
+TRAINING = TrainingParameters(
+    seed=4, episodes=3, nominal_episodes=1, hidden1=16, hidden2=16, batch=16, updates_least=20, updates_per_tick=0.0
+)
+
+
+def versions_in_process() -> list[str]:
+    """Policies of episodes 2 and 3 and the one after."""
+    gait = load_gait(LAW.gait)
+    trainer = Trainer(TRAINING, Provenance(command="trainer node"))
+
+    def make_controller(policy: Policy, sigma: float) -> Controller:
+        return Controller(LAW.model_copy(update={"sigma": sigma}), gait, policy)
+
+    return [trainer.policy_file().version for _ in train(trainer, Simulation(PLANT, gait), make_controller)]
+
+
+def test_graph_learns_the_same_weights(world: Any) -> None:
+    weights, episodes, plans = world.hear("policy"), world.hear("episode"), world.hear("episode_plan")
+    transitions, commands = world.hear("transition"), world.hear("torque")
+    world.start("simulator", trainer="follow", episodes=3, **PLANT.model_dump())
+    world.start("controller", swap_at="episode", **LAW.model_dump())
+    world.start("trainer", plan_episodes=True, **TRAINING.model_dump(mode="json"))
+    world.go()
+    world.wait(lambda: len(plans) == 4)
+    expected = versions_in_process()
+    assert [plan.policy_version for plan in plans] == ["zero", *expected]
+    assert [message.version for message in weights] == expected
+    begun = [e for e in episodes if e.phase == Episode.RUNNING]
+    assert [(e.seed, e.sigma) for e in begun] == [(plan.seed, plan.sigma) for plan in plans[:3]]
+    by_episode = {number: [c for c in commands if c.episode == number] for number in (1, 2, 3)}
+    for plan, mine in zip(plans, by_episode.values(), strict=False):
+        assert {command.policy_version for command in mine} == {plan.policy_version}
+    ticks = [(t.episode, t.tick) for t in transitions]
+    assert ticks == [(n, c.tick) for n, mine in by_episode.items() for c in mine[:-1]]
+
+
+def test_transitions_carry_the_reward(world: Any) -> None:
+    transitions, episodes = world.hear("transition"), world.hear("episode")
+    world.start("simulator", motor_lag=0.004, stones=2)
+    world.start("controller", sigma=5.0)
+    world.start("trainer", learn_beside=0)
+    world.go()
+    world.wait(lambda: bool(episodes) and episodes[-1].phase == Episode.ENDED)
+    world.wait(lambda: len(transitions) == episodes[-1].tick - 1)
+    for before, after in itertools.pairwise(transitions):
+        assert list(before.next_observation) == list(after.observation)
+        assert list(before.next_mu) == list(after.mu)
+    measured = [t for t in transitions if not t.doubt & 1]
+    assert len(measured) > 50
+    for t in measured:
+        assert t.reward <= 0
+        assert abs(t.reward - sum(t.reward_terms)) < 1e-9
+
+
+def test_learning_beside_publishes_policies_that_take_effect(world: Any) -> None:
+    weights, commands = world.hear("policy"), world.hear("torque")
+    world.start("simulator", motor_lag=0.004, stones=100, pace=3.0, stop_at_miss=False)
+    world.start("controller", controller="rl-cbf-clf-qp")
+    small = {"hidden1": 16, "hidden2": 16, "batch": 16}
+    world.start("trainer", learn_beside=20, **small)
+    world.go()
+    world.wait(lambda: len(weights) >= 3)
+    world.wait(lambda: commands[-1].policy_version != "zero")
+    assert commands[-1].policy_version in {message.version for message in weights}
