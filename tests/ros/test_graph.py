@@ -29,7 +29,11 @@ def torques(messages: list[TorqueCommand]) -> Any:
 @pytest.mark.parametrize("order", list(itertools.permutations(("simulator", "controller", "trainer"))), ids="-".join)
 def test_nodes_start_in_any_order(world: Any, order: tuple[str, ...]) -> None:
     episodes, transitions = world.hear("episode"), world.hear("transition")
-    told = {"simulator": {**SHORT, "stones": 1, "trainer": "wait"}, "controller": {}, "trainer": {"learn_beside": 0}}
+    told: dict[str, dict[str, Any]] = {
+        "simulator": {**SHORT, "stones": 1, "trainer": "wait"},
+        "controller": {},
+        "trainer": {"learn_beside": 0},
+    }
     for name in order:
         world.start(name, **told[name])
         world.spin(0.3)

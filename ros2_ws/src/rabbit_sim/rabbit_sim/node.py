@@ -49,9 +49,7 @@ class NodeParameters(BaseModel):
     real_time: bool = Field(False, description="100 Hz by the wall clock instead of lock-step")
     pace: float = Field(0.0, ge=0, le=100, description="lock-step: times real time at most; 0: no limit; dynamic")
     answer_timeout: float = Field(5.0, gt=0, le=3600, description="s without a torque that end an episode")
-    trainer_timeout: float = Field(
-        600.0, gt=0, le=86400, description="s between two episodes that the trainer may take"
-    )
+    trainer_timeout: float = Field(600.0, gt=0, le=86400, description="s that the trainer may take between episodes")
     trainer: Literal["ignore", "wait", "follow"] = Field(
         "ignore", description="wait: until it has digested the last episode; follow: and as it plans the next one"
     )

@@ -92,7 +92,7 @@ def show(folder: Path, ended: list[Any]) -> None:
     """A line an episode."""
     for e in ended:
         reason = f" ({e.reason})" if e.reason else ""
-        walked = f"{e.touchdowns} of {e.stones} stones, {e.tick} ticks"
+        walked = f"{e.touchdowns - (e.outcome == 'miss')} of {e.stones} stones, {e.tick} ticks"
         print(f"episode {e.episode}, seed {e.seed}: {e.outcome}{reason}, {walked}")
 
 

@@ -42,7 +42,7 @@ class WalkOptions(BaseModel):
     training: Path | None = Field(None, description="YAML file of training parameters")
     swap_at: Literal["tick", "episode", "never"] = Field(
         "never",
-        description="when the trainer's policies take effect; episode: it plans each episode, as in rabbit train",
+        description="when the trainer's policies take effect; with episode it also plans each episode",
     )
     record: Literal["mcap", "sqlite3", "none"] = Field("mcap", description="format of the recording")
     pictures: bool = Field(True, description="draw the walk")

@@ -29,7 +29,11 @@ class RecordedSwap:
 
 @dataclass
 class RecordedEpisode:
-    """One episode. `swaps` begin with the policy in force at its start. `last` is the state that got no torque, if it was recorded; `missing` counts ticks with a gap."""
+    """One episode.
+
+    `swaps` begin with the policy in force at its start. `last` is the state that got no torque, if it was recorded;
+    `missing` counts ticks with a gap.
+    """
 
     number: int
     seed: int = 0

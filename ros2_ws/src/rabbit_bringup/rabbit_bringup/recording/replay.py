@@ -1,4 +1,4 @@
-"""Recorded states into a controller of one's own, with the policies that were in force: the same torques must come out."""
+"""Recorded states into a controller of one's own, under the recorded policies: the same torques must come out."""
 
 from collections.abc import Iterator
 

@@ -1,0 +1,178 @@
+"""Learns in a thread of its own, from ticks that are put in a queue: whoever brings them never waits, nothing is lost.
+
+In the thread everything goes in order: ticks, an episode's end with its updates, the plan for the next. While nothing is
+in the queue it may go on learning (`beside`), which makes the weights depend on timing.
+"""
+
+import queue
+import threading
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol
+
+from rabbit_description.state import RobotState
+from rl_cbf_clf_controller.controller import ControllerOutput
+from rl_cbf_clf_controller.weights import PolicyFile
+
+from rl_trainer.actor import Actor
+from rl_trainer.learner import Learner
+from rl_trainer.replay import Batch
+from rl_trainer.session import CHECKPOINT, load_checkpoint, save_checkpoint
+from rl_trainer.training import EpisodePlan, EpisodeReport, Trainer
+from rl_trainer.transitions import Transition
+
+UPDATES_AT_ONCE = 4  # between two looks into the queue
+
+
+class Stopped(Exception):
+    """The thread was told to end."""
+
+
+class StoppableLearner:
+    """A learner whose next update raises `Stopped` once `stop` is set."""
+
+    def __init__(self, learner: Learner) -> None:
+        self._learner = learner
+        self.stop = threading.Event()
+
+    @property
+    def acting(self) -> Actor:
+        """The actor to walk with."""
+        return self._learner.acting
+
+    def update(self, batch: Batch, rate: float) -> dict[str, float]:
+        """One update, unless stopped."""
+        if self.stop.is_set():
+            raise Stopped
+        return self._learner.update(batch, rate)
+
+    def state_dict(self) -> dict[str, Any]:
+        """The learner's."""
+        return self._learner.state_dict()
+
+    def load_state_dict(self, state: dict[str, Any]) -> None:
+        """The learner's."""
+        self._learner.load_state_dict(state)
+
+
+class Listener(Protocol):
+    """Who hears of what was learned. All are called in the thread."""
+
+    def on_plan(self, plan: EpisodePlan, after: int) -> None: ...
+
+    def on_transition(self, transition: Transition, tag: Any) -> None: ...
+
+    def on_policy(self, policy: PolicyFile) -> None: ...
+
+    def on_report(self, report: EpisodeReport) -> None: ...
+
+
+@dataclass(frozen=True)
+class _Tick:
+    state: RobotState
+    output: ControllerOutput
+    tag: Any
+
+
+@dataclass(frozen=True)
+class _End:
+    state: RobotState | None
+    number: int
+
+
+@dataclass
+class Background:
+    """The thread. `beside`: updates between two publications while the queue is empty; 0: none.
+
+    `folder`: where a checkpoint and the policy are kept after each episode, and the training goes on from.
+    """
+
+    trainer: Trainer
+    listener: Listener
+    beside: int = 0
+    folder: Path | None = None
+    error: str = ""
+    _queue: "queue.SimpleQueue[_Tick | _End | None]" = field(default_factory=queue.SimpleQueue)
+
+    def __post_init__(self) -> None:
+        """Raises `CheckpointError` where the folder holds a training of other parameters."""
+        if self.folder is not None:
+            (self.folder / "policies").mkdir(parents=True, exist_ok=True)
+            if (self.folder / CHECKPOINT).exists():
+                load_checkpoint(self.folder / CHECKPOINT, self.trainer)
+        self._learner = StoppableLearner(self.trainer.learner)
+        self.trainer.learner = self._learner
+        self._beside_updates = 0
+        self._last: RobotState | None = None
+        self._thread = threading.Thread(target=self._run, name="learning", daemon=True)
+
+    def start(self, after: int = 0) -> None:
+        """Plan the episode after number `after` and begin to listen."""
+        self._plan = self.trainer.begin_episode()
+        self.listener.on_plan(self._plan, after)
+        self._thread.start()
+
+    def tick(self, state: RobotState, output: ControllerOutput, tag: Any = None) -> None:
+        """A tick of the walk; `tag` comes back with its transition."""
+        self._queue.put(_Tick(state, output, tag))
+
+    def end(self, state: RobotState | None, number: int) -> None:
+        """Episode `number` is over in `state` (None: lost)."""
+        self._queue.put(_End(state, number))
+
+    @property
+    def waiting(self) -> int:
+        """Ticks in the queue."""
+        return self._queue.qsize()
+
+    def close(self) -> None:
+        """End the thread at its next update."""
+        self._learner.stop.set()
+        self._queue.put(None)
+        if self._thread.is_alive():
+            self._thread.join(timeout=5.0)
+
+    def _run(self) -> None:
+        try:
+            while (item := self._next()) is not None:
+                self._take(item)
+        except Stopped:
+            pass
+        except Exception as error:
+            self.error = f"{type(error).__name__}: {error}"
+            raise
+
+    def _next(self) -> _Tick | _End | None:
+        """The next item; learning beside while there is none."""
+        while self.beside and self._queue.empty() and self.trainer.learn(UPDATES_AT_ONCE):
+            self._beside_updates += UPDATES_AT_ONCE
+            if self._beside_updates >= self.beside:
+                self._beside_updates = 0
+                self.listener.on_policy(self.trainer.policy_file())
+        return self._queue.get()
+
+    def _take(self, item: _Tick | _End) -> None:
+        if isinstance(item, _Tick):
+            self._last = item.state
+            self._tell(self.trainer.observe(item.state, item.output), item.tag)
+            return
+        last = item.state or self._last
+        if last is None:
+            return  # nothing of it was heard
+        report = self.trainer.end_episode(self._plan, last)
+        self.listener.on_report(report)
+        self._keep()
+        self._plan = self.trainer.begin_episode()
+        if self.beside:
+            self.listener.on_policy(self.trainer.policy_file())
+        self.listener.on_plan(self._plan, item.number)
+
+    def _tell(self, transition: Transition | None, tag: Any) -> None:
+        if transition is not None:
+            self.listener.on_transition(transition, tag)
+
+    def _keep(self) -> None:
+        if self.folder is not None:
+            name = f"{self.trainer.episode:03d}.safetensors"
+            self.trainer.policy_file().write(self.folder / "policies" / name)
+            save_checkpoint(self.folder / CHECKPOINT, self.trainer)
