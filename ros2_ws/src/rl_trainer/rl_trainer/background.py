@@ -1,7 +1,7 @@
-"""Learns in a thread of its own, from ticks that are put in a queue: whoever brings them never waits, nothing is lost.
+"""Learns in a thread of its own, from ticks in a queue: whoever brings them never waits, and nothing is lost.
 
-In the thread everything goes in order: ticks, an episode's end with its updates, the plan for the next. While nothing is
-in the queue it may go on learning (`beside`), which makes the weights depend on timing.
+In the thread everything goes in order: ticks, an episode's end with its updates, the plan for the next. While the queue
+is empty it may go on learning (`beside`), which makes the weights depend on timing.
 """
 
 import queue

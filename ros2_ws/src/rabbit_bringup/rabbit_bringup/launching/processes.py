@@ -16,6 +16,7 @@ from pathlib import Path
 from rabbit_bringup.launching.executables import LaunchError, find_executable
 
 PATIENCE = 12.0  # s for a node to end after SIGINT: a recorder drains, a trainer ends its update
+POLL_SECONDS = 0.02
 LOG_TAIL = 12  # lines shown of a node that failed
 _PR_SET_PDEATHSIG = 1
 _libc = ctypes.CDLL(None)
@@ -36,6 +37,7 @@ class Processes:
     def __init__(self, logs: Path) -> None:
         self._logs = logs
         self._running: dict[str, subprocess.Popen[bytes]] = {}
+        self.hurry = False
         logs.mkdir(parents=True, exist_ok=True)
 
     def start(self, node: NodeSpec) -> None:
@@ -53,23 +55,18 @@ class Processes:
                 tail = "\n".join(self._tail(name))
                 raise LaunchError(f"the {name} ended by itself ({_how(process.returncode)}):\n{tail}")
 
-    def stop(self, names: Sequence[str] = ()) -> dict[str, str]:
-        """End the named nodes, or all; politely, then not. Returns how those ended that did not end well."""
-        chosen = {name: process for name, process in self._running.items() if name in (names or self._running)}
-        for process in chosen.values():
+    def stop(self, names: Sequence[str] = ()) -> None:
+        """End the named nodes, or all: politely, and when they or the user (`hurry`) lose patience, not."""
+        chosen = [process for name, process in self._running.items() if name in (names or self._running)]
+        for process in chosen:
             _send(process, signal.SIGINT)
         deadline = time.monotonic() + PATIENCE
-        ends = {}
-        for name, process in chosen.items():
-            try:
-                process.wait(max(0.0, deadline - time.monotonic()))
-            except subprocess.TimeoutExpired:
-                _send(process, signal.SIGKILL)
-                process.wait()
-            if process.returncode != 0:
-                ends[name] = _how(process.returncode)
-            del self._running[name]
-        return ends
+        while any(process.poll() is None for process in chosen):
+            if self.hurry or time.monotonic() > deadline:
+                for process in chosen:
+                    _send(process, signal.SIGKILL)
+            time.sleep(POLL_SECONDS)
+        self._running = {name: process for name, process in self._running.items() if process not in chosen}
 
     def kill(self, names: Sequence[str] = ()) -> None:
         """End the named nodes, or all, at once."""

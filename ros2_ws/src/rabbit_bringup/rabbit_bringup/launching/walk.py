@@ -162,7 +162,7 @@ def _end(processes: Processes) -> None:
     """End all nodes, those that others listen to first; a further signal ends them at once."""
 
     def hurry(number: int, frame: object) -> None:
-        processes.kill()
+        processes.hurry = True
 
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, hurry)
