@@ -9,7 +9,7 @@ endif
 
 PYTHON ?= $(if $(wildcard .venv/bin/python),.venv/bin/python,python3)
 PLUGINS := -p xdist -p pytest_cov -p pytest_timeout # and not those of a full ROS 2
-WITH_WORKSPACE := source ros2_ws/install/setup.bash &&
+WITH_WORKSPACE := unset PYTHONPATH AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH; source ros2_ws/install/setup.bash &&
 CODE := ros2_ws/src scripts examples
 
 help: ## list the targets

@@ -45,7 +45,7 @@ def pip_install(*locks: str, first: bool = False) -> None:
     )
     files = [part for lock in locks for part in ("-r", str(REQUIREMENTS / lock))]
     options = ["--disable-pip-version-check", "--no-input", "--no-deps", "--no-build-isolation", "--require-hashes"]
-    command = [str(VENV / "bin" / "python"), "-m", "pip", "install", *options, *patience, *files]
+    command = [str(VENV / "bin" / "python"), "-I", "-m", "pip", "install", *options, *patience, *files]
     if logged(command, log):
         advice = cause(log.read_text(encoding="utf-8"))
         raise SetUpError(f"{advice}, then call make again (log: {log.relative_to(ROOT)})")

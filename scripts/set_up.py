@@ -52,7 +52,7 @@ def make_venv() -> None:
     shutil.rmtree(VENV, ignore_errors=True)
     base = getattr(sys, "_base_executable", sys.executable)
     options = ["--system-site-packages"] if system_ros() else []
-    if logged([base, "-m", "venv", *options, str(VENV)], STATE / "venv.log"):
+    if logged([base, "-I", "-m", "venv", *options, str(VENV)], STATE / "venv.log"):
         shutil.rmtree(VENV, ignore_errors=True)
         raise SetUpError("python -m venv failed; install python3-venv, then call make again (log: .setup/venv.log)")
 
@@ -69,7 +69,7 @@ def install_python() -> None:
 
 def ask(code: str) -> str:
     """What the environment's interpreter prints for a line of code."""
-    return subprocess.run([str(PYTHON), "-c", code], capture_output=True, text=True, check=False).stdout.strip()
+    return subprocess.run([str(PYTHON), "-I", "-c", code], capture_output=True, text=True, check=False).stdout.strip()
 
 
 def torch_is_there() -> bool:
@@ -81,7 +81,7 @@ def torch_is_there() -> bool:
 def install_torch() -> None:
     """torch: the wheel that $TORCH_WHEEL names, else the CPU build where pip knows of one, else PyPI's with CUDA."""
     wheel = os.environ.get("TORCH_WHEEL")
-    if wheel and logged([str(PYTHON), "-m", "pip", "install", "--no-deps", wheel], STATE / "pip-torch_wheel.log"):
+    if wheel and logged([str(PYTHON), "-I", "-m", "pip", "install", "--no-deps", wheel], STATE / "pip-torch_wheel.log"):
         raise SetUpError(
             f"pip cannot install TORCH_WHEEL={wheel}; give the file of a build for this Python, then call make again"
         )
@@ -102,7 +102,7 @@ def mend_ros() -> None:
         prepend = [f'_rabbit_prepend PATH "{VENV}/bin"', f'_rabbit_prepend COLCON_PREFIX_PATH "{VENV}"']
         write_setup_files(VENV, prepend, underlay)
         UNDERLAY.write_text(str(underlay))
-    elif logged([str(PYTHON), str(SCRIPTS / "mend_ros_wheels.py")], STATE / "mend.log"):
+    elif logged([str(PYTHON), "-I", str(SCRIPTS / "mend_ros_wheels.py")], STATE / "mend.log"):
         raise SetUpError(
             "the ROS wheels could not be mended (log: .setup/mend.log); remove .venv, then call make again"
         )
