@@ -1,7 +1,7 @@
 """One's own robot from a URDF: a two-link arm reaches for a shelf it must not hit, half as heavy as believed.
 
 The library's terms take any control-affine system. Here pinocchio reads a URDF given below, the outputs are the joint
-angles minus a goal (relative degree 2), the barrier keeps the hand below z = 0.5 m, and the plant is half as heavy as believed.
+angles minus a goal (relative degree 2), the barrier keeps the hand below z = 0.5 m, the true arm is half as heavy.
 
     y-ddot = M^-1 (u - h)  is affine in u;  u = h + M mu (nominal);  true: y-ddot = mu + alpha mu + beta
 """

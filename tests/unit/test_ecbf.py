@@ -15,9 +15,9 @@ def at(swing, rate=(0.0, 0.0)):
     return stone_barriers(Kinematics(swing, rate, np.eye(2, 7), np.zeros(2), swing, rate), STONE, R1, R2)
 
 
-@pytest.mark.parametrize(("l", "signs"), [(0.32, (1, -1)), (0.35, (1, 1)), (0.39, (-1, 1))])
-def test_on_the_ground_both_hold_exactly_on_the_stone(l, signs):
-    assert np.sign(at((l, 0.0)).B) == pytest.approx(signs)
+@pytest.mark.parametrize(("length", "signs"), [(0.32, (1, -1)), (0.35, (1, 1)), (0.39, (-1, 1))])
+def test_on_the_ground_both_hold_exactly_on_the_stone(length, signs):
+    assert np.sign(at((length, 0.0)).B) == pytest.approx(signs)
 
 
 def test_zero_on_the_edges_and_the_foot_may_start_behind():

@@ -19,8 +19,8 @@ from rabbit_sim.touch_watch import TouchWatch
 GRAVITY = 9.81
 SOLVER_ITERATIONS = 50
 ERP = 0.1  # share of a contact's or joint's position error mended per substep
-# A foot's rubber. A rigid contact has two answers where friction carries the leg (Painleve): the engine's iteration starts
-# at no force and may stay there, so a standing foot lets go. Compliance leaves the one that presses: 0.3 mm at 300 N.
+# A foot's rubber. A rigid contact has two answers where friction carries the leg (Painleve): the engine's iteration
+# starts at no force and may stay there, so a standing foot lets go. Compliance leaves the one that presses.
 CONTACT_STIFFNESS = 1e6  # N/m
 CONTACT_DAMPING = 1e4  # N s/m
 FOOT_RADIUS = 0.002  # m, of the URDF's foot sphere: a foot's centre at z = 0 stands on a top at -FOOT_RADIUS

@@ -21,6 +21,7 @@ from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_trainer.rollout import Record
 
 IMPACT_TICKS = 4  # of a step's beginning, whose mean force may hold some of the 30 ms after impact
+RESCUE_NEEDED = 0.01  # rad/s^2 of slack of last resort: a quadratic one gives way a little whenever its row is active
 LOADED = 20.0  # N, normal force from which the friction ratio is judged
 ROWS = ("CLF", "B1", "B2", "C1", "C2", "u")  # of the QP, both cone rows as C2 and all saturation rows as u
 
@@ -176,7 +177,7 @@ class RunTally:
         self._counts["qp_unanswered_ticks"] += not output.answered
         self._counts["qp_unconstrained_ticks"] += output.status == "unconstrained"
         self._counts["slack_ticks"] += output.clf_slack > 0
-        self._counts["rescue_ticks"] += output.rescue_slack > 0
+        self._counts["rescue_ticks"] += output.rescue_slack > RESCUE_NEEDED
         self._counts["saturated_ticks"] += output.saturated
 
     def result(
