@@ -1,4 +1,4 @@
-"""`rabbit walk` and `rabbit run` as a person uses them: exit codes, what is left behind, and that nobody is left running."""
+"""`rabbit walk` and `rabbit run` as a person uses them: exit codes, what they leave, and that nobody is left running."""
 
 import json
 import os
@@ -17,7 +17,7 @@ QUICK = ("--no-pictures", "--no-video")
 SLOW = ("--pace", "0.5", "--stones", "200")
 
 
-def rabbit(*words: str | Path, timeout: float = 120.0) -> subprocess.CompletedProcess[str]:
+def rabbit(*words: object, timeout: float = 120.0) -> subprocess.CompletedProcess[str]:
     """Call the command and wait."""
     return subprocess.run([*RABBIT, *map(str, words)], capture_output=True, text=True, timeout=timeout, check=False)
 

@@ -1,9 +1,11 @@
 """Runs one node until it is told to stop. Every node's `main` is a call of this."""
 
+import os
 import signal
 import sys
 import time
 from collections.abc import Callable
+from pathlib import Path
 
 import rclpy
 from rclpy.clock import Clock, ClockType
@@ -30,6 +32,7 @@ def run(make: Callable[[], Node], errors: tuple[type[Exception], ...] = ()) -> N
             `close()`, that is called at the end.
         errors: besides `ParameterError`, what the constructor raises when a file or value cannot be used.
     """
+    os.environ.setdefault("FASTRTPS_DEFAULT_PROFILES_FILE", str(Path(__file__).with_name("fastdds.xml")))
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     signals: list[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):

@@ -46,6 +46,7 @@ class NodeParameters(BaseModel):
     seed: int = Field(1, ge=0, le=2**63 - 1, description="of the first episode; the next ones count up from it")
     episodes: int = Field(1, ge=0, description="episodes to walk by itself; 0: those that reset_episode asks for")
     start_paused: bool = Field(False, description="wait for the pause service to let the first episode begin")
+    readers: int = Field(1, ge=1, le=100, description="nodes that must hear the state before an episode begins")
     real_time: bool = Field(False, description="100 Hz by the wall clock instead of lock-step")
     pace: float = Field(0.0, ge=0, le=100, description="lock-step: times real time at most; 0: no limit; dynamic")
     answer_timeout: float = Field(5.0, gt=0, le=3600, description="s without a torque that end an episode")
@@ -245,7 +246,8 @@ class SimulatorNode(Node):
 
     def _answered_by_someone(self) -> bool:
         """A killed controller stays matched for 20 s, so one that did not answer counts only when it speaks again."""
-        return bool(self._is_answered and self._states.get_subscription_count() and self._torques.get_publisher_count())
+        is_heard = self._states.get_subscription_count() >= self._own.readers
+        return self._is_answered and is_heard and self._torques.get_publisher_count() > 0
 
     def _set_pace(self, own: NodeParameters) -> None:
         """Follow a new pace between two ticks."""
@@ -279,7 +281,7 @@ class SimulatorNode(Node):
 
     def _status(self) -> Status:
         waits = {
-            "a controller": not self._answered_by_someone(),
+            "a controller, or more readers": not self._answered_by_someone(),
             "the trainer": self._own.trainer != "ignore" and self._plan is None,
         }
         missing = [who for who, is_missing in waits.items() if is_missing]

@@ -156,16 +156,17 @@ class Background:
             self._last = item.state
             self._tell(self.trainer.observe(item.state, item.output), item.tag)
             return
-        last = item.state or self._last
-        if last is None:
-            return  # nothing of it was heard
-        report = self.trainer.end_episode(self._plan, last)
-        self.listener.on_report(report)
+        if self._last is not None:  # else nothing of it was heard, and the plan still holds
+            self._digest(item.state or self._last)
+        self.listener.on_plan(self._plan, item.number)
+
+    def _digest(self, last: RobotState) -> None:
+        """Learn from the episode that ended in this state, and plan the next."""
+        self.listener.on_report(self.trainer.end_episode(self._plan, last))
         self._keep()
-        self._plan = self.trainer.begin_episode()
+        self._plan, self._last = self.trainer.begin_episode(), None
         if self.beside:
             self.listener.on_policy(self.trainer.policy_file())
-        self.listener.on_plan(self._plan, item.number)
 
     def _tell(self, transition: Transition | None, tag: Any) -> None:
         if transition is not None:

@@ -114,7 +114,7 @@ class Walk:
 
     def end(self, episode: int, last: int, acted: bool) -> list[tuple[int, Event]]:
         """Episode `episode` ends with the state of tick `last`, see `Pairing.end`."""
-        if episode <= self.done or episode not in self._open:
+        if episode <= self.done:
             return []
         return self._note(episode, self._pairing(episode).end(last, acted))
 

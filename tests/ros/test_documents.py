@@ -1,0 +1,105 @@
+"""docs/topics.md, the parameter files and the nodes say the same."""
+
+import ast
+import inspect
+import re
+from pathlib import Path
+from typing import Any
+
+import rl_cbf_clf_controller.node
+import rl_trainer.node
+import yaml
+from rabbit_bringup.recording import recorder_node
+from rabbit_ros.topics_node import TOPICS
+from rabbit_sim import node as simulator
+from rabbit_sim.parameters import SimulationParameters
+from rclpy.node import Node
+from rl_cbf_clf_controller.parameters import ControllerParameters
+from rl_trainer.parameters import TrainingParameters
+
+ROOT = Path(__file__).parents[2]
+BRINGUP = ROOT / "ros2_ws" / "src" / "rabbit_bringup"
+PAGE = (ROOT / "docs" / "topics.md").read_text(encoding="utf-8")
+MODELS = {
+    "simulator": (simulator.NodeParameters, SimulationParameters),
+    "controller": (rl_cbf_clf_controller.node.NodeParameters, ControllerParameters),
+    "trainer": (rl_trainer.node.NodeParameters, TrainingParameters),
+    "recorder": (recorder_node.NodeParameters,),
+}
+
+
+def row(name: str) -> list[str]:
+    """Cells of the table row that begins with a name."""
+    found = re.search(rf"^\| `{name}` \|(.*)\|$", PAGE, re.MULTILINE)
+    assert found, name
+    return [cell.strip() for cell in found[1].split("|")]
+
+
+def test_topics_page_lists_every_topic() -> None:
+    for topic in TOPICS:
+        kind, publisher, readers, qos, *_ = row(topic.name)
+        package, _, name = topic.type_name.split("/")
+        assert (kind, publisher) == (f"`{package}/{name}`", topic.publisher)
+        assert set(topic.readers) - {"launcher"} <= set(readers.split(", "))
+        depth = re.search(r"last (\d+)", " ".join(row_of_qos(qos)))
+        assert depth is not None
+        assert int(depth[1]) == topic.qos.depth
+        assert row_of_qos(qos)[0] == topic.qos.reliability.name.lower().replace("_", " ")
+        assert row_of_qos(qos)[1] == topic.qos.durability.name.lower().replace("_", " ")
+
+
+def row_of_qos(name: str) -> list[str]:
+    """Cells of a QoS profile's row."""
+    found = re.search(rf"^\| {name} \|(.*)\|$", PAGE, re.MULTILINE)
+    assert found, name
+    return [cell.strip() for cell in found[1].split("|")]
+
+
+def test_topics_page_lists_the_nodes_own_parameters() -> None:
+    for node, (own, *_) in MODELS.items():
+        named = set(re.findall(r"`(\w+)`", next(line for line in parameter_rows() if line.startswith(f"| `{node}` |"))))
+        assert set(own.model_fields) <= named
+        known = {name for model in MODELS[node] for name in model.model_fields}
+        assert named - {node} <= known
+
+
+def parameter_rows() -> list[str]:
+    """Lines of the parameter table."""
+    return PAGE[PAGE.index("## Parameters") : PAGE.index("## Recordings")].splitlines()
+
+
+def test_every_parameter_is_described() -> None:
+    for model in {model for models in MODELS.values() for model in models}:
+        for name, field in model.model_fields.items():
+            assert field.description, f"{model.__name__}.{name}"
+
+
+def test_walk_yaml_names_known_parameters_with_their_values() -> None:
+    content = yaml.safe_load((BRINGUP / "config" / "walk.yaml").read_text(encoding="utf-8"))
+    assert {key.removeprefix("/**/") for key in content} == set(MODELS)
+    for key, body in content.items():
+        left: dict[str, Any] = dict(body["ros__parameters"])
+        for model in MODELS[key.removeprefix("/**/")]:
+            model.model_validate({name: left.pop(name) for name in list(left) if name in model.model_fields})
+        assert not left
+
+
+def test_launch_file_starts_executables_with_known_parameters() -> None:
+    tree = ast.parse((BRINGUP / "launch" / "walk.launch.py").read_text(encoding="utf-8"))
+    calls = [node for node in ast.walk(tree) if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "node"]
+    started = {call.args[1].value: call for call in calls if isinstance(call.args[1], ast.Constant)}
+    assert set(started) == set(MODELS)
+    for name, call in started.items():
+        known = {field for model in MODELS[str(name)] for field in model.model_fields}
+        assert {keyword.arg for keyword in call.keywords} <= known
+
+
+def test_no_node_hides_an_attribute_of_rclpy() -> None:
+    """rclpy's Node has private attributes of plain names; one of ours once took the place of its parameters."""
+    source = Path(inspect.getfile(Node)).read_text(encoding="utf-8")
+    theirs = set(dir(Node)) | set(re.findall(r"self\.(_[a-z]\w*)", source))
+    for path in (ROOT / "ros2_ws" / "src").rglob("*node.py"):
+        text = path.read_text(encoding="utf-8")
+        if "(Node)" in text:
+            ours = set(re.findall(r"self\.(\w+)(?:: [^=\n]+)? =", text)) | set(re.findall(r"def (\w+)\(self", text))
+            assert ours & theirs <= {"__init__"}, path
