@@ -9,6 +9,7 @@ from typing import Any
 import rl_cbf_clf_controller.node
 import rl_trainer.node
 import yaml
+from pydantic import BaseModel
 from rabbit_bringup.recording import recorder_node
 from rabbit_ros.topics_node import TOPICS
 from rabbit_sim import node as simulator
@@ -20,7 +21,7 @@ from rl_trainer.parameters import TrainingParameters
 ROOT = Path(__file__).parents[2]
 BRINGUP = ROOT / "ros2_ws" / "src" / "rabbit_bringup"
 PAGE = (ROOT / "docs" / "topics.md").read_text(encoding="utf-8")
-MODELS = {
+MODELS: dict[str, tuple[type[BaseModel], ...]] = {
     "simulator": (simulator.NodeParameters, SimulationParameters),
     "controller": (rl_cbf_clf_controller.node.NodeParameters, ControllerParameters),
     "trainer": (rl_trainer.node.NodeParameters, TrainingParameters),

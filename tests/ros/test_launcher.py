@@ -1,4 +1,4 @@
-"""`rabbit walk` and `rabbit run` as a person uses them: exit codes, what they leave, and that nobody is left running."""
+"""`rabbit walk` and `rabbit run` as a person uses them: exit codes, what they leave, and nobody left running."""
 
 import json
 import os
