@@ -147,6 +147,35 @@ def test_a_dead_controller_ends_the_episode_and_a_new_one_walks(world: Any) -> N
     assert episodes[-1].outcome == "walked"
 
 
+def test_real_time_goes_by_the_wall_clock(world: Any) -> None:
+    states, episodes = world.hear("state"), world.hear("episode")
+    world.start(
+        "simulator", real_time=True, held_ticks=1000, fall_height=0.0, fall_pitch=3.1, **{**SHORT, "stones": 50}
+    )
+    world.start("controller")
+    world.go()
+    world.wait(lambda: len(states) > 20 or ended(episodes)())
+    first = states[-1].tick
+    world.spin(1.0)
+    assert states[-1].tick - first <= 110 or ended(episodes)()
+    if not ended(episodes)():
+        world.processes.kill(("controller",))
+        held = states[-1].tick
+        world.wait(lambda: states[-1].tick > held + 5 or ended(episodes)())  # nobody waits for the dead
+
+
+def test_real_time_ends_where_no_torque_comes(world: Any) -> None:
+    states, episodes = world.hear("state"), world.hear("episode")
+    world.start("simulator", real_time=True, held_ticks=2, **{**SHORT, "stones": 50})
+    world.say("torque", TorqueCommand())  # the test plays a controller that answers once
+    world.go()
+    world.wait(lambda: bool(states))
+    world.say("torque", TorqueCommand(episode=1, tick=0))
+    world.wait(ended(episodes))
+    assert (episodes[-1].outcome, episodes[-1].tick) == ("silent", 3)
+    assert "real time" in episodes[-1].reason
+
+
 def test_parameters_are_described_bounded_and_read_only(world: Any) -> None:
     world.start("simulator", episodes=0)
     names = ["mass_scale", "pace", "plant", "stones"]

@@ -1,7 +1,7 @@
 """The simulator's node: publishes the state of a tick, waits for its torque, steps. It owns the clock and the episodes.
 
 In lock-step (the default) nothing moves before the torque of the very tick has come. In real time a tick lasts 10 ms by
-the wall clock, and a torque that comes late is replaced by the last one, for two ticks at most.
+the wall clock, and a torque that comes late is replaced by the last one, for `held_ticks` at most.
 """
 
 import math
@@ -32,7 +32,6 @@ from rabbit_sim.stones import CourseError
 
 LOOK_SECONDS = 0.02  # between looks at who is there and what is late
 REPEAT_SECONDS = 0.5  # without an answer, after which a state is sent again: its reader may just have come
-HELD_TICKS = 2  # in real time, how long an old torque stands in for a late one
 
 
 class NodeParameters(BaseModel):
@@ -48,6 +47,7 @@ class NodeParameters(BaseModel):
     start_paused: bool = Field(False, description="wait for the pause service to let the first episode begin")
     readers: int = Field(1, ge=1, le=100, description="nodes that must hear the state before an episode begins")
     real_time: bool = Field(False, description="100 Hz by the wall clock instead of lock-step")
+    held_ticks: int = Field(2, ge=0, le=1000, description="real time: how long the last torque stands in for late ones")
     pace: float = Field(0.0, ge=0, le=100, description="lock-step: times real time at most; 0: no limit; dynamic")
     answer_timeout: float = Field(5.0, gt=0, le=3600, description="s without a torque that end an episode")
     trainer_timeout: float = Field(600.0, gt=0, le=86400, description="s that the trainer may take between episodes")
@@ -180,11 +180,11 @@ class SimulatorNode(Node):
     def _publish(self, state: RobotState) -> None:
         """A tick's messages; what the controller needs with the state goes before it."""
         at, number = stamp(self._clock_ticks), self._episode.episode
-        self._clock_out.publish(Clock(clock=at))
         if state.preview is not None and state.preview != self._preview:
             self._previews.publish(preview_message(state.preview, number, at))
         self._preview = state.preview
         self._states.publish(state_message(state, number, at))
+        self._clock_out.publish(Clock(clock=at))  # while the controller works
         self._joints.publish(joint_state(state, at))
         for landing in self._simulation.landings[self._landings_told :]:
             fields = {name: getattr(landing, name) for name in ("tick", "index", "l", "l_min", "l_max", "on_stone")}
@@ -273,7 +273,7 @@ class SimulatorNode(Node):
         self._held_ticks += 1
         if self._state is not None and self._state.tick == 0:
             return  # nothing moves before the first torque
-        if self._held_ticks > HELD_TICKS:
+        if self._held_ticks > self._own.held_ticks:
             self._is_answered = False
             self._end("silent", f"{self._held_ticks} ticks without a torque in real time")
         else:

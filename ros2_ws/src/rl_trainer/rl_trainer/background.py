@@ -4,6 +4,7 @@ In the thread everything goes in order: ticks, an episode's end with its updates
 is empty it may go on learning (`beside`), which makes the weights depend on timing.
 """
 
+import os
 import queue
 import threading
 from dataclasses import dataclass, field
@@ -22,6 +23,7 @@ from rl_trainer.training import EpisodePlan, EpisodeReport, Trainer
 from rl_trainer.transitions import Transition
 
 UPDATES_AT_ONCE = 4  # between two looks into the queue
+NICENESS = 10
 
 
 class Stopped(Exception):
@@ -133,6 +135,8 @@ class Background:
             self._thread.join(timeout=5.0)
 
     def _run(self) -> None:
+        if self.beside:  # whoever walks goes first
+            os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), NICENESS)
         try:
             while (item := self._next()) is not None:
                 self._take(item)

@@ -144,5 +144,6 @@ class Walk:
             if not self._open[first].over:
                 break
             self.lost += self._open.pop(first).lost
+            del self._waiting[first]
             self.done = first
         return out
