@@ -29,7 +29,7 @@ class ControllerParameters(BaseModel):
     clf_row: Literal["normalised", "literal"] = Field(
         "normalised", description="whether the CLF row is divided by its norm, so that d is in units of mu"
     )
-    slack_weight: float = Field(5.0, gt=0, le=1e6, description="p, weight of the CLF slack d")
+    slack_weight: float = Field(10.0, gt=0, le=1e6, description="p, weight of the CLF slack d")
     barrier_pole_1: float = Field(70.0, gt=0, le=1000, description="first ECBF pole, 1/s")
     barrier_pole_2: float = Field(70.0, gt=0, le=1000, description="second ECBF pole, 1/s")
     R1: float = Field(1.0, gt=0, le=100, description="radius offset of the outer circle, m")
