@@ -1,0 +1,80 @@
+"""What the trainer measures on a walk is the true model error, which only this test knows."""
+
+import numpy as np
+import pytest
+from rabbit_description.gait import load_gait
+from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.robot_urdf import perturbed_urdf
+from rabbit_sim.simulation import Simulation
+from rl_cbf_clf_controller.controller import Controller
+from rl_cbf_clf_controller.oracle import OraclePolicy
+from rl_cbf_clf_controller.parameters import ControllerParameters
+from rl_cbf_clf_controller.policy import Policy
+from rl_cbf_clf_controller.uncertainty import Problem
+from rl_trainer.environment import WalkingEnv
+from rl_trainer.parameters import TrainingParameters
+from rl_trainer.reward import error_unit
+from rl_trainer.rollout import Record, rollout
+from rl_trainer.transitions import Doubt, TransitionBuilder
+
+STEPS = 4
+
+
+def parts(problem: Problem, plant: str) -> tuple[Simulation, Controller, TrainingParameters]:
+    terrain = "stones" if problem is Problem.RL_CBF_CLF_QP else "flat"
+    simulated = SimulationParameters.model_validate(
+        {"mass_scale": 2.0, "terrain": terrain, "stones": STEPS, "plant": plant}
+    )
+    parameters = ControllerParameters.model_validate({"controller": problem.value, "sigma": 5.0})
+    gait = load_gait(parameters.gait)
+    oracle = OraclePolicy(perturbed_urdf(simulated), io=problem is Problem.IO_RL_CLF_QP)
+    return Simulation(simulated, gait), Controller(parameters, gait, oracle), TrainingParameters(problem=problem)
+
+
+@pytest.mark.parametrize("plant", ["pybullet", "rigid"])
+@pytest.mark.parametrize("problem", Problem)
+def test_targets_are_the_true_errors(problem: Problem, plant: str) -> None:
+    """At the executed mu, noise on: relative error below 0.25, about the floor of one difference over 10 ms.
+
+    In the first approach the oracle cancels the error, so y'' must be mu; the error counts against the input's size.
+    """
+    simulation, controller, parameters = parts(problem, plant)
+    builder = TransitionBuilder(parameters)
+    target, true, size, io = [], [], [], problem is Problem.IO_RL_CLF_QP
+
+    def observe(record: Record) -> None:
+        transition = builder.add(record.state, record.output)
+        if transition is not None and not transition.doubt & ~Doubt.SATURATED:
+            unit = error_unit(transition.LgV, parameters)
+            target.append(transition.target / unit)
+            true.append(transition.correction / unit)  # the oracle's: exact
+            size.append((transition.correction + transition.mu if io else transition.correction) / unit)
+
+    rollout(simulation, controller, 11, observe)
+    simulation.close()
+    assert len(target) > 30 * STEPS
+    error = np.linalg.norm(np.array(target) - true, axis=0) / np.linalg.norm(size, axis=0)
+    assert error.max() < 0.25, dict(zip(problem.quantities, error, strict=True))
+
+
+def test_environment_over_the_true_plant() -> None:
+    """The zero action is the nominal controller, and a walk by name of a seed repeats."""
+    simulation, _, parameters = parts(Problem.RL_CBF_CLF_QP, "pybullet")
+    gait = load_gait(ControllerParameters().gait)
+
+    def make_controller(policy: Policy, sigma: float) -> Controller:
+        chosen = {"controller": "rl-cbf-clf-qp", "sigma": sigma}
+        return Controller(ControllerParameters.model_validate(chosen), gait, policy)
+
+    env = WalkingEnv(parameters, simulation, make_controller)
+    walks = []
+    for _ in range(2):
+        observations, done = [env.reset(seed=3)[0]], False
+        while not done:
+            observation, reward, terminated, truncated, _ = env.step(np.zeros(25, np.float32))
+            done = terminated or truncated
+            assert reward <= 0
+            observations.append(observation)
+        walks.append(np.array(observations))
+    np.testing.assert_array_equal(*walks)
+    simulation.close()
