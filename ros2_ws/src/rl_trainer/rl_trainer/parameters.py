@@ -13,6 +13,8 @@ from rl_cbf_clf_controller.uncertainty import Problem
 
 Scales = tuple[float, ...]
 
+TYPICAL_LGV = 10.0  # |LgV| + 1 of a walk at scale 2
+
 # of alpha (unit per rad/s^2), beta (unit) and error (unit) for V (times |LgV| + 1), B1, B2, C1, C2, and y1..y4
 _SCALES: dict[Problem, tuple[Scales, Scales, Scales]] = {
     Problem.RL_CLF_QP: ((1.5,), (250.0,), (50.0,)),
@@ -139,6 +141,8 @@ class TrainingParameters(BaseModel):
     def scales(self) -> tuple[Scales, Scales, Scales]:
         """Scales of alpha, beta and error, the defaults filled in."""
         alpha, beta, error = _SCALES[self.problem]
+        if self.problem.has_clf and not self.relative_clf:
+            error = (error[0] * TYPICAL_LGV, *error[1:])
         return self.alpha_scale or alpha, self.beta_scale or beta, self.error_scale or error
 
     @property
