@@ -9,7 +9,7 @@ from rl_cbf_clf_controller.parameters import ControllerParameters, ParameterErro
 from rl_cbf_clf_controller.policy import ZeroPolicy
 from rl_cbf_clf_controller.uncertainty import Estimates
 
-NAME = "stones_0350_070"
+NAME = "stones_0350_084"
 GAIT = load_gait(NAME)
 
 

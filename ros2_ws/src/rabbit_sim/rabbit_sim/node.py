@@ -40,7 +40,7 @@ class NodeParameters(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     gait: str = Field(
-        "stones_0350_070", description="gait whose post-impact state the robot starts from: a name or a file"
+        "stones_0350_084", description="gait whose post-impact state the robot starts from: a name or a file"
     )
     seed: int = Field(1, ge=0, le=2**63 - 1, description="of the first episode; the next ones count up from it")
     episodes: int = Field(1, ge=0, description="episodes to walk by itself; 0: those that reset_episode asks for")

@@ -22,7 +22,7 @@ class ControllerParameters(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     controller: ControllerName = Field("cbf-clf-qp", description="controller by name")
-    gait: str = Field("stones_0350_070", description="name of a shipped gait, or a gait file's path")
+    gait: str = Field("stones_0350_084", description="name of a shipped gait, or a gait file's path")
     eps: float = Field(0.05, gt=0, le=1, description="epsilon of the RES-CLF")
     kp: float = Field(0.5, gt=0, le=100, description="gain on y at eps = 1")
     kd: float = Field(0.8660254037844386, gt=0, le=100, description="gain on dy at eps = 1")
@@ -35,7 +35,7 @@ class ControllerParameters(BaseModel):
     R1: float = Field(1.0, gt=0, le=100, description="radius offset of the outer circle, m")
     R2: float = Field(0.5, gt=0, le=100, description="depth of the inner circle's centre, m")
     stone_margin: float = Field(
-        0.003, ge=0, le=0.02, description="kept from both edges of a stone, for what happens between two ticks, m"
+        0.005, ge=0, le=0.02, description="kept from both edges of a stone, for what happens between two ticks, m"
     )
     barrier_rows: bool = Field(True, description="stepping-stone barriers in the CBF controllers")
     force_rows: bool = Field(True, description="contact-force rows in the CBF controllers")
