@@ -159,8 +159,8 @@ def test_real_time_goes_by_the_wall_clock(world: Any) -> None:
     world.say("torque", TorqueCommand(episode=1, tick=0))
     world.wait(lambda: len(states) > 1)
     begun, first = time.monotonic(), states[-1].tick
-    world.wait(lambda: states[-1].tick >= first + 50 or ended(episodes)())
-    assert 0.45 <= time.monotonic() - begun <= 3.0, episodes[-1].outcome
+    world.wait(lambda: states[-1].tick >= first + 200 or ended(episodes)())
+    assert time.monotonic() - begun >= 1.5, episodes[-1].outcome  # 2 s, less what a busy machine delivers late
 
 
 def test_real_time_ends_where_no_torque_comes(world: Any) -> None:
