@@ -8,6 +8,8 @@ from math import comb
 import numpy as np
 from rabbit_description.state import Array
 
+ROUNDING = 1e-9  # of a phase that ends at 1: still inside, where the curvature does not jump to 0
+
 
 class Bezier:
     """Curves with control points `coeffs` (m, n + 1)."""
@@ -23,7 +25,7 @@ class Bezier:
         inside = min(max(s, 0.0), 1.0)
         powers = inside ** np.arange(self._orders[0].shape[1])
         value, first, second = (c @ powers[: c.shape[1]] for c in self._orders)
-        if inside != s:
+        if abs(inside - s) > ROUNDING:
             return value + first * (s - inside), first, np.zeros_like(second)
         return value, first, second
 
