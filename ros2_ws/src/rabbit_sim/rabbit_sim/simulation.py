@@ -58,7 +58,7 @@ class Landing:
 class Simulation:
     """One robot on one course at a time.
 
-    `outcome`, `landings`: how the episode stands. `reading`: the truth after the last tick, for judges, not controllers.
+    `outcome`, `landings`: how the episode stands. `reading`: the truth after the last tick, for judges alone.
     Example: `state = simulation.reset(seed=1)`, then `state = simulation.step(torque)` while `state.running`.
     """
 
