@@ -72,7 +72,7 @@ class Actor(nn.Module):
         """Weights as one network, with the probe's outputs, for a `PolicyFile`."""
         linears = [[layer for layer in network if isinstance(layer, nn.Linear)] for network in self._sequences()]
         weights = [torch.cat([row[0].weight for row in linears])]
-        weights += [torch.block_diag(*(row[i].weight for row in linears)) for i in (1, 2)]  # type: ignore[no-untyped-call]
+        weights += [torch.block_diag(*(row[i].weight for row in linears)) for i in (1, 2)]
         biases = [torch.cat([row[i].bias for row in linears]) for i in range(3)]
         weights[2], biases[2] = weights[2][self._order()], biases[2][self._order()]
         with torch.no_grad():

@@ -83,7 +83,7 @@ class Optimizer:
         """One step down `loss` with the learning rate times `rate`."""
         self._adam.param_groups[0]["lr"] = self._rate * rate
         self._adam.zero_grad()
-        loss.backward()  # type: ignore[no-untyped-call]
+        loss.backward()
         nn.utils.clip_grad_norm_(self._parameters, self._clip)
         self._adam.step()
 

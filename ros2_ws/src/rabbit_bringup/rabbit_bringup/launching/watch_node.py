@@ -3,6 +3,7 @@
 import math
 import time
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -58,7 +59,7 @@ class Watch:
         subscribe(EpisodePlan, "episode_plan", self._on_plan, EVENT)
         subscribe(Landing, "landing", self._on_landing, EVENT)
         for name, kind in (("state", RabbitState), ("controller_state", ControllerState)):
-            subscribe(kind, name, lambda data, name=name: self._newest.update({name: data}), GLANCE, raw=True)
+            subscribe(kind, name, partial(self._newest.__setitem__, name), GLANCE, raw=True)
         self._pause = self._node.create_client(Pause, "pause")
 
     def close(self) -> None:
