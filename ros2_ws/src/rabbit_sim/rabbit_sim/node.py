@@ -199,8 +199,6 @@ class SimulatorNode(Node):
             self._episode.tick, self._episode.touchdowns = self._state.tick, self._state.touchdowns
         self._episodes.publish(self._episode)
 
-    # Time
-
     def _look(self) -> None:
         """Begin what can begin; end what nobody answers."""
         controllers = self._torques.get_publisher_count()
