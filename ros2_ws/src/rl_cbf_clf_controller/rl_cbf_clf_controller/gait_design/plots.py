@@ -33,7 +33,7 @@ def plot_gait(gait: Gait, stone: Stone | None = None) -> Figure:
     return figure
 
 
-def draw_stick_figures(axes: Axes, orbit: Orbit, figures: int = 9, steps: int = 2) -> None:
+def draw_stick_figures(axes: Axes, orbit: Orbit, figures: int = 5, steps: int = 6) -> None:
     """The robot at equal times over `steps` steps, the legs changing places at each landing."""
     times = np.linspace(0.0, orbit.times[-1], figures)
     q = np.array([np.interp(times, orbit.times, column) for column in orbit.series("q").T]).T
@@ -67,7 +67,16 @@ def plot_payloads(reports: dict[str, Sequence[PayloadReport]]) -> Figure:
 def _plot_joints(axes: Axes, orbit: Orbit, name: str, label: str) -> None:
     lines = axes.plot(orbit.times, orbit.series(name)[:, -4:])
     axes.set(xlabel="time, s", ylabel=label)
-    axes.legend(lines, JOINTS, fontsize="x-small")
+    axes.legend(
+        lines,
+        JOINTS,
+        fontsize="xx-small",
+        loc="upper center",
+        ncols=4,
+        bbox_to_anchor=(0.5, 1.15),
+        columnspacing=0.8,
+        handlelength=1.0,
+    )
 
 
 def _plot_force(axes: Axes, orbit: Orbit) -> None:
@@ -79,7 +88,7 @@ def _plot_force(axes: Axes, orbit: Orbit) -> None:
     ratio.set_ylim(0, 1)
     ratio.set_ylabel("|F_T| / F_N", color="tab:red")
     axes.set(xlabel="time, s", ylabel="ground force, N")
-    axes.legend(fontsize="x-small")
+    axes.legend(fontsize="x-small", loc="center")
 
 
 def _plot_foot(axes: Axes, orbit: Orbit, stone: Stone | None) -> None:
@@ -91,7 +100,8 @@ def _plot_foot(axes: Axes, orbit: Orbit, stone: Stone | None) -> None:
         axes.plot(x, np.sqrt(radius**2 - (x - centre) ** 2) - stone.R2, "--", color="tab:red", label="circle of B2")
         axes.plot([stone.l_min, stone.l_max], [0, 0], linewidth=5, color="0.5", label="stone")
     axes.set(xlabel="forward of the stance foot, m", ylabel="height, m")
-    axes.legend(fontsize="x-small")
+    axes.set_ylim(-0.005, 1.5 * swing[:, 1].max())
+    axes.legend(fontsize="x-small", loc="upper right")
 
 
 def _plot_barriers(axes: Axes, orbit: Orbit, stone: Stone | None) -> None:
