@@ -1,42 +1,46 @@
 """A gait found by IPOPT, judged by pinocchio between the nodes as well as at them."""
 
+from pathlib import Path
+from typing import Any
+
 import casadi as ca
 import numpy as np
 import pytest
 from pydantic import ValidationError
-from rabbit_description.gait import load_gait
+from rabbit_description.gait import Gait, load_gait
 from rl_cbf_clf_controller.gait_design import GaitDesignError, GaitSpecification, design_gait, run
 from rl_cbf_clf_controller.gait_design.analysis import under_payload
 from rl_cbf_clf_controller.gait_design.constraint_rows import ConstraintRows
-from rl_cbf_clf_controller.gait_design.figures import Orbit
 from rl_cbf_clf_controller.gait_design.guess import initial_guess, leg_angles
+from rl_cbf_clf_controller.gait_design.orbit import Orbit
 from rl_cbf_clf_controller.gait_design.runner import designed_stone
 
 SPECIFICATION = GaitSpecification(
     name="test", step_length=0.36, speed=0.7, friction_limit=0.45, min_normal_force=150, intervals=12
 )
+Designed = tuple[Gait, list[tuple[int, float, float]]]
 BETWEEN_NODES = 0.02  # share by which a limit may be passed between two nodes
 
 
 @pytest.fixture(scope="module")
-def designed():
-    iterations = []
+def designed() -> Designed:
+    iterations: list[tuple[int, float, float]] = []
     gait = design_gait(SPECIFICATION, lambda *progress: iterations.append(progress))
     return gait, iterations
 
 
 @pytest.fixture(scope="module")
-def orbit(designed):
+def orbit(designed: Designed) -> Orbit:
     return Orbit(designed[0], 601)
 
 
-def test_step_and_speed(orbit):
+def test_step_and_speed(orbit: Orbit) -> None:
     last = orbit.instants[-1]
     assert last.swing == pytest.approx([0.36, 0], abs=1e-7)
     assert orbit.times[-1] == pytest.approx(0.36 / 0.7, rel=1e-3)
 
 
-def test_impact_and_relabelling_return_to_the_start(designed, orbit):
+def test_impact_and_relabelling_return_to_the_start(designed: Designed, orbit: Orbit) -> None:
     q, dq, impulse = orbit.after_impact()
     start_q, start_dq = designed[0].x_start
     assert q == pytest.approx(start_q, abs=1e-7)
@@ -45,19 +49,19 @@ def test_impact_and_relabelling_return_to_the_start(designed, orbit):
     assert abs(impulse[0]) <= 0.8 * impulse[1]
 
 
-def test_bezier_ends_are_relabelled_into_each_other(designed):
+def test_bezier_ends_are_relabelled_into_each_other(designed: Designed) -> None:
     coeffs = designed[0].coeffs
     assert coeffs[[2, 3, 0, 1], -1] == pytest.approx(coeffs[:, 0], abs=1e-7)
 
 
-def test_forces_and_torques(orbit):
+def test_forces_and_torques(orbit: Orbit) -> None:
     force, torque = orbit.series("force"), orbit.series("torque")
     assert force[:, 1].min() >= SPECIFICATION.min_normal_force * (1 - BETWEEN_NODES)
     assert np.abs(force[:, 0] / force[:, 1]).max() <= SPECIFICATION.friction_limit * (1 + BETWEEN_NODES)
     assert np.abs(torque).max() <= SPECIFICATION.torque_limit * (1 + BETWEEN_NODES)
 
 
-def test_swing_foot(orbit):
+def test_swing_foot(orbit: Orbit) -> None:
     height, landing = orbit.series("swing")[1:-1, 1], orbit.instants[-1].swing_rate
     bump = 4 * orbit.phases * (1 - orbit.phases)
     assert (height >= SPECIFICATION.clearance * bump[1:-1] * (1 - BETWEEN_NODES) - 1e-5).all()
@@ -66,30 +70,32 @@ def test_swing_foot(orbit):
     assert abs(landing[0]) <= SPECIFICATION.max_landing_slide + 1e-3
 
 
-def test_barriers(orbit):
-    conditions = orbit.ecbf_conditions(designed_stone(SPECIFICATION))
+def test_barriers(orbit: Orbit) -> None:
+    stone = designed_stone(SPECIFICATION)
+    assert stone is not None
+    conditions = orbit.ecbf_conditions(stone)
     slack = BETWEEN_NODES * np.abs(conditions).max()
     assert conditions.min() >= -min(slack, 1.0)  # m/s^2, against thousands mid-step
 
 
-def test_knees_never_stretch(orbit):
+def test_knees_never_stretch(orbit: Orbit) -> None:
     assert orbit.series("q")[:, [4, 6]].min() >= SPECIFICATION.knee_range[0] - 1e-4
 
 
-def test_walk_is_stable_and_has_momentum_to_spare(designed):
+def test_walk_is_stable_and_has_momentum_to_spare(designed: Designed) -> None:
     figures = designed[0].metadata["figures"]
     assert 0 < figures["eigenvalue"] < 1
     assert figures["start_phase_rate"] > figures["least_phase_rate"]
 
 
-def test_progress_ends_feasible(designed):
+def test_progress_ends_feasible(designed: Designed) -> None:
     iterations = designed[1]
     assert [entry[0] for entry in iterations] == list(range(len(iterations)))
     assert iterations[-1][2] < 1e-6 < iterations[0][2]
     assert iterations[-1][1] == pytest.approx(designed[0].metadata["figures"]["cost"], rel=0.02)
 
 
-def test_file_tells_how_it_was_made(designed, tmp_path):
+def test_file_tells_how_it_was_made(designed: Designed, tmp_path: Path) -> None:
     gait = designed[0]
     gait.save(tmp_path / "test.yaml")
     again = load_gait(tmp_path / "test.yaml")
@@ -98,7 +104,7 @@ def test_file_tells_how_it_was_made(designed, tmp_path):
     assert {"casadi", "pinocchio"} <= again.metadata["versions"].keys()
 
 
-def test_run_writes_gait_and_pictures(tmp_path):
+def test_run_writes_gait_and_pictures(tmp_path: Path) -> None:
     folder = run(SPECIFICATION, tmp_path, payloads=(0.0,))
     assert load_gait(folder.file) == folder.gait
     assert folder.picture.stat().st_size > 10_000
@@ -106,9 +112,9 @@ def test_run_writes_gait_and_pictures(tmp_path):
     assert folder.reports[0].has_fixed_point
 
 
-def test_a_payload_in_the_specification_keeps_its_fixed_point():
+def test_a_payload_in_the_specification_keeps_its_fixed_point() -> None:
     """A slow walk that leans back stops under 72 kg, unless the payload's own walk is asked for."""
-    leaning = {
+    leaning: dict[str, Any] = {
         "step_length": 0.35, "speed": 0.5, "pitch_range": (-0.3, -0.06), "knee_range": (0.1, 1.6), "R2": 0.5,
         "clear_until": 0.0, "near_edge": 0.025, "far_edge": 0.025, "friction_limit": 0.5, "max_foot_height": 0.12,
         "max_landing_speed": 0.6, "max_landing_slide": 0.6, "intervals": 10,
@@ -123,7 +129,7 @@ def test_a_payload_in_the_specification_keeps_its_fixed_point():
     assert report.phase_rate > report.least_phase_rate
 
 
-def test_no_gait_ends_in_a_clear_word():
+def test_no_gait_ends_in_a_clear_word() -> None:
     hopeless = SPECIFICATION.model_copy(update={"torque_limit": 1.0, "max_iterations": 60})
     with pytest.raises(GaitDesignError, match=r"gait test: no gait of 0\.36 m at 0\.7 m/s.*still broken: \w+"):
         design_gait(hopeless)
@@ -142,12 +148,12 @@ def test_no_gait_ends_in_a_clear_word():
         ({"stride": 1.0}, "stride"),
     ],
 )
-def test_specification_is_checked(change, complaint):
+def test_specification_is_checked(change: dict[str, Any], complaint: str) -> None:
     with pytest.raises(ValidationError, match=complaint):
         GaitSpecification(**{**SPECIFICATION.model_dump(), **change})
 
 
-def test_leg_angles_reach_the_foot():
+def test_leg_angles_reach_the_foot() -> None:
     rng = np.random.default_rng(0)
     wanted = np.column_stack([rng.uniform(-0.3, 0.3, 20), rng.uniform(-0.74, -0.5, 20)])
     hip, knee = leg_angles(wanted, 0.2).T
@@ -157,13 +163,13 @@ def test_leg_angles_reach_the_foot():
     assert (knee > 0).all()
 
 
-def test_guess_has_the_step_length():
+def test_guess_has_the_step_length() -> None:
     coeffs, phase_range = initial_guess(SPECIFICATION)
     assert coeffs.shape == (4, 6)
     assert phase_range[1] == -phase_range[0] > 0
 
 
-def test_broken_rows_are_named_worst_first():
+def test_broken_rows_are_named_worst_first() -> None:
     rows = ConstraintRows()
     rows.equal("a", ca.SX.sym("x", 2))
     rows.add("b", ca.SX.sym("y"), -1.0, 1.0)

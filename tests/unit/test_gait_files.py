@@ -2,6 +2,8 @@
 
 import math
 from contextlib import suppress
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +13,7 @@ from hypothesis import strategies as st
 from rabbit_description import GAITS
 from rabbit_description.gait import Gait, GaitError, load_gait, shipped_gaits
 from rl_cbf_clf_controller.gait_design import GaitSpecification
-from rl_cbf_clf_controller.gait_design.figures import Orbit
+from rl_cbf_clf_controller.gait_design.orbit import Orbit
 
 DESIGNED = [name for name in shipped_gaits() if "specification" in load_gait(name).metadata]
 CONTENT = yaml.safe_load((GAITS / f"{DESIGNED[0]}.yaml").read_text(encoding="utf-8"))
@@ -19,7 +21,7 @@ NUMBERS = ("step_length", "step_time", "phase_angle_start", "phase_angle_end")
 
 
 @pytest.mark.parametrize("name", shipped_gaits())
-def test_shipped_gait_starts_near_its_own_curve(name):
+def test_shipped_gait_starts_near_its_own_curve(name: str) -> None:
     """The first author's start is a state of his closed loop, some 0.02 rad beside his curves; ours lie on them."""
     gait, tolerance = load_gait(name), 1e-6 if name in DESIGNED else 0.03
     q, dq = gait.x_start
@@ -30,7 +32,7 @@ def test_shipped_gait_starts_near_its_own_curve(name):
 
 
 @pytest.mark.parametrize("name", DESIGNED)
-def test_shipped_gait_keeps_its_specification_and_its_figures(name):
+def test_shipped_gait_keeps_its_specification_and_its_figures(name: str) -> None:
     gait = load_gait(name)
     spec, orbit = GaitSpecification(**gait.metadata["specification"]), Orbit(gait)
     figures = orbit.figures()
@@ -43,7 +45,7 @@ def test_shipped_gait_keeps_its_specification_and_its_figures(name):
         assert getattr(figures, key) == pytest.approx(value, rel=1e-3, abs=2e-4), key
 
 
-def refused(content, tmp_path):
+def refused(content: Any, tmp_path: Path) -> str:
     path = tmp_path / "bad.yaml"
     path.write_text(yaml.safe_dump(content) if not isinstance(content, str) else content, encoding="utf-8")
     with pytest.raises(GaitError, match=r"bad\.yaml") as caught:
@@ -52,28 +54,28 @@ def refused(content, tmp_path):
 
 
 @pytest.mark.parametrize("field", [*NUMBERS, "bezier_coeffs", "q_start", "dq_start", "name"])
-def test_missing_field(field, tmp_path):
+def test_missing_field(field: str, tmp_path: Path) -> None:
     assert field in refused({key: value for key, value in CONTENT.items() if key != field}, tmp_path)
 
 
 @pytest.mark.parametrize("text", ["", "just text", "[1, 2]", "name: [unclosed", "{a: 1}"])
-def test_not_a_gait(text, tmp_path):
+def test_not_a_gait(text: str, tmp_path: Path) -> None:
     refused(text, tmp_path)
 
 
-def test_phase_must_grow(tmp_path):
+def test_phase_must_grow(tmp_path: Path) -> None:
     message = refused({**CONTENT, "phase_angle_end": CONTENT["phase_angle_start"]}, tmp_path)
     assert "phase_angle_end" in message
 
 
-def test_no_such_gait_names_those_that_exist():
+def test_no_such_gait_names_those_that_exist() -> None:
     with pytest.raises(GaitError, match=DESIGNED[0]):
         load_gait("moonwalk")
 
 
 @given(field=st.sampled_from(NUMBERS), value=st.sampled_from([math.nan, math.inf, -math.inf, "x", None, [], {}]))
 @settings(max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
-def test_numbers_must_be_finite_numbers(field, value, tmp_path):
+def test_numbers_must_be_finite_numbers(field: str, value: Any, tmp_path: Path) -> None:
     assert field in refused({**CONTENT, field: value}, tmp_path)
 
 
@@ -86,13 +88,13 @@ def test_numbers_must_be_finite_numbers(field, value, tmp_path):
     ),
 )
 @settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
-def test_arrays_must_have_their_shape(field, junk, tmp_path):
+def test_arrays_must_have_their_shape(field: str, junk: Any, tmp_path: Path) -> None:
     assert field in refused({**CONTENT, field: junk}, tmp_path)
 
 
 @given(junk=st.binary(max_size=200))
 @settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
-def test_arbitrary_bytes_are_refused_or_a_gait(junk, tmp_path):
+def test_arbitrary_bytes_are_refused_or_a_gait(junk: Any, tmp_path: Path) -> None:
     path = tmp_path / "junk.yaml"
     path.write_bytes(junk)
     with suppress(GaitError):

@@ -4,6 +4,7 @@ import casadi as ca
 import numpy as np
 import pinocchio as pin
 import pytest
+from rabbit_description.state import Array
 from rl_cbf_clf_controller.gait_design import symbolic_robot
 from rl_cbf_clf_controller.gait_design.orbit_point import DEGREE, barrier_conditions, dynamics_residual, path
 from rl_cbf_clf_controller.gait_design.zero_dynamics import loaded_model
@@ -12,14 +13,14 @@ PLANE = [0, 2]
 WORLD = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 
 
-def random_motion(seed):
+def random_motion(seed: int) -> tuple[Array, Array, Array]:
     rng = np.random.default_rng(seed)
     return rng.uniform(-1, 1, 7), rng.uniform(-3, 3, 7), rng.uniform(-20, 20, 7)
 
 
 @pytest.mark.parametrize("payload", [0.0, 40.0])
 @pytest.mark.parametrize("seed", range(5))
-def test_mass_matrix_and_bias_forces(seed, payload):
+def test_mass_matrix_and_bias_forces(seed: int, payload: float) -> None:
     q, dq, _ = random_motion(seed)
     model = loaded_model(payload).model
     data = model.createData()
@@ -30,7 +31,7 @@ def test_mass_matrix_and_bias_forces(seed, payload):
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_feet(seed):
+def test_feet(seed: int) -> None:
     q, dq, ddq = random_motion(seed)
     model = loaded_model().model
     data = model.createData()
@@ -48,7 +49,7 @@ def test_feet(seed):
         assert np.array(motion[f"J_{name}"]) == pytest.approx(jacobian, abs=1e-12)
 
 
-def test_path_starts_and_ends_at_the_outer_control_points():
+def test_path_starts_and_ends_at_the_outer_control_points() -> None:
     rng = np.random.default_rng(1)
     coeffs, phase_range = rng.uniform(-1, 1, (4, DEGREE + 1)), np.array([-0.3, 0.25])
     for s, ends in ((0.0, (0, 1)), (1.0, (-2, -1))):
@@ -60,7 +61,7 @@ def test_path_starts_and_ends_at_the_outer_control_points():
         assert np.array(ca.DM(stance)).ravel() == pytest.approx([0, 0], abs=1e-12)
 
 
-def test_weight_alone_holds_a_robot_that_does_not_move():
+def test_weight_alone_holds_a_robot_that_does_not_move() -> None:
     """At rest, F = total weight upwards and u = the joints' gravity torques solve the equation of motion."""
     coeffs, phase_range = np.tile([[-0.2], [0.3], [0.1], [0.4]], DEGREE + 1), np.array([-0.1, 0.1])
     q = np.array(path()(coeffs, phase_range, 0.5)[0]).ravel()
@@ -74,7 +75,7 @@ def test_weight_alone_holds_a_robot_that_does_not_move():
     assert residual[[0, 1, 3, 4, 5, 6]] == pytest.approx(np.zeros(6), abs=1e-9)
 
 
-def test_barrier_condition_of_a_foot_at_rest_is_the_product_of_poles_and_barrier():
+def test_barrier_condition_of_a_foot_at_rest_is_the_product_of_poles_and_barrier() -> None:
     conditions = barrier_conditions(0.35, 0.40, 1.0, 0.4, (50.0, 70.0))
     rows = np.array(conditions([0.37, 0.0], [0, 0], [0, 0])).ravel()
     inner = np.hypot(0.37 - 0.175, 0.4) - np.hypot(0.175, 0.4)

@@ -5,7 +5,7 @@ import pinocchio as pin
 import pytest
 from rabbit_description.gait import load_gait
 from rl_cbf_clf_controller.gait_design.analysis import OracleWalk, fixed_point, pinned_state, poincare_eigenvalue
-from rl_cbf_clf_controller.gait_design.figures import Orbit, start_phase_rate
+from rl_cbf_clf_controller.gait_design.orbit import Orbit, start_phase_rate
 from rl_cbf_clf_controller.gait_design.zero_dynamics import ZeroDynamics, loaded_model
 from rl_cbf_clf_controller.virtual_constraints import VirtualConstraints
 
@@ -14,12 +14,12 @@ POINTS = [(0.0, 1.7), (0.3, 2.4), (0.7, 2.0), (1.0, 3.0)]
 
 
 @pytest.fixture(scope="module")
-def dynamics():
+def dynamics() -> ZeroDynamics:
     return ZeroDynamics(GAIT)
 
 
 @pytest.mark.parametrize(("phase", "rate"), POINTS)
-def test_outputs_are_zero_and_the_stance_foot_rests(dynamics, phase, rate):
+def test_outputs_are_zero_and_the_stance_foot_rests(dynamics: ZeroDynamics, phase: float, rate: float) -> None:
     instant = dynamics.at(phase, rate)
     outputs = VirtualConstraints(GAIT).evaluate(instant.q, instant.dq)
     assert outputs.eta == pytest.approx(np.zeros(8), abs=1e-12)
@@ -31,13 +31,13 @@ def test_outputs_are_zero_and_the_stance_foot_rests(dynamics, phase, rate):
 
 @pytest.mark.parametrize("payload", [0.0, 30.0])
 @pytest.mark.parametrize(("phase", "rate"), POINTS)
-def test_angular_momentum_about_the_point_foot_changes_by_gravity_alone(phase, rate, payload):
+def test_angular_momentum_about_the_foot_changes_by_gravity_alone(phase: float, rate: float, payload: float) -> None:
     """d/dt H_stance = total mass g (x_com - x_foot): no torque acts at a point foot. H by differences."""
     dynamics = ZeroDynamics(GAIT, loaded_model(payload))
     instant, model, h = dynamics.at(phase, rate), dynamics.model.model, 1e-5
     data = model.createData()
 
-    def momentum(t):
+    def momentum(t: float) -> tuple[float, float]:
         q, dq = instant.q + t * instant.dq + t * t / 2 * instant.ddq, instant.dq + t * instant.ddq
         spin = pin.computeCentroidalMomentum(model, data, q, dq)
         com = pin.centerOfMass(model, data, q)
@@ -47,17 +47,18 @@ def test_angular_momentum_about_the_point_foot_changes_by_gravity_alone(phase, r
     assert rate_of_change == pytest.approx((32 + payload) * 9.81 * momentum(0.0)[1], rel=1e-5, abs=1e-4)
 
 
-def test_phase_rates_are_those_of_the_pinned_robot_with_exact_linearisation(dynamics):
+def test_phase_rates_are_those_of_the_pinned_robot_with_exact_linearisation(dynamics: ZeroDynamics) -> None:
     walk = OracleWalk(GAIT, dynamics.model)
     first = start_phase_rate(GAIT)
     q, dq = dynamics.state(0.0, first)
     taken = walk.step(q, dq)
+    assert taken is not None
     orbit = Orbit(GAIT)
     assert taken.duration == pytest.approx(orbit.times[-1], rel=1e-4)
     assert walk.phase_rate(taken.q, taken.dq) == pytest.approx(first, rel=1e-3)
 
 
-def test_uniform_mass_scale_leaves_the_zero_dynamics_unchanged(dynamics):
+def test_uniform_mass_scale_leaves_the_zero_dynamics_unchanged(dynamics: ZeroDynamics) -> None:
     heavy = loaded_model()
     for inertia in heavy.model.inertias:
         inertia.mass, inertia.inertia = 2 * inertia.mass, 2 * inertia.inertia
@@ -70,7 +71,7 @@ def test_uniform_mass_scale_leaves_the_zero_dynamics_unchanged(dynamics):
 
 
 @pytest.mark.parametrize("payload", [0.0, 40.0])
-def test_least_phase_rate_parts_the_steps_that_are_completed(payload):
+def test_least_phase_rate_parts_the_steps_that_are_completed(payload: float) -> None:
     dynamics = ZeroDynamics(GAIT, loaded_model(payload))
     least, phases = dynamics.least_phase_rate(), np.linspace(0, 1, 201)
     assert np.isfinite(dynamics.phase_rates(phases, 1.001 * least)).all()
@@ -80,7 +81,7 @@ def test_least_phase_rate_parts_the_steps_that_are_completed(payload):
     assert walk.step(*dynamics.state(0.0, 0.98 * least)) is None
 
 
-def test_impact_loses_energy_and_leaves_the_landed_foot_at_rest():
+def test_impact_loses_energy_and_leaves_the_landed_foot_at_rest() -> None:
     orbit = Orbit(GAIT)
     last = orbit.instants[-1]
     after, _ = orbit.dynamics.model.impact(last.q, last.dq)
@@ -93,16 +94,17 @@ def test_impact_loses_energy_and_leaves_the_landed_foot_at_rest():
     assert landed_foot_rate == pytest.approx([0, 0], abs=1e-9)
 
 
-def test_eigenvalue_of_the_scalar_map_is_that_of_the_whole_map():
+def test_eigenvalue_of_the_scalar_map_is_that_of_the_whole_map() -> None:
     """At the nominal mass the manifold is invariant under the impact: delta^2 Phi is the Poincaré map's eigenvalue."""
     walk = OracleWalk(GAIT, loaded_model())
     taken = fixed_point(walk, *pinned_state(walk.model, *GAIT.x_start))
+    assert taken is not None
     eigenvalue = poincare_eigenvalue(walk, taken.q, taken.dq)
     assert eigenvalue == pytest.approx(Orbit(GAIT).figures().eigenvalue, rel=0.02)
     assert eigenvalue < 1
 
 
 @pytest.mark.parametrize("payload", [-1.0, np.nan, np.inf])
-def test_payload_is_checked(payload):
+def test_payload_is_checked(payload: float) -> None:
     with pytest.raises(ValueError, match="payload"):
         loaded_model(payload)

@@ -10,7 +10,7 @@ import numpy as np
 from rabbit_description.gait import Gait
 from rabbit_description.state import Array
 
-from rl_cbf_clf_controller.gait_design.figures import Orbit
+from rl_cbf_clf_controller.gait_design.orbit import Orbit
 from rl_cbf_clf_controller.gait_design.specification import GaitSpecification
 from rl_cbf_clf_controller.gait_design.transcription import Transcription
 from rl_cbf_clf_controller.gait_design.zero_dynamics import ZeroDynamics

@@ -9,7 +9,7 @@ from rabbit_description.gait import Gait
 from rabbit_description.state import Array
 
 from rl_cbf_clf_controller.gait_design.analysis import PayloadReport
-from rl_cbf_clf_controller.gait_design.figures import Orbit, Stone
+from rl_cbf_clf_controller.gait_design.orbit import Orbit, Stone
 
 JOINTS = ("stance hip", "stance knee", "swing hip", "swing knee")
 TORSO_LENGTH, LEG_SEGMENT = 0.63, 0.4  # m

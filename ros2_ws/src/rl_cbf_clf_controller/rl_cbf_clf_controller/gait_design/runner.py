@@ -9,7 +9,7 @@ from rabbit_description.gait import Gait
 
 from rl_cbf_clf_controller.gait_design.analysis import PAYLOADS, PayloadReport, over_payloads
 from rl_cbf_clf_controller.gait_design.design import Progress, design_gait
-from rl_cbf_clf_controller.gait_design.figures import Stone
+from rl_cbf_clf_controller.gait_design.orbit import Stone
 from rl_cbf_clf_controller.gait_design.plots import plot_gait, plot_payloads
 from rl_cbf_clf_controller.gait_design.specification import GaitSpecification
 
