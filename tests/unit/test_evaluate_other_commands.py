@@ -20,7 +20,9 @@ def test_training_leaves_a_sound_policy_and_goes_on(tmp_path: Path) -> None:
     done = rabbit("train", "--out", tmp_path, "--problem", "rl-clf-qp", "--batch", 8, *SHORT)
     assert done.exit_code == 0, done.output
     first = read(tmp_path / "policy.safetensors")
-    assert (first.metadata.episodes, first.metadata.plant["mass_scale"], first.metadata.plant["motor_lag"]) == (2, 2, 0)
+    plant = first.metadata.plant
+    assert first.metadata.episodes == 2
+    assert (plant["mass_scale"], plant["motor_lag"], plant["stop_at_miss"]) == (2, 0, False)
     assert rabbit("policy", "verify", tmp_path / "policy.safetensors").exit_code == 0
     assert first.content_hash in rabbit("policy", "show", tmp_path / "policy.safetensors").output
     again = rabbit("train", "--out", tmp_path, "--problem", "rl-clf-qp", "--batch", 8, *SHORT[2:], "--episodes", 3)

@@ -29,7 +29,7 @@ class SessionOptions(BaseModel):
 @app.command()
 @options(SessionOptions, TrainingParameters, ControllerParameters, SimulationParameters, without=("controller",))
 def train(given: Given) -> None:
-    """Learn a policy on the perturbed plant (by default twice the mass, no motor lag): DIR/policy.safetensors."""
+    """Learn a policy on the perturbed plant (by default twice the mass, no motor lag; no end at a missed stone)."""
     request = given.build(SessionOptions)
     from rabbit_description.gait import GaitError
     from rabbit_sim.stones import CourseError
@@ -47,7 +47,8 @@ def train(given: Given) -> None:
         controller = load_parameters(request.parameters, **values, controller=parameters.problem.value)
     terrain = "stones" if controller.on_stones else "flat"
     steps = parameters.walking_steps
-    plant = given.build(SimulationParameters, mass_scale=TRAINING_SCALE, terrain=terrain, stones=steps)
+    world = {"terrain": terrain, "stones": steps, "stop_at_miss": False}  # an episode ends by the robot's pose
+    plant = given.build(SimulationParameters, mass_scale=TRAINING_SCALE, **world)
     with (
         complaints(GaitError, CourseError, CheckpointError),
         training(request.out, parameters, controller, plant) as job,
