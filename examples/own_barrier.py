@@ -40,8 +40,8 @@ class Ceiling:
 
 def highest_step(ceiling: float | None, steps: int, seed: int = 1) -> float:
     """Walk on flat ground and return the swing foot's greatest height, m."""
-    gait = load_gait("stones_0350_084")
-    parameters = load_parameters("ours", controller="clf-qp", gait="stones_0350_084")
+    parameters = load_parameters("ours", controller="clf-qp")
+    gait = load_gait(parameters.gait)
     own = [] if ceiling is None else [Ceiling(ceiling)]
     controller = Controller(parameters, gait, ZeroPolicy(parameters.problem), constraints=own)
     simulation = Simulation(SimulationParameters(terrain="flat", stones=steps), gait)

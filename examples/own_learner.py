@@ -52,8 +52,8 @@ class AbsoluteErrors:
 
 def learn(episodes: int, steps: int, scale: float = 2.0) -> list[float]:
     """Train on the heavy robot on flat ground; the mean loss of each episode that learned."""
-    name = "stones_0350_084"
-    gait, chosen = load_gait(name), load_parameters("ours", controller="rl-clf-qp", gait=name)
+    chosen = load_parameters("ours", controller="rl-clf-qp")
+    gait = load_gait(chosen.gait)
     parameters = TrainingParameters(problem="rl-clf-qp", episodes=episodes, seed=1)
     simulation = Simulation(SimulationParameters(terrain="flat", stones=steps, mass_scale=scale), gait)
 

@@ -104,7 +104,3 @@ def test_no_node_hides_an_attribute_of_rclpy() -> None:
         if "(Node)" in text:
             ours = set(re.findall(r"self\.(\w+)(?:: [^=\n]+)? =", text)) | set(re.findall(r"def (\w+)\(self", text))
             assert ours & theirs <= {"__init__"}, path
-
-
-def test_simulator_and_controller_start_from_the_same_gait() -> None:
-    assert simulator.NodeParameters().gait == ControllerParameters().gait

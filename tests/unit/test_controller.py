@@ -2,19 +2,18 @@
 
 import numpy as np
 import pytest
-from rabbit_description.gait import load_gait
+from rabbit_description.gait import DEFAULT_GAIT, load_gait
 from rabbit_description.state import SWAP_STATE, SWAP_TORQUE, Leg, RobotState, StonePreview
 from rl_cbf_clf_controller.controller import Controller, ControllerError
 from rl_cbf_clf_controller.parameters import ControllerParameters, ParameterError, load_parameters
 from rl_cbf_clf_controller.policy import ZeroPolicy
 from rl_cbf_clf_controller.uncertainty import Estimates
 
-NAME = "stones_0350_084"
-GAIT = load_gait(NAME)
+GAIT = load_gait(DEFAULT_GAIT)
 
 
 def make(controller="cbf-clf-qp", policy=None, **changes):
-    parameters = load_parameters("ours", controller=controller, gait=NAME, **changes)
+    parameters = load_parameters("ours", controller=controller, **changes)
     return Controller(parameters, GAIT, policy or ZeroPolicy(parameters.problem))
 
 

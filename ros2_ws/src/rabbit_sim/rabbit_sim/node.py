@@ -9,7 +9,7 @@ import time
 from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
-from rabbit_description.gait import GaitError, load_gait
+from rabbit_description.gait import DEFAULT_GAIT, GaitError, load_gait
 from rabbit_description.state import TICK_SECONDS, Array, RobotState, StonePreview
 from rabbit_msgs.msg import Episode, EpisodePlan, RabbitState, TorqueCommand
 from rabbit_msgs.msg import Landing as LandingMessage
@@ -39,9 +39,7 @@ class NodeParameters(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    gait: str = Field(
-        "stones_0350_084", description="gait whose post-impact state the robot starts from: a name or a file"
-    )
+    gait: str = Field(DEFAULT_GAIT, description="gait whose post-impact state the robot starts from: a name or a file")
     seed: int = Field(1, ge=0, le=2**63 - 1, description="of the first episode; the next ones count up from it")
     episodes: int = Field(1, ge=0, description="episodes to walk by itself; 0: those that reset_episode asks for")
     start_paused: bool = Field(False, description="wait for the pause service to let the first episode begin")

@@ -5,6 +5,7 @@ from typing import Literal
 
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from rabbit_description.gait import DEFAULT_GAIT
 
 from rl_cbf_clf_controller.uncertainty import Problem
 
@@ -22,7 +23,7 @@ class ControllerParameters(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     controller: ControllerName = Field("cbf-clf-qp", description="controller by name")
-    gait: str = Field("stones_0350_084", description="name of a shipped gait, or a gait file's path")
+    gait: str = Field(DEFAULT_GAIT, description="name of a shipped gait, or a gait file's path")
     eps: float = Field(0.05, gt=0, le=1, description="epsilon of the RES-CLF")
     kp: float = Field(0.5, gt=0, le=100, description="gain on y at eps = 1")
     kd: float = Field(0.8660254037844386, gt=0, le=100, description="gain on dy at eps = 1")

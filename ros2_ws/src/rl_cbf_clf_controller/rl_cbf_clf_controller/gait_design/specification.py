@@ -1,4 +1,4 @@
-"""What a gait must be: step, speed, stones and limits. The defaults are those of the shipped `stones_0350_084`."""
+"""What a gait must be: step, speed, stones and limits. The defaults are those of `DEFAULT_GAIT`."""
 
 from typing import Annotated
 
