@@ -49,7 +49,7 @@ def test_graph_learns_the_same_weights(world: Any) -> None:
     for plan, mine in zip(plans, by_episode.values(), strict=False):
         assert {command.policy_version for command in mine} == {plan.policy_version}
     ticks = [(t.episode, t.tick) for t in transitions]
-    assert ticks == [(n, c.tick) for n, mine in by_episode.items() for c in mine[:-1]]
+    assert ticks == [(n, c.tick) for n, mine in by_episode.items() for c in mine]
 
 
 def test_transitions_carry_the_reward(world: Any) -> None:
@@ -59,7 +59,7 @@ def test_transitions_carry_the_reward(world: Any) -> None:
     world.start("trainer", learn_beside=0)
     world.go()
     world.wait(lambda: bool(episodes) and episodes[-1].phase == Episode.ENDED)
-    world.wait(lambda: len(transitions) == episodes[-1].tick - 1)
+    world.wait(lambda: len(transitions) == episodes[-1].tick)
     for before, after in itertools.pairwise(transitions):
         assert list(before.next_observation) == list(after.observation)
         assert list(before.next_mu) == list(after.mu)

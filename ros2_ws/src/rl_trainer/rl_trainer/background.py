@@ -80,6 +80,7 @@ class _Tick:
 class _End:
     state: RobotState | None
     number: int
+    tag: Any
 
 
 @dataclass
@@ -118,9 +119,9 @@ class Background:
         """A tick of the walk; `tag` comes back with its transition."""
         self._queue.put(_Tick(state, output, tag))
 
-    def end(self, state: RobotState | None, number: int) -> None:
-        """Episode `number` is over in `state` (None: lost)."""
-        self._queue.put(_End(state, number))
+    def end(self, state: RobotState | None, number: int, tag: Any = None) -> None:
+        """Episode `number` is over in `state` (None: lost); `tag` comes back with the transition into it."""
+        self._queue.put(_End(state, number, tag))
 
     @property
     def waiting(self) -> int:
@@ -161,7 +162,9 @@ class Background:
             self._tell(self.trainer.observe(item.state, item.output), item.tag)
             return
         if self._last is not None:  # else nothing of it was heard, and the plan still holds
-            self._digest(item.state or self._last)
+            last = item.state or self._last
+            self._tell(self.trainer.observe_end(last), item.tag)
+            self._digest(last)
         self.listener.on_plan(self._plan, item.number)
 
     def _digest(self, last: RobotState) -> None:

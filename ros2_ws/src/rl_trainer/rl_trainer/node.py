@@ -111,11 +111,11 @@ class TrainerNode(Node):
 
     def _check(self, part: str, message: Any) -> Any:
         if part == "state":
-            return state_of(message, None, finite=message.running)
+            return message.stamp, state_of(message, None, finite=message.running)
         if part == "torque":
             return torque_of(message)
         try:
-            return message.stamp, output_of(message, np.zeros(4))
+            return output_of(message, np.zeros(4))
         except ValueError as error:
             raise Refused("not fit", str(error)) from error
 
@@ -129,10 +129,11 @@ class TrainerNode(Node):
     def _hand_on(self, events: list[tuple[int, Event]]) -> None:
         for episode, event in events:
             if isinstance(event, Tick):
-                state, torque, (stamp, output) = event.messages
+                (stamp, state), torque, output = event.messages
                 self._learning.tick(state, replace(output, torque=torque), (episode, stamp))
             else:
-                self._learning.end(event.last, episode)
+                stamp, state = event.last or (Time(), None)
+                self._learning.end(state, episode, (episode, stamp))
 
     def _look(self) -> None:
         """Give up what an ended episode still owes."""

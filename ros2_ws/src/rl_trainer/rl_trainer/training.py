@@ -104,9 +104,13 @@ class Trainer:
         self._fault = output.fault
         return self._take(self._builder.add(state, output))
 
+    def observe_end(self, state: RobotState) -> Transition | None:
+        """Take in the state that the episode ended in; returns the transition into it, if this was not done before."""
+        return self._take(self._builder.end(state))
+
     def end_episode(self, plan: EpisodePlan, state: RobotState) -> EpisodeReport:
         """Take in the last state and learn; the next `begin_episode` has the new policy."""
-        self._take(self._builder.end(state))
+        self.observe_end(state)
         p = self.parameters
         updates = max(p.updates_least, round(p.updates_per_tick * len(self._episode)))
         losses = self.learn(updates)

@@ -1,0 +1,69 @@
+"""The learning thread in a tiny world: what it tells, and which weights it publishes."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from rl_cbf_clf_controller.policy import ZeroPolicy
+from rl_cbf_clf_controller.uncertainty import Problem
+from rl_cbf_clf_controller.weights import PolicyFile
+from rl_trainer.background import Background
+from rl_trainer.parameters import TrainingParameters
+from rl_trainer.rollout import rollout
+from rl_trainer.training import EpisodePlan, EpisodeReport, Trainer
+from rl_trainer.transitions import Transition
+
+PARAMETERS = TrainingParameters(problem=Problem.RL_CLF_QP, batch=16, updates_least=10, hidden1=16, hidden2=12)
+
+
+@dataclass
+class Heard:
+    """All that the thread tells."""
+
+    plans: list[EpisodePlan] = field(default_factory=list)
+    transitions: list[tuple[Transition, Any]] = field(default_factory=list)
+    policies: list[PolicyFile] = field(default_factory=list)
+    reports: list[EpisodeReport] = field(default_factory=list)
+
+    def on_plan(self, plan: EpisodePlan, after: int) -> None:
+        self.plans.append(plan)
+
+    def on_transition(self, transition: Transition, tag: Any) -> None:
+        self.transitions.append((transition, tag))
+
+    def on_policy(self, policy: PolicyFile) -> None:
+        self.policies.append(policy)
+
+    def on_report(self, report: EpisodeReport) -> None:
+        self.reports.append(report)
+
+
+def wait_for(holds: Callable[[], bool], seconds: float = 20.0) -> None:
+    """Until something holds."""
+    end = time.monotonic() + seconds
+    while not holds():
+        assert time.monotonic() < end
+        time.sleep(0.01)
+
+
+def walk(learning: Background, number: int, world: Any, make_controller: Any, **last: Any) -> None:
+    """An episode for the thread; `last` changes its last state."""
+    controller = make_controller(ZeroPolicy(Problem.RL_CLF_QP), 1.0)
+    end = rollout(world, controller, number, lambda r: learning.tick(r.state, r.output, (number, r.state.tick)))
+    learning.end(replace(end, **last), number, (number, end.tick))
+
+
+def test_the_transition_into_a_failure_is_told(toy_world: Any, toy_controller: Any) -> None:
+    heard = Heard()
+    learning = Background(Trainer(PARAMETERS), heard)
+    learning.start()
+    walk(learning, 1, toy_world, toy_controller, q=np.zeros(7))
+    wait_for(lambda: len(heard.plans) == 2)
+    learning.close()
+    assert [tag for _, tag in heard.transitions] == [(1, tick + 1) for tick in range(toy_world.ticks)]
+    assert [t.tick for t, _ in heard.transitions] == list(range(toy_world.ticks))
+    assert [t.failed for t, _ in heard.transitions] == [False] * (toy_world.ticks - 1) + [True]
+    assert heard.reports[0].failed
+    assert heard.reports[0].ticks == toy_world.ticks
