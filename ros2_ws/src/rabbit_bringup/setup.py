@@ -5,13 +5,7 @@ from pathlib import Path
 from setuptools import find_packages, setup
 
 NAME = "rabbit_bringup"
-HERE = Path(__file__).resolve().parent
-
-
-def sibling(name: str) -> str:
-    """A package beside this one, required by its path, since no registry has it."""
-    return f"{name} @ {(HERE.parent / name).as_uri()}"
-
+BESIDE = Path(__file__).resolve().parents[1].as_uri()  # where the packages are that no registry has
 
 setup(
     name=NAME,
@@ -20,7 +14,7 @@ setup(
     license="Apache-2.0",
     python_requires=">=3.11",
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
-    package_data={NAME: ["py.typed", "**/*.yaml", "**/*.urdf", "**/*.json", "**/*.safetensors"]},
+    package_data={NAME: ["py.typed"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
@@ -29,10 +23,10 @@ setup(
         (f"lib/{NAME}", sorted(map(str, Path().glob("bin/*")))),
     ],
     install_requires=[
-        sibling("rabbit_description"),
-        sibling("rabbit_sim"),
-        sibling("rl_cbf_clf_controller"),
-        sibling("rl_trainer"),
+        f"rabbit_description @ {BESIDE}/rabbit_description",
+        f"rabbit_sim @ {BESIDE}/rabbit_sim",
+        f"rl_cbf_clf_controller @ {BESIDE}/rl_cbf_clf_controller",
+        f"rl_trainer @ {BESIDE}/rl_trainer",
         "numpy>=2",
         "scipy",
         "pydantic>=2",

@@ -6,7 +6,6 @@ from setuptools import find_packages, setup
 
 NAME = "rabbit_description"
 
-
 setup(
     name=NAME,
     version="0.1.0",
@@ -14,7 +13,7 @@ setup(
     license="Apache-2.0",
     python_requires=">=3.11",
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
-    package_data={NAME: ["py.typed", "**/*.yaml", "**/*.urdf", "**/*.json", "**/*.safetensors"]},
+    package_data={NAME: ["py.typed", "urdf/*.urdf", "gaits/*.yaml"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),

@@ -5,13 +5,7 @@ from pathlib import Path
 from setuptools import find_packages, setup
 
 NAME = "rl_cbf_clf_controller"
-HERE = Path(__file__).resolve().parent
-
-
-def sibling(name: str) -> str:
-    """A package beside this one, required by its path, since no registry has it."""
-    return f"{name} @ {(HERE.parent / name).as_uri()}"
-
+BESIDE = Path(__file__).resolve().parents[1].as_uri()  # where the packages are that no registry has
 
 setup(
     name=NAME,
@@ -20,14 +14,14 @@ setup(
     license="Apache-2.0",
     python_requires=">=3.11",
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
-    package_data={NAME: ["py.typed", "**/*.yaml", "**/*.urdf", "**/*.json", "**/*.safetensors"]},
+    package_data={NAME: ["py.typed", "config/*.yaml", "policies/*.safetensors"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
         (f"share/{NAME}/config", sorted(map(str, Path().glob(f"{NAME}/config/*.yaml")))),
     ],
     install_requires=[
-        sibling("rabbit_description"),
+        f"rabbit_description @ {BESIDE}/rabbit_description",
         "numpy>=2",
         "scipy",
         "pin>=4.1,<5",
