@@ -34,7 +34,7 @@ def parts(problem: Problem, plant: str) -> tuple[Simulation, Controller, Trainin
 @pytest.mark.parametrize("plant", ["pybullet", "rigid"])
 @pytest.mark.parametrize("problem", Problem)
 def test_targets_are_the_true_errors(problem: Problem, plant: str) -> None:
-    """At the executed mu, noise on: relative error below 0.35; one difference over 10 ms resolves 0.01 to 0.3.
+    """At the executed mu, noise on: relative error below 0.1, of the forces, which the engine's ground gives, below 0.25.
 
     In the first approach the oracle cancels the error, so y'' must be mu; the error counts against the input's size.
     """
@@ -54,7 +54,8 @@ def test_targets_are_the_true_errors(problem: Problem, plant: str) -> None:
     simulation.close()
     assert len(target) > 30 * STEPS
     error = np.linalg.norm(np.array(target) - true, axis=0) / np.linalg.norm(size, axis=0)
-    assert error.max() < 0.35, dict(zip(problem.quantities, error, strict=True))
+    limit = [0.25 if name in ("C1", "C2") else 0.1 for name in problem.quantities]
+    assert (error < limit).all(), dict(zip(problem.quantities, error, strict=True))
 
 
 def test_environment_over_the_true_plant() -> None:

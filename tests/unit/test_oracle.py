@@ -5,11 +5,12 @@ import pytest
 from rabbit_description import URDF_PATH
 from rabbit_description.gait import load_gait
 from rabbit_description.state import RobotState, StonePreview
+from rl_cbf_clf_controller.context import PolicyContext
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.nominal_model import NominalModel
 from rl_cbf_clf_controller.oracle import OraclePolicy
 from rl_cbf_clf_controller.parameters import load_parameters
-from rl_cbf_clf_controller.policy import PolicyContext, ZeroPolicy
+from rl_cbf_clf_controller.policy import ZeroPolicy
 from rl_cbf_clf_controller.virtual_constraints import VirtualConstraints
 
 GAIT = load_gait("authors_035")
@@ -68,5 +69,5 @@ def test_no_error_when_the_plant_is_nominal(state):
 
 
 def test_an_actors_context_is_not_enough():
-    with pytest.raises(TypeError, match="OracleContext"):
+    with pytest.raises(TypeError, match="ModelContext"):
         OraclePolicy(URDF_PATH.read_text()).estimate(PolicyContext(np.zeros(15), np.zeros(4)))

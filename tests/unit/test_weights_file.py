@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rl_cbf_clf_controller.policy import ActorPolicy, PolicyContext, ZeroPolicy, contract
+from rl_cbf_clf_controller.context import PolicyContext
+from rl_cbf_clf_controller.policy import ActorPolicy, ZeroPolicy, contract
 from rl_cbf_clf_controller.uncertainty import Estimates, Problem
 from rl_cbf_clf_controller.weights import (
     PROBE,

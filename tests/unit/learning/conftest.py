@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 from rabbit_description.state import TICK_SECONDS, Array, Leg, RobotState
+from rl_cbf_clf_controller.context import PolicyContext
 from rl_cbf_clf_controller.controller import ControllerOutput
-from rl_cbf_clf_controller.policy import Policy, PolicyContext
+from rl_cbf_clf_controller.policy import Policy
 from rl_cbf_clf_controller.res_clf import ResClf
 from rl_cbf_clf_controller.uncertainty import Problem
 from rl_trainer.networks import OBSERVATION_UNITS
@@ -49,6 +50,7 @@ def make_output(tick: int, problem: Problem = Problem.RL_CBF_CLF_QP, **changes: 
         mu=np.zeros(4),
         mu_qp=np.zeros(4),
         omega=np.zeros(4),
+        mu_held=np.full(4, np.nan),
         quantities=problem.quantities,
         nominal_a=np.zeros((n, 4)),
         nominal_b=np.zeros(n),
@@ -101,7 +103,8 @@ def random_transition() -> MakeTransition:
         measured = nominal + alpha @ mu + beta
         if problem is Problem.IO_RL_CLF_QP:
             used_alpha, used_beta = 0.5 * rng.standard_normal((4, 4)), 20 * rng.standard_normal(4)
-            nominal, measured = mu, (mu + used_alpha @ mu + used_beta) / 2 + drift(observation)
+            nominal = mu + used_alpha @ mu + used_beta
+            measured = nominal / 2 + drift(observation)
         transition = Transition(
             problem=problem,
             tick=0,
@@ -156,6 +159,10 @@ class ToyController:
 
     def reset(self, seed: int) -> None:
         self._rng = np.random.default_rng(seed)
+        self._torque = np.full(4, np.nan)
+
+    def applied(self, torque: Array) -> None:
+        self._torque = torque
 
     def step(self, state: RobotState) -> ControllerOutput:
         eta = np.concatenate([state.q[3:], state.dq[3:]])
@@ -165,6 +172,7 @@ class ToyController:
         mu = -20 * eta[:4] - 8 * eta[4:] + self.sigma * self._rng.standard_normal(4)
         changes = {"eta": eta, "V": CLF.value(eta), "LgV": LgV, "mu": mu, "torque": mu, "observation": observation}
         nominal = CLF.derivative(eta)
+        mu_held, self._torque = self._torque, mu
         return make_output(
             state.tick,
             Problem.RL_CLF_QP,
@@ -173,6 +181,7 @@ class ToyController:
             alpha=estimates.alpha,
             beta=estimates.beta,
             policy_version=self.policy.version,
+            mu_held=mu_held,
             **changes,
         )
 

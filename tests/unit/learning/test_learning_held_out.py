@@ -5,7 +5,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rl_cbf_clf_controller.policy import PolicyContext, ZeroPolicy
+from rl_cbf_clf_controller.context import PolicyContext
+from rl_cbf_clf_controller.policy import ZeroPolicy
 from rl_cbf_clf_controller.uncertainty import Estimates, Problem
 from rl_trainer.held_out import estimation_error
 from rl_trainer.parameters import TrainingParameters

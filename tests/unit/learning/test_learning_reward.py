@@ -33,10 +33,10 @@ def test_reward_is_the_weighted_sum_of_squares_and_the_penalty(random_transition
 def test_true_errors_earn_no_penalty(problem: Problem, random_transition: MakeTransition, truth: Any) -> None:
     transition = random_transition(problem, np.random.default_rng(1))
     alpha, beta = truth(problem, transition.observation, transition.LgV)
-    measured = transition.measured
+    nominal, measured = transition.nominal, transition.measured
     if problem is Problem.IO_RL_CLF_QP:  # the input is corrected, so the plant answers mu itself
-        measured = transition.mu
-    transition = replace(transition, alpha=alpha, beta=beta, measured=measured)
+        nominal, measured = transition.mu + alpha @ transition.mu + beta, transition.mu
+    transition = replace(transition, alpha=alpha, beta=beta, nominal=nominal, measured=measured)
     assert reward_terms(transition, TrainingParameters(problem=problem)).total == pytest.approx(0, abs=1e-20)
 
 

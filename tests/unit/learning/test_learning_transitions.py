@@ -66,6 +66,19 @@ def test_nominal_is_taken_at_the_executed_mu(tick: Tick) -> None:
     np.testing.assert_allclose(join(first, tick(21)).nominal, a @ mu + b)
 
 
+def test_nominal_of_a_tick_is_the_mean_of_its_ends_under_the_held_torque(tick: Tick) -> None:
+    """Exact where the nominal value changes at a constant rate; the CLF's, where the nominal acceleration does."""
+    rng = np.random.default_rng(3)
+    mu, mu_held, (a, next_a) = rng.normal(size=4), rng.normal(size=4), rng.normal(size=(2, 5, 4))
+    first = tick(20, output={"mu": mu, "nominal_a": a, "LgV": a[0]})
+    second = tick(21, output={"mu_held": mu_held, "nominal_a": next_a})
+    expected = (a @ mu + next_a @ mu_held) / 2
+    expected[0] = a[0] @ (mu + mu_held) / 2
+    np.testing.assert_allclose(join(first, second, parameters=TrainingParameters()).nominal, expected)
+    at_start = TrainingParameters(nominal_value="start")
+    np.testing.assert_allclose(join(first, second, parameters=at_start).nominal, a @ mu)
+
+
 def test_error_is_the_papers_loss(tick: Tick) -> None:
     """V-dot measured 50, nominal 10, corrected by alpha mu + beta = 25: the estimate is 15 short."""
     alpha = np.zeros((5, 4))

@@ -16,10 +16,10 @@ from rabbit_description.state import SWAP_STATE, SWAP_TORQUE, TICK_SECONDS, Arra
 
 from rl_cbf_clf_controller.affine import Affine
 from rl_cbf_clf_controller.contact_force import force_rows, literal_cone_rows
+from rl_cbf_clf_controller.context import ModelContext
 from rl_cbf_clf_controller.ecbf import Barriers, ecbf_bound, ecbf_gains, stone_barriers
 from rl_cbf_clf_controller.io_linearization import precontrol
 from rl_cbf_clf_controller.nominal_model import Kinematics, NominalModel, PinnedDynamics
-from rl_cbf_clf_controller.oracle import OracleContext
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import Policy
 from rl_cbf_clf_controller.qp import Decision, QuadraticProgram, build_qp, unpack
@@ -32,6 +32,7 @@ from rl_cbf_clf_controller.uncertainty import Estimates
 from rl_cbf_clf_controller.virtual_constraints import Outputs, VirtualConstraints
 
 NO_BARRIERS = np.full(2, np.nan)
+NO_TORQUE = np.full(4, np.nan)
 
 
 class ControllerError(ValueError):
@@ -43,11 +44,12 @@ class ControllerOutput:
     """All of one tick that a person debugging, a recorder or the trainer wants.
 
     `torque` (4,) N m, left/right order, saturated; `eta` (8,); `barriers`, `barrier_rates` (2,), NaN on flat ground;
-    `mu` (4,) as executed after exploration and saturation, `mu_qp` the QP's, `omega` the noise; nominal value of the
-    quantities = `nominal_a` mu + `nominal_b`, (n, 4) and (n,); `alpha`, `beta` the estimates; `observation` (14,) or
-    (15,); `LgV` (4,); `clf_slack`, `rescue_slack`: the paper's d, the sum of the slacks of last resort; `active` names
-    the rows that hold with equality; `answered` is False where the guard solver had to answer; `fault` is empty, or
-    why the episode must end.
+    `mu` (4,) as executed after exploration and saturation, `mu_qp` the QP's, `omega` the noise; `mu_held` (4,) what the
+    last tick's torque amounts to at this state, that is y-ddot by the nominal model, NaN where the step is new; nominal
+    value of the quantities = `nominal_a` mu + `nominal_b`, (n, 4) and (n,); `alpha`, `beta` the estimates;
+    `observation` (14,) or (15,); `LgV` (4,); `clf_slack`, `rescue_slack`: the paper's d, the sum of the slacks of last
+    resort; `active` names the rows that hold with equality; `answered` is False where the guard solver had to answer;
+    `fault` is empty, or why the episode must end.
     """
 
     tick: int
@@ -63,6 +65,7 @@ class ControllerOutput:
     mu: Array
     mu_qp: Array
     omega: Array
+    mu_held: Array
     quantities: tuple[str, ...]
     nominal_a: Array
     nominal_b: Array
@@ -92,10 +95,11 @@ class Terms:
     dynamics: PinnedDynamics
     outputs: Outputs
     eta: Array
+    output_dynamics: Affine
     precontrol: Affine
     model: QuantityModel
     nominal: Affine
-    context: OracleContext
+    context: ModelContext
 
     @property
     def barriers(self) -> Barriers | None:
@@ -110,11 +114,12 @@ class Constraint(Protocol):
 
 @dataclass
 class StepState:
-    """Which leg stands, for how long, and how many steps have been taken."""
+    """Which leg stands, for how long, how many steps have been taken; the last tick's torque, stance/swing order."""
 
     stance: Leg = Leg.LEFT
     index: int = 0
     start_tick: int = 0
+    torque: Array = field(default_factory=lambda: NO_TORQUE)
     rng: np.random.Generator = field(default_factory=lambda: np.random.default_rng(0))
 
 
@@ -152,6 +157,10 @@ class Controller:
         self._step = StepState(rng=np.random.default_rng(seed))
         self._solver.reset()
 
+    def applied(self, torque: Array) -> None:
+        """Tell that `torque` (4,), left/right order, was applied in place of the one that `step` gave last."""
+        self._step.torque = torque[SWAP_TORQUE] if self._step.stance is Leg.RIGHT else torque
+
     def step(self, state: RobotState) -> ControllerOutput:
         """The torque for one tick.
 
@@ -178,7 +187,8 @@ class Controller:
         dynamics = self._model.pinned()
         outputs = self._constraints.evaluate(q_s, dq_s)
         eta = outputs.eta
-        control = precontrol(outputs.second_derivative(dynamics.acceleration))
+        output_dynamics = outputs.second_derivative(dynamics.acceleration)
+        control = precontrol(output_dynamics)
         p = self.parameters
         barriers = self._barriers(feet, state.preview)
         clf = self.clf.derivative(eta)
@@ -187,8 +197,8 @@ class Controller:
         z = (*feet.hip, outputs.phase, *feet.hip_rate, outputs.phase_rate)
         stone = (state.preview.l_min,) if p.on_stones and state.preview else ()
         observation = np.concatenate([eta, z, stone])
-        context = OracleContext(observation, clf.a[0], q_s, dq_s, model, nominal, control)
-        return Terms(q_s, dq_s, feet, dynamics, outputs, eta, control, model, nominal, context)
+        context = ModelContext(observation, clf.a[0], q_s, dq_s, model, nominal, control)
+        return Terms(q_s, dq_s, feet, dynamics, outputs, eta, output_dynamics, control, model, nominal, context)
 
     def rows(self, terms: Terms, estimates: Estimates, control: Affine) -> list[Rows]:
         """Which QP has which rows: every constraint of this tick, with its estimates."""
@@ -246,6 +256,7 @@ class Controller:
         saturated = bool((torque != wanted).any())
         if saturated:
             mu = np.linalg.solve(control.a, torque - control.b)
+        mu_held, step.torque = terms.output_dynamics(step.torque), torque
         return ControllerOutput(
             tick=state.tick,
             torque=torque[SWAP_TORQUE] if step.stance is Leg.RIGHT else torque,
@@ -260,6 +271,7 @@ class Controller:
             mu=mu,
             mu_qp=decision.mu,
             omega=omega,
+            mu_held=mu_held,
             quantities=p.problem.quantities,
             nominal_a=terms.nominal.a,
             nominal_b=terms.nominal.b,
@@ -290,6 +302,7 @@ class Controller:
             phase = self._constraints.evaluate(self._relabel(state.q), self._relabel(state.dq)).phase
             if phase > p.swap_phase:
                 step.stance, step.index, step.start_tick = swing, step.index + 1, state.tick
+                step.torque = NO_TORQUE
         if state.touchdowns != step.index:
             return f"contact disagreement: {state.touchdowns} touchdowns, {step.index} steps"
         return ""

@@ -10,7 +10,7 @@ from rabbit_description.state import Array, Leg
 
 from rl_cbf_clf_controller.controller import ControllerOutput
 
-ARRAYS = ("eta", "barriers", "barrier_rates", "mu", "mu_qp", "omega")
+ARRAYS = ("eta", "barriers", "barrier_rates", "mu", "mu_qp", "omega", "mu_held")
 SCALARS = ("tick", "step_index", "step_time", "phase", "clf_slack", "rescue_slack", "saturated", "answered")
 WORDS = ("solver", "status", "solve_seconds", "fault")
 SAME = (*ARRAYS, *SCALARS, *WORDS)  # what has one name on both sides

@@ -5,31 +5,12 @@ the same state; their difference is the estimate. In the first approach alpha an
 y-ddot = mu: I + alpha = LgLfh_nominal LgLfh_true^-1, beta = LgLfh_nominal (u_true* - u_nominal*).
 """
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
-
 import numpy as np
-from rabbit_description.state import Array
 
-from rl_cbf_clf_controller.affine import Affine
+from rl_cbf_clf_controller.context import ModelContext, PolicyContext
 from rl_cbf_clf_controller.io_linearization import precontrol
 from rl_cbf_clf_controller.nominal_model import NominalModel
-from rl_cbf_clf_controller.policy import PolicyContext
 from rl_cbf_clf_controller.uncertainty import Estimates
-
-if TYPE_CHECKING:
-    from rl_cbf_clf_controller.quantities import QuantityModel
-
-
-@dataclass(frozen=True)
-class OracleContext(PolicyContext):
-    """What only the oracle sees besides: the state, stance/swing order, and the tick's nominal terms."""
-
-    q_s: Array
-    dq_s: Array
-    quantities: "QuantityModel"
-    nominal: Affine
-    precontrol: Affine
 
 
 class OraclePolicy:
@@ -47,8 +28,8 @@ class OraclePolicy:
         Raises:
             TypeError: called with the context of an actor.
         """
-        if not isinstance(context, OracleContext):
-            raise TypeError(f"oracle: expected an OracleContext, got {type(context).__name__}")
+        if not isinstance(context, ModelContext):
+            raise TypeError(f"oracle: expected a ModelContext, got {type(context).__name__}")
         self._model.update(context.q_s, context.dq_s)
         dynamics = self._model.pinned()
         if self._io:

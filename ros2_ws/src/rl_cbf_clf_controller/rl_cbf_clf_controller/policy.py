@@ -9,22 +9,14 @@ expression Delta^v = 2 eta' P G Delta = LgV Delta [eq70] says:
 Plain, they are 5 outputs times (|LgV| + 1). Either way the action is the paper's (25 values on stones).
 """
 
-from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 from rabbit_description.state import Array
 
+from rl_cbf_clf_controller.context import PolicyContext
 from rl_cbf_clf_controller.uncertainty import INPUTS, Estimates, Problem
 from rl_cbf_clf_controller.weights import PolicyFile, forward
-
-
-@dataclass(frozen=True)
-class PolicyContext:
-    """All an actor may see at a tick: `observation` (14,) or (15,), raw, see `Problem.observation`; `LgV` (4,)."""
-
-    observation: Array
-    LgV: Array
 
 
 class Policy(Protocol):

@@ -10,7 +10,8 @@ from collections.abc import Sequence
 
 import numpy as np
 from rabbit_description.state import Array
-from rl_cbf_clf_controller.policy import Policy, PolicyContext
+from rl_cbf_clf_controller.context import PolicyContext
+from rl_cbf_clf_controller.policy import Policy
 from rl_cbf_clf_controller.uncertainty import Problem
 
 from rl_trainer.parameters import TrainingParameters

@@ -93,6 +93,9 @@ class TrainingParameters(BaseModel):
     clf_difference: Literal["rates", "value"] = Field(
         default="rates", description="V-dot from the difference of dy and the gradient of V, or of V itself"
     )
+    nominal_value: Literal["mean", "start"] = Field(
+        default="mean", description="nominal value of a tick: the mean of its ends under the held torque, or its start"
+    )
     settle_time: float = Field(default=0.04, ge=0, le=1, description="s after an impact")
     far_position: float = Field(default=0.6, gt=0, description="abs(y) beyond this is far off the gait, rad")
     far_velocity: float = Field(default=12.0, gt=0, description="abs(dy) beyond this is far off the gait, rad/s")
@@ -156,6 +159,7 @@ def paper_literal(problem: Problem, **changes: Any) -> TrainingParameters:
     literal: dict[str, Any] = {
         "structured": False,
         "clf_difference": "value",
+        "nominal_value": "start",
         "relative_clf": False,
         "critic": "plain",
         "heads": "one",

@@ -7,6 +7,9 @@ A quantity is measured by one numerical difference over the tick [SectionRL, Rem
 and the stance foot's force is the one averaged over that tick. A difference across a change of stance means nothing.
 V is quadratic in dy, so its own difference is off by dt |G y''|^2 in the metric P; with `clf_difference = rates` the
 known gradient of V takes the difference of dy instead: V-dot = LfV + LgV (dy' - dy) / dt.
+
+A difference is a mean over the tick, in which the torque is held and the state moves on; so the nominal value that it
+is compared to is the mean of those at the tick's ends (`nominal_value = mean`), both under the torque that was applied.
 """
 
 from dataclasses import dataclass
@@ -70,10 +73,11 @@ class Transition:
     def target(self) -> Array:
         """What the correction should have been, (n,): the model's error at the executed mu.
 
-        In the first approach the correction is part of the input v = mu + correction, and the target is v - y''.
+        In the first approach the correction is part of the input v = mu + correction, which the nominal model takes for
+        y''; the target is v - y''.
         """
         if self.problem is Problem.IO_RL_CLF_QP:
-            return self.mu + self.correction - self.measured
+            return self.nominal - self.measured
         return self.measured - self.nominal
 
     @property
@@ -116,6 +120,7 @@ class TransitionBuilder:
     def _transition(self, last: ControllerOutput, state: RobotState, output: ControllerOutput | None) -> Transition:
         following = output or last
         doubt = self._doubt(last, state, output)
+        measurable = not doubt & Doubt.UNMEASURED
         unmeasured = np.full(len(last.quantities), np.nan)
         return Transition(
             problem=self._parameters.problem,
@@ -126,10 +131,8 @@ class TransitionBuilder:
             mu=last.mu,
             alpha=last.alpha,
             beta=last.beta,
-            nominal=last.nominal_a @ last.mu + last.nominal_b,
-            measured=unmeasured
-            if doubt & Doubt.UNMEASURED or output is None
-            else measure(last, state, output, self._parameters.clf_difference),
+            nominal=nominal_value(last, output if measurable else None, self._parameters),
+            measured=measure(last, state, output, self._parameters) if measurable and output else unmeasured,
             next_observation=following.observation,
             next_LgV=following.LgV,
             next_mu=following.mu,
@@ -156,12 +159,12 @@ class TransitionBuilder:
         return bool(state.q[1] < self._parameters.fall_height or abs(state.q[2]) > self._parameters.fall_pitch)
 
 
-def measure(last: ControllerOutput, state: RobotState, output: ControllerOutput, clf_difference: str) -> Array:
+def measure(last: ControllerOutput, state: RobotState, output: ControllerOutput, p: TrainingParameters) -> Array:
     """All quantities over the tick from `last` to (`state`, `output`), (n,), in their units."""
     barriers = (output.barrier_rates - last.barrier_rates) / TICK_SECONDS
     accelerations = (output.eta[4:] - last.eta[4:]) / TICK_SECONDS
     tangential, normal = state.foot_force[last.stance]
-    by_rates = clf_difference == "rates" and "V" in last.quantities
+    by_rates = p.clf_difference == "rates" and "V" in last.quantities
     values = {
         "V": last.nominal_b[0] + last.LgV @ accelerations if by_rates else (output.V - last.V) / TICK_SECONDS,
         "B1": barriers[0],
@@ -171,3 +174,16 @@ def measure(last: ControllerOutput, state: RobotState, output: ControllerOutput,
         **{f"y{i + 1}": acceleration for i, acceleration in enumerate(accelerations)},
     }
     return np.array([values[name] for name in last.quantities])
+
+
+def nominal_value(last: ControllerOutput, output: ControllerOutput | None, p: TrainingParameters) -> Array:
+    """The quantities by the nominal model over the same tick, (n,); at its start where there is no `output`."""
+    first_approach = p.problem is Problem.IO_RL_CLF_QP
+    v: Array = last.mu + last.alpha @ last.mu + last.beta if first_approach else last.mu
+    start = last.nominal_a @ v + last.nominal_b
+    if output is None or p.nominal_value == "start" or not np.isfinite(output.mu_held).all():
+        return start
+    mean: Array = (start + output.nominal_a @ output.mu_held + output.nominal_b) / 2
+    if p.clf_difference == "rates" and "V" in last.quantities:
+        mean[0] = last.nominal_b[0] + last.LgV @ (v + output.mu_held) / 2
+    return mean

@@ -21,7 +21,7 @@ from rl_trainer.rollout import Record
 STATE = ("tick", "q", "dq", "foot_force", "contact", "touchdowns")
 OUTPUT = (
     *("torque", "stance", "step_index", "phase", "eta", "V", "barriers", "barrier_rates"),
-    *("mu", "mu_qp", "omega", "nominal_a", "nominal_b", "alpha", "beta", "LgV", "clf_slack", "rescue_slack"),
+    *("mu", "mu_qp", "omega", "mu_held", "nominal_a", "nominal_b", "alpha", "beta", "LgV", "clf_slack", "rescue_slack"),
 )
 LANDING = ("index", "tick", "l", "l_min", "l_max", "on_stone")
 
@@ -56,6 +56,7 @@ class WalkRecords:
     mu: Array
     mu_qp: Array
     omega: Array
+    mu_held: Array
     nominal_a: Array
     nominal_b: Array
     alpha: Array
