@@ -1,6 +1,8 @@
 """Policies that change while the robot walks: no tick is lost, every torque says which one made it."""
 
+import dataclasses
 import itertools
+import json
 import math
 from pathlib import Path
 from typing import Any
@@ -14,14 +16,20 @@ from rabbit_msgs.msg import Episode, PolicyWeights
 from rabbit_msgs.srv import LoadPolicy, ResetEpisode
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.uncertainty import Problem
-from rl_cbf_clf_controller.weights import PolicyFile, PolicyMetadata, probe_inputs
+from rl_cbf_clf_controller.weights import PROBE, PolicyFile, PolicyMetadata, probe_inputs
+from safetensors.numpy import save
 
 PLANT = {"motor_lag": 0.004, "stones": 5}
 LAW = ControllerParameters(controller="rl-cbf-clf-qp")
-HIDDEN = (8, 8)
+SMALL, FULL = (8, 8), (400, 300)
 
 
-def policy(number: int, bias: float = 0.0, problem: Problem = Problem.RL_CBF_CLF_QP) -> PolicyFile:
+def policy(
+    number: int,
+    bias: float = 0.0,
+    problem: Problem = Problem.RL_CBF_CLF_QP,
+    hidden: tuple[int, int] = SMALL,
+) -> PolicyFile:
     """A policy whose outputs are all tanh(bias), whatever it sees; another one for each number."""
     n = len(problem.quantities)
     metadata = PolicyMetadata(
@@ -29,7 +37,7 @@ def policy(number: int, bias: float = 0.0, problem: Problem = Problem.RL_CBF_CLF
         observation=problem.observation,
         observation_center=(0.0,) * len(problem.observation),
         observation_scale=(1.0,) * len(problem.observation),
-        hidden=HIDDEN,
+        hidden=hidden,
         structured=False,
         alpha_scale=(0.1,) * n,
         beta_scale=(1.0,) * n,
@@ -41,13 +49,13 @@ def policy(number: int, bias: float = 0.0, problem: Problem = Problem.RL_CBF_CLF
         commit="",
         command="",
     )
-    sizes = (len(problem.observation), *HIDDEN, metadata.outputs)
+    sizes = (len(problem.observation), *hidden, metadata.outputs)
     arrays: dict[str, NDArray[np.float32]] = {}
     for i, (before, after) in enumerate(itertools.pairwise(sizes)):
         arrays[f"{i}.weight"] = np.zeros((after, before), dtype=np.float32)
         arrays[f"{i}.bias"] = np.full(after, bias if i == 2 else number, dtype=np.float32)
     rows = len(probe_inputs(1))
-    arrays["probe.outputs"] = np.full((rows, metadata.outputs), math.tanh(bias), dtype=np.float32)
+    arrays[PROBE] = np.full((rows, metadata.outputs), math.tanh(bias), dtype=np.float32)
     return PolicyFile(metadata, arrays)
 
 
@@ -61,26 +69,37 @@ def over(episodes: list[Episode], number: int = 1) -> bool:
     return any(e.episode >= number and e.phase == Episode.ENDED for e in episodes)
 
 
-def test_many_swaps_in_one_walk(world: Any) -> None:
-    """Policies without an effect: the torques are those of a walk without them; with one, a replay gives them again."""
+def tampered(file: PolicyFile, bias: NDArray[np.float32]) -> bytes:
+    """A policy file in which one array is replaced and the header says nothing of it."""
+    head = {"content_hash": file.content_hash, "metadata": file.metadata.model_dump(mode="json")}
+    return bytes(save({**file.arrays, "0.bias": bias}, metadata={"rabbit_policy": json.dumps(head)}))
+
+
+def test_a_hundred_swaps_in_one_walk(world: Any) -> None:
+    """From messages and files, half a megabyte each: no tick lost, no stone missed, a replay gives the torques."""
     commands, swaps, episodes = world.hear("torque"), world.hear("policy_swap"), world.hear("episode")
-    world.start("simulator", pace=1.0, stop_at_miss=False, **PLANT)
+    world.start("simulator", pace=0.8, **{**PLANT, "stones": 20})
     world.start("controller", **LAW.model_dump())
     world.start("recorder", path=str(world.folder / "recording"))
     world.say("policy", weights(policy(0)))
     world.go()
-    sent = 1
-    while not over(episodes):
-        world.say("policy", weights(policy(sent, bias=0.01 * (sent % 3))))
-        world.spin(0.02)
-        sent += 1
+    loaded: set[str] = set()
+    for sent in itertools.takewhile(lambda _: not over(episodes), itertools.count(1)):
+        file = policy(sent, bias=0.01 * (sent % 3), hidden=FULL)
+        if sent % 10:
+            world.say("policy", weights(file))
+        else:
+            file.write(world.folder / "policy.safetensors")
+            loaded.add(world.ask(LoadPolicy, "load_policy", path=str(world.folder / "policy.safetensors")).version)
+        world.spin(0.04)
     world.spin(0.5)
     world.processes.stop(("simulator", "controller"))
     world.processes.stop()
-    assert episodes[-1].outcome == "walked"
+    assert (episodes[-1].outcome, episodes[-1].touchdowns) == ("walked", 20)
     assert [command.tick for command in commands] == list(range(episodes[-1].tick))
     accepted = [swap for swap in swaps if swap.accepted and swap.episode == 1]
-    assert len(accepted) > 50
+    assert len(accepted) >= 100
+    assert loaded & {swap.version for swap in accepted}
     by_tick = {swap.tick: swap.version for swap in accepted}
     version = by_tick.get(0, [swap.version for swap in swaps if swap.episode == 0][-1])
     for command in commands:
@@ -91,29 +110,39 @@ def test_many_swaps_in_one_walk(world: Any) -> None:
     assert differing_ticks(recorded, LAW) == []
 
 
-def test_bad_policies_are_refused_with_a_reason(world: Any, tmp_path: Path) -> None:
-    swaps = world.hear("policy_swap")
-    world.start("controller", **LAW.model_dump())
-    world.wait(lambda: bool(swaps))
-    assert (swaps[0].version, swaps[0].accepted) == ("zero", True)
+def test_bad_policies_are_refused_with_a_reason_and_the_old_one_goes_on(world: Any, tmp_path: Path) -> None:
+    commands, swaps, episodes = world.hear("torque"), world.hear("policy_swap"), world.hear("episode")
     good = policy(1)
-    wrong = {
-        "not a policy file": PolicyWeights(version="x", data=b"\x00" * 100),
-        "": PolicyWeights(version=good.version, data=good.encode()[:-1] + b"\x01"),
-        "the message says version": PolicyWeights(version="other", data=good.encode()),
-        "trained for": weights(policy(1, problem=Problem.RL_CLF_QP)),
+    other, long, nan = (np.full(n, value, dtype=np.float32) for n, value in ((8, 0.3), (9, 1.0), (8, np.nan)))
+    bad = {
+        "not a policy file": b"\x00" * 100,
+        "content hash": tampered(good, other),
+        "expected float32 (8,)": tampered(good, long),
+        "not finite": tampered(good, nan),
+        "trained for": policy(1, problem=Problem.RL_CLF_QP).encode(),
+        "fixed observations": dataclasses.replace(good, arrays={**good.arrays, PROBE: good.arrays[PROBE] + 1}).encode(),
     }
-    for number, (reason, message) in enumerate(wrong.items(), 1):
-        world.say("policy", message)
-        world.wait(lambda number=number: len(swaps) > number)
-        assert not swaps[-1].accepted
+    good.write(tmp_path / "good")
+    world.start("simulator", pace=1.0, **{**PLANT, "stones": 200})
+    world.start("controller", policy=str(tmp_path / "good"), **LAW.model_dump())
+    world.go()
+    world.wait(lambda: bool(commands and swaps))
+    messages = {**bad, "the message says version": policy(2).encode()}
+    for number, (reason, data) in enumerate(messages.items(), 2):
+        world.say("policy", PolicyWeights(version="x", data=data))
+        world.wait(lambda number=number: len(swaps) >= number)
         assert reason in swaps[-1].reason
-    files = {"No such file": tmp_path / "none", "directory": tmp_path, "not a policy": Path(__file__)}
-    for reason, path in files.items():
-        answer = world.ask(LoadPolicy, "load_policy", path=str(path))
-        assert not answer.accepted
-        assert reason in answer.message
-    assert all(not swap.accepted for swap in swaps[1:])
+    for number, (reason, data) in enumerate(bad.items()):
+        (tmp_path / f"{number}").write_bytes(data)
+        answer = world.ask(LoadPolicy, "load_policy", path=str(tmp_path / f"{number}"))
+        assert (answer.accepted, reason in answer.message) == (False, True), answer.message
+    for reason, path in {"No such file": tmp_path / "none", "directory": tmp_path}.items():
+        assert reason in world.ask(LoadPolicy, "load_policy", path=str(path)).message
+    world.wait(lambda: len(swaps) == 1 + len(messages) + len(bad) + 2)
+    world.wait(lambda: commands[-1].tick > swaps[-1].tick + 10)
+    assert not over(episodes)
+    assert [swap.version for swap in swaps if swap.accepted] == [good.version]
+    assert {command.policy_version for command in commands} == {good.version}
 
 
 @pytest.mark.parametrize("swap_at", ["tick", "episode", "never"])
