@@ -43,5 +43,8 @@ setup(
         "rosbags>=0.11.9,<0.12",
     ],
     extras_require={"test": ["pytest"]},
-    entry_points={"console_scripts": ["rabbit = rabbit_bringup.cli:app"]},
+    entry_points={
+        "console_scripts": ["rabbit = rabbit_bringup.cli:app"],
+        "rabbit.nodes": ["recorder = rabbit_bringup.recording.recorder_node:main"],
+    },
 )

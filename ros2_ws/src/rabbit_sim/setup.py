@@ -29,5 +29,8 @@ setup(
         "pyyaml",
     ],
     extras_require={"test": ["pytest"]},
-    entry_points={"console_scripts": ["simulator = rabbit_sim.node:main"]},
+    entry_points={
+        "console_scripts": ["simulator = rabbit_ros.start:main"],
+        "rabbit.nodes": ["simulator = rabbit_sim.node:main"],
+    },
 )

@@ -32,5 +32,8 @@ setup(
         "safetensors",
     ],
     extras_require={"test": ["pytest"], "gait": ["casadi>=3.8", "matplotlib"]},
-    entry_points={"console_scripts": ["controller = rl_cbf_clf_controller.node:main"]},
+    entry_points={
+        "console_scripts": ["controller = rabbit_ros.start:main"],
+        "rabbit.nodes": ["controller = rl_cbf_clf_controller.node:main"],
+    },
 )

@@ -32,5 +32,8 @@ setup(
         "tqdm",
     ],
     extras_require={"test": ["pytest"]},
-    entry_points={"console_scripts": ["trainer = rl_trainer.node:main"]},
+    entry_points={
+        "console_scripts": ["trainer = rabbit_ros.start:main"],
+        "rabbit.nodes": ["trainer = rl_trainer.node:main"],
+    },
 )

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from rabbit_bringup.launching.executables import LaunchError, find_executable
 
-PATIENCE = 12.0  # s for a node to end after SIGINT: a recorder drains, a trainer ends its update
+PATIENCE = 12.0  # s for a node to end after SIGTERM: a recorder drains, a trainer ends its update
 POLL_SECONDS = 0.02
 LOG_TAIL = 12  # lines shown of a node that failed
 _PR_SET_PDEATHSIG = 1
@@ -59,7 +59,7 @@ class Processes:
         """End the named nodes, or all: politely, and when they or the user (`hurry`) lose patience, not."""
         chosen = [process for name, process in self._running.items() if name in (names or self._running)]
         for process in chosen:
-            _send(process, signal.SIGINT)
+            _send(process, signal.SIGTERM)
         deadline = time.monotonic() + PATIENCE
         while any(process.poll() is None for process in chosen):
             if self.hurry or time.monotonic() > deadline:
@@ -95,4 +95,4 @@ def _how(code: int) -> str:
 
 def _follow() -> None:
     """In the child: end when the launcher dies."""
-    _libc.prctl(_PR_SET_PDEATHSIG, signal.SIGINT)
+    _libc.prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
