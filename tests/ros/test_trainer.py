@@ -71,8 +71,9 @@ def test_transitions_carry_the_reward(world: Any) -> None:
 
 
 def test_learning_beside_publishes_policies_that_take_effect(world: Any) -> None:
-    weights, commands = world.hear("policy"), world.hear("torque")
-    world.start("simulator", motor_lag=0.004, stones=100, pace=3.0, stop_at_miss=False)
+    """Those that the gate lets pass: the others are counted and logged with both errors."""
+    weights, commands, swaps = world.hear("policy"), world.hear("torque"), world.hear("policy_swap")
+    world.start("simulator", motor_lag=0.004, stones=200, pace=3.0, mass_scale=1.2, stop_at_miss=False)
     world.start("controller", controller="rl-cbf-clf-qp")
     small = {"hidden1": 16, "hidden2": 16, "batch": 16}
     world.start("trainer", learn_beside=20, **small)
@@ -80,3 +81,12 @@ def test_learning_beside_publishes_policies_that_take_effect(world: Any) -> None
     world.wait(lambda: len(weights) >= 3)
     world.wait(lambda: commands[-1].policy_version != "zero")
     assert commands[-1].policy_version in {message.version for message in weights}
+    best = weights[-1].version
+    world.wait(lambda: any(swap.version == best for swap in swaps))
+
+    def told(name: str) -> str:
+        return [v.value for m in world.hear("diagnostics") for v in m.status[0].values if v.key == name][-1]
+
+    world.wait(lambda: int(told("policies kept back")) > 0)
+    log = (world.folder / "log" / "trainer.log").read_text()
+    assert "kept back: error" in log

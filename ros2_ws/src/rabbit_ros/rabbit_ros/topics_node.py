@@ -39,7 +39,7 @@ TOPICS = (
     Topic("episode", msg.Episode, EVENT, "simulator", ("controller", "trainer", "launcher")),
     Topic("torque", msg.TorqueCommand, TICK, "controller", ("simulator", "trainer")),
     Topic("controller_state", msg.ControllerState, TICK, "controller", ("trainer", "launcher")),
-    Topic("policy_swap", msg.PolicySwap, EVENT, "controller"),
+    Topic("policy_swap", msg.PolicySwap, EVENT, "controller", ("trainer",)),
     Topic("transition", msg.Transition, TICK, "trainer"),
     Topic("policy", msg.PolicyWeights, WEIGHTS, "trainer", ("controller",)),
     Topic("episode_plan", msg.EpisodePlan, EVENT, "trainer", ("simulator", "launcher")),

@@ -1,7 +1,8 @@
 """Learns in a thread of its own, from ticks in a queue: whoever brings them never waits, and nothing is lost.
 
 In the thread everything goes in order: ticks, an episode's end with its updates, the plan for the next. While the queue
-is empty it may go on learning (`beside`), which makes the weights depend on timing.
+is empty it may go on learning (`beside`), which makes the weights depend on timing. What is learned beside passes the
+gate before it is published; a plan's policy does not, since it is the training's own next step.
 """
 
 import os
@@ -13,9 +14,11 @@ from typing import Any, Protocol
 
 from rabbit_description.state import RobotState
 from rl_cbf_clf_controller.controller import ControllerOutput
-from rl_cbf_clf_controller.weights import PolicyFile
+from rl_cbf_clf_controller.policy import ActorPolicy, ZeroPolicy
+from rl_cbf_clf_controller.weights import PolicyFile, decode
 
 from rl_trainer.actor import Actor
+from rl_trainer.gate import Gate, Verdict
 from rl_trainer.learner import Learner
 from rl_trainer.replay import Batch
 from rl_trainer.session import CHECKPOINT, load_checkpoint, save_checkpoint
@@ -66,6 +69,8 @@ class Listener(Protocol):
 
     def on_policy(self, policy: PolicyFile) -> None: ...
 
+    def on_verdict(self, verdict: Verdict) -> None: ...
+
     def on_report(self, report: EpisodeReport) -> None: ...
 
 
@@ -83,9 +88,17 @@ class _End:
     tag: Any
 
 
+@dataclass(frozen=True)
+class _InForce:
+    data: bytes
+
+
+_Item = _Tick | _End | _InForce
+
+
 @dataclass
 class Background:
-    """The thread. `beside`: updates between two publications while the queue is empty; 0: none.
+    """The thread. `beside`: updates between two publications while the queue is empty; 0: none, and nothing held out.
 
     `folder`: where a checkpoint and the policy are kept after each episode, and the training goes on from.
     """
@@ -95,7 +108,7 @@ class Background:
     beside: int = 0
     folder: Path | None = None
     error: str = ""
-    _queue: "queue.SimpleQueue[_Tick | _End | None]" = field(default_factory=queue.SimpleQueue)
+    _queue: "queue.SimpleQueue[_Item | None]" = field(default_factory=queue.SimpleQueue)
 
     def __post_init__(self) -> None:
         """Raises `CheckpointError` where the folder holds a training of other parameters."""
@@ -105,6 +118,9 @@ class Background:
                 load_checkpoint(self.folder / CHECKPOINT, self.trainer)
         self._learner = StoppableLearner(self.trainer.learner)
         self.trainer.learner = self._learner
+        self._gate = Gate(self.trainer.parameters)
+        if self.beside:
+            self.trainer.holds_out = self._gate.holds_out
         self._beside_updates = 0
         self._last: RobotState | None = None
         self._thread = threading.Thread(target=self._run, name="learning", daemon=True)
@@ -122,6 +138,10 @@ class Background:
     def end(self, state: RobotState | None, number: int, tag: Any = None) -> None:
         """Episode `number` is over in `state` (None: lost); `tag` comes back with the transition into it."""
         self._queue.put(_End(state, number, tag))
+
+    def in_force(self, data: bytes) -> None:
+        """The controller walks with this policy now, a file's bytes; empty: the zero policy."""
+        self._queue.put(_InForce(data))
 
     @property
     def waiting(self) -> int:
@@ -147,16 +167,29 @@ class Background:
             self.error = f"{type(error).__name__}: {error}"
             raise
 
-    def _next(self) -> _Tick | _End | None:
+    def _next(self) -> _Item | None:
         """The next item; learning beside while there is none."""
         while self.beside and self._queue.empty() and self.trainer.learn(UPDATES_AT_ONCE):
             self._beside_updates += UPDATES_AT_ONCE
             if self._beside_updates >= self.beside:
                 self._beside_updates = 0
-                self.listener.on_policy(self.trainer.policy_file())
+                self._publish()
         return self._queue.get()
 
-    def _take(self, item: _Tick | _End) -> None:
+    def _publish(self) -> None:
+        """Publish the present weights, if the gate lets them pass."""
+        file = self.trainer.policy_file()
+        verdict = self._gate.judge(ActorPolicy(file))
+        if verdict is not None:
+            self.listener.on_verdict(verdict)
+            if verdict.passes:
+                self.listener.on_policy(file)
+
+    def _take(self, item: _Item) -> None:
+        if isinstance(item, _InForce):
+            problem = self.trainer.parameters.problem
+            self._gate.in_force = ActorPolicy(decode(item.data, problem)) if item.data else ZeroPolicy(problem)
+            return
         if isinstance(item, _Tick):
             self._last = item.state
             self._tell(self.trainer.observe(item.state, item.output), item.tag)
@@ -173,7 +206,7 @@ class Background:
         self._keep()
         self._plan, self._last = self.trainer.begin_episode(), None
         if self.beside:
-            self.listener.on_policy(self.trainer.policy_file())
+            self._publish()
 
     def _tell(self, transition: Transition | None, tag: Any) -> None:
         if transition is not None:

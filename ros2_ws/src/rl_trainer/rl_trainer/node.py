@@ -1,7 +1,7 @@
 """The trainer's node: puts ticks together from state, torque and controller state, for the learning thread.
 
-It publishes the transitions, the weights, and, where the simulator waits for it, how each episode is to be walked. It
-never holds up a tick: what it cannot learn from at once waits in a queue.
+It publishes the transitions, weights that are no worse than those in force, and, where the simulator waits for it, how
+each episode is to be walked. It never holds up a tick: what it cannot learn from at once waits in a queue.
 """
 
 import json
@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from builtin_interfaces.msg import Time
 from pydantic import BaseModel, ConfigDict, Field
-from rabbit_msgs.msg import ControllerState, Episode, EpisodePlan, PolicyWeights, RabbitState, TorqueCommand
+from rabbit_msgs.msg import ControllerState, Episode, EpisodePlan, PolicySwap, PolicyWeights, RabbitState, TorqueCommand
 from rabbit_msgs.msg import Transition as TransitionMessage
 from rabbit_ros.conversions_node import state_of, torque_of
 from rabbit_ros.diagnostics_node import ERROR, OK, WARN, Diagnostics, Status
@@ -27,6 +27,7 @@ from rl_cbf_clf_controller.message_fields import output_of
 from rl_cbf_clf_controller.weights import PolicyFile
 
 from rl_trainer.background import Background
+from rl_trainer.gate import Verdict
 from rl_trainer.messages_node import plan_message, transition_message, weights_message
 from rl_trainer.pairing import Event, Tick, Walk
 from rl_trainer.parameters import TrainingParameters
@@ -71,6 +72,8 @@ class TrainerNode(Node):
         self._held_up_since: float | None = None
         self._started = False
         self._report: EpisodeReport | None = None
+        self._verdict: Verdict | None = None
+        self._kept_back = 0
         self._connect()
 
     def close(self) -> None:
@@ -87,6 +90,7 @@ class TrainerNode(Node):
             for part, kind in zip(PARTS, kinds, strict=True)
         ]
         self.create_subscription(Episode, "episode", self._on_episode, EVENT)
+        self.create_subscription(PolicySwap, "policy_swap", self._on_swap, EVENT)
         self._diagnostics = Diagnostics(self, self._door, self._status)
         steady_timer(self, 0.5, self._look)
 
@@ -108,6 +112,11 @@ class TrainerNode(Node):
             self._start(message.episode if idle else message.episode - 1)
         if message.phase == Episode.ENDED:
             self._hand_on(self._walk.end(message.episode, message.tick, message.outcome in ACTED))
+
+    def _on_swap(self, message: PolicySwap) -> None:
+        self._door.accept("policy_swap")
+        if message.accepted:
+            self._learning.in_force(bytes(message.data))
 
     def _check(self, part: str, message: Any) -> Any:
         if part == "state":
@@ -162,12 +171,25 @@ class TrainerNode(Node):
         """New weights."""
         self._weights.publish(weights_message(policy, self.get_fully_qualified_name(), Time()))
 
+    def on_verdict(self, verdict: Verdict) -> None:
+        """Weights were judged; those that are worse than the ones in force are not published."""
+        self._verdict = verdict
+        if not verdict.passes:
+            self._kept_back += 1
+            self.get_logger().warning(str(verdict))
+
     def on_report(self, report: EpisodeReport) -> None:
         """An episode was digested."""
         self._report = report
 
     def _status(self) -> Status:
-        figures: dict[str, object] = {"ticks waiting": self._learning.waiting, "ticks lost": self._walk.lost}
+        figures: dict[str, object] = {
+            "ticks waiting": self._learning.waiting,
+            "ticks lost": self._walk.lost,
+            "policies kept back": self._kept_back,
+        }
+        if self._verdict:
+            figures |= {"held-out error": self._verdict.error, "in force": self._verdict.error_in_force}
         if self._report:
             figures |= {"episode": self._report.episode, **self._report.reward, **self._report.losses}
         if self._learning.error:

@@ -8,6 +8,7 @@ The updates wait for the episode's end, so the weights depend on the seed and no
 while the robot walks on may call `learn` in between.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -66,7 +67,7 @@ class EpisodeReport:
 
 
 class Trainer:
-    """Collects transitions, learns from them, and hands out policies."""
+    """Collects transitions, learns from them, and hands out policies. What `holds_out` takes is not learned from."""
 
     def __init__(
         self, parameters: TrainingParameters, provenance: Provenance | None = None, learner: Learner | None = None
@@ -77,6 +78,7 @@ class Trainer:
         self.episode = 0
         self.learner = learner or make_learner(parameters)
         self.replay = Replay(parameters)
+        self.holds_out: Callable[[Transition], bool] = lambda _: False
         self._builder = TransitionBuilder(parameters)
         self._clear()
 
@@ -174,7 +176,7 @@ class Trainer:
     def _take(self, transition: Transition | None) -> Transition | None:
         if transition is not None:
             self._episode.append(transition)
-            self._kept += self.replay.add(transition)
+            self._kept += not self.holds_out(transition) and self.replay.add(transition)
         return transition
 
     def _report(self, plan: EpisodePlan, state: RobotState, losses: dict[str, float]) -> EpisodeReport:
