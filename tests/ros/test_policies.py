@@ -4,6 +4,7 @@ import dataclasses
 import itertools
 import json
 import math
+import subprocess
 from pathlib import Path
 from typing import Any
 
@@ -165,3 +166,28 @@ def test_when_policies_take_effect(world: Any, tmp_path: Path, swap_at: str) -> 
     assert (answer.accepted, answer.version) == (True, policy(2).version)
     world.wait(lambda: commands[-1].policy_version == answer.version)
     assert commands[-1].episode == 2
+
+
+def load(*words: object) -> tuple[int, str]:
+    """Exit code and line of `rabbit policy load`."""
+    command = ["rabbit", "policy", "load", *map(str, words)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    return done.returncode, done.stdout + done.stderr
+
+
+def test_an_operator_loads_policies_by_command(world: Any, tmp_path: Path) -> None:
+    swaps, file = world.hear("policy_swap"), tmp_path / "one.safetensors"
+    policy(1).write(file)
+    world.start("controller", **LAW.model_dump())
+    world.wait(lambda: bool(swaps))
+    there = ("--namespace", world.namespace)
+    assert load(file, *there) == (0, f"{file}: loaded, version {policy(1).version}\n")
+    code, said = load(tmp_path / "none", *there)
+    assert (code, said.count("\n")) == (2, 1)
+    assert f"the controller refused {tmp_path}/none: cannot read" in said
+    code, said = load(file, "--timeout", 0.5)
+    assert (code, said.count("\n")) == (1, 1)
+    assert "no controller offers /load_policy after 0.5 s" in said
+    code, said = load(file, "--namespace", "two words")
+    assert (code, said.count("\n")) == (2, 1)
+    assert "--namespace two words: expected" in said

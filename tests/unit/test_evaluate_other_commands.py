@@ -1,6 +1,7 @@
 """The other commands that need no ROS: train, policy, bench, video, gait."""
 
 import json
+import sys
 from pathlib import Path
 
 import pytest
@@ -80,3 +81,10 @@ def test_every_command_is_listed_and_others_are_not_known() -> None:
     text = rabbit("--help").output
     assert all(name in text for name in COMMANDS)
     assert rabbit("dance").exit_code == 2
+
+
+def test_loading_a_policy_without_ros_says_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "rabbit_bringup.launching.ask_node", None)  # as if it could not be imported
+    refused = rabbit("policy", "load", "nowhere")
+    assert (refused.exit_code, refused.stderr.count("\n")) == (1, 1)
+    assert "source ros2_ws/install/setup.bash" in refused.stderr

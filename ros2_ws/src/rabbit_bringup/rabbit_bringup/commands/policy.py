@@ -1,4 +1,4 @@
-"""`rabbit policy`: what is in a policy file, and whether it can be trusted."""
+"""`rabbit policy`: what is in a policy file, whether it can be trusted, and handing it to a running controller."""
 
 import json
 from pathlib import Path
@@ -6,12 +6,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rabbit_bringup.commands.options import complaints
+from rabbit_bringup.commands.options import complaints, fail
+from rabbit_bringup.launching.executables import LaunchError
 
 if TYPE_CHECKING:
     from rl_cbf_clf_controller.weights import PolicyFile
 
-app = typer.Typer(help="Policy files: show, verify.", no_args_is_help=True, add_completion=False)
+NOBODY = 1
+
+app = typer.Typer(help="Policy files: show, verify, load.", no_args_is_help=True, add_completion=False)
 File = Annotated[Path, typer.Argument(help="policy file (.safetensors), or the name of a shipped one")]
 
 
@@ -32,11 +35,40 @@ def verify(file: File) -> None:
     print(f"{file}: sound; {policy.metadata.problem}, version {policy.version}")
 
 
-def _read(file: Path) -> "PolicyFile":
-    from rl_cbf_clf_controller.weights import PolicyFileError, read
+@app.command()
+def load(
+    file: File,
+    namespace: Annotated[str, typer.Option(help="of the graph")] = "",
+    timeout: Annotated[float, typer.Option(help="s to wait for the controller", min=0.1, max=3600)] = 5.0,
+) -> None:
+    """Have a running controller put a policy in force; exit code 1 if there is none, 2 if it refuses the file."""
+    from rabbit_bringup.launching.walk import WalkOptions
 
+    with complaints():
+        WalkOptions(namespace=namespace)
+    try:
+        from rabbit_bringup.launching.ask_node import load_policy
+
+        answer = load_policy(_path(file), namespace, timeout)
+    except ModuleNotFoundError:
+        fail("no ROS 2 workspace is sourced: source ros2_ws/install/setup.bash", NOBODY)
+    except LaunchError as error:
+        fail(error, NOBODY)
+    if not answer.accepted:
+        fail(f"the controller refused {file}: {answer.message}")
+    print(f"{file}: loaded, version {answer.version}")
+
+
+def _path(file: Path) -> Path:
+    """The file, or the shipped policy of this name."""
     from rabbit_bringup.experiments.assembly import shipped_path
 
     shipped = shipped_path(str(file))
+    return shipped if shipped.is_file() else file
+
+
+def _read(file: Path) -> "PolicyFile":
+    from rl_cbf_clf_controller.weights import PolicyFileError, read
+
     with complaints(PolicyFileError):
-        return read(shipped if shipped.is_file() else file)
+        return read(_path(file))

@@ -1,53 +1,35 @@
 """One question to a running graph: `rabbit policy load FILE` asks the controller."""
 
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import rclpy
 from rabbit_msgs.srv import LoadPolicy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.signals import SignalHandlerOptions
 
 from rabbit_bringup.launching.executables import LaunchError
 
 
-@dataclass(frozen=True)
-class Loaded:
-    """The controller's answer: `version` is empty and `message` the reason where it refused."""
-
-    accepted: bool
-    version: str
-    message: str
-
-
-def load_policy(path: Path, namespace: str = "", timeout: float = 5.0) -> Loaded:
+def load_policy(path: Path, namespace: str = "", timeout: float = 5.0) -> LoadPolicy.Response:
     """Have the running controller check a policy file and put it in force between two ticks.
 
-    Raises:
-        LaunchError: no controller answers.
-    """
-    answer = ask(LoadPolicy, "load_policy", namespace, timeout, path=str(path.absolute()))
-    return Loaded(answer.accepted, answer.version, answer.message)
-
-
-def ask(kind: Any, name: str, namespace: str, timeout: float, **fields: Any) -> Any:
-    """Call a service once.
+    Returns:
+        The controller's answer: the policy's `version`, or, where it is not `accepted`, why not in `message`.
 
     Raises:
-        LaunchError: nobody answers within `timeout` s.
+        LaunchError: no controller answers within `timeout` s, twice: to be found, and to answer.
     """
     context = rclpy.Context()
-    rclpy.init(args=[], context=context)
-    node = rclpy.create_node("question", namespace=namespace, context=context)
-    executor = rclpy.executors.SingleThreadedExecutor(context=context)
+    rclpy.init(args=[], context=context, signal_handler_options=SignalHandlerOptions.NO)
     try:
-        client = node.create_client(kind, name)
+        node = rclpy.create_node("question", namespace=namespace, context=context)
+        client = node.create_client(LoadPolicy, "load_policy")
         if not client.wait_for_service(timeout_sec=timeout):
-            raise LaunchError(f"no answer: nobody offers {node.resolve_service_name(name)}; is the graph running?")
-        future = client.call_async(kind.Request(**fields))
-        rclpy.spin_until_future_complete(node, future, executor, timeout_sec=timeout)
-        if not future.done():
-            raise LaunchError(f"no answer from {node.resolve_service_name(name)} within {timeout:g} s")
-        return future.result()
+            raise LaunchError(f"no controller offers {client.service_name} after {timeout:g} s: is the graph running?")
+        answer = client.call_async(LoadPolicy.Request(path=str(path.absolute())))
+        rclpy.spin_until_future_complete(node, answer, SingleThreadedExecutor(context=context), timeout)
+        if not answer.done():
+            raise LaunchError(f"no answer from {client.service_name} after {timeout:g} s")
+        return answer.result()
     finally:
-        node.destroy_node()
         rclpy.try_shutdown(context=context)
