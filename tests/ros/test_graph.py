@@ -215,6 +215,7 @@ def test_parameters_are_described_bounded_and_read_only(world: Any) -> None:
         ("controller", {"eps": math.nan}, "eps"),
         ("trainer", {"plant": "scale 2"}, "not JSON"),
         ("trainer", {"discount": 2.0}, "discount"),
+        ("trainer", {"policy": "/nowhere"}, "cannot read /nowhere"),
         ("recorder", {"path": "/proc/nowhere"}, "/proc/nowhere"),
     ],
 )

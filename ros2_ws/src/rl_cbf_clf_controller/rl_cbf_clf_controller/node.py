@@ -8,7 +8,6 @@ between two ticks; every torque says which policy made it.
 import math
 from array import array
 from collections import deque
-from pathlib import Path
 from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -30,9 +29,8 @@ from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import ZeroPolicy
 from rl_cbf_clf_controller.policy_intake_node import Decided, PolicyIntake, check
 from rl_cbf_clf_controller.uncertainty import Problem
-from rl_cbf_clf_controller.weights import PolicyFileError
+from rl_cbf_clf_controller.weights import PolicyFileError, policy_path
 
-SHIPPED = Path(__file__).parent / "policies"
 ZERO = "zero"
 
 
@@ -262,10 +260,8 @@ class ControllerNode(Node):
 
 def first_policy(name: str, problem: Problem) -> Decided:
     """The shipped policy of this name, or the file; raises `PolicyFileError`."""
-    shipped = SHIPPED / f"{name}.safetensors"
-    path = shipped if shipped.is_file() else Path(name)
     try:
-        decided = check(path.read_bytes(), name, problem)
+        decided = check(policy_path(name).read_bytes(), name, problem)
     except OSError as error:
         raise PolicyFileError(f"policy {name}: neither a shipped one nor a file: {error.strerror}") from error
     if decided.policy is None:

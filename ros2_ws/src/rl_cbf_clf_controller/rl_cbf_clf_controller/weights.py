@@ -26,6 +26,7 @@ Float32 = NDArray[np.float32]
 Arrays = dict[str, Float32]
 
 SIZE_LIMIT = 8_000_000  # bytes; a 400-300 actor is 0.56 MB
+SHIPPED = Path(__file__).parent / "policies"
 PROBE = "probe.outputs"
 PROBE_TOLERANCE = 1e-3  # of outputs in [-1, 1]; float32 sums in another order differ by 1e-6
 _KEY = "rabbit_policy"
@@ -177,6 +178,12 @@ def read(path: Path, problem: Problem | None = None) -> PolicyFile:
         return decode(data, problem)
     except PolicyFileError as error:
         raise PolicyFileError(f"{path}: {error}") from error
+
+
+def policy_path(name: str) -> Path:
+    """The policy that is shipped under this name, or else the file."""
+    shipped = SHIPPED / f"{name}.safetensors"
+    return shipped if shipped.is_file() else Path(name)
 
 
 def forward(arrays: Arrays, scaled: Float32) -> Float32:

@@ -4,8 +4,6 @@ Its last layer has one row for each output; with `shared = False` every quantity
 holds them as blocks of one wide network, so that the controller needs to know of one form only.
 """
 
-from collections.abc import Sequence
-
 import numpy as np
 import torch
 from rl_cbf_clf_controller.uncertainty import INPUTS
@@ -70,7 +68,7 @@ class Actor(nn.Module):
 
     def arrays(self) -> Arrays:
         """Weights as one network, with the probe's outputs, for a `PolicyFile`."""
-        linears = [[layer for layer in network if isinstance(layer, nn.Linear)] for network in self._sequences()]
+        linears = self._linears()
         weights = [torch.cat([row[0].weight for row in linears])]
         weights += [torch.block_diag(*(row[i].weight for row in linears)) for i in (1, 2)]
         biases = [torch.cat([row[i].bias for row in linears]) for i in range(3)]
@@ -83,12 +81,34 @@ class Actor(nn.Module):
             for name, value in (named | {PROBE: probe}).items()
         }
 
+    @torch.no_grad()
+    def load_arrays(self, arrays: Arrays) -> None:
+        """The inverse of `arrays`, for arrays of the same shapes.
+
+        Raises:
+            ValueError: a network for each quantity was expected, and these are not.
+        """
+        given = {name: torch.from_numpy(array.copy()) for name, array in arrays.items()}
+        back = torch.argsort(self._order())
+        given |= {name: given[name][back] for name in ("2.weight", "2.bias")}
+        for i, layers in enumerate(zip(*self._linears(), strict=True)):
+            outputs = [layer.out_features for layer in layers]
+            rows = zip(given[f"{i}.weight"].split(outputs), given[f"{i}.bias"].split(outputs), strict=True)
+            for k, (layer, (weight, bias)) in enumerate(zip(layers, rows, strict=True)):
+                first = k * layer.in_features if i else 0
+                layer.weight.copy_(weight[:, first : first + layer.in_features])
+                layer.bias.copy_(bias)
+        if any(not np.array_equal(array, arrays[name]) for name, array in self.arrays().items() if name != PROBE):
+            raise ValueError("shared = False: expected a network for each quantity, found one for all")
+
     def _network(self, outputs: int, parameters: TrainingParameters) -> nn.Sequential:
         hidden = (parameters.hidden1, parameters.hidden2)
         return hidden_layers(len(parameters.observation), hidden, outputs, FIRST_OUTPUTS)
 
-    def _sequences(self) -> Sequence[nn.Sequential]:
-        return [network for network in self.networks if isinstance(network, nn.Sequential)]
+    def _linears(self) -> list[list[nn.Linear]]:
+        """The three layers of each network."""
+        networks = [network for network in self.networks if isinstance(network, nn.Sequential)]
+        return [[layer for layer in network if isinstance(layer, nn.Linear)] for network in networks]
 
     def _order(self) -> Tensor:
         """The networks' outputs in the file's order: the CLF's matrix first, all alphas before all betas."""

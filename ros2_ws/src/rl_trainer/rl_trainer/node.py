@@ -24,7 +24,7 @@ from rabbit_ros.qos_node import EVENT, TICK, WEIGHTS
 from rabbit_ros.spin_node import run, steady_timer
 from rclpy.node import Node
 from rl_cbf_clf_controller.message_fields import output_of
-from rl_cbf_clf_controller.weights import PolicyFile
+from rl_cbf_clf_controller.weights import PolicyFile, PolicyFileError, policy_path, read
 
 from rl_trainer.background import Background
 from rl_trainer.gate import Verdict
@@ -50,7 +50,10 @@ class NodeParameters(BaseModel):
     learn_beside: int = Field(
         100, ge=0, description="updates between two publications while the robot walks; 0, or plan_episodes: none"
     )
-    folder: str = Field("", description="for checkpoint and policies after each episode; it goes on from there")
+    policy: str = Field("", description="to learn on from: a file or a shipped one's name; empty: from scratch")
+    folder: str = Field(
+        "", description="for checkpoint and policies after each episode; it goes on from there, before `policy`"
+    )
     plant: str = Field("{}", description="what the policy file says of the plant, JSON")
 
 
@@ -63,7 +66,7 @@ class TrainerNode(Node):
         training = declare(self, TrainingParameters)
         refuse_unknown(self)
         self._training = training
-        trainer = Trainer(training, Provenance(plant=plant_of(own.plant), command="trainer node"))
+        trainer = make_trainer(training, own)
         beside = 0 if own.plan_episodes else own.learn_beside
         self._plans_policies = own.plan_episodes
         self._learning = Background(trainer, self, beside, Path(own.folder) if own.folder else None)
@@ -199,6 +202,17 @@ class TrainerNode(Node):
         return OK, "learning", figures
 
 
+def make_trainer(training: TrainingParameters, own: NodeParameters) -> Trainer:
+    """From scratch or from a policy; raises `ParameterError`, `PolicyFileError`."""
+    plant = plant_of(own.plant)
+    if not own.policy:
+        return Trainer(training, Provenance(plant, command="trainer node"))
+    policy = read(policy_path(own.policy), training.problem)
+    trainer = Trainer(training, Provenance(plant, command=f"trainer node, from {policy.version}"))
+    trainer.start_from(policy)
+    return trainer
+
+
 def plant_of(text: str) -> dict[str, bool | int | float | str]:
     """What the policy file says of the plant."""
     try:
@@ -212,7 +226,7 @@ def plant_of(text: str) -> dict[str, bool | int | float | str]:
 
 def main() -> None:
     """The executable `trainer`."""
-    run(TrainerNode, errors=(CheckpointError,))
+    run(TrainerNode, errors=(CheckpointError, PolicyFileError))
 
 
 if __name__ == "__main__":

@@ -16,8 +16,9 @@ import numpy as np
 import torch
 from rabbit_description.state import RobotState
 from rl_cbf_clf_controller.controller import ControllerOutput
-from rl_cbf_clf_controller.weights import PolicyFile, PolicyMetadata
+from rl_cbf_clf_controller.weights import PolicyFile, PolicyFileError, PolicyMetadata
 
+from rl_trainer.actor import Actor
 from rl_trainer.ddpg import Ddpg
 from rl_trainer.learner import Learner
 from rl_trainer.parameters import TrainingParameters
@@ -25,6 +26,17 @@ from rl_trainer.regression import Regression
 from rl_trainer.replay import Replay
 from rl_trainer.reward import reward_terms
 from rl_trainer.transitions import Doubt, Transition, TransitionBuilder
+
+FORM = (  # of a policy file, that a training must share to go on from it
+    "problem",
+    "observation",
+    "observation_center",
+    "observation_scale",
+    "hidden",
+    "structured",
+    "alpha_scale",
+    "beta_scale",
+)
 
 
 @dataclass(frozen=True)
@@ -82,6 +94,23 @@ class Trainer:
         self._builder = TransitionBuilder(parameters)
         self._clear()
 
+    def start_from(self, policy: PolicyFile) -> None:
+        """Begin with a policy's weights in the actor and its average; all else begins as from scratch.
+
+        Raises:
+            PolicyFileError: its form is not the one that the parameters ask for.
+        """
+        for name in FORM:
+            here, there = (getattr(file.metadata, name) for file in (self.policy_file(), policy))
+            if here != there:
+                raise PolicyFileError(f"policy {policy.version}: {name} = {there}; this training has {here}")
+        actor = Actor(self.parameters)
+        try:
+            actor.load_arrays(policy.arrays)
+        except ValueError as error:
+            raise PolicyFileError(f"policy {policy.version}: {error}") from error
+        self.learner.load_state_dict(with_actor(self.learner.state_dict(), actor.state_dict()))
+
     @property
     def gaps(self) -> int:
         """Ticks that never came."""
@@ -131,9 +160,9 @@ class Trainer:
 
     @property
     def rate(self) -> float:
-        """Factor on both learning rates at this episode."""
+        """Factor on both learning rates, by the transitions so far."""
         p = self.parameters
-        return max(p.rate_floor, float(0.5 ** (self.episode / p.rate_half_life)))
+        return max(p.rate_floor, float(0.5 ** (self.replay.added / p.rate_half_life)))
 
     def policy_file(self) -> PolicyFile:
         """The present policy with all that says where it comes from."""
@@ -197,6 +226,13 @@ class Trainer:
             losses=losses,
             left_out={f.name.lower(): sum(f in t.doubt for t in episode) for f in Doubt if f.name},
         )
+
+
+def with_actor(state: Any, actor: dict[str, Any]) -> Any:
+    """A learner's state in which every actor has these weights."""
+    if not isinstance(state, dict):
+        return state
+    return actor if state.keys() == actor.keys() else {name: with_actor(value, actor) for name, value in state.items()}
 
 
 def make_learner(parameters: TrainingParameters) -> Learner:

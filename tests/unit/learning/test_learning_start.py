@@ -1,0 +1,70 @@
+"""A training that goes on from a policy."""
+
+from typing import Any, Literal
+
+import numpy as np
+import pytest
+import torch
+from rl_cbf_clf_controller.uncertainty import Problem
+from rl_cbf_clf_controller.weights import PROBE, PolicyFile, PolicyFileError
+from rl_trainer.parameters import TrainingParameters
+from rl_trainer.training import Trainer
+
+SMALL = {"hidden1": 12, "hidden2": 9}
+
+
+def policy(parameters: TrainingParameters) -> PolicyFile:
+    """Random weights."""
+    trainer = Trainer(parameters)
+    torch.manual_seed(3)
+    for weight in trainer.learner.acting.parameters():
+        torch.nn.init.normal_(weight, std=0.3)
+    return trainer.policy_file()
+
+
+@pytest.mark.parametrize("problem", Problem)
+@pytest.mark.parametrize("shared", [True, False])
+@pytest.mark.parametrize("average", [True, False])
+@pytest.mark.parametrize("learner", ["ddpg", "regression"])
+def test_it_begins_with_the_policys_weights(
+    problem: Problem, shared: bool, average: bool, learner: Literal["ddpg", "regression"]
+) -> None:
+    parameters = TrainingParameters(problem=problem, shared=shared, learner=learner, act_with_average=average, **SMALL)
+    given, trainer = policy(parameters), Trainer(parameters)
+    trainer.start_from(given)
+    mine = trainer.policy_file()
+    for name, array in given.arrays.items():
+        np.testing.assert_allclose(mine.arrays[name], array, atol=1e-6 if name == PROBE else 0)
+
+
+def test_all_else_begins_as_from_scratch() -> None:
+    parameters = TrainingParameters(**SMALL)
+    scratch, trainer = Trainer(parameters).learner.state_dict(), Trainer(parameters)
+    trainer.start_from(policy(parameters))
+    begun = trainer.learner.state_dict()
+    for network in ("critic", "target_critic"):
+        assert all(torch.equal(value, scratch[network][name]) for name, value in begun[network].items())
+    assert all(torch.equal(value, begun["actor"]["average"][name]) for name, value in begun["actor"]["actor"].items())
+    assert (begun["actor"]["updates"], begun["optimizer"]) == (0, scratch["optimizer"])
+
+
+@pytest.mark.parametrize(
+    ("changes", "word"),
+    [
+        ({"problem": Problem.RL_CLF_QP}, "problem"),
+        ({"observe_l_min": False}, "observation"),
+        ({"structured": False}, "structured"),
+        ({"alpha_scale": (1.0, 2.0, 3.0, 4.0, 5.0)}, "alpha_scale"),
+        ({"beta_scale": (1.0, 2.0, 3.0, 4.0, 5.0)}, "beta_scale"),
+        ({"hidden1": 13}, "hidden"),
+        ({"shared": False}, "hidden"),
+        ({"shared": False, "hidden1": 2, "hidden2": 3}, "a network for each quantity"),
+    ],
+)
+def test_a_policy_of_another_form_is_refused(changes: dict[str, Any], word: str) -> None:
+    given = policy(TrainingParameters(hidden1=10, hidden2=15))
+    trainer = Trainer(TrainingParameters(**({"hidden1": 10, "hidden2": 15} | changes)))
+    before = trainer.policy_file().version
+    with pytest.raises(PolicyFileError, match=word):
+        trainer.start_from(given)
+    assert trainer.policy_file().version == before
