@@ -10,7 +10,11 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from rabbit_bringup.recording.reader import read_episodes
+import yaml
+from rabbit_bringup.recording.reader import messages, read_episodes
+from rl_cbf_clf_controller.weights import decode
+from rl_trainer.parameters import TrainingParameters
+from rl_trainer.training import Trainer
 
 RABBIT = (sys.executable, "-c", "from rabbit_bringup.cli import app; app()")
 QUICK = ("--no-pictures", "--no-video")
@@ -75,8 +79,28 @@ def test_a_walk_leaves_its_folder(tmp_path: Path) -> None:
     assert not running(tmp_path)
 
 
+def test_the_trainer_learns_on_from_the_policy_that_walks(tmp_path: Path) -> None:
+    """An untrained policy is nearly the zero one; the form of this one is not the default."""
+    form = TrainingParameters(hidden1=20, hidden2=16, structured=False, observe_l_min=False)
+    file, folder = Trainer(form).policy_file(), tmp_path / "walk"
+    file.write(tmp_path / "policy.safetensors")
+    learned = ("--controller", "rl-cbf-clf-qp", "--policy", tmp_path / "policy.safetensors")
+    done = rabbit("walk", "--out", folder, *learned, "--mass-scale", 1.1, "--stones", 12, *QUICK)
+    assert done.returncode == 0, done.stdout + done.stderr
+    told = yaml.safe_load((folder / "parameters.yaml").read_text())
+    assert told["/**/controller"]["ros__parameters"]["swap_at"] == "tick"
+    walked = read_episodes(folder / "recording")[1]
+    assert walked.swaps[0].version == file.version
+    published = {m.version: bytes(m.data) for _, m in messages(folder / "recording", "policy")}
+    for swap in walked.swaps[1:]:
+        assert published[swap.version] == swap.data
+        assert f"from {file.version}" in decode(swap.data).metadata.command
+    assert published or "kept back" in (folder / "log" / "trainer.log").read_text()
+
+
 def test_a_fall_is_exit_code_1(tmp_path: Path) -> None:
-    done = rabbit("walk", "--out", tmp_path, "--mass-scale", 2, "--no-trainer", "--record", "none")
+    heavy = ("--controller", "cbf-clf-qp", "--mass-scale", 2)
+    done = rabbit("walk", "--out", tmp_path, *heavy, "--no-trainer", "--record", "none")
     assert done.returncode == 1
     assert "20 stones" in done.stdout
     assert not running(tmp_path)

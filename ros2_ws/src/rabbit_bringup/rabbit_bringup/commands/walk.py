@@ -13,6 +13,7 @@ from rabbit_bringup.commands.options import Given, complaints, fail, options
 from rabbit_bringup.launching.walk import Graph, Interrupted, WalkOptions, make_graph, run_graph
 
 FELL = 1
+DEFAULTS: dict[str, Any] = {}  # where the command line names neither controller nor parameters
 
 app = typer.Typer(add_completion=False)
 
@@ -21,13 +22,15 @@ app = typer.Typer(add_completion=False)
 @options(WalkOptions, ControllerParameters, SimulationParameters)
 def walk(given: Given) -> None:
     """Walk through the node graph: simulator, controller, trainer, recorder. Exit code 1 if the robot falls."""
+    if not given.values.keys() & {"controller", "parameters"}:
+        given = Given({**DEFAULTS, **given.values})
     request = given.build(WalkOptions)
     assembly = given_assembly(given, request.policy, request.parameters)
     if assembly.policy == "oracle":
         fail("--policy oracle: expected zero, a shipped policy or a file; the nodes never see the true plant")
     folder = make_folder(request)
     simulation, controller = assembly.simulation, assembly.controller
-    training = given_training(request, controller) if request.trainer else None
+    training = given_training(request, controller, assembly.policy) if request.trainer else None
     graph = make_graph(folder, request, simulation, controller, assembly.policy, training)
     ended, seconds = walk_with_progress(graph, request)
     show(folder, ended)
@@ -38,14 +41,32 @@ def walk(given: Given) -> None:
         raise typer.Exit(FELL)
 
 
-def given_training(request: WalkOptions, controller: ControllerParameters) -> dict[str, Any]:
-    """The trainer's parameters: the file's, for this controller's problem."""
+def given_training(request: WalkOptions, controller: ControllerParameters, policy: str) -> dict[str, Any]:
+    """The trainer's parameters: the file's, or those that fit the policy, for this controller's problem."""
     from rl_trainer.parameters import ParameterError, TrainingParameters, load_parameters
 
-    known = {"problem": controller.problem, "seed": request.seed}
+    known: dict[str, Any] = {"problem": controller.problem, "seed": request.seed}
+    if policy != "zero" and not request.training:
+        known |= form_of(Path(policy))
     with complaints(ParameterError):
         training = load_parameters(request.training, **known) if request.training else TrainingParameters(**known)
     return training.model_dump(mode="json")
+
+
+def form_of(policy: Path) -> dict[str, Any]:
+    """Parameters of a training that goes on from a policy file."""
+    from rl_cbf_clf_controller.weights import read
+
+    form = read(policy).metadata
+    return {
+        "structured": form.structured,
+        "observe_l_min": form.observation == form.problem.observation,
+        "hidden1": form.hidden[0],
+        "hidden2": form.hidden[1],
+        "alpha_scale": form.alpha_scale,
+        "beta_scale": form.beta_scale,
+        "nominal_episodes": 0,
+    }
 
 
 def make_folder(request: WalkOptions) -> Path:

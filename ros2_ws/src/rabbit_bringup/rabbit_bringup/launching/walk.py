@@ -40,9 +40,10 @@ class WalkOptions(BaseModel):
     parameters: str = Field("ours", description="of the controller: ours, authors or a YAML file")
     trainer: bool = Field(True, description="the trainer learns beside the walk")
     training: Path | None = Field(None, description="YAML file of training parameters")
-    swap_at: Literal["tick", "episode", "never"] = Field(
-        "never",
-        description="when the trainer's policies take effect; with episode it also plans each episode",
+    swap_at: Literal["auto", "tick", "episode", "never"] = Field(
+        "auto",
+        description="when the trainer's policies take effect; with episode it also plans each episode; "
+        "auto: tick for a controller that learns, else never",
     )
     record: Literal["mcap", "sqlite3", "none"] = Field("mcap", description="format of the recording")
     pictures: bool = Field(True, description="draw the walk")
@@ -87,14 +88,17 @@ def make_graph(
     """Who walks: simulator and controller; the trainer, under the parameters `training`, and the recorder if wanted."""
     learns_between = options.trainer and options.swap_at == "episode"
     plant = simulation.model_dump()
+    auto = "tick" if controller.learns else "never"
+    swap_at = auto if options.swap_at == "auto" else options.swap_at
     learner = {"plan_episodes": learns_between, "folder": str(folder / "training"), "plant": json.dumps(plant)}
+    learner |= {"policy": "" if policy == "zero" else policy, "problem": str(controller.problem), "seed": options.seed}
     trainer = "ignore" if not options.trainer else "follow" if learns_between else "wait"
     own = {"seed": options.seed, "episodes": options.episodes, "start_paused": True, "trainer": trainer}
     pace = {"real_time": options.real_time, "pace": options.pace}
     told = {
         "simulator": {**own, **pace, "gait": controller.gait, **simulation.model_dump()},
-        "controller": {"policy": policy, "swap_at": options.swap_at, **controller.model_dump()},
-        "trainer": {**learner, "problem": str(controller.problem), "seed": options.seed, **(training or {})},
+        "controller": {"policy": policy, "swap_at": swap_at, **controller.model_dump()},
+        "trainer": {**learner, **(training or {})},
         "recorder": {"path": str(folder / "recording"), "storage": options.record},
     }
     packages = {"simulator": "rabbit_sim", "controller": "rl_cbf_clf_controller", "trainer": "rl_trainer"}
