@@ -1,4 +1,4 @@
-"""Pictures of one walk: swing foot against stones, barriers, CLF, ground force, torques."""
+"""Pictures of one walk: the robot, swing foot against stones, barriers, CLF, ground force, torques."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,8 +10,10 @@ from rabbit_description.state import TICK_SECONDS, Array
 from rabbit_sim.simulation import Landing
 from rl_trainer.rollout import Record
 
+from rabbit_bringup.experiments.metrics import RESCUE_NEEDED
 from rabbit_bringup.viewing import style
 from rabbit_bringup.viewing.skeleton import feet
+from rabbit_bringup.viewing.strip import draw_walk
 from rabbit_bringup.viewing.walk_records import WalkRecords, load_records
 
 RECORDS = "records.npz"
@@ -40,9 +42,9 @@ def draw_rollout(
 
 def draw(walk: WalkRecords, out: Path, suffix: str = ".png") -> list[Path]:
     """All pictures of a walk; returns their paths. On flat ground there is no picture of barriers."""
-    pictures = [draw_swing_foot, draw_clf, draw_forces, draw_torques]
+    pictures = [draw_walk, draw_swing_foot, draw_clf, draw_forces, draw_torques]
     if np.isfinite(walk.barriers).any():
-        pictures.insert(1, draw_barriers)
+        pictures.insert(2, draw_barriers)
     with style.look():
         return [picture(walk, out / f"{picture.__name__.removeprefix('draw_')}{suffix}") for picture in pictures]
 
@@ -77,20 +79,23 @@ def draw_barriers(walk: WalkRecords, path: Path) -> Path:
 
 
 def draw_clf(walk: WalkRecords, path: Path) -> Path:
-    """V, and the slacks that were used."""
-    figure, (value, slack) = style.figure(2)
-    _plot_steps(walk, value, walk.V, style.BLUE, "")
-    value.set_ylabel("CLF V (rad²/s²)")
-    used = ((walk.clf_slack, style.GREEN, "d, of the CLF row"), (walk.rescue_slack, style.RED, "of last resort"))
-    for values, colour, label in used:
-        if not values.any():
-            continue
-        slack.plot(walk.time, np.where(values > 0, values, np.nan), ".-", markersize=3, color=colour, label=label)
-    slack.set_ylabel("slack (rad/s²)")
-    for axes in (value, slack):
-        axes.set_yscale("log" if axes.lines else "linear")
-    style.legend(slack)
-    return _finish(walk, figure, slack, path)
+    """V, and the slacks that were used, if any."""
+    slacks = (
+        (walk.clf_slack, 0.0, style.GREEN, "d, of the CLF row"),
+        (walk.rescue_slack, RESCUE_NEEDED, style.RED, "of last resort"),
+    )
+    used = [each for each in slacks if (each[0] > each[1]).any()]
+    figure, panels = style.figure(2 if used else 1)
+    _plot_steps(walk, panels[0], walk.V, style.BLUE, "")
+    panels[0].set_ylabel("CLF V (rad²/s²)")
+    for values, least, colour, label in used:
+        needed = np.where(values > least, values, np.nan)
+        panels[1].plot(walk.time, needed, ".-", markersize=3, color=colour, label=label)
+        panels[1].set_ylabel("slack (rad/s²)")
+        style.legend(panels[1])
+    for axes in panels:
+        axes.set_yscale("log")
+    return _finish(walk, figure, panels[-1], path)
 
 
 def draw_forces(walk: WalkRecords, path: Path) -> Path:

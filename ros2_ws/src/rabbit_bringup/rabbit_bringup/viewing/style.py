@@ -65,5 +65,6 @@ def shade(axes: Axes, starts: Array, seconds: float, label: str) -> None:
 
 
 def legend(axes: Axes, columns: int = 4) -> None:
-    """Above the panel, where it hides nothing."""
-    axes.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=columns, borderaxespad=0.2)
+    """Above the panel, where it hides nothing; none where nothing is labelled."""
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=columns, borderaxespad=0.2)
