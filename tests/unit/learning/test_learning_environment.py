@@ -1,5 +1,7 @@
 """The gymnasium environment in the tiny world."""
 
+import re
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,6 +17,18 @@ PARAMETERS = TrainingParameters(problem=Problem.RL_CLF_QP, sigma=0.0, relative_c
 @pytest.mark.filterwarnings("ignore:.*WARN.*")
 def test_check_env(toy_world: Any, toy_controller: Any) -> None:
     check_env(WalkingEnv(PARAMETERS, toy_world, toy_controller), skip_render_check=True)
+
+
+@pytest.mark.filterwarnings("ignore:.*WARN.*")
+def test_check_env_over_the_robot_as_the_docs_make_it() -> None:
+    page = (Path(__file__).parents[3] / "docs" / "learning.md").read_text(encoding="utf-8")
+    (code,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    made: dict[str, Any] = {}
+    exec(code, made)
+    assert made["env"].observation_space.contains(made["observation"])
+    assert made["reward"] <= 0
+    check_env(made["env"], skip_render_check=True)
+    made["simulation"].close()
 
 
 def test_true_errors_are_the_best_action(toy_world: Any, toy_controller: Any) -> None:
