@@ -1,10 +1,13 @@
 """Pictures of a gait: what the joints do, what it asks of motors and ground, and the walk as stick figures."""
 
 from collections.abc import Sequence
+from typing import Any
 
+import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.rcsetup import cycler
 from rabbit_description.gait import Gait
 from rabbit_description.state import Array
 
@@ -13,18 +16,30 @@ from rl_cbf_clf_controller.gait_design.orbit import Orbit, Stone
 
 JOINTS = ("stance hip", "stance knee", "swing hip", "swing knee")
 TORSO_LENGTH, LEG_SEGMENT = 0.63, 0.4  # m
-STANCE_COLOUR, SWING_COLOUR, TORSO_COLOUR = "tab:blue", "tab:orange", "0.35"
+# Okabe and Ito's colours, which colour-blind people can tell apart
+BLUE, ORANGE, GREEN, PURPLE, RED, GREY = "#0072B2", "#E69F00", "#009E73", "#CC79A7", "#D55E00", "#8C8C8C"
+LOOK: Any = {
+    "font.size": 9,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.alpha": 0.25,
+    "legend.frameon": False,
+    "legend.fontsize": "small",
+    "axes.prop_cycle": cycler(color=[BLUE, ORANGE, GREEN, PURPLE, RED, GREY]),
+}
 
 
+@mpl.rc_context(LOOK)
 def plot_gait(gait: Gait, stone: Stone | None = None) -> Figure:
     """Joint angles, rates and torques, ground force, swing foot, barrier conditions, and the stick figures below."""
     orbit = Orbit(gait, 201)
     figure = Figure(figsize=(11, 8.5), layout="constrained")
-    grid = figure.add_gridspec(3, 3, height_ratios=(1, 1, 1.25))
+    grid = figure.add_gridspec(3, 3, height_ratios=(1, 1, 1.35))
     axes = [figure.add_subplot(grid[row, column]) for row in range(2) for column in range(3)]
-    _plot_joints(axes[0], orbit, "q", "joint angle, rad")
-    _plot_joints(axes[1], orbit, "dq", "joint rate, rad/s")
-    _plot_joints(axes[2], orbit, "torque", "torque, N m")
+    _plot_joints(axes[0], orbit, "q", "joint angle (rad)")
+    _plot_joints(axes[1], orbit, "dq", "joint rate (rad/s)")
+    _plot_joints(axes[2], orbit, "torque", "torque (N m)")
     _plot_force(axes[3], orbit)
     _plot_foot(axes[4], orbit, stone)
     _plot_barriers(axes[5], orbit, stone)
@@ -33,20 +48,20 @@ def plot_gait(gait: Gait, stone: Stone | None = None) -> Figure:
     return figure
 
 
-def draw_stick_figures(axes: Axes, orbit: Orbit, figures: int = 5, steps: int = 6) -> None:
-    """The robot at equal times over `steps` steps, the legs changing places at each landing."""
-    times = np.linspace(0.0, orbit.times[-1], figures)
-    q = np.array([np.interp(times, orbit.times, column) for column in orbit.series("q").T]).T
+def draw_stick_figures(axes: Axes, orbit: Orbit, width: float = 6.6) -> None:
+    """The robot at each landing and, faintly, between, over `width` m; the legs change places at each landing."""
+    q = orbit.series("q")
     landing = orbit.instants[-1].swing[0]
-    for step in range(steps):
-        near, far = (STANCE_COLOUR, SWING_COLOUR) if step % 2 == 0 else (SWING_COLOUR, STANCE_COLOUR)
-        for pose in q:
-            _draw_robot(axes, pose, step * landing, near, far)
+    for step in range(int((width - 1) / landing)):
+        near, far = (BLUE, ORANGE) if step % 2 == 0 else (ORANGE, BLUE)
+        _draw_robot(axes, q[len(q) // 2], step * landing, near, far, opacity=0.3)
+        _draw_robot(axes, q[0], step * landing, near, far)
     axes.axhline(0.0, color="black", linewidth=0.8)
-    axes.set_aspect("equal")
-    axes.set(xlabel="x, m", ylabel="z, m")
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set(xlabel="x (m)", ylabel="z (m)")
 
 
+@mpl.rc_context(LOOK)
 def plot_payloads(reports: dict[str, Sequence[PayloadReport]]) -> Figure:
     """Fixed point against the least phase rate, eigenvalue, and peak torque over the payload, a line a gait."""
     figure = Figure(figsize=(11, 3.6), layout="constrained")
@@ -57,38 +72,26 @@ def plot_payloads(reports: dict[str, Sequence[PayloadReport]]) -> Figure:
         rate.plot(load, [row.least_phase_rate for row in rows], linestyle=":", color=line.get_color())
         eigenvalue.plot(load, [row.eigenvalue for row in rows], marker="o", markersize=3)
         torque.plot(load, [row.peak_torque for row in rows], marker="o", markersize=3)
-    rate.set(title="fixed point (dotted: least)", xlabel="payload, kg", ylabel="phase rate after impact, 1/s")
-    eigenvalue.set(title="Poincaré eigenvalue", xlabel="payload, kg", ylim=(0, 1))
-    torque.set(title="peak torque", xlabel="payload, kg", ylabel="N m")
-    rate.legend(fontsize="small")
+    rate.set(title="fixed point (dotted: least)", xlabel="payload (kg)", ylabel="phase rate after impact (1/s)")
+    eigenvalue.set(title="Poincaré eigenvalue", xlabel="payload (kg)", ylim=(0, 1))
+    torque.set(title="peak torque", xlabel="payload (kg)", ylabel="torque (N m)")
+    rate.legend()
     return figure
 
 
 def _plot_joints(axes: Axes, orbit: Orbit, name: str, label: str) -> None:
-    lines = axes.plot(orbit.times, orbit.series(name)[:, -4:])
-    axes.set(xlabel="time, s", ylabel=label)
-    axes.legend(
-        lines,
-        JOINTS,
-        fontsize="xx-small",
-        loc="upper center",
-        ncols=4,
-        bbox_to_anchor=(0.5, 1.15),
-        columnspacing=0.8,
-        handlelength=1.0,
-    )
+    axes.plot(orbit.times, orbit.series(name)[:, -4:], label=JOINTS)
+    axes.set(xlabel="time (s)", ylabel=label)
+    _legend(axes)
 
 
 def _plot_force(axes: Axes, orbit: Orbit) -> None:
-    force = orbit.series("force")
-    axes.plot(orbit.times, force[:, 1], label="F_N, N")
-    axes.plot(orbit.times, force[:, 0], label="F_T, N")
-    ratio = axes.twinx()
-    ratio.plot(orbit.times, np.abs(force[:, 0]) / force[:, 1], color="tab:red", linestyle="--")
-    ratio.set_ylim(0, 1)
-    ratio.set_ylabel("|F_T| / F_N", color="tab:red")
-    axes.set(xlabel="time, s", ylabel="ground force, N")
-    axes.legend(fontsize="x-small", loc="center")
+    tangential, normal = orbit.series("force").T
+    most = np.max(np.abs(tangential) / normal)
+    axes.plot(orbit.times, normal, label="F_N")
+    axes.plot(orbit.times, tangential, label=f"F_T (at most {most:.2f} F_N)")
+    axes.set(xlabel="time (s)", ylabel="ground force (N)")
+    _legend(axes)
 
 
 def _plot_foot(axes: Axes, orbit: Orbit, stone: Stone | None) -> None:
@@ -97,31 +100,40 @@ def _plot_foot(axes: Axes, orbit: Orbit, stone: Stone | None) -> None:
     if stone is not None:
         centre, radius = stone.l_min / 2, np.hypot(stone.l_min / 2, stone.R2)
         x = np.linspace(0.0, stone.l_min, 100)
-        axes.plot(x, np.sqrt(radius**2 - (x - centre) ** 2) - stone.R2, "--", color="tab:red", label="circle of B2")
-        axes.plot([stone.l_min, stone.l_max], [0, 0], linewidth=5, color="0.5", label="stone")
-    axes.set(xlabel="forward of the stance foot, m", ylabel="height, m")
-    axes.set_ylim(-0.005, 1.5 * swing[:, 1].max())
-    axes.legend(fontsize="x-small", loc="upper right")
+        axes.plot(x, np.sqrt(radius**2 - (x - centre) ** 2) - stone.R2, "--", color=RED, label="B2 = 0")
+        axes.plot([stone.l_min, stone.l_max], [0, 0], linewidth=5, color=GREY, label="stone", solid_capstyle="butt")
+    axes.set(xlabel="from the stance foot (m)", ylabel="height (m)", ylim=(-0.005, 1.15 * swing[:, 1].max()))
+    _legend(axes)
 
 
 def _plot_barriers(axes: Axes, orbit: Orbit, stone: Stone | None) -> None:
     if stone is None:
         axes.set_visible(False)
         return
-    lines = axes.plot(orbit.phases, orbit.ecbf_conditions(stone))
-    axes.axhline(0.0, color="black", linewidth=0.8)
-    axes.set(xlabel="phase", ylabel="B'' + (p1+p2) B' + p1 p2 B, m/s²", yscale="symlog")
-    axes.legend(lines, ("B1", "B2"), fontsize="x-small")
+    axes.plot(orbit.phases, orbit.ecbf_conditions(stone), label=("B1", "B2"))
+    axes.axhline(0.0, color=RED, linestyle="--", linewidth=1, label="limit")
+    axes.set(xlabel="phase (1)", ylabel="B'' + (p1+p2) B' + p1 p2 B (m/s²)", yscale="symlog")
+    axes.set_ylim(bottom=min(-1.0, axes.dataLim.y0))
+    _legend(axes)
 
 
-def _draw_robot(axes: Axes, q: Array, shift: float, stance_colour: str, swing_colour: str) -> None:
+def _legend(axes: Axes) -> None:
+    """Above the panel, where it hides nothing."""
+    columns = 3 if len(axes.lines) < len(JOINTS) else 2
+    axes.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=columns, borderaxespad=0.2)
+
+
+def _draw_robot(
+    axes: Axes, q: Array, shift: float, stance_colour: str, swing_colour: str, opacity: float = 1.0
+) -> None:
     hip = q[:2] + (shift, 0.0)
     shoulder = hip + TORSO_LENGTH * _up(q[2])
-    axes.plot(*np.column_stack([hip, shoulder]), color=TORSO_COLOUR, linewidth=1.5)
+    look: Any = {"alpha": opacity, "linewidth": 1.0 + opacity, "solid_capstyle": "round"}
+    axes.plot(*np.column_stack([hip, shoulder]), color="black", **look)
     for joint, colour in ((5, swing_colour), (3, stance_colour)):
         knee = hip - LEG_SEGMENT * _up(q[2] + q[joint])
         foot = knee - LEG_SEGMENT * _up(q[2] + q[joint] + q[joint + 1])
-        axes.plot(*np.column_stack([hip, knee, foot]), color=colour, linewidth=1.0, marker=".", markersize=2)
+        axes.plot(*np.column_stack([hip, knee, foot]), color=colour, marker=".", markersize=4, **look)
 
 
 def _up(angle: float) -> Array:

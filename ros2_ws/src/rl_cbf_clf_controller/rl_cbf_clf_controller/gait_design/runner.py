@@ -63,4 +63,4 @@ def designed_stone(specification: GaitSpecification) -> Stone | None:
 
 
 def _write(figure: Figure, path: Path) -> None:
-    figure.savefig(path, dpi=130)
+    figure.savefig(path, dpi=110)
