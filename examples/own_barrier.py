@@ -1,4 +1,4 @@
-"""One's own barrier in the walking controller, without an edit to it: the swing foot stays below a ceiling.
+"""A barrier of your own in the walking controller, without an edit to it: the swing foot stays below a ceiling.
 
     B = ceiling - h_f >= 0,   B-ddot = -h_f-ddot,   row: B-ddot + K_b (B, B-dot) >= 0
 

@@ -1,4 +1,4 @@
-"""One's own learner in the training loop, without an edit to it: no critic, 20 lines of it.
+"""A learner of your own in the training loop, without an edit to it: 20 lines and no critic.
 
     minimise  sum |alpha mu + beta - measured error|  by RMSprop on the actor itself
 

@@ -1,4 +1,4 @@
-"""One's own robot from a URDF: a two-link arm reaches for a shelf it must not hit, half as heavy as believed.
+"""A robot of your own from a URDF: a two-link arm reaches for a shelf it must not hit, half as heavy as believed.
 
 The library's terms take any control-affine system. Here pinocchio reads a URDF given below, the outputs are the joint
 angles minus a goal (relative degree 2), the barrier keeps the hand below z = 0.5 m, the true arm is half as heavy.
