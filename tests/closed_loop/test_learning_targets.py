@@ -34,7 +34,7 @@ def parts(problem: Problem, plant: str) -> tuple[Simulation, Controller, Trainin
 @pytest.mark.parametrize("plant", ["pybullet", "rigid"])
 @pytest.mark.parametrize("problem", Problem)
 def test_targets_are_the_true_errors(problem: Problem, plant: str) -> None:
-    """At the executed mu, noise on: relative error below 0.1, of the forces, which the engine's ground gives, below 0.25.
+    """At the executed mu, noise on: relative error below 0.1; of the forces, which the engine's ground gives, 0.25.
 
     In the first approach the oracle cancels the error, so y'' must be mu; the error counts against the input's size.
     """
