@@ -74,7 +74,7 @@ class TrainingParameters(BaseModel):
     # optimisation
     actor_rate: float = Field(default=6e-4, gt=0, le=1, description="Adam's learning rate, actor")
     critic_rate: float = Field(default=1e-3, gt=0, le=1, description="Adam's learning rate, critic")
-    rate_half_life: float = Field(default=8.0, gt=0, description="episodes in which both rates halve")
+    rate_half_life: float = Field(default=4000.0, gt=0, description="transitions in which both rates halve")
     rate_floor: float = Field(default=0.05, ge=0, le=1, description="the least share of both rates")
     gradient_clip: float = Field(default=1.0, gt=0, description="largest norm of a gradient")
     batch: int = Field(default=160, ge=1, le=65_536, description="transitions a minibatch")
