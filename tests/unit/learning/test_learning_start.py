@@ -1,5 +1,7 @@
 """A training that goes on from a policy."""
 
+from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
@@ -7,8 +9,10 @@ import pytest
 import torch
 from rl_cbf_clf_controller.uncertainty import Problem
 from rl_cbf_clf_controller.weights import PROBE, PolicyFile, PolicyFileError
+from rl_trainer import training
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.training import Trainer
+from rl_trainer.transitions import Transition
 
 SMALL = {"hidden1": 12, "hidden2": 9}
 
@@ -37,15 +41,35 @@ def test_it_begins_with_the_policys_weights(
         np.testing.assert_allclose(mine.arrays[name], array, atol=1e-6 if name == PROBE else 0)
 
 
-def test_all_else_begins_as_from_scratch() -> None:
+def test_counts_go_on_and_all_else_begins_as_from_scratch() -> None:
     parameters = TrainingParameters(**SMALL)
+    given = policy(parameters)
+    given = replace(given, metadata=given.metadata.model_copy(update={"episodes": 16, "transitions": 4000}))
     scratch, trainer = Trainer(parameters).learner.state_dict(), Trainer(parameters)
-    trainer.start_from(policy(parameters))
+    trainer.start_from(given)
+    assert (trainer.episode, trainer.transitions, trainer.policy_file().metadata.transitions) == (16, 4000, 4000)
+    assert trainer.rate == 0.5 ** (4000 / parameters.rate_half_life)
     begun = trainer.learner.state_dict()
     for network in ("critic", "target_critic"):
         assert all(torch.equal(value, scratch[network][name]) for name, value in begun[network].items())
     assert all(torch.equal(value, begun["actor"]["average"][name]) for name, value in begun["actor"]["actor"].items())
     assert (begun["actor"]["updates"], begun["optimizer"]) == (0, scratch["optimizer"])
+
+
+def test_the_actor_is_set_back_once_the_critic_has_learned(
+    monkeypatch: pytest.MonkeyPatch, random_transition: Callable[..., Transition]
+) -> None:
+    monkeypatch.setattr(training, "CRITIC_FIRST", 6)
+    parameters, rng = TrainingParameters(batch=8, **SMALL), np.random.default_rng(0)
+    given, trainer = policy(parameters), Trainer(parameters)
+    trainer.start_from(given)
+    for _ in range(20):
+        trainer.replay.add(random_transition(parameters.problem, rng))
+    same = []
+    for _ in range(9):
+        trainer.learn(1)
+        same.append(np.array_equal(trainer.policy_file().arrays["0.weight"], given.arrays["0.weight"]))
+    assert same == [False] * 5 + [True] + [False] * 3
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ ARGUMENTS = {
     ),
     "seed": ("1", "of course, first state and noise"),
     "episodes": ("1", "episodes to walk, their seeds counting up"),
-    "policy": ("zero", "zero, the name of a shipped policy, or a file"),
+    "policy": ("zero", "zero, the name of a shipped policy, or a file; the trainer learns on from it"),
     "trainer": ("true", "the trainer learns beside the walk"),
     "record": ("true", "record all topics"),
     "recording": ("recording", "folder of the recording, new"),
@@ -64,7 +64,7 @@ def generate_launch_description() -> LaunchDescription:
             *(DeclareLaunchArgument(n, default_value=d, description=t) for n, (d, t) in ARGUMENTS.items()),
             node("rabbit_sim", "simulator", seed=whole("seed"), episodes=whole("episodes"), readers=readers()),
             node("rl_cbf_clf_controller", "controller", policy=text("policy")),
-            node("rl_trainer", "trainer", trainer),
+            node("rl_trainer", "trainer", trainer, policy=text("policy")),
             node("rabbit_bringup", "recorder", record, path=text("recording"), storage=text("storage")),
         ]
     )

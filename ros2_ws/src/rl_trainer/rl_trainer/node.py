@@ -28,7 +28,7 @@ from rl_cbf_clf_controller.weights import PolicyFile, PolicyFileError, policy_pa
 
 from rl_trainer.background import Background
 from rl_trainer.gate import Verdict
-from rl_trainer.messages_node import plan_message, transition_message, weights_message
+from rl_trainer.messages_node import ZERO, plan_message, transition_message, weights_message
 from rl_trainer.pairing import Event, Tick, Walk
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.session import CheckpointError
@@ -50,7 +50,7 @@ class NodeParameters(BaseModel):
     learn_beside: int = Field(
         100, ge=0, description="updates between two publications while the robot walks; 0, or plan_episodes: none"
     )
-    policy: str = Field("", description="to learn on from: a file or a shipped one's name; empty: from scratch")
+    policy: str = Field(ZERO, description="to learn on from: zero (from scratch), the name of a shipped one, or a file")
     folder: str = Field(
         "", description="for checkpoint and policies after each episode; it goes on from there, before `policy`"
     )
@@ -205,7 +205,7 @@ class TrainerNode(Node):
 def make_trainer(training: TrainingParameters, own: NodeParameters) -> Trainer:
     """From scratch or from a policy; raises `ParameterError`, `PolicyFileError`."""
     plant = plant_of(own.plant)
-    if not own.policy:
+    if own.policy == ZERO:
         return Trainer(training, Provenance(plant, command="trainer node"))
     policy = read(policy_path(own.policy), training.problem)
     trainer = Trainer(training, Provenance(plant, command=f"trainer node, from {policy.version}"))

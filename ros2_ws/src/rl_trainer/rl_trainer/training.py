@@ -27,6 +27,7 @@ from rl_trainer.replay import Replay
 from rl_trainer.reward import reward_terms
 from rl_trainer.transitions import Doubt, Transition, TransitionBuilder
 
+CRITIC_FIRST = 1000  # updates with a critic that knows nothing yet, which take an actor away from where it began
 FORM = (  # of a policy file, that a training must share to go on from it
     "problem",
     "observation",
@@ -92,10 +93,15 @@ class Trainer:
         self.replay = Replay(parameters)
         self.holds_out: Callable[[Transition], bool] = lambda _: False
         self._builder = TransitionBuilder(parameters)
+        self._start: dict[str, Any] | None = None  # weights to set the actor back to
+        self._earlier = self._updates = 0  # transitions that the policy it began with has seen; updates
         self._clear()
 
     def start_from(self, policy: PolicyFile) -> None:
-        """Begin with a policy's weights in the actor and its average; all else begins as from scratch.
+        """Go on from a policy: its weights in the actor and its average, its episodes and transitions counted on.
+
+        Critic, optimiser and replay begin as from scratch. So the actor is set back to the policy once the critic has
+        had `CRITIC_FIRST` updates.
 
         Raises:
             PolicyFileError: its form is not the one that the parameters ask for.
@@ -109,7 +115,9 @@ class Trainer:
             actor.load_arrays(policy.arrays)
         except ValueError as error:
             raise PolicyFileError(f"policy {policy.version}: {error}") from error
-        self.learner.load_state_dict(with_actor(self.learner.state_dict(), actor.state_dict()))
+        self.episode, self._earlier, self._updates = policy.metadata.episodes, policy.metadata.transitions, 0
+        self._start = actor.state_dict()
+        self._set_actor(self._start)
 
     @property
     def gaps(self) -> int:
@@ -156,13 +164,21 @@ class Trainer:
         for _ in range(updates):
             for name, loss in self.learner.update(self.replay.sample(), self.rate).items():
                 total[name] = total.get(name, 0.0) + loss / updates
+            self._updates += 1
+            if self._start and self._updates == CRITIC_FIRST:
+                self._set_actor(self._start)
         return total
+
+    @property
+    def transitions(self) -> int:
+        """Transitions kept so far, those of the policy that it began with included."""
+        return self._earlier + self.replay.added
 
     @property
     def rate(self) -> float:
         """Factor on both learning rates, by the transitions so far."""
         p = self.parameters
-        return max(p.rate_floor, float(0.5 ** (self.replay.added / p.rate_half_life)))
+        return max(p.rate_floor, float(0.5 ** (self.transitions / p.rate_half_life)))
 
     def policy_file(self) -> PolicyFile:
         """The present policy with all that says where it comes from."""
@@ -181,7 +197,7 @@ class Trainer:
             plant=source.plant,
             training_seed=p.seed,
             episodes=self.episode,
-            transitions=self.replay.added,
+            transitions=self.transitions,
             commit=source.commit,
             command=source.command,
         )
@@ -193,9 +209,13 @@ class Trainer:
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
         """Go on from a checkpoint."""
+        self._start = None
         self.episode = state["episode"]
         self.learner.load_state_dict(state["learner"])
         self.replay.load_state_dict(state["replay"])
+
+    def _set_actor(self, weights: dict[str, Any]) -> None:
+        self.learner.load_state_dict(with_actor(self.learner.state_dict(), weights))
 
     def _clear(self) -> None:
         self._builder.reset()

@@ -65,7 +65,6 @@ def form_of(policy: Path) -> dict[str, Any]:
         "hidden2": form.hidden[1],
         "alpha_scale": form.alpha_scale,
         "beta_scale": form.beta_scale,
-        "nominal_episodes": 0,
     }
 
 

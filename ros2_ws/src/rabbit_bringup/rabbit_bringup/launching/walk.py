@@ -91,7 +91,7 @@ def make_graph(
     auto = "tick" if controller.learns else "never"
     swap_at = auto if options.swap_at == "auto" else options.swap_at
     learner = {"plan_episodes": learns_between, "folder": str(folder / "training"), "plant": json.dumps(plant)}
-    learner |= {"policy": "" if policy == "zero" else policy, "problem": str(controller.problem), "seed": options.seed}
+    learner |= {"policy": policy, "problem": str(controller.problem), "seed": options.seed}
     trainer = "ignore" if not options.trainer else "follow" if learns_between else "wait"
     own = {"seed": options.seed, "episodes": options.episodes, "start_paused": True, "trainer": trainer}
     pace = {"real_time": options.real_time, "pace": options.pace}
