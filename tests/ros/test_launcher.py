@@ -75,7 +75,7 @@ def test_a_walk_leaves_its_folder(tmp_path: Path) -> None:
         "walk.mp4",
         "walk.gif",
     }
-    assert len(list((tmp_path / "pictures").glob("*.png"))) == 5
+    assert len(list((tmp_path / "pictures").glob("*.png"))) == 6
     assert not running(tmp_path)
 
 
