@@ -95,7 +95,8 @@ def random_transition() -> MakeTransition:
         center, scale = np.array([OBSERVATION_UNITS[name] for name in problem.observation]).T
         observation = center + scale * rng.standard_normal(len(center))
         LgV = CLF.derivative(observation[:8]).a[0]
-        mu = 30 * rng.standard_normal(4)
+        mu_qp = 30 * rng.standard_normal(4)
+        mu = mu_qp + 8 * rng.standard_normal(4)
         n = len(problem.quantities)
         used_alpha, used_beta = np.zeros((n, 4)), np.zeros(n)
         alpha, beta = true_errors(problem, observation, LgV)
@@ -112,6 +113,7 @@ def random_transition() -> MakeTransition:
             observation=observation,
             LgV=LgV,
             mu=mu,
+            mu_qp=mu_qp,
             alpha=used_alpha,
             beta=used_beta,
             nominal=nominal,

@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from rabbit_description import GAITS
 from rabbit_description.state import Array
 
-DEFAULT_GAIT = "stones_0350_084"  # what simulator and controller start from unless told otherwise
+DEFAULT_GAIT = "stones_0350_080"
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Row = Annotated[list[Finite], Field(min_length=6, max_length=6)]

@@ -24,7 +24,7 @@ class ControllerParameters(BaseModel):
 
     controller: ControllerName = Field("cbf-clf-qp", description="controller by name")
     gait: str = Field(DEFAULT_GAIT, description="name of a shipped gait, or a gait file's path")
-    eps: float = Field(0.05, gt=0, le=1, description="epsilon of the RES-CLF")
+    eps: float = Field(0.04, gt=0, le=1, description="epsilon of the RES-CLF")
     kp: float = Field(0.5, gt=0, le=100, description="gain on y at eps = 1")
     kd: float = Field(0.8660254037844386, gt=0, le=100, description="gain on dy at eps = 1")
     clf_row: Literal["normalised", "literal"] = Field(

@@ -66,6 +66,12 @@ class Actor(nn.Module):
         outputs = torch.cat([network(scaled) for network in self.networks], 1)
         return torch.tanh(outputs[:, self._order()])
 
+    @torch.no_grad()
+    def steady_alphas(self, share: float) -> None:
+        """Take `share` off the last layer's weights, not biases, of every alpha: what varies with the state decays."""
+        for network, rows in zip(self._linears(), self._alpha_rows(), strict=True):
+            network[-1].weight.mul_(1 - share * rows[:, None])
+
     def arrays(self) -> Arrays:
         """Weights as one network, with the probe's outputs, for a `PolicyFile`."""
         linears = self._linears()
@@ -109,6 +115,14 @@ class Actor(nn.Module):
         """The three layers of each network."""
         networks = [network for network in self.networks if isinstance(network, nn.Sequential)]
         return [[layer for layer in network if isinstance(layer, nn.Linear)] for network in networks]
+
+    def _alpha_rows(self) -> list[Tensor]:
+        """1 where a network's output belongs to an alpha, 0 to a beta."""
+        matrix = ([1.0] * INPUTS + [0.0]) * INPUTS if self.structured else []
+        if len(self._sizes) > 1:
+            return [torch.tensor(matrix if size > ROWS else [1.0] * INPUTS + [0.0]) for size in self._sizes]
+        plain = self.n - 1 if self.structured else self.n
+        return [torch.tensor(matrix + [1.0] * INPUTS * plain + [0.0] * plain)]
 
     def _order(self) -> Tensor:
         """The networks' outputs in the file's order: the CLF's matrix first, all alphas before all betas."""

@@ -1,10 +1,16 @@
 """Critics: Q of an action (alpha, beta) at a state and the mu that will be executed. All values in units of the error.
 
     plain    Q(s, [mu], a)   a 400-300 network, with one output, or one for each quantity
-    reward   Q_i(s, mu, a) = -w_i norm(alpha_i mu + beta_i - t_i(s, x))       x = mu
+    reward   Q_i(s, mu, a) = -w_i norm(alpha_i mu + beta_i - t_i)
 
-The second has the reward's own form; only t_i, a 400-300 network, is unknown, and it is fitted to the reward. In the
-first approach t depends on the whole input instead, x = v = mu + alpha mu + beta, and the gradient goes through it.
+The second has the form of the reward; only t_i, the measured error, is unknown, and it is fitted to the reward. The
+model's error is affine in mu, so t_i is affine about the QP's answer mu_qp: the noise mu - mu_qp does not depend on the
+state and is small beside mu; with a slope of its own it counts.
+
+    t_i(s, mu) = a_i(s, mu_qp) (mu - mu_qp) + b_i(s, mu_qp)         a_V = LgV A_V, the structure of [eq70]
+
+In the first approach t depends on the whole input instead, t(s, v), v = mu + alpha mu + beta, and the gradient goes
+through it.
 """
 
 from dataclasses import dataclass
@@ -15,7 +21,10 @@ from torch import Tensor, nn
 
 from rl_trainer.networks import MU_UNIT, Scaling, hidden_layers
 from rl_trainer.parameters import TrainingParameters
+from rl_trainer.replay import Batch
 from rl_trainer.reward import norm
+
+NOISE_UNIT = 10.0  # rad/s^2, makes exploration a factor of about one
 
 
 @dataclass(frozen=True)
@@ -43,37 +52,64 @@ class PlainCritic(nn.Module):
         outputs = 1 if parameters.heads == "one" else parameters.n
         self.network = hidden_layers(inputs, (parameters.hidden1, parameters.hidden2), outputs)
 
-    def forward(self, observation: Tensor, mu: Tensor, unit: Tensor, action: Action) -> Tensor:
-        """Q, shape (b, 1) or (b, n); `unit` is not used."""
-        known = [self.scaling(observation), *([mu / MU_UNIT] if self.sees_mu else [])]
+    def forward(self, batch: Batch, mu: Tensor, action: Action) -> Tensor:
+        """Q, shape (b, 1) or (b, n)."""
+        known = [self.scaling(batch.observation), *([mu / MU_UNIT] if self.sees_mu else [])]
         q: Tensor = self.network(torch.cat([*known, action.flat], 1))
         return q
 
 
 class RewardCritic(nn.Module):
-    """The reward's own form with the measured error as the only unknown."""
+    """The reward's own form with the measured error t as the only unknown."""
 
     def __init__(self, parameters: TrainingParameters) -> None:
         super().__init__()
-        self.io = parameters.problem is Problem.IO_RL_CLF_QP
         self.norm = parameters.error_norm
+        self.first_approach = parameters.problem is Problem.IO_RL_CLF_QP
         self.scaling = Scaling(parameters.observation)
         self.weight: Tensor
         self.register_buffer("weight", torch.tensor(parameters.weights))
         inputs = len(parameters.observation) + INPUTS
-        self.network = hidden_layers(inputs, (parameters.hidden1, parameters.hidden2), parameters.n)
+        self.network = hidden_layers(inputs, (parameters.hidden1, parameters.hidden2), self.outputs(parameters.n))
 
-    def forward(self, observation: Tensor, mu: Tensor, unit: Tensor, action: Action) -> Tensor:
+    def outputs(self, n: int) -> int:
+        """Outputs of the network for n quantities."""
+        return n
+
+    def forward(self, batch: Batch, mu: Tensor, action: Action) -> Tensor:
         """Q_i, shape (b, n)."""
         correction = action.correction(mu)
-        t = self.target(observation, mu + correction if self.io else mu)
-        q: Tensor = -self.weight * norm(correction / unit - t, self.norm)
+        q: Tensor = -self.weight * norm(correction / batch.unit - self.target(batch, mu, correction), self.norm)
         return q
 
-    def target(self, observation: Tensor, x: Tensor) -> Tensor:
-        """t(s, x), the error expected where x (b, 4) is executed, (b, n)."""
-        t: Tensor = self.network(torch.cat([self.scaling(observation), x / MU_UNIT], 1))
+    def target(self, batch: Batch, mu: Tensor, correction: Tensor) -> Tensor:
+        """t(s, x), the error expected where x is the input, (b, n)."""
+        x = mu + correction if self.first_approach else mu
+        t: Tensor = self.network(torch.cat([self.scaling(batch.observation), x / MU_UNIT], 1))
         return t
+
+
+class AffineCritic(RewardCritic):
+    """t affine in the exploration about the QP's answer, with V's slope contracted with LgV."""
+
+    def outputs(self, n: int) -> int:
+        """V's slope (4, 4), the others' (4), and an offset each."""
+        return INPUTS * INPUTS + INPUTS * (n - 1) + n
+
+    @torch.no_grad()
+    def steady_slopes(self, share: float) -> None:
+        """Take `share` off the last layer's weights, not biases, of the slopes: what varies with the state decays."""
+        self.network[-1].weight[: -len(self.weight)].mul_(1 - share)
+
+    def target(self, batch: Batch, mu: Tensor, correction: Tensor) -> Tensor:
+        """t(s, mu), (b, n)."""
+        n = len(self.weight)
+        out: Tensor = self.network(torch.cat([self.scaling(batch.observation), batch.mu_qp / MU_UNIT], 1))
+        direction = batch.LgV / (torch.linalg.vector_norm(batch.LgV, dim=1, keepdim=True) + 1)
+        matrix, others, offset = out.split([INPUTS * INPUTS, INPUTS * (n - 1), n], 1)
+        clf = torch.einsum("bi,bij->bj", direction, matrix.reshape(-1, INPUTS, INPUTS))
+        slope = torch.cat([clf[:, None], others.reshape(len(out), n - 1, INPUTS)], 1)
+        return offset + torch.einsum("bij,bj->bi", slope, (mu - batch.mu_qp) / NOISE_UNIT)
 
 
 Critic = PlainCritic | RewardCritic
@@ -81,4 +117,6 @@ Critic = PlainCritic | RewardCritic
 
 def make_critic(parameters: TrainingParameters) -> Critic:
     """The critic that the parameters name."""
-    return RewardCritic(parameters) if parameters.critic == "reward" else PlainCritic(parameters)
+    if parameters.critic == "plain":
+        return PlainCritic(parameters)
+    return AffineCritic(parameters) if parameters.is_affine else RewardCritic(parameters)

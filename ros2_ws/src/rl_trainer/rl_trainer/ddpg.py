@@ -10,6 +10,7 @@ bandit: no value is carried from one tick to another.
 """
 
 import copy
+from dataclasses import replace
 from typing import Any
 
 import torch
@@ -17,7 +18,7 @@ from rl_cbf_clf_controller.uncertainty import INPUTS, Problem
 from torch import Tensor, nn
 
 from rl_trainer.actor import Actor
-from rl_trainer.critic import Action, make_critic
+from rl_trainer.critic import Action, AffineCritic, make_critic
 from rl_trainer.learner import AveragedActor, Optimizer, follow
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.replay import Batch
@@ -48,8 +49,10 @@ class Ddpg:
         action = self._act(self._average.actor, batch.observation, batch.LgV)
         critic_loss = self._critic_loss(batch, action)
         self._optimizer.step(critic_loss, rate)
+        if isinstance(self._critic, AffineCritic):
+            self._critic.steady_slopes(self._parameters.alpha_decay * self._parameters.critic_rate * rate)
         self._critic.requires_grad_(False)
-        actor_loss = -self._critic(batch.observation, batch.mu, batch.unit, action).sum(1).mean()
+        actor_loss = -self._critic(batch, self._probe(batch), action).sum(1).mean()
         self._average.descend(actor_loss, rate)
         self._critic.requires_grad_(True)
         if self._parameters.discount > 0:
@@ -85,12 +88,13 @@ class Ddpg:
         if p.discount > 0:
             wanted = wanted + p.discount * (1 - batch.failed[:, None]) * self._next_value(batch)
         loss = nn.functional.smooth_l1_loss if p.critic_loss == "huber" else nn.functional.mse_loss
-        return loss(self._critic(batch.observation, mu, batch.unit, action), wanted)
+        return loss(self._critic(batch, mu, action), wanted)
 
     @torch.no_grad()
     def _next_value(self, batch: Batch) -> Tensor:
         action = self._act(self._average.average, batch.next_observation, batch.next_LgV)
-        q: Tensor = self._target_critic(batch.next_observation, batch.next_mu, batch.unit, action)
+        following = replace(batch, observation=batch.next_observation, LgV=batch.next_LgV)
+        q: Tensor = self._target_critic(following, batch.next_mu, action)
         return q
 
     def _act(self, actor: Actor, observation: Tensor, LgV: Tensor) -> Action:
@@ -132,6 +136,12 @@ class Ddpg:
             action = Action(action.alpha, beta, torch.empty(0))
         error = action.correction(mu) / batch.unit - batch.target
         return mu, action, -self._weights * norm(error, p.error_norm)
+
+    def _probe(self, batch: Batch) -> Tensor:
+        """The mu at which the critic judges the actor: the executed, or, if t is affine, any about mu_qp."""
+        if not self._parameters.is_affine:
+            return batch.mu
+        return batch.mu_qp + self._parameters.probe_noise * self._noise(batch.mu)
 
     def _noise(self, like: Tensor) -> Tensor:
         return torch.randn(like.shape, generator=self._generator)

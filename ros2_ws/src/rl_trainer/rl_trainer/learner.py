@@ -48,6 +48,7 @@ class AveragedActor:
     def descend(self, loss: Tensor, rate: float) -> None:
         """One step down the loss, then move the average."""
         self.optimizer.step(loss, rate)
+        self.actor.steady_alphas(self._parameters.alpha_decay * self._parameters.actor_rate * rate)
         self._updates += 1
         share = self._parameters.polyak
         if self._parameters.act_with_average:

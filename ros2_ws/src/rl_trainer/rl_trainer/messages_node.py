@@ -29,6 +29,7 @@ def transition_message(
         lgv=transition.LgV,
         mu=transition.mu,
         next_lgv=transition.next_LgV,
+        mu_qp=transition.mu_qp,
         next_mu=transition.next_mu,
         reward_terms=array("d", terms.estimation.tobytes()),
         reward=terms.total,

@@ -17,11 +17,11 @@ TYPICAL_LGV = 10.0  # |LgV| + 1 of a walk at scale 2
 
 # of alpha (unit per rad/s^2), beta (unit) and error (unit) for V (times |LgV| + 1), B1, B2, C1, C2, and y1..y4
 _SCALES: dict[Problem, tuple[Scales, Scales, Scales]] = {
-    Problem.RL_CLF_QP: ((1.5,), (250.0,), (50.0,)),
+    Problem.RL_CLF_QP: ((1.5,), (250.0,), (15.0,)),
     Problem.RL_CBF_CLF_QP: (
         (1.5, 1.0, 1.0, 4.0, 4.0),
         (250.0, 60.0, 60.0, 800.0, 200.0),
-        (50.0, 10.0, 5.0, 150.0, 30.0),
+        (15.0, 10.0, 5.0, 150.0, 30.0),
     ),
     Problem.IO_RL_CLF_QP: ((2.0,) * 4, (400.0,) * 4, (50.0,) * 4),
 }
@@ -39,13 +39,16 @@ class TrainingParameters(BaseModel):
     problem: Problem = Field(default=Problem.RL_CBF_CLF_QP, description="which of the paper's three problems")
     learner: Literal["ddpg", "regression"] = Field(default="ddpg", description="how the actor is trained")
     seed: int = Field(default=1, ge=0, description="of weights, noise, courses and minibatches")
-    episodes: int = Field(default=20, ge=1, le=10_000, description="episodes to train")
+    episodes: int = Field(default=18, ge=1, le=10_000, description="episodes to train")
     walking_steps: int = Field(default=10, ge=1, le=1000, description="walking steps an episode")
 
     # actor
     structured: bool = Field(default=True, description="CLF outputs are a 4x5 matrix contracted with LgV")
     observe_l_min: bool = Field(default=True, description="l_min is part of the observation (contribution 3)")
     shared: bool = Field(default=True, description="one network for all quantities (Remark 1), or one each")
+    alpha_decay: float = Field(
+        default=10.0, ge=0, le=1000, description="decay of the weights that let alpha vary with the state"
+    )
     hidden1: int = Field(default=400, ge=1, le=4096, description="width of the first hidden layer")
     hidden2: int = Field(default=300, ge=1, le=4096, description="width of the second hidden layer")
     alpha_scale: Scales = Field(default=(), description="alpha at an output of 1, one a quantity; empty: the default")
@@ -63,6 +66,13 @@ class TrainingParameters(BaseModel):
         default="reward", description="critic of the reward's form, or a network"
     )
     heads: Literal["one", "each"] = Field(default="each", description="one Q, or one for each quantity")
+    affine: bool = Field(default=True, description="the reward's form knows that the error is affine in mu")
+    probe_noise: float = Field(
+        default=30.0,
+        ge=0,
+        le=1000,
+        description="deviation of the mu that an affine critic judges the actor at, rad/s^2",
+    )
     critic_sees_mu: bool = Field(default=True, description="mu is part of the critic's state")
     relabel: bool = Field(default=True, description="recompute the reward for sampled actions in each minibatch")
     relabel_noise: float = Field(default=0.3, gt=0, le=2, description="their deviation from the actor's, outputs' unit")
@@ -84,7 +94,7 @@ class TrainingParameters(BaseModel):
 
     # schedule
     nominal_episodes: int = Field(default=3, ge=0, description="first episodes under the nominal QP, with noise")
-    sigma: float = Field(default=5.0, ge=0, le=1000, description="exploration noise on mu, rad/s^2")
+    sigma: float = Field(default=8.0, ge=0, le=1000, description="exploration noise on mu, rad/s^2")
     sigma_factors: tuple[float, ...] = Field(
         default=(0.0, 0.5, 1.0, 2.0), min_length=1, description="sigma's factor, drawn anew each episode"
     )
@@ -100,7 +110,8 @@ class TrainingParameters(BaseModel):
     far_position: float = Field(default=0.6, gt=0, description="abs(y) beyond this is far off the gait, rad")
     far_velocity: float = Field(default=12.0, gt=0, description="abs(dy) beyond this is far off the gait, rad/s")
     leave_out: tuple[Literal["settling", "flight", "scuff", "saturated", "far", "edge"], ...] = Field(
-        default=("settling", "flight", "scuff", "far", "edge"), description="kinds of ticks not learned from"
+        default=("settling", "flight", "scuff", "saturated", "far", "edge"),
+        description="kinds of ticks not learned from",
     )
     fall_height: float = Field(default=0.70, ge=0, le=2, description="base below this has failed, m")
     fall_pitch: float = Field(default=1.0472, gt=0, le=3.15, description="pitch beyond this has failed, rad")
@@ -129,6 +140,11 @@ class TrainingParameters(BaseModel):
     def learns_failures(self) -> bool:
         """The learner has a use for a transition of which nothing is measured but the failure."""
         return self.learner == "ddpg" and self.critic == "plain" and not self.relabel
+
+    @property
+    def is_affine(self) -> bool:
+        """`affine`, where the critic has the reward's form and mu itself is the input."""
+        return self.affine and self.critic == "reward" and self.problem.has_clf
 
     @property
     def is_structured(self) -> bool:
@@ -162,6 +178,7 @@ def paper_literal(problem: Problem, **changes: Any) -> TrainingParameters:
         "nominal_value": "start",
         "relative_clf": False,
         "critic": "plain",
+        "alpha_decay": 0.0,
         "heads": "one",
         "critic_sees_mu": False,
         "relabel": False,

@@ -24,6 +24,7 @@ class Batch:
     observation: Tensor
     LgV: Tensor
     mu: Tensor
+    mu_qp: Tensor
     unit: Tensor
     alpha: Tensor
     beta: Tensor
@@ -113,6 +114,7 @@ def _columns_of(transition: Transition, parameters: TrainingParameters) -> dict[
         "observation": transition.observation[:m],
         "LgV": transition.LgV,
         "mu": transition.mu,
+        "mu_qp": transition.mu_qp,
         "unit": unit,
         "alpha": transition.alpha,
         "beta": transition.beta,
@@ -129,7 +131,7 @@ def _columns_of(transition: Transition, parameters: TrainingParameters) -> dict[
 def _shapes(parameters: TrainingParameters) -> dict[str, tuple[int, ...]]:
     m, n = len(parameters.observation), parameters.n
     by_quantity = dict.fromkeys(("unit", "beta", "target", "reward"), (n,))
-    by_input = dict.fromkeys(("LgV", "mu", "next_LgV", "next_mu"), (INPUTS,))
+    by_input = dict.fromkeys(("LgV", "mu", "mu_qp", "next_LgV", "next_mu"), (INPUTS,))
     observations = dict.fromkeys(("observation", "next_observation"), (m,))
     scalars: dict[str, tuple[int, ...]] = {"penalty": (), "failed": ()}
     return {**observations, **by_input, **by_quantity, "alpha": (n, INPUTS), **scalars}

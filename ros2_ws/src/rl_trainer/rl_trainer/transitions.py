@@ -43,6 +43,7 @@ class Transition:
     """One tick, with m observations and n quantities.
 
     `observation`, `next_observation` (m,), raw; `LgV`, `next_LgV` (4,); `mu`, `next_mu` (4,), executed, rad/s^2;
+    `mu_qp` (4,), the QP's, before exploration and torque limit;
     `alpha` (n, 4), `beta` (n,), used at this tick; `nominal`, `measured` (n,), in the quantities' units, NaN where not
     measured. `failed`: the next pose is a failure, and the episode's end.
     """
@@ -53,6 +54,7 @@ class Transition:
     observation: Array
     LgV: Array
     mu: Array
+    mu_qp: Array
     alpha: Array
     beta: Array
     nominal: Array
@@ -129,6 +131,7 @@ class TransitionBuilder:
             observation=last.observation,
             LgV=last.LgV,
             mu=last.mu,
+            mu_qp=last.mu_qp,
             alpha=last.alpha,
             beta=last.beta,
             nominal=nominal_value(last, output if measurable else None, self._parameters),

@@ -37,13 +37,13 @@ def train(given: Given) -> None:
     from rl_trainer.parameters import paper_literal
     from rl_trainer.session import CheckpointError
 
-    from rabbit_bringup.experiments.learning import TRAINING_SCALE, training
+    from rabbit_bringup.experiments.learning import TRAINING_SCALE, TRAINING_SLACK_WEIGHT, training
 
     parameters = given.build(TrainingParameters)
     if request.paper_literal:
         parameters = paper_literal(parameters.problem, **given.of(TrainingParameters, but=("problem",)))
     with complaints(ParameterError):
-        values = given.of(ControllerParameters, but=("controller", "sigma"))
+        values = {"slack_weight": TRAINING_SLACK_WEIGHT, **given.of(ControllerParameters, but=("controller", "sigma"))}
         controller = load_parameters(request.parameters, **values, controller=parameters.problem.value)
     terrain = "stones" if controller.on_stones else "flat"
     steps = parameters.walking_steps

@@ -17,6 +17,7 @@ from rl_trainer.training import EpisodeReport, Provenance, Trainer
 
 from rabbit_bringup.experiments import provenance
 
+TRAINING_SLACK_WEIGHT = 3.0  # p while learning: the softer CLF keeps the first, wrong policies on their feet
 TRAINING_SCALE = 2.0  # the paper's training plant: twice the mass, no motor lag, no noise
 
 
