@@ -10,7 +10,7 @@ from rl_cbf_clf_controller.policy import ActorPolicy
 from rl_cbf_clf_controller.uncertainty import Problem
 from rl_cbf_clf_controller.weights import decode
 from rl_trainer.actor import Actor
-from rl_trainer.critic import Action, PlainCritic, RewardCritic
+from rl_trainer.critic import Action, AffineCritic, PlainCritic, RewardCritic
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.replay import as_batch
 from rl_trainer.training import Trainer
@@ -59,18 +59,48 @@ def test_untrained_actor_is_nearly_the_zero_policy() -> None:
     assert beta.abs().max() < 0.02
 
 
+@pytest.mark.parametrize("form", [RewardCritic, AffineCritic])
 @pytest.mark.parametrize("norm", ["squared", "absolute"])
-def test_reward_critic_peaks_at_its_target(norm: str, random_transition: MakeTransition) -> None:
+def test_reward_critic_peaks_at_its_target(
+    norm: str, form: type[RewardCritic], random_transition: MakeTransition
+) -> None:
     parameters = TrainingParameters(error_norm=norm)  # type: ignore[arg-type]
     rng = np.random.default_rng(1)
     batch = as_batch([random_transition(parameters.problem, rng) for _ in range(6)], parameters)
-    critic = RewardCritic(parameters)
-    best = critic.target(batch.observation, batch.mu) * batch.unit
+    critic = form(parameters)
+    best = critic.target(batch, batch.mu, torch.empty(0)) * batch.unit
     action = Action(torch.zeros(6, 5, 4), best, torch.empty(0))
-    assert critic(batch.observation, batch.mu, batch.unit, action).abs().max() < 1e-6
+    assert critic(batch, batch.mu, action).abs().max() < 1e-6
     off = Action(torch.zeros(6, 5, 4), best + 2 * batch.unit, torch.empty(0))
     expected = -4.0 if norm == "squared" else -2.0
-    assert torch.allclose(critic(batch.observation, batch.mu, batch.unit, off), torch.tensor(expected), rtol=1e-3)
+    assert torch.allclose(critic(batch, batch.mu, off), torch.tensor(expected), rtol=1e-3)
+
+
+def test_affine_critic_is_affine_in_mu(random_transition: MakeTransition) -> None:
+    parameters, rng = TrainingParameters(), np.random.default_rng(3)
+    batch = as_batch([random_transition(parameters.problem, rng) for _ in range(6)], parameters)
+    critic, step = AffineCritic(parameters), 50 * torch.randn(6, 4)
+    here, there, between = (critic.target(batch, batch.mu + k * step, torch.empty(0)) for k in (0, 1, 0.5))
+    assert torch.allclose(between, (here + there) / 2, atol=1e-4)
+    assert not torch.allclose(here, there, atol=1e-3)
+
+
+@pytest.mark.parametrize("structured", [True, False])
+@pytest.mark.parametrize("shared", [True, False])
+def test_full_decay_leaves_alphas_that_do_not_vary(structured: bool, shared: bool) -> None:
+    """All of the share taken off: every alpha over |LgV| is the same at every state, and the betas are as they were."""
+    actor = Actor(TrainingParameters(structured=structured, shared=shared))
+    with torch.no_grad():
+        for parameter in actor.parameters():
+            parameter.add_(0.05 * torch.randn_like(parameter))
+    observation = actor.scaling.center + actor.scaling.scale * torch.randn(20, 15)
+    LgV = torch.ones(20, 4)
+    alpha, beta = actor.unit_action(observation, LgV)
+    actor.steady_alphas(1.0)
+    steady, same = actor.unit_action(observation, LgV)
+    assert alpha.std(0).max() > 1e-3
+    assert steady.std(0).max() < 1e-6
+    assert torch.equal(beta, same)
 
 
 @pytest.mark.parametrize(("heads", "outputs"), [("one", 1), ("each", 5)])
@@ -83,6 +113,6 @@ def test_plain_critic_sees_what_it_should(
     batch = as_batch([random_transition(parameters.problem, rng) for _ in range(4)], parameters)
     action = Action(batch.alpha, batch.beta, torch.randn(4, 25))
     critic = PlainCritic(parameters)
-    q = critic(batch.observation, batch.mu, batch.unit, action)
+    q = critic(batch, batch.mu, action)
     assert q.shape == (4, outputs)
-    assert torch.equal(q, critic(batch.observation, batch.mu + 10, batch.unit, action)) != sees_mu
+    assert torch.equal(q, critic(batch, batch.mu + 10, action)) != sees_mu

@@ -124,7 +124,7 @@ def test_error_of_the_first_approach_is_acceleration_minus_mu(tick: Tick) -> Non
 def test_doubts(tick: Tick, first: dict[str, Any], second: dict[str, Any], state: dict[str, Any], doubt: Doubt) -> None:
     transition = join(tick(20, output=first), tick(21, state=state, output=second))
     assert transition.doubt == doubt
-    assert Replay(PARAMETERS).add(transition) == (doubt in (Doubt.NONE, Doubt.SATURATED))
+    assert Replay(PARAMETERS).add(transition) == (doubt == Doubt.NONE)
     assert np.isnan(transition.measured).all() == (doubt == Doubt.UNMEASURED)
 
 
