@@ -38,7 +38,7 @@ def project(q: Array, dq: Array, bend: float) -> tuple[Array, Array]:
 def _raise_swing_foot(q: Array, bend: float) -> None:
     """Flex the right knee until its foot is no lower than z = 0, or as high as the knee can bring it."""
     depth = -float(foot_positions(q, bend)[Leg.RIGHT, 1])
-    if depth <= 0:
+    if depth <= 1e-12:  # rounding apart, the foot is not below
         return
     # the shin hangs L sqrt(1 + bend^2) cos(a - atan(bend)) below the knee at the angle a
     length, lean = LINK_LENGTH * hypot(1.0, bend), atan(bend)

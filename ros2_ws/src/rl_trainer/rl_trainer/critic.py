@@ -99,7 +99,8 @@ class AffineCritic(RewardCritic):
     @torch.no_grad()
     def steady_slopes(self, share: float) -> None:
         """Take `share` off the last layer's weights, not biases, of the slopes: what varies with the state decays."""
-        self.network[-1].weight[: -len(self.weight)].mul_(1 - share)
+        *_, last_weight, _ = self.network.parameters()
+        last_weight[: -len(self.weight)].mul_(1 - share)
 
     def target(self, batch: Batch, mu: Tensor, correction: Tensor) -> Tensor:
         """t(s, mu), (b, n)."""
