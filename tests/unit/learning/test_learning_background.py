@@ -47,7 +47,7 @@ class Heard:
         self.reports.append(report)
 
 
-def wait_for(holds: Callable[[], bool], seconds: float = 20.0) -> None:
+def wait_for(holds: Callable[[], bool], seconds: float = 120.0) -> None:
     """Until something holds."""
     end = time.monotonic() + seconds
     while not holds():

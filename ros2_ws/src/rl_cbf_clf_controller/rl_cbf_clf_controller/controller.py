@@ -214,7 +214,8 @@ class Controller:
         if terms.barriers is not None and p.force_rows:
             build = force_rows if p.cone == "two_rows" else literal_cone_rows
             force = Affine(learned.a[3:], learned.b[3:])
-            rows.append(build(force, p.min_normal_force, p.friction_coeff, p.force_rescue_weight).normalised())
+            cone = p.friction_coeff - p.friction_margin
+            rows.append(build(force, p.min_normal_force, cone, p.force_rescue_weight).normalised())
         return [*rows, saturation]
 
     def _barriers(self, feet: Kinematics, stone: StonePreview | None) -> Barriers | None:

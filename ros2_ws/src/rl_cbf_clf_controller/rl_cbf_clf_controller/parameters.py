@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Literal
 
 import yaml
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from rabbit_description.gait import DEFAULT_GAIT
 
 from rl_cbf_clf_controller.uncertainty import Problem
@@ -42,15 +42,26 @@ class ControllerParameters(BaseModel):
     force_rows: bool = Field(True, description="contact-force rows in the CBF controllers")
     cone: Literal["two_rows", "literal"] = Field("two_rows", description="form of the friction cone rows")
     friction_coeff: float = Field(0.8, gt=0, le=10, description="k_f, the limit of |F_T| / F_N")
+    friction_margin: float = Field(
+        0.2, ge=0, le=1, description="kept from k_f, for what held torques and motor lag add between two ticks"
+    )
     min_normal_force: float = Field(20.0, ge=0, le=1000, description="least normal force of row C1, N")
     torque_limit: float = Field(200.0, gt=0, le=10000, description="saturation, N m")
     clf_rescue_weight: float = Field(1e6, gt=0, le=1e9, description="slack of last resort on a hard CLF row")
-    barrier_rescue_weight: float = Field(1e6, gt=0, le=1e9, description="slack of last resort on barrier rows")
+    barrier_rescue_weight: float = Field(1e3, gt=0, le=1e9, description="slack of last resort on barrier rows")
     force_rescue_weight: float = Field(1e5, gt=0, le=1e9, description="slack of last resort on force rows")
     sigma: float = Field(0.0, ge=0, le=1000, description="standard deviation of the exploration noise on mu, rad/s^2")
     qp_solver: Literal["osqp", "daqp"] = Field("osqp", description="QP solver; the other one is its guard")
     swap_time: float = Field(0.15, ge=0, le=5, description="least time of a step before the legs swap, s")
     swap_phase: float = Field(0.5, ge=0, le=1, description="least phase before the legs swap")
+
+    @model_validator(mode="after")
+    def _some_cone_is_left(self) -> "ControllerParameters":
+        if self.friction_margin >= self.friction_coeff:
+            raise ValueError(
+                f"friction_margin = {self.friction_margin}: expected less than friction_coeff = {self.friction_coeff}"
+            )
+        return self
 
     @property
     def problem(self) -> Problem:
