@@ -104,6 +104,20 @@ def test_a_policy_file_of_zeros_is_the_nominal_controller(tmp_path: Path) -> Non
     assert learned["ticks"] == nominal["ticks"]
 
 
+def test_with_all_quantities_nominal_the_oracle_changes_nothing(tmp_path: Path) -> None:
+    heavy = ("--mass-scale", 1.1, "--runs", 1)
+    assert evaluate(tmp_path / "none", *heavy, "--policy", "oracle", "--nominal", "V,B1,B2,C1,C2").exit_code == 0
+    assert evaluate(tmp_path / "zero", *heavy).exit_code == 0
+    assert evaluate(tmp_path / "oracle", *heavy, "--policy", "oracle").exit_code == 0
+    none, zero, oracle = (rows(tmp_path / name)[0]["max_clf"] for name in ("none", "zero", "oracle"))
+    assert none == zero != oracle
+    mixed = evaluate(tmp_path / "oracle", *heavy, "--policy", "oracle", "--nominal", "V")
+    assert mixed.exit_code == 2
+    assert "another evaluation" in mixed.stderr
+    summary = json.loads((tmp_path / "none" / "summary.json").read_text())
+    assert summary["policy_version"] == "oracle, nominal V,B1,B2,C1,C2"
+
+
 @pytest.mark.parametrize(
     ("words", "told"),
     [
@@ -115,6 +129,7 @@ def test_a_policy_file_of_zeros_is_the_nominal_controller(tmp_path: Path) -> Non
         (("--controller", "pid"), ("--controller pid", "'cbf-clf-qp'")),
         (("--terrain", "flat"), ("--terrain flat", "stones")),
         (("--policy", "nobody"), ("--policy nobody", "zero, oracle")),
+        (("--nominal", "V,B3"), ("--nominal B3", "V, B1, B2, C1, C2")),
         (("--gait", "nobody"), ("gait", "nobody", "shipped gaits are")),
         (("--course", "nowhere.csv"), ("nowhere.csv", "cannot be read")),
         (("--parameters", "nowhere.yaml"), ("nowhere.yaml",)),
@@ -186,3 +201,8 @@ def test_identity_sees_what_decides_a_run() -> None:
     assert Assembly(plant.model_copy(update={"payload": 1.0}), stones, "zero").identity() != base
     assert Assembly(plant, stones, "oracle").identity() != base
     assert Assembly(plant, stones, "zero").identity() == base
+    assert Assembly(plant, stones, "zero", ("V",)).identity() != base
+    assert (
+        Assembly(plant, stones, "zero", ("C1", "V")).identity()
+        == Assembly(plant, stones, "zero", ("V", "C1")).identity()
+    )

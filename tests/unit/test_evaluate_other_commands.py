@@ -26,6 +26,14 @@ def test_training_leaves_a_sound_policy_and_goes_on(tmp_path: Path) -> None:
     assert (plant["mass_scale"], plant["motor_lag"], plant["stop_at_miss"]) == (2, 0, False)
     assert rabbit("policy", "verify", tmp_path / "policy.safetensors").exit_code == 0
     assert first.content_hash in rabbit("policy", "show", tmp_path / "policy.safetensors").output
+    errors = ("policy", "errors", tmp_path / "policy.safetensors", "--runs", 1, "--stones", 1, "--payload", 5)
+    assert rabbit(*errors, "--out", tmp_path / "errors.json").exit_code == 0
+    found = json.loads((tmp_path / "errors.json").read_text())
+    used = found["parameters"]["simulation"]
+    assert (used["mass_scale"], used["payload"], used["motor_lag"], used["terrain"]) == (2, 5, 0.004, "flat")
+    assert found["policy_version"] == first.version
+    assert found["on_walks_of"]["policy"]["quantities"].keys() == {"V", "V_unscaled"}
+    assert len(found["on_walks_of"]["oracle"]["walks"]) == 1
     again = rabbit("train", "--out", tmp_path, "--problem", "rl-clf-qp", "--batch", 8, *SHORT[2:], "--episodes", 3)
     assert again.exit_code == 0, again.output
     assert "episode   3" in again.output
@@ -67,6 +75,8 @@ def test_bench_measures_and_asserts_nothing(tmp_path: Path) -> None:
         (("gait", "--name", "x", "--barrier-poles", "70"), "--barrier-poles"),
         (("video", "nowhere"), "nowhere"),
         (("policy", "verify", "nowhere"), "nowhere"),
+        (("policy", "errors", "nowhere"), "nowhere"),
+        (("policy", "errors", "nowhere", "--runs", 0), "--runs 0"),
         (("train", "--out", "x", "--critic", "none"), "--critic none"),
         (("bench", "--policy", "nobody"), "--policy nobody"),
     ],

@@ -12,7 +12,7 @@ COMMANDS = {
     "evaluate": "Walk many seeded runs without ROS: success, stones, forces, solver and speed.",
     "gait": "Find a gait: periodic, within the limits of robot and ground, both stone barriers kept.",
     "train": "Learn a policy in process.",
-    "policy": "Policy files: show, verify, load.",
+    "policy": "Policy files: show, verify, errors of the estimates, load.",
     "bench": "Time a tick, its parts and a walk against their limits.",
     "video": "Film a run that left its records.",
 }

@@ -22,7 +22,7 @@ ERP = 0.1  # share of a contact's or joint's position error mended per substep
 # A foot's rubber. A rigid contact has two answers where friction carries the leg (Painleve): the engine's iteration
 # starts at no force and may stay there, so a standing foot lets go. Compliance leaves the one that presses.
 CONTACT_STIFFNESS = 1e6  # N/m
-CONTACT_DAMPING = 1e4  # N s/m
+CONTACT_DAMPING = 3e4  # N s/m; impacts are inelastic: with less the rubber throws the foot back
 FOOT_RADIUS = 0.002  # m, of the URDF's foot sphere: a foot's centre at z = 0 stands on a top at -FOOT_RADIUS
 STONE_DEPTH = 1.0  # m
 

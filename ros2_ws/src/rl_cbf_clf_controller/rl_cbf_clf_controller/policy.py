@@ -9,6 +9,7 @@ expression Delta^v = 2 eta' P G Delta = LgV Delta [eq70] says:
 Plain, they are 5 outputs times (|LgV| + 1). Either way the action is the paper's (25 values on stones).
 """
 
+from collections.abc import Collection
 from typing import Protocol
 
 import numpy as np
@@ -66,6 +67,21 @@ class ActorPolicy:
             alpha[0] *= size
             beta[0] *= size
         return Estimates(alpha, beta)
+
+
+class PartlyNominal:
+    """`policy`, but for some quantities, `nominal` by name: their estimates are zero, so their rows are nominal."""
+
+    def __init__(self, policy: Policy, problem: Problem, nominal: Collection[str]) -> None:
+        zeroed = [name for name in problem.quantities if name in nominal]
+        self.version = f"{policy.version}, nominal {','.join(zeroed)}"
+        self._policy = policy
+        self._kept = np.array([name not in zeroed for name in problem.quantities], dtype=float)
+
+    def estimate(self, context: PolicyContext) -> Estimates:
+        """The policy's estimates, zero in the rows of the nominal quantities."""
+        estimates = self._policy.estimate(context)
+        return Estimates(estimates.alpha * self._kept[:, None], estimates.beta * self._kept)
 
 
 def contract(outputs: Array, LgV: Array) -> Array:

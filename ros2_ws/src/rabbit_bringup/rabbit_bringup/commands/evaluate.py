@@ -25,6 +25,7 @@ class EvaluationOptions(BaseModel):
     policy: str | None = Field(
         None, description="zero, oracle, a shipped policy or a file; a controller that learns has its own by default"
     )
+    nominal: tuple[str, ...] = Field((), description="quantities whose estimates are set to zero, such as V,B2")
     parameters: str = Field("ours", description="of the controller: ours, authors or a YAML file")
     jobs: int = Field(
         default_factory=lambda: os.cpu_count() or 1, ge=1, le=4096, description="processes (default: all cores)"
@@ -38,7 +39,7 @@ class EvaluationOptions(BaseModel):
 def evaluate(given: Given) -> None:
     """Walk many seeded runs without ROS: success rate, stones, forces, solver and speed, in DIR/summary.json."""
     request = given.build(EvaluationOptions)
-    assembly = given_assembly(given, request.policy, request.parameters)
+    assembly = given_assembly(given, request.policy, request.parameters, request.nominal)
     from rabbit_bringup.experiments.results import ResultsError, ResultsFolder
 
     key, about = describe(assembly, request.seed)
@@ -54,7 +55,9 @@ def evaluate(given: Given) -> None:
         draw_first(assembly, request)
 
 
-def given_assembly(given: Given, policy: str | None = None, parameters: str = "ours") -> Any:
+def given_assembly(
+    given: Given, policy: str | None = None, parameters: str = "ours", nominal: tuple[str, ...] = ()
+) -> Any:
     """Plant, controller and policy as the command line has them; flat terrain where the controller has no stones."""
     from rabbit_description.gait import GaitError
     from rabbit_sim.stones import CourseError
@@ -70,7 +73,7 @@ def given_assembly(given: Given, policy: str | None = None, parameters: str = "o
     simulation = given.build(SimulationParameters, motor_lag=EVALUATION_LAG, terrain=terrain)
     with complaints(GaitError, CourseError, PolicyFileError):
         try:
-            assembly = Assembly(simulation, controller, resolve_policy(policy, controller))
+            assembly = Assembly(simulation, controller, resolve_policy(policy, controller), nominal)
         except AssemblyError as error:
             fail(f"--{error.option} {error}")
         assembly.build()[0].close()

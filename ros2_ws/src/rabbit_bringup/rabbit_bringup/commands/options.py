@@ -85,15 +85,20 @@ def option_name(field: str) -> str:
 
 def options(
     *models: type[BaseModel], without: Collection[str] = ()
-) -> Callable[[Callable[[Given], Any]], Callable[..., Any]]:
-    """Give a command the fields of `models` as options, `without` some; it is called with what was given."""
+) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Give a command the fields of `models` as options, `without` some; it is called with what was given.
 
-    def decorate(function: Callable[[Given], Any]) -> Callable[..., Any]:
-        parameters = [each for each in _parameters(models) if each.name not in without]
+    Parameters of its own, after `given`, stay as they are.
+    """
+
+    def decorate(function: Callable[..., Any]) -> Callable[..., Any]:
+        own = list(inspect.signature(function).parameters.values())[1:]
+        parameters = own + [each for each in _parameters(models) if each.name not in without]
 
         @functools.wraps(function)
         def command(**values: Any) -> Any:
-            return function(Given({name: value for name, value in values.items() if value is not None}))
+            kept = {each.name: values.pop(each.name) for each in own}
+            return function(Given({name: value for name, value in values.items() if value is not None}), **kept)
 
         command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
         command.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
@@ -120,7 +125,7 @@ def _panel(model: type[BaseModel]) -> str:
 
 
 def _annotation(name: str, field: FieldInfo, panel: str) -> Any:
-    default = "" if field.is_required() or field.default in (None, "") else f" (default {field.default})"
+    default = "" if field.is_required() or field.default in (None, "", ()) else f" (default {field.default})"
     help_text = f"{field.description or ''}{default}"
     if field.annotation is bool:
         flags = f"{option_name(name)}/--no-{option_name(name)[2:]}"
@@ -139,6 +144,6 @@ def _metavar(annotation: Any) -> str:
     if get_origin(annotation) is Literal:
         return "|".join(map(str, get_args(annotation)))
     if get_origin(annotation) is tuple:
-        return "NUMBER,..."
+        return f"{_metavar(get_args(annotation)[0])},..."
     known = {float: "NUMBER", int: "COUNT", str: "NAME"}
     return known.get(annotation, "VALUE")

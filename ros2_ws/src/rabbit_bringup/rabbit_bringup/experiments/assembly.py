@@ -13,7 +13,7 @@ from rabbit_sim.simulation import Simulation
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.oracle import OraclePolicy
 from rl_cbf_clf_controller.parameters import ControllerParameters
-from rl_cbf_clf_controller.policy import ActorPolicy, Policy, ZeroPolicy
+from rl_cbf_clf_controller.policy import ActorPolicy, PartlyNominal, Policy, ZeroPolicy
 from rl_cbf_clf_controller.weights import PolicyFile, read
 
 EVALUATION_LAG = 0.004  # s, of the motors in evaluation, as in the paper
@@ -31,15 +31,23 @@ class AssemblyError(ValueError):
 
 @dataclass(frozen=True)
 class Assembly:
-    """What an episode is made of, but for its seed. `policy` is `zero`, `oracle` or the path of a policy file."""
+    """What an episode is made of, but for its seed. `policy` is `zero`, `oracle` or the path of a policy file.
+
+    Its estimates of the quantities in `nominal`, by name, are set to zero.
+    """
 
     simulation: SimulationParameters
     controller: ControllerParameters
     policy: str
+    nominal: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if self.controller.on_stones and self.simulation.terrain == "flat":
             raise AssemblyError("terrain", f"flat: expected stones, {self.controller.controller} steps on them")
+        known = self.controller.problem.quantities
+        for name in self.nominal:
+            if name not in known:
+                raise AssemblyError("nominal", f"{name}: expected some of {', '.join(known)}")
 
     def build(self) -> tuple[Simulation, Controller]:
         """A plant and a controller that have seen nothing yet; raises `GaitError`, `CourseError`, `PolicyFileError`."""
@@ -48,11 +56,8 @@ class Assembly:
 
     def make_policy(self) -> Policy:
         """The policy object."""
-        if self.policy == "zero":
-            return ZeroPolicy(self.controller.problem)
-        if self.policy == "oracle":
-            return self._oracle()
-        return ActorPolicy(_policy_file(self.policy, self.controller))
+        policy = self._whole_policy()
+        return PartlyNominal(policy, self.controller.problem, self.nominal) if self.nominal else policy
 
     def identity(self) -> dict[str, Any]:
         """All that decides what an episode does, as plain data: equal identities, equal runs."""
@@ -62,6 +67,13 @@ class Assembly:
             "policy_version": self.make_policy().version,
             "gait": load_gait(self.controller.gait).model_dump(mode="json", exclude={"metadata"}),
         }
+
+    def _whole_policy(self) -> Policy:
+        if self.policy == "zero":
+            return ZeroPolicy(self.controller.problem)
+        if self.policy == "oracle":
+            return self._oracle()
+        return ActorPolicy(_policy_file(self.policy, self.controller))
 
     def _oracle(self) -> OraclePolicy:
         plant = self.simulation
