@@ -16,7 +16,7 @@ from rl_cbf_clf_controller.gait_design.orbit import Orbit
 from rl_cbf_clf_controller.gait_design.runner import designed_stone
 
 SPECIFICATION = GaitSpecification(
-    name="test", step_length=0.36, speed=0.7, friction_limit=0.45, min_normal_force=150, intervals=12
+    name="test", step_length=0.36, speed=0.7, friction_limit=0.45, min_normal_force=150, intervals=30
 )
 Designed = tuple[Gait, list[tuple[int, float, float]]]
 BETWEEN_NODES = 0.02  # share by which a limit may be passed between two nodes
