@@ -1,6 +1,6 @@
 """How well gaits walk: stones in process, and what a known payload leaves of the walk. For docs/gaits.md.
 
-python -m rabbit_bringup.experiments.gait_report stones_0350_084 authors_035 --runs 50 --out runs/gait_report
+python -m rabbit_bringup.experiments.gait_report stones_0350_080 authors_035 --runs 50 --out runs/gait_report
 """
 
 import json
