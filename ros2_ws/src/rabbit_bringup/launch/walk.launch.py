@@ -1,4 +1,4 @@
-"""`ros2 launch rabbit_bringup walk.launch.py seed:=3 policy:=zero`; where there is no `ros2`: `rabbit walk`."""
+"""`ros2 launch rabbit_bringup walk.launch.py seed:=3`; where there is no `ros2`: `rabbit walk`."""
 
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument
@@ -16,7 +16,7 @@ ARGUMENTS = {
     ),
     "seed": ("1", "of course, first state and noise"),
     "episodes": ("1", "episodes to walk, their seeds counting up"),
-    "policy": ("zero", "zero, the name of a shipped policy, or a file; the trainer learns on from it"),
+    "policy": ("rl-cbf-clf-qp", "zero, the name of a shipped policy, or a file; the trainer learns on from it"),
     "trainer": ("true", "the trainer learns beside the walk"),
     "record": ("true", "record all topics"),
     "recording": ("recording", "folder of the recording, new"),

@@ -13,7 +13,8 @@ from rabbit_bringup.commands.options import Given, complaints, fail, options
 from rabbit_bringup.launching.walk import Graph, Interrupted, WalkOptions, make_graph, run_graph
 
 FELL = 1
-DEFAULTS: dict[str, Any] = {}  # where the command line names neither controller nor parameters
+# where the command line names neither controller nor parameters
+DEFAULTS: dict[str, Any] = {"controller": "rl-cbf-clf-qp", "mass_scale": "2"}
 
 app = typer.Typer(add_completion=False)
 
