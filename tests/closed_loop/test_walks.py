@@ -1,15 +1,17 @@
 """Who walks, who falls, and that a seed decides it all."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from rabbit_bringup.experiments.assembly import Assembly
+from rabbit_bringup.experiments.assembly import Assembly, resolve_policy
 from rabbit_bringup.experiments.evaluation import episode_seeds, evaluate, record_walk, walk
 from rabbit_bringup.experiments.metrics import RunResult
 from rabbit_bringup.viewing.walk_records import ARRAYS
+from rl_cbf_clf_controller.parameters import load_parameters
 
 MakeAssembly = Callable[..., Assembly]
 WALL_TIMES = {"tick_ms_p50", "tick_ms_p99", "plant_ms_p50", "walk_seconds"}
@@ -37,9 +39,11 @@ def test_nominal_controller_walks_on_stones(make_assembly: MakeAssembly) -> None
     assert len(result.tick_seconds) == result.row.ticks
 
 
-@pytest.mark.parametrize("controller", ["clf-qp", "cbf-clf-qp"])
-def test_nominal_controller_falls_at_twice_the_mass(make_assembly: MakeAssembly, controller: str) -> None:
+@pytest.mark.parametrize(("controller", "eps"), [("clf-qp", 0.07), ("cbf-clf-qp", 0.04)])
+def test_nominal_controller_falls_at_twice_the_mass(make_assembly: MakeAssembly, controller: str, eps: float) -> None:
+    """On flat ground a CLF-QP of higher gain walks on for a while (docs/results.md); the authors' eps does not."""
     heavy = make_assembly(controller, mass_scale=TWICE, stones=20)
+    heavy = replace(heavy, controller=heavy.controller.model_copy(update={"eps": eps}))
     assert not any(walk(heavy, run, seed).row.success for run, seed in episode_seeds(1, 2).items())
 
 
@@ -91,3 +95,16 @@ def test_a_missed_stone_is_a_miss(make_assembly: MakeAssembly, tmp_path: Path) -
     assert not row.success
     assert row.stones == 0
     assert row.outcome != "walked"
+
+
+def test_the_shipped_policy_walks_at_twice_the_mass(make_assembly: MakeAssembly) -> None:
+    policy = resolve_policy(None, load_parameters("ours", controller="rl-cbf-clf-qp"))
+    row = walk(make_assembly("rl-cbf-clf-qp", policy, mass_scale=TWICE, stones=20), 0, seed=1).row
+    assert row.success
+    assert row.ticks_normal_force_negative == 0
+
+
+@pytest.mark.parametrize("controller", ["rl-clf-qp", "io-rl-clf-qp"])
+def test_the_shipped_policies_walk_on_flat_ground(make_assembly: MakeAssembly, controller: str) -> None:
+    policy = resolve_policy(None, load_parameters("ours", controller=controller))
+    assert walk(make_assembly(controller, policy, mass_scale=TWICE, stones=10), 0, seed=1).row.success
