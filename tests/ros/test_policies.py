@@ -17,12 +17,20 @@ from rabbit_msgs.msg import Episode, PolicyWeights
 from rabbit_msgs.srv import LoadPolicy, ResetEpisode
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.uncertainty import Problem
-from rl_cbf_clf_controller.weights import PROBE, PolicyFile, PolicyMetadata, probe_inputs
+from rl_cbf_clf_controller.weights import PROBE, PolicyFile, PolicyMetadata, forward, policy_path, probe_inputs, read
 from safetensors.numpy import save
 
 PLANT = {"motor_lag": 0.004, "stones": 5}
 LAW = ControllerParameters(controller="rl-cbf-clf-qp")
-SMALL, FULL = (8, 8), (400, 300)
+SMALL = (8, 8)
+SHIPPED = read(policy_path("rl-cbf-clf-qp"))
+
+
+def near_shipped(number: int) -> PolicyFile:
+    """The shipped policy with last biases a little off; another one for each number."""
+    arrays = {**SHIPPED.arrays, "2.bias": SHIPPED.arrays["2.bias"] + np.float32(2e-4 * (number % 3))}
+    arrays[PROBE] = np.stack([forward(arrays, row) for row in probe_inputs(len(SHIPPED.metadata.observation))])
+    return PolicyFile(SHIPPED.metadata.model_copy(update={"training_seed": number}), arrays)
 
 
 def policy(
@@ -77,16 +85,16 @@ def tampered(file: PolicyFile, bias: NDArray[np.float32]) -> bytes:
 
 
 def test_a_hundred_swaps_in_one_walk(world: Any) -> None:
-    """From messages and files, half a megabyte each: no tick lost, no stone missed, a replay gives the torques."""
+    """At twice the mass, from messages and files: no tick lost, no stone missed, a replay gives the torques."""
     commands, swaps, episodes = world.hear("torque"), world.hear("policy_swap"), world.hear("episode")
-    world.start("simulator", pace=0.8, **{**PLANT, "stones": 20})
+    world.start("simulator", pace=0.8, **{**PLANT, "stones": 20, "mass_scale": 2.0})
     world.start("controller", **LAW.model_dump())
     world.start("recorder", path=str(world.folder / "recording"))
-    world.say("policy", weights(policy(0)))
+    world.say("policy", weights(near_shipped(0)))
     world.go()
     loaded: set[str] = set()
     for sent in itertools.takewhile(lambda _: not over(episodes), itertools.count(1)):
-        file = policy(sent, bias=0.01 * (sent % 3), hidden=FULL)
+        file = near_shipped(sent)
         if sent % 10:
             world.say("policy", weights(file))
         else:
