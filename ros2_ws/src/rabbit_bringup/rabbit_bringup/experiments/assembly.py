@@ -5,7 +5,6 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-import rl_cbf_clf_controller
 from rabbit_description.gait import load_gait
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.robot_urdf import perturbed_urdf
@@ -14,11 +13,9 @@ from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.oracle import OraclePolicy
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import ActorPolicy, PartlyNominal, Policy, ZeroPolicy
-from rl_cbf_clf_controller.weights import PolicyFile, read
+from rl_cbf_clf_controller.weights import SHIPPED, PolicyFile, policy_path, read
 
 EVALUATION_LAG = 0.004  # s, of the motors in evaluation, as in the paper
-SUFFIX = ".safetensors"
-SHIPPED = Path(rl_cbf_clf_controller.__file__).parent / "policies"
 
 
 class AssemblyError(ValueError):
@@ -89,25 +86,20 @@ def resolve_policy(name: str | None, controller: ControllerParameters) -> str:
     """
     if name is None:
         name = controller.controller if controller.learns else "zero"
-        if name != "zero" and not shipped_path(name).is_file():
+        if name != "zero" and name not in shipped_policies():
             raise AssemblyError("policy", f"not given, and none is shipped for {name}: expected zero, oracle or a file")
     if name in ("zero", "oracle"):
         return name
-    path = shipped_path(name) if shipped_path(name).is_file() else Path(name)
+    path = policy_path(name)
     if not path.is_file():
         choice = ", ".join(("zero", "oracle", *shipped_policies()))
         raise AssemblyError("policy", f"{name}: expected one of {choice}, or a policy file")
     return str(path)
 
 
-def shipped_path(name: str) -> Path:
-    """Where the policy shipped under this name is or would be."""
-    return SHIPPED / f"{name}{SUFFIX}"
-
-
 def shipped_policies() -> list[str]:
     """Names of the policies that come with the controller; each learning controller's own has its name."""
-    return sorted(path.stem for path in SHIPPED.glob(f"*{SUFFIX}"))
+    return sorted(path.stem for path in SHIPPED.glob("*.safetensors"))
 
 
 @lru_cache(maxsize=1)
