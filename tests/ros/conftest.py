@@ -103,12 +103,13 @@ class World:
 
     def ask(self, kind: Any, name: str, **fields: Any) -> Any:
         """Call a service."""
+        from rabbit_ros.question_node import ask
+
         client = self.node.create_client(kind, name)
-        assert client.wait_for_service(timeout_sec=20.0), f"no service {name}"
-        answer = client.call_async(kind.Request(**fields))
-        self.wait(answer.done)
+        answer = ask(client, kind.Request(**fields), self.spin, 60.0)
         self.node.destroy_client(client)
-        return answer.result()
+        assert answer is not None, f"no answer from {name}"
+        return answer
 
     def wait(self, until: Callable[[], bool], seconds: float = 60.0) -> None:
         """Spin until something holds; a node that ends by itself is an error."""
@@ -122,6 +123,7 @@ class World:
         """Hear what comes."""
         end = time.monotonic() + seconds
         while time.monotonic() < end:
+            self.processes.check()
             self._executor.spin_once(0.02)
 
     def close(self) -> None:

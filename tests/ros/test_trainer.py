@@ -81,8 +81,7 @@ def test_learning_beside_publishes_policies_that_take_effect(world: Any) -> None
     world.wait(lambda: len(weights) >= 3)
     world.wait(lambda: commands[-1].policy_version != "zero")
     assert commands[-1].policy_version in {message.version for message in weights}
-    best = weights[-1].version
-    world.wait(lambda: any(swap.version == best for swap in swaps))
+    world.wait(lambda: {swap.version for swap in swaps} & {message.version for message in weights})
 
     def told(name: str) -> str:
         return [v.value for m in world.hear("diagnostics") for v in m.status[0].values if v.key == name][-1]

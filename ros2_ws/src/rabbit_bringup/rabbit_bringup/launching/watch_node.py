@@ -13,6 +13,7 @@ from rabbit_msgs.msg import ControllerState, Episode, EpisodePlan, Landing, Rabb
 from rabbit_msgs.srv import Pause
 from rabbit_ros.diagnostics_node import readers_told
 from rabbit_ros.qos_node import DIAGNOSTICS, EVENT
+from rabbit_ros.question_node import ask
 from rabbit_ros.topics_node import missing_readers
 from rclpy.experimental import EventsExecutor
 from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -87,13 +88,8 @@ class Watch:
 
     def begin(self, timeout: float = 10.0) -> bool:
         """Let the simulator go on; False if it does not answer."""
-        if not self._pause.wait_for_service(timeout_sec=timeout):
-            return False
-        answer = self._pause.call_async(Pause.Request(paused=False))
-        end = time.monotonic() + timeout
-        while not answer.done() and time.monotonic() < end:
-            self.spin(0.02)
-        return bool(answer.done() and answer.result().accepted)
+        answer = ask(self._pause, Pause.Request(paused=False), self.spin, timeout)
+        return bool(answer and answer.accepted)
 
     def progress(self) -> Progress:
         """How it goes, from the newest messages."""
