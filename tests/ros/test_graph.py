@@ -22,8 +22,9 @@ def ended(episodes: list[Episode], number: int = 1) -> Callable[[], bool]:
     return lambda: any(e.episode >= number and e.phase == Episode.ENDED for e in episodes)
 
 
-def torques(messages: list[TorqueCommand]) -> Any:
-    """All torques of an episode as one array, in order of their ticks."""
+def torques(world: Any, messages: list[TorqueCommand], ended: Episode) -> Any:
+    """All torques of an ended episode as one array, in order of their ticks; its end may be heard before the last."""
+    world.wait(lambda: len(messages) == ended.tick)
     assert [message.tick for message in messages] == list(range(len(messages)))
     return np.array([message.torque for message in messages])
 
@@ -57,7 +58,9 @@ def test_two_graphs_do_not_meet(make_world: Callable[[str], Any]) -> None:
             world.wait(ended(episodes))
     for world, (_, episodes) in zip(worlds[1:], heard[1:], strict=True):
         world.wait(ended(episodes))
-    alone, left, right = (torques(messages) for messages, _ in heard)
+    alone, left, right = (
+        torques(world, commands, episodes[-1]) for world, (commands, episodes) in zip(worlds, heard, strict=True)
+    )
     np.testing.assert_array_equal(left, alone)
     assert left.shape != right.shape or (left != right).any()
 
@@ -76,11 +79,11 @@ def test_pause_holds_between_two_ticks_and_changes_nothing(world: Any) -> None:
     assert len(states) == held
     world.ask(Pause, "pause", paused=False)
     world.wait(ended(episodes))
-    first = torques(commands)
+    first = torques(world, commands, episodes[-1])
     commands.clear()
     assert world.ask(ResetEpisode, "reset_episode", seed=3).episode == 2
     world.wait(ended(episodes, 2))
-    np.testing.assert_array_equal(torques(commands), first)
+    np.testing.assert_array_equal(torques(world, commands, episodes[-1]), first)
 
 
 def test_reset_ends_the_running_episode(world: Any) -> None:

@@ -85,7 +85,8 @@ def test_the_trainer_learns_on_from_the_policy_that_walks(tmp_path: Path) -> Non
     file, folder = Trainer(form).policy_file(), tmp_path / "walk"
     file.write(tmp_path / "policy.safetensors")
     learned = ("--controller", "rl-cbf-clf-qp", "--policy", tmp_path / "policy.safetensors")
-    done = rabbit("walk", "--out", folder, *learned, "--mass-scale", 1.1, "--stones", 12, *QUICK)
+    slow = ("--mass-scale", 1.1, "--stones", 12, "--pace", 0.5)  # time to learn on a busy machine
+    done = rabbit("walk", "--out", folder, *learned, *slow, *QUICK)
     assert done.returncode == 0, done.stdout + done.stderr
     told = yaml.safe_load((folder / "parameters.yaml").read_text())
     assert told["/**/controller"]["ros__parameters"]["swap_at"] == "tick"
