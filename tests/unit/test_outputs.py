@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from rabbit_description.gait import load_gait
-from rl_cbf_clf_controller.bezier import Bezier
+from rl_cbf_clf_controller.bezier import FADING, Bezier
 from rl_cbf_clf_controller.io_linearization import precontrol
 from rl_cbf_clf_controller.nominal_model import NominalModel
 from rl_cbf_clf_controller.virtual_constraints import VirtualConstraints
@@ -22,13 +22,21 @@ def test_bezier_agrees_with_scipy(s):
     assert second == pytest.approx(reference(s, nu=2))
 
 
-@pytest.mark.parametrize(("s", "end"), [(-0.3, 0.0), (1.4, 1.0)])
-def test_bezier_goes_on_along_its_tangent(s, end):
-    value, first, _ = Bezier(GAIT.coeffs)(end)
-    outside, slope, curvature = Bezier(GAIT.coeffs)(s)
-    assert outside == pytest.approx(value + first * (s - end))
-    assert slope == pytest.approx(first)
-    assert curvature == pytest.approx(0)
+@pytest.mark.parametrize("s", [-0.3, -0.01, 0.0, 1.0, 1.02, 1.4])
+def test_bezier_goes_on_smoothly_beyond_its_ends(s):
+    """Each derivative is the slope of the one before, also across an end."""
+    behind, here, ahead = (Bezier(GAIT.coeffs)(s + h) for h in (-H, 0, H))
+    for order in (0, 1):
+        assert here[order + 1] == pytest.approx((ahead[order] - behind[order]) / (2 * H), abs=1e-3)
+
+
+def test_bezier_becomes_straight_far_beyond_its_ends():
+    for end, s in ((0.0, -0.5), (1.0, 1.5)):
+        curve = Bezier(GAIT.coeffs)
+        _, first, second = curve(end)
+        _, slope, curvature = curve(s)
+        assert curvature == pytest.approx(0, abs=1e-3)
+        assert slope == pytest.approx(first + np.sign(s) * FADING * second, abs=1e-3)
 
 
 def test_outputs_vanish_where_the_joints_follow_the_gait():

@@ -28,7 +28,9 @@ def test_the_node_of_the_executables_name_is_run(monkeypatch: pytest.MonkeyPatch
 def test_an_interrupt_during_the_import_is_quiet(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    (tmp_path / "slow_node.py").write_text("import os, signal\nos.kill(os.getpid(), signal.SIGINT)\n")
+    (tmp_path / "slow_node.py").write_text(
+        "import os, signal, time\nos.kill(os.getpid(), signal.SIGINT)\ntime.sleep(10)\n"
+    )
     monkeypatch.syspath_prepend(str(tmp_path))
     called_as("walker", "slow_node", monkeypatch)
     with pytest.raises(SystemExit) as end:

@@ -1,6 +1,9 @@
-"""Bézier polynomials of the phase s and their derivatives, continued to first order outside [0, 1].
+"""Bézier polynomials of the phase s and their derivatives, continued outside [0, 1].
 
-b(s) = sum_k C(n, k) s^k (1 - s)^(n - k) c_k
+    b(s) = sum_k C(n, k) s^k (1 - s)^(n - k) c_k
+
+Beyond an end the curvature fades, b''(s) = b''(end) exp(-|s - end| / FADING). Constant, it would lead a late foot far
+away; none at all, it would jump at the end, and with it y'' and the error of every estimate.
 """
 
 from math import comb
@@ -8,7 +11,7 @@ from math import comb
 import numpy as np
 from rabbit_description.state import Array
 
-ROUNDING = 1e-9  # of a phase that ends at 1: still inside, where the curvature does not jump to 0
+FADING = 0.04  # of the phase, in which the curvature falls to 1/e beyond an end
 
 
 class Bezier:
@@ -21,13 +24,15 @@ class Bezier:
         self._orders = tuple(c @ _to_powers(c.shape[1] - 1) for c in (coeffs, first, second))
 
     def __call__(self, s: float) -> tuple[Array, Array, Array]:
-        """Value, first and second derivative in s, each (m,). Beyond either end the curve goes on along its tangent."""
+        """Value, first and second derivative in s, each (m,)."""
         inside = min(max(s, 0.0), 1.0)
         powers = inside ** np.arange(self._orders[0].shape[1])
         value, first, second = (c @ powers[: c.shape[1]] for c in self._orders)
-        if abs(inside - s) > ROUNDING:
-            return value + first * (s - inside), first, np.zeros_like(second)
-        return value, first, second
+        beyond = s - inside
+        left = np.exp(-abs(beyond) / FADING)
+        turned = FADING * (1 - left) * np.sign(beyond)  # the integral of what is left of the curvature
+        bent = FADING * (abs(beyond) - abs(turned))  # and the integral of that
+        return value + first * beyond + second * bent, first + second * turned, second * left
 
 
 def _to_powers(degree: int) -> Array:

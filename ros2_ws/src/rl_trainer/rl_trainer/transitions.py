@@ -35,7 +35,7 @@ class Doubt(IntFlag):
     SCUFF = 8  # the swing foot touches the ground
     SATURATED = 16  # the torque limit changed mu
     FAR = 32  # far off the gait
-    EDGE = 64  # the phase passed 0 or 1, where the desired outputs' second derivative jumps
+    EDGE = 64  # the phase passed 0 or 1, beyond which the curvature of the desired outputs fades
 
 
 @dataclass(frozen=True)
