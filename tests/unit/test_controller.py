@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from rabbit_description.gait import DEFAULT_GAIT, load_gait
 from rabbit_description.state import SWAP_STATE, SWAP_TORQUE, Leg, RobotState, StonePreview
+from rl_cbf_clf_controller.affine import Affine
 from rl_cbf_clf_controller.controller import Controller, ControllerError
 from rl_cbf_clf_controller.parameters import ControllerParameters, ParameterError, load_parameters
 from rl_cbf_clf_controller.policy import ZeroPolicy
@@ -42,8 +43,13 @@ class FixedPolicy:
     [
         ("clf-qp", {}, ["CLF"]),
         ("io-rl-clf-qp", {}, ["CLF"]),
+        ("l1-clf-qp", {}, ["CLF"]),
+        ("clf-qp", {"flat_force_rows": True}, ["CLF", "C1", "C2+", "C2-"]),
+        ("io-rl-clf-qp", {"flat_force_rows": True}, ["CLF", "C1", "C2+", "C2-"]),
+        ("l1-clf-qp", {"flat_force_rows": True, "cone": "literal"}, ["CLF", "C1", "C2"]),
         ("cbf-clf-qp", {}, ["CLF", "B1", "B2", "C1", "C2+", "C2-"]),
         ("rl-cbf-clf-qp", {}, ["CLF", "B1", "B2", "C1", "C2+", "C2-"]),
+        ("robust-cbf-clf-qp", {}, 2 * ["CLF", "B1", "B2", "C1", "C2+", "C2-"]),
         ("cbf-clf-qp", {"force_rows": False}, ["CLF", "B1", "B2"]),
         ("cbf-clf-qp", {"barrier_rows": False}, ["CLF", "C1", "C2+", "C2-"]),
         ("cbf-clf-qp", {"cone": "literal"}, ["CLF", "B1", "B2", "C1", "C2"]),
@@ -108,6 +114,38 @@ def test_first_approach_adds_its_input():
     assert output.torque == pytest.approx(terms.precontrol(1.5 * output.mu + beta))
 
 
+def test_l1_begins_as_the_clf_qp():
+    assert make("l1-clf-qp").step(state()).torque == pytest.approx(make("clf-qp").step(state()).torque)
+
+
+def test_l1_adds_its_compensation():
+    built = make("l1-clf-qp")
+    built.step(state())
+    q, dq = GAIT.x_start
+    later = state(tick=1, q=q + 0.01 * dq, dq=dq + 0.3)  # not what the model says
+    output = built.step(later)
+    assert output.alpha == pytest.approx(0)
+    assert np.abs(output.beta).max() > 1
+    assert output.torque == pytest.approx(built.terms(later).precontrol(output.mu + output.beta))
+
+
+def test_l1_adds_to_a_policys_input():
+    alpha, beta = 0.5 * np.eye(4), np.array([10.0, 0.0, -5.0, 0.0])
+    built, plain = make("l1-clf-qp", FixedPolicy(alpha, beta)), make("io-rl-clf-qp", FixedPolicy(alpha, beta))
+    assert built.step(state()).torque == pytest.approx(plain.step(state()).torque)
+
+
+def test_flat_force_rows_are_the_models_force_at_the_torque():
+    alpha, beta = 0.5 * np.eye(4), np.array([10.0, 0.0, -5.0, 0.0])
+    built = make("io-rl-clf-qp", FixedPolicy(alpha, beta), flat_force_rows=True)
+    terms, mu = built.terms(state()), np.array([20.0, -10.0, 30.0, 5.0])
+    control = terms.precontrol.after(Affine(np.eye(4) + alpha, beta))
+    unilateral = built.rows(terms, Estimates(alpha, beta), control)[1]
+    normal = terms.dynamics.force(terms.precontrol(1.5 * mu + beta))[1]
+    norm = np.linalg.norm(terms.force.after(control).a[0])
+    assert (unilateral.upper - unilateral.A @ mu)[0] * norm == pytest.approx(normal - 20.0)
+
+
 def test_legs_swap_at_a_touchdown_and_not_before_its_time():
     built, landed = make("clf-qp"), np.array([True, True])
     end = GAIT.x_start[0].copy()
@@ -139,7 +177,16 @@ def test_bad_states_are_refused(changes, message):
 
 
 @pytest.mark.parametrize(
-    "changes", [{"eps": 0.0}, {"eps": 1.5}, {"controller": "pid"}, {"nonsense": 1}, {"slack_weight": "many"}]
+    "changes",
+    [
+        {"eps": 0.0},
+        {"eps": 1.5},
+        {"controller": "pid"},
+        {"nonsense": 1},
+        {"slack_weight": "many"},
+        {"robust_scale_min": 3.0},
+        {"l1_law": "newest"},
+    ],
 )
 def test_bad_parameters_are_refused(changes):
     with pytest.raises(ParameterError, match=next(iter(changes))):

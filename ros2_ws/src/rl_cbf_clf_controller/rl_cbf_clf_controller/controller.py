@@ -19,17 +19,19 @@ from rl_cbf_clf_controller.contact_force import force_rows, literal_cone_rows
 from rl_cbf_clf_controller.context import ModelContext
 from rl_cbf_clf_controller.ecbf import Barriers, ecbf_bound, ecbf_gains, stone_barriers
 from rl_cbf_clf_controller.io_linearization import precontrol
+from rl_cbf_clf_controller.l1_adaptation import l1_adaptation
 from rl_cbf_clf_controller.nominal_model import Kinematics, NominalModel, PinnedDynamics
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import Policy
 from rl_cbf_clf_controller.qp import Decision, QuadraticProgram, build_qp, unpack
-from rl_cbf_clf_controller.quantities import QuantityModel
+from rl_cbf_clf_controller.quantities import NORMAL_TANGENTIAL, QuantityModel
 from rl_cbf_clf_controller.res_clf import ResClf
 from rl_cbf_clf_controller.rows import Rows
 from rl_cbf_clf_controller.saturation import clip, saturation_rows
 from rl_cbf_clf_controller.solvers import Solution, make_solver
-from rl_cbf_clf_controller.uncertainty import Estimates
+from rl_cbf_clf_controller.uncertainty import Estimates, Problem
 from rl_cbf_clf_controller.virtual_constraints import Outputs, VirtualConstraints
+from rl_cbf_clf_controller.worst_case import worst_errors
 
 NO_BARRIERS = np.full(2, np.nan)
 NO_TORQUE = np.full(4, np.nan)
@@ -105,6 +107,12 @@ class Terms:
     def barriers(self) -> Barriers | None:
         return self.model.barriers
 
+    @property
+    def force(self) -> Affine:
+        """(F_N, F_T), N, by the nominal model, affine in the torque."""
+        force = self.dynamics.force
+        return Affine(force.a[NORMAL_TANGENTIAL], force.b[NORMAL_TANGENTIAL])
+
 
 class Constraint(Protocol):
     """A constraint of one's own: rows from the terms of a tick (its q_s, feet, nominal model, precontrol)."""
@@ -145,6 +153,7 @@ class Controller:
         self._constraints = VirtualConstraints(gait)
         self._model = NominalModel(urdf)
         self._solver = make_solver(parameters.qp_solver)
+        self._adaptation = l1_adaptation(parameters, self.clf)
         self.reset(0)
 
     @property
@@ -156,6 +165,8 @@ class Controller:
         """Begin an episode: left leg stands; the exploration noise starts from `seed`."""
         self._step = StepState(rng=np.random.default_rng(seed))
         self._solver.reset()
+        if self._adaptation:
+            self._adaptation.reset()
 
     def applied(self, torque: Array) -> None:
         """Tell that `torque` (4,), left/right order, was applied in place of the one that `step` gave last."""
@@ -170,7 +181,7 @@ class Controller:
         self._check(state)
         fault = self._swap_legs(state)
         terms = self.terms(state)
-        estimates = self.policy.estimate(terms.context)
+        estimates = self._adapted(terms, self.policy.estimate(terms.context))
         control = self._control(terms, estimates)
         qp = build_qp([*self.rows(terms, estimates, control), *(own.rows(terms) for own in self._extra)])
         solution = self._solver.solve(qp)
@@ -192,7 +203,7 @@ class Controller:
         p = self.parameters
         barriers = self._barriers(feet, state.preview)
         clf = self.clf.derivative(eta)
-        model = QuantityModel(outputs, clf, barriers, outputs_only=p.controller == "io-rl-clf-qp")
+        model = QuantityModel(outputs, clf, barriers, outputs_only=p.problem is Problem.IO_RL_CLF_QP)
         nominal = model.evaluate(dynamics).after(control)
         z = (*feet.hip, outputs.phase, *feet.hip_rate, outputs.phase_rate)
         stone = (state.preview.l_min,) if p.on_stones and state.preview else ()
@@ -204,19 +215,39 @@ class Controller:
         """Which QP has which rows: every constraint of this tick, with its estimates."""
         p = self.parameters
         saturation = saturation_rows(control, p.torque_limit)
+        flat_forces = [self._force_rows(terms.force.after(control))] if p.flat_force_rows and not p.on_stones else []
         if terms.model.outputs_only:
-            return [self._clf_rows(terms.eta, terms.model.clf_derivative), saturation]
+            return [self._clf_rows(terms.eta, terms.model.clf_derivative), *flat_forces, saturation]
         learned = terms.nominal + Affine(estimates.alpha, estimates.beta)
-        rows = [self._clf_rows(terms.eta, Affine(learned.a[:1], learned.b[:1]))]
+        cases = [learned + error for error in worst_errors(p, terms.context)] or [learned]
+        return [*(rows for case in cases for rows in self._case_rows(terms, case)), *flat_forces, saturation]
+
+    def _case_rows(self, terms: Terms, values: Affine) -> list[Rows]:
+        """The rows on the quantities, if `values` they have."""
+        p = self.parameters
+        rows = [self._clf_rows(terms.eta, Affine(values.a[:1], values.b[:1]))]
         if terms.barriers is not None and p.barrier_rows:
-            lower = ecbf_bound(terms.barriers, self._K_b) - learned.b[1:3]
-            rows.append(Rows.at_least(("B1", "B2"), learned.a[1:3], lower, p.barrier_rescue_weight).normalised())
+            lower = ecbf_bound(terms.barriers, self._K_b) - values.b[1:3]
+            rows.append(Rows.at_least(("B1", "B2"), values.a[1:3], lower, p.barrier_rescue_weight).normalised())
         if terms.barriers is not None and p.force_rows:
-            build = force_rows if p.cone == "two_rows" else literal_cone_rows
-            force = Affine(learned.a[3:], learned.b[3:])
-            cone = p.friction_coeff - p.friction_margin
-            rows.append(build(force, p.min_normal_force, cone, p.force_rescue_weight).normalised())
-        return [*rows, saturation]
+            rows.append(self._force_rows(Affine(values.a[3:], values.b[3:])))
+        return rows
+
+    def _force_rows(self, force: Affine) -> Rows:
+        """C1 and the cone for `force` = (F_N, F_T), affine in mu."""
+        p = self.parameters
+        build = force_rows if p.cone == "two_rows" else literal_cone_rows
+        cone = p.friction_coeff - p.friction_margin
+        return build(force, p.min_normal_force, cone, p.force_rescue_weight).normalised()
+
+    def _adapted(self, terms: Terms, estimates: Estimates) -> Estimates:
+        """With L1, the input of the first approach: the policy's, and the compensation of what it leaves."""
+        if self._adaptation is None:
+            return estimates
+        policy = Affine(np.eye(4) + estimates.alpha, estimates.beta)
+        belief = policy.inverse().after(terms.output_dynamics)
+        compensation = self._adaptation.compensation(terms.eta, belief, self._step.torque)
+        return Estimates(estimates.alpha, policy(compensation))
 
     def _barriers(self, feet: Kinematics, stone: StonePreview | None) -> Barriers | None:
         p = self.parameters

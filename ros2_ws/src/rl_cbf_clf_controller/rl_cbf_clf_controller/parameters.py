@@ -9,7 +9,10 @@ from rabbit_description.gait import DEFAULT_GAIT
 
 from rl_cbf_clf_controller.uncertainty import Problem
 
-ControllerName = Literal["clf-qp", "io-rl-clf-qp", "rl-clf-qp", "cbf-clf-qp", "rl-cbf-clf-qp"]
+ControllerName = Literal[
+    "clf-qp", "l1-clf-qp", "io-rl-clf-qp", "rl-clf-qp", "cbf-clf-qp", "robust-cbf-clf-qp", "rl-cbf-clf-qp"
+]
+L1Law = Literal["piecewise", "exact", "euler"]
 CONFIG = Path(__file__).parent / "config"
 
 
@@ -40,6 +43,7 @@ class ControllerParameters(BaseModel):
     )
     barrier_rows: bool = Field(True, description="stepping-stone barriers in the CBF controllers")
     force_rows: bool = Field(True, description="contact-force rows in the CBF controllers")
+    flat_force_rows: bool = Field(False, description="contact-force rows in the flat-ground controllers as well")
     cone: Literal["two_rows", "literal"] = Field("two_rows", description="form of the friction cone rows")
     friction_coeff: float = Field(0.8, gt=0, le=10, description="k_f, the limit of |F_T| / F_N")
     friction_margin: float = Field(
@@ -54,6 +58,21 @@ class ControllerParameters(BaseModel):
     qp_solver: Literal["osqp", "daqp"] = Field("osqp", description="QP solver; the other one is its guard")
     swap_time: float = Field(0.15, ge=0, le=5, description="least time of a step before the legs swap, s")
     swap_phase: float = Field(0.5, ge=0, le=1, description="least phase before the legs swap")
+    l1_law: L1Law = Field("piecewise", description="adaptation law of L1")
+    l1_gain: float = Field(1.0, gt=0, le=1e9, description="adaptation gain of L1; the piecewise law has none")
+    l1_cutoff: float = Field(50.0, gt=0, le=1e4, description="cut-off of L1's low-pass filter, 1/s")
+    l1_substeps: int = Field(1, ge=1, le=100, description="steps of L1's adaptation in a tick")
+    l1_slope_bound: float = Field(1.0, gt=0, le=1e6, description="bound of L1's estimate in proportion to |mu|")
+    l1_offset_bound: float = Field(500.0, gt=0, le=1e6, description="bound of the rest of L1's estimate, rad/s^2")
+    robust_bounds: Literal["mass_scale", "norm"] = Field(
+        "mass_scale", description="what bounds the model error of the robust controller"
+    )
+    robust_scale_min: float = Field(1.0, gt=0, le=10, description="least mass scale that the robust rows allow for")
+    robust_scale_max: float = Field(2.0, gt=0, le=10, description="largest mass scale that the robust rows allow for")
+    robust_offset: float = Field(50.0, ge=0, le=1e4, description="norm bounds: of Delta_1, rad/s^2")
+    robust_slope: float = Field(0.5, ge=0, lt=1, description="norm bounds: of Delta_2, relative to what it multiplies")
+    robust_barrier_offset: float = Field(5.0, ge=0, le=1e4, description="norm bounds: error of B'' at B'' = 0, m/s^2")
+    robust_barrier_slope: float = Field(0.5, ge=0, lt=1, description="norm bounds: error of B'' relative to it")
 
     @model_validator(mode="after")
     def _some_cone_is_left(self) -> "ControllerParameters":
@@ -63,17 +82,24 @@ class ControllerParameters(BaseModel):
             )
         return self
 
+    @model_validator(mode="after")
+    def _scales_are_in_order(self) -> "ControllerParameters":
+        if self.robust_scale_min > self.robust_scale_max:
+            low, high = self.robust_scale_min, self.robust_scale_max
+            raise ValueError(f"robust_scale_min = {low}: expected at most robust_scale_max = {high}")
+        return self
+
     @property
     def problem(self) -> Problem:
         """The learning problem whose quantities this controller's estimates are."""
-        if self.controller == "io-rl-clf-qp":
+        if self.controller in ("io-rl-clf-qp", "l1-clf-qp"):
             return Problem.IO_RL_CLF_QP
         return Problem.RL_CBF_CLF_QP if self.on_stones else Problem.RL_CLF_QP
 
     @property
     def on_stones(self) -> bool:
         """Whether the controller has barriers and force rows, and a slack on the CLF."""
-        return self.controller in ("cbf-clf-qp", "rl-cbf-clf-qp")
+        return self.controller in ("cbf-clf-qp", "robust-cbf-clf-qp", "rl-cbf-clf-qp")
 
     @property
     def learns(self) -> bool:

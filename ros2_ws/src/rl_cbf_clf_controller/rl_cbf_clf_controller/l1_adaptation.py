@@ -1,0 +1,128 @@
+"""L1 adaptation of the CLF-QP (Nguyen and Sreenath, ACC 2015): the model's error in y-ddot, estimated and cancelled.
+
+    plant       y'' = mu + model_error,   model_error = Delta_1 + Delta_2 mu = slope |mu| + offset     [delta_IO2]
+    input       mu = mu_1 + mu_2,   mu_1 of the CLF-QP on the reference model y'' = mu_1,   mu_2 = -C(s) estimate
+    predictor   predicted' = F predicted + G (mu + estimate + K error),   error = predicted - eta
+    adaptation  estimate = slope |mu| + offset,   s = G' P_eps error
+                slope' = gain Proj(-|mu| s),   offset' = gain Proj(-s)
+    filter      C(s) = cutoff / (s + cutoff),   C(0) = 1
+
+K is the CLF's own feedback, so V(error) falls by the CLF condition but for model_error - estimate, which the adaptation
+takes out of V-dot. Proj keeps |slope| and |offset| in their bounds.
+
+Sampled: over the tick that ended, torque held, the predictor's rate minus the measured one is, apart from the error's
+own dynamics, the constant
+
+    defect = F mean(eta) + G mean(mu) - (eta - eta_last) / dt = -G model_error for a constant model error,
+
+and the error, the estimate and the filter obey linear differential equations. `euler` steps them, `exact` solves them,
+either in sub-steps. `piecewise` is the other usual law, without a gain: the estimate is the constant that explains the
+error which the tick left behind, and the predictor starts anew at what was measured.
+"""
+
+import numpy as np
+from rabbit_description.state import TICK_SECONDS, Array
+from scipy.linalg import expm
+
+from rl_cbf_clf_controller.affine import Affine
+from rl_cbf_clf_controller.parameters import ControllerParameters, L1Law
+from rl_cbf_clf_controller.res_clf import ResClf
+
+DY, ESTIMATE, FILTERED = 1, 2, 3  # rows of the state: predictor's error in y and y-dot, estimate, filtered estimate
+
+
+class L1Adaptation:
+    """The adaptation's memory; `compensation` is called once a tick.
+
+    Args:
+        clf: of m outputs of relative degree 2.
+        law: `piecewise`, `exact` or `euler`.
+        gain: of the adaptation; `piecewise` has none.
+        cutoff: of the filter, 1/s.
+        bounds: of |slope|, 1, and of |offset|, rad/s^2.
+        substeps: of a tick.
+    """
+
+    def __init__(
+        self, clf: ResClf, law: L1Law, gain: float, cutoff: float, bounds: tuple[float, float], substeps: int = 1
+    ) -> None:
+        m = clf.G.shape[1]
+        self._law, self._gain, self._cutoff, self._bounds = law, gain, cutoff, bounds
+        self._substeps, self._h = substeps, TICK_SECONDS / substeps
+        self._F, self._G = clf.F, clf.G
+        self._closed = (clf.F + clf.G @ clf.K)[::m, ::m]  # the same 2x2 for every output
+        self._s = (clf.G.T @ clf.P_eps)[0, ::m]
+        self._outputs = m
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all: no error, no estimate."""
+        m = self._outputs
+        self.slope, self.offset = np.zeros(m), np.zeros(m)
+        self._state = np.zeros((4, m))
+        self._eta = np.zeros(2 * m)  # of the last tick
+        self._belief: Affine | None = None
+
+    @property
+    def estimate(self) -> Array:
+        """The estimated model error (m,), rad/s^2, before the filter."""
+        return self._state[ESTIMATE].copy()
+
+    def compensation(self, eta: Array, belief: Affine, torque: Array) -> Array:
+        """mu_2 (m,), rad/s^2, at `eta` (2m,), after a tick under `torque` (m,), NaN where the step is new.
+
+        `belief` is the nominal y-ddot at this state, affine in the torque. Where the step is new, eta has jumped: the
+        predictor starts at it, and the estimate stays.
+        """
+        if self._belief is None or np.isnan(torque).any():
+            self._state[:ESTIMATE] = 0.0
+        else:
+            mu = (self._belief(torque) + belief(torque)) / 2  # a held torque is no held mu
+            rate = self._F @ (self._eta + eta) / 2 + self._G @ mu
+            self._adapt((rate - (eta - self._eta) / TICK_SECONDS).reshape(2, -1), float(np.linalg.norm(mu)))
+        self._eta, self._belief = eta, belief
+        return -self._state[FILTERED]
+
+    def _adapt(self, defect: Array, size: float) -> None:
+        if self._law == "piecewise":
+            self.offset = into_ball(-defect[1], self._bounds[1])
+            decay = np.exp(-self._cutoff * TICK_SECONDS)
+            self._state[ESTIMATE] = self.offset
+            self._state[FILTERED] = decay * self._state[FILTERED] + (1 - decay) * self.offset
+            return
+        rates = self._rates(size) * self._h
+        step = expm(rates) if self._law == "exact" else np.eye(6) + rates
+        self._state[ESTIMATE] = self.slope * size + self.offset
+        for _ in range(self._substeps):
+            self._state = step[:4] @ np.vstack([self._state, defect])
+            self._project(size)
+
+    def _project(self, size: float) -> None:
+        """Share the estimate's change between slope and offset, as their rates do, and keep both in their bounds."""
+        share = (self._state[ESTIMATE] - self.slope * size - self.offset) / (1 + size**2)
+        self.slope = into_ball(self.slope + size * share, self._bounds[0])
+        self.offset = into_ball(self.offset + share, self._bounds[1])
+        self._state[ESTIMATE] = self.slope * size + self.offset
+
+    def _rates(self, size: float) -> Array:
+        """R (6, 6) in d/dt (state, defect) = R (state, defect), the same for every output."""
+        rates = np.zeros((6, 6))
+        rates[:2, :2], rates[:2, 4:] = self._closed, np.eye(2)
+        rates[DY, ESTIMATE] = 1.0
+        rates[ESTIMATE, :2] = -self._gain * (1 + size**2) * self._s
+        rates[FILTERED, ESTIMATE], rates[FILTERED, FILTERED] = self._cutoff, -self._cutoff
+        return rates
+
+
+def l1_adaptation(parameters: ControllerParameters, clf: ResClf) -> L1Adaptation | None:
+    """The adaptation of a controller that has one."""
+    p = parameters
+    if p.controller != "l1-clf-qp":
+        return None
+    return L1Adaptation(clf, p.l1_law, p.l1_gain, p.l1_cutoff, (p.l1_slope_bound, p.l1_offset_bound), p.l1_substeps)
+
+
+def into_ball(value: Array, radius: float) -> Array:
+    """The point of the ball of `radius` about 0 that is nearest to `value` (m,)."""
+    size = float(np.linalg.norm(value))
+    return value if size <= radius else value * (radius / size)

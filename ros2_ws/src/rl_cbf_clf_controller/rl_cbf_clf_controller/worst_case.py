@@ -1,0 +1,53 @@
+"""The robust CBF-CLF-QP: rows that hold for the worst model error within stated bounds, not for an estimate of it.
+
+    true value = nominal value(mu) + error(mu),  error in a set;  a row holds on the set if it holds at its corners
+
+`mass_scale`: every mass and inertia is s times its nominal value, s in [low, high]. At a given torque the pinned robot
+has q'' = drift + (input part) / s and F = s (force at no torque) + (input part), so
+
+    V-dot, B''  = drift + input part / s,    F_N, F_T = s drift + input part,
+
+each affine in one number, 1/s or s: the corners are s = low and s = high, and nothing is lost.
+
+`norm`: the source's form (Nguyen and Sreenath, Robust safety-critical control for dynamic robotics), with
+y'' = mu + Delta_1 + Delta_2 mu, |Delta_1| <= offset, and Delta_2 mu = r mu with |r| <= slope; so the error is
+
+    of V-dot  within +-slope LgV mu + |LgV| offset        its row bounds V-dot from above: that end of Delta_1 is worst
+    of B''    within +-barrier_slope mu_b - barrier_offset,   mu_b the virtual input, B'' of the nominal model
+
+and both corners +- are rows. The forces are left nominal: the source states no bound for them.
+"""
+
+import numpy as np
+from rabbit_description.state import Array
+
+from rl_cbf_clf_controller.affine import Affine
+from rl_cbf_clf_controller.context import ModelContext
+from rl_cbf_clf_controller.parameters import ControllerParameters
+
+FORCES = slice(3, 5)  # of the quantities V, B1, B2, F_N, F_T
+
+
+def worst_errors(parameters: ControllerParameters, context: ModelContext) -> list[Affine]:
+    """The corners: errors of the quantities (5), affine in mu (4). None for a controller that is not robust."""
+    p = parameters
+    if p.controller != "robust-cbf-clf-qp" or context.quantities.barriers is None:
+        return []
+    if p.robust_bounds == "mass_scale":
+        return [_scale_error(context, scale) for scale in (p.robust_scale_min, p.robust_scale_max)]
+    offset = np.array([np.linalg.norm(context.LgV) * p.robust_offset, *2 * [-p.robust_barrier_offset], 0, 0])
+    slope = np.array([p.robust_slope, *2 * [p.robust_barrier_slope], 0, 0])
+    return [_norm_error(context.nominal, sign * slope, offset) for sign in (-1, 1)]
+
+
+def _scale_error(context: ModelContext, scale: float) -> Affine:
+    of_torque = context.nominal.after(context.precontrol.inverse())
+    gain, drift = np.full(5, 1 / scale), np.ones(5)
+    gain[FORCES], drift[FORCES] = 1, scale
+    return Affine(gain[:, None] * of_torque.a, drift * of_torque.b).after(context.precontrol) - context.nominal
+
+
+def _norm_error(nominal: Affine, slope: Array, offset: Array) -> Affine:
+    drift = nominal.b.copy()
+    drift[0] = 0  # Delta_2 multiplies mu, and not V-dot's own drift
+    return Affine(slope[:, None] * nominal.a, slope * drift + offset)
