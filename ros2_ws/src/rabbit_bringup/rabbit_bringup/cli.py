@@ -10,10 +10,12 @@ COMMANDS = {
     "walk": "Walk through the node graph: simulator, controller, trainer, recorder.",
     "run": "Run a package's executable, as `ros2 run` does.",
     "evaluate": "Walk many seeded runs without ROS: success, stones, forces, solver and speed.",
+    "reproduce": "Make the paper's figures and tables anew, with its figures beside ours.",
     "gait": "Find a gait: periodic, within the limits of robot and ground, both stone barriers kept.",
     "train": "Learn a policy in process.",
     "policy": "Policy files: show, verify, errors of the estimates, load.",
     "bench": "Time a tick, its parts and a walk against their limits.",
+    "bag": "Recordings: record, info, play, plot, check, recover.",
     "video": "Film a run that left its records.",
 }
 

@@ -53,10 +53,10 @@ def draw_swing_foot(walk: WalkRecords, path: Path) -> Path:
     """l_f over time against each step's l_min and l_max, its height, and where on its stone each landing was."""
     position, on_stones = swing_foot(walk), bool(np.isfinite(walk.preview).any())
     figure, (length, height, *landing) = style.figure(3 if on_stones else 2, height=2.1)
-    _plot_steps(walk, length, position[:, 0], style.BLUE, "swing foot l_f")
-    _plot_steps(walk, height, position[:, 1], style.BLUE, "")
+    plot_steps(walk, length, position[:, 0], style.BLUE, "swing foot l_f")
+    plot_steps(walk, height, position[:, 1], style.BLUE, "")
     for axes in landing:
-        _draw_stones(walk, length)
+        plot_stones(walk, length)
         _draw_landings(walk, axes)
     length.set_ylabel("l_f, from stance foot (m)")
     height.set_ylabel("height h_f (m)")
@@ -68,8 +68,8 @@ def draw_barriers(walk: WalkRecords, path: Path) -> Path:
     """B1 and B2; whole, and near zero."""
     figure, panels = style.figure(2)
     for axes in panels:
-        _plot_steps(walk, axes, walk.barriers[:, 0], style.BLUE, "B1: before the far edge")
-        _plot_steps(walk, axes, walk.barriers[:, 1], style.ORANGE, "B2: past the near edge")
+        plot_steps(walk, axes, walk.barriers[:, 0], style.BLUE, "B1: before the far edge")
+        plot_steps(walk, axes, walk.barriers[:, 1], style.ORANGE, "B2: past the near edge")
         style.limit(axes, 0.0, "limit")
         axes.set_ylabel("barrier (m)")
     panels[1].set_ylim(-0.02, 0.06)
@@ -86,7 +86,7 @@ def draw_clf(walk: WalkRecords, path: Path) -> Path:
     )
     used = [each for each in slacks if (each[0] > each[1]).any()]
     figure, panels = style.figure(2 if used else 1)
-    _plot_steps(walk, panels[0], walk.V, style.BLUE, "")
+    plot_steps(walk, panels[0], walk.V, style.BLUE, "")
     panels[0].set_ylabel("CLF V (rad²/s²)")
     for values, least, colour, label in used:
         needed = np.where(values > least, values, np.nan)
@@ -148,14 +148,14 @@ def _steps(walk: WalkRecords) -> list[tuple[int, int]]:
     return list(zip(starts, [*starts[1:], len(walk.tick)], strict=True))
 
 
-def _plot_steps(walk: WalkRecords, axes: Axes, values: Array, colour: str, label: str) -> None:
+def plot_steps(walk: WalkRecords, axes: Axes, values: Array, colour: str, label: str) -> None:
     """A line that is broken where the legs swap."""
     broken = values.astype(float)
     rows = walk.step_starts[1:]
     axes.plot(np.insert(walk.time, rows, np.nan), np.insert(broken, rows, np.nan), color=colour, label=label)
 
 
-def _draw_stones(walk: WalkRecords, axes: Axes) -> None:
+def plot_stones(walk: WalkRecords, axes: Axes) -> None:
     """Each step's l_min and l_max over its time."""
     for first, last in _steps(walk):
         time, edges = walk.time[first:last], walk.preview[first:last]

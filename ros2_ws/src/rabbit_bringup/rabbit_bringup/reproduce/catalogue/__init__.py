@@ -1,0 +1,34 @@
+"""All experiments, in the order of the page."""
+
+from rabbit_bringup.reproduce.catalogue.clf_results import ClfResults
+from rabbit_bringup.reproduce.catalogue.clf_torso_results import ClfTorsoResults
+from rabbit_bringup.reproduce.catalogue.delay import Delay
+from rabbit_bringup.reproduce.catalogue.feasibility_share import FeasibilityShare
+from rabbit_bringup.reproduce.catalogue.joint_damping import JointDamping
+from rabbit_bringup.reproduce.catalogue.link_bending import LinkBending
+from rabbit_bringup.reproduce.catalogue.motor_power import MotorPower
+from rabbit_bringup.reproduce.catalogue.nominal_stones import NominalStones
+from rabbit_bringup.reproduce.catalogue.payload_flat import PayloadFlat
+from rabbit_bringup.reproduce.catalogue.payload_stones import PayloadStones
+from rabbit_bringup.reproduce.catalogue.rl_cbf_clf_results import RlCbfClfResults
+from rabbit_bringup.reproduce.catalogue.small_mass import SmallMass
+from rabbit_bringup.reproduce.catalogue.stepping_stone import SteppingStone
+from rabbit_bringup.reproduce.catalogue.velocity_noise import VelocityNoise
+from rabbit_bringup.reproduce.experiment import Experiment
+
+EXPERIMENTS: tuple[Experiment, ...] = (
+    ClfResults(),
+    ClfTorsoResults(),
+    PayloadFlat(),
+    RlCbfClfResults(),
+    SteppingStone(),
+    NominalStones(),
+    PayloadStones(),
+    MotorPower(),
+    JointDamping(),
+    LinkBending(),
+    SmallMass(),
+    VelocityNoise(),
+    FeasibilityShare(),
+    Delay(),
+)

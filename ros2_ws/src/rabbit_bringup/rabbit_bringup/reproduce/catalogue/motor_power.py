@@ -1,0 +1,14 @@
+"""Motors that lose 15% of their power to friction (Discussion)."""
+
+from rabbit_bringup.reproduce.perturbation import Perturbation
+
+
+class MotorPower(Perturbation):
+    """Every torque is 15% less than commanded."""
+
+    name = "motor-power"
+    title = "Motor power -15%"
+    paper = "Joint friction as a loss of 15% of motor power: successful results."
+    field = "motor_loss"
+    value = 0.15
+    what = "15% less power"

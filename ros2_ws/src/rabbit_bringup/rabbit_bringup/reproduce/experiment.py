@@ -1,0 +1,65 @@
+"""What every experiment is: claims of the paper, the lines of its table, and its figures."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from typing import ClassVar
+
+from matplotlib.figure import Figure
+
+from rabbit_bringup.experiments import provenance
+from rabbit_bringup.reproduce.jobs import Job
+from rabbit_bringup.reproduce.lines import COLUMNS, Found, Line, Size
+from rabbit_bringup.reproduce.report import Claim, Report, Table
+from rabbit_bringup.reproduce.walk_table import long_table, walk_table
+from rabbit_bringup.viewing import style
+
+
+class Experiment(ABC):
+    """One figure or claim of the paper. `label` is the paper's own, in brackets, or the section's name."""
+
+    name: ClassVar[str]
+    title: ClassVar[str]
+    label: ClassVar[str]
+    paper: ClassVar[str]
+
+    @abstractmethod
+    def lines(self) -> Sequence[Line]:
+        """What walks."""
+
+    @abstractmethod
+    def claims(self, found: Found) -> Sequence[Claim]:
+        """The verdicts."""
+
+    def recorded(self) -> Sequence[Line]:
+        """Lines whose first run a figure shows."""
+        return ()
+
+    def figures(self, found: Found) -> dict[str, tuple[str, Figure]]:
+        """Caption and figure by name."""
+        return {}
+
+    def jobs(self, size: Size) -> list[Job]:
+        """Every run it needs."""
+        walks = [job for line in self.lines() for column in COLUMNS for job in line.case(size, column).jobs]
+        return walks + [line.case(size).records for line in self.recorded()]
+
+    def tables(self, found: Found) -> Sequence[Table]:
+        """Of its lines."""
+        return (walk_table(self.lines(), found), long_table(self.lines(), found))
+
+    def report(self, found: Found) -> tuple[Report, dict[str, Figure]]:
+        """From results that are all there; raises `LookupError` where one is not."""
+        with style.look():
+            figures = self.figures(found)
+        report = Report(
+            name=self.name,
+            title=self.title,
+            label=self.label,
+            paper=self.paper,
+            quick=found.size.quick,
+            commit=provenance.commit(),
+            claims=tuple(self.claims(found)),
+            tables=tuple(self.tables(found)),
+            figures={name: caption for name, (caption, _) in figures.items()},
+        )
+        return report, {name: figure for name, (_, figure) in figures.items()}

@@ -1,0 +1,69 @@
+"""The page over all experiments of a folder: every claim with its verdict, then each experiment."""
+
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+
+from rabbit_bringup.reproduce.report import Report, Table, read_report
+
+PAGE = "results.md"
+HEAD = """# The paper, reproduced
+
+Made by `rabbit reproduce`; [what the columns mean](#how-to-read-it) is at the end.
+
+"""
+FOOT = """## How to read it
+
+- **Verdicts.** *reproduced*: every part of the claim holds; *partly*: some; *not*: none; *shows nothing*: it holds, but
+  the nominal controller passes the same test, so learning is not what did it; *no claim*: the paper has no number.
+  A controller "walks" if nine of ten runs reach the end of the course with no miss and no fall.
+- **Cells.** Walked of runs (Wilson's 95% interval), then mean stones, on flat ground steps, before the first miss or
+  fall. Means have Student's 95% interval.
+- **Columns.** Four plants: PyBullet and `rigid` (the paper's own kind: pinned foot, impact map), each with the paper's
+  motor lag of 4 ms and without. Verdicts are those of PyBullet with lag. A row's command makes its first column; add
+  `--motor-lag 0`, `--plant rigid` or both for the others.
+- **Forces.** Ratios and ticks over the cone count from 30 ms after an impact on. `runs.csv` has a line for each row
+  and column with all figures.
+- **Learned controllers** have the shipped policies, trained at mass scale 2 only, without lag.
+"""
+
+
+def write_page(out: Path, names: Sequence[str]) -> Path:
+    """`results.md` from the reports that `out` holds of the experiments `names`, in this order."""
+    reports = [report for name in names if (report := read_report(out / name))]
+    path = out / PAGE
+    path.write_text(HEAD + _overview(reports) + "".join(map(_section, reports)) + FOOT, encoding="utf-8")
+    return path
+
+
+def _overview(reports: Sequence[Report]) -> str:
+    """All claims in one table, and how many came to what."""
+    claims = [(report, claim) for report in reports for claim in report.claims]
+    counted = Counter(str(claim.verdict) for _, claim in claims)
+    count = ", ".join(f"{verdict} {number}" for verdict, number in counted.items())
+    rows = tuple(
+        (f"[{report.label}](#{report.name})", claim.claim, claim.paper, claim.ours, f"**{claim.verdict}**")
+        for report, claim in claims
+    )
+    table = Table(name="claims", columns=("where", "claim", "paper", "ours", "verdict"), rows=rows)
+    return f"{len(claims)} claims: {count}.\n\n{table.markdown}\n"
+
+
+def _section(report: Report) -> str:
+    runs = "reduced runs (`--quick`)" if report.quick else "full runs"
+    figures = "".join(_figure(report, name, caption) for name, caption in report.figures.items())
+    tables = "".join(f"{table.markdown}\n" for table in report.tables if not table.long)
+    long = ", ".join(f"[{table.name}.csv]({report.name}/{table.name}.csv)" for table in report.tables)
+    return f"""## {report.name}
+
+**{report.title}** ({report.label}). The paper: {report.paper}
+
+{figures}{tables}Data: {long}. Commit `{report.commit[:12] or "unknown"}{"+" * report.commit.endswith("+")}`, {runs}.
+`rabbit reproduce {report.name}{" --quick" * report.quick}` makes this section.
+
+"""
+
+
+def _figure(report: Report, name: str, caption: str) -> str:
+    base = f"{report.name}/{name}"
+    return f"![{caption}]({base}.png)\n\n*{caption}* ([PDF]({base}.pdf))\n\n"
