@@ -126,8 +126,10 @@ def tell(
 ) -> None:
     """Summary, pictures and film from the recording."""
     from rabbit_bringup.launching.telling import write_summary
+    from rabbit_bringup.recording.bag_writer import RecordingError
 
-    summary = write_summary(folder, simulation, controller, seconds)
+    with complaints(RecordingError):
+        summary = write_summary(folder, simulation, controller, seconds)
     print(f"{summary['ticks']} ticks in {seconds:.1f} s: {summary['real_time_factor'] or 0:.1f} times real time")
     if not summary["ticks"]:
         return

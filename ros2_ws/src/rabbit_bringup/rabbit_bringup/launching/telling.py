@@ -13,7 +13,7 @@ from rl_trainer.rollout import Record
 
 from rabbit_bringup.experiments import provenance
 from rabbit_bringup.experiments.metrics import RunTally
-from rabbit_bringup.recording.reader import RecordedEpisode, read_episodes
+from rabbit_bringup.recording.reader import RecordedEpisode, iterate_episodes
 from rabbit_bringup.viewing.walk_records import WalkRecords, about_walk, save_records
 
 OUTCOMES = {outcome.value: outcome for outcome in Outcome}
@@ -24,9 +24,12 @@ def write_summary(
     folder: Path, simulation: SimulationParameters, controller: ControllerParameters, wall_seconds: float
 ) -> dict[str, Any]:
     """Write `summary.json`, a row an episode as in `rabbit evaluate`, and `records.npz` of the last one with ticks."""
-    episodes = list(read_episodes(folder / "recording").values())
-    rows = [describe(episode, controller) for episode in episodes]
-    ticks = sum(len(episode.records) for episode in episodes)
+    rows: list[dict[str, Any]] = []
+    ticks, last = 0, None
+    for episode in iterate_episodes(folder / "recording"):
+        rows.append(describe(episode, controller))
+        ticks += len(episode.records)
+        last = episode if episode.records else last
     summary = {
         "walked": bool(rows) and all(row["outcome"] == Outcome.WALKED.value for row in rows),
         "episodes": rows,
@@ -40,8 +43,8 @@ def write_summary(
         "simulation": simulation.model_dump(mode="json"),
     }
     (folder / "summary.json").write_text(json.dumps(_plain(summary), indent=2) + "\n", encoding="utf-8")
-    for episode in [each for each in episodes if each.records][-1:]:
-        save_records(records_of(episode, simulation, controller), folder / "records.npz")
+    if last is not None:
+        save_records(records_of(last, simulation, controller), folder / "records.npz")
     return summary
 
 

@@ -1,11 +1,12 @@
 """The recorder: every topic of the graph, as its bytes came, into a rosbag2 folder.
 
 Messages are stored under the simulated time that they carry, so that a recording plays at the pace of the walk whatever
-the pace of the machine was; diagnostics, which carry none, under that of the message before.
+the pace of the machine was; diagnostics, which carry none, under that of the message before. A full disk ends the
+recording, not the walk.
 """
 
-import sqlite3
 import time
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
@@ -14,14 +15,14 @@ from pydantic import BaseModel, ConfigDict, Field
 from rabbit_ros.diagnostics_node import ERROR, OK, WARN, Diagnostics, Status
 from rabbit_ros.door import Door
 from rabbit_ros.parameters_node import declare, refuse_unknown
-from rabbit_ros.spin_node import run
+from rabbit_ros.spin_node import run, steady_timer
 from rabbit_ros.topics_node import TOPICS, Topic
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 
-from rabbit_bringup.recording.bag_writer import BagWriter, RecordingError, Storage
+from rabbit_bringup.recording.bag_writer import FLUSH_SECONDS, BagWriter, RecordingError, Storage, graph_types
 
 IDLE_SECONDS = 0.3  # without a message, after which nothing more is on its way
 STAMP = slice(4, 12)  # after the CDR header: seconds int32, nanoseconds uint32
@@ -47,14 +48,15 @@ class RecorderNode(Node):
         super().__init__("recorder")
         self._own = declare(self, NodeParameters)
         refuse_unknown(self)
-        definitions = Path(get_package_share_directory("rabbit_msgs"))
-        self._writer = BagWriter(Path(self._own.path), self._own.storage, [definitions])
+        types = graph_types([Path(get_package_share_directory("rabbit_msgs"))])
+        self._writer = BagWriter(Path(self._own.path), self._own.storage, types)
         self._door = Door()
         self._nanoseconds = 0
         self._heard = time.monotonic()
         self._failure = ""
         self._readers = {topic.name: self._subscribe(topic) for topic in TOPICS}
         self._diagnostics = Diagnostics(self, self._door, self._status)
+        steady_timer(self, FLUSH_SECONDS, self._flush)
 
     def busy(self) -> bool:
         """Messages that were sent before the end may still be on their way."""
@@ -62,14 +64,12 @@ class RecorderNode(Node):
 
     def close(self) -> None:
         """Finish the recording."""
-        try:
-            self._writer.close()
-        except (OSError, sqlite3.Error) as error:
-            self.get_logger().error(f"recording {self._own.path}: {error}")
+        if self._ends_at_errors(self._writer.close):
+            self.get_logger().info(f"{self._writer.messages} messages in {self._own.path}")
 
     def _subscribe(self, topic: Topic) -> Subscription:
         name = self.resolve_topic_name(topic.name)
-        self._writer.add(name, topic.type_name, offered(topic.qos))
+        self._writer.add(name, topic.type_name, [offered(topic.qos)])
         return self.create_subscription(topic.type, topic.name, partial(self._on_bytes, name), topic.qos, raw=True)
 
     def _on_bytes(self, name: str, data: bytes) -> None:
@@ -79,13 +79,24 @@ class RecorderNode(Node):
         seconds, nanoseconds = (int.from_bytes(data[i : i + 4], "little") for i in (STAMP.start, STAMP.start + 4))
         if seconds or nanoseconds:
             self._nanoseconds = seconds * 1_000_000_000 + nanoseconds
+        if self._ends_at_errors(partial(self._writer.write, name, self._nanoseconds, data)):
+            self._door.accept(name)
+
+    def _flush(self) -> None:
+        """What a killed recorder has written by now is not lost."""
+        self._ends_at_errors(self._writer.flush)
+
+    def _ends_at_errors(self, write: Callable[[], None]) -> bool:
+        """A full disk ends the recording, not the walk: the node says so and goes on hearing."""
+        if self._failure:
+            return False
         try:
-            self._writer.write(name, self._nanoseconds, data)
-        except (OSError, sqlite3.Error) as error:
-            self._failure = f"recording stopped: {error}"
+            write()
+        except RecordingError as error:
+            self._failure = f"recording stopped: {error}; `rabbit bag recover {self._own.path}` keeps what is there"
             self.get_logger().error(self._failure)
-            return
-        self._door.accept(name)
+            return False
+        return True
 
     def _status(self) -> Status:
         figures = {"path": self._own.path}

@@ -1,5 +1,6 @@
 """Recorded states into a controller of one's own, under the recorded policies: the same torques must come out."""
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -16,6 +17,8 @@ from rabbit_bringup.recording.reader import RecordedEpisode
 def replay(episode: RecordedEpisode, law: ControllerParameters) -> Iterator[Array]:
     """Torques (4,), N m, for each recorded tick of an episode."""
     swaps = {swap.tick: swap for swap in episode.swaps}
+    if math.isfinite(episode.sigma):
+        law = law.model_copy(update={"sigma": episode.sigma})
     controller = Controller(law, load_gait(law.gait), ZeroPolicy(law.problem))
     controller.reset(episode.seed)
     for record in episode.records:

@@ -1,0 +1,67 @@
+"""Opens a recording: a rosbag2 folder, or its MCAP or sqlite3 file. Whatever is wrong with it is told in one line."""
+
+import contextlib
+from collections.abc import Iterator
+from pathlib import Path
+
+from rosbags.highlevel import AnyReader
+
+from rabbit_bringup.recording.bag_writer import RecordingError
+
+SUFFIXES = (".mcap", ".db3")
+MCAP_MAGIC = b"\x89MCAP0\r\n"  # the first and the last bytes of a finished file
+
+
+@contextlib.contextmanager
+def opened(path: Path) -> Iterator[AnyReader]:
+    """The recording, open; raises `RecordingError`."""
+    if any(is_unfinished(file) for file in storage_files(path)) or (path.is_dir() and not has_metadata(path)):
+        raise RecordingError(
+            f"recording {path}: not finished, its recorder was killed, ran out of disk or still runs; "
+            f"`rabbit bag recover {path}` makes a whole one of it"
+        )
+    with told(path):
+        reader = AnyReader([path])
+        reader.open()
+    try:
+        yield reader
+    finally:
+        reader.close()
+
+
+def storage_files(path: Path) -> list[Path]:
+    """The files that hold the messages; raises `RecordingError` if there are none."""
+    if not path.exists():
+        raise RecordingError(f"recording {path}: no such file or folder")
+    with told(path):
+        files = sorted(file for file in (path.iterdir() if path.is_dir() else [path]) if file.suffix in SUFFIXES)
+    if not files:
+        raise RecordingError(f"recording {path}: expected a rosbag2 folder, or its .mcap or .db3 file")
+    return files
+
+
+def has_metadata(folder: Path) -> bool:
+    """Whether the writer came to its end."""
+    return (folder / "metadata.yaml").is_file()
+
+
+def is_unfinished(file: Path) -> bool:
+    """An MCAP file without its end, or a database with a transaction under way."""
+    if file.suffix != ".mcap":
+        return file.with_name(f"{file.name}-journal").exists()
+    with told(file), file.open("rb") as stream:
+        begins = stream.read(len(MCAP_MAGIC)) == MCAP_MAGIC
+        stream.seek(-min(len(MCAP_MAGIC), file.stat().st_size), 2)
+        return begins and stream.read() != MCAP_MAGIC
+
+
+@contextlib.contextmanager
+def told(path: Path) -> Iterator[None]:
+    """Whatever goes wrong with a file's bytes in a library, as `RecordingError`."""
+    try:
+        yield
+    except RecordingError:
+        raise
+    except Exception as error:  # a damaged file may raise anything
+        text = " ".join(str(error).split()) or type(error).__name__
+        raise RecordingError(f"recording {path}: {text}") from error

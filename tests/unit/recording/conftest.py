@@ -1,0 +1,138 @@
+"""A short walk in process, and recordings of it as the graph would have made them, without ROS."""
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rabbit_bringup.recording.bag_writer import BagWriter, Storage, graph_types
+from rabbit_description.gait import load_gait
+from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.simulation import Landing, Simulation
+from rl_cbf_clf_controller.controller import Controller
+from rl_cbf_clf_controller.message_fields import ARRAYS, SCALARS, SEQUENCES, WORDS
+from rl_cbf_clf_controller.parameters import ControllerParameters
+from rl_cbf_clf_controller.policy import ZeroPolicy
+from rl_trainer.rollout import Record, rollout
+from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
+
+MESSAGES = Path(__file__).resolve().parents[3] / "ros2_ws" / "src" / "rabbit_msgs"
+TYPES = graph_types([MESSAGES])
+TICK_NS, SEED = 10_000_000, 3
+NEVER = QosTime(0, 0)
+LATCHED = Qos(
+    QosHistory.KEEP_LAST,
+    20,
+    QosReliability.RELIABLE,
+    QosDurability.TRANSIENT_LOCAL,
+    NEVER,
+    NEVER,
+    QosLiveliness.AUTOMATIC,
+    NEVER,
+    False,
+)
+TOPICS = {
+    "state": "RabbitState",
+    "preview": "StonePreview",
+    "landing": "Landing",
+    "episode": "Episode",
+    "torque": "TorqueCommand",
+    "controller_state": "ControllerState",
+    "policy_swap": "PolicySwap",
+}
+
+
+@dataclass(frozen=True)
+class Walk:
+    """What a rollout gave."""
+
+    law: ControllerParameters
+    records: list[Record]
+    landings: list[Landing]
+
+
+@pytest.fixture(scope="session")
+def walk() -> Walk:
+    """Two stones under the nominal controller, with exploration so that its seed matters."""
+    law = ControllerParameters(sigma=1.0)
+    gait = load_gait(law.gait)
+    simulation = Simulation(SimulationParameters(stones=2), gait)
+    records: list[Record] = []
+    rollout(simulation, Controller(law, gait, ZeroPolicy(law.problem)), SEED, records.append)
+    simulation.close()
+    return Walk(law, records, simulation.landings)
+
+
+@pytest.fixture
+def write_bag(walk: Walk) -> Callable[..., Path]:
+    """Records the walk into a folder; `change` may alter a (topic, message) or drop it (None)."""
+
+    def write(path: Path, storage: Storage = "mcap", change: Any = lambda topic, message: message) -> Path:
+        writer = BagWriter(path, storage, TYPES)
+        for topic, name in TOPICS.items():
+            writer.add(f"/{topic}", f"rabbit_msgs/msg/{name}", [LATCHED])
+        for topic, tick, message in told(walk):
+            if (kept := change(topic, message)) is not None:
+                data = bytes(TYPES.serialize_cdr(kept, f"rabbit_msgs/msg/{TOPICS[topic]}"))
+                writer.write(f"/{topic}", tick * TICK_NS, data)
+        writer.close()
+        return path
+
+    return write
+
+
+def message(topic: str, tick: int, **fields: Any) -> Any:
+    """A message of episode 1, its other fields empty."""
+    seconds, nanoseconds = divmod(tick * TICK_NS, 10**9)
+    stamp = TYPES.types["builtin_interfaces/msg/Time"](sec=seconds, nanosec=nanoseconds)
+    kind: Any = TYPES.types[f"rabbit_msgs/msg/{TOPICS[topic]}"]
+    return kind(**{"stamp": stamp, "episode": 1, **({"tick": tick} if topic != "preview" else {}), **fields})
+
+
+def told(walk: Walk) -> Iterator[tuple[str, int, Any]]:
+    """Topic, tick and message, in the order in which the nodes tell them."""
+    episode = {"seed": SEED, "stones": 2, "reason": "", "policy_version": "", "sigma": math.nan}
+    yield "episode", 0, message("episode", 0, phase=1, touchdowns=0, outcome="", **episode)
+    swap = {"version": "zero", "source": "built in", "accepted": True, "reason": "", "data": np.zeros(0, np.uint8)}
+    yield "policy_swap", 0, message("policy_swap", 0, **swap)
+    seen = None
+    for record in walk.records:
+        state, tick = record.state, record.state.tick
+        if state.preview is not None and state.preview != seen:
+            seen = state.preview
+            yield "preview", tick, message("preview", tick, index=seen.index, l_min=seen.l_min, l_max=seen.l_max)
+        yield "state", tick, state_message(state)
+        yield "torque", tick, message("torque", tick, torque=record.output.torque, policy_version="zero", fault="")
+        yield "controller_state", tick, details(record)
+    end = walk.records[-1].state.tick + 1
+    for landing in walk.landings:
+        fields = {name: getattr(landing, name) for name in Landing.__dataclass_fields__}
+        yield "landing", landing.tick, message("landing", **fields)
+    yield "episode", end, message("episode", end, phase=3, touchdowns=2, outcome="walked", **episode)
+
+
+def state_message(state: Any) -> Any:
+    """A `RabbitState`."""
+    return message(
+        "state",
+        state.tick,
+        q=np.asarray(state.q),
+        dq=np.asarray(state.dq),
+        foot_force=np.asarray(state.foot_force).ravel(),
+        contact=np.asarray(state.contact, dtype=bool),
+        touchdowns=state.touchdowns,
+        previewed=state.preview is not None,
+        running=state.running,
+    )
+
+
+def details(record: Record) -> Any:
+    """A `ControllerState`."""
+    out = record.output
+    fields: dict[str, Any] = {name: getattr(out, name) for name in (*SCALARS, *WORDS)}
+    fields |= {name: np.asarray(getattr(out, name), dtype=float).ravel() for name in (*ARRAYS, *SEQUENCES)}
+    fields |= {"quantities": list(out.quantities), "active": list(out.active), "policy_version": out.policy_version}
+    return message("controller_state", **fields, stance=int(out.stance), clf=out.V, lgv=np.asarray(out.LgV))

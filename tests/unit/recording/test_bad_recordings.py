@@ -1,0 +1,158 @@
+"""Whatever is handed over as a recording: it is read, or refused in one line with exit code 2."""
+
+import contextlib
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from rabbit_bringup.cli import app
+from rabbit_bringup.recording.bag_writer import BagWriter, RecordingError, graph_types
+from rabbit_bringup.recording.contents import contents
+from rabbit_bringup.recording.opening import MCAP_MAGIC
+from rabbit_bringup.recording.reader import read_episodes
+from rabbit_bringup.recording.recover import recover
+from typer.testing import CliRunner
+
+from .conftest import MESSAGES
+
+WriteBag = Callable[..., Path]
+
+
+def no_such(path: Path, bag: Path) -> str:
+    return "no such file or folder"
+
+
+def empty_folder(path: Path, bag: Path) -> str:
+    path.mkdir()
+    return "expected a rosbag2 folder"
+
+
+def other_file(path: Path, bag: Path) -> str:
+    path.write_text("no recording")
+    return "expected a rosbag2 folder"
+
+
+def cut_mcap(path: Path, bag: Path) -> str:
+    path.mkdir()
+    (path / "bag.mcap").write_bytes((bag / "bag.mcap").read_bytes()[:50_000])
+    return f"rabbit bag recover {path}"
+
+
+def empty_mcap(path: Path, bag: Path) -> str:
+    path.mkdir()
+    shutil.copy(bag / "metadata.yaml", path)
+    (path / "bag.mcap").write_bytes(b"")
+    return str(path)
+
+
+def noise_in_mcap(path: Path, bag: Path) -> str:
+    path.mkdir()
+    shutil.copy(bag / "metadata.yaml", path)
+    (path / "bag.mcap").write_bytes(MCAP_MAGIC + bytes(range(256)) * 40 + MCAP_MAGIC)
+    return str(path)
+
+
+def metadata_of_something_else(path: Path, bag: Path) -> str:
+    shutil.copytree(bag, path)
+    (path / "metadata.yaml").write_text("- 1\n- 2\n")
+    return str(path)
+
+
+BAD = (no_such, empty_folder, other_file, cut_mcap, empty_mcap, noise_in_mcap, metadata_of_something_else)
+
+
+@pytest.mark.parametrize("spoil", BAD)
+@pytest.mark.parametrize("command", ["info", "plot", "check"])
+def test_refused_in_one_line(
+    tmp_path: Path, write_bag: WriteBag, spoil: Callable[[Path, Path], str], command: str
+) -> None:
+    (tmp_path / "parameters.yaml").write_text("/**/controller: {ros__parameters: {}}")
+    expected = spoil(tmp_path / "bad", write_bag(tmp_path / "bag"))
+    done = CliRunner().invoke(app, ["bag", command, str(tmp_path / "bad")])
+    assert done.exit_code == 2, done.output
+    (line,) = done.stderr.splitlines()
+    assert expected in line
+    assert str(tmp_path / "bad") in line
+
+
+@pytest.mark.parametrize("spoil", [no_such, empty_folder, other_file, empty_mcap])
+def test_what_cannot_be_recovered_is_refused(
+    tmp_path: Path, write_bag: WriteBag, spoil: Callable[[Path, Path], str]
+) -> None:
+    spoil(tmp_path / "bad", write_bag(tmp_path / "bag"))
+    done = CliRunner().invoke(app, ["bag", "recover", str(tmp_path / "bad")])
+    assert (done.exit_code, done.stderr.count("\n")) == (2, 1), done.output
+    assert not (tmp_path / "bad-recovered").exists()
+
+
+def test_a_cut_database_is_refused(tmp_path: Path, write_bag: WriteBag) -> None:
+    file = write_bag(tmp_path / "bag", "sqlite3") / "bag.db3"
+    file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
+    for command in ("info", "recover"):
+        done = CliRunner().invoke(app, ["bag", command, str(tmp_path / "bag")])
+        assert (done.exit_code, done.stderr.count("\n")) == (2, 1), done.output
+        assert "malformed" in done.stderr
+
+
+def test_other_message_definitions_are_refused(tmp_path: Path) -> None:
+    """A recording of a version whose state had no `q`."""
+    share = shutil.copytree(MESSAGES, tmp_path / "rabbit_msgs")
+    (share / "msg" / "RabbitState.msg").write_text("uint32 episode\nuint32 tick\nfloat64 angle\n")
+    types = graph_types([share])
+    writer = BagWriter(tmp_path / "bag", "mcap", types)
+    writer.add("/state", "rabbit_msgs/msg/RabbitState", [])
+    state = types.types["rabbit_msgs/msg/RabbitState"](episode=1, tick=0, angle=0.0)
+    writer.write("/state", 0, bytes(types.serialize_cdr(state, "rabbit_msgs/msg/RabbitState")))
+    writer.close()
+    done = CliRunner().invoke(app, ["bag", "plot", str(tmp_path / "bag")])
+    assert (done.exit_code, done.stderr.count("\n")) == (2, 1), done.output
+    assert "other message definitions" in done.stderr
+
+
+def test_two_graphs_in_one_recording_are_refused(tmp_path: Path) -> None:
+    writer = BagWriter(tmp_path / "bag", "mcap", graph_types([MESSAGES]))
+    for topic in ("/left/state", "/right/state"):
+        writer.add(topic, "rabbit_msgs/msg/RabbitState", [])
+    writer.close()
+    with pytest.raises(RecordingError, match="/left/state, /right/state"):
+        read_episodes(tmp_path / "bag")
+
+
+def test_parameters_of_somebody_else_are_refused(tmp_path: Path, write_bag: WriteBag) -> None:
+    bag, file = write_bag(tmp_path / "bag"), tmp_path / "parameters.yaml"
+    for text in (
+        None,
+        "- 1",
+        "/**/simulator: {ros__parameters: {seed: 1}}",
+        "/c/controller: {ros__parameters: {eps: -1}}",
+    ):
+        if text is not None:
+            file.write_text(text)
+        done = CliRunner().invoke(app, ["bag", "check", str(bag)])
+        assert (done.exit_code, done.stderr.count("\n")) == (2, 1), done.output
+        assert str(file) in done.stderr
+
+
+@settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    at=st.floats(0, 1, exclude_max=True),
+    new=st.binary(min_size=1, max_size=12),
+    storage=st.sampled_from(["mcap", "sqlite3"]),
+)
+def test_changed_bytes_raise_nothing_else(
+    tmp_path_factory: pytest.TempPathFactory, write_bag: WriteBag, at: float, new: bytes, storage: str
+) -> None:
+    path = tmp_path_factory.mktemp("fuzz")
+    bag = write_bag(path / "bag", storage, lambda topic, m: m if m.episode and getattr(m, "tick", 0) < 4 else None)
+    (file,) = (each for each in bag.iterdir() if each.suffix in (".mcap", ".db3"))
+    data = bytearray(file.read_bytes())
+    begin = int(at * len(data))
+    data[begin : begin + len(new)] = new
+    file.write_bytes(data)
+    for read in (contents, read_episodes, recover):
+        with contextlib.suppress(RecordingError):
+            read(bag)
+    shutil.rmtree(path)

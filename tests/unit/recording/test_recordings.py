@@ -1,0 +1,108 @@
+"""What a recording gives back: ticks, torques by replay, lost ticks counted, contents, pictures."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from rabbit_bringup.cli import app
+from rabbit_bringup.recording.checking import check_episodes
+from rabbit_bringup.recording.contents import contents
+from rabbit_bringup.recording.reader import read_episodes
+from typer.testing import CliRunner, Result
+
+from .conftest import SEED, TICK_NS, Walk
+
+WriteBag = Callable[..., Path]
+
+
+def rabbit(*words: object) -> Result:
+    """`rabbit bag` in this process."""
+    return CliRunner().invoke(app, ["bag", *map(str, words)])
+
+
+def write_parameters(path: Path, **changes: Any) -> None:
+    """As `rabbit walk` leaves them."""
+    told = {"/**/controller": {"ros__parameters": {"policy": "zero", "swap_at": "never", **changes}}}
+    path.write_text(yaml.safe_dump(told))
+
+
+@pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
+def test_ticks_come_back_bit_for_bit(tmp_path: Path, write_bag: WriteBag, walk: Walk, storage: str) -> None:
+    episode = read_episodes(write_bag(tmp_path / "bag", storage))[1]
+    assert (episode.seed, episode.outcome, episode.missing) == (SEED, "walked", 0)
+    assert episode.landings == walk.landings
+    for ours, theirs in zip(episode.records, walk.records, strict=True):
+        for name in ("tick", "q", "dq", "foot_force", "touchdowns", "preview"):
+            np.testing.assert_array_equal(getattr(ours.state, name), getattr(theirs.state, name), name)
+        for name in ("torque", "eta", "V", "mu", "alpha", "beta", "omega"):
+            np.testing.assert_array_equal(getattr(ours.output, name), getattr(theirs.output, name), name)
+
+
+def test_recorded_states_give_the_recorded_torques(tmp_path: Path, write_bag: WriteBag, walk: Walk) -> None:
+    bag = write_bag(tmp_path / "bag")
+    (checked,) = check_episodes(bag, walk.law)
+    assert (checked.ticks, checked.replayed, checked.lost) == (len(walk.records), len(walk.records), 0)
+    assert (checked.differing, checked.furthest) == ([], 0.0)
+    (other,) = check_episodes(bag, walk.law.model_copy(update={"eps": 2 * walk.law.eps}))
+    assert len(other.differing) > 0.9 * len(walk.records)
+    assert other.furthest > 1.0
+
+
+def test_the_episodes_own_exploration_is_replayed(tmp_path: Path, write_bag: WriteBag, walk: Walk) -> None:
+    def announce(topic: str, message: Any) -> Any:
+        if topic == "episode":
+            message.sigma = walk.law.sigma
+        return message
+
+    bag = write_bag(tmp_path / "bag", change=announce)
+    (checked,) = check_episodes(bag, walk.law.model_copy(update={"sigma": 0.0}))
+    assert checked.differing == []
+
+
+def test_lost_ticks_are_counted(tmp_path: Path, write_bag: WriteBag, walk: Walk) -> None:
+    lost = {"torque": (5, 6), "controller_state": (6, 9), "state": (20,)}
+    bag = write_bag(tmp_path / "bag", change=lambda t, m: None if t in lost and m.tick in lost[t] else m)
+    (checked,) = check_episodes(bag, walk.law)
+    assert (checked.lost, checked.replayed, checked.differing) == (4, 5, [])
+
+
+def test_check_takes_the_parameters_beside_the_recording(tmp_path: Path, write_bag: WriteBag, walk: Walk) -> None:
+    bag = write_bag(tmp_path / "bag")
+    write_parameters(tmp_path / "parameters.yaml", **walk.law.model_dump(mode="json"))
+    done = rabbit("check", bag)
+    assert done.exit_code == 0, done.output
+    assert f"{len(walk.records)} ticks, 0 lost, {len(walk.records)} replayed, torques identical" in done.output
+    write_parameters(tmp_path / "other.yaml", sigma=0.5)
+    done = rabbit("check", bag, "--parameters", tmp_path / "other.yaml")
+    assert done.exit_code == 1
+    assert "torques differ" in done.output
+
+
+def test_info_counts(tmp_path: Path, write_bag: WriteBag, walk: Walk) -> None:
+    bag = write_bag(tmp_path / "bag")
+    found, n = contents(bag), len(walk.records)
+    counts = {topic.name: topic.messages for topic in found.topics}
+    assert (counts["/state"], counts["/torque"], counts["/landing"], counts["/episode"]) == (n, n, 2, 2)
+    assert found.messages == sum(counts.values())
+    assert found.seconds == pytest.approx(n * TICK_NS / 1e9)
+    assert {topic.qos for topic in found.topics} == {"reliable, transient local, last 20"}
+    (episode,) = found.episodes
+    assert (episode.seed, episode.ticks, episode.outcome, episode.policies) == (SEED, n, "walked", ["zero"])
+    assert json.loads(rabbit("info", bag, "--json").output) == found.as_dict()
+    assert "walked" in rabbit("info", bag).output
+
+
+def test_plot_draws_every_picture(tmp_path: Path, write_bag: WriteBag) -> None:
+    done = rabbit("plot", write_bag(tmp_path / "bag"))
+    assert done.exit_code == 0, done.output
+    drawn = {path.stem for path in (tmp_path / "bag-pictures").glob("*.png")}
+    assert drawn == {"walk", "swing_foot", "barriers", "clf", "forces", "torques"}
+
+
+def test_a_raw_file_is_a_recording_too(tmp_path: Path, write_bag: WriteBag) -> None:
+    bag = write_bag(tmp_path / "bag")
+    assert contents(bag / "bag.mcap").messages == contents(bag).messages
