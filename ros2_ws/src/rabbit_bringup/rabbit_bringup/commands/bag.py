@@ -146,6 +146,8 @@ def check(
 
 
 def _torques(e: "Checked") -> str:
+    if not e.replayed:
+        return "tick 0 is not there to replay from"
     if not e.differing:
         return "torques identical"
     return f"{len(e.differing)} torques differ, by up to {e.furthest:.3g} N m, in ticks {e.differing[:SHOWN_TICKS]}"

@@ -75,6 +75,10 @@ class Processes:
             _send(process, signal.SIGKILL)
             process.wait()
 
+    def pid(self, name: str) -> int:
+        """Process of a running node."""
+        return self._running[name].pid
+
     def wait(self, name: str, timeout: float) -> int:
         """Exit code of a node that ends by itself; raises `subprocess.TimeoutExpired`."""
         return self._running.pop(name).wait(timeout)

@@ -1,0 +1,109 @@
+"""Recordings of a running graph: a killed recorder, a full disk, and a recording that is played again."""
+
+import resource
+from pathlib import Path
+from typing import Any
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticStatus
+from rabbit_bringup.launching.walk import WalkOptions, make_graph, run_graph
+from rabbit_bringup.recording.bag_writer import BagWriter, RecordingError, graph_types
+from rabbit_bringup.recording.checking import check_episodes
+from rabbit_bringup.recording.opening import opened
+from rabbit_bringup.recording.player_node import Playing, play
+from rabbit_bringup.recording.reader import read_episodes
+from rabbit_bringup.recording.recover import recover
+from rabbit_msgs.msg import Episode
+from rabbit_sim.parameters import SimulationParameters
+from rclpy.serialization import deserialize_message, serialize_message
+from rl_cbf_clf_controller.parameters import ControllerParameters
+
+PLANT, LAW = {"motor_lag": 0.004, "stones": 4}, ControllerParameters()
+TICKS_A_SECOND = 100
+
+
+def begin(world: Any) -> tuple[list[Any], list[Any]]:
+    """A recorded walk in lock-step, no faster than real time; what is heard of states and episodes."""
+    heard = world.hear("state"), world.hear("episode")
+    world.start("simulator", pace=1.0, **PLANT)
+    world.start("controller")
+    world.start("recorder", path=str(world.folder / "recording"))
+    world.go()
+    return heard
+
+
+def walk_on(world: Any, episodes: list[Any]) -> None:
+    """To the end."""
+    world.wait(lambda: any(e.phase == Episode.ENDED for e in episodes))
+    assert episodes[-1].outcome == "walked"
+
+
+def test_a_killed_recorder_loses_at_most_the_last_second(world: Any) -> None:
+    states, episodes = begin(world)
+    world.wait(lambda: len(states) > 140)
+    world.processes.kill(["recorder"])
+    heard = states[-1].tick
+    walk_on(world, episodes)
+    recovered = read_episodes(recover(world.folder / "recording").path)[1]
+    assert [record.state.tick for record in recovered.records] == list(range(len(recovered.records)))
+    assert recovered.records[-1].state.tick >= heard - TICKS_A_SECOND
+    (checked,) = check_episodes(world.folder / "recording-recovered", LAW)
+    assert (checked.lost, checked.differing) == (0, [])
+
+
+def test_a_full_disk_stops_the_recording_not_the_walk(world: Any) -> None:
+    states, episodes = begin(world)
+    world.wait(lambda: len(states) > 80)
+    full = (world.folder / "recording" / "recording.mcap").stat().st_size
+    resource.prlimit(world.processes.pid("recorder"), resource.RLIMIT_FSIZE, (full, full))
+    walk_on(world, episodes)
+    said = [s for m in world.hear("diagnostics") for s in m.status if s.name.endswith("/recorder")]
+    assert any(s.level == DiagnosticStatus.ERROR and "recording stopped" in s.message for s in said)
+    world.processes.stop()
+    assert (world.folder / "log" / "recorder.log").read_text().count("recording stopped") == 1
+    assert len(read_episodes(recover(world.folder / "recording").path)[1].records) > 1
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Of a short walk."""
+    folder = tmp_path_factory.mktemp("walk")
+    request = WalkOptions(trainer=False)
+    run_graph(make_graph(folder, request, SimulationParameters(stones=1), LAW, "zero"), request, lambda _: None)
+    return folder / "recording"
+
+
+def test_a_recording_is_played_again(world: Any, recording: Path) -> None:
+    heard = {name: world.hear(name) for name in ("state", "torque", "controller_state", "preview", "clock")}
+    shown: list[float] = []
+    count = play(recording, Playing(5.0, 0.0, world.namespace, 3.0), lambda at, _: shown.append(at))
+    with opened(recording) as reader:
+        assert count == reader.message_count
+        recorded: dict[str, list[bytes]] = {name: [] for name in heard}
+        for connection, _, data in reader.messages():
+            recorded.get(connection.topic[1:], []).append(data)
+    world.wait(lambda: all(len(heard[name]) == len(recorded[name]) for name in heard))
+    for name, messages in heard.items():
+        kind = type(messages[0])
+        again = [serialize_message(deserialize_message(data, kind)) for data in recorded[name]]  # without their padding
+        assert [serialize_message(message) for message in messages] == again
+    assert shown == sorted(shown)
+
+
+def test_a_running_graph_is_not_played_into(world: Any, recording: Path) -> None:
+    world.start("simulator", **PLANT)
+    world.wait(lambda: world.node.count_publishers("state") > 0)
+    with pytest.raises(RecordingError, match=r"/state is published already; give --namespace"):
+        play(recording, Playing(namespace=world.namespace, delay=2.0), lambda at, end: None)
+
+
+def test_other_definitions_are_not_played(tmp_path: Path) -> None:
+    share = tmp_path / "rabbit_msgs"
+    (share / "msg").mkdir(parents=True)
+    (share / "msg" / "RabbitState.msg").write_text("uint32 episode\n")
+    writer = BagWriter(tmp_path / "bag", "mcap", graph_types([share]))
+    writer.add("/state", "rabbit_msgs/msg/RabbitState", [])
+    writer.write("/state", 0, bytes(8))
+    writer.close()
+    with pytest.raises(RecordingError, match="RabbitState is defined otherwise"):
+        play(tmp_path / "bag", Playing(), lambda at, end: None)
