@@ -42,7 +42,7 @@ setup(
         "casadi>=3.8",
         "rosbags>=0.11.9,<0.12",
     ],
-    extras_require={"test": ["pytest"]},
+    extras_require={"test": ["pytest"], "ray": ["ray>=2.40"]},
     entry_points={
         "console_scripts": ["rabbit = rabbit_bringup.cli:app"],
         "rabbit.nodes": ["recorder = rabbit_bringup.recording.recorder_node:main"],

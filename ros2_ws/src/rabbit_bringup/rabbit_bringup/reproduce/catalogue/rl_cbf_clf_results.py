@@ -5,6 +5,7 @@ from functools import cached_property
 
 import numpy as np
 from matplotlib.figure import Figure
+from rabbit_description.state import TICK_SECONDS
 
 from rabbit_bringup.reproduce.contenders import CBF_CLF, CBF_CLF_ORACLE, RL_CBF_CLF, Contender
 from rabbit_bringup.reproduce.curves import WIDTH, finish_ratio, force_ratio
@@ -72,7 +73,7 @@ def swing_foot_figure(walk: WalkRecords) -> Figure:
     figure, (length, ratio) = style.figure(2, height=2.0, width=WIDTH)
     plot_stones(walk, length)
     plot_steps(walk, length, swing_foot(walk)[:, 0], style.BLUE, "swing foot $l_f$")
-    seconds = walk.landings[:, 1] * (walk.time[1] - walk.time[0])
+    seconds = walk.landings[:, 1] * TICK_SECONDS
     length.plot(seconds, walk.landings[:, 2], "o", color=style.BLACK, markersize=3, label="landing")
     length.set_ylabel("$l_f$ (m)")
     style.legend(length)
@@ -80,6 +81,7 @@ def swing_foot_figure(walk: WalkRecords) -> Figure:
     ratio.plot(walk.time, late, color=style.BLUE, linewidth=1)
     ratio.plot(walk.time, impact, ".", color=style.BLUE, markersize=2, alpha=0.5)
     finish_ratio(ratio, walk)
-    ratio.set(ylabel=r"$|F_T / F_N|$", xlabel="time (s)", xlim=(0, float(np.max(seconds, initial=walk.time[-1]))))
+    end = float(np.max(seconds, initial=walk.time[-1]))
+    ratio.set(ylabel=r"$|F_T / F_N|$", xlabel="time (s)", xlim=(0, 1.01 * end))
     figure.align_ylabels()
     return figure

@@ -93,14 +93,13 @@ def grey_area_figure(walk: WalkRecords) -> Figure:
             axes.add_patch(Rectangle((left, -DEPTH), 2 * half, DEPTH, color=style.STONE, linewidth=0))
         step = walk.step_index == walk.step_index[row]
         axes.plot(*foot[step].T, color=style.BLUE, label="swing foot $F$")
-        axes.plot(*foot[step][-1], "o", color=style.BLUE, markersize=4)
+        axes.plot(walk.landings[walk.step_index[row], 2], 0.0, "o", color=style.BLUE, markersize=4, label="landing")
         for edge, name in ((near, "$l_{min}$"), (far, "$l_{max}$")):
             axes.axvline(edge, color=style.RED, linestyle="--", linewidth=0.8)
             axes.annotate(name, (edge, TOP), ha="right" if edge == near else "left", va="top")
-        axes.set(ylabel="$h_f$ (m)", ylim=(-DEPTH, TOP), xlim=(-0.45, 0.55), title=f"$l_{{min}}$ = {near:.3f} m")
+        axes.set(ylabel="$h_f$ (m)", ylim=(-DEPTH, TOP), xlim=(-0.45, 0.55))
+        axes.set_title(f"stone {walk.step_index[row] + 1}: $l_{{min}}$ = {near:.3f} m", loc="right", fontsize=9)
         axes.grid(visible=False)
     style.legend(panels[0])
-    panels[0].set_title(panels[0].get_title(), loc="right")
-    panels[0].set_title("")
     panels[-1].set_xlabel("from the stance foot (m)")
     return figure
