@@ -108,3 +108,31 @@ def test_the_shipped_policy_walks_at_twice_the_mass(make_assembly: MakeAssembly)
 def test_the_shipped_policies_walk_on_flat_ground(make_assembly: MakeAssembly, controller: str) -> None:
     policy = resolve_policy(None, load_parameters("ours", controller=controller))
     assert walk(make_assembly(controller, policy, mass_scale=TWICE, stones=10), 0, seed=1).row.success
+
+
+def test_l1_tracks_better_than_the_clf_qp_at_a_mass_scale_of_1_2(make_assembly: MakeAssembly) -> None:
+    """Over seeds; the friction cone is kept by both."""
+    seeds = episode_seeds(1, 2)
+    nominal, adaptive = (
+        [walk(make_assembly(name, mass_scale=1.2, stones=8), run, seed).row for run, seed in seeds.items()]
+        for name in ("clf-qp", "l1-clf-qp")
+    )
+    for plain, l1 in zip(nominal, adaptive, strict=True):
+        assert l1.success
+        assert l1.rms_y < plain.rms_y
+        assert l1.max_force_ratio < 0.8
+
+
+def test_l1_leaves_an_exact_model_alone_but_for_landings(make_assembly: MakeAssembly) -> None:
+    """On the pinned plant without lag, what it finds at scale 1 is what sampling leaves: little beside scale 2."""
+    found = []
+    for scale in (1.0, TWICE):
+        parts = make_assembly("l1-clf-qp", plant="rigid", motor_lag=0.0, mass_scale=scale, stones=2)
+        ticks = record_walk(parts, seed=1)
+        found.append(float(np.sqrt(np.mean(ticks.beta**2))))
+    assert found[0] < 0.2 * found[1]
+
+
+def test_the_robust_controller_walks_at_both_ends_of_its_bounds(make_assembly: MakeAssembly) -> None:
+    for scale in (1.0, TWICE):
+        assert walk(make_assembly("robust-cbf-clf-qp", mass_scale=scale, stones=6), 0, seed=1).row.success

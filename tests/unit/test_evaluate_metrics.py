@@ -87,6 +87,11 @@ IN_GAP = Landing(2, 16, 0.34, 0.35, 0.40, on_stone=False)
 STANDING = np.array([[10.0, 300.0], [10.0, 300.0]])
 
 
+def test_tracking_error_is_the_rms_of_all_outputs(record: Record) -> None:
+    row = run(record, [GOOD], Outcome.WALKED, STANDING, eta=np.array([0.3, 0.4, 0, 0, 3, 4, 0, 0])).row
+    assert (row.rms_y, row.rms_dy) == (pytest.approx(0.25), pytest.approx(2.5))
+
+
 def test_a_walk_over_all_stones_is_a_success(record: Record) -> None:
     row = run(record, [GOOD, replace(GOOD, index=2)], Outcome.WALKED, STANDING).row
     assert (row.success, row.success_with_forces, row.stones, row.missed_stones) == (True, True, 2, 0)

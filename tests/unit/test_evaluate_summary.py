@@ -53,6 +53,11 @@ def test_summary_counts() -> None:
     json.dumps(summary, allow_nan=False)
 
 
+def test_rms_is_over_all_ticks_not_over_runs() -> None:
+    summary = summarise([result(0, rms_y=0.3, ticks=1), result(1, rms_y=0.1, ticks=9)], "osqp")
+    assert summary["rms_y"] == pytest.approx(math.sqrt(0.018))
+
+
 def test_a_folder_goes_on_where_it_stopped(tmp_path: Path) -> None:
     about = {"key": "a"}
     slip = ForceTick(

@@ -60,7 +60,7 @@ class ControllerParameters(BaseModel):
     swap_phase: float = Field(0.5, ge=0, le=1, description="least phase before the legs swap")
     l1_law: L1Law = Field("piecewise", description="adaptation law of L1")
     l1_gain: float = Field(1.0, gt=0, le=1e9, description="adaptation gain of L1; the piecewise law has none")
-    l1_cutoff: float = Field(50.0, gt=0, le=1e4, description="cut-off of L1's low-pass filter, 1/s")
+    l1_cutoff: float = Field(100.0, gt=0, le=1e4, description="cut-off of L1's low-pass filter, 1/s")
     l1_substeps: int = Field(1, ge=1, le=100, description="steps of L1's adaptation in a tick")
     l1_slope_bound: float = Field(1.0, gt=0, le=1e6, description="bound of L1's estimate in proportion to |mu|")
     l1_offset_bound: float = Field(500.0, gt=0, le=1e6, description="bound of the rest of L1's estimate, rad/s^2")

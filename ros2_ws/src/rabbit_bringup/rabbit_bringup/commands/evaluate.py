@@ -167,6 +167,7 @@ SHOWN = (
     "mean_stones_ci95",
     "missed_stones",
     "falls",
+    "rms_y",
     "max_force_ratio",
     "ticks",
     "ticks_over_cone",

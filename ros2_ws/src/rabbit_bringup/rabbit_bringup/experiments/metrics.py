@@ -62,6 +62,8 @@ class RunRow(BaseModel):
     active_u: int
     barrier_active_steps: int
     max_torque: float
+    rms_y: float
+    rms_dy: float
     max_clf: float
     max_slack: float
     max_rescue_slack: float
@@ -147,6 +149,7 @@ class RunTally:
         self.fault = ""
         self._forces = ForceTally(run, parameters.friction_coeff)
         self._pole = parameters.barrier_pole_1
+        self._squares = np.zeros(8)  # of eta, summed
         self._counts: Counter[str] = Counter()
         self._barrier_steps: set[int] = set()
         self._step, self._step_tick = -1, 0
@@ -157,6 +160,7 @@ class RunTally:
         state, output = record.state, record.output
         self.ticks += 1
         self.fault = output.fault
+        self._squares += output.eta**2
         if output.step_index != self._step:
             self._step, self._step_tick = output.step_index, state.tick
             self._counts["ecbf_start_violations"] += self._starts_outside(output)
@@ -179,6 +183,9 @@ class RunTally:
         self._counts["slack_ticks"] += output.clf_slack > 0
         self._counts["rescue_ticks"] += output.rescue_slack > RESCUE_NEEDED
         self._counts["saturated_ticks"] += output.saturated
+
+    def _rms(self, squares: Array) -> float:
+        return float(np.sqrt(squares.mean() / max(self.ticks, 1)))
 
     def result(
         self,
@@ -215,6 +222,8 @@ class RunTally:
             ticks_lost=lost,
             ticks_lost_at_impact=forces.count("lost", at_impact=True),
             barrier_active_steps=len(self._barrier_steps),
+            rms_y=self._rms(self._squares[:4]),
+            rms_dy=self._rms(self._squares[4:]),
             tick_ms_p50=float(np.percentile(milliseconds, 50)),
             tick_ms_p99=float(np.percentile(milliseconds, 99)),
             plant_ms_p50=float(np.median(plant_ticks)) * 1e3 if plant_ticks else np.nan,

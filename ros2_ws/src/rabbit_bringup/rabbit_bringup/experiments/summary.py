@@ -2,7 +2,7 @@
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -53,6 +53,8 @@ def summarise(results: Sequence[RunResult], qp_solver: str) -> dict[str, Any]:
         "qp_solver_share": 1 - summed["qp_unanswered_ticks"] / max(ticks, 1),
         "active_share": {name: sum(getattr(row, f"active_{name}") for row in rows) / max(ticks, 1) for name in ROWS},
         "barrier_active_step_share": sum(row.barrier_active_steps for row in rows) / max(sum(r.steps for r in rows), 1),
+        "rms_y": _rms((row.rms_y, row.ticks) for row in rows),
+        "rms_dy": _rms((row.rms_dy, row.ticks) for row in rows),
         "max_torque": max(row.max_torque for row in rows),
         "max_slack": max(row.max_slack for row in rows),
         "max_rescue_slack": max(row.max_rescue_slack for row in rows),
@@ -89,6 +91,12 @@ def mean_interval(values: NDArray[np.float64]) -> tuple[float, float] | None:
         return None
     half = float(stats.t.ppf(0.975, len(values) - 1) * values.std(ddof=1)) / math.sqrt(len(values))
     return float(values.mean()) - half, float(values.mean()) + half
+
+
+def _rms(parts: Iterable[tuple[float, int]]) -> float:
+    """Root mean square over all ticks, from each run's own and its number of ticks."""
+    values, ticks = np.array(list(parts)).T
+    return float(np.sqrt((values**2 * ticks).sum() / max(ticks.sum(), 1)))
 
 
 def _least(values: Any) -> float | None:
