@@ -28,8 +28,8 @@ class Cache:
             {
                 "kind": job.kind,
                 "seed": job.seed,
-                "assembly": self._identity(job.assembly),
-                "judges": [self._identity(judge) for judge in job.judges],
+                "assembly": self.identity(job.assembly),
+                "judges": [self.identity(judge) for judge in job.judges],
                 "code": sources_hash(*jobs.SOURCES[job.kind]),
                 "versions": self._versions,
             }
@@ -51,7 +51,8 @@ class Cache:
         key = self.key(job)
         return self.path / key[:2] / f"{key[2:]}{jobs.suffix(job.kind)}"
 
-    def _identity(self, assembly: Assembly) -> dict[str, Any]:
+    def identity(self, assembly: Assembly) -> dict[str, Any]:
+        """What decides an episode but for its seed, see `Assembly.identity`; read once, policy and gait too."""
         if assembly not in self._identities:
             self._identities[assembly] = assembly.identity()
         return self._identities[assembly]

@@ -47,6 +47,10 @@ class Experiment(ABC):
         """Of its lines."""
         return (walk_table(self.lines(), found), long_table(self.lines(), found))
 
+    def _learned(self, found: Found) -> list[Job]:
+        """Jobs with a policy file."""
+        return [job for job in self.jobs(found.size) if job.assembly.policy not in ("zero", "oracle")]
+
     def report(self, found: Found) -> tuple[Report, dict[str, Figure]]:
         """From results that are all there; raises `LookupError` where one is not."""
         with style.look():
@@ -58,6 +62,7 @@ class Experiment(ABC):
             paper=self.paper,
             quick=found.size.quick,
             commit=provenance.commit(),
+            policies={job.assembly.controller.controller: found.policy(job.assembly) for job in self._learned(found)},
             claims=tuple(self.claims(found)),
             tables=tuple(self.tables(found)),
             figures={name: caption for name, (caption, _) in figures.items()},

@@ -70,6 +70,10 @@ class Found:
             raise LookupError(f"{job.title}, seed {job.seed}: expected a result in {self.cache.path}")
         return result
 
+    def policy(self, assembly: Assembly) -> str:
+        """The version of its policy, a hash of the policy's bytes."""
+        return str(self.cache.identity(assembly)["policy_version"])
+
     def walks(self, line: Line, column: Column = MAIN) -> Walks:
         """The runs of a line on a plant."""
         return Walks([self.result(job) for job in line.case(self.size, column).jobs])

@@ -54,12 +54,13 @@ def _section(report: Report) -> str:
     figures = "".join(_figure(report, name, caption) for name, caption in report.figures.items())
     tables = "".join(f"{table.markdown}\n" for table in report.tables if not table.long)
     long = ", ".join(f"[{table.name}.csv]({report.name}/{table.name}.csv)" for table in report.tables)
+    policies = ", ".join(f"{name} `{version}`" for name, version in report.policies.items()) or "none"
     return f"""## {report.name}
 
 **{report.title}** ({report.label}). The paper: {report.paper}
 
 {figures}{tables}Data: {long}. Commit `{report.commit[:12] or "unknown"}{"+" * report.commit.endswith("+")}`, {runs}.
-`rabbit reproduce {report.name}{" --quick" * report.quick}` makes this section.
+Policies: {policies}. `rabbit reproduce {report.name}{" --quick" * report.quick}` makes this section.
 
 """
 

@@ -55,7 +55,7 @@ class Table(BaseModel):
 
 
 class Report(BaseModel):
-    """One experiment's. `figures` are names without suffix, with their captions."""
+    """One experiment's. `policies` has versions by controller, `figures` captions by name without suffix."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -65,6 +65,7 @@ class Report(BaseModel):
     paper: str
     quick: bool
     commit: str
+    policies: dict[str, str]
     claims: tuple[Claim, ...]
     tables: tuple[Table, ...]
     figures: dict[str, str]

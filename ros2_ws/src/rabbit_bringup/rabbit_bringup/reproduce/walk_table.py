@@ -36,14 +36,14 @@ def long_table(lines: Sequence[Line], found: Found) -> Table:
         *("mean_stones", "mean_low95", "mean_high95", "std_stones", "max_force_ratio", *SUMMED, "falls", "command"),
     )
     cases = [(line, column, line.case(found.size, column)) for line in lines for column in COLUMNS]
-    rows = tuple(_long_row(line.what, case, found.walks(line, column)) for line, column, case in cases)
+    rows = tuple(_long_row(line.what, case, found.walks(line, column), found) for line, column, case in cases)
     return Table(name="runs", columns=columns, rows=rows, long=True)
 
 
-def _long_row(what: str, case: Case, walks: Walks) -> tuple[Cell, ...]:
-    plant = case.assembly.simulation
+def _long_row(what: str, case: Case, walks: Walks, found: Found) -> tuple[Cell, ...]:
+    plant, policy = case.assembly.simulation, found.policy(case.assembly)
     return (
-        *(what, plant.plant, plant.motor_lag, case.assembly.make_policy().version, SEED, walks.runs, walks.walked),
+        *(what, plant.plant, plant.motor_lag, policy, SEED, walks.runs, walks.walked),
         *(*walks.interval, walks.with_forces, walks.mean_stones, *(walks.stones_interval or (None, None))),
         *(walks.std_stones, walks.max_ratio, *(walks.total(name) for name in SUMMED)),
         "; ".join(f"{kind} {count}" for kind, count in sorted(falls(walks.rows).items())),
