@@ -16,6 +16,7 @@ from pydantic import BaseModel, ConfigDict
 from rabbit_description.state import RobotState
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.rows import Rows
+from rl_cbf_clf_controller.uncertainty import Problem
 from rl_trainer.rollout import Record
 from scipy.optimize import linprog
 
@@ -75,8 +76,8 @@ def measure(walker: Assembly, judges: Sequence[Assembly], seed: int) -> Feasibil
 
 
 def _judge(assembly: Assembly) -> Controller:
-    if assembly.controller.controller == "io-rl-clf-qp":
-        raise ValueError("io-rl-clf-qp: expected a controller whose rows hold its estimates")
+    if assembly.controller.problem is Problem.IO_RL_CLF_QP:
+        raise ValueError(f"{assembly.controller.controller}: expected a controller whose rows hold its estimates")
     simulation, judge = assembly.build()
     simulation.close()
     return judge

@@ -7,7 +7,16 @@ import numpy as np
 
 from rabbit_bringup.experiments.evaluation import episode_seeds
 from rabbit_bringup.experiments.summary import mean_interval
-from rabbit_bringup.reproduce.contenders import CBF_CLF, CBF_CLF_ORACLE, CLF, CLF_ORACLE, RL_CBF_CLF, RL_CLF, Contender
+from rabbit_bringup.reproduce.contenders import (
+    CBF_CLF,
+    CBF_CLF_ORACLE,
+    CLF,
+    CLF_ORACLE,
+    RL_CBF_CLF,
+    RL_CLF,
+    ROBUST,
+    Contender,
+)
 from rabbit_bringup.reproduce.experiment import Experiment
 from rabbit_bringup.reproduce.feasibility import Feasibility
 from rabbit_bringup.reproduce.jobs import Job
@@ -16,7 +25,7 @@ from rabbit_bringup.reproduce.report import Cell, Claim, Table
 from rabbit_bringup.reproduce.verdict import judge
 from rabbit_bringup.reproduce.walks import SEED
 
-GROUPS = {"stones": (RL_CBF_CLF, CBF_CLF, CBF_CLF_ORACLE), "flat": (RL_CLF, CLF, CLF_ORACLE)}
+GROUPS = {"stones": (RL_CBF_CLF, CBF_CLF, ROBUST, CBF_CLF_ORACLE), "flat": (RL_CLF, CLF, CLF_ORACLE)}
 STEPS = 10  # a walk
 DRASTIC = 0.5  # of the nominal controller's share, at most
 Rows = Literal["safety", "all"]

@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from rabbit_description.state import TICK_SECONDS
 
-from rabbit_bringup.reproduce.contenders import CBF_CLF, CBF_CLF_ORACLE, RL_CBF_CLF, Contender
+from rabbit_bringup.reproduce.contenders import CBF_CLF, CBF_CLF_ORACLE, RL_CBF_CLF, ROBUST, Contender
 from rabbit_bringup.reproduce.curves import WIDTH, finish_ratio, force_ratio
 from rabbit_bringup.reproduce.experiment import Experiment
 from rabbit_bringup.reproduce.lines import Found, Line
@@ -34,7 +34,7 @@ class RlCbfClfResults(Experiment):
     @cached_property
     def by_contender(self) -> dict[Contender, Line]:
         """A line each."""
-        each_paper = {RL_CBF_CLF: "20 of 20 stones, once", CBF_CLF: "5.6 stones", CBF_CLF_ORACLE: ""}
+        each_paper = {RL_CBF_CLF: "20 of 20 stones, once", CBF_CLF: "5.6 stones", ROBUST: "", CBF_CLF_ORACLE: ""}
         return {each: Line(each.title, each.assembly(mass_scale=2.0), paper) for each, paper in each_paper.items()}
 
     def lines(self) -> Sequence[Line]:
