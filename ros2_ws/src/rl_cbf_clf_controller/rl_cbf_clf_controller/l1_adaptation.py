@@ -15,9 +15,9 @@ own dynamics, the constant
 
     defect = F mean(eta) + G mean(mu) - (eta - eta_last) / dt = -G model_error for a constant model error,
 
-and the error, the estimate and the filter obey linear differential equations. `euler` steps them, `exact` solves them,
-either in sub-steps. `piecewise` is the other usual law, without a gain: the estimate is the constant that explains the
-error which the tick left behind, and the predictor starts anew at what was measured.
+and the error and the estimate obey linear differential equations. `exact` solves them over a sub-step, `euler` takes one
+forward step. `piecewise` is the other usual law, without a gain: the estimate is the constant that explains the error
+which the tick left behind, and the predictor starts anew at what was measured. The filter is sampled exactly in all.
 """
 
 import numpy as np
@@ -90,12 +90,21 @@ class L1Adaptation:
             self._state[ESTIMATE] = self.offset
             self._state[FILTERED] = decay * self._state[FILTERED] + (1 - decay) * self.offset
             return
-        rates = self._rates(size) * self._h
-        step = expm(rates) if self._law == "exact" else np.eye(6) + rates
+        step = self._step(size)
         self._state[ESTIMATE] = self.slope * size + self.offset
         for _ in range(self._substeps):
-            self._state = step[:4] @ np.vstack([self._state, defect])
+            self._state = step @ np.vstack([self._state, defect])
             self._project(size)
+
+    def _step(self, size: float) -> Array:
+        """(4, 6): the state after a sub-step, linear in (state, defect)."""
+        rates = self._rates(size) * self._h
+        if self._law == "exact":
+            return expm(rates)[:4]
+        step = np.eye(6) + rates
+        step[FILTERED, FILTERED] = np.exp(-self._cutoff * self._h)  # the filter is no part of what Euler may spoil
+        step[FILTERED, ESTIMATE] = 1 - step[FILTERED, FILTERED]
+        return step[:4]
 
     def _project(self, size: float) -> None:
         """Share the estimate's change between slope and offset, as their rates do, and keep both in their bounds."""
