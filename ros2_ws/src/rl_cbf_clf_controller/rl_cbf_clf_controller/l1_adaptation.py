@@ -15,9 +15,10 @@ own dynamics, the constant
 
     defect = F mean(eta) + G mean(mu) - (eta - eta_last) / dt = -G model_error for a constant model error,
 
-and the error and the estimate obey linear differential equations. `exact` solves them over a sub-step, `euler` takes one
-forward step. `piecewise` is the other usual law, without a gain: the estimate is the constant that explains the error
-which the tick left behind, and the predictor starts anew at what was measured. The filter is sampled exactly in all.
+and the error and the estimate obey linear differential equations. `exact` solves them over a sub-step, `euler` takes
+one forward step. `piecewise` is the other usual law, without a gain: the estimate is the constant that explains the
+error which the tick left behind, and the predictor starts anew at what was measured. The filter is sampled exactly in
+all.
 """
 
 import numpy as np
