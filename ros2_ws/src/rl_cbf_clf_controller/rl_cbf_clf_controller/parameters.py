@@ -69,9 +69,9 @@ class ControllerParameters(BaseModel):
     )
     robust_scale_min: float = Field(1.0, gt=0, le=10, description="least mass scale that the robust rows allow for")
     robust_scale_max: float = Field(2.0, gt=0, le=10, description="largest mass scale that the robust rows allow for")
-    robust_offset: float = Field(50.0, ge=0, le=1e4, description="norm bounds: of Delta_1, rad/s^2")
+    robust_offset: float = Field(75.0, ge=0, le=1e4, description="norm bounds: of Delta_1, rad/s^2")
     robust_slope: float = Field(0.5, ge=0, lt=1, description="norm bounds: of Delta_2, relative to what it multiplies")
-    robust_barrier_offset: float = Field(5.0, ge=0, le=1e4, description="norm bounds: error of B'' at B'' = 0, m/s^2")
+    robust_barrier_offset: float = Field(8.0, ge=0, le=1e4, description="norm bounds: error of B'' at B'' = 0, m/s^2")
     robust_barrier_slope: float = Field(0.5, ge=0, lt=1, description="norm bounds: error of B'' relative to it")
 
     @model_validator(mode="after")
