@@ -65,7 +65,9 @@ def test_a_kill_loses_at_most_the_last_second(tmp_path: Path, storage: Storage, 
     written = FORK.Value("q", -1, lock=False)
     recorder = FORK.Process(target=record_forever, args=(tmp_path / "bag", storage, written))
     recorder.start()
-    time.sleep(random.Random(seed).uniform(0.8, 2.0))
+    while written.value < TICKS_A_SECOND:
+        time.sleep(TICK_SECONDS)
+    time.sleep(random.Random(seed).uniform(0.0, 1.0))
     recorder.kill()
     recorder.join()
     with pytest.raises(RecordingError, match=r"not finished.*rabbit bag recover"), opened(tmp_path / "bag"):

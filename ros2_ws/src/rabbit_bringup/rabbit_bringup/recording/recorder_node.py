@@ -26,7 +26,7 @@ from rabbit_bringup.recording.bag_writer import FLUSH_SECONDS, BagWriter, Record
 
 IDLE_SECONDS = 0.3  # without a message, after which nothing more is on its way
 STAMP = slice(4, 12)  # after the CDR header: seconds int32, nanoseconds uint32
-FOREVER = QosTime(2147483647, 4294967295)
+FOREVER = QosTime(9223372036, 854775807)  # as `ros2 bag` writes it
 
 
 class NodeParameters(BaseModel):
@@ -93,7 +93,7 @@ class RecorderNode(Node):
         try:
             write()
         except RecordingError as error:
-            self._failure = f"recording stopped: {error}; `rabbit bag recover {self._own.path}` keeps what is there"
+            self._failure = f"{error}; recording stopped, `rabbit bag recover {self._own.path}` keeps what is there"
             self.get_logger().error(self._failure)
             return False
         return True

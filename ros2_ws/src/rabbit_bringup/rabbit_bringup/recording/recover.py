@@ -96,7 +96,7 @@ def whole_mcap(file: Path) -> Iterator[Whole]:
 
 def whole_records(stream: BinaryIO, size: int) -> tuple[int, int, bool]:
     """Where the messages begin and end in an MCAP file of `size` bytes, and whether it is cut there."""
-    if stream.read(len(MCAP_MAGIC)) != MCAP_MAGIC:
+    if not MCAP_MAGIC.startswith(stream.read(len(MCAP_MAGIC))):
         raise RecordingError(f"{stream.name}: no MCAP file")
     begin = end = 0
     while len(head := stream.read(9)) == 9:
