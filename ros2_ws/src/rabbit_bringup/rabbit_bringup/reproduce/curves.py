@@ -67,19 +67,31 @@ def finish_ratio(axes: Axes, walk: WalkRecords) -> None:
 
 
 def rate_figure(
-    values: Sequence[float], walks: Mapping[Contender, Sequence[Walks]], label: str, scale: float = 1.0
+    values: Sequence[float],
+    walks: Mapping[Contender, Sequence[Walks]],
+    label: str,
+    scale: float = 1.0,
+    marks: Sequence[tuple[Contender, float]] = (),
 ) -> Figure:
-    """Share of runs that walked over a parameter, with Wilson's 95% interval; `scale` brings it to the label's unit."""
+    """Share of runs that walked over a parameter, with Wilson's 95% interval; `scale` brings it to the label's unit.
+
+    `marks`: values that the paper names, each a vertical line in its controller's colour.
+    """
     figure, (axes,) = style.figure(1, height=2.8, width=WIDTH / 1.3)
     x = np.array(values) * scale
-    shift = 0.006 * float(np.ptp(x))  # beside one another, where they would hide each other
+    shift = 0.008 * float(np.ptp(x))  # beside one another, where they would hide each other
     for i, (contender, row) in enumerate(walks.items()):
         at = x + shift * (i - (len(walks) - 1) / 2)
         rate = np.array([each.walked / each.runs for each in row])
         ends = np.array([wilson(each.walked, each.runs) for each in row]).T
         bars = np.abs(ends - rate)
         look: dict[str, Any] = {"color": contender.colour, "linestyle": contender.line, "marker": "o"}
-        axes.errorbar(at, rate, yerr=bars, capsize=2, elinewidth=0.8, markersize=4, label=contender.title, **look)
+        axes.plot(at, rate, markersize=4, label=contender.title, **look)
+        axes.errorbar(at, rate, yerr=bars, fmt="none", ecolor=contender.colour, elinewidth=0.8, alpha=0.45)
+    for contender, value in marks:
+        axes.axvline(value * scale, color=contender.colour, linewidth=3, alpha=0.25, label=f"paper: {contender.title}")
     axes.set(xlabel=label, ylabel="courses walked", ylim=(-0.03, 1.03))
-    style.legend(axes, columns=2)
+    handles, labels = axes.get_legend_handles_labels()
+    once = dict(zip(labels, handles, strict=True))
+    axes.legend(once.values(), once.keys(), loc="lower left", bbox_to_anchor=(0, 1), ncols=2, borderaxespad=0.2)
     return figure

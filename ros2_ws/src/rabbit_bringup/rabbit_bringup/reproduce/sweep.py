@@ -42,7 +42,9 @@ class Sweep(Experiment):
 
     def figures(self, found: Found) -> dict[str, tuple[str, Figure]]:
         rates = {each: list(self.walks(found, each).values()) for each in self.plants}
-        return {"rates": (self.caption, rate_figure(self.values, rates, self.axis, self.scale))}
+        return {
+            "rates": (self.caption, rate_figure(self.values, rates, self.axis, self.scale, list(self.paper_values)))
+        }
 
     def _line(self, contender: Contender, value: float) -> Line:
         unit = self.axis.rpartition("(")[2].rstrip(")")

@@ -33,7 +33,8 @@ def long_table(lines: Sequence[Line], found: Found) -> Table:
     """A row for each line and plant."""
     columns = (
         *("what", "plant", "motor_lag", "policy", "seed", "runs", "walked", "low95", "high95", "walked_with_forces"),
-        *("mean_stones", "mean_low95", "mean_high95", "std_stones", "max_force_ratio", *SUMMED, "falls", "command"),
+        *("mean_stones", "mean_low95", "mean_high95", "std_stones", "max_force_ratio", "rms_y", "rms_dy"),
+        *(*SUMMED, "falls", "command"),
     )
     cases = [(line, column, line.case(found.size, column)) for line in lines for column in COLUMNS]
     rows = tuple(_long_row(line.what, case, found.walks(line, column), found) for line, column, case in cases)
@@ -45,7 +46,8 @@ def _long_row(what: str, case: Case, walks: Walks, found: Found) -> tuple[Cell, 
     return (
         *(what, plant.plant, plant.motor_lag, policy, SEED, walks.runs, walks.walked),
         *(*walks.interval, walks.with_forces, walks.mean_stones, *(walks.stones_interval or (None, None))),
-        *(walks.std_stones, walks.max_ratio, *(walks.total(name) for name in SUMMED)),
+        *(walks.std_stones, walks.max_ratio, walks.rms("rms_y"), walks.rms("rms_dy")),
+        *(walks.total(name) for name in SUMMED),
         "; ".join(f"{kind} {count}" for kind, count in sorted(falls(walks.rows).items())),
         evaluate_command(case),
     )

@@ -85,6 +85,11 @@ class Walks:
         """Largest |F_T| / F_N more than 30 ms after an impact."""
         return max(row.max_force_ratio for row in self.rows)
 
+    def rms(self, name: str) -> float:
+        """Over all ticks, of a root mean square of `RunRow`."""
+        parts = np.array([(getattr(row, name), row.ticks) for row in self.rows])
+        return float(np.sqrt((parts[:, 0] ** 2 * parts[:, 1]).sum() / max(parts[:, 1].sum(), 1)))
+
     def total(self, name: str) -> int:
         """Sum of a count of `RunRow`."""
         return sum(getattr(row, name) for row in self.rows)

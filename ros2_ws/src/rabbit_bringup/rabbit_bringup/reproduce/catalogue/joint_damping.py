@@ -11,4 +11,4 @@ class JointDamping(Perturbation):
     paper = "Joint damping of up to 1 (rad/s²)/(rad/s): successful results."
     field = "joint_damping"
     value = 1.0
-    what = "damping 1/s"
+    what = "joints damped by 1/s"

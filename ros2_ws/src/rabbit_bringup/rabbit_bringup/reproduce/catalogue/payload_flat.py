@@ -10,6 +10,7 @@ from rabbit_bringup.reproduce.sweep import Sweep, largest_text
 from rabbit_bringup.reproduce.verdict import judge
 
 PAPER = {RL_CLF: 72.0, IO_RL: 53.0}  # kg
+LEAST = 32.0  # kg, of [fig:clf-torso-results]; the nominal controller may well carry less
 
 
 class PayloadFlat(Sweep):
@@ -35,11 +36,12 @@ class PayloadFlat(Sweep):
     def _claim(self, found: Found, contender: Contender) -> Claim:
         walks, nominal = self.walks(found, contender), self.walks(found, CLF)
         most = PAPER[contender]
-        parts = {f"{value:g} kg": walks[value].passes for value in self.values if value <= most}
+        inside = [value for value in self.values if LEAST <= value <= most]
+        parts = {f"{value:g} kg": walks[value].passes for value in inside}
         unit = "kg"
         return Claim(
-            claim=f"{contender.title} walks with every payload up to {most:g} kg",
+            claim=f"{contender.title} walks with {LEAST:g} to {most:g} kg",
             paper=f"up to {most:g} kg",
             ours=f"{largest_text(walks, 1, unit)}; nominal {largest_text(nominal, 1, unit)}",
-            verdict=judge(parts, all(nominal[value].passes for value in self.values if value <= most)),
+            verdict=judge(parts, all(nominal[value].passes for value in inside)),
         )
