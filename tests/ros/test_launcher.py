@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 import yaml
 from rabbit_bringup.recording.reader import messages, read_episodes
-from rl_cbf_clf_controller.weights import decode
+from rl_cbf_clf_controller.weights import decode, policy_path
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.training import Trainer
 
@@ -55,7 +55,8 @@ def walking(tmp_path: Path) -> Iterator[subprocess.Popen[str]]:
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     wait_for(lambda: len(running(tmp_path)) == 4)
     wait_for(lambda: (tmp_path / "recording" / "recording.mcap").is_file())
-    wait_for(lambda: (tmp_path / "recording" / "recording.mcap").stat().st_size > 100_000)
+    first = policy_path("rl-cbf-clf-qp").stat().st_size  # what is recorded before the first tick
+    wait_for(lambda: (tmp_path / "recording" / "recording.mcap").stat().st_size > first + 150_000)
     yield process
     process.kill()
     process.wait()
