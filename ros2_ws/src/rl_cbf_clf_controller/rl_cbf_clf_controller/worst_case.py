@@ -15,7 +15,7 @@ y'' = mu + Delta_1 + Delta_2 mu, |Delta_1| <= offset, and Delta_2 mu = r mu with
     of V-dot  within +-slope LgV mu + |LgV| offset        its row bounds V-dot from above: that end of Delta_1 is worst
     of B''    within +-barrier_slope mu_b - barrier_offset,   mu_b the virtual input, B'' of the nominal model
 
-and both corners +- are rows. The forces are left nominal: the source states no bound for them.
+and both corners +- are rows. The forces are left nominal.
 """
 
 import numpy as np
