@@ -11,12 +11,14 @@ from pathlib import Path
 from common import STATE, VENV, WORKSPACE, SetUpError, digest, is_done, logged, main, mark_done, say, system_ros
 
 SOURCES = WORKSPACE / "src"
+STAND_INS = WORKSPACE / "stand_ins"  # messages that a full ROS 2 has and the wheels have not
 LEFT_OVER = {"__pycache__", "build", *(path.name for path in SOURCES.glob("*/*.egg-info"))}  # by pip
 LINKED = {".py", ".yaml", ".urdf", ".safetensors"}
 KEPT = {"PATH", "HOME", "LANG", "TERM", "CC", "CXX", "TMPDIR"}
 COLCON = (
-    'source "{venv}/setup.bash" && exec python "$(command -v colcon)" --log-base log build --symlink-install '
-    "--event-handlers console_direct+ console_stderr- --cmake-args -DCMAKE_BUILD_TYPE=Release -DBUILD_TESTING=OFF "
+    'source "{venv}/setup.bash" && exec python "$(command -v colcon)" --log-base log build --base-paths {paths} '
+    "--symlink-install --event-handlers console_direct+ console_stderr- "
+    "--cmake-args -DCMAKE_BUILD_TYPE=Release -DBUILD_TESTING=OFF "
     '-DPython3_EXECUTABLE="{venv}/bin/python"'
 )
 CAUSES = (
@@ -37,8 +39,9 @@ def build_key() -> str:
     """A hash of what decides a build: all names, the contents of what is not linked, the environment."""
     files = source_files()
     read = [path for path in files if path.name == "setup.py" or path.suffix not in LINKED]
+    stand_ins = [path for path in STAND_INS.rglob("*") if path.is_file()]
     names = sorted(str(path.relative_to(SOURCES)) for path in files)
-    return digest([*read, Path(__file__)], *names, place(), (STATE / "mend.stamp").read_text())
+    return digest([*read, *stand_ins, Path(__file__)], *names, place(), (STATE / "mend.stamp").read_text())
 
 
 def place() -> str:
@@ -60,8 +63,9 @@ def colcon_build() -> None:
     """Call colcon in an environment without another ROS 2 or Python in it."""
     environment = {name: value for name, value in os.environ.items() if name in KEPT}
     log = STATE / "colcon.log"
+    paths = "src" if system_ros() else "src stand_ins"
     os.chdir(WORKSPACE)
-    if logged(["bash", "-c", COLCON.format(venv=VENV)], log, environment):
+    if logged(["bash", "-c", COLCON.format(venv=VENV, paths=paths)], log, environment):
         output = log.read_text(encoding="utf-8")
         advice = next((advice for pattern, advice in CAUSES if re.search(pattern, output)), "colcon could not build")
         raise SetUpError(f"{advice}, then call make again (log: .setup/colcon.log)")

@@ -11,6 +11,7 @@ import rl_trainer.node
 import yaml
 from pydantic import BaseModel
 from rabbit_bringup.recording import recorder_node
+from rabbit_bringup.viewing.live.parameters import ViewerParameters
 from rabbit_ros.topics_node import TOPICS
 from rabbit_sim import node as simulator
 from rabbit_sim.parameters import SimulationParameters
@@ -26,6 +27,7 @@ MODELS: dict[str, tuple[type[BaseModel], ...]] = {
     "controller": (rl_cbf_clf_controller.node.NodeParameters, ControllerParameters),
     "trainer": (rl_trainer.node.NodeParameters, TrainingParameters),
     "recorder": (recorder_node.NodeParameters,),
+    "viewer": (ViewerParameters,),
 }
 
 

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from rabbit_bringup.experiments.assembly import Assembly
 from rabbit_bringup.experiments.evaluation import record_walk
+from rabbit_bringup.viewing.geometry import ARC, allowed_area, area_triangles, force_arrow, friction_cone
 from rabbit_bringup.viewing.pictures import RECORDS, draw_rollout, draw_run, swing_foot
-from rabbit_bringup.viewing.scene import SIZE, Scene, allowed_area, stone_spans
+from rabbit_bringup.viewing.scene import SIZE, Scene, stone_spans
 from rabbit_bringup.viewing.skeleton import feet, leg_points, torso_points
 from rabbit_bringup.viewing.video import as_gif, film
 from rabbit_bringup.viewing.walk_records import ARRAYS, RecordsError, WalkRecords, load_records, save_records
@@ -60,10 +61,34 @@ def test_area_is_bounded_by_the_barriers() -> None:
     corners = allowed_area(stone.l_min, stone.l_max, R1, R2)
     values = np.array([barriers(corner, stone, R1, R2) for corner in corners])
     assert values.min() > -1e-12
-    assert values[:20, 1] == pytest.approx(0, abs=1e-12)  # the inner circle
-    assert values[20:28, 0] == pytest.approx(0, abs=1e-12)  # the outer circle
+    assert values[:ARC, 1] == pytest.approx(0, abs=1e-12)  # the inner circle
+    assert values[ARC:-2, 0] == pytest.approx(0, abs=1e-12)  # the outer circle
     middle = np.array([stone.l_min / 2, 0.0])
     assert barriers(middle, stone, R1, R2)[1] < 0
+
+
+def enclosed(corners: Array) -> float:
+    """A polygon's area by the shoelace formula."""
+    x, z = corners.T
+    return abs(float(x @ np.roll(z, -1) - z @ np.roll(x, -1))) / 2
+
+
+@pytest.mark.parametrize(("l_min", "R2"), [(0.35, 0.5), (0.25, 0.3), (0.45, 2.0)])
+def test_triangles_fill_the_area(l_min: float, R2: float) -> None:
+    corners = allowed_area(l_min, l_min + 0.05, 1.0, R2)
+    triangles = area_triangles(corners)
+    assert sum(enclosed(triangle) for triangle in triangles) == pytest.approx(enclosed(corners))
+    middles = triangles.mean(axis=1)
+    inside = [barriers(middle, StonePreview(1, l_min, l_min + 0.05), 1.0, R2).min() for middle in middles]
+    assert min(inside) > -1e-3  # between two corners the edge is straight, the circles are not
+
+
+def test_forces_on_the_cone_lie_on_its_edge() -> None:
+    _, right, left = friction_cone(0.8)
+    for edge, tangential in ((right, 240.0), (left, -240.0)):
+        arrow = force_arrow(np.array([tangential, 300.0]))
+        assert np.cross([*arrow, 0], [*edge, 0])[2] == pytest.approx(0)
+    assert not force_arrow(np.zeros(2)).any()
 
 
 def test_swing_foot_lands_where_the_simulator_says(walk: WalkRecords) -> None:

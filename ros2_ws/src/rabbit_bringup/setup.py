@@ -14,7 +14,7 @@ setup(
     license="Apache-2.0",
     python_requires=">=3.11",
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
-    package_data={NAME: ["py.typed"]},
+    package_data={NAME: ["py.typed", "viewing/live/*.json"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
@@ -41,10 +41,15 @@ setup(
         "pillow",
         "casadi>=3.8",
         "rosbags>=0.11.9,<0.12",
+        "foxglove-sdk>=0.30.3,<0.31",
+        "websockets>=16",
     ],
     extras_require={"test": ["pytest"], "ray": ["ray>=2.40"]},
     entry_points={
         "console_scripts": ["rabbit = rabbit_bringup.cli:app"],
-        "rabbit.nodes": ["recorder = rabbit_bringup.recording.recorder_node:main"],
+        "rabbit.nodes": [
+            "recorder = rabbit_bringup.recording.recorder_node:main",
+            "viewer = rabbit_bringup.viewing.live.viewer_node:main",
+        ],
     },
 )

@@ -21,6 +21,7 @@ ARGUMENTS = {
     "record": ("true", "record all topics"),
     "recording": ("recording", "folder of the recording, new"),
     "storage": ("mcap", "mcap or sqlite3"),
+    "view": ("false", "serve a live view"),
     "log_level": ("info", "of all nodes"),
 }
 
@@ -46,8 +47,10 @@ def whole(name: str) -> ParameterValue:
 
 
 def readers() -> ParameterValue:
-    """Who must hear the first tick: the controller, and trainer and recorder if wanted."""
-    wanted = [part for name in ("trainer", "record") for part in (" + ('", LaunchConfiguration(name), "' == 'true')")]
+    """Who must hear the first tick: the controller, and trainer, recorder and viewer if wanted."""
+    wanted = [
+        part for name in ("trainer", "record", "view") for part in (" + ('", LaunchConfiguration(name), "' == 'true')")
+    ]
     return ParameterValue(PythonExpression(["1", *wanted]), value_type=int)
 
 
@@ -57,8 +60,8 @@ def text(name: str) -> ParameterValue:
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Simulator and controller; trainer and recorder if wanted."""
-    trainer, record = (IfCondition(LaunchConfiguration(name)) for name in ("trainer", "record"))
+    """Simulator and controller; trainer, recorder and viewer if wanted."""
+    trainer, record, view = (IfCondition(LaunchConfiguration(name)) for name in ("trainer", "record", "view"))
     return LaunchDescription(
         [
             *(DeclareLaunchArgument(n, default_value=d, description=t) for n, (d, t) in ARGUMENTS.items()),
@@ -66,5 +69,6 @@ def generate_launch_description() -> LaunchDescription:
             node("rl_cbf_clf_controller", "controller", policy=text("policy")),
             node("rl_trainer", "trainer", trainer, policy=text("policy")),
             node("rabbit_bringup", "recorder", record, path=text("recording"), storage=text("storage")),
+            node("rabbit_bringup", "viewer", view),
         ]
     )

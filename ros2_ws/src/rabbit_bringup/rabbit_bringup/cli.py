@@ -8,6 +8,7 @@ from typer.core import TyperCommand, TyperGroup
 
 COMMANDS = {
     "walk": "Walk through the node graph: simulator, controller, trainer, recorder.",
+    "view": "Live view of a running graph, in the browser by Foxglove or in RViz.",
     "run": "Run a package's executable, as `ros2 run` does.",
     "evaluate": "Walk many seeded runs without ROS: success, stones, forces, solver and speed.",
     "reproduce": "Make the paper's figures and tables anew, with its figures beside ours.",

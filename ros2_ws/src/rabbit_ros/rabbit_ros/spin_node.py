@@ -29,7 +29,7 @@ def run(make: Callable[[], Node], errors: tuple[type[Exception], ...] = ()) -> N
 
     Args:
         make: the node's class. If it has `busy()`, it is spun until that is False (10 s at most); if it has
-            `close()`, that is called at the end.
+            `close()`, that is called at the end. If its `failure` becomes a line, it ends with that and exit code 2.
         errors: besides `ParameterError`, what the constructor raises when a file or value cannot be used.
     """
     os.environ.setdefault("FASTRTPS_DEFAULT_PROFILES_FILE", str(Path(__file__).with_name("fastdds.xml")))
@@ -46,7 +46,7 @@ def run(make: Callable[[], Node], errors: tuple[type[Exception], ...] = ()) -> N
     executor = EventsExecutor()
     executor.add_node(node)
     try:
-        while not signals:
+        while not signals and not getattr(node, "failure", ""):
             executor.spin_once(_LOOK_UP)
         deadline = time.monotonic() + _LAST_WORK
         while getattr(node, "busy", lambda: False)() and time.monotonic() < deadline:
@@ -56,6 +56,9 @@ def run(make: Callable[[], Node], errors: tuple[type[Exception], ...] = ()) -> N
         _deliver(node)
         node.destroy_node()
         rclpy.try_shutdown()
+    if failure := getattr(node, "failure", ""):
+        print(f"error: {failure}", file=sys.stderr)
+        sys.exit(2)
 
 
 def _deliver(node: Node) -> None:

@@ -31,14 +31,14 @@ class Topic:
 
 
 TOPICS = (
-    Topic("state", msg.RabbitState, TICK, "simulator", ("controller", "trainer", "launcher")),
+    Topic("state", msg.RabbitState, TICK, "simulator", ("controller", "trainer", "launcher", "viewer")),
     Topic("joint_states", JointState, TICK, "simulator"),
     Topic("clock", Clock, TICK, "simulator"),
-    Topic("preview", msg.StonePreview, EVENT, "simulator", ("controller",)),
-    Topic("landing", msg.Landing, EVENT, "simulator", ("launcher",)),
-    Topic("episode", msg.Episode, EVENT, "simulator", ("controller", "trainer", "launcher")),
-    Topic("torque", msg.TorqueCommand, TICK, "controller", ("simulator", "trainer")),
-    Topic("controller_state", msg.ControllerState, TICK, "controller", ("trainer", "launcher")),
+    Topic("preview", msg.StonePreview, EVENT, "simulator", ("controller", "viewer")),
+    Topic("landing", msg.Landing, EVENT, "simulator", ("launcher", "viewer")),
+    Topic("episode", msg.Episode, EVENT, "simulator", ("controller", "trainer", "launcher", "viewer")),
+    Topic("torque", msg.TorqueCommand, TICK, "controller", ("simulator", "trainer", "viewer")),
+    Topic("controller_state", msg.ControllerState, TICK, "controller", ("trainer", "launcher", "viewer")),
     Topic("policy_swap", msg.PolicySwap, EVENT, "controller", ("trainer",)),
     Topic("transition", msg.Transition, TICK, "trainer"),
     Topic("policy", msg.PolicyWeights, WEIGHTS, "trainer", ("controller",)),
@@ -47,10 +47,15 @@ TOPICS = (
 )
 
 
-def missing_readers(nodes: Collection[str], counted: Mapping[str, int]) -> list[str]:
-    """Topics of `nodes` that have fewer readers matched than those nodes need; `counted`, by topic."""
+def missing_readers(
+    nodes: Collection[str], counted: Mapping[str, int], others: Mapping[str, int] | None = None
+) -> list[str]:
+    """Topics of `nodes` that have fewer readers matched than those nodes need; `counted`, by topic.
+
+    `others`: readers that are none of `nodes`, by topic: they must not stand in for one of them.
+    """
 
     def wanted(topic: Topic) -> int:
-        return len({*topic.readers, "recorder"} & set(nodes))
+        return len({*topic.readers, "recorder"} & set(nodes)) + (others or {}).get(topic.name, 0)
 
     return [t.name for t in TOPICS if t.publisher in nodes and counted.get(t.name, 0) < wanted(t)]

@@ -33,6 +33,10 @@ def walk(given: Given) -> None:
     simulation, controller = assembly.simulation, assembly.controller
     training = given_training(request, controller, assembly.policy) if request.trainer else None
     graph = make_graph(folder, request, simulation, controller, assembly.policy, training)
+    if request.view:
+        print(
+            f"live view at ws://127.0.0.1:{request.view_port}" if request.view_port else "live view: see log/viewer.log"
+        )
     ended, seconds = walk_with_progress(graph, request)
     show(folder, ended)
     if request.record != "none":

@@ -3,6 +3,7 @@
 import os
 from pathlib import Path
 
+NAMESPACE = r"^(/?[a-zA-Z_]\w*)*$"  # of a graph
 INDEX = Path("share/ament_index/resource_index/packages")
 
 

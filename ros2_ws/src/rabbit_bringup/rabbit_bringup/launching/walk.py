@@ -20,9 +20,10 @@ from pydantic import BaseModel, ConfigDict, Field
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
-from rabbit_bringup.launching.executables import LaunchError
+from rabbit_bringup.launching.executables import NAMESPACE, LaunchError
 from rabbit_bringup.launching.parameter_file import write_parameters
 from rabbit_bringup.launching.processes import NodeSpec, Processes
+from rabbit_bringup.viewing.live.parameters import PORT
 
 GLANCE_SECONDS = 0.2  # between two looks at the walk
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
@@ -49,8 +50,12 @@ class WalkOptions(BaseModel):
     pictures: bool = Field(True, description="draw the walk")
     video: bool = Field(True, description="film the walk")
     real_time: bool = Field(False, description="100 Hz by the wall clock instead of lock-step")
-    pace: float = Field(0.0, ge=0, le=100, description="lock-step: times real time at most; 0: no limit")
-    namespace: str = Field("", pattern=r"^(/?[a-zA-Z_]\w*)*$", description="of the graph")
+    pace: float | None = Field(
+        None, ge=0, le=100, description="lock-step: times real time at most; 0: no limit (default: 0; with --view 1)"
+    )
+    view: bool = Field(False, description="serve a live view beside the walk")
+    view_port: int = Field(PORT, ge=0, le=65535, description="of the live view; 0: any free one")
+    namespace: str = Field("", pattern=NAMESPACE, description="of the graph")
     ready_timeout: float = Field(60.0, gt=0, le=3600, description="s for the nodes to find each other")
 
 
@@ -94,15 +99,17 @@ def make_graph(
     learner |= {"policy": policy, "problem": str(controller.problem), "seed": options.seed}
     trainer = "ignore" if not options.trainer else "follow" if learns_between else "wait"
     own = {"seed": options.seed, "episodes": options.episodes, "start_paused": True, "trainer": trainer}
-    pace = {"real_time": options.real_time, "pace": options.pace}
+    pace = {"real_time": options.real_time, "pace": float(options.view) if options.pace is None else options.pace}
     told = {
         "simulator": {**own, **pace, "gait": controller.gait, **simulation.model_dump()},
         "controller": {"policy": policy, "swap_at": swap_at, **controller.model_dump()},
         "trainer": {**learner, **(training or {})},
         "recorder": {"path": str(folder / "recording"), "storage": options.record},
+        "viewer": {"port": options.view_port, "wait": 0.0},
     }
     packages = {"simulator": "rabbit_sim", "controller": "rl_cbf_clf_controller", "trainer": "rl_trainer"}
     wanted = ["simulator", "controller", *["trainer"] * options.trainer, *["recorder"] * (options.record != "none")]
+    wanted += ["viewer"] * options.view
     remaps = ["-r", "/clock:=clock", "-r", f"__ns:=/{options.namespace.strip('/')}", "--log-level", "warn"]
     arguments = ("--ros-args", "--params-file", str(folder / "parameters.yaml"), *remaps)
     nodes = {name: NodeSpec(packages.get(name, "rabbit_bringup"), name, arguments) for name in wanted}

@@ -14,7 +14,7 @@ from rabbit_msgs.srv import Pause
 from rabbit_ros.diagnostics_node import readers_told
 from rabbit_ros.qos_node import DIAGNOSTICS, EVENT
 from rabbit_ros.question_node import ask
-from rabbit_ros.topics_node import missing_readers
+from rabbit_ros.topics_node import TOPICS, Topic, missing_readers
 from rclpy.experimental import EventsExecutor
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
@@ -83,8 +83,17 @@ class Watch:
         told: dict[str, int] = {}
         for status in said.values():
             told |= readers_told(status)
-        alone = dict.fromkeys(missing_readers([*nodes, "launcher"], told), "too few readers")
+        alone = dict.fromkeys(missing_readers([*nodes, "launcher"], told, self._others(nodes)), "too few readers")
         return {name: s.message for name, s in said.items() if s.level != DiagnosticStatus.OK} or alone
+
+    def _others(self, nodes: list[str]) -> dict[str, int]:
+        """Readers of each topic that belong to nobody we started, as a viewer that was there before."""
+        known = (*nodes, "launcher")  # the controller reads policies under a name that begins with its own
+        found = {topic.name: self._node.get_subscriptions_info_by_topic(self._full_name(topic)) for topic in TOPICS}
+        return {name: sum(not end.node_name.startswith(known) for end in ends) for name, ends in found.items()}
+
+    def _full_name(self, topic: Topic) -> str:
+        return self._node.resolve_topic_name(topic.name)
 
     def begin(self, timeout: float = 10.0) -> bool:
         """Let the simulator go on; False if it does not answer."""

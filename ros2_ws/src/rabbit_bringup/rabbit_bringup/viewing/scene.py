@@ -17,16 +17,12 @@ from numpy.typing import NDArray
 from rabbit_description.state import TICK_SECONDS, Array, Leg
 
 from rabbit_bringup.viewing import style
+from rabbit_bringup.viewing.geometry import DEPTH, PLATFORM, allowed_area, force_arrow
 from rabbit_bringup.viewing.skeleton import leg_points, torso_points
 from rabbit_bringup.viewing.walk_records import WalkRecords
 
 VIEW = (-1.2, 1.2, -0.25, 1.6)  # m: left, right, bottom, top, from below the hip
 SIZE = (960, 740)  # pixels, the view's own shape
-DEPTH = 0.12  # m, of a drawn stone
-AREA_HEIGHT = 0.2  # m, up to which the barriers' area is shown
-FORCE_SCALE = 1e-3  # m per N
-LONGEST_ARROW = 0.9  # m
-PLATFORM = -1.0  # m, where the first platform begins
 LOOKS: dict[str, dict[str, Any]] = {
     "trail": {"color": style.ORANGE, "linewidth": 1, "linestyle": ":"},
     "swing": {"color": style.ORANGE, "linewidth": 5, "marker": "o", "markersize": 6},
@@ -131,13 +127,11 @@ class Scene:
         self._area.set_verts([shape + (foot[0] - camera, 0.0)])
 
     def _move_force(self, row: int, camera: float, foot: Array) -> None:
-        force = self._walk.stance_force[row] * FORCE_SCALE
-        size = float(np.hypot(*force))
-        arrow = force * min(1.0, LONGEST_ARROW / size) if size > 0 else force
+        arrow = force_arrow(self._walk.stance_force[row])
         tip = foot + arrow
         self._lines["force"].set_data([foot[0] - camera, tip[0] - camera], [foot[1], tip[1]])
         self._tip.set_data([tip[0] - camera], [tip[1]])
-        self._tip.set_visible(size > 0)
+        self._tip.set_visible(bool(arrow.any()))
 
     def _caption(self, row: int) -> str:
         walk = self._walk
@@ -165,17 +159,6 @@ def stone_spans(walk: WalkRecords, feet: Array) -> list[tuple[float, float]]:
     edges = origin[:, None] + walk.preview[seen]
     half = float(np.diff(walk.preview[seen[0]])[0]) / 2
     return [(PLATFORM, half), *map(tuple, edges.tolist())]
-
-
-def allowed_area(l_min: float, l_max: float, R1: float, R2: float) -> Array:
-    """Corners (k, 2) of where both barriers are positive, above ground, from the stance foot, m."""
-    middle = l_min / 2
-    x = np.linspace(0.0, l_min, 20)
-    inner = np.sqrt(middle**2 + R2**2 - (x - middle) ** 2) - R2
-    z = np.linspace(0.0, AREA_HEIGHT, 8)
-    outer = np.sqrt((R1 + l_max) ** 2 - z**2) - R1
-    left = [(-0.45, AREA_HEIGHT), (-0.45, 0.0)]
-    return np.concatenate([np.stack([x, inner], axis=1), np.stack([outer, z], axis=1), left])
 
 
 def _box(near: float, far: float) -> list[tuple[float, float]]:

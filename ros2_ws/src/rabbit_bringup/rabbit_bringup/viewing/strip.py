@@ -10,7 +10,8 @@ from matplotlib.patches import Rectangle
 from rabbit_description.state import Array, Leg
 
 from rabbit_bringup.viewing import style
-from rabbit_bringup.viewing.scene import allowed_area, stone_spans
+from rabbit_bringup.viewing.geometry import ARC, allowed_area
+from rabbit_bringup.viewing.scene import stone_spans
 from rabbit_bringup.viewing.skeleton import leg_points, torso_points
 from rabbit_bringup.viewing.walk_records import WalkRecords
 
@@ -70,8 +71,8 @@ def _draw_path(axes: Axes, walk: WalkRecords, feet: Array, first: int, last: int
         about = walk.about
         margin, R1, R2 = (float(about.get(name, d)) for name, d in (("stone_margin", 0.0), ("R1", 1.0), ("R2", 0.5)))
         area = allowed_area(near + margin, far - margin, R1, R2) + (feet[first, stance, 0], 0.0)
-        axes.plot(*area[:20].T, color=style.RED, linestyle="--", linewidth=1)
-        axes.plot(*area[20:28].T, color=style.RED, linestyle=":", linewidth=1)
+        axes.plot(*area[:ARC].T, color=style.RED, linestyle="--", linewidth=1)
+        axes.plot(*area[ARC:-2].T, color=style.RED, linestyle=":", linewidth=1)
 
 
 def _label(robot: Axes, foot: Axes, on_stones: bool) -> None:

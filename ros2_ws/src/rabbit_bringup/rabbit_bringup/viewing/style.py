@@ -1,4 +1,4 @@
-"""How pictures look: Okabe and Ito's colours, which colour-blind people can tell apart; units on every axis."""
+"""How pictures look: the colours, units on every axis."""
 
 from contextlib import AbstractContextManager
 from pathlib import Path
@@ -10,18 +10,10 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from rabbit_description.state import Array
 
-BLACK, ORANGE, SKY, GREEN, YELLOW, BLUE, RED, PURPLE = (
-    "#000000",
-    "#E69F00",
-    "#56B4E9",
-    "#009E73",
-    "#F0E442",
-    "#0072B2",
-    "#D55E00",
-    "#CC79A7",
-)
-STONE = "#8C8C8C"
-AREA = "#D9D9D9"
+from rabbit_bringup.viewing.colours import AREA, BLACK, BLUE, GREEN, ORANGE, PURPLE, RED, SKY, STONE, YELLOW
+
+__all__ = ["AREA", "BLACK", "BLUE", "GREEN", "ORANGE", "PURPLE", "RED", "SKY", "STONE", "YELLOW"]
+
 LOOK: Any = {
     "font.size": 9,
     "axes.spines.top": False,

@@ -1,0 +1,53 @@
+"""What is drawn besides the robot: the area the barriers allow, the friction cone, the ground's force. x, z; m."""
+
+import numpy as np
+from rabbit_description.state import Array
+
+DEPTH = 0.12  # m, of a drawn stone
+AREA_HEIGHT = 0.2  # m, up to which the barriers' area is shown
+AREA_LEFT = -0.45  # m, from the stance foot, where it ends to the left
+CONE_HEIGHT = 0.3  # m, up to which the friction cone is shown
+FORCE_SCALE = 1e-3  # m per N
+LONGEST_ARROW = 0.9  # m
+PLATFORM = -1.0  # m, where the first platform begins
+ARC = 20  # corners of the area that lie on the inner circle
+
+
+def allowed_area(l_min: float, l_max: float, R1: float, R2: float) -> Array:
+    """Corners (k, 2) of where both barriers are positive, above ground, from the stance foot, m.
+
+    The first `ARC` lie on the inner circle, the next 8 on the outer one.
+    """
+    middle = l_min / 2
+    x = np.linspace(0.0, l_min, ARC)
+    inner = np.sqrt(middle**2 + R2**2 - (x - middle) ** 2) - R2
+    z = np.linspace(0.0, AREA_HEIGHT, 8)
+    outer = np.sqrt((R1 + l_max) ** 2 - z**2) - R1
+    left = [(AREA_LEFT, AREA_HEIGHT), (AREA_LEFT, 0.0)]
+    return np.concatenate([np.stack([x, inner], axis=1), np.stack([outer, z], axis=1), left])
+
+
+def area_triangles(corners: Array) -> Array:
+    """The area of `allowed_area` as triangles (m, 3, 2): columns between its lower and its upper edge."""
+    inner, outer, left = corners[:ARC], corners[ARC:-2], corners[-2:]
+    lower = np.concatenate([left[1:], inner, outer[:1]])
+    upper = np.concatenate([left[:1], outer[::-1]])
+    x = np.unique(corners[:, 0])
+    bottom = np.stack([x, np.interp(x, *lower.T)], axis=1)
+    top = np.stack([x, np.interp(x, *upper.T)], axis=1)
+    first = np.stack([bottom[:-1], bottom[1:], top[1:]], axis=1)
+    second = np.stack([bottom[:-1], top[1:], top[:-1]], axis=1)
+    return np.concatenate([first, second])
+
+
+def friction_cone(friction_coeff: float) -> Array:
+    """Corners (3, 2) of the forces that the ground can bear, from the stance foot, at the arrows' slope."""
+    reach = friction_coeff * CONE_HEIGHT
+    return np.array([(0.0, 0.0), (reach, CONE_HEIGHT), (-reach, CONE_HEIGHT)])
+
+
+def force_arrow(force: Array) -> Array:
+    """The arrow (2,), m, of a force (tangential, normal), N."""
+    arrow: Array = np.asarray(force) * FORCE_SCALE
+    size = float(np.hypot(*arrow))
+    return arrow * min(1.0, LONGEST_ARROW / size) if size > 0 else arrow

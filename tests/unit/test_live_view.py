@@ -1,0 +1,202 @@
+"""The live view without ROS: what is drawn lies where the walk's records have it, and a client gets it."""
+
+import json
+import math
+import socket
+import struct
+from dataclasses import replace
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+import pytest
+from rabbit_bringup.experiments.assembly import Assembly
+from rabbit_bringup.experiments.evaluation import record_walk
+from rabbit_bringup.viewing.live.frames import WORLD, link_frames, turn_about_y
+from rabbit_bringup.viewing.live.gather import KEPT, Gather
+from rabbit_bringup.viewing.live.listen import Listener
+from rabbit_bringup.viewing.live.moment import Edges, Limits, Moment, Step
+from rabbit_bringup.viewing.live.plots import PLOTTED, plotted
+from rabbit_bringup.viewing.live.server import LiveServer, ViewError
+from rabbit_bringup.viewing.live.shapes import Arrow, Box, Line, Sheet, draw
+from rabbit_bringup.viewing.scene import stone_spans
+from rabbit_bringup.viewing.skeleton import feet
+from rabbit_bringup.viewing.walk_records import WalkRecords
+from rabbit_description import URDF_PATH
+from rabbit_description.state import Leg
+from rabbit_sim.kinematics import foot_positions
+from rabbit_sim.parameters import SimulationParameters
+from rl_cbf_clf_controller.parameters import load_parameters
+from scipy.spatial.transform import Rotation
+
+LIMITS = Limits(R1=1.0, R2=0.5, stone_margin=0.005, friction_coeff=0.8, link_bend=0.0)
+RNG = np.random.default_rng(0)
+
+
+@pytest.fixture(scope="module")
+def walk() -> WalkRecords:
+    """Three stones."""
+    plant = SimulationParameters.model_validate({"stones": 3})
+    return record_walk(Assembly(plant, load_parameters("ours", controller="cbf-clf-qp"), "zero"), seed=1)
+
+
+def moment_at(walk: WalkRecords, row: int) -> Moment:
+    """A row of the records as the viewer sees it."""
+    landed = walk.landings[walk.landings[:, 0] <= walk.touchdowns[row]]
+    return Moment(
+        episode=1,
+        tick=int(walk.tick[row]),
+        nanoseconds=int(walk.tick[row]) * 10_000_000,
+        q=walk.q[row],
+        stance=Leg(walk.stance[row]),
+        force=walk.stance_force[row],
+        touchdowns=int(walk.touchdowns[row]),
+        stones=3,
+        V=float(walk.V[row]),
+        barriers=walk.barriers[row],
+        clf_slack=float(walk.clf_slack[row]),
+        rescue_slack=float(walk.rescue_slack[row]),
+        torque=walk.torque[row],
+        policy="zero",
+        stone=Edges(*walk.preview[row]) if np.isfinite(walk.preview[row, 0]) else None,
+        steps=tuple(Step(row[2], Edges(row[3], row[4])) for row in landed),
+    )
+
+
+def test_stones_lie_where_the_film_has_them(walk: WalkRecords) -> None:
+    """The film sees the whole walk; the viewer lays them out backwards from the foot that stands."""
+    spans = stone_spans(walk, feet(walk.q))
+    for row in range(0, len(walk.tick), 7):
+        drawing = draw(moment_at(walk, row), LIMITS)
+        boxes = [(box.near, box.far) for box in drawing["stones"] if isinstance(box, Box)]
+        expected = spans[: int(walk.step_index[row]) + 2]
+        np.testing.assert_allclose(boxes, expected, atol=5e-3)  # each landing yields a millimetre
+
+
+def test_a_viewer_that_came_late_draws_the_stones_it_knows_of(walk: WalkRecords) -> None:
+    row = int(walk.step_starts[2])
+    moment = moment_at(walk, row)
+    late = replace(moment, steps=moment.steps[-1:])
+    assert draw(late, LIMITS)["stones"] == draw(moment, LIMITS)["stones"][-2:]
+
+
+def test_flat_ground_lies_under_the_foot(walk: WalkRecords) -> None:
+    (ground,) = draw(replace(moment_at(walk, 3), stone=None, steps=()), LIMITS)["stones"]
+    assert isinstance(ground, Box)
+    assert ground.near < feet(walk.q[3:4])[0, 0, 0] < ground.far
+
+
+def test_force_begins_in_the_stance_foot_and_lies_in_the_cone(walk: WalkRecords) -> None:
+    for row in range(5, len(walk.tick), 11):
+        moment = moment_at(walk, row)
+        drawing = draw(moment, LIMITS)
+        (arrow,), (cone,) = drawing["force"], drawing["cone"]
+        assert isinstance(arrow, Arrow)
+        assert isinstance(cone, Sheet)
+        foot = foot_positions(moment.q)[moment.stance]
+        np.testing.assert_allclose([arrow.start, cone.triangles[0, 0]], [foot, foot], atol=1e-12)
+        x, z = arrow.tip - arrow.start
+        assert x * moment.force[1] == pytest.approx(z * moment.force[0])
+        slope = cone.triangles[0, 1] - foot
+        assert (abs(x) <= LIMITS.friction_coeff * z) == (abs(x) * slope[1] <= z * slope[0])
+
+
+def test_without_parameters_nothing_is_invented(walk: WalkRecords) -> None:
+    drawing = draw(moment_at(walk, 3), None)
+    assert not drawing["area"]
+    assert not drawing["cone"]
+    assert len(drawing["robot"]) == 3
+
+
+def test_frames_carry_the_links_to_where_the_feet_are() -> None:
+    for q in RNG.uniform(-1, 1, (10, 7)):
+        at: dict[str, tuple[Any, Any]] = {WORLD: (np.zeros(3), Rotation.identity())}
+        for frame in link_frames(q):
+            origin, turned = at[frame.parent]
+            place = origin + turned.apply([frame.x, 0.0, frame.z])
+            at[frame.child] = (place, turned * Rotation.from_quat(turn_about_y(frame.angle)))
+        placed = [at[name][0][[0, 2]] for name in ("left_foot", "right_foot")]
+        np.testing.assert_allclose(placed, foot_positions(q), atol=1e-12)
+    links = {line.split('"')[1] for line in URDF_PATH.read_text().splitlines() if "<link name=" in line}
+    assert set(at) == links
+
+
+def test_values_that_are_not_there_are_left_out(walk: WalkRecords) -> None:
+    moment = moment_at(walk, 3)
+    assert set(plotted(moment, LIMITS)) == set(PLOTTED)
+    flat = replace(moment, barriers=np.full(2, np.nan), force=np.zeros(2))
+    assert set(PLOTTED) - set(plotted(flat, None)) == {"B1", "B2", "force_ratio", "friction_coeff"}
+
+
+def test_layout_names_what_is_served() -> None:
+    layout = json.loads((files("rabbit_bringup.viewing.live") / "layout.json").read_text())
+    panels = layout["configById"]
+    paths = {path["value"] for panel in panels.values() for path in panel.get("paths", ())}
+    assert paths <= {f"/plots.{name}" for name in PLOTTED}
+    wanted = {"V", "B1", "B2", "clf_slack", "force_ratio", "torque_left_hip", "torque_right_knee"}
+    assert paths >= {f"/plots.{name}" for name in wanted}
+    assert placed(layout["layout"]) == set(panels)
+    assert panels["3D!rabbit"]["followTf"] in {frame.child for frame in link_frames(np.zeros(7))}
+
+
+def placed(node: Any) -> set[str]:
+    """Panels that a layout's tree places."""
+    return {node} if isinstance(node, str) else placed(node["first"]) | placed(node["second"])
+
+
+def message(episode: int, tick: int) -> bytes:
+    """The beginning that all of a tick's messages have: CDR header, stamp, episode, tick."""
+    return b"\0\1\0\0" + struct.pack("<iIII", 0, 0, episode, tick) + b"rest"
+
+
+def test_parts_of_different_ticks_are_not_mixed() -> None:
+    ticks = Gather("a", "b")
+    ticks.add("a", message(1, 7))
+    ticks.add("b", message(1, 8))
+    assert ticks.key is None
+    ticks.add("a", message(1, 8))
+    assert ticks.key == (1, 8)
+    assert ticks.parts == {"a": message(1, 8), "b": message(1, 8)}
+    ticks.add("a", b"short")
+    for tick in range(100, 110 + KEPT):
+        ticks.add("a", message(1, tick))
+    ticks.add("b", message(1, 100))  # forgotten by then
+    assert ticks.key == (1, 8)
+    ticks.clear()
+    assert ticks.key is None
+
+
+def test_a_client_gets_what_was_shown(walk: WalkRecords) -> None:
+    moment = moment_at(walk, 3)
+    server = LiveServer("127.0.0.1", 0)
+    try:
+        with Listener(server.address) as listener:
+            while not server.is_watched:
+                assert listener.hear(0.05) is None
+            server.show(moment, draw(moment, LIMITS), LIMITS)
+            heard = [listener.hear(5.0) for _ in range(3)]
+        got = {each.topic: each for each in heard if each}
+        assert set(got) == {"/tf", "/scene", "/plots"}
+        assert {each.nanoseconds for each in got.values()} == {moment.nanoseconds}
+        assert json.loads(got["/plots"].data) == plotted(moment, LIMITS)
+        assert not any(math.isnan(value) for value in json.loads(got["/plots"].data).values())
+    finally:
+        server.close()
+
+
+def test_a_taken_port_and_a_strange_address_are_one_line() -> None:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        with pytest.raises(ViewError, match=rf"^view at 127.0.0.1:{port}: Address already in use.*free port$"):
+            LiveServer("127.0.0.1", port)
+    with pytest.raises(ViewError, match=r"^view at nowhere.invalid:0: "):
+        LiveServer("nowhere.invalid", 0)
+
+
+def test_lines_of_the_robot_meet_in_the_hip(walk: WalkRecords) -> None:
+    moment = moment_at(walk, 3)
+    for line in draw(moment, LIMITS)["robot"]:
+        assert isinstance(line, Line)
+        np.testing.assert_array_equal(line.points[0], moment.q[:2])
