@@ -17,7 +17,7 @@ COMMANDS = {
     "policy": "Policy files: show, verify, errors of the estimates, load.",
     "bench": "Time a tick, its parts and a walk against their limits.",
     "bag": "Recordings: record, info, play, plot, check, recover.",
-    "video": "Film a run that left its records.",
+    "video": "Film a run, or a recording: MP4 and GIF.",
 }
 
 

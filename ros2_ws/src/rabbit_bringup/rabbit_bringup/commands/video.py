@@ -1,28 +1,36 @@
-"""`rabbit video`: pictures and film of a run that left its records."""
+"""`rabbit video`: film of a run that left its records, or of a recording."""
 
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from rabbit_bringup.commands.options import complaints
+from rabbit_bringup.commands.options import complaints, fail
 
 app = typer.Typer(add_completion=False)
 
 
 @app.command()
 def video(
-    folder: Annotated[Path, typer.Argument(help="folder of a run, with records.npz in it")],
+    source: Annotated[Path, typer.Argument(help="a run's folder, or a recording: folder, .mcap or .db3 file")],
     speed: Annotated[float, typer.Option(help="times real time", min=0.02, max=20)] = 1.0,
     gif: Annotated[bool, typer.Option(help="also a GIF")] = True,
     pictures: Annotated[bool, typer.Option(help="also draw the pictures again")] = False,
+    episode: Annotated[int | None, typer.Option(help="of a recording (default: the last with ticks)", min=1)] = None,
 ) -> None:
-    """Film a run: walk.mp4 and walk.gif in its folder."""
-    from rabbit_bringup.viewing.pictures import draw_run
+    """Film a run, walk.mp4 and walk.gif in its folder; or a recording, BAG.mp4 and BAG.gif beside it."""
+    from rabbit_bringup.recording.bag_writer import RecordingError
+    from rabbit_bringup.viewing.bag_pictures import draw_bag, film_bag
+    from rabbit_bringup.viewing.pictures import RECORDS, draw_run
     from rabbit_bringup.viewing.video import VideoError, film_run
     from rabbit_bringup.viewing.walk_records import RecordsError
 
-    with complaints(RecordsError, VideoError):
-        made = film_run(folder, gif, speed) + (draw_run(folder) if pictures else [])
+    with complaints(RecordsError, RecordingError, VideoError):
+        if (source / RECORDS).exists():
+            made = film_run(source, gif, speed) + (draw_run(source) if pictures else [])
+        elif source.exists():
+            made = film_bag(source, gif, speed, episode) + (draw_bag(source, None, episode) if pictures else [])
+        else:
+            fail(f"{source}: expected a run's folder or a recording")
     for path in made:
         print(path)

@@ -1,11 +1,14 @@
-"""Pictures of a walk from its recording."""
+"""Pictures and film of a walk from its recording."""
 
 from pathlib import Path
 
 from rabbit_bringup.recording.bag_writer import RecordingError
+from rabbit_bringup.recording.checking import BESIDE, controller_parameters
+from rabbit_bringup.recording.opening import storage_files
 from rabbit_bringup.recording.reader import RecordedEpisode, iterate_episodes
 from rabbit_bringup.viewing.pictures import draw
-from rabbit_bringup.viewing.walk_records import WalkRecords
+from rabbit_bringup.viewing.video import as_gif, film
+from rabbit_bringup.viewing.walk_records import WalkRecords, drawn_parameters
 
 
 def draw_bag(bag: Path, out: Path | None = None, number: int | None = None) -> list[Path]:
@@ -13,6 +16,25 @@ def draw_bag(bag: Path, out: Path | None = None, number: int | None = None) -> l
 
     Raises:
         RecordingError: not readable, or no such episode in it.
+    """
+    return draw(records_of_bag(bag, number), out or bag.with_name(f"{bag.resolve().stem}-pictures"))
+
+
+def film_bag(bag: Path, gif: bool = True, speed: float = 1.0, number: int | None = None) -> list[Path]:
+    """Film an episode (by default the last one with ticks) into BAG.mp4, and BAG.gif, beside the recording.
+
+    Raises:
+        RecordingError: not readable, or no such episode in it.
+        VideoError: the encoder failed.
+    """
+    made = [film(records_of_bag(bag, number), bag.with_name(f"{bag.resolve().stem}.mp4"), speed)]
+    return [*made, as_gif(made[0])] if gif else made
+
+
+def records_of_bag(bag: Path, number: int | None = None) -> WalkRecords:
+    """The ticks of episode `number`, or of the last one that has some; raises `RecordingError`.
+
+    The controller's limits are those of the parameter file beside the recording, if there is one.
     """
     chosen: RecordedEpisode | None = None
     for episode in iterate_episodes(bag):
@@ -24,7 +46,6 @@ def draw_bag(bag: Path, out: Path | None = None, number: int | None = None) -> l
     outcome = chosen.outcome or "not recorded to its end"
     title = f"episode {chosen.number}, policy {policies}, seed {chosen.seed}: {outcome}"
     about = {"title": title, "outcome": chosen.outcome, "seed": chosen.seed}
-    return draw(
-        WalkRecords.from_ticks(chosen.records, chosen.landings, about),
-        out or bag.with_name(f"{bag.resolve().stem}-pictures"),
-    )
+    if storage_files(bag)[0].parent.with_name(BESIDE).is_file():
+        about |= drawn_parameters(controller_parameters(bag))
+    return WalkRecords.from_ticks(chosen.records, chosen.landings, about)

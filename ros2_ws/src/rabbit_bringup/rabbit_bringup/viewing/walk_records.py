@@ -101,13 +101,18 @@ def about_walk(
     controller: ControllerParameters, simulation: SimulationParameters, policy: str, seed: int, outcome: str
 ) -> dict[str, Any]:
     """The parameters that pictures draw or name; `policy` is its version or name."""
-    shown = {name: getattr(controller, name) for name in ("friction_coeff", "torque_limit", "R1", "R2", "stone_margin")}
+    shown = drawn_parameters(controller)
     plant = {name: getattr(simulation, name) for name in ("mass_scale", "payload", "link_bend", "stones", "terrain")}
     load = f" + {simulation.payload:g} kg" if simulation.payload else ""
     title = (
         f"{controller.controller}, policy {policy}, mass scale {simulation.mass_scale:g}{load}, seed {seed}: {outcome}"
     )
     return {"title": title, "outcome": outcome, "seed": seed, "policy": policy, **shown, **plant}
+
+
+def drawn_parameters(controller: ControllerParameters) -> dict[str, Any]:
+    """Those of the controller that pictures draw."""
+    return {name: getattr(controller, name) for name in ("friction_coeff", "torque_limit", "R1", "R2", "stone_margin")}
 
 
 ARRAYS = tuple(field.name for field in fields(WalkRecords) if field.name != "about")

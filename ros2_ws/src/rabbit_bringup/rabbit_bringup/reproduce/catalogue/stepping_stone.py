@@ -15,8 +15,8 @@ from rabbit_bringup.reproduce.lines import Found, Line
 from rabbit_bringup.reproduce.report import Claim
 from rabbit_bringup.reproduce.verdict import judge
 from rabbit_bringup.viewing import style
+from rabbit_bringup.viewing.geometry import allowed_area
 from rabbit_bringup.viewing.pictures import swing_foot
-from rabbit_bringup.viewing.scene import allowed_area
 from rabbit_bringup.viewing.walk_records import WalkRecords
 
 SHOWN = 3  # steps: with the nearest stone, the middle one, the farthest
