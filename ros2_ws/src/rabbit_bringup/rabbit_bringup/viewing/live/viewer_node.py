@@ -129,8 +129,10 @@ class ViewerNode(Node):
             return
         limits = self._limits.known
         drawing = draw(moment, limits)
-        self._server.show(moment, drawing, limits)
-        self._rviz.show(moment, drawing)
+        if self._server.is_watched:
+            self._server.show(moment, drawing, limits)
+        if self._rviz.is_watched:
+            self._rviz.show(moment, drawing)
         self._door.accept("tick")
 
     def _moment(self) -> Moment:
