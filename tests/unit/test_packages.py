@@ -24,7 +24,7 @@ NOT_BELOW = {  # package -> modules that it must never import
     "rl_trainer": {"rabbit_sim", "pybullet", "rabbit_bringup", "rl_cbf_clf_controller.oracle"},
 }
 DISTRIBUTIONS = {"yaml": "pyyaml", "pinocchio": "pin", "PIL": "pillow", "pydantic_core": "pydantic"}
-DISTRIBUTIONS |= {"annotated_types": "pydantic", "mpl_toolkits": "matplotlib"}
+DISTRIBUTIONS |= {"annotated_types": "pydantic", "mpl_toolkits": "matplotlib", "foxglove": "foxglove_sdk"}
 IMPORT_ALL = """
 import importlib, pkgutil, sys
 package, *without = sys.argv[1:]
