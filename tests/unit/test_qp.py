@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from rl_cbf_clf_controller.affine import Affine
 from rl_cbf_clf_controller.contact_force import force_rows, literal_cone_rows
+from rl_cbf_clf_controller.objective import Objective
 from rl_cbf_clf_controller.qp import build_qp, unpack
 from rl_cbf_clf_controller.rows import Rows
 from rl_cbf_clf_controller.saturation import saturation_rows
@@ -43,7 +44,7 @@ def test_one_soft_row_has_the_closed_form(solver, p):
 
 def test_center_moves_the_free_minimum():
     center = np.array([1.0, 2.0, -3.0, 0.5])
-    qp = build_qp([Rows.at_most(("CLF",), np.ones((1, 4)), np.array([100.0]), 5.0)], center)
+    qp = build_qp([Rows.at_most(("CLF",), np.ones((1, 4)), np.array([100.0]), 5.0)], Objective(np.eye(4), center))
     assert unpack(qp, make_solver("osqp").solve(qp).x).mu == pytest.approx(center)
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from rabbit_description.state import Array
 
 from rl_cbf_clf_controller.affine import Affine
+from rl_cbf_clf_controller.nominal_model import PinnedDynamics
 from rl_cbf_clf_controller.quantities import QuantityModel
 
 
@@ -18,10 +19,11 @@ class PolicyContext:
 
 @dataclass(frozen=True)
 class ModelContext(PolicyContext):
-    """What only the oracle sees besides: the state, stance/swing order, and the tick's nominal terms."""
+    """What only oracle and adaptation see besides: the state, stance/swing order, and the tick's nominal terms."""
 
     q_s: Array
     dq_s: Array
     quantities: QuantityModel
+    dynamics: PinnedDynamics
     nominal: Affine
     precontrol: Affine

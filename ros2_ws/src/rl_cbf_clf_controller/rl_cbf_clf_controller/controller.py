@@ -21,15 +21,17 @@ from rl_cbf_clf_controller.ecbf import Barriers, ecbf_bound, ecbf_gains, stone_b
 from rl_cbf_clf_controller.io_linearization import precontrol
 from rl_cbf_clf_controller.l1_adaptation import l1_adaptation
 from rl_cbf_clf_controller.nominal_model import Kinematics, NominalModel, PinnedDynamics
+from rl_cbf_clf_controller.objective import Objective, make_objective
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import Policy
 from rl_cbf_clf_controller.qp import Decision, QuadraticProgram, build_qp, unpack
 from rl_cbf_clf_controller.quantities import NORMAL_TANGENTIAL, QuantityModel
 from rl_cbf_clf_controller.res_clf import ResClf
+from rl_cbf_clf_controller.residual_adaptation import UNADAPTED, Measured, make_adaptation
 from rl_cbf_clf_controller.rows import Rows
 from rl_cbf_clf_controller.saturation import clip, saturation_rows
 from rl_cbf_clf_controller.solvers import Solution, make_solver
-from rl_cbf_clf_controller.uncertainty import Estimates, Problem
+from rl_cbf_clf_controller.uncertainty import NO_OUTPUT_ERROR, Estimates, Problem
 from rl_cbf_clf_controller.virtual_constraints import Outputs, VirtualConstraints
 from rl_cbf_clf_controller.worst_case import worst_errors
 
@@ -51,7 +53,8 @@ class ControllerOutput:
     value of the quantities = `nominal_a` mu + `nominal_b`, (n, 4) and (n,); `alpha`, `beta` the estimates;
     `observation` (14,) or (15,); `LgV` (4,); `clf_slack`, `rescue_slack`: the paper's d, the sum of the slacks of last
     resort; `active` names the rows that hold with equality; `answered` is False where the guard solver had to answer;
-    `fault` is empty, or why the episode must end.
+    `fault` is empty, or why the episode must end; `objective`, `adaptation` name what was minimised and adapted,
+    `effectiveness`, `acceleration_residual`, `force_residual` are as in `Adapted`.
     """
 
     tick: int
@@ -85,6 +88,11 @@ class ControllerOutput:
     solve_seconds: float
     policy_version: str
     fault: str = ""
+    objective: str = "paper"
+    adaptation: str = "none"
+    effectiveness: Array = field(default_factory=lambda: UNADAPTED.effectiveness)
+    acceleration_residual: Array = field(default_factory=lambda: UNADAPTED.acceleration_residual)
+    force_residual: Array = field(default_factory=lambda: UNADAPTED.force_residual)
 
 
 @dataclass(frozen=True)
@@ -154,6 +162,7 @@ class Controller:
         self._model = NominalModel(urdf)
         self._solver = make_solver(parameters.qp_solver)
         self._adaptation = l1_adaptation(parameters, self.clf)
+        self._residual = make_adaptation(parameters.adaptation)
         self.reset(0)
 
     @property
@@ -167,6 +176,7 @@ class Controller:
         self._solver.reset()
         if self._adaptation:
             self._adaptation.reset()
+        self._residual.reset()
 
     def applied(self, torque: Array) -> None:
         """Tell that `torque` (4,), left/right order, was applied in place of the one that `step` gave last."""
@@ -176,14 +186,16 @@ class Controller:
         """The torque for one tick.
 
         Raises:
-            ControllerError: a state of the wrong shape, not finite, or without the preview of the next stone.
+            ControllerError: a state of the wrong shape, not finite, or without the preview of the next stone; a policy
+                that does not tell the output error where the objective or the adaptation needs it.
         """
         self._check(state)
         fault = self._swap_legs(state)
         terms = self.terms(state)
-        estimates = self._adapted(terms, self.policy.estimate(terms.context))
+        estimates = self._adapted(state, terms, self.policy.estimate(terms.context))
         control = self._control(terms, estimates)
-        qp = build_qp([*self.rows(terms, estimates, control), *(own.rows(terms) for own in self._extra)])
+        rows = [*self.rows(terms, estimates, control), *(own.rows(terms) for own in self._extra)]
+        qp = build_qp(rows, self.objective(terms, estimates))
         solution = self._solver.solve(qp)
         decision = unpack(qp, solution.x)
         if not solution.solved:
@@ -208,7 +220,7 @@ class Controller:
         z = (*feet.hip, outputs.phase, *feet.hip_rate, outputs.phase_rate)
         stone = (state.preview.l_min,) if p.on_stones and state.preview else ()
         observation = np.concatenate([eta, z, stone])
-        context = ModelContext(observation, clf.a[0], q_s, dq_s, model, nominal, control)
+        context = ModelContext(observation, clf.a[0], q_s, dq_s, model, dynamics, nominal, control)
         return Terms(q_s, dq_s, feet, dynamics, outputs, eta, output_dynamics, control, model, nominal, context)
 
     def rows(self, terms: Terms, estimates: Estimates, control: Affine) -> list[Rows]:
@@ -240,14 +252,31 @@ class Controller:
         cone = p.friction_coeff - p.friction_margin
         return build(force, p.min_normal_force, cone, p.force_rescue_weight).normalised()
 
-    def _adapted(self, terms: Terms, estimates: Estimates) -> Estimates:
-        """With L1, the input of the first approach: the policy's, and the compensation of what it leaves."""
+    def _adapted(self, state: RobotState, terms: Terms, policy: Estimates) -> Estimates:
+        """The policy's estimates and what is adapted: with L1, the input of the first approach; else the residual."""
         if self._adaptation is None:
-            return estimates
-        policy = Affine(np.eye(4) + estimates.alpha, estimates.beta)
-        belief = policy.inverse().after(terms.output_dynamics)
+            self._check_outputs(terms, policy)
+            force = state.foot_force[[self._step.stance, self._step.stance.other]]
+            settled = state.tick - self._step.start_tick
+            return self._residual.estimate(
+                terms.context, policy, Measured(state.tick, settled, self._step.torque, force)
+            )
+        whole = Affine(np.eye(4) + policy.alpha, policy.beta)
+        belief = whole.inverse().after(terms.output_dynamics)
         compensation = self._adaptation.compensation(terms.eta, belief, self._step.torque)
-        return Estimates(estimates.alpha, policy(compensation))
+        return Estimates(policy.alpha, whole(compensation))
+
+    def _check_outputs(self, terms: Terms, policy: Estimates) -> None:
+        p = self.parameters
+        if policy.output_error or terms.model.outputs_only or (p.objective, p.adaptation) == ("paper", "none"):
+            return
+        needs = f"objective {p.objective} and adaptation {p.adaptation}"
+        raise ControllerError(f"policy {self.policy.version} tells no output error: {needs} expect a structured policy")
+
+    def objective(self, terms: Terms, estimates: Estimates) -> Objective | None:
+        """What this tick's QP minimises; in the first approach y'' = mu, as its input makes it."""
+        error = NO_OUTPUT_ERROR if terms.model.outputs_only else estimates.output_error
+        return make_objective(self.parameters, terms.outputs, error)
 
     def _barriers(self, feet: Kinematics, stone: StonePreview | None) -> Barriers | None:
         p = self.parameters
@@ -320,6 +349,9 @@ class Controller:
             answered=solution.solver == p.qp_solver,
             solve_seconds=solution.seconds,
             policy_version=self.policy.version,
+            objective=p.objective,
+            adaptation=p.adaptation,
+            **vars(self._residual.adapted),
             fault=fault,
         )
 

@@ -10,12 +10,22 @@ from rabbit_description.state import Array, Leg
 
 from rl_cbf_clf_controller.controller import ControllerOutput
 
-ARRAYS = ("eta", "barriers", "barrier_rates", "mu", "mu_qp", "omega", "mu_held")
+ARRAYS = (
+    "eta",
+    "barriers",
+    "barrier_rates",
+    "mu",
+    "mu_qp",
+    "omega",
+    "mu_held",
+    "acceleration_residual",
+    "force_residual",
+)
 SCALARS = ("tick", "step_index", "step_time", "phase", "clf_slack", "rescue_slack", "saturated", "answered")
-WORDS = ("solver", "status", "solve_seconds", "fault")
+WORDS = ("solver", "status", "solve_seconds", "fault", "objective", "adaptation")
 SAME = (*ARRAYS, *SCALARS, *WORDS)  # what has one name on both sides
 SEQUENCES = ("nominal_a", "nominal_b", "alpha", "beta", "observation")  # whose length depends on the problem
-FINITE = ("eta", "mu", *SEQUENCES, "lgv")
+FINITE = ("eta", "mu", *SEQUENCES, "lgv", "effectiveness", "acceleration_residual", "force_residual")
 
 
 def output_of(message: Any, torque: Array) -> ControllerOutput:
@@ -37,6 +47,7 @@ def output_of(message: Any, torque: Array) -> ControllerOutput:
         quantities=tuple(message.quantities),
         active=tuple(message.active),
         policy_version=message.policy_version,
+        effectiveness=np.array(message.effectiveness).reshape(5, 5),
         **values,
     )
 

@@ -7,10 +7,13 @@ y-ddot = mu: I + alpha = LgLfh_nominal LgLfh_true^-1, beta = LgLfh_nominal (u_tr
 
 import numpy as np
 
+from rl_cbf_clf_controller.affine import Affine
 from rl_cbf_clf_controller.context import ModelContext, PolicyContext
 from rl_cbf_clf_controller.io_linearization import precontrol
 from rl_cbf_clf_controller.nominal_model import NominalModel
-from rl_cbf_clf_controller.uncertainty import Estimates
+from rl_cbf_clf_controller.uncertainty import INPUTS, Estimates
+
+NOMINAL_OUTPUTS = Affine(np.eye(INPUTS), np.zeros(INPUTS))  # y-ddot = mu
 
 
 class OraclePolicy:
@@ -38,4 +41,5 @@ class OraclePolicy:
             error = nominal_inverse.after(true_control)
             return Estimates(error.a - np.eye(len(error.b)), error.b)
         error = context.quantities.evaluate(dynamics).after(context.precontrol) - context.nominal
-        return Estimates(error.a, error.b)
+        outputs = context.quantities.outputs.second_derivative(dynamics.acceleration).after(context.precontrol)
+        return Estimates(error.a, error.b, outputs - NOMINAL_OUTPUTS)

@@ -33,6 +33,14 @@ class ControllerParameters(BaseModel):
     clf_row: Literal["normalised", "literal"] = Field(
         "normalised", description="whether the CLF row is divided by its norm, so that d is in units of mu"
     )
+    objective: Literal["paper", "pd_centred"] = Field(
+        "paper",
+        description="what the QP minimises: mu'mu, or the distance of the estimated output dynamics from a PD law",
+    )
+    mu_weight: float = Field(0.01, gt=0, le=1e3, description="weight of |mu|^2 in the objective pd_centred")
+    adaptation: Literal["none", "recursive_least_squares"] = Field(
+        "none", description="whether the model error that the policy leaves is learned as the robot walks"
+    )
     slack_weight: float = Field(10.0, gt=0, le=1e6, description="p, weight of the CLF slack d")
     barrier_pole_1: float = Field(70.0, gt=0, le=1000, description="first ECBF pole, 1/s")
     barrier_pole_2: float = Field(70.0, gt=0, le=1000, description="second ECBF pole, 1/s")
@@ -87,6 +95,12 @@ class ControllerParameters(BaseModel):
         if self.robust_scale_min > self.robust_scale_max:
             low, high = self.robust_scale_min, self.robust_scale_max
             raise ValueError(f"robust_scale_min = {low}: expected at most robust_scale_max = {high}")
+        return self
+
+    @model_validator(mode="after")
+    def _adaptation_has_rows(self) -> "ControllerParameters":
+        if self.adaptation != "none" and self.problem is Problem.IO_RL_CLF_QP:
+            raise ValueError(f"adaptation = {self.adaptation}: expected none, {self.controller} estimates no rows")
         return self
 
     @property

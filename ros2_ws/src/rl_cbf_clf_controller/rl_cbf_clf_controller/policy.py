@@ -15,8 +15,9 @@ from typing import Protocol
 import numpy as np
 from rabbit_description.state import Array
 
+from rl_cbf_clf_controller.affine import Affine
 from rl_cbf_clf_controller.context import PolicyContext
-from rl_cbf_clf_controller.uncertainty import INPUTS, Estimates, Problem
+from rl_cbf_clf_controller.uncertainty import INPUTS, NO_OUTPUT_ERROR, Estimates, Problem
 from rl_cbf_clf_controller.weights import PolicyFile, forward
 
 
@@ -57,16 +58,20 @@ class ActorPolicy:
     def estimate(self, context: PolicyContext) -> Estimates:
         """Alpha and beta of every quantity. A network without `l_min` reads the first 14 observations."""
         observation = (context.observation[: len(self._center)] - self._center) * self._inverse_scale
-        outputs: Array = forward(self.file.arrays, observation.astype(np.float32)).astype(np.float64)
-        if self._structured:
-            outputs = contract(outputs, context.LgV)
+        raw_outputs: Array = forward(self.file.arrays, observation.astype(np.float32)).astype(np.float64)
+        outputs = contract(raw_outputs, context.LgV) if self._structured else raw_outputs
         raw = Estimates.from_flat(outputs)
         alpha, beta = raw.alpha * self._alpha_scale[:, None], raw.beta * self._beta_scale
         if self._has_clf and not self._structured:
             size = np.linalg.norm(context.LgV) + 1
             alpha[0] *= size
             beta[0] *= size
-        return Estimates(alpha, beta)
+        return Estimates(alpha, beta, self._output_error(raw_outputs) if self._structured else None)
+
+    def _output_error(self, outputs: Array) -> Affine:
+        """[Delta_2 | Delta_1] of the structured form."""
+        matrix = outputs[: INPUTS * (INPUTS + 1)].reshape(INPUTS, INPUTS + 1)
+        return Affine(self._alpha_scale[0] * matrix[:, :INPUTS], self._beta_scale[0] * matrix[:, INPUTS])
 
 
 class PartlyNominal:
@@ -76,12 +81,14 @@ class PartlyNominal:
         zeroed = [name for name in problem.quantities if name in nominal]
         self.version = f"{policy.version}, nominal {','.join(zeroed)}"
         self._policy = policy
+        self._outputs_kept = "V" not in zeroed
         self._kept = np.array([name not in zeroed for name in problem.quantities], dtype=float)
 
     def estimate(self, context: PolicyContext) -> Estimates:
-        """The policy's estimates, zero in the rows of the nominal quantities."""
+        """The policy's estimates, zero in the rows of the nominal quantities; the outputs go with V."""
         estimates = self._policy.estimate(context)
-        return Estimates(estimates.alpha * self._kept[:, None], estimates.beta * self._kept)
+        outputs = estimates.output_error if self._outputs_kept else NO_OUTPUT_ERROR
+        return Estimates(estimates.alpha * self._kept[:, None], estimates.beta * self._kept, outputs)
 
 
 def contract(outputs: Array, LgV: Array) -> Array:

@@ -1,10 +1,11 @@
 """The quadratic programme of a tick, built from rows; solving it is in `solvers.py`.
 
-    minimise   (mu - center)' (mu - center) + sum_i w_i s_i^2
+    minimise   |root mu - center|^2 + sum_i w_i s_i^2      the paper's: root = I, center = 0; see `objective.py`
     subject to lower_i <= A_i mu - s_i <= upper_i          s_i = 0 where row i is hard
 
-For conditioning each slack is scaled to unit cost and every row then divided by its norm, so the solver sees the
-Hessian 2 I and rows of norm one; `unpack` gives mu and the slacks back in the rows' own units.
+The solver's variable is root mu, so that its Hessian is 2 I whatever the objective. For conditioning each slack is
+scaled to unit cost and every row then divided by its norm, so the solver sees rows of norm one; `unpack` gives mu and
+the slacks back in the rows' own units.
 """
 
 from collections.abc import Sequence
@@ -13,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from rabbit_description.state import Array
 
+from rl_cbf_clf_controller.objective import Objective
 from rl_cbf_clf_controller.rows import Rows
 
 ROUNDING = 1e-6  # less is the solver's tolerance
@@ -20,9 +22,10 @@ ROUNDING = 1e-6  # less is the solver's tolerance
 
 @dataclass(frozen=True)
 class QuadraticProgram:
-    """min x'x + q'x subject to `lower <= A x <= upper`, over x = (mu, scaled slacks), shape (n,).
+    """min x'x + q'x subject to `lower <= A x <= upper`, over x = (root mu, scaled slacks), shape (n,).
 
-    `names`, `rescue` (k,) describe the rows; `slack_scale` (k,) is a row's slack over its variable, 0 for hard rows.
+    `names`, `rescue` (k,) describe the rows; `slack_scale` (k,) is a row's slack over its variable, 0 for hard rows;
+    mu = `unroot` times the first `inputs` variables, or these themselves.
     """
 
     q: Array
@@ -33,6 +36,7 @@ class QuadraticProgram:
     slack_scale: Array
     rescue: Array
     inputs: int
+    unroot: Array | None = None
 
     @property
     def pattern(self) -> Array:
@@ -51,9 +55,12 @@ class Decision:
     active: Array
 
 
-def build_qp(rows: Sequence[Rows], center: Array | None = None, inputs: int = 4) -> QuadraticProgram:
-    """Stack the rows of all constraints into one programme; `center` (m,) is the paper's 0 if not given."""
+def build_qp(rows: Sequence[Rows], objective: Objective | None = None, inputs: int = 4) -> QuadraticProgram:
+    """Stack the rows of all constraints into one programme; the paper's objective if none is given."""
     A = np.concatenate([block.A for block in rows])
+    unroot = np.linalg.inv(objective.root) if objective else None
+    if unroot is not None:
+        A = A @ unroot
     weight = np.concatenate([block.slack_weight for block in rows])
     soft = np.isfinite(weight)
     scale = np.zeros(len(weight))
@@ -61,8 +68,8 @@ def build_qp(rows: Sequence[Rows], center: Array | None = None, inputs: int = 4)
     norms = np.sqrt((A * A).sum(axis=1) + scale * scale)
     norms[norms == 0] = 1.0
     q = np.zeros(inputs + int(soft.sum()))
-    if center is not None:
-        q[:inputs] = -2 * center
+    if objective:
+        q[:inputs] = -2 * objective.center
     return QuadraticProgram(
         q=q,
         A=np.hstack([A, np.diag(-scale)[:, soft]]) / norms[:, None],
@@ -72,6 +79,7 @@ def build_qp(rows: Sequence[Rows], center: Array | None = None, inputs: int = 4)
         slack_scale=scale,
         rescue=np.concatenate([np.full(len(block.names), block.rescue) for block in rows]),
         inputs=inputs,
+        unroot=unroot,
     )
 
 
@@ -83,4 +91,5 @@ def unpack(qp: QuadraticProgram, x: Array) -> Decision:
     slack[slack < ROUNDING] = 0.0
     value = qp.A @ x
     active = (value > qp.upper - ROUNDING) | (value < qp.lower + ROUNDING)
-    return Decision(mu=x[: qp.inputs], slack=slack, active=active)
+    mu = x[: qp.inputs] if qp.unroot is None else qp.unroot @ x[: qp.inputs]
+    return Decision(mu=mu, slack=slack, active=active)

@@ -16,6 +16,8 @@ from enum import StrEnum
 import numpy as np
 from rabbit_description.state import Array
 
+from rl_cbf_clf_controller.affine import Affine
+
 INPUTS = 4  # mu has one component for each output
 STATE_OBSERVATION = (
     *(f"y{i}" for i in range(1, 5)),  # rad
@@ -48,6 +50,7 @@ class Problem(StrEnum):
         return "V" in self.quantities
 
 
+NO_OUTPUT_ERROR = Affine(np.zeros((INPUTS, INPUTS)), np.zeros(INPUTS))
 _QUANTITIES = {
     Problem.IO_RL_CLF_QP: ("y1", "y2", "y3", "y4"),
     Problem.RL_CLF_QP: ("V",),
@@ -57,10 +60,14 @@ _QUANTITIES = {
 
 @dataclass(frozen=True)
 class Estimates:
-    """`alpha` (n, 4) and `beta` (n,) of the n quantities, in the quantities' units (per unit of mu, rad/s^2)."""
+    """`alpha` (n, 4) and `beta` (n,) of the n quantities, in the quantities' units (per unit of mu, rad/s^2).
+
+    `output_error`: Delta_2 mu + Delta_1 (4), rad/s^2, the error of y'' = mu; None where the estimates do not tell it.
+    """
 
     alpha: Array
     beta: Array
+    output_error: Affine | None = None
 
     def __post_init__(self) -> None:
         if self.alpha.shape != (len(self.beta), INPUTS) or self.beta.ndim != 1:
@@ -70,7 +77,7 @@ class Estimates:
     def zero(cls, problem: Problem) -> "Estimates":
         """No error anywhere: the nominal controller."""
         n = len(problem.quantities)
-        return cls(np.zeros((n, INPUTS)), np.zeros(n))
+        return cls(np.zeros((n, INPUTS)), np.zeros(n), NO_OUTPUT_ERROR)
 
     @classmethod
     def from_flat(cls, flat: Array) -> "Estimates":
