@@ -23,7 +23,7 @@ def start(folder: Path) -> subprocess.Popen[bytes]:
 
 def finish(training: subprocess.Popen[bytes]) -> None:
     """Let it end well."""
-    _, said = training.communicate(timeout=120)
+    _, said = training.communicate(timeout=300)
     assert training.returncode == 0, said.decode()
 
 

@@ -106,12 +106,12 @@ class World:
         from rabbit_ros.question_node import ask
 
         client = self.node.create_client(kind, name)
-        answer = ask(client, kind.Request(**fields), self.spin, 60.0)
+        answer = ask(client, kind.Request(**fields), self.spin, 180.0)
         self.node.destroy_client(client)
         assert answer is not None, f"no answer from {name}"
         return answer
 
-    def wait(self, until: Callable[[], bool], seconds: float = 60.0) -> None:
+    def wait(self, until: Callable[[], bool], seconds: float = 180.0) -> None:
         """Spin until something holds; a node that ends by itself is an error."""
         end = time.monotonic() + seconds
         while not until():

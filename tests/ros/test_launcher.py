@@ -21,7 +21,7 @@ QUICK = ("--no-pictures", "--no-video")
 SLOW = ("--pace", "0.5", "--stones", "200")
 
 
-def rabbit(*words: object, timeout: float = 120.0) -> subprocess.CompletedProcess[str]:
+def rabbit(*words: object, timeout: float = 300.0) -> subprocess.CompletedProcess[str]:
     """Call the command and wait."""
     return subprocess.run([*RABBIT, *map(str, words)], capture_output=True, text=True, timeout=timeout, check=False)
 
@@ -40,7 +40,7 @@ def running(folder: Path) -> dict[str, int]:
     return found
 
 
-def wait_for(holds: Callable[[], bool], seconds: float = 60.0) -> None:
+def wait_for(holds: Callable[[], bool], seconds: float = 180.0) -> None:
     """Until something holds."""
     end = time.monotonic() + seconds
     while not holds():
@@ -113,7 +113,7 @@ def test_signals_end_all(walking: subprocess.Popen[str], tmp_path: Path, signals
     for number in signals:
         walking.send_signal(number)
         time.sleep(0.3)
-    _, said = walking.communicate(timeout=60)
+    _, said = walking.communicate(timeout=300)
     assert walking.returncode == 128 + signals[0]
     assert "stopped by" in said
     assert "Traceback" not in said
@@ -129,7 +129,7 @@ def test_a_killed_launcher_leaves_nobody_behind(walking: subprocess.Popen[str], 
 
 def test_a_node_that_dies_ends_the_walk_and_is_named(walking: subprocess.Popen[str], tmp_path: Path) -> None:
     os.kill(running(tmp_path)["controller"], signal.SIGKILL)
-    _, said = walking.communicate(timeout=60)
+    _, said = walking.communicate(timeout=300)
     assert walking.returncode == 1
     assert "the controller ended by itself (signal SIGKILL)" in said
     assert not running(tmp_path)

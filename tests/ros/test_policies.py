@@ -179,7 +179,7 @@ def test_when_policies_take_effect(world: Any, tmp_path: Path, swap_at: str) -> 
 def load(*words: object) -> tuple[int, str]:
     """Exit code and line of `rabbit policy load`."""
     command = ["rabbit", "policy", "load", *map(str, words)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
     return done.returncode, done.stdout + done.stderr
 
 

@@ -48,7 +48,7 @@ class Seen:
         self.scenes: dict[int, Any] = {}
         self.frames: dict[int, Any] = {}
         process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-        with Listener(f"ws://127.0.0.1:{port}", timeout=60) as listener:
+        with Listener(f"ws://127.0.0.1:{port}", timeout=300) as listener:
             while process.poll() is None:
                 if message := listener.hear(0.5):
                     tick = message.nanoseconds // 10_000_000
@@ -169,7 +169,7 @@ def test_rviz_hears_the_same(world: Any) -> None:
 
 def rabbit(*words: str) -> subprocess.CompletedProcess[str]:
     """Call the command and wait."""
-    return subprocess.run([*RABBIT, *words], capture_output=True, text=True, timeout=60, check=False)
+    return subprocess.run([*RABBIT, *words], capture_output=True, text=True, timeout=300, check=False)
 
 
 def test_no_graph_is_one_line() -> None:

@@ -18,7 +18,7 @@ PACKAGES = sorted(path.parent.name for path in (WORKSPACE / "src").glob("*/packa
 EXECUTABLES = {"simulator": "rabbit_sim", "controller": "rl_cbf_clf_controller", "trainer": "rl_trainer"}
 NAMESPACE = "/test_workspace"
 DISCOVERY = ("ROS_DOMAIN_ID", "ROS_AUTOMATIC_DISCOVERY_RANGE")
-PATIENCE = 60  # s, on a busy machine
+PATIENCE = 180  # s, on a busy machine
 
 
 def shell(command: str) -> list[str]:

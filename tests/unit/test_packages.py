@@ -104,7 +104,7 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]
         left_over = shutil.ignore_patterns("__pycache__", "build", "*.egg-info")
         source = shutil.copytree(SOURCES / package, folder / "source", ignore=left_over)
         options = ["--quiet", "--no-index", "--no-deps", "--no-build-isolation", "--target", str(folder / "target")]
-        subprocess.run([sys.executable, "-m", "pip", "install", *options, str(source)], check=True, timeout=120)
+        subprocess.run([sys.executable, "-m", "pip", "install", *options, str(source)], check=True, timeout=300)
         return folder / "target"
 
     return install
@@ -128,7 +128,7 @@ def loaded_modules(package: str, installed: Callable[[str], Path]) -> list[str]:
     kept = {name: os.environ[name] for name in ("PATH", "HOME", "LD_LIBRARY_PATH") if name in os.environ}
     environment = {**kept, "PYTHONPATH": path, "_ROS_WHEELS_BOOTSTRAP_COMPLETE": "1", "OMP_NUM_THREADS": "1"}
     command = [sys.executable, "-c", IMPORT_ALL, package, "rclpy", "rabbit_msgs", *ros_dependencies(package)]
-    run = subprocess.run(command, env=environment, cwd=path.split(":")[0], capture_output=True, text=True, timeout=120)
+    run = subprocess.run(command, env=environment, cwd=path.split(":")[0], capture_output=True, text=True, timeout=300)
     assert run.returncode == 0, run.stderr
     return run.stdout.strip().splitlines()[-1].split()
 
