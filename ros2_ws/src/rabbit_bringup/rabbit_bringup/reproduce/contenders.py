@@ -12,21 +12,22 @@ from rabbit_bringup.viewing import style
 
 @dataclass(frozen=True)
 class Contender:
-    """A controller by name, its policy (its own where None), and how it is drawn."""
+    """A controller by name, its policy (its own where None), how it is drawn, and parameters beside its name."""
 
     title: str
     controller: str
     colour: str
     policy: str | None = None
     line: str = "-"
+    law: tuple[tuple[str, Any], ...] = ()
 
     def assembly(self, law: dict[str, Any] | None = None, /, **plant: Any) -> Assembly:
-        """On its own terrain, with the lag of evaluation; `law` are controller parameters, `plant` the plant's.
+        """On its own terrain, with the lag of evaluation; `law` are more controller parameters, `plant` the plant's.
 
         Raises:
             AssemblyError: no policy is shipped for it.
         """
-        controller = load_parameters("ours", controller=self.controller, **(law or {}))
+        controller = load_parameters("ours", controller=self.controller, **dict(self.law), **(law or {}))
         terrain = "stones" if controller.on_stones else "flat"
         simulation = SimulationParameters.model_validate({"motor_lag": EVALUATION_LAG, "terrain": terrain, **plant})
         return Assembly(simulation, controller, resolve_policy(self.policy, controller))

@@ -17,7 +17,7 @@ from rabbit_bringup.viewing import style
 from rabbit_bringup.viewing.walk_records import WalkRecords
 
 WIDTH = 7.2  # inches, both columns of a paper
-RATIO_TOP = 1.2
+RATIO_TOP = (1.0, 2.0)  # of the panel, at least and at most
 PANELS = (r"$\|y\|$ (rad)", r"$\|\dot y\|$ (rad/s)", r"$|F_T / F_N|$")
 
 
@@ -62,7 +62,7 @@ def finish_ratio(axes: Axes, walk: WalkRecords) -> None:
     """Limit and range of a panel of force ratios."""
     limit = float(walk.about["friction_coeff"])
     style.limit(axes, limit, f"$k_f$ = {limit:g}")
-    axes.set_ylim(0, RATIO_TOP)
+    axes.set_ylim(0, 1.05 * float(np.clip(axes.dataLim.y1, *RATIO_TOP)))
     style.legend(axes)
 
 

@@ -96,7 +96,7 @@ def grey_area_figure(walk: WalkRecords) -> Figure:
         axes.plot(walk.landings[walk.step_index[row], 2], 0.0, "o", color=style.BLUE, markersize=4, label="landing")
         for edge, name in ((near, "$l_{min}$"), (far, "$l_{max}$")):
             axes.axvline(edge, color=style.RED, linestyle="--", linewidth=0.8)
-            axes.annotate(name, (edge, TOP), ha="right" if edge == near else "left", va="top")
+            axes.annotate(name, (edge, 0.96 * TOP), ha="right" if edge == near else "left", va="top")
         axes.set(ylabel="$h_f$ (m)", ylim=(-DEPTH, TOP), xlim=(-0.45, 0.55))
         axes.set_title(f"stone {walk.step_index[row] + 1}: $l_{{min}}$ = {near:.3f} m", loc="right", fontsize=9)
         axes.grid(visible=False)
