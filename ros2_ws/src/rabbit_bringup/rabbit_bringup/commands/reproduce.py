@@ -14,7 +14,7 @@ app = typer.Typer(add_completion=False)
 @app.command()
 def reproduce(
     names: Annotated[list[str] | None, typer.Argument(help="experiments, by name; all of them")] = None,
-    quick: Annotated[bool, typer.Option("--quick", help="few runs: at most 20 minutes on 2 cores")] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="few runs of everything")] = False,
     out: Annotated[Path, typer.Option(help="folder; one that was stopped there goes on")] = Path("runs/reproduce"),
     jobs: Annotated[int | None, typer.Option(min=1, max=4096, help="processes (default: all cores)")] = None,
     backend: Annotated[Literal["loky", "ray"], typer.Option(help="processes here, or a Ray cluster's")] = "loky",
