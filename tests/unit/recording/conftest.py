@@ -135,4 +135,5 @@ def details(record: Record) -> Any:
     fields: dict[str, Any] = {name: getattr(out, name) for name in (*SCALARS, *WORDS)}
     fields |= {name: np.asarray(getattr(out, name), dtype=float).ravel() for name in (*ARRAYS, *SEQUENCES)}
     fields |= {"quantities": list(out.quantities), "active": list(out.active), "policy_version": out.policy_version}
-    return message("controller_state", **fields, stance=int(out.stance), clf=out.V, lgv=np.asarray(out.LgV))
+    fields |= {"stance": int(out.stance), "clf": out.V, "lgv": np.asarray(out.LgV)}
+    return message("controller_state", **fields, effectiveness=out.effectiveness.ravel())
