@@ -68,7 +68,7 @@ def test_twice_the_mass_halves_the_effect_of_torques(make_assembly: MakeAssembly
 
 
 def test_an_exact_policy_leaves_nothing_to_adapt(make_assembly: MakeAssembly) -> None:
-    parts = make_assembly("cbf-clf-qp", "oracle", plant="rigid", motor_lag=0.0, payload=32.0, stones=3)
+    parts = make_assembly("cbf-clf-qp", "oracle", plant="rigid", motor_lag=0.0, mass_scale=2.0, stones=3)
     (records,) = ticks(with_law(parts, **ADAPTIVE), 1)
     assert np.abs([record.output.effectiveness - np.eye(5) for record in records]).max() < 0.1
 

@@ -107,13 +107,32 @@ def test_with_the_true_values_the_rows_are_the_oracles(state, plant):
     assert estimates.output_error.b == pytest.approx(oracle.output_error.b, abs=1e-6)
 
 
-@pytest.mark.parametrize("plant", PLANTS)
-def test_an_exact_policy_predicts_the_true_motion(state, plant):
-    """So nothing is left to adapt: its rows hold all five accelerations and the force."""
-    here, true = context(state), pinned(plant_urdf(**plant), state)
-    predicted = predict(here, OraclePolicy(plant_urdf(**plant)).estimate(here))
+@pytest.mark.parametrize("scale", [0.5, 2.0])
+def test_an_exact_policy_predicts_a_scaled_robot(state, scale):
+    """So nothing is left to adapt."""
+    here, true = context(state), pinned(plant_urdf(mass_scale=scale), state)
+    predicted = predict(here, OraclePolicy(plant_urdf(mass_scale=scale)).estimate(here))
     assert predicted.acceleration(TORQUE) == pytest.approx(true.acceleration(TORQUE)[PINNED], rel=1e-6, abs=1e-5)
     assert predicted.force(TORQUE) == pytest.approx(true.force(TORQUE)[::-1], rel=1e-6, abs=1e-5)
+
+
+def test_an_exact_policy_predicts_the_outputs_of_any_robot(state):
+    here, urdf = context(state), plant_urdf(payload=48.0)
+    predicted = predict(here, OraclePolicy(urdf).estimate(here)).acceleration(TORQUE)
+    left = predicted - pinned(urdf, state).acceleration(TORQUE)[PINNED]
+    assert here.quantities.outputs.jacobian[:, PINNED] @ left == pytest.approx(0, abs=1e-5)
+    assert np.abs(left).max() > 0.1  # the fifth component, which is left to adapt
+
+
+def test_what_an_exact_policy_leaves_completes_the_rows(state):
+    here, urdf = context(state), plant_urdf(payload=48.0)
+    oracle, true = OraclePolicy(urdf).estimate(here), pinned(urdf, state).acceleration
+    predicted, A = predict(here, oracle).acceleration, here.dynamics.acceleration.a[PINNED]
+    D = (true.a[PINNED] - predicted.a) @ np.linalg.pinv(A)
+    left = Adapted(np.eye(5) + D, true.b[PINNED] - predicted.b, np.zeros(2))
+    estimates = add(here, oracle, left)
+    assert estimates.alpha == pytest.approx(oracle.alpha, rel=1e-6, abs=1e-6)
+    assert estimates.beta == pytest.approx(oracle.beta, rel=1e-6, abs=1e-5)
 
 
 def test_on_flat_ground_an_exact_policy_predicts_a_scaled_robot(state):

@@ -7,8 +7,8 @@ So the true acceleration is the nominal one, a_0 + A u, with another gain and an
     w'' = a_0 + r + C A u,      C = M^-1 M_n (5, 5),   r = M_n^-1 h_n - M^-1 h (5,), rad/s^2
 
 Under a uniform mass scale s, C = I / s and r = 0, whatever the state; else both change along a step. A policy's
-estimates are the prior: they stand for an acceleration error e (see `prior_error`), and only what is left is learned.
-With C = I + D, and D = 0, r = 0 at an episode's beginning, that is
+estimate of y'' is the prior: it stands for an acceleration error e(mu) (see `prior_error`), and only what is left is
+learned. With C = I + D, and D = 0, r = 0 at an episode's beginning, that is
 
     w'' - (a_0 + A u + e) = D A u + r
 
@@ -28,8 +28,11 @@ are: they are in stance/swing order, as the coordinates are.
 Into the QP they go as alpha and beta. With J the rows of V, B1, B2 over w'' (LgV J_y and the barriers' Jacobians), and
 the pre-control u~(mu) still the nominal one,
 
-    alpha mu + beta = policy's + J (D A u~(mu) + r),     for F_N, F_T: policy's + f
-    Delta_2 mu + Delta_1 = policy's + J_y (D A u~(mu) + r)
+    alpha mu + beta = J (e(mu) + D A u~(mu) + r),     for F_N, F_T: policy's + f
+    Delta_2 mu + Delta_1 = J_y (e(mu) + D A u~(mu) + r)
+
+For V that is the policy's own estimate and what is learned. For B1 and B2 it stands in place of the policy's: the two
+would disagree on the fifth component, of which the outputs know nothing, and that one is measured.
 """
 
 from dataclasses import dataclass
@@ -204,35 +207,28 @@ def predict(context: ModelContext, prior: Estimates) -> Prediction:
 
 
 def prior_error(context: ModelContext, prior: Estimates) -> Affine:
-    """The error of w'' (5), affine in mu, that the policy's estimates stand for.
+    """The error of w'' (5), affine in mu, that the policy's estimate of y'' stands for.
 
-    y'' has four of its five components. The nominal model gives the fifth: w'' as if the torque were off by so
-    much that y'' is. On stones the barriers' estimates correct it along the direction in which the outputs rest.
+    y'' has four of the five components. The nominal model gives the fifth: w'' as if the torque were off by so much
+    that y'' is; under a uniform mass scale that is exact.
     """
-    quantities = context.quantities
-    outputs, barriers, error = quantities.outputs, quantities.barriers, prior.output_error
-    if error is None:
+    if prior.output_error is None:
         raise ValueError("prior without output_error: expected estimates that tell it")
-    lifted = error.mapped(context.dynamics.acceleration.a[PINNED] @ context.precontrol.a)
-    if barriers is None:
-        return lifted
-    resting = np.linalg.svd(outputs.jacobian[:, PINNED])[2][-1]
-    along = barriers.jacobian[:, PINNED] @ resting
-    missing = Affine(prior.alpha[1:3], prior.beta[1:3]) - lifted.mapped(barriers.jacobian[:, PINNED])
-    return lifted + missing.mapped(np.outer(resting, along) / (along @ along))
+    return prior.output_error.mapped(context.dynamics.acceleration.a[PINNED] @ context.precontrol.a)
 
 
 def add(context: ModelContext, prior: Estimates, adapted: Adapted) -> Estimates:
-    """`prior` and what the adaptation adds to it."""
-    quantities, output_error = context.quantities, prior.output_error
-    to_outputs = quantities.outputs.jacobian[:, PINNED]
+    """The estimates with what is adapted: V, B1, B2 and Delta by one error of w'', the forces by the policy's and f."""
+    quantities = context.quantities
     gain = (adapted.effectiveness - np.eye(SIZE)) @ context.dynamics.acceleration.a[PINNED]
-    left = context.precontrol.mapped(gain, adapted.acceleration_residual)
-    rows = quantities.clf_derivative.a @ to_outputs
-    alpha, beta = prior.alpha.copy(), prior.beta.copy()
-    if quantities.barriers is not None:
-        rows = np.vstack([rows, quantities.barriers.jacobian[:, PINNED]])
-        beta[3:] += adapted.force_residual
-    alpha[: len(rows)] += rows @ left.a
-    beta[: len(rows)] += rows @ left.b
-    return Estimates(alpha, beta, output_error and output_error + left.mapped(to_outputs))
+    error = prior_error(context, prior) + context.precontrol.mapped(gain, adapted.acceleration_residual)
+    outputs = error.mapped(quantities.outputs.jacobian[:, PINNED])
+    rows = outputs.mapped(quantities.clf_derivative.a)
+    if quantities.barriers is None:
+        return Estimates(rows.a, rows.b, outputs)
+    barriers = error.mapped(quantities.barriers.jacobian[:, PINNED])
+    return Estimates(
+        np.concatenate([rows.a, barriers.a, prior.alpha[3:]]),
+        np.concatenate([rows.b, barriers.b, prior.beta[3:] + adapted.force_residual]),
+        outputs,
+    )
