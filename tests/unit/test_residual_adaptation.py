@@ -18,14 +18,13 @@ from rl_cbf_clf_controller.parameters import ParameterError, load_parameters
 from rl_cbf_clf_controller.policy import ZeroPolicy
 from rl_cbf_clf_controller.residual_adaptation import (
     PINNED,
-    SETTLING,
     Adapted,
     Measured,
     Prediction,
     ResidualAdaptation,
     Tick,
     add,
-    may_learn,
+    is_pinned,
     predict,
 )
 from rl_cbf_clf_controller.uncertainty import Estimates, Problem
@@ -156,7 +155,7 @@ def walk_on_the_spot(adaptation, gain, lag, drift, ticks=300):
         mean = u + lag * (before - u)
         rate = nominal.acceleration.b + drift + gain @ nominal.acceleration.a @ mean
         normal, tangential = nominal.force(mean) + (50.0, -20.0)
-        measured = Measured(number, 99, u, np.array([[tangential, normal], [0.0, 0.0]]))
+        measured = Measured(number, u, np.array([[tangential, normal], [0.0, 0.0]]))
         adaptation.learn(nominal, rate, measured, before)
         before = u
     return nominal
@@ -185,19 +184,29 @@ def test_gain_drift_and_force_are_found():
     assert adapted.force_residual == pytest.approx([50.0, -20.0], abs=10.0)
 
 
-def test_only_ticks_of_settled_pinned_walking_teach():
+def test_only_pinned_ticks_count():
     last = Tick(6, np.zeros(5), TORQUE, Prediction(NOTHING, NOTHING, np.zeros((5, 4))))
-    good = Measured(7, SETTLING + 1, TORQUE, STANDING)
-    assert may_learn(last, good)
+    good = Measured(7, TORQUE, STANDING)
+    assert is_pinned(last, good)
     bad = [
-        replace(good, tick=8),
-        replace(good, settled=SETTLING),
-        replace(good, torque=np.full(4, np.nan)),
-        replace(good, force=np.zeros((2, 2))),
-        replace(good, force=np.array([[0.0, 300.0], [0.0, 40.0]])),
+        replace(good, tick=8),  # a tick is missing
+        replace(good, torque=np.full(4, np.nan)),  # the legs have swapped
+        replace(good, force=np.zeros((2, 2))),  # flight
+        replace(good, force=np.array([[0.0, 300.0], [0.0, 40.0]])),  # the swing foot touches
     ]
-    assert not any(may_learn(last, each) for each in bad)
-    assert not may_learn(replace(last, torque=np.full(4, np.nan)), good)
+    assert not any(is_pinned(last, each) for each in bad)
+
+
+def test_after_a_bounce_it_waits_again(state):
+    """The fourth and the tenth tick on the ground in a row are the first to teach; a bounce in the sixth."""
+    adaptation, here = ResidualAdaptation(), context(state)
+    learned = []
+    for tick in range(12):
+        force = np.zeros((2, 2)) if tick == 6 else STANDING
+        before = adaptation.adapted
+        adaptation.estimate(here, Estimates.zero(Problem.RL_CBF_CLF_QP), Measured(tick, TORQUE, force))
+        learned.append(adaptation.adapted is not before)
+    assert [tick for tick in range(12) if learned[tick]] == [3, 4, 5, 9, 10, 11]
 
 
 def test_an_episode_begins_with_nothing_learned():

@@ -257,10 +257,7 @@ class Controller:
         if self._adaptation is None:
             self._check_outputs(terms, policy)
             force = state.foot_force[[self._step.stance, self._step.stance.other]]
-            settled = state.tick - self._step.start_tick
-            return self._residual.estimate(
-                terms.context, policy, Measured(state.tick, settled, self._step.torque, force)
-            )
+            return self._residual.estimate(terms.context, policy, Measured(state.tick, self._step.torque, force))
         whole = Affine(np.eye(4) + policy.alpha, policy.beta)
         belief = whole.inverse().after(terms.output_dynamics)
         compensation = self._adaptation.compensation(terms.eta, belief, self._step.torque)

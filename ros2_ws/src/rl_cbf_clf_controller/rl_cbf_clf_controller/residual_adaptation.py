@@ -21,9 +21,9 @@ weaker, r for another plant: so the torque's mean over the tick is u(k-1) + lag 
 0 for ideal motors, is fitted as well, ahead of D. It corrects the measurement alone; the QP is not told of it.
 
 Assumed: the torque command is held for the tick, the stance foot is pinned and alone on the ground, the robot's error
-looks the same from either leg. So all is held in the tick of a touchdown and SETTLING ticks after it, without force on
-the stance foot (flight) or with force on the other, and over a gap in the ticks. When the legs swap all stay as they
-are: they are in stance/swing order, as the coordinates are.
+looks the same from either leg. So all is held in the tick of a touchdown, in flight, with the swing foot on the ground,
+over a gap in the ticks, and in the SETTLING ticks after any of these: a foot that bounces lands twice. When the legs
+swap all stay as they are: they are in stance/swing order, as the coordinates are.
 
 Into the QP they go as alpha and beta. With J the rows of V, B1, B2 over w'' (LgV J_y and the barriers' Jacobians), and
 the pre-control u~(mu) still the nominal one,
@@ -49,7 +49,7 @@ from rl_cbf_clf_controller.uncertainty import Estimates
 
 PINNED = slice(2, 7)  # pitch and joints among the coordinates; the pinned foot leaves the base no choice
 SIZE = 5
-SETTLING = 2  # ticks after a touchdown
+SETTLING = 2  # ticks on the ground before what is measured counts
 CONTACT_FORCE = 1.0  # N; a foot that carries less is in the air
 FILTER_TIME = 0.02  # s
 GAIN_PRIOR = 0.3  # variance of D's entries at an episode's beginning
@@ -63,11 +63,10 @@ NOISE = 30.0  # rad/s^2, of what is left beside D A u
 class Measured:
     """What is known of the tick that ends now: `torque` (4,), as applied, N m, stance/swing order, or NaN.
 
-    `settled`: ticks since the touchdown; `force` (2, 2), N: rows stance, swing foot; columns tangential, normal.
+    `force` (2, 2), N: rows stance, swing foot; columns tangential, normal.
     """
 
     tick: int
-    settled: int
     torque: Array
     force: Array
 
@@ -147,13 +146,15 @@ class ResidualAdaptation:
         self._gain = MatrixFit(SIZE, GAIN_PRIOR, NOISE, GAIN_WALK)
         self._lag = ScalarFit(LAG_PRIOR, NOISE, MOST_LAG)
         self._last: Tick | None = None
+        self._quiet = 0  # ticks on end of pinned walking
         self.adapted = UNADAPTED
 
     def estimate(self, context: ModelContext, prior: Estimates, measured: Measured) -> Estimates:
         """Learn from the tick that ends now, then add what is known to `prior`, which has an `output_error`."""
         last = self._last
         now = Tick(measured.tick, context.dq_s[PINNED], measured.torque, predict(context, prior))
-        if last and may_learn(last, measured):
+        self._quiet = self._quiet + 1 if last and is_pinned(last, measured) else 0
+        if last and self._quiet > SETTLING:
             rate = (now.rates - last.rates) / TICK_SECONDS
             self.learn(last.prediction.mean(now.prediction), rate, measured, last.torque)
         self._last = now
@@ -183,15 +184,11 @@ def make_adaptation(name: str) -> Adaptation:
     return NoAdaptation() if name == "none" else ResidualAdaptation()
 
 
-def may_learn(last: Tick, measured: Measured) -> bool:
-    """Whether the tick that ends now is one of pinned walking, wholly after the last impact has settled."""
+def is_pinned(last: Tick, measured: Measured) -> bool:
+    """Whether through the tick that ends now the stance foot, and it alone, stood, and the torques are known."""
     stance, swing = measured.force[:, 1]
     return bool(
-        last.number + 1 == measured.tick
-        and measured.settled > SETTLING
-        and np.isfinite(measured.torque).all()
-        and np.isfinite(last.torque).all()
-        and swing < CONTACT_FORCE <= stance
+        last.number + 1 == measured.tick and np.isfinite(measured.torque).all() and swing < CONTACT_FORCE <= stance
     )
 
 
