@@ -28,6 +28,11 @@ class Sweep(Experiment):
     caption: ClassVar[str]
     paper_values: ClassVar[Mapping[tuple[Contender, float], str]] = {}
 
+    @property
+    def unit(self) -> str:
+        """Of the axis."""
+        return self.axis.rpartition("(")[2].rstrip(")")
+
     @cached_property
     def grid(self) -> dict[Contender, dict[float, Line]]:
         """A line for each controller and value."""
@@ -47,10 +52,9 @@ class Sweep(Experiment):
         }
 
     def _line(self, contender: Contender, value: float) -> Line:
-        unit = self.axis.rpartition("(")[2].rstrip(")")
         assembly = contender.assembly(**self.plants[contender], **{self.field: value})
         paper = self.paper_values.get((contender, value), "")
-        return Line(f"{contender.title}, {value * self.scale:g} {unit}", assembly, paper)
+        return Line(f"{contender.title}, {value * self.scale:g} {self.unit}", assembly, paper)
 
 
 def largest(walks: Mapping[float, Walks]) -> tuple[float | None, float | None]:
