@@ -20,9 +20,10 @@ from rl_cbf_clf_controller.controller import ControllerOutput
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_trainer.rollout import Record
 
+from rabbit_bringup.force_ratio import LOADED
+
 IMPACT_TICKS = 4  # of a step's beginning, whose mean force may hold some of the 30 ms after impact
 RESCUE_NEEDED = 0.01  # rad/s^2 of slack of last resort: a quadratic one gives way a little whenever its row is active
-LOADED = 20.0  # N, normal force from which the friction ratio is judged
 ROWS = ("CLF", "B1", "B2", "C1", "C2", "u")  # of the QP, both cone rows as C2 and all saturation rows as u
 
 

@@ -20,8 +20,9 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 from rclpy.signals import SignalHandlerOptions
 
+from rabbit_bringup.force_ratio import force_ratio
+
 GLANCE = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
-LOADED = 20.0  # N; below it a force ratio means nothing
 
 
 @dataclass(frozen=True)
@@ -104,8 +105,7 @@ class Watch:
         """How it goes, from the newest messages."""
         state: Any = self._decode("state", RabbitState)
         details: Any = self._decode("controller_state", ControllerState)
-        tangential, normal = np.asarray(state.foot_force).reshape(2, 2)[details.stance]
-        ratio = abs(tangential) / normal if normal > LOADED else math.nan
+        ratio = float(force_ratio(np.asarray(state.foot_force).reshape(2, 2)[details.stance]))
         e = self.episode
         return Progress(e.episode, state.touchdowns, e.stones, self._margin, details.clf_slack, ratio)
 

@@ -9,8 +9,9 @@ from matplotlib.figure import Figure
 from rabbit_description.state import TICK_SECONDS, Array
 from rl_cbf_clf_controller.uncertainty import INPUTS
 
-from rabbit_bringup.experiments.metrics import IMPACT_TICKS, LOADED
+from rabbit_bringup.experiments.metrics import IMPACT_TICKS
 from rabbit_bringup.experiments.summary import wilson
+from rabbit_bringup.force_ratio import force_ratio
 from rabbit_bringup.reproduce.contenders import Contender
 from rabbit_bringup.reproduce.walks import Walks
 from rabbit_bringup.viewing import style
@@ -21,12 +22,9 @@ RATIO_TOP = (1.0, 2.0)  # of the panel, at least and at most
 PANELS = (r"$\|y\|$ (rad)", r"$\|\dot y\|$ (rad/s)", r"$|F_T / F_N|$")
 
 
-def force_ratio(walk: WalkRecords) -> tuple[Array, Array]:
+def late_and_impact_ratio(walk: WalkRecords) -> tuple[Array, Array]:
     """|F_T| / F_N of the stance foot, (n,), more than 30 ms after an impact and within; NaN elsewhere and unloaded."""
-    tangential, normal = walk.stance_force.T
-    ratio = np.full(len(normal), np.nan)
-    loaded = normal > LOADED
-    ratio[loaded] = np.abs(tangential[loaded]) / normal[loaded]
+    ratio = force_ratio(walk.stance_force)
     starts = walk.tick[walk.step_starts]
     age = walk.tick - starts[np.searchsorted(starts, walk.tick, side="right") - 1]
     late = age >= IMPACT_TICKS
@@ -38,7 +36,7 @@ def tracking_figure(walks: Mapping[Contender, WalkRecords]) -> Figure:
     figure, panels = style.figure(len(PANELS), height=1.75, width=WIDTH)
     for contender, walk in walks.items():
         look: dict[str, Any] = {"color": contender.colour, "linestyle": contender.line, "linewidth": 1}
-        late, impact = force_ratio(walk)
+        late, impact = late_and_impact_ratio(walk)
         y, dy = (np.linalg.norm(part, axis=1) for part in (walk.eta[:, :INPUTS], walk.eta[:, INPUTS:]))
         for axes, values in zip(panels, (y, dy, late), strict=True):
             axes.plot(walk.time, values, label=contender.title if axes is panels[0] else None, **look)

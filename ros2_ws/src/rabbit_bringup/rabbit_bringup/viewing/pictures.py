@@ -11,6 +11,7 @@ from rabbit_sim.simulation import Landing
 from rl_trainer.rollout import Record
 
 from rabbit_bringup.experiments.metrics import RESCUE_NEEDED
+from rabbit_bringup.force_ratio import force_ratio
 from rabbit_bringup.viewing import style
 from rabbit_bringup.viewing.skeleton import feet
 from rabbit_bringup.viewing.strip import draw_walk
@@ -18,7 +19,6 @@ from rabbit_bringup.viewing.walk_records import WalkRecords, load_records
 
 RECORDS = "records.npz"
 IMPACT = 0.04  # s: a mean over a tick that begins within 30 ms of impact
-LOADED = 20.0  # N, normal force from which the friction ratio is drawn
 MILLIMETRES = 1e3  # in a metre
 FAR_OFF = 50.0  # mm from a stone, drawn no farther
 NAMES = ("hip, stance leg", "knee, stance leg", "hip, swing leg", "knee, swing leg")
@@ -101,9 +101,7 @@ def draw_clf(walk: WalkRecords, path: Path) -> Path:
 def draw_forces(walk: WalkRecords, path: Path) -> Path:
     """Friction ratio against the cone, and the stance foot's forces."""
     tangential, normal = walk.stance_force.T
-    loaded = normal > LOADED
-    ratio = np.full(len(normal), np.nan)
-    ratio[loaded] = np.abs(tangential[loaded]) / normal[loaded]
+    ratio = force_ratio(walk.stance_force)
     figure, (cone, force) = style.figure(2)
     landed = walk.time[walk.step_starts[1:]] - TICK_SECONDS
     for axes in (cone, force):

@@ -5,7 +5,7 @@ from functools import cached_property
 from typing import ClassVar
 
 from rabbit_bringup.reproduce.contenders import CLF, IO_RL, L1_CLF, RL_CLF, Contender
-from rabbit_bringup.reproduce.curves import force_ratio
+from rabbit_bringup.reproduce.curves import late_and_impact_ratio
 from rabbit_bringup.reproduce.lines import Found, Line
 from rabbit_bringup.reproduce.report import Claim
 from rabbit_bringup.reproduce.ten_steps import STEPS, TenSteps
@@ -92,7 +92,7 @@ class ClfResults(TenSteps):
         """IO-RL in the figure's own walk."""
         walk = found.records(self.by_contender[IO_RL])
         limit = float(walk.about["friction_coeff"])
-        late, impact = (ratio > limit for ratio in force_ratio(walk))
+        late, impact = (ratio > limit for ratio in late_and_impact_ratio(walk))
         early = walk.step_index < EARLY
         there, at_impact, after = ((late & early).sum(), (impact & early).sum(), (late & ~early).sum())
         leaves = bool(there + at_impact)

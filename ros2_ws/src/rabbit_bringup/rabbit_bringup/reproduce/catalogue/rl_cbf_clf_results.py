@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from rabbit_description.state import TICK_SECONDS
 
 from rabbit_bringup.reproduce.contenders import CBF_CLF, CBF_CLF_ORACLE, RL_CBF_CLF, ROBUST, Contender
-from rabbit_bringup.reproduce.curves import WIDTH, finish_ratio, force_ratio
+from rabbit_bringup.reproduce.curves import WIDTH, finish_ratio, late_and_impact_ratio
 from rabbit_bringup.reproduce.experiment import Experiment
 from rabbit_bringup.reproduce.lines import Found, Line
 from rabbit_bringup.reproduce.report import Claim
@@ -77,7 +77,7 @@ def swing_foot_figure(walk: WalkRecords) -> Figure:
     length.plot(seconds, walk.landings[:, 2], "o", color=style.BLACK, markersize=3, label="landing")
     length.set_ylabel("$l_f$ (m)")
     style.legend(length)
-    late, impact = force_ratio(walk)
+    late, impact = late_and_impact_ratio(walk)
     ratio.plot(walk.time, late, color=style.BLUE, linewidth=1)
     ratio.plot(walk.time, impact, ".", color=style.BLUE, markersize=2, alpha=0.5)
     finish_ratio(ratio, walk)

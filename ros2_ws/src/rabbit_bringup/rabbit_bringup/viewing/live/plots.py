@@ -6,9 +6,9 @@ from typing import Any
 
 from rabbit_description.state import ACTUATED
 
+from rabbit_bringup.force_ratio import force_ratio
 from rabbit_bringup.viewing.live.moment import Limits, Moment
 
-LOADED = 20.0  # N; below it a force ratio means nothing
 NAMES = ("episode", "tick", "time", "V", "B1", "B2", "clf_slack", "rescue_slack", "F_T", "F_N", "force_ratio")
 JOINTS = tuple(f"torque_{joint}" for joint in ACTUATED)
 PLOTTED = (*NAMES, "friction_coeff", *JOINTS)
@@ -29,7 +29,7 @@ def plotted(moment: Moment, limits: Limits | None) -> dict[str, float]:
         "rescue_slack": float(moment.rescue_slack),
         "F_T": tangential,
         "F_N": normal,
-        "force_ratio": abs(tangential) / normal if normal > LOADED else math.nan,
+        "force_ratio": float(force_ratio(moment.force)),
         "friction_coeff": limits.friction_coeff if limits else math.nan,
         **dict(zip(JOINTS, moment.torque.tolist(), strict=True)),
     }
