@@ -25,7 +25,7 @@ from rl_cbf_clf_controller.objective import Objective, make_objective
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import Policy
 from rl_cbf_clf_controller.qp import Decision, QuadraticProgram, build_qp, unpack
-from rl_cbf_clf_controller.quantities import NORMAL_TANGENTIAL, QuantityModel
+from rl_cbf_clf_controller.quantities import QuantityModel
 from rl_cbf_clf_controller.res_clf import ResClf
 from rl_cbf_clf_controller.residual_adaptation import UNADAPTED, Measured, make_adaptation
 from rl_cbf_clf_controller.rows import Rows
@@ -118,8 +118,7 @@ class Terms:
     @property
     def force(self) -> Affine:
         """(F_N, F_T), N, by the nominal model, affine in the torque."""
-        force = self.dynamics.force
-        return Affine(force.a[NORMAL_TANGENTIAL], force.b[NORMAL_TANGENTIAL])
+        return self.dynamics.normal_tangential
 
 
 class Constraint(Protocol):

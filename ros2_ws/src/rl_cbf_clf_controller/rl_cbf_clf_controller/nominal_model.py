@@ -19,6 +19,7 @@ from rabbit_description.state import Array
 from rl_cbf_clf_controller.affine import Affine
 
 PLANE = [0, 2]  # x and z of a spatial vector
+NORMAL_TANGENTIAL = [1, 0]  # F = (F_T, F_N) to (F_N, F_T), the order of C1, C2
 INPUT_MAP = np.vstack([np.zeros((3, 4)), np.eye(4)])
 
 
@@ -43,6 +44,11 @@ class PinnedDynamics:
 
     acceleration: Affine
     force: Affine
+
+    @property
+    def normal_tangential(self) -> Affine:
+        """The force as (F_N, F_T), the order of C1, C2."""
+        return Affine(self.force.a[NORMAL_TANGENTIAL], self.force.b[NORMAL_TANGENTIAL])
 
 
 class NominalModel:

@@ -13,8 +13,6 @@ from rl_cbf_clf_controller.ecbf import Barriers
 from rl_cbf_clf_controller.nominal_model import PinnedDynamics
 from rl_cbf_clf_controller.virtual_constraints import Outputs
 
-NORMAL_TANGENTIAL = [1, 0]  # F = (F_T, F_N) to (F_N, F_T), the order of C1, C2
-
 
 @dataclass(frozen=True)
 class QuantityModel:
@@ -37,8 +35,8 @@ class QuantityModel:
         if self.barriers is None:
             return clf
         barriers = self.barriers.second_derivative(dynamics.acceleration)
-        force = dynamics.force
+        force = dynamics.normal_tangential
         return Affine(
-            np.concatenate([clf.a, barriers.a, force.a[NORMAL_TANGENTIAL]]),
-            np.concatenate([clf.b, barriers.b, force.b[NORMAL_TANGENTIAL]]),
+            np.concatenate([clf.a, barriers.a, force.a]),
+            np.concatenate([clf.b, barriers.b, force.b]),
         )

@@ -44,7 +44,7 @@ from rabbit_description.state import TICK_SECONDS, Array
 from rl_cbf_clf_controller.affine import Affine
 from rl_cbf_clf_controller.context import ModelContext
 from rl_cbf_clf_controller.least_squares import MatrixFit, ScalarFit
-from rl_cbf_clf_controller.quantities import NORMAL_TANGENTIAL
+from rl_cbf_clf_controller.nominal_model import NORMAL_TANGENTIAL
 from rl_cbf_clf_controller.uncertainty import Estimates
 
 PINNED = slice(2, 7)  # pitch and joints among the coordinates; the pinned foot leaves the base no choice
@@ -197,7 +197,7 @@ def predict(context: ModelContext, prior: Estimates) -> Prediction:
     nominal = context.dynamics
     pinned = Affine(nominal.acceleration.a[PINNED], nominal.acceleration.b[PINNED])
     mu = context.quantities.outputs.second_derivative(nominal.acceleration)
-    force = nominal.force.mapped(np.eye(2)[NORMAL_TANGENTIAL])
+    force = nominal.normal_tangential
     if context.quantities.barriers is not None:
         force += Affine(prior.alpha[3:], prior.beta[3:]).after(mu)
     return Prediction(pinned + prior_error(context, prior).after(mu), force, pinned.a)
