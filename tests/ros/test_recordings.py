@@ -96,7 +96,7 @@ def test_a_running_graph_is_not_played_into(world: Any, recording: Path) -> None
     world.start("simulator", **PLANT)
     world.wait(lambda: world.node.count_publishers("state") > 0)
     with pytest.raises(RecordingError, match=r"/state is published already; give --namespace"):
-        play(recording, Playing(namespace=world.namespace, delay=2.0), lambda at, end: None)
+        play(recording, Playing(namespace=world.namespace, delay=60.0), lambda at, end: None)
 
 
 def test_other_definitions_are_not_played(tmp_path: Path) -> None:

@@ -1,6 +1,8 @@
 """The executables of the nodes: the right node, and no traceback of a Ctrl-C while it imports."""
 
+import signal
 import sys
+from collections.abc import Iterator
 from importlib.metadata import EntryPoint, EntryPoints
 from pathlib import Path
 from types import ModuleType
@@ -16,6 +18,14 @@ def called_as(name: str, module: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "argv", [f"/anywhere/lib/{name}", "--ros-args"])
 
 
+@pytest.fixture
+def interruptible() -> Iterator[None]:
+    """Ctrl-C raises, also where the tests' own caller has it ignored (a job in the background)."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 def test_the_node_of_the_executables_name_is_run(monkeypatch: pytest.MonkeyPatch) -> None:
     module, runs = ModuleType("a_node"), []
     module.main = lambda: runs.append(list(sys.argv))  # type: ignore[attr-defined]
@@ -25,6 +35,7 @@ def test_the_node_of_the_executables_name_is_run(monkeypatch: pytest.MonkeyPatch
     assert runs == [["/anywhere/lib/walker", "--ros-args"]]
 
 
+@pytest.mark.usefixtures("interruptible")
 def test_an_interrupt_during_the_import_is_quiet(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:

@@ -2,7 +2,7 @@
 
 import os
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -23,6 +23,7 @@ from rabbit_bringup.recording.opening import opened
 
 DELIVERY_SECONDS = 3.0
 SHOW_SECONDS = 0.1
+LOOK_SECONDS = 0.1
 LEAST_DEPTH = 10  # where a recording does not say
 
 
@@ -57,8 +58,7 @@ def play(path: Path, how: Playing, show: Callable[[float, float], object]) -> in
         try:
             node = rclpy.create_node("player", namespace=how.namespace, context=context)
             publishers = {c.topic: _publisher(node, c, how.namespace) for c in reader.connections}
-            time.sleep(how.delay)
-            _refuse_clash(path, node, publishers.values())
+            _wait_alone(path, node, publishers.values(), how.delay)
             return _publish(reader, publishers, how, show)
         finally:
             rclpy.try_shutdown(context=context)
@@ -97,6 +97,16 @@ def _publisher(node: Node, connection: Connection, namespace: str) -> Any:
     package, _, name = connection.msgtype.split("/")
     topic = "/" + "/".join(part.strip("/") for part in (namespace, connection.topic) if part.strip("/"))
     return node.create_publisher(getattr(import_module(f"{package}.msg"), name), topic, quality(connection))
+
+
+def _wait_alone(path: Path, node: Node, publishers: Collection[Any], seconds: float) -> None:
+    """Refuse a clash as soon as it shows within `seconds`."""
+    end = time.monotonic() + seconds
+    while True:
+        _refuse_clash(path, node, publishers)
+        if time.monotonic() >= end:
+            return
+        time.sleep(min(LOOK_SECONDS, seconds))
 
 
 def _refuse_clash(path: Path, node: Node, publishers: Iterable[Any]) -> None:
