@@ -138,6 +138,7 @@ class ToyWorld:
     def reset(self, seed: int) -> RobotState:
         self._rng = np.random.default_rng(seed)
         self._y, self._dy, self._tick = 0.1 * self._rng.standard_normal(4), np.zeros(4), 0
+        self._applied = np.full(4, np.nan)
         return self._state()
 
     def step(self, torque: Array) -> RobotState:
@@ -145,11 +146,12 @@ class ToyWorld:
         self._y = self._y + TICK_SECONDS * self._dy + TICK_SECONDS**2 / 2 * acceleration
         self._dy = self._dy + TICK_SECONDS * acceleration
         self._tick += 1
+        self._applied = torque
         return self._state()
 
     def _state(self) -> RobotState:
         q, dq = np.array([0, 0.78, 0, *self._y]), np.array([0, 0, 0, *self._dy])
-        return make_state(self._tick, q=q, dq=dq, running=self._tick < self.ticks)
+        return make_state(self._tick, q=q, dq=dq, running=self._tick < self.ticks, applied=self._applied)
 
 
 @dataclass
@@ -161,10 +163,6 @@ class ToyController:
 
     def reset(self, seed: int) -> None:
         self._rng = np.random.default_rng(seed)
-        self._torque = np.full(4, np.nan)
-
-    def applied(self, torque: Array) -> None:
-        self._torque = torque
 
     def step(self, state: RobotState) -> ControllerOutput:
         eta = np.concatenate([state.q[3:], state.dq[3:]])
@@ -174,7 +172,6 @@ class ToyController:
         mu = -20 * eta[:4] - 8 * eta[4:] + self.sigma * self._rng.standard_normal(4)
         changes = {"eta": eta, "V": CLF.value(eta), "LgV": LgV, "mu": mu, "torque": mu, "observation": observation}
         nominal = CLF.derivative(eta)
-        mu_held, self._torque = self._torque, mu
         return make_output(
             state.tick,
             Problem.RL_CLF_QP,
@@ -183,7 +180,7 @@ class ToyController:
             alpha=estimates.alpha,
             beta=estimates.beta,
             policy_version=self.policy.version,
-            mu_held=mu_held,
+            mu_held=state.applied,
             **changes,
         )
 

@@ -42,6 +42,7 @@ TOPICS = {
     "torque": "TorqueCommand",
     "controller_state": "ControllerState",
     "policy_swap": "PolicySwap",
+    "controller_settings": "ControllerSettings",
 }
 
 
@@ -98,6 +99,9 @@ def told(walk: Walk) -> Iterator[tuple[str, int, Any]]:
     yield "episode", 0, message("episode", 0, phase=1, touchdowns=0, outcome="", **episode)
     swap = {"version": "zero", "source": "built in", "accepted": True, "reason": "", "data": np.zeros(0, np.uint8)}
     yield "policy_swap", 0, message("policy_swap", 0, **swap)
+    gait = load_gait(walk.law.gait).model_dump_json()
+    settings = {"parameters": walk.law.model_dump_json(), "gait": gait}
+    yield "controller_settings", 0, message("controller_settings", 0, **settings)
     seen = None
     for record in walk.records:
         state, tick = record.state, record.state.tick
@@ -123,6 +127,7 @@ def state_message(state: Any) -> Any:
         dq=np.asarray(state.dq),
         foot_force=np.asarray(state.foot_force).ravel(),
         contact=np.asarray(state.contact, dtype=bool),
+        applied=np.asarray(state.applied),
         touchdowns=state.touchdowns,
         previewed=state.preview is not None,
         running=state.running,

@@ -131,7 +131,7 @@ def test_parameters_of_somebody_else_are_refused(tmp_path: Path, write_bag: Writ
     ):
         if text is not None:
             file.write_text(text)
-        done = CliRunner().invoke(app, ["bag", "check", str(bag)])
+        done = CliRunner().invoke(app, ["bag", "check", str(bag), "--parameters", str(file)])
         assert (done.exit_code, done.stderr.count("\n")) == (2, 1), done.output
         assert str(file) in done.stderr
 

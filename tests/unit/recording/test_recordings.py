@@ -70,9 +70,8 @@ def test_lost_ticks_are_counted(tmp_path: Path, write_bag: WriteBag, walk: Walk)
     assert (checked.lost, checked.replayed, checked.differing) == (4, 5, [])
 
 
-def test_check_takes_the_parameters_beside_the_recording(tmp_path: Path, write_bag: WriteBag, walk: Walk) -> None:
+def test_check_takes_the_recorded_parameters_or_a_file(tmp_path: Path, write_bag: WriteBag, walk: Walk) -> None:
     bag = write_bag(tmp_path / "bag")
-    write_parameters(tmp_path / "parameters.yaml", **walk.law.model_dump(mode="json"))
     done = rabbit("check", bag)
     assert done.exit_code == 0, done.output
     assert f"{len(walk.records)} ticks, 0 lost, {len(walk.records)} replayed, torques identical" in done.output
@@ -80,6 +79,15 @@ def test_check_takes_the_parameters_beside_the_recording(tmp_path: Path, write_b
     done = rabbit("check", bag, "--parameters", tmp_path / "other.yaml")
     assert done.exit_code == 1
     assert "torques differ" in done.output
+
+
+def test_without_recorded_parameters_a_file_is_asked_for(tmp_path: Path, write_bag: WriteBag, walk: Walk) -> None:
+    bag = write_bag(tmp_path / "bag", change=lambda topic, m: None if topic == "controller_settings" else m)
+    done = rabbit("check", bag)
+    assert done.exit_code == 2
+    assert "parameters are not in it" in done.output
+    write_parameters(tmp_path / "own.yaml", **walk.law.model_dump(mode="json"))
+    assert rabbit("check", bag, "--parameters", tmp_path / "own.yaml").exit_code == 0
 
 
 def test_info_counts(tmp_path: Path, write_bag: WriteBag, walk: Walk) -> None:

@@ -16,6 +16,8 @@ COMMANDS = {
     "train": "Learn a policy in process.",
     "policy": "Policy files: show, verify, errors of the estimates, load.",
     "bench": "Time a tick, its parts and a walk against their limits.",
+    "jitter": "Walk in real time: late ticks, missed deadlines, the age of the torque, with busy neighbours.",
+    "soak": "Walk for an hour with learning, swapping and recording on: does anything grow?",
     "bag": "Recordings: record, info, play, plot, check, recover.",
     "video": "Film a run, or a recording: MP4 and GIF.",
 }

@@ -1,6 +1,6 @@
 """The layout of the robot's state and what the simulator measures of it at one tick."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any
 
@@ -39,6 +39,11 @@ class StonePreview:
     l_max: float
 
 
+def no_torque() -> Array:
+    """NaN (4,): none was applied yet, or it is not known."""
+    return np.full(4, np.nan)
+
+
 @dataclass(frozen=True)
 class RobotState:
     """What is measured at one tick, all in the world frame (x forward, z up).
@@ -47,7 +52,9 @@ class RobotState:
     normal (+z), averaged over the tick that ended now. `contact` (2,): a foot carried more than 1 N at some
     moment of that tick.
     `touchdowns` counts landings since the reset, so stone `touchdowns + 1` is the one previewed; `preview` is None on
-    flat ground. `running` is False once the episode has ended (fall, miss, all stones walked).
+    flat ground. `running` is False once the episode has ended (fall, miss, all stones walked). `applied` (4,), N m,
+    left/right order: the command over the tick that ended now, which in real time may be another than the controller's
+    last; NaN at tick 0.
     """
 
     tick: int
@@ -58,6 +65,7 @@ class RobotState:
     touchdowns: int
     preview: StonePreview | None
     running: bool = True
+    applied: Array = field(default_factory=no_torque)
 
     @property
     def time(self) -> float:

@@ -33,6 +33,7 @@ def state_message(state: RobotState, episode: int, at: Time) -> msg.RabbitState:
         dq=state.dq,
         foot_force=state.foot_force.ravel(),
         contact=state.contact.tolist(),  # of numpy's own booleans rosidl writes False
+        applied=state.applied,
         touchdowns=state.touchdowns,
         previewed=state.preview is not None,
         running=state.running,
@@ -55,6 +56,7 @@ def state_of(message: msg.RabbitState, preview: StonePreview | None, finite: boo
         touchdowns=message.touchdowns,
         preview=preview,
         running=message.running,
+        applied=np.array(message.applied),
     )
 
 

@@ -1,5 +1,6 @@
 """Runs one node until it is told to stop. Every node's `main` is a call of this."""
 
+import gc
 import os
 import signal
 import sys
@@ -43,6 +44,7 @@ def run(make: Callable[[], Node], errors: tuple[type[Exception], ...] = ()) -> N
     except unusable as error:
         print(f"error: {error}", file=sys.stderr)
         sys.exit(2)
+    gc.freeze()  # what is there by now stays: looking through it again would hold up a tick
     executor = EventsExecutor()
     executor.add_node(node)
     try:

@@ -1,15 +1,13 @@
 """The simulator's node: publishes the state of a tick, waits for its torque, steps. It owns the clock and the episodes.
 
 In lock-step (the default) nothing moves before the torque of the very tick has come. In real time a tick lasts 10 ms by
-the wall clock, and a torque that comes late is replaced by the last one, for `held_ticks` at most.
+the wall clock, and `real_time` says what acts in place of a torque that comes late.
 """
 
 import math
 import time
-from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field
-from rabbit_description.gait import DEFAULT_GAIT, GaitError, load_gait
+from rabbit_description.gait import GaitError, load_gait
 from rabbit_description.state import TICK_SECONDS, Array, RobotState, StonePreview
 from rabbit_msgs.msg import Episode, EpisodePlan, RabbitState, TorqueCommand
 from rabbit_msgs.msg import Landing as LandingMessage
@@ -19,6 +17,8 @@ from rabbit_ros.conversions_node import joint_state, preview_message, stamp, sta
 from rabbit_ros.diagnostics_node import OK, WARN, Diagnostics, Status
 from rabbit_ros.door import Door, Refused, check_turn
 from rabbit_ros.parameters_node import declare, follow, refuse_unknown
+from rabbit_ros.priority import scheduling
+from rabbit_ros.priority_node import take_or_warn
 from rabbit_ros.qos_node import EVENT, TICK
 from rabbit_ros.spin_node import run, steady_timer
 from rclpy.node import Node
@@ -26,32 +26,15 @@ from rclpy.timer import Timer
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 
+from rabbit_sim.node_parameters import NodeParameters
 from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.real_time import Source, StandIn
 from rabbit_sim.simulation import Simulation
 from rabbit_sim.stones import CourseError
+from rabbit_sim.tick_clock_node import TickClock
 
 LOOK_SECONDS = 0.02  # between looks at who is there and what is late
 REPEAT_SECONDS = 0.5  # without an answer, after which a state is sent again: its reader may just have come
-
-
-class NodeParameters(BaseModel):
-    """What the node is told besides the plant."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    gait: str = Field(DEFAULT_GAIT, description="gait whose post-impact state the robot starts from: a name or a file")
-    seed: int = Field(1, ge=0, le=2**63 - 1, description="of the first episode; the next ones count up from it")
-    episodes: int = Field(1, ge=0, description="episodes to walk by itself; 0: those that reset_episode asks for")
-    start_paused: bool = Field(False, description="wait for the pause service to let the first episode begin")
-    readers: int = Field(1, ge=1, le=100, description="nodes that must hear the state before an episode begins")
-    real_time: bool = Field(False, description="100 Hz by the wall clock instead of lock-step")
-    held_ticks: int = Field(2, ge=0, le=1000, description="real time: how long the last torque stands in for late ones")
-    pace: float = Field(0.0, ge=0, le=100, description="lock-step: times real time at most; 0: no limit; dynamic")
-    answer_timeout: float = Field(5.0, gt=0, le=3600, description="s without a torque that end an episode")
-    trainer_timeout: float = Field(600.0, gt=0, le=86400, description="s that the trainer may take between episodes")
-    trainer: Literal["ignore", "wait", "follow"] = Field(
-        "ignore", description="wait: until it has digested the last episode; follow: and as it plans the next one"
-    )
 
 
 class SimulatorNode(Node):
@@ -62,6 +45,7 @@ class SimulatorNode(Node):
         self._own = declare(self, NodeParameters, dynamic=("pace",))
         plant = declare(self, SimulationParameters)
         refuse_unknown(self)
+        take_or_warn(self, self._own.priority)
         self._simulation = Simulation(plant, load_gait(self._own.gait))
         self._door = Door()
         self._episode = Episode(stones=plant.stones, sigma=math.nan)
@@ -73,7 +57,8 @@ class SimulatorNode(Node):
         self._paused = self._own.start_paused
         self._due = True  # a torque may be used at once; with a pace, once a tick
         self._pacer: Timer | None = None
-        self._clock_ticks = self._landings_told = self._held_ticks = self._late_ticks = 0
+        self._stand_in = StandIn(self._own.held_ticks, self._own.damped_ticks, self._own.damping)
+        self._clock_ticks = self._landings_told = 0
         self._since: float | None = time.monotonic()  # when the wait began for what is awaited
         self._reminders = 0
         self._connect()
@@ -95,6 +80,7 @@ class SimulatorNode(Node):
         self.create_subscription(EpisodePlan, "episode_plan", self._on_plan, EVENT)
         self.create_service(ResetEpisode, "reset_episode", self._on_reset)
         self.create_service(Pause, "pause", self._on_pause)
+        self._ticks = TickClock(self, self._own.late_limit)
         self._diagnostics = Diagnostics(self, self._door, self._status)
         steady_timer(self, LOOK_SECONDS, self._look)
         self._tell(Episode.WAITING)
@@ -107,6 +93,8 @@ class SimulatorNode(Node):
             if self._state is None or self._torque is not None:
                 raise Refused("not awaited", f"episode {message.episode}, tick {message.tick}")
             check_turn((message.episode, message.tick), (self._episode.episode, self._state.tick))
+            if self._stand_in.gave_up:
+                raise Refused("too late", f"the joints are damped since tick {self._state.tick}")
             torque = torque_of(message)
         except Refused as error:
             self.get_logger().warning(self._door.refuse("torque", error))
@@ -115,7 +103,8 @@ class SimulatorNode(Node):
         if message.fault:
             self._end("fault", message.fault)
             return
-        self._torque, self._held_ticks = torque, 0
+        self._torque = torque
+        self._ticks.answered()
         self._go_on()
 
     def _on_plan(self, message: EpisodePlan) -> None:
@@ -134,6 +123,7 @@ class SimulatorNode(Node):
 
     def _on_pause(self, request: Pause.Request, response: Pause.Response) -> Pause.Response:
         self._paused, self._since, self._reminders = request.paused, time.monotonic(), 0
+        self._ticks.sent()  # a pause makes nothing older
         if self._state is not None:
             self._tell(Episode.PAUSED if self._paused else Episode.RUNNING)
         self._go_on()
@@ -144,7 +134,8 @@ class SimulatorNode(Node):
 
     def _begin(self, seed: int, sigma: float = math.nan, policy: str = "") -> None:
         """Reset the plant; tick 0 goes out at once."""
-        self._torque, self._landings_told, self._held_ticks = None, 0, 0
+        self._torque, self._landings_told = None, 0
+        self._stand_in.begin()
         state = self._simulation.reset(seed)
         number = self._episode.episode + 1
         self._episode = Episode(
@@ -157,15 +148,19 @@ class SimulatorNode(Node):
     def _go_on(self) -> None:
         """Step, if the torque is there, nobody paused and the pace allows it."""
         if self._torque is not None and self._due and not self._paused:
-            self._due = self._pacer is None
-            self._step(self._torque)
+            self._stand_in.answered(self._torque)
+            self._step(self._torque, Source.ANSWER)
 
-    def _step(self, torque: Array) -> None:
-        self._state, self._torque, self._last_torque = self._simulation.step(torque), None, torque
+    def _step(self, torque: Array, source: Source) -> None:
+        before = stamp(self._clock_ticks), self._episode.episode, self._state.tick if self._state else 0
+        self._state, self._torque = self._simulation.step(torque), None
         self._clock_ticks += 1
+        self._due = self._pacer is None
+        if self._own.real_time:
+            self._ticks.simulated(*before, source)
         self._publish(self._state)
-        if not self._state.running:
-            self._end(self._simulation.outcome.value)
+        if not self._state.running or self._stand_in.is_over:
+            self._end(*self._stand_in.verdict(self._simulation.outcome.value))
 
     def _end(self, outcome: str, reason: str = "") -> None:
         if self._state is None:
@@ -182,6 +177,7 @@ class SimulatorNode(Node):
             self._previews.publish(preview_message(state.preview, number, at))
         self._preview = state.preview
         self._states.publish(state_message(state, number, at))
+        self._ticks.sent()
         self._clock_out.publish(Clock(clock=at))  # while the controller works
         self._joints.publish(joint_state(state, at))
         for landing in self._simulation.landings[self._landings_told :]:
@@ -213,9 +209,7 @@ class SimulatorNode(Node):
         """Nobody has answered for so many seconds."""
         if silence > self._own.answer_timeout:
             self._is_answered = False
-            self._end(
-                "silent", f"the controller sent no torque for tick {state.tick} in {self._own.answer_timeout:g} s"
-            )
+            self._end("silent", f"no torque for tick {state.tick} came in {self._own.answer_timeout:g} s")
         elif silence > (self._reminders + 1) * REPEAT_SECONDS:
             self._reminders += 1
             self._states.publish(state_message(state, self._episode.episode, stamp(self._clock_ticks)))
@@ -251,29 +245,29 @@ class SimulatorNode(Node):
         if self._pacer is not None:
             self.destroy_timer(self._pacer)
             self._pacer = None
-        pace = 1.0 if own.real_time else own.pace
+        pace = own.pace or float(own.real_time)
         if pace > 0:
             self._pacer = steady_timer(self, TICK_SECONDS / pace, self._on_pace)
+            self._ticks.start(TICK_SECONDS / pace)
         self._due = self._pacer is None
 
     def _on_pace(self) -> None:
         """A tick is due."""
         self._due = True
-        if self._own.real_time and self._state is not None and self._torque is None and not self._paused:
-            self._stand_in()
+        self._ticks.due()
         self._go_on()
+        if self._due and self._own.real_time and self.executor is not None:
+            self.executor.create_task(self._do_without)  # behind what has come in already
 
-    def _stand_in(self) -> None:
-        """Real time does not wait: hold the last torque, then give up."""
-        self._late_ticks += 1
-        self._held_ticks += 1
-        if self._state is not None and self._state.tick == 0:
-            return  # nothing moves before the first torque
-        if self._held_ticks > self._own.held_ticks:
-            self._is_answered = False
-            self._end("silent", f"{self._held_ticks} ticks without a torque in real time")
+    def _do_without(self) -> None:
+        """Real time does not wait for a torque, but for an episode's first."""
+        if self._state is None or not self._due or self._paused:
+            return
+        if self._state.tick == 0:
+            self._due = False  # the first tick begins at the next pace after its torque
         else:
-            self._torque = self._last_torque
+            self._step(*self._stand_in.missed(self._state.dq))
+            self._is_answered &= not self._stand_in.gave_up
 
     def _status(self) -> Status:
         waits = {
@@ -281,10 +275,14 @@ class SimulatorNode(Node):
             "the trainer": self._own.trainer != "ignore" and self._plan is None,
         }
         missing = [who for who, is_missing in waits.items() if is_missing]
-        e = self._episode
-        figures = {"episode": e.episode, "outcome": e.outcome, "late ticks": self._late_ticks, "paused": self._paused}
+        e, punctuality = self._episode, self._ticks.punctuality
+        figures = {"episode": e.episode, "outcome": e.outcome, "paused": self._paused, "scheduling": scheduling()}
+        if self._own.real_time:
+            figures |= punctuality.figures
         if missing and self._state is None:
             return WARN, f"waiting for {' and '.join(missing)}", figures
+        if not punctuality.is_fit:
+            return WARN, f"this machine is not fit for real time: {punctuality}", figures
         return OK, f"episode {e.episode}" if self._state is not None else "between episodes", figures
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 from rabbit_description.gait import Gait
-from rabbit_description.state import Array, Leg, RobotState, StonePreview
+from rabbit_description.state import Array, Leg, RobotState, StonePreview, no_torque
 
 from rabbit_sim.initial_state import initial_state
 from rabbit_sim.parameters import SimulationParameters
@@ -84,6 +84,7 @@ class Simulation:
         self._sensors = Sensors(self.parameters, sensor_rng)
         self.outcome, self.landings = Outcome.RUNNING, []
         self._tick = self._touchdowns = self._airborne_ticks = 0
+        self._applied = no_torque()
         self._fell_into_gap = False
         q, dq = initial_state(self.parameters, self._gait, start_rng)
         self._plant.reset(q, dq, Leg.LEFT)
@@ -109,6 +110,7 @@ class Simulation:
         if self.outcome is not Outcome.RUNNING:
             raise RuntimeError(f"outcome = {self.outcome}: expected a running episode, call reset first")
         self._plant.advance(torque)
+        self._applied = torque.copy()
         self._tick += 1
         self.reading = self._plant.observe()
         self._count_landings()
@@ -162,4 +164,4 @@ class Simulation:
     def _state(self) -> RobotState:
         q, dq, force = self._sensors.measure(self.reading)
         contact, running = self.reading.contact.copy(), self.outcome is Outcome.RUNNING
-        return RobotState(self._tick, q, dq, force, contact, self._touchdowns, self._preview, running)
+        return RobotState(self._tick, q, dq, force, contact, self._touchdowns, self._preview, running, self._applied)

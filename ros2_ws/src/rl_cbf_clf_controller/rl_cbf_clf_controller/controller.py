@@ -177,10 +177,6 @@ class Controller:
             self._adaptation.reset()
         self._residual.reset()
 
-    def applied(self, torque: Array) -> None:
-        """Tell that `torque` (4,), left/right order, was applied in place of the one that `step` gave last."""
-        self._step.torque = torque[SWAP_TORQUE] if self._step.stance is Leg.RIGHT else torque
-
     def step(self, state: RobotState) -> ControllerOutput:
         """The torque for one tick.
 
@@ -189,6 +185,8 @@ class Controller:
                 that does not tell the output error where the objective or the adaptation needs it.
         """
         self._check(state)
+        if np.isfinite(state.applied).all():  # in real time it may be another than the one that this gave last
+            self._step.torque = state.applied[SWAP_TORQUE] if self._step.stance is Leg.RIGHT else state.applied
         fault = self._swap_legs(state)
         terms = self.terms(state)
         estimates = self._adapted(state, terms, self.policy.estimate(terms.context))

@@ -13,12 +13,14 @@ from typing import Literal
 from pydantic import BaseModel, ConfigDict, Field
 from rabbit_description.gait import GaitError, load_gait
 from rabbit_description.state import StonePreview
-from rabbit_msgs.msg import ControllerState, Episode, PolicySwap, RabbitState, TorqueCommand
+from rabbit_msgs.msg import ControllerSettings, ControllerState, Episode, PolicySwap, RabbitState, TorqueCommand
 from rabbit_msgs.msg import StonePreview as PreviewMessage
 from rabbit_ros.conversions_node import preview_of, state_of
 from rabbit_ros.diagnostics_node import OK, WARN, Diagnostics, Status
 from rabbit_ros.door import Door, Refused, check_turn
 from rabbit_ros.parameters_node import declare, follow, refuse_unknown
+from rabbit_ros.priority import scheduling
+from rabbit_ros.priority_node import take_or_warn
 from rabbit_ros.qos_node import EVENT, TICK
 from rabbit_ros.spin_node import run
 from rclpy.node import Node
@@ -43,6 +45,7 @@ class NodeParameters(BaseModel):
     swap_at: Literal["tick", "episode", "never"] = Field(
         "tick", description="when published policies take effect; one loaded by service always does at the next tick"
     )
+    priority: int = Field(0, ge=0, le=99, description="SCHED_FIFO priority, where permitted; 0: an ordinary process")
 
 
 class ControllerNode(Node):
@@ -53,14 +56,15 @@ class ControllerNode(Node):
         self._own = declare(self, NodeParameters)
         self._settings = declare(self, ControllerParameters, dynamic=("sigma",))
         refuse_unknown(self)
+        take_or_warn(self, self._own.priority)
         problem = self._settings.problem
         self._zero = Decided(ZERO, "built in", False, ZeroPolicy(problem))
         self._in_force = self._zero if self._own.policy == ZERO else first_policy(self._own.policy, problem)
         self._waiting: Decided | None = None  # the newest policy that is not in force yet
         self._refused: dict[str, str] = {}  # version to reason
         self._decided: deque[Decided] = deque()  # from the other thread
-        gait = load_gait(self._settings.gait)
-        self._controller = Controller(self._settings, gait, self._in_force.policy or ZeroPolicy(problem))
+        self._gait = load_gait(self._settings.gait)
+        self._controller = Controller(self._settings, self._gait, self._in_force.policy or ZeroPolicy(problem))
         self._door = Door()
         self._episode = Episode(sigma=math.nan)
         self._previews: dict[tuple[int, int], StonePreview] = {}  # by episode and index
@@ -68,7 +72,7 @@ class ControllerNode(Node):
         self._turn = (0, -1)  # episode and tick of the newest state
         self._answer: TorqueCommand | None = None  # to it
         self._connect()
-        follow(self, self._settings, self._set_parameters)
+        follow(self, self._settings, self._on_parameters)
 
     def close(self) -> None:
         """End the thread that checks policies."""
@@ -78,11 +82,13 @@ class ControllerNode(Node):
         self._torques = self.create_publisher(TorqueCommand, "torque", TICK)
         self._details = self.create_publisher(ControllerState, "controller_state", TICK)
         self._swaps = self.create_publisher(PolicySwap, "policy_swap", EVENT)
+        self._told_settings = self.create_publisher(ControllerSettings, "controller_settings", EVENT)
         self._states = self.create_subscription(RabbitState, "state", self._on_state, TICK)
         self.create_subscription(PreviewMessage, "preview", self._on_preview, EVENT)
         self.create_subscription(Episode, "episode", self._on_episode, EVENT)
         self._diagnostics = Diagnostics(self, self._door, self._status)
         self._tell_swap(self._in_force)
+        self._tell_settings()
         self._intake = PolicyIntake(self._settings.problem, self._on_decided)
 
     # What comes in
@@ -235,6 +241,18 @@ class ControllerNode(Node):
             )
         )
 
+    def _on_parameters(self, parameters: ControllerParameters) -> None:
+        """An operator changed one: it holds from the next answer on."""
+        self._set_parameters(parameters)
+        self._tell_settings()
+
+    def _tell_settings(self) -> None:
+        """From which tick the present parameters hold."""
+        episode, tick = self._turn
+        settings = ControllerSettings(parameters=self._settings.model_dump_json(), gait=self._gait.model_dump_json())
+        settings.episode, settings.tick = episode, tick + (self._held is None)
+        self._told_settings.publish(settings)
+
     def _set_parameters(self, parameters: ControllerParameters) -> None:
         """The episode's own sigma goes before the node's."""
         self._settings = parameters
@@ -249,6 +267,7 @@ class ControllerNode(Node):
             "policy": self._in_force.version,
             "policy waiting": self._waiting.version if self._waiting else "",
             "ticks not answered by the chosen solver": self._controller.unanswered,
+            "scheduling": scheduling(),
         }
         if not self._states.get_publisher_count():
             return WARN, "waiting for a simulator", figures

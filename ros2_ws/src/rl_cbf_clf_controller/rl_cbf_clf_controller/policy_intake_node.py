@@ -12,6 +12,7 @@ from pathlib import Path
 
 from rabbit_msgs.msg import PolicyWeights
 from rabbit_msgs.srv import LoadPolicy
+from rabbit_ros.priority import be_ordinary
 from rabbit_ros.qos_node import WEIGHTS
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
@@ -53,6 +54,7 @@ class PolicyIntake(Node):
         self.destroy_node()
 
     def _spin(self) -> None:
+        be_ordinary()  # a check must not keep a tick waiting
         with suppress(ExternalShutdownException):
             self._executor.spin()
 

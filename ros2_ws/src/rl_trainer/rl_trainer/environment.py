@@ -10,7 +10,7 @@ scout, looks at each state first. Which leg stands and all that is measured do n
 """
 
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -51,12 +51,6 @@ class GivenAction:
         return Estimates(unit.alpha * self._alpha_scale * size[:, None], unit.beta * self._beta_scale * size)
 
 
-class Scout(Controller, Protocol):
-    """A controller that can be told of another torque than its own."""
-
-    def applied(self, torque: Array) -> None: ...
-
-
 class WalkingEnv(gymnasium.Env[Float32, Float32]):
     """One episode is one walk of the simulation that was passed in; a time limit or a fault truncates it."""
 
@@ -64,7 +58,7 @@ class WalkingEnv(gymnasium.Env[Float32, Float32]):
         self,
         parameters: TrainingParameters,
         simulation: Simulation,
-        make_controller: Callable[[Policy, float], Scout],
+        make_controller: Callable[[Policy, float], Controller],
     ) -> None:
         self.parameters, self._simulation = parameters, simulation
         self._policy, self._builder = GivenAction(parameters), TransitionBuilder(parameters)
@@ -92,7 +86,6 @@ class WalkingEnv(gymnasium.Env[Float32, Float32]):
         output = self._controller.step(self._state)
         self._builder.reset()
         self._builder.add(self._state, output)
-        self._scout.applied(output.torque)
         self._state = self._simulation.step(output.torque)
         if self._state.running:
             scouted = self._scout.step(self._state)

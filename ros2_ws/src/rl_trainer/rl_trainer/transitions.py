@@ -29,7 +29,7 @@ class Doubt(IntFlag):
     """Why a transition may be left out of learning."""
 
     NONE = 0
-    UNMEASURED = 1  # no next output, or another stance leg: there is no difference to take
+    UNMEASURED = 1  # no next output, another stance leg, or another torque than this tick's was applied
     SETTLING = 2  # shortly after an impact
     FLIGHT = 4  # the stance foot carries nothing
     SCUFF = 8  # the swing foot touches the ground
@@ -148,7 +148,7 @@ class TransitionBuilder:
         y, dy = np.abs(last.eta[:4]).max(), np.abs(last.eta[4:]).max()
         normal_force = state.foot_force[:, 1]
         reasons = {
-            Doubt.UNMEASURED: output is None or output.step_index != last.step_index,
+            Doubt.UNMEASURED: output is None or output.step_index != last.step_index or _acted_otherwise(last, state),
             Doubt.SETTLING: last.step_index > 0 and last.step_time < p.settle_time - TICK_SECONDS / 2,
             Doubt.FLIGHT: normal_force[last.stance] < CONTACT_FORCE,
             Doubt.SCUFF: normal_force[last.stance.other] >= CONTACT_FORCE,
@@ -160,6 +160,11 @@ class TransitionBuilder:
 
     def _failed(self, state: RobotState) -> bool:
         return bool(state.q[1] < self._parameters.fall_height or abs(state.q[2]) > self._parameters.fall_pitch)
+
+
+def _acted_otherwise(last: ControllerOutput, state: RobotState) -> bool:
+    """Whether the plant took another torque than `last`'s, as it does when that comes late in real time."""
+    return bool(np.isfinite(state.applied).all() and (state.applied != last.torque).any())
 
 
 def measure(last: ControllerOutput, state: RobotState, output: ControllerOutput, p: TrainingParameters) -> Array:

@@ -65,10 +65,13 @@ def show(bag: Path, found: "Contents") -> None:
 
     screen = Console()
     print(f"{bag}: {found.messages} messages, {found.seconds:.2f} s, {found.bytes / 1e6:.1f} MB")
-    topics = Table("topic", "type", "messages", "QoS")
+    topics = Table("topic", "type", "messages", "lost", "QoS")
     for topic in found.topics:
-        topics.add_row(topic.name, topic.type, str(topic.messages), topic.qos)
+        lost = "not known" if topic.lost is None else str(topic.lost)
+        topics.add_row(topic.name, topic.type, str(topic.messages), lost, topic.qos)
     screen.print(topics)
+    if found.episodes and (runs := found.episodes[-1].run):
+        print(f"the simulator was started anew {runs} times; the episodes are counted on")
     episodes = Table("episode", "seed", "ended", "stones", "ticks", "policies")
     for e in found.episodes:
         ended = f"{e.outcome or 'not in the recording'}{f' ({e.reason})' if e.reason else ''}"
@@ -126,7 +129,7 @@ def plot(
 def check(
     bag: Bag,
     parameters: Annotated[
-        Path | None, typer.Option(help="the controller's ROS parameter file (default: parameters.yaml beside BAG)")
+        Path | None, typer.Option(help="the controller's ROS parameter file, in place of what is recorded")
     ] = None,
 ) -> None:
     """Count lost ticks, and replay the states through a controller: exit code 1 unless all torques come out again."""
@@ -135,7 +138,8 @@ def check(
 
     faults = episodes = 0
     with complaints(RecordingError):
-        for e in check_episodes(bag, controller_parameters(bag, parameters)):
+        law = controller_parameters(parameters) if parameters else None
+        for e in check_episodes(bag, law):
             episodes += 1
             faults += e.lost + len(e.differing)
             print(f"episode {e.number}: {e.ticks} ticks, {e.lost} lost, {e.replayed} replayed, {_torques(e)}")

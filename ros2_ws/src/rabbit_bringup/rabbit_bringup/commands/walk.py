@@ -76,7 +76,12 @@ def form_of(policy: Path) -> dict[str, Any]:
 def make_folder(request: WalkOptions) -> Path:
     """The walk's own folder, new."""
     name = f"{datetime.now():%Y%m%d-%H%M%S}-seed-{request.seed}"
-    folder = (request.out or Path("runs") / name).absolute()
+    return new_folder(request.out or Path("runs") / name)
+
+
+def new_folder(path: Path) -> Path:
+    """Make a folder, or take an empty one; ends the command if it is neither."""
+    folder = path.absolute()
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         fail(f"--out {folder}: expected a new or empty folder")
     try:
@@ -135,6 +140,11 @@ def tell(
     with complaints(RecordingError):
         summary = write_summary(folder, simulation, controller, seconds)
     print(f"{summary['ticks']} ticks in {seconds:.1f} s: {summary['real_time_factor'] or 0:.1f} times real time")
+    if timing := summary["real_time"]:
+        print(
+            f"real time: {timing['late_share']:.2%} of the ticks more than 2 ms late, {timing['missed']} unanswered in "
+            f"time; age of the torque {timing['age_ms']['p99']:.1f} ms (p99)"
+        )
     if not summary["ticks"]:
         return
     from rich.console import Console

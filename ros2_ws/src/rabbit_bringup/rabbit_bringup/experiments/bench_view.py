@@ -5,8 +5,8 @@ the viewer itself has another core, and other work on the machine does not count
 other, every other pair in the other order, since the machine's speed drifts.
 """
 
+import contextlib
 import multiprocessing
-import os
 import statistics
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,6 +16,7 @@ from typing import Any
 from rabbit_description.state import TICK_SECONDS
 
 from rabbit_bringup.experiments.assembly import Assembly
+from rabbit_bringup.experiments.node_usage import node_processes, usage
 from rabbit_bringup.launching.walk import WalkOptions, make_graph, run_graph
 from rabbit_bringup.viewing.live.listen import Listener
 
@@ -103,16 +104,10 @@ def _walk(assembly: Assembly, seed: int, view: bool) -> Walk:
 
 def cpu_seconds(folder: Path, names: list[str]) -> dict[str, float]:
     """Processor time that the graph in `folder` has used so far, by node."""
-    mark, used = str(folder / "parameters.yaml").encode(), {}
-    for process in Path("/proc").glob("[0-9]*"):
-        try:
-            words = (process / "cmdline").read_bytes().split(b"\0")
-            if mark in words:
-                name = next(name for name in names if any(word.endswith(f"/{name}".encode()) for word in words))
-                user, system = (process / "stat").read_text().rpartition(")")[2].split()[11:13]
-                used[name] = (int(user) + int(system)) / os.sysconf("SC_CLK_TCK")
-        except OSError:  # it has ended
-            continue
+    used = {}
+    for name, process in node_processes(folder, names).items():
+        with contextlib.suppress(OSError):  # it has ended
+            used[name] = usage(process).cpu
     return used
 
 

@@ -13,6 +13,7 @@ from rl_trainer.rollout import Record
 
 from rabbit_bringup.experiments import provenance
 from rabbit_bringup.experiments.metrics import RunTally
+from rabbit_bringup.experiments.timing import real_time_figures
 from rabbit_bringup.recording.reader import RecordedEpisode, iterate_episodes
 from rabbit_bringup.viewing.walk_records import WalkRecords, about_walk, save_records
 
@@ -36,6 +37,7 @@ def write_summary(
         "ticks": ticks,
         "wall_seconds": wall_seconds,
         "real_time_factor": ticks * TICK_SECONDS / wall_seconds if wall_seconds else None,
+        "real_time": real_time_figures(folder / "recording"),
         "command": provenance.command(),
         "commit": provenance.commit(),
         "versions": provenance.versions(),

@@ -50,6 +50,9 @@ class WalkOptions(BaseModel):
     pictures: bool = Field(True, description="draw the walk")
     video: bool = Field(True, description="film the walk")
     real_time: bool = Field(False, description="100 Hz by the wall clock instead of lock-step")
+    priority: int = Field(
+        0, ge=0, le=99, description="SCHED_FIFO priority of simulator and controller, where permitted"
+    )
     pace: float | None = Field(
         None, ge=0, le=100, description="lock-step: times real time at most; 0: no limit (default: 0; with --view 1)"
     )
@@ -101,8 +104,8 @@ def make_graph(
     own = {"seed": options.seed, "episodes": options.episodes, "start_paused": True, "trainer": trainer}
     pace = {"real_time": options.real_time, "pace": float(options.view) if options.pace is None else options.pace}
     told = {
-        "simulator": {**own, **pace, "gait": controller.gait, **simulation.model_dump()},
-        "controller": {"policy": policy, "swap_at": swap_at, **controller.model_dump()},
+        "simulator": {**own, **pace, "priority": options.priority, "gait": controller.gait, **simulation.model_dump()},
+        "controller": {"policy": policy, "swap_at": swap_at, "priority": options.priority, **controller.model_dump()},
         "trainer": {**learner, **(training or {})},
         "recorder": {"path": str(folder / "recording"), "storage": options.record},
         "viewer": {"port": options.view_port, "wait": 0.0},

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rabbit_description.state import TICK_SECONDS
 from rabbit_msgs.msg import ControllerState, Episode, EpisodePlan, Landing, RabbitState
 from rabbit_msgs.srv import Pause
 from rabbit_ros.diagnostics_node import readers_told
@@ -35,6 +36,7 @@ class Progress:
     margin: float  # m, of the last landing
     slack: float
     ratio: float  # |F_T| / F_N of the stance foot
+    ticks: int  # of all episodes so far
 
 
 class Watch:
@@ -107,7 +109,8 @@ class Watch:
         details: Any = self._decode("controller_state", ControllerState)
         ratio = float(force_ratio(np.asarray(state.foot_force).reshape(2, 2)[details.stance]))
         e = self.episode
-        return Progress(e.episode, state.touchdowns, e.stones, self._margin, details.clf_slack, ratio)
+        ticks = round((state.stamp.sec + state.stamp.nanosec * 1e-9) / TICK_SECONDS)
+        return Progress(e.episode, state.touchdowns, e.stones, self._margin, details.clf_slack, ratio, ticks)
 
     def _decode(self, name: str, kind: Any) -> Any:
         data = self._newest.get(name)

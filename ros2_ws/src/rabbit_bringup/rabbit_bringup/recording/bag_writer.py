@@ -18,8 +18,11 @@ from rosbags.rosbag2.storage_sqlite3 import Sqlite3Writer
 from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
+from rabbit_bringup.recording.chunk_index import ChunkIndex
+
 Storage = Literal["mcap", "sqlite3"]
 FLUSH_SECONDS = 0.5
+LOST = "lost_messages"  # key of what a recorder notes at its end
 
 
 class RecordingError(RuntimeError):
@@ -53,6 +56,8 @@ class BagWriter:
         try:
             self._writer = Writer(path, version=9, storage_plugin=plugin)
             self._writer.open()
+            if isinstance(self._writer.storage, McapWriter):
+                self._writer.storage.chunks = ChunkIndex(path)
         except (OSError, WriterError, sqlite3.Error) as error:
             raise RecordingError(f"recording {path}: {error}") from error
 
@@ -83,6 +88,10 @@ class BagWriter:
                 storage.bio.flush()
             elif isinstance(storage, Sqlite3Writer):
                 storage.conn.commit()
+
+    def note(self, key: str, value: str) -> None:
+        """Note something in the recording's metadata, which are written by `close`."""
+        self._writer.set_custom_data(key, value)
 
     def close(self) -> None:
         """Finish the files and their index; nothing after an error."""

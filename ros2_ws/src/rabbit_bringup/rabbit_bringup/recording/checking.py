@@ -11,11 +11,8 @@ from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.weights import PolicyFileError
 
 from rabbit_bringup.recording.bag_writer import RecordingError
-from rabbit_bringup.recording.opening import storage_files
 from rabbit_bringup.recording.reader import RecordedEpisode, iterate_episodes
 from rabbit_bringup.recording.replay import replay
-
-BESIDE = "parameters.yaml"  # what `rabbit walk` leaves beside its recording
 
 
 @dataclass(frozen=True)
@@ -33,8 +30,8 @@ class Checked:
     furthest: float
 
 
-def check_episodes(path: Path, law: ControllerParameters) -> Iterator[Checked]:
-    """Check one episode after another; raises `RecordingError`."""
+def check_episodes(path: Path, law: ControllerParameters | None = None) -> Iterator[Checked]:
+    """Check one episode after another, by the recorded settings or by `law`; raises `RecordingError`."""
     for episode in iterate_episodes(path):
         beginning = up_to_gap(episode)
         try:
@@ -54,21 +51,20 @@ def up_to_gap(episode: RecordedEpisode) -> RecordedEpisode:
     return replace(episode, records=whole)
 
 
-def controller_parameters(recording: Path, given: Path | None = None) -> ControllerParameters:
-    """The controller's, from the ROS parameter file `given`, or from the one beside the recording.
+def controller_parameters(path: Path) -> ControllerParameters:
+    """The controller's, from the ROS parameter file that it was started with.
 
     Raises:
-        RecordingError: no recording, no such file, or none for a controller in it.
+        RecordingError: no such file, or none for a controller in it.
     """
-    path = given or storage_files(recording)[0].parent.with_name(BESIDE)
     try:
         nodes = yaml.safe_load(path.read_text(encoding="utf-8"))
         (values,) = [body["ros__parameters"] for name, body in nodes.items() if name.split("/")[-1] == "controller"]
-        return ControllerParameters.model_validate({k: v for k, v in values.items() if k not in ("policy", "swap_at")})
+        return ControllerParameters.model_validate(
+            {k: v for k, v in values.items() if k in ControllerParameters.model_fields}
+        )
     except OSError as error:
-        raise RecordingError(
-            f"parameters {path}: {error.strerror}; name the ROS parameter file that the controller was started with"
-        ) from error
+        raise RecordingError(f"parameters {path}: {error.strerror}") from error
     except (
         ValidationError,
         yaml.YAMLError,

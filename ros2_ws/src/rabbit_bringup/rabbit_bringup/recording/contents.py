@@ -1,30 +1,39 @@
 """What is in a recording: topics with counts and QoS, how long it is, episodes with seeds, outcomes and policies."""
 
-from dataclasses import asdict, dataclass, field
+import json
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from rosbags.highlevel import AnyReader
 from rosbags.interfaces import ConnectionExtRosbag2, Qos
+from rosbags.rosbag2 import Reader
 
+from rabbit_bringup.recording.bag_writer import LOST
 from rabbit_bringup.recording.opening import opened, storage_files
-from rabbit_bringup.recording.reader import messages
+from rabbit_bringup.recording.reader import messages_by_run
 
 
 @dataclass(frozen=True)
 class TopicContents:
-    """One topic."""
+    """One topic. `lost`: messages that were sent while the recorder listened and did not reach it; None: not known."""
 
     name: str
     type: str
     messages: int
     qos: str
+    lost: int | None = None
 
 
 @dataclass
 class EpisodeContents:
-    """One episode, as the simulator and the controller told it; `ticks` of its last announcement."""
+    """One episode, as the simulator and the controller told it; `ticks` of its last announcement.
+
+    `number` is its number in the recording, `run` counts how often the simulator was started anew before.
+    """
 
     number: int
+    run: int = 0
     seed: int = 0
     stones: int = 0
     touchdowns: int = 0
@@ -53,8 +62,9 @@ class Contents:
 def contents(path: Path) -> Contents:
     """Look into a recording; raises `RecordingError`."""
     with opened(path) as reader:
+        lost = lost_messages(reader)
         topics = [
-            TopicContents(c.topic, c.msgtype, c.msgcount, qos_text(c.ext.offered_qos_profiles))
+            TopicContents(c.topic, c.msgtype, c.msgcount, qos_text(c.ext.offered_qos_profiles), lost.get(c.topic))
             for c in sorted(reader.connections, key=lambda c: c.topic)
             if isinstance(c.ext, ConnectionExtRosbag2)
         ]
@@ -65,12 +75,21 @@ def contents(path: Path) -> Contents:
     return Contents([f.name for f in files], size, seconds, count, topics, episodes(path))
 
 
+def lost_messages(reader: AnyReader) -> dict[str, int]:
+    """How many messages of each topic the recorder saw go past, as it noted at its end."""
+    lost: dict[str, int] = {}
+    for part in reader.readers:
+        if isinstance(part, Reader) and part.storage.metadata.custom:
+            lost |= json.loads(part.storage.metadata.custom.get(LOST, "{}"))
+    return lost
+
+
 def episodes(path: Path) -> list[EpisodeContents]:
     """Seeds, outcomes and policies."""
-    found: dict[int, EpisodeContents] = {}
+    found: dict[tuple[int, int], EpisodeContents] = {}
     in_force = ""
-    for topic, message in messages(path, "episode", "policy_swap"):
-        episode = found.setdefault(message.episode, EpisodeContents(message.episode))
+    for run, topic, message in messages_by_run(path, "episode", "policy_swap"):
+        episode = found.setdefault((run, message.episode), EpisodeContents(0, run))
         if topic == "policy_swap":
             in_force = message.version if message.accepted else in_force
         else:
@@ -79,7 +98,8 @@ def episodes(path: Path) -> list[EpisodeContents]:
             episode.ticks = message.tick
         if in_force and in_force not in episode.policies:
             episode.policies.append(in_force)
-    return [found[number] for number in sorted(found) if number > 0]
+    walked = [found[run, number] for run, number in sorted(found) if number > 0]
+    return [replace(episode, number=i) for i, episode in enumerate(walked, start=1)]
 
 
 def qos_text(profiles: list[Qos]) -> str:

@@ -7,9 +7,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from rabbit_description.gait import Gait
 from rabbit_description.state import RobotState, StonePreview
 from rabbit_sim.simulation import Landing
 from rl_cbf_clf_controller.message_fields import output_of
+from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_trainer.rollout import Record
 
 from rabbit_bringup.recording.bag_writer import RecordingError
@@ -17,7 +19,8 @@ from rabbit_bringup.recording.opening import opened, told
 
 OWN_TYPES = "rabbit_msgs/"
 BY_TICK = ("state", "torque", "controller_state")
-TOPICS = (*BY_TICK, "preview", "landing", "episode", "policy_swap")
+TOPICS = (*BY_TICK, "preview", "landing", "episode", "policy_swap", "controller_settings")
+WAITING = 0  # phase in rabbit_msgs/Episode
 NEIGHBOURS = 3  # episodes whose messages may be mixed
 
 
@@ -30,13 +33,23 @@ class RecordedSwap:
     data: bytes
 
 
+@dataclass(frozen=True)
+class RecordedSettings:
+    """What the controller went by from the answer to `tick` on."""
+
+    tick: int
+    parameters: ControllerParameters
+    gait: Gait
+
+
 @dataclass
 class RecordedEpisode:
-    """One episode.
+    """One episode, by its number in the recording: where the simulator was started again, these count on.
 
     `sigma` is the exploration it was announced with, NaN for the controller's own parameter. `swaps` begin with the
-    policy in force at its start. `ticks` are as many as there were torques awaited, by what was recorded; `last` is the
-    state that got no torque, if it was recorded; `missing` counts ticks with a gap.
+    policy in force at its start, `settings` with what the controller went by. `ticks` are as many as there were torques
+    awaited, by what was recorded; `last` is the state that got no torque, if it was recorded; `missing` counts ticks
+    with a gap.
     """
 
     number: int
@@ -47,6 +60,7 @@ class RecordedEpisode:
     records: list[Record] = field(default_factory=list)
     landings: list[Landing] = field(default_factory=list)
     swaps: list[RecordedSwap] = field(default_factory=list)
+    settings: list[RecordedSettings] = field(default_factory=list)
     last: RobotState | None = None
     ticks: int = 0
     missing: int = 0
@@ -74,6 +88,19 @@ def last_name(topic: str) -> str:
     return topic.split("/")[-1]
 
 
+def messages_by_run(path: Path, *names: str) -> Iterator[tuple[int, str, Any]]:
+    """As `messages`, before each the simulator's run that it belongs to, from 0; a simulator begins one by waiting.
+
+    The topic `episode` must be among the names.
+    """
+    run, is_begun = 0, False
+    for topic, message in messages(path, *names):
+        if topic == "episode" and message.episode == 0 and message.phase == WAITING and is_begun:
+            run, is_begun = run + 1, False
+        is_begun |= message.episode > 0
+        yield run, topic, message
+
+
 def read_episodes(path: Path) -> dict[int, RecordedEpisode]:
     """All episodes of a recording, by number."""
     return {episode.number: episode for episode in iterate_episodes(path)}
@@ -85,26 +112,48 @@ def iterate_episodes(path: Path) -> Iterator[RecordedEpisode]:
     Raises:
         RecordingError: as `messages`; or messages that are defined otherwise than this version's.
     """
-    gathered: dict[int, _Gathered] = {}
-    in_force: RecordedSwap | None = None
+    gathered: dict[tuple[int, int], _Gathered] = {}
+    in_force = _InForce()
+    number = 0
     try:
-        for topic, message in messages(path, *TOPICS):
-            gathered.setdefault(message.episode, _Gathered(message.episode)).add(topic, message)
-            while len(gathered) > NEIGHBOURS:
-                in_force = yield from gathered.pop(min(gathered)).finish(in_force)
-        for number in sorted(gathered):
-            in_force = yield from gathered[number].finish(in_force)
+        for run, topic, message in messages_by_run(path, *TOPICS):
+            gathered.setdefault((run, message.episode), _Gathered()).add(topic, message)
+            if len(gathered) > NEIGHBOURS:
+                number += yield from _finish(gathered, in_force, number)
+        while gathered:
+            number += yield from _finish(gathered, in_force, number)
     except (AttributeError, TypeError, ValueError) as error:
         raise RecordingError(
             f"recording {path}: recorded under other message definitions, or damaged: {error}"
         ) from error
 
 
+def _finish(
+    gathered: "dict[tuple[int, int], _Gathered]", in_force: "_InForce", number: int
+) -> Generator[RecordedEpisode, None, bool]:
+    """Yield the first of the gathered episodes and return True; False if it is what was told before a run's first."""
+    key = min(gathered)
+    episode = gathered.pop(key).finish(in_force)
+    is_one = key[1] > 0
+    if is_one:
+        episode.number = number + 1
+        yield episode
+    return is_one
+
+
+@dataclass
+class _InForce:
+    """What an episode begins with: the newest of the ones before."""
+
+    swap: RecordedSwap | None = None
+    settings: RecordedSettings | None = None
+
+
 class _Gathered:
     """The messages of one episode."""
 
-    def __init__(self, number: int) -> None:
-        self._episode = RecordedEpisode(number)
+    def __init__(self) -> None:
+        self._episode = RecordedEpisode(0)
         self._ticks: dict[str, dict[int, Any]] = {name: {} for name in BY_TICK}
         self._previews: dict[int, Any] = {}
 
@@ -120,19 +169,25 @@ class _Gathered:
             for name in ("seed", "sigma", "outcome", "reason"):
                 setattr(self._episode, name, getattr(message, name))
             self._episode.ticks = max(self._episode.ticks, message.tick)
+        elif topic == "controller_settings":
+            law = ControllerParameters.model_validate_json(message.parameters)
+            gait = Gait.model_validate_json(message.gait)
+            self._episode.settings.append(RecordedSettings(message.tick, law, gait))
         elif message.accepted:
             self._episode.swaps.append(RecordedSwap(message.tick, message.version, bytes(message.data)))
 
-    def finish(self, in_force: RecordedSwap | None) -> Generator[RecordedEpisode, None, RecordedSwap | None]:
-        """Yield the episode, unless it is what was told before the first; return the policy in force at its end."""
+    def finish(self, in_force: _InForce) -> RecordedEpisode:
+        """The episode, which begins with what is `in_force`; that becomes what was at its end."""
         episode = self._episode
         for tick in sorted(self._ticks["state"]):
             self._add_tick(tick)
-        if in_force and not (episode.swaps and episode.swaps[0].tick == 0):
-            episode.swaps.insert(0, replace(in_force, tick=0))
-        if episode.number > 0:
-            yield episode
-        return episode.swaps[-1] if episode.swaps else None
+        if in_force.swap and not (episode.swaps and episode.swaps[0].tick == 0):
+            episode.swaps.insert(0, replace(in_force.swap, tick=0))
+        if in_force.settings and not (episode.settings and episode.settings[0].tick == 0):
+            episode.settings.insert(0, replace(in_force.settings, tick=0))
+        in_force.swap = episode.swaps[-1] if episode.swaps else in_force.swap
+        in_force.settings = episode.settings[-1] if episode.settings else in_force.settings
+        return episode
 
     def _add_tick(self, tick: int) -> None:
         state = _state(self._ticks["state"][tick], self._previews)
@@ -156,4 +211,5 @@ def _state(message: Any, previews: dict[int, Any]) -> RobotState:
         touchdowns=message.touchdowns,
         preview=StonePreview(stone.index, stone.l_min, stone.l_max) if stone else None,
         running=message.running,
+        applied=message.applied,
     )

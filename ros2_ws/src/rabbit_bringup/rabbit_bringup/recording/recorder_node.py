@@ -1,31 +1,40 @@
 """The recorder: every topic of the graph, as its bytes came, into a rosbag2 folder.
 
 Messages are stored under the simulated time that they carry, so that a recording plays at the pace of the walk whatever
-the pace of the machine was; diagnostics, which carry none, under that of the message before. A full disk ends the
-recording, not the walk.
+the pace of the machine was; diagnostics, which carry none, under that of the message before. A simulator that is
+started anew begins its time at 0: what follows is stored behind what there is. A full disk ends the recording, not the
+walk.
 """
 
+import json
 import time
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from ament_index_python.packages import get_package_share_directory
 from pydantic import BaseModel, ConfigDict, Field
+from rabbit_description.state import TICK_SECONDS
+from rabbit_msgs.msg import Episode
 from rabbit_ros.diagnostics_node import ERROR, OK, WARN, Diagnostics, Status
 from rabbit_ros.door import Door
 from rabbit_ros.parameters_node import declare, refuse_unknown
 from rabbit_ros.spin_node import run, steady_timer
 from rabbit_ros.topics_node import TOPICS, Topic
+from rabbit_ros.with_info_node import NUMBER, with_info
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
+from rclpy.serialization import deserialize_message
 from rclpy.subscription import Subscription
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 
-from rabbit_bringup.recording.bag_writer import FLUSH_SECONDS, BagWriter, RecordingError, Storage, graph_types
+from rabbit_bringup.recording.bag_writer import FLUSH_SECONDS, LOST, BagWriter, RecordingError, Storage, graph_types
+from rabbit_bringup.recording.loss import Loss
 
 IDLE_SECONDS = 0.3  # without a message, after which nothing more is on its way
 STAMP = slice(4, 12)  # after the CDR header: seconds int32, nanoseconds uint32
+TICK_NANOSECONDS = round(TICK_SECONDS * 1e9)
 FOREVER = QosTime(9223372036, 854775807)  # as `ros2 bag` writes it
 
 
@@ -51,7 +60,8 @@ class RecorderNode(Node):
         types = graph_types([Path(get_package_share_directory("rabbit_msgs"))])
         self._writer = BagWriter(Path(self._own.path), self._own.storage, types)
         self._door = Door()
-        self._nanoseconds = 0
+        self._loss = Loss()
+        self._nanoseconds = self._newest = self._run_began = 0  # of the recording; of the newest; when this run began
         self._heard = time.monotonic()
         self._failure = ""
         self._readers = {topic.name: self._subscribe(topic) for topic in TOPICS}
@@ -64,21 +74,34 @@ class RecorderNode(Node):
 
     def close(self) -> None:
         """Finish the recording."""
+        self._writer.note(LOST, json.dumps(self._loss.lost))
         if self._ends_at_errors(self._writer.close):
             self.get_logger().info(f"{self._writer.messages} messages in {self._own.path}")
 
     def _subscribe(self, topic: Topic) -> Subscription:
         name = self.resolve_topic_name(topic.name)
         self._writer.add(name, topic.type_name, [offered(topic.qos)])
-        return self.create_subscription(topic.type, topic.name, partial(self._on_bytes, name), topic.qos, raw=True)
+        take = self._on_episode if topic.type is Episode else self._on_bytes
+        callback = with_info(partial(take, name, topic.publisher != "all"))
+        return self.create_subscription(topic.type, topic.name, callback, topic.qos, raw=True)
 
-    def _on_bytes(self, name: str, data: bytes) -> None:
+    def _on_episode(self, name: str, numbered: bool, data: bytes, info: dict[str, Any]) -> None:
+        """A simulator that waits for its first episode was started just now."""
+        message: Any = deserialize_message(data, Episode)
+        if message.phase == Episode.WAITING and message.episode == 0 and self._newest:
+            self._run_began = self._nanoseconds = self._newest + TICK_NANOSECONDS
+        self._on_bytes(name, numbered, data, info)
+
+    def _on_bytes(self, name: str, numbered: bool, data: bytes, info: dict[str, Any]) -> None:
         self._heard = time.monotonic()
         if self._failure:
             return
+        if numbered:
+            self._loss.heard(name, info[NUMBER])
         seconds, nanoseconds = (int.from_bytes(data[i : i + 4], "little") for i in (STAMP.start, STAMP.start + 4))
         if seconds or nanoseconds:
-            self._nanoseconds = seconds * 1_000_000_000 + nanoseconds
+            self._nanoseconds = self._run_began + seconds * 1_000_000_000 + nanoseconds
+            self._newest = max(self._newest, self._nanoseconds)
         if self._ends_at_errors(partial(self._writer.write, name, self._nanoseconds, data)):
             self._door.accept(name)
 
@@ -99,11 +122,14 @@ class RecorderNode(Node):
         return True
 
     def _status(self) -> Status:
-        figures = {"path": self._own.path}
+        lost = {f"lost {name}": n for name, n in self._loss.lost.items() if n}
+        figures = {"path": self._own.path, **lost}
         if self._failure:
             return ERROR, self._failure, figures
         absent = [t.name for t in TOPICS if t.publisher in self._own.expect and not self._is_published(t.name)]
-        return (WARN, f"waiting for {', '.join(absent)}", figures) if absent else (OK, "recording", figures)
+        if absent or lost:
+            return WARN, f"waiting for {', '.join(absent)}" if absent else f"messages were lost: {lost}", figures
+        return OK, "recording", figures
 
     def _is_published(self, name: str) -> bool:
         return bool(self._readers[name].get_publisher_count())

@@ -11,24 +11,40 @@ from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import ActorPolicy, Policy, ZeroPolicy
 from rl_cbf_clf_controller.weights import decode
 
-from rabbit_bringup.recording.reader import RecordedEpisode
+from rabbit_bringup.recording.reader import RecordedEpisode, RecordedSettings
 
 
-def replay(episode: RecordedEpisode, law: ControllerParameters) -> Iterator[Array]:
-    """Torques (4,), N m, for each recorded tick of an episode."""
+def replay(episode: RecordedEpisode, law: ControllerParameters | None = None) -> Iterator[Array]:
+    """Torques (4,), N m, for each recorded tick of an episode, by the recorded settings or by `law` in their place.
+
+    Raises:
+        ValueError: nothing says what the controller went by; or a policy is not for it.
+    """
+    if law is not None:
+        settings = [RecordedSettings(0, law, load_gait(law.gait))]
+    elif not episode.settings:
+        raise ValueError("the controller's parameters are not in it: name its ROS parameter file")
+    else:
+        settings = episode.settings
+    laws = {each.tick: with_noise(each.parameters, episode.sigma) for each in settings}
     swaps = {swap.tick: swap for swap in episode.swaps}
-    if math.isfinite(episode.sigma):
-        law = law.model_copy(update={"sigma": episode.sigma})
-    controller = Controller(law, load_gait(law.gait), ZeroPolicy(law.problem))
+    problem = laws[0].problem
+    controller = Controller(laws[0], settings[0].gait, ZeroPolicy(problem))
     controller.reset(episode.seed)
     for record in episode.records:
+        controller.parameters = laws.get(record.state.tick, controller.parameters)
         if (swap := swaps.get(record.state.tick)) is not None:
-            policy: Policy = ActorPolicy(decode(swap.data, law.problem)) if swap.data else ZeroPolicy(law.problem)
+            policy: Policy = ActorPolicy(decode(swap.data, problem)) if swap.data else ZeroPolicy(problem)
             controller.policy = policy
         yield controller.step(record.state).torque
 
 
-def differing_ticks(episode: RecordedEpisode, law: ControllerParameters) -> list[int]:
+def with_noise(law: ControllerParameters, sigma: float) -> ControllerParameters:
+    """The episode's own exploration, where it has one, goes before the controller's."""
+    return law.model_copy(update={"sigma": sigma}) if math.isfinite(sigma) else law
+
+
+def differing_ticks(episode: RecordedEpisode, law: ControllerParameters | None = None) -> list[int]:
     """Ticks whose torques do not come out again, bit for bit."""
     again = zip(episode.records, replay(episode, law), strict=True)
     return [record.state.tick for record, torque in again if not np.array_equal(record.output.torque, torque)]

@@ -3,8 +3,6 @@
 from pathlib import Path
 
 from rabbit_bringup.recording.bag_writer import RecordingError
-from rabbit_bringup.recording.checking import BESIDE, controller_parameters
-from rabbit_bringup.recording.opening import storage_files
 from rabbit_bringup.recording.reader import RecordedEpisode, iterate_episodes
 from rabbit_bringup.viewing.pictures import draw
 from rabbit_bringup.viewing.video import as_gif, film
@@ -32,10 +30,7 @@ def film_bag(bag: Path, gif: bool = True, speed: float = 1.0, number: int | None
 
 
 def records_of_bag(bag: Path, number: int | None = None) -> WalkRecords:
-    """The ticks of episode `number`, or of the last one that has some; raises `RecordingError`.
-
-    The controller's limits are those of the parameter file beside the recording, if there is one.
-    """
+    """The ticks of episode `number`, or of the last one that has some; raises `RecordingError`."""
     chosen: RecordedEpisode | None = None
     for episode in iterate_episodes(bag):
         if episode.records and number in (None, episode.number):
@@ -46,6 +41,6 @@ def records_of_bag(bag: Path, number: int | None = None) -> WalkRecords:
     outcome = chosen.outcome or "not recorded to its end"
     title = f"episode {chosen.number}, policy {policies}, seed {chosen.seed}: {outcome}"
     about = {"title": title, "outcome": chosen.outcome, "seed": chosen.seed}
-    if storage_files(bag)[0].parent.with_name(BESIDE).is_file():
-        about |= drawn_parameters(controller_parameters(bag))
+    if chosen.settings:
+        about |= drawn_parameters(chosen.settings[0].parameters)
     return WalkRecords.from_ticks(chosen.records, chosen.landings, about)

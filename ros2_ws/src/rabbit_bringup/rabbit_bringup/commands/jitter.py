@@ -1,0 +1,87 @@
+"""`rabbit jitter`: how well this machine keeps real time, as a table."""
+
+from datetime import datetime
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from pydantic import BaseModel, ConfigDict, Field
+from rabbit_sim.parameters import SimulationParameters
+from rl_cbf_clf_controller.parameters import ControllerParameters
+
+from rabbit_bringup.commands.evaluate import given_assembly
+from rabbit_bringup.commands.options import Given, complaints, fail, options
+from rabbit_bringup.commands.walk import DEFAULTS, new_folder
+from rabbit_bringup.launching.walk import Interrupted
+
+NOT_FIT = 1
+
+app = typer.Typer(add_completion=False)
+
+
+class JitterOptions(BaseModel):
+    """What `rabbit jitter` is told besides plant and controller."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    out: Path | None = Field(None, description="folder for recordings and figures (default: runs/DATE-jitter)")
+    minutes: float = Field(10.0, gt=0, le=1000, description="of each walk")
+    neighbours: tuple[Annotated[int, Field(ge=0, le=1000)], ...] = Field(
+        (0,), min_length=1, description="busy processes beside the walk, a walk for each number"
+    )
+    priority: tuple[Annotated[int, Field(ge=0, le=99)], ...] = Field(
+        (0,), min_length=1, description="SCHED_FIFO priority of simulator and controller, a walk for each; 0: ordinary"
+    )
+    seed: int = Field(1, ge=0, le=2**63 - 1, description="of the first episode")
+    policy: str | None = Field(None, description="zero, a shipped policy or a file")
+    parameters: str = Field("ours", description="of the controller: ours, authors or a YAML file")
+
+
+@app.command()
+@options(JitterOptions, ControllerParameters, SimulationParameters)
+def jitter(given: Given) -> None:
+    """Walk in real time: late ticks, missed deadlines, age of the torque. Exit code 1 if this machine is not fit."""
+    if not given.values.keys() & {"controller", "parameters"}:
+        given = Given({**DEFAULTS, **given.values})
+    told = given.build(JitterOptions)
+    assembly = given_assembly(given, told.policy, told.parameters)
+    if assembly.policy == "oracle":
+        fail("--policy oracle: expected zero, a shipped policy or a file; the nodes never see the true plant")
+    folder = new_folder(told.out or Path("runs") / f"{datetime.now():%Y%m%d-%H%M%S}-jitter")
+    from rich.console import Console
+
+    from rabbit_bringup.experiments import jitter as experiment
+    from rabbit_bringup.launching.executables import LaunchError
+    from rabbit_bringup.recording.bag_writer import RecordingError
+
+    cases = [experiment.Case(n, p) for n in told.neighbours for p in told.priority]
+    with complaints(LaunchError, RecordingError), Console().status("starting") as status:
+        try:
+            rows = experiment.jitter(assembly, folder, cases, told.minutes * 60, told.seed, status.update)
+        except Interrupted as error:
+            fail(f"stopped by {error}; what was recorded is in {folder}", code=error.code)
+    show(rows)
+    print(f"written to {folder}")
+    if any(row["late_share"] > experiment.LATE_LIMIT for row in rows):
+        raise typer.Exit(NOT_FIT)
+
+
+def show(rows: list[dict[str, Any]]) -> None:
+    """A table on the screen, a row a walk."""
+    from rich.console import Console
+    from rich.table import Table
+
+    columns = ("late > 2 ms", "late p99, max", "answer p50, p99", "age p99, max", "missed", "damped", "walked")
+    table = Table("neighbours", "priority", "load", "ticks", *columns, title="times in ms")
+    for row in rows:
+        late, response, age = (row[name] for name in ("late_ms", "response_ms", "age_ms"))
+        table.add_row(
+            *(str(row["neighbours"]), str(row["priority"]), f"{row['load_before']:.1f}", str(row["ticks"])),
+            f"{row['late_share']:.3%}",
+            f"{late['p99']:.2f}, {late['max']:.1f}",
+            f"{response['p50']:.1f}, {response['p99']:.1f}",
+            f"{age['p99']:.1f}, {age['max']:.1f}",
+            *(str(row["missed"]), str(row["damped"])),
+            f"{row['outcomes'].get('walked', 0)} of {row['episodes']}",
+        )
+    Console().print(table)

@@ -1,0 +1,33 @@
+"""The samples of a soak as a picture: memory, descriptors and threads of each node, and the rate."""
+
+from pathlib import Path
+
+import numpy as np
+
+from rabbit_bringup.experiments.soak import Samples, nodes_in
+from rabbit_bringup.viewing import style
+
+COLOURS = (style.BLUE, style.ORANGE, style.GREEN, style.PURPLE, style.BLACK, style.RED)
+SMOOTH_SECONDS = 60.0
+
+
+def draw_soak(samples: Samples, path: Path) -> Path:
+    """Draw it; returns the path."""
+    minutes = samples["seconds"] / 60
+    with style.look():
+        figure, (memory, descriptors, threads, rate) = style.figure(4, height=1.8)
+        for node, colour in zip(nodes_in(samples), COLOURS, strict=False):
+            memory.plot(minutes, samples[f"{node}_memory"], color=colour, label=node)
+            descriptors.plot(minutes, samples[f"{node}_descriptors"], color=colour)
+            threads.plot(minutes, samples[f"{node}_threads"], color=colour)
+        many = max(1, round(SMOOTH_SECONDS / max(np.median(np.diff(samples["seconds"])), 1e-9)))
+        many = min(many, len(minutes) - 1)
+        ticks, seconds = samples["ticks"], samples["seconds"]
+        rate.plot(minutes[many:], (ticks[many:] - ticks[:-many]) / (seconds[many:] - seconds[:-many]), color=style.BLUE)
+        labels = ("memory (MB)", "descriptors", "threads", "ticks per second")
+        for axes, label in zip((memory, descriptors, threads, rate), labels, strict=True):
+            axes.set_ylabel(label)
+            axes.set_ylim(bottom=0)
+        rate.set_xlabel("time (min)")
+        style.legend(memory, columns=5)
+        return style.save(figure, path)

@@ -1,0 +1,114 @@
+"""Real time: which torque acts in a tick, and how well the machine keeps time.
+
+State k goes out as tick k begins. The torque that answers it acts over the whole tick, which is simulated at its end:
+
+    answered by then      its torque
+    not answered          the last torque again, `held_ticks` times in a row at most
+    after these           joint damping, u_j = -d dq_j, for `damped_ticks`; no answer counts any more, the episode ends
+
+So a controller that dies after its answer to tick k is held for over ticks k + 1 and k + 2, and damped from tick k + 3.
+"""
+
+from collections import deque
+from dataclasses import dataclass
+from enum import IntEnum
+
+from rabbit_description.state import Array
+
+LATE_SECONDS = 0.002  # later than this, a tick is late
+WINDOW = 6000  # newest ticks that fitness is judged by, one minute
+
+
+class Source(IntEnum):
+    """What acted in a tick."""
+
+    ANSWER = 0
+    HELD = 1
+    DAMPING = 2
+
+
+class StandIn:
+    """What acts where no torque has come, in one episode. `damping` in N m s/rad."""
+
+    def __init__(self, held_ticks: int, damped_ticks: int, damping: float) -> None:
+        self._held_ticks, self._damped_ticks, self._damping = held_ticks, damped_ticks, damping
+        self.begin()
+
+    def begin(self) -> None:
+        """A new episode."""
+        self._last: Array | None = None
+        self._held = self._damped = 0
+        self.gave_up = False
+
+    @property
+    def is_over(self) -> bool:
+        """All damped ticks were walked."""
+        return self.gave_up and self._damped >= self._damped_ticks
+
+    def answered(self, torque: Array) -> None:
+        """A tick had its answer, (4,) N m."""
+        self._last, self._held = torque, 0
+
+    def missed(self, dq: Array) -> tuple[Array, Source]:
+        """A tick had none: what acts in its place, (4,) N m, for the rates `dq` (7,) it began with, rad/s.
+
+        Raises:
+            RuntimeError: before the first answer there is nothing to hold.
+        """
+        if self._last is None:
+            raise RuntimeError("missed before any answer: nothing moves before the first torque")
+        if self.gave_up or self._held >= self._held_ticks:
+            self.gave_up = True
+            self._damped += 1
+            return -self._damping * dq[3:], Source.DAMPING
+        self._held += 1
+        self.gave_up = self._held == self._held_ticks
+        return self._last, Source.HELD
+
+    def verdict(self, outcome: str) -> tuple[str, str]:
+        """Outcome and reason of an episode that ends now and that the plant says `outcome` of."""
+        if not self.gave_up:
+            return outcome, ""
+        fate = "" if outcome == "running" else f", {outcome}"
+        return (
+            "silent",
+            f"no torque in time: the last one held for {self._held}, joints damped for {self._damped} ticks{fate}",
+        )
+
+
+@dataclass
+class Punctuality:
+    """Counts late ticks and missed deadlines; `is_fit` judges the newest `WINDOW` ticks by the share `limit`."""
+
+    limit: float
+    ticks: int = 0
+    late: int = 0
+    missed: int = 0
+    worst: float = 0.0
+
+    def __post_init__(self) -> None:
+        self._newest: deque[bool] = deque(maxlen=WINDOW)
+
+    def add(self, late_by: float, source: Source) -> None:
+        """A tick was simulated `late_by` s after it was due."""
+        is_late = late_by > LATE_SECONDS
+        self._newest.append(is_late)
+        self.ticks += 1
+        self.late += is_late
+        self.missed += source is not Source.ANSWER
+        self.worst = max(self.worst, late_by)
+
+    @property
+    def figures(self) -> dict[str, float]:
+        """For diagnostics."""
+        return {"ticks": self.ticks, "late ticks": self.late, "missed deadlines": self.missed, "worst (s)": self.worst}
+
+    def __str__(self) -> str:
+        """As it is told."""
+        count, seconds = sum(self._newest), LATE_SECONDS * 1e3
+        return f"{count} of the newest {len(self._newest)} ticks more than {seconds:g} ms late, limit {self.limit:.1%}"
+
+    @property
+    def is_fit(self) -> bool:
+        """Whether no more ticks were late than the limit allows in a whole window."""
+        return sum(self._newest) <= self.limit * WINDOW

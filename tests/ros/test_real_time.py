@@ -1,0 +1,89 @@
+"""Real time through the nodes: a controller that dies is held for, then the joints are damped, then it ends, by ticks.
+
+Real time is slowed down (`pace`), so that a busy machine keeps it.
+"""
+
+import os
+import signal
+from typing import Any
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticStatus
+from rabbit_description.state import TICK_SECONDS
+from rabbit_msgs.msg import Episode, Timing, TorqueCommand
+from rabbit_msgs.srv import Pause
+
+PACE, HELD, DAMPED, DAMPING = 0.1, 2, 10, 10.0
+PLANT: dict[str, Any] = {"motor_lag": 0.004, "stones": 20}
+SLOW: dict[str, Any] = {"real_time": True, "pace": PACE, "damping": DAMPING, "damped_ticks": DAMPED, **PLANT}
+
+
+def test_a_killed_controller_is_held_for_two_ticks_then_damped_then_it_ends(world: Any) -> None:
+    states, timings, episodes = world.hear("state"), world.hear("timing"), world.hear("episode")
+    torques = world.hear("torque")
+    world.start("simulator", **SLOW)
+    world.start("controller")
+    world.go()
+    world.wait(lambda: len(timings) >= 5)
+    world.processes.kill(["controller"])
+    world.wait(lambda: any(e.phase == Episode.ENDED for e in episodes))
+    (ended,) = [e for e in episodes if e.phase == Episode.ENDED]
+    world.wait(lambda: states[-1].tick == ended.tick and len(timings) == ended.tick)
+
+    sources = [t.source for t in timings]
+    last = max(i for i, source in enumerate(sources) if source == Timing.ANSWER)
+    assert sources[last + 1 :] == [Timing.HELD] * HELD + [Timing.DAMPING] * DAMPED
+    assert [t.tick for t in timings] == list(range(ended.tick))
+    assert ended.outcome == "silent"
+    assert ended.tick == last + 1 + HELD + DAMPED
+
+    answer = {t.tick: np.array(t.torque) for t in torques}
+    by_tick = {state.tick: state for state in states}
+    for tick in range(1, ended.tick + 1):  # what each state says of the tick before
+        applied, before = by_tick[tick].applied, by_tick[tick - 1]
+        if tick - 1 <= last + HELD:
+            answered = max(i for i in range(tick) if sources[i] == Timing.ANSWER)
+            np.testing.assert_array_equal(applied, answer[answered])
+        else:
+            np.testing.assert_array_equal(applied, -DAMPING * np.array(before.dq[3:]))
+
+
+def test_late_torques_are_told_to_the_controller(world: Any) -> None:
+    """The test answers in the controller's place, late at one tick: the state says that the last torque acted again."""
+    states, timings = world.hear("state"), world.hear("timing")
+    world.start("simulator", **SLOW, seed=3)
+    world.say("torque", TorqueCommand())  # refused, but the simulator knows now that somebody answers
+    assert world.ask(Pause, "pause", paused=False).accepted
+    late = 4
+    for tick in range(late + 2):
+        world.wait(lambda known=tick: len(states) > known)
+        state = states[tick]
+        if state.tick != late:
+            torque = np.full(4, float(state.tick + 1))
+            world.say("torque", TorqueCommand(episode=state.episode, tick=state.tick, torque=torque))
+    world.wait(lambda: len(timings) >= late + 2)
+    assert [t.source for t in timings[: late + 2]] == [Timing.ANSWER] * late + [Timing.HELD, Timing.ANSWER]
+    by_tick = {state.tick: state for state in states}
+    assert np.isnan(by_tick[0].applied).all()
+    assert [by_tick[tick].applied[0] for tick in range(1, late + 2)] == [1.0, 2.0, 3.0, 4.0, 4.0]
+    assert timings[late].age > timings[late - 1].age > 0.0
+    assert np.isnan(timings[late].response)
+
+
+def test_a_machine_that_is_not_fit_is_told_of(world: Any) -> None:
+    """The simulator is stopped for several ticks, so that one is late, which is more than none."""
+    timings, said = world.hear("timing"), world.hear("diagnostics")
+    world.start("simulator", **SLOW, late_limit=0.0)
+    world.start("controller")
+    world.go()
+    world.wait(lambda: bool(timings))
+    process = world.processes.pid("simulator")
+    os.kill(process, signal.SIGSTOP)
+    world.spin(5 * TICK_SECONDS / PACE)
+    os.kill(process, signal.SIGCONT)
+
+    def complaints() -> list[Any]:
+        return [s for m in said for s in m.status if s.level == DiagnosticStatus.WARN and "not fit" in s.message]
+
+    world.wait(lambda: bool(complaints()))
+    assert any(value.key == "late ticks" and int(value.value) > 0 for value in complaints()[0].values)

@@ -1,0 +1,34 @@
+"""SCHED_FIFO: taken where it is permitted, refused with a line that says what would permit it."""
+
+import os
+from typing import Any
+
+import pytest
+from rabbit_ros.priority import NotPermitted, be_ordinary, scheduling, take_priority
+
+
+def test_zero_changes_nothing() -> None:
+    before = scheduling()
+    take_priority(0)
+    assert scheduling() == before
+
+
+def test_refusal_names_priority_and_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: Any) -> None:
+        raise PermissionError(1, "Operation not permitted")
+
+    monkeypatch.setattr(os, "sched_setscheduler", refuse)
+    with pytest.raises(NotPermitted, match=r"SCHED_FIFO priority 50: not permitted.*`ulimit -r 50`"):
+        take_priority(50)
+
+
+def test_priority_is_taken_where_permitted() -> None:
+    try:
+        take_priority(7)
+    except NotPermitted:
+        pytest.skip("this user may not take SCHED_FIFO")
+    try:
+        assert scheduling() == "SCHED_FIFO 7"
+    finally:
+        be_ordinary()
+    assert scheduling() == "ordinary"
