@@ -30,6 +30,7 @@ class FixedPolicy:
     """The same estimates at every tick."""
 
     version = "fixed"
+    adaptation = None
 
     def __init__(self, alpha, beta):
         self._estimates = Estimates(alpha, beta)

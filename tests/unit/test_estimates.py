@@ -92,6 +92,7 @@ class Ones:
     """A policy that says one to everything."""
 
     version = "ones"
+    adaptation = None
 
     def estimate(self, context: PolicyContext) -> Estimates:
         return Estimates(np.ones((5, 4)), np.ones(5))

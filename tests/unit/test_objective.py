@@ -86,12 +86,13 @@ class Untold:
     """Estimates of rows alone."""
 
     version = "untold"
+    adaptation = None
 
     def estimate(self, context):
         return Estimates(np.zeros((5, 4)), np.zeros(5))
 
 
-@pytest.mark.parametrize("changes", [{"objective": "pd_centred"}, {"adaptation": "recursive_least_squares"}])
+@pytest.mark.parametrize("changes", [{"objective": "pd_centred"}, {"adaptation": "identification"}])
 def test_a_policy_that_tells_no_output_error_is_refused(changes):
     assert controller(Untold()).step(start()).policy_version == "untold"
     with pytest.raises(ControllerError, match="policy untold tells no output error"):

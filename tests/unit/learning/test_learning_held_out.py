@@ -18,6 +18,7 @@ class Informed:
     """Knows a share of the truth."""
 
     version = "informed"
+    adaptation = None
 
     def __init__(self, problem: Problem, truth: Any, share: float) -> None:
         self._problem, self._truth, self._share = problem, truth, share

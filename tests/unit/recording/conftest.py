@@ -141,4 +141,4 @@ def details(record: Record) -> Any:
     fields |= {name: np.asarray(getattr(out, name), dtype=float).ravel() for name in (*ARRAYS, *SEQUENCES)}
     fields |= {"quantities": list(out.quantities), "active": list(out.active), "policy_version": out.policy_version}
     fields |= {"stance": int(out.stance), "clf": out.V, "lgv": np.asarray(out.LgV)}
-    return message("controller_state", **fields, effectiveness=out.effectiveness.ravel())
+    return message("controller_state", **fields)

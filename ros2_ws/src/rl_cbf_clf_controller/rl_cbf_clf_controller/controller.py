@@ -14,6 +14,7 @@ import numpy as np
 from rabbit_description.gait import Gait
 from rabbit_description.state import SWAP_STATE, SWAP_TORQUE, TICK_SECONDS, Array, Leg, RobotState, StonePreview
 
+from rl_cbf_clf_controller.adaptation import Measured, make_adaptation
 from rl_cbf_clf_controller.affine import Affine
 from rl_cbf_clf_controller.contact_force import force_rows, literal_cone_rows
 from rl_cbf_clf_controller.context import ModelContext
@@ -27,7 +28,6 @@ from rl_cbf_clf_controller.policy import Policy
 from rl_cbf_clf_controller.qp import Decision, QuadraticProgram, build_qp, unpack
 from rl_cbf_clf_controller.quantities import QuantityModel
 from rl_cbf_clf_controller.res_clf import ResClf
-from rl_cbf_clf_controller.residual_adaptation import UNADAPTED, Measured, make_adaptation
 from rl_cbf_clf_controller.rows import Rows
 from rl_cbf_clf_controller.saturation import clip, saturation_rows
 from rl_cbf_clf_controller.solvers import Solution, make_solver
@@ -53,8 +53,8 @@ class ControllerOutput:
     value of the quantities = `nominal_a` mu + `nominal_b`, (n, 4) and (n,); `alpha`, `beta` the estimates;
     `observation` (14,) or (15,); `LgV` (4,); `clf_slack`, `rescue_slack`: the paper's d, the sum of the slacks of last
     resort; `active` names the rows that hold with equality; `answered` is False where the guard solver had to answer;
-    `fault` is empty, or why the episode must end; `objective`, `adaptation` name what was minimised and adapted,
-    `effectiveness`, `acceleration_residual`, `force_residual` are as in `Adapted`.
+    `fault` is empty, or why the episode must end; `objective`, `adaptation` name what was minimised and adapted;
+    `identified` (17,) is the robot as in `adaptation.KNOWN`, (0,) without adaptation.
     """
 
     tick: int
@@ -90,9 +90,7 @@ class ControllerOutput:
     fault: str = ""
     objective: str = "paper"
     adaptation: str = "none"
-    effectiveness: Array = field(default_factory=lambda: UNADAPTED.effectiveness)
-    acceleration_residual: Array = field(default_factory=lambda: UNADAPTED.acceleration_residual)
-    force_residual: Array = field(default_factory=lambda: UNADAPTED.force_residual)
+    identified: Array = field(default_factory=lambda: np.zeros(0))
 
 
 @dataclass(frozen=True)
@@ -160,8 +158,8 @@ class Controller:
         self._constraints = VirtualConstraints(gait)
         self._model = NominalModel(urdf)
         self._solver = make_solver(parameters.qp_solver)
-        self._adaptation = l1_adaptation(parameters, self.clf)
-        self._residual = make_adaptation(parameters.adaptation)
+        self._l1 = l1_adaptation(parameters, self.clf)
+        self._adaptation = make_adaptation(parameters.adaptation, urdf)
         self.reset(0)
 
     @property
@@ -173,9 +171,9 @@ class Controller:
         """Begin an episode: left leg stands; the exploration noise starts from `seed`."""
         self._step = StepState(rng=np.random.default_rng(seed))
         self._solver.reset()
-        if self._adaptation:
-            self._adaptation.reset()
-        self._residual.reset()
+        if self._l1:
+            self._l1.reset()
+        self._adaptation.reset()
 
     def step(self, state: RobotState) -> ControllerOutput:
         """The torque for one tick.
@@ -187,6 +185,7 @@ class Controller:
         self._check(state)
         if np.isfinite(state.applied).all():  # in real time it may be another than the one that this gave last
             self._step.torque = state.applied[SWAP_TORQUE] if self._step.stance is Leg.RIGHT else state.applied
+        state = self._adaptation.corrected(state)
         fault = self._swap_legs(state)
         terms = self.terms(state)
         estimates = self._adapted(state, terms, self.policy.estimate(terms.context))
@@ -250,18 +249,22 @@ class Controller:
         return build(force, p.min_normal_force, cone, p.force_rescue_weight).normalised()
 
     def _adapted(self, state: RobotState, terms: Terms, policy: Estimates) -> Estimates:
-        """The policy's estimates and what is adapted: with L1, the input of the first approach; else the residual."""
-        if self._adaptation is None:
-            self._check_outputs(terms, policy)
+        """The policy's estimates and what is adapted: with L1, the input of the first approach."""
+        if self._l1 is None:
+            self._check_estimates(terms, policy)
             force = state.foot_force[[self._step.stance, self._step.stance.other]]
-            return self._residual.estimate(terms.context, policy, Measured(state.tick, self._step.torque, force))
+            return self._adaptation.estimate(terms.context, policy, Measured(state.tick, self._step.torque, force))
         whole = Affine(np.eye(4) + policy.alpha, policy.beta)
         belief = whole.inverse().after(terms.output_dynamics)
-        compensation = self._adaptation.compensation(terms.eta, belief, self._step.torque)
+        compensation = self._l1.compensation(terms.eta, belief, self._step.torque)
         return Estimates(policy.alpha, whole(compensation))
 
-    def _check_outputs(self, terms: Terms, policy: Estimates) -> None:
+    def _check_estimates(self, terms: Terms, policy: Estimates) -> None:
         p = self.parameters
+        if self.policy.adaptation not in (None, p.adaptation):
+            raise ControllerError(
+                f"policy {self.policy.version} adds to adaptation {self.policy.adaptation}: expected {p.adaptation}"
+            )
         if policy.output_error or terms.model.outputs_only or (p.objective, p.adaptation) == ("paper", "none"):
             return
         needs = f"objective {p.objective} and adaptation {p.adaptation}"
@@ -345,7 +348,7 @@ class Controller:
             policy_version=self.policy.version,
             objective=p.objective,
             adaptation=p.adaptation,
-            **vars(self._residual.adapted),
+            identified=self._adaptation.known,
             fault=fault,
         )
 

@@ -1,52 +1,39 @@
-"""Least squares, one measurement a tick, for what is constant or changes slowly.
+"""Least squares, some measurements a tick, for a vector that is constant or changes slowly.
 
-`MatrixFit` finds D (n, n) from pairs of vectors,
+x (n,) from pairs of a matrix H_k (m, n) and a vector z_k (m,),
 
-    error_k = D_k phi_k + noise_k,      D_k a random walk, noise white with standard deviation `noise`.
+    z_k = H_k x_k + noise_k,      x_k a random walk, noise white with covariance R_k (m, m)
 
-The rows of D share the regressor phi, so they share one covariance P (n, n). Each tick, in this order:
+Each tick, in this order, P (n, n) being the covariance of x's error:
 
-    P <- P + walk I                                 D may have changed; nothing else is forgotten
-    k = P phi / (noise^2 + phi' P phi)
-    D <- D + (error - D phi) k',   P <- P - k phi' P
+    P <- P + walk                                   x may have changed; nothing else is forgotten
+    K = P H' (H P H' + R)^-1
+    x <- x + K (z - H x),   P <- P - K H P
 
-A direction that no regressor excites keeps its D. `ScalarFit` finds a constant scalar s from
-error_k = s phi_k + noise_k likewise, P a number and s kept in [0, most].
-Sources: Kalman (1960), with what is sought as the state; Ljung, System Identification (1999), section 11.
+What no measurement tells of keeps its value. Sources: Kalman (1960), with what is sought as the state; Ljung, System
+Identification (1999), section 11.
 """
 
 import numpy as np
 from rabbit_description.state import Array
 
 
-class MatrixFit:
-    """`value` (n, n), zero at first, its entries' variance `prior` there and `walk` more each tick."""
+class LeastSquares:
+    """`value` (n,), at first `start`, its error's covariance `prior` (n, n) there and `walk` (n, n) more each tick."""
 
-    def __init__(self, size: int, prior: float, noise: float, walk: float) -> None:
-        self.value = np.zeros((size, size))
-        self._covariance = prior * np.eye(size)
-        self._walk = walk * np.eye(size)
-        self._noise_variance = noise**2
+    def __init__(self, start: Array, prior: Array, walk: Array) -> None:
+        self.value = start
+        self._covariance = prior
+        self._walk = walk
 
-    def update(self, error: Array, regressor: Array) -> None:
-        """Take in a pair, both (n,)."""
-        self._covariance = self._covariance + self._walk
-        along = self._covariance @ regressor
-        gain = along / (self._noise_variance + regressor @ along)
-        self.value = self.value + np.outer(error - self.value @ regressor, gain)
-        self._covariance = self._covariance - np.outer(gain, along)
-
-
-class ScalarFit:
-    """`value`, 0 at first, its variance `prior` there; kept in [0, `most`]."""
-
-    def __init__(self, prior: float, noise: float, most: float) -> None:
-        self.value = 0.0
-        self._variance, self._noise_variance, self._most = prior, noise**2, most
-
-    def update(self, error: Array, regressor: Array) -> None:
-        """Take in a pair, both (n,)."""
-        gain = self._variance * regressor / (self._noise_variance + self._variance * (regressor @ regressor))
-        new = self.value + float(gain @ (error - self.value * regressor))
-        self.value = min(max(new, 0.0), self._most)
-        self._variance *= 1 - float(gain @ regressor)
+    def update(self, regressor: Array, measured: Array, noise: Array) -> None:
+        """Take in H (m, n), z (m,) and R (m, m); numbers too large to reckon with are left out."""
+        if not (np.isfinite(regressor).all() and np.isfinite(measured).all()):
+            return
+        covariance = self._covariance + self._walk
+        along = covariance @ regressor.T
+        gain = np.linalg.solve(regressor @ along + noise, along.T).T
+        value = self.value + gain @ (measured - regressor @ self.value)
+        covariance = covariance - gain @ along.T
+        if np.isfinite(value).all() and np.isfinite(covariance).all():
+            self.value, self._covariance = value, (covariance + covariance.T) / 2

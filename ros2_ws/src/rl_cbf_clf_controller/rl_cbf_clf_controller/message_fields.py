@@ -18,14 +18,12 @@ ARRAYS = (
     "mu_qp",
     "omega",
     "mu_held",
-    "acceleration_residual",
-    "force_residual",
 )
 SCALARS = ("tick", "step_index", "step_time", "phase", "clf_slack", "rescue_slack", "saturated", "answered")
 WORDS = ("solver", "status", "solve_seconds", "fault", "objective", "adaptation")
 SAME = (*ARRAYS, *SCALARS, *WORDS)  # what has one name on both sides
-SEQUENCES = ("nominal_a", "nominal_b", "alpha", "beta", "observation")  # whose length depends on the problem
-FINITE = ("eta", "mu", *SEQUENCES, "lgv", "effectiveness", "acceleration_residual", "force_residual")
+SEQUENCES = ("nominal_a", "nominal_b", "alpha", "beta", "observation", "identified")  # of more than one length
+FINITE = ("eta", "mu", *SEQUENCES, "lgv")
 
 
 def output_of(message: Any, torque: Array) -> ControllerOutput:
@@ -47,7 +45,6 @@ def output_of(message: Any, torque: Array) -> ControllerOutput:
         quantities=tuple(message.quantities),
         active=tuple(message.active),
         policy_version=message.policy_version,
-        effectiveness=np.array(message.effectiveness).reshape(5, 5),
         **values,
     )
 

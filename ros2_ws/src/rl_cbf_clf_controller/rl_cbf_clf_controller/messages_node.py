@@ -28,7 +28,6 @@ def controller_state(output: ControllerOutput, episode: int, at: Time) -> Contro
         setattr(message, name, getattr(output, name))
     for name in SEQUENCES:
         setattr(message, name, array("d", getattr(output, name).tobytes()))
-    message.effectiveness = output.effectiveness.ravel()
     message.quantities, message.active = list(output.quantities), [name[:32] for name in output.active[:64]]
     message.policy_version, message.fault, message.status = (
         output.policy_version,

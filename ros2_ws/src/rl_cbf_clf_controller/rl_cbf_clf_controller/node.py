@@ -59,7 +59,11 @@ class ControllerNode(Node):
         take_or_warn(self, self._own.priority)
         problem = self._settings.problem
         self._zero = Decided(ZERO, "built in", False, ZeroPolicy(problem))
-        self._in_force = self._zero if self._own.policy == ZERO else first_policy(self._own.policy, problem)
+        self._in_force = (
+            self._zero
+            if self._own.policy == ZERO
+            else first_policy(self._own.policy, problem, self._settings.adaptation)
+        )
         self._waiting: Decided | None = None  # the newest policy that is not in force yet
         self._refused: dict[str, str] = {}  # version to reason
         self._decided: deque[Decided] = deque()  # from the other thread
@@ -89,7 +93,7 @@ class ControllerNode(Node):
         self._diagnostics = Diagnostics(self, self._door, self._status)
         self._tell_swap(self._in_force)
         self._tell_settings()
-        self._intake = PolicyIntake(self._settings.problem, self._on_decided)
+        self._intake = PolicyIntake(self._settings.problem, self._settings.adaptation, self._on_decided)
 
     # What comes in
 
@@ -277,10 +281,10 @@ class ControllerNode(Node):
         return OK, f"episode {self._turn[0]}", figures
 
 
-def first_policy(name: str, problem: Problem) -> Decided:
+def first_policy(name: str, problem: Problem, adaptation: str) -> Decided:
     """The shipped policy of this name, or the file; raises `PolicyFileError`."""
     try:
-        decided = check(policy_path(name).read_bytes(), name, problem)
+        decided = check(policy_path(name).read_bytes(), name, problem, adaptation)
     except OSError as error:
         raise PolicyFileError(f"policy {name}: neither a shipped one nor a file: {error.strerror}") from error
     if decided.policy is None:

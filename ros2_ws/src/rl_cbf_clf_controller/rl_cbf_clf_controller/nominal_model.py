@@ -21,6 +21,7 @@ from rl_cbf_clf_controller.affine import Affine
 PLANE = [0, 2]  # x and z of a spatial vector
 NORMAL_TANGENTIAL = [1, 0]  # F = (F_T, F_N) to (F_N, F_T), the order of C1, C2
 INPUT_MAP = np.vstack([np.zeros((3, 4)), np.eye(4)])
+ACTUATED = INPUT_MAP.sum(axis=1)  # 1 where a motor acts
 
 
 @dataclass(frozen=True)
@@ -64,8 +65,7 @@ class NominalModel:
         self._stance = self.model.getFrameId("left_foot")
         self._swing = self.model.getFrameId("right_foot")
         self._no_acceleration = np.zeros(self.model.nv)
-        self._input_map = motor_gain * INPUT_MAP
-        self._damping = joint_damping * INPUT_MAP.sum(axis=1)
+        self.motor_gain, self.joint_damping = motor_gain, joint_damping
 
     def update(self, q_s: Array, dq_s: Array) -> Kinematics:
         """Compute all terms at a state `q_s`, `dq_s` (7,), stance/swing order, and return the feet's kinematics."""
@@ -89,11 +89,12 @@ class NominalModel:
 
     def pinned(self) -> PinnedDynamics:
         """Acceleration and contact force at the state of the last `update`."""
-        mass, bias_forces = self.mass_matrix(), self.data.nle + self._damping * np.diag(self.data.M) * self._dq_s
+        damping = self.joint_damping * ACTUATED * np.diag(self.data.M) * self._dq_s
+        mass, bias_forces = self.mass_matrix(), self.data.nle + damping
         kkt = np.zeros((9, 9))
         kkt[:7, :7], kkt[:7, 7:], kkt[7:, :7] = mass, -self._jacobian.T, self._jacobian
         right = np.zeros((9, 5))
-        right[:7, :4], right[:7, 4], right[7:, 4] = self._input_map, -bias_forces, -self._bias
+        right[:7, :4], right[:7, 4], right[7:, 4] = self.motor_gain * INPUT_MAP, -bias_forces, -self._bias
         solution = np.linalg.solve(kkt, right)
         return PinnedDynamics(
             acceleration=Affine(solution[:7, :4], solution[:7, 4]), force=Affine(solution[7:, :4], solution[7:, 4])
@@ -101,8 +102,7 @@ class NominalModel:
 
     def mass_matrix(self) -> Array:
         """M (7, 7) at the state of the last `update`."""
-        upper = np.triu(self.data.M)
-        return upper + np.triu(upper, 1).T
+        return symmetric(self.data.M)
 
     def impact(self, q_s: Array, dq_s: Array) -> tuple[Array, Array]:
         """Post-impact rates (7,) before relabelling and the impulse (2,) in N s when the swing foot lands at `q_s`."""
@@ -119,3 +119,9 @@ class NominalModel:
         jacobian = pin.getFrameJacobian(self.model, self.data, frame, world)[PLANE]
         bias = pin.getFrameClassicalAcceleration(self.model, self.data, frame, world).linear[PLANE]
         return jacobian, bias
+
+
+def symmetric(upper: Array) -> Array:
+    """The whole of a matrix of which pinocchio fills the upper triangle."""
+    upper = np.triu(upper)
+    return upper + np.triu(upper, 1).T

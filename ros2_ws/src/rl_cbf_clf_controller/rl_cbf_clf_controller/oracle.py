@@ -1,25 +1,23 @@
 """Exact alpha and beta from the plant's own parameters: for tests and upper bounds, never for training.
 
-A second model carries the plant's perturbed parameters. Both models give every quantity as an affine function of mu at
-the same state; their difference is the estimate. In the first approach alpha and beta are the input that makes
-y-ddot = mu: I + alpha = LgLfh_nominal LgLfh_true^-1, beta = LgLfh_nominal (u_true* - u_nominal*).
+A second model carries the plant's perturbed parameters (`model_error.py`). In the first approach alpha and beta are the
+input that makes y-ddot = mu: I + alpha = LgLfh_nominal LgLfh_true^-1, beta = LgLfh_nominal (u_true* - u_nominal*).
 """
 
 import numpy as np
 
-from rl_cbf_clf_controller.affine import Affine
 from rl_cbf_clf_controller.context import ModelContext, PolicyContext
 from rl_cbf_clf_controller.io_linearization import precontrol
+from rl_cbf_clf_controller.model_error import model_error
 from rl_cbf_clf_controller.nominal_model import NominalModel
-from rl_cbf_clf_controller.uncertainty import INPUTS, Estimates
-
-NOMINAL_OUTPUTS = Affine(np.eye(INPUTS), np.zeros(INPUTS))  # y-ddot = mu
+from rl_cbf_clf_controller.uncertainty import Estimates
 
 
 class OraclePolicy:
     """The plant's true errors; `urdf`, `motor_gain` and `joint_damping` are the plant's."""
 
     version = "oracle"
+    adaptation = "none"  # it leaves nothing to find
 
     def __init__(self, urdf: str, motor_gain: float = 1.0, joint_damping: float = 0.0, io: bool = False) -> None:
         self._model = NominalModel(urdf, motor_gain, joint_damping)
@@ -40,6 +38,4 @@ class OraclePolicy:
             nominal_inverse = context.precontrol.inverse()
             error = nominal_inverse.after(true_control)
             return Estimates(error.a - np.eye(len(error.b)), error.b)
-        error = context.quantities.evaluate(dynamics).after(context.precontrol) - context.nominal
-        outputs = context.quantities.outputs.second_derivative(dynamics.acceleration).after(context.precontrol)
-        return Estimates(error.a, error.b, outputs - NOMINAL_OUTPUTS)
+        return model_error(context, dynamics)

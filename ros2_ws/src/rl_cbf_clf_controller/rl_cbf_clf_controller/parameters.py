@@ -38,8 +38,8 @@ class ControllerParameters(BaseModel):
         description="what the QP minimises: mu'mu, or the distance of the estimated output dynamics from a PD law",
     )
     mu_weight: float = Field(0.01, gt=0, le=1e3, description="weight of |mu|^2 in the objective pd_centred")
-    adaptation: Literal["none", "recursive_least_squares"] = Field(
-        "none", description="whether the model error that the policy leaves is learned as the robot walks"
+    adaptation: Literal["none", "identification"] = Field(
+        "none", description="whether the true robot is identified as it walks"
     )
     slack_weight: float = Field(10.0, gt=0, le=1e6, description="p, weight of the CLF slack d")
     barrier_pole_1: float = Field(70.0, gt=0, le=1000, description="first ECBF pole, 1/s")

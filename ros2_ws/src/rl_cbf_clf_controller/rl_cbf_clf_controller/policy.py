@@ -22,10 +22,16 @@ from rl_cbf_clf_controller.weights import PolicyFile, forward
 
 
 class Policy(Protocol):
-    """Gives the estimates of a tick; `version` is echoed with every torque."""
+    """Gives the estimates of a tick; `version` is echoed with every torque.
+
+    `adaptation` names the one that its estimates add to; None: they fit any.
+    """
 
     @property
     def version(self) -> str: ...
+
+    @property
+    def adaptation(self) -> str | None: ...
 
     def estimate(self, context: PolicyContext) -> Estimates: ...
 
@@ -34,6 +40,7 @@ class ZeroPolicy:
     """No correction: the same controller becomes the nominal one."""
 
     version = "zero"
+    adaptation = None
 
     def __init__(self, problem: Problem) -> None:
         self._estimates = Estimates.zero(problem)
@@ -50,6 +57,7 @@ class ActorPolicy:
         self.file = file
         self.version = file.version
         form = file.metadata
+        self.adaptation = form.adaptation or "none"
         self._center = np.array(form.observation_center)
         self._inverse_scale = 1 / np.array(form.observation_scale)
         self._alpha_scale, self._beta_scale = np.array(form.alpha_scale), np.array(form.beta_scale)
@@ -80,6 +88,7 @@ class PartlyNominal:
     def __init__(self, policy: Policy, problem: Problem, nominal: Collection[str]) -> None:
         zeroed = [name for name in problem.quantities if name in nominal]
         self.version = f"{policy.version}, nominal {','.join(zeroed)}"
+        self.adaptation = policy.adaptation
         self._policy = policy
         self._outputs_kept = "V" not in zeroed
         self._kept = np.array([name not in zeroed for name in problem.quantities], dtype=float)

@@ -19,7 +19,7 @@ from rclpy.node import Node
 
 from rl_cbf_clf_controller.policy import ActorPolicy, Policy
 from rl_cbf_clf_controller.uncertainty import Problem
-from rl_cbf_clf_controller.weights import PolicyFileError, decode
+from rl_cbf_clf_controller.weights import PolicyFileError, check_adaptation, decode
 
 
 @dataclass(frozen=True)
@@ -37,9 +37,9 @@ class Decided:
 class PolicyIntake(Node):
     """Receives, checks and hands over policies."""
 
-    def __init__(self, problem: Problem, decided: Callable[[Decided], None]) -> None:
+    def __init__(self, problem: Problem, adaptation: str, decided: Callable[[Decided], None]) -> None:
         super().__init__("controller_policies", start_parameter_services=False, enable_rosout=False)
-        self._problem, self._decided = problem, decided
+        self._needs, self._decided = (problem, adaptation), decided
         self.create_subscription(PolicyWeights, "policy", self._on_weights, WEIGHTS)
         self.create_service(LoadPolicy, "load_policy", self._on_load)
         self._executor = SingleThreadedExecutor()
@@ -59,7 +59,7 @@ class PolicyIntake(Node):
             self._executor.spin()
 
     def _on_weights(self, message: PolicyWeights) -> None:
-        decided = check(bytes(message.data), message.source, self._problem)
+        decided = check(bytes(message.data), message.source, *self._needs)
         if decided.policy is not None and decided.version != message.version:
             text = f"the message says version {message.version}; its content has {decided.version}"
             decided = Decided(message.version, message.source, False, None, text)
@@ -67,7 +67,7 @@ class PolicyIntake(Node):
 
     def _on_load(self, request: LoadPolicy.Request, response: LoadPolicy.Response) -> LoadPolicy.Response:
         try:
-            decided = check(Path(request.path).read_bytes(), request.path, self._problem, by_operator=True)
+            decided = check(Path(request.path).read_bytes(), request.path, *self._needs, by_operator=True)
         except (OSError, ValueError) as error:
             decided = Decided("", request.path, True, None, f"cannot read {request.path}: {error}")
         self._decided(decided)
@@ -76,10 +76,10 @@ class PolicyIntake(Node):
         return response
 
 
-def check(data: bytes, source: str, problem: Problem, by_operator: bool = False) -> Decided:
+def check(data: bytes, source: str, problem: Problem, adaptation: str, by_operator: bool = False) -> Decided:
     """Decode a policy; never raises."""
     try:
-        policy = ActorPolicy(decode(data, problem))
+        policy = ActorPolicy(check_adaptation(decode(data, problem), adaptation))
     except PolicyFileError as error:
         return Decided("", source, by_operator, None, str(error))
     return Decided(policy.version, source, by_operator, policy, "", data)

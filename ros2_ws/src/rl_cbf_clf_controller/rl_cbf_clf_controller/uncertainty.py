@@ -73,6 +73,11 @@ class Estimates:
         if self.alpha.shape != (len(self.beta), INPUTS) or self.beta.ndim != 1:
             raise ValueError(f"estimates: alpha {self.alpha.shape}, beta {self.beta.shape}; expected (n, 4) and (n,)")
 
+    def __add__(self, other: "Estimates") -> "Estimates":
+        """Both errors together; the output error is told if both tell it."""
+        told = self.output_error and other.output_error and self.output_error + other.output_error
+        return Estimates(self.alpha + other.alpha, self.beta + other.beta, told)
+
     @classmethod
     def zero(cls, problem: Problem) -> "Estimates":
         """No error anywhere: the nominal controller."""

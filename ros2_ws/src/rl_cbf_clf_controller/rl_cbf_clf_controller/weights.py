@@ -53,6 +53,7 @@ class PolicyMetadata(BaseModel):
     structured: bool = Field(description="the CLF's outputs are a 4x5 matrix contracted with LgV")
     alpha_scale: tuple[Positive, ...] = Field(description="alpha = scale * output, one for each quantity")
     beta_scale: tuple[Positive, ...] = Field(description="beta = scale * output, one for each quantity")
+    adaptation: str | None = Field(default=None, description="online adaptation that it adds to; None: to no one's")
     learner: str = Field(description="what trained it")
     plant: dict[str, bool | int | float | str] = Field(description="parameters of the plant it was trained on")
     training_seed: int
@@ -111,7 +112,7 @@ class PolicyFile:
     @cached_property
     def content_hash(self) -> str:
         """SHA-256 over metadata and arrays, independent of how the file lays them out."""
-        digest = hashlib.sha256(self.metadata.model_dump_json().encode())
+        digest = hashlib.sha256(self.metadata.model_dump_json(exclude_none=True).encode())
         for name in sorted(self.arrays):
             digest.update(name.encode() + self.arrays[name].tobytes())
         return digest.hexdigest()
@@ -139,6 +140,14 @@ class PolicyFile:
         except BaseException:
             Path(partial).unlink(missing_ok=True)
             raise
+
+
+def check_adaptation(policy: PolicyFile, adaptation: str) -> PolicyFile:
+    """The policy, if it adds to this adaptation; raises `PolicyFileError` where it was trained beside another."""
+    own = policy.metadata.adaptation or "none"
+    if own != adaptation:
+        raise PolicyFileError(f"policy: it was trained with adaptation {own}; this controller has {adaptation}")
+    return policy
 
 
 def decode(data: bytes, problem: Problem | None = None) -> PolicyFile:

@@ -35,6 +35,7 @@ class GivenAction:
     """A policy that answers with the action it was given."""
 
     version = "environment"
+    adaptation = None
 
     def __init__(self, parameters: TrainingParameters) -> None:
         self.action: Array = np.zeros(5 * parameters.n)

@@ -14,7 +14,7 @@ from rl_cbf_clf_controller.oracle import OraclePolicy
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import ActorPolicy, PartlyNominal, Policy, ZeroPolicy
 from rl_cbf_clf_controller.uncertainty import Problem
-from rl_cbf_clf_controller.weights import SHIPPED, PolicyFile, policy_path, read
+from rl_cbf_clf_controller.weights import SHIPPED, PolicyFile, check_adaptation, policy_path, read
 
 EVALUATION_LAG = 0.004  # s, of the motors in evaluation, as in the paper
 
@@ -105,4 +105,4 @@ def shipped_policies() -> list[str]:
 
 @lru_cache(maxsize=1)
 def _policy_file(path: str, controller: ControllerParameters) -> PolicyFile:
-    return read(Path(path), controller.problem)
+    return check_adaptation(read(Path(path), controller.problem), controller.adaptation)

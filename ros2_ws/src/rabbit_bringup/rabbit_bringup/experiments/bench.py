@@ -65,7 +65,7 @@ class WatchedPolicy:
     """A policy whose forward pass is timed."""
 
     def __init__(self, policy: Policy, watch: StopWatch) -> None:
-        self.version = policy.version
+        self.version, self.adaptation = policy.version, policy.adaptation
         self.estimate = lambda context: watch.time(POLICY, lambda: policy.estimate(context))
 
 

@@ -1,0 +1,64 @@
+"""Where the joints' angles are zero, found from the stance foot, which does not move.
+
+The problem. A bent thigh and shin, or an encoder set wrongly, put knee and foot elsewhere than the measured angles
+say. To first order both are an offset o of the angles: q = q_measured - (0, 0, 0, o_h, o_k, o_h, o_k). A link of
+length L whose end is displaced forward by c L has turned by c, so with thigh and shin bent alike o_h = c, o_k = 0.
+The stance foot stands, so its velocity by the corrected kinematics is 0 at every tick. At the present offsets,
+linearised in what is left of them,
+
+    v(q, q') = (dv/dq_h, dv/dq_k) (o - o_present)
+
+which least squares solve (`least_squares.py`), the legs being alike. A velocity and not the foot's height: the ground
+need not be level. The foot's rubber gives way as the load comes, which looks like an offset of the knee that changes
+along the step; so of the knee little is believed.
+"""
+
+import numpy as np
+import pinocchio as pin
+from rabbit_description.state import Array
+
+from rl_cbf_clf_controller.least_squares import LeastSquares
+from rl_cbf_clf_controller.nominal_model import PLANE
+
+QUARTER_TURN = np.array([[0.0, 1.0], [-1.0, 0.0]])  # about +y, of (x, z)
+OFFSETS = np.array([[0, 0, 0, 1, 0, 1, 0], [0, 0, 0, 0, 1, 0, 1]]).T  # (o_h, o_k) to q
+OFFSET_SPREAD = np.array([0.05, 0.01])  # rad
+VELOCITY_NOISE = 0.05  # m/s
+SIZE = 2
+
+
+class JointCalibration:
+    """`value` (2,): offsets o of hips and knees, rad."""
+
+    def __init__(self, model: pin.Model) -> None:
+        self._model, self._data = model, model.createData()
+        self._stance = model.getFrameId("left_foot")
+        self._joints = [model.getJointId(name) for name in ("left_hip", "left_knee")]
+        self.reset()
+
+    @property
+    def value(self) -> Array:
+        return self._fit.value
+
+    def reset(self) -> None:
+        """Trust the angles again."""
+        self._fit = LeastSquares(np.zeros(SIZE), np.diag(OFFSET_SPREAD**2), np.zeros((SIZE, SIZE)))
+
+    def corrected(self, q: Array) -> Array:
+        """q (7,) from measured angles; in either order of the legs."""
+        return q - OFFSETS @ self.value
+
+    def learn(self, q_s: Array, dq_s: Array) -> None:
+        """From a corrected state (7,), stance/swing order, in which the stance foot stands."""
+        velocity, slope = self.foot_velocity(q_s, dq_s)
+        self._fit.update(slope, velocity + slope @ self.value, VELOCITY_NOISE**2 * np.eye(2))
+
+    def foot_velocity(self, q_s: Array, dq_s: Array) -> tuple[Array, Array]:
+        """Of the stance foot (2,), m/s, world frame, and its slope (2, 2) over the stance leg's hip and knee angle."""
+        model, data = self._model, self._data
+        pin.forwardKinematics(model, data, q_s, dq_s)
+        world = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        foot = pin.getFrameVelocity(model, data, self._stance, world).linear[PLANE]
+        above = [pin.getVelocity(model, data, joint, world).linear[PLANE] for joint in self._joints]
+        # turning what hangs on a joint turns its velocity relative to the joint
+        return foot, np.column_stack([QUARTER_TURN @ (foot - joint) for joint in above])
