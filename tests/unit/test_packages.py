@@ -143,7 +143,7 @@ def test_installs_with_pip_and_imports_without_ros(package: str, installed: Call
 @pytest.mark.parametrize("package", PACKAGES)
 def test_data_is_installed(package: str, installed: Callable[[str], Path]) -> None:
     root = SOURCES / package / package
-    data = {".yaml", ".urdf", ".safetensors", ".json", ".typed"}
+    data = {".yaml", ".urdf", ".safetensors", ".json", ".csv", ".typed"}
     shipped = [path.relative_to(root) for path in root.rglob("*") if path.suffix in data]
     assert not [str(path) for path in shipped if not (installed(package) / package / path).is_file()]
 

@@ -14,7 +14,7 @@ setup(
     license="Apache-2.0",
     python_requires=">=3.11",
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
-    package_data={NAME: ["py.typed", "viewing/live/*.json"]},
+    package_data={NAME: ["py.typed", "viewing/live/*.json", "reproduce/*.csv"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
@@ -36,6 +36,7 @@ setup(
         "tqdm",
         "joblib",
         "matplotlib",
+        "tensorboard",
         "imageio",
         "imageio-ffmpeg",
         "pillow",

@@ -121,7 +121,7 @@ def test_a_rows_command_makes_its_runs(line: Line, monkeypatch: pytest.MonkeyPat
 @pytest.mark.parametrize("size", [FULL, QUICK], ids=["full", "quick"])
 @pytest.mark.parametrize("experiment", EXPERIMENTS, ids=lambda each: each.name)
 def test_every_experiment_names_its_runs(experiment: Any, size: Size) -> None:
-    assert experiment.jobs(size)
+    assert experiment.jobs(size) or not experiment.lines()
     assert len({line.what for line in experiment.lines()}) == len(experiment.lines())
     assert experiment.title
     assert experiment.paper.endswith(".")

@@ -1,11 +1,16 @@
 """Verdicts, and which payload is the largest."""
 
+from typing import Any
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from rabbit_bringup.experiments.metrics import RunRow
+from rabbit_bringup.reproduce.contenders import CBF_CLF, CBF_CLF_ORACLE
+from rabbit_bringup.reproduce.lines import Line
 from rabbit_bringup.reproduce.sweep import largest, largest_text
 from rabbit_bringup.reproduce.verdict import Verdict, judge, missing
+from rabbit_bringup.reproduce.walk_table import shows
 from rabbit_bringup.reproduce.walks import Walks
 
 COUNTS = {name: 0 for name, field in RunRow.model_fields.items() if field.annotation in (int, float)}
@@ -64,3 +69,14 @@ def test_largest_value_and_largest_without_a_hole() -> None:
     assert largest({0.0: bad}) == (None, None)
     assert largest_text({0.0: good, 8.0: good}, 1, "kg") == "walks up to 8 kg"
     assert "without a hole up to 0 kg" in largest_text({0.0: good, 8.0: bad, 16.0: good}, 1, "kg")
+
+
+@pytest.mark.parametrize(
+    ("learned", "nominal", "said"), [(20, 20, "shows nothing"), (20, 3, "nominal fails"), (3, 20, None), (3, 3, None)]
+)
+def test_a_row_that_nominal_passes_too_shows_nothing(learned: int, nominal: int, said: str | None) -> None:
+    beside = Line("nominal", CBF_CLF.assembly())
+    line = Line("learned", CBF_CLF_ORACLE.assembly(), nominal=beside)
+    found: Any = type("Found", (), {"walks": lambda _, line: walks(learned if line.what == "learned" else nominal)})()
+    assert shows(line, found) == said
+    assert shows(beside, found) is None

@@ -1,8 +1,9 @@
 """`rabbit reproduce`: the paper's figures and claims from this code, its gaits and its policies."""
 
 import os
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import typer
 
@@ -15,6 +16,7 @@ app = typer.Typer(add_completion=False)
 def reproduce(
     names: Annotated[list[str] | None, typer.Argument(help="experiments, by name; all of them")] = None,
     quick: Annotated[bool, typer.Option("--quick", help="few runs of everything")] = False,
+    retrain: Annotated[bool, typer.Option("--retrain", help="train the policies first, into DIR/training")] = False,
     out: Annotated[Path, typer.Option(help="folder; one that was stopped there goes on")] = Path("runs/reproduce"),
     jobs: Annotated[int | None, typer.Option(min=1, max=4096, help="processes (default: all cores)")] = None,
     backend: Annotated[Literal["loky", "ray"], typer.Option(help="processes here, or a Ray cluster's")] = "loky",
@@ -29,15 +31,29 @@ def reproduce(
     known = {each.name: each for each in EXPERIMENTS}
     if show:
         for name, each in known.items():
-            print(f"{name:20s} {each.title} ({each.label})")
+            print(f"{name:24s} {each.title} ({each.label}){'; needs --retrain' * each.needs_training}")
         return
     if wrong := [name for name in names or () if name not in known]:
         fail(f"{wrong[0]}: expected some of {', '.join(known)}")
-    chosen = [each for name, each in known.items() if not names or name in names]
+    if wrong := [name for name in names or () if known[name].needs_training and not retrain]:
+        fail(f"{wrong[0]}: expected --retrain, it needs the policies of all episodes of a training")
+    chosen = [each for name, each in known.items() if name in (names or known) and (retrain or not each.needs_training)]
+    size, processes = QUICK if quick else FULL, jobs or os.cpu_count() or 1
     try:
         with complaints(BackendError):
-            size = QUICK if quick else FULL
-            page, done = make(chosen, size, out, list(known), jobs or os.cpu_count() or 1, backend)
+            if retrain:
+                size = replace(size, trained=trained_anew(quick, out, processes))
+            page, done = make(chosen, size, out, list(known), processes, backend)
     except KeyboardInterrupt:
         fail("stopped; the same command goes on from the runs that are done", code=130)
     print(f"{done} runs made; written {page}")
+
+
+def trained_anew(quick: bool, out: Path, processes: int) -> Any:
+    """The trainings in `out`, those that are missing made; a damaged one ends the command."""
+    from rl_trainer.session import CheckpointError
+
+    from rabbit_bringup.reproduce.training import recipes, retrain
+
+    with complaints(CheckpointError):
+        return retrain(recipes(quick), out / "training", processes)

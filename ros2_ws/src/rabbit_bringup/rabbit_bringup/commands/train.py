@@ -37,7 +37,8 @@ def train(given: Given) -> None:
     from rl_trainer.parameters import paper_literal
     from rl_trainer.session import CheckpointError
 
-    from rabbit_bringup.experiments.learning import TRAINING_SCALE, TRAINING_SLACK_WEIGHT, training
+    from rabbit_bringup.experiments.assembly import TRAINING_SCALE, TRAINING_SLACK_WEIGHT
+    from rabbit_bringup.experiments.learning import training
 
     parameters = given.build(TrainingParameters)
     if request.paper_literal:

@@ -42,9 +42,9 @@ from rl_trainer.session import CheckpointError
 from rl_trainer.training import Trainer
 
 from rabbit_bringup.experiments import provenance
-from rabbit_bringup.experiments.assembly import EVALUATION_LAG, Assembly
+from rabbit_bringup.experiments.assembly import EVALUATION_LAG, TRAINING_SCALE, TRAINING_SLACK_WEIGHT, Assembly
 from rabbit_bringup.experiments.evaluation import episode_seeds, evaluate
-from rabbit_bringup.experiments.learning import TRAINING_SCALE, TRAINING_SLACK_WEIGHT, training
+from rabbit_bringup.experiments.learning import training
 from rabbit_bringup.experiments.summary import falls, wilson
 
 PROBLEM = Problem.RL_CBF_CLF_QP

@@ -17,6 +17,8 @@ from rl_cbf_clf_controller.uncertainty import Problem
 from rl_cbf_clf_controller.weights import SHIPPED, PolicyFile, check_adaptation, policy_path, read
 
 EVALUATION_LAG = 0.004  # s, of the motors in evaluation, as in the paper
+TRAINING_SCALE = 2.0  # the paper's training plant: twice the mass, no motor lag, no noise
+TRAINING_SLACK_WEIGHT = 3.0  # p while learning: the softer CLF keeps the first, wrong policies on their feet
 
 
 class AssemblyError(ValueError):

@@ -17,9 +17,6 @@ from rl_trainer.training import EpisodeReport, Provenance, Trainer
 
 from rabbit_bringup.experiments import provenance
 
-TRAINING_SLACK_WEIGHT = 3.0  # p while learning: the softer CLF keeps the first, wrong policies on their feet
-TRAINING_SCALE = 2.0  # the paper's training plant: twice the mass, no motor lag, no noise
-
 
 @dataclass(frozen=True)
 class Training:
@@ -31,15 +28,22 @@ class Training:
 
 @contextmanager
 def training(
-    folder: Path, parameters: TrainingParameters, controller: ControllerParameters, plant: SimulationParameters
+    folder: Path,
+    parameters: TrainingParameters,
+    controller: ControllerParameters,
+    plant: SimulationParameters,
+    command: str | None = None,
 ) -> Iterator[Training]:
-    """Begin a session, or go on with the one in `folder`; raises `GaitError`, `CourseError`, `CheckpointError`."""
+    """Begin a session, or go on with the one in `folder`; raises `GaitError`, `CourseError`, `CheckpointError`.
+
+    `command` goes into the policy files, this process's own where it is not given.
+    """
     gait = load_gait(controller.gait)
 
     def make_controller(policy: Policy, sigma: float) -> Controller:
         return Controller(controller.model_copy(update={"sigma": sigma}), gait, policy)
 
-    source = Provenance(plant.model_dump(), provenance.commit(), provenance.command())
+    source = Provenance(plant.model_dump(), provenance.commit(), command or provenance.command())
     simulation = Simulation(plant, gait)
     try:
         session = Session(folder, Trainer(parameters, source))

@@ -1,11 +1,13 @@
 """The `rabbit evaluate` command that makes the runs of a case by themselves."""
 
 import shlex
+from pathlib import Path
 from typing import Any
 
 from pydantic import BaseModel
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import load_parameters
+from rl_cbf_clf_controller.weights import policy_path
 
 from rabbit_bringup.experiments.assembly import EVALUATION_LAG, Assembly, resolve_policy, shipped_policies
 from rabbit_bringup.reproduce.walks import SEED, Case
@@ -28,7 +30,8 @@ def _policy(assembly: Assembly) -> list[str]:
     own = assembly.controller.controller in shipped_policies() or not assembly.controller.learns
     if own and assembly.policy == resolve_policy(None, assembly.controller):
         return []
-    return ["--policy", assembly.policy]
+    name = Path(assembly.policy).stem
+    return ["--policy", name if assembly.policy == str(policy_path(name)) else assembly.policy]
 
 
 def _changes(model: BaseModel, usual: BaseModel, but: type[BaseModel] | None = None) -> list[str]:

@@ -1,6 +1,6 @@
 """The controllers that are compared, in the order and colours of every table and figure. A new one is a line here."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from rabbit_sim.parameters import SimulationParameters
@@ -20,6 +20,10 @@ class Contender:
     policy: str | None = None
     line: str = "-"
     law: tuple[tuple[str, Any], ...] = ()
+
+    def with_policy(self, policy: str) -> "Contender":
+        """The same with another policy, by name or file."""
+        return replace(self, policy=policy)
 
     def assembly(self, law: dict[str, Any] | None = None, /, **plant: Any) -> Assembly:
         """On its own terrain, with the lag of evaluation; `law` are more controller parameters, `plant` the plant's.
@@ -45,3 +49,4 @@ CBF_CLF = Contender("nominal CBF-CLF-QP", "cbf-clf-qp", style.BLACK, line="--")
 CBF_CLF_ORACLE = Contender("RL-CBF-CLF-QP, oracle", "rl-cbf-clf-qp", style.GREEN, "oracle", ":")
 ROBUST = Contender("robust CBF-CLF-QP", "robust-cbf-clf-qp", style.PURPLE, line="-.")
 STONES = (RL_CBF_CLF, ROBUST, CBF_CLF)
+RL_CBF_CLF_LIGHT = Contender("RL-CBF-CLF-QP trained at 0.7", "rl-cbf-clf-qp", style.SKY, "rl-cbf-clf-qp-scale-0.7")

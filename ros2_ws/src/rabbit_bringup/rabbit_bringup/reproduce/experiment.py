@@ -2,25 +2,32 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from pathlib import Path
 from typing import ClassVar
 
 from matplotlib.figure import Figure
 
 from rabbit_bringup.experiments import provenance
+from rabbit_bringup.experiments.assembly import Assembly
 from rabbit_bringup.reproduce.jobs import Job
-from rabbit_bringup.reproduce.lines import COLUMNS, Found, Line, Size
+from rabbit_bringup.reproduce.lines import Found, Line, Size
 from rabbit_bringup.reproduce.report import Claim, Report, Table
+from rabbit_bringup.reproduce.training import POLICY
 from rabbit_bringup.reproduce.walk_table import long_table, walk_table
 from rabbit_bringup.viewing import style
 
 
 class Experiment(ABC):
-    """One figure or claim of the paper. `label` is the paper's own, in brackets, or the section's name."""
+    """One figure or claim of the paper. `label` is the paper's own, in brackets, or the section's name.
+
+    One that `needs_training` is made with `--retrain` only.
+    """
 
     name: ClassVar[str]
     title: ClassVar[str]
     label: ClassVar[str]
     paper: ClassVar[str]
+    needs_training: ClassVar[bool] = False
 
     @abstractmethod
     def lines(self) -> Sequence[Line]:
@@ -40,7 +47,7 @@ class Experiment(ABC):
 
     def jobs(self, size: Size) -> list[Job]:
         """Every run it needs."""
-        walks = [job for line in self.lines() for column in COLUMNS for job in line.case(size, column).jobs]
+        walks = [job for line in self.lines() for column in line.columns for job in line.case(size, column).jobs]
         return walks + [line.case(size).records for line in self.recorded()]
 
     def tables(self, found: Found) -> Sequence[Table]:
@@ -61,10 +68,17 @@ class Experiment(ABC):
             label=self.label,
             paper=self.paper,
             quick=found.size.quick,
+            retrained=found.size.trained is not None,
             commit=provenance.commit(),
-            policies={job.assembly.controller.controller: found.policy(job.assembly) for job in self._learned(found)},
+            policies={policy_name(job.assembly): found.policy(job.assembly) for job in self._learned(found)},
             claims=tuple(self.claims(found)),
             tables=tuple(self.tables(found)),
             figures={name: caption for name, (caption, _) in figures.items()},
         )
         return report, {name: figure for name, (_, figure) in figures.items()}
+
+
+def policy_name(assembly: Assembly) -> str:
+    """What a policy file is called: its own name, or its training's."""
+    path = Path(assembly.policy)
+    return path.parent.name if path.name == POLICY else path.stem

@@ -6,6 +6,7 @@ from typing import Any, Literal
 from rabbit_bringup.experiments.assembly import EVALUATION_LAG, Assembly
 from rabbit_bringup.reproduce.cache import Cache
 from rabbit_bringup.reproduce.jobs import Job
+from rabbit_bringup.reproduce.training import Trained
 from rabbit_bringup.reproduce.walks import Case, Walks
 from rabbit_bringup.viewing.walk_records import WalkRecords
 
@@ -29,31 +30,52 @@ COLUMNS = (
 
 
 @dataclass(frozen=True)
+class Runs:
+    """Of a line on the main plant, where they are not the size's own."""
+
+    whole: int
+    quick: int
+
+
+@dataclass(frozen=True)
 class Size:
-    """How many runs: of a line on the main plant, and on each of the others."""
+    """How many runs: of a line on the main plant, and on each of the others; what `--retrain` has `trained`, if so."""
 
     quick: bool
     runs: int
     beside: int
+    trained: Trained | None = None
+
+    def own(self, assembly: Assembly) -> Assembly:
+        """The same with a policy that was trained anew, where there is one."""
+        return self.trained.own(assembly) if self.trained else assembly
 
 
-FULL, QUICK = Size(False, 20, 10), Size(True, 3, 1)
+FULL, QUICK = Size(False, 10, 4), Size(True, 2, 1)
+HEADLINE = Runs(20, 3)  # of the paper's own figures
 
 
 @dataclass(frozen=True)
 class Line:
-    """A line of a table; `least` runs of it also where the size has fewer."""
+    """A line of a table; `nominal` is the nominal controller's on the same plant, if passing there shows nothing."""
 
     what: str
     assembly: Assembly
     paper: str = ""
-    least: int = 0
+    runs: Runs | None = None
+    columns: tuple[Column, ...] = COLUMNS
+    nominal: "Line | None" = None
 
     def case(self, size: Size, column: Column = MAIN) -> Case:
         """Its runs on a plant."""
         plant = self.assembly.simulation.model_copy(update={"plant": column.plant, "motor_lag": column.lag})
-        runs = max(size.runs, self.least) if column is MAIN else size.beside
-        return Case(replace(self.assembly, simulation=plant), runs, self.what)
+        return Case(size.own(replace(self.assembly, simulation=plant)), self._runs(size, column), self.what)
+
+    def _runs(self, size: Size, column: Column) -> int:
+        if column is not MAIN:
+            return size.beside
+        own = self.runs or Runs(size.runs, size.runs)
+        return own.quick if size.quick else own.whole
 
 
 @dataclass(frozen=True)

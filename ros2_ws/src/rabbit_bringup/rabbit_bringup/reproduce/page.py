@@ -24,7 +24,8 @@ FOOT = """## How to read it
   `--motor-lag 0`, `--plant rigid` or both for the others.
 - **Forces.** Ratios and ticks over the cone count from 30 ms after an impact on. `runs.csv` has a line for each row
   and column with all figures.
-- **Learned controllers** have the shipped policies, trained at mass scale 2 only, without lag.
+- **Learned controllers** have the policies that a section names: shipped ones, or, where its command has `--retrain`,
+  those that it trained. They were trained at mass scale 2, without lag, where nothing else is said.
 """
 
 
@@ -51,6 +52,7 @@ def _overview(reports: Sequence[Report]) -> str:
 
 def _section(report: Report) -> str:
     runs = "reduced runs (`--quick`)" if report.quick else "full runs"
+    command = f"rabbit reproduce {report.name}{' --quick' * report.quick}{' --retrain' * report.retrained}"
     figures = "".join(_figure(report, name, caption) for name, caption in report.figures.items())
     tables = "".join(f"{table.markdown}\n" for table in report.tables if not table.long)
     long = ", ".join(f"[{table.name}.csv]({report.name}/{table.name}.csv)" for table in report.tables)
@@ -60,7 +62,7 @@ def _section(report: Report) -> str:
 **{report.title}** ({report.label}). The paper: {report.paper}
 
 {figures}{tables}Data: {long}. Commit `{report.commit[:12] or "unknown"}{"+" * report.commit.endswith("+")}`, {runs}.
-Policies: {policies}. `rabbit reproduce {report.name}{" --quick" * report.quick}` makes this section.
+Policies: {policies}. `{command}` makes this section.
 
 """
 

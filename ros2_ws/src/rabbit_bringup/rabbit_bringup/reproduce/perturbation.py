@@ -1,6 +1,7 @@
 """A perturbation of the Discussion: at scale 1 and 2, flat and on stones, the nominal controller beside."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import ClassVar
 
@@ -27,7 +28,7 @@ class Perturbation(Experiment):
     def by_place(self) -> dict[Place, tuple[Line, Line]]:
         """The learned controller's line and the nominal one's, by scale and terrain."""
         places = [(scale, terrain) for scale in SCALES for terrain in PAIRS]
-        return {place: (self._line(place, 0), self._line(place, 1)) for place in places}
+        return {place: self._lines(place) for place in places}
 
     def lines(self) -> Sequence[Line]:
         return [line for pair in self.by_place.values() for line in pair]
@@ -35,11 +36,15 @@ class Perturbation(Experiment):
     def claims(self, found: Found) -> Sequence[Claim]:
         return [self._claim(found, place) for place in self.by_place]
 
-    def _line(self, place: Place, which: int) -> Line:
+    def _lines(self, place: Place) -> tuple[Line, Line]:
+        learned, nominal = PAIRS[place[1]]
+        beside = self._line(nominal, place)
+        return replace(self._line(learned, place), paper="walks", nominal=beside), beside
+
+    def _line(self, contender: Contender, place: Place) -> Line:
         scale, terrain = place
-        contender: Contender = PAIRS[terrain][which]
         assembly = contender.assembly(**{"mass_scale": scale, self.field: self.value})
-        return Line(f"{contender.title}, {self.what}, scale {scale:g}, {terrain}", assembly, "" if which else "walks")
+        return Line(f"{contender.title}, {self.what}, scale {scale:g}, {terrain}", assembly)
 
     def _claim(self, found: Found, place: Place) -> Claim:
         (learned, nominal), (scale, terrain) = (found.walks(line) for line in self.by_place[place]), place

@@ -55,7 +55,7 @@ class Table(BaseModel):
 
 
 class Report(BaseModel):
-    """One experiment's. `policies` has versions by controller, `figures` captions by name without suffix."""
+    """One experiment's. `policies` has versions by name, `figures` captions by name without suffix."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -64,6 +64,7 @@ class Report(BaseModel):
     label: str
     paper: str
     quick: bool
+    retrained: bool
     commit: str
     policies: dict[str, str]
     claims: tuple[Claim, ...]

@@ -17,7 +17,7 @@ class Sweep(Experiment):
     """`field` of the plant takes `values`; `plants` has each controller's plant apart from it.
 
     `axis` names the parameter with its unit, of which there are `scale` in the field's own; `paper_values` has what the
-    paper says of single cells.
+    paper says of single cells; where `nominal` walks too, a row shows nothing.
     """
 
     field: ClassVar[str]
@@ -27,6 +27,7 @@ class Sweep(Experiment):
     scale: ClassVar[float] = 1.0
     caption: ClassVar[str]
     paper_values: ClassVar[Mapping[tuple[Contender, float], str]] = {}
+    nominal: ClassVar[Contender | None] = None
 
     @property
     def unit(self) -> str:
@@ -54,7 +55,8 @@ class Sweep(Experiment):
     def _line(self, contender: Contender, value: float) -> Line:
         assembly = contender.assembly(**self.plants[contender], **{self.field: value})
         paper = self.paper_values.get((contender, value), "")
-        return Line(f"{contender.title}, {value * self.scale:g} {self.unit}", assembly, paper)
+        beside = self._line(self.nominal, value) if self.nominal and contender is not self.nominal else None
+        return Line(f"{contender.title}, {value * self.scale:g} {self.unit}", assembly, paper, nominal=beside)
 
 
 def largest(walks: Mapping[float, Walks]) -> tuple[float | None, float | None]:

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from rabbit_bringup.reproduce.contenders import CLF, FLAT, IO_RL, RL_CLF, Contender
 from rabbit_bringup.reproduce.curves import tracking_figure
 from rabbit_bringup.reproduce.experiment import Experiment
-from rabbit_bringup.reproduce.lines import Found, Line
+from rabbit_bringup.reproduce.lines import HEADLINE, Found, Line
 from rabbit_bringup.reproduce.report import Claim
 from rabbit_bringup.reproduce.verdict import judge
 
@@ -24,7 +24,7 @@ class TenSteps(Experiment):
     @cached_property
     def by_contender(self) -> dict[Contender, Line]:
         """A line each."""
-        return {each: Line(each.title, each.assembly(stones=STEPS, **self.plant)) for each in FLAT}
+        return {each: Line(each.title, each.assembly(stones=STEPS, **self.plant), runs=HEADLINE) for each in FLAT}
 
     def lines(self) -> Sequence[Line]:
         return list(self.by_contender.values())

@@ -6,6 +6,7 @@ from rabbit_bringup.experiments.summary import falls
 from rabbit_bringup.reproduce.commands import evaluate_command
 from rabbit_bringup.reproduce.lines import COLUMNS, Found, Line
 from rabbit_bringup.reproduce.report import Cell, Table
+from rabbit_bringup.reproduce.verdict import Verdict
 from rabbit_bringup.reproduce.walks import SEED, Case, Walks
 
 SUMMED = (
@@ -16,17 +17,29 @@ SUMMED = (
 
 
 def walk_table(lines: Sequence[Line], found: Found) -> Table:
-    """What, the paper's figure, each plant, forces and the command."""
-    paper = ("paper",) * any(line.paper for line in lines)
-    columns = ("what", *paper, *(column.title for column in COLUMNS), "over cone, lost", "largest ratio", "command")
+    """What, the paper's figure, each plant, whether it shows nothing, forces and the command."""
+    plants = [column for column in COLUMNS if any(column in line.columns for line in lines)]
+    paper, nominal = any(line.paper for line in lines), any(line.nominal for line in lines)
+    columns = (
+        *("what", *("paper",) * paper, *(column.title for column in plants), *("shows",) * nominal),
+        *("over cone, lost", "largest ratio", "command"),
+    )
     rows: list[tuple[Cell, ...]] = []
     for line in lines:
         main = found.walks(line)
         forces = f"{main.total('ticks_over_cone')}, {main.total('ticks_lost')} of {main.total('ticks')}"
-        cells = [found.walks(line, column).text for column in COLUMNS]
+        cells = [found.walks(line, column).text if column in line.columns else None for column in plants]
         command = f"`{evaluate_command(line.case(found.size))}`"
-        rows.append((line.what, *((line.paper,) * len(paper)), *cells, forces, f"{main.max_ratio:.2f}", command))
+        head = (line.what, *(line.paper,) * paper, *cells, *(shows(line, found),) * nominal)
+        rows.append((*head, forces, f"{main.max_ratio:.2f}", command))
     return Table(name="walks", columns=columns, rows=tuple(rows))
+
+
+def shows(line: Line, found: Found) -> str | None:
+    """Of a line that walks: whether it shows anything, the nominal controller passing too or not."""
+    if line.nominal is None or not found.walks(line).passes:
+        return None
+    return str(Verdict.NOTHING) if found.walks(line.nominal).passes else "nominal fails"
 
 
 def long_table(lines: Sequence[Line], found: Found) -> Table:
@@ -36,7 +49,7 @@ def long_table(lines: Sequence[Line], found: Found) -> Table:
         *("mean_stones", "mean_low95", "mean_high95", "std_stones", "max_force_ratio", "rms_y", "rms_dy"),
         *(*SUMMED, "falls", "command"),
     )
-    cases = [(line, column, line.case(found.size, column)) for line in lines for column in COLUMNS]
+    cases = [(line, column, line.case(found.size, column)) for line in lines for column in line.columns]
     rows = tuple(_long_row(line.what, case, found.walks(line, column), found) for line, column, case in cases)
     return Table(name="runs", columns=columns, rows=rows, long=True)
 

@@ -1,13 +1,18 @@
 """All experiments, in the order of the page."""
 
+from rabbit_bringup.reproduce.catalogue.clf_assumption import ClfAssumption
 from rabbit_bringup.reproduce.catalogue.clf_results import ClfResults
 from rabbit_bringup.reproduce.catalogue.clf_torso_results import ClfTorsoResults
 from rabbit_bringup.reproduce.catalogue.delay import Delay
+from rabbit_bringup.reproduce.catalogue.feasibility_by_episode import FeasibilityByEpisode
 from rabbit_bringup.reproduce.catalogue.feasibility_share import FeasibilityShare
 from rabbit_bringup.reproduce.catalogue.joint_damping import JointDamping
+from rabbit_bringup.reproduce.catalogue.l1_sweep import L1Sweep
+from rabbit_bringup.reproduce.catalogue.learning_curves import LearningCurves
 from rabbit_bringup.reproduce.catalogue.link_bending import LinkBending
 from rabbit_bringup.reproduce.catalogue.motor_power import MotorPower
 from rabbit_bringup.reproduce.catalogue.nominal_stones import NominalStones
+from rabbit_bringup.reproduce.catalogue.numerical_derivatives import NumericalDerivatives
 from rabbit_bringup.reproduce.catalogue.payload_flat import PayloadFlat
 from rabbit_bringup.reproduce.catalogue.payload_stones import PayloadStones
 from rabbit_bringup.reproduce.catalogue.rl_cbf_clf_results import RlCbfClfResults
@@ -19,6 +24,7 @@ from rabbit_bringup.reproduce.experiment import Experiment
 EXPERIMENTS: tuple[Experiment, ...] = (
     ClfResults(),
     ClfTorsoResults(),
+    L1Sweep(),
     PayloadFlat(),
     RlCbfClfResults(),
     SteppingStone(),
@@ -28,7 +34,11 @@ EXPERIMENTS: tuple[Experiment, ...] = (
     JointDamping(),
     LinkBending(),
     SmallMass(),
+    LearningCurves(),
+    NumericalDerivatives(),
     VelocityNoise(),
+    ClfAssumption(),
     FeasibilityShare(),
+    FeasibilityByEpisode(),
     Delay(),
 )

@@ -1,12 +1,8 @@
 """How often the QP has no answer without slack, by a linear programme (Discussion)."""
 
 from collections.abc import Sequence
-from typing import Literal
-
-import numpy as np
 
 from rabbit_bringup.experiments.evaluation import episode_seeds
-from rabbit_bringup.experiments.summary import mean_interval
 from rabbit_bringup.reproduce.contenders import (
     CBF_CLF,
     CBF_CLF_ORACLE,
@@ -22,13 +18,13 @@ from rabbit_bringup.reproduce.feasibility import Feasibility
 from rabbit_bringup.reproduce.jobs import Job
 from rabbit_bringup.reproduce.lines import COLUMNS, MAIN, Column, Found, Line, Size
 from rabbit_bringup.reproduce.report import Cell, Claim, Table
+from rabbit_bringup.reproduce.shares import RowSet, share, share_text, total
 from rabbit_bringup.reproduce.verdict import judge
 from rabbit_bringup.reproduce.walks import SEED
 
 GROUPS = {"stones": (RL_CBF_CLF, CBF_CLF, ROBUST, CBF_CLF_ORACLE), "flat": (RL_CLF, CLF, CLF_ORACLE)}
 STEPS = 10  # a walk
 DRASTIC = 0.5  # of the nominal controller's share, at most
-Rows = Literal["safety", "all"]
 
 
 class FeasibilityShare(Experiment):
@@ -83,8 +79,8 @@ class FeasibilityShare(Experiment):
     def _jobs(self, size: Size, group: str, column: Column) -> list[list[Job]]:
         """Jobs of each walker of a group."""
         plant = {"mass_scale": 2.0, "stones": STEPS, "plant": column.plant, "motor_lag": column.lag}
-        assemblies = tuple(each.assembly(**plant) for each in GROUPS[group])
-        seeds = episode_seeds(SEED, max(1, size.runs // 4)).values()
+        assemblies = tuple(size.own(each.assembly(**plant)) for each in GROUPS[group])
+        seeds = episode_seeds(SEED, max(1, size.runs // 2)).values()
         return [
             [Job("feasibility", assembly, seed, assemblies, f"feasibility, {column.title}") for seed in seeds]
             for assembly in assemblies
@@ -97,28 +93,10 @@ class FeasibilityShare(Experiment):
     def _row(self, found: Found, group: str, column: Column, who: int) -> tuple[Cell, ...]:
         walks = self._walks(found, group, column)
         contender: Contender = GROUPS[group][who]
-        sets: tuple[Rows, ...] = ("safety", "all") if group == "stones" else ("all",)
-        cells: dict[Rows, tuple[str, str]] = {
+        sets: tuple[RowSet, ...] = ("safety", "all") if group == "stones" else ("all",)
+        cells: dict[RowSet, tuple[str, str]] = {
             rows: (share_text([walks[who]], who, rows), share_text(walks, who, rows)) for rows in sets
         }
         ticks = f"{total([walks[who]])}, {total(walks)}"
         safety = cells.get("safety", ("-", "-"))
         return (group, column.title, contender.title, *safety, *cells["all"], ticks)
-
-
-def total(walks: Sequence[Sequence[Feasibility]]) -> int:
-    """Ticks."""
-    return sum(run.ticks for runs in walks for run in runs)
-
-
-def share(walks: Sequence[Sequence[Feasibility]], who: int, rows: Rows) -> float:
-    """Of the ticks of these walks in which judge `who` finds its rows infeasible."""
-    return sum(getattr(run, rows)[who] for runs in walks for run in runs) / max(total(walks), 1)
-
-
-def share_text(walks: Sequence[Sequence[Feasibility]], who: int, rows: Rows) -> str:
-    """With Student's 95% interval over the runs' own shares, where there are several."""
-    by_run = np.array([getattr(run, rows)[who] / max(run.ticks, 1) for runs in walks for run in runs])
-    interval = mean_interval(by_run)
-    text = f"{share(walks, who, rows):.2%}"
-    return text if interval is None else f"{text} ({max(0.0, interval[0]):.2%} to {min(1.0, interval[1]):.2%})"

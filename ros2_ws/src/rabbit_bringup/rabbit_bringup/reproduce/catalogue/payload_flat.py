@@ -23,6 +23,7 @@ class PayloadFlat(Sweep):
     field = "payload"
     values = (0.0, 8.0, 16.0, 24.0, 32.0, 40.0, 48.0, 53.0, 56.0, 64.0, 72.0, 80.0)
     plants: ClassVar = {each: {} for each in (*FLAT, CLF_ORACLE)}
+    nominal = CLF
     axis = "payload on the torso (kg)"
     caption = (
         "Courses of 20 steps walked over the payload, plant at scale 1, policies trained at scale 2; 95% intervals."

@@ -25,6 +25,7 @@ class PayloadStones(Sweep):
     field = "payload"
     values = (0.0, 8.0, 16.0, 24.0, 32.0, 40.0, 43.0, 48.0, 56.0, 64.0, 72.0, 80.0)
     plants: ClassVar = {each: {} for each in (*STONES, CBF_CLF_ORACLE)}
+    nominal = CBF_CLF
     axis = "payload on the torso (kg)"
     caption = (
         "Courses of 20 stones walked over the payload, plant at scale 1, policies trained at scale 2; 95% intervals."

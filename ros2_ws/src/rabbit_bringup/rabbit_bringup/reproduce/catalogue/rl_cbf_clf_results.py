@@ -10,7 +10,7 @@ from rabbit_description.state import TICK_SECONDS
 from rabbit_bringup.reproduce.contenders import CBF_CLF, CBF_CLF_ORACLE, RL_CBF_CLF, ROBUST, Contender
 from rabbit_bringup.reproduce.curves import WIDTH, finish_ratio, late_and_impact_ratio
 from rabbit_bringup.reproduce.experiment import Experiment
-from rabbit_bringup.reproduce.lines import Found, Line
+from rabbit_bringup.reproduce.lines import HEADLINE, Found, Line
 from rabbit_bringup.reproduce.report import Claim
 from rabbit_bringup.reproduce.verdict import judge
 from rabbit_bringup.viewing import style
@@ -35,7 +35,9 @@ class RlCbfClfResults(Experiment):
     def by_contender(self) -> dict[Contender, Line]:
         """A line each."""
         each_paper = {RL_CBF_CLF: "20 of 20 stones, once", CBF_CLF: "5.6 stones", ROBUST: "", CBF_CLF_ORACLE: ""}
-        return {each: Line(each.title, each.assembly(mass_scale=2.0), paper) for each, paper in each_paper.items()}
+        return {
+            each: Line(each.title, each.assembly(mass_scale=2.0), paper, HEADLINE) for each, paper in each_paper.items()
+        }
 
     def lines(self) -> Sequence[Line]:
         return list(self.by_contender.values())

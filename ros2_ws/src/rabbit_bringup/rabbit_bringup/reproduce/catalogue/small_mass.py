@@ -1,4 +1,4 @@
-"""Less mass than the model believes: scales 0.7 and 0.5 (Discussion), with the policies trained at scale 2."""
+"""Less mass than the model believes: scales 0.7 and 0.5 (Discussion)."""
 
 from collections.abc import Sequence
 from functools import cached_property
@@ -6,23 +6,34 @@ from functools import cached_property
 import numpy as np
 from rabbit_description.state import TICK_SECONDS
 
-from rabbit_bringup.reproduce.contenders import CBF_CLF, CBF_CLF_ORACLE, CLF, CLF_ORACLE, RL_CBF_CLF, RL_CLF, Contender
+from rabbit_bringup.reproduce.contenders import (
+    CBF_CLF,
+    CBF_CLF_ORACLE,
+    CLF,
+    CLF_ORACLE,
+    RL_CBF_CLF,
+    RL_CBF_CLF_LIGHT,
+    RL_CLF,
+    Contender,
+)
 from rabbit_bringup.reproduce.experiment import Experiment
-from rabbit_bringup.reproduce.lines import Found, Line
+from rabbit_bringup.reproduce.lines import MAIN, Found, Line, Runs
 from rabbit_bringup.reproduce.report import Claim
-from rabbit_bringup.reproduce.verdict import judge
+from rabbit_bringup.reproduce.verdict import Verdict, judge
 from rabbit_bringup.reproduce.walks import Walks
 
 WHO = {"flat": (RL_CLF, CLF, CLF_ORACLE), "stones": (RL_CBF_CLF, CBF_CLF, CBF_CLF_ORACLE)}
+NOMINAL = {each: row[1] for row in WHO.values() for each in row}
 SCALES = (0.7, 0.5)
+LONG, LONG_RUNS = 1000, Runs(20, 1)  # steps that stand for "indefinitely"
 AT_ONCE = 2.0  # steps, mean, within which "fails after just one step" counts as the same
 
 
 class SmallMass(Experiment):
-    """The paper trained at 0.7; here the scale-2 policies are asked, an error of the other sign."""
+    """A policy trained at 0.7, as the paper's was, and those trained at 2, an error of the other sign."""
 
     name = "small-mass"
-    title = "Mass scales 0.7 and 0.5, policies trained at 2"
+    title = "Mass scales 0.7 and 0.5"
     label = "sec:discussion"
     paper = (
         "At scale 0.7, trained there, it walks indefinitely within its constraints, and the nominal controller fails "
@@ -31,45 +42,89 @@ class SmallMass(Experiment):
 
     @cached_property
     def grid(self) -> dict[tuple[float, Contender], Line]:
-        """A line for each scale and controller."""
+        """A line for each scale and controller, 20 steps."""
         return {
-            (scale, each): Line(f"{each.title}, scale {scale:g}", each.assembly(mass_scale=scale))
+            (scale, each): self._line(scale, each)
             for scale in SCALES
-            for row in WHO.values()
-            for each in row
+            for each in (*WHO["flat"], *WHO["stones"], RL_CBF_CLF_LIGHT)
         }
 
+    @cached_property
+    def long(self) -> Line:
+        """A thousand steps."""
+        assembly = RL_CBF_CLF_LIGHT.assembly(mass_scale=SCALES[0], stones=LONG)
+        what = f"{RL_CBF_CLF_LIGHT.title}, scale {SCALES[0]:g}, {LONG} steps"
+        return Line(what, assembly, "indefinitely", LONG_RUNS, (MAIN,))
+
     def lines(self) -> Sequence[Line]:
-        return list(self.grid.values())
+        return [*self.grid.values(), self.long]
 
     def claims(self, found: Found) -> Sequence[Claim]:
         """The learned controllers, and the nominal ones."""
         walks = {key: found.walks(line) for key, line in self.grid.items()}
-        return [claim for terrain in WHO for claim in self._on(terrain, walks)]
-
-    def _on(self, terrain: str, walks: dict[tuple[float, Contender], Walks]) -> list[Claim]:
-        learned, nominal, oracle = WHO[terrain]
-        at_7, at_5 = ({each: walks[scale, each] for each in WHO[terrain]} for scale in SCALES)
-        lasted = float(np.median([row.ticks for row in at_5[nominal].rows])) * TICK_SECONDS
         return [
-            Claim(
-                claim=f"{learned.title} walks at scale 0.7 (the paper's was trained there)",
-                paper="indefinitely",
-                ours=f"{at_7[learned].text}; nominal {at_7[nominal].text}, oracle {at_7[oracle].text}",
-                verdict=judge({"walks": at_7[learned].passes}, at_7[nominal].passes),
-            ),
-            Claim(
-                claim=f"{nominal.title} fails at once at scale 0.7",
-                paper="fails after one step",
-                ours=at_7[nominal].text,
-                verdict=judge(
-                    {"fails": not at_7[nominal].passes, "at once": at_7[nominal].mean_stones <= AT_ONCE},
-                ),
-            ),
-            Claim(
-                claim=f"scale 0.5 is beyond {learned.title}",
-                paper="nominal lasts 0.06 s, the method fails",
-                ours=f"{at_5[learned].text}; nominal lasts {lasted:.2f} s, oracle {at_5[oracle].text}",
-                verdict=judge({"fails": not at_5[learned].passes, "nominal fails": not at_5[nominal].passes}),
-            ),
+            self._trained(found, walks),
+            *(self._at_once(terrain, walks) for terrain in WHO),
+            self._half(walks),
+            *(self._untrained(terrain, scale, walks) for scale in SCALES for terrain in WHO),
         ]
+
+    def _line(self, scale: float, contender: Contender) -> Line:
+        nominal = NOMINAL.get(contender, CBF_CLF)
+        beside = self._line(scale, nominal) if contender is not nominal else None
+        return Line(f"{contender.title}, scale {scale:g}", contender.assembly(mass_scale=scale), nominal=beside)
+
+    def _trained(self, found: Found, walks: dict[tuple[float, Contender], Walks]) -> Claim:
+        """The paper's claim, with a policy trained as the paper's."""
+        long, nominal = found.walks(self.long), walks[SCALES[0], CBF_CLF]
+        short = walks[SCALES[0], RL_CBF_CLF_LIGHT]
+        forces = f"{long.total('ticks_over_cone')} and {long.total('ticks_lost')} of {long.total('ticks')} ticks"
+        return Claim(
+            claim=f"{self.long.what}, constraints kept",
+            paper="indefinitely long periods, safety and friction respected",
+            ours=f"{long.text} steps; over the cone and lost {forces}; 20 steps: {short.text}, nominal {nominal.text}",
+            verdict=judge(
+                {
+                    "walks": long.passes,
+                    "keeps the forces": long.total("ticks_over_cone") + long.total("ticks_lost") == 0,
+                },
+                nominal.passes,
+            ),
+        )
+
+    def _at_once(self, terrain: str, walks: dict[tuple[float, Contender], Walks]) -> Claim:
+        nominal = WHO[terrain][1]
+        mine = walks[SCALES[0], nominal]
+        return Claim(
+            claim=f"{nominal.title} fails at once at scale 0.7",
+            paper="fails after one step",
+            ours=mine.text,
+            verdict=judge({"fails": not mine.passes, "at once": mine.mean_stones <= AT_ONCE}),
+        )
+
+    def _half(self, walks: dict[tuple[float, Contender], Walks]) -> Claim:
+        """Trained at 2 or 0.7, or with exact estimates, which no training can better.
+
+        A training at 0.5 is among those of `learning-curves --retrain`.
+        """
+        at = {each: row for (scale, each), row in walks.items() if scale == SCALES[1]}
+        trained, oracle = at[RL_CBF_CLF_LIGHT], at[CBF_CLF_ORACLE]
+        lasted = float(np.median([row.ticks for row in at[CBF_CLF].rows])) * TICK_SECONDS
+        return Claim(
+            claim="scale 0.5 is beyond the method, even with exact estimates",
+            paper="nominal lasts 0.06 s, the method fails",
+            ours=f"trained at 0.7 {trained.text}; oracle {oracle.text}; nominal lasts {lasted:.2f} s",
+            verdict=judge(
+                {"fails": not trained.passes and not oracle.passes, "nominal fails": not at[CBF_CLF].passes},
+            ),
+        )
+
+    def _untrained(self, terrain: str, scale: float, walks: dict[tuple[float, Contender], Walks]) -> Claim:
+        """Not in the paper: the policies of scale 2."""
+        learned, nominal, oracle = (walks[scale, each] for each in WHO[terrain])
+        return Claim(
+            claim=f"{WHO[terrain][0].title} trained at scale 2 walks at {scale:g}",
+            paper="-",
+            ours=f"{learned.text}; nominal {nominal.text}, oracle {oracle.text}",
+            verdict=Verdict.OPEN,
+        )

@@ -11,7 +11,7 @@ from rabbit_description.state import Array
 from rabbit_bringup.reproduce.contenders import RL_CBF_CLF
 from rabbit_bringup.reproduce.curves import WIDTH
 from rabbit_bringup.reproduce.experiment import Experiment
-from rabbit_bringup.reproduce.lines import Found, Line
+from rabbit_bringup.reproduce.lines import HEADLINE, Found, Line
 from rabbit_bringup.reproduce.report import Claim
 from rabbit_bringup.reproduce.verdict import judge
 from rabbit_bringup.viewing import style
@@ -40,7 +40,7 @@ class SteppingStone(Experiment):
     @cached_property
     def line(self) -> Line:
         """What walks."""
-        return Line(RL_CBF_CLF.title, RL_CBF_CLF.assembly(mass_scale=2.0))
+        return Line(RL_CBF_CLF.title, RL_CBF_CLF.assembly(mass_scale=2.0), runs=HEADLINE)
 
     def lines(self) -> Sequence[Line]:
         return [self.line]

@@ -1,0 +1,137 @@
+"""`--retrain`: trained once by content, in place of what is shipped; the log of episodes; episodes needed."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from rabbit_bringup.cli import app
+from rabbit_bringup.reproduce.catalogue.learning_curves import first_whole, sessions, settled, span
+from rabbit_bringup.reproduce.contenders import CBF_CLF, RL_CBF_CLF, RL_CLF
+from rabbit_bringup.reproduce.lines import FULL, QUICK, Line, Runs
+from rabbit_bringup.reproduce.training import POLICY, SHIPPED, Recipe, Trained, recipes, retrain
+from rabbit_bringup.reproduce.training_log import COMMITTED, Episode, LogError, main, read_log, read_session, write_log
+from rl_cbf_clf_controller.uncertainty import Problem
+from rl_cbf_clf_controller.weights import policy_path, read
+from typer.testing import CliRunner
+
+ONE = Recipe(Problem.RL_CLF_QP, seed=4, episodes=1)  # nominal, so that nothing is learned yet
+
+
+def session(*steps: int) -> tuple[Episode, ...]:
+    """Episodes that came so far."""
+    about = {"problem": "rl-clf-qp", "mass_scale": 2, "seed": 1, "commit": "", "sigma": 0, "reward": -1.0}
+    return tuple(
+        Episode.model_validate(about | {"episode": i + 1, "steps": n, "ticks": 9, "kept": 5, "transitions": 5 * i + 5})
+        for i, n in enumerate(steps)
+    )
+
+
+def test_a_training_is_made_once_and_logged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    trained = retrain([ONE], tmp_path, 1)
+    about = read(trained.policy(ONE)).metadata
+    assert (about.problem, about.training_seed, about.episodes) == (ONE.problem, 4, 1)
+    assert about.command == ONE.command
+    assert read(trained.policy(ONE, 1)).version == read(trained.policy(ONE)).version
+    (row,) = trained.episodes()
+    assert (row.problem, row.seed, row.mass_scale, row.episode) == (ONE.problem, 4, 2.0, 1)
+    assert 0 < row.kept <= row.ticks
+    assert row.transitions == row.kept == about.transitions
+    assert read_log(tmp_path / "episodes.csv") == [row]
+    monkeypatch.setattr(Recipe, "train", lambda *_: pytest.fail("trained again"))
+    assert retrain([ONE], tmp_path, 1) == trained
+
+
+@pytest.mark.parametrize(
+    "other", [replace(ONE, seed=5), replace(ONE, mass_scale=0.7), replace(ONE, problem=Problem.IO_RL_CLF_QP)]
+)
+def test_another_training_has_another_folder(tmp_path: Path, other: Recipe) -> None:
+    assert other.folder(tmp_path) != ONE.folder(tmp_path) == replace(ONE).folder(tmp_path)
+
+
+def test_changed_sources_train_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    before = ONE.folder(tmp_path)
+    monkeypatch.setattr("rabbit_bringup.reproduce.training.sources_hash", lambda *_: "changed")
+    assert ONE.folder(tmp_path) != before
+
+
+def test_trained_policies_stand_in_for_the_shipped_ones(tmp_path: Path) -> None:
+    made = SHIPPED["rl-cbf-clf-qp"]
+    size = replace(QUICK, trained=Trained(tmp_path, (made,)))
+    learned, other, nominal = (each.assembly() for each in (RL_CBF_CLF, RL_CLF, CBF_CLF))
+    assert size.own(learned) == replace(learned, policy=str(made.folder(tmp_path) / POLICY))
+    assert (size.own(other), size.own(nominal)) == (other, nominal)
+    assert Line("", learned).case(size).assembly.policy == size.own(learned).policy
+    assert QUICK.own(learned) is learned
+
+
+@pytest.mark.parametrize("quick", [True, False])
+def test_what_is_shipped_is_trained_anew(quick: bool) -> None:
+    made = recipes(quick)
+    assert len(set(made)) == len(made)
+    for name, recipe in SHIPPED.items():
+        assert recipe in made
+        about = read(policy_path(name)).metadata
+        assert (about.problem, about.training_seed, about.plant["mass_scale"], about.episodes) == (
+            *(recipe.problem, recipe.seed, recipe.mass_scale),
+            recipe.episodes,
+        )
+
+
+def test_the_committed_log_is_whole() -> None:
+    rows = read_log(COMMITTED)
+    assert {row.problem for row in rows} == set(Problem)
+    for each in sessions(FULL):
+        assert [row.episode for row in each] == list(range(1, len(each) + 1))
+        kept = [row.kept for row in each]
+        assert [row.transitions for row in each] == [sum(kept[: i + 1]) for i in range(len(kept))]
+        assert all(row.kept <= row.ticks and row.reward <= 0 for row in each)
+
+
+def test_a_log_is_read_as_it_was_written(tmp_path: Path) -> None:
+    write_log(session(3, 10), tmp_path / "log.csv")
+    assert read_log(tmp_path / "log.csv") == list(session(3, 10))
+
+
+@pytest.mark.parametrize("reader", [read_session, read_log])
+def test_what_is_no_log_is_told(tmp_path: Path, reader: Callable[[Path], object]) -> None:
+    (tmp_path / "x.csv").write_text("a,b\n1,2\n")
+    with pytest.raises(LogError, match="expected a"):
+        reader(tmp_path if reader is read_session else tmp_path / "x.csv")
+
+
+def test_the_log_command_tells_a_wrong_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    import typer
+
+    with pytest.raises(typer.Exit) as stopped:
+        main([tmp_path], tmp_path / "log.csv")
+    assert stopped.value.exit_code == 2
+    assert str(tmp_path) in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("steps", "first", "last"),
+    [((1, 10, 10), 2, 2), ((10, 3, 10), 1, 3), ((10, 10), 1, 1), ((10, 9), 1, None), ((0, 0), None, None)],
+)
+def test_episodes_needed(steps: tuple[int, ...], first: int | None, last: int | None) -> None:
+    assert (first_whole(session(*steps)), settled(session(*steps))) == (first, last)
+
+
+def test_spans() -> None:
+    assert span([4, 4]) == "4"
+    assert span([4, 1200]) == "4 to 1,200"
+    assert span([4, None, 6]) == "4 to 6 (in 1 none)"
+    assert span([None]) == "none"
+
+
+def test_runs_of_its_own() -> None:
+    line = Line("", CBF_CLF.assembly(), runs=Runs(7, 2))
+    assert (line.case(FULL).runs, line.case(QUICK).runs) == (7, 2)
+    other = line.columns[1]
+    assert (line.case(FULL, other).runs, line.case(QUICK, other).runs) == (FULL.beside, QUICK.beside)
+
+
+def test_what_needs_training_says_so() -> None:
+    done = CliRunner().invoke(app, ["reproduce", "feasibility-by-episode"])
+    assert done.exit_code == 2
+    assert "feasibility-by-episode: expected --retrain" in done.stderr
