@@ -4,7 +4,15 @@ import os
 from typing import Any
 
 import pytest
-from rabbit_ros.priority import NotPermitted, be_ordinary, scheduling, take_priority
+from rabbit_ros.priority import (
+    BENEATH,
+    NotPermitted,
+    be_ordinary,
+    leave_priority,
+    scheduling,
+    take_listeners_priority,
+    take_priority,
+)
 
 
 def test_zero_changes_nothing() -> None:
@@ -32,3 +40,16 @@ def test_priority_is_taken_where_permitted() -> None:
     finally:
         be_ordinary()
     assert scheduling() == "ordinary"
+
+
+@pytest.mark.parametrize(
+    ("priority", "own"), [(50, f"SCHED_FIFO {50 - BENEATH}"), (3, "SCHED_FIFO 1"), (0, "ordinary")]
+)
+def test_listeners_are_beneath(priority: int, own: str) -> None:
+    try:
+        take_listeners_priority(priority)
+    except NotPermitted:
+        pytest.skip("this user may not take SCHED_FIFO")
+    found = scheduling()
+    leave_priority()
+    assert (found, scheduling()) == (own, "ordinary")

@@ -1,7 +1,14 @@
-"""SCHED_FIFO for a node: with it no ordinary process, however busy, keeps the node from its processor."""
+"""SCHED_FIFO for a node: with it no ordinary process, however busy, keeps the node from its processor.
 
+The middleware's processes share locks. One that is kept from its processor while it holds one keeps the others waiting,
+whatever their priority; so all processes of a graph need one, those that only listen a lower one.
+"""
+
+import contextlib
 import os
 from pathlib import Path
+
+BENEATH = 10  # by so much the listeners are lower
 
 
 class NotPermitted(PermissionError):
@@ -17,8 +24,7 @@ def take_priority(priority: int) -> None:
     if priority == 0:
         return
     try:
-        for thread in Path("/proc/self/task").iterdir():
-            os.sched_setscheduler(int(thread.name), os.SCHED_FIFO, os.sched_param(priority))
+        _set_all_threads(os.SCHED_FIFO, priority)
     except PermissionError as error:
         raise NotPermitted(
             f"SCHED_FIFO priority {priority}: not permitted, goes on as an ordinary process; it needs CAP_SYS_NICE, "
@@ -36,3 +42,19 @@ def scheduling() -> str:
 def be_ordinary() -> None:
     """Take the calling thread out of it again: work that can wait."""
     os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+
+
+def take_listeners_priority(priority: int) -> None:
+    """As `take_priority`, just beneath the nodes of that priority."""
+    take_priority(priority and max(1, priority - BENEATH))
+
+
+def leave_priority() -> None:
+    """Make all threads of this process ordinary again."""
+    _set_all_threads(os.SCHED_OTHER, 0)
+
+
+def _set_all_threads(policy: int, priority: int) -> None:
+    for thread in Path("/proc/self/task").iterdir():
+        with contextlib.suppress(ProcessLookupError):  # it has ended
+            os.sched_setscheduler(int(thread.name), policy, os.sched_param(priority))

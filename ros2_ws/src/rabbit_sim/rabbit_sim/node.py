@@ -254,7 +254,8 @@ class SimulatorNode(Node):
     def _on_pace(self) -> None:
         """A tick is due."""
         self._due = True
-        self._ticks.due()
+        if self._ticks.due() and self._pacer is not None:
+            self._pacer.reset()
         self._go_on()
         if self._due and self._own.real_time and self.executor is not None:
             self.executor.create_task(self._do_without)  # behind what has come in already
@@ -265,9 +266,11 @@ class SimulatorNode(Node):
             return
         if self._state.tick == 0:
             self._due = False  # the first tick begins at the next pace after its torque
-        else:
-            self._step(*self._stand_in.missed(self._state.dq))
-            self._is_answered &= not self._stand_in.gave_up
+            return
+        torque, source = self._stand_in.missed(self._state.dq)
+        if source is Source.HELD and self._stand_in.gave_up:
+            self._is_answered = False  # until it speaks again, be it too late
+        self._step(torque, source)
 
     def _status(self) -> Status:
         waits = {

@@ -9,7 +9,7 @@ from rabbit_ros.qos_node import TICK
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
-from rabbit_sim.real_time import Punctuality, Source
+from rabbit_sim.real_time import LATE_SECONDS, Punctuality, Source
 
 NANOSECOND = 1e-9
 
@@ -28,11 +28,13 @@ class TickClock:
         """Ticks are due every `period` s from now on; call it beside the timer's start."""
         self._period, self._due, self._late = period, self._now(), 0.0
 
-    def due(self) -> None:
-        """A tick is due: the timer says so. It leaves out those that it is too late for."""
-        self._due += self._period
-        self._late = max(0.0, self._now() - self._due)
-        self._due += self._late // self._period * self._period
+    def due(self) -> bool:
+        """A tick is due: the timer says so. True: that late that the timer is to begin anew, for a whole next tick."""
+        now = self._now()
+        self._late = max(0.0, now - self._due - self._period)
+        is_late = self._late > LATE_SECONDS
+        self._due = now if is_late else self._due + self._period
+        return is_late
 
     def sent(self) -> None:
         """A state went out."""

@@ -156,6 +156,7 @@ class Background:
             self._thread.join(timeout=5.0)
 
     def _run(self) -> None:
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))  # learning can wait, whatever the node's priority
         if self.beside:  # whoever walks goes first
             os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), NICENESS)
         try:

@@ -51,7 +51,10 @@ class WalkOptions(BaseModel):
     video: bool = Field(True, description="film the walk")
     real_time: bool = Field(False, description="100 Hz by the wall clock instead of lock-step")
     priority: int = Field(
-        0, ge=0, le=99, description="SCHED_FIFO priority of simulator and controller, where permitted"
+        0,
+        ge=0,
+        le=99,
+        description="SCHED_FIFO priority of simulator and controller, where permitted; of the others 10 less; 0: none",
     )
     pace: float | None = Field(
         None, ge=0, le=100, description="lock-step: times real time at most; 0: no limit (default: 0; with --view 1)"
@@ -132,7 +135,9 @@ def run_graph(graph: Graph, options: WalkOptions, show: Callable[[Any], None]) -
     for name in THREADS:
         os.environ.setdefault(name, "1")
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    with _signals_raise():
+    from rabbit_bringup.launching.priority_node import listening_to
+
+    with _signals_raise(), listening_to(options.priority):
         processes = Processes(graph.folder / "log")
         watch = None
         try:
