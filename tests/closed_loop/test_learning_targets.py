@@ -1,5 +1,7 @@
 """What the trainer measures on a walk is the true model error, which only this test knows."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from rabbit_description.gait import load_gait
@@ -9,8 +11,8 @@ from rabbit_sim.simulation import Simulation
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.oracle import OraclePolicy
 from rl_cbf_clf_controller.parameters import ControllerParameters
-from rl_cbf_clf_controller.policy import Policy
-from rl_cbf_clf_controller.uncertainty import Problem
+from rl_cbf_clf_controller.policy import Policy, ZeroPolicy
+from rl_cbf_clf_controller.uncertainty import Estimates, Problem
 from rl_trainer.environment import WalkingEnv
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.reward import error_unit
@@ -79,3 +81,27 @@ def test_environment_over_the_true_plant() -> None:
         walks.append(np.array(observations))
     np.testing.assert_array_equal(*walks)
     simulation.close()
+
+
+def test_beside_an_adaptation_the_target_is_what_it_leaves() -> None:
+    """The robot is found within a step; what is left to learn is less than a tenth of the nominal model's error."""
+    simulation, _, parameters = parts(Problem.RL_CBF_CLF_QP, "rigid")
+    law = ControllerParameters(controller="rl-cbf-clf-qp", adaptation="identification", sigma=5.0)
+    controller = Controller(law, load_gait(law.gait), ZeroPolicy(law.problem))
+    builder = TransitionBuilder(parameters)
+    left, whole = [], []
+
+    def observe(record: Record) -> None:
+        transition = builder.add(record.state, record.output)
+        if transition is not None and not transition.doubt & ~Doubt.SATURATED and transition.step_index:
+            assert not transition.alpha.any()  # the policy's own
+            found = Estimates.from_packed(previous[0].adapted)
+            left.append(transition.target)
+            whole.append(transition.target + found.error(transition.mu))
+        previous[0] = record.output
+
+    previous: list[Any] = [None]
+    rollout(simulation, controller, 11, observe)
+    simulation.close()
+    assert len(left) > 20 * STEPS
+    assert (np.linalg.norm(left, axis=0) < 0.1 * np.linalg.norm(whole, axis=0)).all()

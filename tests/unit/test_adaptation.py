@@ -49,7 +49,7 @@ def test_after_a_bounce_it_waits_again(state):
     for tick in range(12):
         force = np.zeros((2, 2)) if tick == 6 else STANDING
         before = adaptation.known
-        adaptation.estimate(here, NONE, Measured(tick, TORQUE, force))
+        adaptation.estimate(here, Measured(tick, TORQUE, force))
         learned.append(not np.array_equal(adaptation.known, before))
     assert [tick for tick in range(12) if learned[tick]] == [3, 4, 5, 9, 10, 11]
 
@@ -57,10 +57,9 @@ def test_after_a_bounce_it_waits_again(state):
 def test_at_first_the_robot_is_the_nominal_one(state):
     """So nothing is added to the policy's estimates."""
     here, adaptation = controller().terms(state_of(*state)).context, IdentifiedRobot()
-    given = Estimates(np.ones((5, 4)), np.ones(5), NONE.output_error)
-    estimates = adaptation.estimate(here, given, Measured(0, np.full(4, np.nan), STANDING))
-    assert estimates.alpha == pytest.approx(given.alpha, abs=1e-9)
-    assert estimates.beta == pytest.approx(given.beta, abs=1e-7)
+    estimates = adaptation.estimate(here, Measured(0, np.full(4, np.nan), STANDING))
+    assert estimates.alpha == pytest.approx(0, abs=1e-9)
+    assert estimates.beta == pytest.approx(0, abs=1e-7)
     assert adaptation.known.shape == (len(KNOWN),)
     assert adaptation.known[SIZE:] == pytest.approx([0.0, 0.0], abs=0)
 

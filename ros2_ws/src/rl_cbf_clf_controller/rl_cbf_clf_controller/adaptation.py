@@ -3,7 +3,7 @@
 `identification.py` finds what the robot weighs, how its joints are damped and what its motors give;
 `joint_calibration.py` where its joints' angles are zero. A second model carries what is found, and the estimates are
 the difference of the quantities by this and by the nominal model, as the oracle's are by the plant's own
-(`model_error.py`). They are added to the policy's. The angles are corrected before anything is computed from them.
+(`model_error.py`). The policy's are added to them. The angles are corrected before anything is computed from them.
 
 Learned from are ticks in which the stance foot, and it alone, stood, and had done so for SETTLING ticks: not the tick
 of a touchdown, nor flight, a swing foot on the ground, a missing tick, an unknown torque. A foot that bounces lands
@@ -43,7 +43,7 @@ class Measured:
 
 
 class Adaptation(Protocol):
-    """Improves the policy's estimates tick by tick; `known` has a value for each of `KNOWN`, or none."""
+    """Estimates beside the policy's, tick by tick; `known` has a value for each of `KNOWN`, or none."""
 
     @property
     def known(self) -> Array: ...
@@ -52,11 +52,11 @@ class Adaptation(Protocol):
 
     def corrected(self, state: RobotState) -> RobotState: ...
 
-    def estimate(self, context: ModelContext, policy: Estimates, measured: Measured) -> Estimates: ...
+    def estimate(self, context: ModelContext, measured: Measured) -> Estimates | None: ...
 
 
 class NoAdaptation:
-    """The policy's estimates as they are."""
+    """Nothing beside the policy's."""
 
     known = np.zeros(0)
 
@@ -67,9 +67,8 @@ class NoAdaptation:
         """`state`."""
         return state
 
-    def estimate(self, context: ModelContext, policy: Estimates, measured: Measured) -> Estimates:
-        """`policy`."""
-        return policy
+    def estimate(self, context: ModelContext, measured: Measured) -> None:
+        """None."""
 
 
 @dataclass(frozen=True)
@@ -107,13 +106,13 @@ class IdentifiedRobot:
         """The state with its angles set right."""
         return replace(state, q=self._calibration.corrected(state.q))
 
-    def estimate(self, context: ModelContext, policy: Estimates, measured: Measured) -> Estimates:
-        """Learn from the tick that ends now, then add to `policy` what the robot found differs from the nominal."""
+    def estimate(self, context: ModelContext, measured: Measured) -> Estimates:
+        """Learn from the tick that ends now; then what the robot found differs from the nominal."""
         now = Tick(measured.tick, (context.q_s, context.dq_s), measured.torque)
         self._learn(now, measured)
         self._last = now
         self._robot.update(context.q_s, context.dq_s)
-        return model_error(context, self._robot.pinned()) + policy
+        return model_error(context, self._robot.pinned())
 
     def _learn(self, now: Tick, measured: Measured) -> None:
         last = self._last

@@ -37,6 +37,7 @@ from rl_cbf_clf_controller.worst_case import worst_errors
 
 NO_BARRIERS = np.full(2, np.nan)
 NO_TORQUE = np.full(4, np.nan)
+NOTHING = np.zeros(0)
 
 
 class ControllerError(ValueError):
@@ -50,11 +51,12 @@ class ControllerOutput:
     `torque` (4,) N m, left/right order, saturated; `eta` (8,); `barriers`, `barrier_rates` (2,), NaN on flat ground;
     `mu` (4,) as executed after exploration and saturation, `mu_qp` the QP's, `omega` the noise; `mu_held` (4,) what the
     last tick's torque amounts to at this state, that is y-ddot by the nominal model, NaN where the step is new; nominal
-    value of the quantities = `nominal_a` mu + `nominal_b`, (n, 4) and (n,); `alpha`, `beta` the estimates;
+    value of the quantities = `nominal_a` mu + `nominal_b`, (n, 4) and (n,); `alpha`, `beta` the estimates in all;
     `observation` (14,) or (15,); `LgV` (4,); `clf_slack`, `rescue_slack`: the paper's d, the sum of the slacks of last
     resort; `active` names the rows that hold with equality; `answered` is False where the guard solver had to answer;
     `fault` is empty, or why the episode must end; `objective`, `adaptation` name what was minimised and adapted;
-    `identified` (17,) is the robot as in `adaptation.KNOWN`, (0,) without adaptation.
+    `identified` (17,) is the robot as in `adaptation.KNOWN`, `adapted` (5n + 20,) its part of the estimates, as in
+    `Estimates.packed`; both (0,) without adaptation.
     """
 
     tick: int
@@ -90,7 +92,8 @@ class ControllerOutput:
     fault: str = ""
     objective: str = "paper"
     adaptation: str = "none"
-    identified: Array = field(default_factory=lambda: np.zeros(0))
+    identified: Array = field(default_factory=lambda: NOTHING)
+    adapted: Array = field(default_factory=lambda: NOTHING)
 
 
 @dataclass(frozen=True)
@@ -188,7 +191,9 @@ class Controller:
         state = self._adaptation.corrected(state)
         fault = self._swap_legs(state)
         terms = self.terms(state)
-        estimates = self._adapted(state, terms, self.policy.estimate(terms.context))
+        policy = self.policy.estimate(terms.context)
+        adapted = self._adapted(state, terms, policy)
+        estimates = policy + adapted if adapted else policy
         control = self._control(terms, estimates)
         rows = [*self.rows(terms, estimates, control), *(own.rows(terms) for own in self._extra)]
         qp = build_qp(rows, self.objective(terms, estimates))
@@ -197,7 +202,7 @@ class Controller:
         if not solution.solved:
             fault = fault or f"no solver answered: {solution.status}"
             decision = Decision(np.zeros(4), decision.slack, decision.active)
-        return self._output(state, terms, estimates, control, qp, solution, decision, fault)
+        return self._output(state, terms, estimates, adapted, control, qp, solution, decision, fault)
 
     def terms(self, state: RobotState) -> Terms:
         """Nominal terms at a state, with the present stance leg."""
@@ -248,16 +253,16 @@ class Controller:
         cone = p.friction_coeff - p.friction_margin
         return build(force, p.min_normal_force, cone, p.force_rescue_weight).normalised()
 
-    def _adapted(self, state: RobotState, terms: Terms, policy: Estimates) -> Estimates:
-        """The policy's estimates and what is adapted: with L1, the input of the first approach."""
+    def _adapted(self, state: RobotState, terms: Terms, policy: Estimates) -> Estimates | None:
+        """What is added to the policy's estimates, if anything; with L1 they are an input, as in the first approach."""
         if self._l1 is None:
             self._check_estimates(terms, policy)
             force = state.foot_force[[self._step.stance, self._step.stance.other]]
-            return self._adaptation.estimate(terms.context, policy, Measured(state.tick, self._step.torque, force))
+            return self._adaptation.estimate(terms.context, Measured(state.tick, self._step.torque, force))
         whole = Affine(np.eye(4) + policy.alpha, policy.beta)
         belief = whole.inverse().after(terms.output_dynamics)
         compensation = self._l1.compensation(terms.eta, belief, self._step.torque)
-        return Estimates(policy.alpha, whole(compensation))
+        return Estimates(np.zeros((4, 4)), whole(compensation) - policy.beta)
 
     def _check_estimates(self, terms: Terms, policy: Estimates) -> None:
         p = self.parameters
@@ -300,6 +305,7 @@ class Controller:
         state: RobotState,
         terms: Terms,
         estimates: Estimates,
+        adapted: Estimates | None,
         control: Affine,
         qp: QuadraticProgram,
         solution: Solution,
@@ -349,6 +355,7 @@ class Controller:
             objective=p.objective,
             adaptation=p.adaptation,
             identified=self._adaptation.known,
+            adapted=adapted.packed if adapted and not terms.model.outputs_only else NOTHING,
             fault=fault,
         )
 

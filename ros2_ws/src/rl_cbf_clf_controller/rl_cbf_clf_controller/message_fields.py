@@ -22,7 +22,15 @@ ARRAYS = (
 SCALARS = ("tick", "step_index", "step_time", "phase", "clf_slack", "rescue_slack", "saturated", "answered")
 WORDS = ("solver", "status", "solve_seconds", "fault", "objective", "adaptation")
 SAME = (*ARRAYS, *SCALARS, *WORDS)  # what has one name on both sides
-SEQUENCES = ("nominal_a", "nominal_b", "alpha", "beta", "observation", "identified")  # of more than one length
+SEQUENCES = (
+    "nominal_a",
+    "nominal_b",
+    "alpha",
+    "beta",
+    "observation",
+    "identified",
+    "adapted",
+)  # of more than one length
 FINITE = ("eta", "mu", *SEQUENCES, "lgv")
 
 

@@ -92,6 +92,19 @@ class Estimates:
             raise ValueError(f"estimates: a vector of shape {flat.shape}; expected 5 values for each quantity")
         return cls(flat[: INPUTS * n].reshape(n, INPUTS), flat[INPUTS * n :])
 
+    @classmethod
+    def from_packed(cls, packed: Array) -> "Estimates":
+        """From `packed`."""
+        rows, output = packed[: -INPUTS * (INPUTS + 1)], packed[-INPUTS * (INPUTS + 1) :].reshape(INPUTS, INPUTS + 1)
+        part = cls.from_flat(rows)
+        return cls(part.alpha, part.beta, Affine(output[:, :INPUTS], output[:, INPUTS]))
+
+    @property
+    def packed(self) -> Array:
+        """`flat`, then [Delta_2 | Delta_1] row by row, shape (5n + 20,); an output error that is not told is 0."""
+        output = self.output_error or NO_OUTPUT_ERROR
+        return np.concatenate([self.flat, np.column_stack([output.a, output.b]).ravel()])
+
     @property
     def flat(self) -> Array:
         """The paper's order (alpha_V, alpha_B1, ..., alpha_C2, beta_V, ..., beta_C2), shape (5n,)."""

@@ -94,6 +94,7 @@ class Trainer:
         self.holds_out: Callable[[Transition], bool] = lambda _: False
         self._builder = TransitionBuilder(parameters)
         self._start: dict[str, Any] | None = None  # weights to set the actor back to
+        self._adaptation: str | None = None  # that the controller walks with
         self._earlier = self._updates = 0  # transitions that the policy it began with has seen; updates
         self._clear()
 
@@ -141,6 +142,7 @@ class Trainer:
     def observe(self, state: RobotState, output: ControllerOutput) -> Transition | None:
         """Take in a tick; returns the transition that it completes."""
         self._fault = output.fault
+        self._adaptation = None if output.adaptation == "none" else output.adaptation
         return self._take(self._builder.add(state, output))
 
     def observe_end(self, state: RobotState) -> Transition | None:
@@ -193,6 +195,7 @@ class Trainer:
             structured=p.is_structured,
             alpha_scale=alpha,
             beta_scale=beta,
+            adaptation=self._adaptation,
             learner=p.learner,
             plant=source.plant,
             training_seed=p.seed,
@@ -205,12 +208,17 @@ class Trainer:
 
     def state_dict(self) -> dict[str, Any]:
         """All that is needed to go on between two episodes as if nothing had happened."""
-        return {"episode": self.episode, "learner": self.learner.state_dict(), "replay": self.replay.state_dict()}
+        return {
+            "episode": self.episode,
+            "adaptation": self._adaptation,
+            "learner": self.learner.state_dict(),
+            "replay": self.replay.state_dict(),
+        }
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
         """Go on from a checkpoint."""
         self._start = None
-        self.episode = state["episode"]
+        self.episode, self._adaptation = state["episode"], state["adaptation"]
         self.learner.load_state_dict(state["learner"])
         self.replay.load_state_dict(state["replay"])
 

@@ -17,8 +17,9 @@ from enum import IntFlag
 
 import numpy as np
 from rabbit_description.state import TICK_SECONDS, Array, RobotState
+from rl_cbf_clf_controller.affine import Affine
 from rl_cbf_clf_controller.controller import ControllerOutput
-from rl_cbf_clf_controller.uncertainty import Problem
+from rl_cbf_clf_controller.uncertainty import INPUTS, NO_OUTPUT_ERROR, Estimates, Problem
 
 from rl_trainer.parameters import TrainingParameters
 
@@ -132,8 +133,8 @@ class TransitionBuilder:
             LgV=last.LgV,
             mu=last.mu,
             mu_qp=last.mu_qp,
-            alpha=last.alpha,
-            beta=last.beta,
+            alpha=last.alpha - adapted(last)[0].a,
+            beta=last.beta - adapted(last)[0].b,
             nominal=nominal_value(last, output if measurable else None, self._parameters),
             measured=measure(last, state, output, self._parameters) if measurable and output else unmeasured,
             next_observation=following.observation,
@@ -185,13 +186,32 @@ def measure(last: ControllerOutput, state: RobotState, output: ControllerOutput,
 
 
 def nominal_value(last: ControllerOutput, output: ControllerOutput | None, p: TrainingParameters) -> Array:
-    """The quantities by the nominal model over the same tick, (n,); at its start where there is no `output`."""
+    """The quantities without the policy's word over the same tick, (n,); at its start where there is no `output`.
+
+    That is by the nominal model, or with an adaptation by the robot that it knows.
+    """
     first_approach = p.problem is Problem.IO_RL_CLF_QP
     v: Array = last.mu + last.alpha @ last.mu + last.beta if first_approach else last.mu
-    start = last.nominal_a @ v + last.nominal_b
+    start = believed(last, v)
     if output is None or p.nominal_value == "start" or not np.isfinite(output.mu_held).all():
         return start
-    mean: Array = (start + output.nominal_a @ output.mu_held + output.nominal_b) / 2
+    mean: Array = (start + believed(output, output.mu_held)) / 2
     if p.clf_difference == "rates" and "V" in last.quantities:
-        mean[0] = last.nominal_b[0] + last.LgV @ (v + output.mu_held) / 2
+        ends = v + adapted(last)[1](v), output.mu_held + adapted(output)[1](output.mu_held)
+        mean[0] = last.nominal_b[0] + last.LgV @ (ends[0] + ends[1]) / 2
     return mean
+
+
+def believed(output: ControllerOutput, v: Array) -> Array:
+    """The quantities (n,) of a tick at the input v (4,), without the policy's word."""
+    value: Array = output.nominal_a @ v + output.nominal_b + adapted(output)[0](v)
+    return value
+
+
+def adapted(output: ControllerOutput) -> tuple[Affine, Affine]:
+    """What an adaptation added to a tick's quantities (n,) and to its y'' (4,), affine in mu."""
+    n = len(output.quantities)
+    if not output.adapted.size:
+        return Affine(np.zeros((n, INPUTS)), np.zeros(n)), NO_OUTPUT_ERROR
+    estimates = Estimates.from_packed(output.adapted)
+    return Affine(estimates.alpha, estimates.beta), estimates.output_error or NO_OUTPUT_ERROR

@@ -22,6 +22,7 @@ class SessionOptions(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     out: Path = Field(description="folder of the session; one that was stopped there goes on")
+    random_plants: bool = Field(False, description="another robot in every episode, for a policy beside an adaptation")
     paper_literal: bool = Field(False, description="DDPG as the paper states it, in place of the one that works")
     parameters: str = Field("ours", description="of the controller: ours, authors or a YAML file")
 
@@ -52,7 +53,7 @@ def train(given: Given) -> None:
     plant = given.build(SimulationParameters, mass_scale=TRAINING_SCALE, **world)
     with (
         complaints(GaitError, CourseError, CheckpointError),
-        training(request.out, parameters, controller, plant) as job,
+        training(request.out, parameters, controller, plant, random_plants=request.random_plants) as job,
     ):
         try:
             follow(job, parameters.episodes)

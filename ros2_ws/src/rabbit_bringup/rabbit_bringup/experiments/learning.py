@@ -16,6 +16,7 @@ from rl_trainer.session import Session
 from rl_trainer.training import EpisodeReport, Provenance, Trainer
 
 from rabbit_bringup.experiments import provenance
+from rabbit_bringup.experiments.random_plants import RandomPlants
 
 
 @dataclass(frozen=True)
@@ -33,18 +34,21 @@ def training(
     controller: ControllerParameters,
     plant: SimulationParameters,
     command: str | None = None,
+    random_plants: bool = False,
 ) -> Iterator[Training]:
     """Begin a session, or go on with the one in `folder`; raises `GaitError`, `CourseError`, `CheckpointError`.
 
-    `command` goes into the policy files, this process's own where it is not given.
+    `command` goes into the policy files, this process's own where it is not given; with `random_plants` every episode
+    has another robot.
     """
     gait = load_gait(controller.gait)
 
     def make_controller(policy: Policy, sigma: float) -> Controller:
         return Controller(controller.model_copy(update={"sigma": sigma}), gait, policy)
 
-    source = Provenance(plant.model_dump(), provenance.commit(), command or provenance.command())
-    simulation = Simulation(plant, gait)
+    about = plant.model_dump() | ({"random_plants": True} if random_plants else {})
+    source = Provenance(about, provenance.commit(), command or provenance.command())
+    simulation = RandomPlants(plant, gait) if random_plants else Simulation(plant, gait)
     try:
         session = Session(folder, Trainer(parameters, source))
         yield Training(session, session.run(simulation, make_controller))
