@@ -1,5 +1,6 @@
 """`rabbit jitter`: how well this machine keeps real time, as a table."""
 
+from collections.abc import Callable
 from datetime import datetime
 from pathlib import Path
 from typing import Annotated, Any
@@ -67,21 +68,25 @@ def jitter(given: Given) -> None:
 
 
 def show(rows: list[dict[str, Any]]) -> None:
-    """A table on the screen, a row a walk."""
+    """A table on the screen, a column a walk."""
     from rich.console import Console
     from rich.table import Table
 
-    columns = ("late > 2 ms", "late p99, max", "answer p50, p99", "age p99, max", "missed", "damped", "walked")
-    table = Table("neighbours", "priority", "load", "ticks", *columns, title="times in ms")
-    for row in rows:
-        late, response, age = (row[name] for name in ("late_ms", "response_ms", "age_ms"))
-        table.add_row(
-            *(str(row["neighbours"]), str(row["priority"]), f"{row['load_before']:.1f}", str(row["ticks"])),
-            f"{row['late_share']:.3%}",
-            f"{late['p99']:.2f}, {late['max']:.1f}",
-            f"{response['p50']:.1f}, {response['p99']:.1f}",
-            f"{age['p99']:.1f}, {age['max']:.1f}",
-            *(str(row["missed"]), str(row["damped"])),
-            f"{row['outcomes'].get('walked', 0)} of {row['episodes']}",
-        )
+    table = Table("times in ms", *(f"{row['neighbours']} neighbours" for row in rows))
+    for name, tell in LINES.items():
+        table.add_row(name, *map(tell, rows))
     Console().print(table)
+
+
+LINES: dict[str, Callable[[dict[str, Any]], str]] = {
+    "SCHED_FIFO": lambda row: str(row["priority"] or "no"),
+    "load before": lambda row: f"{row['load_before']:.1f}",
+    "ticks": lambda row: str(row["ticks"]),
+    "more than 2 ms late": lambda row: f"{row['late_share']:.3%}",
+    "late: p99, max": lambda row: f"{row['late_ms']['p99']:.2f}, {row['late_ms']['max']:.1f}",
+    "answer: median, p99": lambda row: f"{row['response_ms']['p50']:.1f}, {row['response_ms']['p99']:.1f}",
+    "age of the torque: p99, max": lambda row: f"{row['age_ms']['p99']:.1f}, {row['age_ms']['max']:.1f}",
+    "ticks not answered in time": lambda row: f"{row['missed']}, {row['damped']} of them damped",
+    "walked": lambda row: f"{row['outcomes'].get('walked', 0)} of {row['episodes']}",
+    "messages lost": lambda row: str(sum(row["lost"].values())),
+}

@@ -16,6 +16,7 @@ from rabbit_bringup.launching.walk import Interrupted, WalkOptions, make_graph
 
 OVER = 1  # exit code where a bar is not kept
 READY = 600.0  # s for the nodes to find each other: a soak may begin on a busy machine
+TRAINER_TIMEOUT = 3600.0  # s
 
 app = typer.Typer(add_completion=False)
 
@@ -30,6 +31,7 @@ class SoakOptions(BaseModel):
     every: float = Field(5.0, ge=0.5, le=600, description="s between samples")
     seed: int = Field(1, ge=0, le=2**63 - 1, description="of the first episode")
     policy: str | None = Field(None, description="to begin with: zero, a shipped policy or a file")
+    training: Path | None = Field(None, description="YAML file of training parameters")
     parameters: str = Field("ours", description="of the controller: ours, authors or a YAML file")
 
 
@@ -43,10 +45,12 @@ def soak(given: Given) -> None:
     assembly = given_assembly(given, told.policy, told.parameters)
     if assembly.policy == "oracle":
         fail("--policy oracle: expected zero, a shipped policy or a file; the nodes never see the true plant")
-    request = WalkOptions(out=told.out, seed=told.seed, episodes=EPISODES, policy=told.policy, ready_timeout=READY)
+    own = told.model_dump(include={"out", "seed", "policy", "training"})
+    request = WalkOptions(**own, episodes=EPISODES, ready_timeout=READY)
     folder = make_folder(request)
     training = given_training(request, assembly.controller, assembly.policy)
     graph = make_graph(folder, request, assembly.simulation, assembly.controller, assembly.policy, training)
+    graph.parameters["simulator"]["trainer_timeout"] = TRAINER_TIMEOUT
     from rich.console import Console
 
     from rabbit_bringup.experiments import soak as experiment
