@@ -4,6 +4,7 @@ from rabbit_bringup.reproduce.catalogue.clf_assumption import ClfAssumption
 from rabbit_bringup.reproduce.catalogue.clf_results import ClfResults
 from rabbit_bringup.reproduce.catalogue.clf_torso_results import ClfTorsoResults
 from rabbit_bringup.reproduce.catalogue.delay import Delay
+from rabbit_bringup.reproduce.catalogue.every_plant import EveryPlantFlat, EveryPlantStones
 from rabbit_bringup.reproduce.catalogue.feasibility_by_episode import FeasibilityByEpisode
 from rabbit_bringup.reproduce.catalogue.feasibility_share import FeasibilityShare
 from rabbit_bringup.reproduce.catalogue.joint_damping import JointDamping
@@ -41,4 +42,6 @@ EXPERIMENTS: tuple[Experiment, ...] = (
     FeasibilityShare(),
     FeasibilityByEpisode(),
     Delay(),
+    EveryPlantStones(),
+    EveryPlantFlat(),
 )
