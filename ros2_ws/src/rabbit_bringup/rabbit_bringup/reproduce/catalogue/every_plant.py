@@ -100,7 +100,7 @@ class EveryPlant(Experiment):
         runs = walks[self.ours][0].runs
         caption = (
             f"Courses of 20 {self.terrain} walked, of {runs} a cell (the numbers), by controller and plant. mu'mu and "
-            "PD-centred are the QP's objective. All but the policies trained at scale 2, which have their own gait, walk "
+            "PD-centred are the QP's objective. The policies trained at scale 2 walk with their own gait, all else "
             f"with {GAIT['gait']}."
         )
         return {"map": (caption, figure)}
