@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from rabbit_ros.network import choose_network
 
 HERE = Path(__file__).parent
 DOMAINS = 100  # domain ids above 101 may meet the ephemeral ports
@@ -14,7 +15,7 @@ PACKAGES = {"simulator": "rabbit_sim", "controller": "rl_cbf_clf_controller", "t
 SHORT = {"motor_lag": 0.004, "stones": 3}  # a plant for tests that need a walk, not a result
 
 os.environ["ROS_DOMAIN_ID"] = str(1 + os.getpid() % DOMAINS)
-os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+choose_network()
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 
@@ -157,3 +158,11 @@ def make_world(tmp_path: Path) -> Iterator[Callable[[str], World]]:
 def world(make_world: Callable[[str], World]) -> World:
     """One world."""
     return make_world("world")
+
+
+@pytest.fixture
+def root_world(tmp_path: Path) -> Iterator[World]:
+    """One in the namespace / itself."""
+    world = World(tmp_path, "")
+    yield world
+    world.close()

@@ -17,7 +17,7 @@ INSTALL = WORKSPACE / "install"
 PACKAGES = sorted(path.parent.name for path in (WORKSPACE / "src").glob("*/package.xml"))
 EXECUTABLES = {"simulator": "rabbit_sim", "controller": "rl_cbf_clf_controller", "trainer": "rl_trainer"}
 NAMESPACE = "/test_workspace"
-DISCOVERY = ("ROS_DOMAIN_ID", "ROS_AUTOMATIC_DISCOVERY_RANGE")
+DISCOVERY = ("ROS_DOMAIN_ID",)
 PATIENCE = 180  # s, on a busy machine
 
 

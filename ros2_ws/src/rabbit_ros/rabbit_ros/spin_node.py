@@ -1,12 +1,10 @@
 """Runs one node until it is told to stop. Every node's `main` is a call of this."""
 
 import gc
-import os
 import signal
 import sys
 import time
 from collections.abc import Callable
-from pathlib import Path
 
 import rclpy
 from rclpy.clock import Clock, ClockType
@@ -16,6 +14,7 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.timer import Timer
 
+from rabbit_ros.network import choose_network
 from rabbit_ros.parameters_node import ParameterError
 
 _LOOK_UP = 0.1  # s between looks at the signals; without a time-out this executor's wait hears none
@@ -33,7 +32,7 @@ def run(make: Callable[[], Node], errors: tuple[type[Exception], ...] = ()) -> N
             `close()`, that is called at the end. If its `failure` becomes a line, it ends with that and exit code 2.
         errors: besides `ParameterError`, what the constructor raises when a file or value cannot be used.
     """
-    os.environ.setdefault("FASTRTPS_DEFAULT_PROFILES_FILE", str(Path(__file__).with_name("fastdds.xml")))
+    choose_network()
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     signals: list[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):

@@ -39,9 +39,8 @@ def record(
     parameters = [f"path:={json.dumps(str(path))}", f"storage:={storage}"]
     remaps = [f"__ns:=/{namespace.strip('/')}", "__node:=bag_recorder", "/clock:=clock"]
     words = [*(word for p in parameters for word in ("-p", p)), *(word for r in remaps for word in ("-r", r))]
-    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     print(f"recording into {path}; Ctrl-C ends it", flush=True)
-    os.execv(recorder, [str(recorder), "--ros-args", *words])
+    os.execv(recorder, [str(recorder), "--ros-args", *words, "--enclave", "/rabbit/recorder"])
 
 
 @app.command()

@@ -49,9 +49,8 @@ def become_viewer(told: ViewOptions) -> None:
         path = find_executable("rabbit_bringup", "viewer")
     except LaunchError as error:
         fail(error)
-    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     own = told.model_dump(include=set(ViewerParameters.model_fields))
     words = [word for name, value in own.items() for word in ("-p", f"{name}:={json.dumps(value)}")]
-    remaps = ("-r", f"__ns:=/{told.namespace.strip('/')}", "--log-level", "warn")
+    remaps = ("-r", f"__ns:=/{told.namespace.strip('/')}", "--enclave", "/rabbit/viewer", "--log-level", "warn")
     os.execv(path, [str(path), "--ros-args", *words, *remaps])

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import rclpy
 from rabbit_msgs.srv import LoadPolicy
+from rabbit_ros.network import choose_network
 from rabbit_ros.question_node import ask
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
@@ -20,8 +21,13 @@ def load_policy(path: Path, namespace: str = "", timeout: float = 5.0) -> LoadPo
     Raises:
         LaunchError: no controller answers within `timeout` s.
     """
+    choose_network()
     context = rclpy.Context()
-    rclpy.init(args=[], context=context, signal_handler_options=SignalHandlerOptions.NO)
+    rclpy.init(
+        args=["--ros-args", "--enclave", "/rabbit/operator"],
+        context=context,
+        signal_handler_options=SignalHandlerOptions.NO,
+    )
     try:
         node = rclpy.create_node("question", namespace=namespace, context=context)
         client = node.create_client(LoadPolicy, "load_policy")

@@ -117,8 +117,10 @@ def make_graph(
     wanted = ["simulator", "controller", *["trainer"] * options.trainer, *["recorder"] * (options.record != "none")]
     wanted += ["viewer"] * options.view
     remaps = ["-r", "/clock:=clock", "-r", f"__ns:=/{options.namespace.strip('/')}", "--log-level", "warn"]
-    arguments = ("--ros-args", "--params-file", str(folder / "parameters.yaml"), *remaps)
-    nodes = {name: NodeSpec(packages.get(name, "rabbit_bringup"), name, arguments) for name in wanted}
+    arguments = ("--ros-args", "--params-file", str(folder / "parameters.yaml"), *remaps, "--enclave")
+    nodes = {
+        name: NodeSpec(packages.get(name, "rabbit_bringup"), name, (*arguments, f"/rabbit/{name}")) for name in wanted
+    }
     return Graph(folder, options.namespace, nodes, {name: told[name] for name in wanted})
 
 
@@ -134,7 +136,6 @@ def run_graph(graph: Graph, options: WalkOptions, show: Callable[[Any], None]) -
     write_parameters(graph.folder / "parameters.yaml", graph.parameters)
     for name in THREADS:
         os.environ.setdefault(name, "1")
-    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     from rabbit_bringup.launching.priority_node import listening_to
 
     with _signals_raise(), listening_to(options.priority):

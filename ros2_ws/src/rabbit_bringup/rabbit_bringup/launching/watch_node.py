@@ -13,6 +13,7 @@ from rabbit_description.state import TICK_SECONDS
 from rabbit_msgs.msg import ControllerState, Episode, EpisodePlan, Landing, RabbitState
 from rabbit_msgs.srv import Pause
 from rabbit_ros.diagnostics_node import readers_told
+from rabbit_ros.network import choose_network
 from rabbit_ros.qos_node import DIAGNOSTICS, EVENT
 from rabbit_ros.question_node import ask
 from rabbit_ros.topics_node import TOPICS, Topic, missing_readers
@@ -43,8 +44,13 @@ class Watch:
     """Hears the graph in a namespace."""
 
     def __init__(self, namespace: str) -> None:
+        choose_network()
         self._context = rclpy.Context()
-        rclpy.init(args=[], context=self._context, signal_handler_options=SignalHandlerOptions.NO)
+        rclpy.init(
+            args=["--ros-args", "--enclave", "/rabbit/launcher"],
+            context=self._context,
+            signal_handler_options=SignalHandlerOptions.NO,
+        )
         self._node = rclpy.create_node("launcher", namespace=namespace, context=self._context)
         self._executor = EventsExecutor(context=self._context)
         self._executor.add_node(self._node)

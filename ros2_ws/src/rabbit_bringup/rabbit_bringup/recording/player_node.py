@@ -1,6 +1,5 @@
 """Publishes a recording's messages again: their bytes, at their pace, under the QoS they were offered with."""
 
-import os
 import time
 from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass
@@ -10,6 +9,7 @@ from typing import Any
 
 import rclpy
 from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
+from rabbit_ros.network import choose_network
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
@@ -50,7 +50,7 @@ def play(path: Path, how: Playing, show: Callable[[float, float], object]) -> in
         RecordingError: not readable, of other message definitions than the sourced workspace's, or with topics that
             somebody publishes already.
     """
-    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    choose_network()
     with opened(path) as reader:
         check_definitions(path, reader)
         context = rclpy.Context()

@@ -1,0 +1,25 @@
+"""Who can hear and be heard by the nodes of a process: this machine alone, unless the environment says otherwise.
+
+Under ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST Fast DDS asks nobody else, but it listens on every interface and answers
+whoever names this machine as a static peer. The profile `fastdds.xml` binds every socket to 127.0.0.1 instead.
+"""
+
+import os
+from pathlib import Path
+
+RANGE, PEERS, MIDDLEWARE = "ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_STATIC_PEERS", "RMW_IMPLEMENTATION"
+PROFILE = "FASTRTPS_DEFAULT_PROFILES_FILE"
+FAST_DDS = "rmw_fastrtps_cpp"
+HERE = Path(__file__).parent
+
+
+def choose_network() -> None:
+    """Set what rclpy reads when it is initialised; a profile, range or peers that the user named stay in force."""
+    if os.environ.get(MIDDLEWARE, FAST_DDS) != FAST_DDS:
+        os.environ.setdefault(RANGE, "LOCALHOST")  # as far as that middleware goes
+    elif not os.environ.get(PROFILE):
+        wider = os.environ.get(RANGE, "LOCALHOST") != "LOCALHOST" or os.environ.get(PEERS)
+        os.environ[PROFILE] = str(HERE / ("fastdds_network.xml" if wider else "fastdds.xml"))
+        if not wider:
+            os.environ[RANGE] = "SYSTEM_DEFAULT"  # the profile's; LOCALHOST would add sockets of its own
+        os.environ.setdefault(RANGE, "LOCALHOST")

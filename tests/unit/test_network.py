@@ -1,0 +1,45 @@
+"""Who can hear a process's nodes, by what the environment says."""
+
+import os
+from xml.etree import ElementTree
+
+import pytest
+from rabbit_ros.network import HERE, MIDDLEWARE, PEERS, PROFILE, RANGE, choose_network
+
+NAMES = (RANGE, PEERS, PROFILE, MIDDLEWARE)
+ALONE, NETWORK = str(HERE / "fastdds.xml"), str(HERE / "fastdds_network.xml")
+SCHEMA = "{http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles}"
+
+
+@pytest.mark.parametrize(
+    ("given", "chosen"),
+    [
+        ({}, {PROFILE: ALONE, RANGE: "SYSTEM_DEFAULT"}),
+        ({RANGE: "LOCALHOST"}, {PROFILE: ALONE, RANGE: "SYSTEM_DEFAULT"}),
+        ({RANGE: "SUBNET"}, {PROFILE: NETWORK, RANGE: "SUBNET"}),
+        ({RANGE: "OFF"}, {PROFILE: NETWORK, RANGE: "OFF"}),
+        ({PEERS: "10.0.0.7"}, {PROFILE: NETWORK, RANGE: "LOCALHOST", PEERS: "10.0.0.7"}),
+        ({PROFILE: "/my.xml"}, {PROFILE: "/my.xml"}),
+        ({MIDDLEWARE: "rmw_cyclonedds_cpp"}, {MIDDLEWARE: "rmw_cyclonedds_cpp", RANGE: "LOCALHOST"}),
+        ({MIDDLEWARE: "rmw_fastrtps_cpp"}, {MIDDLEWARE: "rmw_fastrtps_cpp", PROFILE: ALONE, RANGE: "SYSTEM_DEFAULT"}),
+    ],
+)
+def test_the_environment_decides(
+    given: dict[str, str], chosen: dict[str, str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in NAMES:
+        monkeypatch.delenv(name, raising=False)
+    for name, value in given.items():
+        monkeypatch.setenv(name, value)
+    for _ in range(2):  # a second call, or a child's, changes nothing
+        choose_network()
+        assert {name: os.environ[name] for name in NAMES if name in os.environ} == chosen
+    for name in NAMES:
+        os.environ.pop(name, None)  # what was not there before, monkeypatch would leave
+
+
+def test_the_default_profile_names_no_address_but_loopback() -> None:
+    tree = ElementTree.parse(ALONE)
+    assert {element.text for element in tree.iter(f"{SCHEMA}address")} == {"127.0.0.1"}
+    (builtin,) = (element.text for element in tree.iter(f"{SCHEMA}useBuiltinTransports"))
+    assert builtin == "false"
