@@ -5,8 +5,8 @@ from typing import Any
 
 from rabbit_ros.spin_node import steady_timer
 from rcl_interfaces.msg import ParameterType
+from rcl_interfaces.srv import GetParameters
 from rclpy.node import Node
-from rclpy.parameter_client import AsyncParameterClient
 from rclpy.task import Future
 
 from rabbit_bringup.viewing.live.moment import CONTROLLERS, SIMULATORS, Limits
@@ -22,7 +22,7 @@ class LimitsOfGraph:
     def __init__(self, node: Node) -> None:
         self.known: Limits | None = None
         self._values: dict[str, float] = {}
-        self._clients = {name: AsyncParameterClient(node, name) for name in ASKED}
+        self._clients = {name: node.create_client(GetParameters, f"{name}/get_parameters") for name in ASKED}
         self._waited: dict[str, float] = {}  # s since a question, by node
         self._open = set(ASKED)
         steady_timer(node, TRY_SECONDS, self._try)
@@ -34,9 +34,10 @@ class LimitsOfGraph:
     def _try(self) -> None:
         for name in self._open:
             waited = self._waited.get(name, ANSWER_SECONDS) + TRY_SECONDS
-            if waited > ANSWER_SECONDS and self._clients[name].services_are_ready():
+            if waited > ANSWER_SECONDS and self._clients[name].service_is_ready():
                 waited = 0.0
-                self._clients[name].get_parameters(list(ASKED[name]), partial(self._on_answer, name))
+                question = GetParameters.Request(names=list(ASKED[name]))
+                self._clients[name].call_async(question).add_done_callback(partial(self._on_answer, name))
             self._waited[name] = waited
 
     def _on_answer(self, name: str, answer: Future) -> None:

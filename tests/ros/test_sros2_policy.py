@@ -1,0 +1,100 @@
+"""The SROS 2 policy allows each node what it does in a real graph, and nothing else."""
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import pytest
+from rabbit_bringup.launching.walk import WalkOptions, make_graph
+from rabbit_bringup.launching.watch_node import Watch
+from rabbit_sim.parameters import SimulationParameters
+from rclpy.node import NodeNameNonExistentError
+from rl_cbf_clf_controller.parameters import ControllerParameters
+
+POLICY = Path(__file__).parents[2] / "ros2_ws/src/rabbit_bringup/config/sros2_policy.xml"
+NODES = ("simulator", "controller", "trainer", "recorder", "viewer")
+QUALIFIERS = {"topics": ("publish", "subscribe"), "services": ("reply", "request")}
+PATIENCE = 180.0  # s, for nodes to start and to be found
+Rights = dict[str, set[str]]  # names by publish, subscribe, reply, request
+
+
+def allowed(profile: ElementTree.Element) -> Rights:
+    """What a profile allows, by full names."""
+    rights: Rights = {"publish": set(), "subscribe": set(), "reply": set(), "request": set()}
+    for rule in profile:
+        for qualifier in QUALIFIERS[rule.tag]:
+            if rule.get(qualifier) is not None:
+                assert rule.get(qualifier) == "ALLOW"
+                rights[qualifier] |= {full_name(str(name.text), profile) for name in rule}
+    return rights
+
+
+def full_name(name: str, profile: ElementTree.Element) -> str:
+    """As SROS 2 reads it."""
+    if name.startswith("~"):
+        return f"/{profile.get('node')}{name[1:]}"
+    return name if name.startswith("/") else f"/{name}"
+
+
+def enclaves() -> dict[str, dict[str, Rights]]:
+    """Rights by enclave and node."""
+    found = ElementTree.parse(POLICY).iterfind("enclaves/enclave")
+    return {str(e.get("path")): {str(p.get("node")): allowed(p) for p in e.iter("profile")} for e in found}
+
+
+def done(node: Any, name: str) -> Rights:
+    """What the node of this name has opened in the graph."""
+    asked = {
+        "publish": node.get_publisher_names_and_types_by_node,
+        "subscribe": node.get_subscriber_names_and_types_by_node,
+        "reply": node.get_service_names_and_types_by_node,
+        "request": node.get_client_names_and_types_by_node,
+    }
+    try:
+        return {qualifier: {each for each, _ in ask(name, "/")} for qualifier, ask in asked.items()}
+    except NodeNameNonExistentError:
+        return {}
+
+
+@pytest.fixture
+def graph(root_world: Any, tmp_path: Path) -> Iterator[Any]:
+    """Every node and the launcher, in the namespace that the policy is for."""
+    for name in NODES:
+        own = {"viewer": {"port": 0}, "recorder": {"path": str(tmp_path / "recording")}}
+        root_world.start(name, **own.get(name, {}))
+    watch = Watch("")
+    yield root_world
+    watch.close()
+
+
+def settled(graph: Any, node: str, wanted: Rights) -> Rights:
+    """What a node does, once it does what is wanted; or after all patience."""
+    end = time.monotonic() + PATIENCE
+    while (now := done(graph.node, node)) != wanted and time.monotonic() < end:
+        graph.spin(0.2)
+    return now
+
+
+def test_every_node_does_just_what_its_enclave_allows(graph: Any) -> None:
+    policy = enclaves()
+    for enclave in (*NODES, "launcher"):
+        for node, rights in policy[f"/rabbit/{enclave}"].items():
+            assert settled(graph, node, rights) == rights, node
+
+
+def test_the_operator_may_ask_only_for_what_there_is() -> None:
+    policy = enclaves()
+    ((_, operator),) = policy.pop("/rabbit/operator").items()
+    others = [rights for nodes in policy.values() for rights in nodes.values()]
+    assert operator["request"] <= set().union(*(rights["reply"] for rights in others))
+    assert operator["subscribe"] == set().union(*(rights["publish"] for rights in others))
+
+
+def test_a_walk_puts_each_node_into_its_enclave(tmp_path: Path) -> None:
+    options = WalkOptions(view=True)
+    graph = make_graph(tmp_path, options, SimulationParameters(), ControllerParameters(), "zero")
+    for name, node in graph.nodes.items():
+        assert node.arguments[node.arguments.index("--enclave") + 1] == f"/rabbit/{name}"
+        assert f"/rabbit/{name}" in enclaves()
