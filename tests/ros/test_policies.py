@@ -145,9 +145,10 @@ def test_bad_policies_are_refused_with_a_reason_and_the_old_one_goes_on(world: A
         (tmp_path / f"{number}").write_bytes(data)
         answer = world.ask(LoadPolicy, "load_policy", path=str(tmp_path / f"{number}"))
         assert (answer.accepted, reason in answer.message) == (False, True), answer.message
-    for reason, path in {"No such file": tmp_path / "none", "directory": tmp_path}.items():
+    paths = {"No such file": tmp_path / "none", "directory": tmp_path, "device": Path("/dev/zero")}
+    for reason, path in paths.items():
         assert reason in world.ask(LoadPolicy, "load_policy", path=str(path)).message
-    world.wait(lambda: len(swaps) == 1 + len(messages) + len(bad) + 2)
+    world.wait(lambda: len(swaps) == 1 + len(messages) + len(bad) + len(paths))
     world.wait(lambda: commands[-1].tick > swaps[-1].tick + 10)
     assert not over(episodes)
     assert [swap.version for swap in swaps if swap.accepted] == [good.version]

@@ -21,6 +21,8 @@ from rl_cbf_clf_controller.policy import ActorPolicy, Policy
 from rl_cbf_clf_controller.uncertainty import Problem
 from rl_cbf_clf_controller.weights import PolicyFileError, check_adaptation, decode
 
+MOST_BYTES = 100_000_000  # of a policy file; the shipped ones have half a million
+
 
 @dataclass(frozen=True)
 class Decided:
@@ -67,13 +69,22 @@ class PolicyIntake(Node):
 
     def _on_load(self, request: LoadPolicy.Request, response: LoadPolicy.Response) -> LoadPolicy.Response:
         try:
-            decided = check(Path(request.path).read_bytes(), request.path, *self._needs, by_operator=True)
+            decided = check(_content(Path(request.path)), request.path, *self._needs, by_operator=True)
         except (OSError, ValueError) as error:
             decided = Decided("", request.path, True, None, f"cannot read {request.path}: {error}")
         self._decided(decided)
         response.accepted, response.message = decided.policy is not None, decided.reason
         response.version = decided.version
         return response
+
+
+def _content(path: Path) -> bytes:
+    """Of a file that may be a policy: the path is anybody's, and may name a device or a pipe that never ends."""
+    if path.exists() and not path.is_file():
+        raise ValueError("expected a regular file, not a directory, device or pipe")
+    if (size := path.stat().st_size) > MOST_BYTES:
+        raise ValueError(f"{size} bytes: expected {MOST_BYTES} at most")
+    return path.read_bytes()
 
 
 def check(data: bytes, source: str, problem: Problem, adaptation: str, by_operator: bool = False) -> Decided:
