@@ -1,0 +1,23 @@
+# RABBIT on the official ROS 2 Jazzy, with the whole `ros2` command line. From the repository's root:
+#   docker build -f docker/ros.Dockerfile -t rabbit:ros .
+ARG BASE=ros:jazzy
+
+FROM ${BASE}
+RUN apt-get update \
+ && apt-get install -y --no-install-recommends \
+      build-essential cmake git python3-colcon-common-extensions python3-dev python3-venv \
+      ros-jazzy-rosbag2 ros-jazzy-rosbag2-storage-mcap ros-jazzy-tf2-msgs ros-jazzy-visualization-msgs \
+ && rm -rf /var/lib/apt/lists/* \
+ && useradd --create-home --shell /bin/bash rabbit \
+ && install -d -o rabbit -g rabbit -m 1777 /walks /walks/runs
+# A CPU build of torch 2.13.0 for Python 3.12, a file's or a web address; without one pip brings 4 GB of CUDA
+ARG TORCH_WHEEL
+ARG PIP_INDEX_URL
+ARG PIP_CERT
+WORKDIR /opt/rabbit
+COPY . .
+RUN PIP_NO_CACHE_DIR=1 make build PYTHON=/usr/bin/python3 && .venv/bin/python -m compileall -q ros2_ws/src
+USER rabbit
+WORKDIR /walks
+ENTRYPOINT ["/opt/rabbit/docker/entrypoint.sh"]
+CMD ["rabbit", "walk"]

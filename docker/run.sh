@@ -1,0 +1,13 @@
+#!/usr/bin/env bash
+# One command in the image, shut off: no network but loopback, no privileges, nothing kept but ./runs.
+#   docker/run.sh                               walks
+#   docker/run.sh rabbit evaluate --help        any other command
+# IMAGE (rabbit) and ENGINE (docker; podman) from the environment.
+set -euo pipefail
+mkdir -p runs
+options=(--rm --init --network none --shm-size 512m --cap-drop ALL --security-opt no-new-privileges)
+options+=(--volume "$PWD/runs:/walks/runs" --env HOME=/tmp)
+[[ ! -t 0 || ! -t 1 ]] || options+=(--interactive --tty)
+# What is written belongs to the caller; root's calls run as the image's own user.
+((EUID)) && options+=(--user "$(id -u):$(id -g)") || chmod 1777 runs
+exec "${ENGINE:-docker}" run "${options[@]}" "${IMAGE:-rabbit}" "$@"

@@ -1,0 +1,86 @@
+"""Images and services: no root, nothing that is not there, nothing open to other machines."""
+
+import os
+import re
+import shlex
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from rabbit_bringup.cli import COMMANDS
+
+ROOT = Path(__file__).resolve().parents[2]
+FOLDER = ROOT / "docker"
+DOCKERFILES = sorted(FOLDER.glob("*.Dockerfile"))
+NODES = {"simulator", "controller", "trainer", "recorder", "viewer"}
+IN_IMAGE = Path("/opt/rabbit")
+
+
+def last_stage(path: Path) -> list[list[str]]:
+    """Instructions of the stage that becomes the image, as words."""
+    joined = path.read_text(encoding="utf-8").replace("\\\n", " ")
+    lines = [line.split(maxsplit=1) for line in joined.splitlines() if line.strip() and not line.startswith("#")]
+    return lines[max(i for i, (word, *_) in enumerate(lines) if word == "FROM") :]
+
+
+def services() -> dict[str, dict[str, Any]]:
+    """Of the compose file, with the defaults of its variables."""
+    text = re.sub(r"\$\{\w+:-([^}]*)\}", r"\1", (FOLDER / "compose.yaml").read_text(encoding="utf-8"))
+    assert "${" not in text
+    return dict(yaml.safe_load(text)["services"])
+
+
+def here(path: str) -> Path:
+    """Where the repository has what the image has at `path`."""
+    return ROOT / Path(path).relative_to(IN_IMAGE)
+
+
+@pytest.mark.parametrize("path", DOCKERFILES, ids=lambda path: path.name)
+def test_images_run_as_a_user_of_their_own(path: Path) -> None:
+    stage = last_stage(path)
+    (user,) = (rest for word, rest in stage if word == "USER")
+    assert user not in ("root", "0")
+    made = next(i for i, (word, rest) in enumerate(stage) if word == "RUN" and re.search(rf"useradd .*{user}\b", rest))
+    after = [word for word, _ in stage[stage.index(["USER", user]) :]]
+    assert made < stage.index(["USER", user])
+    assert not {"RUN", "COPY", "ADD"} & set(after)  # nothing that the user could change later
+
+
+@pytest.mark.parametrize("path", DOCKERFILES, ids=lambda path: path.name)
+def test_images_enter_through_a_script_that_is_there(path: Path) -> None:
+    (entry,) = (yaml.safe_load(rest) for word, rest in last_stage(path) if word == "ENTRYPOINT")
+    assert os.access(here(entry[0]), os.X_OK)
+    (command,) = (yaml.safe_load(rest) for word, rest in last_stage(path) if word == "CMD")
+    assert command[0] == "rabbit"
+    assert command[1] in COMMANDS
+
+
+def test_what_was_built_here_stays_out_of_the_images() -> None:
+    left_out = (ROOT / ".dockerignore").read_text(encoding="utf-8").split()
+    built = {".venv*", "runs", "ros2_ws/build", "ros2_ws/install", "ros2_ws/log", ".git"}
+    assert built <= set(left_out)
+
+
+def test_every_node_is_a_service_whose_command_is_there() -> None:
+    commands = {name: shlex.split(service["command"]) for name, service in services().items()}
+    assert set(commands) == NODES | {"ground"}
+    for name in NODES:
+        rabbit, verb, *rest = commands[name]
+        assert rabbit == "rabbit"
+        assert verb in COMMANDS
+        if verb == "run":
+            package, executable = rest[:2]
+            setup = (ROOT / "ros2_ws" / "src" / package / "setup.py").read_text(encoding="utf-8")
+            assert f'"{executable} = {package}.' in setup
+        assert all(here(word).exists() for word in rest if word.startswith(str(IN_IMAGE)))
+
+
+def test_services_are_reached_from_this_machine_alone_and_have_no_privileges() -> None:
+    for name, service in services().items():
+        assert service["cap_drop"] == ["ALL"]
+        assert service["security_opt"] == ["no-new-privileges:true"]
+        assert not {"privileged", "user", "cap_add", "devices"} & set(service)
+        assert all(port.startswith("127.0.0.1:") for port in service.get("ports", []))
+        if name != "ground":
+            assert (service["network_mode"], service["ipc"]) == ("service:ground", "service:ground")
