@@ -31,7 +31,7 @@ class Doubt(IntFlag):
 
     NONE = 0
     UNMEASURED = 1  # no next output, another stance leg, or another torque than this tick's was applied
-    SETTLING = 2  # shortly after an impact
+    SETTLING = 2  # shortly after an impact; with an adaptation an episode's first step, in which the robot is found
     FLIGHT = 4  # the stance foot carries nothing
     SCUFF = 8  # the swing foot touches the ground
     SATURATED = 16  # the torque limit changed mu
@@ -150,7 +150,9 @@ class TransitionBuilder:
         normal_force = state.foot_force[:, 1]
         reasons = {
             Doubt.UNMEASURED: output is None or output.step_index != last.step_index or _acted_otherwise(last, state),
-            Doubt.SETTLING: last.step_index > 0 and last.step_time < p.settle_time - TICK_SECONDS / 2,
+            Doubt.SETTLING: last.step_time < p.settle_time - TICK_SECONDS / 2
+            if last.step_index
+            else last.adapted.size > 0,
             Doubt.FLIGHT: normal_force[last.stance] < CONTACT_FORCE,
             Doubt.SCUFF: normal_force[last.stance.other] >= CONTACT_FORCE,
             Doubt.SATURATED: last.saturated,
