@@ -13,12 +13,13 @@ setup(
     license="Apache-2.0",
     python_requires=">=3.11",
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
-    package_data={NAME: ["py.typed", "urdf/*.urdf", "gaits/*.yaml"]},
+    package_data={NAME: ["py.typed", "urdf/*.urdf", "gaits/*.yaml", "gait_libraries/*.yaml"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
         (f"share/{NAME}/urdf", sorted(map(str, Path().glob(f"{NAME}/urdf/*.urdf")))),
         (f"share/{NAME}/gaits", sorted(map(str, Path().glob(f"{NAME}/gaits/*.yaml")))),
+        (f"share/{NAME}/gait_libraries", sorted(map(str, Path().glob(f"{NAME}/gait_libraries/*.yaml")))),
     ],
     install_requires=[
         "numpy",

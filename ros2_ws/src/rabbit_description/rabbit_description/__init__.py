@@ -6,3 +6,4 @@ from pathlib import Path
 DATA = Path(str(files(__package__)))
 URDF_PATH = DATA / "urdf" / "rabbit.urdf"
 GAITS = DATA / "gaits"
+LIBRARIES = DATA / "gait_libraries"

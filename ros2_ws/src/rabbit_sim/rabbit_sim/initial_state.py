@@ -8,7 +8,7 @@ raised to it by its knee.
 from math import acos, atan, hypot
 
 import numpy as np
-from rabbit_description.gait import Gait
+from rabbit_description.gait_library import Gaits
 from rabbit_description.state import Array, Leg
 
 from rabbit_sim.kinematics import LINK_LENGTH, foot_jacobian, foot_positions
@@ -17,7 +17,7 @@ from rabbit_sim.parameters import SimulationParameters
 SWING_KNEE = 6  # in q, while the left leg stands
 
 
-def initial_state(parameters: SimulationParameters, gait: Gait, rng: np.random.Generator) -> tuple[Array, Array]:
+def initial_state(parameters: SimulationParameters, gait: Gaits, rng: np.random.Generator) -> tuple[Array, Array]:
     """`(q, dq)`, each of shape (7,), left stance."""
     q, dq = gait.x_start
     spread = parameters.x0_spread

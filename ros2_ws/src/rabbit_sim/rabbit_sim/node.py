@@ -7,7 +7,8 @@ the wall clock, and `real_time` says what acts in place of a torque that comes l
 import math
 import time
 
-from rabbit_description.gait import GaitError, load_gait
+from rabbit_description.gait import GaitError
+from rabbit_description.gait_library import load_gaits
 from rabbit_description.state import TICK_SECONDS, Array, RobotState, StonePreview
 from rabbit_msgs.msg import Episode, EpisodePlan, RabbitState, TorqueCommand
 from rabbit_msgs.msg import Landing as LandingMessage
@@ -46,7 +47,7 @@ class SimulatorNode(Node):
         plant = declare(self, SimulationParameters)
         refuse_unknown(self)
         take_or_warn(self, self._own.priority)
-        self._simulation = Simulation(plant, load_gait(self._own.gait))
+        self._simulation = Simulation(plant, load_gaits(self._own.gait))
         self._door = Door()
         self._episode = Episode(stones=plant.stones, sigma=math.nan)
         self._state: RobotState | None = None  # the one whose torque is awaited; None between episodes

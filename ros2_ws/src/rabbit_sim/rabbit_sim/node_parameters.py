@@ -11,7 +11,10 @@ class NodeParameters(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    gait: str = Field(DEFAULT_GAIT, description="gait whose post-impact state the robot starts from: a name or a file")
+    gait: str = Field(
+        DEFAULT_GAIT,
+        description="gait whose post-impact state the robot starts from: a name or a file, also of a library",
+    )
     seed: int = Field(1, ge=0, le=2**63 - 1, description="of the first episode; the next ones count up from it")
     episodes: int = Field(1, ge=0, description="episodes to walk by itself; 0: those that reset_episode asks for")
     start_paused: bool = Field(False, description="wait for the pause service to let the first episode begin")

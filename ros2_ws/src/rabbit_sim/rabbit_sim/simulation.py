@@ -5,7 +5,7 @@ from enum import Enum
 from pathlib import Path
 
 import numpy as np
-from rabbit_description.gait import Gait
+from rabbit_description.gait_library import Gaits
 from rabbit_description.state import Array, Leg, RobotState, StonePreview, no_torque
 
 from rabbit_sim.initial_state import initial_state
@@ -62,7 +62,7 @@ class Simulation:
     Example: `state = simulation.reset(seed=1)`, then `state = simulation.step(torque)` while `state.running`.
     """
 
-    def __init__(self, parameters: SimulationParameters, gait: Gait) -> None:
+    def __init__(self, parameters: SimulationParameters, gait: Gaits) -> None:
         """Raises: CourseError: the course file cannot be used."""
         self.parameters = parameters
         self._gait = gait

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
-from rabbit_description.gait import Gait
+from rabbit_description.gait_library import Gaits
 from rabbit_description.state import SWAP_STATE, SWAP_TORQUE, TICK_SECONDS, Array, Leg, RobotState, StonePreview
 
 from rl_cbf_clf_controller.adaptation import Measured, make_adaptation
@@ -31,8 +31,9 @@ from rl_cbf_clf_controller.res_clf import ResClf
 from rl_cbf_clf_controller.rows import Rows
 from rl_cbf_clf_controller.saturation import clip, saturation_rows
 from rl_cbf_clf_controller.solvers import Solution, make_solver
+from rl_cbf_clf_controller.step_outputs import make_steps
 from rl_cbf_clf_controller.uncertainty import NO_OUTPUT_ERROR, Estimates, Problem
-from rl_cbf_clf_controller.virtual_constraints import Outputs, VirtualConstraints
+from rl_cbf_clf_controller.virtual_constraints import Outputs
 from rl_cbf_clf_controller.worst_case import worst_errors
 
 NO_BARRIERS = np.full(2, np.nan)
@@ -52,11 +53,11 @@ class ControllerOutput:
     `mu` (4,) as executed after exploration and saturation, `mu_qp` the QP's, `omega` the noise; `mu_held` (4,) what the
     last tick's torque amounts to at this state, that is y-ddot by the nominal model, NaN where the step is new; nominal
     value of the quantities = `nominal_a` mu + `nominal_b`, (n, 4) and (n,); `alpha`, `beta` the estimates in all;
-    `observation` (14,) or (15,); `LgV` (4,); `clf_slack`, `rescue_slack`: the paper's d, the sum of the slacks of last
-    resort; `active` names the rows that hold with equality; `answered` is False where the guard solver had to answer;
-    `fault` is empty, or why the episode must end; `objective`, `adaptation` name what was minimised and adapted;
-    `identified` (17,) is the robot as in `adaptation.KNOWN`, `adapted` (5n + 20,) its part of the estimates, as in
-    `Estimates.packed`; both (0,) without adaptation.
+    `observation` (14,), on stones (15,), there with a gait library (16,); `LgV` (4,); `clf_slack`, `rescue_slack`: the
+    paper's d, the sum of the slacks of last resort; `active` names the rows that hold with equality; `answered` is
+    False where the guard solver had to answer; `fault` is empty, or why the episode must end; `objective`, `adaptation`
+    name what was minimised and adapted; `identified` (17,) is the robot as in `adaptation.KNOWN`, `adapted` (5n + 20,)
+    its part of the estimates, as in `Estimates.packed`; both (0,) without adaptation.
     """
 
     tick: int
@@ -135,6 +136,7 @@ class StepState:
     stance: Leg = Leg.LEFT
     index: int = 0
     start_tick: int = 0
+    has_begun: bool = False
     torque: Array = field(default_factory=lambda: NO_TORQUE)
     rng: np.random.Generator = field(default_factory=lambda: np.random.default_rng(0))
 
@@ -148,7 +150,7 @@ class Controller:
     def __init__(
         self,
         parameters: ControllerParameters,
-        gait: Gait,
+        gait: Gaits,
         policy: Policy,
         constraints: Sequence[Constraint] = (),
         urdf: str | None = None,
@@ -158,7 +160,7 @@ class Controller:
         self._extra = tuple(constraints)
         self.clf = ResClf(4, parameters.eps, (parameters.kp, parameters.kd))
         self._K_b = ecbf_gains((parameters.barrier_pole_1, parameters.barrier_pole_2))
-        self._constraints = VirtualConstraints(gait)
+        self._steps = make_steps(gait, parameters.stone_aim)
         self._model = NominalModel(urdf)
         self._solver = make_solver(parameters.qp_solver)
         self._l1 = l1_adaptation(parameters, self.clf)
@@ -173,6 +175,7 @@ class Controller:
     def reset(self, seed: int) -> None:
         """Begin an episode: left leg stands; the exploration noise starts from `seed`."""
         self._step = StepState(rng=np.random.default_rng(seed))
+        self._constraints = self._steps.first()
         self._solver.reset()
         if self._l1:
             self._l1.reset()
@@ -190,6 +193,8 @@ class Controller:
             self._step.torque = state.applied[SWAP_TORQUE] if self._step.stance is Leg.RIGHT else state.applied
         state = self._adaptation.corrected(state)
         fault = self._swap_legs(state)
+        if not self._step.has_begun:
+            self._begin_step(state)
         terms = self.terms(state)
         policy = self.policy.estimate(terms.context)
         adapted = self._adapted(state, terms, policy)
@@ -219,7 +224,7 @@ class Controller:
         model = QuantityModel(outputs, clf, barriers, outputs_only=p.problem is Problem.IO_RL_CLF_QP)
         nominal = model.evaluate(dynamics).after(control)
         z = (*feet.hip, outputs.phase, *feet.hip_rate, outputs.phase_rate)
-        stone = (state.preview.l_min,) if p.on_stones and state.preview else ()
+        stone = (state.preview.l_min, *self._steps.wanted) if p.on_stones and state.preview else ()
         observation = np.concatenate([eta, z, stone])
         context = ModelContext(observation, clf.a[0], q_s, dq_s, model, dynamics, nominal, control)
         return Terms(q_s, dq_s, feet, dynamics, outputs, eta, output_dynamics, control, model, nominal, context)
@@ -370,10 +375,17 @@ class Controller:
             phase = self._constraints.evaluate(self._relabel(state.q), self._relabel(state.dq)).phase
             if phase > p.swap_phase:
                 step.stance, step.index, step.start_tick = swing, step.index + 1, state.tick
-                step.torque = NO_TORQUE
+                step.torque, step.has_begun = NO_TORQUE, False
         if state.touchdowns != step.index:
             return f"contact disagreement: {state.touchdowns} touchdowns, {step.index} steps"
         return ""
+
+    def _begin_step(self, state: RobotState) -> None:
+        """The step's outputs, from where the feet stand and the stone that is seen."""
+        q_s, dq_s = self._relabel(state.q), self._relabel(state.dq)
+        taken = -float(self._model.update(q_s, dq_s).swing[0])
+        self._constraints = self._steps.begin(q_s, dq_s, taken, state.preview)
+        self._step.has_begun = True
 
     def _check(self, state: RobotState) -> None:
         for name, value in (("q", state.q), ("dq", state.dq)):

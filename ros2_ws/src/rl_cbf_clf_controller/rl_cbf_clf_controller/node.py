@@ -11,7 +11,8 @@ from collections import deque
 from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
-from rabbit_description.gait import GaitError, load_gait
+from rabbit_description.gait import GaitError
+from rabbit_description.gait_library import load_gaits
 from rabbit_description.state import StonePreview
 from rabbit_msgs.msg import ControllerSettings, ControllerState, Episode, PolicySwap, RabbitState, TorqueCommand
 from rabbit_msgs.msg import StonePreview as PreviewMessage
@@ -67,7 +68,7 @@ class ControllerNode(Node):
         self._waiting: Decided | None = None  # the newest policy that is not in force yet
         self._refused: dict[str, str] = {}  # version to reason
         self._decided: deque[Decided] = deque()  # from the other thread
-        self._gait = load_gait(self._settings.gait)
+        self._gait = load_gaits(self._settings.gait)
         self._controller = Controller(self._settings, self._gait, self._in_force.policy or ZeroPolicy(problem))
         self._door = Door()
         self._episode = Episode(sigma=math.nan)

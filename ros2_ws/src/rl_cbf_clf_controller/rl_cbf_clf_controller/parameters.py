@@ -26,7 +26,10 @@ class ControllerParameters(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     controller: ControllerName = Field("cbf-clf-qp", description="controller by name")
-    gait: str = Field(DEFAULT_GAIT, description="name of a shipped gait, or a gait file's path")
+    gait: str = Field(DEFAULT_GAIT, description="name of a shipped gait or library, or a file's path")
+    stone_aim: float = Field(
+        0.5, ge=0, le=1, description="where a gait library aims: share of the stone's width beyond its near edge"
+    )
     eps: float = Field(0.04, gt=0, le=1, description="epsilon of the RES-CLF")
     kp: float = Field(0.5, gt=0, le=100, description="gain on y at eps = 1")
     kd: float = Field(0.8660254037844386, gt=0, le=100, description="gain on dy at eps = 1")

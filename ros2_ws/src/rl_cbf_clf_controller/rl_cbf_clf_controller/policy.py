@@ -64,7 +64,15 @@ class ActorPolicy:
         self._structured, self._has_clf = form.structured, form.problem.has_clf
 
     def estimate(self, context: PolicyContext) -> Estimates:
-        """Alpha and beta of every quantity. A network without `l_min` reads the first 14 observations."""
+        """Alpha and beta of every quantity. A network without `l_min` reads the first 14 observations.
+
+        Raises:
+            ValueError: it reads the step length of a gait library, and there is none.
+        """
+        if context.observation.size < self._center.size:
+            raise ValueError(
+                f"policy {self.version} reads {self.file.metadata.observation[-1]}: expected a gait library"
+            )
         observation = (context.observation[: len(self._center)] - self._center) * self._inverse_scale
         raw_outputs: Array = forward(self.file.arrays, observation.astype(np.float32)).astype(np.float64)
         outputs = contract(raw_outputs, context.LgV) if self._structured else raw_outputs

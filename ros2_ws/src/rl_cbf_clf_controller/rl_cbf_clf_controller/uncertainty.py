@@ -19,6 +19,7 @@ from rabbit_description.state import Array
 from rl_cbf_clf_controller.affine import Affine
 
 INPUTS = 4  # mu has one component for each output
+STEP_LENGTH = "step_length"  # m, what a gait library steps at; seen after l_min
 STATE_OBSERVATION = (
     *(f"y{i}" for i in range(1, 5)),  # rad
     *(f"dy{i}" for i in range(1, 5)),  # rad/s
@@ -43,6 +44,14 @@ class Problem(StrEnum):
     def observation(self) -> tuple[str, ...]:
         """Names of the observation's components: 14 of the state, and `l_min` on stones."""
         return (*STATE_OBSERVATION, "l_min") if self is Problem.RL_CBF_CLF_QP else STATE_OBSERVATION
+
+    @property
+    def observations(self) -> tuple[tuple[str, ...], ...]:
+        """All that a policy may read: without `l_min`, with it, and with a gait library's step length after it."""
+        whole = self.observation
+        if whole == STATE_OBSERVATION:
+            return (whole,)
+        return STATE_OBSERVATION, whole, (*whole, STEP_LENGTH)
 
     @property
     def has_clf(self) -> bool:

@@ -5,9 +5,9 @@ y-ddot = J_y q-ddot + y_bias,  J_y = [0 I] - q_desired'(phase) c' / (end - start
 """
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
-from rabbit_description.gait import Gait
 from rabbit_description.state import Array
 
 from rl_cbf_clf_controller.affine import Affine
@@ -38,13 +38,26 @@ class Outputs:
         return acceleration.mapped(self.jacobian, self.bias)
 
 
-class VirtualConstraints:
-    """The outputs of a gait."""
+class Path(Protocol):
+    """Desired actuated joints over the phase, as a gait has them: `coeffs` (4, n), rad, and the phase angles, rad."""
 
-    def __init__(self, gait: Gait) -> None:
-        self._desired = Bezier(gait.coeffs)
-        self._start = gait.phase_angle_start
-        self._gradient = PHASE_ANGLE / (gait.phase_angle_end - gait.phase_angle_start)
+    @property
+    def coeffs(self) -> Array: ...
+
+    @property
+    def phase_angle_start(self) -> float: ...
+
+    @property
+    def phase_angle_end(self) -> float: ...
+
+
+class VirtualConstraints:
+    """The outputs of a gait, or of another path."""
+
+    def __init__(self, path: Path) -> None:
+        self._desired = Bezier(path.coeffs)
+        self._start = path.phase_angle_start
+        self._gradient = PHASE_ANGLE / (path.phase_angle_end - path.phase_angle_start)
 
     def evaluate(self, q_s: Array, dq_s: Array) -> Outputs:
         """Outputs at `q_s`, `dq_s` (7,), stance/swing order."""

@@ -46,7 +46,7 @@ class PolicyMetadata(BaseModel):
 
     format_version: Literal[1] = 1
     problem: Problem
-    observation: tuple[str, ...] = Field(description="names of the inputs, in order; l_min may be left out")
+    observation: tuple[str, ...] = Field(description="names of the inputs, in order; see `Problem.observations`")
     observation_center: tuple[Finite, ...] = Field(description="the network reads (observation - center) / scale")
     observation_scale: tuple[Positive, ...]
     hidden: tuple[Annotated[int, Field(ge=1, le=4096)], Annotated[int, Field(ge=1, le=4096)]] = (400, 300)
@@ -64,9 +64,9 @@ class PolicyMetadata(BaseModel):
 
     @model_validator(mode="after")
     def _fits_the_problem(self) -> "PolicyMetadata":
-        names, n = self.problem.observation, len(self.problem.quantities)
-        if self.observation not in (names, tuple(name for name in names if name != "l_min")):
-            raise ValueError(f"observation = {self.observation}; {self.problem} has {names}")
+        n = len(self.problem.quantities)
+        if self.observation not in self.problem.observations:
+            raise ValueError(f"observation = {self.observation}; {self.problem} has {self.problem.observations[-1]}")
         if {len(self.observation_center), len(self.observation_scale)} != {len(self.observation)}:
             raise ValueError(f"observation_center and observation_scale need {len(self.observation)} values each")
         if {len(self.alpha_scale), len(self.beta_scale)} != {n}:

@@ -17,6 +17,7 @@ OBSERVATION_UNITS: dict[str, tuple[float, float]] = {  # centre and scale: what 
     "hip_dz": (0.0, 0.2),  # m/s
     "dphase": (1.7, 0.7),  # 1/s
     "l_min": (0.35, 0.03),  # m
+    "step_length": (0.4, 0.1),  # m
 }
 
 

@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
-from rl_cbf_clf_controller.uncertainty import Problem
+from rl_cbf_clf_controller.uncertainty import STEP_LENGTH, Problem
 
 Scales = tuple[float, ...]
 
@@ -45,6 +45,7 @@ class TrainingParameters(BaseModel):
     # actor
     structured: bool = Field(default=True, description="CLF outputs are a 4x5 matrix contracted with LgV")
     observe_l_min: bool = Field(default=True, description="l_min is part of the observation (contribution 3)")
+    observe_step_length: bool = Field(default=False, description="so is what a gait library steps at, m")
     shared: bool = Field(default=True, description="one network for all quantities (Remark 1), or one each")
     alpha_decay: float = Field(
         default=10.0, ge=0, le=1000, description="decay of the weights that let alpha vary with the state"
@@ -125,6 +126,8 @@ class TrainingParameters(BaseModel):
                 raise ValueError(f"{name} = {values}; expected {n} positive values for {self.problem.quantities}")
         if self.critic == "reward" and (self.discount > 0 or self.heads == "one"):
             raise ValueError("critic = reward holds no future and has a head each: it needs discount = 0, heads = each")
+        if self.observe_step_length and self.observation not in self.problem.observations:
+            raise ValueError("observe_step_length = True: expected stones, rl-cbf-clf-qp, and observe_l_min = True")
         if self.relabel and self.discount > 0:
             raise ValueError("relabel = True with discount > 0: another action would have led to another next state")
         if self.relabel and self.critic == "plain" and self.problem is Problem.IO_RL_CLF_QP:
@@ -154,7 +157,8 @@ class TrainingParameters(BaseModel):
     @property
     def observation(self) -> tuple[str, ...]:
         """Names of the network's inputs."""
-        return tuple(name for name in self.problem.observation if self.observe_l_min or name != "l_min")
+        whole = self.problem.observation + (STEP_LENGTH,) * self.observe_step_length
+        return tuple(name for name in whole if self.observe_l_min or name != "l_min")
 
     @property
     def scales(self) -> tuple[Scales, Scales, Scales]:

@@ -1,4 +1,4 @@
-"""`rabbit gait`: find a gait by trajectory optimisation; its file, pictures and payload table in a folder."""
+"""`rabbit gait`: find a gait, or a library of gaits, by trajectory optimisation; files and pictures in a folder."""
 
 import math
 from pathlib import Path
@@ -24,6 +24,10 @@ class FolderOptions(BaseModel):
     payload_table: tuple[float, ...] = Field(
         tuple(float(kg) for kg in range(0, 73, 8)), description="payloads to report on, kg; '' for none"
     )
+    library: tuple[float, ...] = Field((), description="step lengths of a gait library, m, increasing; '' for one gait")
+    speed_slope: float = Field(
+        0.0, ge=-2, le=2, description="of a library: m/s by which the speed grows with each m of step length"
+    )
 
 
 @app.command()
@@ -33,17 +37,33 @@ def gait(given: Given) -> None:
     specification, folder = given.build(GaitSpecification), given.build(FolderOptions)
     from rich.console import Console
     from rl_cbf_clf_controller.gait_design.design import GaitDesignError
-    from rl_cbf_clf_controller.gait_design.runner import run
+    from rl_cbf_clf_controller.gait_design.runner import run, run_library
 
     console = Console()
     try:
         with console.status("IPOPT begins") as status:
+            if folder.library:
+                library = run_library(
+                    specification,
+                    folder.library,
+                    folder.out,
+                    folder.speed_slope,
+                    lambda name: (
+                        lambda iteration, cost, violation: status.update(
+                            f"{name}: {progress_text(iteration, cost, violation)}"
+                        )
+                    ),
+                )
+                show_library(library, console)
+                return
             made = run(
                 specification,
                 folder.out,
                 lambda iteration, cost, violation: status.update(progress_text(iteration, cost, violation)),
                 folder.payload_table,
             )
+    except ValueError as error:
+        fail(f"--library: {error}")
     except GaitDesignError as error:
         fail(error, NOT_FOUND)
     except OSError as error:
@@ -54,6 +74,19 @@ def gait(given: Given) -> None:
 def progress_text(iteration: int, cost: float, violation: float) -> str:
     """What the screen says while IPOPT works."""
     return f"iteration {iteration}: cost {cost:.4g}, constraints broken by {violation:.1e}"
+
+
+def show_library(made: Any, console: Any) -> None:
+    """A row a gait."""
+    from rich.table import Table
+
+    columns = ("speed", "step_time", "peak_torque", "friction_used", "least_normal_force", "foot_height", "eigenvalue")
+    table = Table("step (m)", *columns)
+    for gait in made.library.gaits:
+        table.add_row(f"{gait.step_length:g}", *(f"{gait.metadata['figures'][name]:.3g}" for name in columns))
+    console.print(table)
+    for path in (made.file, made.picture):
+        console.print(f"written {path}", highlight=False, soft_wrap=True)
 
 
 def show(made: Any, console: Any) -> None:

@@ -5,7 +5,8 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from rabbit_description.gait import load_gait
+from rabbit_description.gait import Gait
+from rabbit_description.gait_library import load_gaits
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.robot_urdf import perturbed_urdf
 from rabbit_sim.simulation import Simulation
@@ -13,10 +14,11 @@ from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.oracle import OraclePolicy
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import ActorPolicy, PartlyNominal, Policy, ZeroPolicy
-from rl_cbf_clf_controller.uncertainty import Problem
+from rl_cbf_clf_controller.uncertainty import STEP_LENGTH, Problem
 from rl_cbf_clf_controller.weights import SHIPPED, PolicyFile, check_adaptation, policy_path, read
 
 EVALUATION_LAG = 0.004  # s, of the motors in evaluation, as in the paper
+UNWALKED: Any = {"metadata": True, "gaits": {"__all__": {"metadata"}}}  # what of gaits does not decide a walk
 TRAINING_SCALE = 2.0  # the paper's training plant: twice the mass, no motor lag, no noise
 TRAINING_SLACK_WEIGHT = 3.0  # p while learning: the softer CLF keeps the first, wrong policies on their feet
 
@@ -51,7 +53,7 @@ class Assembly:
 
     def build(self) -> tuple[Simulation, Controller]:
         """A plant and a controller that have seen nothing yet; raises `GaitError`, `CourseError`, `PolicyFileError`."""
-        gait = load_gait(self.controller.gait)
+        gait = load_gaits(self.controller.gait)
         return Simulation(self.simulation, gait), Controller(self.controller, gait, self.make_policy())
 
     def make_policy(self) -> Policy:
@@ -65,7 +67,7 @@ class Assembly:
             "simulation": self.simulation.model_dump(mode="json"),
             "controller": self.controller.model_dump(mode="json"),
             "policy_version": self.make_policy().version,
-            "gait": load_gait(self.controller.gait).model_dump(mode="json", exclude={"metadata"}),
+            "gait": load_gaits(self.controller.gait).model_dump(mode="json", exclude=UNWALKED),
         }
 
     def _whole_policy(self) -> Policy:
@@ -73,7 +75,11 @@ class Assembly:
             return ZeroPolicy(self.controller.problem)
         if self.policy == "oracle":
             return self._oracle()
-        return ActorPolicy(_policy_file(self.policy, self.controller))
+        file = _policy_file(self.policy, self.controller)
+        single = isinstance(load_gaits(self.controller.gait), Gait)
+        if single and STEP_LENGTH in file.metadata.observation:
+            raise AssemblyError("gait", f"{self.controller.gait}: expected a gait library, the policy reads its length")
+        return ActorPolicy(file)
 
     def _oracle(self) -> OraclePolicy:
         plant = self.simulation

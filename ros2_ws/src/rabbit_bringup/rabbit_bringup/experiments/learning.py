@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from rabbit_description.gait import load_gait
+from rabbit_description.gait_library import load_gaits
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.simulation import Simulation
 from rl_cbf_clf_controller.controller import Controller
@@ -41,7 +41,7 @@ def training(
     `command` goes into the policy files, this process's own where it is not given; with `random_plants` every episode
     has another robot.
     """
-    gait = load_gait(controller.gait)
+    gait = load_gaits(controller.gait)
 
     def make_controller(policy: Policy, sigma: float) -> Controller:
         return Controller(controller.model_copy(update={"sigma": sigma}), gait, policy)

@@ -3,7 +3,7 @@
 import math
 
 import numpy as np
-from rabbit_description.gait import Gait
+from rabbit_description.gait_library import Gaits
 from rabbit_description.state import Array, RobotState
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.simulation import Simulation
@@ -31,7 +31,7 @@ def random_plant(parameters: SimulationParameters, seed: int) -> SimulationParam
 class RandomPlants:
     """A `Simulation` of another robot from each reset on; the seed decides which."""
 
-    def __init__(self, parameters: SimulationParameters, gait: Gait) -> None:
+    def __init__(self, parameters: SimulationParameters, gait: Gaits) -> None:
         self._parameters, self._gait = parameters, gait
         self._simulation: Simulation | None = None
 

@@ -1,5 +1,6 @@
 """Reads a recording back into what a rollout in process gives: ticks and landings, by episode. No ROS needed."""
 
+import json
 import math
 from collections.abc import Generator, Iterator
 from dataclasses import dataclass, field, replace
@@ -7,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rabbit_description.gait import Gait
+from rabbit_description.gait_library import Gaits, parse_gaits
 from rabbit_description.state import RobotState, StonePreview
 from rabbit_sim.simulation import Landing
 from rl_cbf_clf_controller.message_fields import output_of
@@ -39,7 +40,7 @@ class RecordedSettings:
 
     tick: int
     parameters: ControllerParameters
-    gait: Gait
+    gait: Gaits
 
 
 @dataclass
@@ -171,7 +172,7 @@ class _Gathered:
             self._episode.ticks = max(self._episode.ticks, message.tick)
         elif topic == "controller_settings":
             law = ControllerParameters.model_validate_json(message.parameters)
-            gait = Gait.model_validate_json(message.gait)
+            gait = parse_gaits(json.loads(message.gait))
             self._episode.settings.append(RecordedSettings(message.tick, law, gait))
         elif message.accepted:
             self._episode.swaps.append(RecordedSwap(message.tick, message.version, bytes(message.data)))

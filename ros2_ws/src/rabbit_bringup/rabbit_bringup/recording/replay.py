@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
-from rabbit_description.gait import load_gait
+from rabbit_description.gait_library import load_gaits
 from rabbit_description.state import Array
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.parameters import ControllerParameters
@@ -21,7 +21,7 @@ def replay(episode: RecordedEpisode, law: ControllerParameters | None = None) ->
         ValueError: nothing says what the controller went by; or a policy is not for it.
     """
     if law is not None:
-        settings = [RecordedSettings(0, law, load_gait(law.gait))]
+        settings = [RecordedSettings(0, law, load_gaits(law.gait))]
     elif not episode.settings:
         raise ValueError("the controller's parameters are not in it: name its ROS parameter file")
     else:

@@ -22,15 +22,15 @@ class GaitDesignError(RuntimeError):
     """IPOPT found no gait: names the status and the constraints that stayed broken."""
 
 
-def design_gait(specification: GaitSpecification, progress: Progress | None = None) -> Gait:
+def design_gait(specification: GaitSpecification, progress: Progress | None = None, guess: Gait | None = None) -> Gait:
     """Find the cheapest gait that keeps the specification.
 
-    `progress(iteration, cost, violation)` is called at every iteration of IPOPT.
+    `progress(iteration, cost, violation)` is called at every iteration of IPOPT, which begins with the path of `guess`.
 
     Raises:
         GaitDesignError: IPOPT did not converge.
     """
-    programme = Transcription(specification)
+    programme = Transcription(specification, guess)
     nlp, bounds = programme.nlp(), programme.bounds()
     options: dict[str, Any] = {
         "print_time": False,

@@ -1,14 +1,18 @@
 """What `rabbit gait` runs: specification in, a folder with the gait file, its pictures and its payload table out."""
 
 import json
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from matplotlib.figure import Figure
 from rabbit_description.gait import Gait
+from rabbit_description.gait_library import GaitLibrary
 
 from rl_cbf_clf_controller.gait_design.analysis import PAYLOADS, PayloadReport, over_payloads
 from rl_cbf_clf_controller.gait_design.design import Progress, design_gait
+from rl_cbf_clf_controller.gait_design.library import design_library
+from rl_cbf_clf_controller.gait_design.library_plots import plot_library
 from rl_cbf_clf_controller.gait_design.orbit import Stone
 from rl_cbf_clf_controller.gait_design.plots import plot_gait, plot_payloads
 from rl_cbf_clf_controller.gait_design.specification import GaitSpecification
@@ -47,6 +51,37 @@ def run(
         (out_dir / f"{gait.name}_payload.json").write_text(table, encoding="utf-8")
         _write(plot_payloads({gait.name: reports}), out_dir / f"{gait.name}_payload.png")
     return GaitFolder(gait, file, picture, reports)
+
+
+@dataclass(frozen=True)
+class LibraryFolder:
+    """What `run_library` wrote."""
+
+    library: GaitLibrary
+    file: Path
+    picture: Path
+
+
+def run_library(
+    base: GaitSpecification,
+    lengths: Sequence[float],
+    out_dir: Path,
+    speed_slope: float = 0.0,
+    progress: Callable[[str], Progress] | None = None,
+) -> LibraryFolder:
+    """Design a library around `base`, whose step length it starts with; write `NAME.yaml` and `NAME.png`.
+
+    Raises:
+        ValueError: lengths that make no library.
+        GaitDesignError: IPOPT did not converge at one of them.
+        OSError: the folder cannot be written.
+    """
+    out_dir.mkdir(parents=True, exist_ok=True)
+    library = design_library(base, lengths, base.step_length, speed_slope, progress)
+    file, picture = out_dir / f"{library.name}.yaml", out_dir / f"{library.name}.png"
+    library.save(file)
+    _write(plot_library(library), picture)
+    return LibraryFolder(library, file, picture)
 
 
 def designed_stone(specification: GaitSpecification) -> Stone | None:

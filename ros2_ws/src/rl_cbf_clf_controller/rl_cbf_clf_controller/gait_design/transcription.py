@@ -14,6 +14,7 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
+from rabbit_description.gait import Gait
 from rabbit_description.state import ROBOT_MASS, Array
 
 from rl_cbf_clf_controller.gait_design import orbit_point, symbolic_robot
@@ -125,10 +126,14 @@ class Walk:
 
 
 class Transcription:
-    """Variables, rows and cost of one `GaitSpecification`, as CasADi's `nlpsol` takes them."""
+    """Variables, rows and cost of one `GaitSpecification`, as CasADi's `nlpsol` takes them.
 
-    def __init__(self, specification: GaitSpecification) -> None:
+    The search begins with the path of `guess`, where there is one.
+    """
+
+    def __init__(self, specification: GaitSpecification, guess: Gait | None = None) -> None:
         self.specification = spec = specification
+        self._guess = guess
         self.rows = ConstraintRows()
         self.path = Path()
         self.nominal, *self.loaded = (
@@ -158,7 +163,7 @@ class Transcription:
     def bounds(self) -> dict[str, Array]:
         """Initial guess, bounds of the variables and of the rows."""
         spec = self.specification
-        coeffs, phase_range = initial_guess(spec)
+        coeffs, phase_range = _path_of(self._guess) if self._guess else initial_guess(spec)
         limits = [spec.torque_limit] + [spec.payload_torque_limit] * len(self.loaded)
         free = np.full(Path.size, UNBOUNDED)
         pairs: list[Any] = [(-free, free)]
@@ -218,3 +223,7 @@ class Transcription:
             self.rows.add("barriers", ca.SX(own(*foot)), spec.barrier_margin)
             if s <= spec.clear_until:
                 self.rows.add("farthest stone", ca.SX(farthest(*foot)[1]), spec.barrier_margin)
+
+
+def _path_of(gait: Gait) -> tuple[Array, Array]:
+    return gait.coeffs, np.array([gait.phase_angle_start, gait.phase_angle_end])

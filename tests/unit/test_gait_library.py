@@ -1,0 +1,187 @@
+"""Gait libraries: what lies between two gaits, how a step from one into another begins and ends, bad files."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from rabbit_description import LIBRARIES
+from rabbit_description.gait import DEFAULT_GAIT, Gait, GaitError, load_gait
+from rabbit_description.gait_library import GaitLibrary, load_gaits, shipped_libraries
+from rabbit_description.state import Array, StonePreview
+from rl_cbf_clf_controller.gait_design import GaitSpecification
+from rl_cbf_clf_controller.gait_design.library import library_specifications
+from rl_cbf_clf_controller.gait_design.orbit import Orbit
+from rl_cbf_clf_controller.step_outputs import (
+    FADED,
+    LEAST_WIDTH,
+    LibrarySteps,
+    SingleGait,
+    StepOutputs,
+    interpolated,
+    make_steps,
+    step_path,
+)
+from rl_cbf_clf_controller.virtual_constraints import VirtualConstraints
+
+(NAME,) = shipped_libraries()
+LIBRARY = load_gaits(NAME)
+assert isinstance(LIBRARY, GaitLibrary)
+CONTENT: dict[str, Any] = yaml.safe_load((LIBRARIES / f"{NAME}.yaml").read_text(encoding="utf-8"))
+LENGTHS = st.floats(LIBRARY.lengths[0], LIBRARY.lengths[-1])
+
+
+def landed(length: float, seed: int) -> tuple[Array, Array]:
+    """A state near the post-impact state of the gait of about that length, disturbed."""
+    rng = np.random.default_rng(seed)
+    q, dq = min(LIBRARY.gaits, key=lambda gait: abs(gait.step_length - length)).x_start
+    return q + 0.03 * rng.standard_normal(7), dq * (1 + 0.1 * rng.standard_normal(7))
+
+
+@pytest.mark.parametrize("gait", LIBRARY.gaits, ids=lambda gait: gait.name)
+def test_the_library_s_own_lengths_are_its_own_gaits(gait: Gait) -> None:
+    for path in (interpolated(LIBRARY, gait.step_length), step_path(LIBRARY, gait.step_length, gait.step_length)):
+        np.testing.assert_array_equal(path.coeffs, gait.coeffs)
+        assert (path.phase_angle_start, path.phase_angle_end) == (gait.phase_angle_start, gait.phase_angle_end)
+
+
+@given(index=st.integers(0, len(LIBRARY.gaits) - 2), share=st.floats(0, 1))
+def test_between_two_gaits_all_is_linear(index: int, share: float) -> None:
+    left, right = LIBRARY.gaits[index : index + 2]
+    path = interpolated(LIBRARY, (1 - share) * left.step_length + share * right.step_length)
+    np.testing.assert_allclose(path.coeffs, (1 - share) * left.coeffs + share * right.coeffs, atol=1e-12)
+    ends = (1 - share) * left.phase_angle_end + share * right.phase_angle_end
+    assert path.phase_angle_end == pytest.approx(ends, abs=1e-12)
+
+
+def test_beyond_its_ends_the_library_stays_at_them() -> None:
+    for beyond, end in ((0.05, LIBRARY.gaits[0]), (0.95, LIBRARY.gaits[-1])):
+        np.testing.assert_array_equal(interpolated(LIBRARY, beyond).coeffs, end.coeffs)
+    steps = LibrarySteps(LIBRARY, aim=0.5)
+    steps.begin(*landed(0.4, 0), 0.4, StonePreview(1, 0.90, 0.95))
+    assert steps.wanted == (LIBRARY.lengths[-1],)
+
+
+@given(taken=LENGTHS, wanted=LENGTHS)
+def test_a_step_begins_as_one_gait_and_ends_as_the_other(taken: float, wanted: float) -> None:
+    """Value, slope and curvature of a Bézier curve at an end are those of the three control points there."""
+    path, first, last = step_path(LIBRARY, taken, wanted), interpolated(LIBRARY, taken), interpolated(LIBRARY, wanted)
+    assert (path.phase_angle_start, path.phase_angle_end) == (first.phase_angle_start, last.phase_angle_end)
+    for order in range(3):
+        begins = (np.diff(each.coeffs, order)[:, 0] for each in (path, first))
+        ends = (np.diff(each.coeffs, order)[:, -1] for each in (path, last))
+        np.testing.assert_allclose(*begins, atol=1e-12)
+        np.testing.assert_allclose(*ends, atol=1e-12)
+
+
+@given(taken=LENGTHS, wanted=LENGTHS, seed=st.integers(0, 2**16))
+def test_a_step_begins_without_error_and_ends_on_its_path(taken: float, wanted: float, seed: int) -> None:
+    path, (q, dq) = step_path(LIBRARY, taken, wanted), landed(taken, seed)
+    outputs, own = StepOutputs(path, q, dq), VirtualConstraints(path)
+    np.testing.assert_allclose(outputs.evaluate(q, dq).eta, 0.0, atol=1e-9)
+    ended = max(FADED, own.evaluate(q, dq).phase + LEAST_WIDTH)
+    later = q.copy()
+    later[2] += (ended + 0.01 - own.evaluate(q, dq).phase) * (path.phase_angle_end - path.phase_angle_start)
+    np.testing.assert_allclose(outputs.evaluate(later, dq).eta, own.evaluate(later, dq).eta, atol=1e-12)
+
+
+@given(taken=LENGTHS, wanted=LENGTHS, seed=st.integers(0, 2**16), time=st.floats(0.01, 0.3))
+@settings(max_examples=50)
+def test_rates_and_accelerations_are_derivatives(taken: float, wanted: float, seed: int, time: float) -> None:
+    """Along q(t) = q + t dq + t^2/2 ddq, by central differences."""
+    q, dq = landed(taken, seed)
+    ddq = np.random.default_rng(seed + 1).standard_normal(7)
+    outputs, h = StepOutputs(step_path(LIBRARY, taken, wanted), q, dq), 1e-5
+
+    def at(t: float) -> Any:
+        return outputs.evaluate(q + t * dq + t**2 / 2 * ddq, dq + t * ddq)
+
+    now, before, after = at(time), at(time - h), at(time + h)
+    np.testing.assert_allclose((after.y - before.y) / (2 * h), now.dy, rtol=1e-4, atol=1e-4)
+    np.testing.assert_allclose((after.dy - before.dy) / (2 * h), now.jacobian @ ddq + now.bias, rtol=1e-3, atol=2e-2)
+
+
+def test_a_library_of_one_gait_is_that_gait() -> None:
+    gait = load_gait(DEFAULT_GAIT)
+    library = GaitLibrary(name="one", start_length=gait.step_length, gaits=[gait])
+    steps, (q, dq) = make_steps(library, 0.5), gait.x_start
+    assert isinstance(steps, SingleGait)
+    outputs = steps.begin(q, dq, 0.5, StonePreview(1, 0.5, 0.55))
+    np.testing.assert_array_equal(outputs.evaluate(q, dq).eta, VirtualConstraints(gait).evaluate(q, dq).eta)
+    np.testing.assert_array_equal(library.x_start, gait.x_start)
+
+
+def test_an_episode_begins_with_the_start_s_gait() -> None:
+    start = LIBRARY.gaits[LIBRARY.lengths.index(LIBRARY.start_length)]
+    np.testing.assert_array_equal(LIBRARY.x_start, start.x_start)
+
+
+@pytest.mark.parametrize("gait", LIBRARY.gaits, ids=lambda gait: gait.name)
+def test_each_gait_keeps_its_specification(gait: Gait) -> None:
+    spec, figures = GaitSpecification(**gait.metadata["specification"]), Orbit(gait).figures()
+    assert figures.closure_error < 2e-4
+    assert figures.speed == pytest.approx(spec.speed, rel=1e-3)
+    assert figures.friction_used <= 1.02 * spec.friction_limit
+    assert figures.least_normal_force >= 0.97 * spec.min_normal_force
+    assert figures.peak_torque <= 1.02 * spec.torque_limit
+    assert figures.least_phase_rate < figures.start_phase_rate
+
+
+def changed(**fields: Any) -> dict[str, Any]:
+    """A library's content with other fields, from its first three gaits."""
+    return {**CONTENT, "gaits": CONTENT["gaits"][:3], "start_length": CONTENT["gaits"][0]["step_length"], **fields}
+
+
+def with_gait(index: int, **fields: Any) -> dict[str, Any]:
+    """The same with other fields of one gait."""
+    gaits = [dict(gait) for gait in CONTENT["gaits"][:3]]
+    gaits[index] |= fields
+    return changed(gaits=gaits)
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (changed(gaits=CONTENT["gaits"][2::-1]), "expected increasing step lengths"),
+        (with_gait(1, step_length=CONTENT["gaits"][0]["step_length"]), "expected increasing step lengths"),
+        (with_gait(1, phase_angle_start=3.0, phase_angle_end=3.5), "ranges of the phase angle that overlap"),
+        (with_gait(1, bezier_coeffs=[[0.0] * 7] * 4), "gaits.1.bezier_coeffs"),
+        (changed(start_length=0.123), "start_length = 0.123: expected one of"),
+        (changed(gaits=[]), "gaits"),
+        (changed(colour="blue"), "colour"),
+    ],
+)
+def test_a_bad_library_is_refused(content: dict[str, Any], words: str, tmp_path: Path) -> None:
+    path = tmp_path / "bad.yaml"
+    path.write_text(yaml.safe_dump(content), encoding="utf-8")
+    with pytest.raises(GaitError, match=r"bad\.yaml") as caught:
+        load_gaits(path)
+    assert words in str(caught.value)
+
+
+def test_no_such_gait_names_gaits_and_libraries() -> None:
+    with pytest.raises(GaitError, match=f"{DEFAULT_GAIT}.*{NAME}"):
+        load_gaits("moonwalk")
+
+
+def test_a_file_goes_there_and_back(tmp_path: Path) -> None:
+    LIBRARY.save(tmp_path / "again.yaml")
+    assert load_gaits(tmp_path / "again.yaml") == LIBRARY
+
+
+def test_specifications_follow_the_length() -> None:
+    base = GaitSpecification(name="lib", step_length=0.35, speed=0.8)
+    short, middle, long = library_specifications(base, [0.2, 0.35, 0.6], speed_slope=0.4)
+    assert [each.speed for each in (short, middle, long)] == pytest.approx([0.74, 0.8, 0.9])
+    assert (middle.step_length, middle.max_foot_height, long.name) == (0.35, base.max_foot_height, "lib_0600")
+    circle = np.hypot(0.3, base.R2) - base.R2
+    assert long.max_foot_height > circle
+
+
+@pytest.mark.parametrize("lengths", [[0.3], [0.4, 0.3], [0.3, 0.3]])
+def test_lengths_that_make_no_library(lengths: list[float]) -> None:
+    with pytest.raises(ValueError, match="two or more, increasing"):
+        library_specifications(GaitSpecification(name="lib"), lengths)
