@@ -10,7 +10,7 @@ from rl_cbf_clf_controller.parameters import load_parameters
 from rl_cbf_clf_controller.weights import policy_path
 
 from rabbit_bringup.experiments.assembly import EVALUATION_LAG, Assembly, resolve_policy, shipped_policies
-from rabbit_bringup.reproduce.walks import SEED, Case
+from rabbit_bringup.reproduce.walks import Case
 
 
 def evaluate_command(case: Case) -> str:
@@ -23,7 +23,7 @@ def evaluate_command(case: Case) -> str:
     words = ["rabbit", "evaluate", "--controller", law.controller, *_policy(assembly)]
     words += ["--nominal", ",".join(assembly.nominal)] if assembly.nominal else []
     words += _changes(plant, usual_plant) + _changes(law, usual_law, but=SimulationParameters)
-    return shlex.join([*words, "--runs", str(case.runs), "--seed", str(SEED), "--out", "DIR"])
+    return shlex.join([*words, "--runs", str(case.runs), "--seed", str(case.seed), "--out", "DIR"])
 
 
 def _policy(assembly: Assembly) -> list[str]:

@@ -7,7 +7,7 @@ from rabbit_bringup.experiments.assembly import EVALUATION_LAG, Assembly
 from rabbit_bringup.reproduce.cache import Cache
 from rabbit_bringup.reproduce.jobs import Job
 from rabbit_bringup.reproduce.training import Trained
-from rabbit_bringup.reproduce.walks import Case, Walks
+from rabbit_bringup.reproduce.walks import SEED, Case, Walks
 from rabbit_bringup.viewing.walk_records import WalkRecords
 
 
@@ -65,11 +65,12 @@ class Line:
     runs: Runs | None = None
     columns: tuple[Column, ...] = COLUMNS
     nominal: "Line | None" = None
+    seed: int = SEED
 
     def case(self, size: Size, column: Column = MAIN) -> Case:
         """Its runs on a plant."""
         plant = self.assembly.simulation.model_copy(update={"plant": column.plant, "motor_lag": column.lag})
-        return Case(size.own(replace(self.assembly, simulation=plant)), self._runs(size, column), self.what)
+        return Case(size.own(replace(self.assembly, simulation=plant)), self._runs(size, column), self.what, self.seed)
 
     def _runs(self, size: Size, column: Column) -> int:
         if column is not MAIN:

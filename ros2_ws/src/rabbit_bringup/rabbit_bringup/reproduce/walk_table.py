@@ -7,7 +7,7 @@ from rabbit_bringup.reproduce.commands import evaluate_command
 from rabbit_bringup.reproduce.lines import COLUMNS, Found, Line
 from rabbit_bringup.reproduce.report import Cell, Table
 from rabbit_bringup.reproduce.verdict import Verdict
-from rabbit_bringup.reproduce.walks import SEED, Case, Walks
+from rabbit_bringup.reproduce.walks import Case, Walks
 
 SUMMED = (
     *("ticks", "ticks_over_cone", "ticks_over_cone_at_impact", "ticks_lost", "ticks_lost_at_impact"),
@@ -57,7 +57,7 @@ def long_table(lines: Sequence[Line], found: Found) -> Table:
 def _long_row(what: str, case: Case, walks: Walks, found: Found) -> tuple[Cell, ...]:
     plant, policy = case.assembly.simulation, found.policy(case.assembly)
     return (
-        *(what, plant.plant, plant.motor_lag, policy, SEED, walks.runs, walks.walked),
+        *(what, plant.plant, plant.motor_lag, policy, case.seed, walks.runs, walks.walked),
         *(*walks.interval, walks.with_forces, walks.mean_stones, *(walks.stones_interval or (None, None))),
         *(walks.std_stones, walks.max_ratio, walks.rms("rms_y"), walks.rms("rms_dy")),
         *(walks.total(name) for name in SUMMED),
