@@ -32,7 +32,7 @@ def plot_library(library: GaitLibrary) -> Figure:
         draw_stick_figures(axes, orbit)
         axes.set_title(f"steps of {orbit.gait.step_length:g} m")
     lengths = mpl.cm.ScalarMappable(mpl.colors.Normalize(library.lengths[0], library.lengths[-1]), COLOURS)
-    figure.colorbar(lengths, ax=figure.axes[:5], label="step length (m)", shrink=0.7, location="left")
+    figure.colorbar(lengths, ax=figure.axes[:5], label="step length (m)", shrink=0.7, location="right")
     figure.suptitle(f"{library.name}: {len(library.gaits)} gaits")
     return figure
 

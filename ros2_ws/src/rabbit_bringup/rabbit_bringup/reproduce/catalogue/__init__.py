@@ -20,6 +20,7 @@ from rabbit_bringup.reproduce.catalogue.rl_cbf_clf_results import RlCbfClfResult
 from rabbit_bringup.reproduce.catalogue.small_mass import SmallMass
 from rabbit_bringup.reproduce.catalogue.stepping_stone import SteppingStone
 from rabbit_bringup.reproduce.catalogue.velocity_noise import VelocityNoise
+from rabbit_bringup.reproduce.catalogue.wide_stones import WideStones
 from rabbit_bringup.reproduce.experiment import Experiment
 
 EXPERIMENTS: tuple[Experiment, ...] = (
@@ -44,4 +45,5 @@ EXPERIMENTS: tuple[Experiment, ...] = (
     Delay(),
     EveryPlantStones(),
     EveryPlantFlat(),
+    WideStones(),
 )
