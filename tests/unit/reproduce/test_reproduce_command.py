@@ -115,7 +115,7 @@ def test_a_rows_command_makes_its_runs(line: Line, monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr("rabbit_bringup.experiments.results.ResultsFolder", lambda *_: None)
     assert rabbit(*words[1:]).exit_code == 0
     assert seen["a"] == case.assembly
-    assert (seen["r"].runs, seen["r"].seed) == (case.runs, 50001)
+    assert (seen["r"].runs, seen["r"].seed) == (case.runs, case.seed)
 
 
 @pytest.mark.parametrize("size", [FULL, QUICK], ids=["full", "quick"])
