@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from rl_cbf_clf_controller.context import PolicyContext
 from rl_cbf_clf_controller.policy import ActorPolicy, ZeroPolicy, contract
-from rl_cbf_clf_controller.uncertainty import Estimates, Problem
+from rl_cbf_clf_controller.uncertainty import STEP_LENGTH, Estimates, Problem
 from rl_cbf_clf_controller.weights import (
     PROBE,
     SIZE_LIMIT,
@@ -20,6 +20,7 @@ from rl_cbf_clf_controller.weights import (
     probe_inputs,
     read,
 )
+from rl_trainer.parameters import TrainingParameters
 from safetensors.numpy import save
 
 
@@ -169,6 +170,25 @@ def test_a_network_without_l_min_reads_the_first_fourteen() -> None:
     with_stone = policy.estimate(PolicyContext(np.append(np.linspace(-1, 1, 14), 0.35), LgV))
     without = policy.estimate(PolicyContext(np.linspace(-1, 1, 14), LgV))
     np.testing.assert_array_equal(with_stone.flat, without.flat)
+
+
+def test_a_network_that_reads_the_step_length_needs_a_library() -> None:
+    observation = (*Problem.RL_CBF_CLF_QP.observation, STEP_LENGTH)
+    units = {"observation": observation, "observation_center": (0.1,) * 16, "observation_scale": (2.0,) * 16}
+    policy = ActorPolicy(make_file(**units))
+    assert policy.estimate(PolicyContext(np.linspace(-1, 1, 16), np.ones(4))).alpha.shape == (5, 4)
+    with pytest.raises(ValueError, match="reads step_length: expected a gait library"):
+        policy.estimate(PolicyContext(np.linspace(-1, 1, 15), np.ones(4)))
+
+
+def test_no_network_reads_the_step_length_without_the_stone() -> None:
+    observation = (*Problem.RL_CLF_QP.observation, STEP_LENGTH)
+    units = {"observation": observation, "observation_center": (0.1,) * 15, "observation_scale": (2.0,) * 15}
+    with pytest.raises(ValueError, match="observation = "):
+        make_file(**units)
+    with pytest.raises(ValueError, match="observe_step_length = True"):
+        TrainingParameters(observe_step_length=True, observe_l_min=False)
+    assert TrainingParameters(observe_step_length=True).observation[-2:] == ("l_min", STEP_LENGTH)
 
 
 def test_flat_vector_is_in_the_papers_order() -> None:

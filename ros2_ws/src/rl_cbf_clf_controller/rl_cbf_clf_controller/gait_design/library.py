@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from math import hypot
 
+from pydantic import ValidationError
 from rabbit_description.gait import Gait
 from rabbit_description.gait_library import GaitLibrary
 
@@ -25,7 +26,11 @@ def library_specifications(
     """
     if len(lengths) < 2 or sorted(set(lengths)) != list(lengths):
         raise ValueError(f"lengths = {list(lengths)}: expected two or more, increasing")
-    return [_at_length(base, length, speed_slope) for length in lengths]
+    try:
+        return [_at_length(base, length, speed_slope) for length in lengths]
+    except ValidationError as error:
+        fault = error.errors()[0]
+        raise ValueError(f"{'.'.join(map(str, fault['loc']))} = {fault['input']}: {fault['msg']}") from error
 
 
 def design_library(
@@ -46,7 +51,7 @@ def design_library(
     """
     specifications = library_specifications(base, lengths, speed_slope)
     if start_length not in lengths:
-        raise ValueError(f"start_length = {start_length:g}: expected one of {list(lengths)}")
+        raise ValueError(f"lengths = {list(lengths)}: expected {start_length:g}, the start's, among them")
     start, found = list(lengths).index(start_length), dict[int, Gait]()
     for at in (*range(start, len(lengths)), *range(start - 1, -1, -1)):
         each, neighbour = specifications[at], found.get(at - 1 if at > start else at + 1)
