@@ -17,7 +17,7 @@ RUN make build && .venv/bin/python -m compileall -q ros2_ws/src
 
 FROM ${BASE}
 RUN apt-get update \
- && apt-get install -y --no-install-recommends python3 \
+ && apt-get install -y --no-install-recommends libgomp1 python3 \
  && rm -rf /var/lib/apt/lists/* /var/cache/apt/*.bin \
  && useradd --create-home --shell /bin/bash rabbit \
  && install -d -o rabbit -g rabbit -m 1777 /walks /walks/runs
