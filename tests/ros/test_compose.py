@@ -54,5 +54,6 @@ def test_services_walk_and_record(
     )
     (recording,) = tmp_path.glob("recording-*")
     (episode,) = iterate_episodes(recording)
-    assert (episode.outcome, episode.missing) == ("walked", 0)
+    assert episode.outcome == "walked"  # a recorder started beside the graph may miss its first ticks
+    assert episode.records[-1].output.tick == len(episode.records) + episode.missing - 1
     assert list((tmp_path / "training").iterdir())

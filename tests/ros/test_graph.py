@@ -176,7 +176,7 @@ def test_real_time_ends_where_no_torque_comes(world: Any) -> None:
     world.wait(lambda: bool(states))
     world.say("torque", TorqueCommand(episode=1, tick=0))
     world.wait(ended(episodes))
-    assert (episodes[-1].outcome, episodes[-1].tick) == ("silent", 3)
+    assert (episodes[-1].outcome, episodes[-1].tick) == ("silent", 1 + 2 + 10)  # answered, held, damped
     assert "real time" in episodes[-1].reason
 
 

@@ -117,7 +117,7 @@ def test_pickles_are_refused(
         load_gait,
         controller.load_parameters,
         training.load_parameters,
-        lambda path: controller_parameters(path, path),
+        controller_parameters,
     ],
 )
 def test_yaml_makes_no_objects(read: Callable[[Path], object], tmp_path: Path, mark: Path) -> None:

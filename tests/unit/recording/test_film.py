@@ -1,15 +1,17 @@
 """`rabbit video BAG`: a film of what was recorded."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import imageio.v3 as imageio
 import numpy as np
 import pytest
 from rabbit_bringup.cli import app
-from rabbit_bringup.launching.parameter_file import write_parameters
 from rabbit_bringup.viewing.bag_pictures import records_of_bag
 from rabbit_bringup.viewing.scene import SIZE
+from rl_cbf_clf_controller.parameters import ControllerParameters
 from typer.testing import CliRunner
 
 WriteBag = Callable[..., Path]
@@ -26,10 +28,17 @@ def test_a_recording_becomes_mp4_and_gif(tmp_path: Path, write_bag: WriteBag) ->
 
 
 def test_the_barriers_of_the_walk_are_drawn(tmp_path: Path, write_bag: WriteBag) -> None:
-    bag = write_bag(tmp_path / "bag")
-    assert "R2" not in records_of_bag(bag).about
-    write_parameters(tmp_path / "parameters.yaml", {"controller": {"R2": 0.7}})
-    assert records_of_bag(bag).about["R2"] == 0.7
+    """Those of the recorded settings; an older recording has none."""
+    told = ControllerParameters(R2=0.7).model_dump_json()
+
+    def other(topic: str, message: Any) -> Any:
+        return replace(message, parameters=told) if topic == "controller_settings" else message
+
+    def older(topic: str, message: Any) -> Any:
+        return None if topic == "controller_settings" else message
+
+    assert records_of_bag(write_bag(tmp_path / "bag", change=other)).about["R2"] == 0.7
+    assert "R2" not in records_of_bag(write_bag(tmp_path / "older", change=older)).about
 
 
 @pytest.mark.parametrize("words", [("nowhere",), (".",), ("bag", "--episode", "9")])
