@@ -177,7 +177,7 @@ def test_real_time_ends_where_no_torque_comes(world: Any) -> None:
     world.say("torque", TorqueCommand(episode=1, tick=0))
     world.wait(ended(episodes))
     assert (episodes[-1].outcome, episodes[-1].tick) == ("silent", 1 + 2 + 10)  # answered, held, damped
-    assert "real time" in episodes[-1].reason
+    assert "held for 2, joints damped for 10 ticks" in episodes[-1].reason
 
 
 def test_parameters_are_described_bounded_and_read_only(world: Any) -> None:
