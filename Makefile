@@ -1,7 +1,7 @@
 # make help lists what there is. PYTHON chooses the interpreter for the environment: make setup PYTHON=python3.12
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help setup build walk test check format bench lock clean
+.PHONY: help setup build walk test fuzz check format bench lock clean
 
 ifneq ($(words $(CURDIR)),1)
 $(error The path "$(CURDIR)" has a space in it: move the project to a path without one)
@@ -30,6 +30,11 @@ test: build ## all tests; fails under 90 % coverage of the controller's mathemat
 	@$(WITH_WORKSPACE) export OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 PYTEST_DISABLE_PLUGIN_AUTOLOAD=1 && \
 	  python -m pytest $(PLUGINS) tests -n 2 --dist loadgroup --cov --junitxml=.setup/tests.xml $(ARGS) && \
 	  python scripts/count_tests.py .setup/tests.xml
+
+fuzz: build ## fuzz every entrance, 1,500 cases a test
+	@$(WITH_WORKSPACE) export OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 PYTEST_DISABLE_PLUGIN_AUTOLOAD=1 && \
+	  python -m pytest -p pytest_timeout -p _hypothesis_pytestplugin --hypothesis-profile=fuzz --hypothesis-show-statistics \
+	  --timeout=7200 tests/fuzz tests/properties/test_weights_bytes.py tests/ros/test_fuzz_nodes.py $(ARGS)
 
 check: setup ## ruff and mypy
 	@.venv/bin/ruff check . && .venv/bin/ruff format --check . && .venv/bin/mypy $(CODE)

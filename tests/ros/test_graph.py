@@ -140,7 +140,7 @@ def test_wrong_messages_do_not_harm_a_walk(world: Any) -> None:
 
 def test_a_dead_controller_ends_the_episode_and_a_new_one_walks(world: Any) -> None:
     states, episodes = world.hear("state"), world.hear("episode")
-    world.start("simulator", episodes=2, answer_timeout=1.0, pace=1.0, **SHORT)
+    world.start("simulator", episodes=2, answer_timeout=3.0, pace=1.0, **SHORT)
     world.start("controller")
     world.go()
     world.wait(lambda: len(states) > 20)

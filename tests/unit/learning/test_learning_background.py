@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from rl_cbf_clf_controller.policy import ZeroPolicy
+from rl_cbf_clf_controller.policy import ActorPolicy, ZeroPolicy
 from rl_cbf_clf_controller.uncertainty import Problem
 from rl_cbf_clf_controller.weights import PolicyFile
 from rl_trainer.background import Background
@@ -88,7 +88,7 @@ def test_what_is_learned_beside_passes_the_gate(toy_world: Any, toy_controller: 
     walk(learning, 1, toy_world, toy_controller)
     wait_for(lambda: len(heard.policies) > 2)
     best = heard.policies[-1]
-    learning.in_force(best.encode())
+    learning.in_force(ActorPolicy(best))
     wait_for(lambda: heard.verdicts[-1].version_in_force == best.version)
     learning.close()
     published = [verdict.version for verdict in heard.verdicts if verdict.passes]

@@ -132,6 +132,7 @@ def test_no_stone_beyond_the_last_and_none_on_flat_ground():
         ({"stone": 3}, ("stone", "input_value=3", "not permitted")),
         ({"torque_delay": 0.0015}, ("torque_delay = 0.0015", "multiple of 0.001")),
         ({"l_min_mean": 0.1, "l_min_std": 0.05}, ("l_min_mean - l_min_truncation", "more than 0 m")),
+        ({"l_min_mean": 0.8, "l_min_std": 0.03}, ("l_min_mean + l_min_truncation", "at most 0.9 m")),
     ],
 )
 def test_bad_parameters_are_refused_by_name_value_and_what_was_expected(changes, expected):

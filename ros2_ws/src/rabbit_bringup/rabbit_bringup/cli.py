@@ -18,6 +18,7 @@ COMMANDS = {
     "bench": "Time a tick, its parts and a walk against their limits.",
     "jitter": "Walk in real time: late ticks, missed deadlines, the age of the torque, with busy neighbours.",
     "soak": "Walk for an hour with learning, swapping and recording on: does anything grow?",
+    "faults": "Kill, stop and mislead the nodes at random ticks of a walk: what must hold, holds?",
     "bag": "Recordings: record, info, play, plot, check, recover.",
     "video": "Film a run, or a recording: MP4 and GIF.",
 }

@@ -9,6 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from rabbit_description import GAITS
 from rabbit_description.state import Array
+from rabbit_description.yaml_file import YamlFileError, read_yaml
 
 DEFAULT_GAIT = "stones_0350_080"
 
@@ -80,6 +81,6 @@ def load_gait(name_or_path: str | Path) -> Gait:
     if not path.is_file():
         raise GaitError(f"gait: no file {path}; shipped gaits are {', '.join(shipped_gaits())}")
     try:
-        return Gait.model_validate(yaml.safe_load(path.read_text(encoding="utf-8")))
-    except (ValidationError, yaml.YAMLError, UnicodeDecodeError) as error:
+        return Gait.model_validate(read_yaml(path))
+    except (ValidationError, YamlFileError) as error:
         raise GaitError(f"gait {path}: {error}") from error

@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from rabbit_description import GAITS, LIBRARIES
 from rabbit_description.gait import Gait, GaitError, shipped_gaits
 from rabbit_description.state import Array
+from rabbit_description.yaml_file import YamlFileError, read_yaml
 
 
 class GaitLibrary(BaseModel):
@@ -80,8 +81,8 @@ def load_gaits(name_or_path: str | Path) -> Gaits:
         shipped = f"gaits are {', '.join(shipped_gaits())}; libraries are {', '.join(shipped_libraries())}"
         raise GaitError(f"gait: no file {path}; shipped {shipped}")
     try:
-        return parse_gaits(yaml.safe_load(path.read_text(encoding="utf-8")))
-    except (ValidationError, yaml.YAMLError, UnicodeDecodeError) as error:
+        return parse_gaits(read_yaml(path))
+    except (ValidationError, YamlFileError) as error:
         raise GaitError(f"gait {path}: {error}") from error
 
 

@@ -3,7 +3,9 @@
 Numbers travel as float64 in arrays of fixed size, so a value arrives with the same bits.
 """
 
+import math
 from array import array
+from collections.abc import Collection
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -14,6 +16,7 @@ from std_msgs.msg import Header
 
 from rabbit_ros.door import Refused, check_finite
 
+LARGEST_SIGMA = 1000.0  # rad/s^2, as the controller's parameter
 _TICK_NS = round(TICK_SECONDS * 1e9)
 
 
@@ -71,6 +74,33 @@ def preview_of(message: msg.StonePreview) -> StonePreview:
     if not 0 <= message.l_min < message.l_max:
         raise Refused("no stone", f"l_min = {message.l_min}, l_max = {message.l_max}; expected 0 <= l_min < l_max")
     return StonePreview(message.index, message.l_min, message.l_max)
+
+
+def check_episode(message: msg.Episode, after: int) -> None:
+    """Refuse an announcement of a phase or noise that is none, or of an episode before `after`.
+
+    A simulator that begins anew counts from 1 again, see `is_new_simulator`.
+    """
+    if message.phase > msg.Episode.ENDED:
+        raise Refused("no phase", f"phase = {message.phase}; expected 0 to {msg.Episode.ENDED}")
+    if not (math.isnan(message.sigma) or 0 <= message.sigma <= LARGEST_SIGMA):
+        raise Refused("no noise", f"sigma = {message.sigma}; expected NaN or 0 to {LARGEST_SIGMA} rad/s^2")
+    if message.episode < after and not is_new_simulator(message):
+        raise Refused("late", f"episode {message.episode}; expected {after} or a later one")
+
+
+def is_new_simulator(message: msg.Episode) -> bool:
+    """Whether this is the first word of a simulator that knows of none before it."""
+    return message.phase == msg.Episode.WAITING and message.episode == 0
+
+
+def check_plan(message: msg.EpisodePlan, done: Collection[int]) -> None:
+    """Refuse a plan of noise that is none, or for another episode than the one after `done`."""
+    if not 0 <= message.sigma <= LARGEST_SIGMA:
+        raise Refused("no noise", f"sigma = {message.sigma}; expected 0 to {LARGEST_SIGMA} rad/s^2")
+    if message.after_episode not in done:
+        reason = "late" if message.after_episode < min(done) else "wrong episode"
+        raise Refused(reason, f"plan after episode {message.after_episode}; expected {min(done)}")
 
 
 def torque_of(message: msg.TorqueCommand) -> Array:

@@ -41,8 +41,9 @@ class Diagnostics:
 
     def _publish(self, level: bytes, line: str, figures: Mapping[str, object]) -> None:
         refused = sum(self._door.refused.values())
-        if refused > self._told and level == OK:
-            level, line = WARN, self._door.last_refusal
+        if refused > self._told:
+            line = self._door.last_refusal if level == OK else f"{line}; {self._door.last_refusal}"
+            level = max(level, WARN)
         self._told = refused
         counts = {f"accepted {topic}": n for topic, n in self._door.accepted.items()}
         counts |= {f"refused {name}": n for name, n in self._door.refused.items()}

@@ -41,7 +41,7 @@ def run(make: Callable[[], Node], errors: tuple[type[Exception], ...] = ()) -> N
     try:
         node = make()
     except unusable as error:
-        print(f"error: {error}", file=sys.stderr)
+        print("error:", " ".join(str(error).split()), file=sys.stderr)
         sys.exit(2)
     gc.freeze()  # what is there by now stays: looking through it again would hold up a tick
     executor = EventsExecutor()

@@ -6,17 +6,17 @@ the wall clock, and `real_time` says what acts in place of a torque that comes l
 
 import math
 import time
+from pathlib import Path
 
 from rabbit_description.gait import GaitError
 from rabbit_description.gait_library import load_gaits
-from rabbit_description.state import TICK_SECONDS, Array, RobotState, StonePreview
-from rabbit_msgs.msg import Episode, EpisodePlan, RabbitState, TorqueCommand
-from rabbit_msgs.msg import Landing as LandingMessage
-from rabbit_msgs.msg import StonePreview as PreviewMessage
+from rabbit_description.state import TICK_SECONDS, Array, RobotState
+from rabbit_msgs.msg import Episode, EpisodePlan, TorqueCommand
 from rabbit_msgs.srv import Pause, ResetEpisode
-from rabbit_ros.conversions_node import joint_state, preview_message, stamp, state_message, torque_of
+from rabbit_ros.conversions_node import check_plan, stamp, torque_of
 from rabbit_ros.diagnostics_node import OK, WARN, Diagnostics, Status
 from rabbit_ros.door import Door, Refused, check_turn
+from rabbit_ros.hearing_node import hear
 from rabbit_ros.parameters_node import declare, follow, refuse_unknown
 from rabbit_ros.priority import scheduling
 from rabbit_ros.priority_node import take_or_warn
@@ -24,14 +24,14 @@ from rabbit_ros.qos_node import EVENT, TICK
 from rabbit_ros.spin_node import run, steady_timer
 from rclpy.node import Node
 from rclpy.timer import Timer
-from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import JointState
 
+from rabbit_sim.memory import Memory, MemoryFileError, Stand
 from rabbit_sim.node_parameters import NodeParameters
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.real_time import Source, StandIn
 from rabbit_sim.simulation import Simulation
 from rabbit_sim.stones import CourseError
+from rabbit_sim.telling_node import Telling
 from rabbit_sim.tick_clock_node import TickClock
 
 LOOK_SECONDS = 0.02  # between looks at who is there and what is late
@@ -49,9 +49,11 @@ class SimulatorNode(Node):
         take_or_warn(self, self._own.priority)
         self._simulation = Simulation(plant, load_gaits(self._own.gait))
         self._door = Door()
-        self._episode = Episode(stones=plant.stones, sigma=math.nan)
+        self._memory = Memory(Path(self._own.memory) if self._own.memory else None)
+        before = self._memory.stand  # of a simulator that was killed
+        self._clock_ticks = before.clock_ticks
+        self._episode = Episode(episode=before.episode, tick=before.tick, stones=plant.stones, sigma=math.nan)
         self._state: RobotState | None = None  # the one whose torque is awaited; None between episodes
-        self._preview: StonePreview | None = None
         self._torque: Array | None = None
         self._plan: EpisodePlan | None = None
         self._controllers, self._is_answered = 0, False
@@ -59,32 +61,34 @@ class SimulatorNode(Node):
         self._due = True  # a torque may be used at once; with a pace, once a tick
         self._pacer: Timer | None = None
         self._stand_in = StandIn(self._own.held_ticks, self._own.damped_ticks, self._own.damping)
-        self._clock_ticks = self._landings_told = 0
         self._since: float | None = time.monotonic()  # when the wait began for what is awaited
-        self._reminders = 0
+        self._reminders, self._looked = 0, time.monotonic()
         self._connect()
+        self._begin_anew(before)
         self._set_pace(self._own)
         follow(self, self._own, self._set_pace)
 
     def close(self) -> None:
-        """Give back the plant."""
+        """End the episode, give back the plant."""
+        self._end("reset", "the simulator was told to end")
         self._simulation.close()
 
     def _connect(self) -> None:
-        self._states = self.create_publisher(RabbitState, "state", TICK)
-        self._joints = self.create_publisher(JointState, "joint_states", TICK)
-        self._clock_out = self.create_publisher(Clock, "clock", TICK)
-        self._previews = self.create_publisher(PreviewMessage, "preview", EVENT)
-        self._landings = self.create_publisher(LandingMessage, "landing", EVENT)
-        self._episodes = self.create_publisher(Episode, "episode", EVENT)
-        self._torques = self.create_subscription(TorqueCommand, "torque", self._on_torque, TICK)
-        self.create_subscription(EpisodePlan, "episode_plan", self._on_plan, EVENT)
+        self._told = Telling(self)
+        self._torques = hear(self, TorqueCommand, "torque", self._on_torque, TICK, self._refuse)
+        hear(self, EpisodePlan, "episode_plan", self._on_plan, EVENT, self._refuse)
         self.create_service(ResetEpisode, "reset_episode", self._on_reset)
         self.create_service(Pause, "pause", self._on_pause)
         self._ticks = TickClock(self, self._own.late_limit)
         self._diagnostics = Diagnostics(self, self._door, self._status)
         steady_timer(self, LOOK_SECONDS, self._look)
-        self._tell(Episode.WAITING)
+
+    def _begin_anew(self, before: Stand) -> None:
+        """Say where it stands; an episode in whose middle another simulator was killed is over."""
+        if before.running:
+            self._episode.outcome, self._episode.reason = "reset", "the simulator was started again"
+            self.get_logger().warning(f"episode {before.episode}, tick {before.tick}: {self._episode.reason}")
+        self._tell(Episode.ENDED if before.running else Episode.WAITING)
 
     # What comes in
 
@@ -98,7 +102,7 @@ class SimulatorNode(Node):
                 raise Refused("too late", f"the joints are damped since tick {self._state.tick}")
             torque = torque_of(message)
         except Refused as error:
-            self.get_logger().warning(self._door.refuse("torque", error))
+            self._refuse("torque", error)
             return
         self._door.accept("torque")
         if message.fault:
@@ -109,8 +113,17 @@ class SimulatorNode(Node):
         self._go_on()
 
     def _on_plan(self, message: EpisodePlan) -> None:
+        now = self._episode.episode
+        try:
+            check_plan(message, (now,) if self._state is None else (now - 1, now))
+        except Refused as error:
+            self._refuse("episode_plan", error)
+            return
         self._door.accept("episode_plan")
         self._plan = message
+
+    def _refuse(self, topic: str, error: Refused) -> None:
+        self.get_logger().warning(self._door.refuse(topic, error), throttle_duration_sec=1.0)
 
     def _on_reset(self, request: ResetEpisode.Request, response: ResetEpisode.Response) -> ResetEpisode.Response:
         if not self._answered_by_someone():
@@ -135,14 +148,15 @@ class SimulatorNode(Node):
 
     def _begin(self, seed: int, sigma: float = math.nan, policy: str = "") -> None:
         """Reset the plant; tick 0 goes out at once."""
-        self._torque, self._landings_told = None, 0
+        self._torque = None
+        self._told.begin()
         self._stand_in.begin()
         state = self._simulation.reset(seed)
         number = self._episode.episode + 1
         self._episode = Episode(
             episode=number, seed=seed, sigma=sigma, policy_version=policy, stones=self._simulation.parameters.stones
         )
-        self._preview, self._state = None, state
+        self._state = state
         self._tell(Episode.RUNNING)
         self._publish(state)
 
@@ -167,35 +181,37 @@ class SimulatorNode(Node):
         if self._state is None:
             return
         self._episode.outcome, self._episode.reason = outcome, reason[:128]
+        if reason:
+            self.get_logger().warning(f"episode {self._episode.episode} ends, {outcome}: {reason}")
         self._tell(Episode.ENDED)
         self._state = self._torque = None
-        self._since = time.monotonic()
+        self._since, self._reminders = time.monotonic(), 0
 
     def _publish(self, state: RobotState) -> None:
-        """A tick's messages; what the controller needs with the state goes before it."""
-        at, number = stamp(self._clock_ticks), self._episode.episode
-        if state.preview is not None and state.preview != self._preview:
-            self._previews.publish(preview_message(state.preview, number, at))
-        self._preview = state.preview
-        self._states.publish(state_message(state, number, at))
+        """A tick's messages."""
+        self._note()
+        self._told.tick(state, self._episode.episode, stamp(self._clock_ticks), self._simulation.landings)
         self._ticks.sent()
-        self._clock_out.publish(Clock(clock=at))  # while the controller works
-        self._joints.publish(joint_state(state, at))
-        for landing in self._simulation.landings[self._landings_told :]:
-            fields = {name: getattr(landing, name) for name in ("tick", "index", "l", "l_min", "l_max", "on_stone")}
-            self._landings.publish(LandingMessage(stamp=at, episode=number, **fields))
-            self._landings_told += 1
+        if self._reminders:
+            self.get_logger().warning(f"goes on with tick {state.tick} of episode {self._episode.episode}")
         self._since, self._reminders = time.monotonic(), 0
+
+    def _note(self) -> None:
+        e = self._episode
+        tick = self._state.tick if self._state is not None else e.tick
+        self._memory.note(Stand(e.episode, tick, self._clock_ticks, e.phase in (Episode.RUNNING, Episode.PAUSED)))
 
     def _tell(self, phase: int) -> None:
         """Publish where the episode stands."""
         self._episode.phase, self._episode.stamp = phase, stamp(self._clock_ticks)
         if self._state is not None:
             self._episode.tick, self._episode.touchdowns = self._state.tick, self._state.touchdowns
-        self._episodes.publish(self._episode)
+        self._note()
+        self._told.episode(self._episode)
 
     def _look(self) -> None:
         """Begin what can begin; end what nobody answers."""
+        self._forgive()
         controllers = self._torques.get_publisher_count()
         self._is_answered |= controllers > self._controllers  # a new one
         self._controllers = controllers
@@ -206,6 +222,13 @@ class SimulatorNode(Node):
         elif self._torque is None and self._since is not None:
             self._remind(self._state, time.monotonic() - self._since)
 
+    def _forgive(self) -> None:
+        """While this process itself stood still, nobody was late."""
+        stood_still = time.monotonic() - self._looked - LOOK_SECONDS
+        self._looked += stood_still + LOOK_SECONDS
+        if self._since is not None and stood_still > REPEAT_SECONDS:
+            self._since += stood_still
+
     def _remind(self, state: RobotState, silence: float) -> None:
         """Nobody has answered for so many seconds."""
         if silence > self._own.answer_timeout:
@@ -213,7 +236,10 @@ class SimulatorNode(Node):
             self._end("silent", f"no torque for tick {state.tick} came in {self._own.answer_timeout:g} s")
         elif silence > (self._reminders + 1) * REPEAT_SECONDS:
             self._reminders += 1
-            self._states.publish(state_message(state, self._episode.episode, stamp(self._clock_ticks)))
+            if self._reminders == 1:
+                self.get_logger().warning(f"waits for {self._missing()}")
+            self._tell(Episode.RUNNING)
+            self._told.again(state, self._episode.episode, stamp(self._clock_ticks))
 
     def _begin_next(self) -> None:
         done = self._episode.episode
@@ -237,7 +263,7 @@ class SimulatorNode(Node):
 
     def _answered_by_someone(self) -> bool:
         """A killed controller stays matched for 20 s, so one that did not answer counts only when it speaks again."""
-        is_heard = self._states.get_subscription_count() >= self._own.readers
+        is_heard = self._told.readers >= self._own.readers
         return self._is_answered and is_heard and self._torques.get_publisher_count() > 0
 
     def _set_pace(self, own: NodeParameters) -> None:
@@ -273,18 +299,27 @@ class SimulatorNode(Node):
             self._is_answered = False  # until it speaks again, be it too late
         self._step(torque, source)
 
+    def _missing(self) -> str:
+        """What the simulator waits for; empty when it goes on."""
+        if self._state is not None:
+            is_late = self._torque is None and self._since is not None
+            seconds = time.monotonic() - (self._since or 0.0) if is_late else 0.0
+            if self._paused or seconds <= REPEAT_SECONDS:
+                return ""
+            return f"the controller: no torque for tick {self._state.tick} of episode {self._episode.episode}"
+        missing = [] if self._answered_by_someone() else ["a controller, or more readers"]
+        done, plan = self._episode.episode, self._plan
+        is_planned = self._own.trainer == "ignore" or (plan is not None and plan.after_episode == done)
+        missing += [] if is_planned else [f"the trainer: no plan after episode {done}"]
+        return " and ".join(missing)
+
     def _status(self) -> Status:
-        waits = {
-            "a controller, or more readers": not self._answered_by_someone(),
-            "the trainer": self._own.trainer != "ignore" and self._plan is None,
-        }
-        missing = [who for who, is_missing in waits.items() if is_missing]
         e, punctuality = self._episode, self._ticks.punctuality
         figures = {"episode": e.episode, "outcome": e.outcome, "paused": self._paused, "scheduling": scheduling()}
         if self._own.real_time:
             figures |= punctuality.figures
-        if missing and self._state is None:
-            return WARN, f"waiting for {' and '.join(missing)}", figures
+        if missing := self._missing():
+            return WARN, f"waiting for {missing}", figures
         if not punctuality.is_fit:
             return WARN, f"this machine is not fit for real time: {punctuality}", figures
         return OK, f"episode {e.episode}" if self._state is not None else "between episodes", figures
@@ -292,7 +327,7 @@ class SimulatorNode(Node):
 
 def main() -> None:
     """The executable `simulator`."""
-    run(SimulatorNode, errors=(GaitError, CourseError))
+    run(SimulatorNode, errors=(GaitError, CourseError, MemoryFileError))
 
 
 if __name__ == "__main__":

@@ -28,6 +28,9 @@ class NodeParameters(BaseModel):
     priority: int = Field(0, ge=0, le=99, description="SCHED_FIFO priority, where permitted; 0: an ordinary process")
     answer_timeout: float = Field(5.0, gt=0, le=3600, description="s without a torque that end an episode")
     trainer_timeout: float = Field(600.0, gt=0, le=86400, description="s that the trainer may take between episodes")
+    memory: str = Field(
+        "", description="file that keeps episode and clock for a simulator started again; empty: it counts from 1"
+    )
     trainer: Literal["ignore", "wait", "follow"] = Field(
         "ignore", description="wait: until it has digested the last episode; follow: and as it plans the next one"
     )

@@ -7,6 +7,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from rabbit_description.state import TORQUE_LIMIT
 
 SUBSTEP_SECONDS = 0.001
+FARTHEST_EDGE = 0.9  # m from the stance foot, of any stone
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
 
@@ -56,10 +57,14 @@ class SimulationParameters(BaseModel):
     fall_pitch: Number = Field(math.pi / 3, gt=0, le=math.pi, description="a torso beyond it has fallen, rad")
 
     @model_validator(mode="after")
-    def _near_edges_are_ahead(self) -> "SimulationParameters":
+    def _edges_are_in_reach(self) -> "SimulationParameters":
         nearest = self.l_min_mean - self.l_min_truncation * self.l_min_std
         if nearest <= 0:
             raise ValueError(f"l_min_mean - l_min_truncation * l_min_std = {nearest:g}: expected more than 0 m")
+        farthest = self.l_min_mean + self.l_min_truncation * self.l_min_std + self.stone_width
+        if not self.course and farthest > FARTHEST_EDGE:
+            names = "l_min_mean + l_min_truncation * l_min_std + stone_width"
+            raise ValueError(f"{names} = {farthest:g}: expected at most {FARTHEST_EDGE} m")
         return self
 
     @model_validator(mode="after")

@@ -5,14 +5,14 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-import yaml
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, model_validator
 from rabbit_description.state import Array
+from rabbit_description.yaml_file import YamlFileError, read_yaml
 from scipy.special import ndtr, ndtri
 
-from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.parameters import FARTHEST_EDGE, SimulationParameters
 
-Edge = Annotated[float, Field(gt=0, le=0.9, allow_inf_nan=False)]
+Edge = Annotated[float, Field(gt=0, le=FARTHEST_EDGE, allow_inf_nan=False)]
 
 
 class CourseError(ValueError):
@@ -43,7 +43,7 @@ def draw_course(parameters: SimulationParameters, rng: np.random.Generator) -> l
     else:
         deviation = reach * (2 * share - 1)
     near = parameters.l_min_mean + parameters.l_min_std * deviation
-    return [Stone(l_min=edge, l_max=edge + parameters.stone_width) for edge in near.tolist()]
+    return [Stone(l_min=edge, l_max=min(edge + parameters.stone_width, FARTHEST_EDGE)) for edge in near.tolist()]
 
 
 def read_course(path: Path, stones: int, width: float) -> list[Stone]:
@@ -71,11 +71,10 @@ def _read_rows(path: Path) -> list[Any]:
     if path.suffix not in (".yaml", ".yml", ".csv"):
         raise CourseError(f"course {path}: kind {path.suffix!r}: expected .yaml or .csv")
     try:
-        text = path.read_text(encoding="utf-8")
         if path.suffix == ".csv":
-            return list(csv.DictReader(text.splitlines()))
-        content = yaml.safe_load(text)
-    except (OSError, UnicodeDecodeError, yaml.YAMLError, csv.Error) as error:
+            return list(csv.DictReader(path.read_text(encoding="utf-8").splitlines()))
+        content = read_yaml(path)
+    except (OSError, UnicodeDecodeError, YamlFileError, csv.Error) as error:
         raise CourseError(f"course {path}: cannot be read: {error}") from error
     if not isinstance(content, dict) or set(content) != {"stones"} or not isinstance(content["stones"], list):
         raise CourseError(f"course {path}: expected a mapping with one key 'stones' and a list under it")

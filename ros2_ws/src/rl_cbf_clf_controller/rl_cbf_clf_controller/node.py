@@ -1,8 +1,9 @@
 """The controller's node: a state comes in, is held until all its tick needs is there, and is answered with a torque.
 
 A tick needs the preview of stone `touchdowns + 1`, if one was announced; the first tick of an episode also needs the
-episode's seed and the policy it names. Policies are checked in another thread (policy_intake_node) and put in force
-between two ticks; every torque says which policy made it.
+episode's seed and the policy it names. A controller that comes in the middle of an episode says so, which ends it: it
+does not know since when which leg stands. Policies are checked in another thread (policy_intake_node) and put in
+force between two ticks; every torque says which policy made it.
 """
 
 import math
@@ -13,12 +14,12 @@ from typing import Literal
 from pydantic import BaseModel, ConfigDict, Field
 from rabbit_description.gait import GaitError
 from rabbit_description.gait_library import load_gaits
-from rabbit_description.state import StonePreview
 from rabbit_msgs.msg import ControllerSettings, ControllerState, Episode, PolicySwap, RabbitState, TorqueCommand
 from rabbit_msgs.msg import StonePreview as PreviewMessage
-from rabbit_ros.conversions_node import preview_of, state_of
+from rabbit_ros.conversions_node import check_episode, is_new_simulator, preview_of, state_of
 from rabbit_ros.diagnostics_node import OK, WARN, Diagnostics, Status
 from rabbit_ros.door import Door, Refused, check_turn
+from rabbit_ros.hearing_node import hear
 from rabbit_ros.parameters_node import declare, follow, refuse_unknown
 from rabbit_ros.priority import scheduling
 from rabbit_ros.priority_node import take_or_warn
@@ -31,6 +32,7 @@ from rl_cbf_clf_controller.messages_node import controller_state, torque_message
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import ZeroPolicy
 from rl_cbf_clf_controller.policy_intake_node import Decided, PolicyIntake, check
+from rl_cbf_clf_controller.previews_node import Previews
 from rl_cbf_clf_controller.uncertainty import Problem
 from rl_cbf_clf_controller.weights import PolicyFileError, policy_path
 
@@ -72,7 +74,7 @@ class ControllerNode(Node):
         self._controller = Controller(self._settings, self._gait, self._in_force.policy or ZeroPolicy(problem))
         self._door = Door()
         self._episode = Episode(sigma=math.nan)
-        self._previews: dict[tuple[int, int], StonePreview] = {}  # by episode and index
+        self._previews = Previews()
         self._held: RabbitState | None = None
         self._turn = (0, -1)  # episode and tick of the newest state
         self._answer: TorqueCommand | None = None  # to it
@@ -88,9 +90,9 @@ class ControllerNode(Node):
         self._details = self.create_publisher(ControllerState, "controller_state", TICK)
         self._swaps = self.create_publisher(PolicySwap, "policy_swap", EVENT)
         self._told_settings = self.create_publisher(ControllerSettings, "controller_settings", EVENT)
-        self._states = self.create_subscription(RabbitState, "state", self._on_state, TICK)
-        self.create_subscription(PreviewMessage, "preview", self._on_preview, EVENT)
-        self.create_subscription(Episode, "episode", self._on_episode, EVENT)
+        self._states = hear(self, RabbitState, "state", self._on_state, TICK, self._refuse)
+        hear(self, PreviewMessage, "preview", self._on_preview, EVENT, self._refuse)
+        hear(self, Episode, "episode", self._on_episode, EVENT, self._refuse)
         self._diagnostics = Diagnostics(self, self._door, self._status)
         self._tell_swap(self._in_force)
         self._tell_settings()
@@ -103,9 +105,13 @@ class ControllerNode(Node):
         if turn == self._turn:
             self._repeat()
             return
-        begins = message.tick == 0 and message.episode > self._turn[0]
         try:
-            check_turn(turn, turn if begins else (self._turn[0], self._turn[1] + 1))
+            state_of(message, None, finite=message.running)
+            if self._is_in_the_middle(message):
+                self._turn, self._held = turn, None
+                self._give_up(message, f"the controller came in at tick {message.tick}, in the middle of the episode")
+                return
+            self._check_turn(message)
         except Refused as error:
             self._refuse("state", error)
             return
@@ -113,6 +119,16 @@ class ControllerNode(Node):
         if not message.running:
             self._door.accept("state")
         self._go_on()
+
+    def _check_turn(self, message: RabbitState) -> None:
+        """The next tick, or the first one of an episode that is or is about to be announced."""
+        turn, announced = (message.episode, message.tick), self._episode.episode
+        begins = message.tick == 0 and max(self._turn[0], announced - 1) < message.episode <= announced + 1
+        check_turn(turn, turn if begins else (self._turn[0], self._turn[1] + 1))
+
+    def _is_in_the_middle(self, message: RabbitState) -> bool:
+        """Of the announced episode, of which no tick was heard yet."""
+        return message.running and message.tick > 0 and self._turn[0] < message.episode == self._episode.episode
 
     def _repeat(self) -> None:
         """The simulator has not heard the answer: say it again, if there is one."""
@@ -122,17 +138,22 @@ class ControllerNode(Node):
 
     def _on_preview(self, message: PreviewMessage) -> None:
         try:
-            preview = preview_of(message)
+            self._previews.add(message.episode, preview_of(message), self._turn[0])
         except Refused as error:
             self._refuse("preview", error)
             return
         self._door.accept("preview")
-        self._previews = {key: stone for key, stone in self._previews.items() if key[0] == message.episode}
-        self._previews[message.episode, message.index] = preview
         self._go_on()
 
     def _on_episode(self, message: Episode) -> None:
+        try:
+            check_episode(message, self._turn[0])
+        except Refused as error:
+            self._refuse("episode", error)
+            return
         self._door.accept("episode")
+        if is_new_simulator(message) and self._turn[0] > 0:
+            self._turn, self._held, self._previews = (0, -1), None, Previews()
         self._episode = message
         self._go_on()
 
@@ -150,11 +171,7 @@ class ControllerNode(Node):
         if message is None or self._missing(message):
             return
         self._held = None
-        try:
-            state = state_of(message, self._previews.get((message.episode, message.touchdowns + 1)))
-        except Refused as error:
-            self._refuse("state", error)
-            return
+        state = state_of(message, self._previews.get(message.episode, message.touchdowns + 1))
         self._door.accept("state")
         if message.tick == 0:
             self._begin()
@@ -174,7 +191,7 @@ class ControllerNode(Node):
     def _missing(self, message: RabbitState) -> str:
         """What this tick still waits for; empty when it can be made."""
         stone = message.touchdowns + 1
-        if message.previewed and (message.episode, stone) not in self._previews:
+        if message.previewed and self._previews.get(message.episode, stone) is None:
             return f"preview of stone {stone}"
         if message.tick > 0:
             return ""
@@ -265,7 +282,7 @@ class ControllerNode(Node):
         self._controller.parameters = parameters.model_copy(update={"sigma": sigma})
 
     def _refuse(self, topic: str, error: Refused) -> None:
-        self.get_logger().warning(self._door.refuse(topic, error))
+        self.get_logger().warning(self._door.refuse(topic, error), throttle_duration_sec=1.0)
 
     def _status(self) -> Status:
         figures = {

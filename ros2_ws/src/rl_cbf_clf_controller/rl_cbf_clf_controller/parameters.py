@@ -3,9 +3,9 @@
 from pathlib import Path
 from typing import Literal
 
-import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from rabbit_description.gait import DEFAULT_GAIT
+from rabbit_description.yaml_file import YamlFileError, read_yaml
 
 from rl_cbf_clf_controller.uncertainty import Problem
 
@@ -134,7 +134,7 @@ def load_parameters(name_or_path: str | Path, **changes: object) -> ControllerPa
     if path.suffix != ".yaml":
         path = CONFIG / f"{name_or_path}.yaml"
     try:
-        values = yaml.safe_load(path.read_text(encoding="utf-8")) or {}
+        values = read_yaml(path) or {}
         return ControllerParameters.model_validate({**values, **changes})
-    except (OSError, UnicodeDecodeError, yaml.YAMLError, ValidationError, TypeError) as error:
+    except (YamlFileError, ValidationError, TypeError) as error:
         raise ParameterError(f"controller parameters {path}: {error}") from error

@@ -12,6 +12,8 @@ from pathlib import Path
 
 from rabbit_msgs.msg import PolicyWeights
 from rabbit_msgs.srv import LoadPolicy
+from rabbit_ros.door import Refused
+from rabbit_ros.hearing_node import hear
 from rabbit_ros.priority import be_ordinary
 from rabbit_ros.qos_node import WEIGHTS
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
@@ -42,7 +44,7 @@ class PolicyIntake(Node):
     def __init__(self, problem: Problem, adaptation: str, decided: Callable[[Decided], None]) -> None:
         super().__init__("controller_policies", start_parameter_services=False, enable_rosout=False)
         self._needs, self._decided = (problem, adaptation), decided
-        self.create_subscription(PolicyWeights, "policy", self._on_weights, WEIGHTS)
+        hear(self, PolicyWeights, "policy", self._on_weights, WEIGHTS, self._refuse)
         self.create_service(LoadPolicy, "load_policy", self._on_load)
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self)
@@ -59,6 +61,9 @@ class PolicyIntake(Node):
         be_ordinary()  # a check must not keep a tick waiting
         with suppress(ExternalShutdownException):
             self._executor.spin()
+
+    def _refuse(self, topic: str, error: Refused) -> None:
+        self._decided(Decided("", topic, False, None, str(error)))
 
     def _on_weights(self, message: PolicyWeights) -> None:
         decided = check(bytes(message.data), message.source, *self._needs)

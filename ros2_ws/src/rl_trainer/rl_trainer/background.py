@@ -14,14 +14,14 @@ from typing import Any, Protocol
 
 from rabbit_description.state import RobotState
 from rl_cbf_clf_controller.controller import ControllerOutput
-from rl_cbf_clf_controller.policy import ActorPolicy, ZeroPolicy
-from rl_cbf_clf_controller.weights import PolicyFile, decode
+from rl_cbf_clf_controller.policy import ActorPolicy, Policy
+from rl_cbf_clf_controller.weights import PolicyFile
 
 from rl_trainer.actor import Actor
 from rl_trainer.gate import Gate, Verdict
+from rl_trainer.kept import Kept
 from rl_trainer.learner import Learner
 from rl_trainer.replay import Batch
-from rl_trainer.session import CHECKPOINT, load_checkpoint, save_checkpoint
 from rl_trainer.training import EpisodePlan, EpisodeReport, Trainer
 from rl_trainer.transitions import Transition
 
@@ -90,7 +90,7 @@ class _End:
 
 @dataclass(frozen=True)
 class _InForce:
-    data: bytes
+    policy: Policy
 
 
 _Item = _Tick | _End | _InForce
@@ -100,7 +100,7 @@ _Item = _Tick | _End | _InForce
 class Background:
     """The thread. `beside`: updates between two publications while the queue is empty; 0: none, and nothing held out.
 
-    `folder`: where a checkpoint and the policy are kept after each episode, and the training goes on from.
+    `folder`: what is kept there, and gone on from, see `Kept`. A transition is told after it is kept.
     """
 
     trainer: Trainer
@@ -111,14 +111,11 @@ class Background:
     _queue: "queue.SimpleQueue[_Item | None]" = field(default_factory=queue.SimpleQueue)
 
     def __post_init__(self) -> None:
-        """Raises `CheckpointError` where the folder holds a training of other parameters."""
-        if self.folder is not None:
-            (self.folder / "policies").mkdir(parents=True, exist_ok=True)
-            if (self.folder / CHECKPOINT).exists():
-                load_checkpoint(self.folder / CHECKPOINT, self.trainer)
+        """Raises `CheckpointError` where the folder holds a training of other parameters, or a damaged one."""
+        self._gate = Gate(self.trainer.parameters)
+        self.kept = Kept(self.folder, self.trainer, self._gate)
         self._learner = StoppableLearner(self.trainer.learner)
         self.trainer.learner = self._learner
-        self._gate = Gate(self.trainer.parameters)
         if self.beside:
             self.trainer.holds_out = self._gate.holds_out
         self._beside_updates = 0
@@ -126,8 +123,10 @@ class Background:
         self._thread = threading.Thread(target=self._run, name="learning", daemon=True)
 
     def start(self, after: int = 0) -> None:
-        """Plan the episode after number `after` and begin to listen."""
+        """Plan the episode after number `after` and begin to listen; raises `CheckpointError` at a wrong journal."""
         self._plan = self.trainer.begin_episode()
+        for transition in self.kept.begin():
+            self.trainer.take(transition)
         self.listener.on_plan(self._plan, after)
         self._thread.start()
 
@@ -139,9 +138,9 @@ class Background:
         """Episode `number` is over in `state` (None: lost); `tag` comes back with the transition into it."""
         self._queue.put(_End(state, number, tag))
 
-    def in_force(self, data: bytes) -> None:
-        """The controller walks with this policy now, a file's bytes; empty: the zero policy."""
-        self._queue.put(_InForce(data))
+    def in_force(self, policy: Policy) -> None:
+        """The controller walks with this policy now."""
+        self._queue.put(_InForce(policy))
 
     @property
     def waiting(self) -> int:
@@ -154,6 +153,7 @@ class Background:
         self._queue.put(None)
         if self._thread.is_alive():
             self._thread.join(timeout=5.0)
+        self.kept.close()
 
     def _run(self) -> None:
         os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))  # learning can wait, whatever the node's priority
@@ -188,8 +188,7 @@ class Background:
 
     def _take(self, item: _Item) -> None:
         if isinstance(item, _InForce):
-            problem = self.trainer.parameters.problem
-            self._gate.in_force = ActorPolicy(decode(item.data, problem)) if item.data else ZeroPolicy(problem)
+            self._gate.in_force = item.policy
             return
         if isinstance(item, _Tick):
             self._last = item.state
@@ -204,17 +203,12 @@ class Background:
     def _digest(self, last: RobotState) -> None:
         """Learn from the episode that ended in this state, and plan the next."""
         self.listener.on_report(self.trainer.end_episode(self._plan, last))
-        self._keep()
+        self.kept.save()
         self._plan, self._last = self.trainer.begin_episode(), None
         if self.beside:
             self._publish()
 
     def _tell(self, transition: Transition | None, tag: Any) -> None:
         if transition is not None:
+            self.kept.add(transition)
             self.listener.on_transition(transition, tag)
-
-    def _keep(self) -> None:
-        if self.folder is not None:
-            name = f"{self.trainer.episode:03d}.safetensors"
-            self.trainer.policy_file().write(self.folder / "policies" / name)
-            save_checkpoint(self.folder / CHECKPOINT, self.trainer)

@@ -7,6 +7,7 @@ ticks of one step resemble each other.
 """
 
 from collections import deque
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from rl_cbf_clf_controller.policy import Policy, ZeroPolicy
@@ -61,6 +62,15 @@ class Gate:
             return False
         self._held_out.append(transition)
         return True
+
+    @property
+    def held_out(self) -> list[Transition]:
+        """What it measures by, oldest first."""
+        return list(self._held_out)
+
+    def restore(self, held_out: Iterable[Transition]) -> None:
+        """Measure by these again, after a checkpoint."""
+        self._held_out.extend(held_out)
 
     def judge(self, policy: Policy) -> Verdict | None:
         """The policy against the one in force; None while too few ticks are held out."""

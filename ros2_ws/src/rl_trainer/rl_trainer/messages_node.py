@@ -1,15 +1,22 @@
-"""The trainer's messages from its dataclasses."""
+"""The trainer's messages from its dataclasses, and what it hears, checked."""
 
 from array import array
+from typing import Any
 
+import numpy as np
 from builtin_interfaces.msg import Time
 from rabbit_msgs import msg
-from rl_cbf_clf_controller.weights import PolicyFile
+from rabbit_ros.conversions_node import state_of, torque_of
+from rabbit_ros.door import Refused
+from rl_cbf_clf_controller.message_fields import output_of
+from rl_cbf_clf_controller.policy import ActorPolicy, Policy, ZeroPolicy
+from rl_cbf_clf_controller.uncertainty import Problem
+from rl_cbf_clf_controller.weights import PolicyFile, decode
 
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.reward import reward_terms
 from rl_trainer.training import EpisodePlan
-from rl_trainer.transitions import Transition
+from rl_trainer.transitions import Doubt, Transition
 
 SEQUENCES = ("observation", "alpha", "beta", "nominal", "measured", "next_observation")
 ZERO = "zero"
@@ -41,6 +48,21 @@ def transition_message(
     return message
 
 
+def transition_of(message: msg.Transition) -> Transition:
+    """A transition from its message."""
+    values: dict[str, Any] = {name: np.array(getattr(message, name)) for name in (*SEQUENCES, "mu", "mu_qp", "next_mu")}
+    return Transition(
+        problem=Problem(message.problem),
+        tick=message.tick,
+        step_index=message.step_index,
+        LgV=np.array(message.lgv),
+        next_LgV=np.array(message.next_lgv),
+        failed=message.failed,
+        doubt=Doubt(message.doubt),
+        **{**values, "alpha": values["alpha"].reshape(-1, 4)},
+    )
+
+
 def weights_message(policy: PolicyFile, source: str, at: Time) -> msg.PolicyWeights:
     """A policy as the bytes of its file."""
     return msg.PolicyWeights(stamp=at, version=policy.version, source=source, data=array("B", policy.encode()))
@@ -50,3 +72,26 @@ def plan_message(plan: EpisodePlan, after: int, at: Time) -> msg.EpisodePlan:
     """How the episode after number `after` is to be walked."""
     version = plan.policy.version if plan.policy else ZERO
     return msg.EpisodePlan(stamp=at, after_episode=after, seed=plan.seed, sigma=plan.sigma, policy_version=version)
+
+
+def checked_part(part: str, message: Any, problem: Problem) -> Any:
+    """What a tick's `state` (with its stamp), `torque` or `controller_state` says; raises `Refused`."""
+    if part == "state":
+        return message.stamp, state_of(message, None, finite=message.running)
+    if part == "torque":
+        return torque_of(message)
+    try:
+        output = output_of(message, np.zeros(4))
+    except ValueError as error:
+        raise Refused("not fit", str(error)) from error
+    expected = (problem.quantities, len(problem.observation))
+    if (got := (output.quantities, len(output.observation))) != expected:
+        raise Refused("not fit", f"quantities and size of the observation {got}; this problem has {expected}")
+    return output
+
+
+def policy_of(message: msg.PolicySwap, problem: Problem) -> Policy | None:
+    """The policy that a swap put in force; None of a refused one. Raises `PolicyFileError`."""
+    if not message.accepted:
+        return None
+    return ActorPolicy(decode(bytes(message.data), problem)) if message.data else ZeroPolicy(problem)

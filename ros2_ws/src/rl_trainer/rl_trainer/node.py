@@ -11,24 +11,30 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from builtin_interfaces.msg import Time
 from pydantic import BaseModel, ConfigDict, Field
 from rabbit_msgs.msg import ControllerState, Episode, EpisodePlan, PolicySwap, PolicyWeights, RabbitState, TorqueCommand
 from rabbit_msgs.msg import Transition as TransitionMessage
-from rabbit_ros.conversions_node import state_of, torque_of
+from rabbit_ros.conversions_node import check_episode, is_new_simulator
 from rabbit_ros.diagnostics_node import ERROR, OK, WARN, Diagnostics, Status
 from rabbit_ros.door import Door, Refused
+from rabbit_ros.hearing_node import hear
 from rabbit_ros.parameters_node import ParameterError, declare, refuse_unknown
 from rabbit_ros.qos_node import EVENT, TICK, WEIGHTS
 from rabbit_ros.spin_node import run, steady_timer
 from rclpy.node import Node
-from rl_cbf_clf_controller.message_fields import output_of
 from rl_cbf_clf_controller.weights import PolicyFile, PolicyFileError, policy_path, read
 
 from rl_trainer.background import Background
 from rl_trainer.gate import Verdict
-from rl_trainer.messages_node import ZERO, plan_message, transition_message, weights_message
+from rl_trainer.messages_node import (
+    ZERO,
+    checked_part,
+    plan_message,
+    policy_of,
+    transition_message,
+    weights_message,
+)
 from rl_trainer.pairing import Event, Tick, Walk
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.session import CheckpointError
@@ -73,10 +79,12 @@ class TrainerNode(Node):
         self._door = Door()
         self._walk = Walk(PARTS)
         self._held_up_since: float | None = None
-        self._started = False
+        self._started = self._is_joining = False
+        self._newest: Episode | None = None  # where the simulator stands
         self._report: EpisodeReport | None = None
         self._verdict: Verdict | None = None
         self._kept_back = 0
+        self._is_disk_told = False
         self._connect()
 
     def close(self) -> None:
@@ -89,54 +97,75 @@ class TrainerNode(Node):
         self._plan = self.create_publisher(EpisodePlan, "episode_plan", EVENT)
         kinds = (RabbitState, TorqueCommand, ControllerState)
         self._inputs = [
-            self.create_subscription(kind, part, partial(self._on_part, part), TICK)
+            hear(self, kind, part, partial(self._on_part, part), TICK, self._refuse)
             for part, kind in zip(PARTS, kinds, strict=True)
         ]
-        self.create_subscription(Episode, "episode", self._on_episode, EVENT)
-        self.create_subscription(PolicySwap, "policy_swap", self._on_swap, EVENT)
+        hear(self, Episode, "episode", self._on_episode, EVENT, self._refuse)
+        hear(self, PolicySwap, "policy_swap", self._on_swap, EVENT, self._refuse)
         self._diagnostics = Diagnostics(self, self._door, self._status)
         steady_timer(self, 0.5, self._look)
 
     # What comes in
 
     def _on_part(self, part: str, message: Any) -> None:
+        if not self._started:
+            return
+        judged = self._walk.judge(part, message.episode, message.tick)
+        if judged == "again":
+            self._door.accept(f"{part} again")
+            return
+        if judged != "good":
+            self._refuse(part, Refused(judged, f"episode {message.episode}, tick {message.tick}"))
+            return
         checked = None
         try:
-            checked = self._check(part, message)
+            checked = checked_part(part, message, self._training.problem)
             self._door.accept(part)
         except Refused as error:
-            self.get_logger().warning(self._door.refuse(part, error))
+            self._refuse(part, error)
+        if self._is_joining:
+            self._is_joining = False
+            self._walk.join(message.episode, message.tick)
         self._hand_on(self._walk.add(part, message.episode, message.tick, checked))
 
     def _on_episode(self, message: Episode) -> None:
+        try:
+            check_episode(message, self._walk.done if self._started else 0)
+        except Refused as error:
+            self._refuse("episode", error)
+            return
         self._door.accept("episode")
-        idle = message.phase in (Episode.WAITING, Episode.ENDED)
+        self._newest = message
         if not self._started:
-            self._start(message.episode if idle else message.episode - 1)
+            return
+        if is_new_simulator(message) and self._walk.announced:
+            self._hand_on(self._walk.restart())
+            self._learning.end(None, 0)
+        self._walk.announced = message.episode
         if message.phase == Episode.ENDED:
             self._hand_on(self._walk.end(message.episode, message.tick, message.outcome in ACTED))
 
     def _on_swap(self, message: PolicySwap) -> None:
-        self._door.accept("policy_swap")
-        if message.accepted:
-            self._learning.in_force(bytes(message.data))
-
-    def _check(self, part: str, message: Any) -> Any:
-        if part == "state":
-            return message.stamp, state_of(message, None, finite=message.running)
-        if part == "torque":
-            return torque_of(message)
         try:
-            return output_of(message, np.zeros(4))
-        except ValueError as error:
-            raise Refused("not fit", str(error)) from error
+            policy = policy_of(message, self._training.problem)
+        except PolicyFileError as error:
+            self._refuse("policy_swap", Refused("not fit", str(error)))
+            return
+        self._door.accept("policy_swap")
+        if policy is not None:
+            self._learning.in_force(policy)
+
+    def _refuse(self, topic: str, error: Refused) -> None:
+        self.get_logger().warning(self._door.refuse(topic, error), throttle_duration_sec=1.0)
 
     # What goes on
 
-    def _start(self, after: int) -> None:
-        """Begin to learn with the episode after this one."""
-        self._started, self._walk.done = True, after
-        self._learning.start(after)
+    def _start(self, newest: Episode) -> None:
+        """Begin to learn with the next episode, or in the middle of this one."""
+        is_idle = newest.phase in (Episode.WAITING, Episode.ENDED)
+        self._started, self._is_joining = True, not is_idle
+        self._walk.done, self._walk.announced = newest.episode - (not is_idle), newest.episode
+        self._learning.start(self._walk.done)
 
     def _hand_on(self, events: list[tuple[int, Event]]) -> None:
         for episode, event in events:
@@ -148,7 +177,12 @@ class TrainerNode(Node):
                 self._learning.end(state, episode, (episode, stamp))
 
     def _look(self) -> None:
-        """Give up what an ended episode still owes."""
+        """Begin, when the latched episodes are heard; give up what an ended one still owes; tell of a full disk."""
+        if not self._started and self._newest:
+            self._start(self._newest)
+        if self._learning.kept.error and not self._is_disk_told:
+            self._is_disk_told = True
+            self.get_logger().error(self._learning.kept.error)
         now = time.monotonic()
         if not self._walk.is_held_up:
             self._held_up_since = None
@@ -189,14 +223,15 @@ class TrainerNode(Node):
         figures: dict[str, object] = {
             "ticks waiting": self._learning.waiting,
             "ticks lost": self._walk.lost,
+            "transitions": self._learning.kept.taken,
             "policies kept back": self._kept_back,
         }
         if self._verdict:
             figures |= {"held-out error": self._verdict.error, "in force": self._verdict.error_in_force}
         if self._report:
             figures |= {"episode": self._report.episode, **self._report.reward, **self._report.losses}
-        if self._learning.error:
-            return ERROR, self._learning.error, figures
+        if error := self._learning.error or self._learning.kept.error:
+            return ERROR, error, figures
         if not self._started or not all(reader.get_publisher_count() for reader in self._inputs):
             return WARN, "waiting for simulator and controller", figures
         return OK, "learning", figures

@@ -7,8 +7,8 @@ learning rates and all else are ours: docs/differences_from_paper.md.
 from pathlib import Path
 from typing import Any, Literal
 
-import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from rabbit_description.yaml_file import YamlFileError, read_yaml
 from rl_cbf_clf_controller.uncertainty import STEP_LENGTH, Problem
 
 Scales = tuple[float, ...]
@@ -150,6 +150,11 @@ class TrainingParameters(BaseModel):
         return self.affine and self.critic == "reward" and self.problem.has_clf
 
     @property
+    def key(self) -> str:
+        """Of what decides a training; the number of its episodes does not."""
+        return self.model_dump_json(exclude={"episodes"})
+
+    @property
     def is_structured(self) -> bool:
         """`structured`, where there is a CLF row."""
         return self.structured and self.problem.has_clf
@@ -207,7 +212,7 @@ def paper_literal(problem: Problem, **changes: Any) -> TrainingParameters:
 def load_parameters(path: Path, **changes: Any) -> TrainingParameters:
     """Read a YAML file; raises `ParameterError` with the file, the name, the value and what was expected."""
     try:
-        values = yaml.safe_load(path.read_text(encoding="utf-8")) or {}
+        values = read_yaml(path) or {}
         return TrainingParameters.model_validate({**values, **changes})
-    except (OSError, UnicodeDecodeError, yaml.YAMLError, ValidationError, TypeError) as error:
+    except (YamlFileError, ValidationError, TypeError) as error:
         raise ParameterError(f"{path}: {error}") from error

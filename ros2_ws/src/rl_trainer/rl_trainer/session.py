@@ -7,7 +7,6 @@ DIR/tensorboard/           reward terms, losses, steps walked
 """
 
 import os
-import pickle
 from collections.abc import Callable, Iterator
 from dataclasses import asdict
 from pathlib import Path
@@ -81,9 +80,9 @@ def scalars(report: EpisodeReport) -> dict[str, float]:
     return walk | groups
 
 
-def save_checkpoint(path: Path, trainer: Trainer) -> None:
-    """Write all of the trainer's state, at once or not at all."""
-    state = {"parameters": _key(trainer.parameters), **trainer.state_dict()}
+def save_checkpoint(path: Path, trainer: Trainer, more: dict[str, Any] | None = None) -> None:
+    """Write all of the trainer's state, and what else is to be kept, at once or not at all."""
+    state = {"parameters": trainer.parameters.key, **trainer.state_dict(), "more": more or {}}
     partial = path.with_suffix(".partial")
     with partial.open("wb") as file:
         torch.save(state, file)
@@ -92,20 +91,23 @@ def save_checkpoint(path: Path, trainer: Trainer) -> None:
     partial.replace(path)
 
 
-def load_checkpoint(path: Path, trainer: Trainer) -> None:
-    """Bring the trainer to where the checkpoint was taken.
+def load_checkpoint(path: Path, trainer: Trainer) -> dict[str, Any]:
+    """Bring the trainer to where the checkpoint was taken; returns what else was kept.
 
     Raises:
         CheckpointError: unreadable, or of other parameters (the number of episodes may differ).
     """
     try:
         state: dict[str, Any] = torch.load(path, weights_only=True)
-    except (OSError, RuntimeError, EOFError, pickle.UnpicklingError) as error:
-        raise CheckpointError(f"checkpoint {path}: {error}") from error
-    if state.pop("parameters") != _key(trainer.parameters):
+        parameters = state.pop("parameters")
+    except Exception as error:  # a damaged file may raise anything
+        text = " ".join(str(error).split())
+        raise CheckpointError(f"checkpoint {path}: {type(error).__name__}: {text[:200]}") from error
+    if parameters != trainer.parameters.key:
         raise CheckpointError(f"checkpoint {path}: made with other parameters; use another folder, or the same ones")
-    trainer.load_state_dict(state)
-
-
-def _key(parameters: TrainingParameters) -> str:
-    return parameters.model_dump_json(exclude={"episodes"})
+    try:
+        trainer.load_state_dict(state)
+    except Exception as error:
+        text = " ".join(str(error).split())
+        raise CheckpointError(f"checkpoint {path}: not of this training: {text[:200]}") from error
+    return state.get("more", {})

@@ -143,11 +143,18 @@ class Trainer:
         """Take in a tick; returns the transition that it completes."""
         self._fault = output.fault
         self._adaptation = None if output.adaptation == "none" else output.adaptation
-        return self._take(self._builder.add(state, output))
+        return self.take(self._builder.add(state, output))
 
     def observe_end(self, state: RobotState) -> Transition | None:
         """Take in the state that the episode ended in; returns the transition into it, if this was not done before."""
-        return self._take(self._builder.end(state))
+        return self.take(self._builder.end(state))
+
+    def take(self, transition: Transition | None) -> Transition | None:
+        """Take in a transition: those of before a kill come this way too."""
+        if transition is not None:
+            self._episode.append(transition)
+            self._kept += not self.holds_out(transition) and self.replay.add(transition)
+        return transition
 
     def end_episode(self, plan: EpisodePlan, state: RobotState) -> EpisodeReport:
         """Take in the last state and learn; the next `begin_episode` has the new policy."""
@@ -229,12 +236,6 @@ class Trainer:
         self._builder.reset()
         self._episode: list[Transition] = []
         self._kept, self._fault = 0, ""
-
-    def _take(self, transition: Transition | None) -> Transition | None:
-        if transition is not None:
-            self._episode.append(transition)
-            self._kept += not self.holds_out(transition) and self.replay.add(transition)
-        return transition
 
     def _report(self, plan: EpisodePlan, state: RobotState, losses: dict[str, float]) -> EpisodeReport:
         p, episode = self.parameters, self._episode

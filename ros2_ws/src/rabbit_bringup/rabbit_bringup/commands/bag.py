@@ -34,6 +34,8 @@ def record(
     """Record all topics of a running graph until Ctrl-C."""
     _check_namespace(namespace)
     path = (out or Path(f"recording-{datetime.now():%Y%m%d-%H%M%S}")).absolute()
+    if path.exists():
+        fail(f"--out {path}: exists already")
     with complaints(LaunchError):
         recorder = find_executable("rabbit_bringup", "recorder")
     parameters = [f"path:={json.dumps(str(path))}", f"storage:={storage}"]

@@ -43,7 +43,7 @@ class Processes:
     def start(self, node: NodeSpec) -> None:
         """Start a node; raises `LaunchError` if there is none."""
         command = [str(find_executable(node.package, node.executable)), *node.arguments]
-        with (self._logs / f"{node.executable}.log").open("wb") as log:
+        with (self._logs / f"{node.executable}.log").open("ab") as log:
             self._running[node.executable] = subprocess.Popen(
                 command, stdin=subprocess.DEVNULL, stdout=log, stderr=log, start_new_session=True, preexec_fn=_follow
             )

@@ -105,6 +105,7 @@ def make_graph(
     learner |= {"policy": policy, "problem": str(controller.problem), "seed": options.seed}
     trainer = "ignore" if not options.trainer else "follow" if learns_between else "wait"
     own = {"seed": options.seed, "episodes": options.episodes, "start_paused": True, "trainer": trainer}
+    own["memory"] = str(folder / "simulator.memory")
     pace = {"real_time": options.real_time, "pace": float(options.view) if options.pace is None else options.pace}
     told = {
         "simulator": {**own, **pace, "priority": options.priority, "gait": controller.gait, **simulation.model_dump()},

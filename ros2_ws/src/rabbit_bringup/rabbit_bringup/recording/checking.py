@@ -73,5 +73,6 @@ def controller_parameters(path: Path) -> ControllerParameters:
         TypeError,
         AttributeError,
         KeyError,
+        RecursionError,
     ) as error:
         raise RecordingError(f"parameters {path}: expected those of one controller: {error}") from error

@@ -3,13 +3,14 @@
 Messages are stored under the simulated time that they carry, so that a recording plays at the pace of the walk whatever
 the pace of the machine was; diagnostics, which carry none, under that of the message before. A simulator that is
 started anew begins its time at 0: what follows is stored behind what there is. A full disk ends the recording, not the
-walk.
+walk. A recorder that is started again begins another recording beside the first.
 """
 
 import json
 import time
 from collections.abc import Callable
 from functools import partial
+from itertools import chain, count
 from pathlib import Path
 from typing import Any
 
@@ -43,7 +44,7 @@ class NodeParameters(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    path: str = Field("recording", min_length=1, description="folder to be made; it must not be there yet")
+    path: str = Field("recording", min_length=1, description="folder to be made; if it is there, PATH-2 and so on")
     storage: Storage = Field("mcap", description="file format")
     expect: tuple[str, ...] = Field(
         ("simulator", "controller"), description="nodes whose topics must be there before the recorder says it is ready"
@@ -58,25 +59,30 @@ class RecorderNode(Node):
         self._own = declare(self, NodeParameters)
         refuse_unknown(self)
         types = graph_types([Path(get_package_share_directory("rabbit_msgs"))])
-        self._writer = BagWriter(Path(self._own.path), self._own.storage, types)
+        self._path = free_path(Path(self._own.path))
+        self._writer = BagWriter(self._path, self._own.storage, types)
         self._door = Door()
         self._loss = Loss()
         self._nanoseconds = self._newest = self._run_began = 0  # of the recording; of the newest; when this run began
         self._heard = time.monotonic()
+        self._asked = 0.0  # when it was told to end
         self._failure = ""
         self._readers = {topic.name: self._subscribe(topic) for topic in TOPICS}
         self._diagnostics = Diagnostics(self, self._door, self._status)
         steady_timer(self, FLUSH_SECONDS, self._flush)
 
     def busy(self) -> bool:
-        """Messages that were sent before the end may still be on their way."""
-        return time.monotonic() - self._heard < IDLE_SECONDS
+        """Messages that were sent before the end may still be on their way; a walk that goes on is not waited for."""
+        now = time.monotonic()
+        self._asked = self._asked or now
+        goes_on = self._is_published("state") and now - self._asked > IDLE_SECONDS
+        return now - self._heard < IDLE_SECONDS and not goes_on
 
     def close(self) -> None:
         """Finish the recording."""
         self._writer.note(LOST, json.dumps(self._loss.lost))
         if self._ends_at_errors(self._writer.close):
-            self.get_logger().info(f"{self._writer.messages} messages in {self._own.path}")
+            self.get_logger().info(f"{self._writer.messages} messages in {self._path}")
 
     def _subscribe(self, topic: Topic) -> Subscription:
         name = self.resolve_topic_name(topic.name)
@@ -116,14 +122,14 @@ class RecorderNode(Node):
         try:
             write()
         except RecordingError as error:
-            self._failure = f"{error}; recording stopped, `rabbit bag recover {self._own.path}` keeps what is there"
+            self._failure = f"{error}; recording stopped, `rabbit bag recover {self._path}` keeps what is there"
             self.get_logger().error(self._failure)
             return False
         return True
 
     def _status(self) -> Status:
         lost = {f"lost {name}": n for name, n in self._loss.lost.items() if n}
-        figures = {"path": self._own.path, **lost}
+        figures = {"path": str(self._path), **lost}
         if self._failure:
             return ERROR, self._failure, figures
         absent = [t.name for t in TOPICS if t.publisher in self._own.expect and not self._is_published(t.name)]
@@ -133,6 +139,12 @@ class RecorderNode(Node):
 
     def _is_published(self, name: str) -> bool:
         return bool(self._readers[name].get_publisher_count())
+
+
+def free_path(path: Path) -> Path:
+    """The folder itself, or the first of `PATH-2`, `PATH-3`, ... that is not there: a recorder may be started again."""
+    paths = chain([path], (path.with_name(f"{path.name}-{n}") for n in count(2)))
+    return next(each for each in paths if not each.exists())
 
 
 def offered(profile: QoSProfile) -> Qos:

@@ -1,0 +1,128 @@
+"""The graph that faults come into: simulator, controller, trainer and recorder, and a witness that hears them all."""
+
+import os
+import resource
+import signal
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from rl_trainer.parameters import TrainingParameters
+
+from rabbit_bringup.faults.plan import NODES
+from rabbit_bringup.launching.executables import LaunchError
+from rabbit_bringup.launching.parameter_file import write_parameters
+from rabbit_bringup.launching.processes import PATIENCE, NodeSpec, Processes
+from rabbit_bringup.launching.walk import THREADS
+
+POLL_SECONDS = 0.02
+PACKAGES = {"simulator": "rabbit_sim", "controller": "rl_cbf_clf_controller", "trainer": "rl_trainer"}
+ANSWER_TIMEOUT, TRAINER_TIMEOUT = 3.0, 60.0  # s
+TRAINING = TrainingParameters(
+    hidden1=16, hidden2=16, batch=16, updates_least=5, updates_per_tick=0.05, capacity=60_000, nominal_episodes=1
+)
+
+
+class Hang(Exception):
+    """Something did not happen in time."""
+
+
+class Graph:
+    """The running nodes, each of which may be ended and started again. `hang_after`: s in which everything happens."""
+
+    def __init__(self, folder: Path, namespace: str, seed: int, hang_after: float) -> None:
+        """Raises: `LaunchError`: a node cannot be started."""
+        for name in THREADS:
+            os.environ.setdefault(name, "1")
+        os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+        from rabbit_bringup.faults.witness_node import Witness
+
+        self.folder, self.hang_after = folder, hang_after
+        self.training = folder / "training"
+        folder.mkdir(parents=True)
+        write_parameters(folder / "parameters.yaml", parameters(folder, seed))
+        ros = ("--params-file", str(folder / "parameters.yaml"), "-r", f"__ns:=/{namespace}", "-r", "/clock:=clock")
+        self._specs = {n: NodeSpec(PACKAGES.get(n, "rabbit_bringup"), n, ("--ros-args", *ros)) for n in NODES}
+        self.witness = Witness(namespace)
+        self._processes = Processes(folder / "log")
+        for name in NODES:
+            self.start(name)
+
+    def close(self) -> None:
+        """End all nodes."""
+        self._processes.stop(("simulator", "controller"))
+        self._processes.stop()
+        self.witness.close()
+
+    def start(self, name: str) -> None:
+        """Start a node, again or for the first time."""
+        self._processes.start(self._specs[name])
+
+    def kill(self, name: str) -> None:
+        """SIGKILL."""
+        self._processes.kill((name,))
+
+    def terminate(self, name: str) -> None:
+        """SIGTERM, and wait; raises `Hang` if it has to be killed."""
+        self._send(name, signal.SIGTERM)
+        began = time.monotonic()
+        self._processes.stop((name,))
+        if time.monotonic() - began > PATIENCE:
+            raise Hang(f"the {name} does not end within {PATIENCE:g} s of a SIGTERM")
+
+    def hold(self, name: str) -> None:
+        """SIGSTOP."""
+        self._send(name, signal.SIGSTOP)
+
+    def let_go(self, name: str) -> None:
+        """SIGCONT."""
+        self._send(name, signal.SIGCONT)
+
+    def fill_disk(self, name: str) -> None:
+        """No file of the node may grow any more."""
+        resource.prlimit(self._processes.pid(name), resource.RLIMIT_FSIZE, (0, 0))
+
+    def wait(self, what: str, until: Callable[[], bool]) -> float:
+        """Seconds until something holds.
+
+        Raises:
+            Hang: after `hang_after` s.
+            LaunchError: a node ended by itself.
+        """
+        began = time.monotonic()
+        while not until():
+            self._processes.check()
+            if time.monotonic() - began > self.hang_after:
+                raise Hang(f"not within {self.hang_after:g} s: {what}")
+            time.sleep(POLL_SECONDS)
+        return time.monotonic() - began
+
+    def recording(self) -> Path | None:
+        """Where the recorder that was heard last writes to."""
+        said = self.witness.said.get("recorder")
+        paths = [value.value for value in said.values if value.key == "path"] if said else []
+        return Path(paths[-1]) if paths else None
+
+    def newest_recording(self) -> Path:
+        """The recording that was begun last; raises `LaunchError` if there is none."""
+        made = [path for path in self.folder.glob("recording*") if not path.name.endswith("-recovered")]
+        if not made:
+            raise LaunchError(f"no recording in {self.folder}")
+        return max(made, key=lambda path: int(path.name.partition("-")[2] or 1))
+
+    def _send(self, name: str, number: int) -> None:
+        os.kill(self._processes.pid(name), number)
+
+
+def parameters(folder: Path, seed: int) -> dict[str, dict[str, Any]]:
+    """What the nodes are told: short walks without end, learned from between them."""
+    plant = {"motor_lag": 0.004, "mass_scale": 1.2, "stones": 8, "stop_at_miss": False}
+    own = {"seed": seed, "episodes": 1_000_000, "readers": 3, "trainer": "follow"}
+    own |= {"answer_timeout": ANSWER_TIMEOUT, "trainer_timeout": TRAINER_TIMEOUT}
+    return {
+        "simulator": {**own, **plant, "memory": str(folder / "simulator.memory")},
+        "controller": {"controller": str(TRAINING.problem), "swap_at": "episode"},
+        "trainer": {"plan_episodes": True, "folder": str(folder / "training"), **TRAINING.model_dump(mode="json")},
+        "recorder": {"path": str(folder / "recording")},
+    }

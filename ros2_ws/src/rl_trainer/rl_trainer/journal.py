@@ -1,0 +1,120 @@
+"""Transitions on disk in the moment they are taken in: a trainer that is killed loses none that it told of.
+
+A file for each episode of the training, from its first transition to the checkpoint after it, in which all are. One
+line says of which training it is; then come records of one size. A record cut at the end is left out. What is written
+is handed to the operating system, not synced: a killed process loses nothing, a power cut may.
+"""
+
+import json
+from collections.abc import Iterable
+from dataclasses import fields
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+from rabbit_description.state import Array
+from rl_cbf_clf_controller.uncertainty import INPUTS
+
+from rl_trainer.parameters import TrainingParameters
+from rl_trainer.transitions import Doubt, Transition
+
+NUMBERS = {"tick": "<i8", "step_index": "<i8", "failed": "?", "doubt": "<i8"}
+
+
+class JournalError(RuntimeError):
+    """A journal that cannot be read, or is of another training; one line."""
+
+
+def record_type(parameters: TrainingParameters) -> np.dtype[Any]:
+    """A transition as bytes: float64 and int64, so that it comes back the same."""
+    m, n = len(parameters.problem.observation), parameters.n
+    shapes: dict[str, tuple[int, ...]] = dict.fromkeys(("LgV", "mu", "mu_qp", "next_LgV", "next_mu"), (INPUTS,))
+    shapes |= {"observation": (m,), "next_observation": (m,), "alpha": (n, INPUTS)}
+    shapes |= dict.fromkeys(("beta", "nominal", "measured"), (n,))
+    names = [field.name for field in fields(Transition) if field.name != "problem"]
+    return np.dtype([(n, NUMBERS[n]) if n in NUMBERS else (n, "<f8", shapes[n]) for n in names])
+
+
+def to_records(transitions: Iterable[Transition], parameters: TrainingParameters) -> Array:
+    """Transitions as an array of `record_type`."""
+    kind = record_type(parameters)
+    rows = [tuple(getattr(transition, name) for name in kind.names or ()) for transition in transitions]
+    return np.array(rows, dtype=kind)
+
+
+def from_records(records: Array, parameters: TrainingParameters) -> list[Transition]:
+    """The transitions again."""
+    return [_transition(record, parameters) for record in records]
+
+
+def _transition(record: Any, parameters: TrainingParameters) -> Transition:
+    values: dict[str, Any] = {name: record[name].copy() for name in record.dtype.names if name not in NUMBERS}
+    values |= {name: int(record[name]) for name in ("tick", "step_index")}
+    values |= {"doubt": Doubt(int(record["doubt"])), "failed": bool(record["failed"])}
+    return Transition(problem=parameters.problem, **values)
+
+
+class Journal:
+    """The journal of a training in its folder."""
+
+    def __init__(self, folder: Path, parameters: TrainingParameters) -> None:
+        self._folder, self._parameters = folder, parameters
+        self._file: BinaryIO | None = None
+
+    def begin(self, episode: int) -> list[Transition]:
+        """Go on with this episode's journal, and remove the others: they are in the checkpoint.
+
+        Returns:
+            The transitions that it holds already.
+
+        Raises:
+            JournalError: of another training, or no journal.
+            OSError: the disk is full, or cannot be written.
+        """
+        self.close()
+        path = self._path(episode)
+        for other in self._folder.glob("journal-*.bin"):
+            if other != path:
+                other.unlink()
+        whole, held = self.read(episode)
+        self._file = path.open("r+b" if whole else "wb", buffering=0)
+        self._file.truncate(whole)
+        self._file.seek(whole)
+        if not whole:
+            self._write(self._head())
+        return held
+
+    def read(self, episode: int) -> tuple[int, list[Transition]]:
+        """How many bytes of an episode's journal are whole, and the transitions in them; raises `JournalError`."""
+        path, head = self._path(episode), self._head()
+        data = path.read_bytes() if path.exists() else b""
+        if head.startswith(data) and len(data) < len(head):
+            return 0, []
+        if not data.startswith(head):
+            raise JournalError(f"journal {path}: made with other parameters, or damaged; use another folder")
+        kind = record_type(self._parameters)
+        count = (len(data) - len(head)) // kind.itemsize
+        records = np.frombuffer(data, kind, count, len(head))
+        return len(head) + records.nbytes, from_records(records, self._parameters)
+
+    def append(self, transition: Transition) -> None:
+        """Add a transition; raises `OSError` where the disk is full."""
+        self._write(to_records([transition], self._parameters).tobytes())
+
+    def close(self) -> None:
+        """Let go of the file."""
+        if self._file is not None:
+            self._file.close()
+            self._file = None
+
+    def _write(self, data: bytes) -> None:
+        assert self._file is not None
+        while data:  # a nearly full disk takes a part, then says so
+            data = data[self._file.write(data) :]
+
+    def _head(self) -> bytes:
+        told = {"record": record_type(self._parameters).itemsize, "parameters": self._parameters.key}
+        return json.dumps(told).encode() + b"\n"
+
+    def _path(self, episode: int) -> Path:
+        return self._folder / f"journal-{episode:06d}.bin"

@@ -1,0 +1,235 @@
+"""Files of every kind, cut, garbled or of another content: they are read, or refused in one line. Nothing else."""
+
+import contextlib
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from hypothesis import example, given
+from hypothesis import strategies as st
+from rabbit_bringup.recording.bag_writer import BagWriter, RecordingError, Storage, graph_types
+from rabbit_bringup.recording.contents import contents
+from rabbit_bringup.recording.opening import opened, told
+from rabbit_bringup.recording.reader import iterate_episodes
+from rabbit_bringup.recording.recover import recover
+from rabbit_description import GAITS
+from rabbit_description.gait import GaitError, load_gait
+from rabbit_description.gait_library import load_gaits
+from rabbit_sim.memory import Memory, MemoryFileError
+from rabbit_sim.stones import CourseError, read_course
+from rl_cbf_clf_controller.parameters import CONFIG
+from rl_cbf_clf_controller.parameters import ParameterError as ControllerParameterError
+from rl_cbf_clf_controller.parameters import load_parameters as load_controller
+from rl_cbf_clf_controller.uncertainty import Problem
+from rl_trainer.gate import Gate
+from rl_trainer.journal import Journal
+from rl_trainer.kept import Kept
+from rl_trainer.parameters import ParameterError, TrainingParameters
+from rl_trainer.parameters import load_parameters as load_training
+from rl_trainer.session import CHECKPOINT, CheckpointError
+from rl_trainer.training import Trainer
+from rl_trainer.transitions import Doubt, Transition
+
+TINY = TrainingParameters(problem=Problem.RL_CLF_QP, hidden1=3, hidden2=2, batch=2, capacity=10)
+MESSAGES = Path(__file__).resolve().parents[2] / "ros2_ws" / "src" / "rabbit_msgs"
+COURSE = yaml.safe_dump({"stones": [{"l_min": 0.35, "l_max": 0.4}, {"l_min": 0.36}]}).encode()
+CSV = b"l_min,l_max\n0.35,0.40\n0.36,0.41\n"
+GAIT = (GAITS / "authors_035.yaml").read_bytes()
+ONE = yaml.safe_load(GAIT)
+OTHER = {**ONE, "step_length": 0.5}
+LENGTH = ONE["step_length"]
+GAIT_LIBRARY = yaml.safe_dump({"name": "two", "start_length": LENGTH, "gaits": [ONE, OTHER]}).encode()
+AUTHORS = (CONFIG / "authors.yaml").read_bytes()
+TRAINING = b"problem: rl-clf-qp\nsigma: 3.0\nsigma_factors: [0.0, 1.0]\n"
+
+scalars = st.one_of(
+    st.none(), st.booleans(), st.integers(), st.floats(), st.text(max_size=8), st.sampled_from(["0x", "2001-99-99"])
+)
+DEEP = b"[" * 3000
+contents_of_yaml = st.recursive(
+    scalars, lambda inner: st.lists(inner, max_size=4) | st.dictionaries(scalars, inner, max_size=4), max_leaves=12
+)
+
+
+@st.composite
+def damaged(draw: st.DrawFn, whole: bytes) -> bytes:
+    """The bytes of a sound file with some replaced, taken out or put in, and perhaps cut."""
+    data = bytearray(whole)
+    for _ in range(draw(st.integers(0, 4))):
+        place = draw(st.integers(0, len(data)))
+        data[place : place + draw(st.integers(0, 8))] = draw(st.binary(max_size=8))
+    return bytes(data[: draw(st.integers(0, len(data)))]) if draw(st.booleans()) else bytes(data)
+
+
+def texts(whole: bytes) -> st.SearchStrategy[bytes]:
+    """What a YAML file may hold."""
+    trees = contents_of_yaml.map(lambda tree: yaml.safe_dump(tree).encode())
+    known = st.dictionaries(st.sampled_from(sorted(yaml.safe_load(whole))), contents_of_yaml, max_size=4)
+    changed = known.map(lambda new: yaml.safe_dump({**yaml.safe_load(whole), **new}).encode())
+    return st.one_of(damaged(whole), trees, changed, st.binary(max_size=60))
+
+
+def read_or_refused(read: Callable[[Path], Any], error: type[Exception], name: str, data: bytes) -> None:
+    """Write the file and read it: nothing but `error` is raised, and it names the file."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / name
+        path.write_bytes(data)
+        refusal = str(path.parent)
+        try:
+            read(path)
+        except error as reason:
+            refusal = str(reason)
+        assert str(path.parent) in refusal
+
+
+@example(DEEP)
+@given(texts(GAIT))
+def test_gaits(data: bytes) -> None:
+    read_or_refused(load_gait, GaitError, "gait.yaml", data)
+
+
+@example(DEEP)
+@given(texts(GAIT_LIBRARY))
+def test_gait_libraries(data: bytes) -> None:
+    read_or_refused(load_gaits, GaitError, "library.yaml", data)
+
+
+@example(DEEP)
+@given(texts(COURSE))
+def test_courses_in_yaml(data: bytes) -> None:
+    read_or_refused(lambda path: read_course(path, 2, 0.05), CourseError, "course.yaml", data)
+
+
+@given(damaged(CSV) | st.binary(max_size=80) | st.text(max_size=80).map(lambda text: text.encode("utf-8")))
+def test_courses_in_csv(data: bytes) -> None:
+    read_or_refused(lambda path: read_course(path, 2, 0.05), CourseError, "course.csv", data)
+
+
+@example(DEEP)
+@given(texts(AUTHORS))
+def test_controller_parameters(data: bytes) -> None:
+    read_or_refused(load_controller, ControllerParameterError, "law.yaml", data)
+
+
+@example(DEEP)
+@given(texts(TRAINING))
+def test_training_parameters(data: bytes) -> None:
+    read_or_refused(load_training, ParameterError, "training.yaml", data)
+
+
+@given(st.binary(max_size=40) | damaged(bytes(32)))
+def test_simulator_memories(data: bytes) -> None:
+    read_or_refused(Memory, MemoryFileError, "memory", data)
+
+
+# What a trainer keeps
+
+
+def transition(tick: int) -> Transition:
+    """One of no particular value."""
+    rng = np.random.default_rng(tick)
+    vectors = {name: rng.standard_normal(4) for name in ("LgV", "mu", "mu_qp", "next_LgV", "next_mu")}
+    values = {name: rng.standard_normal(1) for name in ("beta", "nominal", "measured")}
+    observations = {name: rng.standard_normal(14) for name in ("observation", "next_observation")}
+    return Transition(
+        problem=TINY.problem,
+        tick=tick,
+        step_index=0,
+        alpha=rng.standard_normal((1, 4)),
+        failed=False,
+        doubt=Doubt.NONE,
+        **vectors,
+        **values,
+        **observations,
+    )
+
+
+def kept_files() -> tuple[bytes, bytes]:
+    """A sound checkpoint and journal."""
+    with tempfile.TemporaryDirectory() as folder:
+        trainer = Trainer(TINY)
+        kept = Kept(Path(folder), trainer, Gate(TINY))
+        kept.begin()
+        for tick in range(3):
+            kept.add(trainer.take(transition(tick)) or transition(tick))
+        journal = (Path(folder) / "journal-000000.bin").read_bytes()
+        kept.save()
+        kept.close()
+        return (Path(folder) / CHECKPOINT).read_bytes(), journal
+
+
+CHECKPOINT_BYTES, JOURNAL_BYTES = kept_files()
+
+
+def go_on(path: Path) -> None:
+    """As a trainer does that is started again."""
+    kept = Kept(path.parent, Trainer(TINY), Gate(TINY))
+    try:
+        kept.begin()
+    finally:
+        kept.close()
+
+
+@given(damaged(CHECKPOINT_BYTES) | st.binary(max_size=60))
+def test_checkpoints(data: bytes) -> None:
+    read_or_refused(go_on, CheckpointError, CHECKPOINT, data)
+
+
+@given(damaged(JOURNAL_BYTES) | st.binary(max_size=60))
+def test_journals(data: bytes) -> None:
+    read_or_refused(go_on, CheckpointError, "journal-000000.bin", data)
+
+
+@given(st.integers(0, len(JOURNAL_BYTES)))
+def test_a_cut_journal_holds_all_that_is_whole(length: int) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "journal-000000.bin"
+        path.write_bytes(JOURNAL_BYTES[:length])
+        _, held = Journal(Path(folder), TINY).read(0)
+        head = JOURNAL_BYTES.index(b"\n") + 1
+        size = (len(JOURNAL_BYTES) - head) // 3
+        assert [each.tick for each in held] == list(range(max(0, length - head) // size))
+        for each in held:
+            np.testing.assert_array_equal(each.observation, transition(each.tick).observation)
+
+
+# Recordings
+
+
+def recorded(storage: Storage) -> tuple[str, bytes]:
+    """Name and bytes of a small sound recording's file."""
+    with tempfile.TemporaryDirectory() as folder:
+        types = graph_types([MESSAGES])
+        writer = BagWriter(Path(folder) / "bag", storage, types)
+        writer.add("/state", "rabbit_msgs/msg/RabbitState", [])
+        writer.add("/episode", "rabbit_msgs/msg/Episode", [])
+        for tick in range(4):
+            writer.write("/state", tick * 10_000_000, bytes([0, 1]) + bytes(200))
+            writer.flush()
+        writer.close()
+        (file,) = (each for each in (Path(folder) / "bag").iterdir() if each.suffix in (".mcap", ".db3"))
+        return file.name, file.read_bytes()
+
+
+BAGS = {storage: recorded(storage) for storage in ("mcap", "sqlite3")}
+
+
+def use_bag(path: Path) -> None:
+    """All that is done with a recording; each may refuse it."""
+    for use in (contents, lambda bag: list(iterate_episodes(bag)), lambda bag: recover(bag, bag.parent / "recovered")):
+        with contextlib.suppress(RecordingError):
+            use(path)
+    with opened(path) as reader, told(path):
+        list(reader.messages())
+
+
+@pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
+@given(st.data())
+def test_recordings(storage: str, data: st.DataObject) -> None:
+    name, whole = BAGS[storage]
+    content = data.draw(damaged(whole) | st.binary(max_size=60))
+    read_or_refused(use_bag, RecordingError, name, content)

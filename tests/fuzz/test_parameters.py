@@ -1,0 +1,130 @@
+"""Every parameter class: any values are taken or refused by name; what is taken can be used."""
+
+import math
+from types import UnionType
+from typing import Any, Literal, get_args, get_origin
+
+import numpy as np
+import pinocchio
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from pydantic import BaseModel, ValidationError
+from rabbit_bringup.commands.bench import BenchOptions
+from rabbit_bringup.commands.evaluate import EvaluationOptions
+from rabbit_bringup.commands.train import SessionOptions
+from rabbit_bringup.launching.walk import WalkOptions
+from rabbit_bringup.viewing.live.parameters import ViewerParameters
+from rabbit_description.gait import load_gait
+from rabbit_sim.actuation import Actuation
+from rabbit_sim.initial_state import initial_state
+from rabbit_sim.node_parameters import NodeParameters
+from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.robot_urdf import perturbed_urdf
+from rabbit_sim.stones import draw_course
+from rl_cbf_clf_controller.controller import Controller
+from rl_cbf_clf_controller.gait_design.specification import GaitSpecification
+from rl_cbf_clf_controller.parameters import ControllerParameters
+from rl_cbf_clf_controller.policy import ZeroPolicy
+from rl_trainer.parameters import TrainingParameters
+from rl_trainer.training import Trainer
+
+MODELS = (
+    BenchOptions,
+    ControllerParameters,
+    EvaluationOptions,
+    GaitSpecification,
+    NodeParameters,
+    SessionOptions,
+    SimulationParameters,
+    TrainingParameters,
+    ViewerParameters,
+    WalkOptions,
+)
+GAIT = load_gait("authors_035")
+BIGGEST_NETWORK = 64  # so that a test stays small
+
+anything = st.one_of(
+    st.none(), st.booleans(), st.integers(), st.floats(), st.text(max_size=6), st.lists(st.floats(), max_size=3)
+)
+
+
+def bounds(info: Any) -> tuple[float, float]:
+    """Least and largest value of a number, wide where it has none."""
+    low, high = -1e6, 1e6
+    for each in info.metadata:
+        low = getattr(each, "ge", None) if getattr(each, "ge", None) is not None else getattr(each, "gt", low)
+        high = getattr(each, "le", None) if getattr(each, "le", None) is not None else getattr(each, "lt", high)
+    return float(low or 0 if low is None else low), float(high if high is not None else 1e6)
+
+
+def fitting(info: Any) -> st.SearchStrategy[Any]:
+    """Values that may well be taken."""
+    kind, (low, high) = info.annotation, bounds(info)
+    if get_origin(kind) is Literal:
+        return st.sampled_from(get_args(kind))
+    if kind is bool:
+        return st.booleans()
+    if kind is int:
+        return st.integers(math.ceil(max(low, -(2**60))), math.floor(min(high, 2**60)))
+    if kind is float:
+        return st.floats(low, high, allow_nan=False)
+    if get_origin(kind) in (tuple, UnionType) or kind is str:
+        return anything
+    return st.just(info.default)
+
+
+@st.composite
+def values_of(draw: st.DrawFn, model: type[BaseModel]) -> dict[str, Any]:
+    """Some fields of a model, most of them within their bounds."""
+    names = draw(st.lists(st.sampled_from(sorted(model.model_fields)), max_size=5, unique=True))
+    given_values = {
+        name: draw(st.one_of(fitting(model.model_fields[name]), fitting(model.model_fields[name]), anything))
+        for name in names
+    }
+    return given_values | draw(st.dictionaries(st.text(max_size=5), anything, max_size=1))
+
+
+def made(model: type[BaseModel], values: dict[str, Any]) -> Any:
+    """The model, or None if it refuses; then it names what is wrong."""
+    try:
+        return model.model_validate(values)
+    except ValidationError as error:
+        return None if error.error_count() else error
+
+
+@pytest.mark.parametrize("model", MODELS, ids=lambda model: model.__name__)
+@given(data=st.data())
+def test_values_are_taken_or_refused(model: type[BaseModel], data: st.DataObject) -> None:
+    taken = made(model, data.draw(values_of(model)))
+    if taken is not None:
+        assert model.model_validate(taken.model_dump()) == taken or "nan" in str(taken).lower()
+
+
+@given(values_of(SimulationParameters), st.integers(0, 2**64 - 1))
+def test_a_plant_that_is_taken_can_be_made(values: dict[str, Any], seed: int) -> None:
+    p = made(SimulationParameters, {**values, "course": ""})
+    assume(p is not None)
+    rng = np.random.default_rng(seed)
+    assert len(draw_course(p, rng)) == p.stones
+    q, dq = initial_state(p, GAIT, rng)
+    assert np.isfinite([q, dq]).all()
+    assert np.isfinite(Actuation(p).advance(np.full(4, 1e308))).all()
+    pinocchio.buildModelFromXML(perturbed_urdf(p))
+
+
+@given(values_of(ControllerParameters))
+def test_a_controller_that_is_taken_can_be_made(values: dict[str, Any]) -> None:
+    p = made(ControllerParameters, values)
+    assume(p is not None)
+    Controller(p, GAIT, ZeroPolicy(p.problem))
+
+
+@given(values_of(TrainingParameters))
+def test_a_training_that_is_taken_can_be_begun(values: dict[str, Any]) -> None:
+    p = made(TrainingParameters, {"hidden1": 4, "hidden2": 4, "capacity": 10, **values})
+    assume(p is not None and max(p.hidden1, p.hidden2) <= BIGGEST_NETWORK and p.capacity <= 1000)
+    trainer = Trainer(p)
+    plan = trainer.begin_episode()
+    assert math.isfinite(plan.sigma)
+    assert trainer.policy_file().version

@@ -1,0 +1,45 @@
+"""A small campaign of faults, the same each time: what must hold after each, holds."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rabbit_bringup.faults.campaign import RESULTS, draws, read_results, run_session
+from rabbit_bringup.faults.plan import KINDS, NODES, Fault
+
+HANG_AFTER = 180.0  # s
+FAULTS = [
+    Fault(0, "kill", "controller", 20, 0.0),
+    Fault(1, "kill", "simulator", 30, 0.5),
+    Fault(2, "kill", "trainer", 10, 0.0),
+    Fault(3, "stop", "simulator", 15, 4.0),
+    Fault(4, "full disk", "recorder", 40, 0.0),
+    Fault(5, "messages", "trainer", 5, 0.5),
+]
+
+
+@pytest.mark.timeout(1500)
+def test_every_fault_is_survived(tmp_path: Path) -> None:
+    shown: list[dict[str, Any]] = []
+    rows = run_session(tmp_path, 1, FAULTS, HANG_AFTER, shown.append)
+    assert [row["number"] for row in rows] == [fault.number for fault in FAULTS], rows[-1]
+    assert all(row["passed"] for row in rows), rows[-1]
+    assert rows == shown == read_results(tmp_path)
+    outcomes = [row["episode"].split(":")[0] for row in rows]
+    assert outcomes[0] in ("fault", "silent")  # by how long the new controller takes
+    assert outcomes[1] == "reset"
+    assert outcomes[3] not in ("silent", "fault")  # while the simulator stood still, nobody was late
+    assert rows[-1]["acknowledged"] > 0
+
+
+def test_a_campaign_is_drawn_from_its_seed() -> None:
+    faults = draws(5, 0, 300)
+    assert faults == draws(5, 0, 100) + draws(5, 100, 300)
+    assert faults != draws(6, 0, 300)
+    assert {fault.kind for fault in faults} == set(KINDS)
+    assert {fault.node for fault in faults if fault.kind == "kill"} == set(NODES)
+
+
+def test_a_cut_line_is_left_out(tmp_path: Path) -> None:
+    (tmp_path / RESULTS).write_text('{"number": 0}\n{"number": 1')
+    assert read_results(tmp_path) == [{"number": 0}]

@@ -1,0 +1,216 @@
+"""Every topic of every node with sound, garbled, cut and impossible messages: they are used or refused, nothing else.
+
+The nodes are in this process, and their callbacks are called with bytes as the middleware would.
+"""
+
+import math
+from array import array
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+import rclpy
+from builtin_interfaces.msg import Time
+from hypothesis import given
+from hypothesis import strategies as st
+from rabbit_description.gait import load_gait
+from rabbit_msgs.msg import Episode, EpisodePlan, PolicySwap, PolicyWeights
+from rabbit_ros.conversions_node import preview_message, state_message
+from rabbit_sim.node import SimulatorNode
+from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.simulation import Simulation
+from rclpy.serialization import deserialize_message, serialize_message
+from rclpy.signals import SignalHandlerOptions
+from rl_cbf_clf_controller.controller import Controller
+from rl_cbf_clf_controller.messages_node import controller_state, torque_message
+from rl_cbf_clf_controller.node import ControllerNode
+from rl_cbf_clf_controller.parameters import ControllerParameters
+from rl_cbf_clf_controller.policy import ZeroPolicy
+from rl_cbf_clf_controller.uncertainty import Problem
+from rl_trainer.node import TrainerNode
+from rl_trainer.parameters import TrainingParameters
+from rl_trainer.training import Trainer
+
+HEADER = 4  # bytes before a message's own
+LAW = ControllerParameters(controller="rl-cbf-clf-qp")
+SMALL = {"problem": Problem.RL_CBF_CLF_QP, "hidden1": 4, "hidden2": 4, "batch": 4, "updates_least": 1, "capacity": 500}
+NUMBERS: dict[str, st.SearchStrategy[Any]] = {
+    "double": st.floats(),
+    "boolean": st.booleans(),
+    "uint8": st.integers(0, 255),
+    "uint32": st.integers(0, 3) | st.integers(0, 2**32 - 1),
+    "uint64": st.integers(0, 2**64 - 1),
+}
+
+
+def sound_messages() -> dict[str, list[Any]]:
+    """What goes over each topic in the first ticks of episode 1, and the policy files."""
+    gait = load_gait(LAW.gait)
+    simulation = Simulation(SimulationParameters(stones=3), gait)
+    controller = Controller(LAW, gait, ZeroPolicy(LAW.problem))
+    policy = Trainer(TrainingParameters(**SMALL)).policy_file()
+    state = simulation.reset(1)
+    assert state.preview is not None
+    data = array("B", policy.encode())
+    made: dict[str, list[Any]] = {
+        "episode": [Episode(episode=1, phase=p, sigma=math.nan, stones=3, tick=3) for p in (1, 3, 0, 2)],
+        "preview": [preview_message(state.preview, 1, Time())],
+        "episode_plan": [EpisodePlan(after_episode=0), EpisodePlan(after_episode=1)],
+        "policy": [PolicyWeights(version=policy.version, data=data)],
+        "policy_swap": [PolicySwap(accepted=True, version="zero"), PolicySwap(accepted=True, data=data)],
+    }
+    for _ in range(4):
+        output = controller.step(state)
+        made.setdefault("state", []).append(state_message(state, 1, Time()))
+        made.setdefault("torque", []).append(torque_message(output, 1, Time()))
+        made.setdefault("controller_state", []).append(controller_state(output, 1, Time()))
+        state = simulation.step(output.torque)
+    simulation.close()
+    return made
+
+
+SOUND = sound_messages()
+
+
+@st.composite
+def arriving(draw: st.DrawFn, topic: str) -> bytes:
+    """Bytes on a topic: a sound message, with other fields or bytes, or cut; or noise."""
+    message = draw(st.sampled_from(SOUND[topic]))
+    kind = type(message)
+    data = bytes(serialize_message(message))
+    how = draw(st.sampled_from(("sound", "fields", "fields", "bytes", "cut", "noise")))
+    if how == "fields":
+        copy: Any = deserialize_message(data, kind)
+        fields = copy.get_fields_and_field_types()
+        for name in draw(st.lists(st.sampled_from(sorted(fields)), max_size=3)):
+            spoil(draw, copy, name, fields[name])
+        return bytes(serialize_message(copy))
+    if how == "bytes":
+        wrong = bytearray(data)
+        for _ in range(draw(st.integers(1, 6))):
+            wrong[draw(st.integers(HEADER, len(wrong) - 1))] = draw(st.integers(0, 255))
+        return bytes(wrong)
+    if how == "cut":
+        return data[: draw(st.integers(0, len(data)))]
+    return draw(st.binary(max_size=80)) if how == "noise" else data
+
+
+def spoil(draw: st.DrawFn, message: Any, name: str, kind: str) -> None:
+    """Set a field to anything that its type can hold."""
+    if kind in NUMBERS:
+        setattr(message, name, draw(NUMBERS[kind]))
+    elif kind.startswith("string"):
+        setattr(message, name, draw(st.text(st.characters(codec="utf-8"), max_size=8)))
+    elif kind.startswith("double["):
+        values = np.array(getattr(message, name))
+        values[draw(st.integers(0, len(values) - 1))] = draw(st.floats())
+        setattr(message, name, values)
+    elif kind.startswith("sequence<double"):
+        setattr(message, name, array("d", draw(st.lists(st.floats(), max_size=8))))
+    elif kind == "sequence<uint8>":
+        setattr(message, name, array("B", draw(st.binary(max_size=40))))
+
+
+@pytest.fixture(scope="module")
+def ros() -> Iterator[None]:
+    """ROS in this process, with the parameters of all three nodes."""
+    told = {"stones": 3, "motor_lag": 0.004, "learn_beside": 0, "controller": LAW.controller}
+    told |= {"hidden1": 4, "hidden2": 4, "batch": 4, "updates_least": 1, "capacity": 500}
+    of = {"stones": "simulator", "motor_lag": "simulator", "controller": "controller"}
+    words = [w for name, value in told.items() for w in ("-p", f"{of.get(name, 'trainer')}:{name}:={value}")]
+    rclpy.init(args=["--ros-args", *words, "--log-level", "fatal"], signal_handler_options=SignalHandlerOptions.NO)
+    yield
+    rclpy.try_shutdown()
+
+
+def callbacks(node: Any) -> dict[str, Callable[[bytes], None]]:
+    """What the middleware calls, by topic."""
+    hears = {each.topic_name.split("/")[-1]: each.callback for each in node.subscriptions}
+    return {topic: callback for topic, callback in hears.items() if topic in SOUND}
+
+
+def refused(node: Any) -> int:
+    """How many messages it has refused."""
+    return sum(node._door.refused.values())
+
+
+def feed(data: st.DataObject, hears: dict[str, Callable[[bytes], None]]) -> None:
+    """A few messages on any of the topics."""
+    for topic in data.draw(st.lists(st.sampled_from(sorted(hears)), min_size=1, max_size=6)):
+        hears[topic](data.draw(arriving(topic)))
+
+
+@pytest.fixture(scope="module")
+def simulator(ros: None) -> Iterator[SimulatorNode]:
+    """A simulator whose controller is whoever sends torques."""
+    node = SimulatorNode()
+    yield node
+    assert refused(node) > 0
+    node.close()
+    node.destroy_node()
+
+
+@given(data=st.data())
+def test_simulator(simulator: SimulatorNode, data: st.DataObject) -> None:
+    """Each example begins with tick 0 of an episode of number 1."""
+    simulator._state = None
+    simulator._episode.episode = 0
+    simulator._begin(data.draw(st.integers(0, 2**64 - 1)))
+    feed(data, callbacks(simulator))
+    simulator._look()
+    simulator._status()
+
+
+@pytest.fixture(scope="module")
+def controller(ros: None) -> Iterator[ControllerNode]:
+    """A controller."""
+    node = ControllerNode()
+    yield node
+    assert refused(node) > 0
+    node.close()
+    node.destroy_node()
+
+
+@given(data=st.data())
+def test_controller(controller: ControllerNode, data: st.DataObject) -> None:
+    """Each example begins with an announced episode, or in the middle of it."""
+    hears = callbacks(controller)
+    hears["policy"] = callbacks(controller._intake)["policy"]
+    controller._turn = (0, -1)
+    for topic in ("episode", "preview"):
+        hears[topic](bytes(serialize_message(SOUND[topic][0])))
+    for state in SOUND["state"][: data.draw(st.integers(0, 3))]:
+        hears["state"](bytes(serialize_message(state)))
+    feed(data, hears)
+    controller._go_on()
+    controller._status()
+
+
+@pytest.fixture(scope="module")
+def trainer(ros: None) -> Iterator[TrainerNode]:
+    """A trainer that has heard of a simulator."""
+    node = TrainerNode()
+    node._start(Episode())
+    yield node
+    assert refused(node) > 0
+    assert node._learning.error == ""
+    node.close()
+    node.destroy_node()
+
+
+@given(data=st.data())
+def test_trainer(trainer: TrainerNode, data: st.DataObject) -> None:
+    """Each example begins where the last one ended, or with a new simulator."""
+    hears = callbacks(trainer)
+    if data.draw(st.booleans()):
+        hears["episode"](bytes(serialize_message(Episode(sigma=math.nan))))
+    for tick in range(data.draw(st.integers(0, 3))):
+        for topic in ("state", "torque", "controller_state"):
+            hears[topic](bytes(serialize_message(SOUND[topic][tick])))
+    feed(data, hears)
+    if data.draw(st.booleans()):
+        trainer._hand_on(trainer._walk.give_up())
+    trainer._look()
+    trainer._status()
+    assert trainer._learning.error == ""

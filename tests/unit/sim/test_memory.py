@@ -1,0 +1,38 @@
+"""What the simulator noted is there after it was killed."""
+
+import os
+import signal
+from pathlib import Path
+
+import pytest
+from rabbit_sim.memory import Memory, MemoryFileError, Stand
+
+
+def test_a_killed_process_has_noted_all(tmp_path: Path) -> None:
+    path = tmp_path / "new" / "memory"
+    child = os.fork()
+    if child == 0:
+        memory = Memory(path)
+        for tick in range(1000):
+            memory.note(Stand(3, tick, 5000 + tick, True))
+        os.kill(os.getpid(), signal.SIGKILL)
+    os.waitpid(child, 0)
+    assert Memory(path).stand == Stand(3, 999, 5999, True)
+
+
+def test_the_first_one_begins_at_zero(tmp_path: Path) -> None:
+    assert Memory(tmp_path / "memory").stand == Memory(None).stand == Stand()
+
+
+@pytest.mark.parametrize("content", [b"", bytes(31), bytes(33), b"\xff" * 32])
+def test_another_file_is_refused(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "memory"
+    path.write_bytes(content)
+    with pytest.raises(MemoryFileError, match=str(path)):
+        Memory(path)
+    assert path.read_bytes() == content
+
+
+def test_a_folder_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(MemoryFileError, match="memory"):
+        Memory(tmp_path)
