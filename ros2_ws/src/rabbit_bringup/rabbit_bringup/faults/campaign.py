@@ -105,7 +105,8 @@ class Session:
         try:
             target = self._witness.count + fault.after_ticks
             self._graph.wait(f"{fault.after_ticks} ticks", lambda: self._witness.count >= target)
-            row["turn"] = turn = self._witness.newest
+            turn = self._witness.newest
+            row["turn"] = list(turn)
             began = time.monotonic()
             row |= self._do(fault)
             row |= self._recover(fault)

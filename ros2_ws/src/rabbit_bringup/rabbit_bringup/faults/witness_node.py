@@ -19,12 +19,13 @@ from rclpy.signals import SignalHandlerOptions
 from rl_trainer.messages_node import transition_of
 from rl_trainer.transitions import Transition
 
-from rabbit_bringup.faults.wrong_messages_node import wrong_message
+from rabbit_bringup.faults.wrong_messages_node import HEARD, wrong_message
 
 KEPT_TICKS = 50_000
 EPISODE = slice(12, 16)  # of a RabbitState, after the CDR header and the stamp
 TICK = slice(16, 20)
 LOOK_SECONDS = 0.05
+KNOWN_SECONDS = 0.5  # until a new publisher is known to its readers
 
 Turn = tuple[int, int]  # episode and tick
 
@@ -85,12 +86,16 @@ class Witness:
 
     def disturb(self, rng: random.Random, node: str, seconds: float) -> int:
         """Send a node wrong messages for so long; returns how many."""
+        self._publishers = {
+            t.name: self._node.create_publisher(t.type, t.name, t.qos) for t in TOPICS if t.name in HEARD[node]
+        }
+        time.sleep(KNOWN_SECONDS)
         end, sent = time.monotonic() + seconds, 0
         while time.monotonic() < end:
             made = wrong_message(rng, node, self._newest, self._kinds)
             if made is not None:
                 topic, data = made
-                self._publisher(topic).publish(data)
+                self._publishers[topic].publish(data)
                 sent += 1
             time.sleep(LOOK_SECONDS)
         return sent
@@ -99,13 +104,6 @@ class Witness:
         """Take back the publishers of wrong messages: what is latched in them would come again."""
         while self._publishers:
             self._node.destroy_publisher(self._publishers.popitem()[1])
-
-    def _publisher(self, name: str) -> Any:
-        if name not in self._publishers:
-            (topic,) = (topic for topic in TOPICS if topic.name == name)
-            self._publishers[name] = self._node.create_publisher(topic.type, name, topic.qos)
-            time.sleep(0.5)  # until it is known
-        return self._publishers[name]
 
     def _spin(self) -> None:
         while not self._ends.is_set():

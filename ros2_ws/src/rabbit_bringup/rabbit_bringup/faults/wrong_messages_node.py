@@ -1,6 +1,7 @@
 """Messages that do not belong: late, repeated, out of order, of another tick or episode, not finite, cut, garbled."""
 
 import random
+from array import array
 from collections.abc import Mapping
 from typing import Any
 
@@ -8,7 +9,7 @@ import numpy as np
 from rabbit_msgs.msg import TorqueCommand
 from rclpy.serialization import deserialize_message, serialize_message
 
-TOPICS = {  # by the node that hears them
+HEARD = {  # by the node that hears them
     "simulator": ("torque", "episode_plan"),
     "controller": ("state", "preview", "episode", "policy"),
     "trainer": ("state", "torque", "controller_state", "episode", "policy_swap"),
@@ -18,7 +19,7 @@ HEADER = 4  # bytes before a message's own
 
 def wrong_message(rng: random.Random, node: str, newest: Mapping[str, bytes], kinds: Mapping[str, Any]) -> Any:
     """Topic and bytes, made of the newest that went over a topic that `node` hears; None if none did."""
-    topics = [topic for topic in TOPICS[node] if topic in newest]
+    topics = [topic for topic in HEARD[node] if topic in newest]
     if not topics:
         return None
     topic = rng.choice(topics)
@@ -63,14 +64,14 @@ def not_finite(rng: random.Random, data: bytes, kind: Any) -> bytes:
         return cut(rng, data, kind)
     name = rng.choice(names)
     value = getattr(message, name)
-    setattr(message, name, wrong if isinstance(value, float) else type(value)(_spoiled(rng, value, wrong)))
+    setattr(message, name, wrong if isinstance(value, float) else _spoiled(rng, value, wrong))
     if isinstance(message, TorqueCommand):
         message.fault = ""
     return bytes(serialize_message(message))
 
 
 def _spoiled(rng: random.Random, values: Any, wrong: float) -> Any:
-    array = np.array(values, dtype=float)
-    if array.size:
-        array[rng.randrange(array.size)] = wrong
-    return array
+    numbers = np.array(values, dtype=float)
+    if numbers.size:
+        numbers[rng.randrange(numbers.size)] = wrong
+    return array("d", numbers) if isinstance(values, array) else numbers
