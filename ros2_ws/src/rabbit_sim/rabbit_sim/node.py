@@ -25,6 +25,7 @@ from rabbit_ros.spin_node import run, steady_timer
 from rclpy.node import Node
 from rclpy.timer import Timer
 
+from rabbit_sim.answerers_node import Answerers
 from rabbit_sim.memory import Memory, MemoryFileError, Stand
 from rabbit_sim.node_parameters import NodeParameters
 from rabbit_sim.parameters import SimulationParameters
@@ -56,7 +57,6 @@ class SimulatorNode(Node):
         self._state: RobotState | None = None  # the one whose torque is awaited; None between episodes
         self._torque: Array | None = None
         self._plan: EpisodePlan | None = None
-        self._controllers, self._is_answered = 0, False
         self._paused = self._own.start_paused
         self._due = True  # a torque may be used at once; with a pace, once a tick
         self._pacer: Timer | None = None
@@ -75,7 +75,8 @@ class SimulatorNode(Node):
 
     def _connect(self) -> None:
         self._told = Telling(self)
-        self._torques = hear(self, TorqueCommand, "torque", self._on_torque, TICK, self._refuse)
+        torques = hear(self, TorqueCommand, "torque", self._on_torque, TICK, self._refuse)
+        self._answerers = Answerers(self, torques)
         hear(self, EpisodePlan, "episode_plan", self._on_plan, EVENT, self._refuse)
         self.create_service(ResetEpisode, "reset_episode", self._on_reset)
         self.create_service(Pause, "pause", self._on_pause)
@@ -93,7 +94,7 @@ class SimulatorNode(Node):
     # What comes in
 
     def _on_torque(self, message: TorqueCommand) -> None:
-        self._is_answered = True
+        self._answerers.spoke()
         try:
             if self._state is None or self._torque is not None:
                 raise Refused("not awaited", f"episode {message.episode}, tick {message.tick}")
@@ -212,9 +213,6 @@ class SimulatorNode(Node):
     def _look(self) -> None:
         """Begin what can begin; end what nobody answers."""
         self._forgive()
-        controllers = self._torques.get_publisher_count()
-        self._is_answered |= controllers > self._controllers  # a new one
-        self._controllers = controllers
         if self._paused:
             return
         if self._state is None:
@@ -232,10 +230,11 @@ class SimulatorNode(Node):
     def _remind(self, state: RobotState, silence: float) -> None:
         """Nobody has answered for so many seconds."""
         if silence > self._own.answer_timeout:
-            self._is_answered = False
+            self._answerers.said_nothing()
             self._end("silent", f"no torque for tick {state.tick} came in {self._own.answer_timeout:g} s")
         elif silence > (self._reminders + 1) * REPEAT_SECONDS:
             self._reminders += 1
+            self._answerers.asked_again()
             if self._reminders == 1:
                 self.get_logger().warning(f"waits for {self._missing()}")
             self._tell(Episode.RUNNING)
@@ -262,9 +261,7 @@ class SimulatorNode(Node):
             self._since = None  # told once
 
     def _answered_by_someone(self) -> bool:
-        """A killed controller stays matched for 20 s, so one that did not answer counts only when it speaks again."""
-        is_heard = self._told.readers >= self._own.readers
-        return self._is_answered and is_heard and self._torques.get_publisher_count() > 0
+        return self._told.readers >= self._own.readers and self._answerers.any
 
     def _set_pace(self, own: NodeParameters) -> None:
         """Follow a new pace between two ticks."""
@@ -296,7 +293,7 @@ class SimulatorNode(Node):
             return
         torque, source = self._stand_in.missed(self._state.dq)
         if source is Source.HELD and self._stand_in.gave_up:
-            self._is_answered = False  # until it speaks again, be it too late
+            self._answerers.said_nothing()  # until one speaks again, be it too late
         self._step(torque, source)
 
     def _missing(self) -> str:

@@ -1,0 +1,41 @@
+"""Who may answer a state. A killed controller stays in the graph for 20 s, so being there is not enough."""
+
+from rclpy.node import Node
+from rclpy.subscription import Subscription
+
+
+class Answerers:
+    """The publishers of torques, but for those that were asked and said nothing, until one speaks again.
+
+    One that comes while a tick waits for another's answer has not been asked from the start: it keeps its chance.
+    """
+
+    def __init__(self, node: Node, torques: Subscription) -> None:
+        self._node, self._torques = node, torques
+        self._asked: frozenset[bytes] | None = None
+        self._deaf: frozenset[bytes] = frozenset()
+
+    @property
+    def any(self) -> bool:
+        """Whether somebody is there to be asked; who was away and came back is."""
+        present = self._present()
+        self._deaf &= present
+        return self._torques.get_publisher_count() > 0 and present > self._deaf
+
+    def spoke(self) -> None:
+        """An answer came, be it of use or not."""
+        self._asked, self._deaf = None, frozenset()
+
+    def asked_again(self) -> None:
+        """A tick's answer is late: who is there now is waited for."""
+        if self._asked is None:
+            self._asked = self._present()
+
+    def said_nothing(self) -> None:
+        """The wait is over."""
+        self._deaf = self._present() if self._asked is None else self._asked
+        self._asked = None
+
+    def _present(self) -> frozenset[bytes]:
+        found = self._node.get_publishers_info_by_topic(self._torques.topic_name)
+        return frozenset(bytes(each.endpoint_gid) for each in found)
