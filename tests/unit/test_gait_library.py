@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from rabbit_description import LIBRARIES
 from rabbit_description.gait import DEFAULT_GAIT, Gait, GaitError, load_gait
@@ -17,6 +17,7 @@ from rl_cbf_clf_controller.gait_design.library import library_specifications
 from rl_cbf_clf_controller.gait_design.orbit import Orbit
 from rl_cbf_clf_controller.step_outputs import (
     FADED,
+    LEAST_RATE,
     LEAST_WIDTH,
     LibrarySteps,
     SingleGait,
@@ -81,6 +82,7 @@ def test_a_step_begins_as_one_gait_and_ends_as_the_other(taken: float, wanted: f
 def test_a_step_begins_without_error_and_ends_on_its_path(taken: float, wanted: float, seed: int) -> None:
     path, (q, dq) = step_path(LIBRARY, taken, wanted), landed(taken, seed)
     outputs, own = StepOutputs(path, q, dq), VirtualConstraints(path)
+    assume(own.evaluate(q, dq).phase_rate >= LEAST_RATE)  # of one that hardly moves forward only y is continuous
     np.testing.assert_allclose(outputs.evaluate(q, dq).eta, 0.0, atol=1e-9)
     ended = max(FADED, own.evaluate(q, dq).phase + LEAST_WIDTH)
     later = q.copy()

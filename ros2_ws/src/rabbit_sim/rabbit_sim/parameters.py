@@ -26,23 +26,23 @@ class SimulationParameters(BaseModel):
     motor_loss: Number = Field(0.0, ge=0, lt=1, description="fraction of the torque that is lost")
     joint_damping: Number = Field(0.0, ge=0, le=100, description="d in the joint torque -d M_jj dq_j, 1/s")
     link_bend: Number = Field(0.0, ge=-0.3, le=0.3, description="forward shift of knee and foot over link length")
-    ground_friction: Number = Field(1.5, gt=0, le=5, description="Coulomb coefficient of the true ground")
+    ground_friction: Number = Field(1.5, ge=1e-6, le=5, description="Coulomb coefficient of the true ground")
 
     encoder_resolution: Number = Field(0.0, ge=0, le=0.1, description="step of the measured angles, rad")
     velocity_noise: Number = Field(0.0, ge=0, le=10, description="std of the measured angle rates, rad/s")
     force_noise: Number = Field(0.0, ge=0, le=1000, description="std of the measured foot forces, N")
     torque_delay: Number = Field(0.0, ge=0, le=0.1, description="dead time of the motors, whole ms, s")
-    torque_limit: Number = Field(TORQUE_LIMIT, gt=0, le=10000, description="saturation of each motor, N m")
+    torque_limit: Number = Field(TORQUE_LIMIT, ge=1e-6, le=10000, description="saturation of each motor, N m")
 
     terrain: Literal["flat", "stones"] = Field("stones", description="flat ground or stones with gaps")
     stones: int = Field(20, ge=1, le=4000, description="stones of an episode; on flat ground, steps")
-    l_min_mean: Number = Field(0.35, gt=0, le=0.8, description="mean of the near edge, m from the stance foot")
+    l_min_mean: Number = Field(0.35, ge=1e-6, le=0.8, description="mean of the near edge, m from the stance foot")
     l_min_std: Number = Field(0.02, ge=0, le=0.3, description="standard deviation of the near edge, m")
-    l_min_truncation: Number = Field(2.5, gt=0, le=6, description="largest deviation from the mean, in std")
+    l_min_truncation: Number = Field(2.5, ge=1e-6, le=6, description="largest deviation from the mean, in std")
     l_min_distribution: Literal["normal", "uniform"] = Field(
         "normal", description="of the near edge, both on mean +- truncation x std"
     )
-    stone_width: Number = Field(0.05, gt=0, le=0.5, description="l_max - l_min, m")
+    stone_width: Number = Field(0.05, ge=1e-3, le=0.5, description="l_max - l_min, m")
     stone_placement: Literal["relative", "absolute"] = Field(
         "relative", description="from where the foot landed, or from the middle of the stone before"
     )
@@ -54,7 +54,7 @@ class SimulationParameters(BaseModel):
 
     stop_at_miss: bool = Field(True, description="a missed stone ends the episode")
     fall_height: Number = Field(0.70, ge=0, le=0.8, description="a hip below it has fallen, m")
-    fall_pitch: Number = Field(math.pi / 3, gt=0, le=math.pi, description="a torso beyond it has fallen, rad")
+    fall_pitch: Number = Field(math.pi / 3, ge=1e-6, le=math.pi, description="a torso beyond it has fallen, rad")
 
     @model_validator(mode="after")
     def _edges_are_in_reach(self) -> "SimulationParameters":

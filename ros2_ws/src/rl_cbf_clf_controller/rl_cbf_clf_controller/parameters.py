@@ -30,9 +30,9 @@ class ControllerParameters(BaseModel):
     stone_aim: float = Field(
         0.5, ge=0, le=1, description="where a gait library aims: share of the stone's width beyond its near edge"
     )
-    eps: float = Field(0.04, gt=0, le=1, description="epsilon of the RES-CLF")
-    kp: float = Field(0.5, gt=0, le=100, description="gain on y at eps = 1")
-    kd: float = Field(0.8660254037844386, gt=0, le=100, description="gain on dy at eps = 1")
+    eps: float = Field(0.04, ge=1e-4, le=1, description="epsilon of the RES-CLF")
+    kp: float = Field(0.5, ge=1e-4, le=100, description="gain on y at eps = 1")
+    kd: float = Field(0.8660254037844386, ge=1e-4, le=100, description="gain on dy at eps = 1")
     clf_row: Literal["normalised", "literal"] = Field(
         "normalised", description="whether the CLF row is divided by its norm, so that d is in units of mu"
     )
@@ -40,15 +40,15 @@ class ControllerParameters(BaseModel):
         "paper",
         description="what the QP minimises: mu'mu, or the distance of the estimated output dynamics from a PD law",
     )
-    mu_weight: float = Field(0.01, gt=0, le=1e3, description="weight of |mu|^2 in the objective pd_centred")
+    mu_weight: float = Field(0.01, ge=1e-6, le=1e3, description="weight of |mu|^2 in the objective pd_centred")
     adaptation: Literal["none", "identification"] = Field(
         "none", description="whether the true robot is identified as it walks"
     )
-    slack_weight: float = Field(10.0, gt=0, le=1e6, description="p, weight of the CLF slack d")
-    barrier_pole_1: float = Field(70.0, gt=0, le=1000, description="first ECBF pole, 1/s")
-    barrier_pole_2: float = Field(70.0, gt=0, le=1000, description="second ECBF pole, 1/s")
-    R1: float = Field(1.0, gt=0, le=100, description="radius offset of the outer circle, m")
-    R2: float = Field(0.5, gt=0, le=100, description="depth of the inner circle's centre, m")
+    slack_weight: float = Field(10.0, ge=1e-6, le=1e6, description="p, weight of the CLF slack d")
+    barrier_pole_1: float = Field(70.0, ge=1e-6, le=1000, description="first ECBF pole, 1/s")
+    barrier_pole_2: float = Field(70.0, ge=1e-6, le=1000, description="second ECBF pole, 1/s")
+    R1: float = Field(1.0, ge=1e-6, le=100, description="radius offset of the outer circle, m")
+    R2: float = Field(0.5, ge=1e-6, le=100, description="depth of the inner circle's centre, m")
     stone_margin: float = Field(
         0.005, ge=0, le=0.02, description="kept from both edges of a stone, for what happens between two ticks, m"
     )
@@ -56,30 +56,30 @@ class ControllerParameters(BaseModel):
     force_rows: bool = Field(True, description="contact-force rows in the CBF controllers")
     flat_force_rows: bool = Field(False, description="contact-force rows in the flat-ground controllers as well")
     cone: Literal["two_rows", "literal"] = Field("two_rows", description="form of the friction cone rows")
-    friction_coeff: float = Field(0.8, gt=0, le=10, description="k_f, the limit of |F_T| / F_N")
+    friction_coeff: float = Field(0.8, ge=1e-6, le=10, description="k_f, the limit of |F_T| / F_N")
     friction_margin: float = Field(
         0.2, ge=0, le=1, description="kept from k_f, for what held torques and motor lag add between two ticks"
     )
     min_normal_force: float = Field(20.0, ge=0, le=1000, description="least normal force of row C1, N")
-    torque_limit: float = Field(200.0, gt=0, le=10000, description="saturation, N m")
-    clf_rescue_weight: float = Field(1e6, gt=0, le=1e9, description="slack of last resort on a hard CLF row")
-    barrier_rescue_weight: float = Field(1e3, gt=0, le=1e9, description="slack of last resort on barrier rows")
-    force_rescue_weight: float = Field(1e5, gt=0, le=1e9, description="slack of last resort on force rows")
+    torque_limit: float = Field(200.0, ge=1e-6, le=10000, description="saturation, N m")
+    clf_rescue_weight: float = Field(1e6, ge=1e-6, le=1e9, description="slack of last resort on a hard CLF row")
+    barrier_rescue_weight: float = Field(1e3, ge=1e-6, le=1e9, description="slack of last resort on barrier rows")
+    force_rescue_weight: float = Field(1e5, ge=1e-6, le=1e9, description="slack of last resort on force rows")
     sigma: float = Field(0.0, ge=0, le=1000, description="standard deviation of the exploration noise on mu, rad/s^2")
     qp_solver: Literal["osqp", "daqp"] = Field("osqp", description="QP solver; the other one is its guard")
     swap_time: float = Field(0.15, ge=0, le=5, description="least time of a step before the legs swap, s")
     swap_phase: float = Field(0.5, ge=0, le=1, description="least phase before the legs swap")
     l1_law: L1Law = Field("piecewise", description="adaptation law of L1")
-    l1_gain: float = Field(1.0, gt=0, le=1e9, description="adaptation gain of L1; the piecewise law has none")
-    l1_cutoff: float = Field(100.0, gt=0, le=1e4, description="cut-off of L1's low-pass filter, 1/s")
+    l1_gain: float = Field(1.0, ge=1e-6, le=1e9, description="adaptation gain of L1; the piecewise law has none")
+    l1_cutoff: float = Field(100.0, ge=1e-6, le=1e4, description="cut-off of L1's low-pass filter, 1/s")
     l1_substeps: int = Field(1, ge=1, le=100, description="steps of L1's adaptation in a tick")
-    l1_slope_bound: float = Field(1.0, gt=0, le=1e6, description="bound of L1's estimate in proportion to |mu|")
-    l1_offset_bound: float = Field(500.0, gt=0, le=1e6, description="bound of the rest of L1's estimate, rad/s^2")
+    l1_slope_bound: float = Field(1.0, ge=1e-6, le=1e6, description="bound of L1's estimate in proportion to |mu|")
+    l1_offset_bound: float = Field(500.0, ge=1e-6, le=1e6, description="bound of the rest of L1's estimate, rad/s^2")
     robust_bounds: Literal["mass_scale", "norm"] = Field(
         "mass_scale", description="what bounds the model error of the robust controller"
     )
-    robust_scale_min: float = Field(1.0, gt=0, le=10, description="least mass scale that the robust rows allow for")
-    robust_scale_max: float = Field(2.0, gt=0, le=10, description="largest mass scale that the robust rows allow for")
+    robust_scale_min: float = Field(1.0, ge=1e-6, le=10, description="least mass scale that the robust rows allow for")
+    robust_scale_max: float = Field(2.0, ge=1e-6, le=10, description="largest mass scale that the robust rows allow for")
     robust_offset: float = Field(75.0, ge=0, le=1e4, description="norm bounds: of Delta_1, rad/s^2")
     robust_slope: float = Field(0.5, ge=0, lt=1, description="norm bounds: of Delta_2, relative to what it multiplies")
     robust_barrier_offset: float = Field(8.0, ge=0, le=1e4, description="norm bounds: error of B'' at B'' = 0, m/s^2")
