@@ -14,9 +14,12 @@ import rclpy
 from builtin_interfaces.msg import Time
 from hypothesis import given
 from hypothesis import strategies as st
+from rabbit_bringup.recording.opening import opened
+from rabbit_bringup.recording.recorder_node import RecorderNode
 from rabbit_description.gait import load_gait
 from rabbit_msgs.msg import Episode, EpisodePlan, PolicySwap, PolicyWeights
 from rabbit_ros.conversions_node import preview_message, state_message
+from rabbit_ros.with_info_node import NUMBER
 from rabbit_sim.node import SimulatorNode
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.simulation import Simulation
@@ -113,18 +116,19 @@ def spoil(draw: st.DrawFn, message: Any, name: str, kind: str) -> None:
 
 
 @pytest.fixture(scope="module")
-def ros() -> Iterator[None]:
-    """ROS in this process, with the parameters of all three nodes."""
+def ros(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """ROS in this process, with the parameters of all nodes."""
     told = {"stones": 3, "motor_lag": 0.004, "learn_beside": 0, "controller": LAW.controller}
     told |= {"hidden1": 4, "hidden2": 4, "batch": 4, "updates_least": 1, "capacity": 500}
-    of = {"stones": "simulator", "motor_lag": "simulator", "controller": "controller"}
+    of = {"stones": "simulator", "motor_lag": "simulator", "controller": "controller", "path": "recorder"}
+    told |= {"path": str(tmp_path_factory.mktemp("recorder") / "recording")}
     words = [w for name, value in told.items() for w in ("-p", f"{of.get(name, 'trainer')}:{name}:={value}")]
     rclpy.init(args=["--ros-args", *words, "--log-level", "fatal"], signal_handler_options=SignalHandlerOptions.NO)
     yield
     rclpy.try_shutdown()
 
 
-def callbacks(node: Any) -> dict[str, Callable[[bytes], None]]:
+def callbacks(node: Any) -> dict[str, Callable[..., None]]:
     """What the middleware calls, by topic."""
     hears = {each.topic_name.split("/")[-1]: each.callback for each in node.subscriptions}
     return {topic: callback for topic, callback in hears.items() if topic in SOUND}
@@ -135,7 +139,7 @@ def refused(node: Any) -> int:
     return sum(node._door.refused.values())
 
 
-def feed(data: st.DataObject, hears: dict[str, Callable[[bytes], None]]) -> None:
+def feed(data: st.DataObject, hears: dict[str, Callable[..., None]]) -> None:
     """A few messages on any of the topics."""
     for topic in data.draw(st.lists(st.sampled_from(sorted(hears)), min_size=1, max_size=6)):
         hears[topic](data.draw(arriving(topic)))
@@ -214,3 +218,26 @@ def test_trainer(trainer: TrainerNode, data: st.DataObject) -> None:
     trainer._look()
     trainer._status()
     assert trainer._learning.error == ""
+
+
+@pytest.fixture(scope="module")
+def recorder(ros: None) -> Iterator[RecorderNode]:
+    """A recorder; what it has recorded can be read."""
+    node = RecorderNode()
+    yield node
+    node.close()
+    node.destroy_node()
+    with opened(node._path) as reader:
+        assert reader.message_count == node._writer.messages > 0
+
+
+@given(data=st.data())
+def test_recorder(recorder: RecorderNode, data: st.DataObject) -> None:
+    """Whatever comes is recorded as it came."""
+    before, hears = recorder._writer.messages, callbacks(recorder)
+    topics = data.draw(st.lists(st.sampled_from(sorted(hears)), min_size=1, max_size=6))
+    for number, topic in enumerate(topics):
+        hears[topic](data.draw(arriving(topic)), {NUMBER: number})
+    recorder._status()
+    assert recorder._failure == ""
+    assert recorder._writer.messages == before + len(topics)

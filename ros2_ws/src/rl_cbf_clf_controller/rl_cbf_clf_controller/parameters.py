@@ -79,7 +79,9 @@ class ControllerParameters(BaseModel):
         "mass_scale", description="what bounds the model error of the robust controller"
     )
     robust_scale_min: float = Field(1.0, ge=1e-6, le=10, description="least mass scale that the robust rows allow for")
-    robust_scale_max: float = Field(2.0, ge=1e-6, le=10, description="largest mass scale that the robust rows allow for")
+    robust_scale_max: float = Field(
+        2.0, ge=1e-6, le=10, description="largest mass scale that the robust rows allow for"
+    )
     robust_offset: float = Field(75.0, ge=0, le=1e4, description="norm bounds: of Delta_1, rad/s^2")
     robust_slope: float = Field(0.5, ge=0, lt=1, description="norm bounds: of Delta_2, relative to what it multiplies")
     robust_barrier_offset: float = Field(8.0, ge=0, le=1e4, description="norm bounds: error of B'' at B'' = 0, m/s^2")

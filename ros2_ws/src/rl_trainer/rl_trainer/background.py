@@ -209,6 +209,5 @@ class Background:
             self._publish()
 
     def _tell(self, transition: Transition | None, tag: Any) -> None:
-        if transition is not None:
-            self.kept.add(transition)
+        if transition is not None and self.kept.add(transition):
             self.listener.on_transition(transition, tag)

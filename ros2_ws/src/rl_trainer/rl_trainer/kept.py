@@ -57,12 +57,13 @@ class Kept:
         self.taken += len(held)
         return held
 
-    def add(self, transition: Transition) -> None:
-        """Keep a transition; only then may it be told."""
+    def add(self, transition: Transition) -> bool:
+        """Keep a transition; returns whether it may be told: it is on disk, or nothing was to be kept."""
         self.taken += 1
         with self._stops_at_errors():
             if self._journal:
                 self._journal.append(transition)
+        return not self.error
 
     def save(self) -> None:
         """After an episode: checkpoint and policy, and the next episode's journal."""

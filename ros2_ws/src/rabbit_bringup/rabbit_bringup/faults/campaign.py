@@ -160,14 +160,11 @@ class Session:
 
     def _fill(self, name: str) -> None:
         """The node must say so, and the walk go on."""
-        told = len(self._witness.acknowledged)
         self._graph.fill_disk(name)
         words = {"recorder": "recording stopped", "trainer": "not kept any more"}[name]
         self._graph.wait(f"the {name} says that {words}", lambda: words in self._message(name))
         target = self._witness.count + 10
         self._graph.wait("ticks under a full disk", lambda: self._witness.count >= target)
-        if name == "trainer":
-            del self._witness.acknowledged[told:]  # it said that it does not keep them
 
     def _recover(self, fault: Fault) -> dict[str, Any]:
         """Wait until the graph goes on; returns how long that took."""

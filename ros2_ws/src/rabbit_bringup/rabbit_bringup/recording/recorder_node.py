@@ -9,6 +9,7 @@ walk. A recorder that is started again begins another recording beside the first
 import json
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
 from itertools import chain, count
 from pathlib import Path
@@ -18,15 +19,16 @@ from ament_index_python.packages import get_package_share_directory
 from pydantic import BaseModel, ConfigDict, Field
 from rabbit_description.state import TICK_SECONDS
 from rabbit_msgs.msg import Episode
+from rabbit_ros.conversions_node import is_new_simulator
 from rabbit_ros.diagnostics_node import ERROR, OK, WARN, Diagnostics, Status
-from rabbit_ros.door import Door
+from rabbit_ros.door import Door, Refused
+from rabbit_ros.hearing_node import decoded
 from rabbit_ros.parameters_node import declare, refuse_unknown
 from rabbit_ros.spin_node import run, steady_timer
 from rabbit_ros.topics_node import TOPICS, Topic
 from rabbit_ros.with_info_node import NUMBER, with_info
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
-from rclpy.serialization import deserialize_message
 from rclpy.subscription import Subscription
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 
@@ -92,10 +94,10 @@ class RecorderNode(Node):
         return self.create_subscription(topic.type, topic.name, callback, topic.qos, raw=True)
 
     def _on_episode(self, name: str, numbered: bool, data: bytes, info: dict[str, Any]) -> None:
-        """A simulator that waits for its first episode was started just now."""
-        message: Any = deserialize_message(data, Episode)
-        if message.phase == Episode.WAITING and message.episode == 0 and self._newest:
-            self._run_began = self._nanoseconds = self._newest + TICK_NANOSECONDS
+        """A simulator that waits for its first episode was started just now. What cannot be read is recorded too."""
+        with suppress(Refused):
+            if is_new_simulator(decoded(data, Episode, {})) and self._newest:
+                self._run_began = self._nanoseconds = self._newest + TICK_NANOSECONDS
         self._on_bytes(name, numbered, data, info)
 
     def _on_bytes(self, name: str, numbered: bool, data: bytes, info: dict[str, Any]) -> None:
