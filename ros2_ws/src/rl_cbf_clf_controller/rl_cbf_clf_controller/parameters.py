@@ -78,7 +78,7 @@ class ControllerParameters(BaseModel):
     robust_bounds: Literal["mass_scale", "norm"] = Field(
         "mass_scale", description="what bounds the model error of the robust controller"
     )
-    robust_scale_min: float = Field(1.0, ge=1e-6, le=10, description="least mass scale that the robust rows allow for")
+    robust_scale_min: float = Field(1.0, ge=0.1, le=10, description="least mass scale that the robust rows allow for")
     robust_scale_max: float = Field(
         2.0, ge=1e-6, le=10, description="largest mass scale that the robust rows allow for"
     )
