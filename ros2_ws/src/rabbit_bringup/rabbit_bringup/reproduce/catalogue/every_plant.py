@@ -16,12 +16,13 @@ from rabbit_bringup.reproduce.verdict import ENOUGH, Verdict
 from rabbit_bringup.reproduce.walk_table import long_table
 from rabbit_bringup.viewing import style
 
-GAIT = {"gait": "stones_0350_084"}  # presses on the ground under every payload (gaits.md)
+LIBRARY = {"gait": "paper_stones"}  # presses on the ground under every payload (gaits.md), and so does this one:
+GAIT = {"gait": "stones_0350_084"}
 MARGIN = {"stone_margin": 0.01}
 PD = {"objective": "pd_centred"}
 IDENTIFIED = {"adaptation": "identification"}
 RUNS = Runs(10, 1)  # there are 220 and 180 cells
-SEED = 50002  # 50001 was looked at when the margin was chosen
+SEED = 50003  # 50001 and 50002 were looked at when margin and gaits were chosen
 
 
 @dataclass(frozen=True)
@@ -61,6 +62,7 @@ class EveryPlant(Experiment):
     rows: ClassVar[tuple[Contender, ...]]
     ours: ClassVar[Contender]
     terrain: ClassVar[str]
+    gait: ClassVar[str]
 
     @cached_property
     def grid(self) -> dict[Contender, dict[Plant, Line]]:
@@ -102,7 +104,7 @@ class EveryPlant(Experiment):
         caption = (
             f"Courses of 20 {self.terrain} walked, of {runs} a cell (the numbers), by controller and plant. mu'mu and "
             "PD-centred are the QP's objective. The policies trained at scale 2 walk with their own gait, all else "
-            f"with {GAIT['gait']}."
+            f"with {self.gait}."
         )
         return {"map": (caption, figure)}
 
@@ -136,19 +138,20 @@ class EveryPlantStones(EveryPlant):
     name = "every-plant-stones"
     title = "Every plant, stepping stones"
     terrain = "stones"
-    ours = _row("identified + universal, PD-centred", "rl-cbf-clf-qp", "universal", GAIT, MARGIN, IDENTIFIED, PD)
+    gait = LIBRARY["gait"]
+    ours = _row("identified + universal, PD-centred", "rl-cbf-clf-qp", "universal", LIBRARY, MARGIN, IDENTIFIED, PD)
     rows = (
-        _row("nominal, mu'mu", "cbf-clf-qp", "zero", GAIT, MARGIN),
-        _row("nominal, PD-centred", "cbf-clf-qp", "zero", GAIT, MARGIN, PD),
-        _row("robust, mu'mu", "robust-cbf-clf-qp", "zero", GAIT, MARGIN),
+        _row("nominal, mu'mu", "cbf-clf-qp", "zero", LIBRARY, MARGIN),
+        _row("nominal, PD-centred", "cbf-clf-qp", "zero", LIBRARY, MARGIN, PD),
+        _row("robust, mu'mu", "robust-cbf-clf-qp", "zero", LIBRARY, MARGIN),
         _row("policy of scale 2, mu'mu", "rl-cbf-clf-qp", "rl-cbf-clf-qp"),
         _row("policy of scale 2, PD-centred", "rl-cbf-clf-qp", "rl-cbf-clf-qp", PD),
-        _row("identified, mu'mu", "rl-cbf-clf-qp", "zero", GAIT, MARGIN, IDENTIFIED),
-        _row("identified, PD-centred", "rl-cbf-clf-qp", "zero", GAIT, MARGIN, IDENTIFIED, PD),
-        _row("identified + universal, mu'mu", "rl-cbf-clf-qp", "universal", GAIT, MARGIN, IDENTIFIED),
+        _row("identified, mu'mu", "rl-cbf-clf-qp", "zero", LIBRARY, MARGIN, IDENTIFIED),
+        _row("identified, PD-centred", "rl-cbf-clf-qp", "zero", LIBRARY, MARGIN, IDENTIFIED, PD),
+        _row("identified + universal, mu'mu", "rl-cbf-clf-qp", "universal", LIBRARY, MARGIN, IDENTIFIED),
         ours,
-        _row("oracle, mu'mu", "rl-cbf-clf-qp", "oracle", GAIT, MARGIN),
-        _row("oracle, PD-centred", "rl-cbf-clf-qp", "oracle", GAIT, MARGIN, PD),
+        _row("oracle, mu'mu", "rl-cbf-clf-qp", "oracle", LIBRARY, MARGIN),
+        _row("oracle, PD-centred", "rl-cbf-clf-qp", "oracle", LIBRARY, MARGIN, PD),
     )
 
 
@@ -158,6 +161,7 @@ class EveryPlantFlat(EveryPlant):
     name = "every-plant-flat"
     title = "Every plant, flat ground"
     terrain = "steps"
+    gait = GAIT["gait"]
     ours = _row("identified, PD-centred", "rl-clf-qp", "zero", GAIT, IDENTIFIED, PD)
     rows = (
         _row("nominal, mu'mu", "clf-qp", "zero", GAIT),
