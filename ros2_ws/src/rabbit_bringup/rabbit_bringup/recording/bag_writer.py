@@ -21,7 +21,7 @@ from rosbags.typesys.store import Typestore
 from rabbit_bringup.recording.chunk_index import ChunkIndex
 
 Storage = Literal["mcap", "sqlite3"]
-FLUSH_SECONDS = 0.5
+FLUSH_SECONDS = 0.2
 LOST = "lost_messages"  # key of what a recorder notes at its end
 
 
