@@ -62,6 +62,7 @@ def clear_if_moved() -> None:
 def colcon_build() -> None:
     """Call colcon in an environment without another ROS 2 or Python in it."""
     environment = {name: value for name, value in os.environ.items() if name in KEPT}
+    environment["MAKEFLAGS"] = f"-j{os.cpu_count()}"  # colcon's own waits for idle cores: a busy machine hardly builds
     log = STATE / "colcon.log"
     paths = "src" if system_ros() else "src stand_ins"
     os.chdir(WORKSPACE)
