@@ -19,7 +19,7 @@ from rabbit_bringup.recording.recorder_node import RecorderNode
 from rabbit_description.gait import load_gait
 from rabbit_msgs.msg import Episode, EpisodePlan, PolicySwap, PolicyWeights
 from rabbit_ros.conversions_node import preview_message, state_message
-from rabbit_ros.with_info_node import NUMBER
+from rabbit_ros.with_info_node import NUMBER, SENT
 from rabbit_sim.node import SimulatorNode
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.simulation import Simulation
@@ -237,7 +237,7 @@ def test_recorder(recorder: RecorderNode, data: st.DataObject) -> None:
     before, hears = recorder._writer.messages, callbacks(recorder)
     topics = data.draw(st.lists(st.sampled_from(sorted(hears)), min_size=1, max_size=6))
     for number, topic in enumerate(topics):
-        hears[topic](data.draw(arriving(topic)), {NUMBER: number})
+        hears[topic](data.draw(arriving(topic)), {NUMBER: number, SENT: number})
     recorder._status()
     assert recorder._failure == ""
     assert recorder._writer.messages == before + len(topics)

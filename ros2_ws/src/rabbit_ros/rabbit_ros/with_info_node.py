@@ -9,6 +9,7 @@ from collections.abc import Callable
 from typing import Any
 
 NUMBER = "publication_sequence_number"  # how many messages its publisher had sent with this one
+SENT = "source_timestamp"  # when, ns of the wall clock
 
 _TWO = [inspect.Parameter(name, inspect.Parameter.POSITIONAL_ONLY) for name in ("message", "info")]
 

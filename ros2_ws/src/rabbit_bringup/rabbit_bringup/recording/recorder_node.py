@@ -26,7 +26,7 @@ from rabbit_ros.hearing_node import decoded
 from rabbit_ros.parameters_node import declare, refuse_unknown
 from rabbit_ros.spin_node import run, steady_timer
 from rabbit_ros.topics_node import TOPICS, Topic
-from rabbit_ros.with_info_node import NUMBER, with_info
+from rabbit_ros.with_info_node import NUMBER, SENT, with_info
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
@@ -67,18 +67,16 @@ class RecorderNode(Node):
         self._loss = Loss()
         self._nanoseconds = self._newest = self._run_began = 0  # of the recording; of the newest; when this run began
         self._heard = time.monotonic()
-        self._asked = 0.0  # when it was told to end
+        self._sent = self._asked = 0  # when the newest message was sent; when the node was told to end; ns
         self._failure = ""
         self._readers = {topic.name: self._subscribe(topic) for topic in TOPICS}
         self._diagnostics = Diagnostics(self, self._door, self._status)
         steady_timer(self, FLUSH_SECONDS, self._flush)
 
     def busy(self) -> bool:
-        """Messages that were sent before the end may still be on their way; a walk that goes on is not waited for."""
-        now = time.monotonic()
-        self._asked = self._asked or now
-        goes_on = self._is_published("state") and now - self._asked > IDLE_SECONDS
-        return now - self._heard < IDLE_SECONDS and not goes_on
+        """What was sent before it was told to end may still be on its way, the more so on a busy machine."""
+        self._asked = self._asked or time.time_ns()
+        return time.monotonic() - self._heard < IDLE_SECONDS and self._sent < self._asked
 
     def close(self) -> None:
         """Finish the recording."""
@@ -101,7 +99,7 @@ class RecorderNode(Node):
         self._on_bytes(name, numbered, data, info)
 
     def _on_bytes(self, name: str, numbered: bool, data: bytes, info: dict[str, Any]) -> None:
-        self._heard = time.monotonic()
+        self._heard, self._sent = time.monotonic(), info[SENT]
         if self._failure:
             return
         if numbered:
