@@ -2,7 +2,8 @@
 
 A graph lives for `SESSION` faults, or until something is wrong; then the next one begins. What must hold after a fault:
 
-    the graph goes on: new ticks; new transitions after a trainer's fault, a new recording after a recorder's
+    the graph goes on: new ticks; new transitions after a trainer's fault, a new recording after a recorder's, which
+    catches up where it was stopped
     every transition that the trainer told is on disk
     a recording holds every tick that was told more than a second before its end
 """
@@ -175,6 +176,9 @@ class Session:
             recording = self._graph.newest_recording
             self._graph.wait("a new recording", lambda: self._graph.recording() == recording() and self._records())
             self._since = time.monotonic()
+        if fault.node == "recorder" and fault.kind == "stop":
+            turn = witness.newest
+            self._graph.wait("the recorder to catch up", lambda: self._graph.recorded() >= turn)
         self._graph.wait("new ticks", lambda: witness.count >= ticks)
         self._graph.wait("new transitions", lambda: len(witness.acknowledged) > told)
         if fault.kind == "messages":

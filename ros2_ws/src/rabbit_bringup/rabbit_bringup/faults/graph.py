@@ -19,6 +19,7 @@ from rabbit_bringup.launching.walk import THREADS
 POLL_SECONDS = 0.02
 PACKAGES = {"simulator": "rabbit_sim", "controller": "rl_cbf_clf_controller", "trainer": "rl_trainer"}
 ANSWER_TIMEOUT, TRAINER_TIMEOUT = 3.0, 60.0  # s
+READERS = 4  # of the state: controller, trainer, recorder, witness; a simulator that comes back waits for them all
 TRAINING = TrainingParameters(
     hidden1=16, hidden2=16, batch=16, updates_least=5, updates_per_tick=0.05, capacity=60_000, nominal_episodes=1
 )
@@ -104,6 +105,12 @@ class Graph:
         paths = [value.value for value in said.values if value.key == "path"] if said else []
         return Path(paths[-1]) if paths else None
 
+    def recorded(self) -> tuple[int, int]:
+        """Episode and tick of the newest state that the recorder says it has."""
+        said = self.witness.said.get("recorder")
+        turns = [value.value.split(" ") for value in said.values if value.key == "episode, tick"] if said else []
+        return (int(turns[-1][0]), int(turns[-1][1])) if turns else (0, -1)
+
     def newest_recording(self) -> Path:
         """The recording that was begun last; raises `LaunchError` if there is none."""
         made = [path for path in self.folder.glob("recording*") if not path.name.endswith("-recovered")]
@@ -118,7 +125,7 @@ class Graph:
 def parameters(folder: Path, seed: int) -> dict[str, dict[str, Any]]:
     """What the nodes are told: short walks without end, learned from between them."""
     plant = {"motor_lag": 0.004, "mass_scale": 1.2, "stones": 8, "stop_at_miss": False}
-    own = {"seed": seed, "episodes": 1_000_000, "readers": 3, "trainer": "follow"}
+    own = {"seed": seed, "episodes": 1_000_000, "readers": READERS, "trainer": "follow"}
     own |= {"answer_timeout": ANSWER_TIMEOUT, "trainer_timeout": TRAINER_TIMEOUT}
     return {
         "simulator": {**own, **plant, "memory": str(folder / "simulator.memory")},

@@ -37,6 +37,7 @@ from rabbit_bringup.recording.loss import Loss
 
 IDLE_SECONDS = 0.3  # without a message, after which nothing more is on its way
 STAMP = slice(4, 12)  # after the CDR header: seconds int32, nanoseconds uint32
+EPISODE, TICK = slice(12, 16), slice(16, 20)  # of a state, uint32
 TICK_NANOSECONDS = round(TICK_SECONDS * 1e9)
 FOREVER = QosTime(9223372036, 854775807)  # as `ros2 bag` writes it
 
@@ -69,6 +70,8 @@ class RecorderNode(Node):
         self._heard = time.monotonic()
         self._sent = self._asked = 0  # when the newest message was sent; when the node was told to end; ns
         self._failure = ""
+        self._state = self.resolve_topic_name("state")
+        self._turn: tuple[int, ...] = (0, 0)  # episode and tick of the newest state
         self._readers = {topic.name: self._subscribe(topic) for topic in TOPICS}
         self._diagnostics = Diagnostics(self, self._door, self._status)
         steady_timer(self, FLUSH_SECONDS, self._flush)
@@ -100,6 +103,8 @@ class RecorderNode(Node):
 
     def _on_bytes(self, name: str, numbered: bool, data: bytes, info: dict[str, Any]) -> None:
         self._heard, self._sent = time.monotonic(), info[SENT]
+        if name == self._state:
+            self._turn = tuple(int.from_bytes(data[place], "little") for place in (EPISODE, TICK))
         if self._failure:
             return
         if numbered:
@@ -129,7 +134,7 @@ class RecorderNode(Node):
 
     def _status(self) -> Status:
         lost = {f"lost {name}": n for name, n in self._loss.lost.items() if n}
-        figures = {"path": str(self._path), **lost}
+        figures = {"path": str(self._path), "episode, tick": "{} {}".format(*self._turn), **lost}
         if self._failure:
             return ERROR, self._failure, figures
         absent = [t.name for t in TOPICS if t.publisher in self._own.expect and not self._is_published(t.name)]
