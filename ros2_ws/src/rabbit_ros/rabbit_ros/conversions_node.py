@@ -17,12 +17,12 @@ from std_msgs.msg import Header
 from rabbit_ros.door import Refused, check_finite
 
 LARGEST_SIGMA = 1000.0  # rad/s^2, as the controller's parameter
-_TICK_NS = round(TICK_SECONDS * 1e9)
+TICK_NANOSECONDS = round(TICK_SECONDS * 1e9)
 
 
 def stamp(ticks: int) -> Time:
     """Simulated time after `ticks` ticks."""
-    seconds, nanoseconds = divmod(ticks * _TICK_NS, 1_000_000_000)
+    seconds, nanoseconds = divmod(ticks * TICK_NANOSECONDS, 1_000_000_000)
     return Time(sec=seconds, nanosec=nanoseconds)
 
 

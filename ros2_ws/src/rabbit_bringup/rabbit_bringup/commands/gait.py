@@ -1,6 +1,7 @@
 """`rabbit gait`: find a gait, or a library of gaits, by trajectory optimisation; files and pictures in a folder."""
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -42,26 +43,21 @@ def gait(given: Given) -> None:
     console = Console()
     try:
         with console.status("IPOPT begins") as status:
+
+            def progress(of: str = "") -> Callable[[int, float, float], None]:
+                return lambda *at: status.update(of + progress_text(*at))
+
             if folder.library:
                 library = run_library(
                     specification,
                     folder.library,
                     folder.out,
                     folder.speed_slope,
-                    lambda name: (
-                        lambda iteration, cost, violation: status.update(
-                            f"{name}: {progress_text(iteration, cost, violation)}"
-                        )
-                    ),
+                    lambda name: progress(f"{name}: "),
                 )
                 show_library(library, console)
                 return
-            made = run(
-                specification,
-                folder.out,
-                lambda iteration, cost, violation: status.update(progress_text(iteration, cost, violation)),
-                folder.payload_table,
-            )
+            made = run(specification, folder.out, progress(), folder.payload_table)
     except ValueError as error:
         fail(f"--library: {error}")
     except GaitDesignError as error:

@@ -172,13 +172,13 @@ class Session:
         witness, healed = self._witness, time.monotonic()
         ticks, told = witness.count + NEW_TICKS, len(witness.acknowledged)
         found: dict[str, Any] = {}
-        if fault.node == "recorder" and fault.kind not in ("stop", "messages"):
-            recording = self._graph.newest_recording
-            self._graph.wait("a new recording", lambda: self._graph.recording() == recording() and self._records())
-            self._since = time.monotonic()
         if fault.node == "recorder" and fault.kind == "stop":
             turn = witness.newest
             self._graph.wait("the recorder to catch up", lambda: self._graph.recorded() >= turn)
+        elif fault.node == "recorder":
+            recording = self._graph.newest_recording
+            self._graph.wait("a new recording", lambda: self._graph.recording() == recording() and self._records())
+            self._since = time.monotonic()
         self._graph.wait("new ticks", lambda: witness.count >= ticks)
         self._graph.wait("new transitions", lambda: len(witness.acknowledged) > told)
         if fault.kind == "messages":

@@ -13,11 +13,10 @@ from rl_trainer.training import Trainer
 from rl_trainer.transitions import Transition
 
 from rabbit_bringup.recording.bag_writer import RecordingError
+from rabbit_bringup.recording.header import turn_of
 from rabbit_bringup.recording.opening import opened
 from rabbit_bringup.recording.reader import last_name
 from rabbit_bringup.recording.recover import recover
-
-EPISODE, TICK = slice(12, 16), slice(16, 20)
 
 
 @dataclass(frozen=True)
@@ -82,8 +81,4 @@ def recorded_ticks(path: Path) -> list[tuple[int, int]]:
     with opened(path) as reader:
         states = [connection for connection in reader.connections if last_name(connection.topic) == "state"]
         messages = reader.messages(states) if states else ()
-        return [(_number(data, EPISODE), _number(data, TICK)) for _, _, data in messages]
-
-
-def _number(data: bytes, place: slice) -> int:
-    return int.from_bytes(data[place], "little")
+        return [turn_of(data) for _, _, data in messages]

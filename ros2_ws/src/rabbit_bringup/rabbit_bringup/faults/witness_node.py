@@ -20,10 +20,9 @@ from rl_trainer.messages_node import transition_of
 from rl_trainer.transitions import Transition
 
 from rabbit_bringup.faults.wrong_messages_node import HEARD, wrong_message
+from rabbit_bringup.recording.header import turn_of
 
 KEPT_TICKS = 50_000
-EPISODE = slice(12, 16)  # of a RabbitState, after the CDR header and the stamp
-TICK = slice(16, 20)
 LOOK_SECONDS = 0.05
 KNOWN_SECONDS = 0.5  # until a new publisher is known to its readers
 
@@ -116,7 +115,7 @@ class Witness:
             hear(data)
 
     def _on_state(self, data: bytes) -> None:
-        turn = int.from_bytes(data[EPISODE], "little"), int.from_bytes(data[TICK], "little")
+        turn = turn_of(data)
         episode, tick = self.newest
         if turn == (episode, tick + 1) or (turn[1] == 0 and episode < turn[0] <= episode + 3):
             self.ticks.append((time.monotonic(), turn))

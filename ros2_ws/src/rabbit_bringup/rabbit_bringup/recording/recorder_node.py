@@ -17,9 +17,8 @@ from typing import Any
 
 from ament_index_python.packages import get_package_share_directory
 from pydantic import BaseModel, ConfigDict, Field
-from rabbit_description.state import TICK_SECONDS
 from rabbit_msgs.msg import Episode
-from rabbit_ros.conversions_node import is_new_simulator
+from rabbit_ros.conversions_node import TICK_NANOSECONDS, is_new_simulator
 from rabbit_ros.diagnostics_node import ERROR, OK, WARN, Diagnostics, Status
 from rabbit_ros.door import Door, Refused
 from rabbit_ros.hearing_node import decoded
@@ -33,12 +32,10 @@ from rclpy.subscription import Subscription
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 
 from rabbit_bringup.recording.bag_writer import FLUSH_SECONDS, LOST, BagWriter, RecordingError, Storage, graph_types
+from rabbit_bringup.recording.header import time_of, turn_of
 from rabbit_bringup.recording.loss import Loss
 
 IDLE_SECONDS = 0.3  # without a message, after which nothing more is on its way
-STAMP = slice(4, 12)  # after the CDR header: seconds int32, nanoseconds uint32
-EPISODE, TICK = slice(12, 16), slice(16, 20)  # of a state, uint32
-TICK_NANOSECONDS = round(TICK_SECONDS * 1e9)
 FOREVER = QosTime(9223372036, 854775807)  # as `ros2 bag` writes it
 
 
@@ -71,7 +68,7 @@ class RecorderNode(Node):
         self._sent = self._asked = 0  # when the newest message was sent; when the node was told to end; ns
         self._failure = ""
         self._state = self.resolve_topic_name("state")
-        self._turn: tuple[int, ...] = (0, 0)  # episode and tick of the newest state
+        self._newest_state = b""
         self._readers = {topic.name: self._subscribe(topic) for topic in TOPICS}
         self._diagnostics = Diagnostics(self, self._door, self._status)
         steady_timer(self, FLUSH_SECONDS, self._flush)
@@ -104,12 +101,12 @@ class RecorderNode(Node):
     def _on_bytes(self, name: str, numbered: bool, data: bytes, info: dict[str, Any]) -> None:
         self._heard, self._sent = time.monotonic(), info[SENT]
         if name == self._state:
-            self._turn = tuple(int.from_bytes(data[place], "little") for place in (EPISODE, TICK))
+            self._newest_state = data
         if self._failure:
             return
         if numbered:
             self._loss.heard(name, info[NUMBER])
-        seconds, nanoseconds = (int.from_bytes(data[i : i + 4], "little") for i in (STAMP.start, STAMP.start + 4))
+        seconds, nanoseconds = time_of(data)
         if seconds or nanoseconds:
             self._nanoseconds = self._run_began + seconds * 1_000_000_000 + nanoseconds
             self._newest = max(self._newest, self._nanoseconds)
@@ -134,7 +131,7 @@ class RecorderNode(Node):
 
     def _status(self) -> Status:
         lost = {f"lost {name}": n for name, n in self._loss.lost.items() if n}
-        figures = {"path": str(self._path), "episode, tick": "{} {}".format(*self._turn), **lost}
+        figures = {"path": str(self._path), "episode, tick": "{} {}".format(*turn_of(self._newest_state)), **lost}
         if self._failure:
             return ERROR, self._failure, figures
         absent = [t.name for t in TOPICS if t.publisher in self._own.expect and not self._is_published(t.name)]
