@@ -18,7 +18,13 @@ def read_yaml(path: Path) -> Any:
     """
     try:
         return yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (OSError, yaml.YAMLError, ValueError, OverflowError, TypeError) as error:  # not all are PyYAML's own
+    except (
+        OSError,
+        yaml.YAMLError,
+        ValueError,
+        OverflowError,
+        TypeError,
+    ) as error:  # not all are PyYAML's own
         raise YamlFileError(" ".join(str(error).split())) from error
     except RecursionError as error:
         raise YamlFileError("nested too deep") from error
