@@ -1,5 +1,6 @@
 """`rabbit jitter`: how well this machine keeps real time, as a table."""
 
+import itertools
 from collections.abc import Callable
 from datetime import datetime
 from pathlib import Path
@@ -33,6 +34,7 @@ class JitterOptions(BaseModel):
     priority: tuple[Annotated[int, Field(ge=0, le=99)], ...] = Field(
         (0,), min_length=1, description="SCHED_FIFO priority of simulator and controller, a walk for each; 0: ordinary"
     )
+    kills: int = Field(0, ge=0, le=1000, description="times the controller is killed, under each priority, a walk each")
     seed: int = Field(1, ge=0, le=2**63 - 1, description="of the first episode")
     policy: str | None = Field(None, description="zero, a shipped policy or a file")
     parameters: str = Field("ours", description="of the controller: ours, authors or a YAML file")
@@ -41,7 +43,10 @@ class JitterOptions(BaseModel):
 @app.command()
 @options(JitterOptions, ControllerParameters, SimulationParameters)
 def jitter(given: Given) -> None:
-    """Walk in real time: late ticks, missed deadlines, age of the torque. Exit code 1 if this machine is not fit."""
+    """Walk in real time: late ticks, missed deadlines, age of the torque; safe action once the controller is killed.
+
+    Exit code 1 if this machine is not fit.
+    """
     if not given.values.keys() & {"controller", "parameters"}:
         given = Given({**DEFAULTS, **given.values})
     told = given.build(JitterOptions)
@@ -58,12 +63,17 @@ def jitter(given: Given) -> None:
     cases = [experiment.Case(n, p) for n in told.neighbours for p in told.priority]
     with complaints(LaunchError, RecordingError), Console().status("starting") as status:
         try:
-            rows = experiment.jitter(assembly, folder, cases, told.minutes * 60, told.seed, status.update)
+            found = experiment.Jitter(assembly, folder, told.seed, status.update)
+            for case in cases:
+                found.walk(case, told.minutes * 60)
+            for number, priority in itertools.product(range(told.kills), told.priority):
+                found.kill(number, priority)
         except Interrupted as error:
             fail(f"stopped by {error}; what was recorded is in {folder}", code=error.code)
-    show(rows)
+    show(found.cases)
+    show_deaths(found.deaths)
     print(f"written to {folder}")
-    if any(row["late_share"] > experiment.LATE_LIMIT for row in rows):
+    if any(row["late_share"] > experiment.LATE_LIMIT for row in found.cases):
         raise typer.Exit(NOT_FIT)
 
 
@@ -76,6 +86,17 @@ def show(rows: list[dict[str, Any]]) -> None:
     for name, tell in LINES.items():
         table.add_row(name, *map(tell, rows))
     Console().print(table)
+
+
+def show_deaths(deaths: list[dict[str, Any]]) -> None:
+    """A line for each priority."""
+    for priority in dict.fromkeys(death["priority"] for death in deaths):
+        its = [death for death in deaths if death["priority"] == priority]
+        held, until = ([death[what] for death in its] for what in ("held", "until_damping_ms"))
+        print(
+            f"controller killed {len(its)} times, SCHED_FIFO {priority or 'no'}: joints damped {min(until):.1f} to "
+            f"{max(until):.1f} ms later, after {min(held)} to {max(held)} held ticks"
+        )
 
 
 LINES: dict[str, Callable[[dict[str, Any]], str]] = {

@@ -1,12 +1,14 @@
-"""Walks in real time, alone and with busy neighbours, as ordinary processes and under SCHED_FIFO.
+"""Walks in real time, alone and with busy neighbours, as ordinary processes and under SCHED_FIFO; dying controllers.
 
-FOLDER/CASE/      each walk's parameters, logs and recording
+FOLDER/CASE/                  each walk's parameters, logs and recording
+FOLDER/kill-K-priority-P/     the same of a walk whose controller is killed
 FOLDER/jitter.json
 """
 
 import contextlib
 import json
 import os
+import random
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -18,7 +20,7 @@ from rabbit_bringup.experiments import provenance
 from rabbit_bringup.experiments.assembly import Assembly
 from rabbit_bringup.experiments.timed_walk import EPISODES, walk_for
 from rabbit_bringup.experiments.timing import real_time_figures
-from rabbit_bringup.launching.walk import WalkOptions, make_graph
+from rabbit_bringup.launching.walk import Graph, WalkOptions, make_graph
 from rabbit_bringup.recording.contents import contents
 from rabbit_bringup.recording.opening import opened
 
@@ -39,38 +41,54 @@ class Case:
         return f"neighbours-{self.neighbours}-priority-{self.priority}"
 
 
-def jitter(
-    assembly: Assembly, folder: Path, cases: list[Case], seconds: float, seed: int, tell: Callable[[str], object]
-) -> list[dict[str, Any]]:
-    """Walk each case for so many s; its figures, a row a case, are kept in the folder after each.
+class Jitter:
+    """Walks of one plant and controller, under `folder`; `tell` hears how far they are. What is found is kept at once.
 
-    Raises:
+    All methods raise:
         LaunchError: a node cannot be started, ended by itself, or is not ready in time.
         Interrupted: by a signal.
     """
-    about = {"command": provenance.command(), "commit": provenance.commit(), "versions": provenance.versions()}
-    rows: list[dict[str, Any]] = []
-    for case in cases:
-        rows.append(_walk(assembly, folder / case.name, case, seconds, seed, tell))
-        (folder / "jitter.json").write_text(json.dumps({"cases": rows, "seed": seed, **about}, indent=2) + "\n")
-    return rows
 
+    def __init__(self, assembly: Assembly, folder: Path, seed: int, tell: Callable[[str], object]) -> None:
+        self._assembly, self._folder, self._seed, self._tell = assembly, folder, seed, tell
+        self.cases: list[dict[str, Any]] = []
+        self.deaths: list[dict[str, Any]] = []
 
-def _walk(
-    assembly: Assembly, folder: Path, case: Case, seconds: float, seed: int, tell: Callable[[str], object]
-) -> dict[str, Any]:
-    folder.mkdir(parents=True)
-    told = {"seed": seed, "episodes": EPISODES, "trainer": False, "real_time": True, "priority": case.priority}
-    request = WalkOptions.model_validate(told)
-    graph = make_graph(folder, request, assembly.simulation, assembly.controller, assembly.policy)
-    load = os.getloadavg()[0]
+    def walk(self, case: Case, seconds: float) -> None:
+        """Walk a case for so many s."""
+        graph, request = self._graph(case.name, case.priority)
+        load = os.getloadavg()[0]
 
-    def glance(now: Any, so_far: float) -> None:
-        tell(f"{case.name}: {so_far:.0f} of {seconds:.0f} s, episode {now.episode}")
+        def glance(now: Any, so_far: float) -> None:
+            self._tell(f"{case.name}: {so_far:.0f} of {seconds:.0f} s, episode {now.episode}")
 
-    with busy(case.neighbours):
-        walk_for(graph, request, seconds, glance)
-    return {**vars(case), "load_before": load, "load_after": os.getloadavg()[0], **figures(folder / "recording")}
+        with busy(case.neighbours):
+            walk_for(graph, request, seconds, glance)
+        found = figures(graph.folder / "recording")
+        self.cases.append({**vars(case), "load_before": load, "load_after": os.getloadavg()[0], **found})
+        self._keep()
+
+    def kill(self, number: int, priority: int) -> None:
+        """Walk until the controller is killed, and tell how soon the joints are damped."""
+        from rabbit_bringup.experiments.death_node import die
+
+        name = f"kill-{number}-priority-{priority}"
+        self._tell(name)
+        death = die(*self._graph(name, priority), random.Random(number))
+        self.deaths.append({"priority": priority, **vars(death)})
+        self._keep()
+
+    def _graph(self, name: str, priority: int) -> tuple[Graph, WalkOptions]:
+        told = {"seed": self._seed, "episodes": EPISODES, "trainer": False, "real_time": True, "priority": priority}
+        request = WalkOptions.model_validate(told)
+        (self._folder / name).mkdir(parents=True)
+        its = self._assembly
+        return make_graph(self._folder / name, request, its.simulation, its.controller, its.policy), request
+
+    def _keep(self) -> None:
+        about = {"command": provenance.command(), "commit": provenance.commit(), "versions": provenance.versions()}
+        found = {"cases": self.cases, "deaths": self.deaths, "seed": self._seed, **about}
+        (self._folder / "jitter.json").write_text(json.dumps(found, indent=2) + "\n")
 
 
 def figures(recording: Path) -> dict[str, Any]:
