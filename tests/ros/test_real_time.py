@@ -4,14 +4,19 @@ Real time is slowed down (`pace`), so that a busy machine keeps it.
 """
 
 import os
+import random
 import signal
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
+from rabbit_bringup.launching.walk import WalkOptions, make_graph
 from rabbit_description.state import TICK_SECONDS
 from rabbit_msgs.msg import Episode, Timing, TorqueCommand
 from rabbit_msgs.srv import Pause
+from rabbit_sim.parameters import SimulationParameters
+from rl_cbf_clf_controller.parameters import load_parameters
 
 PACE, HELD, DAMPED, DAMPING = 0.1, 2, 10, 10.0
 PLANT: dict[str, Any] = {"motor_lag": 0.004, "stones": 20}
@@ -87,3 +92,14 @@ def test_a_machine_that_is_not_fit_is_told_of(world: Any) -> None:
 
     world.wait(lambda: bool(complaints()))
     assert any(value.key == "late ticks" and int(value.value) > 0 for value in complaints()[0].values)
+
+
+def test_the_measure_of_a_death_kills_and_hears_the_damping(tmp_path: Path) -> None:
+    """Of `rabbit jitter --kills`; how soon it is is measured there, not here."""
+    from rabbit_bringup.experiments.death_node import die
+
+    request = WalkOptions(episodes=9, trainer=False, record="none", real_time=True, pace=PACE, namespace="death")
+    plant, controller = SimulationParameters(**PLANT), load_parameters("ours", controller="cbf-clf-qp")
+    death = die(make_graph(tmp_path, request, plant, controller, "zero"), request, random.Random(1))
+    assert death.held == HELD
+    assert 0.0 < death.until_damping_ms < death.until_simulated_ms

@@ -6,8 +6,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from rabbit_bringup.experiments.metrics import RunRow
+from rabbit_bringup.reproduce.catalogue import EXPERIMENTS
 from rabbit_bringup.reproduce.contenders import CBF_CLF, CBF_CLF_ORACLE
-from rabbit_bringup.reproduce.lines import Line
+from rabbit_bringup.reproduce.experiment import Experiment
+from rabbit_bringup.reproduce.jobs import Job
+from rabbit_bringup.reproduce.lines import FULL, Found, Line
 from rabbit_bringup.reproduce.sweep import largest, largest_text
 from rabbit_bringup.reproduce.verdict import Verdict, judge, missing
 from rabbit_bringup.reproduce.walk_table import shows
@@ -80,3 +83,21 @@ def test_a_row_that_nominal_passes_too_shows_nothing(learned: int, nominal: int,
     found: Any = type("Found", (), {"walks": lambda _, line: walks(learned if line.what == "learned" else nominal)})()
     assert shows(line, found) == said
     assert shows(beside, found) is None
+
+
+@pytest.mark.parametrize(
+    "experiment", [each for each in EXPERIMENTS if each.judged_on_rigid and each.lines()], ids=lambda each: each.name
+)
+def test_claims_on_rigid_go_by_walks_on_rigid(experiment: Experiment) -> None:
+    """Runs in PyBullet, recorded ones too, are not there."""
+
+    def get(job: Job) -> RunRow | None:
+        is_rigid = (job.kind, job.assembly.simulation.plant) == ("walk", "rigid")
+        return walks(20).rows[0] if is_rigid and job.assembly.simulation.motor_lag > 0 else None
+
+    cache: Any = type("Cache", (), {"get": staticmethod(get), "path": "-"})
+    found = Found(cache, FULL)
+    on_rigid = {claim.claim for claim in experiment.claims(found.on_rigid)}
+    assert on_rigid
+    with pytest.raises(LookupError):
+        experiment.claims(found)

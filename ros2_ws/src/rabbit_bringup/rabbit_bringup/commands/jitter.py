@@ -104,6 +104,7 @@ LINES: dict[str, Callable[[dict[str, Any]], str]] = {
     "load before": lambda row: f"{row['load_before']:.1f}",
     "ticks": lambda row: str(row["ticks"]),
     "more than 2 ms late": lambda row: f"{row['late_share']:.3%}",
+    "a process that only sleeps": lambda row: f"{row['sleeper_late_share']:.3%}",
     "late: p99, max": lambda row: f"{row['late_ms']['p99']:.2f}, {row['late_ms']['max']:.1f}",
     "answer: median, p99": lambda row: f"{row['response_ms']['p50']:.1f}, {row['response_ms']['p99']:.1f}",
     "age of the torque: p99, max": lambda row: f"{row['age_ms']['p99']:.1f}, {row['age_ms']['max']:.1f}",

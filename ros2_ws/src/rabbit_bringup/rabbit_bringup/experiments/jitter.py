@@ -18,6 +18,7 @@ from typing import Any
 
 from rabbit_bringup.experiments import provenance
 from rabbit_bringup.experiments.assembly import Assembly
+from rabbit_bringup.experiments.sleeper import sleeper
 from rabbit_bringup.experiments.timed_walk import EPISODES, walk_for
 from rabbit_bringup.experiments.timing import real_time_figures
 from rabbit_bringup.launching.walk import Graph, WalkOptions, make_graph
@@ -25,6 +26,7 @@ from rabbit_bringup.recording.contents import contents
 from rabbit_bringup.recording.opening import opened
 
 LATE_LIMIT = 0.001  # share of ticks
+CUT_OFF = "reset"  # outcome of the episode in which the time was up
 BUSY = "while True: pass"
 
 
@@ -62,10 +64,11 @@ class Jitter:
         def glance(now: Any, so_far: float) -> None:
             self._tell(f"{case.name}: {so_far:.0f} of {seconds:.0f} s, episode {now.episode}")
 
-        with busy(case.neighbours):
+        with busy(case.neighbours), sleeper(case.priority) as machine:
             walk_for(graph, request, seconds, glance)
         found = figures(graph.folder / "recording")
-        self.cases.append({**vars(case), "load_before": load, "load_after": os.getloadavg()[0], **found})
+        loads = {"load_before": load, "load_after": os.getloadavg()[0]}
+        self.cases.append({**vars(case), **loads, "sleeper_late_share": machine.late_share, **found})
         self._keep()
 
     def kill(self, number: int, priority: int) -> None:
@@ -94,7 +97,7 @@ class Jitter:
 def figures(recording: Path) -> dict[str, Any]:
     """Of one walk: timing, how its episodes ended, messages lost on the way to the recorder."""
     found = contents(recording)
-    ended = [episode.outcome for episode in found.episodes if episode.outcome]
+    ended = [episode.outcome for episode in found.episodes if episode.outcome not in ("", CUT_OFF)]
     outcomes = {outcome: ended.count(outcome) for outcome in sorted(set(ended))}
     with opened(recording) as reader:
         counts = {c.topic.split("/")[-1]: c.msgcount for c in reader.connections}

@@ -20,13 +20,15 @@ from rabbit_bringup.viewing import style
 class Experiment(ABC):
     """One figure or claim of the paper. `label` is the paper's own, in brackets, or the section's name.
 
-    One that `needs_training` is made with `--retrain` only.
+    One that `needs_training` is made with `--retrain` only. `why` tells why ours differs from the paper, where it does.
     """
 
     name: ClassVar[str]
     title: ClassVar[str]
     label: ClassVar[str]
     paper: ClassVar[str]
+    why: ClassVar[str] = ""
+    judged_on_rigid: ClassVar[bool] = False  # all claims hold of any plant's walks, but for those made on `MAIN` alone
     needs_training: ClassVar[bool] = False
 
     @abstractmethod
@@ -58,6 +60,12 @@ class Experiment(ABC):
         """Jobs with a policy file."""
         return [job for job in self.jobs(found.size) if job.assembly.policy not in ("zero", "oracle")]
 
+    def _claims(self, found: Found) -> list[Claim]:
+        """With the verdicts on the rigid plant."""
+        beside = self.claims(found.on_rigid) if self.judged_on_rigid else ()
+        verdicts = {claim.claim: claim.verdict for claim in beside}
+        return [claim.model_copy(update={"on_rigid": verdicts.get(claim.claim)}) for claim in self.claims(found)]
+
     def report(self, found: Found) -> tuple[Report, dict[str, Figure]]:
         """From results that are all there; raises `LookupError` where one is not."""
         with style.look():
@@ -67,11 +75,12 @@ class Experiment(ABC):
             title=self.title,
             label=self.label,
             paper=self.paper,
+            why=self.why,
             quick=found.size.quick,
             retrained=found.size.trained is not None,
             commit=provenance.commit(),
             policies={policy_name(job.assembly): found.policy(job.assembly) for job in self._learned(found)},
-            claims=tuple(self.claims(found)),
+            claims=tuple(self._claims(found)),
             tables=tuple(self.tables(found)),
             figures={name: caption for name, (caption, _) in figures.items()},
         )

@@ -21,10 +21,11 @@ class Column:
 
 
 MAIN = Column("PyBullet", "pybullet", EVALUATION_LAG)
+RIGID = Column("rigid", "rigid", EVALUATION_LAG)  # the paper's own kind
 COLUMNS = (
     MAIN,
     Column("PyBullet, no lag", "pybullet", 0.0),
-    Column("rigid", "rigid", EVALUATION_LAG),
+    RIGID,
     Column("rigid, no lag", "rigid", 0.0),
 )
 
@@ -81,10 +82,16 @@ class Line:
 
 @dataclass(frozen=True)
 class Found:
-    """Results that are in the cache, of runs of one size."""
+    """Results that are in the cache, of runs of one size; `column` is the plant whose walks are meant."""
 
     cache: Cache
     size: Size
+    column: Column = MAIN
+
+    @property
+    def on_rigid(self) -> "Found":
+        """The same runs on the paper's own kind of plant."""
+        return replace(self, column=RIGID)
 
     def result(self, job: Job) -> Any:
         """A run's; raises `LookupError` where it was not made."""
@@ -97,11 +104,11 @@ class Found:
         """The version of its policy, a hash of the policy's bytes."""
         return str(self.cache.identity(assembly)["policy_version"])
 
-    def walks(self, line: Line, column: Column = MAIN) -> Walks:
+    def walks(self, line: Line, column: Column | None = None) -> Walks:
         """The runs of a line on a plant."""
-        return Walks([self.result(job) for job in line.case(self.size, column).jobs])
+        return Walks([self.result(job) for job in line.case(self.size, column or self.column).jobs])
 
     def records(self, line: Line) -> WalkRecords:
-        """All ticks of a line's first run."""
+        """All ticks of a line's first run, on the main plant."""
         records: WalkRecords = self.result(line.case(self.size).records)
         return records

@@ -1,10 +1,11 @@
 """The page over all experiments of a folder: every claim with its verdict, then each experiment."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from rabbit_bringup.reproduce.report import Report, Table, read_report
+from rabbit_bringup.reproduce.verdict import Verdict
 
 PAGE = "results.md"
 HEAD = """# The paper, reproduced
@@ -20,7 +21,8 @@ FOOT = """## How to read it
 - **Cells.** Walked of runs (Wilson's 95% interval), then mean stones, on flat ground steps, before the first miss or
   fall. Means have Student's 95% interval.
 - **Columns.** Four plants: PyBullet and `rigid` (the paper's own kind: pinned foot, impact map), each with the paper's
-  motor lag of 4 ms and without. Verdicts are those of PyBullet with lag. A row's command makes its first column; add
+  motor lag of 4 ms and without. Verdicts are those of PyBullet with lag; those "on rigid" are the same claim's on
+  `rigid` with lag, from fewer runs, where these were made. A row's command makes its first column; add
   `--motor-lag 0`, `--plant rigid` or both for the others.
 - **Forces.** Ratios and ticks over the cone count from 30 ms after an impact on. `runs.csv` has a line for each row
   and column with all figures.
@@ -40,14 +42,22 @@ def write_page(out: Path, names: Sequence[str]) -> Path:
 def _overview(reports: Sequence[Report]) -> str:
     """All claims in one table, and how many came to what."""
     claims = [(report, claim) for report in reports for claim in report.claims]
-    counted = Counter(str(claim.verdict) for _, claim in claims)
-    count = ", ".join(f"{verdict} {number}" for verdict, number in counted.items())
-    rows = tuple(
-        (f"[{report.label}](#{report.name})", claim.claim, claim.paper, claim.ours, f"**{claim.verdict}**")
-        for report, claim in claims
+    both = [claim for _, claim in claims if claim.on_rigid]
+    counts = f"{len(claims)} claims: {_counted(claim.verdict for _, claim in claims)}."
+    beside = (
+        f" {len(both)} of them are also judged on `rigid`: {_counted(claim.on_rigid for claim in both)}; in PyBullet "
     )
-    table = Table(name="claims", columns=("where", "claim", "paper", "ours", "verdict"), rows=rows)
-    return f"{len(claims)} claims: {count}.\n\n{table.markdown}\n"
+    beside += f"these are: {_counted(claim.verdict for claim in both)}."
+    rows = tuple(
+        (f"[{report.label}](#{report.name})", c.claim, c.paper, c.ours, f"**{c.verdict}**", c.on_rigid)
+        for report, c in claims
+    )
+    table = Table(name="claims", columns=("where", "claim", "paper", "ours", "verdict", "on rigid"), rows=rows)
+    return f"{counts}{beside if both else ''}\n\n{table.markdown}\n"
+
+
+def _counted(verdicts: Iterable[Verdict | None]) -> str:
+    return ", ".join(f"{verdict} {number}" for verdict, number in Counter(verdicts).most_common())
 
 
 def _section(report: Report) -> str:
@@ -56,15 +66,22 @@ def _section(report: Report) -> str:
     figures = "".join(_figure(report, name, caption) for name, caption in report.figures.items())
     tables = "".join(f"{table.markdown}\n" for table in report.tables if not table.long)
     long = ", ".join(f"[{table.name}.csv]({report.name}/{table.name}.csv)" for table in report.tables)
+    commit = f"{report.commit[:12] or 'unknown'}{'+' * report.commit.endswith('+')}"
     policies = ", ".join(f"{name} `{version}`" for name, version in report.policies.items()) or "none"
     return f"""## {report.name}
 
 **{report.title}** ({report.label}). The paper: {report.paper}
 
-{figures}{tables}Data: {long}. Commit `{report.commit[:12] or "unknown"}{"+" * report.commit.endswith("+")}`, {runs}.
+{_why(report)}{figures}{tables}Data: {long}. Commit `{commit}`, {runs}.
 Policies: {policies}. `{command}` makes this section.
 
 """
+
+
+def _why(report: Report) -> str:
+    """Only where something is not as in the paper."""
+    differs = any(claim.verdict not in (Verdict.REPRODUCED, Verdict.OPEN) for claim in report.claims)
+    return f"**Where it differs.** {report.why}\n\n" if report.why and differs else ""
 
 
 def _figure(report: Report, name: str, caption: str) -> str:

@@ -20,6 +20,7 @@ class Perturbation(Experiment):
     """`field` of the plant has `value`; `what` names it in a line."""
 
     label = "sec:discussion"
+    judged_on_rigid = True
     field: ClassVar[str]
     value: ClassVar[float]
     what: ClassVar[str]

@@ -20,7 +20,7 @@ Cell = str | int | float | None
 
 
 class Claim(BaseModel):
-    """What the paper says, what we found, and what becomes of it."""
+    """What the paper says, what we found, and what becomes of it, in PyBullet and `on_rigid`."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -28,6 +28,7 @@ class Claim(BaseModel):
     paper: str
     ours: str
     verdict: Verdict
+    on_rigid: Verdict | None = None
 
 
 class Table(BaseModel):
@@ -63,6 +64,7 @@ class Report(BaseModel):
     title: str
     label: str
     paper: str
+    why: str = ""
     quick: bool
     retrained: bool
     commit: str

@@ -43,6 +43,10 @@ class ClfAssumption(Experiment):
         "The nominal CLF is assumed to be a CLF of the true plant; for high levels of uncertainty it may not be one, "
         "and the method would fail, as at scale 0.5."
     )
+    why = (
+        "A torque that meets the true CLF row exists at scale 0.5 too. What falls there is mu'mu: with the same "
+        "exact rows and an objective centred on the PD input the oracle walks (every-plant-stones)."
+    )
 
     def lines(self) -> Sequence[Line]:
         return ()

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 from rabbit_bringup.reproduce.contenders import CLF, IO_RL, L1_CLF, RL_CLF, Contender
 from rabbit_bringup.reproduce.curves import late_and_impact_ratio
-from rabbit_bringup.reproduce.lines import Found, Line
+from rabbit_bringup.reproduce.lines import MAIN, Found, Line
 from rabbit_bringup.reproduce.report import Claim
 from rabbit_bringup.reproduce.ten_steps import STEPS, TenSteps
 from rabbit_bringup.reproduce.verdict import judge
@@ -26,6 +26,14 @@ class ClfResults(TenSteps):
         "RL-CLF-QP keeps |F_T/F_N| <= 0.8 in all steps; IO-RL + CLF-QP exceeds it in the first two and "
         "needs force rows; L1-CLF-QP violates it in several steps."
     )
+    why = (
+        "Ten steps are too short a test for this gait and these gains: with eps = 0.04 and p = 10 the nominal "
+        "CLF-QP takes them at twice the mass, and of walks of a hundred steps 35 of 50 (docs/results.md); L1-CLF- "
+        "QP with a gain that is large enough takes all. RL-CLF-QP has no row for the ground's force; with the "
+        "force rows it keeps the cone. Why the paper's IO-RL + CLF-QP leaves the cone in its first two steps and "
+        "ours in none we do not know: how its walk begins is not told."
+    )
+    judged_on_rigid = True
     plant: ClassVar = {"mass_scale": 2.0}
 
     @cached_property
@@ -67,7 +75,7 @@ class ClfResults(TenSteps):
                 ours=f"{over} of {learned.total('ticks')} ticks over, largest {learned.max_ratio:.2f}",
                 verdict=judge({"never over": over == 0}),
             ),
-            self._first_steps(found),
+            *([self._first_steps(found)] if found.column is MAIN else []),
             Claim(
                 claim="L1-CLF-QP leaves the cone in several steps",
                 paper="violates it for multiple steps",

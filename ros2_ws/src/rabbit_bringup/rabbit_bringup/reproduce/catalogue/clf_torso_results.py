@@ -15,6 +15,8 @@ class ClfTorsoResults(TenSteps):
     title = "32 kg on the torso, flat ground, ten steps"
     label = "fig:clf-torso-results"
     paper = "RL-CLF-QP and IO-RL + CLF-QP walk with 32 kg on the torso (100% of the robot's mass), untrained on it."
+    why = "See payload-flat."
+    judged_on_rigid = True
     plant: ClassVar = {"payload": 32.0}
 
     def claims(self, found: Found) -> Sequence[Claim]:

@@ -74,6 +74,11 @@ class L1Sweep(Experiment):
         "L1-CLF-QP bounds the CLF by a small value if the adaptation gain is sufficiently large; at scale 2 it fails. "
         "Neither gain nor rate are given."
     )
+    why = (
+        "L1-CLF-QP falls at scale 2 where its gain is small, too slow for an error that changes with mu within a "
+        "step, or where Euler's law diverges. The paper tells neither gain nor rate; its failure may be one of "
+        "these."
+    )
 
     @cached_property
     def grid(self) -> dict[tuple[float, Setting], Line]:

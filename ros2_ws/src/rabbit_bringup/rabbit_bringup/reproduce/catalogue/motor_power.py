@@ -9,6 +9,7 @@ class MotorPower(Perturbation):
     name = "motor-power"
     title = "Motor power -15%"
     paper = "Joint friction as a loss of 15% of motor power: successful results."
+    why = "At scale 1 a loss of 15% does not stop the nominal controller either."
     field = "motor_loss"
     value = 0.15
     what = "15% less power"

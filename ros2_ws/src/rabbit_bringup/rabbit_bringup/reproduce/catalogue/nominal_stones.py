@@ -26,6 +26,7 @@ class NominalStones(Experiment):
         "With force rows it leaves the stones after 5.6 +- 4.64 steps (10 runs of 20). Without them it violates the "
         "friction cone and the unilateral normal force repeatedly."
     )
+    judged_on_rigid = True
 
     @cached_property
     def whole(self) -> Line:

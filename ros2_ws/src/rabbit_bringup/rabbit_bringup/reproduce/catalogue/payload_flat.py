@@ -20,6 +20,14 @@ class PayloadFlat(Sweep):
     title = "Largest payload, flat ground"
     label = "sec:results, Simulation 1"
     paper = "RL-CLF-QP walks with up to 72 kg on the torso (225% of the robot's mass), IO-RL + CLF-QP with up to 53 kg."
+    why = (
+        "The policies were trained at scale 2 and ask for more than a robot of scale 1 needs. RL-CLF-QP has no "
+        "row for the ground's force: in PyBullet it lifts the stance foot, without a payload too. On `rigid`, "
+        "whose stance foot is pinned, it cannot, as in the paper. IO-RL + CLF-QP adds what it has learned at "
+        "scale 2, whatever the plant. With exact estimates the QP keeps to the gait, whose orbit needs the ground "
+        "to pull under payload (docs/gaits.md)."
+    )
+    judged_on_rigid = True
     field = "payload"
     values = (0.0, 8.0, 16.0, 24.0, 32.0, 40.0, 48.0, 53.0, 56.0, 64.0, 72.0, 80.0)
     plants: ClassVar = {each: {} for each in (*FLAT, CLF_ORACLE)}

@@ -30,6 +30,7 @@ class RlCbfClfResults(Experiment):
     title = "20 stones at twice the mass"
     label = "fig:rl-cbf-clf-results"
     paper = "The foot placement is always on the stones, and the contact force never exceeds the friction limit of 0.8."
+    judged_on_rigid = True
 
     @cached_property
     def by_contender(self) -> dict[Contender, Line]:

@@ -39,6 +39,8 @@ class SmallMass(Experiment):
         "At scale 0.7, trained there, it walks indefinitely within its constraints, and the nominal controller fails "
         "after one step. At 0.5 the nominal controller lasts 0.06 s and the method fails."
     )
+    why = "With these gains the nominal controllers walk at scale 0.7, so that there is little to learn."
+    judged_on_rigid = True
 
     @cached_property
     def grid(self) -> dict[tuple[float, Contender], Line]:
@@ -63,7 +65,7 @@ class SmallMass(Experiment):
         """The learned controllers, and the nominal ones."""
         walks = {key: found.walks(line) for key, line in self.grid.items()}
         return [
-            self._trained(found, walks),
+            *([self._trained(found, walks)] if found.column is MAIN else []),
             *(self._at_once(terrain, walks) for terrain in WHO),
             self._half(walks),
             *(self._untrained(terrain, scale, walks) for scale in SCALES for terrain in WHO),
