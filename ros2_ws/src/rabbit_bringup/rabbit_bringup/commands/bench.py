@@ -26,7 +26,7 @@ class BenchOptions(BaseModel):
     parameters: str = Field("ours", description="of the controller: ours, authors or a YAML file")
     nodes: bool = Field(True, description="also walk through the nodes, where there is ROS")
     view_pairs: int = Field(
-        0, ge=0, le=100, description="pairs of walks without and with a live view, through the nodes"
+        0, ge=0, le=100, description="pairs of walks without and with a live view, through the nodes, and its start"
     )
 
 
@@ -80,3 +80,5 @@ def show(figures: dict[str, Any]) -> None:
         for name, costs in (("wall clock", view["costs"]), ("CPU time of simulator and controller", view["costs_cpu"])):
             told = ", ".join(f"{cost:.1%}" for cost in costs)
             print(f"live view, {name}: takes {told} of the rate; limit {view['limit']:.0%}")
+        told = ", ".join(f"{seconds:.2f}" for seconds in view["start_seconds"])
+        print(f"live view: {told} s from its start to a client's first message; limit {view['start_limit']:g} s")

@@ -1,13 +1,18 @@
-"""What the live view costs: the same walk through the nodes without and with a viewer that a client watches, in pairs.
+"""What the live view costs, and how soon it is there.
+
+The cost: the same walk through the nodes without and with a viewer that a client watches, in pairs.
 
 By the wall clock, and by the processor time that simulator and controller, who alternate in lock-step, need for a tick:
 the viewer itself has another core, and other work on the machine does not count. The two walks of a pair follow each
 other, every other pair in the other order, since the machine's speed drifts.
+
+The start: beside a graph that walks in real time's pace, from the viewer's start until a client has a first message.
 """
 
 import contextlib
 import multiprocessing
 import statistics
+import time
 from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -17,6 +22,8 @@ from rabbit_description.state import TICK_SECONDS
 
 from rabbit_bringup.experiments.assembly import Assembly
 from rabbit_bringup.experiments.node_usage import node_processes, usage
+from rabbit_bringup.experiments.timed_walk import TimeIsUp
+from rabbit_bringup.launching.processes import Processes
 from rabbit_bringup.launching.walk import WalkOptions, make_graph, run_graph
 from rabbit_bringup.viewing.live.listen import Listener
 
@@ -24,6 +31,9 @@ EPISODES = 3  # of a walk
 PORT = 8766  # not the default one: somebody may be looking there
 READY_SECONDS = 60.0
 COST_LIMIT = 0.10
+START_LIMIT = 1.0  # s
+STARTS = 5
+EARLIEST = 20  # ticks walked before a viewer is started
 WALKERS = ("simulator", "controller")
 
 
@@ -72,6 +82,8 @@ def bench_view(assembly: Assembly, seed: int, pairs: int) -> dict[str, Any]:
         "cost": statistics.median(costs),
         "cost_cpu": statistics.median(costs_cpu),
         "limit": COST_LIMIT,
+        "start_seconds": [_start(assembly, seed) for _ in range(STARTS)],
+        "start_limit": START_LIMIT,
     }
 
 
@@ -100,6 +112,33 @@ def _walk(assembly: Assembly, seed: int, view: bool) -> Walk:
         client.join()
     walk.ticks, walk.messages = sum(int(episode.tick) for episode in ended), heard.value
     return walk
+
+
+def _start(assembly: Assembly, seed: int) -> float:
+    told = {"seed": seed, "trainer": False, "record": "none", "pace": 1.0, "view": True, "view_port": PORT}
+    options = WalkOptions.model_validate(told)
+    seconds: list[float] = []
+    with TemporaryDirectory() as folder:
+        graph = make_graph(Path(folder), options, assembly.simulation, assembly.controller, assembly.policy)
+        viewer = graph.nodes.pop("viewer")
+
+        def look(now: Any) -> None:
+            if now.ticks < EARLIEST:
+                return
+            processes, began = Processes(Path(folder) / "viewer"), time.monotonic()
+            try:
+                processes.start(viewer)
+                with Listener(f"ws://127.0.0.1:{PORT}", READY_SECONDS) as listener:
+                    while listener.hear(0.1) is None:
+                        processes.check()
+                seconds.append(time.monotonic() - began)
+            finally:
+                processes.stop()
+            raise TimeIsUp
+
+        with contextlib.suppress(TimeIsUp):
+            run_graph(graph, options, look)
+    return seconds[0]
 
 
 def cpu_seconds(folder: Path, names: list[str]) -> dict[str, float]:
