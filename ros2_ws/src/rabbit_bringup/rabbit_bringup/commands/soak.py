@@ -94,9 +94,13 @@ def show(figures: dict[str, Any]) -> None:
         pairs = [" to ".join(f"{value:.{digits}f}" for value in node[what]) for what, digits in COLUMNS]
         table.add_row(name, pairs[0], f"{node['growth']:+.1%}", *pairs[1:])
     Console().print(table)
-    rate, cpu = (" to ".join(f"{value:.{n}f}" for value in figures[w]) for w, n in RATES)
+    first, last = figures["ticks_per_second"]
+    drift, low, high = figures["cpu_drift"]
     print(f"{figures['ticks']} ticks, {figures['episodes']} episodes; load {figures['load'][1]:.1f}")
-    print(f"{rate} ticks/s; simulator and controller {cpu} ms of processor time a tick")
+    print(
+        f"{first:.1f} to {last:.1f} ticks/s; simulator and controller {figures['cpu_ms_per_tick']:.2f} ms of processor"
+    )
+    print(f"time a tick, drift over the whole {drift:+.1%} ({low:+.1%} to {high:+.1%})")
     print(
         f"{figures['policies_put_in_force']} policies put in force, {figures['ticks_not_recorded']} ticks not recorded"
     )
@@ -105,4 +109,3 @@ def show(figures: dict[str, Any]) -> None:
 
 
 COLUMNS = (("memory_mb", 1), ("descriptors", 0), ("threads", 0))
-RATES = (("ticks_per_second", 1), ("cpu_ms_per_tick", 3))
