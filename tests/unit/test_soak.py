@@ -1,5 +1,6 @@
 """Does a soak find what grows, leaks or slows down, and only that?"""
 
+import json
 from typing import Any
 
 import numpy as np
@@ -28,6 +29,7 @@ def test_a_steady_hour_keeps_every_bar() -> None:
     assert figures["cpu_ms_per_tick"] == pytest.approx(2.0, rel=0.02)
     drift, low, high = figures["cpu_drift"]
     assert low <= drift <= high
+    assert json.loads(json.dumps(figures)) == figures
 
 
 def test_a_start_that_takes_memory_does_not_count() -> None:

@@ -147,7 +147,7 @@ def _processor_time(samples: Samples) -> tuple[float, list[float]]:
     middles = (seconds[1:] + seconds[:-1])[walked] / 2
     slope, _, low, high = theilslopes(per_tick, middles, 0.95)
     median = float(np.median(per_tick))
-    return median, [float(value) * (seconds[-1] - seconds[0]) / median for value in (slope, low, high)]
+    return median, [float(value * (seconds[-1] - seconds[0]) / median) for value in (slope, low, high)]
 
 
 def _slope(x: NDArray[np.float64], y: NDArray[np.float64], part: NDArray[np.bool_]) -> float:
