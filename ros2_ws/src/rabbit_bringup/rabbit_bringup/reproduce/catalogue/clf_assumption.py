@@ -44,8 +44,9 @@ class ClfAssumption(Experiment):
         "and the method would fail, as at scale 0.5."
     )
     why = (
-        "A torque that meets the true CLF row exists at scale 0.5 too. What falls there is mu'mu: with the same "
-        "exact rows and an objective centred on the PD input the oracle walks (every-plant-stones)."
+        "A torque that meets the true CLF row exists at scale 0.5 too. What falls there is this gait: on the "
+        "library paper_stones the same exact rows walk nearly all courses, and all with an objective centred on "
+        "the PD input (every-plant-stones)."
     )
 
     def lines(self) -> Sequence[Line]:
