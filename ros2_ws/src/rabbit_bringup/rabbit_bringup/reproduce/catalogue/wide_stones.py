@@ -110,7 +110,7 @@ class WideStones(Experiment):
             index, l = walks[key].landings[:, 0], walks[key].landings[:, 2]  # noqa: E741
             axes.plot(index, l, marker, color=colour, label=name, markersize=5, fillstyle="none", linestyle="none")
         style.limit(axes, load_gait(SINGLE).step_length, "single gait's step length")
-        axes.set(xlabel="stone (1)", ylabel="$l$ from the stance foot (m)", ylim=(0.2, 0.6))
+        axes.set(xlabel="stone", ylabel="$l$ from the stance foot (m)", ylim=(0.2, 0.6))
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
         style.legend(axes, columns=3)
         return figure
