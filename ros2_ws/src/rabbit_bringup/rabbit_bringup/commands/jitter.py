@@ -14,7 +14,6 @@ from rl_cbf_clf_controller.parameters import ControllerParameters
 from rabbit_bringup.commands.evaluate import given_assembly
 from rabbit_bringup.commands.options import Given, complaints, fail, options
 from rabbit_bringup.commands.walk import DEFAULTS, new_folder
-from rabbit_bringup.launching.cores import SHARED, Core
 from rabbit_bringup.launching.walk import Interrupted
 
 NOT_FIT = 1
@@ -36,7 +35,6 @@ class JitterOptions(BaseModel):
         (0,), min_length=1, description="SCHED_FIFO priority of simulator and controller, a walk for each; 0: ordinary"
     )
     kills: int = Field(0, ge=0, le=1000, description="times the controller is killed, under each priority, a walk each")
-    core: Core = SHARED
     seed: int = Field(1, ge=0, le=2**63 - 1, description="of the first episode")
     policy: str | None = Field(None, description="zero, a shipped policy or a file")
     parameters: str = Field("ours", description="of the controller: ours, authors or a YAML file")
@@ -65,7 +63,7 @@ def jitter(given: Given) -> None:
     cases = [experiment.Case(n, p) for n in told.neighbours for p in told.priority]
     with complaints(LaunchError, RecordingError), Console().status("starting") as status:
         try:
-            found = experiment.Jitter(assembly, folder, told.seed, told.core, status.update)
+            found = experiment.Jitter(assembly, folder, told.seed, status.update)
             for case in cases:
                 found.walk(case, told.minutes * 60)
             for number, priority in itertools.product(range(told.kills), told.priority):

@@ -51,9 +51,8 @@ class Jitter:
         Interrupted: by a signal.
     """
 
-    def __init__(self, assembly: Assembly, folder: Path, seed: int, core: int, tell: Callable[[str], object]) -> None:
-        self._assembly, self._folder, self._tell = assembly, folder, tell
-        self._told = {"seed": seed, "episodes": EPISODES, "trainer": False, "real_time": True, "core": core}
+    def __init__(self, assembly: Assembly, folder: Path, seed: int, tell: Callable[[str], object]) -> None:
+        self._assembly, self._folder, self._seed, self._tell = assembly, folder, seed, tell
         self.cases: list[dict[str, Any]] = []
         self.deaths: list[dict[str, Any]] = []
 
@@ -83,14 +82,15 @@ class Jitter:
         self._keep()
 
     def _graph(self, name: str, priority: int) -> tuple[Graph, WalkOptions]:
-        request = WalkOptions.model_validate({**self._told, "priority": priority})
+        told = {"seed": self._seed, "episodes": EPISODES, "trainer": False, "real_time": True, "priority": priority}
+        request = WalkOptions.model_validate(told)
         (self._folder / name).mkdir(parents=True)
         its = self._assembly
         return make_graph(self._folder / name, request, its.simulation, its.controller, its.policy), request
 
     def _keep(self) -> None:
         about = {"command": provenance.command(), "commit": provenance.commit(), "versions": provenance.versions()}
-        found = {"cases": self.cases, "deaths": self.deaths, "told": self._told, **about}
+        found = {"cases": self.cases, "deaths": self.deaths, "seed": self._seed, **about}
         (self._folder / "jitter.json").write_text(json.dumps(found, indent=2) + "\n")
 
 

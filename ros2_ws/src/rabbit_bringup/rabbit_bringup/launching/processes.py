@@ -11,7 +11,6 @@ import subprocess
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 
 from rabbit_bringup.launching.executables import LaunchError, find_executable
@@ -25,12 +24,11 @@ _libc = ctypes.CDLL(None)
 
 @dataclass(frozen=True)
 class NodeSpec:
-    """A node to start; `cores`: the processors that it may use, all that the launcher may where there are none."""
+    """A node to start."""
 
     package: str
     executable: str
     arguments: tuple[str, ...] = ()
-    cores: frozenset[int] = frozenset()
 
 
 class Processes:
@@ -47,12 +45,7 @@ class Processes:
         command = [str(find_executable(node.package, node.executable)), *node.arguments]
         with (self._logs / f"{node.executable}.log").open("ab") as log:
             self._running[node.executable] = subprocess.Popen(
-                command,
-                stdin=subprocess.DEVNULL,
-                stdout=log,
-                stderr=log,
-                start_new_session=True,
-                preexec_fn=partial(_follow, node.cores),
+                command, stdin=subprocess.DEVNULL, stdout=log, stderr=log, start_new_session=True, preexec_fn=_follow
             )
 
     def check(self) -> None:
@@ -104,8 +97,6 @@ def _how(code: int) -> str:
     return f"signal {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"
 
 
-def _follow(cores: frozenset[int]) -> None:
-    """In the child: end when the launcher dies, keep to the node's processors."""
+def _follow() -> None:
+    """In the child: end when the launcher dies."""
     _libc.prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
-    if cores:
-        os.sched_setaffinity(0, cores)

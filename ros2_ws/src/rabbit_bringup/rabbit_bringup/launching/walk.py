@@ -20,7 +20,6 @@ from pydantic import BaseModel, ConfigDict, Field
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
-from rabbit_bringup.launching.cores import SHARED, Core, cores_of, keeping_to
 from rabbit_bringup.launching.executables import NAMESPACE, LaunchError
 from rabbit_bringup.launching.parameter_file import write_parameters
 from rabbit_bringup.launching.processes import NodeSpec, Processes
@@ -57,7 +56,6 @@ class WalkOptions(BaseModel):
         le=99,
         description="SCHED_FIFO priority of simulator and controller, where permitted; of the others 10 less; 0: none",
     )
-    core: Core = SHARED
     pace: float | None = Field(
         None, ge=0, le=100, description="lock-step: times real time at most; 0: no limit (default: 0; with --view 1)"
     )
@@ -122,13 +120,7 @@ def make_graph(
     remaps = ["-r", "/clock:=clock", "-r", f"__ns:=/{options.namespace.strip('/')}", "--log-level", "warn"]
     arguments = ("--ros-args", "--params-file", str(folder / "parameters.yaml"), *remaps, "--enclave")
     nodes = {
-        name: NodeSpec(
-            packages.get(name, "rabbit_bringup"),
-            name,
-            (*arguments, f"/rabbit/{name}"),
-            cores_of(options.core, name in ("simulator", "controller")),
-        )
-        for name in wanted
+        name: NodeSpec(packages.get(name, "rabbit_bringup"), name, (*arguments, f"/rabbit/{name}")) for name in wanted
     }
     return Graph(folder, options.namespace, nodes, {name: told[name] for name in wanted})
 
@@ -147,7 +139,7 @@ def run_graph(graph: Graph, options: WalkOptions, show: Callable[[Any], None]) -
         os.environ.setdefault(name, "1")
     from rabbit_bringup.launching.priority_node import listening_to
 
-    with _signals_raise(), listening_to(options.priority), keeping_to(cores_of(options.core, False)):
+    with _signals_raise(), listening_to(options.priority):
         processes = Processes(graph.folder / "log")
         watch = None
         try:
