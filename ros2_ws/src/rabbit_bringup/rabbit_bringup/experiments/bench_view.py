@@ -22,7 +22,7 @@ from rabbit_description.state import TICK_SECONDS
 
 from rabbit_bringup.experiments.assembly import Assembly
 from rabbit_bringup.experiments.node_usage import node_processes, usage
-from rabbit_bringup.experiments.timed_walk import TimeIsUp
+from rabbit_bringup.experiments.timed_walk import do_once
 from rabbit_bringup.launching.processes import Processes
 from rabbit_bringup.launching.walk import WalkOptions, make_graph, run_graph
 from rabbit_bringup.viewing.live.listen import Listener
@@ -117,28 +117,22 @@ def _walk(assembly: Assembly, seed: int, view: bool) -> Walk:
 def _start(assembly: Assembly, seed: int) -> float:
     told = {"seed": seed, "trainer": False, "record": "none", "pace": 1.0, "view": True, "view_port": PORT}
     options = WalkOptions.model_validate(told)
-    seconds: list[float] = []
     with TemporaryDirectory() as folder:
         graph = make_graph(Path(folder), options, assembly.simulation, assembly.controller, assembly.policy)
         viewer = graph.nodes.pop("viewer")
 
-        def look(now: Any) -> None:
-            if now.ticks < EARLIEST:
-                return
+        def look() -> float:
             processes, began = Processes(Path(folder) / "viewer"), time.monotonic()
             try:
                 processes.start(viewer)
                 with Listener(f"ws://127.0.0.1:{PORT}", READY_SECONDS) as listener:
                     while listener.hear(0.1) is None:
                         processes.check()
-                seconds.append(time.monotonic() - began)
+                return time.monotonic() - began
             finally:
                 processes.stop()
-            raise TimeIsUp
 
-        with contextlib.suppress(TimeIsUp):
-            run_graph(graph, options, look)
-    return seconds[0]
+        return do_once(graph, options, EARLIEST, look)
 
 
 def cpu_seconds(folder: Path, names: list[str]) -> dict[str, float]:

@@ -13,7 +13,6 @@ import signal
 import time
 from dataclasses import dataclass
 from itertools import takewhile
-from typing import Any
 
 import rclpy
 from rabbit_description.state import TICK_SECONDS
@@ -24,9 +23,9 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 
 from rabbit_bringup.experiments.node_usage import node_processes
-from rabbit_bringup.experiments.timed_walk import TimeIsUp
+from rabbit_bringup.experiments.timed_walk import do_once
 from rabbit_bringup.launching.executables import LaunchError
-from rabbit_bringup.launching.walk import Graph, WalkOptions, run_graph
+from rabbit_bringup.launching.walk import Graph, WalkOptions
 
 EARLIEST = 50  # ticks walked before the kill
 PATIENCE = 10.0  # s from the kill to the first damped tick
@@ -48,21 +47,11 @@ def die(graph: Graph, request: WalkOptions, rng: random.Random) -> Death:
         LaunchError: a node cannot be started or is not ready in time, or the joints are not damped.
         Interrupted: by a signal.
     """
-    deaths: list[Death] = []
     ear = Ear(graph.namespace)
-
-    def look(now: Any) -> None:
-        if now.ticks >= EARLIEST:
-            deaths.append(_kill(graph, ear, rng))
-            raise TimeIsUp
-
     try:
-        run_graph(graph, request, look)
-    except TimeIsUp:
-        return deaths[0]
+        return do_once(graph, request, EARLIEST, lambda: _kill(graph, ear, rng))
     finally:
         ear.close()
-    raise LaunchError("all episodes ended before the controller was killed")
 
 
 def _kill(graph: Graph, ear: "Ear", rng: random.Random) -> Death:

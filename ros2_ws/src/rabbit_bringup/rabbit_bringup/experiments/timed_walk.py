@@ -1,10 +1,13 @@
-"""A walk through the nodes that ends when its time is up, in whatever episode it is."""
+"""Walks through the nodes that end in whatever episode they are: when the time is up, or something has been done."""
 
 import time
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeVar
 
+from rabbit_bringup.launching.executables import LaunchError
 from rabbit_bringup.launching.walk import Graph, WalkOptions, run_graph
+
+Done = TypeVar("Done")
 
 EPISODES = 10_000  # more than there is time for
 
@@ -33,3 +36,23 @@ def walk_for(graph: Graph, request: WalkOptions, seconds: float, glance: Callabl
         run_graph(graph, request, look)
     except TimeIsUp:
         return
+
+
+def do_once(graph: Graph, request: WalkOptions, ticks: int, act: Callable[[], Done]) -> Done:
+    """Walk so many ticks at least, then do something while the nodes go on; returns its result.
+
+    Raises:
+        LaunchError: as `walk_for`, or all episodes ended before.
+    """
+    done: list[Done] = []
+
+    def look(now: Any) -> None:
+        if now.ticks >= ticks:
+            done.append(act())
+            raise TimeIsUp
+
+    try:
+        run_graph(graph, request, look)
+    except TimeIsUp:
+        return done[0]
+    raise LaunchError(f"all episodes ended before {ticks} ticks")
