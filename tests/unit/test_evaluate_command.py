@@ -147,9 +147,10 @@ def test_a_bad_value_ends_in_one_line(tmp_path: Path, words: tuple[object, ...],
 
 def test_a_policy_for_another_problem_is_refused(tmp_path: Path) -> None:
     file = zero_policy_file(tmp_path / "zeros.safetensors")
-    done = evaluate(tmp_path / "out", "--controller", "rl-clf-qp", "--policy", file)
+    done = evaluate(tmp_path / "out", "--controller", "io-rl-clf-qp", "--policy", file)
     assert done.exit_code == 2
-    assert "rl-cbf-clf-qp" in done.stderr
+    for text in (str(file), "trained for rl-cbf-clf-qp", "needs io-rl-clf-qp"):
+        assert text in done.stderr
 
 
 def test_without_a_folder_nothing_is_done() -> None:

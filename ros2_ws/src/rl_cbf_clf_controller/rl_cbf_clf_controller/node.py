@@ -13,7 +13,7 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 from rabbit_description.gait import GaitError
-from rabbit_description.gait_library import load_gaits
+from rabbit_description.gait_library import Gaits, load_gaits
 from rabbit_msgs.msg import ControllerSettings, ControllerState, Episode, PolicySwap, RabbitState, TorqueCommand
 from rabbit_msgs.msg import StonePreview as PreviewMessage
 from rabbit_ros.conversions_node import check_episode, is_new_simulator, preview_of, state_of
@@ -33,7 +33,6 @@ from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import ZeroPolicy
 from rl_cbf_clf_controller.policy_intake_node import Decided, PolicyIntake, check
 from rl_cbf_clf_controller.previews_node import Previews
-from rl_cbf_clf_controller.uncertainty import Problem
 from rl_cbf_clf_controller.weights import PolicyFileError, policy_path
 
 ZERO = "zero"
@@ -60,17 +59,15 @@ class ControllerNode(Node):
         self._settings = declare(self, ControllerParameters, dynamic=("sigma",))
         refuse_unknown(self)
         take_or_warn(self, self._own.priority)
+        self._gait = load_gaits(self._settings.gait)
         problem = self._settings.problem
         self._zero = Decided(ZERO, "built in", False, ZeroPolicy(problem))
         self._in_force = (
-            self._zero
-            if self._own.policy == ZERO
-            else first_policy(self._own.policy, problem, self._settings.adaptation)
+            self._zero if self._own.policy == ZERO else first_policy(self._own.policy, self._settings, self._gait)
         )
         self._waiting: Decided | None = None  # the newest policy that is not in force yet
         self._refused: dict[str, str] = {}  # version to reason
         self._decided: deque[Decided] = deque()  # from the other thread
-        self._gait = load_gaits(self._settings.gait)
         self._controller = Controller(self._settings, self._gait, self._in_force.policy or ZeroPolicy(problem))
         self._door = Door()
         self._episode = Episode(sigma=math.nan)
@@ -96,7 +93,7 @@ class ControllerNode(Node):
         self._diagnostics = Diagnostics(self, self._door, self._status)
         self._tell_swap(self._in_force)
         self._tell_settings()
-        self._intake = PolicyIntake(self._settings.problem, self._settings.adaptation, self._on_decided)
+        self._intake = PolicyIntake(self._settings, self._gait, self._on_decided)
 
     # What comes in
 
@@ -299,10 +296,10 @@ class ControllerNode(Node):
         return OK, f"episode {self._turn[0]}", figures
 
 
-def first_policy(name: str, problem: Problem, adaptation: str) -> Decided:
+def first_policy(name: str, law: ControllerParameters, gaits: Gaits) -> Decided:
     """The shipped policy of this name, or the file; raises `PolicyFileError`."""
     try:
-        decided = check(policy_path(name).read_bytes(), name, problem, adaptation)
+        decided = check(policy_path(name).read_bytes(), name, law, gaits)
     except OSError as error:
         raise PolicyFileError(f"policy {name}: neither a shipped one nor a file: {error.strerror}") from error
     if decided.policy is None:

@@ -10,6 +10,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+from rabbit_description.gait_library import Gaits
 from rabbit_msgs.msg import PolicyWeights
 from rabbit_msgs.srv import LoadPolicy
 from rabbit_ros.door import Refused
@@ -19,9 +20,10 @@ from rabbit_ros.qos_node import WEIGHTS
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 
-from rl_cbf_clf_controller.policy import ActorPolicy, Policy
-from rl_cbf_clf_controller.uncertainty import Problem
-from rl_cbf_clf_controller.weights import PolicyFileError, check_adaptation, decode
+from rl_cbf_clf_controller.fitting import fitted
+from rl_cbf_clf_controller.parameters import ControllerParameters
+from rl_cbf_clf_controller.policy import Policy
+from rl_cbf_clf_controller.weights import PolicyFileError, decode
 
 MOST_BYTES = 100_000_000  # of a policy file; the shipped ones have half a million
 
@@ -41,9 +43,9 @@ class Decided:
 class PolicyIntake(Node):
     """Receives, checks and hands over policies."""
 
-    def __init__(self, problem: Problem, adaptation: str, decided: Callable[[Decided], None]) -> None:
+    def __init__(self, law: ControllerParameters, gaits: Gaits, decided: Callable[[Decided], None]) -> None:
         super().__init__("controller_policies", start_parameter_services=False, enable_rosout=False)
-        self._needs, self._decided = (problem, adaptation), decided
+        self._needs, self._decided = (law, gaits), decided
         hear(self, PolicyWeights, "policy", self._on_weights, WEIGHTS, self._refuse)
         self.create_service(LoadPolicy, "load_policy", self._on_load)
         self._executor = SingleThreadedExecutor()
@@ -92,10 +94,10 @@ def _content(path: Path) -> bytes:
     return path.read_bytes()
 
 
-def check(data: bytes, source: str, problem: Problem, adaptation: str, by_operator: bool = False) -> Decided:
-    """Decode a policy; never raises."""
+def check(data: bytes, source: str, law: ControllerParameters, gaits: Gaits, by_operator: bool = False) -> Decided:
+    """Decode a policy and fit it to the controller; never raises."""
     try:
-        policy = ActorPolicy(check_adaptation(decode(data, problem), adaptation))
+        policy = fitted(decode(data), law, gaits)
     except PolicyFileError as error:
         return Decided("", source, by_operator, None, str(error))
     return Decided(policy.version, source, by_operator, policy, "", data)

@@ -142,14 +142,6 @@ class PolicyFile:
             raise
 
 
-def check_adaptation(policy: PolicyFile, adaptation: str) -> PolicyFile:
-    """The policy, if it adds to this adaptation; raises `PolicyFileError` where it was trained beside another."""
-    own = policy.metadata.adaptation or "none"
-    if own != adaptation:
-        raise PolicyFileError(f"policy: it was trained with adaptation {own}; this controller has {adaptation}")
-    return policy
-
-
 def decode(data: bytes, problem: Problem | None = None) -> PolicyFile:
     """Check and read a policy.
 

@@ -5,17 +5,17 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from rabbit_description.gait import Gait
 from rabbit_description.gait_library import load_gaits
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.robot_urdf import perturbed_urdf
 from rabbit_sim.simulation import Simulation
 from rl_cbf_clf_controller.controller import Controller
+from rl_cbf_clf_controller.fitting import fitted
 from rl_cbf_clf_controller.oracle import OraclePolicy
 from rl_cbf_clf_controller.parameters import ControllerParameters
-from rl_cbf_clf_controller.policy import ActorPolicy, PartlyNominal, Policy, ZeroPolicy
-from rl_cbf_clf_controller.uncertainty import STEP_LENGTH, Problem
-from rl_cbf_clf_controller.weights import SHIPPED, PolicyFile, check_adaptation, policy_path, read
+from rl_cbf_clf_controller.policy import PartlyNominal, Policy, ZeroPolicy
+from rl_cbf_clf_controller.uncertainty import Problem
+from rl_cbf_clf_controller.weights import SHIPPED, PolicyFile, PolicyFileError, policy_path, read
 
 EVALUATION_LAG = 0.004  # s, of the motors in evaluation, as in the paper
 UNWALKED: Any = {"metadata": True, "gaits": {"__all__": {"metadata"}}}  # what of gaits does not decide a walk
@@ -75,11 +75,10 @@ class Assembly:
             return ZeroPolicy(self.controller.problem)
         if self.policy == "oracle":
             return self._oracle()
-        file = _policy_file(self.policy, self.controller)
-        single = isinstance(load_gaits(self.controller.gait), Gait)
-        if single and STEP_LENGTH in file.metadata.observation:
-            raise AssemblyError("gait", f"{self.controller.gait}: expected a gait library, the policy reads its length")
-        return ActorPolicy(file)
+        try:
+            return fitted(_policy_file(self.policy), self.controller, load_gaits(self.controller.gait))
+        except PolicyFileError as error:
+            raise PolicyFileError(f"{self.policy}: {error}") from error
 
     def _oracle(self) -> OraclePolicy:
         plant = self.simulation
@@ -112,5 +111,5 @@ def shipped_policies() -> list[str]:
 
 
 @lru_cache(maxsize=1)
-def _policy_file(path: str, controller: ControllerParameters) -> PolicyFile:
-    return check_adaptation(read(Path(path), controller.problem), controller.adaptation)
+def _policy_file(path: str) -> PolicyFile:
+    return read(Path(path))

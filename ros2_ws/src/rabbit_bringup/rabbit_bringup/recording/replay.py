@@ -7,8 +7,9 @@ import numpy as np
 from rabbit_description.gait_library import load_gaits
 from rabbit_description.state import Array
 from rl_cbf_clf_controller.controller import Controller
+from rl_cbf_clf_controller.fitting import fitted
 from rl_cbf_clf_controller.parameters import ControllerParameters
-from rl_cbf_clf_controller.policy import ActorPolicy, Policy, ZeroPolicy
+from rl_cbf_clf_controller.policy import ZeroPolicy
 from rl_cbf_clf_controller.weights import decode
 
 from rabbit_bringup.recording.reader import RecordedEpisode, RecordedSettings
@@ -28,14 +29,13 @@ def replay(episode: RecordedEpisode, law: ControllerParameters | None = None) ->
         settings = episode.settings
     laws = {each.tick: with_noise(each.parameters, episode.sigma) for each in settings}
     swaps = {swap.tick: swap for swap in episode.swaps}
-    problem = laws[0].problem
-    controller = Controller(laws[0], settings[0].gait, ZeroPolicy(problem))
+    gait, zero = settings[0].gait, ZeroPolicy(laws[0].problem)
+    controller = Controller(laws[0], gait, zero)
     controller.reset(episode.seed)
     for record in episode.records:
         controller.parameters = laws.get(record.state.tick, controller.parameters)
         if (swap := swaps.get(record.state.tick)) is not None:
-            policy: Policy = ActorPolicy(decode(swap.data, problem)) if swap.data else ZeroPolicy(problem)
-            controller.policy = policy
+            controller.policy = fitted(decode(swap.data), laws[0], gait) if swap.data else zero
         yield controller.step(record.state).torque
 
 

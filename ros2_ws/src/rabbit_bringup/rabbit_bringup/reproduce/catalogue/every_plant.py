@@ -21,7 +21,7 @@ GAIT = {"gait": "stones_0350_084"}
 MARGIN = {"stone_margin": 0.01}
 PD = {"objective": "pd_centred"}
 IDENTIFIED = {"adaptation": "identification"}
-RUNS = Runs(10, 1)  # there are 220 and 180 cells
+RUNS = Runs(10, 1)  # there are 220 cells on each terrain
 SEED = 50003  # 50001 and 50002 were looked at when margin and gaits were chosen
 
 
@@ -162,7 +162,7 @@ class EveryPlantFlat(EveryPlant):
     title = "Every plant, flat ground"
     terrain = "steps"
     gait = GAIT["gait"]
-    ours = _row("identified, PD-centred", "rl-clf-qp", "zero", GAIT, IDENTIFIED, PD)
+    ours = _row("identified + universal, PD-centred", "rl-clf-qp", "universal", GAIT, IDENTIFIED, PD)
     rows = (
         _row("nominal, mu'mu", "clf-qp", "zero", GAIT),
         _row("nominal, PD-centred", "clf-qp", "zero", GAIT, PD),
@@ -170,6 +170,8 @@ class EveryPlantFlat(EveryPlant):
         _row("policy of scale 2, mu'mu", "rl-clf-qp", "rl-clf-qp"),
         _row("policy of scale 2, PD-centred", "rl-clf-qp", "rl-clf-qp", PD),
         _row("identified, mu'mu", "rl-clf-qp", "zero", GAIT, IDENTIFIED),
+        _row("identified, PD-centred", "rl-clf-qp", "zero", GAIT, IDENTIFIED, PD),
+        _row("identified + universal, mu'mu", "rl-clf-qp", "universal", GAIT, IDENTIFIED),
         ours,
         _row("oracle, mu'mu", "rl-clf-qp", "oracle", GAIT),
         _row("oracle, PD-centred", "rl-clf-qp", "oracle", GAIT, PD),
