@@ -1,11 +1,10 @@
 """The viewer: hears a graph, shows its newest tick some times a second. It asks nothing of the nodes that walk.
 
-Ticks are heard as bytes with best effort and looked at only when a picture is due and somebody watches, so that a walk
-is hardly slower for it. A viewer may come late, and stay while graphs come and go.
+Ticks are heard as bytes with best effort, taken when a picture is due and looked at if somebody watches, so that a walk is
+hardly slower for it. A viewer may come late, and stay while graphs come and go.
 """
 
 import time
-from functools import partial
 from typing import Any
 
 from rabbit_msgs import msg
@@ -16,18 +15,17 @@ from rabbit_ros.parameters_node import declare, refuse_unknown
 from rabbit_ros.qos_node import EVENT
 from rabbit_ros.spin_node import run, steady_timer
 from rclpy.node import Node
-from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 
 from rabbit_bringup.viewing.live.gather import Gather
 from rabbit_bringup.viewing.live.limits_node import LimitsOfGraph
 from rabbit_bringup.viewing.live.moment import Edges, Moment, Step, moment_of
+from rabbit_bringup.viewing.live.newest_node import NewestTicks
 from rabbit_bringup.viewing.live.parameters import ViewerParameters
 from rabbit_bringup.viewing.live.rviz_node import RvizTopics
 from rabbit_bringup.viewing.live.server import LiveServer, ViewError
 from rabbit_bringup.viewing.live.shapes import draw
 
-NEWEST = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
 TICK_TOPICS = {"state": msg.RabbitState, "controller_state": msg.ControllerState, "torque": msg.TorqueCommand}
 AGAIN_SECONDS = 0.3  # without a new tick, after which the last one is shown again: somebody may just have come
 SHOWN_STEPS = 12  # stones drawn behind the robot
@@ -52,8 +50,7 @@ class ViewerNode(Node):
         self._steps: dict[int, Step] = {}
         self._shown: tuple[Any, float] = (None, 0.0)
         self._patience = (time.monotonic() + own.wait, own.wait)
-        for name in TICK_TOPICS:
-            self.create_subscription(TICK_TOPICS[name], name, partial(self._ticks.add, name), NEWEST, raw=True)
+        self._newest = NewestTicks(TICK_TOPICS)
         self.create_subscription(msg.Episode, "episode", self._on_episode, EVENT)
         self.create_subscription(msg.StonePreview, "preview", self._on_preview, EVENT)
         self.create_subscription(msg.Landing, "landing", self._on_landing, EVENT)
@@ -63,6 +60,7 @@ class ViewerNode(Node):
     def close(self) -> None:
         """Stop serving."""
         self._server.close()
+        self._newest.close()
 
     # What comes in
 
@@ -106,6 +104,8 @@ class ViewerNode(Node):
 
     def _look(self) -> None:
         """Show the newest tick if it is new, or again now and then."""
+        for name, data in self._newest.take():
+            self._ticks.add(name, data)
         now = time.monotonic()
         until, wait = self._patience
         if self._ticks.key is None and not self._episode.stones:
