@@ -1,7 +1,7 @@
 """The viewer: hears a graph, shows its newest tick some times a second. It asks nothing of the nodes that walk.
 
-Ticks are heard as bytes with best effort, taken when a picture is due and looked at if somebody watches, so that a walk is
-hardly slower for it. A viewer may come late, and stay while graphs come and go.
+Ticks are heard as bytes with best effort, taken when a picture is due and looked at if somebody watches, so that a walk
+is hardly slower for it. A viewer may come late, and stay while graphs come and go.
 """
 
 import time
