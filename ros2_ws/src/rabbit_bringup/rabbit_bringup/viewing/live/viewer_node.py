@@ -38,6 +38,7 @@ class ViewerNode(Node):
         super().__init__("viewer")
         own = declare(self, ViewerParameters)
         refuse_unknown(self)
+        self._newest = NewestTicks(TICK_TOPICS)  # first, since it takes the middleware 0.2 s to find the graph
         self._server = LiveServer(own.host, own.port)
         print(f"live view at {self._server.address}, or open {self._server.page}", flush=True)
         self.failure = ""  # what ends the node
@@ -50,7 +51,6 @@ class ViewerNode(Node):
         self._steps: dict[int, Step] = {}
         self._shown: tuple[Any, float] = (None, 0.0)
         self._patience = (time.monotonic() + own.wait, own.wait)
-        self._newest = NewestTicks(TICK_TOPICS)
         self.create_subscription(msg.Episode, "episode", self._on_episode, EVENT)
         self.create_subscription(msg.StonePreview, "preview", self._on_preview, EVENT)
         self.create_subscription(msg.Landing, "landing", self._on_landing, EVENT)
