@@ -6,8 +6,10 @@ from pathlib import Path
 
 import pytest
 from rabbit_bringup.cli import app
+from rabbit_bringup.reproduce.catalogue import EXPERIMENTS
 from rabbit_bringup.reproduce.catalogue.learning_curves import first_whole, sessions, settled, span
 from rabbit_bringup.reproduce.contenders import CBF_CLF, RL_CBF_CLF, RL_CLF
+from rabbit_bringup.reproduce.experiment import Experiment
 from rabbit_bringup.reproduce.lines import FULL, QUICK, Line, Runs
 from rabbit_bringup.reproduce.training import POLICY, SHIPPED, Recipe, Trained, recipes, retrain
 from rabbit_bringup.reproduce.training_log import COMMITTED, Episode, LogError, main, read_log, read_session, write_log
@@ -76,6 +78,25 @@ def test_what_is_shipped_is_trained_anew(quick: bool) -> None:
             *(recipe.problem, recipe.seed, recipe.mass_scale),
             recipe.episodes,
         )
+
+
+@pytest.mark.parametrize("each", EXPERIMENTS, ids=lambda each: each.name)
+def test_an_experiment_trains_what_it_walks_with_and_no_more(each: Experiment) -> None:
+    used = {job.assembly.policy for job in each.jobs(FULL)}
+    wanted = each.trainings(FULL)
+    assert {SHIPPED[name] for name in SHIPPED if str(policy_path(name)) in used} <= set(wanted) <= set(recipes(False))
+    if each.name not in ("learning-curves", "feasibility-by-episode"):
+        assert set(wanted) <= set(SHIPPED.values())
+
+
+def test_trainings_of_some_experiments() -> None:
+    by_name = {each.name: each.trainings(FULL) for each in EXPERIMENTS}
+    assert by_name["learning-curves"] == recipes(False)
+    assert [(each.problem, each.seed) for each in by_name["feasibility-by-episode"]] == [
+        (Problem.RL_CBF_CLF_QP, seed) for seed in (1, 2, 3)
+    ]
+    assert {each.problem for each in by_name["payload-flat"]} == {Problem.RL_CLF_QP, Problem.IO_RL_CLF_QP}
+    assert by_name["wide-stones"] == []
 
 
 def test_the_committed_log_is_whole() -> None:

@@ -1,6 +1,7 @@
 """`rabbit reproduce`: the paper's figures and claims from this code, its gaits and its policies."""
 
 import os
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -42,18 +43,19 @@ def reproduce(
     try:
         with complaints(BackendError):
             if retrain:
-                size = replace(size, trained=trained_anew(quick, out, processes))
+                wanted = dict.fromkeys(recipe for each in chosen for recipe in each.trainings(size))
+                size = replace(size, trained=trained_anew(list(wanted), out, processes))
             page, done = make(chosen, size, out, list(known), processes, backend)
     except KeyboardInterrupt:
         fail("stopped; the same command goes on from the runs that are done", code=130)
     print(f"{done} runs made; written {page}")
 
 
-def trained_anew(quick: bool, out: Path, processes: int) -> Any:
-    """The trainings in `out`, those that are missing made; a damaged one ends the command."""
+def trained_anew(wanted: Sequence[Any], out: Path, processes: int) -> Any:
+    """These trainings in `out`, those that are missing made; a damaged one ends the command."""
     from rl_trainer.session import CheckpointError
 
-    from rabbit_bringup.reproduce.training import recipes, retrain
+    from rabbit_bringup.reproduce.training import retrain
 
     with complaints(CheckpointError):
-        return retrain(recipes(quick), out / "training", processes)
+        return retrain(wanted, out / "training", processes)

@@ -12,7 +12,7 @@ from rabbit_bringup.experiments.assembly import Assembly
 from rabbit_bringup.reproduce.jobs import Job
 from rabbit_bringup.reproduce.lines import Found, Line, Size
 from rabbit_bringup.reproduce.report import Claim, Report, Table
-from rabbit_bringup.reproduce.training import POLICY
+from rabbit_bringup.reproduce.training import POLICY, Recipe, that_made
 from rabbit_bringup.reproduce.walk_table import long_table, walk_table
 from rabbit_bringup.viewing import style
 
@@ -51,6 +51,10 @@ class Experiment(ABC):
         """Every run it needs."""
         walks = [job for line in self.lines() for column in line.columns for job in line.case(size, column).jobs]
         return walks + [line.case(size).records for line in self.recorded()]
+
+    def trainings(self, size: Size) -> list[Recipe]:
+        """What `--retrain` trains for it: the shipped policies that it uses."""
+        return that_made(each.policy for job in self.jobs(size) for each in (job.assembly, *job.judges))
 
     def tables(self, found: Found) -> Sequence[Table]:
         """Of its lines."""

@@ -8,7 +8,7 @@ gait or libraries change.
 """
 
 import signal
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -104,9 +104,15 @@ SEEDS = (1, 2, 3)
 
 
 def recipes(quick: bool) -> list[Recipe]:
-    """What `--retrain` trains: the policies that are shipped, one at scale 0.5, and more seeds at scale 2."""
+    """All that `--retrain` trains: the policies that are shipped, one at scale 0.5, and more seeds at scale 2."""
     more = [replace(SHIPPED[problem.value], seed=seed) for seed in SEEDS[1:] for problem in Problem]
     return [*SHIPPED.values(), HALF, *(() if quick else more)]
+
+
+def that_made(policies: Iterable[str]) -> list[Recipe]:
+    """The trainings of those among these files that are shipped."""
+    wanted = set(policies)
+    return [recipe for name, recipe in SHIPPED.items() if str(policy_path(name)) in wanted]
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from rabbit_bringup.reproduce.jobs import Job
 from rabbit_bringup.reproduce.lines import Found, Line, Size
 from rabbit_bringup.reproduce.report import Cell, Claim, Table
 from rabbit_bringup.reproduce.shares import RowSet, share
-from rabbit_bringup.reproduce.training import Recipe, Trained
+from rabbit_bringup.reproduce.training import Recipe, Trained, recipes
 from rabbit_bringup.reproduce.verdict import Verdict, judge
 from rabbit_bringup.reproduce.walks import SEED
 from rabbit_bringup.viewing import style
@@ -46,6 +46,10 @@ class FeasibilityByEpisode(Experiment):
 
     def lines(self) -> Sequence[Line]:
         return ()
+
+    def trainings(self, size: Size) -> list[Recipe]:
+        """Those of the stepping stones' problem."""
+        return _on_stones(recipes(size.quick))
 
     def jobs(self, size: Size) -> list[Job]:
         """None without trainings."""
@@ -124,12 +128,12 @@ class FeasibilityByEpisode(Experiment):
 
 
 def _recipes(found: Found) -> list[Recipe]:
-    return _of(found.size.trained) if found.size.trained else []
+    return _on_stones(found.size.trained.recipes) if found.size.trained else []
 
 
-def _of(trained: Trained) -> list[Recipe]:
-    """Trainings of the stepping stones' problem at scale 2."""
-    own = [recipe for recipe in trained.recipes if recipe.problem.value == RL_CBF_CLF.controller]
+def _on_stones(trainings: Sequence[Recipe]) -> list[Recipe]:
+    """Those of the stepping stones' problem at scale 2."""
+    own = [recipe for recipe in trainings if recipe.problem.value == RL_CBF_CLF.controller]
     return [recipe for recipe in own if recipe.mass_scale == TRAINING_SCALE]
 
 
@@ -138,7 +142,7 @@ def _judges(trained: Trained) -> list[Assembly]:
     plant: dict[str, Any] = {"mass_scale": TRAINING_SCALE, "stones": STEPS}
     return [
         RL_CBF_CLF.with_policy(str(trained.policy(recipe, episode))).assembly(**plant)
-        for recipe in _of(trained)
+        for recipe in _on_stones(trained.recipes)
         for episode in EPISODES
     ]
 

@@ -21,7 +21,7 @@ from rabbit_bringup.reproduce.experiment import Experiment
 from rabbit_bringup.reproduce.jobs import Job
 from rabbit_bringup.reproduce.lines import MAIN, Found, Line, Size
 from rabbit_bringup.reproduce.report import Cell, Claim, Table
-from rabbit_bringup.reproduce.training import Recipe
+from rabbit_bringup.reproduce.training import Recipe, recipes
 from rabbit_bringup.reproduce.training_log import COMMITTED, Episode, read_log
 from rabbit_bringup.reproduce.verdict import judge
 from rabbit_bringup.viewing import style
@@ -50,6 +50,10 @@ class LearningCurves(Experiment):
 
     def lines(self) -> Sequence[Line]:
         return ()
+
+    def trainings(self, size: Size) -> list[Recipe]:
+        """All."""
+        return recipes(size.quick)
 
     def jobs(self, size: Size) -> list[Job]:
         return [job for line in trained_lines(size).values() for job in line.case(size).jobs]
