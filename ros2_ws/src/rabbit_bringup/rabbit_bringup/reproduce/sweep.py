@@ -9,8 +9,10 @@ from matplotlib.figure import Figure
 from rabbit_bringup.reproduce.contenders import Contender
 from rabbit_bringup.reproduce.curves import rate_figure
 from rabbit_bringup.reproduce.experiment import Experiment
-from rabbit_bringup.reproduce.lines import Found, Line
+from rabbit_bringup.reproduce.lines import Found, Line, Runs
 from rabbit_bringup.reproduce.walks import Walks
+
+RUNS = Runs(10, 1)  # there are many values
 
 
 class Sweep(Experiment):
@@ -56,7 +58,9 @@ class Sweep(Experiment):
         assembly = contender.assembly(**self.plants[contender], **{self.field: value})
         paper = self.paper_values.get((contender, value), "")
         beside = self._line(self.nominal, value) if self.nominal and contender is not self.nominal else None
-        return Line(f"{contender.title}, {value * self.scale:g} {self.unit}", assembly, paper, nominal=beside)
+        return Line(
+            f"{contender.title}, {value * self.scale:g} {self.unit}", assembly, paper, runs=RUNS, nominal=beside
+        )
 
 
 def largest(walks: Mapping[float, Walks]) -> tuple[float | None, float | None]:
