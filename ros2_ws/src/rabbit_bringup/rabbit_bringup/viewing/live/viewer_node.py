@@ -4,6 +4,7 @@ Ticks are heard as bytes with best effort, taken when a picture is due and looke
 is hardly slower for it. A viewer may come late, and stay while graphs come and go.
 """
 
+import os
 import time
 from typing import Any
 
@@ -38,7 +39,7 @@ class ViewerNode(Node):
         super().__init__("viewer")
         own = declare(self, ViewerParameters)
         refuse_unknown(self)
-        self._newest = NewestTicks(TICK_TOPICS)  # first, since it takes the middleware 0.2 s to find the graph
+        self._newest = NewestTicks(TICK_TOPICS)  # first, since it takes the middleware up to 0.1 s to find the graph
         self._server = LiveServer(own.host, own.port)
         print(f"live view at {self._server.address}, or open {self._server.page}", flush=True)
         self.failure = ""  # what ends the node
@@ -165,6 +166,7 @@ class ViewerNode(Node):
 
 def main() -> None:
     """The executable `viewer`."""
+    os.nice(10)  # a picture can wait, a tick cannot
     run(ViewerNode, errors=(ViewError,))
 
 
