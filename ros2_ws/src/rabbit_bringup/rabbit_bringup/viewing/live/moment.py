@@ -41,7 +41,8 @@ class Moment:
     """One tick.
 
     `q` (7,) m, rad; `force` (2,): tangential, normal, on the stance foot, mean over the tick before, N; `V`; `barriers`
-    (2,), m, NaN on flat ground; `torque` (4,), N m, in the order of the joints. `stone`: the one ahead, from the
+    (2,), m, NaN on flat ground; `torque` (4,), that acted over the tick before, N m, NaN at tick 0, in the order of the
+    joints. `stone`: the one ahead, from the
     stance foot. `steps`: the last landings, the newest last; its foot is the stance foot.
     """
 
@@ -68,10 +69,8 @@ class Moment:
         return self.tick * TICK_SECONDS
 
 
-def moment_of(
-    state: Any, details: Any, torque: Any, stones: int, stone: Edges | None, steps: tuple[Step, ...]
-) -> Moment:
-    """From objects with the fields of `RabbitState`, `ControllerState` and `TorqueCommand` of one tick."""
+def moment_of(state: Any, details: Any, stones: int, stone: Edges | None, steps: tuple[Step, ...]) -> Moment:
+    """From objects with the fields of `RabbitState` and `ControllerState` of one tick."""
     stance = Leg(details.stance)
     return Moment(
         episode=state.episode,
@@ -86,8 +85,8 @@ def moment_of(
         barriers=np.array(details.barriers),
         clf_slack=details.clf_slack,
         rescue_slack=details.rescue_slack,
-        torque=np.array(torque.torque),
-        policy=torque.policy_version,
+        torque=np.array(state.applied),
+        policy=details.policy_version,
         stone=stone,
         steps=steps,
     )

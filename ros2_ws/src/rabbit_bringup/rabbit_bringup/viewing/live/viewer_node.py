@@ -27,7 +27,7 @@ from rabbit_bringup.viewing.live.rviz_node import RvizTopics
 from rabbit_bringup.viewing.live.server import LiveServer, ViewError
 from rabbit_bringup.viewing.live.shapes import draw
 
-TICK_TOPICS = {"state": msg.RabbitState, "controller_state": msg.ControllerState, "torque": msg.TorqueCommand}
+TICK_TOPICS = {"state": msg.RabbitState, "controller_state": msg.ControllerState}
 AGAIN_SECONDS = 0.3  # without a new tick, after which the last one is shown again: somebody may just have come
 SHOWN_STEPS = 12  # stones drawn behind the robot
 
@@ -143,7 +143,7 @@ class ViewerNode(Node):
                 parts[name] = deserialize_message(data, TICK_TOPICS[name])
             except RuntimeError as error:
                 raise Refused("not readable", f"{name}: {error}") from error
-        state, details, torque = (parts[name] for name in TICK_TOPICS)
+        state, details = (parts[name] for name in TICK_TOPICS)
         check_finite("q", state.q)
         check_finite("foot_force", state.foot_force)
         if details.stance not in (0, 1):
@@ -151,7 +151,7 @@ class ViewerNode(Node):
         self._is_present(state.episode)
         landed = state.touchdowns
         stone = self._previews.get(landed + 1) if state.previewed else None
-        return moment_of(state, details, torque, self._episode.stones, stone, self._last_steps(landed))
+        return moment_of(state, details, self._episode.stones, stone, self._last_steps(landed))
 
     def _last_steps(self, landed: int) -> tuple[Step, ...]:
         """The landings up to `landed` without a gap, the newest last."""
