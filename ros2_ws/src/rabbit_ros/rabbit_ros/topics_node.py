@@ -38,7 +38,7 @@ TOPICS = (
     Topic("preview", msg.StonePreview, EVENT, "simulator", ("controller", "viewer")),
     Topic("landing", msg.Landing, EVENT, "simulator", ("launcher", "viewer")),
     Topic("episode", msg.Episode, EVENT, "simulator", ("controller", "trainer", "launcher", "viewer")),
-    Topic("torque", msg.TorqueCommand, TICK, "controller", ("simulator", "trainer", "viewer")),
+    Topic("torque", msg.TorqueCommand, TICK, "controller", ("simulator", "trainer")),
     Topic("controller_state", msg.ControllerState, TICK, "controller", ("trainer", "launcher", "viewer")),
     Topic("policy_swap", msg.PolicySwap, EVENT, "controller", ("trainer",)),
     Topic("controller_settings", msg.ControllerSettings, EVENT, "controller"),
