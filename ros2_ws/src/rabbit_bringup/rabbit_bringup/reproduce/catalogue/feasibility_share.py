@@ -36,8 +36,8 @@ class FeasibilityShare(Experiment):
     paper = "With the trained RL-CBF-CLF-QP the feasibility drastically improves compared to the nominal CBF-CLF-QP."
     why = (
         "The nominal rows have an answer at nearly every tick, of its own walks as well: it falls because they "
-        "are false. The true rows have none in some, and learned ones come to be like them (feasibility-by- "
-        "episode)."
+        "are false. The true rows have none in some, and learned ones come to be like them "
+        "(feasibility-by-episode)."
     )
 
     judged_on_rigid = True
