@@ -1,9 +1,45 @@
-"""Profiles of hypothesis: `make fuzz` chooses `fuzz`, which runs every fuzz test much longer."""
+"""Profiles of hypothesis: `make fuzz` chooses `fuzz`, which runs every fuzz test much longer. Untrained policies."""
 
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
 from hypothesis import HealthCheck, settings
+from rabbit_description.state import Array
+from rl_cbf_clf_controller.uncertainty import Problem
+from rl_cbf_clf_controller.weights import PROBE, PolicyFile, PolicyMetadata, forward, probe_inputs
 
 SLOW = (HealthCheck.too_slow, HealthCheck.data_too_large, HealthCheck.function_scoped_fixture)
 
 settings.register_profile("default", deadline=None, max_examples=100)
 settings.register_profile("fuzz", deadline=None, max_examples=1500, suppress_health_check=SLOW)
 settings.load_profile("default")
+
+
+def policy_metadata(problem: Problem, **changes: Any) -> PolicyMetadata:
+    """Of a policy that nothing trained and that scales nothing, but for `changes`."""
+    m, n = len(changes.get("observation", problem.observation)), len(problem.quantities)
+    plain = {
+        "problem": problem,
+        "observation": problem.observation,
+        "observation_center": (0.0,) * m,
+        "observation_scale": (1.0,) * m,
+        "structured": problem.has_clf,
+        "alpha_scale": (1.0,) * n,
+        "beta_scale": (1.0,) * n,
+        "learner": "test",
+        "plant": {},
+        "training_seed": 1,
+        "episodes": 0,
+        "transitions": 0,
+        "commit": "",
+        "command": "",
+    }
+    return PolicyMetadata.model_validate(plain | changes)
+
+
+def policy_file(metadata: PolicyMetadata, fill: Callable[[tuple[int, ...]], Array]) -> PolicyFile:
+    """With weights that `fill` makes of their shapes."""
+    arrays = {name: fill(shape).astype(np.float32) for name, shape in metadata.shapes.items()}
+    arrays[PROBE] = np.stack([forward(arrays, row) for row in probe_inputs(len(metadata.observation))])
+    return PolicyFile(metadata, arrays)

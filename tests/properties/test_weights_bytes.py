@@ -8,42 +8,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rl_cbf_clf_controller.uncertainty import Problem
 from rl_cbf_clf_controller.weights import (
-    PROBE,
-    PolicyFile,
     PolicyFileError,
-    PolicyMetadata,
     decode,
-    forward,
-    probe_inputs,
 )
 
-METADATA = PolicyMetadata(
-    problem=Problem.RL_CLF_QP,
-    observation=Problem.RL_CLF_QP.observation,
-    observation_center=(0.0,) * 14,
-    observation_scale=(1.0,) * 14,
-    hidden=(5, 4),
-    structured=True,
-    alpha_scale=(1.5,),
-    beta_scale=(250.0,),
-    learner="test",
-    plant={},
-    training_seed=1,
-    episodes=0,
-    transitions=0,
-    commit="",
-    command="",
+from ..conftest import policy_file, policy_metadata
+
+FILE = policy_file(
+    policy_metadata(Problem.RL_CLF_QP, hidden=(5, 4), alpha_scale=(1.5,), beta_scale=(250.0,)),
+    np.random.default_rng(0).standard_normal,
 )
-
-
-def small_file() -> PolicyFile:
-    rng = np.random.default_rng(0)
-    arrays = {name: rng.standard_normal(shape).astype(np.float32) for name, shape in METADATA.shapes.items()}
-    arrays[PROBE] = np.stack([forward(arrays, row) for row in probe_inputs(14)])
-    return PolicyFile(METADATA, arrays)
-
-
-FILE = small_file()
 DATA = FILE.encode()
 
 

@@ -17,8 +17,10 @@ from rabbit_msgs.msg import Episode, PolicyWeights
 from rabbit_msgs.srv import LoadPolicy, ResetEpisode
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.uncertainty import Problem
-from rl_cbf_clf_controller.weights import PROBE, PolicyFile, PolicyMetadata, forward, policy_path, probe_inputs, read
+from rl_cbf_clf_controller.weights import PROBE, PolicyFile, forward, policy_path, probe_inputs, read
 from safetensors.numpy import save
+
+from ..conftest import policy_metadata
 
 PLANT = {"motor_lag": 0.004, "stones": 5}
 LAW = ControllerParameters(controller="rl-cbf-clf-qp")
@@ -40,23 +42,12 @@ def policy(
     hidden: tuple[int, int] = SMALL,
 ) -> PolicyFile:
     """A policy whose outputs are all tanh(bias), whatever it sees; another one for each number."""
-    n = len(problem.quantities)
-    metadata = PolicyMetadata(
-        problem=problem,
-        observation=problem.observation,
-        observation_center=(0.0,) * len(problem.observation),
-        observation_scale=(1.0,) * len(problem.observation),
+    metadata = policy_metadata(
+        problem,
         hidden=hidden,
         structured=False,
-        alpha_scale=(0.1,) * n,
-        beta_scale=(1.0,) * n,
-        learner="test",
-        plant={},
+        alpha_scale=(0.1,) * len(problem.quantities),
         training_seed=number,
-        episodes=0,
-        transitions=0,
-        commit="",
-        command="",
     )
     sizes = (len(problem.observation), *hidden, metadata.outputs)
     arrays: dict[str, NDArray[np.float32]] = {}

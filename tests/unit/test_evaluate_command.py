@@ -13,8 +13,9 @@ from rabbit_bringup.experiments.assembly import Assembly
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters, load_parameters
 from rl_cbf_clf_controller.uncertainty import Problem
-from rl_cbf_clf_controller.weights import PROBE, PolicyFile, PolicyMetadata, forward, probe_inputs
 from typer.testing import CliRunner, Result
+
+from ..conftest import policy_file, policy_metadata
 
 KEYS = (
     *("runs", "stones", "success_rate", "success_with_forces", "success_rate_ci95", "mean_stones", "std_stones"),
@@ -36,25 +37,7 @@ def evaluate(out: Path, *words: object) -> Result:
 
 def zero_policy_file(path: Path) -> Path:
     """An actor for stepping stones whose outputs are all zero."""
-    metadata = PolicyMetadata(
-        problem=Problem.RL_CBF_CLF_QP,
-        observation=Problem.RL_CBF_CLF_QP.observation,
-        observation_center=(0.0,) * 15,
-        observation_scale=(1.0,) * 15,
-        structured=True,
-        alpha_scale=(1.0,) * 5,
-        beta_scale=(1.0,) * 5,
-        learner="none",
-        plant={},
-        training_seed=0,
-        episodes=0,
-        transitions=0,
-        commit="",
-        command="",
-    )
-    arrays = {name: np.zeros(shape, dtype=np.float32) for name, shape in metadata.shapes.items()}
-    arrays[PROBE] = np.stack([forward(arrays, row) for row in probe_inputs(15)])
-    PolicyFile(metadata, arrays).write(path)
+    policy_file(policy_metadata(Problem.RL_CBF_CLF_QP), np.zeros).write(path)
     return path
 
 

@@ -15,16 +15,14 @@ from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import ActorPolicy
 from rl_cbf_clf_controller.uncertainty import Problem
 from rl_cbf_clf_controller.weights import (
-    PROBE,
     PolicyFile,
     PolicyFileError,
-    PolicyMetadata,
     policy_path,
-    probe_inputs,
     read,
 )
-from rl_cbf_clf_controller.weights import forward as actor
 from rl_trainer.rollout import rollout
+
+from ..conftest import policy_file, policy_metadata
 
 GAIT, LIBRARY = load_gait("stones_0350_084"), load_gaits("paper_stones")
 STONES = ControllerParameters(controller="rl-cbf-clf-qp")
@@ -33,29 +31,10 @@ FLAT = ControllerParameters(controller="rl-clf-qp")
 
 def make_file(problem: Problem, observations: int = -1, adaptation: str | None = None) -> PolicyFile:
     """An untrained policy that reads the problem's `observations`-th set, the whole by default."""
-    names, n = problem.observations[observations], len(problem.quantities)
-    form = PolicyMetadata(
-        problem=problem,
-        observation=names,
-        observation_center=(0.0,) * len(names),
-        observation_scale=(1.0,) * len(names),
-        hidden=(8, 8),
-        structured=problem.has_clf,
-        alpha_scale=(1.0,) * n,
-        beta_scale=(1.0,) * n,
-        adaptation=adaptation,
-        learner="none",
-        plant={},
-        training_seed=1,
-        episodes=0,
-        transitions=0,
-        commit="-",
-        command="-",
+    form = policy_metadata(
+        problem, observation=problem.observations[observations], hidden=(8, 8), adaptation=adaptation
     )
-    rng = np.random.default_rng(3)
-    arrays = {name: rng.standard_normal(shape).astype(np.float32) for name, shape in form.shapes.items()}
-    arrays[PROBE] = np.stack([actor(arrays, row) for row in probe_inputs(len(names))])
-    return PolicyFile(form, arrays)
+    return policy_file(form, np.random.default_rng(3).standard_normal)
 
 
 @pytest.mark.parametrize("controller", ["io-rl-clf-qp", "rl-clf-qp", "rl-cbf-clf-qp"])

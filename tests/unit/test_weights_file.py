@@ -14,40 +14,31 @@ from rl_cbf_clf_controller.weights import (
     SIZE_LIMIT,
     PolicyFile,
     PolicyFileError,
-    PolicyMetadata,
     decode,
-    forward,
-    probe_inputs,
     read,
 )
 from rl_trainer.parameters import TrainingParameters
 from safetensors.numpy import save
 
+from ..conftest import policy_file, policy_metadata
+
 
 def make_file(problem: Problem = Problem.RL_CBF_CLF_QP, structured: bool = True, **changes: Any) -> PolicyFile:
     m, n = len(problem.observation), len(problem.quantities)
     values = {
-        "problem": problem,
-        "observation": problem.observation,
         "observation_center": (0.1,) * m,
         "observation_scale": (2.0,) * m,
         "hidden": (8, 6),
         "structured": structured,
         "alpha_scale": tuple(range(1, n + 1)),
         "beta_scale": tuple(range(10, n + 10)),
-        "learner": "test",
         "plant": {"mass_scale": 2.0, "plant": "pybullet"},
-        "training_seed": 1,
         "episodes": 3,
         "transitions": 100,
         "commit": "0" * 40,
         "command": "rabbit train",
     }
-    metadata = PolicyMetadata.model_validate(values | changes)
-    rng = np.random.default_rng(0)
-    arrays = {name: rng.standard_normal(shape).astype(np.float32) for name, shape in metadata.shapes.items()}
-    arrays[PROBE] = np.stack([forward(arrays, row) for row in probe_inputs(len(metadata.observation))])
-    return PolicyFile(metadata, arrays)
+    return policy_file(policy_metadata(problem, **values | changes), np.random.default_rng(0).standard_normal)
 
 
 @pytest.mark.parametrize("problem", Problem)
