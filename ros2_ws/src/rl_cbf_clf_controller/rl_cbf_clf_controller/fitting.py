@@ -14,6 +14,7 @@ from rabbit_description.gait_library import Gaits
 from rl_cbf_clf_controller.context import PolicyContext
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import ActorPolicy, Policy
+from rl_cbf_clf_controller.step_outputs import has_lengths
 from rl_cbf_clf_controller.uncertainty import STEP_LENGTH, Estimates, Problem
 from rl_cbf_clf_controller.weights import PolicyFile, PolicyFileError
 
@@ -46,13 +47,9 @@ def fitted(file: PolicyFile, law: ControllerParameters, gaits: Gaits) -> Policy:
         raise PolicyFileError(f"policy: it was trained with adaptation {own}; this controller has {law.adaptation}")
     policy, trained_for = ActorPolicy(file), file.metadata.problem
     if trained_for is law.problem:
-        if law.on_stones and STEP_LENGTH in file.metadata.observation and not _has_lengths(gaits):
+        if law.on_stones and STEP_LENGTH in file.metadata.observation and not has_lengths(gaits):
             raise PolicyFileError(f"policy: it reads {STEP_LENGTH}: expected a gait library, gait is {gaits.name}")
         return policy
     if (trained_for, law.problem) == (Problem.RL_CBF_CLF_QP, Problem.RL_CLF_QP):
         return OnFlatGround(policy, gaits.step_length if isinstance(gaits, Gait) else gaits.start_length)
     raise PolicyFileError(f"policy: it was trained for {trained_for}; this controller needs {law.problem}")
-
-
-def _has_lengths(gaits: Gaits) -> bool:
-    return not isinstance(gaits, Gait) and len(gaits.gaits) > 1

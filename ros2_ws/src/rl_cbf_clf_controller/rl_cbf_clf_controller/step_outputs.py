@@ -14,7 +14,7 @@ with a = y_0 and b = w y_0' / s_0' + 3 a: then y = y' = 0 at s_0, and y_d'' is c
 """
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, TypeGuard
 
 import numpy as np
 from rabbit_description.gait import Gait
@@ -124,9 +124,14 @@ class LibrarySteps:
         return StepOutputs(step_path(self._library, taken, *self.wanted), q_s, dq_s)
 
 
+def has_lengths(gaits: Gaits) -> TypeGuard[GaitLibrary]:
+    """A library in which steps have a length to choose; a library of one gait is that gait."""
+    return isinstance(gaits, GaitLibrary) and len(gaits.gaits) > 1
+
+
 def make_steps(gaits: Gaits, aim: float) -> Steps:
-    """Of a gait, or of a library; a library of one gait is that gait."""
-    if isinstance(gaits, GaitLibrary) and len(gaits.gaits) > 1:
+    """Of a gait, or of a library."""
+    if has_lengths(gaits):
         return LibrarySteps(gaits, aim)
     return SingleGait(gaits.gaits[0] if isinstance(gaits, GaitLibrary) else gaits)
 
