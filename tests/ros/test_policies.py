@@ -13,7 +13,7 @@ import pytest
 from numpy.typing import NDArray
 from rabbit_bringup.recording.reader import read_episodes
 from rabbit_bringup.recording.replay import differing_ticks
-from rabbit_msgs.msg import Episode, PolicyWeights
+from rabbit_msgs.msg import Episode, EpisodePlan, PolicyWeights
 from rabbit_msgs.srv import LoadPolicy, ResetEpisode
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.uncertainty import Problem
@@ -23,6 +23,7 @@ from safetensors.numpy import save
 from ..conftest import policy_metadata
 
 PLANT = {"motor_lag": 0.004, "stones": 5}
+SHORT = {"motor_lag": 0.004, "stones": 2}
 LAW = ControllerParameters(controller="rl-cbf-clf-qp")
 SMALL = (8, 8)
 SHIPPED = read(policy_path("rl-cbf-clf-qp"))
@@ -57,6 +58,9 @@ def policy(
     rows = len(probe_inputs(1))
     arrays[PROBE] = np.full((rows, metadata.outputs), math.tanh(bias), dtype=np.float32)
     return PolicyFile(metadata, arrays)
+
+
+UNFIT = policy(1, problem=Problem.RL_CLF_QP)
 
 
 def weights(file: PolicyFile) -> PolicyWeights:
@@ -146,7 +150,7 @@ def test_bad_policies_are_refused_with_a_reason_and_the_old_one_goes_on(world: A
     assert {command.policy_version for command in commands} == {good.version}
 
 
-@pytest.mark.parametrize("swap_at", ["tick", "episode", "never"])
+@pytest.mark.parametrize("swap_at", ["tick", "episode"])
 def test_when_policies_take_effect(world: Any, tmp_path: Path, swap_at: str) -> None:
     commands, episodes = world.hear("torque"), world.hear("episode")
     world.start("simulator", pace=2.0, episodes=0, **PLANT)
@@ -160,12 +164,107 @@ def test_when_policies_take_effect(world: Any, tmp_path: Path, swap_at: str) -> 
     assert first == ({"zero", published} if swap_at == "tick" else {"zero"})
     assert world.ask(ResetEpisode, "reset_episode", seed=1).accepted
     world.wait(lambda: commands[-1].episode == 2)
-    assert commands[-1].policy_version == ("zero" if swap_at == "never" else published)
+    assert commands[-1].policy_version == published
     policy(2).write(tmp_path / "two.safetensors")
     answer = world.ask(LoadPolicy, "load_policy", path=str(tmp_path / "two.safetensors"))
     assert (answer.accepted, answer.version) == (True, policy(2).version)
     world.wait(lambda: commands[-1].policy_version == answer.version)
     assert commands[-1].episode == 2
+
+
+@pytest.mark.parametrize("swap_at", ["tick", "episode"])
+def test_what_was_refused_changes_nothing_of_later_episodes(world: Any, tmp_path: Path, swap_at: str) -> None:
+    """Junk and unfit policies, by service and by topic, before an episode and during it."""
+    commands, swaps, episodes = world.hear("torque"), world.hear("policy_swap"), world.hear("episode")
+    (tmp_path / "junk").write_bytes(b"junk")
+    policy(1).write(tmp_path / "good")
+    world.start("simulator", episodes=0, **SHORT)
+    world.start("controller", policy=str(tmp_path / "good"), swap_at=swap_at, **LAW.model_dump())
+    world.go()
+    world.wait(lambda: bool(swaps))
+    for number in (1, 2, 3):
+        for path in (tmp_path / "junk", policy_path("rl-clf-qp")):
+            assert not world.ask(LoadPolicy, "load_policy", path=str(path)).accepted
+        world.say("policy", PolicyWeights(version="x", data=[1, 2, 3]))
+        world.say("policy", weights(UNFIT))
+        world.wait(lambda number=number: len(swaps) >= 1 + 4 * number)
+        assert world.ask(ResetEpisode, "reset_episode", seed=1).accepted
+        world.wait(lambda number=number: over(episodes, number))
+        assert (episodes[-1].outcome, episodes[-1].reason) == ("walked", "")
+    assert {command.policy_version for command in commands} == {policy(1).version}
+    shipped = read(policy_path("rl-clf-qp"))
+    assert {swap.version for swap in swaps if not swap.accepted} == {"", UNFIT.version, shipped.version}
+
+
+def test_never_hears_no_published_policy(world: Any, tmp_path: Path) -> None:
+    commands, swaps = world.hear("torque"), world.hear("policy_swap")
+    policy(1).write(tmp_path / "one")
+    world.start("simulator", episodes=0, **SHORT)
+    world.start("controller", swap_at="never", **LAW.model_dump())
+    world.go()
+    assert world.node.count_subscribers(f"/{world.namespace}/policy") == 0
+    assert world.ask(LoadPolicy, "load_policy", path=str(tmp_path / "one")).accepted
+    assert world.ask(ResetEpisode, "reset_episode", seed=1).accepted
+    world.wait(lambda: bool(commands))
+    assert commands[0].policy_version == policy(1).version
+    assert [swap.accepted for swap in swaps] == [True, True]
+
+
+def planned(world: Any, version: str) -> None:
+    """A simulator that follows plans, a controller, and a plan of episode 1 with this policy."""
+    world.start("simulator", trainer="follow", **SHORT)
+    world.start("controller", swap_at="episode", **LAW.model_dump())
+    world.say("episode_plan", EpisodePlan(seed=1, policy_version=version))
+
+
+def test_an_unfit_policy_ends_the_episode_that_names_it(world: Any) -> None:
+    episodes, swaps = world.hear("episode"), world.hear("policy_swap")
+    planned(world, UNFIT.version)
+    world.say("policy", weights(UNFIT))
+    for number in range(2):  # others that are refused do not hide the reason
+        world.say("policy", weights(policy(number, problem=Problem.RL_CLF_QP)))
+        world.say("policy", PolicyWeights(version=UNFIT.version, data=[1, 2, 3]))
+    world.wait(lambda: len(swaps) == 6)
+    world.go()
+    world.wait(lambda: over(episodes))
+    assert episodes[-1].outcome == "fault"
+    assert episodes[-1].reason.startswith(f"policy {UNFIT.version} was refused: policy: it was trained for")
+
+
+def test_a_planned_policy_is_waited_for_whatever_others_publish_under_its_name(world: Any) -> None:
+    commands, episodes, swaps = world.hear("torque"), world.hear("episode"), world.hear("policy_swap")
+    real, other = policy(1), policy(2)
+    planned(world, real.version)
+    world.go()
+    world.wait(lambda: any(e.phase == Episode.RUNNING for e in episodes))
+    for data in (b"123", UNFIT.encode(), other.encode()):
+        world.say("policy", PolicyWeights(version=real.version, data=data))
+    world.wait(lambda: len(swaps) == 4)
+    world.spin(0.5)
+    assert not commands
+    world.say("policy", PolicyWeights(version="x", data=real.encode()))  # its bytes, misnamed: no word on it
+    world.wait(lambda: len(swaps) == 5)
+    world.say("policy", weights(real))
+    world.wait(lambda: over(episodes))
+    assert episodes[-1].outcome == "walked"
+    assert {command.policy_version for command in commands} == {real.version}
+
+
+def test_a_planned_policy_goes_before_a_newer_one(world: Any) -> None:
+    commands, episodes = world.hear("torque"), world.hear("episode")
+    planned(world, policy(1).version)
+    for number in (1, 2):
+        world.say("policy", weights(policy(number)))
+    world.wait(lambda: diagnostic(world, "controller", "policy waiting") == policy(2).version)
+    world.go()
+    world.wait(lambda: over(episodes))
+    assert {command.policy_version for command in commands} == {policy(1).version}
+
+
+def diagnostic(world: Any, node: str, key: str) -> str:
+    """The newest value of a figure in a node's diagnostics; empty before the first."""
+    said = [s for m in world.hear("diagnostics") for s in m.status if s.name.endswith(node)]
+    return next((str(v.value) for v in said[-1].values if v.key == key), "") if said else ""
 
 
 def load(*words: object) -> tuple[int, str]:

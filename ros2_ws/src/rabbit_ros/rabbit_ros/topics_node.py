@@ -43,7 +43,7 @@ TOPICS = (
     Topic("policy_swap", msg.PolicySwap, EVENT, "controller", ("trainer",)),
     Topic("controller_settings", msg.ControllerSettings, EVENT, "controller"),
     Topic("transition", msg.Transition, TICK, "trainer"),
-    Topic("policy", msg.PolicyWeights, WEIGHTS, "trainer", ("controller",)),
+    Topic("policy", msg.PolicyWeights, WEIGHTS, "trainer"),  # read by a controller unless its swap_at is never
     Topic("episode_plan", msg.EpisodePlan, EVENT, "trainer", ("simulator", "launcher")),
     Topic("diagnostics", DiagnosticArray, DIAGNOSTICS, "all", ("launcher",)),
 )

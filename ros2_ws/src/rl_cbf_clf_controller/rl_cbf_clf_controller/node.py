@@ -36,6 +36,8 @@ from rl_cbf_clf_controller.previews_node import Previews
 from rl_cbf_clf_controller.weights import PolicyFileError, policy_path
 
 ZERO = "zero"
+WAITING = 4  # policies kept until they are due; an episode may name an older one than the newest
+REFUSED = 20  # refusals of policies kept: an episode may name one of them
 
 
 class NodeParameters(BaseModel):
@@ -45,7 +47,9 @@ class NodeParameters(BaseModel):
 
     policy: str = Field(ZERO, description="policy to begin with: zero, the name of a shipped one, or a file")
     swap_at: Literal["tick", "episode", "never"] = Field(
-        "tick", description="when published policies take effect; one loaded by service always does at the next tick"
+        "tick",
+        description="when published policies take effect; with never they are not heard; "
+        "one loaded by service always does at the next tick",
     )
     priority: int = Field(0, ge=0, le=99, description="SCHED_FIFO priority, where permitted; 0: an ordinary process")
 
@@ -65,8 +69,8 @@ class ControllerNode(Node):
         self._in_force = (
             self._zero if self._own.policy == ZERO else first_policy(self._own.policy, self._settings, self._gait)
         )
-        self._waiting: Decided | None = None  # the newest policy that is not in force yet
-        self._refused: dict[str, str] = {}  # version to reason
+        self._waiting: deque[Decided] = deque(maxlen=WAITING)  # not in force yet, the newest last
+        self._refused: deque[Decided] = deque(maxlen=REFUSED)
         self._decided: deque[Decided] = deque()  # from the other thread
         self._controller = Controller(self._settings, self._gait, self._in_force.policy or ZeroPolicy(problem))
         self._door = Door()
@@ -93,7 +97,8 @@ class ControllerNode(Node):
         self._diagnostics = Diagnostics(self, self._door, self._status)
         self._tell_swap(self._in_force)
         self._tell_settings()
-        self._intake = PolicyIntake(self._settings, self._gait, self._on_decided)
+        hears_published = self._own.swap_at != "never"
+        self._intake = PolicyIntake(self._settings, self._gait, self._on_decided, hears_published)
 
     # What comes in
 
@@ -165,7 +170,12 @@ class ControllerNode(Node):
     def _go_on(self) -> None:
         self._take_decided()
         message = self._held
-        if message is None or self._missing(message):
+        if message is None:
+            return
+        if self._missing(message):
+            if refusal := self._refusal(message):
+                self._held = None
+                self._give_up(message, refusal)
             return
         self._held = None
         state = state_of(message, self._previews.get(message.episode, message.touchdowns + 1))
@@ -192,14 +202,19 @@ class ControllerNode(Node):
             return f"preview of stone {stone}"
         if message.tick > 0:
             return ""
-        if self._episode.episode != message.episode or self._episode.phase == Episode.WAITING:
+        if not self._is_announced(message):
             return f"announcement of episode {message.episode}"
         wanted = self._wanted()
-        if wanted in self._refused:
-            self._held = None
-            self._give_up(message, f"policy {wanted} was refused: {self._refused[wanted]}")
-        here = ("", ZERO, self._in_force.version, self._waiting.version if self._waiting else "")
-        return "" if wanted in here else f"policy {wanted}"
+        return "" if not wanted or self._here(wanted) else f"policy {wanted}"
+
+    def _is_announced(self, message: RabbitState) -> bool:
+        return self._episode.episode == message.episode and self._episode.phase != Episode.WAITING
+
+    def _refusal(self, message: RabbitState) -> str:
+        """Why the policy that this tick waits for cannot come; empty when it may."""
+        wanted = self._wanted() if message.tick == 0 and self._is_announced(message) else ""
+        refused = [d.reason for d in self._refused if d.version == wanted]
+        return f"policy {wanted} was refused: {refused[-1]}" if refused else ""
 
     def _begin(self) -> None:
         self._set_parameters(self._settings)
@@ -224,25 +239,28 @@ class ControllerNode(Node):
         while self._decided:
             decided = self._decided.popleft()
             if decided.policy is None:
-                self._refused = {decided.version: decided.reason}
+                if decided.version:
+                    self._refused.append(decided)
                 self._refuse("policy", Refused("not fit", f"{decided.source}: {decided.reason}"))
                 self._tell_swap(decided)
-            elif decided.by_operator or self._own.swap_at != "never":
+            else:
                 self._door.accept("policy")
-                self._waiting = decided
+                self._waiting.append(decided)
 
     def _wanted(self) -> str:
+        """The policy that the episode names; empty: any."""
         return "" if self._own.swap_at == "never" else str(self._episode.policy_version)
 
+    def _here(self, version: str) -> Decided | None:
+        return next((d for d in (self._zero, self._in_force, *self._waiting) if d.version == version), None)
+
     def _swap(self, tick: int) -> None:
-        """Put in force what is due at this tick."""
-        new = self._waiting
-        if tick == 0 and self._wanted() == ZERO:
-            new = self._zero
-        elif new and not (new.by_operator or self._own.swap_at == "tick" or tick == 0):
-            return
-        if new is self._waiting:
-            self._waiting = None
+        """Put in force what is due at this tick; what came before it is due no more."""
+        wanted = self._wanted() if tick == 0 else ""
+        due = [d for d in self._waiting if d.by_operator or self._own.swap_at == "tick" or tick == 0]
+        new = self._here(wanted) if wanted else due[-1] if due else None
+        while new in self._waiting:
+            self._waiting.popleft()
         if new and new.policy and new.version != self._in_force.version:
             self._in_force, self._controller.policy = new, new.policy
             self._tell_swap(new)
@@ -284,7 +302,7 @@ class ControllerNode(Node):
     def _status(self) -> Status:
         figures = {
             "policy": self._in_force.version,
-            "policy waiting": self._waiting.version if self._waiting else "",
+            "policy waiting": self._waiting[-1].version if self._waiting else "",
             "ticks not answered by the chosen solver": self._controller.unanswered,
             "scheduling": scheduling(),
         }

@@ -1,4 +1,4 @@
-"""Where policies come in: from the topic `policy` or, by service, from a file. Off the control path.
+"""Where policies come in: from the topic `policy`, if it is heard, or, by service, from a file. Off the control path.
 
 This second node of the controller's process has a thread of its own, in which the bytes are received, decoded and
 checked; what it decided is handed to `decided`, which puts it in force between two ticks.
@@ -16,7 +16,7 @@ from rabbit_msgs.srv import LoadPolicy
 from rabbit_ros.door import Refused
 from rabbit_ros.hearing_node import hear
 from rabbit_ros.priority import be_ordinary
-from rabbit_ros.qos_node import WEIGHTS
+from rabbit_ros.qos_node import EVENT
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 
@@ -30,7 +30,10 @@ MOST_BYTES = 100_000_000  # of a policy file; the shipped ones have half a milli
 
 @dataclass(frozen=True)
 class Decided:
-    """The word on what came in: a policy ready to use, or the reason it is refused."""
+    """The word on what came in: a policy ready to use, or the reason it is refused.
+
+    `version` is computed from the bytes, whatever a message says; empty when they are no policy.
+    """
 
     version: str
     source: str
@@ -43,10 +46,13 @@ class Decided:
 class PolicyIntake(Node):
     """Receives, checks and hands over policies."""
 
-    def __init__(self, law: ControllerParameters, gaits: Gaits, decided: Callable[[Decided], None]) -> None:
+    def __init__(
+        self, law: ControllerParameters, gaits: Gaits, decided: Callable[[Decided], None], hears_published: bool
+    ) -> None:
         super().__init__("controller_policies", start_parameter_services=False, enable_rosout=False)
         self._needs, self._decided = (law, gaits), decided
-        hear(self, PolicyWeights, "policy", self._on_weights, WEIGHTS, self._refuse)
+        if hears_published:  # deeper than a writer's history: with several, one must not push out another's
+            hear(self, PolicyWeights, "policy", self._on_weights, EVENT, self._refuse)
         self.create_service(LoadPolicy, "load_policy", self._on_load)
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self)
@@ -71,7 +77,7 @@ class PolicyIntake(Node):
         decided = check(bytes(message.data), message.source, *self._needs)
         if decided.policy is not None and decided.version != message.version:
             text = f"the message says version {message.version}; its content has {decided.version}"
-            decided = Decided(message.version, message.source, False, None, text)
+            decided = Decided("", message.source, False, None, text)
         self._decided(decided)
 
     def _on_load(self, request: LoadPolicy.Request, response: LoadPolicy.Response) -> LoadPolicy.Response:
@@ -96,8 +102,11 @@ def _content(path: Path) -> bytes:
 
 def check(data: bytes, source: str, law: ControllerParameters, gaits: Gaits, by_operator: bool = False) -> Decided:
     """Decode a policy and fit it to the controller; never raises."""
+    version = ""
     try:
-        policy = fitted(decode(data), law, gaits)
+        file = decode(data)
+        version = file.version
+        policy = fitted(file, law, gaits)
     except PolicyFileError as error:
-        return Decided("", source, by_operator, None, str(error))
-    return Decided(policy.version, source, by_operator, policy, "", data)
+        return Decided(version, source, by_operator, None, str(error))
+    return Decided(version, source, by_operator, policy, "", data)
