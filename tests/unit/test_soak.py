@@ -1,11 +1,17 @@
-"""Does a soak find what grows, leaks or slows down, and only that?"""
+"""Does a soak find what grows, leaks, slows down, falls or is not answered, and only that?"""
 
 import json
+import random
+from collections import Counter
+from itertools import islice
 from typing import Any
 
 import numpy as np
 import pytest
+from rabbit_bringup.experiments.operations import KINDS, compare, draw_kinds, judge_walk, unfit_policy
 from rabbit_bringup.experiments.soak import LAUNCHER, WARM_UP, judge
+from rabbit_bringup.recording.reader import RecordedEpisode
+from rl_cbf_clf_controller.parameters import ControllerParameters
 
 NODES = ("simulator", "controller", LAUNCHER)
 SECONDS = np.arange(0.0, 3600.0, 5.0)
@@ -48,3 +54,51 @@ def test_a_start_that_takes_memory_does_not_count() -> None:
 def test_what_grows_breaks_its_own_bar_alone(bar: str, grows: dict[str, np.ndarray]) -> None:
     kept = judge(samples(**grows))["bars_kept"]
     assert [name for name, holds in kept.items() if not holds] == [bar]
+
+
+def episodes(*ends: tuple[str, str]) -> list[RecordedEpisode]:
+    """Episodes with these outcomes and reasons, and behind them the one that the end of the soak cuts off."""
+    cut = ("reset", "the simulator was told to end")
+    return [RecordedEpisode(i, outcome=o, reason=r) for i, (o, r) in enumerate((*ends, cut), start=1)]
+
+
+WALKED, RESET, FAULT = ("walked", ""), ("reset", "by service"), ("fault", "policy  was refused")
+
+
+def test_all_episodes_walk_but_those_that_the_operator_ended() -> None:
+    walks = judge_walk(episodes(WALKED, RESET, WALKED), resets=1)["walks"]
+    assert walks == {"ended": 3, "walked": 2, "reset": 1, "fell": []}
+
+
+@pytest.mark.parametrize("end", [FAULT, ("fall", ""), ("silent", ""), ("reset", "the simulator was started again")])
+def test_what_did_not_walk_is_named(end: tuple[str, str]) -> None:
+    assert judge_walk(episodes(WALKED, end, WALKED), resets=1)["walks"]["fell"] == [[2, 0, *end]]
+
+
+def test_a_reset_that_nobody_asked_for_is_a_fault() -> None:
+    assert len(judge_walk(episodes(RESET, RESET), resets=1)["walks"]["fell"]) == 1
+
+
+def test_ticks_that_are_not_recorded_count_but_for_the_last_episode() -> None:
+    found = episodes(WALKED, WALKED)
+    found[0].missing, found[-1].missing = 3, 5
+    assert judge_walk(found, resets=0)["ticks_not_recorded"] == 3
+
+
+def test_operations_are_drawn_from_the_seed_all_kinds_alike() -> None:
+    drawn = list(islice(draw_kinds(random.Random(1)), 10 * len(KINDS)))
+    assert drawn == list(islice(draw_kinds(random.Random(1)), 10 * len(KINDS)))
+    assert set(Counter(drawn).values()) == {10}
+
+
+def test_a_second_recording_is_held_against_the_first_between_its_ends() -> None:
+    main = {topic: {(1, tick) for tick in range(100)} for topic in ("state", "torque", "controller_state")}
+    second = {topic: {turn for turn in turns if 20 <= turn[1] < 50} for topic, turns in main.items()}
+    second["torque"] -= {(1, 20), (1, 49)}  # one topic is heard before another, and the last torque may be missing
+    assert compare(second, main) == {"ticks": 30, "missing": 0}
+    second["torque"].remove((1, 30))
+    assert compare(second, main) == {"ticks": 30, "missing": 1}
+
+
+def test_there_is_a_shipped_policy_that_does_not_fit() -> None:
+    assert unfit_policy(ControllerParameters(controller="rl-cbf-clf-qp")).is_file()

@@ -1,4 +1,4 @@
-"""`rabbit soak`: a long walk through all nodes; what it takes of the machine, sampled, drawn and judged."""
+"""`rabbit soak`: a long walk through all nodes beside an operator; what it takes, sampled, drawn and judged."""
 
 from pathlib import Path
 from typing import Any
@@ -10,13 +10,25 @@ from rl_cbf_clf_controller.parameters import ControllerParameters
 
 from rabbit_bringup.commands.evaluate import given_assembly
 from rabbit_bringup.commands.options import Given, complaints, fail, options
-from rabbit_bringup.commands.walk import DEFAULTS, given_training, make_folder
+from rabbit_bringup.commands.walk import given_training, make_folder
 from rabbit_bringup.experiments.timed_walk import EPISODES
-from rabbit_bringup.launching.walk import Interrupted, WalkOptions, make_graph
+from rabbit_bringup.launching.walk import Graph, Interrupted, WalkOptions, make_graph
 
 OVER = 1  # exit code where a bar is not kept
 READY = 600.0  # s for the nodes to find each other: a soak may begin on a busy machine
 TRAINER_TIMEOUT = 3600.0  # s
+CAPACITY = 5_000  # transitions kept: a replay buffer that still fills up would look like a leak
+# where the command line names neither controller nor parameters: one that walks every course (docs/results.md)
+SURE: dict[str, Any] = {
+    "controller": "rl-cbf-clf-qp",
+    "adaptation": "identification",
+    "objective": "pd_centred",
+    "gait": "paper_stones",
+    "stone_margin": "0.01",
+    "mass_scale": "2",
+}
+SURE_POLICY = "universal"
+OF_WALK = {"out", "seed", "pace", "policy", "training"}
 
 app = typer.Typer(add_completion=False)
 
@@ -29,8 +41,12 @@ class SoakOptions(BaseModel):
     out: Path | None = Field(None, description="folder for recording, samples, figures (default: runs/DATE-seed-SEED)")
     minutes: float = Field(60.0, gt=0, le=10_000, description="of the wall clock")
     every: float = Field(5.0, ge=0.5, le=600, description="s between samples")
-    seed: int = Field(1, ge=0, le=2**63 - 1, description="of the first episode")
-    policy: str | None = Field(None, description="to begin with: zero, a shipped policy or a file")
+    operate_every: float = Field(15.0, ge=0, le=3600, description="s between operations beside the walk; 0: none")
+    pace: float | None = Field(None, ge=0, le=100, description="times real time at most; 0: no limit (default: 0)")
+    seed: int = Field(1, ge=0, le=2**63 - 1, description="of the first episode, and of the operations")
+    policy: str | None = Field(
+        None, description="to begin with, and to load again: a shipped policy or a file; or zero"
+    )
     training: Path | None = Field(None, description="YAML file of training parameters")
     parameters: str = Field("ours", description="of the controller: ours, authors or a YAML file")
 
@@ -38,30 +54,25 @@ class SoakOptions(BaseModel):
 @app.command()
 @options(SoakOptions, ControllerParameters, SimulationParameters)
 def soak(given: Given) -> None:
-    """Walk for an hour with learning, swapping and recording on; exit code 1 if memory or descriptors grow."""
-    if not given.values.keys() & {"controller", "parameters"}:
-        given = Given({**DEFAULTS, **given.values})
+    """Walk for an hour with learning, swapping, recording and an operator on; exit code 1 if a bar is not kept."""
+    is_sure = not given.values.keys() & {"controller", "parameters"}
+    if is_sure:
+        given = Given({**SURE, **given.values})
     told = given.build(SoakOptions)
-    assembly = given_assembly(given, told.policy, told.parameters)
-    if assembly.policy == "oracle":
-        fail("--policy oracle: expected zero, a shipped policy or a file; the nodes never see the true plant")
-    own = told.model_dump(include={"out", "seed", "policy", "training"})
-    request = WalkOptions(**own, episodes=EPISODES, ready_timeout=READY)
+    policy = told.policy or (SURE_POLICY if is_sure else None)
+    assembly = given_assembly(given, policy, told.parameters)
+    if assembly.policy == "oracle" or (told.operate_every and assembly.policy == "zero"):
+        fail(f"--policy {assembly.policy}: expected a shipped policy or a file; zero with --operate-every 0")
+    request = WalkOptions(**told.model_dump(include=OF_WALK), episodes=EPISODES, ready_timeout=READY)
     folder = make_folder(request)
     training = given_training(request, assembly.controller, assembly.policy)
+    if not told.training:
+        training["capacity"] = CAPACITY
     graph = make_graph(folder, request, assembly.simulation, assembly.controller, assembly.policy, training)
     graph.parameters["simulator"]["trainer_timeout"] = TRAINER_TIMEOUT
-    from rich.console import Console
-
-    from rabbit_bringup.experiments import soak as experiment
-    from rabbit_bringup.launching.executables import LaunchError
+    walk(graph, request, told, assembly)
     from rabbit_bringup.recording.bag_writer import RecordingError
 
-    with complaints(LaunchError), Console().status("starting") as status:
-        try:
-            experiment.soak(graph, request, told.minutes * 60, told.every, status.update)
-        except Interrupted as error:
-            fail(f"stopped by {error}; what was sampled is in {folder}", code=error.code)
     with complaints(RecordingError):
         figures = judged(folder)
     show(figures)
@@ -70,18 +81,40 @@ def soak(given: Given) -> None:
         raise typer.Exit(OVER)
 
 
+def walk(graph: Graph, request: WalkOptions, told: SoakOptions, assembly: Any) -> None:
+    """Walk for as long as `told`, with an operator if it is to; a line on the screen says how it goes."""
+    from rich.console import Console
+
+    from rabbit_bringup.experiments import soak as experiment
+    from rabbit_bringup.launching.executables import LaunchError
+
+    with complaints(LaunchError, ValueError), Console().status("starting") as status:
+        sampler = experiment.Sampler(graph, told.minutes * 60, told.every, status.update)
+        operations = make_operations(graph.folder, told, assembly) if told.operate_every else None
+        try:
+            experiment.soak(graph, request, told.minutes * 60, sampler, operations)
+        except Interrupted as error:
+            fail(f"stopped by {error}; what was sampled is in {graph.folder}", code=error.code)
+
+
+def make_operations(folder: Path, told: SoakOptions, assembly: Any) -> Any:
+    """An operator for this controller and its policy."""
+    from rabbit_bringup.experiments.operations import SECOND, Operations, unfit_policy
+    from rabbit_bringup.experiments.operator_node import Operator
+
+    policies = Path(assembly.policy).absolute(), unfit_policy(assembly.controller)
+    operator = Operator("", folder / SECOND, policies, told.pace or 0.0, told.seed)
+    return Operations(operator, folder, told.operate_every, told.seed)
+
+
 def judged(folder: Path) -> dict[str, Any]:
     """The figures and the picture of a soak, from what it left."""
+    from rabbit_bringup.experiments.operations import judge_operations
     from rabbit_bringup.experiments.soak import SAMPLES, read_samples, write_figures
     from rabbit_bringup.experiments.soak_picture import draw_soak
-    from rabbit_bringup.recording.reader import iterate_episodes
 
-    swaps = lost = 0
-    for episode in iterate_episodes(folder / "recording"):
-        swaps += sum(swap.tick > 0 for swap in episode.swaps)
-        lost += episode.missing if episode.outcome else 0  # the last one is cut off
     draw_soak(read_samples(folder / SAMPLES), folder / "soak.png")
-    return write_figures(folder, swaps, lost)
+    return write_figures(folder, *judge_operations(folder))
 
 
 def show(figures: dict[str, Any]) -> None:
@@ -104,6 +137,17 @@ def show(figures: dict[str, Any]) -> None:
     print(
         f"{figures['policies_put_in_force']} policies put in force, {figures['ticks_not_recorded']} ticks not recorded"
     )
+    walks = figures["walks"]
+    print(f"{walks['walked']} of {walks['ended']} episodes walked, {walks['reset']} were reset by the operator")
+    for each in walks["fell"]:
+        print("  episode {}, seed {}: {} {}".format(*each))
+    if operations := figures["operations"]:
+        print("as expected: " + ", ".join(f"{kind} {right} of {asked}" for kind, (asked, right) in operations.items()))
+        seconds = figures["second_recordings"]
+        print(
+            f"{len(seconds)} second recordings, {sum(each['ticks'] for each in seconds)} ticks, "
+            f"{sum(each['missing'] for each in seconds)} messages missing"
+        )
     for bar, kept in figures["bars_kept"].items():
         print(f"{bar}: {'kept' if kept else 'NOT KEPT'}")
 

@@ -1,8 +1,9 @@
-"""A long walk through the nodes with learning, swapping and recording on: does anything grow, leak or slow down?
+"""A long walk with learning, swapping, recording and an operator on: does anything grow, leak, slow down or fall?
 
-FOLDER/samples.csv    every few seconds: ticks so far, load, and of each node memory, descriptors, threads, CPU time
-FOLDER/soak.json      what follows from them, with the bars
-FOLDER/soak.png       the same as a picture
+FOLDER/samples.csv       every few seconds: ticks so far, load, and of each node memory, descriptors, threads, CPU time
+FOLDER/operations.csv    what the operator did (`operations`)
+FOLDER/soak.json         what follows from them, with the bars
+FOLDER/soak.png          the samples as a picture
 
 What counts begins after a warm-up. Memory, descriptors and threads: the medians of the first and the last tenth of it.
 The rate: simulator's and controller's processor time a tick, by Theil and Sen's slope over the whole of it, since other
@@ -22,6 +23,7 @@ from scipy.stats import theilslopes
 
 from rabbit_bringup.experiments import provenance
 from rabbit_bringup.experiments.node_usage import Usage, node_processes, usage
+from rabbit_bringup.experiments.operations import Operations
 from rabbit_bringup.experiments.timed_walk import walk_for
 from rabbit_bringup.launching.walk import Graph, WalkOptions
 
@@ -68,13 +70,20 @@ class Sampler:
         self._tell(f"{seconds / 60:.1f} of {self._seconds / 60:g} min, {now.ticks} ticks, episode {now.episode}")
 
 
-def soak(graph: Graph, request: WalkOptions, seconds: float, every: float, tell: Callable[[str], object]) -> None:
-    """Walk for so many s and leave the samples; raises as `walk_for`."""
-    sampler = Sampler(graph, seconds, every, tell)
+def soak(graph: Graph, request: WalkOptions, seconds: float, sampler: Sampler, operations: Operations | None) -> None:
+    """Walk for so many s and leave the samples, and what came of `operations`, if any; raises as `walk_for`."""
+
+    def glance(now: Any, so_far: float) -> None:
+        sampler(now, so_far)
+        if operations:
+            operations(now, so_far)
+
     try:
-        walk_for(graph, request, seconds, sampler)
+        walk_for(graph, request, seconds, glance)
     finally:
         sampler.close()
+        if operations:
+            operations.close()
 
 
 def read_samples(path: Path) -> Samples:
@@ -155,9 +164,10 @@ def _slope(x: NDArray[np.float64], y: NDArray[np.float64], part: NDArray[np.bool
     return float((y[-1] - y[0]) / max(x[-1] - x[0], 1e-9))
 
 
-def write_figures(folder: Path, swaps: int, lost: int) -> dict[str, Any]:
-    """Judge the samples in `folder` and keep that beside them."""
+def write_figures(folder: Path, walk: Mapping[str, Any], bars: Mapping[str, bool]) -> dict[str, Any]:
+    """Judge the samples in `folder` and keep that there, with what is known of the `walk` and of further bars."""
     about = {"command": provenance.command(), "commit": provenance.commit(), "versions": provenance.versions()}
-    figures = {**judge(read_samples(folder / SAMPLES)), "policies_put_in_force": swaps, "ticks_not_recorded": lost}
+    figures = {**judge(read_samples(folder / SAMPLES)), **walk}
+    figures["bars_kept"] |= bars
     (folder / "soak.json").write_text(json.dumps({**figures, **about}, indent=2) + "\n", encoding="utf-8")
     return figures

@@ -78,7 +78,12 @@ def check_recording(path: Path, wanted: Iterable[tuple[int, int]]) -> RecordingC
 
 def recorded_ticks(path: Path) -> list[tuple[int, int]]:
     """Episode and tick of each state in a recording."""
+    return recorded_turns(path, "state")
+
+
+def recorded_turns(path: Path, topic: str) -> list[tuple[int, int]]:
+    """Episode and tick of each message of a topic that has them."""
     with opened(path) as reader:
-        states = [connection for connection in reader.connections if last_name(connection.topic) == "state"]
-        messages = reader.messages(states) if states else ()
+        chosen = [connection for connection in reader.connections if last_name(connection.topic) == topic]
+        messages = reader.messages(chosen) if chosen else ()
         return [turn_of(data) for _, _, data in messages]

@@ -75,6 +75,10 @@ class Processes:
             _send(process, signal.SIGKILL)
             process.wait()
 
+    def runs(self, name: str) -> bool:
+        """Whether it was started and not yet ended or waited for."""
+        return name in self._running
+
     def pid(self, name: str) -> int:
         """Process of a running node."""
         return self._running[name].pid

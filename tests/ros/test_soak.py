@@ -1,0 +1,52 @@
+"""The operator of a soak does each of its operations at a walking graph, and knows a wrong answer."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rabbit_bringup.experiments.operations import KINDS, SECOND, Operations, read_operations, turns_in, unfit_policy
+from rabbit_bringup.experiments.operator_node import Operator
+from rl_cbf_clf_controller.parameters import ControllerParameters
+from rl_cbf_clf_controller.weights import policy_path
+
+from .conftest import SHORT
+
+LAW = ControllerParameters(controller="rl-cbf-clf-qp")
+GOOD = policy_path("rl-cbf-clf-qp")
+
+
+@pytest.fixture
+def walking(make_world: Any) -> Any:
+    world = make_world("soak")
+    world.start("simulator", **SHORT, episodes=1000, mass_scale=2.0, pace=1.0)
+    world.start("controller", controller=LAW.controller, policy=str(GOOD))
+    world.go()
+    return world
+
+
+@pytest.mark.timeout(900)
+def test_every_operation_is_answered_as_expected(walking: Any, tmp_path: Path) -> None:
+    operator = Operator(walking.namespace, tmp_path / SECOND, (GOOD, unfit_policy(LAW)), 1.0, seed=3)
+    operations = Operations(operator, tmp_path, every=0.5, seed=3)
+    try:
+        for half_seconds in range(len(KINDS) + 6):
+            walking.spin(0.5)
+            operations(None, 0.5 * half_seconds)
+    finally:
+        operations.close()
+    rows = read_operations(tmp_path / "operations.csv")
+    assert {row.kind for row in rows} == {*KINDS, "recorder ended"}
+    assert all(row.expected for row in rows), json.dumps([row.__dict__ for row in rows if not row.expected])
+    assert turns_in(tmp_path / SECOND / "recording")["state"]
+
+
+@pytest.mark.timeout(900)
+def test_what_is_answered_wrongly_is_found(walking: Any, tmp_path: Path) -> None:
+    swapped = (unfit_policy(LAW), GOOD)
+    operator = Operator(walking.namespace, tmp_path / SECOND, swapped, 1.0, seed=3)
+    operator.patience = 3.0
+    try:
+        assert [operator.do(kind)[2] for kind in ("good policy", "unfit policy", "pause")] == [False, False, True]
+    finally:
+        operator.close()
