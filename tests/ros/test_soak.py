@@ -5,7 +5,15 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from rabbit_bringup.experiments.operations import KINDS, SECOND, Operations, read_operations, turns_in, unfit_policy
+from rabbit_bringup.experiments.operations import (
+    KINDS,
+    LATCHED,
+    SECOND,
+    Operations,
+    read_operations,
+    turns_in,
+    unfit_policy,
+)
 from rabbit_bringup.experiments.operator_node import Operator
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.weights import policy_path
@@ -30,8 +38,8 @@ def test_every_operation_is_answered_as_expected(walking: Any, tmp_path: Path) -
     operator = Operator(walking.namespace, tmp_path / SECOND, (GOOD, unfit_policy(LAW)), 1.0, seed=3)
     operations = Operations(operator, tmp_path, every=0.5, seed=3)
     try:
-        for half_seconds in range(len(KINDS) + 6):
-            walking.spin(0.5)
+        for half_seconds in range(LATCHED + len(KINDS) + 6):
+            walking.spin(0.1)
             operations(None, 0.5 * half_seconds)
     finally:
         operations.close()

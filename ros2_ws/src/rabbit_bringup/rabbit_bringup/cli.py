@@ -17,7 +17,7 @@ COMMANDS = {
     "policy": "Policy files: show, verify, errors of the estimates, load.",
     "bench": "Time a tick, its parts and a walk against their limits.",
     "jitter": "Walk in real time: late ticks, missed deadlines, the age of the torque, with busy neighbours.",
-    "soak": "Walk for an hour with learning, swapping and recording on: does anything grow?",
+    "soak": "Walk for an hour with learning, recording and an operator on: does anything grow or fall?",
     "faults": "Kill, stop and mislead the nodes at random ticks of a walk: what must hold, holds?",
     "bag": "Recordings: record, info, play, plot, check, recover.",
     "video": "Film a run, or a recording: MP4 and GIF.",
