@@ -11,7 +11,7 @@ from pathlib import Path
 from common import STATE, VENV, WORKSPACE, SetUpError, digest, is_done, logged, main, mark_done, say, system_ros
 
 SOURCES = WORKSPACE / "src"
-STAND_INS = WORKSPACE / "stand_ins"  # messages that a full ROS 2 has and the wheels have not
+STAND_INS = WORKSPACE / "stand_ins"  # messages that a full ROS 2 has and the wheels have not; plain colcon ignores them
 LEFT_OVER = {"__pycache__", "build", *(path.name for path in SOURCES.glob("*/*.egg-info"))}  # by pip
 LINKED = {".py", ".yaml", ".urdf", ".safetensors"}
 KEPT = {"PATH", "HOME", "LANG", "TERM", "CC", "CXX", "TMPDIR"}
@@ -64,7 +64,7 @@ def colcon_build() -> None:
     environment = {name: value for name, value in os.environ.items() if name in KEPT}
     environment["MAKEFLAGS"] = f"-j{os.cpu_count()}"  # colcon's own waits for idle cores: a busy machine hardly builds
     log = STATE / "colcon.log"
-    paths = "src" if system_ros() else "src stand_ins"
+    paths = "src" if system_ros() else "src stand_ins/*"
     os.chdir(WORKSPACE)
     if logged(["bash", "-c", COLCON.format(venv=VENV, paths=paths)], log, environment):
         output = log.read_text(encoding="utf-8")

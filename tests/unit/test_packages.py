@@ -1,18 +1,20 @@
 """The house's rules: who may import whom, what is declared, and that every library installs and imports without ROS."""
 
 import ast
+import json
 import os
 import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from functools import cache
 from importlib.metadata import PathDistribution
 from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
+from catkin_pkg.package import parse_package
 
 SOURCES = Path(__file__).resolve().parents[2] / "ros2_ws" / "src"
 PACKAGES = ("rabbit_description", "rabbit_ros", "rabbit_sim", "rl_cbf_clf_controller", "rl_trainer", "rabbit_bringup")
@@ -23,8 +25,9 @@ NOT_BELOW = {  # package -> modules that it must never import
     "rl_cbf_clf_controller": {"rabbit_sim", "pybullet", "torch", "rl_trainer", "rabbit_bringup"},
     "rl_trainer": {"rabbit_sim", "pybullet", "rabbit_bringup", "rl_cbf_clf_controller.oracle"},
 }
-DISTRIBUTIONS = {"yaml": "pyyaml", "pinocchio": "pin", "PIL": "pillow", "pydantic_core": "pydantic"}
-DISTRIBUTIONS |= {"annotated_types": "pydantic", "mpl_toolkits": "matplotlib", "foxglove": "foxglove_sdk"}
+BROUGHT_BY = {"pydantic_core": "pydantic", "annotated_types": "pydantic", "mpl_toolkits": "matplotlib"}
+BROUGHT_BY |= {"foxglove": "foxglove_sdk", "torch.utils.tensorboard": "tensorboard"}
+DISTRIBUTIONS = {"yaml": "pyyaml", "pinocchio": "pin"}  # what pip calls them
 IMPORT_ALL = """
 import importlib, pkgutil, sys
 package, *without = sys.argv[1:]
@@ -66,10 +69,30 @@ def imports_any(path: Path, names: set[str]) -> set[str]:
     return {name for name in imports(path) if any(name == other or name.startswith(f"{other}.") for other in names)}
 
 
+def imported(paths: Iterable[Path]) -> set[str]:
+    """The libraries and packages that files import, without the standard library."""
+    names = {name for path in paths for name in imports(path)}
+    wanted = {BROUGHT_BY.get(name.split(".")[0], name.split(".")[0]) for name in names}
+    return (wanted | {BROUGHT_BY[name] for name in names & set(BROUGHT_BY)}) - set(sys.stdlib_module_names)
+
+
+def rosdep_keys(package: str) -> set[str]:
+    """What the package's package.xml declares to be needed at run time."""
+    return {tag.text or "" for tag in ElementTree.parse(SOURCES / package / "package.xml").iter("exec_depend")}
+
+
 def ros_dependencies(package: str) -> set[str]:
-    """What the package's package.xml declares beside our own pip-installable packages."""
-    tree = ElementTree.parse(SOURCES / package / "package.xml")
-    return {tag.text or "" for tag in tree.iter() if tag.tag.endswith("depend")} - set(PACKAGES) - {"python3-pytest"}
+    """The packages of ROS among them."""
+    libraries = {key for key in rosdep_keys(package) if key.startswith("python3-") or key.endswith("-pip")}
+    return rosdep_keys(package) - set(PACKAGES) - libraries - {"pinocchio"}  # ROS packages this library too
+
+
+def without_key(package: str) -> set[str]:
+    """The libraries that package.xml names in its comment, since rosdep has no key for them."""
+    (named,) = re.findall(r"<!-- without a rosdep key: (.+) -->", (SOURCES / package / "package.xml").read_text()) or [
+        ""
+    ]
+    return {name.replace("-", "_") for name in named.split(", ") if name}
 
 
 @pytest.mark.parametrize("package", PACKAGES)
@@ -95,19 +118,52 @@ def test_the_learner_names_no_oracle() -> None:
 
 
 @pytest.fixture(scope="session")
-def installed(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
+def checkout(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The packages' sources in an empty folder, without what pip leaves in them."""
+    left_over = shutil.ignore_patterns("__pycache__", "build", "*.egg-info")
+    return shutil.copytree(SOURCES, tmp_path_factory.mktemp("checkout") / "src", ignore=left_over)
+
+
+@pytest.fixture(scope="session")
+def installed(checkout: Path, tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
     """Installs a package with pip, by itself, into an empty folder; once a session."""
 
     @cache
     def install(package: str) -> Path:
-        folder = tmp_path_factory.mktemp(package)
-        left_over = shutil.ignore_patterns("__pycache__", "build", "*.egg-info")
-        source = shutil.copytree(SOURCES / package, folder / "source", ignore=left_over)
-        options = ["--quiet", "--no-index", "--no-deps", "--no-build-isolation", "--target", str(folder / "target")]
-        subprocess.run([sys.executable, "-m", "pip", "install", *options, str(source)], check=True, timeout=300)
-        return folder / "target"
+        target = tmp_path_factory.mktemp(package)
+        options = ["--quiet", "--no-index", "--no-deps", "--no-build-isolation", "--target", str(target)]
+        command = [sys.executable, "-m", "pip", "install", *options, str(checkout / package)]
+        subprocess.run(command, check=True, timeout=300)
+        return target
 
     return install
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_package_xml_declares_what_is_imported_and_nothing_else(package: str) -> None:
+    wanted = imported([*modules(package), *SOURCES.glob(f"{package}/launch/*.py")]) - {package}
+    needed_by_command = {"ros2launch"} & rosdep_keys(package)  # `ros2 launch` itself
+    keys = {re.sub(r"^python3-|-pip$", "", key) for key in rosdep_keys(package)}
+    assert keys | without_key(package) == wanted | needed_by_command
+
+
+def test_one_maintainer_whom_ros_tools_accept() -> None:
+    files = [*SOURCES.glob("*/package.xml"), *SOURCES.parent.glob("stand_ins/*/package.xml")]
+    found = {str(person) for file in files for person in parse_package(file).maintainers}
+    assert len(files) == len(PACKAGES) + 2  # rabbit_msgs and the stand-in
+    assert len(found) == 1
+    assert "example" not in found.pop()
+
+
+def test_pip_finds_the_packages_beside(checkout: Path, tmp_path: Path) -> None:
+    options = ["--dry-run", "--no-index", "--no-build-isolation", "--report", str(tmp_path / "report.json")]
+    command = [sys.executable, "-m", "pip", "install", "--quiet", *options, str(checkout / "rabbit_bringup")]
+    subprocess.run(command, check=True, timeout=300)
+    items = json.loads((tmp_path / "report.json").read_text())["install"]
+    found = {item["metadata"]["name"].replace("-", "_"): item["download_info"]["url"] for item in items}
+    wanted = set(PACKAGES) - {"rabbit_ros"}  # of use to nodes alone, which need ROS
+    assert wanted <= set(found)
+    assert not [url for name, url in found.items() if name in wanted and not url.endswith(f"{checkout}/{name}")]
 
 
 def requirements(target: Path) -> set[str]:
@@ -149,10 +205,7 @@ def test_data_is_installed(package: str, installed: Callable[[str], Path]) -> No
 
 
 @pytest.mark.parametrize("package", PACKAGES)
-def test_every_import_is_declared(package: str, installed: Callable[[str], Path]) -> None:
-    declared = requirements(installed(package)) | ros_dependencies(package) | {package, *sys.stdlib_module_names}
-    for path in modules(package):
-        names = {name.split(".")[0] for name in imports(path)}
-        wanted = {DISTRIBUTIONS.get(name, name) for name in names}
-        own = declared | ({"rabbit_ros"} if is_node(path) else set())
-        assert wanted <= own, f"{path}: {wanted - own} not in setup.py's install_requires or package.xml"
+def test_setup_py_requires_what_is_imported_and_nothing_else(package: str, installed: Callable[[str], Path]) -> None:
+    required = requirements(installed(package)) - {"pytest"}
+    wanted = {DISTRIBUTIONS.get(name, name) for name in imported(modules(package))} - {package, "rabbit_ros"}
+    assert required - {"rabbit_ros"} == wanted - {"rabbit_msgs", *ros_dependencies(package)}

@@ -5,7 +5,8 @@ from pathlib import Path
 from setuptools import find_packages, setup
 
 NAME = "rabbit_bringup"
-BESIDE = Path(__file__).resolve().parents[1].as_uri()  # where the packages are that no registry has
+# Where the packages are that no registry has. colcon reads no address without a host.
+BESIDE = Path(__file__).resolve().parents[1].as_uri().replace("file://", "file://localhost")
 
 setup(
     name=NAME,
@@ -25,7 +26,7 @@ setup(
     install_requires=[
         f"rabbit_description @ {BESIDE}/rabbit_description",
         f"rabbit_sim @ {BESIDE}/rabbit_sim",
-        f"rl_cbf_clf_controller @ {BESIDE}/rl_cbf_clf_controller",
+        f"rl_cbf_clf_controller[gait] @ {BESIDE}/rl_cbf_clf_controller",
         f"rl_trainer @ {BESIDE}/rl_trainer",
         "numpy>=2",
         "scipy",
@@ -33,14 +34,10 @@ setup(
         "pyyaml",
         "typer",
         "rich",
-        "tqdm",
         "joblib",
         "matplotlib",
         "tensorboard",
-        "imageio",
         "imageio-ffmpeg",
-        "pillow",
-        "casadi>=3.8",
         "rosbags>=0.11.9,<0.12",
         "foxglove-sdk>=0.30.3,<0.31",
         "websockets>=16",

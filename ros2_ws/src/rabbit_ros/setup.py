@@ -5,7 +5,8 @@ from pathlib import Path
 from setuptools import find_packages, setup
 
 NAME = "rabbit_ros"
-BESIDE = Path(__file__).resolve().parents[1].as_uri()  # where the packages are that no registry has
+# Where the packages are that no registry has. colcon reads no address without a host.
+BESIDE = Path(__file__).resolve().parents[1].as_uri().replace("file://", "file://localhost")
 
 setup(
     name=NAME,
@@ -23,7 +24,6 @@ setup(
         f"rabbit_description @ {BESIDE}/rabbit_description",
         "numpy",
         "pydantic>=2",
-        "pyyaml",
     ],
     extras_require={"test": ["pytest"]},
 )

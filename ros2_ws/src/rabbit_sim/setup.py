@@ -5,7 +5,8 @@ from pathlib import Path
 from setuptools import find_packages, setup
 
 NAME = "rabbit_sim"
-BESIDE = Path(__file__).resolve().parents[1].as_uri()  # where the packages are that no registry has
+# Where the packages are that no registry has. colcon reads no address without a host.
+BESIDE = Path(__file__).resolve().parents[1].as_uri().replace("file://", "file://localhost")
 
 setup(
     name=NAME,
@@ -26,7 +27,6 @@ setup(
         "pin>=4.1,<5",
         "pybullet>=3.2.7",
         "pydantic>=2",
-        "pyyaml",
     ],
     extras_require={"test": ["pytest"]},
     entry_points={

@@ -5,7 +5,8 @@ from pathlib import Path
 from setuptools import find_packages, setup
 
 NAME = "rl_cbf_clf_controller"
-BESIDE = Path(__file__).resolve().parents[1].as_uri()  # where the packages are that no registry has
+# Where the packages are that no registry has. colcon reads no address without a host.
+BESIDE = Path(__file__).resolve().parents[1].as_uri().replace("file://", "file://localhost")
 
 setup(
     name=NAME,
@@ -28,7 +29,6 @@ setup(
         "osqp>=1.1,<2",
         "daqp>=0.11",
         "pydantic>=2",
-        "pyyaml",
         "safetensors",
     ],
     extras_require={"test": ["pytest"], "gait": ["casadi>=3.8", "matplotlib"]},

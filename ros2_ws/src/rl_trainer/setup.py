@@ -5,7 +5,8 @@ from pathlib import Path
 from setuptools import find_packages, setup
 
 NAME = "rl_trainer"
-BESIDE = Path(__file__).resolve().parents[1].as_uri()  # where the packages are that no registry has
+# Where the packages are that no registry has. colcon reads no address without a host.
+BESIDE = Path(__file__).resolve().parents[1].as_uri().replace("file://", "file://localhost")
 
 setup(
     name=NAME,
@@ -24,12 +25,10 @@ setup(
         f"rl_cbf_clf_controller @ {BESIDE}/rl_cbf_clf_controller",
         "numpy>=2",
         "torch==2.13.0",
-        "safetensors",
         "pydantic>=2",
         "pyyaml",
         "tensorboard",
         "gymnasium",
-        "tqdm",
     ],
     extras_require={"test": ["pytest"]},
     entry_points={

@@ -1,0 +1,12 @@
+"""Input-output linearisation: an identity."""
+
+import numpy as np
+import pytest
+from rl_cbf_clf_controller.affine import Affine
+from rl_cbf_clf_controller.io_linearization import precontrol
+
+
+def test_the_outputs_accelerate_by_mu() -> None:
+    rng = np.random.default_rng(0)
+    output_dynamics, mu = Affine(rng.normal(size=(4, 4)), rng.normal(size=4)), rng.normal(size=4)
+    assert output_dynamics(precontrol(output_dynamics)(mu)) == pytest.approx(mu)
