@@ -14,17 +14,17 @@ def test_a_killed_process_has_noted_all(tmp_path: Path) -> None:
     if child == 0:
         memory = Memory(path)
         for tick in range(1000):
-            memory.note(Stand(3, tick, 5000 + tick, True))
+            memory.note(Stand(3, tick, 5000 + tick, True, 2, 2**64 - 1, 0.5, "ba639a4ab431"))
         os.kill(os.getpid(), signal.SIGKILL)
     os.waitpid(child, 0)
-    assert Memory(path).stand == Stand(3, 999, 5999, True)
+    assert Memory(path).stand == Stand(3, 999, 5999, True, 2, 2**64 - 1, 0.5, "ba639a4ab431")
 
 
 def test_the_first_one_begins_at_zero(tmp_path: Path) -> None:
     assert Memory(tmp_path / "memory").stand == Memory(None).stand == Stand()
 
 
-@pytest.mark.parametrize("content", [b"", bytes(31), bytes(33), b"\xff" * 32])
+@pytest.mark.parametrize("content", [b"", bytes(119), bytes(121), b"\xff" * 120])
 def test_another_file_is_refused(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "memory"
     path.write_bytes(content)

@@ -9,8 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-_SIZE, _WORD = 4, np.uint64
-_LARGEST = (2**32 - 2, 2**32 - 1, 2**31 * 100 - 1, 1)  # as the messages hold them
+_LARGEST = {"episode": 2**32 - 2, "tick": 2**32 - 1, "clock_ticks": 2**31 * 100 - 1, "running": 1}
+_LARGEST |= {"touchdowns": 2**32 - 1, "seed": 2**64 - 1}  # as the messages hold them
+_LAYOUT = np.dtype([*((name, "<u8") for name in _LARGEST), ("sigma", "<f8"), ("policy_version", "S64")])
 
 
 class MemoryFileError(RuntimeError):
@@ -19,12 +20,19 @@ class MemoryFileError(RuntimeError):
 
 @dataclass(frozen=True)
 class Stand:
-    """Number of the newest episode, its tick, ticks since the clock began, and whether the episode is running."""
+    """The newest episode, its tick, and ticks since the clock began; whether it is running, and how it was begun.
+
+    `sigma` is NaN where the controller's own holds; all is 0 before the first episode.
+    """
 
     episode: int = 0
     tick: int = 0
     clock_ticks: int = 0
     running: bool = False
+    touchdowns: int = 0
+    seed: int = 0
+    sigma: float = 0.0
+    policy_version: str = ""
 
 
 class Memory:
@@ -33,26 +41,28 @@ class Memory:
     def __init__(self, path: Path | None) -> None:
         """Raises `MemoryFileError` for a file that is no such memory, or cannot be written."""
         if path is None:
-            self._words = np.zeros(_SIZE, _WORD)
+            self._kept = np.zeros(1, _LAYOUT)
             return
         try:
             if not path.exists():
                 path.parent.mkdir(parents=True, exist_ok=True)
-                path.write_bytes(bytes(_SIZE * 8))  # a mapped file without its bytes on disk could not tell a full one
-            if path.stat().st_size != _SIZE * 8:
-                raise MemoryFileError(f"memory {path}: expected a file of {_SIZE * 8} bytes, or none")
-            self._words = np.memmap(path, _WORD, "r+", shape=(_SIZE,))
+                path.write_bytes(bytes(_LAYOUT.itemsize))  # bytes on disk: else a mapped file could not tell a full one
+            if path.stat().st_size != _LAYOUT.itemsize:
+                raise MemoryFileError(f"memory {path}: expected a file of {_LAYOUT.itemsize} bytes, or none")
+            self._kept = np.memmap(path, _LAYOUT, "r+", shape=(1,))
         except OSError as error:
             raise MemoryFileError(f"memory {path}: {error.strerror}") from error
-        if any(int(word) > most for word, most in zip(self._words, _LARGEST, strict=True)):
-            raise MemoryFileError(f"memory {path}: {[int(word) for word in self._words]} is no episode, tick and clock")
+        wrong = [name for name, most in _LARGEST.items() if int(self._kept[name][0]) > most]
+        if wrong or self._kept["sigma"][0] < 0 or not bytes(self._kept["policy_version"][0]).isascii():
+            raise MemoryFileError(f"memory {path}: {self._kept[0]} is not where a simulator stands")
 
     @property
     def stand(self) -> Stand:
         """What was noted last."""
-        episode, tick, clock_ticks, running = (int(word) for word in self._words)
-        return Stand(episode, tick, clock_ticks, bool(running))
+        *numbers, policy = self._kept[0].item()
+        values = dict(zip(_LAYOUT.names or (), (*numbers, policy.decode("ascii")), strict=True))
+        return Stand(**{**values, "running": bool(values["running"])})
 
     def note(self, stand: Stand) -> None:
         """Keep where the simulator stands."""
-        self._words[:] = astuple(stand)
+        self._kept[:] = np.array([astuple(stand)], _LAYOUT)

@@ -53,7 +53,7 @@ class SimulatorNode(Node):
         self._memory = Memory(Path(self._own.memory) if self._own.memory else None)
         before = self._memory.stand  # of a simulator that was killed
         self._clock_ticks = before.clock_ticks
-        self._episode = Episode(episode=before.episode, tick=before.tick, stones=plant.stones, sigma=math.nan)
+        self._episode = episode_of(before, plant.stones)
         self._state: RobotState | None = None  # the one whose torque is awaited; None between episodes
         self._torque: Array | None = None
         self._plan: EpisodePlan | None = None
@@ -200,7 +200,10 @@ class SimulatorNode(Node):
     def _note(self) -> None:
         e = self._episode
         tick = self._state.tick if self._state is not None else e.tick
-        self._memory.note(Stand(e.episode, tick, self._clock_ticks, e.phase in (Episode.RUNNING, Episode.PAUSED)))
+        running = e.phase in (Episode.RUNNING, Episode.PAUSED)
+        touchdowns = self._state.touchdowns if self._state is not None else e.touchdowns
+        begun = (e.seed, e.sigma, e.policy_version)
+        self._memory.note(Stand(e.episode, tick, self._clock_ticks, running, touchdowns, *begun))
 
     def _tell(self, phase: int) -> None:
         """Publish where the episode stands."""
@@ -320,6 +323,19 @@ class SimulatorNode(Node):
         if not punctuality.is_fit:
             return WARN, f"this machine is not fit for real time: {punctuality}", figures
         return OK, f"episode {e.episode}" if self._state is not None else "between episodes", figures
+
+
+def episode_of(before: Stand, stones: int) -> Episode:
+    """The newest episode of the simulator before this one."""
+    return Episode(
+        episode=before.episode,
+        tick=before.tick,
+        touchdowns=before.touchdowns,
+        seed=before.seed,
+        sigma=before.sigma if before.episode else math.nan,
+        policy_version=before.policy_version,
+        stones=stones,
+    )
 
 
 def main() -> None:
