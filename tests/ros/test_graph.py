@@ -2,8 +2,12 @@
 
 import itertools
 import math
+import os
+import resource
 import time
 from collections.abc import Callable
+from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,6 +17,7 @@ from rabbit_msgs.msg import Episode, PolicyWeights, RabbitState, StonePreview, T
 from rabbit_msgs.srv import Pause, ResetEpisode
 from rcl_interfaces.srv import DescribeParameters, SetParameters
 from rclpy.parameter import Parameter
+from rclpy.time import Time
 
 SHORT = {"motor_lag": 0.004, "stones": 3}
 
@@ -121,6 +126,38 @@ def test_wrong_messages_are_refused_counted_and_told(world: Any) -> None:
     world.wait(ended(episodes))
     assert episodes[-1].outcome == "silent"
     assert "tick 1" in episodes[-1].reason
+
+
+def test_a_message_of_any_size_leaves_no_memory_taken(world: Any) -> None:
+    """The largest that a stranger sends is refused unread, and its memory given back."""
+    world.start("controller")
+    refused = partial(refusals, world.hear("diagnostics"))
+    world.say("episode", Episode())
+    world.wait(lambda: bool(world.hear("diagnostics")))
+    before = resident_bytes()
+    size = 50_000_000
+    world.say("episode", Episode(reason="x" * size))
+    world.say("policy", PolicyWeights(data=bytes(size)))
+    world.wait(lambda: {"refused episode: too large", "refused policy: not fit"} <= set(refused()))
+    world.wait(lambda: resident_bytes() < before + size / 4)
+
+
+def resident_bytes() -> int:
+    """Of the one node that runs."""
+    (pid,) = Path(f"/proc/self/task/{os.getpid()}/children").read_text().split()
+    return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * resource.getpagesize()
+
+
+def test_diagnostics_are_stamped_and_named_by_their_node(world: Any) -> None:
+    before = world.node.get_clock().now()
+    world.start("controller")
+    world.wait(lambda: len(world.hear("diagnostics")) > 1)
+    stamps = [Time.from_msg(message.header.stamp) for message in world.hear("diagnostics")]
+    assert sorted(stamps) == stamps
+    assert before < stamps[0]
+    assert stamps[-1] < world.node.get_clock().now()
+    (status,) = world.hear("diagnostics")[0].status
+    assert (status.name, status.hardware_id) == (f"/{world.namespace}/controller", "rabbit")
 
 
 def test_wrong_messages_do_not_harm_a_walk(world: Any) -> None:

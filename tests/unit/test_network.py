@@ -4,9 +4,9 @@ import os
 from xml.etree import ElementTree
 
 import pytest
-from rabbit_ros.network import HERE, MIDDLEWARE, PEERS, PROFILE, RANGE, choose_network
+from rabbit_ros.network import FAST_DDS, HERE, MIDDLEWARE, PEERS, PROFILE, RANGE, WHOLE, choose_network
 
-NAMES = (RANGE, PEERS, PROFILE, MIDDLEWARE)
+NAMES = (RANGE, PEERS, PROFILE, WHOLE, MIDDLEWARE)
 ALONE, NETWORK = str(HERE / "fastdds.xml"), str(HERE / "fastdds_network.xml")
 SCHEMA = "{http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles}"
 
@@ -14,14 +14,14 @@ SCHEMA = "{http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles}"
 @pytest.mark.parametrize(
     ("given", "chosen"),
     [
-        ({}, {PROFILE: ALONE, RANGE: "SYSTEM_DEFAULT"}),
-        ({RANGE: "LOCALHOST"}, {PROFILE: ALONE, RANGE: "SYSTEM_DEFAULT"}),
-        ({RANGE: "SUBNET"}, {PROFILE: NETWORK, RANGE: "SUBNET"}),
-        ({RANGE: "OFF"}, {PROFILE: NETWORK, RANGE: "OFF"}),
-        ({PEERS: "10.0.0.7"}, {PROFILE: NETWORK, RANGE: "LOCALHOST", PEERS: "10.0.0.7"}),
+        ({}, {PROFILE: ALONE, WHOLE: "1", RANGE: "SYSTEM_DEFAULT"}),
+        ({RANGE: "LOCALHOST"}, {PROFILE: ALONE, WHOLE: "1", RANGE: "SYSTEM_DEFAULT"}),
+        ({RANGE: "SUBNET"}, {PROFILE: NETWORK, WHOLE: "1", RANGE: "SUBNET"}),
+        ({RANGE: "OFF"}, {PROFILE: NETWORK, WHOLE: "1", RANGE: "OFF"}),
+        ({PEERS: "10.0.0.7"}, {PROFILE: NETWORK, WHOLE: "1", RANGE: "LOCALHOST", PEERS: "10.0.0.7"}),
         ({PROFILE: "/my.xml"}, {PROFILE: "/my.xml"}),
         ({MIDDLEWARE: "rmw_cyclonedds_cpp"}, {MIDDLEWARE: "rmw_cyclonedds_cpp", RANGE: "LOCALHOST"}),
-        ({MIDDLEWARE: "rmw_fastrtps_cpp"}, {MIDDLEWARE: "rmw_fastrtps_cpp", PROFILE: ALONE, RANGE: "SYSTEM_DEFAULT"}),
+        ({MIDDLEWARE: FAST_DDS}, {MIDDLEWARE: FAST_DDS, PROFILE: ALONE, WHOLE: "1", RANGE: "SYSTEM_DEFAULT"}),
     ],
 )
 def test_the_environment_decides(

@@ -42,6 +42,15 @@ def test_one_soft_row_has_the_closed_form(solver, p):
     assert decision.active.all()
 
 
+def test_nothing_is_printed_where_no_row_is_active(capfd):
+    """OSQP says that it need not polish, whatever `verbose` is."""
+    qp = build_qp([Rows.at_most(("CLF",), np.ones((1, 4)), np.array([100.0]), 5.0)])
+    for _ in range(2):
+        assert OsqpSolver().solve(qp).solved
+    print("after")
+    assert capfd.readouterr() == ("after\n", "")
+
+
 def test_center_moves_the_free_minimum():
     center = np.array([1.0, 2.0, -3.0, 0.5])
     qp = build_qp([Rows.at_most(("CLF",), np.ones((1, 4)), np.array([100.0]), 5.0)], Objective(np.eye(4), center))

@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
+from std_msgs.msg import Header
 
 from rabbit_ros.door import Door
 from rabbit_ros.qos_node import DIAGNOSTICS
@@ -50,7 +51,8 @@ class Diagnostics:
         values = [KeyValue(key=key, value=str(value)) for key, value in {**figures, **counts}.items()]
         name = self._node.get_fully_qualified_name()
         status = DiagnosticStatus(level=level, name=name, hardware_id="rabbit", message=line, values=values)
-        self._publisher.publish(DiagnosticArray(status=[status]))
+        header = Header(stamp=self._node.get_clock().now().to_msg())
+        self._publisher.publish(DiagnosticArray(header=header, status=[status]))
 
 
 def readers_told(status: DiagnosticStatus) -> dict[str, int]:

@@ -12,6 +12,8 @@ from rclpy.subscription import Subscription
 
 from rabbit_ros.door import Refused
 
+MOST_BYTES = 10_000_000  # of a message; the largest carries a policy file, of which 8 MB are read
+
 _BOUND = re.compile(r"string<(\d+)>$|sequence<.*, (\d+)>$")
 
 
@@ -39,6 +41,8 @@ def hear(
 
 def decoded(data: bytes, kind: Any, limits: dict[str, int]) -> Any:
     """The message in these bytes; raises `Refused`."""
+    if len(data) > MOST_BYTES:
+        raise Refused("too large", f"{len(data)} bytes; expected at most {MOST_BYTES}")
     try:
         message = deserialize_message(data, kind)
     except (rclpy_implementation.RMWError, rclpy_implementation.RCLError, ValueError, MemoryError) as error:

@@ -8,7 +8,7 @@ import os
 from pathlib import Path
 
 RANGE, PEERS, MIDDLEWARE = "ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_STATIC_PEERS", "RMW_IMPLEMENTATION"
-PROFILE = "FASTRTPS_DEFAULT_PROFILES_FILE"
+PROFILE, WHOLE = "FASTRTPS_DEFAULT_PROFILES_FILE", "RMW_FASTRTPS_USE_QOS_FROM_XML"
 FAST_DDS = "rmw_fastrtps_cpp"
 HERE = Path(__file__).parent
 
@@ -22,4 +22,5 @@ def choose_network() -> None:
         os.environ[PROFILE] = str(HERE / ("fastdds_network.xml" if wider else "fastdds.xml"))
         if not wider:
             os.environ[RANGE] = "SYSTEM_DEFAULT"  # the profile's; LOCALHOST would add sockets of its own
+        os.environ.setdefault(WHOLE, "1")  # without it, what the profile says of memory does not count
         os.environ.setdefault(RANGE, "LOCALHOST")

@@ -3,6 +3,8 @@
 For min x'x + q'x, lower <= A x <= upper with multipliers y:  2 x + q + A'y = 0, lower <= A x <= upper.
 """
 
+import contextlib
+import io
 import time
 from dataclasses import dataclass
 from typing import ClassVar, Protocol
@@ -42,6 +44,14 @@ class Solver(Protocol):
         """Forget the last programme, so that an episode does not depend on the one before."""
 
 
+class _Nowhere(io.StringIO):
+    """A stdout for a library that prints whatever one asks of it."""
+
+    def write(self, text: str) -> int:
+        """Drop it."""
+        return len(text)
+
+
 class OsqpSolver:
     """OSQP, set up once for the controller's sparsity pattern and updated at every tick."""
 
@@ -59,6 +69,7 @@ class OsqpSolver:
     }
 
     def __init__(self) -> None:
+        self._nowhere = _Nowhere()
         self.reset()
 
     def reset(self) -> None:
@@ -73,7 +84,8 @@ class OsqpSolver:
             self._set_up(qp, pattern)
         else:
             self._solver.update(q=qp.q, l=qp.lower, u=qp.upper, Ax=qp.A.T[pattern.T])
-        result = self._solver.solve(raise_error=False)
+        with contextlib.redirect_stdout(self._nowhere):  # "Polishing not needed", also when not verbose
+            result = self._solver.solve(raise_error=False)
         status = str(result.info.status)
         residual = kkt_residual(qp, result.x, result.y) if status == "solved" else np.inf
         elapsed = time.perf_counter() - start
