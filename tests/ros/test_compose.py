@@ -55,5 +55,5 @@ def test_services_walk_and_record(
     (recording,) = tmp_path.glob("recording-*")
     (episode,) = iterate_episodes(recording)
     assert episode.outcome == "walked"  # a recorder started beside the graph may miss its first ticks
-    assert episode.records[-1].output.tick == len(episode.records) + episode.missing - 1
+    assert episode.last - episode.first + 1 == episode.recorded + episode.lost
     assert list((tmp_path / "training").iterdir())

@@ -56,7 +56,7 @@ def test_nodes_equal_one_process(tmp_path: Path, storage: str, stones: int) -> N
     inside, simulation = walk_in_process(plant, law, SEED)
     episode: RecordedEpisode = read_episodes(tmp_path / "recording")[1]
     assert_same(episode.records, inside)
-    assert (episode.seed, episode.outcome, episode.missing) == (SEED, simulation.outcome.value, 0)
+    assert (episode.seed, episode.outcome, episode.lost) == (SEED, simulation.outcome.value, 0)
     assert episode.landings == simulation.landings
     assert ended.touchdowns == len([landing for landing in simulation.landings if landing.on_stone])
 

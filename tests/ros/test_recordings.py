@@ -49,7 +49,7 @@ def test_a_killed_recorder_loses_at_most_the_last_second(world: Any) -> None:
     assert [record.state.tick for record in recovered.records] == list(range(len(recovered.records)))
     assert recovered.records[-1].state.tick >= heard - TICKS_A_SECOND
     (checked,) = check_episodes(world.folder / "recording-recovered", LAW)
-    assert (checked.lost, checked.differing) == (0, [])
+    assert (checked.episode.lost, checked.differing) == (0, [])
 
 
 def test_a_full_disk_stops_the_recording_not_the_walk(world: Any) -> None:

@@ -81,7 +81,7 @@ def test_a_reset_that_nobody_asked_for_is_a_fault() -> None:
 
 def test_ticks_that_are_not_recorded_count_but_for_the_last_episode() -> None:
     found = episodes(WALKED, WALKED)
-    found[0].missing, found[-1].missing = 3, 5
+    found[0].lost, found[-1].lost = 3, 5
     assert judge_walk(found, resets=0)["ticks_not_recorded"] == 3
 
 

@@ -33,7 +33,7 @@ def write_parameters(path: Path, **changes: Any) -> None:
 @pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
 def test_ticks_come_back_bit_for_bit(tmp_path: Path, write_bag: WriteBag, walk: Walk, storage: str) -> None:
     episode = read_episodes(write_bag(tmp_path / "bag", storage))[1]
-    assert (episode.seed, episode.outcome, episode.missing) == (SEED, "walked", 0)
+    assert (episode.seed, episode.outcome, episode.lost) == (SEED, "walked", 0)
     assert episode.landings == walk.landings
     for ours, theirs in zip(episode.records, walk.records, strict=True):
         for name in ("tick", "q", "dq", "foot_force", "touchdowns", "preview"):
@@ -45,7 +45,8 @@ def test_ticks_come_back_bit_for_bit(tmp_path: Path, write_bag: WriteBag, walk: 
 def test_recorded_states_give_the_recorded_torques(tmp_path: Path, write_bag: WriteBag, walk: Walk) -> None:
     bag = write_bag(tmp_path / "bag")
     (checked,) = check_episodes(bag, walk.law)
-    assert (checked.ticks, checked.replayed, checked.lost) == (len(walk.records), len(walk.records), 0)
+    n = len(walk.records)
+    assert (checked.episode.recorded, checked.replayed, checked.episode.lost) == (n, n, 0)
     assert (checked.differing, checked.furthest) == ([], 0.0)
     (other,) = check_episodes(bag, walk.law.model_copy(update={"eps": 2 * walk.law.eps}))
     assert len(other.differing) > 0.9 * len(walk.records)
@@ -67,7 +68,7 @@ def test_lost_ticks_are_counted(tmp_path: Path, write_bag: WriteBag, walk: Walk)
     lost = {"torque": (5, 6), "controller_state": (6, 9), "state": (20,)}
     bag = write_bag(tmp_path / "bag", change=lambda t, m: None if t in lost and m.tick in lost[t] else m)
     (checked,) = check_episodes(bag, walk.law)
-    assert (checked.lost, checked.replayed, checked.differing) == (4, 5, [])
+    assert (checked.episode.lost, checked.replayed, checked.differing) == (4, 5, [])
 
 
 def test_check_takes_the_recorded_parameters_or_a_file(tmp_path: Path, write_bag: WriteBag, walk: Walk) -> None:
@@ -99,7 +100,7 @@ def test_info_counts(tmp_path: Path, write_bag: WriteBag, walk: Walk) -> None:
     assert found.seconds == pytest.approx(n * TICK_NS / 1e9)
     assert {topic.qos for topic in found.topics} == {"reliable, transient local, last 20"}
     (episode,) = found.episodes
-    assert (episode.seed, episode.ticks, episode.outcome, episode.policies) == (SEED, n, "walked", ["zero"])
+    assert (episode.seed, episode.recorded, episode.outcome, episode.policies) == (SEED, n, "walked", ["zero"])
     assert json.loads(rabbit("info", bag, "--json").output) == found.as_dict()
     assert "walked" in rabbit("info", bag).output
 

@@ -61,7 +61,7 @@ def test_episodes_of_a_second_run_count_on(restarted: Path, walk: Walk) -> None:
 
 def test_both_runs_replay_without_a_parameter_file(restarted: Path, walk: Walk) -> None:
     checked = list(check_episodes(restarted))
-    assert [(c.number, c.lost, c.replayed, c.differing) for c in checked] == [
+    assert [(c.episode.number, c.episode.lost, c.replayed, c.differing) for c in checked] == [
         (number, 0, len(walk.records), []) for number in (1, 2)
     ]
 

@@ -12,6 +12,7 @@ from rabbit_bringup.commands.options import complaints, fail
 from rabbit_bringup.launching.executables import LaunchError, find_executable
 
 if TYPE_CHECKING:
+    from rabbit_bringup.recording.account import EpisodeAccount
     from rabbit_bringup.recording.checking import Checked
     from rabbit_bringup.recording.contents import Contents
 
@@ -47,7 +48,7 @@ def record(
 
 @app.command()
 def info(bag: Bag, as_json: Annotated[bool, typer.Option("--json", help="as JSON")] = False) -> None:
-    """Topics, counts, QoS, duration, episodes with their seeds, outcomes and policies."""
+    """Topics, counts, QoS, duration; of each episode seed, outcome, policies, the ticks recorded and those lost."""
     from rabbit_bringup.recording.bag_writer import RecordingError
     from rabbit_bringup.recording.contents import contents
 
@@ -71,15 +72,23 @@ def show(bag: Path, found: "Contents") -> None:
         lost = "not known" if topic.lost is None else str(topic.lost)
         topics.add_row(topic.name, topic.type, str(topic.messages), lost, topic.qos)
     screen.print(topics)
-    if found.episodes and (runs := found.episodes[-1].run):
+    there = [e for e in found.episodes if e.presence != "announced"]
+    if there and (runs := there[-1].run):
         print(f"the simulator was started anew {runs} times; the episodes are counted on")
-    episodes = Table("episode", "seed", "ended", "stones", "ticks", "policies")
-    for e in found.episodes:
+    episodes = Table("episode", "seed", "ended", "stones", "ticks", "lost", "policies")
+    for e in there:
         ended = f"{e.outcome or 'not in the recording'}{f' ({e.reason})' if e.reason else ''}"
-        row = (e.number, e.seed, ended, f"{e.touchdowns} of {e.stones}", e.ticks, ", ".join(e.policies))
+        row = (e.number, e.seed, ended, f"{e.touchdowns} of {e.stones}", _ticks(e), e.lost, ", ".join(e.policies))
         episodes.add_row(*map(str, row))
-    if found.episodes:
+    if there:
         screen.print(episodes)
+    if announced := [str(e.number) for e in found.episodes if e.presence == "announced"]:
+        print(f"announced only, no tick in the recording: {', '.join(announced)}")
+
+
+def _ticks(e: "EpisodeAccount") -> str:
+    """As in `225 (0 to 224)`."""
+    return f"{e.recorded} ({e.first} to {e.last})" if e.recorded else "0"
 
 
 @app.command()
@@ -133,7 +142,7 @@ def check(
         Path | None, typer.Option(help="the controller's ROS parameter file, in place of what is recorded")
     ] = None,
 ) -> None:
-    """Count lost ticks, and replay the states through a controller: exit code 1 unless all torques come out again."""
+    """Count lost ticks, and replay the states through a controller. Exit code 0: what is there is whole and replays."""
     from rabbit_bringup.recording.bag_writer import RecordingError
     from rabbit_bringup.recording.checking import check_episodes, controller_parameters
 
@@ -142,8 +151,9 @@ def check(
         law = controller_parameters(parameters) if parameters else None
         for e in check_episodes(bag, law):
             episodes += 1
-            faults += e.lost + len(e.differing)
-            print(f"episode {e.number}: {e.ticks} ticks, {e.lost} lost, {e.replayed} replayed, {_torques(e)}")
+            of = e.episode
+            faults += of.lost + len(e.differing)
+            print(f"episode {of.number}: {of.recorded} ticks, {of.lost} lost, {e.replayed} replayed, {_torques(e)}")
     if not episodes:
         fail(f"recording {bag}: no episode in it")
     if faults:
@@ -152,7 +162,7 @@ def check(
 
 def _torques(e: "Checked") -> str:
     if not e.replayed:
-        return "tick 0 is not there to replay from"
+        return "a replay begins at tick 0, which is not in it"
     if not e.differing:
         return "torques identical"
     return f"{len(e.differing)} torques differ, by up to {e.furthest:.3g} N m, in ticks {e.differing[:SHOWN_TICKS]}"

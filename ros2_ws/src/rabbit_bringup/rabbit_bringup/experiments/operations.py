@@ -173,7 +173,7 @@ def judge_walk(episodes: Iterable[RecordedEpisode], resets: int) -> dict[str, An
         newest, before = replace(episode, records=[]), newest
         if before is None:
             continue
-        lost += before.missing
+        lost += before.lost
         is_reset = (before.outcome, before.reason) == RESET and reset < resets
         walked, reset = walked + (before.outcome == "walked"), reset + is_reset
         if before.outcome != "walked" and not is_reset:

@@ -13,9 +13,7 @@ from rl_trainer.training import Trainer
 from rl_trainer.transitions import Transition
 
 from rabbit_bringup.recording.bag_writer import RecordingError
-from rabbit_bringup.recording.header import turn_of
-from rabbit_bringup.recording.opening import opened
-from rabbit_bringup.recording.reader import last_name
+from rabbit_bringup.recording.heard import heard
 from rabbit_bringup.recording.recover import recover
 
 
@@ -83,7 +81,5 @@ def recorded_ticks(path: Path) -> list[tuple[int, int]]:
 
 def recorded_turns(path: Path, topic: str) -> list[tuple[int, int]]:
     """Episode and tick of each message of a topic that has them."""
-    with opened(path) as reader:
-        chosen = [connection for connection in reader.connections if last_name(connection.topic) == topic]
-        messages = reader.messages(chosen) if chosen else ()
-        return [turn_of(data) for _, _, data in messages]
+    with heard(path, topic) as found:
+        return [message.turn for message in found]

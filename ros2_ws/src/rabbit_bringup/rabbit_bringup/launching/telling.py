@@ -65,7 +65,7 @@ def describe(episode: RecordedEpisode, controller: ControllerParameters) -> dict
     return {
         **row.model_dump(exclude=set(UNTIMED)),
         "reason": episode.reason,
-        "ticks_not_recorded": episode.missing,
+        "ticks_not_recorded": episode.lost,
         "policies": versions,
     }
 

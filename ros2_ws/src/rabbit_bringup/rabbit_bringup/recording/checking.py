@@ -17,14 +17,12 @@ from rabbit_bringup.recording.replay import replay
 
 @dataclass(frozen=True)
 class Checked:
-    """An episode: its ticks, how many of them the recording has not in full, and how many were `replayed`.
+    """An episode, what of it is in the recording, and how many of its ticks were `replayed`.
 
     `differing` are the ticks whose torques did not come out, `furthest` (N m) the most that one was off.
     """
 
-    number: int
-    ticks: int
-    lost: int
+    episode: RecordedEpisode
     replayed: int
     differing: list[int]
     furthest: float
@@ -35,14 +33,13 @@ def check_episodes(path: Path, law: ControllerParameters | None = None) -> Itera
     for episode in iterate_episodes(path):
         beginning = up_to_gap(episode)
         try:
-            again = np.array(list(replay(beginning, law))).reshape(-1, 4)
+            again = np.array(list(replay(beginning, law)) if beginning.records else []).reshape(-1, 4)
         except (PolicyFileError, ValueError) as error:
             raise RecordingError(f"recording {path}: episode {episode.number} cannot be replayed: {error}") from error
         torques = np.array([record.output.torque for record in beginning.records]).reshape(-1, 4)
         off = np.abs(torques - again).max(axis=1, initial=0.0)
-        lost = episode.ticks - sum(record.state.tick < episode.ticks for record in episode.records)
         differing = np.flatnonzero((torques != again).any(axis=1)).tolist()
-        yield Checked(episode.number, episode.ticks, lost, len(torques), differing, float(off.max(initial=0.0)))
+        yield Checked(episode, len(torques), differing, float(off.max(initial=0.0)))
 
 
 def up_to_gap(episode: RecordedEpisode) -> RecordedEpisode:

@@ -29,6 +29,18 @@ def opened(path: Path) -> Iterator[AnyReader]:
         reader.close()
 
 
+def begin_of(reader: AnyReader) -> int:
+    """When the first state is stored, ns: before it lies what was announced earlier. Of none, when anything is."""
+    states = [connection for connection in reader.connections if last_name(connection.topic) == "state"]
+    first = next(iter(reader.messages(states)), None) if states else None
+    return first[1] if first else reader.start_time
+
+
+def last_name(topic: str) -> str:
+    """`state` of `/left/state`."""
+    return topic.split("/")[-1]
+
+
 def storage_files(path: Path) -> list[Path]:
     """The files that hold the messages; raises `RecordingError` if there are none."""
     if not path.exists():

@@ -19,7 +19,7 @@ from rosbags.interfaces import Connection, ConnectionExtRosbag2, QosDurability, 
 from rosbags.typesys import Stores, get_typestore
 
 from rabbit_bringup.recording.bag_writer import RecordingError, graph_types
-from rabbit_bringup.recording.opening import opened
+from rabbit_bringup.recording.opening import begin_of, opened
 
 DELIVERY_SECONDS = 3.0
 SHOW_SECONDS = 0.1
@@ -121,11 +121,12 @@ def _refuse_clash(path: Path, node: Node, publishers: Iterable[Any]) -> None:
 def _publish(
     reader: AnyReader, publishers: dict[str, Any], how: Playing, show: Callable[[float, float], object]
 ) -> int:
-    first, seconds = reader.start_time, reader.duration / 1e9
+    first = begin_of(reader)  # what was announced before goes out at once
+    seconds = (reader.end_time - first) / 1e9
     begin = first + round(how.start * 1e9)
     began, shown, count = time.monotonic(), -SHOW_SECONDS, 0
-    for connection, nanoseconds, data in reader.messages(start=begin):
-        at = (nanoseconds - begin) / 1e9 / how.rate
+    for connection, nanoseconds, data in reader.messages(start=begin if how.start else None):
+        at = max(0.0, (nanoseconds - begin) / 1e9 / how.rate)
         time.sleep(max(0.0, began + at - time.monotonic()))
         publishers[connection.topic].publish(data)
         count += 1

@@ -1,15 +1,14 @@
 """The recorder: every topic of the graph, as its bytes came, into a rosbag2 folder.
 
 Messages are stored under the simulated time that they carry, so that a recording plays at the pace of the walk whatever
-the pace of the machine was; diagnostics, which carry none, under that of the message before. A simulator that is
-started anew begins its time at 0: what follows is stored behind what there is. A full disk ends the recording, not the
-walk. A recorder that is started again begins another recording beside the first.
+the pace of the machine was; diagnostics under that of the newest state. A simulator that is started anew begins its
+time at 0: what follows is stored behind what there is. A full disk ends the recording, not the walk. A recorder that is
+started again begins another recording beside the first.
 """
 
 import json
 import time
 from collections.abc import Callable
-from contextlib import suppress
 from functools import partial
 from itertools import chain, count
 from pathlib import Path
@@ -17,11 +16,8 @@ from typing import Any
 
 from ament_index_python.packages import get_package_share_directory
 from pydantic import BaseModel, ConfigDict, Field
-from rabbit_msgs.msg import Episode
-from rabbit_ros.conversions_node import TICK_NANOSECONDS, is_new_simulator
 from rabbit_ros.diagnostics_node import ERROR, OK, WARN, Diagnostics, Status
-from rabbit_ros.door import Door, Refused
-from rabbit_ros.hearing_node import decoded
+from rabbit_ros.door import Door
 from rabbit_ros.parameters_node import declare, refuse_unknown
 from rabbit_ros.spin_node import run, steady_timer
 from rabbit_ros.topics_node import TOPICS, Topic
@@ -32,8 +28,9 @@ from rclpy.subscription import Subscription
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 
 from rabbit_bringup.recording.bag_writer import FLUSH_SECONDS, LOST, BagWriter, RecordingError, Storage, graph_types
-from rabbit_bringup.recording.header import time_of, turn_of
+from rabbit_bringup.recording.header import turn_of
 from rabbit_bringup.recording.loss import Loss
+from rabbit_bringup.recording.simulated_time import SimulatedTime
 
 IDLE_SECONDS = 0.3  # without a message, after which nothing more is on its way
 FOREVER = QosTime(9223372036, 854775807)  # as `ros2 bag` writes it
@@ -63,7 +60,7 @@ class RecorderNode(Node):
         self._writer = BagWriter(self._path, self._own.storage, types)
         self._door = Door()
         self._loss = Loss()
-        self._nanoseconds = self._newest = self._run_began = 0  # of the recording; of the newest; when this run began
+        self._time = SimulatedTime()
         self._heard = time.monotonic()
         self._sent = self._asked = 0  # when the newest message was sent; when the node was told to end; ns
         self._failure = ""
@@ -87,31 +84,29 @@ class RecorderNode(Node):
     def _subscribe(self, topic: Topic) -> Subscription:
         name = self.resolve_topic_name(topic.name)
         self._writer.add(name, topic.type_name, [offered(topic.qos)])
-        take = self._on_episode if topic.type is Episode else self._on_bytes
-        callback = with_info(partial(take, name, topic.publisher != "all"))
+        callback = with_info(partial(self._on_bytes, topic, name))
         return self.create_subscription(topic.type, topic.name, callback, topic.qos, raw=True)
 
-    def _on_episode(self, name: str, numbered: bool, data: bytes, info: dict[str, Any]) -> None:
-        """A simulator that waits for its first episode was started just now. What cannot be read is recorded too."""
-        with suppress(Refused):
-            if is_new_simulator(decoded(data, Episode, {})) and self._newest:
-                self._run_began = self._nanoseconds = self._newest + TICK_NANOSECONDS
-        self._on_bytes(name, numbered, data, info)
-
-    def _on_bytes(self, name: str, numbered: bool, data: bytes, info: dict[str, Any]) -> None:
+    def _on_bytes(self, topic: Topic, name: str, data: bytes, info: dict[str, Any]) -> None:
+        """What cannot be read is recorded too."""
         self._heard, self._sent = time.monotonic(), info[SENT]
-        if name == self._state:
+        if topic.name == "state":
             self._newest_state = data
         if self._failure:
             return
-        if numbered:
+        if topic.publisher != "all":
             self._loss.heard(name, info[NUMBER])
-        seconds, nanoseconds = time_of(data)
-        if seconds or nanoseconds:
-            self._nanoseconds = self._run_began + seconds * 1_000_000_000 + nanoseconds
-            self._newest = max(self._newest, self._nanoseconds)
-        if self._ends_at_errors(partial(self._writer.write, name, self._nanoseconds, data)):
+        if self._ends_at_errors(partial(self._writer.write, name, self._stored_at(topic, data, info[SENT]), data)):
             self._door.accept(name)
+
+    def _stored_at(self, topic: Topic, data: bytes, sent: int) -> int:
+        if topic.name == "state":
+            return self._time.of_state(data, sent)
+        if topic.name == "episode":
+            return self._time.of_episode(data, sent)
+        if topic.publisher == "simulator":
+            return self._time.of_simulator(data, sent)
+        return self._time.now if topic.publisher == "all" else self._time.of_others(data)
 
     def _flush(self) -> None:
         """What a killed recorder has written by now is not lost."""

@@ -10,20 +10,21 @@ from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.fitting import fitted
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import ZeroPolicy
-from rl_cbf_clf_controller.weights import decode
+from rl_cbf_clf_controller.weights import PolicyFile, decode
 
-from rabbit_bringup.recording.reader import RecordedEpisode, RecordedSettings
+from rabbit_bringup.recording.in_force import RecordedSettings
+from rabbit_bringup.recording.reader import RecordedEpisode, RecordedSwap
 
 
 def replay(episode: RecordedEpisode, law: ControllerParameters | None = None) -> Iterator[Array]:
     """Torques (4,), N m, for each recorded tick of an episode, by the recorded settings or by `law` in their place.
 
     Raises:
-        ValueError: nothing says what the controller went by; or a policy is not for it.
+        ValueError: nothing says what the controller went by at tick 0; a policy is not in the recording, or not for it.
     """
     if law is not None:
         settings = [RecordedSettings(0, law, load_gaits(law.gait))]
-    elif not episode.settings:
+    elif not episode.settings or episode.settings[0].tick > 0:
         raise ValueError("the controller's parameters are not in it: name its ROS parameter file")
     else:
         settings = episode.settings
@@ -35,8 +36,14 @@ def replay(episode: RecordedEpisode, law: ControllerParameters | None = None) ->
     for record in episode.records:
         controller.parameters = laws.get(record.state.tick, controller.parameters)
         if (swap := swaps.get(record.state.tick)) is not None:
-            controller.policy = fitted(decode(swap.data), laws[0], gait) if swap.data else zero
+            controller.policy = fitted(_policy_file(swap), laws[0], gait) if swap.data != b"" else zero
         yield controller.step(record.state).torque
+
+
+def _policy_file(swap: RecordedSwap) -> PolicyFile:
+    if swap.data is None:
+        raise ValueError(f"policy {swap.version} is not in it")
+    return decode(swap.data)
 
 
 def with_noise(law: ControllerParameters, sigma: float) -> ControllerParameters:

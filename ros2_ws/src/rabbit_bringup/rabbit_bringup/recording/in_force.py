@@ -1,0 +1,76 @@
+"""What a controller goes by at a tick: which policy, which settings. From what it has told so far, in the recording."""
+
+import json
+from dataclasses import dataclass
+from typing import Any
+
+from rabbit_description.gait_library import Gaits, parse_gaits
+from rl_cbf_clf_controller.parameters import ControllerParameters
+
+Place = tuple[int, int, int]  # run, episode, tick
+
+
+@dataclass(frozen=True)
+class RecordedSettings:
+    """What the controller went by from the answer to `tick` on."""
+
+    tick: int
+    parameters: ControllerParameters
+    gait: Gaits
+
+
+class Settings:
+    """The controller's settings, in the order in which it told them.
+
+    Each says from which episode and tick it holds. That of a controller that was just started says 0: it holds from the
+    next episode on. What was told before cannot hold later than what was told after.
+    """
+
+    def __init__(self) -> None:
+        self._told: list[tuple[Place, Any]] = []
+
+    def add(self, run: int, message: Any, newest: Place) -> None:
+        """One more, while the newest state was this one."""
+        place = (run, message.episode, message.tick)
+        if message.episode == 0 and self._told:
+            _, episode, tick = newest
+            place = (run, episode + (tick > 0), 0)
+        self._told = [(min(before, place), each) for before, each in self._told]
+        self._told.append((place, message))
+
+    def of(self, run: int, episode: int) -> list[RecordedSettings]:
+        """Those of an episode, the first from tick 0 on; later only those of later ones can be asked for."""
+        before = [i for i, (place, _) in enumerate(self._told) if place <= (run, episode, 0)]
+        self._told = self._told[before[-1] if before else 0 :]
+        begin = [self._told[0][1]] if before else []
+        here = [(place[2], each) for place, each in self._told[len(begin) :] if place[:2] == (run, episode)]
+        return [_settings(tick, each) for tick, each in [*((0, each) for each in begin), *here]]
+
+
+def _settings(tick: int, message: Any) -> RecordedSettings:
+    law = ControllerParameters.model_validate_json(message.parameters)
+    return RecordedSettings(tick, law, parse_gaits(json.loads(message.gait)))
+
+
+class Policies:
+    """The bytes of the policies that were told; each torque names the one that made it."""
+
+    def __init__(self) -> None:
+        self._told: dict[str, bytes] = {}
+
+    def add(self, message: Any) -> None:
+        """A `PolicySwap`."""
+        if message.accepted:
+            self._told.pop(message.version, None)
+            self._told[message.version] = bytes(message.data)
+
+    def get(self, version: str) -> bytes | None:
+        """Empty for the built-in zero policy; None if it was not told."""
+        return self._told.get(version)
+
+    def forget_before(self, version: str) -> None:
+        """A policy that comes in force once more is told once more."""
+        if version in self._told:
+            versions = list(self._told)
+            for each in versions[: versions.index(version)]:
+                del self._told[each]

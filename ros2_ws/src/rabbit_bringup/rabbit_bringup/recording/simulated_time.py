@@ -1,0 +1,71 @@
+"""At which time a message is stored: the simulated time that it carries, one run of a simulator behind the other.
+
+A simulator that is started again without a memory begins its time at 0. It says so by its first word, that it waits for
+episode 0. That is latched: a recorder that is started late also receives the one of the simulator that runs. It is
+another simulator's if it was sent after anything of the present one.
+"""
+
+from dataclasses import dataclass, replace
+
+from rabbit_bringup.recording.header import episode_and_phase_of, nanoseconds_of, turn_of
+from rabbit_bringup.recording.heard import FIRST_WORD, TICK_NANOSECONDS, goes_on
+
+
+@dataclass(frozen=True)
+class _Run:
+    """Where its time 0 lies; when its first message and its newest state were sent; the state's episode and tick."""
+
+    began: int = 0
+    first_sent: int | None = None
+    newest_sent: int = 0
+    turn: tuple[int, int] = (0, 0)
+
+
+class SimulatedTime:
+    """Places the messages of a simulator and its controller, in the order in which they come; all times in ns."""
+
+    def __init__(self) -> None:
+        self.now = 0  # where what carries no time is stored: with the newest state
+        self._end = 0  # of what is stored
+        self._run = _Run()
+        self._before: _Run | None = None  # the run in which the newest first word came
+
+    def of_state(self, data: bytes, sent: int) -> int:
+        """A state; it tells whether the first word before it was of another simulator."""
+        turn = turn_of(data)
+        if self._before is not None and goes_on(self._before.turn, turn):
+            self._run = self._before
+        self._before = None
+        run = self._run
+        self.now = run.began + nanoseconds_of(data)
+        if turn != run.turn and goes_on(run.turn, turn):
+            self._end = max(self._end, self.now)
+        self._run = replace(run, newest_sent=sent, turn=turn)
+        self._hear(sent)
+        return self.now
+
+    def of_episode(self, data: bytes, sent: int) -> int:
+        """An announcement of the simulator's."""
+        run = self._run
+        if episode_and_phase_of(data) == FIRST_WORD and run.first_sent is not None and sent > run.first_sent:
+            self._before = run if sent > run.newest_sent else None
+            self.now = self._end = self._end + TICK_NANOSECONDS
+            self._run = _Run(self.now)
+        at = self.of_simulator(data, sent)
+        self._end = max(self._end, at)
+        return at
+
+    def of_simulator(self, data: bytes, sent: int) -> int:
+        """Any other message of the simulator's."""
+        self._hear(sent)
+        return self._run.began + nanoseconds_of(data)
+
+    def of_others(self, data: bytes) -> int:
+        """Of a controller or trainer; before the first tick it knows no time."""
+        stamp = nanoseconds_of(data)
+        return self._run.began + stamp if stamp else self.now
+
+    def _hear(self, sent: int) -> None:
+        first = self._run.first_sent
+        if first is None or sent < first:
+            self._run = replace(self._run, first_sent=sent)
