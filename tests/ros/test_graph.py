@@ -109,6 +109,37 @@ def refusals(diagnostics: list[Any]) -> dict[str, int]:
     return {v.key: int(v.value) for m in diagnostics for v in m.status[0].values if v.key.startswith("refused")}
 
 
+def test_the_log_names_the_episodes(world: Any) -> None:
+    episodes = world.hear("episode")
+    world.start("simulator", episodes=2, seed=7, **SHORT)
+    world.start("controller")
+    world.start("trainer", learn_beside=0)
+    world.go()
+    world.wait(ended(episodes, 2))
+    ticks = [e.tick for e in episodes if e.phase == Episode.ENDED]
+    world.wait(lambda: "episode 1 learned: " in log_of(world, "trainer"))
+    world.wait(lambda: "all episodes are done" in log_of(world, "simulator"))
+    assert told(world, "simulator") == [
+        "ready: 2 episodes from seed 7, of 3 stones",
+        "episode 1 begins: seed 7, 3 stones",
+        f"episode 1 ends, walked: 3 of 3 stones, {ticks[0]} ticks",
+        "episode 2 begins: seed 8, 3 stones",
+        f"episode 2 ends, walked: 3 of 3 stones, {ticks[1]} ticks",
+        "all episodes are done",
+    ]
+    assert [told(world, node)[0].split(":")[0] for node in ("controller", "trainer")] == ["ready", "ready"]
+
+
+def log_of(world: Any, node: str) -> str:
+    """What a node has logged, at INFO or above."""
+    return str((world.folder / "log" / f"{node}.log").read_text(encoding="utf-8"))
+
+
+def told(world: Any, node: str) -> list[str]:
+    """The INFO lines in a node's log."""
+    return [line.split(": ", 1)[1] for line in log_of(world, node).splitlines() if line.startswith("[INFO]")]
+
+
 def test_wrong_messages_are_refused_counted_and_told(world: Any) -> None:
     states, episodes, diagnostics = world.hear("state"), world.hear("episode"), world.hear("diagnostics")
     world.start("simulator", answer_timeout=4.0, start_paused=False, **SHORT)

@@ -170,6 +170,8 @@ def test_when_policies_take_effect(world: Any, tmp_path: Path, swap_at: str) -> 
     assert (answer.accepted, answer.version) == (True, policy(2).version)
     world.wait(lambda: commands[-1].policy_version == answer.version)
     assert commands[-1].episode == 2
+    log = (world.folder / "log" / "controller.log").read_text(encoding="utf-8")
+    assert f"policy {answer.version} of {tmp_path}/two.safetensors in force from tick " in log
 
 
 @pytest.mark.parametrize("swap_at", ["tick", "episode"])

@@ -32,10 +32,11 @@ from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.real_time import Source, StandIn
 from rabbit_sim.simulation import Simulation
 from rabbit_sim.stones import CourseError
-from rabbit_sim.telling_node import Telling
+from rabbit_sim.telling_node import Telling, beginning, ending
 from rabbit_sim.tick_clock_node import TickClock
 
 LOOK_SECONDS = 0.02  # between looks at who is there and what is late
+BY_SERVICE = "by service"  # reason of a reset after which another episode begins at once
 REPEAT_SECONDS = 0.5  # without an answer, after which a state is sent again: its reader may just have come
 
 
@@ -67,6 +68,9 @@ class SimulatorNode(Node):
         self._begin_anew(before)
         self._set_pace(self._own)
         follow(self, self._own, self._set_pace)
+        self.get_logger().info(
+            f"ready: {self._own.episodes} episodes from seed {self._own.seed}, of {plant.stones} stones"
+        )
 
     def close(self) -> None:
         """End the episode, give back the plant."""
@@ -131,7 +135,7 @@ class SimulatorNode(Node):
             response.message = "there is no controller"
             return response
         if self._state is not None:
-            self._end("reset", "by service")
+            self._end("reset", BY_SERVICE)
         self._begin(request.seed)
         response.accepted, response.episode = True, self._episode.episode
         return response
@@ -158,6 +162,7 @@ class SimulatorNode(Node):
             episode=number, seed=seed, sigma=sigma, policy_version=policy, stones=self._simulation.parameters.stones
         )
         self._state = state
+        self.get_logger().info(beginning(self._episode))
         self._tell(Episode.RUNNING)
         self._publish(state)
 
@@ -182,9 +187,13 @@ class SimulatorNode(Node):
         if self._state is None:
             return
         self._episode.outcome, self._episode.reason = outcome, reason[:128]
-        if reason:
-            self.get_logger().warning(f"episode {self._episode.episode} ends, {outcome}: {reason}")
         self._tell(Episode.ENDED)
+        if reason:
+            self.get_logger().warning(ending(self._episode))
+        else:
+            self.get_logger().info(ending(self._episode))
+        if 0 < self._own.episodes <= self._episode.episode and reason != BY_SERVICE:
+            self.get_logger().info("all episodes are done")
         self._state = self._torque = None
         self._since, self._reminders = time.monotonic(), 0
 
@@ -260,6 +269,7 @@ class SimulatorNode(Node):
         if self._since is not None and time.monotonic() - self._since > self._own.trainer_timeout:
             self._episode.outcome = "silent"
             self._episode.reason = f"the trainer has planned nothing in {self._own.trainer_timeout:g} s"
+            self.get_logger().warning(self._episode.reason)
             self._tell(Episode.ENDED)
             self._since = None  # told once
 

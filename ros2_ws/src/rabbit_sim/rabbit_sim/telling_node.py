@@ -60,3 +60,16 @@ class Telling:
         if state.preview is not None:
             self._previews.publish(preview_message(state.preview, episode, at))
         self._states.publish(state_message(state, episode, at))
+
+
+def beginning(e: Episode) -> str:
+    """The log's line, as in `episode 2 begins: seed 8, 20 stones, policy 1f2e3d4c5b6a`."""
+    policy = f", policy {e.policy_version}" if e.policy_version else ""
+    return f"episode {e.episode} begins: seed {e.seed}, {e.stones} stones{policy}"
+
+
+def ending(e: Episode) -> str:
+    """The log's line, as in `episode 2 ends, fall: 7 of 20 stones, 341 ticks`; a reason goes last."""
+    walked = e.touchdowns - (e.outcome == "miss")
+    reason = f": {e.reason}" if e.reason else ""
+    return f"episode {e.episode} ends, {e.outcome}: {walked} of {e.stones} stones, {e.tick} ticks{reason}"

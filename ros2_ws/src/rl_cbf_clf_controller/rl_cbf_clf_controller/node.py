@@ -81,6 +81,8 @@ class ControllerNode(Node):
         self._answer: TorqueCommand | None = None  # to it
         self._connect()
         follow(self, self._settings, self._on_parameters)
+        law = f"{self._settings.controller}, gait {self._gait.name}"
+        self.get_logger().info(f"ready: {law}, policy {self._in_force.version}")
 
     def close(self) -> None:
         """End the thread that checks policies."""
@@ -264,6 +266,8 @@ class ControllerNode(Node):
         if new and new.policy and new.version != self._in_force.version:
             self._in_force, self._controller.policy = new, new.policy
             self._tell_swap(new)
+            since = f"from tick {tick} of episode {self._turn[0]} on"
+            self.get_logger().info(f"policy {new.version} of {new.source} in force {since}")
 
     def _tell_swap(self, decided: Decided) -> None:
         self._swaps.publish(

@@ -86,6 +86,7 @@ class TrainerNode(Node):
         self._kept_back = 0
         self._is_disk_told = False
         self._connect()
+        self.get_logger().info(f"ready: learns {training.problem}, begins with policy {own.policy}")
 
     def close(self) -> None:
         """End the learning thread."""
@@ -196,6 +197,8 @@ class TrainerNode(Node):
 
     def on_plan(self, plan: Plan, after: int) -> None:
         """Announce the next episode, its policy first."""
+        if self._report:
+            self.get_logger().info(f"episode {after} learned: {self._report.kept} of {self._report.ticks} ticks kept")
         if self._plans_policies and plan.policy is not None:
             self.on_policy(plan.policy)
         self._plan.publish(plan_message(plan, after, Time()))
@@ -207,6 +210,7 @@ class TrainerNode(Node):
     def on_policy(self, policy: PolicyFile) -> None:
         """New weights."""
         self._weights.publish(weights_message(policy, self.get_fully_qualified_name(), Time()))
+        self.get_logger().info(f"policy {policy.version} published")
 
     def on_verdict(self, verdict: Verdict) -> None:
         """Weights were judged; those that are worse than the ones in force are not published."""
