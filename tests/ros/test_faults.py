@@ -6,17 +6,21 @@ from typing import Any
 
 import pytest
 from rabbit_bringup.faults.campaign import RESULTS, draws, read_results, run_session
-from rabbit_bringup.faults.plan import KINDS, NODES, Fault
+from rabbit_bringup.faults.plan import KINDS, NODES, SECOND, Fault
 
 HANG_AFTER = 180.0  # s
 FAULTS = [
     Fault(0, "kill", "controller", 20, 0.0),
     Fault(1, "kill", "simulator", 30, 0.5),
     Fault(2, "kill", "trainer", 10, 0.0),
-    Fault(3, "stop", "simulator", 15, 4.0),
-    Fault(4, "full disk", "recorder", 40, 0.0),
-    Fault(5, "messages", "trainer", 5, 0.5),
+    Fault(3, "stop", "simulator", 15, 3.0),
+    Fault(4, "terminate", SECOND, 60, 0.0),
+    Fault(5, "kill", SECOND, 60, 0.0),
+    Fault(6, "terminate", "recorder", 20, 0.5),  # was there from the begin
+    Fault(7, "full disk", "recorder", 40, 0.0),  # began in the middle
+    Fault(8, "messages", "trainer", 5, 0.5),
 ]
+RECORDERS = [fault.number for fault in FAULTS if fault.node in ("recorder", SECOND)]
 
 
 @pytest.mark.timeout(1500)
@@ -31,6 +35,7 @@ def test_every_fault_is_survived(tmp_path: Path) -> None:
     assert outcomes[1] == "reset"
     assert outcomes[3] not in ("silent", "fault")  # while the simulator stood still, nobody was late
     assert rows[-1]["acknowledged"] > 0
+    assert [row["number"] for row in rows if row.get("recorded_ticks", 0) > 0 and not row["strangers"]] == RECORDERS
 
 
 def test_a_campaign_is_drawn_from_its_seed() -> None:
@@ -38,7 +43,7 @@ def test_a_campaign_is_drawn_from_its_seed() -> None:
     assert faults == draws(5, 0, 100) + draws(5, 100, 300)
     assert faults != draws(6, 0, 300)
     assert {fault.kind for fault in faults} == set(KINDS)
-    assert {fault.node for fault in faults if fault.kind == "kill"} == set(NODES)
+    assert {fault.node for fault in faults if fault.kind == "kill"} == {*NODES, SECOND}
 
 
 def test_a_cut_line_is_left_out(tmp_path: Path) -> None:

@@ -62,5 +62,10 @@ def tell(rows: list[dict[str, Any]], out: Path) -> None:
     print(f"hangs: {sum(row['hang'] for row in rows)}; lost transitions: {sum(row['lost'] for row in rows)}")
     unread = sum(not row.get("readable", True) or row.get("missing", 0) > 0 for row in rows)
     alone = sum("itself" in row["error"] for row in rows)
-    print(f"recordings not whole to within 1 s: {unread}; nodes that ended by themselves: {alone}")
+    read = [row for row in rows if "misread" in row]
+    misread, strangers = sum(bool(row["misread"]) for row in read), sum(row["strangers"] for row in read)
+    print(f"recordings not whole to within 1 s: {unread} of {len(read)}; nodes that ended by themselves: {alone}")
+    print(
+        f"recordings not rightly read: {misread} of {len(read) - strangers}; {strangers} more have strangers' messages"
+    )
     print(f"slowest to go on: {slowest:.1f} s; written to {out}")

@@ -5,7 +5,8 @@ A graph lives for `SESSION` faults, or until something is wrong; then the next o
     the graph goes on: new ticks; new transitions after a trainer's fault, a new recording after a recorder's, which
     catches up where it was stopped
     every transition that the trainer told is on disk
-    a recording holds every tick that was told more than a second before its end
+    a recording holds every tick that was told more than a second before its end, also one that began in the middle of
+    an episode, and is read as what was heard (`reading`)
 """
 
 import json
@@ -13,16 +14,19 @@ import random
 import shutil
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from rabbit_bringup.faults.checks import check_recording, check_transitions
-from rabbit_bringup.faults.graph import TRAINING, Graph, Hang
-from rabbit_bringup.faults.plan import Fault, draw
+from rabbit_bringup.faults.graph import SECOND_NODE, TRAINING, Graph, Hang
+from rabbit_bringup.faults.plan import SECOND, Fault, draw
+from rabbit_bringup.faults.reading import Heard
 from rabbit_bringup.launching.executables import LaunchError
 
 RESULTS = "faults.jsonl"
 SESSION = 40  # faults
+WRONG = ("lost", "missing", "misread")  # what of a row must be nothing
 RECORDING_END = 1.0  # s of which a killed recorder may lose all
 NEW_TICKS = 3  # after which a graph has recovered
 DELIVERY = 0.3  # s in which the witness hears what was told before a node ended
@@ -97,13 +101,16 @@ class Session:
 
     def __init__(self, graph: Graph) -> None:
         self._graph, self._witness = graph, graph.witness
-        self._since = time.monotonic()  # when the present recording began
+        self._since = self._second_since = time.monotonic()  # when the present recording began, and the second one
+        self._has_strangers = False  # in the present recording: messages of nobody's, which say what they like
 
     def inject(self, fault: Fault) -> dict[str, Any]:
         """One fault; its row says whether all held."""
         about = {"number": fault.number, "kind": fault.kind, "node": fault.node, "seconds": round(fault.seconds, 3)}
         row: dict[str, Any] = {**about, "passed": False, "hang": False, "lost": 0, "error": ""}
         try:
+            if fault.node == SECOND:
+                self._begin_second()
             target = self._witness.count + fault.after_ticks
             self._graph.wait(f"{fault.after_ticks} ticks", lambda: self._witness.count >= target)
             turn = self._witness.newest
@@ -115,7 +122,7 @@ class Session:
             ended = self._witness.ended.get(turn[0])
             row["episode"] = f"{ended.outcome}: {ended.reason}".strip(": ") if ended else "goes on"
             row["told"] = sorted({text for text in self._witness.warned(began) if "waiting for" in text})[:4]
-            row["passed"] = row["lost"] == 0 and row.get("readable", True) and row.get("missing", 0) == 0
+            row["passed"] = row.get("readable", True) and not any(row.get(name) for name in WRONG)
         except Hang as error:
             row |= {"hang": True, "error": str(error), "told": self._witness.warned(time.monotonic() - 5.0)[-4:]}
         except LaunchError as error:
@@ -123,12 +130,19 @@ class Session:
         row["acknowledged"] = len(self._witness.acknowledged)
         return row
 
+    def _begin_second(self) -> None:
+        """A second recorder comes, in the middle of an episode."""
+        self._witness.said.pop(SECOND_NODE, None)
+        self._graph.start(SECOND)
+        self._graph.wait("the second recorder", lambda: self._message(SECOND_NODE) == "recording")
+        self._second_since = time.monotonic()
+
     def _do(self, fault: Fault) -> dict[str, Any]:
         """The fault itself; returns what was checked while its node was away."""
         graph, name = self._graph, fault.node
         if fault.kind == "messages":
             rng = random.Random(fault.number)
-            before = self._witness.refused()
+            before, self._has_strangers = self._witness.refused(), True
             sent = self._witness.disturb(rng, name, fault.seconds)
             self._witness.silence()
             return {"sent": sent, "refused_before": before}
@@ -150,12 +164,15 @@ class Session:
 
     def _while_away(self, fault: Fault, end: float) -> dict[str, Any]:
         """Look at what a node has left that ended at a moment, then start it again."""
+        if fault.node == SECOND:
+            time.sleep(DELIVERY)
+            return self._check_recording(fault, self._second_since, end)
         time.sleep(max(fault.seconds, DELIVERY))
         found: dict[str, Any] = {}
         if fault.node == "trainer":
             found = self._check_disk()
         elif fault.node == "recorder":
-            found = self._check_recording(end)
+            found = self._check_recording(fault, self._since, end)
         self._graph.start(fault.node)
         return found
 
@@ -176,9 +193,9 @@ class Session:
             turn = witness.newest
             self._graph.wait("the recorder to catch up", lambda: self._graph.recorded() >= turn)
         elif fault.node == "recorder":
-            recording = self._graph.newest_recording
-            self._graph.wait("a new recording", lambda: self._graph.recording() == recording() and self._records())
-            self._since = time.monotonic()
+            newest = partial(self._graph.newest_recording, fault.node)
+            self._graph.wait("a new recording", lambda: self._graph.recording() == newest() and self._records())
+            self._since, self._has_strangers = time.monotonic(), False
         self._graph.wait("new ticks", lambda: witness.count >= ticks)
         self._graph.wait("new transitions", lambda: len(witness.acknowledged) > told)
         if fault.kind == "messages":
@@ -197,17 +214,26 @@ class Session:
         found = check_transitions(list(self._witness.acknowledged), self._graph.training, TRAINING)
         return {"lost": found.lost, "kept": found.kept, "told_transitions": found.told}
 
-    def _check_recording(self, end: float) -> dict[str, Any]:
-        """The recorder is away since `end`: is all in the recording but the last second?"""
-        path = self._graph.newest_recording()
-        found = check_recording(path, self._witness.heard_before(end - RECORDING_END, self._since))
+    def _check_recording(self, fault: Fault, since: float, end: float) -> dict[str, Any]:
+        """A recorder was there from `since` to `end`: is all in its recording, and rightly read?"""
+        path, is_cut = self._graph.newest_recording(fault.node), fault.kind != "terminate"
+        before = end - RECORDING_END * is_cut
+        wanted = self._witness.heard_before(before, since)
+        has_strangers = self._has_strangers and fault.node != SECOND
+        found = check_recording(path, wanted, None if has_strangers else self._heard(since, before, is_cut))
         for each in (path, path.with_name(f"{path.name}-recovered")):
-            if found.readable and not found.missing and each.exists():
+            if found.readable and not found.missing and not found.misread and each.exists():
                 shutil.rmtree(each)
                 each.mkdir()  # its name stays taken
         return {
             "readable": found.readable,
             "recorded_ticks": found.ticks,
             "missing": found.missing,
-            "why": found.reason,
+            "misread": list(found.misread),
+            "strangers": has_strangers,
         }
+
+    def _heard(self, since: float, before: float, is_cut: bool) -> Heard:
+        witness = self._witness
+        ended = witness.ended_within(since, before)
+        return Heard(witness.answered(since, before), witness.answered(), ended, is_cut)

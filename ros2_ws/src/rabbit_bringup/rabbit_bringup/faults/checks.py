@@ -12,6 +12,7 @@ from rl_trainer.parameters import TrainingParameters
 from rl_trainer.training import Trainer
 from rl_trainer.transitions import Transition
 
+from rabbit_bringup.faults.reading import Heard, misreadings
 from rabbit_bringup.recording.bag_writer import RecordingError
 from rabbit_bringup.recording.heard import heard
 from rabbit_bringup.recording.recover import recover
@@ -53,25 +54,30 @@ def _key(transition: Transition, parameters: TrainingParameters) -> bytes:
 
 @dataclass(frozen=True)
 class RecordingCheck:
-    """Whether it can be read, perhaps after `recover`; how many of the wanted ticks are not in it."""
+    """Whether it can be read, perhaps after `recover`; how many of the wanted ticks are not in it; what is misread."""
 
     readable: bool
     ticks: int
     missing: int
-    reason: str = ""
+    misread: tuple[str, ...] = ()
 
 
-def check_recording(path: Path, wanted: Iterable[tuple[int, int]]) -> RecordingCheck:
-    """Read a recording, as it is or recovered, and look for the `wanted` ticks from the first that is in it."""
+def check_recording(path: Path, wanted: Iterable[tuple[int, int]], said: Heard | None) -> RecordingCheck:
+    """Read a recording, as it is or recovered, and look for the `wanted` states from the first that is in it.
+
+    What is read of it is held against what a witness `said`; None: strangers were in it, which say what they like.
+    """
     whole = path
     try:
         if not (path / "metadata.yaml").is_file():
             whole = recover(path).path
         there = set(recorded_ticks(whole))
+        misread = misreadings(whole, said) if said else []
     except RecordingError as error:
-        return RecordingCheck(False, 0, 0, str(error))
+        return RecordingCheck(False, 0, 0, (str(error),))
     first = min(there, default=(2**32, 0))
-    return RecordingCheck(True, len(there), sum(turn >= first and turn not in there for turn in wanted))
+    missing = sum(turn >= first and turn not in there for turn in wanted)
+    return RecordingCheck(True, len(there), missing, tuple(misread))
 
 
 def recorded_ticks(path: Path) -> list[tuple[int, int]]:

@@ -10,7 +10,7 @@ from typing import Any
 
 from rl_trainer.parameters import TrainingParameters
 
-from rabbit_bringup.faults.plan import NODES
+from rabbit_bringup.faults.plan import NODES, SECOND
 from rabbit_bringup.launching.executables import LaunchError
 from rabbit_bringup.launching.parameter_file import write_parameters
 from rabbit_bringup.launching.processes import PATIENCE, NodeSpec, Processes
@@ -18,7 +18,9 @@ from rabbit_bringup.launching.walk import THREADS
 
 POLL_SECONDS = 0.02
 PACKAGES = {"simulator": "rabbit_sim", "controller": "rl_cbf_clf_controller", "trainer": "rl_trainer"}
-ANSWER_TIMEOUT, TRAINER_TIMEOUT = 3.0, 60.0  # s
+ANSWER_TIMEOUT, TRAINER_TIMEOUT = 2.0, 60.0  # s
+PACE = 0.25  # times real time: a node that begins gets more of the processor than those that walk
+SECOND_NODE = SECOND.replace(" ", "_")
 READERS = 4  # of the state: controller, trainer, recorder, witness; a simulator that comes back waits for them all
 TRAINING = TrainingParameters(
     hidden1=16, hidden2=16, batch=16, updates_least=5, updates_per_tick=0.05, capacity=60_000, nominal_episodes=1
@@ -45,8 +47,10 @@ class Graph:
         write_parameters(folder / "parameters.yaml", parameters(folder, seed))
         ros = ("--params-file", str(folder / "parameters.yaml"), "-r", f"__ns:=/{namespace}", "-r", "/clock:=clock")
         self._specs = {n: NodeSpec(PACKAGES.get(n, "rabbit_bringup"), n, ("--ros-args", *ros)) for n in NODES}
+        second = ("-p", f"path:={folder / 'second' / 'recording'}", *ros[2:], "-r", f"__node:={SECOND_NODE}")
+        self._specs[SECOND] = NodeSpec("rabbit_bringup", "recorder", ("--ros-args", *second))
         self.witness = Witness(namespace)
-        self._processes = Processes(folder / "log")
+        self._processes, self._second = Processes(folder / "log"), Processes(folder / "second" / "log")
         for name in NODES:
             self.start(name)
 
@@ -54,21 +58,22 @@ class Graph:
         """End all nodes."""
         self._processes.stop(("simulator", "controller"))
         self._processes.stop()
+        self._second.stop()
         self.witness.close()
 
     def start(self, name: str) -> None:
         """Start a node, again or for the first time."""
-        self._processes.start(self._specs[name])
+        self._of(name).start(self._specs[name])
 
     def kill(self, name: str) -> None:
         """SIGKILL."""
-        self._processes.kill((name,))
+        self._of(name).kill((self._specs[name].executable,))
 
     def terminate(self, name: str) -> None:
         """SIGTERM, and wait; raises `Hang` if it has to be killed."""
         self._send(name, signal.SIGTERM)
         began = time.monotonic()
-        self._processes.stop((name,))
+        self._of(name).stop((self._specs[name].executable,))
         if time.monotonic() - began > PATIENCE:
             raise Hang(f"the {name} does not end within {PATIENCE:g} s of a SIGTERM")
 
@@ -94,6 +99,7 @@ class Graph:
         began = time.monotonic()
         while not until():
             self._processes.check()
+            self._second.check()
             if time.monotonic() - began > self.hang_after:
                 raise Hang(f"not within {self.hang_after:g} s: {what}")
             time.sleep(POLL_SECONDS)
@@ -111,21 +117,25 @@ class Graph:
         turns = [value.value.split(" ") for value in said.values if value.key == "episode, tick"] if said else []
         return (int(turns[-1][0]), int(turns[-1][1])) if turns else (0, -1)
 
-    def newest_recording(self) -> Path:
-        """The recording that was begun last; raises `LaunchError` if there is none."""
-        made = [path for path in self.folder.glob("recording*") if not path.name.endswith("-recovered")]
+    def newest_recording(self, name: str) -> Path:
+        """The recording that a recorder begun last; raises `LaunchError` if there is none."""
+        home = self.folder / "second" if name == SECOND else self.folder
+        made = [path for path in home.glob("recording*") if not path.name.endswith("-recovered")]
         if not made:
-            raise LaunchError(f"no recording in {self.folder}")
+            raise LaunchError(f"no recording in {home}")
         return max(made, key=lambda path: int(path.name.partition("-")[2] or 1))
 
+    def _of(self, name: str) -> Processes:
+        return self._second if name == SECOND else self._processes
+
     def _send(self, name: str, number: int) -> None:
-        os.kill(self._processes.pid(name), number)
+        os.kill(self._of(name).pid(self._specs[name].executable), number)
 
 
 def parameters(folder: Path, seed: int) -> dict[str, dict[str, Any]]:
     """What the nodes are told: short walks without end, learned from between them."""
     plant = {"motor_lag": 0.004, "mass_scale": 1.2, "stones": 8, "stop_at_miss": False}
-    own = {"seed": seed, "episodes": 1_000_000, "readers": READERS, "trainer": "follow"}
+    own = {"seed": seed, "episodes": 1_000_000, "readers": READERS, "trainer": "follow", "pace": PACE}
     own |= {"answer_timeout": ANSWER_TIMEOUT, "trainer_timeout": TRAINER_TIMEOUT}
     return {
         "simulator": {**own, **plant, "memory": str(folder / "simulator.memory")},

@@ -1,5 +1,6 @@
 """Hears the graph while faults come: what was told when, and what was acknowledged. Spins in a thread of its own."""
 
+import math
 import random
 import threading
 import time
@@ -40,7 +41,9 @@ class Witness:
         self.ticks: deque[tuple[float, Turn]] = deque(maxlen=KEPT_TICKS)
         self.count = 0  # of ticks that followed the one before
         self.acknowledged: list[Transition] = []
+        self._answers: dict[str, dict[Turn, float]] = {"torque": {}, "controller_state": {}}  # when heard
         self.ended: dict[int, Episode] = {}
+        self._ended_at: dict[int, float] = {}
         self.said: dict[str, DiagnosticStatus] = {}
         self.warnings: deque[tuple[float, str]] = deque(maxlen=1000)
         self._newest: dict[str, bytes] = {}
@@ -73,6 +76,16 @@ class Witness:
     def heard_before(self, moment: float, since: float = 0.0) -> list[Turn]:
         """The ticks heard from `since` on, before a moment of `time.monotonic`."""
         return [turn for at, turn in list(self.ticks) if since <= at < moment]
+
+    def answered(self, since: float = 0.0, before: float = math.inf) -> frozenset[Turn]:
+        """The ticks of which state, torque and controller state were heard, all from `since` on, before a moment."""
+        times = [{turn: at for at, turn in list(self.ticks)}, *(dict(heard) for heard in self._answers.values())]
+        whole = set.intersection(*(set(heard) for heard in times))
+        return frozenset(turn for turn in whole if all(since <= heard[turn] < before for heard in times))
+
+    def ended_within(self, since: float, before: float) -> dict[int, str]:
+        """Episodes whose end was heard then, with their outcomes."""
+        return {n: self.ended[n].outcome for n, at in list(self._ended_at.items()) if since <= at < before}
 
     def warned(self, since: float) -> list[str]:
         """What nodes warned of since a moment."""
@@ -111,6 +124,8 @@ class Witness:
     def _on_bytes(self, name: str, hear: Callable[[bytes], None] | None, data: bytes) -> None:
         if not self._publishers:  # else it may be our own
             self._newest[name] = data
+        if name in self._answers:
+            self._answers[name].setdefault(turn_of(data), time.monotonic())
         if hear is not None:
             hear(data)
 
@@ -130,6 +145,7 @@ class Witness:
         message: Any = deserialize_message(data, Episode)
         if message.phase == Episode.ENDED:
             self.ended.setdefault(message.episode, message)
+            self._ended_at.setdefault(message.episode, time.monotonic())
 
     def _on_diagnostics(self, data: bytes) -> None:
         message: Any = deserialize_message(data, DiagnosticArray)
