@@ -41,7 +41,7 @@ class Witness:
         self.ticks: deque[tuple[float, Turn]] = deque(maxlen=KEPT_TICKS)
         self.count = 0  # of ticks that followed the one before
         self.acknowledged: list[Transition] = []
-        self._answers: dict[str, dict[Turn, float]] = {"torque": {}, "controller_state": {}}  # when heard
+        self._turns: dict[str, dict[Turn, float]] = {"state": {}, "torque": {}, "controller_state": {}}  # first heard
         self.ended: dict[int, Episode] = {}
         self._ended_at: dict[int, float] = {}
         self.said: dict[str, DiagnosticStatus] = {}
@@ -79,7 +79,7 @@ class Witness:
 
     def answered(self, since: float = 0.0, before: float = math.inf) -> frozenset[Turn]:
         """The ticks of which state, torque and controller state were heard, all from `since` on, before a moment."""
-        times = [{turn: at for at, turn in list(self.ticks)}, *(dict(heard) for heard in self._answers.values())]
+        times = [dict(heard) for heard in self._turns.values()]
         whole = set.intersection(*(set(heard) for heard in times))
         return frozenset(turn for turn in whole if all(since <= heard[turn] < before for heard in times))
 
@@ -124,8 +124,8 @@ class Witness:
     def _on_bytes(self, name: str, hear: Callable[[bytes], None] | None, data: bytes) -> None:
         if not self._publishers:  # else it may be our own
             self._newest[name] = data
-        if name in self._answers:
-            self._answers[name].setdefault(turn_of(data), time.monotonic())
+        if name in self._turns:
+            self._turns[name].setdefault(turn_of(data), time.monotonic())
         if hear is not None:
             hear(data)
 
