@@ -19,7 +19,7 @@ from rabbit_bringup.launching.walk import THREADS
 POLL_SECONDS = 0.02
 PACKAGES = {"simulator": "rabbit_sim", "controller": "rl_cbf_clf_controller", "trainer": "rl_trainer"}
 ANSWER_TIMEOUT, TRAINER_TIMEOUT = 2.0, 60.0  # s
-PACE = 0.25  # times real time: a node that begins gets more of the processor than those that walk
+PACE = 0.1  # times real time: most of the processor is for nodes that begin
 SECOND_NODE = SECOND.replace(" ", "_")
 READERS = 4  # of the state: controller, trainer, recorder, witness; a simulator that comes back waits for them all
 TRAINING = TrainingParameters(
@@ -134,7 +134,7 @@ class Graph:
 
 def parameters(folder: Path, seed: int) -> dict[str, dict[str, Any]]:
     """What the nodes are told: short walks without end, learned from between them."""
-    plant = {"motor_lag": 0.004, "mass_scale": 1.2, "stones": 8, "stop_at_miss": False}
+    plant = {"motor_lag": 0.004, "mass_scale": 1.2, "stones": 3, "stop_at_miss": False}
     own = {"seed": seed, "episodes": 1_000_000, "readers": READERS, "trainer": "follow", "pace": PACE}
     own |= {"answer_timeout": ANSWER_TIMEOUT, "trainer_timeout": TRAINER_TIMEOUT}
     return {

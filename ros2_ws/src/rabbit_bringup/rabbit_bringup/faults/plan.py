@@ -13,7 +13,7 @@ WRITERS = ("recorder", "trainer")  # whose disk may be full
 HEARERS = ("simulator", "controller", "trainer")
 LONGEST_STOP = 3.0  # s, longer than the simulator waits for an answer
 LONGEST_ABSENCE = 2.0  # s between the end of a node and its new start
-LONGEST_WAIT = 40  # ticks before the fault
+LONGEST_WAIT = 20  # ticks before the fault
 
 
 @dataclass(frozen=True)
