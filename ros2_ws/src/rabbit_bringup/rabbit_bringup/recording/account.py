@@ -170,9 +170,9 @@ class Gathering:
             yield from self._lost(episode.episode) if self._recorded else self._announced()
             yield self._account(episode, Presence.RECORDED)
             self._recorded, self._unclear = episode.episode, {}
-            self._followed |= {topic for topic, ticks in episode.ticks.items() if ticks}
         elif episode.announced is not None and episode.episode:
             self._unclear[episode.episode] = episode
+        self._followed |= {topic for topic, ticks in episode.ticks.items() if ticks}
 
     def _announced(self) -> Iterator[tuple[Gathered, EpisodeAccount]]:
         for episode in self._unclear.values():

@@ -96,17 +96,9 @@ class RecorderNode(Node):
             return
         if topic.publisher != "all":
             self._loss.heard(name, info[NUMBER])
-        if self._ends_at_errors(partial(self._writer.write, name, self._stored_at(topic, data, info[SENT]), data)):
+        at = self._time.of(topic.name, topic.publisher, data, info[SENT])
+        if self._ends_at_errors(partial(self._writer.write, name, at, data)):
             self._door.accept(name)
-
-    def _stored_at(self, topic: Topic, data: bytes, sent: int) -> int:
-        if topic.name == "state":
-            return self._time.of_state(data, sent)
-        if topic.name == "episode":
-            return self._time.of_episode(data, sent)
-        if topic.publisher == "simulator":
-            return self._time.of_simulator(data, sent)
-        return self._time.now if topic.publisher == "all" else self._time.of_others(data)
 
     def _flush(self) -> None:
         """What a killed recorder has written by now is not lost."""

@@ -26,44 +26,47 @@ class SimulatedTime:
 
     def __init__(self) -> None:
         self.now = 0  # where what carries no time is stored: with the newest state
-        self._end = 0  # of what is stored
+        self._end = 0  # of what was announced
         self._run = _Run()
         self._before: _Run | None = None  # the run in which the newest first word came
 
-    def of_state(self, data: bytes, sent: int) -> int:
-        """A state; it tells whether the first word before it was of another simulator."""
+    def of(self, topic: str, publisher: str, data: bytes, sent: int) -> int:
+        """Of a message of a `publisher` (simulator, controller, trainer, all), `sent` at a time of the wall clock."""
+        if topic == "state":
+            return self._of_state(data, sent)
+        if topic == "episode":
+            return self._of_episode(data, sent)
+        if publisher == "simulator":
+            return self._of_simulator(data, sent)
+        stamp = nanoseconds_of(data)
+        is_simulated = stamp and publisher != "all"  # a controller or trainer knows no time before the first tick
+        return self._run.began + stamp if is_simulated else self.now
+
+    def _of_state(self, data: bytes, sent: int) -> int:
+        """It shows whether the first word before it was of another simulator."""
         turn = turn_of(data)
         if self._before is not None and goes_on(self._before.turn, turn):
             self._run = self._before
         self._before = None
         run = self._run
         self.now = run.began + nanoseconds_of(data)
-        if turn != run.turn and goes_on(run.turn, turn):
-            self._end = max(self._end, self.now)
         self._run = replace(run, newest_sent=sent, turn=turn)
         self._hear(sent)
         return self.now
 
-    def of_episode(self, data: bytes, sent: int) -> int:
-        """An announcement of the simulator's."""
+    def _of_episode(self, data: bytes, sent: int) -> int:
         run = self._run
         if episode_and_phase_of(data) == FIRST_WORD and run.first_sent is not None and sent > run.first_sent:
-            self._before = run if sent > run.newest_sent else None
-            self.now = self._end = self._end + TICK_NANOSECONDS
+            self._before = run if 0 < run.newest_sent < sent else None
+            self.now = self._end = max(self._end, self.now) + TICK_NANOSECONDS
             self._run = _Run(self.now)
-        at = self.of_simulator(data, sent)
+        at = self._of_simulator(data, sent)
         self._end = max(self._end, at)
         return at
 
-    def of_simulator(self, data: bytes, sent: int) -> int:
-        """Any other message of the simulator's."""
+    def _of_simulator(self, data: bytes, sent: int) -> int:
         self._hear(sent)
         return self._run.began + nanoseconds_of(data)
-
-    def of_others(self, data: bytes) -> int:
-        """Of a controller or trainer; before the first tick it knows no time."""
-        stamp = nanoseconds_of(data)
-        return self._run.began + stamp if stamp else self.now
 
     def _hear(self, sent: int) -> None:
         first = self._run.first_sent

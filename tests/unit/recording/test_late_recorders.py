@@ -1,0 +1,292 @@
+"""A recorder that begins late, misses messages and is killed: what was recorded, what merely announced, what lost.
+
+A graph is a list of messages in the order in which they were sent. A recorder that begins somewhere in it receives the
+latched ones from before as history, then those that follow.
+"""
+
+import random
+import struct
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from rabbit_bringup.cli import app
+from rabbit_bringup.recording.account import BY_TICK, UNANSWERED, Presence
+from rabbit_bringup.recording.bag_writer import BagWriter
+from rabbit_bringup.recording.contents import contents
+from rabbit_bringup.recording.reader import iterate_accounts
+from rabbit_bringup.recording.simulated_time import SimulatedTime
+from typer.testing import CliRunner
+
+from .conftest import LATCHED, TICK_NS, TOPICS, TYPES, Walk, details, message, state_message, told
+
+HISTORY = 20  # latched messages of a topic
+WAITING, RUNNING, ENDED = 0, 1, 3
+EVENTS = ("episode", "preview", "landing")
+PUBLISHER = {"torque": "controller", "controller_state": "controller"}
+
+
+@dataclass(frozen=True)
+class Sent:
+    """A message with the simulator's process that sent it, or in whose time its controller did."""
+
+    topic: str
+    process: int
+    run: int
+    episode: int
+    tick: int
+    data: bytes
+    ended: str = ""
+
+
+class Templates(dict[str, bytes]):
+    """A tick's messages by topic."""
+
+    def __repr__(self) -> str:
+        """In short."""
+        return "templates"
+
+
+@dataclass
+class Graph:
+    """A simulator that walks, and may be started again; `sent` is all that was published."""
+
+    templates: Templates
+    sent: list[Sent] = field(default_factory=list)
+    process: int = -1
+    run: int = 0
+    clock: int = 0
+    episode: int = 0
+
+    def start(self, memory: bool = False) -> None:
+        """A simulator comes up; with a memory it goes on with episode and clock."""
+        self.process += 1
+        if self.process and not memory:
+            self.run, self.clock, self.episode = self.run + 1, 0, 0
+        if memory:
+            self.announce(ENDED, self.sent[-1].tick, "reset")
+        else:
+            self.announce(WAITING)
+
+    def walk(self, ticks: int, breaks_off: bool = False) -> None:
+        """An episode of so many ticks; one that breaks off has neither a last state nor an end."""
+        self.episode += 1
+        self.announce(RUNNING)
+        for tick in range(ticks):
+            if tick % 3 == 0:
+                self.send("preview", tick, message("preview", 0, index=tick // 3 + 1, l_min=0.3, l_max=0.4))
+            for topic in BY_TICK:
+                self.send(topic, tick)
+            self.clock += 1
+        if breaks_off:
+            return
+        self.send("state", ticks)
+        landing = {"index": 1, "l": 0.3, "l_min": 0.2, "l_max": 0.4, "on_stone": True}
+        self.send("landing", ticks, message("landing", 0, **landing))
+        self.announce(ENDED, ticks, "walked")
+
+    def announce(self, phase: int, tick: int = 0, outcome: str = "") -> None:
+        """The simulator says where it stands."""
+        fields = {"seed": 7, "stones": 2, "touchdowns": 0, "reason": "", "policy_version": "", "sigma": 0.0}
+        self.send("episode", tick, message("episode", 0, phase=phase, outcome=outcome, **fields), outcome)
+
+    def send(self, topic: str, tick: int, what: Any = None, ended: str = "") -> None:
+        """At the present time; a tick's messages are those of a template, with their time, episode and tick."""
+        seconds, nanoseconds = divmod(self.clock * TICK_NS, 10**9)
+        if what is None:
+            data = bytearray(self.templates[topic])
+            struct.pack_into("<iIII", data, 4, seconds, nanoseconds, self.episode, tick)
+        else:
+            what.stamp.sec, what.stamp.nanosec, what.episode = seconds, nanoseconds, self.episode
+            if topic == "episode":
+                what.tick = tick
+            data = bytearray(TYPES.serialize_cdr(what, f"rabbit_msgs/msg/{TOPICS[topic]}"))
+        self.sent.append(Sent(topic, self.process, self.run, self.episode, tick, bytes(data), ended))
+
+
+@pytest.fixture(scope="module")
+def templates(walk: Walk) -> Templates:
+    """A tick's messages."""
+    record = walk.records[0]
+    torque = message("torque", 0, torque=record.output.torque, policy_version="zero", fault="")
+    found = {"state": state_message(record.state), "torque": torque, "controller_state": details(record)}
+    data = {name: bytes(TYPES.serialize_cdr(m, f"rabbit_msgs/msg/{TOPICS[name]}")) for name, m in found.items()}
+    return Templates(data)
+
+
+def history(sent: list[Sent], begin: int) -> list[tuple[int, Sent]]:
+    """What a recorder that begins there receives of before: the newest latched messages of the process that runs."""
+    before = [(i, each) for i, each in enumerate(sent[:begin]) if each.process == sent[begin].process]
+    return [pair for topic in EVENTS for pair in [p for p in before if p[1].topic == topic][-HISTORY:]]
+
+
+def arrive(past: list[tuple[int, Sent]], live: list[tuple[int, Sent]], rng: random.Random) -> list[tuple[int, Sent]]:
+    """History comes in before, between and after the first live messages, each topic in its order."""
+    queues = [[p for p in past if p[1].topic == topic] for topic in EVENTS] + [live[:12]]
+    mixed = []
+    while any(queues):
+        mixed.append(rng.choice([queue for queue in queues if queue]).pop(0))
+    return mixed + live[12:]
+
+
+def record(path: Path, arrived: Iterable[tuple[int, Sent]]) -> None:
+    """As the recorder does."""
+    times = SimulatedTime()
+    writer = BagWriter(path, "mcap", TYPES)
+    for topic, name in TOPICS.items():
+        writer.add(f"/{topic}", f"rabbit_msgs/msg/{name}", [LATCHED])
+    for i, each in arrived:
+        at = times.of(each.topic, PUBLISHER.get(each.topic, "simulator"), each.data, 10**9 + i)
+        writer.write(f"/{each.topic}", at, each.data)
+    writer.close()
+
+
+Row = tuple[int, int, Presence, list[int], int, bool]  # run, number, what there is, ticks in full, lost, ends
+
+
+def expected(sent: list[Sent], live: set[int], past: set[int]) -> list[Row]:
+    """What a recording of the messages `live` holds, by docs/recordings.md; `past` came as history."""
+    rows: list[Row] = []
+    for run in sorted({sent[i].run for i in live | past}):
+        mine = {i: each for i, each in enumerate(sent) if each.run == run}
+        recorded = sorted({each.episode for i, each in mine.items() if i in live and each.topic == "state"})
+        announced = {each.episode for i, each in mine.items() if i in live | past and each.topic == "episode"} - {0}
+        between = set(range(recorded[0], recorded[-1])) if recorded else set()
+        for number in sorted(announced | set(recorded) | between):
+            its = {i: each for i, each in mine.items() if each.episode == number}
+            ends = next((e.tick for i, e in its.items() if e.ended and i in live | past), None)
+            outcome = next((e.ended for i, e in its.items() if e.ended), "")
+            kept = {t: {e.tick for i, e in its.items() if i in live and e.topic == t} for t in BY_TICK}
+            if number in recorded:
+                lost: set[int] = set()
+                for topic in BY_TICK:
+                    here = [i for i, each in its.items() if each.topic == topic]
+                    begin = min((i for i in live if i in mine and mine[i].topic == topic), default=len(sent))
+                    is_answered = topic == "state" or outcome not in UNANSWERED
+                    last = max((i for i in here if i in live), default=-1)
+                    end = len(sent) if ends is not None and is_answered else last
+                    missed = {its[i].tick for i in here if begin < i < end and i not in live}
+                    lost |= {tick for tick in missed if ends is None or tick < max(ends, max(kept[topic], default=0))}
+                row = Presence.RECORDED, sorted(set.intersection(*kept.values())), len(lost)
+            elif number in between:
+                row = Presence.LOST, [], max(ends, 1) if ends is not None else 1
+            else:
+                row = Presence.ANNOUNCED, [], 0
+            rows.append((run, number, *row, ends is not None))
+    return [(row[0] - rows[0][0], *row[1:]) for row in rows]  # a recording begins with run 0
+
+
+def found(path: Path) -> list[Row]:
+    """What the reader says; an episode's number is the simulator's, counted on from the runs before."""
+    rows: list[Row] = []
+    before = run = 0
+    for each in iterate_accounts(path):
+        if each.run > run:
+            before, run = max((row[1] for row in rows), default=0) + before, each.run
+        ticks = [] if each.first is None else [each.first, each.last]
+        assert each.begins == (each.first == 0)
+        rows.append((each.run, each.number - before, each.presence, [*ticks, each.recorded], each.lost, each.ends))
+    return rows
+
+
+def in_short(rows: list[Row]) -> list[Row]:
+    """First and last tick and their number, in place of all of them."""
+    return [(*row[:3], [*row[3][:1], *row[3][-1:], len(row[3])], *row[4:]) for row in rows]
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    lengths=st.lists(st.integers(1, 7), min_size=1, max_size=14),
+    restart=st.sampled_from(["never", "memory", "anew"]),
+    more=st.lists(st.integers(1, 7), min_size=1, max_size=4),
+    begin=st.floats(0, 1),
+    end=st.floats(0, 1),
+    drops=st.sampled_from([0.0, 0.02, 0.3]),
+    rng=st.randoms(use_true_random=False),
+)
+def test_recorded_announced_and_lost_are_told_apart(
+    tmp_path_factory: pytest.TempPathFactory,
+    templates: Templates,
+    lengths: list[int],
+    restart: str,
+    more: list[int],
+    begin: float,
+    end: float,
+    drops: float,
+    rng: random.Random,
+) -> None:
+    graph = Graph(templates)
+    graph.start()
+    for i, ticks in enumerate(lengths):
+        graph.walk(ticks, breaks_off=restart != "never" and i + 1 == len(lengths))
+    if restart != "never":
+        graph.start(restart == "memory")
+        for ticks in more:
+            graph.walk(ticks)
+    sent = graph.sent
+    first = int(begin * (len(sent) - 1))
+    last = first + 1 + int(end * (len(sent) - first - 1))
+    dropped = {i for i in range(first, last) if sent[i].topic in BY_TICK and rng.random() < drops}
+    past, live = history(sent, first), [(i, sent[i]) for i in range(first, last) if i not in dropped]
+    path = tmp_path_factory.mktemp("late") / "bag"
+    record(path, arrive(past, live, rng))
+    there = {i for i, _ in live}
+    assert found(path) == in_short(expected(sent, there, {i for i, _ in past}))
+
+
+@pytest.fixture
+def late(tmp_path: Path, walk: Walk) -> Path:
+    """The walk as episode 3 from tick 40 on and as episode 4, recorded late: settings and policy are history."""
+    writer = BagWriter(tmp_path / "bag", "mcap", TYPES)
+    for topic, name in TOPICS.items():
+        writer.add(f"/{topic}", f"rabbit_msgs/msg/{name}", [LATCHED])
+    length = (len(walk.records) + 1) * TICK_NS
+    for episode in (1, 2, 3, 4):
+        for topic, tick, what in told(walk):
+            is_live = episode == 4 or (episode == 3 and tick >= LATE)
+            if not is_live and topic not in ("episode", "controller_settings", "policy_swap"):
+                continue
+            if topic in ("controller_settings", "policy_swap"):
+                if episode > 1:
+                    continue
+                what.episode = 0
+            else:
+                what.episode = episode
+                at = (episode - 1) * length + tick * TICK_NS
+                what.stamp.sec, what.stamp.nanosec = divmod(at, 10**9)
+            data = bytes(TYPES.serialize_cdr(what, f"rabbit_msgs/msg/{TOPICS[topic]}"))
+            writer.write(f"/{topic}", (episode - 1) * length + tick * TICK_NS, data)
+    writer.close()
+    return tmp_path / "bag"
+
+
+LATE = 40  # tick
+
+
+def test_check_replays_what_begins_and_says_why_not_the_rest(late: Path, walk: Walk) -> None:
+    """The controller's settings came as history."""
+    done = CliRunner().invoke(app, ["bag", "check", str(late)])
+    n = len(walk.records)
+    assert done.output.splitlines() == [
+        f"episode 3: {n - LATE} ticks, 0 lost, 0 replayed, a replay begins at tick 0, which is not in it",
+        f"episode 4: {n} ticks, 0 lost, {n} replayed, torques identical",
+    ]
+    assert done.exit_code == 0
+
+
+def test_info_lists_what_was_recorded_and_names_what_was_announced(late: Path, walk: Walk) -> None:
+    recorded = contents(late)
+    there = [e for e in recorded.episodes if e.presence is Presence.RECORDED]
+    n = len(walk.records)
+    assert [(e.number, e.first, e.last, e.recorded, e.lost) for e in there] == [
+        (3, LATE, n - 1, n - LATE, 0),
+        (4, 0, n - 1, n, 0),
+    ]
+    assert recorded.seconds == pytest.approx((2 * n + 1 - LATE) * TICK_NS / 1e9)
+    assert (
+        "announced only, no tick in the recording: 1, 2" in CliRunner().invoke(app, ["bag", "info", str(late)]).output
+    )
