@@ -25,6 +25,7 @@ def main() -> int:
     """Exit code 1 where something was wrong, 130 where interrupted."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--rules", type=int, default=5000, help="in all (default: 5000)")
+    parser.add_argument("--first", type=int, default=0, help="number of the first batch: for campaigns side by side")
     parser.add_argument("--batch", type=int, help="this one alone")
     parser.add_argument("--out", type=Path, default=Path("runs/sequences"), help="folder of the results")
     options = parser.parse_args()
@@ -46,7 +47,7 @@ def campaign(options: argparse.Namespace) -> list[dict[str, Any]]:
     rows = [json.loads(line) for line in lines if line.endswith("\n")]
     path.write_text("".join(json.dumps(row) + "\n" for row in rows), encoding="utf-8")
     while (done := sum(row["rules"] for row in rows)) < options.rules:
-        rows.append(run_batch(len(rows), options.out))
+        rows.append(run_batch(options.first + len(rows), options.out))
         with path.open("a", encoding="utf-8") as file:
             file.write(json.dumps(rows[-1]) + "\n")
         row = {**rows[-1], "wrong": "" if rows[-1]["passed"] else f", WRONG:\n{rows[-1]['wrong']}"}

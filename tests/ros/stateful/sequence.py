@@ -22,7 +22,7 @@ from .graph import NODES, HeldGraph
 from .policies import SEEDS, ZERO, digest, torques_of
 
 EVERY = 5  # rules between two looks
-GRAPHS = 15  # sequences that a graph serves, unless something was wrong
+GRAPHS = 40  # sequences that a graph serves, unless something was wrong
 RECORDING_END = 1.0  # s of which a killed recorder may lose all
 DELIVERY = 0.2  # s in which what a node said before it ended is heard here
 DYNAMIC = {"sigma": "controller", "pace": "simulator"}
