@@ -1,8 +1,8 @@
 """Messages that went past the recorder, by their publishers' own counts of them.
 
-A publisher numbers what it sends from 1. A number left out is a message lost; one below all that are known is of another
-publisher: started again, or a stranger's. What was sent before the first one heard is not counted: it was not for this
-reader.
+A publisher numbers what it sends from 1. A number left out is a message lost; one below all that are known is of
+another publisher: started again, or a stranger's. What was sent before the first one heard is not counted: it was not
+for this reader.
 """
 
 from collections import Counter
