@@ -11,6 +11,7 @@ from pathlib import Path
 from common import STATE, VENV, WORKSPACE, SetUpError, digest, is_done, logged, main, mark_done, say, system_ros
 
 SOURCES = WORKSPACE / "src"
+INSTALL = WORKSPACE / "install"
 STAND_INS = WORKSPACE / "stand_ins"  # messages that a full ROS 2 has and the wheels have not; plain colcon ignores them
 LEFT_OVER = {"__pycache__", "build", *(path.name for path in SOURCES.glob("*/*.egg-info"))}  # by pip
 LINKED = {".py", ".yaml", ".urdf", ".safetensors"}
@@ -59,6 +60,15 @@ def clear_if_moved() -> None:
     mark.write_text(place())
 
 
+def clear_generated_scripts() -> None:
+    """Remove what earlier versions installed where a link to the package's own file goes: colcon would stop there."""
+    for script in SOURCES.glob("*/bin/*"):
+        package, name = script.parent.parent.name, script.name
+        for old in (INSTALL / package / "lib" / package / name, INSTALL / package / "bin" / name):
+            if not old.is_symlink():
+                old.unlink(missing_ok=True)
+
+
 def colcon_build() -> None:
     """Call colcon in an environment without another ROS 2 or Python in it."""
     environment = {name: value for name, value in os.environ.items() if name in KEPT}
@@ -79,6 +89,7 @@ def build() -> None:
         return
     say("build: the ROS 2 workspace (a minute the first time)")
     clear_if_moved()
+    clear_generated_scripts()
     colcon_build()
     mark_done("workspace", key)
 

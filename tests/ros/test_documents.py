@@ -87,14 +87,12 @@ def test_walk_yaml_names_known_parameters_with_their_values() -> None:
         assert not left
 
 
-def test_launch_file_starts_executables_with_known_parameters() -> None:
+def test_launch_file_leaves_nodes_and_parameters_to_the_one_description_of_the_graph() -> None:
     tree = ast.parse((BRINGUP / "launch" / "walk.launch.py").read_text(encoding="utf-8"))
-    calls = [node for node in ast.walk(tree) if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "node"]
-    started = {call.args[1].value: call for call in calls if isinstance(call.args[1], ast.Constant)}
-    assert set(started) == set(MODELS)
-    for name, call in started.items():
-        known = {field for model in MODELS[str(name)] for field in model.model_fields}
-        assert {keyword.arg for keyword in call.keywords} <= known
+    called = {getattr(node.func, "id", "") for node in ast.walk(tree) if isinstance(node, ast.Call)}
+    words = {node.value for node in ast.walk(tree) if isinstance(node, ast.Constant)}
+    assert {"prepare", "described", "write_parameters"} <= called
+    assert not words & {*MODELS}
 
 
 def test_no_node_hides_an_attribute_of_rclpy() -> None:

@@ -8,10 +8,13 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
+from rabbit_bringup.launching.exit_codes import ExitCode
 from rabbit_bringup.recording.reader import messages, read_episodes
+from rabbit_msgs.srv import ResetEpisode
 from rl_cbf_clf_controller.weights import decode, policy_path
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.training import Trainer
@@ -19,6 +22,7 @@ from rl_trainer.training import Trainer
 RABBIT = (sys.executable, "-c", "from rabbit_bringup.cli import app; app()")
 QUICK = ("--no-pictures", "--no-video")
 SLOW = ("--pace", "0.5", "--stones", "200")
+SMALL = ("--stones", "1", "--no-trainer", "--record", "none", "--ready-timeout", "180")
 
 
 def rabbit(*words: object, timeout: float = 300.0) -> subprocess.CompletedProcess[str]:
@@ -100,11 +104,12 @@ def test_the_trainer_learns_on_from_the_policy_that_walks(tmp_path: Path) -> Non
     assert published or "kept back" in (folder / "log" / "trainer.log").read_text()
 
 
-def test_a_fall_is_exit_code_1(tmp_path: Path) -> None:
+def test_a_fall_has_an_exit_code_of_its_own(tmp_path: Path) -> None:
     heavy = ("--controller", "cbf-clf-qp", "--mass-scale", 2)
     done = rabbit("walk", "--out", tmp_path, *heavy, "--no-trainer", "--record", "none")
-    assert done.returncode == 1
+    assert done.returncode == ExitCode.FELL
     assert "20 stones" in done.stdout
+    assert done.stdout.splitlines()[-1] == "fell: 0 of 1 episodes walked"
     assert not running(tmp_path)
 
 
@@ -130,9 +135,95 @@ def test_a_killed_launcher_leaves_nobody_behind(walking: subprocess.Popen[str], 
 def test_a_node_that_dies_ends_the_walk_and_is_named(walking: subprocess.Popen[str], tmp_path: Path) -> None:
     os.kill(running(tmp_path)["controller"], signal.SIGKILL)
     _, said = walking.communicate(timeout=300)
-    assert walking.returncode == 1
-    assert "the controller ended by itself (signal SIGKILL)" in said
+    (line,) = said.splitlines()
+    assert walking.returncode == ExitCode.NODE_DIED
+    assert "the controller ended by itself (signal SIGKILL)" in line
+    assert f"what was recorded until then: {tmp_path / 'recording'}" in line
     assert not running(tmp_path)
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert (summary["walked"], summary["exit_code"]) == (False, ExitCode.NODE_DIED)
+    assert "controller" in summary["failure"]
+    assert summary["ticks"] == len(read_episodes(tmp_path / "recording")[1].records) > 0
+
+
+def test_of_a_recorder_that_dies_what_it_had_is_summarised(walking: subprocess.Popen[str], tmp_path: Path) -> None:
+    os.kill(running(tmp_path)["recorder"], signal.SIGKILL)
+    _, said = walking.communicate(timeout=300)
+    (line,) = said.splitlines()
+    assert walking.returncode == ExitCode.NODE_DIED
+    assert "the recorder ended by itself (signal SIGKILL)" in line
+    assert f"`rabbit bag recover {tmp_path / 'recording'}`" in line
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert summary["ticks"] == len(read_episodes(tmp_path / "recording-recovered")[1].records)
+
+
+def test_an_episode_that_an_operator_asks_for_is_walked_to_its_end(tmp_path: Path, root_world: Any) -> None:
+    slow = ("--pace", 1, "--stones", 3, "--no-trainer", "--record", "none")
+    process = subprocess.Popen(
+        [*RABBIT, "walk", "--out", str(tmp_path / "walk"), *map(str, slow)], stdout=subprocess.PIPE, text=True
+    )
+    states = root_world.hear("state")
+    root_world.wait(lambda: any(state.tick > 20 for state in states))
+    assert root_world.ask(ResetEpisode, "reset_episode", seed=7).accepted
+    out, _ = process.communicate(timeout=300)
+    lines = [line for line in out.splitlines() if line.startswith("episode ")]
+    assert [line.split(",")[0] for line in lines] == ["episode 1", "episode 2"]
+    assert "reset (by service)" in lines[0]
+    assert "seed 7: walked, 3 of 3 stones" in lines[1]
+    assert process.returncode == ExitCode.WALKED
+
+
+def test_an_episode_that_the_graph_broke_is_no_fall(tmp_path: Path) -> None:
+    """A controller that stands still answers nothing; the file's parameter is none of the options."""
+    (tmp_path / "impatient.yaml").write_text("/**/simulator: {ros__parameters: {answer_timeout: 2.0, stones: 150}}\n")
+    folder = tmp_path / "walk"
+    words = ("--out", folder, "--params-file", tmp_path / "impatient.yaml", "--pace", 1, "--no-trainer", *QUICK)
+    process = subprocess.Popen([*RABBIT, "walk", *map(str, words)], stdout=subprocess.PIPE, text=True)
+    recording = folder / "recording" / "recording.mcap"
+    first = policy_path("rl-cbf-clf-qp").stat().st_size
+    wait_for(lambda: recording.is_file() and recording.stat().st_size > first + 100_000)
+    os.kill(running(folder)["controller"], signal.SIGSTOP)
+    out, _ = process.communicate(timeout=300)
+    assert process.returncode == ExitCode.FAULT
+    assert "silent (no torque" in out
+    assert "of 150 stones" in out
+    assert out.splitlines()[-1] == "fault: 0 of 1 episodes walked"
+    assert json.loads((folder / "summary.json").read_text())["exit_code"] == ExitCode.FAULT
+    assert not running(folder)
+
+
+def test_a_second_walk_in_one_namespace_is_refused(walking: subprocess.Popen[str], tmp_path: Path) -> None:
+    second = rabbit("walk", "--out", tmp_path / "second", "--stones", 1)
+    (line,) = second.stderr.splitlines()
+    assert second.returncode == ExitCode.REFUSED
+    assert "namespace / of ROS domain" in line
+    assert "--namespace" in line
+    assert not (tmp_path / "second").exists()
+    assert len(running(tmp_path)) == 4
+    other = rabbit("walk", "--out", tmp_path / "other", "--namespace", "other", *SMALL)
+    assert other.returncode == ExitCode.WALKED, other.stderr
+    assert len(running(tmp_path)) == 4
+    assert walking.poll() is None
+
+
+def test_a_graph_that_was_started_node_by_node_is_not_walked_into(tmp_path: Path, root_world: Any) -> None:
+    root_world.start("simulator")
+    root_world.wait(lambda: bool(root_world.hear("diagnostics")))
+    done = rabbit("walk", "--out", tmp_path / "walk", "--stones", 1)
+    (line,) = done.stderr.splitlines()
+    assert done.returncode == ExitCode.REFUSED
+    assert "simulator publishes /" in line
+
+
+def test_of_several_that_begin_at_once_one_walks(tmp_path: Path) -> None:
+    few = (*SMALL, "--namespace", "crowd")
+    started = [
+        subprocess.Popen([*RABBIT, "walk", "--out", str(tmp_path / str(number)), *few], stderr=subprocess.PIPE)
+        for number in range(3)
+    ]
+    for process in started:
+        process.communicate(timeout=300)
+    assert sorted(process.returncode for process in started) == [ExitCode.WALKED, *[ExitCode.REFUSED] * 2]
 
 
 @pytest.mark.parametrize(
@@ -145,6 +236,8 @@ def test_a_node_that_dies_ends_the_walk_and_is_named(walking: subprocess.Popen[s
         (("--namespace", "a b"), "--namespace a b"),
         (("--training", "/nowhere.yaml"), "/nowhere.yaml"),
         (("--out", "/proc"), "--out /proc"),
+        (("--params-file", "/nowhere.yaml"), "/nowhere.yaml: No such file"),
+        (("--params-file", "/proc/version"), "/proc/version: expected node names"),
     ],
 )
 def test_bad_values_are_one_line_and_exit_code_2(tmp_path: Path, words: tuple[str, ...], said: str) -> None:

@@ -4,7 +4,18 @@ import os
 from xml.etree import ElementTree
 
 import pytest
-from rabbit_ros.network import FAST_DDS, HERE, MIDDLEWARE, PEERS, PROFILE, RANGE, WHOLE, choose_network
+from rabbit_ros.network import (
+    FAST_DDS,
+    HERE,
+    MIDDLEWARE,
+    PEERS,
+    PROFILE,
+    RANGE,
+    WHOLE,
+    StartError,
+    choose_network,
+    domain,
+)
 
 NAMES = (RANGE, PEERS, PROFILE, WHOLE, MIDDLEWARE)
 ALONE, NETWORK = str(HERE / "fastdds.xml"), str(HERE / "fastdds_network.xml")
@@ -43,3 +54,16 @@ def test_the_default_profile_names_no_address_but_loopback() -> None:
     assert {element.text for element in tree.iter(f"{SCHEMA}address")} == {"127.0.0.1"}
     (builtin,) = (element.text for element in tree.iter(f"{SCHEMA}useBuiltinTransports"))
     assert builtin == "false"
+
+
+@pytest.mark.parametrize("value", ["abc", "-1", "233", "1.5", "0x10", "٣"])
+def test_a_domain_that_is_none_is_refused(value: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ROS_DOMAIN_ID", value)
+    with pytest.raises(StartError, match=f"ROS_DOMAIN_ID {value}: expected a whole number from 0 to 232"):
+        domain()
+
+
+@pytest.mark.parametrize(("value", "number"), [("", 0), ("0", 0), ("13", 13), ("232", 232)])
+def test_a_domain_is_read_as_ros_does(value: str, number: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ROS_DOMAIN_ID", value)
+    assert domain() == number

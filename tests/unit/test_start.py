@@ -1,7 +1,10 @@
-"""The executables of the nodes: the right node, and no traceback of a Ctrl-C while it imports."""
+"""The executables: the right node, and a Ctrl-C at any moment of the start ends without a traceback."""
 
+import os
 import signal
+import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from importlib.metadata import EntryPoint, EntryPoints
 from pathlib import Path
@@ -10,18 +13,21 @@ from types import ModuleType
 import pytest
 from rabbit_ros import start
 
+SOURCES = Path(__file__).parents[2] / "ros2_ws" / "src"
+SCRIPTS = sorted(SOURCES.glob("*/bin/*"))
+AS_A_SLOW_NODE = """
+import sys
+from importlib.metadata import EntryPoint
+from rabbit_ros import start
+start.entry_points = lambda **wanted: [EntryPoint("walker", "slow_node:main", "rabbit.nodes")]
+start.main()
+"""
 
-def called_as(name: str, module: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Be the executable `name`, whose node is in `module`."""
-    nodes = EntryPoints([EntryPoint(name, f"{module}:main", "rabbit.nodes")])
-    monkeypatch.setattr(start, "entry_points", lambda **wanted: nodes.select(**wanted))
-    monkeypatch.setattr(sys, "argv", [f"/anywhere/lib/{name}", "--ros-args"])
 
-
-@pytest.fixture
-def interruptible() -> Iterator[None]:
-    """Ctrl-C raises, also where the tests' own caller has it ignored (a job in the background)."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+@pytest.fixture(autouse=True)
+def interrupts_as_before() -> Iterator[None]:
+    """`main` changes what a Ctrl-C does."""
+    before = signal.getsignal(signal.SIGINT)
     yield
     signal.signal(signal.SIGINT, before)
 
@@ -30,21 +36,59 @@ def test_the_node_of_the_executables_name_is_run(monkeypatch: pytest.MonkeyPatch
     module, runs = ModuleType("a_node"), []
     module.main = lambda: runs.append(list(sys.argv))  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, "a_node", module)
-    called_as("walker", "a_node", monkeypatch)
+    nodes = EntryPoints([EntryPoint("walker", "a_node:main", "rabbit.nodes")])
+    monkeypatch.setattr(start, "entry_points", lambda **wanted: nodes.select(**wanted))
+    monkeypatch.setattr(sys, "argv", ["/anywhere/lib/walker", "--ros-args"])
     start.main()
     assert runs == [["/anywhere/lib/walker", "--ros-args"]]
 
 
-@pytest.mark.usefixtures("interruptible")
-def test_an_interrupt_during_the_import_is_quiet(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / "slow_node.py").write_text(
-        "import os, signal, time\nos.kill(os.getpid(), signal.SIGINT)\ntime.sleep(10)\n"
+def ended(process: "subprocess.Popen[str]") -> tuple[int, str, str]:
+    """Exit code and what it said."""
+    out, said = process.communicate(timeout=180)
+    return process.returncode, out, said
+
+
+def test_an_interrupt_during_the_import_is_quiet(tmp_path: Path) -> None:
+    (tmp_path / "slow_node.py").write_text("import time\nprint('imports', flush=True)\ntime.sleep(600)\n")
+    paths = os.pathsep.join((str(tmp_path), os.environ.get("PYTHONPATH", "")))
+    command = [sys.executable, "-c", AS_A_SLOW_NODE]
+    process = subprocess.Popen(
+        command,
+        env={**os.environ, "PYTHONPATH": paths},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
-    monkeypatch.syspath_prepend(str(tmp_path))
-    called_as("walker", "slow_node", monkeypatch)
-    with pytest.raises(SystemExit) as end:
-        start.main()
-    assert end.value.code == 130
-    assert capfd.readouterr() == ("", "")
+    assert process.stdout is not None
+    assert process.stdout.readline() == "imports\n"
+    process.send_signal(signal.SIGINT)
+    assert ended(process) == (-signal.SIGINT, "", "")
+
+
+@pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.name)
+@pytest.mark.parametrize("seconds", [0.0, 0.02, 0.05, 0.1, 0.2])
+def test_an_early_interrupt_is_quiet(script: Path, seconds: float) -> None:
+    """Also before the first line of ours: the interpreter itself would answer with a traceback."""
+    process = subprocess.Popen(
+        [str(script), "--help"],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
+    time.sleep(seconds)
+    process.send_signal(signal.SIGINT)
+    _, _, said = ended(process)
+    assert "Traceback" not in said
+
+
+@pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.name)
+def test_without_the_workspace_an_executable_says_what_to_source(script: Path) -> None:
+    bare = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    done = subprocess.run([str(script)], capture_output=True, text=True, timeout=180, check=False, env=bare)
+    (line,) = done.stderr.splitlines()
+    assert done.returncode == 2
+    assert "No module named 'rabbit_" in line
+    assert "setup.bash" in line

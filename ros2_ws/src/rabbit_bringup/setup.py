@@ -22,6 +22,7 @@ setup(
         (f"share/{NAME}/launch", sorted(map(str, Path().glob("launch/*.launch.py")))),
         (f"share/{NAME}/config", sorted(map(str, Path().glob("config/*")))),
         (f"lib/{NAME}", sorted(map(str, Path().glob("bin/*")))),
+        ("bin", ["bin/rabbit"]),
     ],
     install_requires=[
         f"rabbit_description @ {BESIDE}/rabbit_description",
@@ -44,8 +45,8 @@ setup(
     ],
     extras_require={"test": ["pytest"], "ray": ["ray>=2.40"]},
     entry_points={
-        "console_scripts": ["rabbit = rabbit_bringup.cli:app"],
         "rabbit.nodes": [
+            "launcher = rabbit_bringup.launching.launcher_node:main",
             "recorder = rabbit_bringup.recording.recorder_node:main",
             "viewer = rabbit_bringup.viewing.live.viewer_node:main",
         ],

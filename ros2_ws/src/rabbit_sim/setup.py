@@ -19,6 +19,7 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
+        (f"lib/{NAME}", sorted(map(str, Path().glob("bin/*")))),
     ],
     install_requires=[
         f"rabbit_description @ {BESIDE}/rabbit_description",
@@ -29,8 +30,5 @@ setup(
         "pydantic>=2",
     ],
     extras_require={"test": ["pytest"]},
-    entry_points={
-        "console_scripts": ["simulator = rabbit_ros.start:main"],
-        "rabbit.nodes": ["simulator = rabbit_sim.node:main"],
-    },
+    entry_points={"rabbit.nodes": ["simulator = rabbit_sim.node:main"]},
 )

@@ -19,6 +19,7 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
+        (f"lib/{NAME}", sorted(map(str, Path().glob("bin/*")))),
         (f"share/{NAME}/config", sorted(map(str, Path().glob(f"{NAME}/config/*.yaml")))),
     ],
     install_requires=[
@@ -32,8 +33,5 @@ setup(
         "safetensors",
     ],
     extras_require={"test": ["pytest"], "gait": ["casadi>=3.8", "matplotlib"]},
-    entry_points={
-        "console_scripts": ["controller = rabbit_ros.start:main"],
-        "rabbit.nodes": ["controller = rl_cbf_clf_controller.node:main"],
-    },
+    entry_points={"rabbit.nodes": ["controller = rl_cbf_clf_controller.node:main"]},
 )

@@ -19,6 +19,7 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
+        (f"lib/{NAME}", sorted(map(str, Path().glob("bin/*")))),
     ],
     install_requires=[
         f"rabbit_description @ {BESIDE}/rabbit_description",
@@ -31,8 +32,5 @@ setup(
         "gymnasium",
     ],
     extras_require={"test": ["pytest"]},
-    entry_points={
-        "console_scripts": ["trainer = rabbit_ros.start:main"],
-        "rabbit.nodes": ["trainer = rl_trainer.node:main"],
-    },
+    entry_points={"rabbit.nodes": ["trainer = rl_trainer.node:main"]},
 )

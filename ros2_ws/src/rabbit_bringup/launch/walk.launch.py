@@ -1,74 +1,99 @@
-"""`ros2 launch rabbit_bringup walk.launch.py seed:=3`; where there is no `ros2`: `rabbit walk`."""
+"""`ros2 launch rabbit_bringup walk.launch.py seed:=3 mass_scale:=1.5`: what `rabbit walk` does, by launch's own means.
 
-from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument
-from launch.conditions import IfCondition
-from launch.substitutions import LaunchConfiguration, PathJoinSubstitution, PythonExpression
+Its arguments are the options of `rabbit walk`. The same nodes start with the same parameters, under the same folder.
+The `launcher` then does with them what `rabbit walk` does: it waits until all are ready, lets them walk, says how each
+episode ended, ends the nodes and writes the summary. Its end is that of the launch.
+"""
+
+import sys
+
+import typer
+from launch import LaunchContext, LaunchDescription, LaunchDescriptionEntity
+from launch.actions import DeclareLaunchArgument, EmitEvent, ExecuteProcess, OpaqueFunction, RegisterEventHandler
+from launch.event_handlers import OnProcessExit, OnProcessStart
+from launch.events import Shutdown
 from launch_ros.actions import Node
-from launch_ros.parameter_descriptions import ParameterValue
-from launch_ros.substitutions import FindPackageShare
+from rabbit_bringup.commands.options import Given, described
+from rabbit_bringup.commands.walk import MODELS, prepare
+from rabbit_bringup.launching.executables import find_executable
+from rabbit_bringup.launching.exit_codes import ExitCode
+from rabbit_bringup.launching.parameter_file import write_parameters
+from rabbit_bringup.launching.processes import PATIENCE
+from rabbit_bringup.launching.walk import THREADS
+from rabbit_ros.priority import NotPermitted, take_listeners_priority
 
-ARGUMENTS = {
-    "namespace": ("", "namespace of the graph; graphs in different ones do not meet"),
-    "params_file": (
-        PathJoinSubstitution([FindPackageShare("rabbit_bringup"), "config", "walk.yaml"]),
-        "parameters of all nodes",
-    ),
-    "seed": ("1", "of course, first state and noise"),
-    "episodes": ("1", "episodes to walk, their seeds counting up"),
-    "policy": ("rl-cbf-clf-qp", "zero, the name of a shipped policy, or a file; the trainer learns on from it"),
-    "trainer": ("true", "the trainer learns beside the walk"),
-    "record": ("true", "record all topics"),
-    "recording": ("recording", "folder of the recording, new"),
-    "storage": ("mcap", "mcap or sqlite3"),
-    "view": ("false", "serve a live view"),
-    "log_level": ("info", "of all nodes"),
-}
-
-
-def node(package: str, executable: str, condition: IfCondition | None = None, **parameters: object) -> Node:
-    """A node under the parameter file and these parameters."""
-    return Node(
-        package=package,
-        executable=executable,
-        namespace=LaunchConfiguration("namespace"),
-        parameters=[LaunchConfiguration("params_file"), parameters],
-        remappings=[("/clock", "clock")],
-        arguments=["--ros-args", "--log-level", LaunchConfiguration("log_level"), "--enclave", f"/rabbit/{executable}"],
-        additional_env={"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
-        output="screen",
-        condition=condition,
-    )
-
-
-def whole(name: str) -> ParameterValue:
-    """A launch argument as an integer."""
-    return ParameterValue(LaunchConfiguration(name), value_type=int)
-
-
-def readers() -> ParameterValue:
-    """Who must hear the first tick: the controller, and trainer, recorder and viewer if wanted."""
-    wanted = [
-        part for name in ("trainer", "record", "view") for part in (" + ('", LaunchConfiguration(name), "' == 'true')")
-    ]
-    return ParameterValue(PythonExpression(["1", *wanted]), value_type=int)
-
-
-def text(name: str) -> ParameterValue:
-    """A launch argument as text."""
-    return ParameterValue(LaunchConfiguration(name), value_type=str)
+ARGUMENTS = described(MODELS)
+FORMER = {"recording": "out", "storage": "record"}  # arguments of earlier versions, which launch itself would overlook
+ENDING = {"sigterm_timeout": str(PATIENCE), "sigkill_timeout": str(PATIENCE)}
+LAUNCHERS_ENDING = {name: str(4 * PATIENCE) for name in ENDING}  # it waits for three groups of nodes in turn
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Simulator and controller; trainer, recorder and viewer if wanted."""
-    trainer, record, view = (IfCondition(LaunchConfiguration(name)) for name in ("trainer", "record", "view"))
-    return LaunchDescription(
-        [
-            *(DeclareLaunchArgument(n, default_value=d, description=t) for n, (d, t) in ARGUMENTS.items()),
-            node("rabbit_sim", "simulator", seed=whole("seed"), episodes=whole("episodes"), readers=readers()),
-            node("rl_cbf_clf_controller", "controller", policy=text("policy")),
-            node("rl_trainer", "trainer", trainer, policy=text("policy")),
-            node("rabbit_bringup", "recorder", record, path=text("recording"), storage=text("storage")),
-            node("rabbit_bringup", "viewer", view),
-        ]
-    )
+    """Simulator and controller; trainer, recorder and viewer if wanted; the launcher."""
+    arguments = [DeclareLaunchArgument(n, default_value="", description=t) for n, t in ARGUMENTS.items()]
+    return LaunchDescription([*arguments, OpaqueFunction(function=start)])
+
+
+def start(context: LaunchContext) -> list[LaunchDescriptionEntity]:
+    """The nodes' actions, once nothing speaks against the walk."""
+    from rabbit_bringup.launching.alone_node import Claim
+
+    try:
+        walk, graph = prepare(given(context.launch_configurations))
+    except typer.Exit as error:  # which has said why
+        raise RuntimeError("nothing was started") from error
+    claim = Claim(graph.namespace)
+    claim.look(graph.names)
+    write_parameters(walk.folder / "parameters.yaml", graph.parameters)
+    (walk.folder / "log").mkdir()
+    asked = walk.folder / "log" / "walk.json"
+    asked.write_text(walk.model_dump_json(), encoding="utf-8")
+    try:
+        take_listeners_priority(walk.options.priority)
+    except NotPermitted as error:
+        print(error, file=sys.stderr)
+    pids: dict[str, int] = {}
+
+    def started(name: str, pid: int) -> list[LaunchDescriptionEntity]:
+        pids[name] = pid
+        if len(pids) < len(graph.nodes):
+            return []
+        words = [f"{node}={number}" for node, number in pids.items()]
+        command = [str(find_executable("rabbit_bringup", "launcher")), str(asked), *words]
+        launcher = ExecuteProcess(cmd=command, name="launcher", output="screen", **LAUNCHERS_ENDING)
+        return [RegisterEventHandler(OnProcessExit(target_action=launcher, on_exit=over)), launcher]
+
+    def over(event, context: LaunchContext) -> EmitEvent | None:
+        claim.close()
+        if event.returncode == ExitCode.WALKED:
+            return EmitEvent(event=Shutdown(reason="the walk is over"))
+        if context.is_shutdown:
+            return None
+        raise RuntimeError(f"the walk ended with exit code {event.returncode}")  # which makes launch's own 1
+
+    actions: list[LaunchDescriptionEntity] = []
+    for name, spec in graph.nodes.items():
+        node = Node(
+            package=spec.package,
+            executable=spec.executable,
+            namespace=f"/{graph.namespace.strip('/')}",
+            arguments=list(spec.arguments),
+            additional_env=dict.fromkeys(THREADS, "1"),
+            output="screen",
+            **ENDING,
+        )
+        on_start = lambda event, context, name=name: started(name, event.pid)  # noqa: E731
+        actions += [RegisterEventHandler(OnProcessStart(target_action=node, on_start=on_start)), node]
+    return actions
+
+
+def given(configurations: dict[str, str]) -> Given:
+    """The arguments that were given, as options; before the namespace what an including launch file pushed."""
+    if former := FORMER.keys() & configurations.keys():
+        name = former.pop()
+        raise RuntimeError(f"argument {name}: it is now {FORMER[name]}; --show-args describes all")
+    values = {name: configurations[name] for name in ARGUMENTS if configurations[name]}
+    spaces = (configurations.get("ros_namespace", ""), values.get("namespace", ""))
+    is_absolute = spaces[1].startswith("/")
+    values["namespace"] = spaces[1] if is_absolute else "/".join(s.strip("/") for s in spaces if s.strip("/"))
+    return Given(values)

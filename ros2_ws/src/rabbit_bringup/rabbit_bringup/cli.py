@@ -1,5 +1,6 @@
 """The command `rabbit`. A subcommand's module is imported when it is called, so that the rest costs nothing."""
 
+import signal
 from importlib import import_module
 from typing import Any
 
@@ -36,9 +37,12 @@ class LazyGroup(TyperGroup):
         return TyperCommand(cmd_name, help=COMMANDS[cmd_name]) if cmd_name in COMMANDS else None
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        """The command itself."""
+        """The command itself. From here on a Ctrl-C is a `KeyboardInterrupt`, which it may answer."""
         name, _, rest = super().resolve_command(ctx, args)
-        return name, typer.main.get_command(import_module(f"rabbit_bringup.commands.{name}").app), rest
+        command = typer.main.get_command(import_module(f"rabbit_bringup.commands.{name}").app)
+        if signal.getsignal(signal.SIGINT) is signal.SIG_DFL:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+        return name, command, rest
 
 
 app = typer.Typer(cls=LazyGroup, add_completion=False, no_args_is_help=True, pretty_exceptions_show_locals=False)
@@ -47,3 +51,11 @@ app = typer.Typer(cls=LazyGroup, add_completion=False, no_args_is_help=True, pre
 @app.callback()
 def _root() -> None:
     """RABBIT on stepping stones: simulate, control, learn, evaluate."""
+
+
+def main() -> None:
+    """The executable `rabbit`; a Ctrl-C while it imports ends it at once."""
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+    app(prog_name="rabbit")

@@ -9,12 +9,31 @@ from pathlib import Path
 
 RANGE, PEERS, MIDDLEWARE = "ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_STATIC_PEERS", "RMW_IMPLEMENTATION"
 PROFILE, WHOLE = "FASTRTPS_DEFAULT_PROFILES_FILE", "RMW_FASTRTPS_USE_QOS_FROM_XML"
+DOMAIN = "ROS_DOMAIN_ID"
+LAST_DOMAIN = 232  # beyond it there are no ports
 FAST_DDS = "rmw_fastrtps_cpp"
 HERE = Path(__file__).parent
 
 
+class StartError(RuntimeError):
+    """The environment or the ROS arguments cannot be used: one line with the thing and its value."""
+
+
+def domain() -> int:
+    """The ROS domain that the environment names; raises `StartError`."""
+    text = os.environ.get(DOMAIN) or "0"
+    if not (text.isascii() and text.isdigit() and int(text) <= LAST_DOMAIN):
+        raise StartError(f"{DOMAIN} {text}: expected a whole number from 0 to {LAST_DOMAIN}")
+    return int(text)
+
+
 def choose_network() -> None:
-    """Set what rclpy reads when it is initialised; a profile, range or peers that the user named stay in force."""
+    """Set what rclpy reads when it is initialised; a profile, range or peers that the user named stay in force.
+
+    Raises:
+        StartError: there is no such ROS domain.
+    """
+    domain()
     if os.environ.get(MIDDLEWARE, FAST_DDS) != FAST_DDS:
         os.environ.setdefault(RANGE, "LOCALHOST")  # as far as that middleware goes
     elif not os.environ.get(PROFILE):

@@ -11,10 +11,10 @@ from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
-from rclpy.signals import SignalHandlerOptions
 from rclpy.timer import Timer
 
-from rabbit_ros.network import choose_network
+from rabbit_ros.initialise_node import initialise
+from rabbit_ros.network import StartError
 from rabbit_ros.parameters_node import ParameterError
 
 _LOOK_UP = 0.1  # s between looks at the signals; without a time-out this executor's wait hears none
@@ -23,7 +23,7 @@ _DELIVERY = 3.0  # s
 
 
 def run(make: Callable[[], Node], errors: tuple[type[Exception], ...] = ()) -> None:
-    """Make the node, spin it, close it; exit code 2 with one line if its parameters cannot be used.
+    """Make the node, spin it, close it; exit code 2 with one line if arguments or parameters cannot be used.
 
     SIGINT and SIGTERM end it between two callbacks; more of them change nothing.
 
@@ -32,13 +32,12 @@ def run(make: Callable[[], Node], errors: tuple[type[Exception], ...] = ()) -> N
             `close()`, that is called at the end. If its `failure` becomes a line, it ends with that and exit code 2.
         errors: besides `ParameterError`, what the constructor raises when a file or value cannot be used.
     """
-    choose_network()
-    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     signals: list[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda got, _: signals.append(got))
-    unusable: tuple[type[Exception], ...] = (ParameterError, *errors)
+    unusable: tuple[type[Exception], ...] = (StartError, ParameterError, *errors)
     try:
+        initialise()
         node = make()
     except unusable as error:
         print("error:", " ".join(str(error).split()), file=sys.stderr)

@@ -109,7 +109,7 @@ def play(
         fail("no ROS 2 workspace is sourced: source ros2_ws/install/setup.bash")
     from rich.console import Console
 
-    with complaints(RecordingError), Console().status("playing") as status:
+    with complaints(RecordingError, LaunchError), Console().status("playing") as status:
         try:
             count = play(
                 bag, Playing(rate, start, namespace, delay), lambda at, end: status.update(f"{at:.1f} of {end:.1f} s")

@@ -53,7 +53,7 @@ def fail(text: object, code: int = BAD_VALUE) -> NoReturn:
 
 @contextmanager
 def complaints(*errors: type[Exception]) -> Iterator[None]:
-    """Turn pydantic's errors and `errors` into one line and exit code 2."""
+    """Turn pydantic's errors and `errors` into one line and exit code 2, or the error's own `code`."""
     kinds: tuple[type[Exception], ...] = (ValidationError, *errors)
     try:
         yield
@@ -63,7 +63,7 @@ def complaints(*errors: type[Exception]) -> Iterator[None]:
             fail(fault(error))
         if isinstance(cause, ValidationError):
             fail(f"{str(error).split(': ')[0]}: {fault(cause)}")
-        fail(error)
+        fail(error, getattr(error, "code", BAD_VALUE))
 
 
 def fault(error: ValidationError) -> str:
@@ -107,6 +107,11 @@ def options(
     return decorate
 
 
+def described(models: Collection[type[BaseModel]]) -> dict[str, str]:
+    """What each field of `models` is, with its unit and default."""
+    return {name: _help(field) for model in models for name, field in model.model_fields.items()}
+
+
 def _parameters(models: tuple[type[BaseModel], ...]) -> list[inspect.Parameter]:
     fields: dict[str, tuple[str, FieldInfo]] = {}
     for model in models:
@@ -124,9 +129,13 @@ def _panel(model: type[BaseModel]) -> str:
     return words[0] if words else model.__name__
 
 
-def _annotation(name: str, field: FieldInfo, panel: str) -> Any:
+def _help(field: FieldInfo) -> str:
     default = "" if field.is_required() or field.default in (None, "", ()) else f" (default {field.default})"
-    help_text = f"{field.description or ''}{default}"
+    return f"{field.description or ''}{default}"
+
+
+def _annotation(name: str, field: FieldInfo, panel: str) -> Any:
+    help_text = _help(field)
     if field.annotation is bool:
         flags = f"{option_name(name)}/--no-{option_name(name)[2:]}"
         return Annotated[bool | None, typer.Option(flags, help=help_text, rich_help_panel=panel)]
@@ -137,7 +146,7 @@ def _annotation(name: str, field: FieldInfo, panel: str) -> Any:
 def _split(field: FieldInfo, value: Any) -> Any:
     """The parts of a list, where the field is one."""
     is_list = get_origin(field.annotation) is tuple
-    return [part for part in value.split(",") if part] if is_list else value
+    return [part for part in value.split(",") if part] if is_list and isinstance(value, str) else value
 
 
 def _metavar(annotation: Any) -> str:

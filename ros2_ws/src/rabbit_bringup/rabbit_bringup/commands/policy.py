@@ -11,7 +11,7 @@ from rl_cbf_clf_controller.parameters import ControllerParameters
 
 from rabbit_bringup.commands.evaluate import describe, given_assembly
 from rabbit_bringup.commands.options import Given, complaints, fail, options
-from rabbit_bringup.launching.executables import LaunchError
+from rabbit_bringup.launching.executables import LaunchError, Refused
 
 if TYPE_CHECKING:
     from rl_cbf_clf_controller.weights import PolicyFile
@@ -112,7 +112,7 @@ def load(
     except ModuleNotFoundError:
         fail("no ROS 2 workspace is sourced: source ros2_ws/install/setup.bash", NOBODY)
     except LaunchError as error:
-        fail(error, NOBODY)
+        fail(error, error.code if isinstance(error, Refused) else NOBODY)
     if not answer.accepted:
         fail(f"the controller refused {file}: {answer.message}")
     print(f"{file}: loaded, version {answer.version}")

@@ -1,7 +1,10 @@
-"""`rabbit walk`: the three nodes walk together, under one progress line, and leave a folder."""
+"""`rabbit walk`: the nodes walk together, under one progress line, and leave a folder."""
 
+from collections.abc import Mapping
 from datetime import datetime
+from itertools import count
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import typer
@@ -10,49 +13,82 @@ from rl_cbf_clf_controller.parameters import ControllerParameters
 
 from rabbit_bringup.commands.evaluate import given_assembly
 from rabbit_bringup.commands.options import Given, complaints, fail, options
-from rabbit_bringup.launching.walk import Graph, Interrupted, WalkOptions, make_graph, run_graph
+from rabbit_bringup.launching import exit_codes
+from rabbit_bringup.launching.concluding import Ended, Walk, carry_out
+from rabbit_bringup.launching.walk import Graph, WalkOptions, make_graph, run_graph
 
-FELL = 1
+MODELS = (WalkOptions, ControllerParameters, SimulationParameters)
+SAME = {model: {name: name for name in model.model_fields} for model in (SimulationParameters, ControllerParameters)}
+# of a node's parameters, those that an option decides
+OPTIONS: dict[str, dict[str, str]] = {
+    "simulator": {
+        **{name: name for name in ("seed", "episodes", "real_time", "priority", "pace")},
+        **SAME[SimulationParameters],
+    },
+    "controller": {"policy": "policy", "swap_at": "swap_at", **SAME[ControllerParameters]},
+    "trainer": {},
+    "recorder": {"storage": "record"},
+    "viewer": {"port": "view_port"},
+}
 # where the command line names neither controller nor parameters
 DEFAULTS: dict[str, Any] = {"controller": "rl-cbf-clf-qp", "mass_scale": "2"}
 
 app = typer.Typer(add_completion=False)
 
 
-@app.command()
-@options(WalkOptions, ControllerParameters, SimulationParameters)
+@app.command(epilog=exit_codes.EPILOG)
+@options(*MODELS)
 def walk(given: Given) -> None:
-    """Walk through the node graph: simulator, controller, trainer, recorder. Exit code 1 if the robot falls."""
+    """Walk through the node graph: simulator, controller, trainer, recorder."""
+    walk, graph = prepare(given)
+    raise typer.Exit(carry_out(walk, lambda ended: walk_with_progress(graph, walk.options, ended)))
+
+
+def prepare(given: Given) -> tuple[Walk, Graph]:
+    """The walk that is asked for, and the graph that walks it; makes its folder. Ends the command if it cannot be."""
+    given, further = with_file(given)
     if not given.values.keys() & {"controller", "parameters"}:
         given = Given({**DEFAULTS, **given.values})
     request = given.build(WalkOptions)
     assembly = given_assembly(given, request.policy, request.parameters)
     if assembly.policy == "oracle":
         fail("--policy oracle: expected zero, a shipped policy or a file; the nodes never see the true plant")
-    folder = make_folder(request)
-    simulation, controller = assembly.simulation, assembly.controller
-    training = given_training(request, controller, assembly.policy) if request.trainer else None
-    graph = make_graph(folder, request, simulation, controller, assembly.policy, training)
+    controller, trainer = assembly.controller, further.get("trainer", {})
+    training = given_training(request, controller, assembly.policy, trainer) if request.trainer else None
+    walk = Walk(folder=make_folder(request), options=request, simulation=assembly.simulation, controller=controller)
+    graph = make_graph(walk.folder, request, walk.simulation, controller, assembly.policy, training, further)
     if request.view:
         print(
             f"live view at ws://127.0.0.1:{request.view_port}" if request.view_port else "live view: see log/viewer.log"
         )
-    ended, seconds = walk_with_progress(graph, request)
-    show(folder, ended)
-    if request.record != "none":
-        tell(folder, request, simulation, controller, seconds)
-    print(f"written to {folder}")
-    if any(episode.outcome != "walked" for episode in ended):
-        raise typer.Exit(FELL)
+    return walk, graph
 
 
-def given_training(request: WalkOptions, controller: ControllerParameters, policy: str) -> dict[str, Any]:
-    """The trainer's parameters: the file's, or those that fit the policy, for this controller's problem."""
+def with_file(given: Given) -> tuple[Given, Mapping[str, dict[str, Any]]]:
+    """What is given, and beneath it what a ROS parameter file says; its parameters that are no option, by node."""
+    from rabbit_bringup.launching.parameter_file import ParameterFileError, read_parameters
+
+    request = given.build(WalkOptions)
+    if request.params_file is None:
+        return given, {}
+    with complaints(ParameterFileError):
+        told = read_parameters(request.params_file, request.namespace, tuple(OPTIONS))
+    found: dict[str, Any] = {}
+    for node, options_of in OPTIONS.items():
+        found |= {options_of[name]: told[node].pop(name) for name in list(told[node]) if name in options_of}
+    return Given({**found, **given.values}), told
+
+
+def given_training(
+    request: WalkOptions, controller: ControllerParameters, policy: str, told: Mapping[str, Any] = MappingProxyType({})
+) -> dict[str, Any]:
+    """The trainer's parameters: the file's, or those `told` and those that fit the policy, for this problem."""
     from rl_trainer.parameters import ParameterError, TrainingParameters, load_parameters
 
     known: dict[str, Any] = {"problem": controller.problem, "seed": request.seed}
-    if policy != "zero" and not request.training:
-        known |= form_of(Path(policy))
+    if not request.training:
+        known = {name: value for name, value in told.items() if name in TrainingParameters.model_fields} | known
+        known |= form_of(Path(policy)) if policy != "zero" else {}
     with complaints(ParameterError):
         training = load_parameters(request.training, **known) if request.training else TrainingParameters(**known)
     return training.model_dump(mode="json")
@@ -75,27 +111,28 @@ def form_of(policy: Path) -> dict[str, Any]:
 
 def make_folder(request: WalkOptions) -> Path:
     """The walk's own folder, new."""
+    if request.out:
+        return new_folder(request.out)
     name = f"{datetime.now():%Y%m%d-%H%M%S}-seed-{request.seed}"
-    return new_folder(request.out or Path("runs") / name)
+    names = (name if number == 1 else f"{name}-{number}" for number in count(1))
+    return new_folder(next(path for path in (Path("runs") / name for name in names) if not path.exists()))
 
 
 def new_folder(path: Path) -> Path:
     """Make a folder, or take an empty one; ends the command if it is neither."""
     folder = path.absolute()
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        fail(f"--out {folder}: expected a new or empty folder")
     try:
+        if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+            fail(f"--out {folder}: expected a new or empty folder")
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         fail(f"--out {folder}: {error.strerror}")
     return folder
 
 
-def walk_with_progress(graph: Graph, request: WalkOptions) -> tuple[list[Any], float]:
+def walk_with_progress(graph: Graph, request: WalkOptions, ended: Ended) -> tuple[list[Any], float]:
     """How each episode ended, and the wall seconds of all."""
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
-    from rabbit_bringup.launching.executables import LaunchError
 
     text = TextColumn("{task.description} {task.fields[text]}")
     columns = (BarColumn(bar_width=12), text, TimeElapsedColumn())
@@ -108,53 +145,4 @@ def walk_with_progress(graph: Graph, request: WalkOptions) -> tuple[list[Any], f
             description = f"{episode}stone {now.stone} of {now.stones},"
             bar.update(task, description=description, total=now.stones, completed=now.stone, text=text)
 
-        try:
-            return run_graph(graph, request, glance)
-        except LaunchError as error:
-            bar.stop()
-            fail(error, code=FELL)
-        except Interrupted as error:
-            bar.stop()
-            fail(f"stopped by {error}; what was recorded is in {graph.folder}", code=error.code)
-
-
-def show(folder: Path, ended: list[Any]) -> None:
-    """A line an episode."""
-    for e in ended:
-        reason = f" ({e.reason})" if e.reason else ""
-        walked = f"{e.touchdowns - (e.outcome == 'miss')} of {e.stones} stones, {e.tick} ticks"
-        print(f"episode {e.episode}, seed {e.seed}: {e.outcome}{reason}, {walked}")
-
-
-def tell(
-    folder: Path,
-    request: WalkOptions,
-    simulation: SimulationParameters,
-    controller: ControllerParameters,
-    seconds: float,
-) -> None:
-    """Summary, pictures and film from the recording."""
-    from rabbit_bringup.launching.telling import write_summary
-    from rabbit_bringup.recording.bag_writer import RecordingError
-
-    with complaints(RecordingError):
-        summary = write_summary(folder, simulation, controller, seconds)
-    print(f"{summary['ticks']} ticks in {seconds:.1f} s: {summary['real_time_factor'] or 0:.1f} times real time")
-    if timing := summary["real_time"]:
-        print(
-            f"real time: {timing['late_share']:.2%} of the ticks more than 2 ms late, {timing['missed']} unanswered in "
-            f"time; age of the torque {timing['age_ms']['p99']:.1f} ms (p99)"
-        )
-    if not summary["ticks"]:
-        return
-    from rich.console import Console
-
-    with Console().status("drawing"):
-        if request.pictures:
-            from rabbit_bringup.viewing.pictures import draw_run
-
-            draw_run(folder)
-        if request.video:
-            from rabbit_bringup.viewing.video import film_run
-
-            film_run(folder)
+        return run_graph(graph, request, glance, ended)

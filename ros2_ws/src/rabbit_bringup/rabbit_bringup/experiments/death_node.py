@@ -17,10 +17,9 @@ from itertools import takewhile
 import rclpy
 from rabbit_description.state import TICK_SECONDS
 from rabbit_msgs.msg import Timing
-from rabbit_ros.network import choose_network
+from rabbit_ros.initialise_node import initialise
 from rabbit_ros.topics_node import TOPICS
 from rclpy.executors import SingleThreadedExecutor
-from rclpy.signals import SignalHandlerOptions
 
 from rabbit_bringup.experiments.node_usage import node_processes
 from rabbit_bringup.experiments.timed_walk import do_once
@@ -72,9 +71,8 @@ class Ear:
     """Hears `timing`; `told`: when each tick was told of, and what acted in it."""
 
     def __init__(self, namespace: str) -> None:
-        choose_network()
         self._context = rclpy.Context()
-        rclpy.init(context=self._context, signal_handler_options=SignalHandlerOptions.NO)
+        initialise(self._context)
         self._node = rclpy.create_node("ear", namespace=namespace, context=self._context)
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self._node)

@@ -4,12 +4,11 @@ from pathlib import Path
 
 import rclpy
 from rabbit_msgs.srv import LoadPolicy
-from rabbit_ros.network import choose_network
 from rabbit_ros.question_node import ask
 from rclpy.executors import SingleThreadedExecutor
-from rclpy.signals import SignalHandlerOptions
 
 from rabbit_bringup.launching.executables import LaunchError
+from rabbit_bringup.launching.joining_node import joined
 
 
 def load_policy(path: Path, namespace: str = "", timeout: float = 5.0) -> LoadPolicy.Response:
@@ -20,15 +19,9 @@ def load_policy(path: Path, namespace: str = "", timeout: float = 5.0) -> LoadPo
 
     Raises:
         LaunchError: no controller answers within `timeout` s.
+        Refused: the environment cannot be used.
     """
-    choose_network()
-    context = rclpy.Context()
-    rclpy.init(
-        args=["--ros-args", "--enclave", "/rabbit/operator"],
-        context=context,
-        signal_handler_options=SignalHandlerOptions.NO,
-    )
-    try:
+    with joined("/rabbit/operator") as context:
         node = rclpy.create_node("question", namespace=namespace, context=context)
         client = node.create_client(LoadPolicy, "load_policy")
         executor = SingleThreadedExecutor(context=context)
@@ -37,5 +30,3 @@ def load_policy(path: Path, namespace: str = "", timeout: float = 5.0) -> LoadPo
         if answer is None:
             raise LaunchError(f"no answer from {client.service_name} after {timeout:g} s: is the graph running?")
         return answer
-    finally:
-        rclpy.try_shutdown(context=context)

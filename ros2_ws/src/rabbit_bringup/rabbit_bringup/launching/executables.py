@@ -3,12 +3,22 @@
 import os
 from pathlib import Path
 
+from rabbit_bringup.launching.exit_codes import ExitCode
+
 NAMESPACE = r"^(/?[a-zA-Z_]\w*)*$"  # of a graph
 INDEX = Path("share/ament_index/resource_index/packages")
 
 
 class LaunchError(RuntimeError):
     """A node that cannot be started or that ended by itself; one line that says what to do."""
+
+    code = ExitCode.NODE_DIED
+
+
+class Refused(LaunchError):
+    """Nothing may be started: another graph is there, or the environment cannot be used."""
+
+    code = ExitCode.REFUSED
 
 
 def find_executable(package: str, name: str) -> Path:

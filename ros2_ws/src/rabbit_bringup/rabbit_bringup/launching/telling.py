@@ -14,6 +14,8 @@ from rl_trainer.rollout import Record
 from rabbit_bringup.experiments import provenance
 from rabbit_bringup.experiments.metrics import RunTally
 from rabbit_bringup.experiments.timing import real_time_figures
+from rabbit_bringup.launching.concluding import Walk
+from rabbit_bringup.launching.exit_codes import ExitCode
 from rabbit_bringup.recording.reader import RecordedEpisode, iterate_episodes
 from rabbit_bringup.viewing.walk_records import WalkRecords, about_walk, save_records
 
@@ -22,22 +24,36 @@ UNTIMED = ("tick_ms_p50", "tick_ms_p99", "plant_ms_p50", "walk_seconds")
 
 
 def write_summary(
-    folder: Path, simulation: SimulationParameters, controller: ControllerParameters, wall_seconds: float
+    walk: Walk, recording: Path, code: ExitCode, wall_seconds: float | None, failure: str = ""
 ) -> dict[str, Any]:
-    """Write `summary.json`, a row an episode as in `rabbit evaluate`, and `records.npz` of the last one with ticks."""
+    """Write `summary.json`, a row an episode as in `rabbit evaluate`, and `records.npz` of the last one with ticks.
+
+    Args:
+        walk: what was to be walked, in which folder.
+        recording: of the walk.
+        code: how it ended.
+        wall_seconds: that its episodes took, where that is known.
+        failure: why the graph did not come to its end, if it did not.
+
+    Raises:
+        RecordingError: the recording cannot be read.
+    """
+    folder, simulation, controller = walk.folder, walk.simulation, walk.controller
     rows: list[dict[str, Any]] = []
     ticks, last = 0, None
-    for episode in iterate_episodes(folder / "recording"):
+    for episode in iterate_episodes(recording):
         rows.append(describe(episode, controller))
         ticks += len(episode.records)
         last = episode if episode.records else last
     summary = {
-        "walked": bool(rows) and all(row["outcome"] == Outcome.WALKED.value for row in rows),
+        "walked": code is ExitCode.WALKED,
+        "exit_code": int(code),
+        "failure": failure,
         "episodes": rows,
         "ticks": ticks,
         "wall_seconds": wall_seconds,
         "real_time_factor": ticks * TICK_SECONDS / wall_seconds if wall_seconds else None,
-        "real_time": real_time_figures(folder / "recording"),
+        "real_time": real_time_figures(recording),
         "command": provenance.command(),
         "commit": provenance.commit(),
         "versions": provenance.versions(),

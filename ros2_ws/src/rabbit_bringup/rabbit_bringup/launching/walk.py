@@ -1,8 +1,10 @@
-"""One walk through the node graph: start the nodes, wait until they are matched, let them walk, end them, tell.
+"""One walk through the node graph: start the nodes, wait until they are matched, let them walk, end them.
+
+`make_graph` says who walks, with which parameters; `rabbit walk` and walk.launch.py start the nodes that it names.
 
 FOLDER/parameters.yaml   what every node was told (a ROS parameter file)
 FOLDER/recording/        the recording
-FOLDER/log/              what each node printed
+FOLDER/log/              what each node printed, unless `ros2 launch` shows it
 FOLDER/summary.json, records.npz, pictures/, walk.mp4, walk.gif    made from the recording afterwards
 """
 
@@ -11,15 +13,17 @@ import json
 import os
 import signal
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from types import MappingProxyType
+from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
+from rabbit_bringup.launching import exit_codes
 from rabbit_bringup.launching.executables import NAMESPACE, LaunchError
 from rabbit_bringup.launching.parameter_file import write_parameters
 from rabbit_bringup.launching.processes import NodeSpec, Processes
@@ -27,6 +31,14 @@ from rabbit_bringup.viewing.live.parameters import PORT
 
 GLANCE_SECONDS = 0.2  # between two looks at the walk
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+STORAGES = {"true": "mcap", "1": "mcap", "false": "none", "0": "none"}
+
+
+def _storage(value: object) -> str:
+    """A truth value, as launch files have it, in place of a format."""
+    text = str(value).strip().lower()
+    return STORAGES.get(text, text)
 
 
 class WalkOptions(BaseModel):
@@ -46,7 +58,9 @@ class WalkOptions(BaseModel):
         description="when the trainer's policies take effect; with episode it also plans each episode; "
         "auto: tick for a controller that learns, else never",
     )
-    record: Literal["mcap", "sqlite3", "none"] = Field("mcap", description="format of the recording")
+    record: Annotated[Literal["mcap", "sqlite3", "none"], BeforeValidator(_storage)] = Field(
+        "mcap", description="format of the recording; true is mcap, false none"
+    )
     pictures: bool = Field(True, description="draw the walk")
     video: bool = Field(True, description="film the walk")
     real_time: bool = Field(False, description="100 Hz by the wall clock instead of lock-step")
@@ -63,6 +77,10 @@ class WalkOptions(BaseModel):
     view_port: int = Field(PORT, ge=0, le=65535, description="of the live view; 0: any free one")
     namespace: str = Field("", pattern=NAMESPACE, description="of the graph")
     ready_timeout: float = Field(60.0, gt=0, le=3600, description="s for the nodes to find each other")
+    log_level: Literal["debug", "info", "warn", "error", "fatal"] = Field("info", description="of all nodes")
+    params_file: Path | None = Field(
+        None, description="ROS parameter file; its values count where no option says otherwise"
+    )
 
 
 @dataclass(frozen=True)
@@ -85,7 +103,13 @@ class Interrupted(BaseException):
 
     def __init__(self, number: int) -> None:
         super().__init__(signal.Signals(number).name)
-        self.code = 128 + number
+        self.code = exit_codes.of_signal(number)
+
+
+class Stuck(LaunchError):
+    """The graph runs, and cannot go on."""
+
+    code = exit_codes.ExitCode.FAULT
 
 
 def make_graph(
@@ -95,8 +119,12 @@ def make_graph(
     controller: ControllerParameters,
     policy: str,
     training: dict[str, Any] | None = None,
+    further: Mapping[str, dict[str, Any]] = MappingProxyType({}),
 ) -> Graph:
-    """Who walks: simulator and controller; the trainer, under the parameters `training`, and the recorder if wanted."""
+    """Who walks: simulator and controller; the trainer, under the parameters `training`, and the recorder if wanted.
+
+    `further`: parameters by node that none of the others decides.
+    """
     learns_between = options.trainer and options.swap_at == "episode"
     plant = simulation.model_dump()
     auto = "tick" if controller.learns else "never"
@@ -117,49 +145,82 @@ def make_graph(
     packages = {"simulator": "rabbit_sim", "controller": "rl_cbf_clf_controller", "trainer": "rl_trainer"}
     wanted = ["simulator", "controller", *["trainer"] * options.trainer, *["recorder"] * (options.record != "none")]
     wanted += ["viewer"] * options.view
-    remaps = ["-r", "/clock:=clock", "-r", f"__ns:=/{options.namespace.strip('/')}", "--log-level", "warn"]
+    remaps = ["-r", "/clock:=clock", "-r", f"__ns:=/{options.namespace.strip('/')}", "--log-level", options.log_level]
     arguments = ("--ros-args", "--params-file", str(folder / "parameters.yaml"), *remaps, "--enclave")
     nodes = {
         name: NodeSpec(packages.get(name, "rabbit_bringup"), name, (*arguments, f"/rabbit/{name}")) for name in wanted
     }
-    return Graph(folder, options.namespace, nodes, {name: told[name] for name in wanted})
+    parameters = {name: {**further.get(name, {}), **told[name]} for name in wanted}
+    return Graph(folder, options.namespace, nodes, parameters)
 
 
-def run_graph(graph: Graph, options: WalkOptions, show: Callable[[Any], None]) -> tuple[list[Any], float]:
+def run_graph(
+    graph: Graph, options: WalkOptions, show: Callable[[Any], None], ended: Callable[[Any], None] = lambda _: None
+) -> tuple[list[Any], float]:
     """Walk all episodes; returns their last `Episode` messages and the wall seconds that they took.
 
     All nodes have ended when this returns or raises.
 
+    Args:
+        graph: who walks.
+        options: how.
+        show: gets the watch's `Progress` now and then.
+        ended: gets the `Episode` message of each episode that has ended.
+
     Raises:
-        LaunchError: a node cannot be started, ended by itself, or is not ready in time.
+        LaunchError: another graph is there; a node cannot be started, ended by itself, or is not ready in time.
         Interrupted: by a signal.
     """
-    write_parameters(graph.folder / "parameters.yaml", graph.parameters)
     for name in THREADS:
         os.environ.setdefault(name, "1")
+    from rabbit_bringup.launching.alone_node import Claim
     from rabbit_bringup.launching.priority_node import listening_to
 
-    with _signals_raise(), listening_to(options.priority):
+    with _signals_raise(), contextlib.closing(Claim(graph.namespace)) as claim, listening_to(options.priority):
+        claim.look(graph.names)
+        write_parameters(graph.folder / "parameters.yaml", graph.parameters)
         processes = Processes(graph.folder / "log")
-        watch = None
         try:
             for node in graph.nodes.values():
                 processes.start(node)
-            from rabbit_bringup.launching.watch_node import Watch
-
-            watch = Watch(graph.namespace)
-            _wait_until_ready(graph, watch, processes, options.ready_timeout)
-            _walk(watch, processes, options, show)
-            return list(watch.ended.values()), watch.seconds
+            return _follow(graph.names, options, processes, show, ended)
         finally:
             _end(processes)
-            if watch is not None:
-                watch.close()
 
 
-def _wait_until_ready(graph: Graph, watch: Any, processes: Processes, timeout: float) -> None:
+def follow_launched(
+    folder: Path, pids: Mapping[str, int], options: WalkOptions, ended: Callable[[Any], None]
+) -> tuple[list[Any], float]:
+    """As `run_graph`, with nodes that another process has started: their process ids, by name."""
+    with _signals_raise():
+        processes = Processes(folder / "log")
+        try:
+            for name, pid in pids.items():
+                processes.adopt(name, pid)
+            return _follow(list(pids), options, processes, lambda _: None, ended)
+        finally:
+            _end(processes, may_hurry=False)  # `ros2 launch` has a patience of its own, and sends SIGINT twice
+
+
+def _follow(
+    names: list[str],
+    options: WalkOptions,
+    processes: Processes,
+    show: Callable[[Any], None],
+    ended: Callable[[Any], None],
+) -> tuple[list[Any], float]:
+    """See a graph through its walk."""
+    from rabbit_bringup.launching.watch_node import Watch
+
+    with contextlib.closing(Watch(options.namespace, ended)) as watch:
+        _wait_until_ready(names, watch, processes, options.ready_timeout)
+        _walk(watch, processes, options, show)
+        return list(watch.ended.values()), watch.seconds
+
+
+def _wait_until_ready(names: list[str], watch: Any, processes: Processes, timeout: float) -> None:
     deadline = time.monotonic() + timeout
-    while missing := watch.not_ready(graph.names):
+    while missing := watch.not_ready(names):
         processes.check()
         if time.monotonic() > deadline:
             lines = "; ".join(f"{name}: {line}" for name, line in missing.items())
@@ -170,22 +231,23 @@ def _wait_until_ready(graph: Graph, watch: Any, processes: Processes, timeout: f
 
 
 def _walk(watch: Any, processes: Processes, options: WalkOptions, show: Callable[[Any], None]) -> None:
+    """An episode that an operator asks for takes the place of the one that it cuts short."""
     learns_between = options.trainer and options.swap_at == "episode"
-    while len(watch.ended) < options.episodes or (learns_between and watch.digested < options.episodes):
+    while not watch.is_over(options.episodes) or (learns_between and watch.digested < watch.episode.episode):
         watch.spin(GLANCE_SECONDS)
+        show(watch.progress())
         processes.check()
         if watch.complaint:
-            raise LaunchError(watch.complaint)
-        show(watch.progress())
+            raise Stuck(watch.complaint)
 
 
-def _end(processes: Processes) -> None:
+def _end(processes: Processes, may_hurry: bool = True) -> None:
     """End all nodes, those that others listen to first; a further signal ends them at once."""
 
     def hurry(number: int, frame: object) -> None:
-        processes.hurry = True
+        processes.hurry = may_hurry
 
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in ENDING:
         signal.signal(number, hurry)
     processes.stop(("simulator", "controller"))
     processes.stop(("trainer",))
@@ -197,8 +259,7 @@ def _signals_raise() -> Iterator[None]:
     def stop(number: int, frame: object) -> None:
         raise Interrupted(number)
 
-    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-    before = {number: signal.signal(number, stop) for number in numbers}
+    before = {number: signal.signal(number, stop) for number in ENDING}
     try:
         yield
     finally:

@@ -2,6 +2,7 @@
 
 import math
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -13,16 +14,16 @@ from rabbit_description.state import TICK_SECONDS
 from rabbit_msgs.msg import ControllerState, Episode, EpisodePlan, Landing, RabbitState
 from rabbit_msgs.srv import Pause
 from rabbit_ros.diagnostics_node import readers_told
-from rabbit_ros.network import choose_network
+from rabbit_ros.initialise_node import initialise
 from rabbit_ros.qos_node import DIAGNOSTICS, EVENT
 from rabbit_ros.question_node import ask
 from rabbit_ros.topics_node import TOPICS, Topic, missing_readers
 from rclpy.experimental import EventsExecutor
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
-from rclpy.signals import SignalHandlerOptions
 
 from rabbit_bringup.force_ratio import force_ratio
+from rabbit_bringup.launching.exit_codes import CUT_SHORT
 
 GLANCE = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 
@@ -41,19 +42,15 @@ class Progress:
 
 
 class Watch:
-    """Hears the graph in a namespace."""
+    """Hears the graph in a namespace; `tell` gets the message of each episode that has ended."""
 
-    def __init__(self, namespace: str) -> None:
-        choose_network()
+    def __init__(self, namespace: str, tell: Callable[[Episode], object] = lambda _: None) -> None:
         self._context = rclpy.Context()
-        rclpy.init(
-            args=["--ros-args", "--enclave", "/rabbit/launcher"],
-            context=self._context,
-            signal_handler_options=SignalHandlerOptions.NO,
-        )
+        initialise(self._context, ["--ros-args", "--enclave", "/rabbit/launcher"])
         self._node = rclpy.create_node("launcher", namespace=namespace, context=self._context)
         self._executor = EventsExecutor(context=self._context)
         self._executor.add_node(self._node)
+        self._tell = tell
         self._said: dict[str, DiagnosticStatus] = {}
         self._newest: dict[str, bytes] = {}
         self.episode = Episode()
@@ -104,6 +101,11 @@ class Watch:
     def _full_name(self, topic: Topic) -> str:
         return self._node.resolve_topic_name(topic.name)
 
+    def is_over(self, episodes: int) -> bool:
+        """Whether so many episodes have ended, the last of them not cut short: another one takes its place."""
+        e = self.episode
+        return e.phase == Episode.ENDED and e.episode >= episodes and e.outcome != CUT_SHORT
+
     def begin(self, timeout: float = 10.0) -> bool:
         """Let the simulator go on; False if it does not answer."""
         answer = ask(self._pause, Pause.Request(paused=False), self.spin, timeout)
@@ -134,6 +136,7 @@ class Watch:
         elif message.phase == Episode.ENDED:
             self.seconds += time.monotonic() - self._began
             self.ended[message.episode] = message
+            self._tell(message)
         self.episode = message
 
     def _on_plan(self, message: EpisodePlan) -> None:

@@ -1,7 +1,7 @@
 """Publishes a recording's messages again: their bytes, at their pace, under the QoS they were offered with."""
 
 import time
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -9,21 +9,20 @@ from typing import Any
 
 import rclpy
 from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
-from rabbit_ros.network import choose_network
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
-from rclpy.signals import SignalHandlerOptions
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Connection, ConnectionExtRosbag2, QosDurability, QosHistory, QosReliability
 from rosbags.typesys import Stores, get_typestore
 
+from rabbit_bringup.launching.alone_node import first_published
+from rabbit_bringup.launching.joining_node import joined
 from rabbit_bringup.recording.bag_writer import RecordingError, graph_types
 from rabbit_bringup.recording.opening import begin_of, opened
 
 DELIVERY_SECONDS = 3.0
 SHOW_SECONDS = 0.1
-LOOK_SECONDS = 0.1
 LEAST_DEPTH = 10  # where a recording does not say
 
 
@@ -49,19 +48,15 @@ def play(path: Path, how: Playing, show: Callable[[float, float], object]) -> in
     Raises:
         RecordingError: not readable, of other message definitions than the sourced workspace's, or with topics that
             somebody publishes already.
+        Refused: the environment cannot be used.
     """
-    choose_network()
     with opened(path) as reader:
         check_definitions(path, reader)
-        context = rclpy.Context()
-        rclpy.init(args=[], context=context, signal_handler_options=SignalHandlerOptions.NO)
-        try:
+        with joined("/") as context:
             node = rclpy.create_node("player", namespace=how.namespace, context=context)
             publishers = {c.topic: _publisher(node, c, how.namespace) for c in reader.connections}
-            _wait_alone(path, node, publishers.values(), how.delay)
+            _refuse_clash(path, node, publishers, how.delay)
             return _publish(reader, publishers, how, show)
-        finally:
-            rclpy.try_shutdown(context=context)
 
 
 def check_definitions(path: Path, reader: AnyReader) -> None:
@@ -99,23 +94,11 @@ def _publisher(node: Node, connection: Connection, namespace: str) -> Any:
     return node.create_publisher(getattr(import_module(f"{package}.msg"), name), topic, quality(connection))
 
 
-def _wait_alone(path: Path, node: Node, publishers: Collection[Any], seconds: float) -> None:
-    """Refuse a clash as soon as it shows within `seconds`."""
-    end = time.monotonic() + seconds
-    while True:
-        _refuse_clash(path, node, publishers)
-        if time.monotonic() >= end:
-            return
-        time.sleep(min(LOOK_SECONDS, seconds))
-
-
-def _refuse_clash(path: Path, node: Node, publishers: Iterable[Any]) -> None:
-    """Two who publish on the same topics would be two robots in one."""
-    for each in publishers:
-        if node.count_publishers(each.topic_name) > 1:  # one is the player's own
-            raise RecordingError(
-                f"recording {path}: {each.topic_name} is published already; give --namespace, or end that graph"
-            )
+def _refuse_clash(path: Path, node: Node, publishers: dict[str, Any], seconds: float) -> None:
+    """Raise `RecordingError` as soon as somebody else publishes on these topics."""
+    topics = [publisher.topic_name for publisher in publishers.values()]
+    if clash := first_published(node, topics, 1, seconds):  # one is the player's own
+        raise RecordingError(f"recording {path}: {clash} is published already; give --namespace, or end that graph")
 
 
 def _publish(

@@ -1,0 +1,26 @@
+"""The launcher's part of walk.launch.py: begin, watch and end a walk whose nodes `ros2 launch` has started.
+
+launcher WALK.json simulator=PID controller=PID ...
+"""
+
+import sys
+from functools import partial
+from pathlib import Path
+
+from rabbit_bringup.launching.concluding import Walk, carry_out, complain
+from rabbit_bringup.launching.exit_codes import ExitCode
+from rabbit_bringup.launching.processes import end_with_parent
+from rabbit_bringup.launching.walk import follow_launched
+
+
+def main() -> None:
+    """The executable `launcher`."""
+    try:
+        file, *nodes = sys.argv[1:]
+        walk = Walk.model_validate_json(Path(file).read_bytes())
+        pids = {name: int(pid) for name, _, pid in (node.partition("=") for node in nodes)}
+    except (ValueError, OSError):
+        complain("expected a walk and the nodes' process ids; it is walk.launch.py that calls this")
+        sys.exit(ExitCode.REFUSED)
+    end_with_parent()
+    sys.exit(carry_out(walk, partial(follow_launched, walk.folder, pids, walk.options)))
