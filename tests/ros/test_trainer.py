@@ -70,6 +70,18 @@ def test_transitions_carry_the_reward(world: Any) -> None:
         assert abs(t.reward - sum(t.reward_terms)) < 1e-9
 
 
+def test_it_learns_where_the_controller_has_a_gait_library(world: Any) -> None:
+    """Its observation has the step length too."""
+    transitions, episodes = world.hear("transition"), world.hear("episode")
+    world.start("simulator", motor_lag=0.004, stones=2, gait="paper_stones")
+    world.start("controller", controller=LAW.controller, gait="paper_stones", sigma=5.0)
+    world.start("trainer", learn_beside=0, folder=str(world.folder / "training"))
+    world.go()
+    world.wait(lambda: bool(episodes) and episodes[-1].phase == Episode.ENDED)
+    world.wait(lambda: len(transitions) == episodes[-1].tick)
+    assert {len(t.observation) for t in transitions} == {len(LAW.problem.observations[-1])}
+
+
 def test_learning_beside_publishes_policies_that_take_effect(world: Any) -> None:
     """Those that the gate lets pass: the others are counted and logged with both errors."""
     weights, commands, swaps = world.hear("policy"), world.hear("torque"), world.hear("policy_swap")

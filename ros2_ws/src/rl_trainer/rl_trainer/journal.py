@@ -26,8 +26,11 @@ class JournalError(RuntimeError):
 
 
 def record_type(parameters: TrainingParameters) -> np.dtype[Any]:
-    """A transition as bytes: float64 and int64, so that it comes back the same."""
-    m, n = len(parameters.problem.observation), parameters.n
+    """A transition as bytes: float64 and int64, so that it comes back the same.
+
+    There is room for the longest observation, with a gait library's step length; NaN fills it up.
+    """
+    m, n = len(parameters.problem.observations[-1]), parameters.n
     shapes: dict[str, tuple[int, ...]] = dict.fromkeys(("LgV", "mu", "mu_qp", "next_LgV", "next_mu"), (INPUTS,))
     shapes |= {"observation": (m,), "next_observation": (m,), "alpha": (n, INPUTS)}
     shapes |= dict.fromkeys(("beta", "nominal", "measured"), (n,))
@@ -38,8 +41,14 @@ def record_type(parameters: TrainingParameters) -> np.dtype[Any]:
 def to_records(transitions: Iterable[Transition], parameters: TrainingParameters) -> Array:
     """Transitions as an array of `record_type`."""
     kind = record_type(parameters)
-    rows = [tuple(getattr(transition, name) for name in kind.names or ()) for transition in transitions]
+    rows = [tuple(_filled(getattr(each, name), kind[name].shape) for name in kind.names or ()) for each in transitions]
     return np.array(rows, dtype=kind)
+
+
+def _filled(value: Any, shape: tuple[int, ...]) -> Any:
+    """A shorter observation, up to the room there is."""
+    is_short = len(shape) == 1 and len(value) < shape[0]
+    return np.pad(value, (0, shape[0] - len(value)), constant_values=np.nan) if is_short else value
 
 
 def from_records(records: Array, parameters: TrainingParameters) -> list[Transition]:
@@ -49,6 +58,9 @@ def from_records(records: Array, parameters: TrainingParameters) -> list[Transit
 
 def _transition(record: Any, parameters: TrainingParameters) -> Transition:
     values: dict[str, Any] = {name: record[name].copy() for name in record.dtype.names if name not in NUMBERS}
+    short = len(parameters.problem.observation)
+    for name in ("observation", "next_observation"):
+        values[name] = values[name][:short] if np.isnan(values[name][short:]).all() else values[name]
     values |= {name: int(record[name]) for name in ("tick", "step_index")}
     values |= {"doubt": Doubt(int(record["doubt"])), "failed": bool(record["failed"])}
     return Transition(problem=parameters.problem, **values)

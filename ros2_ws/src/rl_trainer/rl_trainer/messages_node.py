@@ -84,9 +84,10 @@ def checked_part(part: str, message: Any, problem: Problem) -> Any:
         output = output_of(message, np.zeros(4))
     except ValueError as error:
         raise Refused("not fit", str(error)) from error
-    expected = (problem.quantities, len(problem.observation))
-    if (got := (output.quantities, len(output.observation))) != expected:
-        raise Refused("not fit", f"quantities and size of the observation {got}; this problem has {expected}")
+    sizes = tuple(len(names) for names in problem.observations if len(names) >= len(problem.observation))
+    if output.quantities != problem.quantities or len(output.observation) not in sizes:
+        got = f"quantities {output.quantities}, {len(output.observation)} observations"
+        raise Refused("not fit", f"{got}; this problem has {problem.quantities}, {' or '.join(map(str, sizes))}")
     return output
 
 
