@@ -115,11 +115,10 @@ class Operations:
         if self._first:
             self._first -= 1
             return "good policy"
-        if not self._operator.records:
-            self._recorded = 0
-            return next(self._kinds)
-        self._recorded += 1
-        return "recorder ended" if self._recorded > RECORDED else next(self._kinds)
+        self._recorded = self._recorded + 1 if self._operator.records else 0
+        if self._recorded > RECORDED:
+            return "recorder ended"
+        return next(kind for kind in self._kinds if not (self._recorded and kind == "recorder started"))
 
 
 def read_operations(path: Path) -> list[Operation]:
