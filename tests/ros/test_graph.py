@@ -220,6 +220,20 @@ def test_a_dead_controller_ends_the_episode_and_a_new_one_walks(world: Any) -> N
     assert episodes[-1].outcome == "walked"
 
 
+def test_a_walk_without_its_pace_goes_on(world: Any) -> None:
+    """While a tick's torque is there and waits for its time, no other message would come to wake the simulator."""
+    commands, episodes = world.hear("torque"), world.hear("episode")
+    world.start("simulator", pace=0.01, **SHORT)
+    world.start("controller")
+    world.go()
+    world.wait(lambda: bool(commands))
+    world.spin(0.2)
+    free = Parameter("pace", value=0.0).to_parameter_msg()
+    assert world.ask(SetParameters, "simulator/set_parameters", parameters=[free]).results[0].successful
+    world.wait(ended(episodes))
+    assert episodes[-1].outcome == "walked"
+
+
 def test_real_time_goes_by_the_wall_clock(world: Any) -> None:
     """Whether or not anybody answers: the test plays a controller that answers once, and the robot may collapse."""
     states, episodes = world.hear("state"), world.hear("episode")

@@ -110,6 +110,13 @@ def test_gaps_in_a_publishers_count_are_losses() -> None:
     assert loss.lost == {"/state": 2}
 
 
+def test_a_strangers_messages_are_no_losses() -> None:
+    loss = Loss()
+    for number in (416, 1, 417, 418, 2, 419, 421):
+        loss.heard("/state", number)
+    assert loss.lost == {"/state": 1}
+
+
 def test_the_index_gives_back_what_it_was_given(tmp_path: Path) -> None:
     index, records = ChunkIndex(tmp_path), [bytes([i]) * (i + 1) for i in range(50)]
     for part in (records[:20], records[20:]):

@@ -287,6 +287,7 @@ class SimulatorNode(Node):
             self._pacer = steady_timer(self, TICK_SECONDS / pace, self._on_pace)
             self._ticks.start(TICK_SECONDS / pace)
         self._due = self._pacer is None
+        self._go_on()  # with the torque that waited for its time
 
     def _on_pace(self) -> None:
         """A tick is due."""

@@ -1,7 +1,8 @@
-"""Messages that went past the recorder, by their publisher's own count of them.
+"""Messages that went past the recorder, by their publishers' own counts of them.
 
-A publisher numbers what it sends from 1. A number left out is a message lost; one that is no higher than the last is of
-a publisher that was started anew. What was sent before the first one heard is not counted: it was not for this reader.
+A publisher numbers what it sends from 1. A number left out is a message lost; one below all that are known is of
+another publisher: started again, or a stranger's. What was sent before the first one heard is not counted: it was not
+for this reader.
 """
 
 from collections import Counter
@@ -15,12 +16,14 @@ class Loss:
     """`lost` messages by topic; every topic that was heard is in it."""
 
     lost: Counter[str] = field(default_factory=Counter)
-    _newest: dict[str, int] = field(default_factory=dict)
+    _newest: dict[str, set[int]] = field(default_factory=dict)  # of each publisher
 
     def heard(self, topic: str, number: int) -> None:
         """Message `number` of its publisher came in."""
         if number >= UNKNOWN:
             return
-        last = self._newest.get(topic, number - 1)
-        self.lost[topic] += max(0, number - last - 1)
-        self._newest[topic] = number
+        newest = self._newest.setdefault(topic, set())
+        last = max((each for each in newest if each < number), default=number - 1)  # of the same publisher
+        self.lost[topic] += number - last - 1
+        newest.discard(last)
+        newest.add(number)
