@@ -1,0 +1,188 @@
+"""walk.launch.py: what it starts, says and leaves is what `rabbit walk` does.
+
+launch itself is not among the wheels. Where it is not installed, its part is played by the test: it starts the graph's
+nodes, and the `launcher` with their process ids.
+"""
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from rabbit_bringup.commands.options import Given
+from rabbit_bringup.commands.walk import prepare
+from rabbit_bringup.launching.executables import find_executable
+from rabbit_bringup.launching.exit_codes import ExitCode
+from rabbit_bringup.launching.parameter_file import write_parameters
+from rabbit_bringup.launching.processes import Processes
+from rabbit_msgs.msg import Episode
+
+FILE = Path(__file__).parents[2] / "ros2_ws" / "src" / "rabbit_bringup" / "launch" / "walk.launch.py"
+RABBIT = (sys.executable, "-c", "from rabbit_bringup.cli import app; app()", "walk")
+LAUNCH = """
+import sys
+from launch import LaunchDescription, LaunchService
+from launch.actions import IncludeLaunchDescription
+from launch.launch_description_sources import AnyLaunchDescriptionSource
+arguments = [word.split(":=", 1) for word in sys.argv[2:]]
+service = LaunchService(argv=sys.argv[2:], noninteractive=True)
+included = IncludeLaunchDescription(AnyLaunchDescriptionSource(sys.argv[1]), launch_arguments=arguments)
+service.include_launch_description(LaunchDescription([included]))
+sys.exit(service.run())
+"""
+SMALL = {"stones": "2", "trainer": "false", "pictures": "false", "video": "false", "ready_timeout": "180"}
+PATIENCE = 180.0  # s
+
+needs_launch = pytest.mark.skipif(
+    not (find_spec("launch") and find_spec("launch_ros")), reason="launch and launch_ros are not installed"
+)
+
+
+@contextmanager
+def launched(folder: Path, **asked: str) -> Iterator[tuple[Processes, "subprocess.Popen[str]"]]:
+    """The nodes of a walk, and the launcher that sees them through it."""
+    walk, graph = prepare(Given({**SMALL, **asked, "out": str(folder)}))
+    write_parameters(folder / "parameters.yaml", graph.parameters)
+    processes = Processes(folder / "log")
+    for spec in graph.nodes.values():
+        processes.start(spec)
+    (folder / "log" / "walk.json").write_text(walk.model_dump_json())
+    command = [find_executable("rabbit_bringup", "launcher"), folder / "log" / "walk.json"]
+    pids = [f"{name}={processes.pid(name)}" for name in graph.names]
+    launcher = subprocess.Popen([*map(str, command), *pids], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    try:
+        yield processes, launcher
+    finally:
+        launcher.kill()
+        launcher.wait()
+        processes.stop()
+
+
+def test_the_launcher_sees_nodes_of_others_through_their_walk(tmp_path: Path) -> None:
+    with launched(tmp_path / "walk", namespace="seen", episodes="2") as (processes, launcher):
+        out, said = launcher.communicate(timeout=300)
+        assert launcher.returncode == ExitCode.WALKED, said
+        assert [processes.wait(name, 1.0) for name in ("simulator", "controller", "recorder")] == [0, 0, 0]
+    assert out.splitlines()[-1] == "walked: 2 of 2 episodes walked"
+    assert json.loads((tmp_path / "walk" / "summary.json").read_text())["walked"]
+
+
+def test_the_launcher_ends_what_is_left_when_a_node_dies(tmp_path: Path, make_world: Any) -> None:
+    world = make_world("dying")
+    slow = {"namespace": world.namespace, "stones": "200", "pace": "0.5"}
+    with launched(tmp_path / "walk", **slow) as (processes, launcher):
+        episodes = world.hear("episode")
+        world.wait(lambda: any(message.phase == Episode.RUNNING for message in episodes))
+        processes.kill(("controller",))
+        _, said = launcher.communicate(timeout=300)
+        assert launcher.returncode == ExitCode.NODE_DIED
+        assert "the controller ended by itself" in said
+        assert {processes.wait(name, PATIENCE) for name in ("simulator", "recorder")} == {0}
+
+
+@pytest.mark.parametrize("words", [(), ("/nowhere.json",), ("/proc/version", "simulator=1")])
+def test_the_launcher_is_not_for_people(words: tuple[str, ...]) -> None:
+    command = [str(find_executable("rabbit_bringup", "launcher")), *words]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, check=False)
+    (line,) = done.stderr.splitlines()
+    assert done.returncode == ExitCode.REFUSED
+    assert "walk.launch.py" in line
+
+
+def launch(*words: str) -> "subprocess.CompletedProcess[str]":
+    """`ros2 launch rabbit_bringup walk.launch.py WORDS`."""
+    command = [sys.executable, "-c", LAUNCH, str(FILE), *words]
+    return subprocess.run(command, capture_output=True, text=True, timeout=600, check=False)
+
+
+@needs_launch
+@pytest.mark.parametrize("true", ["True", "1", "true"])
+def test_both_launchers_start_the_same_nodes_and_say_the_same(tmp_path: Path, true: str) -> None:
+    asked = {**SMALL, "namespace": "both", "seed": "3", "record": true}
+    by_launch = launch(*(f"{n}:={v}" for n, v in asked.items()), f"out:={tmp_path / 'launch'}")
+    assert by_launch.returncode == 0, by_launch.stdout + by_launch.stderr
+    words = ("--no-trainer", "--no-pictures", "--no-video", "--stones=2", "--seed=3", "--namespace=both")
+    command = [*RABBIT, *words, "--ready-timeout=180", "--out", str(tmp_path / "rabbit")]
+    by_rabbit = subprocess.run(command, capture_output=True, text=True, timeout=600, check=False)
+    assert by_rabbit.returncode == 0, by_rabbit.stderr
+
+    def parameters(name: str) -> Any:
+        text = (tmp_path / name / "parameters.yaml").read_text()
+        return yaml.safe_load(text.replace(str(tmp_path / name), "FOLDER"))
+
+    assert parameters("launch") == parameters("rabbit")
+    said = re.findall(r"^\[launcher-\d+\] (?:\[\w+\] )?(.*)$", by_launch.stdout, re.MULTILINE)
+    lines = [line for line in by_rabbit.stdout.splitlines() if line.startswith(("episode ", "walked"))]
+    assert lines == [line for line in said if line.startswith(("episode ", "walked"))]
+
+
+@needs_launch
+@pytest.mark.parametrize(
+    ("word", "said"),
+    [("record:=maybe", "--record maybe"), ("mass_scale:=99", "--mass-scale 99"), ("storage:=mcap", "it is now record")],
+)
+def test_a_launch_refuses_in_one_line_and_starts_nothing(word: str, said: str, tmp_path: Path) -> None:
+    done = launch(word, f"out:={tmp_path / 'walk'}")
+    assert done.returncode == 1
+    assert said in done.stdout + done.stderr
+    assert "process started" not in done.stdout + done.stderr
+    assert "Traceback" not in done.stdout + done.stderr
+
+
+@needs_launch
+def test_a_launch_whose_robot_falls_fails(tmp_path: Path) -> None:
+    heavy = ("controller:=cbf-clf-qp", "mass_scale:=2", "trainer:=0", "record:=0", "namespace:=heavy")
+    done = launch(*heavy, f"out:={tmp_path / 'walk'}", "ready_timeout:=180")
+    assert done.returncode == 1
+    assert "fell: 0 of 1 episodes walked" in done.stdout
+    assert f"exit code {int(ExitCode.FELL)}" in done.stdout + done.stderr
+
+
+def test_a_node_with_use_sim_time_follows_the_graphs_clock(root_world: Any) -> None:
+    """In the root namespace without any remapping."""
+    import rclpy
+    from rclpy.parameter import Parameter
+    from rclpy.signals import SignalHandlerOptions
+
+    context = rclpy.Context()
+    rclpy.init(args=[], context=context, signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        foreign = rclpy.create_node(
+            "foreign", context=context, parameter_overrides=[Parameter("use_sim_time", value=True)]
+        )
+        root_world.start("simulator", motor_lag=0.004, stones=3, pace=5.0, mass_scale=1.0)
+        root_world.start("controller", controller="cbf-clf-qp", use_sim_time=True)
+        root_world.go()
+        states = root_world.hear("state")
+        executor = rclpy.executors.SingleThreadedExecutor(context=context)
+        executor.add_node(foreign)
+
+        def seconds() -> float:
+            executor.spin_once(0.0)
+            return foreign.get_clock().now().nanoseconds / 1e9
+
+        root_world.wait(lambda: 0.2 < seconds() < 60.0)  # by the wall clock it would be many years
+        there = seconds()
+        root_world.wait(lambda: any(s.stamp.sec + s.stamp.nanosec / 1e9 >= there for s in states))
+    finally:
+        rclpy.try_shutdown(context=context)
+
+
+def test_processes_of_others_are_known_by_their_end(tmp_path: Path) -> None:
+    sleeper = subprocess.Popen(["sleep", "600"])
+    processes = Processes(tmp_path)
+    processes.adopt("sleeper", sleeper.pid)
+    processes.check()
+    processes.stop()
+    assert sleeper.wait(PATIENCE) == -signal.SIGTERM
+    with pytest.raises(ProcessLookupError):
+        os.kill(sleeper.pid, 0)
