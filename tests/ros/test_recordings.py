@@ -1,4 +1,4 @@
-"""Recordings of a running graph: a killed recorder, a full disk, and a recording that is played again."""
+"""Recordings of a running graph: begun in the middle, killed, on a full disk, and played again."""
 
 import resource
 from pathlib import Path
@@ -8,13 +8,15 @@ import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 from rabbit_bringup.launching.walk import WalkOptions, make_graph, run_graph
+from rabbit_bringup.recording.account import Presence
 from rabbit_bringup.recording.bag_writer import BagWriter, RecordingError, graph_types
 from rabbit_bringup.recording.checking import check_episodes
 from rabbit_bringup.recording.opening import opened
 from rabbit_bringup.recording.player_node import Playing, play
-from rabbit_bringup.recording.reader import read_episodes
+from rabbit_bringup.recording.reader import iterate_accounts, read_episodes
 from rabbit_bringup.recording.recover import recover
 from rabbit_msgs.msg import Episode
+from rabbit_msgs.srv import Pause
 from rabbit_sim.parameters import SimulationParameters
 from rclpy.serialization import deserialize_message
 from rl_cbf_clf_controller.parameters import ControllerParameters
@@ -50,6 +52,34 @@ def test_a_killed_recorder_loses_at_most_the_last_second(world: Any) -> None:
     assert recovered.records[-1].state.tick >= heard - TICKS_A_SECOND
     (checked,) = check_episodes(world.folder / "recording-recovered", LAW)
     assert (checked.episode.lost, checked.differing) == (0, [])
+
+
+def test_a_recorder_begun_in_the_middle_tells_recorded_from_announced(world: Any) -> None:
+    """The simulator holds while the recorder comes up in the middle of an episode, so that nothing is lost."""
+    states, episodes = world.hear("state"), world.hear("episode")
+    world.start("simulator", pace=1.0, **{**PLANT, "stones": 2, "episodes": 1000})
+    world.start("controller")
+    world.go()
+    world.wait(lambda: bool(states) and states[-1].episode > 1 and states[-1].tick > 20)
+    assert world.ask(Pause, "pause", paused=True).accepted
+    path = world.folder / "recording"
+    world.start("recorder", path=str(path))
+    world.go()
+    begun = states[-1].episode
+    world.wait(lambda: states[-1].episode > begun + 1 and states[-1].tick > 20)
+    world.processes.stop(("recorder",))
+    accounts = list(iterate_accounts(path))
+    there = [each for each in accounts if each.presence is Presence.RECORDED]
+    assert [each.number for each in accounts if each.presence is Presence.ANNOUNCED] == list(range(1, begun))
+    assert [each.number for each in there] == list(range(begun, there[-1].number + 1))
+    assert [(each.begins, each.ends) for each in (there[0], there[1])] == [(False, True), (True, True)]
+    ends = {each.episode: each.tick for each in episodes if each.phase == Episode.ENDED}
+    for each in there:
+        assert each.lost == 0
+        assert each.recorded == each.last - each.first + 1
+        assert not each.ends or each.last == ends[each.number] - 1
+    checked = list(check_episodes(path))
+    assert [(each.replayed, each.differing) for each in checked] == [(0, []), *((e.recorded, []) for e in there[1:])]
 
 
 def test_a_full_disk_stops_the_recording_not_the_walk(world: Any) -> None:

@@ -1,6 +1,8 @@
 """Whatever is handed over as a recording: it is read, or refused in one line with exit code 2."""
 
 import contextlib
+import random
+import re
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -94,7 +96,26 @@ def test_a_cut_database_is_refused(tmp_path: Path, write_bag: WriteBag) -> None:
     for command in ("info", "recover"):
         done = CliRunner().invoke(app, ["bag", command, str(tmp_path / "bag")])
         assert (done.exit_code, done.stderr.count("\n")) == (2, 1), done.output
-        assert "malformed" in done.stderr
+        assert "cut, " in done.stderr
+
+
+@pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
+def test_a_file_of_any_length_is_refused_with_sense(tmp_path: Path, write_bag: WriteBag, storage: str) -> None:
+    bag = write_bag(tmp_path / "bag", storage, lambda topic, m: m if getattr(m, "tick", 0) < 4 else None)
+    (file,) = (each for each in bag.iterdir() if each.suffix in (".mcap", ".db3"))
+    whole, cut = file.read_bytes(), tmp_path / file.name
+    for size in (*range(301), *random.Random(0).sample(range(301, len(whole)), 50)):
+        cut.write_bytes(whole[:size])
+        for read in (contents, read_episodes):
+            with pytest.raises(RecordingError, match=r"not finished|\d bytes (that are no|are there)") as refused:
+                read(cut)
+            assert "\n" not in str(refused.value)
+        if size % 25 < 9 or size > 300:
+            try:
+                shutil.rmtree(recover(cut, tmp_path / "recovered").path)
+            except RecordingError as error:
+                said = str(error)
+                assert re.search(r"no whole message|\d bytes (that are no|are there)", said), (size, said)
 
 
 def test_other_message_definitions_are_refused(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ latched ones from before as history, then those that follow.
 import random
 import struct
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +18,13 @@ from rabbit_bringup.cli import app
 from rabbit_bringup.recording.account import BY_TICK, UNANSWERED, Presence
 from rabbit_bringup.recording.bag_writer import BagWriter
 from rabbit_bringup.recording.contents import contents
+from rabbit_bringup.recording.header import episode_and_phase_of, nanoseconds_of
+from rabbit_bringup.recording.heard import FIRST_WORD
+from rabbit_bringup.recording.in_force import Settings
 from rabbit_bringup.recording.reader import iterate_accounts
 from rabbit_bringup.recording.simulated_time import SimulatedTime
+from rabbit_description.gait import load_gait
+from rl_cbf_clf_controller.parameters import ControllerParameters
 from typer.testing import CliRunner
 
 from .conftest import LATCHED, TICK_NS, TOPICS, TYPES, Walk, details, message, state_message, told
@@ -133,9 +138,25 @@ def arrive(past: list[tuple[int, Sent]], live: list[tuple[int, Sent]], rng: rand
     return mixed + live[12:]
 
 
-def record(path: Path, arrived: Iterable[tuple[int, Sent]]) -> None:
+class FormerTime:
+    """As recorders did: any first word behind something else was another simulator's."""
+
+    def __init__(self) -> None:
+        self.began = self.at = self.newest = 0
+
+    def of(self, topic: str, publisher: str, data: bytes, sent: int) -> int:
+        """Where it was stored."""
+        if topic == "episode" and episode_and_phase_of(data) == FIRST_WORD and self.newest:
+            self.began = self.at = self.newest + TICK_NS
+        if nanoseconds_of(data):
+            self.at = self.began + nanoseconds_of(data)
+            self.newest = max(self.newest, self.at)
+        return self.at
+
+
+def record(path: Path, arrived: Iterable[tuple[int, Sent]], times: Any = None) -> None:
     """As the recorder does."""
-    times = SimulatedTime()
+    times = times or SimulatedTime()
     writer = BagWriter(path, "mcap", TYPES)
     for topic, name in TOPICS.items():
         writer.add(f"/{topic}", f"rabbit_msgs/msg/{name}", [LATCHED])
@@ -236,6 +257,70 @@ def test_recorded_announced_and_lost_are_told_apart(
     record(path, arrive(past, live, rng))
     there = {i for i, _ in live}
     assert found(path) == in_short(expected(sent, there, {i for i, _ in past}))
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_recordings_of_former_versions_are_read_as_well(tmp_path: Path, templates: Templates, seed: int) -> None:
+    """Begun in episode 3: the history comes in between, and its first word moved what followed."""
+    graph = Graph(templates)
+    graph.start()
+    for _ in range(4):
+        graph.walk(8)
+    first = next(i for i, each in enumerate(graph.sent) if (each.episode, each.tick) == (3, 2))
+    past, live = history(graph.sent, first), list(enumerate(graph.sent))[first:]
+    record(tmp_path / "bag", arrive(past, live, random.Random(seed)), FormerTime())
+    assert found(tmp_path / "bag") == in_short(expected(graph.sent, {i for i, _ in live}, {i for i, _ in past}))
+
+
+def test_messages_of_somebody_else_make_no_episodes(tmp_path: Path, templates: Templates) -> None:
+    """States of another episode or tick than their time's, and a first word, in the middle of a walk."""
+    graph = Graph(templates)
+    graph.start()
+    graph.walk(8)
+    graph.walk(8)
+    live = list(enumerate(graph.sent))
+    whole = expected(graph.sent, set(range(len(live))), set())
+    at = next(i for i, each in live if (each.topic, each.episode, each.tick) == ("torque", 2, 4))
+    junk = []
+    for episode, tick in ((1002, 4), (2, 1004), (2, 3), (3, 4), (1, 4)):
+        data = bytearray(graph.sent[at - 1].data)
+        struct.pack_into("<II", data, 12, episode, tick)
+        junk.append((at, replace(graph.sent[at - 1], data=bytes(data))))
+    record(tmp_path / "bag", [*live[:at], *junk, (at, graph.sent[0]), *live[at:]])
+    assert found(tmp_path / "bag") == in_short(whole)
+
+
+def told_settings(episode: int, tick: int, eps: float) -> Any:
+    """What the controller says that it goes by."""
+    law = ControllerParameters(eps=eps)
+    gait = load_gait(law.gait).model_dump_json()
+    what = message("controller_settings", tick, parameters=law.model_dump_json(), gait=gait)
+    what.episode = episode
+    return what
+
+
+def in_force(settings: Settings, episode: int) -> list[tuple[int, float]]:
+    """From which tick which eps holds."""
+    return [(each.tick, each.parameters.eps) for each in settings.of(0, episode)]
+
+
+def test_a_controller_started_again_holds_from_the_next_episode_on() -> None:
+    told_so_far = Settings()
+    told_so_far.add(0, told_settings(0, 0, 0.1), (0, 0, 0))
+    told_so_far.add(0, told_settings(2, 5, 0.2), (0, 2, 4))
+    told_so_far.add(0, told_settings(0, 0, 0.3), (0, 3, 7))
+    assert in_force(told_so_far, 2) == [(0, 0.1), (5, 0.2)]
+    assert in_force(told_so_far, 3) == [(0, 0.2)]
+    assert in_force(told_so_far, 4) == [(0, 0.3)]
+
+
+def test_settings_that_come_as_history_hold_from_the_beginning() -> None:
+    """The first states of episode 3 came before them; the controller had lived through another simulator."""
+    told_so_far = Settings()
+    for episode, tick, eps in ((0, 0, 0.1), (7, 5, 0.2), (1, 0, 0.3), (1, 9, 0.4)):
+        told_so_far.add(0, told_settings(episode, tick, eps), (0, 3, 7))
+    assert in_force(told_so_far, 3) == [(0, 0.4)]
+    assert in_force(told_so_far, 7) == [(0, 0.4)]
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ from enum import StrEnum
 from typing import Any
 
 from rabbit_bringup.recording.header import policy_of
-from rabbit_bringup.recording.heard import TICK_NANOSECONDS, Heard, goes_on
+from rabbit_bringup.recording.heard import TICK_NANOSECONDS, Heard
 
 BY_TICK = ("state", "torque", "controller_state")
 OTHERS = ("preview", "landing", "episode", "timing")
@@ -146,7 +146,8 @@ class Gathering:
     def add(self, run: int, message: Heard) -> None:
         """Take in one message, in the order of time."""
         if message.topic == "state":
-            if run > self.newest[0] or goes_on(self.newest[1:], message.turn):
+            _, episode, tick = self.newest
+            if run > self.newest[0] or message.turn in ((episode, tick), (episode, tick + 1), (episode + 1, 0)):
                 self._reached = (run, message.episode)
             self.newest = (run, *message.turn)
         key = (run, message.episode)

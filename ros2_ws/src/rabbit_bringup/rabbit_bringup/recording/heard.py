@@ -26,9 +26,10 @@ FIRST_WORD = (0, 0)  # episode and phase with which a simulator begins: none, an
 
 @dataclass(frozen=True, slots=True)
 class Heard:
-    """A message: the last part of its topic, its bytes, what decodes them."""
+    """A message: the last part of its topic, when it is stored (ns), its bytes, what decodes them."""
 
     topic: str
+    at: int
     data: bytes
     kind: str
     reader: AnyReader
@@ -91,14 +92,14 @@ def _check_fields(path: Path, reader: AnyReader, connection: Connection) -> None
 
 def _each(reader: AnyReader, connections: list[Connection], path: Path) -> Iterator[Heard]:
     with told(path):
-        for connection, _, data in reader.messages(connections) if connections else ():
-            yield Heard(last_name(connection.topic), data, connection.msgtype, reader, path)
+        for connection, at, data in reader.messages(connections) if connections else ():
+            yield Heard(last_name(connection.topic), at, data, connection.msgtype, reader, path)
 
 
 def by_run(messages: Iterable[Heard]) -> Iterator[tuple[int, Heard]]:
     """Before each message the simulator's run that it belongs to, from 0; `state` and `episode` must be among them.
 
-    A simulator's first word begins a run unless the next state goes on where the one before was, or nothing was before.
+    A first word begins a run if the next state's time counts from it and does not go on where the one before was.
     """
     run = announced = 0
     newest: Heard | None = None  # state
@@ -106,7 +107,8 @@ def by_run(messages: Iterable[Heard]) -> Iterator[tuple[int, Heard]]:
     for message in messages:
         is_state = message.topic == "state"
         if held and is_state and newest is not None:
-            run += not goes_on(newest.turn, message.turn)
+            begins = message.at - message.stamp == held[0].at - held[0].stamp  # its time counts from the first word
+            run += begins and not goes_on(newest.data, message.data)
             yield from ((run, each) for each in held)
             held = []
         if held or (newest is not None and message.is_first_word):
@@ -121,7 +123,7 @@ def by_run(messages: Iterable[Heard]) -> Iterator[tuple[int, Heard]]:
     yield from ((run, each) for each in held)
 
 
-def goes_on(newest: tuple[int, int], turn: tuple[int, int]) -> bool:
-    """Whether a state of this episode and tick follows the newest one, or repeats it."""
-    episode, tick = newest
-    return turn in (newest, (episode, tick + 1), (episode + 1, 0))
+def goes_on(newest: bytes, state: bytes) -> bool:
+    """Whether a state is the one after the newest: a tick later, or another episode's at the same time."""
+    ahead = nanoseconds_of(state) - nanoseconds_of(newest)
+    return ahead == TICK_NANOSECONDS or (ahead == 0 and turn_of(state) != turn_of(newest))

@@ -9,6 +9,7 @@ from rosbags.highlevel import AnyReader
 from rabbit_bringup.recording.bag_writer import RecordingError
 
 SUFFIXES = (".mcap", ".db3")
+SQLITE_MAGIC = b"SQLite format 3\0"
 MCAP_MAGIC = b"\x89MCAP0\r\n"  # the first and the last bytes of a finished file
 
 
@@ -20,6 +21,8 @@ def opened(path: Path) -> Iterator[AnyReader]:
             f"recording {path}: not finished, its recorder was killed, ran out of disk or still runs; "
             f"`rabbit bag recover {path}` makes a whole one of it"
         )
+    for file in storage_files(path):
+        refuse_cut(file)
     with told(path):
         reader = AnyReader([path])
         reader.open()
@@ -62,9 +65,26 @@ def is_unfinished(file: Path) -> bool:
     if file.suffix != ".mcap":
         return file.with_name(f"{file.name}-journal").exists()
     with told(file), file.open("rb") as stream:
+        size = file.stat().st_size
         begins = stream.read(len(MCAP_MAGIC)) == MCAP_MAGIC
-        stream.seek(-min(len(MCAP_MAGIC), file.stat().st_size), 2)
-        return begins and stream.read() != MCAP_MAGIC
+        stream.seek(-min(len(MCAP_MAGIC), size), 2)
+        return begins and (size < 2 * len(MCAP_MAGIC) or stream.read() != MCAP_MAGIC)
+
+
+def refuse_cut(file: Path) -> None:
+    """Raise `RecordingError` for a file that does not begin as its kind does, or a database that has lost its end."""
+    with told(file), file.open("rb") as stream:
+        size, head = file.stat().st_size, stream.read(32)
+    is_mcap = file.suffix == ".mcap"
+    magic = MCAP_MAGIC if is_mcap else SQLITE_MAGIC
+    if not head.startswith(magic):
+        raise RecordingError(
+            f"recording {file}: {size} bytes that are no {'MCAP file' if is_mcap else 'sqlite3 database'}"
+        )
+    if not is_mcap:  # its header says how many pages of how many bytes there are; a page size of 1 means 65536
+        page, pages = int.from_bytes(head[16:18], "big"), int.from_bytes(head[28:32], "big")
+        if size < (whole := (page if page > 1 else 65536) * pages) or len(head) < 32:
+            raise RecordingError(f"recording {file}: cut, {size} of {whole} bytes are there")
 
 
 @contextlib.contextmanager
@@ -76,4 +96,4 @@ def told(path: Path) -> Iterator[None]:
         raise
     except Exception as error:  # a damaged file may raise anything
         text = " ".join(str(error).split()) or type(error).__name__
-        raise RecordingError(f"recording {path}: {text}") from error
+        raise RecordingError(f"recording {path}: damaged, or of another kind: {text}") from error

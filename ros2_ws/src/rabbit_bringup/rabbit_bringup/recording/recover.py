@@ -21,7 +21,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from rabbit_bringup.recording.bag_writer import BagWriter, RecordingError, Storage
-from rabbit_bringup.recording.opening import MCAP_MAGIC, storage_files, told
+from rabbit_bringup.recording.opening import MCAP_MAGIC, is_unfinished, refuse_cut, storage_files, told
 
 HEADER, DATA_END = 0x01, 0x0F  # MCAP records: an opcode, 8 bytes of length, the content
 
@@ -111,6 +111,8 @@ def whole_records(stream: BinaryIO, size: int) -> tuple[int, int, bool]:
 @contextlib.contextmanager
 def whole_sqlite3(file: Path) -> Iterator[Whole]:
     """A copy of a database, from which sqlite3 takes back what was not committed."""
+    if not is_unfinished(file):
+        refuse_cut(file)
     with TemporaryDirectory() as folder:
         copy = Path(folder) / file.name
         for each in (file, *file.parent.glob(f"{file.name}-*")):  # the journal, if any

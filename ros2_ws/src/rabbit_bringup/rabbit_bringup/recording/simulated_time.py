@@ -7,18 +7,18 @@ another simulator's if it was sent after anything of the present one.
 
 from dataclasses import dataclass, replace
 
-from rabbit_bringup.recording.header import episode_and_phase_of, nanoseconds_of, turn_of
+from rabbit_bringup.recording.header import episode_and_phase_of, nanoseconds_of
 from rabbit_bringup.recording.heard import FIRST_WORD, TICK_NANOSECONDS, goes_on
 
 
 @dataclass(frozen=True)
 class _Run:
-    """Where its time 0 lies; when its first message and its newest state were sent; the state's episode and tick."""
+    """Where its time 0 lies; when its first message and its newest state were sent; that state."""
 
     began: int = 0
     first_sent: int | None = None
     newest_sent: int = 0
-    turn: tuple[int, int] = (0, 0)
+    state: bytes = b""
 
 
 class SimulatedTime:
@@ -44,13 +44,12 @@ class SimulatedTime:
 
     def _of_state(self, data: bytes, sent: int) -> int:
         """It shows whether the first word before it was of another simulator."""
-        turn = turn_of(data)
-        if self._before is not None and goes_on(self._before.turn, turn):
+        if self._before is not None and goes_on(self._before.state, data):
             self._run = self._before
         self._before = None
         run = self._run
         self.now = run.began + nanoseconds_of(data)
-        self._run = replace(run, newest_sent=sent, turn=turn)
+        self._run = replace(run, newest_sent=sent, state=data)
         self._hear(sent)
         return self.now
 
