@@ -56,6 +56,8 @@ def run(make: Callable[[], Node], errors: tuple[type[Exception], ...] = ()) -> N
         _deliver(node)
         node.destroy_node()
         rclpy.try_shutdown()
+        for number in (signal.SIGINT, signal.SIGTERM):  # as the interpreter ends it undoes handlers
+            signal.signal(number, signal.SIG_IGN)
     if failure := getattr(node, "failure", ""):
         print(f"error: {failure}", file=sys.stderr)
         sys.exit(2)
