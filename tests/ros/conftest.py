@@ -48,8 +48,8 @@ class World:
         self._nodes: list[str] = []
         self.hear("diagnostics")
 
-    def start(self, name: str, **parameters: Any) -> None:
-        """Start a node under these parameters. The simulator is paused until `go`."""
+    def start(self, name: str, arguments: tuple[str, ...] = (), **parameters: Any) -> None:
+        """Start a node under these parameters, and further ROS arguments. The simulator is paused until `go`."""
         from rabbit_bringup.launching.parameter_file import write_parameters
         from rabbit_bringup.launching.processes import NodeSpec
 
@@ -59,7 +59,7 @@ class World:
         path = self.folder / f"{name}.yaml"
         write_parameters(path, {name: parameters})
         options = ("--ros-args", "--params-file", str(path), "-r", f"__ns:=/{self.namespace}", "-r", "/clock:=clock")
-        self.processes.start(NodeSpec(PACKAGES.get(name, "rabbit_bringup"), name, options))
+        self.processes.start(NodeSpec(PACKAGES.get(name, "rabbit_bringup"), name, (*options, *arguments)))
 
     def hear(self, name: str) -> list[Any]:
         """All messages of a topic from now on, and those that are latched."""

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from rabbit_description.state import TICK_SECONDS
 from rabbit_msgs.msg import Episode, PolicyWeights, RabbitState, StonePreview, TorqueCommand
-from rabbit_msgs.srv import Pause, ResetEpisode
+from rabbit_msgs.srv import LoadPolicy, Pause, ResetEpisode
 from rcl_interfaces.srv import DescribeParameters, SetParameters
 from rclpy.parameter import Parameter
 from rclpy.time import Time
@@ -260,6 +260,28 @@ def test_real_time_ends_where_no_torque_comes(world: Any) -> None:
     world.wait(ended(episodes))
     assert (episodes[-1].outcome, episodes[-1].tick) == ("silent", 1 + 2 + 10)  # answered, held, damped
     assert "held for 2, joints damped for 10 ticks" in episodes[-1].reason
+
+
+def test_a_node_takes_another_name(world: Any) -> None:
+    """`-r __node:=NAME` renames the node; its process has no second one of that name, and none that is not hidden."""
+    world.start("controller", arguments=("-r", "__node:=brain", "-r", "policy:=weights"))
+    world.start("viewer", arguments=("-p", "port:=0", "-r", "__node:=eye", "-r", "state:=body"))
+    names = {"brain", "eye", "_eye_ticks", "test"}
+
+    def there() -> list[str]:
+        return sorted(n for n, at in world.node.get_node_names_and_namespaces() if at == f"/{world.namespace}")
+
+    world.wait(lambda: there() == sorted(names))
+    world.wait(lambda: readers(world, "weights") == ["brain"])
+    world.wait(lambda: readers(world, "body") == ["_eye_ticks"])
+    world.wait(lambda: sorted(readers(world, "state")) == ["brain"])
+    assert not world.ask(LoadPolicy, "load_policy", path="/dev/zero").accepted
+
+
+def readers(world: Any, topic: str) -> list[str]:
+    """Nodes that subscribe to a topic of the world's namespace."""
+    found = world.node.get_subscriptions_info_by_topic(f"/{world.namespace}/{topic}")
+    return [end.node_name for end in found]
 
 
 def test_parameters_are_described_bounded_and_read_only(world: Any) -> None:

@@ -7,9 +7,9 @@ import pytest
 from rabbit_ros.priority import (
     BENEATH,
     NotPermitted,
-    be_ordinary,
     leave_priority,
     scheduling,
+    step_back,
     take_listeners_priority,
     take_priority,
 )
@@ -38,8 +38,20 @@ def test_priority_is_taken_where_permitted() -> None:
     try:
         assert scheduling() == "SCHED_FIFO 7"
     finally:
-        be_ordinary()
+        leave_priority()
     assert scheduling() == "ordinary"
+
+
+@pytest.mark.parametrize(("priority", "own"), [(7, "SCHED_FIFO 6"), (1, "SCHED_FIFO 1"), (0, "ordinary")])
+def test_who_steps_back_is_just_beneath(priority: int, own: str) -> None:
+    try:
+        take_priority(priority)
+    except NotPermitted:
+        pytest.skip("this user may not take SCHED_FIFO")
+    step_back()
+    found = scheduling()
+    leave_priority()
+    assert found == own
 
 
 @pytest.mark.parametrize(

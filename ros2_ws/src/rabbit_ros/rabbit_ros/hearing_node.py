@@ -41,8 +41,7 @@ def hear(
 
 def decoded(data: bytes, kind: Any, limits: dict[str, int]) -> Any:
     """The message in these bytes; raises `Refused`."""
-    if len(data) > MOST_BYTES:
-        raise Refused("too large", f"{len(data)} bytes; expected at most {MOST_BYTES}")
+    check_size(data)
     try:
         message = deserialize_message(data, kind)
     except (rclpy_implementation.RMWError, rclpy_implementation.RCLError, ValueError, MemoryError) as error:
@@ -51,6 +50,12 @@ def decoded(data: bytes, kind: Any, limits: dict[str, int]) -> Any:
         if (length := len(getattr(message, name))) > most:
             raise Refused("wrong length", f"{name} has {length}; expected at most {most}")
     return message
+
+
+def check_size(data: bytes) -> None:
+    """Refuse bytes that are too many for any message of the graph."""
+    if len(data) > MOST_BYTES:
+        raise Refused("too large", f"{len(data)} bytes; expected at most {MOST_BYTES}")
 
 
 def bounds(kind: Any) -> dict[str, int]:

@@ -39,9 +39,15 @@ def scheduling() -> str:
     return f"SCHED_FIFO {os.sched_getparam(0).sched_priority}"
 
 
-def be_ordinary() -> None:
-    """Take the calling thread out of it again: work that can wait."""
-    os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+def step_back() -> None:
+    """Put the calling thread just beneath the others of its process; nothing changes in an ordinary one.
+
+    Not among the ordinary ones: while such a thread holds Python's interpreter lock and is kept from its processor, the
+    others wait for it.
+    """
+    if os.sched_getscheduler(0) == os.SCHED_FIFO:
+        beneath = max(1, os.sched_getparam(0).sched_priority - 1)
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(beneath))
 
 
 def take_listeners_priority(priority: int) -> None:

@@ -100,7 +100,7 @@ class ControllerNode(Node):
         self._tell_swap(self._in_force)
         self._tell_settings()
         hears_published = self._own.swap_at != "never"
-        self._intake = PolicyIntake(self._settings, self._gait, self._on_decided, hears_published)
+        self._intake = PolicyIntake(self, self._settings, self._gait, self._on_decided, hears_published)
 
     # What comes in
 

@@ -1,24 +1,26 @@
 """Where policies come in: from the topic `policy`, if it is heard, or, by service, from a file. Off the control path.
 
-This second node of the controller's process has a thread of its own, in which the bytes are received, decoded and
-checked; what it decided is handed to `decided`, which puts it in force between two ticks.
+The node's own thread only takes the bytes or the path. Another thread decodes and checks them; what it decided is
+handed to `decided`, which puts it in force between two ticks. The service is answered when the check is done.
 """
 
+import queue
 import threading
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from rabbit_description.gait_library import Gaits
 from rabbit_msgs.msg import PolicyWeights
 from rabbit_msgs.srv import LoadPolicy
+from rabbit_ros.answer_node import answer_later
 from rabbit_ros.door import Refused
-from rabbit_ros.hearing_node import hear
-from rabbit_ros.priority import be_ordinary
+from rabbit_ros.hearing_node import bounds, check_size, decoded
+from rabbit_ros.priority import step_back
 from rabbit_ros.qos_node import EVENT
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.task import Future
 
 from rl_cbf_clf_controller.fitting import fitted
 from rl_cbf_clf_controller.parameters import ControllerParameters
@@ -26,6 +28,7 @@ from rl_cbf_clf_controller.policy import Policy
 from rl_cbf_clf_controller.weights import PolicyFileError, decode
 
 MOST_BYTES = 100_000_000  # of a policy file; the shipped ones have half a million
+MOST_WAITING = 20  # policies that wait for their check
 
 
 @dataclass(frozen=True)
@@ -43,52 +46,77 @@ class Decided:
     data: bytes = b""
 
 
-class PolicyIntake(Node):
+class PolicyIntake:
     """Receives, checks and hands over policies."""
 
     def __init__(
-        self, law: ControllerParameters, gaits: Gaits, decided: Callable[[Decided], None], hears_published: bool
+        self,
+        node: Node,
+        law: ControllerParameters,
+        gaits: Gaits,
+        decided: Callable[[Decided], None],
+        hears_published: bool,
     ) -> None:
-        super().__init__("controller_policies", start_parameter_services=False, enable_rosout=False)
-        self._needs, self._decided = (law, gaits), decided
-        if hears_published:  # deeper than a writer's history: with several, one must not push out another's
-            hear(self, PolicyWeights, "policy", self._on_weights, EVENT, self._refuse)
-        self.create_service(LoadPolicy, "load_policy", self._on_load)
-        self._executor = SingleThreadedExecutor()
-        self._executor.add_node(self)
-        self._thread = threading.Thread(target=self._spin, name="policies", daemon=True)
+        """`decided` is called in the thread that checks."""
+        self._node, self._needs, self._decided = node, (law, gaits), decided
+        self._limits = bounds(PolicyWeights)
+        self._jobs: queue.SimpleQueue[Callable[[], None] | None] = queue.SimpleQueue()
+        self._thread = threading.Thread(target=self._work, name="policies", daemon=True)
         self._thread.start()
+        if hears_published:  # deeper than a writer's history: with several, one must not push out another's
+            node.create_subscription(PolicyWeights, "policy", self._on_bytes, EVENT, raw=True)
+        answer_later(node, LoadPolicy, "load_policy", self._on_load)
 
     def close(self) -> None:
         """End the thread."""
-        self._executor.shutdown()
+        self._jobs.put(None)
         self._thread.join(timeout=2.0)
-        self.destroy_node()
 
-    def _spin(self) -> None:
-        be_ordinary()  # a check must not keep a tick waiting
-        with suppress(ExternalShutdownException):
-            self._executor.spin()
+    # In the node's thread
 
-    def _refuse(self, topic: str, error: Refused) -> None:
-        self._decided(Decided("", topic, False, None, str(error)))
+    def _on_bytes(self, data: bytes) -> None:
+        try:
+            check_size(data)
+            if self._jobs.qsize() >= MOST_WAITING:
+                raise Refused("too many", f"{MOST_WAITING} policies wait for their check already")
+        except Refused as error:
+            self._decided(Decided("", "policy", False, None, str(error)))
+            return
+        self._jobs.put(partial(self._check_message, data))
 
-    def _on_weights(self, message: PolicyWeights) -> None:
+    def _on_load(self, request: LoadPolicy.Request, response: LoadPolicy.Response) -> Future:
+        answer = Future(executor=self._node.executor)
+        self._jobs.put(partial(self._check_file, request.path, response, answer))
+        return answer
+
+    # In the thread that checks
+
+    def _work(self) -> None:
+        step_back()  # a tick goes before a check
+        while job := self._jobs.get():
+            job()
+
+    def _check_message(self, data: bytes) -> None:
+        try:
+            message = decoded(data, PolicyWeights, self._limits)
+        except Refused as error:
+            self._decided(Decided("", "policy", False, None, str(error)))
+            return
         decided = check(bytes(message.data), message.source, *self._needs)
         if decided.policy is not None and decided.version != message.version:
             text = f"the message says version {message.version}; its content has {decided.version}"
             decided = Decided("", message.source, False, None, text)
         self._decided(decided)
 
-    def _on_load(self, request: LoadPolicy.Request, response: LoadPolicy.Response) -> LoadPolicy.Response:
+    def _check_file(self, path: str, response: LoadPolicy.Response, answer: Future) -> None:
         try:
-            decided = check(_content(Path(request.path)), request.path, *self._needs, by_operator=True)
+            decided = check(_content(Path(path)), path, *self._needs, by_operator=True)
         except (OSError, ValueError) as error:
-            decided = Decided("", request.path, True, None, f"cannot read {request.path}: {error}")
+            decided = Decided("", path, True, None, f"cannot read {path}: {error}")
         self._decided(decided)
         response.accepted, response.message = decided.policy is not None, decided.reason
         response.version = decided.version
-        return response
+        answer.set_result(response)
 
 
 def _content(path: Path) -> bytes:

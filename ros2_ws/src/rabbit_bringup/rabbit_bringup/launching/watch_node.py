@@ -94,9 +94,13 @@ class Watch:
 
     def _others(self, nodes: list[str]) -> dict[str, int]:
         """Readers of each topic that belong to nobody we started, as a viewer that was there before."""
-        known = (*nodes, "launcher")  # the controller reads policies under a name that begins with its own
+        known = (*nodes, "launcher")
         found = {topic.name: self._node.get_subscriptions_info_by_topic(self._full_name(topic)) for topic in TOPICS}
-        return {name: sum(not end.node_name.startswith(known) for end in ends) for name, ends in found.items()}
+
+        def is_ours(end: Any) -> bool:
+            return bool(end.node_name.removeprefix("_").startswith(known))  # the viewer's hidden node is the viewer's
+
+        return {name: sum(not is_ours(end) for end in ends) for name, ends in found.items()}
 
     def _full_name(self, topic: Topic) -> str:
         return self._node.resolve_topic_name(topic.name)

@@ -39,7 +39,9 @@ class ViewerNode(Node):
         super().__init__("viewer")
         own = declare(self, ViewerParameters)
         refuse_unknown(self)
-        self._newest = NewestTicks(TICK_TOPICS)  # first, since it takes the middleware up to 0.1 s to find the graph
+        self._newest = NewestTicks(
+            self, TICK_TOPICS
+        )  # first, since it takes the middleware up to 0.1 s to find the graph
         self._server = LiveServer(own.host, own.port)
         print(f"live view at {self._server.address}, or open {self._server.page}", flush=True)
         self.failure = ""  # what ends the node
