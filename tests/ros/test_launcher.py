@@ -21,7 +21,7 @@ from rl_trainer.training import Trainer
 
 RABBIT = (sys.executable, "-c", "from rabbit_bringup.cli import app; app()")
 QUICK = ("--no-pictures", "--no-video")
-SLOW = ("--pace", "0.5", "--stones", "200")
+SLOW = ("--pace", "0.5", "--stones", "200", "--ready-timeout", "180")
 SMALL = ("--stones", "1", "--no-trainer", "--record", "none", "--ready-timeout", "180")
 
 

@@ -15,7 +15,7 @@ from launch.events import Shutdown
 from launch_ros.actions import Node
 from rabbit_bringup.commands.options import Given, described
 from rabbit_bringup.commands.walk import MODELS, prepare
-from rabbit_bringup.launching.executables import find_executable
+from rabbit_bringup.launching.executables import LaunchError, find_executable
 from rabbit_bringup.launching.exit_codes import ExitCode
 from rabbit_bringup.launching.parameter_file import write_parameters
 from rabbit_bringup.launching.processes import PATIENCE
@@ -42,8 +42,12 @@ def start(context: LaunchContext) -> list[LaunchDescriptionEntity]:
         walk, graph = prepare(given(context.launch_configurations))
     except typer.Exit as error:  # which has said why
         raise RuntimeError("nothing was started") from error
-    claim = Claim(graph.namespace)
-    claim.look(graph.names)
+    try:
+        claim = Claim(graph.namespace)
+        claim.look(graph.names)
+    except LaunchError:
+        walk.folder.rmdir()  # nothing is in it
+        raise
     write_parameters(walk.folder / "parameters.yaml", graph.parameters)
     (walk.folder / "log").mkdir()
     asked = walk.folder / "log" / "walk.json"
