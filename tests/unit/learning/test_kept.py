@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import torch
 from rl_cbf_clf_controller.policy import ZeroPolicy
 from rl_cbf_clf_controller.uncertainty import Problem
 from rl_trainer.background import Background
@@ -16,7 +17,7 @@ from rl_trainer.journal import Journal
 from rl_trainer.kept import Kept
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.rollout import Record, rollout
-from rl_trainer.session import CheckpointError
+from rl_trainer.session import CHECKPOINT, CheckpointError
 from rl_trainer.training import Trainer
 from rl_trainer.transitions import Transition
 
@@ -136,6 +137,16 @@ def test_what_is_held_out_comes_back(tmp_path: Path, toy_world: Any, toy_control
     Kept(tmp_path, Trainer(PARAMETERS), other)
     for one, two in zip(other.held_out, gate.held_out, strict=True):
         assert_same(one, two)
+
+
+def test_a_checkpoint_with_other_records_is_refused(tmp_path: Path) -> None:
+    Kept(tmp_path, Trainer(PARAMETERS), Gate(PARAMETERS)).begin()
+    Kept(tmp_path, Trainer(PARAMETERS), Gate(PARAMETERS)).save()
+    state = torch.load(tmp_path / CHECKPOINT, weights_only=True)
+    state["more"]["record"] -= 16
+    torch.save(state, tmp_path / CHECKPOINT)
+    with pytest.raises(CheckpointError, match="another version"):
+        Kept(tmp_path, Trainer(PARAMETERS), Gate(PARAMETERS))
 
 
 def test_a_journal_of_other_parameters_is_refused(tmp_path: Path) -> None:

@@ -72,7 +72,8 @@ class Kept:
                 policy = self._trainer.policy_file()
                 policy.write(self._folder / "policies" / f"{self._trainer.episode:03d}.safetensors")
                 records = to_records(self._gate.held_out, self._trainer.parameters)
-                more = {"taken": self.taken, "held_out": torch.from_numpy(records.view(np.uint8).copy())}
+                held_out = torch.from_numpy(records.view(np.uint8).copy())
+                more = {"taken": self.taken, "held_out": held_out, "record": records.itemsize}
                 save_checkpoint(self._folder / CHECKPOINT, self._trainer, more)
                 self._journal.begin(self._trainer.episode)
 
@@ -85,7 +86,10 @@ class Kept:
         more = load_checkpoint(path, self._trainer)
         self.taken = int(more.get("taken", self._trainer.replay.added))
         if "held_out" in more:  # not in those of `rabbit train`
-            records = more["held_out"].numpy().view(record_type(self._trainer.parameters))
+            kind = record_type(self._trainer.parameters)
+            if more.get("record") != kind.itemsize:
+                raise CheckpointError(f"checkpoint {path}: its transitions are of another version; use another folder")
+            records = more["held_out"].numpy().view(kind)
             self._gate.restore(from_records(records, self._trainer.parameters))
 
     @contextlib.contextmanager

@@ -28,7 +28,7 @@ from rabbit_bringup.experiments.operations import near_policy
 from rabbit_bringup.launching.processes import NodeSpec, Processes
 from rabbit_bringup.recording.header import turn_of
 
-PATIENCE = 60.0  # s for an answer on a busy machine
+PATIENCE = 180.0  # s for an answer: the walk may be waiting for the trainer, on a busy machine
 PAUSED_SECONDS = (0.5, 1.0)  # until all that was under way has come; in which nothing may come
 GLANCE = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 SIGMAS = (0.0, 0.5, 1.0)  # rad/s^2: of no harm to the walk
