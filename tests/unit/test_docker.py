@@ -3,12 +3,14 @@
 import os
 import re
 import shlex
+import subprocess
 from pathlib import Path
 from typing import Any
 
 import pytest
 import yaml
 from rabbit_bringup.cli import COMMANDS
+from rabbit_bringup.launching.processes import PATIENCE
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "docker"
@@ -84,3 +86,22 @@ def test_services_are_reached_from_this_machine_alone_and_have_no_privileges() -
         assert all(port.startswith("127.0.0.1:") for port in service.get("ports", []))
         if name != "ground":
             assert (service["network_mode"], service["ipc"]) == ("service:ground", "service:ground")
+
+
+def test_a_container_is_shut_off_and_has_the_time_to_end(tmp_path: Path) -> None:
+    command = [str(FOLDER / "run.sh"), "rabbit", "walk"]
+    asked = subprocess.run(
+        command, cwd=tmp_path, env={**os.environ, "ENGINE": "echo", "IMAGE": "image"}, capture_output=True, text=True
+    ).stdout.strip()
+    assert asked.startswith("run ")
+    assert asked.endswith(" image rabbit walk")
+    for option in ("--network none", "--cap-drop ALL", "--security-opt no-new-privileges", "--init", "--rm"):
+        assert f" {option} " in asked
+    assert f" --volume {tmp_path}/runs:/walks/runs " in asked
+    (stop_timeout,) = re.findall(r"--stop-timeout (\d+)", asked)
+    assert int(stop_timeout) > PATIENCE
+
+
+def test_a_killed_simulator_finds_where_it_stood() -> None:
+    """In the memory that the services share from `up` to `down`; in the volume it would outlast the walk."""
+    assert "-p memory:=/dev/shm/" in services()["simulator"]["command"]
