@@ -109,7 +109,8 @@ def told(walk: Walk) -> Iterator[tuple[str, int, Any]]:
             seen = state.preview
             yield "preview", tick, message("preview", tick, index=seen.index, l_min=seen.l_min, l_max=seen.l_max)
         yield "state", tick, state_message(state)
-        yield "torque", tick, message("torque", tick, torque=record.output.torque, policy_version="zero", fault="")
+        torque = record.output.torque.copy()  # a test may change a message, but not the walk
+        yield "torque", tick, message("torque", tick, torque=torque, policy_version="zero", fault="")
         yield "controller_state", tick, details(record)
     end = walk.records[-1].state.tick + 1
     for landing in walk.landings:
@@ -123,11 +124,11 @@ def state_message(state: Any) -> Any:
     return message(
         "state",
         state.tick,
-        q=np.asarray(state.q),
-        dq=np.asarray(state.dq),
-        foot_force=np.asarray(state.foot_force).ravel(),
-        contact=np.asarray(state.contact, dtype=bool),
-        applied=np.asarray(state.applied),
+        q=np.array(state.q),
+        dq=np.array(state.dq),
+        foot_force=np.array(state.foot_force).ravel(),
+        contact=np.array(state.contact, dtype=bool),
+        applied=np.array(state.applied),
         touchdowns=state.touchdowns,
         previewed=state.preview is not None,
         running=state.running,
@@ -138,7 +139,7 @@ def details(record: Record) -> Any:
     """A `ControllerState`."""
     out = record.output
     fields: dict[str, Any] = {name: getattr(out, name) for name in (*SCALARS, *WORDS)}
-    fields |= {name: np.asarray(getattr(out, name), dtype=float).ravel() for name in (*ARRAYS, *SEQUENCES)}
+    fields |= {name: np.array(getattr(out, name), dtype=float).ravel() for name in (*ARRAYS, *SEQUENCES)}
     fields |= {"quantities": list(out.quantities), "active": list(out.active), "policy_version": out.policy_version}
     fields |= {"stance": int(out.stance), "clf": out.V, "lgv": np.asarray(out.LgV)}
     return message("controller_state", **fields)
