@@ -20,7 +20,7 @@ from .sequence import DYNAMIC, RECORDING_END, SECOND, Sequence, acts
 
 TICKS = st.integers(0, 12)
 WRITERS = ("recorder", "trainer")
-GOOD = [*(("sigma", sigma) for sigma in SIGMAS), *(("pace", pace) for pace in (0.0, 3.0, 30.0))]
+GOOD = [*(("sigma", sigma) for sigma in SIGMAS), *(("pace", pace) for pace in (0.0, 1.0, 30.0))]
 BAD: list[tuple[str, str, Any]] = [
     ("controller", "sigma", -1.0),
     ("controller", "sigma", float("nan")),
@@ -126,15 +126,23 @@ class GraphMachine(Sequence):
 
     # Parameters
 
-    @rule(what=st.sampled_from(GOOD), ticks=TICKS)
+    @rule(what=st.sampled_from(GOOD), ticks=TICKS, moving=st.booleans())
     @there("controller", "simulator")
     @acts
-    def set_good(self, what: tuple[str, float], ticks: int) -> None:
-        """A dynamic parameter within its bounds."""
+    def set_good(self, what: tuple[str, float], ticks: int, moving: bool) -> None:
+        """A dynamic parameter within its bounds; `moving`: the robot goes on before and after."""
         self.at(ticks)
-        name, value = what
-        assert self.graph.set_parameters(DYNAMIC[name], {name: value})
+        (name, value), graph, now = what, self.graph, self.graph.turn
+        moving = moving and graph.is_running and not self.model.is_spoiled
+        if moving:
+            graph.pause(False)
+        assert graph.set_parameters(DYNAMIC[name], {name: value})
         self.model.values[name] = value
+        if moving:
+            self.model.is_spoiled = True
+            after = max(graph.turn, (now[0], now[1] + 3))
+            graph.wait("ticks after the change", lambda: graph.turn > after or not graph.is_running)
+            graph.pause(True)
 
     @rule(what=st.sampled_from(BAD), ticks=TICKS, beside=st.booleans())
     @there(*NODES)

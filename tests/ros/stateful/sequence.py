@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from hypothesis import strategies as st
-from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant
+from hypothesis.stateful import RuleBasedStateMachine, initialize
 from rabbit_ros.diagnostics_node import OK
 
 from .graph import NODES, HeldGraph
@@ -104,6 +104,8 @@ def acts(rule_function: Callable[..., None]) -> Callable[..., None]:
         self.is_well = True
         self.since_look += 1
         Sequence.rules_done += 1
+        if self.since_look >= EVERY:
+            self.look(SEEDS[0])
 
     return act
 
@@ -180,22 +182,16 @@ class Sequence(RuleBasedStateMachine):
 
     # The look
 
-    @invariant()
-    def look_now_and_then(self) -> None:
-        """After every few rules."""
-        if self.since_look >= EVERY:
-            self._look(SEEDS[0])
-
     def teardown(self) -> None:
         """At the end, unless it has failed before."""
         try:
             if self.since_look and self.is_well:
-                self._look(SEEDS[1])
+                self.look(SEEDS[1])
         finally:
             if not self.is_well:
                 Shared.drop(keep=True)
 
-    def _look(self, seed: int) -> None:
+    def look(self, seed: int) -> None:
         """All nodes up: what was refused has changed nothing, and a good episode walks."""
         self.is_well = False
         model, graph = self.model, self.graph
