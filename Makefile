@@ -31,10 +31,11 @@ test: build ## all tests; fails under 90 % coverage of the controller's mathemat
 	  python -m pytest $(PLUGINS) tests -n 2 --dist loadgroup --cov --junitxml=.setup/tests.xml $(ARGS) && \
 	  python scripts/count_tests.py .setup/tests.xml
 
-fuzz: build ## fuzz every entrance, 1,500 cases a test
+fuzz: build ## fuzz every entrance, 1,500 cases a test, and the running graph: hours
 	@$(WITH_WORKSPACE) export OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 PYTEST_DISABLE_PLUGIN_AUTOLOAD=1 && \
 	  python -m pytest -p pytest_timeout -p _hypothesis_pytestplugin --hypothesis-profile=fuzz --hypothesis-show-statistics \
-	  --timeout=7200 tests/fuzz tests/properties/test_weights_bytes.py tests/ros/test_fuzz_nodes.py $(ARGS)
+	  --timeout=7200 tests/fuzz tests/properties/test_weights_bytes.py tests/ros/test_fuzz_nodes.py \
+	  tests/ros/test_stateful.py $(ARGS)
 
 check: setup ## ruff and mypy
 	@.venv/bin/ruff check . && .venv/bin/ruff format --check . && .venv/bin/mypy $(CODE)
