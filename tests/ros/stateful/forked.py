@@ -40,32 +40,28 @@ class ForkedProcesses(Processes):
         _context.set_forkserver_preload([IMPORTED])
         child = _context.Process(target=_run, args=(command, str(self._logs / f"{name}.log")), daemon=True)
         child.start()
-        self._running[name] = Child(child)  # type: ignore[assignment]
+        self._running[name] = Child(child)
 
 
-class Child:
-    """A forked process, as far as `Processes` asks a `subprocess.Popen`."""
+class Child(subprocess.Popen[bytes]):
+    """A forked process as a Popen."""
 
     def __init__(self, process: ForkServerProcess) -> None:
+        self._child_created = False  # by Popen: there is nothing to wait for where this object is collected
         self._process, self.pid = process, process.pid or 0
         while self.poll() is None and os.getsid(self.pid) != self.pid:  # until it can be sent signals
             time.sleep(POLL_SECONDS)
 
-    @property
-    def returncode(self) -> int | None:
-        """As of a Popen: None while it runs."""
-        return self._process.exitcode
-
     def poll(self) -> int | None:
-        """The same."""
+        """The exit code; None while it runs."""
         return self._process.exitcode
 
     def wait(self, timeout: float | None = None) -> int:
         """The exit code; raises `subprocess.TimeoutExpired`."""
         self._process.join(timeout)
-        if self.returncode is None:
+        if self._process.exitcode is None:
             raise subprocess.TimeoutExpired(str(self.pid), timeout or 0.0)
-        return self.returncode
+        return self._process.exitcode
 
 
 def _run(command: tuple[str, ...], log: str) -> None:

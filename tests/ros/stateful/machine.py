@@ -3,6 +3,7 @@
 import random
 import resource
 import signal
+import subprocess
 import time
 from collections.abc import Callable
 from typing import Any
@@ -10,10 +11,11 @@ from typing import Any
 from hypothesis import strategies as st
 from hypothesis.stateful import precondition, rule
 from rabbit_bringup.faults import wrong_messages_node as wrong
+from rabbit_bringup.launching.exit_codes import ExitCode
 from rabbit_msgs.msg import PolicyWeights
 from rabbit_ros.topics_node import TOPICS
 
-from .ears import KINDS
+from .ears import HANG_AFTER, KINDS
 from .graph import NODES
 from .policies import SEEDS, SIGMAS, ZERO, bad, good, torques_of, version_of
 from .sequence import DYNAMIC, RECORDING_END, SECOND, Sequence, acts
@@ -265,6 +267,16 @@ class GraphMachine(Sequence):
             return
         self.graph.lie(topic, LIES[how](random.Random(seed), newest, KINDS[topic].type), stays)
         self.model.is_spoiled = True
+
+    @rule()
+    @precondition(lambda self: self.model.can(*NODES))
+    @acts
+    def walk_beside(self) -> None:
+        """Another walk in this namespace is refused."""
+        command = ["rabbit", "walk", "--namespace", self.graph.namespace, "--out", str(self.graph.folder / "beside")]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=HANG_AFTER, check=False)
+        assert done.returncode == ExitCode.REFUSED, done.stdout + done.stderr
+        assert self.graph.namespace in done.stderr
 
     @rule()
     @acts
