@@ -23,6 +23,7 @@ from .policies import LAW, PLANT, SEEDS, write_all
 
 NODES = ("simulator", "controller", "trainer", "recorder")
 PACKAGES = {"simulator": "rabbit_sim", "controller": "rl_cbf_clf_controller", "trainer": "rl_trainer"}
+ASKED_AGAIN = 2.0  # s
 
 
 class HeldGraph(Ears):
@@ -126,6 +127,8 @@ class HeldGraph(Ears):
         self.wait(f"the torque of tick {now}", lambda: now in self.torques or not self.is_running)
         self.send("controller", signal.SIGSTOP)
         self.pause(False)
+        if not self.comes(lambda: self.turn != now or not self.is_running, ASKED_AGAIN):
+            self.send("controller", signal.SIGCONT)  # the simulator has not heard the torque, and asks for it again
         self.wait(f"the tick after {now}", lambda: self.turn != now or not self.is_running)
         self.pause(True)
         self.send("controller", signal.SIGCONT)
