@@ -1,6 +1,9 @@
 """Whom the simulator waits for: a controller that comes in the middle of a wait is not taken for the dead one."""
 
-from rabbit_sim.answerers_node import Answerers
+import time
+
+import pytest
+from rabbit_sim.answerers_node import DEAD_SECONDS, Answerers
 
 
 class Publisher:
@@ -65,4 +68,16 @@ def test_who_goes_and_comes_back_is_asked_again() -> None:
     graph.names = []
     assert not they.any
     graph.names = [b"one"]
+    assert they.any
+
+
+def test_who_is_there_when_a_dead_one_is_forgotten_is_asked_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It was late once, and nobody asks it: it would be waited for without end."""
+    graph = Graph()
+    they = answerers(graph)
+    graph.names = [b"late"]
+    they.said_nothing()
+    assert not they.any
+    over = time.monotonic() + DEAD_SECONDS
+    monkeypatch.setattr(time, "monotonic", lambda: over)
     assert they.any

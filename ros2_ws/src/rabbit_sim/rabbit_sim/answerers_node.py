@@ -1,11 +1,15 @@
 """Who may answer a state. A killed controller stays in the graph for 20 s, so being there is not enough."""
 
+import time
+
 from rclpy.node import Node
 from rclpy.subscription import Subscription
 
+DEAD_SECONDS = 25.0  # after which the graph has forgotten a dead one: who is still there lives
+
 
 class Answerers:
-    """The publishers of torques, but for those that were asked and said nothing, until one speaks again.
+    """The publishers of torques, but for those that were asked and said nothing: until one speaks, or for 25 s.
 
     One that comes while a tick waits for another's answer has not been asked from the start: it keeps its chance.
     """
@@ -14,12 +18,13 @@ class Answerers:
         self._node, self._torques = node, torques
         self._asked: frozenset[bytes] | None = None
         self._deaf: frozenset[bytes] = frozenset()
+        self._since = 0.0  # when they were found deaf
 
     @property
     def any(self) -> bool:
         """Whether somebody is there to be asked; who was away and came back is."""
         present = self._present()
-        self._deaf &= present
+        self._deaf &= present if time.monotonic() - self._since < DEAD_SECONDS else frozenset()
         return self._torques.get_publisher_count() > 0 and present > self._deaf
 
     def spoke(self) -> None:
@@ -34,7 +39,7 @@ class Answerers:
     def said_nothing(self) -> None:
         """The wait is over."""
         self._deaf = self._present() if self._asked is None else self._asked
-        self._asked = None
+        self._asked, self._since = None, time.monotonic()
 
     def _present(self) -> frozenset[bytes]:
         found = self._node.get_publishers_info_by_topic(self._torques.topic_name)
