@@ -14,6 +14,7 @@ from rabbit_bringup.launching.joining_node import joined
 
 DISCOVERY_SECONDS = 1.0  # within which nodes find each other
 POLL_SECONDS = 0.1
+UNKNOWN = "_NODE_NAME_UNKNOWN_"  # of an end point that is discovered before its node
 
 
 class Claim:
@@ -52,8 +53,7 @@ class Claim:
             node = rclpy.create_node("launcher", namespace=self._namespace, context=context)
             topics = [node.resolve_topic_name(topic.name) for topic in TOPICS if topic.publisher in nodes]
             if clash := first_published(node, topics, 0, seconds):
-                there = {end.node_name for end in node.get_publishers_info_by_topic(clash)}
-                raise self._refusal(f"{', '.join(sorted(there))} publishes {clash}")
+                raise self._refusal(f"{publishers(node, clash, seconds)} publishes {clash}")
 
     def _refusal(self, what: str) -> Refused:
         return Refused(f"{self._where}: {what}; end that graph, or take another --namespace or ROS_DOMAIN_ID")
@@ -69,3 +69,13 @@ def first_published(node: Node, topics: Collection[str], own: int, seconds: floa
         if time.monotonic() >= end:
             return ""
         time.sleep(min(POLL_SECONDS, seconds))
+
+
+def publishers(node: Node, topic: str, seconds: float) -> str:
+    """The names of the nodes that publish on `topic`; "a node" if none becomes known within so many s."""
+    end = time.monotonic() + seconds
+    while True:
+        names = {each.node_name for each in node.get_publishers_info_by_topic(topic)} - {UNKNOWN}
+        if names or time.monotonic() >= end:
+            return ", ".join(sorted(names)) or "a node"
+        time.sleep(POLL_SECONDS)
