@@ -6,6 +6,8 @@ The nodes are in this process, and their callbacks are called with bytes as the 
 import math
 from array import array
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from copy import copy
 from typing import Any
 
 import numpy as np
@@ -128,6 +130,16 @@ def ros(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     rclpy.try_shutdown()
 
 
+@contextmanager
+def closing_node(node: Any) -> Iterator[Any]:
+    """The node, which is gone from the graph afterwards, also after a failed test."""
+    try:
+        yield node
+    finally:
+        node.close()
+        node.destroy_node()
+
+
 def callbacks(node: Any) -> dict[str, Callable[..., None]]:
     """What the middleware calls, by topic."""
     hears = {each.topic_name.split("/")[-1]: each.callback for each in node.subscriptions}
@@ -148,11 +160,9 @@ def feed(data: st.DataObject, hears: dict[str, Callable[..., None]]) -> None:
 @pytest.fixture(scope="module")
 def simulator(ros: None) -> Iterator[SimulatorNode]:
     """A simulator whose controller is whoever sends torques."""
-    node = SimulatorNode()
-    yield node
-    assert refused(node) > 0
-    node.close()
-    node.destroy_node()
+    with closing_node(SimulatorNode()) as node:
+        yield node
+        assert refused(node) > 0
 
 
 @given(data=st.data())
@@ -169,18 +179,30 @@ def test_simulator(simulator: SimulatorNode, data: st.DataObject) -> None:
 @pytest.fixture(scope="module")
 def controller(ros: None) -> Iterator[ControllerNode]:
     """A controller."""
-    node = ControllerNode()
-    yield node
-    assert refused(node) > 0
-    node.close()
-    node.destroy_node()
+    with closing_node(ControllerNode()) as node:
+        yield node
+        assert refused(node) > 0
+
+
+def test_a_state_before_the_announcement_of_its_episode_is_kept_until_then(ros: None) -> None:
+    """A controller that has just started hears the latched announcements a moment after the states."""
+    with closing_node(ControllerNode()) as node:
+        hears = callbacks(node)
+        state, preview, announcement = (copy(SOUND[topic][0]) for topic in ("state", "preview", "episode"))
+        for message in (state, preview, announcement):
+            message.episode = 7
+        for topic, message in (("state", state), ("preview", preview)):
+            hears[topic](bytes(serialize_message(message)))
+        assert (node._answer, refused(node)) == (None, 0)
+        assert "announcement of episode 7" in node._status()[1]
+        hears["episode"](bytes(serialize_message(announcement)))
+        assert (node._answer.episode, node._answer.tick, node._answer.fault) == (7, 0, "")
 
 
 @given(data=st.data())
 def test_controller(controller: ControllerNode, data: st.DataObject) -> None:
     """Each example begins with an announced episode, or in the middle of it."""
     hears = callbacks(controller)
-    hears["policy"] = callbacks(controller._intake)["policy"]
     controller._turn = (0, -1)
     for topic in ("episode", "preview"):
         hears[topic](bytes(serialize_message(SOUND[topic][0])))
@@ -194,13 +216,11 @@ def test_controller(controller: ControllerNode, data: st.DataObject) -> None:
 @pytest.fixture(scope="module")
 def trainer(ros: None) -> Iterator[TrainerNode]:
     """A trainer that has heard of a simulator."""
-    node = TrainerNode()
-    node._start(Episode())
-    yield node
-    assert refused(node) > 0
-    assert node._learning.error == ""
-    node.close()
-    node.destroy_node()
+    with closing_node(TrainerNode()) as node:
+        node._start(Episode())
+        yield node
+        assert refused(node) > 0
+        assert node._learning.error == ""
 
 
 @given(data=st.data())
@@ -223,10 +243,8 @@ def test_trainer(trainer: TrainerNode, data: st.DataObject) -> None:
 @pytest.fixture(scope="module")
 def recorder(ros: None) -> Iterator[RecorderNode]:
     """A recorder; what it has recorded can be read."""
-    node = RecorderNode()
-    yield node
-    node.close()
-    node.destroy_node()
+    with closing_node(RecorderNode()) as node:
+        yield node
     with opened(node._path) as reader:
         assert reader.message_count == node._writer.messages > 0
 

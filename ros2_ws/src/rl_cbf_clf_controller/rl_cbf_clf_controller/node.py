@@ -1,7 +1,8 @@
 """The controller's node: a state comes in, is held until all its tick needs is there, and is answered with a torque.
 
+A state of an episode that is not announced yet is kept until it is: the two topics may overtake each other.
 A tick needs the preview of stone `touchdowns + 1`, if one was announced; the first tick of an episode also needs the
-episode's seed and the policy it names. A controller that comes in the middle of an episode says so, which ends it: it
+policy that the episode names. A controller that comes in the middle of an episode says so, which ends it: it
 does not know since when which leg stands. Policies are checked in another thread (policy_intake_node) and put in
 force between two ticks; every torque says which policy made it.
 """
@@ -77,6 +78,7 @@ class ControllerNode(Node):
         self._episode = Episode(sigma=math.nan)
         self._previews = Previews()
         self._held: RabbitState | None = None
+        self._early: RabbitState | None = None  # of an episode that is not announced yet
         self._turn = (0, -1)  # episode and tick of the newest state
         self._answer: TorqueCommand | None = None  # to it
         self._connect()
@@ -111,23 +113,27 @@ class ControllerNode(Node):
             return
         try:
             state_of(message, None, finite=message.running)
+            if message.episode > self._episode.episode:
+                self._early = message
+                return
             if self._is_in_the_middle(message):
-                self._turn, self._held = turn, None
+                self._turn, self._held, self._early = turn, None, None
                 self._give_up(message, f"the controller came in at tick {message.tick}, in the middle of the episode")
                 return
             self._check_turn(message)
         except Refused as error:
             self._refuse("state", error)
             return
-        self._turn, self._held, self._answer = turn, message if message.running else None, None
+        self._turn, self._held, self._early = turn, message if message.running else None, None
+        self._answer = None
         if not message.running:
             self._door.accept("state")
         self._go_on()
 
     def _check_turn(self, message: RabbitState) -> None:
-        """The next tick, or the first one of an episode that is or is about to be announced."""
-        turn, announced = (message.episode, message.tick), self._episode.episode
-        begins = message.tick == 0 and max(self._turn[0], announced - 1) < message.episode <= announced + 1
+        """The next tick, or the first one of the announced episode."""
+        turn = (message.episode, message.tick)
+        begins = message.tick == 0 and self._turn[0] < message.episode == self._episode.episode
         check_turn(turn, turn if begins else (self._turn[0], self._turn[1] + 1))
 
     def _is_in_the_middle(self, message: RabbitState) -> bool:
@@ -159,6 +165,9 @@ class ControllerNode(Node):
         if is_new_simulator(message) and self._turn[0] > 0:
             self._turn, self._held, self._previews = (0, -1), None, Previews()
         self._episode = message
+        if self._early is not None and self._early.episode == message.episode:
+            early, self._early = self._early, None
+            self._on_state(early)
         self._go_on()
 
     def _on_decided(self, decided: Decided) -> None:
@@ -204,17 +213,12 @@ class ControllerNode(Node):
             return f"preview of stone {stone}"
         if message.tick > 0:
             return ""
-        if not self._is_announced(message):
-            return f"announcement of episode {message.episode}"
         wanted = self._wanted()
         return "" if not wanted or self._here(wanted) else f"policy {wanted}"
 
-    def _is_announced(self, message: RabbitState) -> bool:
-        return self._episode.episode == message.episode and self._episode.phase != Episode.WAITING
-
     def _refusal(self, message: RabbitState) -> str:
         """Why the policy that this tick waits for cannot come; empty when it may."""
-        wanted = self._wanted() if message.tick == 0 and self._is_announced(message) else ""
+        wanted = self._wanted() if message.tick == 0 else ""
         refused = [d.reason for d in self._refused if d.version == wanted]
         return f"policy {wanted} was refused: {refused[-1]}" if refused else ""
 
@@ -312,8 +316,9 @@ class ControllerNode(Node):
         }
         if not self._states.get_publisher_count():
             return WARN, "waiting for a simulator", figures
-        missing = self._missing(self._held) if self._held else ""
-        if missing:
+        if self._early:
+            return WARN, f"waits for the announcement of episode {self._early.episode}", figures
+        if missing := self._missing(self._held) if self._held else "":
             return WARN, f"tick {self._turn[1]} of episode {self._turn[0]} waits for the {missing}", figures
         return OK, f"episode {self._turn[0]}", figures
 
