@@ -5,7 +5,7 @@
 # IMAGE (rabbit) and ENGINE (docker; podman) from the environment.
 set -euo pipefail
 mkdir -p runs
-options=(--rm --init --network none --shm-size 512m --cap-drop ALL --security-opt no-new-privileges)
+options=(--rm --init --network none --cap-drop ALL --security-opt no-new-privileges)
 options+=(--stop-timeout 30) # the launcher ends its nodes in order, and gives each 12 s
 options+=(--volume "$PWD/runs:/walks/runs" --env HOME=/tmp)
 [[ ! -t 0 || ! -t 1 ]] || options+=(--interactive --tty)

@@ -1,4 +1,4 @@
-"""A node that was stopped hears everybody again: without `healthy_check_timeout_ms`, one stop in fifteen ended that."""
+"""A node that was stopped hears everybody again: through Fast DDS's shared memory, one stop in fifteen ended that."""
 
 import os
 import signal
