@@ -28,7 +28,7 @@ walk: build ## RABBIT walks over 20 stepping stones through the three nodes
 
 test: build ## all tests; fails under 90 % coverage of the controller's mathematics
 	@$(WITH_WORKSPACE) export OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 PYTEST_DISABLE_PLUGIN_AUTOLOAD=1 && \
-	  python -m pytest $(PLUGINS) tests -n 2 --dist loadgroup --cov --junitxml=.setup/tests.xml $(ARGS) && \
+	  python -m pytest $(PLUGINS) tests -n 2 --cov --junitxml=.setup/tests.xml $(ARGS) && \
 	  python scripts/count_tests.py .setup/tests.xml
 
 fuzz: build ## fuzz every entrance, 1,500 cases a test, and the running graph: hours

@@ -1,4 +1,4 @@
-"""Tests that start nodes: on a ROS domain of their own, on this machine only, one after another in one worker."""
+"""Tests that start nodes: on this machine only, each worker on a ROS domain of its own."""
 
 import os
 import time
@@ -9,7 +9,6 @@ from typing import Any
 import pytest
 from rabbit_ros.network import choose_network
 
-HERE = Path(__file__).parent
 DOMAINS = 100  # domain ids above 101 may meet the ephemeral ports
 PACKAGES = {"simulator": "rabbit_sim", "controller": "rl_cbf_clf_controller", "trainer": "rl_trainer"}
 SHORT = {"motor_lag": 0.004, "stones": 3}  # a plant for tests that need a walk, not a result
@@ -17,14 +16,6 @@ SHORT = {"motor_lag": 0.004, "stones": 3}  # a plant for tests that need a walk,
 os.environ["ROS_DOMAIN_ID"] = str(1 + os.getpid() % DOMAINS)
 choose_network()
 os.environ.setdefault("OMP_NUM_THREADS", "1")
-
-
-@pytest.hookimpl(tryfirst=True)
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Keep these tests in one worker: two graphs at once would share the processor."""
-    for item in items:
-        if item.path.is_relative_to(HERE):
-            item.add_marker(pytest.mark.xdist_group("ros"))
 
 
 class World:

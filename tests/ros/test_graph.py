@@ -2,7 +2,6 @@
 
 import itertools
 import math
-import os
 import resource
 import time
 from collections.abc import Callable
@@ -165,17 +164,16 @@ def test_a_message_of_any_size_leaves_no_memory_taken(world: Any) -> None:
     refused = partial(refusals, world.hear("diagnostics"))
     world.say("episode", Episode())
     world.wait(lambda: bool(world.hear("diagnostics")))
-    before = resident_bytes()
+    before = resident_bytes(world.processes.pid("controller"))
     size = 50_000_000
     world.say("episode", Episode(reason="x" * size))
     world.say("policy", PolicyWeights(data=bytes(size)))
     world.wait(lambda: {"refused episode: too large", "refused policy: not fit"} <= set(refused()))
-    world.wait(lambda: resident_bytes() < before + size / 4)
+    world.wait(lambda: resident_bytes(world.processes.pid("controller")) < before + size / 4)
 
 
-def resident_bytes() -> int:
-    """Of the one node that runs."""
-    (pid,) = Path(f"/proc/self/task/{os.getpid()}/children").read_text().split()
+def resident_bytes(pid: int) -> int:
+    """Of a process."""
     return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * resource.getpagesize()
 
 

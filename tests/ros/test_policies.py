@@ -277,7 +277,7 @@ def test_no_thread_of_a_controller_with_a_priority_is_ordinary(world: Any) -> No
     world.wait(lambda: bool(diagnostic(world, "controller", "scheduling")))
     if diagnostic(world, "controller", "scheduling") == "ordinary":
         pytest.skip("this user may not take SCHED_FIFO")
-    (process,) = Path(f"/proc/self/task/{os.getpid()}/children").read_text().split()
+    process = world.processes.pid("controller")
     threads = [int(thread.name) for thread in Path(f"/proc/{process}/task").iterdir()]
     assert {os.sched_getscheduler(thread) for thread in threads} == {os.SCHED_FIFO}
     assert {os.sched_getparam(thread).sched_priority for thread in threads} == {19, 20}

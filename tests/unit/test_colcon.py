@@ -6,13 +6,9 @@ import sys
 from pathlib import Path
 from xml.etree import ElementTree
 
-import pytest
-
 WORKSPACE = Path(__file__).resolve().parents[2] / "ros2_ws"
 PACKAGES = {path.parent.name for path in WORKSPACE.glob("src/*/package.xml")}
 TESTED = PACKAGES - {"rabbit_msgs"}  # it has messages alone
-
-pytestmark = pytest.mark.xdist_group("packages")
 
 
 def colcon(*arguments: str, logs: Path) -> subprocess.CompletedProcess[str]:

@@ -39,8 +39,6 @@ for module in pkgutil.walk_packages(root.__path__, f"{package}."):
 print(root.__file__, *sys.modules)
 """
 
-pytestmark = pytest.mark.xdist_group("packages")
-
 
 def is_node(path: Path) -> bool:
     """Whether a file may import rclpy."""
