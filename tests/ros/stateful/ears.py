@@ -26,7 +26,7 @@ from rl_trainer.transitions import Transition
 
 PADDING = 4  # bytes: messages come filled up to a multiple of them
 KNOWN_SECONDS = 0.1  # until a new publisher is known to its readers
-HANG_AFTER = 600.0  # s: a guard against hangs, no bar
+HANG_AFTER = 120.0  # s: a guard against hangs, no bar
 SERVICES = {
     "pause": Pause,
     "reset_episode": ResetEpisode,
