@@ -33,7 +33,11 @@ def main() -> int:
     for number in (signal.SIGINT, signal.SIGTERM):  # also where a shell has had Ctrl-C ignored
         signal.signal(number, signal.default_int_handler)
     try:
-        rows = [run_batch(options.batch, options.out)] if options.batch is not None else campaign(options)
+        if options.batch is not None:
+            rows = [run_batch(options.batch, options.out)]
+            print(line(rows[0]))
+        else:
+            rows = campaign(options)
     except KeyboardInterrupt:
         print(f"interrupted; the same command goes on from {options.out}", file=sys.stderr)
         return INTERRUPTED
@@ -50,11 +54,15 @@ def campaign(options: argparse.Namespace) -> list[dict[str, Any]]:
         rows.append(run_batch(options.first + len(rows), options.out))
         with path.open("a", encoding="utf-8") as file:
             file.write(json.dumps(rows[-1]) + "\n")
-        row = {**rows[-1], "wrong": "" if rows[-1]["passed"] else f", WRONG:\n{rows[-1]['wrong']}"}
-        now = time.strftime("%H:%M:%S")
-        text = "{now} batch {batch}: {sequences} sequences, {rules} rules, {seconds} s; {done} of {all} rules{wrong}"
-        print(text.format(now=now, done=done + row["rules"], all=options.rules, **row), flush=True)
+        print(f"{line(rows[-1])}; {done + rows[-1]['rules']} of {options.rules} rules", flush=True)
     return rows
+
+
+def line(row: dict[str, Any]) -> str:
+    """What is printed of a batch: after one that failed, what was wrong, and the recipe."""
+    text = "{batch}: {sequences} sequences, {rules} rules, {seconds} s".format(**row)
+    wrong = "" if row["passed"] else f"{row['wrong']}\nWRONG: "
+    return f"{wrong}{time.strftime('%H:%M:%S')} batch {text}"
 
 
 def run_batch(number: int, out: Path) -> dict[str, Any]:
