@@ -39,6 +39,11 @@ class HeldGraph(Ears):
         for name in NODES:
             self.start(name)
 
+    def note(self, rule: str, arguments: dict[str, Any]) -> None:
+        """Write down what begins now: a graph that hangs leaves the rules that led there in `rules.txt`."""
+        with (self.folder / "rules.txt").open("a", encoding="utf-8") as file:
+            file.write(f"{time.strftime('%H:%M:%S')} {self.turn} {rule} {arguments}\n")
+
     def close(self) -> None:
         """End all."""
         self._own.kill()

@@ -100,6 +100,7 @@ def acts(rule_function: Callable[..., None]) -> Callable[..., None]:
     @wraps(rule_function)
     def act(self: "Sequence", **arguments: Any) -> None:
         self.is_well = False
+        self.graph.note(rule_function.__name__, arguments)
         rule_function(self, **arguments)
         self.is_well = True
         self.since_look += 1
@@ -195,6 +196,7 @@ class Sequence(RuleBasedStateMachine):
         """All nodes up: what was refused has changed nothing, and a good episode walks."""
         self.is_well = False
         model, graph = self.model, self.graph
+        graph.note("look", {"seed": seed})
         self._bring_back()
         self._wait_until_well()
         for name, node in DYNAMIC.items():
