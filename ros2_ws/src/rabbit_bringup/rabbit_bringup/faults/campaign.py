@@ -236,4 +236,4 @@ class Session:
     def _heard(self, since: float, before: float, is_cut: bool) -> Heard:
         witness = self._witness
         ended = witness.ended_within(since, before)
-        return Heard(witness.answered(since, before), witness.answered(), ended, is_cut)
+        return Heard(witness.answered(since, before), witness.seen, ended, is_cut)

@@ -14,9 +14,11 @@ Turn = tuple[int, int]  # episode and tick
 
 @dataclass(frozen=True)
 class Heard:
-    """By the witness; ticks of which it heard state, torque and controller state.
+    """By the witness.
 
-    `wanted` were heard while the recorder was there, but for a killed one's last second; `ever`: since the graph began.
+    `wanted`: ticks of which it heard state, torque and controller state while the recorder was there, but for a killed
+    one's last second. `ever`: all of which it heard the state since the graph began; a controller that has just been
+    started may not know of the witness yet.
     `ended`: the episodes that ended meanwhile, with their outcomes. `is_cut`: the recorder was killed.
     """
 

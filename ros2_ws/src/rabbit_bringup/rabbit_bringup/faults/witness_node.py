@@ -1,6 +1,5 @@
 """Hears the graph while faults come: what was told when, and what was acknowledged. Spins in a thread of its own."""
 
-import math
 import random
 import threading
 import time
@@ -77,7 +76,12 @@ class Witness:
         """The ticks heard from `since` on, before a moment of `time.monotonic`."""
         return [turn for at, turn in list(self.ticks) if since <= at < moment]
 
-    def answered(self, since: float = 0.0, before: float = math.inf) -> frozenset[Turn]:
+    @property
+    def seen(self) -> frozenset[Turn]:
+        """All ticks of which the state was heard."""
+        return frozenset(self._turns["state"].copy())
+
+    def answered(self, since: float, before: float) -> frozenset[Turn]:
         """The ticks of which state, torque and controller state were heard, all from `since` on, before a moment."""
         times = [dict(heard) for heard in self._turns.values()]
         whole = set.intersection(*(set(heard) for heard in times))
