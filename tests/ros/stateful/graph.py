@@ -156,13 +156,13 @@ class HeldGraph(Ears):
 
     # Another graph
 
-    def walk_elsewhere(self) -> tuple[str, list[bytes]]:
-        """Outcome and torques of an episode in another namespace."""
+    def walk_elsewhere(self) -> tuple[str, dict[int, bytes]]:
+        """Outcome of an episode in another namespace, and its torques by tick, as far as they were heard."""
         namespace = f"elsewhere_{time.time_ns()}"
         ended: list[Episode] = []
-        torques: list[bytes] = []
+        torques: dict[int, bytes] = {}
         hears = {"episode": lambda m: m.phase == Episode.ENDED and ended.append(m)}
-        hears |= {"torque": lambda m: torques.append(m.torque.tobytes())}
+        hears |= {"torque": lambda m: torques.__setitem__(m.tick, m.torque.tobytes())}
         for name, hear in hears.items():
             self.node.create_subscription(KINDS[name].type, f"/{namespace}/{name}", hear, KINDS[name].qos)
         own = {"simulator": PLANT.model_dump() | {"seed": SEEDS[0]}, "controller": LAW.model_dump(mode="json")}
