@@ -33,6 +33,7 @@ from rabbit_bringup.recording.loss import Loss
 from rabbit_bringup.recording.simulated_time import SimulatedTime
 
 IDLE_SECONDS = 0.3  # without a message, after which nothing more is on its way
+BACKLOG = 200  # messages of a topic that may wait: far more are announced at once only where somebody steps the robot
 FOREVER = QosTime(9223372036, 854775807)  # as `ros2 bag` writes it
 
 
@@ -85,7 +86,7 @@ class RecorderNode(Node):
         name = self.resolve_topic_name(topic.name)
         self._writer.add(name, topic.type_name, [offered(topic.qos)])
         callback = with_info(partial(self._on_bytes, topic, name))
-        return self.create_subscription(topic.type, topic.name, callback, topic.qos, raw=True)
+        return self.create_subscription(topic.type, topic.name, callback, listening(topic.qos), raw=True)
 
     def _on_bytes(self, topic: Topic, name: str, data: bytes, info: dict[str, Any]) -> None:
         """What cannot be read is recorded too."""
@@ -134,6 +135,11 @@ def free_path(path: Path) -> Path:
     """The folder itself, or the first of `PATH-2`, `PATH-3`, ... that is not there: a recorder may be started again."""
     paths = chain([path], (path.with_name(f"{path.name}-{n}") for n in count(2)))
     return next(each for each in paths if not each.exists())
+
+
+def listening(profile: QoSProfile) -> QoSProfile:
+    """The profile with a queue in which messages wait while the disk is written."""
+    return QoSProfile(depth=max(profile.depth, BACKLOG), reliability=profile.reliability, durability=profile.durability)
 
 
 def offered(profile: QoSProfile) -> Qos:
