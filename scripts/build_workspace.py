@@ -69,6 +69,14 @@ def clear_generated_scripts() -> None:
                 old.unlink(missing_ok=True)
 
 
+def clear_dangling_links() -> None:
+    """Remove what leads to a file that has left its package: colcon would stop there."""
+    for folder in (WORKSPACE / "build", INSTALL):
+        for path in folder.rglob("*"):
+            if path.is_symlink() and not path.exists():
+                path.unlink()
+
+
 def colcon_build() -> None:
     """Call colcon in an environment without another ROS 2 or Python in it."""
     environment = {name: value for name, value in os.environ.items() if name in KEPT}
@@ -90,6 +98,7 @@ def build() -> None:
     say("build: the ROS 2 workspace (a minute the first time)")
     clear_if_moved()
     clear_generated_scripts()
+    clear_dangling_links()
     colcon_build()
     mark_done("workspace", key)
 

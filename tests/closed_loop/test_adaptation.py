@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rabbit_bringup.experiments.assembly import Assembly
-from rabbit_bringup.experiments.evaluation import episode, walk
 from rabbit_description.state import Array
+from rabbit_experiments.assembly import Assembly
+from rabbit_experiments.evaluation import episode, walk
 from rl_cbf_clf_controller.adaptation import KNOWN
 from rl_trainer.rollout import Record
 

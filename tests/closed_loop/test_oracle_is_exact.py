@@ -9,9 +9,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from rabbit_bringup.experiments.assembly import Assembly
-from rabbit_bringup.experiments.evaluation import episode
 from rabbit_description.state import Array, RobotState
+from rabbit_experiments.assembly import Assembly
+from rabbit_experiments.evaluation import episode
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.pinned_dynamics import PinnedDynamics
 from rabbit_sim.robot_urdf import perturbed_urdf

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rabbit_bringup.experiments.assembly import Assembly, resolve_policy
-from rabbit_bringup.experiments.evaluation import episode_seeds, evaluate, record_walk, walk
-from rabbit_bringup.experiments.metrics import RunResult
-from rabbit_bringup.viewing.walk_records import ARRAYS
+from rabbit_experiments.assembly import Assembly, resolve_policy
+from rabbit_experiments.evaluation import episode_seeds, evaluate, record_walk, walk
+from rabbit_experiments.metrics import RunResult
+from rabbit_viewer.walk_records import ARRAYS
 from rl_cbf_clf_controller.parameters import load_parameters
 
 MakeAssembly = Callable[..., Assembly]

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rabbit_bringup.experiments.assembly import Assembly
-from rabbit_bringup.experiments.evaluation import episode, walk
+from rabbit_experiments.assembly import Assembly
+from rabbit_experiments.evaluation import episode, walk
 from rl_trainer.rollout import Record
 
 MakeAssembly = Callable[..., Assembly]

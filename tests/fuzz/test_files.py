@@ -11,14 +11,14 @@ import pytest
 import yaml
 from hypothesis import example, given
 from hypothesis import strategies as st
-from rabbit_bringup.recording.bag_writer import BagWriter, RecordingError, Storage, graph_types
-from rabbit_bringup.recording.contents import contents
-from rabbit_bringup.recording.opening import opened, told
-from rabbit_bringup.recording.reader import iterate_episodes
-from rabbit_bringup.recording.recover import recover
 from rabbit_description import GAITS
 from rabbit_description.gait import GaitError, load_gait
 from rabbit_description.gait_library import load_gaits
+from rabbit_recording.bag_writer import BagWriter, RecordingError, Storage, graph_types
+from rabbit_recording.contents import contents
+from rabbit_recording.opening import opened, told
+from rabbit_recording.reader import iterate_episodes
+from rabbit_recording.recover import recover
 from rabbit_sim.memory import Memory, MemoryFileError
 from rabbit_sim.stones import CourseError, read_course
 from rl_cbf_clf_controller.parameters import CONFIG

@@ -10,20 +10,20 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from pydantic import BaseModel, ValidationError
-from rabbit_bringup.commands.bench import BenchOptions
-from rabbit_bringup.commands.evaluate import EvaluationOptions
-from rabbit_bringup.commands.train import SessionOptions
 from rabbit_bringup.launching.walk import WalkOptions
-from rabbit_bringup.viewing.live.parameters import ViewerParameters
+from rabbit_campaigns.commands.bench import BenchOptions
 from rabbit_description.gait import load_gait
+from rabbit_experiments.commands.evaluate import EvaluationOptions
+from rabbit_experiments.commands.train import SessionOptions
+from rabbit_gait_design.specification import GaitSpecification
 from rabbit_sim.actuation import Actuation
 from rabbit_sim.initial_state import initial_state
 from rabbit_sim.node_parameters import NodeParameters
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.robot_urdf import perturbed_urdf
 from rabbit_sim.stones import draw_course
+from rabbit_viewer.live.parameters import ViewerParameters
 from rl_cbf_clf_controller.controller import Controller
-from rl_cbf_clf_controller.gait_design.specification import GaitSpecification
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import ZeroPolicy
 from rl_trainer.parameters import TrainingParameters

@@ -10,7 +10,6 @@ import pytest
 from rabbit_ros.network import choose_network
 
 DOMAINS = 100  # domain ids above 101 may meet the ephemeral ports
-PACKAGES = {"simulator": "rabbit_sim", "controller": "rl_cbf_clf_controller", "trainer": "rl_trainer"}
 SHORT = {"motor_lag": 0.004, "stones": 3}  # a plant for tests that need a walk, not a result
 
 os.environ["ROS_DOMAIN_ID"] = str(1 + os.getpid() % DOMAINS)
@@ -42,7 +41,7 @@ class World:
     def start(self, name: str, arguments: tuple[str, ...] = (), **parameters: Any) -> None:
         """Start a node under these parameters, and further ROS arguments. The simulator is paused until `go`."""
         from rabbit_bringup.launching.parameter_file import write_parameters
-        from rabbit_bringup.launching.processes import NodeSpec
+        from rabbit_bringup.launching.processes import PACKAGES, NodeSpec
 
         if name == "simulator":
             parameters = {"start_paused": True, **parameters}
@@ -50,7 +49,7 @@ class World:
         path = self.folder / f"{name}.yaml"
         write_parameters(path, {name: parameters})
         options = ("--ros-args", "--params-file", str(path), "-r", f"__ns:=/{self.namespace}", "-r", "/clock:=clock")
-        self.processes.start(NodeSpec(PACKAGES.get(name, "rabbit_bringup"), name, (*options, *arguments)))
+        self.processes.start(NodeSpec(PACKAGES[name], name, (*options, *arguments)))
 
     def hear(self, name: str) -> list[Any]:
         """All messages of a topic from now on, and those that are latched."""

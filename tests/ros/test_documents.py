@@ -10,11 +10,11 @@ import rl_cbf_clf_controller.node
 import rl_trainer.node
 import yaml
 from pydantic import BaseModel
-from rabbit_bringup.recording import recorder_node
-from rabbit_bringup.viewing.live.parameters import ViewerParameters
+from rabbit_recording import recorder_node
 from rabbit_ros.topics_node import TOPICS
 from rabbit_sim import node as simulator
 from rabbit_sim.parameters import SimulationParameters
+from rabbit_viewer.live.parameters import ViewerParameters
 from rclpy.node import Node
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_trainer.parameters import TrainingParameters

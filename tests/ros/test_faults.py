@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from rabbit_bringup.faults.campaign import RESULTS, draws, read_results, run_session
-from rabbit_bringup.faults.plan import KINDS, NODES, SECOND, Fault
+from rabbit_campaigns.faults.campaign import RESULTS, draws, read_results, run_session
+from rabbit_campaigns.faults.plan import KINDS, NODES, SECOND, Fault
 
 HANG_AFTER = 180.0  # s
 FAULTS = [

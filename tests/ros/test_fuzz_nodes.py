@@ -17,10 +17,10 @@ import rclpy
 from builtin_interfaces.msg import Time
 from hypothesis import given
 from hypothesis import strategies as st
-from rabbit_bringup.recording.opening import opened
-from rabbit_bringup.recording.recorder_node import RecorderNode
 from rabbit_description.gait import load_gait
 from rabbit_msgs.msg import Episode, EpisodePlan, PolicySwap, PolicyWeights
+from rabbit_recording.opening import opened
+from rabbit_recording.recorder_node import RecorderNode
 from rabbit_ros.conversions_node import preview_message, state_message
 from rabbit_ros.qos_node import EVENT
 from rabbit_ros.with_info_node import NUMBER, SENT

@@ -18,12 +18,12 @@ from typing import Any
 
 import pytest
 import yaml
-from rabbit_bringup.commands.options import Given
 from rabbit_bringup.commands.walk import prepare
-from rabbit_bringup.launching.executables import find_executable
-from rabbit_bringup.launching.exit_codes import ExitCode
 from rabbit_bringup.launching.parameter_file import write_parameters
 from rabbit_bringup.launching.processes import Processes
+from rabbit_cli.executables import find_executable
+from rabbit_cli.exit_codes import ExitCode
+from rabbit_cli.options import Given
 from rabbit_msgs.msg import Episode
 
 FILE = Path(__file__).parents[2] / "ros2_ws" / "src" / "rabbit_bringup" / "launch" / "walk.launch.py"

@@ -12,9 +12,9 @@ from typing import Any
 
 import pytest
 import yaml
-from rabbit_bringup.launching.exit_codes import ExitCode
-from rabbit_bringup.recording.reader import messages, read_episodes
+from rabbit_cli.exit_codes import ExitCode
 from rabbit_msgs.srv import ResetEpisode
+from rabbit_recording.reader import messages, read_episodes
 from rl_cbf_clf_controller.weights import decode, policy_path
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.training import Trainer

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 from rabbit_bringup.launching.walk import WalkOptions, make_graph, run_graph
-from rabbit_bringup.recording.reader import RecordedEpisode, read_episodes
 from rabbit_description.gait import load_gait
+from rabbit_recording.reader import RecordedEpisode, read_episodes
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.simulation import Simulation
 from rl_cbf_clf_controller.controller import Controller, ControllerOutput

@@ -20,8 +20,8 @@ COMMANDS = {
     "simulator": "rabbit run rabbit_sim simulator --ros-args -p start_paused:=true",
     "controller": "rabbit run rl_cbf_clf_controller controller --ros-args",
     "trainer": "rabbit run rl_trainer trainer --ros-args",
-    "recorder": "rabbit run rabbit_bringup recorder --ros-args",
-    "viewer": "rabbit run rabbit_bringup viewer --ros-args -p port:=0",
+    "recorder": "rabbit run rabbit_recording recorder --ros-args",
+    "viewer": "rabbit run rabbit_viewer viewer --ros-args -p port:=0",
 }
 PATIENCE = 180.0  # s, on a busy machine
 

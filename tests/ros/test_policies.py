@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from rabbit_bringup.recording.reader import read_episodes
-from rabbit_bringup.recording.replay import differing_ticks
 from rabbit_msgs.msg import Episode, EpisodePlan, PolicyWeights
 from rabbit_msgs.srv import LoadPolicy, ResetEpisode
+from rabbit_recording.reader import read_episodes
+from rabbit_recording.replay import differing_ticks
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.uncertainty import Problem
 from rl_cbf_clf_controller.weights import PROBE, PolicyFile, forward, policy_path, probe_inputs, read

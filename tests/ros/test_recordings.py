@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 from rabbit_bringup.launching.walk import WalkOptions, make_graph, run_graph
-from rabbit_bringup.recording.account import Presence
-from rabbit_bringup.recording.bag_writer import BagWriter, RecordingError, graph_types
-from rabbit_bringup.recording.checking import check_episodes
-from rabbit_bringup.recording.opening import opened
-from rabbit_bringup.recording.player_node import Playing, play
-from rabbit_bringup.recording.reader import iterate_accounts, read_episodes
-from rabbit_bringup.recording.recover import recover
 from rabbit_msgs.msg import Episode
 from rabbit_msgs.srv import Pause
+from rabbit_recording.account import Presence
+from rabbit_recording.bag_writer import BagWriter, RecordingError, graph_types
+from rabbit_recording.checking import check_episodes
+from rabbit_recording.opening import opened
+from rabbit_recording.player_node import Playing, play
+from rabbit_recording.reader import iterate_accounts, read_episodes
+from rabbit_recording.recover import recover
 from rabbit_sim.parameters import SimulationParameters
 from rclpy.serialization import deserialize_message
 from rl_cbf_clf_controller.parameters import ControllerParameters

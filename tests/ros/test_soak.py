@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from rabbit_bringup.experiments.operations import (
+from rabbit_campaigns.operations import (
     KINDS,
     LATCHED,
     SECOND,
@@ -14,7 +14,7 @@ from rabbit_bringup.experiments.operations import (
     turns_in,
     unfit_policy,
 )
-from rabbit_bringup.experiments.operator_node import Operator
+from rabbit_campaigns.operator_node import Operator
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.weights import policy_path
 

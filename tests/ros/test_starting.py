@@ -11,7 +11,7 @@ from rabbit_bringup.launching.parameter_file import ParameterFileError, read_par
 from rclpy.signals import SignalHandlerOptions
 
 RABBIT = (sys.executable, "-c", "from rabbit_bringup.cli import app; app()")
-RECORDER = ("run", "rabbit_bringup", "recorder")
+RECORDER = ("run", "rabbit_recording", "recorder")
 
 
 def last_line(*words: str, **environment: str | None) -> tuple[int, str]:

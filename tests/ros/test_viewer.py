@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 import pytest
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
-from rabbit_bringup.force_ratio import LOADED
-from rabbit_bringup.recording.reader import read_episodes
-from rabbit_bringup.viewing.live.listen import Channel, Listener
-from rabbit_bringup.viewing.live.plots import JOINTS
-from rabbit_bringup.viewing.skeleton import feet, torso_points
+from rabbit_description.force_ratio import LOADED
 from rabbit_description.state import Leg
+from rabbit_recording.reader import read_episodes
+from rabbit_viewer.live.listen import Channel, Listener
+from rabbit_viewer.live.plots import JOINTS
+from rabbit_viewer.skeleton import feet, torso_points
 from rl_trainer.rollout import Record
 
 RABBIT = (sys.executable, "-c", "from rabbit_bringup.cli import app; app()")

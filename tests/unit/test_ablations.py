@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 import typer
-from rabbit_bringup.experiments import ablations
-from rabbit_bringup.experiments.ablations import NEWEST, VARIANTS, Row, Rows, Study, StudyError, markdown
+from rabbit_experiments import ablations
+from rabbit_experiments.ablations import NEWEST, VARIANTS, Row, Rows, Study, StudyError, markdown
 from rl_trainer.parameters import TrainingParameters
 from typer.testing import CliRunner, Result
 

@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from rabbit_bringup.experiments.results import ResultsError
-from rabbit_bringup.recording.bag_writer import RecordingError
-from rabbit_bringup.recording.checking import controller_parameters
-from rabbit_bringup.recording.opening import opened
-from rabbit_bringup.recording.recover import recover
-from rabbit_bringup.viewing.walk_records import RecordsError, load_records
 from rabbit_description.gait import GaitError, load_gait
+from rabbit_experiments.results import ResultsError
+from rabbit_recording.bag_writer import RecordingError
+from rabbit_recording.checking import controller_parameters
+from rabbit_recording.opening import opened
+from rabbit_recording.recover import recover
 from rabbit_sim.stones import CourseError, read_course
+from rabbit_viewer.walk_records import RecordsError, load_records
 from rl_cbf_clf_controller import parameters as controller
 from rl_cbf_clf_controller import weights
 from rl_trainer import parameters as training

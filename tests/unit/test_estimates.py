@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from rabbit_bringup.experiments.assembly import EVALUATION_LAG, Assembly
-from rabbit_bringup.experiments.estimates import NoTicksError, compare, errors
 from rabbit_description.state import Array
+from rabbit_experiments.assembly import EVALUATION_LAG, Assembly
+from rabbit_experiments.estimates import NoTicksError, compare, errors
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.context import PolicyContext
 from rl_cbf_clf_controller.parameters import load_parameters

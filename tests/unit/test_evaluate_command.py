@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rabbit_bringup.cli import COMMANDS, app
-from rabbit_bringup.experiments.assembly import Assembly
+from rabbit_bringup.cli import app, commands
+from rabbit_experiments.assembly import Assembly
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters, load_parameters
 from rl_cbf_clf_controller.uncertainty import Problem
@@ -170,7 +170,7 @@ import sys
 sys.modules["rclpy"] = None
 from typer.testing import CliRunner
 from rabbit_bringup.cli import app
-for words in (["--help"], {[[name, "--help"] for name in COMMANDS if name not in ("walk", "run")]!r}[0]):
+for words in (["--help"], {[[name, "--help"] for name in commands() if name not in ("walk", "run")]!r}[0]):
     assert CliRunner().invoke(app, words).exit_code == 0
 print(sorted({{"torch", "pybullet", "matplotlib", "pinocchio"}} & sys.modules.keys()))
 """

@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rabbit_bringup.experiments.metrics import IMPACT_TICKS, ForceTally, RunResult, RunTally
 from rabbit_description.gait import load_gait
 from rabbit_description.state import Array, Leg, RobotState, StonePreview
+from rabbit_experiments.metrics import IMPACT_TICKS, ForceTally, RunResult, RunTally
 from rabbit_sim.simulation import Landing, Outcome
 from rl_cbf_clf_controller.controller import Controller, ControllerOutput
 from rl_cbf_clf_controller.parameters import load_parameters

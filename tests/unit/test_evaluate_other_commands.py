@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from rabbit_bringup.cli import COMMANDS, app
+from rabbit_bringup.cli import app, commands
 from rl_cbf_clf_controller.weights import read
 from typer.testing import CliRunner, Result
 
@@ -92,12 +92,12 @@ def test_a_bad_value_ends_in_one_line(words: tuple[object, ...], told: str) -> N
 
 def test_every_command_is_listed_and_others_are_not_known() -> None:
     text = rabbit("--help").output
-    assert all(name in text for name in COMMANDS)
+    assert all(name in text for name in commands())
     assert rabbit("dance").exit_code == 2
 
 
 def test_loading_a_policy_without_ros_says_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "rabbit_bringup.launching.ask_node", None)  # as if it could not be imported
+    monkeypatch.setitem(sys.modules, "rabbit_cli.ask_node", None)  # as if it could not be imported
     refused = rabbit("policy", "load", "nowhere")
     assert (refused.exit_code, refused.stderr.count("\n")) == (1, 1)
     assert "source ros2_ws/install/setup.bash" in refused.stderr

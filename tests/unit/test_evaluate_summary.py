@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rabbit_bringup.experiments.metrics import ForceTick, RunResult, RunRow
-from rabbit_bringup.experiments.results import ResultsError, ResultsFolder
-from rabbit_bringup.experiments.summary import mean_interval, summarise, wilson
+from rabbit_experiments.metrics import ForceTick, RunResult, RunRow
+from rabbit_experiments.results import ResultsError, ResultsFolder
+from rabbit_experiments.summary import mean_interval, summarise, wilson
 
 
 def result(run: int, **changes: Any) -> RunResult:

@@ -1,33 +1,15 @@
 """The exit codes of a walk: which counts of several, and one table in code, docs and `--help`."""
 
 import re
-import signal
 import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-from rabbit_bringup.launching.exit_codes import MEANINGS, OF_THE_GRAPH, ExitCode, of_signal, of_walk
+from rabbit_cli.exit_codes import MEANINGS, OF_THE_GRAPH, ExitCode, of_walk
 from rabbit_sim.simulation import Outcome
 
 PAGE = (Path(__file__).parents[2] / "docs" / "operations.md").read_text(encoding="utf-8")
 WHILE_IT_RUNS = {Outcome.IDLE, Outcome.RUNNING}
-
-
-@pytest.mark.parametrize(
-    ("outcomes", "code"),
-    [
-        (["walked"], ExitCode.WALKED),
-        (["walked", "fall", "walked"], ExitCode.FELL),
-        (["silent", "fall", "walked"], ExitCode.FAULT),
-        (["reset", "walked"], ExitCode.WALKED),  # an operator asked for the second
-        (["reset", "miss"], ExitCode.FELL),
-        (["walked", "reset"], ExitCode.FAULT),  # nothing followed it
-        ([], ExitCode.FAULT),
-    ],
-)
-def test_the_worst_episode_counts(outcomes: list[str], code: ExitCode) -> None:
-    assert of_walk(outcomes) is code
 
 
 def test_every_outcome_of_the_robot_is_walked_or_fell() -> None:
@@ -35,10 +17,6 @@ def test_every_outcome_of_the_robot_is_walked_or_fell() -> None:
         assert of_walk([outcome.value]) is (ExitCode.WALKED if outcome is Outcome.WALKED else ExitCode.FELL)
         assert outcome is Outcome.WALKED or outcome.value in MEANINGS[ExitCode.FELL]
     assert {of_walk([outcome]) for outcome in OF_THE_GRAPH} == {ExitCode.FAULT}
-
-
-def test_a_signal_has_the_shells_code() -> None:
-    assert [of_signal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)] == [130, 143, 129]
 
 
 def test_docs_and_help_have_the_same_table() -> None:

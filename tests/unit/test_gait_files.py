@@ -12,8 +12,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from rabbit_description import GAITS
 from rabbit_description.gait import Gait, GaitError, load_gait, shipped_gaits
-from rl_cbf_clf_controller.gait_design import GaitSpecification
-from rl_cbf_clf_controller.gait_design.orbit import Orbit
+from rabbit_gait_design import GaitSpecification
+from rabbit_gait_design.orbit import Orbit
 
 DESIGNED = [name for name in shipped_gaits() if "specification" in load_gait(name).metadata]
 CONTENT = yaml.safe_load((GAITS / f"{DESIGNED[0]}.yaml").read_text(encoding="utf-8"))

@@ -12,9 +12,9 @@ from rabbit_description import LIBRARIES
 from rabbit_description.gait import DEFAULT_GAIT, Gait, GaitError, load_gait
 from rabbit_description.gait_library import GaitLibrary, load_gaits, shipped_libraries
 from rabbit_description.state import Array, StonePreview
-from rl_cbf_clf_controller.gait_design import GaitSpecification
-from rl_cbf_clf_controller.gait_design.library import library_specifications
-from rl_cbf_clf_controller.gait_design.orbit import Orbit
+from rabbit_gait_design import GaitSpecification
+from rabbit_gait_design.library import library_specifications
+from rabbit_gait_design.orbit import Orbit
 from rl_cbf_clf_controller.step_outputs import (
     FADED,
     LEAST_RATE,

@@ -4,9 +4,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from rabbit_description.gait import load_gait
-from rl_cbf_clf_controller.gait_design.analysis import OracleWalk, fixed_point, pinned_state, poincare_eigenvalue
-from rl_cbf_clf_controller.gait_design.orbit import Orbit, start_phase_rate
-from rl_cbf_clf_controller.gait_design.zero_dynamics import ZeroDynamics, loaded_model
+from rabbit_gait_design.analysis import OracleWalk, fixed_point, pinned_state, poincare_eigenvalue
+from rabbit_gait_design.orbit import Orbit, start_phase_rate
+from rabbit_gait_design.zero_dynamics import ZeroDynamics, loaded_model
 from rl_cbf_clf_controller.virtual_constraints import VirtualConstraints
 
 GAIT = load_gait("stones_0350_070")

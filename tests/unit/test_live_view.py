@@ -10,22 +10,22 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rabbit_bringup.experiments.assembly import Assembly
-from rabbit_bringup.experiments.evaluation import record_walk
-from rabbit_bringup.viewing.live.frames import WORLD, link_frames, turn_about_y
-from rabbit_bringup.viewing.live.gather import KEPT, Gather
-from rabbit_bringup.viewing.live.listen import Listener
-from rabbit_bringup.viewing.live.moment import Edges, Limits, Moment, Step
-from rabbit_bringup.viewing.live.plots import PLOTTED, plotted
-from rabbit_bringup.viewing.live.server import LiveServer, ViewError
-from rabbit_bringup.viewing.live.shapes import Arrow, Box, Line, Sheet, draw
-from rabbit_bringup.viewing.scene import stone_spans
-from rabbit_bringup.viewing.skeleton import feet
-from rabbit_bringup.viewing.walk_records import WalkRecords
 from rabbit_description import URDF_PATH
 from rabbit_description.state import Leg
+from rabbit_experiments.assembly import Assembly
+from rabbit_experiments.evaluation import record_walk
 from rabbit_sim.kinematics import foot_positions
 from rabbit_sim.parameters import SimulationParameters
+from rabbit_viewer.live.frames import WORLD, link_frames, turn_about_y
+from rabbit_viewer.live.gather import KEPT, Gather
+from rabbit_viewer.live.listen import Listener
+from rabbit_viewer.live.moment import Edges, Limits, Moment, Step
+from rabbit_viewer.live.plots import PLOTTED, plotted
+from rabbit_viewer.live.server import LiveServer, ViewError
+from rabbit_viewer.live.shapes import Arrow, Box, Line, Sheet, draw
+from rabbit_viewer.scene import stone_spans
+from rabbit_viewer.skeleton import feet
+from rabbit_viewer.walk_records import WalkRecords
 from rl_cbf_clf_controller.parameters import load_parameters
 from scipy.spatial.transform import Rotation
 
@@ -129,7 +129,7 @@ def test_values_that_are_not_there_are_left_out(walk: WalkRecords) -> None:
 
 
 def test_layout_names_what_is_served() -> None:
-    layout = json.loads((files("rabbit_bringup.viewing.live") / "layout.json").read_text())
+    layout = json.loads((files("rabbit_viewer.live") / "layout.json").read_text())
     panels = layout["configById"]
     paths = {path["value"] for panel in panels.values() for path in panel.get("paths", ())}
     assert paths <= {f"/plots.{name}" for name in PLOTTED}

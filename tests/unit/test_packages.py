@@ -9,6 +9,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from functools import cache
+from graphlib import TopologicalSorter
 from importlib.metadata import PathDistribution
 from pathlib import Path
 from xml.etree import ElementTree
@@ -17,13 +18,18 @@ import pytest
 from catkin_pkg.package import parse_package
 
 SOURCES = Path(__file__).resolve().parents[2] / "ros2_ws" / "src"
-PACKAGES = ("rabbit_description", "rabbit_ros", "rabbit_sim", "rl_cbf_clf_controller", "rl_trainer", "rabbit_bringup")
+PACKAGES = (  # each may import only packages before it, and not those beside it
+    *("rabbit_description", "rabbit_ros", "rabbit_cli"),
+    *("rabbit_sim", "rl_cbf_clf_controller", "rl_trainer", "rabbit_gait_design"),
+    *("rabbit_recording", "rabbit_viewer", "rabbit_experiments", "rabbit_bringup", "rabbit_campaigns"),
+)
+BESIDE = {  # package -> modules before it that it must never import
+    "rl_cbf_clf_controller": {"rabbit_sim", "pybullet", "torch"},
+    "rl_trainer": {"rabbit_sim", "pybullet", "rl_cbf_clf_controller.oracle"},
+    "rabbit_gait_design": {"rabbit_sim", "rl_trainer"},
+}
 NOT_BELOW = {  # package -> modules that it must never import
-    "rabbit_description": {"rabbit_ros", "rabbit_sim", "rl_cbf_clf_controller", "rl_trainer", "rabbit_bringup"},
-    "rabbit_ros": {"rabbit_sim", "rl_cbf_clf_controller", "rl_trainer", "rabbit_bringup"},
-    "rabbit_sim": {"rl_cbf_clf_controller", "rl_trainer", "rabbit_bringup"},
-    "rl_cbf_clf_controller": {"rabbit_sim", "pybullet", "torch", "rl_trainer", "rabbit_bringup"},
-    "rl_trainer": {"rabbit_sim", "pybullet", "rabbit_bringup", "rl_cbf_clf_controller.oracle"},
+    package: {*PACKAGES[i + 1 :], *BESIDE.get(package, ())} for i, package in enumerate(PACKAGES)
 }
 BROUGHT_BY = {"pydantic_core": "pydantic", "annotated_types": "pydantic", "mpl_toolkits": "matplotlib"}
 BROUGHT_BY |= {"foxglove": "foxglove_sdk", "torch.utils.tensorboard": "tensorboard"}
@@ -103,10 +109,44 @@ def test_only_nodes_know_ros(package: str) -> None:
     assert not offenders
 
 
-@pytest.mark.parametrize("package", NOT_BELOW)
+@pytest.mark.parametrize("package", PACKAGES)
 def test_nobody_imports_what_is_above_or_beside(package: str) -> None:
     offenders = {str(path): found for path in modules(package) if (found := imports_any(path, NOT_BELOW[package]))}
     assert not offenders
+
+
+def test_the_page_on_the_architecture_lists_them_in_this_order() -> None:
+    page = (SOURCES.parents[1] / "docs" / "architecture.md").read_text(encoding="utf-8")
+    listed = [line.split()[0] for line in page.split("```")[1].strip().splitlines()]
+    assert [name for name in listed if name != "rabbit_msgs"] == list(PACKAGES)
+
+
+def name_of(path: Path) -> str:
+    """A module's dotted name."""
+    return ".".join(path.relative_to(SOURCES).with_suffix("").parts[1:]).removesuffix(".__init__")
+
+
+def imported_at_once(statement: ast.AST) -> Iterator[str]:
+    """What a module imports when it is imported itself: not in its functions, not for the type checker."""
+    for child in ast.iter_child_nodes(statement):
+        if isinstance(child, ast.Import):
+            yield from (alias.name for alias in child.names)
+        elif isinstance(child, ast.ImportFrom) and child.module:
+            yield from (f"{child.module}.{alias.name}" for alias in child.names)
+        elif not isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef) and "TYPE_CHECKING" not in ast.unparse(
+            getattr(child, "test", ast.Constant(0))
+        ):
+            yield from imported_at_once(child)
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_no_module_imports_itself_by_way_of_others(package: str) -> None:
+    names = {name_of(path): path for path in modules(package)}
+    graph = {}
+    for name, path in names.items():
+        found = set(imported_at_once(ast.parse(path.read_text(encoding="utf-8"))))
+        graph[name] = {each if each in names else each.rpartition(".")[0] for each in found} & names.keys() - {name}
+    list(TopologicalSorter(graph).static_order())  # raises CycleError with the circle
 
 
 def test_the_learner_names_no_oracle() -> None:
@@ -155,7 +195,7 @@ def test_one_maintainer_whom_ros_tools_accept() -> None:
 
 def test_pip_finds_the_packages_beside(checkout: Path, tmp_path: Path) -> None:
     options = ["--dry-run", "--no-index", "--no-build-isolation", "--report", str(tmp_path / "report.json")]
-    command = [sys.executable, "-m", "pip", "install", "--quiet", *options, str(checkout / "rabbit_bringup")]
+    command = [sys.executable, "-m", "pip", "install", "--quiet", *options, str(checkout / PACKAGES[-1])]
     subprocess.run(command, check=True, timeout=300)
     items = json.loads((tmp_path / "report.json").read_text())["install"]
     found = {item["metadata"]["name"].replace("-", "_"): item["download_info"]["url"] for item in items}

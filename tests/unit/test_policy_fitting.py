@@ -4,9 +4,9 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from rabbit_bringup.experiments.assembly import Assembly
 from rabbit_description.gait import load_gait
 from rabbit_description.gait_library import load_gaits
+from rabbit_experiments.assembly import Assembly
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.simulation import Outcome
 from rl_cbf_clf_controller.context import PolicyContext

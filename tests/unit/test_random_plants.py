@@ -1,8 +1,8 @@
 """Robots drawn at random to train on."""
 
 import pytest
-from rabbit_bringup.experiments.random_plants import BEND, DAMPING, LOSS, PAYLOAD, SCALES, RandomPlants, random_plant
 from rabbit_description.gait import DEFAULT_GAIT, load_gait
+from rabbit_experiments.random_plants import BEND, DAMPING, LOSS, PAYLOAD, SCALES, RandomPlants, random_plant
 from rabbit_sim.parameters import SimulationParameters
 
 PLANT = SimulationParameters(mass_scale=2.0, stones=3)

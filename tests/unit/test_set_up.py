@@ -99,6 +99,22 @@ def test_a_stamp_holds_only_for_the_same_inputs(script, monkeypatch: pytest.Monk
     assert not common.is_done("step", key)
 
 
+def test_links_to_files_that_have_left_a_package_are_removed(
+    script, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    build_workspace = script("build_workspace")
+    monkeypatch.setattr(build_workspace, "WORKSPACE", tmp_path)
+    monkeypatch.setattr(build_workspace, "INSTALL", tmp_path / "install")
+    folders = [tmp_path / "build" / "one" / "bin", tmp_path / "install" / "one" / "lib" / "one"]
+    (tmp_path / "kept").touch()
+    for folder in folders:
+        folder.mkdir(parents=True)
+        (folder / "moved").symlink_to(tmp_path / "nowhere")
+        (folder / "kept").symlink_to(tmp_path / "kept")
+    build_workspace.clear_dangling_links()
+    assert [path.name for folder in folders for path in folder.iterdir()] == ["kept", "kept"]
+
+
 def test_mending_wheels_twice_changes_nothing_more(script, tmp_path: Path) -> None:
     mend = script("mend_ros_wheels")
     cmake = tmp_path / "share" / "std_msgs" / "cmake" / "export_std_msgs__rosidl_generator_pyExport.cmake"

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rabbit_bringup.experiments.operations import (
+from rabbit_campaigns.operations import (
     KINDS,
     OPERATIONS,
     RECORDED,
@@ -20,8 +20,8 @@ from rabbit_bringup.experiments.operations import (
     read_operations,
     unfit_policy,
 )
-from rabbit_bringup.experiments.soak import LAUNCHER, WARM_UP, judge
-from rabbit_bringup.recording.reader import RecordedEpisode
+from rabbit_campaigns.soak import LAUNCHER, WARM_UP, judge
+from rabbit_recording.reader import RecordedEpisode
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
 NODES = ("simulator", "controller", LAUNCHER)

@@ -32,6 +32,6 @@ setup(
         "pydantic>=2",
         "safetensors",
     ],
-    extras_require={"test": ["pytest"], "gait": ["casadi>=3.8", "matplotlib"]},
+    extras_require={"test": ["pytest"]},
     entry_points={"rabbit.nodes": ["controller = rl_cbf_clf_controller.node:main"]},
 )

@@ -69,7 +69,7 @@ def run_batch(number: int, out: Path) -> dict[str, Any]:
     """Sequences of one length; the row says what was wrong, and the shortest recipe that was found for it."""
     from hypothesis import HealthCheck, Phase, seed, settings
     from hypothesis.stateful import run_state_machine_as_test
-    from rabbit_bringup.experiments import provenance
+    from rabbit_experiments import provenance
 
     from .machine import GraphMachine
     from .sequence import Sequence, Shared

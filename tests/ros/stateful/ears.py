@@ -10,9 +10,9 @@ from typing import Any
 import rclpy
 from diagnostic_msgs.msg import DiagnosticStatus
 from rabbit_bringup.launching.processes import Processes
-from rabbit_bringup.recording.header import turn_of
 from rabbit_msgs.msg import Episode
 from rabbit_msgs.srv import LoadPolicy, Pause, ResetEpisode
+from rabbit_recording.header import turn_of
 from rabbit_ros.diagnostics_node import OK
 from rabbit_ros.topics_node import TOPICS
 from rcl_interfaces.msg import Parameter as ParameterMessage

@@ -15,8 +15,8 @@ from multiprocessing import forkserver
 from multiprocessing.context import ForkServerProcess
 from pathlib import Path
 
-from rabbit_bringup.launching.executables import find_executable
 from rabbit_bringup.launching.processes import POLL_SECONDS, NodeSpec, Processes
+from rabbit_cli.executables import find_executable
 
 GROUP = "rabbit.nodes"
 IMPORTED = "tests.ros.stateful.imported"

@@ -10,10 +10,10 @@ import time
 from pathlib import Path
 from typing import Any
 
-from rabbit_bringup.faults.checks import check_recording, check_transitions
-from rabbit_bringup.faults.graph import TRAINING
 from rabbit_bringup.launching.parameter_file import write_parameters
-from rabbit_bringup.launching.processes import PATIENCE, NodeSpec
+from rabbit_bringup.launching.processes import PACKAGES, PATIENCE, NodeSpec
+from rabbit_campaigns.faults.checks import check_recording, check_transitions
+from rabbit_campaigns.faults.graph import TRAINING
 from rabbit_msgs.msg import Episode
 from rabbit_msgs.srv import Pause
 
@@ -22,7 +22,6 @@ from .forked import ForkedProcesses
 from .policies import LAW, PLANT, SEEDS, write_all
 
 NODES = ("simulator", "controller", "trainer", "recorder")
-PACKAGES = {"simulator": "rabbit_sim", "controller": "rl_cbf_clf_controller", "trainer": "rl_trainer"}
 ASKED_AGAIN = 2.0  # s
 
 
@@ -181,4 +180,4 @@ def spec(name: str, path: Path, namespace: str) -> NodeSpec:
     """A node with a parameter file; a second one of its kind has a 2 behind its name."""
     executable = name.removesuffix("2")
     ros = ("--ros-args", "--params-file", str(path), "-r", f"__ns:=/{namespace}", "-r", f"{executable}:__node:={name}")
-    return NodeSpec(PACKAGES.get(executable, "rabbit_bringup"), executable, (*ros, "-r", "/clock:=clock"))
+    return NodeSpec(PACKAGES[executable], executable, (*ros, "-r", "/clock:=clock"))

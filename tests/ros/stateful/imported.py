@@ -1,7 +1,7 @@
 """What the server of `forked` imports once for all nodes: their modules, and what these import only as they run."""
 
 import torch._dynamo  # noqa: F401  by the first optimiser
-from rabbit_bringup.recording import recorder_node  # noqa: F401
+from rabbit_recording import recorder_node  # noqa: F401
 from rabbit_ros.topics_node import TOPICS
 from rabbit_sim import node as simulator_node  # noqa: F401
 from rl_cbf_clf_controller import node as controller_node  # noqa: F401

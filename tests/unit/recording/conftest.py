@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rabbit_bringup.recording.bag_writer import BagWriter, Storage, graph_types
 from rabbit_description.gait import load_gait
+from rabbit_recording.bag_writer import BagWriter, Storage, graph_types
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.simulation import Landing, Simulation
 from rl_cbf_clf_controller.controller import Controller

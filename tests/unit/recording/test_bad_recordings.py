@@ -11,11 +11,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from rabbit_bringup.cli import app
-from rabbit_bringup.recording.bag_writer import BagWriter, RecordingError, graph_types
-from rabbit_bringup.recording.contents import contents
-from rabbit_bringup.recording.opening import MCAP_MAGIC
-from rabbit_bringup.recording.reader import read_episodes
-from rabbit_bringup.recording.recover import recover
+from rabbit_recording.bag_writer import BagWriter, RecordingError, graph_types
+from rabbit_recording.contents import contents
+from rabbit_recording.opening import MCAP_MAGIC
+from rabbit_recording.reader import read_episodes
+from rabbit_recording.recover import recover
 from typer.testing import CliRunner
 
 from .conftest import MESSAGES

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from rabbit_bringup.recording.bag_writer import BagWriter, RecordingError, Storage, graph_types
-from rabbit_bringup.recording.opening import opened
-from rabbit_bringup.recording.recover import recover
+from rabbit_recording.bag_writer import BagWriter, RecordingError, Storage, graph_types
+from rabbit_recording.opening import opened
+from rabbit_recording.recover import recover
 
 TICKS_A_SECOND = 100
 TICK_SECONDS = 1 / TICKS_A_SECOND

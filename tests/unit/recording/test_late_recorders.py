@@ -15,15 +15,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from rabbit_bringup.cli import app
-from rabbit_bringup.recording.account import BY_TICK, UNANSWERED, Presence
-from rabbit_bringup.recording.bag_writer import BagWriter
-from rabbit_bringup.recording.contents import contents
-from rabbit_bringup.recording.header import episode_and_phase_of, nanoseconds_of
-from rabbit_bringup.recording.heard import FIRST_WORD
-from rabbit_bringup.recording.in_force import Settings
-from rabbit_bringup.recording.reader import iterate_accounts
-from rabbit_bringup.recording.simulated_time import SimulatedTime
 from rabbit_description.gait import load_gait
+from rabbit_recording.account import BY_TICK, UNANSWERED, Presence
+from rabbit_recording.bag_writer import BagWriter
+from rabbit_recording.contents import contents
+from rabbit_recording.header import episode_and_phase_of, nanoseconds_of
+from rabbit_recording.heard import FIRST_WORD
+from rabbit_recording.in_force import Settings
+from rabbit_recording.reader import iterate_accounts
+from rabbit_recording.simulated_time import SimulatedTime
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from typer.testing import CliRunner
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from rabbit_bringup.faults.reading import Heard, misreadings
+from rabbit_campaigns.faults.reading import Heard, misreadings
 
 from .conftest import Walk
 

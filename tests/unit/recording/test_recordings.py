@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 import yaml
 from rabbit_bringup.cli import app
-from rabbit_bringup.recording.checking import check_episodes
-from rabbit_bringup.recording.contents import contents
-from rabbit_bringup.recording.reader import read_episodes
+from rabbit_recording.checking import check_episodes
+from rabbit_recording.contents import contents
+from rabbit_recording.reader import read_episodes
 from typer.testing import CliRunner, Result
 
 from .conftest import SEED, TICK_NS, Walk

@@ -2,20 +2,17 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from rabbit_bringup.cli import app
-from rabbit_bringup.recording.bag_writer import LOST, BagWriter
-from rabbit_bringup.recording.checking import check_episodes
-from rabbit_bringup.recording.chunk_index import ChunkIndex
-from rabbit_bringup.recording.contents import contents
-from rabbit_bringup.recording.loss import Loss
-from rabbit_bringup.recording.reader import read_episodes
-from rabbit_bringup.recording.replay import differing_ticks
+from rabbit_recording.bag_writer import LOST, BagWriter
+from rabbit_recording.checking import check_episodes
+from rabbit_recording.contents import contents
+from rabbit_recording.reader import read_episodes
+from rabbit_recording.replay import differing_ticks
 from typer.testing import CliRunner
 
 from .conftest import LATCHED, SEED, TICK_NS, TOPICS, TYPES, Walk, message, told
@@ -97,35 +94,3 @@ def test_a_torque_that_stood_in_is_replayed(tmp_path: Path, write_bag: Any, walk
 
     state = read_episodes(write_bag(tmp_path / "bag", change=change))[1].records[10].state
     assert np.array_equal(state.applied, walk.records[8].output.torque)
-
-
-def test_gaps_in_a_publishers_count_are_losses() -> None:
-    loss = Loss()
-    for number in (5, 6, 9, 10):
-        loss.heard("/state", number)
-    assert loss.lost == {"/state": 2}
-    loss.heard("/state", 1)  # started anew
-    loss.heard("/state", 2)
-    loss.heard("/torque", 2**64 - 1)  # not numbered
-    assert loss.lost == {"/state": 2}
-
-
-def test_a_strangers_messages_are_no_losses() -> None:
-    loss = Loss()
-    for number in (416, 1, 417, 418, 2, 419, 421):
-        loss.heard("/state", number)
-    assert loss.lost == {"/state": 1}
-
-
-def test_the_index_gives_back_what_it_was_given(tmp_path: Path) -> None:
-    index, records = ChunkIndex(tmp_path), [bytes([i]) * (i + 1) for i in range(50)]
-    for part in (records[:20], records[20:]):
-        for data in part:
-            record = BytesIO()
-            record.write(data)
-            index.append(record)
-        assert [record.getvalue() for record in index][-1] == part[-1]
-    assert [record.getvalue() for record in index] == records
-    assert all(record.tell() == len(record.getvalue()) for record in index)
-    assert len(index) == len(records)
-    assert not list(tmp_path.iterdir())

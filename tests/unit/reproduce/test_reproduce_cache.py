@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from rabbit_bringup.experiments.assembly import Assembly
-from rabbit_bringup.reproduce import jobs, runner, sources
-from rabbit_bringup.reproduce.cache import Cache
-from rabbit_bringup.reproduce.contenders import CBF_CLF
-from rabbit_bringup.reproduce.jobs import Job
-from rabbit_bringup.reproduce.sources import reached_from, sources_hash
+from rabbit_experiments.assembly import Assembly
+from rabbit_experiments.reproduce import jobs, runner, sources
+from rabbit_experiments.reproduce.cache import Cache
+from rabbit_experiments.reproduce.contenders import CBF_CLF
+from rabbit_experiments.reproduce.jobs import Job
+from rabbit_experiments.reproduce.sources import reached_from, sources_hash
 
 JOB = Job("walk", CBF_CLF.assembly(stones=1), 7)
 
@@ -85,7 +85,7 @@ def test_policy_bytes_are_part_of_the_key(tmp_path: Path, monkeypatch: pytest.Mo
 
 def test_changed_sources_rerun(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, counted: list[int]) -> None:
     assert runner.run([JOB], Cache(tmp_path), 1) == 1
-    monkeypatch.setattr("rabbit_bringup.reproduce.cache.sources_hash", lambda *_: "changed")
+    monkeypatch.setattr("rabbit_experiments.reproduce.cache.sources_hash", lambda *_: "changed")
     assert runner.run([JOB], Cache(tmp_path), 1) == 1
     assert counted == [7, 7]
 

@@ -8,16 +8,16 @@ from typing import Any
 
 import pytest
 from rabbit_bringup.cli import app
-from rabbit_bringup.commands import evaluate as evaluate_module
-from rabbit_bringup.reproduce import catalogue
-from rabbit_bringup.reproduce.cache import Cache
-from rabbit_bringup.reproduce.catalogue import EXPERIMENTS
-from rabbit_bringup.reproduce.commands import evaluate_command
-from rabbit_bringup.reproduce.experiment import Experiment
-from rabbit_bringup.reproduce.lines import COLUMNS, FULL, QUICK, Found, Line, Size
-from rabbit_bringup.reproduce.making import make
-from rabbit_bringup.reproduce.page import PAGE
-from rabbit_bringup.reproduce.report import Table, read_report
+from rabbit_experiments.commands import evaluate as evaluate_module
+from rabbit_experiments.reproduce import catalogue
+from rabbit_experiments.reproduce.cache import Cache
+from rabbit_experiments.reproduce.catalogue import EXPERIMENTS
+from rabbit_experiments.reproduce.commands import evaluate_command
+from rabbit_experiments.reproduce.experiment import Experiment
+from rabbit_experiments.reproduce.lines import COLUMNS, FULL, QUICK, Found, Line, Size
+from rabbit_experiments.reproduce.making import make
+from rabbit_experiments.reproduce.page import PAGE
+from rabbit_experiments.reproduce.report import Table, read_report
 from typer.testing import CliRunner, Result
 
 Maker = Callable[..., Experiment]
@@ -65,7 +65,7 @@ def test_what_was_stopped_leaves_what_is_whole(
     def stopped(*_: Any) -> int:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("rabbit_bringup.reproduce.making.run", stopped)
+    monkeypatch.setattr("rabbit_experiments.reproduce.making.run", stopped)
     with pytest.raises(KeyboardInterrupt):
         make([whole, other], tiny, tmp_path, ["one-stone", "other"])
     assert "## one-stone" in (tmp_path / PAGE).read_text()
@@ -74,7 +74,7 @@ def test_what_was_stopped_leaves_what_is_whole(
 
 def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, one_stone: Maker, tiny: Size) -> None:
     monkeypatch.setattr(catalogue, "EXPERIMENTS", (one_stone(),))
-    monkeypatch.setattr("rabbit_bringup.reproduce.lines.QUICK", tiny)
+    monkeypatch.setattr("rabbit_experiments.reproduce.lines.QUICK", tiny)
     done = rabbit("reproduce", "one-stone", "--quick", "--out", tmp_path, "--jobs", 1)
     assert done.exit_code == 0, done.output
     assert (tmp_path / PAGE).is_file()
@@ -112,7 +112,7 @@ def test_a_rows_command_makes_its_runs(line: Line, monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(evaluate_module, "conclude", lambda *_: {})
     monkeypatch.setattr(evaluate_module, "show", lambda *_: None)
     words = shlex.split(evaluate_command(case).replace("--out DIR", "--out .never"))
-    monkeypatch.setattr("rabbit_bringup.experiments.results.ResultsFolder", lambda *_: None)
+    monkeypatch.setattr("rabbit_experiments.results.ResultsFolder", lambda *_: None)
     assert rabbit(*words[1:]).exit_code == 0
     assert seen["a"] == case.assembly
     assert (seen["r"].runs, seen["r"].seed) == (case.runs, case.seed)

@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from rabbit_bringup.reproduce.differentiation import (
+from rabbit_description.state import TICK_SECONDS, Array
+from rabbit_experiments.reproduce.differentiation import (
     CUTOFF,
     METHODS,
     Derivative,
@@ -11,7 +12,6 @@ from rabbit_bringup.reproduce.differentiation import (
     low_passed,
     savitzky_golay,
 )
-from rabbit_description.state import TICK_SECONDS, Array
 
 TICKS = np.arange(40) * TICK_SECONDS
 RNG = np.random.default_rng(1)

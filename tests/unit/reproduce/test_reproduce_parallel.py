@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from rabbit_bringup.reproduce import runner
-from rabbit_bringup.reproduce.cache import Cache
-from rabbit_bringup.reproduce.contenders import CBF_CLF
-from rabbit_bringup.reproduce.jobs import Job
+from rabbit_experiments.reproduce import runner
+from rabbit_experiments.reproduce.cache import Cache
+from rabbit_experiments.reproduce.contenders import CBF_CLF
+from rabbit_experiments.reproduce.jobs import Job
 
 WANTED = [Job("walk", CBF_CLF.assembly(stones=1), seed) for seed in range(4)]
 TIMES = {"tick_ms_p50", "tick_ms_p99", "plant_ms_p50", "walk_seconds"}
@@ -51,5 +51,5 @@ def test_two_processes_make_the_same_runs_as_one(tmp_path: Path) -> None:
 def test_without_ray_one_line_says_what_is_missing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "ray", None)
     monkeypatch.setitem(sys.modules, "ray.util.joblib", None)
-    with pytest.raises(runner.BackendError, match=r"rabbit_bringup\[ray\]"):
+    with pytest.raises(runner.BackendError, match=r"rabbit_experiments\[ray\]"):
         runner.run(WANTED, Cache(tmp_path), 2, "ray")

@@ -6,13 +6,21 @@ from pathlib import Path
 
 import pytest
 from rabbit_bringup.cli import app
-from rabbit_bringup.reproduce.catalogue import EXPERIMENTS
-from rabbit_bringup.reproduce.catalogue.learning_curves import first_whole, sessions, settled, span
-from rabbit_bringup.reproduce.contenders import CBF_CLF, RL_CBF_CLF, RL_CLF
-from rabbit_bringup.reproduce.experiment import Experiment
-from rabbit_bringup.reproduce.lines import FULL, QUICK, Line, Runs
-from rabbit_bringup.reproduce.training import POLICY, SHIPPED, Recipe, Trained, recipes, retrain
-from rabbit_bringup.reproduce.training_log import COMMITTED, Episode, LogError, main, read_log, read_session, write_log
+from rabbit_experiments.reproduce.catalogue import EXPERIMENTS
+from rabbit_experiments.reproduce.catalogue.learning_curves import first_whole, sessions, settled, span
+from rabbit_experiments.reproduce.contenders import CBF_CLF, RL_CBF_CLF, RL_CLF
+from rabbit_experiments.reproduce.experiment import Experiment
+from rabbit_experiments.reproduce.lines import FULL, QUICK, Line, Runs
+from rabbit_experiments.reproduce.training import POLICY, SHIPPED, Recipe, Trained, recipes, retrain
+from rabbit_experiments.reproduce.training_log import (
+    COMMITTED,
+    Episode,
+    LogError,
+    main,
+    read_log,
+    read_session,
+    write_log,
+)
 from rl_cbf_clf_controller.uncertainty import Problem
 from rl_cbf_clf_controller.weights import policy_path, read
 from typer.testing import CliRunner
@@ -53,7 +61,7 @@ def test_another_training_has_another_folder(tmp_path: Path, other: Recipe) -> N
 
 def test_changed_sources_train_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     before = ONE.folder(tmp_path)
-    monkeypatch.setattr("rabbit_bringup.reproduce.training.sources_hash", lambda *_: "changed")
+    monkeypatch.setattr("rabbit_experiments.reproduce.training.sources_hash", lambda *_: "changed")
     assert ONE.folder(tmp_path) != before
 
 

@@ -5,16 +5,16 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from rabbit_bringup.experiments.metrics import RunRow
-from rabbit_bringup.reproduce.catalogue import EXPERIMENTS
-from rabbit_bringup.reproduce.contenders import CBF_CLF, CBF_CLF_ORACLE
-from rabbit_bringup.reproduce.experiment import Experiment
-from rabbit_bringup.reproduce.jobs import Job
-from rabbit_bringup.reproduce.lines import FULL, Found, Line
-from rabbit_bringup.reproduce.sweep import largest, largest_text
-from rabbit_bringup.reproduce.verdict import Verdict, judge, missing
-from rabbit_bringup.reproduce.walk_table import shows
-from rabbit_bringup.reproduce.walks import Walks
+from rabbit_experiments.metrics import RunRow
+from rabbit_experiments.reproduce.catalogue import EXPERIMENTS
+from rabbit_experiments.reproduce.contenders import CBF_CLF, CBF_CLF_ORACLE
+from rabbit_experiments.reproduce.experiment import Experiment
+from rabbit_experiments.reproduce.jobs import Job
+from rabbit_experiments.reproduce.lines import FULL, Found, Line
+from rabbit_experiments.reproduce.sweep import largest, largest_text
+from rabbit_experiments.reproduce.verdict import Verdict, judge, missing
+from rabbit_experiments.reproduce.walk_table import shows
+from rabbit_experiments.reproduce.walks import Walks
 
 COUNTS = {name: 0 for name, field in RunRow.model_fields.items() if field.annotation in (int, float)}
 

@@ -13,13 +13,13 @@ from launch.actions import DeclareLaunchArgument, EmitEvent, ExecuteProcess, Opa
 from launch.event_handlers import OnProcessExit, OnProcessStart
 from launch.events import Shutdown
 from launch_ros.actions import Node
-from rabbit_bringup.commands.options import Given, described
 from rabbit_bringup.commands.walk import MODELS, prepare
-from rabbit_bringup.launching.executables import LaunchError, find_executable
-from rabbit_bringup.launching.exit_codes import ExitCode
 from rabbit_bringup.launching.parameter_file import write_parameters
 from rabbit_bringup.launching.processes import PATIENCE
-from rabbit_bringup.launching.walk import THREADS
+from rabbit_cli.executables import LaunchError, find_executable
+from rabbit_cli.exit_codes import ExitCode
+from rabbit_cli.options import Given, described
+from rabbit_cli.threads import THREADS
 from rabbit_ros.priority import NotPermitted, take_listeners_priority
 
 ARGUMENTS = described(MODELS)
@@ -36,7 +36,7 @@ def generate_launch_description() -> LaunchDescription:
 
 def start(context: LaunchContext) -> list[LaunchDescriptionEntity]:
     """The nodes' actions, once nothing speaks against the walk."""
-    from rabbit_bringup.launching.alone_node import Claim
+    from rabbit_cli.alone_node import Claim
 
     try:
         walk, graph = prepare(given(context.launch_configurations))

@@ -1,9 +1,5 @@
-"""What puts plant, controller and trainer together: launching, recording, viewing, experiments, the command line.
+"""What brings the graph up: launch files, configuration, the launcher, the `rabbit` command."""
 
-One thread for BLAS, here and in all child processes: matrices are small, and results must not depend on the cores.
-"""
+from rabbit_cli.threads import use_one_thread
 
-import os
-
-for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(_name, "1")
+use_one_thread()

@@ -1,45 +1,76 @@
-"""The command `rabbit`. A subcommand's module is imported when it is called, so that the rest costs nothing."""
+"""The command `rabbit`. Packages bring its subcommands by entry points of the group `rabbit.commands`.
 
+    "rabbit.commands": ["bag = rabbit_recording.commands.bag:app"]      a Typer app, in a setup.py
+
+The first line of the module's docstring is the help text here. The module is imported when its command is called, so
+that the rest costs nothing.
+"""
+
+import ast
 import signal
-from importlib import import_module
+from functools import cache
+from importlib.metadata import EntryPoint, entry_points
+from importlib.util import find_spec
+from pathlib import Path
 from typing import Any
 
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-COMMANDS = {
-    "walk": "Walk through the node graph: simulator, controller, trainer, recorder.",
-    "view": "Live view of a running graph, in the browser by Foxglove or in RViz.",
-    "run": "Run a package's executable, as `ros2 run` does.",
-    "evaluate": "Walk many seeded runs without ROS: success, stones, forces, solver and speed.",
-    "reproduce": "Make the paper's figures and tables anew, with its figures beside ours.",
-    "gait": "Find a gait: periodic, within the limits of robot and ground, both stone barriers kept.",
-    "train": "Learn a policy in process.",
-    "policy": "Policy files: show, verify, errors of the estimates, load.",
-    "bench": "Time a tick, its parts and a walk against their limits.",
-    "jitter": "Walk in real time: late ticks, missed deadlines, the age of the torque, with busy neighbours.",
-    "soak": "Walk for an hour with learning, recording and an operator on: does anything grow or fall?",
-    "faults": "Kill, stop and mislead the nodes at random ticks of a walk: what must hold, holds?",
-    "bag": "Recordings: record, info, play, plot, check, recover.",
-    "video": "Film a run, or a recording: MP4 and GIF.",
-}
+GROUP = "rabbit.commands"
+# as the help text lists them; those of other packages follow by name
+ORDER = (
+    *("walk", "view", "run", "evaluate", "reproduce", "gait", "train", "policy"),
+    *("bench", "jitter", "soak", "faults", "bag", "video"),
+)
+
+
+@cache
+def commands() -> dict[str, EntryPoint]:
+    """The subcommands that the installed packages bring, by name, in the order of the help text."""
+    found = {entry.name: entry for entry in entry_points(group=GROUP)}
+    own = [name for name in ORDER if name in found]
+    return {name: found[name] for name in own + sorted(found.keys() - set(own))}
+
+
+def source(command: EntryPoint) -> Path | None:
+    """The file of its module, which is not imported; None if there is no such module."""
+    try:
+        spec = find_spec(command.module)
+    except ModuleNotFoundError:
+        return None
+    return Path(spec.origin) if spec and spec.origin else None
+
+
+def summary(command: EntryPoint) -> str:
+    """The first line of its module's docstring."""
+    path = source(command)
+    if path is None:
+        return f"(cannot be called: there is no module {command.module})"
+    text = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or ""
+    return text.partition("\n")[0]
 
 
 class LazyGroup(TyperGroup):
-    """Knows its commands by name and help; `rabbit_bringup.commands.NAME` has the Typer `app` of each."""
+    """Knows its commands by name and help, see `commands` and `summary`."""
 
     def list_commands(self, ctx: Any) -> list[str]:
         """In the order of the help text."""
-        return list(COMMANDS)
+        return list(commands())
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         """What the help text needs of a command."""
-        return TyperCommand(cmd_name, help=COMMANDS[cmd_name]) if cmd_name in COMMANDS else None
+        return TyperCommand(cmd_name, help=summary(commands()[cmd_name])) if cmd_name in commands() else None
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """The command itself. From here on a Ctrl-C is a `KeyboardInterrupt`, which it may answer."""
         name, _, rest = super().resolve_command(ctx, args)
-        command = typer.main.get_command(import_module(f"rabbit_bringup.commands.{name}").app)
+        entry = commands()[str(name)]
+        if source(entry) is None:
+            from rabbit_cli.options import fail  # which takes a while
+
+            fail(f"{name} cannot be called: there is no module {entry.module}")
+        command = typer.main.get_command(entry.load())
         if signal.getsignal(signal.SIGINT) is signal.SIG_DFL:
             signal.signal(signal.SIGINT, signal.default_int_handler)
         return name, command, rest

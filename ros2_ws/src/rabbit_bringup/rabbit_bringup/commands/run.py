@@ -1,11 +1,10 @@
-"""`rabbit run PACKAGE EXECUTABLE [--ros-args ...]`: what `ros2 run` does, where there is no `ros2`."""
+"""Run a package's executable, as `ros2 run` does."""
 
 import os
 
 import typer
-
-from rabbit_bringup.commands.options import fail
-from rabbit_bringup.launching.executables import LaunchError, find_executable
+from rabbit_cli.executables import LaunchError, find_executable
+from rabbit_cli.options import fail
 
 app = typer.Typer(add_completion=False)
 SETTINGS = {"ignore_unknown_options": True, "allow_extra_args": True, "allow_interspersed_args": False}

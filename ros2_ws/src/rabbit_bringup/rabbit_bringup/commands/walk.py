@@ -1,4 +1,4 @@
-"""`rabbit walk`: the nodes walk together, under one progress line, and leave a folder."""
+"""Walk through the node graph: simulator, controller, trainer, recorder."""
 
 from collections.abc import Mapping
 from datetime import datetime
@@ -8,12 +8,12 @@ from types import MappingProxyType
 from typing import Any
 
 import typer
+from rabbit_cli import exit_codes
+from rabbit_cli.options import Given, complaints, fail, options
+from rabbit_experiments.commands.evaluate import given_assembly
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
-from rabbit_bringup.commands.evaluate import given_assembly
-from rabbit_bringup.commands.options import Given, complaints, fail, options
-from rabbit_bringup.launching import exit_codes
 from rabbit_bringup.launching.concluding import Ended, Walk, carry_out
 from rabbit_bringup.launching.walk import Graph, WalkOptions, make_graph, run_graph
 

@@ -7,14 +7,14 @@ from pathlib import Path
 from typing import Any
 
 from pydantic import BaseModel, ConfigDict
+from rabbit_cli import exit_codes
+from rabbit_cli.executables import LaunchError
+from rabbit_cli.exit_codes import ExitCode
+from rabbit_recording.bag_writer import RecordingError
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
-from rabbit_bringup.launching import exit_codes
-from rabbit_bringup.launching.executables import LaunchError
-from rabbit_bringup.launching.exit_codes import ExitCode
 from rabbit_bringup.launching.walk import Interrupted, WalkOptions
-from rabbit_bringup.recording.bag_writer import RecordingError
 
 Ended = Callable[[Any], None]  # gets the `Episode` message of an episode that has ended
 
@@ -90,11 +90,11 @@ def _draw(walk: Walk) -> None:
 
     with Console().status("drawing"):
         if walk.options.pictures:
-            from rabbit_bringup.viewing.pictures import draw_run
+            from rabbit_viewer.pictures import draw_run
 
             draw_run(walk.folder)
         if walk.options.video:
-            from rabbit_bringup.viewing.video import film_run
+            from rabbit_viewer.video import film_run
 
             film_run(walk.folder)
 
@@ -107,9 +107,10 @@ def _fail(walk: Walk, error: LaunchError) -> int:
         with contextlib.suppress(OSError):  # nothing was left in it
             walk.folder.rmdir()
         return error.code
+    from rabbit_recording.opening import opened
+    from rabbit_recording.recover import recover
+
     from rabbit_bringup.launching.telling import write_summary
-    from rabbit_bringup.recording.opening import opened
-    from rabbit_bringup.recording.recover import recover
 
     note = ""
     try:

@@ -15,11 +15,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from rabbit_bringup.launching.executables import LaunchError, find_executable
-from rabbit_bringup.launching.exit_codes import ExitCode
+from rabbit_cli.executables import LaunchError, find_executable
+from rabbit_cli.exit_codes import ExitCode
 
 PATIENCE = 12.0  # s for a node to end after SIGTERM: a recorder drains, a trainer ends its update
 POLL_SECONDS = 0.02
+PACKAGES = {  # of each node
+    "simulator": "rabbit_sim",
+    "controller": "rl_cbf_clf_controller",
+    "trainer": "rl_trainer",
+    "recorder": "rabbit_recording",
+    "viewer": "rabbit_viewer",
+}
 UNKNOWN = 256  # as an exit code: it went to the process that started it
 _PR_SET_PDEATHSIG = 1
 _libc = ctypes.CDLL(None)

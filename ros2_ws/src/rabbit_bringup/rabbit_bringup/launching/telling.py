@@ -5,19 +5,19 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from rabbit_cli.exit_codes import ExitCode
 from rabbit_description.state import TICK_SECONDS
+from rabbit_experiments import provenance
+from rabbit_experiments.metrics import RunTally
+from rabbit_recording.reader import RecordedEpisode, iterate_episodes
+from rabbit_recording.timing import real_time_figures
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.simulation import Outcome
+from rabbit_viewer.walk_records import WalkRecords, about_walk, save_records
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_trainer.rollout import Record
 
-from rabbit_bringup.experiments import provenance
-from rabbit_bringup.experiments.metrics import RunTally
-from rabbit_bringup.experiments.timing import real_time_figures
 from rabbit_bringup.launching.concluding import Walk
-from rabbit_bringup.launching.exit_codes import ExitCode
-from rabbit_bringup.recording.reader import RecordedEpisode, iterate_episodes
-from rabbit_bringup.viewing.walk_records import WalkRecords, about_walk, save_records
 
 OUTCOMES = {outcome.value: outcome for outcome in Outcome}
 UNTIMED = ("tick_ms_p50", "tick_ms_p99", "plant_ms_p50", "walk_seconds")

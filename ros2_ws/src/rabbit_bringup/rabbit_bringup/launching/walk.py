@@ -10,7 +10,6 @@ FOLDER/summary.json, records.npz, pictures/, walk.mp4, walk.gif    made from the
 
 import contextlib
 import json
-import os
 import signal
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -20,17 +19,17 @@ from types import MappingProxyType
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from rabbit_cli import exit_codes
+from rabbit_cli.executables import NAMESPACE, LaunchError
+from rabbit_cli.threads import use_one_thread
 from rabbit_sim.parameters import SimulationParameters
+from rabbit_viewer.live.parameters import PORT
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
-from rabbit_bringup.launching import exit_codes
-from rabbit_bringup.launching.executables import NAMESPACE, LaunchError
 from rabbit_bringup.launching.parameter_file import write_parameters
-from rabbit_bringup.launching.processes import NodeSpec, Processes
-from rabbit_bringup.viewing.live.parameters import PORT
+from rabbit_bringup.launching.processes import PACKAGES, NodeSpec, Processes
 
 GLANCE_SECONDS = 0.2  # between two looks at the walk
-THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 STORAGES = {"true": "mcap", "1": "mcap", "false": "none", "0": "none"}
 
@@ -142,14 +141,11 @@ def make_graph(
         "recorder": {"path": str(folder / "recording"), "storage": options.record},
         "viewer": {"port": options.view_port, "wait": 0.0},
     }
-    packages = {"simulator": "rabbit_sim", "controller": "rl_cbf_clf_controller", "trainer": "rl_trainer"}
     wanted = ["simulator", "controller", *["trainer"] * options.trainer, *["recorder"] * (options.record != "none")]
     wanted += ["viewer"] * options.view
     remaps = ["-r", "/clock:=clock", "-r", f"__ns:=/{options.namespace.strip('/')}", "--log-level", options.log_level]
     arguments = ("--ros-args", "--params-file", str(folder / "parameters.yaml"), *remaps, "--enclave")
-    nodes = {
-        name: NodeSpec(packages.get(name, "rabbit_bringup"), name, (*arguments, f"/rabbit/{name}")) for name in wanted
-    }
+    nodes = {name: NodeSpec(PACKAGES[name], name, (*arguments, f"/rabbit/{name}")) for name in wanted}
     parameters = {name: {**further.get(name, {}), **told[name]} for name in wanted}
     return Graph(folder, options.namespace, nodes, parameters)
 
@@ -171,9 +167,9 @@ def run_graph(
         LaunchError: another graph is there; a node cannot be started, ended by itself, or is not ready in time.
         Interrupted: by a signal.
     """
-    for name in THREADS:
-        os.environ.setdefault(name, "1")
-    from rabbit_bringup.launching.alone_node import Claim
+    use_one_thread()
+    from rabbit_cli.alone_node import Claim
+
     from rabbit_bringup.launching.priority_node import listening_to
 
     with _signals_raise(), contextlib.closing(Claim(graph.namespace)) as claim, listening_to(options.priority):

@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rabbit_cli.exit_codes import CUT_SHORT
+from rabbit_description.force_ratio import force_ratio
 from rabbit_description.state import TICK_SECONDS
 from rabbit_msgs.msg import ControllerState, Episode, EpisodePlan, Landing, RabbitState
 from rabbit_msgs.srv import Pause
@@ -21,9 +23,6 @@ from rabbit_ros.topics_node import TOPICS, Topic, missing_readers
 from rclpy.experimental import EventsExecutor
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
-
-from rabbit_bringup.force_ratio import force_ratio
-from rabbit_bringup.launching.exit_codes import CUT_SHORT
 
 GLANCE = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 

@@ -1,0 +1,75 @@
+"""`rabbit` finds its subcommands by entry points: those of these packages, and a stranger's."""
+
+import ast
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from rabbit_bringup.cli import GROUP, ORDER, app, commands, summary
+from typer.testing import CliRunner
+
+SOURCES = Path(__file__).resolve().parents[2]
+DISTRIBUTION = "Metadata-Version: 2.1\nName: stranger\nVersion: 1\n"
+COMMAND = '''"""Dance: a stranger's command."""
+
+import typer
+
+app = typer.Typer()
+
+
+@app.command()
+def dance() -> None:
+    """Say so."""
+    print("it dances")
+'''
+
+
+@pytest.fixture
+def stranger(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[str], None]]:
+    """Puts a package on the path that brings the command `dance` from a module of that name."""
+
+    def bring(module: str) -> None:
+        (tmp_path / "stranger_of_rabbit.py").write_text(COMMAND)
+        about = tmp_path / "stranger-1.dist-info"
+        about.mkdir()
+        (about / "METADATA").write_text(DISTRIBUTION)
+        (about / "entry_points.txt").write_text(f"[{GROUP}]\ndance = {module}:app\n")
+        monkeypatch.syspath_prepend(tmp_path)
+        commands.cache_clear()
+
+    yield bring
+    commands.cache_clear()
+
+
+def test_entry_points_and_modules_agree() -> None:
+    modules = {path.stem: path for path in SOURCES.glob("*/*/commands/*.py") if path.stem != "__init__"}
+    named = {name: f"{path.parents[1].name}.commands.{name}:app" for name, path in modules.items()}
+    assert {name: command.value for name, command in commands().items()} == named
+    assert list(commands()) == list(ORDER)
+
+
+def test_the_help_text_is_the_first_line_of_the_docstring() -> None:
+    for command in commands().values():
+        path = SOURCES / command.module.split(".")[0] / Path(*command.module.split(".")).with_suffix(".py")
+        assert summary(command) == (ast.get_docstring(ast.parse(path.read_text())) or "").splitlines()[0]
+
+
+def test_a_strangers_command_is_listed_last_and_runs(stranger: Callable[[str], None]) -> None:
+    stranger("stranger_of_rabbit")
+    assert list(commands()) == [*ORDER, "dance"]
+    assert "Dance: a stranger's command." in CliRunner().invoke(app, ["--help"]).output
+    assert CliRunner().invoke(app, ["dance"]).output == "it dances\n"
+
+
+def test_a_command_without_a_module_hurts_nobody_else(stranger: Callable[[str], None]) -> None:
+    stranger("nowhere.at_all")
+    assert CliRunner().invoke(app, ["--help"]).exit_code == 0
+    refused = CliRunner().invoke(app, ["dance"])
+    assert (refused.exit_code, refused.stderr.count("\n")) == (2, 1)
+    assert "dance cannot be called: there is no module nowhere.at_all" in refused.stderr
+
+
+def test_an_unknown_command_is_named() -> None:
+    refused = CliRunner().invoke(app, ["dance"])
+    assert refused.exit_code == 2
+    assert "No such command 'dance'" in refused.stderr

@@ -1,0 +1,155 @@
+"""Walk for an hour with learning, recording and an operator on: does anything grow or fall?"""
+
+from pathlib import Path
+from typing import Any
+
+import typer
+from pydantic import BaseModel, ConfigDict, Field
+from rabbit_bringup.commands.walk import given_training, make_folder
+from rabbit_bringup.launching.walk import Graph, Interrupted, WalkOptions, make_graph
+from rabbit_cli.options import Given, complaints, fail, options
+from rabbit_experiments.commands.evaluate import given_assembly
+from rabbit_sim.parameters import SimulationParameters
+from rl_cbf_clf_controller.parameters import ControllerParameters
+
+from rabbit_campaigns.timed_walk import EPISODES
+
+OVER = 1  # exit code where a bar is not kept
+READY = 600.0  # s for the nodes to find each other: a soak may begin on a busy machine
+TRAINER_TIMEOUT = 3600.0  # s
+CAPACITY = 5_000  # transitions kept: a replay buffer that still fills up would look like a leak
+# where the command line names neither controller nor parameters: one that walks every course (docs/results.md)
+SURE: dict[str, Any] = {
+    "controller": "rl-cbf-clf-qp",
+    "adaptation": "identification",
+    "objective": "pd_centred",
+    "gait": "paper_stones",
+    "stone_margin": "0.01",
+    "mass_scale": "2",
+}
+SURE_POLICY = "universal"
+OF_WALK = {"out", "seed", "pace", "policy", "training"}
+
+app = typer.Typer(add_completion=False)
+
+
+class SoakOptions(BaseModel):
+    """What `rabbit soak` is told besides plant and controller."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    out: Path | None = Field(None, description="folder for recording, samples, figures (default: runs/DATE-seed-SEED)")
+    minutes: float = Field(60.0, gt=0, le=10_000, description="of the wall clock")
+    every: float = Field(5.0, ge=0.5, le=600, description="s between samples")
+    operate_every: float = Field(15.0, ge=0, le=3600, description="s between operations beside the walk; 0: none")
+    pace: float | None = Field(None, ge=0, le=100, description="times real time at most; 0: no limit (default: 0)")
+    seed: int = Field(1, ge=0, le=2**63 - 1, description="of the first episode, and of the operations")
+    policy: str | None = Field(
+        None, description="to begin with, and to load again: a shipped policy or a file; or zero"
+    )
+    training: Path | None = Field(None, description="YAML file of training parameters")
+    parameters: str = Field("ours", description="of the controller: ours, authors or a YAML file")
+
+
+@app.command()
+@options(SoakOptions, ControllerParameters, SimulationParameters)
+def soak(given: Given) -> None:
+    """Walk for an hour with learning, swapping, recording and an operator on; exit code 1 if a bar is not kept."""
+    is_sure = not given.values.keys() & {"controller", "parameters"}
+    if is_sure:
+        given = Given({**SURE, **given.values})
+    told = given.build(SoakOptions)
+    policy = told.policy or (SURE_POLICY if is_sure else None)
+    assembly = given_assembly(given, policy, told.parameters)
+    if assembly.policy == "oracle" or (told.operate_every and assembly.policy == "zero"):
+        fail(f"--policy {assembly.policy}: expected a shipped policy or a file; zero with --operate-every 0")
+    request = WalkOptions(**told.model_dump(include=OF_WALK), episodes=EPISODES, ready_timeout=READY)
+    folder = make_folder(request)
+    training = given_training(request, assembly.controller, assembly.policy)
+    if not told.training:
+        training["capacity"] = CAPACITY
+    graph = make_graph(folder, request, assembly.simulation, assembly.controller, assembly.policy, training)
+    graph.parameters["simulator"]["trainer_timeout"] = TRAINER_TIMEOUT
+    walk(graph, request, told, assembly)
+    from rabbit_recording.bag_writer import RecordingError
+
+    with complaints(RecordingError):
+        figures = judged(folder)
+    show(figures)
+    print(f"written to {folder}")
+    if not all(figures["bars_kept"].values()):
+        raise typer.Exit(OVER)
+
+
+def walk(graph: Graph, request: WalkOptions, told: SoakOptions, assembly: Any) -> None:
+    """Walk for as long as `told`, with an operator if it is to; a line on the screen says how it goes."""
+    from rabbit_cli.executables import LaunchError
+    from rich.console import Console
+
+    from rabbit_campaigns import soak as experiment
+
+    with complaints(LaunchError, ValueError), Console().status("starting") as status:
+        sampler = experiment.Sampler(graph, told.minutes * 60, told.every, status.update)
+        operations = make_operations(graph.folder, told, assembly) if told.operate_every else None
+        try:
+            experiment.soak(graph, request, told.minutes * 60, sampler, operations)
+        except Interrupted as error:
+            fail(f"stopped by {error}; what was sampled is in {graph.folder}", code=error.code)
+
+
+def make_operations(folder: Path, told: SoakOptions, assembly: Any) -> Any:
+    """An operator for this controller and its policy."""
+    from rabbit_campaigns.operations import SECOND, Operations, unfit_policy
+    from rabbit_campaigns.operator_node import Operator
+
+    policies = Path(assembly.policy).absolute(), unfit_policy(assembly.controller)
+    operator = Operator("", folder / SECOND, policies, told.pace or 0.0, told.seed)
+    return Operations(operator, folder, told.operate_every, told.seed)
+
+
+def judged(folder: Path) -> dict[str, Any]:
+    """The figures and the picture of a soak, from what it left."""
+    from rabbit_campaigns.operations import judge_operations
+    from rabbit_campaigns.soak import SAMPLES, read_samples, write_figures
+    from rabbit_campaigns.soak_picture import draw_soak
+
+    draw_soak(read_samples(folder / SAMPLES), folder / "soak.png")
+    return write_figures(folder, *judge_operations(folder))
+
+
+def show(figures: dict[str, Any]) -> None:
+    """A table on the screen."""
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table("node", "memory (MB)", "growth", "descriptors", "threads")
+    for name, node in figures["nodes"].items():
+        pairs = [" to ".join(f"{value:.{digits}f}" for value in node[what]) for what, digits in COLUMNS]
+        table.add_row(name, pairs[0], f"{node['growth']:+.1%}", *pairs[1:])
+    Console().print(table)
+    first, last = figures["ticks_per_second"]
+    drift, low, high = figures["cpu_drift"]
+    print(f"{figures['ticks']} ticks, {figures['episodes']} episodes; load {figures['load'][1]:.1f}")
+    print(
+        f"{first:.1f} to {last:.1f} ticks/s; simulator and controller {figures['cpu_ms_per_tick']:.2f} ms of processor"
+    )
+    print(f"time a tick, drift over the whole {drift:+.1%} ({low:+.1%} to {high:+.1%})")
+    print(
+        f"{figures['policies_put_in_force']} policies put in force, {figures['ticks_not_recorded']} ticks not recorded"
+    )
+    walks = figures["walks"]
+    print(f"{walks['walked']} of {walks['ended']} episodes walked, {walks['reset']} were reset by the operator")
+    for each in walks["fell"]:
+        print("  episode {}, seed {}: {} {}".format(*each))
+    if operations := figures["operations"]:
+        print("as expected: " + ", ".join(f"{kind} {right} of {asked}" for kind, (asked, right) in operations.items()))
+        seconds = figures["second_recordings"]
+        print(
+            f"{len(seconds)} second recordings, {sum(each['ticks'] for each in seconds)} ticks, "
+            f"{sum(each['missing'] for each in seconds)} messages missing"
+        )
+    for bar, kept in figures["bars_kept"].items():
+        print(f"{bar}: {'kept' if kept else 'NOT KEPT'}")
+
+
+COLUMNS = (("memory_mb", 1), ("descriptors", 0), ("threads", 0))

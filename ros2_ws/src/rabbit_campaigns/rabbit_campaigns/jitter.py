@@ -1,0 +1,124 @@
+"""Walks in real time, alone and with busy neighbours, as ordinary processes and under SCHED_FIFO; dying controllers.
+
+FOLDER/CASE/                  each walk's parameters, logs and recording
+FOLDER/kill-K-priority-P/     the same of a walk whose controller is killed
+FOLDER/jitter.json
+"""
+
+import contextlib
+import json
+import os
+import random
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rabbit_bringup.launching.walk import Graph, WalkOptions, make_graph
+from rabbit_experiments import provenance
+from rabbit_experiments.assembly import Assembly
+from rabbit_recording.contents import contents
+from rabbit_recording.opening import opened
+from rabbit_recording.timing import real_time_figures
+
+from rabbit_campaigns.sleeper import sleeper
+from rabbit_campaigns.timed_walk import EPISODES, walk_for
+
+LATE_LIMIT = 0.001  # share of ticks
+CUT_OFF = "reset"  # outcome of the episode in which the time was up
+BUSY = "while True: pass"
+
+
+@dataclass(frozen=True)
+class Case:
+    """One walk: so many busy processes beside it; SCHED_FIFO priority of simulator and controller, 0: ordinary."""
+
+    neighbours: int
+    priority: int
+
+    @property
+    def name(self) -> str:
+        """Of its folder."""
+        return f"neighbours-{self.neighbours}-priority-{self.priority}"
+
+
+class Jitter:
+    """Walks of one plant and controller, under `folder`; `tell` hears how far they are. What is found is kept at once.
+
+    All methods raise:
+        LaunchError: a node cannot be started, ended by itself, or is not ready in time.
+        Interrupted: by a signal.
+    """
+
+    def __init__(self, assembly: Assembly, folder: Path, seed: int, tell: Callable[[str], object]) -> None:
+        self._assembly, self._folder, self._seed, self._tell = assembly, folder, seed, tell
+        self.cases: list[dict[str, Any]] = []
+        self.deaths: list[dict[str, Any]] = []
+
+    def walk(self, case: Case, seconds: float) -> None:
+        """Walk a case for so many s."""
+        graph, request = self._graph(case.name, case.priority)
+        load = os.getloadavg()[0]
+
+        def glance(now: Any, so_far: float) -> None:
+            self._tell(f"{case.name}: {so_far:.0f} of {seconds:.0f} s, episode {now.episode}")
+
+        with busy(case.neighbours), sleeper(case.priority) as machine:
+            walk_for(graph, request, seconds, glance)
+        found = figures(graph.folder / "recording")
+        loads = {"load_before": load, "load_after": os.getloadavg()[0]}
+        self.cases.append({**vars(case), **loads, "sleeper_late_share": machine.late_share, **found})
+        self._keep()
+
+    def kill(self, number: int, priority: int) -> None:
+        """Walk until the controller is killed, and tell how soon the joints are damped."""
+        from rabbit_campaigns.death_node import die
+
+        name = f"kill-{number}-priority-{priority}"
+        self._tell(name)
+        death = die(*self._graph(name, priority), random.Random(number))
+        self.deaths.append({"priority": priority, **vars(death)})
+        self._keep()
+
+    def _graph(self, name: str, priority: int) -> tuple[Graph, WalkOptions]:
+        told = {"seed": self._seed, "episodes": EPISODES, "trainer": False, "real_time": True, "priority": priority}
+        request = WalkOptions.model_validate(told)
+        (self._folder / name).mkdir(parents=True)
+        its = self._assembly
+        return make_graph(self._folder / name, request, its.simulation, its.controller, its.policy), request
+
+    def _keep(self) -> None:
+        about = {"command": provenance.command(), "commit": provenance.commit(), "versions": provenance.versions()}
+        found = {"cases": self.cases, "deaths": self.deaths, "seed": self._seed, **about}
+        (self._folder / "jitter.json").write_text(json.dumps(found, indent=2) + "\n")
+
+
+def figures(recording: Path) -> dict[str, Any]:
+    """Of one walk: timing, how its episodes ended, messages lost on the way to the recorder."""
+    found = contents(recording)
+    ended = [episode.outcome for episode in found.episodes if episode.outcome not in ("", CUT_OFF)]
+    outcomes = {outcome: ended.count(outcome) for outcome in sorted(set(ended))}
+    with opened(recording) as reader:
+        counts = {c.topic.split("/")[-1]: c.msgcount for c in reader.connections}
+    lost = {topic.name.split("/")[-1]: topic.lost for topic in found.topics if topic.lost}
+    return {
+        **(real_time_figures(recording) or {}),
+        "episodes": len(ended),
+        "outcomes": outcomes,
+        "messages": counts,
+        "lost": lost,
+    }
+
+
+@contextlib.contextmanager
+def busy(count: int) -> Iterator[None]:
+    """So many processes that only take time from a processor."""
+    running = [subprocess.Popen([sys.executable, "-c", BUSY]) for _ in range(count)]
+    try:
+        yield
+    finally:
+        for process in running:
+            process.kill()
+            process.wait()

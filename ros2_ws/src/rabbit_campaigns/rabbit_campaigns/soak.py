@@ -1,0 +1,173 @@
+"""A long walk with learning, swapping, recording and an operator on: does anything grow, leak, slow down or fall?
+
+FOLDER/samples.csv       every few seconds: ticks so far, load, and of each node memory, descriptors, threads, CPU time
+FOLDER/operations.csv    what the operator did (`operations`)
+FOLDER/soak.json         what follows from them, with the bars
+FOLDER/soak.png          the samples as a picture
+
+What counts begins after a warm-up. Memory, descriptors and threads: the medians of the first and the last tenth of it.
+The rate: simulator's and controller's processor time a tick, by Theil and Sen's slope over the whole of it, since other
+work on the machine moves single stretches by more than the bar.
+"""
+
+import csv
+import json
+import os
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from rabbit_bringup.launching.walk import Graph, WalkOptions
+from rabbit_experiments import provenance
+from scipy.stats import theilslopes
+
+from rabbit_campaigns.node_usage import Usage, node_processes, usage
+from rabbit_campaigns.operations import Operations
+from rabbit_campaigns.timed_walk import walk_for
+
+WARM_UP = 300.0  # s, a third of shorter soaks
+WINDOWS, STRETCHES = 10, 30
+GROWTH_LIMIT, DRIFT_LIMIT = 0.02, 0.05
+LAUNCHER = "launcher"  # this process
+WALKERS = ("simulator", "controller")
+SAMPLES = "samples.csv"
+FIELDS = tuple(Usage.__dataclass_fields__)
+
+Samples = Mapping[str, NDArray[np.float64]]
+
+
+class Sampler:
+    """Called at every glance at the walk; writes a row every few seconds."""
+
+    def __init__(self, graph: Graph, seconds: float, every: float, tell: Callable[[str], object]) -> None:
+        self._graph, self._seconds, self._every, self._tell = graph, seconds, every, tell
+        self._names = [*graph.names, LAUNCHER]
+        self._file = (graph.folder / SAMPLES).open("w", newline="", encoding="utf-8")
+        self._rows = csv.writer(self._file)
+        self._rows.writerow(["seconds", "ticks", "episode", "load", *(f"{n}_{f}" for n in self._names for f in FIELDS)])
+        self._processes: dict[str, int] = {}
+        self._next = 0.0
+
+    def __call__(self, now: Any, seconds: float) -> None:
+        """Look at the walk; `now` is the watch's `Progress`."""
+        if not self._processes:
+            self._processes = {**node_processes(self._graph.folder, self._graph.names), LAUNCHER: os.getpid()}
+        if seconds >= self._next:
+            self._next += self._every
+            self._sample(now, seconds)
+
+    def close(self) -> None:
+        """No more samples."""
+        self._file.close()
+
+    def _sample(self, now: Any, seconds: float) -> None:
+        used = [usage(self._processes[name]) for name in self._names]
+        row = [f"{seconds:.3f}", now.ticks, now.episode, os.getloadavg()[0]]
+        self._rows.writerow([*row, *(getattr(each, name) for each in used for name in FIELDS)])
+        self._file.flush()
+        self._tell(f"{seconds / 60:.1f} of {self._seconds / 60:g} min, {now.ticks} ticks, episode {now.episode}")
+
+
+def soak(graph: Graph, request: WalkOptions, seconds: float, sampler: Sampler, operations: Operations | None) -> None:
+    """Walk for so many s and leave the samples, and what came of `operations`, if any; raises as `walk_for`."""
+
+    def glance(now: Any, so_far: float) -> None:
+        sampler(now, so_far)
+        if operations:
+            operations(now, so_far)
+
+    try:
+        walk_for(graph, request, seconds, glance)
+    finally:
+        sampler.close()
+        if operations:
+            operations.close()
+
+
+def read_samples(path: Path) -> Samples:
+    """The columns, by name."""
+    with path.open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    return {name: np.array([float(row[name]) for row in rows]) for name in rows[0]}
+
+
+def nodes_in(samples: Samples) -> list[str]:
+    """The nodes that were sampled."""
+    return [name.removesuffix("_memory") for name in samples if name.endswith("_memory")]
+
+
+def judge(samples: Samples) -> dict[str, Any]:
+    """Growth of each node's memory, descriptors and threads and drift of the rate, against the bars."""
+    seconds = samples["seconds"]
+    first, last = windows(seconds)
+    nodes: dict[str, dict[str, Any]] = {}
+    for node in nodes_in(samples):
+        memory, descriptors, threads = (
+            [float(np.median(samples[f"{node}_{what}"][part])) for part in (first, last)] for what in FIELDS[:3]
+        )
+        growth = memory[1] / memory[0] - 1
+        nodes[node] = {"memory_mb": memory, "growth": growth, "descriptors": descriptors, "threads": threads}
+    cpu_ms, drift = _processor_time(samples)
+    rate = [_slope(seconds, samples["ticks"], part) for part in (first, last)]
+    bars = {
+        "memory": max(node["growth"] for node in nodes.values()) <= GROWTH_LIMIT,
+        "descriptors": all(node["descriptors"][1] <= node["descriptors"][0] for node in nodes.values()),
+        "threads": all(node["threads"][1] <= node["threads"][0] for node in nodes.values()),
+        "rate": drift[0] <= DRIFT_LIMIT,
+    }
+    return {
+        "seconds": float(seconds[-1]),
+        "ticks": int(samples["ticks"][-1]),
+        "episodes": int(samples["episode"][-1]),
+        "load": [float(samples["load"].min()), float(np.median(samples["load"])), float(samples["load"].max())],
+        "ticks_per_second": rate,
+        "cpu_ms_per_tick": cpu_ms,
+        "cpu_drift": drift,
+        "nodes": nodes,
+        "bars_kept": bars,
+    }
+
+
+def windows(seconds: NDArray[np.float64]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """The first and the last tenth of what follows the warm-up."""
+    begin, end = _counted(seconds)
+    width = (end - begin) / WINDOWS
+    first: NDArray[np.bool_] = (seconds >= begin) & (seconds <= begin + width)
+    last: NDArray[np.bool_] = seconds >= end - width
+    return first, last
+
+
+def _counted(seconds: NDArray[np.float64]) -> tuple[float, float]:
+    """From when to when, s."""
+    end = float(seconds[-1])
+    return min(WARM_UP, end / 3), end
+
+
+def _processor_time(samples: Samples) -> tuple[float, list[float]]:
+    """Of simulator and controller, ms a tick, median; its drift from begin to end as a share, with 95% interval."""
+    ends = np.searchsorted(samples["seconds"], np.linspace(*_counted(samples["seconds"]), STRETCHES + 1))
+    ends = np.unique(np.clip(ends, 0, len(samples["seconds"]) - 1))
+    cpu = np.sum([samples[f"{node}_cpu"] for node in WALKERS], axis=0)[ends]
+    seconds, ticks = samples["seconds"][ends], samples["ticks"][ends]
+    walked = np.diff(ticks) > 0
+    per_tick = np.diff(cpu)[walked] / np.diff(ticks)[walked] * 1e3
+    middles = (seconds[1:] + seconds[:-1])[walked] / 2
+    slope, _, low, high = theilslopes(per_tick, middles, 0.95)
+    median = float(np.median(per_tick))
+    return median, [float(value * (seconds[-1] - seconds[0]) / median) for value in (slope, low, high)]
+
+
+def _slope(x: NDArray[np.float64], y: NDArray[np.float64], part: NDArray[np.bool_]) -> float:
+    x, y = x[part], y[part]
+    return float((y[-1] - y[0]) / max(x[-1] - x[0], 1e-9))
+
+
+def write_figures(folder: Path, walk: Mapping[str, Any], bars: Mapping[str, bool]) -> dict[str, Any]:
+    """Judge the samples in `folder` and keep that there, with what is known of the `walk` and of further bars."""
+    about = {"command": provenance.command(), "commit": provenance.commit(), "versions": provenance.versions()}
+    figures = {**judge(read_samples(folder / SAMPLES)), **walk}
+    figures["bars_kept"] |= bars
+    (folder / "soak.json").write_text(json.dumps({**figures, **about}, indent=2) + "\n", encoding="utf-8")
+    return figures

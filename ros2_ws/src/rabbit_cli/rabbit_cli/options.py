@@ -1,0 +1,172 @@
+"""Command-line options made from pydantic models: one for each field, checked by the model itself.
+
+    @app.command()
+    @options(EvaluationOptions, SimulationParameters)
+    def evaluate(given: Given) -> None:
+        request = given.build(EvaluationOptions)
+
+A field of several models is one option. Values reach the models as text; a wrong one ends the command with one line and
+exit code 2.
+"""
+
+import functools
+import inspect
+import re
+import sys
+from collections.abc import Callable, Collection, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal, NoReturn, TypeVar, get_args, get_origin
+
+import typer
+from pydantic import BaseModel, Field, ValidationError
+from pydantic.fields import FieldInfo
+from pydantic_core import ErrorDetails
+
+from rabbit_cli.executables import NAMESPACE
+
+BAD_VALUE = 2
+Model = TypeVar("Model", bound=BaseModel)
+
+
+@dataclass(frozen=True)
+class Given:
+    """The options that were given, by field name."""
+
+    values: dict[str, Any]
+
+    def of(self, model: type[BaseModel], but: Collection[str] = ()) -> dict[str, Any]:
+        """Those that `model` has, `but` some."""
+        fields = model.model_fields.items()
+        chosen = {name: field for name, field in fields if name in self.values and name not in but}
+        return {name: _split(field, self.values[name]) for name, field in chosen.items()}
+
+    def build(self, model: type[Model], **defaults: Any) -> Model:
+        """The model, `defaults` in place of its own; ends the command where a value is wrong."""
+        with complaints():
+            return model.model_validate({**defaults, **self.of(model)})
+
+
+def fail(text: object, code: int = BAD_VALUE) -> NoReturn:
+    """End the command with one line."""
+    print("rabbit:", " ".join(str(text).split()), file=sys.stderr)
+    raise typer.Exit(code)
+
+
+@contextmanager
+def complaints(*errors: type[Exception]) -> Iterator[None]:
+    """Turn pydantic's errors and `errors` into one line and exit code 2, or the error's own `code`."""
+    kinds: tuple[type[Exception], ...] = (ValidationError, *errors)
+    try:
+        yield
+    except kinds as error:
+        cause = error.__cause__
+        if isinstance(error, ValidationError):
+            fail(fault(error))
+        if isinstance(cause, ValidationError):
+            fail(f"{str(error).split(': ')[0]}: {fault(cause)}")
+        fail(error, getattr(error, "code", BAD_VALUE))
+
+
+class Graph(BaseModel):
+    """Which running graph a command means."""
+
+    namespace: str = Field("", pattern=NAMESPACE, description="of the graph")
+
+
+def check_namespace(namespace: str) -> None:
+    """End the command where it is none."""
+    with complaints():
+        Graph(namespace=namespace)
+
+
+def fault(error: ValidationError) -> str:
+    """Option, value and expectation of the first thing that is wrong."""
+    first: ErrorDetails = error.errors()[0]
+    text = re.sub(r"^(Input should be|Value error,)( a valid)? ?", "", first["msg"])
+    if first["type"] == "extra_forbidden":
+        return f"{first['loc'][0]}: no such parameter"
+    if not first["loc"]:
+        return text
+    name = option_name(str(first["loc"][0])) + "".join(f"[{part}]" for part in first["loc"][1:])
+    return f"{name}: missing" if first["type"] == "missing" else f"{name} {first['input']}: expected {text}"
+
+
+def option_name(field: str) -> str:
+    """`mass_scale` on the command line."""
+    return "--" + field.replace("_", "-")
+
+
+def options(
+    *models: type[BaseModel], without: Collection[str] = ()
+) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Give a command the fields of `models` as options, `without` some; it is called with what was given.
+
+    Parameters of its own, after `given`, stay as they are.
+    """
+
+    def decorate(function: Callable[..., Any]) -> Callable[..., Any]:
+        own = list(inspect.signature(function).parameters.values())[1:]
+        parameters = own + [each for each in _parameters(models) if each.name not in without]
+
+        @functools.wraps(function)
+        def command(**values: Any) -> Any:
+            kept = {each.name: values.pop(each.name) for each in own}
+            return function(Given({name: value for name, value in values.items() if value is not None}), **kept)
+
+        command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+        command.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
+        return command
+
+    return decorate
+
+
+def described(models: Collection[type[BaseModel]]) -> dict[str, str]:
+    """What each field of `models` is, with its unit and default."""
+    return {name: _help(field) for model in models for name, field in model.model_fields.items()}
+
+
+def _parameters(models: tuple[type[BaseModel], ...]) -> list[inspect.Parameter]:
+    fields: dict[str, tuple[str, FieldInfo]] = {}
+    for model in models:
+        for name, field in model.model_fields.items():
+            fields.setdefault(name, (_panel(model), field))
+    keyword = inspect.Parameter.KEYWORD_ONLY
+    return [
+        inspect.Parameter(name, keyword, default=None, annotation=_annotation(name, field, panel))
+        for name, (panel, field) in fields.items()
+    ]
+
+
+def _panel(model: type[BaseModel]) -> str:
+    words = re.findall(r"[A-Z][a-z]*", model.__name__)
+    return words[0] if words else model.__name__
+
+
+def _help(field: FieldInfo) -> str:
+    default = "" if field.is_required() or field.default in (None, "", ()) else f" (default {field.default})"
+    return f"{field.description or ''}{default}"
+
+
+def _annotation(name: str, field: FieldInfo, panel: str) -> Any:
+    help_text = _help(field)
+    if field.annotation is bool:
+        flags = f"{option_name(name)}/--no-{option_name(name)[2:]}"
+        return Annotated[bool | None, typer.Option(flags, help=help_text, rich_help_panel=panel)]
+    flag, metavar = option_name(name), _metavar(field.annotation)
+    return Annotated[str | None, typer.Option(flag, help=help_text, metavar=metavar, rich_help_panel=panel)]
+
+
+def _split(field: FieldInfo, value: Any) -> Any:
+    """The parts of a list, where the field is one."""
+    is_list = get_origin(field.annotation) is tuple
+    return [part for part in value.split(",") if part] if is_list and isinstance(value, str) else value
+
+
+def _metavar(annotation: Any) -> str:
+    if get_origin(annotation) is Literal:
+        return "|".join(map(str, get_args(annotation)))
+    if get_origin(annotation) is tuple:
+        return f"{_metavar(get_args(annotation)[0])},..."
+    known = {float: "NUMBER", int: "COUNT", str: "NAME"}
+    return known.get(annotation, "VALUE")

@@ -1,0 +1,122 @@
+"""Policy files: show, verify, errors of the estimates, load."""
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from pydantic import BaseModel, ConfigDict, Field
+from rabbit_cli.executables import LaunchError, Refused
+from rabbit_cli.options import Given, check_namespace, complaints, fail, options
+from rabbit_sim.parameters import SimulationParameters
+from rl_cbf_clf_controller.parameters import ControllerParameters
+
+from rabbit_experiments.commands.evaluate import describe, given_assembly
+
+if TYPE_CHECKING:
+    from rl_cbf_clf_controller.weights import PolicyFile
+
+NOBODY = 1
+
+app = typer.Typer(help="Policy files: show, verify, errors, load.", no_args_is_help=True, add_completion=False)
+File = Annotated[Path, typer.Argument(help="policy file (.safetensors), or the name of a shipped one")]
+
+
+class ErrorsOptions(BaseModel):
+    """What `rabbit policy errors` is told besides plant and controller."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    runs: int = Field(5, ge=1, le=10_000, description="walks of the policy, and as many of the oracle")
+    seed: int = Field(9001, ge=0, le=2**63 - 1, description="of courses, first states and sensor noise")
+    parameters: str = Field("ours", description="of the controller: ours, authors or a YAML file")
+    out: Path | None = Field(None, description="file for the figures, JSON")
+
+
+@app.command()
+def show(file: File) -> None:
+    """Print a policy file's metadata, version and arrays."""
+    policy = _read(file)
+    print(json.dumps(policy.metadata.model_dump(mode="json"), indent=2))
+    print(f"version {policy.version}, content hash {policy.content_hash}")
+    for name, array in policy.arrays.items():
+        print(f"{name:>14} {array.dtype} {array.shape}")
+
+
+@app.command()
+def verify(file: File) -> None:
+    """Check layout, names, shapes, finite values, hash and probe; exit code 2 where something is wrong."""
+    policy = _read(file)
+    print(f"{file}: sound; {policy.metadata.problem}, version {policy.version}")
+
+
+@app.command()
+@options(ErrorsOptions, ControllerParameters, SimulationParameters, without=("controller",))
+def errors(given: Given, file: File) -> None:
+    """Errors of a policy's estimates against the oracle's, on walks of both (by default at twice the mass)."""
+    request = given.build(ErrorsOptions)
+    controller = _read(file).metadata.problem.value
+    assembly = given_assembly(
+        Given({"mass_scale": 2.0, **given.values, "controller": controller}), str(file), request.parameters
+    )
+    from rich.progress import track
+
+    from rabbit_experiments.estimates import NoTicksError, compare
+    from rabbit_experiments.evaluation import episode_seeds
+
+    seeds = episode_seeds(request.seed, request.runs).values()
+    with complaints(NoTicksError):
+        found = {who: compare(assembly, who, track(seeds, f"walks of the {who}")) for who in ("policy", "oracle")}
+    for walker, figures in found.items():
+        show_errors(walker, figures)
+    if request.out:
+        text = json.dumps({"on_walks_of": found, **describe(assembly, request.seed)[1]}, indent=2)
+        with complaints(OSError):
+            request.out.parent.mkdir(parents=True, exist_ok=True)
+            request.out.write_text(text, encoding="utf-8")
+        print(f"written to {request.out}")
+
+
+def show_errors(walker: str, figures: dict[str, Any]) -> None:
+    """A table on the screen."""
+    from rich.console import Console
+    from rich.table import Table
+
+    names = list(next(iter(figures["quantities"].values())))
+    walked = sum(walk["outcome"] == "walked" for walk in figures["walks"])
+    title = f"walks of the {walker}: {walked} of {len(figures['walks'])} to the end, {figures['ticks']} ticks"
+    active = ", ".join(f"{row} {share:.1%}" for row, share in figures["active_share"].items())
+    table = Table("", *names, title=title, caption=f"active: {active}")
+    for quantity, errors in figures["quantities"].items():
+        table.add_row(quantity, *("-" if value is None else f"{value:.4g}" for value in errors.values()))
+    Console().print(table)
+
+
+@app.command()
+def load(
+    file: File,
+    namespace: Annotated[str, typer.Option(help="of the graph")] = "",
+    timeout: Annotated[float, typer.Option(help="s to wait for the controller", min=0.1, max=3600)] = 5.0,
+) -> None:
+    """Have a running controller put a policy in force; exit code 1 if there is none, 2 if it refuses the file."""
+    from rl_cbf_clf_controller.weights import policy_path
+
+    check_namespace(namespace)
+    try:
+        from rabbit_cli.ask_node import load_policy
+
+        answer = load_policy(policy_path(str(file)), namespace, timeout)
+    except ModuleNotFoundError:
+        fail("no ROS 2 workspace is sourced: source ros2_ws/install/setup.bash", NOBODY)
+    except LaunchError as error:
+        fail(error, error.code if isinstance(error, Refused) else NOBODY)
+    if not answer.accepted:
+        fail(f"the controller refused {file}: {answer.message}")
+    print(f"{file}: loaded, version {answer.version}")
+
+
+def _read(file: Path) -> "PolicyFile":
+    from rl_cbf_clf_controller.weights import PolicyFileError, policy_path, read
+
+    with complaints(PolicyFileError):
+        return read(policy_path(str(file)))

@@ -1,0 +1,60 @@
+"""Make the paper's figures and tables anew, with its figures beside ours."""
+
+import os
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import typer
+from rabbit_cli.options import complaints, fail
+
+app = typer.Typer(add_completion=False)
+
+
+@app.command()
+def reproduce(
+    names: Annotated[list[str] | None, typer.Argument(help="experiments, by name; all of them")] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="few runs of everything")] = False,
+    retrain: Annotated[bool, typer.Option("--retrain", help="train the policies first, into DIR/training")] = False,
+    out: Annotated[Path, typer.Option(help="folder; one that was stopped there goes on")] = Path("runs/reproduce"),
+    jobs: Annotated[int | None, typer.Option(min=1, max=4096, help="processes (default: all cores)")] = None,
+    backend: Annotated[Literal["loky", "ray"], typer.Option(help="processes here, or a Ray cluster's")] = "loky",
+    show: Annotated[bool, typer.Option("--list", help="the experiments, and nothing more")] = False,
+) -> None:
+    """Make the paper's figures and tables anew: DIR/results.md has its figures beside ours, with verdicts."""
+    from rabbit_experiments.reproduce.catalogue import EXPERIMENTS
+    from rabbit_experiments.reproduce.lines import FULL, QUICK
+    from rabbit_experiments.reproduce.making import make
+    from rabbit_experiments.reproduce.runner import BackendError
+
+    known = {each.name: each for each in EXPERIMENTS}
+    if show:
+        for name, each in known.items():
+            print(f"{name:24s} {each.title} ({each.label}){'; needs --retrain' * each.needs_training}")
+        return
+    if wrong := [name for name in names or () if name not in known]:
+        fail(f"{wrong[0]}: expected some of {', '.join(known)}")
+    if wrong := [name for name in names or () if known[name].needs_training and not retrain]:
+        fail(f"{wrong[0]}: expected --retrain, it needs the policies of all episodes of a training")
+    chosen = [each for name, each in known.items() if name in (names or known) and (retrain or not each.needs_training)]
+    size, processes = QUICK if quick else FULL, jobs or os.cpu_count() or 1
+    try:
+        with complaints(BackendError):
+            if retrain:
+                wanted = dict.fromkeys(recipe for each in chosen for recipe in each.trainings(size))
+                size = replace(size, trained=trained_anew(list(wanted), out, processes))
+            page, done = make(chosen, size, out, list(known), processes, backend)
+    except KeyboardInterrupt:
+        fail("stopped; the same command goes on from the runs that are done", code=130)
+    print(f"{done} runs made; written {page}")
+
+
+def trained_anew(wanted: Sequence[Any], out: Path, processes: int) -> Any:
+    """These trainings in `out`, those that are missing made; a damaged one ends the command."""
+    from rl_trainer.session import CheckpointError
+
+    from rabbit_experiments.reproduce.training import retrain
+
+    with complaints(CheckpointError):
+        return retrain(wanted, out / "training", processes)

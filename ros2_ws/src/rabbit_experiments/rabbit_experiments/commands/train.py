@@ -1,0 +1,83 @@
+"""Learn a policy in process."""
+
+from pathlib import Path
+from typing import Any
+
+import typer
+from pydantic import BaseModel, ConfigDict, Field
+from rabbit_cli.options import Given, complaints, fail, options
+from rabbit_sim.parameters import SimulationParameters
+from rl_cbf_clf_controller.parameters import ControllerParameters
+from rl_trainer.parameters import TrainingParameters
+
+POLICY = "policy.safetensors"
+
+app = typer.Typer(add_completion=False)
+
+
+class SessionOptions(BaseModel):
+    """What `rabbit train` is told besides learner, controller and plant."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    out: Path = Field(description="folder of the session; one that was stopped there goes on")
+    random_plants: bool = Field(False, description="another robot in every episode, for a policy beside an adaptation")
+    paper_literal: bool = Field(False, description="DDPG as the paper states it, in place of the one that works")
+    parameters: str = Field("ours", description="of the controller: ours, authors or a YAML file")
+
+
+@app.command()
+@options(SessionOptions, TrainingParameters, ControllerParameters, SimulationParameters, without=("controller",))
+def train(given: Given) -> None:
+    """Learn a policy on the perturbed plant (by default twice the mass, no motor lag; no end at a missed stone)."""
+    request = given.build(SessionOptions)
+    from rabbit_description.gait import GaitError
+    from rabbit_sim.stones import CourseError
+    from rl_cbf_clf_controller.parameters import ParameterError, load_parameters
+    from rl_trainer.parameters import paper_literal
+    from rl_trainer.session import CheckpointError
+
+    from rabbit_experiments.assembly import TRAINING_SCALE, TRAINING_SLACK_WEIGHT
+    from rabbit_experiments.learning import training
+
+    parameters = given.build(TrainingParameters)
+    if request.paper_literal:
+        parameters = paper_literal(parameters.problem, **given.of(TrainingParameters, but=("problem",)))
+    with complaints(ParameterError):
+        values = {"slack_weight": TRAINING_SLACK_WEIGHT, **given.of(ControllerParameters, but=("controller", "sigma"))}
+        controller = load_parameters(request.parameters, **values, controller=parameters.problem.value)
+    terrain = "stones" if controller.on_stones else "flat"
+    steps = parameters.walking_steps
+    world = {"terrain": terrain, "stones": steps, "stop_at_miss": False}  # an episode ends by the robot's pose
+    plant = given.build(SimulationParameters, mass_scale=TRAINING_SCALE, **world)
+    with (
+        complaints(GaitError, CourseError, CheckpointError),
+        training(request.out, parameters, controller, plant, random_plants=request.random_plants) as job,
+    ):
+        try:
+            follow(job, parameters.episodes)
+        except KeyboardInterrupt:
+            fail("stopped; the same command goes on from the last whole episode", code=130)
+        job.session.trainer.policy_file().write(request.out / POLICY)
+    print(f"written {request.out / POLICY}")
+
+
+def follow(job: Any, episodes: int) -> None:
+    """A bar with the newest episode's figures while the session runs."""
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("{task.description}"))
+    with Progress(*columns) as progress:
+        done = job.session.trainer.episode
+        task = progress.add_task("walking", total=episodes, completed=done)
+        for report in job.reports:
+            text = report_text(report)
+            progress.update(task, advance=1, description=text)
+            progress.console.print(f"episode {report.episode + 1:3d}  {text}", highlight=False, soft_wrap=True)
+
+
+def report_text(report: Any) -> str:
+    """An episode in a line."""
+    reward = " ".join(f"{name} {value:.3g}" for name, value in report.reward.items())
+    losses = " ".join(f"{name} {value:.3g}" for name, value in report.losses.items())
+    return f"steps {report.steps}, ticks {report.ticks}, reward {reward}, losses {losses or '-'}"

@@ -1,0 +1,56 @@
+"""A training session put together: the true plant, the controller with the policy of the episode, the trainer."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from rabbit_description.gait_library import load_gaits
+from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.simulation import Simulation
+from rl_cbf_clf_controller.controller import Controller
+from rl_cbf_clf_controller.parameters import ControllerParameters
+from rl_cbf_clf_controller.policy import Policy
+from rl_trainer.parameters import TrainingParameters
+from rl_trainer.session import Session
+from rl_trainer.training import EpisodeReport, Provenance, Trainer
+
+from rabbit_experiments import provenance
+from rabbit_experiments.random_plants import RandomPlants
+
+
+@dataclass(frozen=True)
+class Training:
+    """A session in `folder`, and the reports of the episodes that are left."""
+
+    session: Session
+    reports: Iterator[EpisodeReport]
+
+
+@contextmanager
+def training(
+    folder: Path,
+    parameters: TrainingParameters,
+    controller: ControllerParameters,
+    plant: SimulationParameters,
+    command: str | None = None,
+    random_plants: bool = False,
+) -> Iterator[Training]:
+    """Begin a session, or go on with the one in `folder`; raises `GaitError`, `CourseError`, `CheckpointError`.
+
+    `command` goes into the policy files, this process's own where it is not given; with `random_plants` every episode
+    has another robot.
+    """
+    gait = load_gaits(controller.gait)
+
+    def make_controller(policy: Policy, sigma: float) -> Controller:
+        return Controller(controller.model_copy(update={"sigma": sigma}), gait, policy)
+
+    about = plant.model_dump() | ({"random_plants": True} if random_plants else {})
+    source = Provenance(about, provenance.commit(), command or provenance.command())
+    simulation = RandomPlants(plant, gait) if random_plants else Simulation(plant, gait)
+    try:
+        session = Session(folder, Trainer(parameters, source))
+        yield Training(session, session.run(simulation, make_controller))
+    finally:
+        simulation.close()

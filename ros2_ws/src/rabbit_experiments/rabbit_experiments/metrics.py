@@ -1,0 +1,244 @@
+"""One run in figures, taken tick by tick.
+
+Forces are the true ones at the tick's beginning, the mean over the tick before, on the foot that stands. A landing
+happens in the tick before the one that swaps the legs, so from the fourth tick of a step on the whole mean is more than
+30 ms after the impact; earlier ticks are "at impact". A force violation is a later tick over the cone (with
+F_N > 20 N) or without a push from the ground (F_N <= 0, "lost").
+"""
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict
+from rabbit_description.force_ratio import LOADED
+from rabbit_description.state import Array
+from rabbit_sim.simulation import Landing, Outcome
+from rabbit_viewer.walk_records import RESCUE_NEEDED
+from rl_cbf_clf_controller.controller import ControllerOutput
+from rl_cbf_clf_controller.parameters import ControllerParameters
+from rl_trainer.rollout import Record
+
+IMPACT_TICKS = 4  # of a step's beginning, whose mean force may hold some of the 30 ms after impact
+ROWS = ("CLF", "B1", "B2", "C1", "C2", "u")  # of the QP, both cone rows as C2 and all saturation rows as u
+
+
+class RunRow(BaseModel):
+    """A row of runs.csv. Counts are ticks unless named otherwise; forces in N; times in s or ms."""
+
+    model_config = ConfigDict(frozen=True)
+
+    run: int
+    seed: int
+    outcome: str
+    success: bool
+    success_with_forces: bool
+    stones: int
+    missed_stones: int
+    steps: int
+    ticks: int
+    worst_margin: float
+    max_force_ratio: float
+    min_normal_force: float
+    ticks_over_cone: int
+    ticks_over_cone_at_impact: int
+    ticks_normal_force_negative: int
+    ticks_lost: int
+    ticks_lost_at_impact: int
+    qp_unanswered_ticks: int
+    qp_unconstrained_ticks: int
+    slack_ticks: int
+    rescue_ticks: int
+    saturated_ticks: int
+    ecbf_start_violations: int
+    active_CLF: int
+    active_B1: int
+    active_B2: int
+    active_C1: int
+    active_C2: int
+    active_u: int
+    barrier_active_steps: int
+    max_torque: float
+    rms_y: float
+    rms_dy: float
+    max_clf: float
+    max_slack: float
+    max_rescue_slack: float
+    tick_ms_p50: float
+    tick_ms_p99: float
+    plant_ms_p50: float
+    walk_seconds: float
+
+
+class ForceTick(BaseModel):
+    """A tick whose stance foot was over the friction cone (with F_N > 20 N), or was not pushed at all (lost)."""
+
+    model_config = ConfigDict(frozen=True)
+
+    run: int
+    kind: Literal["over_cone", "lost"]
+    tick: int
+    step: int
+    ticks_since_landing: int
+    at_impact: bool
+    tangential_force: float
+    normal_force: float
+    ratio: float
+
+
+@dataclass(frozen=True)
+class RunResult:
+    """What a run leaves behind: its row, its force violations, and the seconds each control tick took, float32."""
+
+    row: RunRow
+    violations: list[ForceTick]
+    tick_seconds: NDArray[np.float32]
+
+
+@dataclass
+class ForceTally:
+    """Stance forces against the unilateral constraint and the cone of `friction_coeff`."""
+
+    run: int
+    friction_coeff: float
+    violations: list[ForceTick] = field(default_factory=list)
+    max_ratio: float = 0.0
+    min_normal: float = np.inf
+    negative: int = 0
+
+    def add(self, output: ControllerOutput, age: int, force: Array) -> None:
+        """Take in a tick, `age` ticks after the legs swapped, with the `force` (2,) on the foot that stands, N."""
+        if output.tick == 0:
+            return  # no tick before it, no force yet
+        tangential, normal = force.tolist()
+        ratio = abs(tangential) / normal if normal > LOADED else 0.0
+        if age >= IMPACT_TICKS:
+            self.min_normal = min(self.min_normal, normal)
+            self.max_ratio = max(self.max_ratio, ratio)
+        self.negative += normal < 0
+        if ratio > self.friction_coeff or normal <= 0:
+            self.violations.append(
+                ForceTick(
+                    run=self.run,
+                    kind="lost" if normal <= 0 else "over_cone",
+                    tick=output.tick,
+                    step=output.step_index,
+                    ticks_since_landing=age,
+                    at_impact=age < IMPACT_TICKS,
+                    tangential_force=tangential,
+                    normal_force=normal,
+                    ratio=ratio,
+                )
+            )
+
+    def count(self, kind: str, at_impact: bool) -> int:
+        """Violations of a kind, within the time of impact or after it."""
+        return sum(tick.kind == kind and tick.at_impact == at_impact for tick in self.violations)
+
+
+class RunTally:
+    """Observes a rollout; `result` reduces it. `foot_force` gives the true forces, (2, 2), at the present tick."""
+
+    def __init__(self, run: int, parameters: ControllerParameters, foot_force: Callable[[], Array]) -> None:
+        self._foot_force = foot_force
+        self.run = run
+        self.ticks = 0
+        self.fault = ""
+        self._forces = ForceTally(run, parameters.friction_coeff)
+        self._pole = parameters.barrier_pole_1
+        self._squares = np.zeros(8)  # of eta, summed
+        self._counts: Counter[str] = Counter()
+        self._barrier_steps: set[int] = set()
+        self._step, self._step_tick = -1, 0
+        self._most: dict[str, float] = {"max_torque": 0.0, "max_clf": 0.0, "max_slack": 0.0, "max_rescue_slack": 0.0}
+
+    def __call__(self, record: Record) -> None:
+        """Take in a tick."""
+        state, output = record.state, record.output
+        self.ticks += 1
+        self.fault = output.fault
+        self._squares += output.eta**2
+        if output.step_index != self._step:
+            self._step, self._step_tick = output.step_index, state.tick
+            self._counts["ecbf_start_violations"] += self._starts_outside(output)
+        self._forces.add(output, state.tick - self._step_tick, self._foot_force()[output.stance])
+        self._count(output)
+        values = (float(np.abs(output.torque).max()), output.V, output.clf_slack, output.rescue_slack)
+        self._most = {name: max(most, value) for (name, most), value in zip(self._most.items(), values, strict=True)}
+
+    def _starts_outside(self, output: ControllerOutput) -> bool:
+        """Whether a barrier's B' + p1 B is negative where the step begins: from there an ECBF promises nothing."""
+        return bool((output.barrier_rates + self._pole * output.barriers < 0).any())
+
+    def _count(self, output: ControllerOutput) -> None:
+        active = {name if name in ROWS else name[: 1 if name[0] == "u" else 2] for name in output.active}
+        if active & {"B1", "B2"}:
+            self._barrier_steps.add(output.step_index)
+        self._counts.update(f"active_{name}" for name in active & set(ROWS))
+        self._counts["qp_unanswered_ticks"] += not output.answered
+        self._counts["qp_unconstrained_ticks"] += output.status == "unconstrained"
+        self._counts["slack_ticks"] += output.clf_slack > 0
+        self._counts["rescue_ticks"] += output.rescue_slack > RESCUE_NEEDED
+        self._counts["saturated_ticks"] += output.saturated
+
+    def _rms(self, squares: Array) -> float:
+        return float(np.sqrt(squares.mean() / max(self.ticks, 1)))
+
+    def result(
+        self,
+        seed: int,
+        outcome: Outcome,
+        landings: list[Landing],
+        ticks: list[float],
+        plant_ticks: list[float],
+        walk_seconds: float = 0.0,
+    ) -> RunResult:
+        """The run in figures, once it is over; seconds that each controller and plant tick took, and the whole walk."""
+        missed = [landing.missed or not landing.on_stone for landing in landings]
+        stones = missed.index(True) if True in missed else len(missed)
+        success = outcome is Outcome.WALKED and not self.fault and not any(missed)
+        forces, milliseconds = self._forces, np.array(ticks) * 1e3
+        counted: dict[str, Any] = {**self._most, **{name: self._counts[name] for name in _COUNTED}}
+        over, lost = forces.count("over_cone", at_impact=False), forces.count("lost", at_impact=False)
+        row = RunRow(
+            run=self.run,
+            seed=seed,
+            outcome=self.fault.split(":")[0] or outcome.value,
+            success=success,
+            success_with_forces=success and not over and not lost,
+            stones=stones,
+            missed_stones=sum(missed),
+            steps=self._step + 1,
+            ticks=self.ticks,
+            worst_margin=min((min(step.l - step.l_min, step.l_max - step.l) for step in landings), default=np.nan),
+            max_force_ratio=forces.max_ratio,
+            min_normal_force=forces.min_normal if np.isfinite(forces.min_normal) else np.nan,
+            ticks_over_cone=over,
+            ticks_over_cone_at_impact=forces.count("over_cone", at_impact=True),
+            ticks_normal_force_negative=forces.negative,
+            ticks_lost=lost,
+            ticks_lost_at_impact=forces.count("lost", at_impact=True),
+            barrier_active_steps=len(self._barrier_steps),
+            rms_y=self._rms(self._squares[:4]),
+            rms_dy=self._rms(self._squares[4:]),
+            tick_ms_p50=float(np.percentile(milliseconds, 50)),
+            tick_ms_p99=float(np.percentile(milliseconds, 99)),
+            plant_ms_p50=float(np.median(plant_ticks)) * 1e3 if plant_ticks else np.nan,
+            walk_seconds=walk_seconds,
+            **counted,
+        )
+        return RunResult(row, forces.violations, np.array(ticks, dtype=np.float32))
+
+
+_COUNTED = (
+    "qp_unanswered_ticks",
+    "qp_unconstrained_ticks",
+    "slack_ticks",
+    "rescue_ticks",
+    "saturated_ticks",
+    "ecbf_start_violations",
+    *(f"active_{name}" for name in ROWS),
+)

@@ -1,0 +1,49 @@
+"""The `rabbit evaluate` command that makes the runs of a case by themselves."""
+
+import shlex
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel
+from rabbit_sim.parameters import SimulationParameters
+from rl_cbf_clf_controller.parameters import load_parameters
+from rl_cbf_clf_controller.weights import policy_path
+
+from rabbit_experiments.assembly import EVALUATION_LAG, Assembly, resolve_policy, shipped_policies
+from rabbit_experiments.reproduce.walks import Case
+
+
+def evaluate_command(case: Case) -> str:
+    """Every option that is not `rabbit evaluate`'s own default."""
+    assembly = case.assembly
+    law, plant = assembly.controller, assembly.simulation
+    terrain = "stones" if law.on_stones else "flat"
+    usual_law = load_parameters("ours", controller=law.controller)
+    usual_plant = SimulationParameters(motor_lag=EVALUATION_LAG, terrain=terrain)
+    words = ["rabbit", "evaluate", "--controller", law.controller, *_policy(assembly)]
+    words += ["--nominal", ",".join(assembly.nominal)] if assembly.nominal else []
+    words += _changes(plant, usual_plant) + _changes(law, usual_law, but=SimulationParameters)
+    return shlex.join([*words, "--runs", str(case.runs), "--seed", str(case.seed), "--out", "DIR"])
+
+
+def _policy(assembly: Assembly) -> list[str]:
+    own = assembly.controller.controller in shipped_policies() or not assembly.controller.learns
+    if own and assembly.policy == resolve_policy(None, assembly.controller):
+        return []
+    name = Path(assembly.policy).stem
+    return ["--policy", name if assembly.policy == str(policy_path(name)) else assembly.policy]
+
+
+def _changes(model: BaseModel, usual: BaseModel, but: type[BaseModel] | None = None) -> list[str]:
+    """Options of the fields that differ, `but` those another model has as well."""
+    words: list[str] = []
+    for name in type(model).model_fields:
+        value: Any = getattr(model, name)
+        if value == getattr(usual, name) or (but and name in but.model_fields):
+            continue
+        option = name.replace("_", "-")
+        if isinstance(value, bool):
+            words.append(f"--{option}" if value else f"--no-{option}")
+        else:
+            words += [f"--{option}", f"{value:g}" if isinstance(value, float) else str(value)]
+    return words

@@ -1,0 +1,52 @@
+"""The controllers that are compared, in the order and colours of every table and figure. A new one is a line here."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+from rabbit_sim.parameters import SimulationParameters
+from rabbit_viewer import style
+from rl_cbf_clf_controller.parameters import load_parameters
+
+from rabbit_experiments.assembly import EVALUATION_LAG, Assembly, resolve_policy
+
+
+@dataclass(frozen=True)
+class Contender:
+    """A controller by name, its policy (its own where None), how it is drawn, and parameters beside its name."""
+
+    title: str
+    controller: str
+    colour: str
+    policy: str | None = None
+    line: str = "-"
+    law: tuple[tuple[str, Any], ...] = ()
+
+    def with_policy(self, policy: str) -> "Contender":
+        """The same with another policy, by name or file."""
+        return replace(self, policy=policy)
+
+    def assembly(self, law: dict[str, Any] | None = None, /, **plant: Any) -> Assembly:
+        """On its own terrain, with the lag of evaluation; `law` are more controller parameters, `plant` the plant's.
+
+        Raises:
+            AssemblyError: no policy is shipped for it.
+        """
+        controller = load_parameters("ours", controller=self.controller, **dict(self.law), **(law or {}))
+        terrain = "stones" if controller.on_stones else "flat"
+        simulation = SimulationParameters.model_validate({"motor_lag": EVALUATION_LAG, "terrain": terrain, **plant})
+        return Assembly(simulation, controller, resolve_policy(self.policy, controller))
+
+
+RL_CLF = Contender("RL-CLF-QP", "rl-clf-qp", style.BLUE)
+IO_RL = Contender("IO-RL + CLF-QP", "io-rl-clf-qp", style.ORANGE)
+CLF = Contender("nominal CLF-QP", "clf-qp", style.BLACK, line="--")
+CLF_ORACLE = Contender("RL-CLF-QP, oracle", "rl-clf-qp", style.GREEN, "oracle", ":")
+L1_CLF = Contender("L1-CLF-QP", "l1-clf-qp", style.PURPLE, line="-.")
+FLAT = (RL_CLF, IO_RL, L1_CLF, CLF)
+
+RL_CBF_CLF = Contender("RL-CBF-CLF-QP", "rl-cbf-clf-qp", style.BLUE)
+CBF_CLF = Contender("nominal CBF-CLF-QP", "cbf-clf-qp", style.BLACK, line="--")
+CBF_CLF_ORACLE = Contender("RL-CBF-CLF-QP, oracle", "rl-cbf-clf-qp", style.GREEN, "oracle", ":")
+ROBUST = Contender("robust CBF-CLF-QP", "robust-cbf-clf-qp", style.PURPLE, line="-.")
+STONES = (RL_CBF_CLF, ROBUST, CBF_CLF)
+RL_CBF_CLF_LIGHT = Contender("RL-CBF-CLF-QP trained at 0.7", "rl-cbf-clf-qp", style.SKY, "rl-cbf-clf-qp-scale-0.7")

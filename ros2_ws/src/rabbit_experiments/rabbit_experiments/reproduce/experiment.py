@@ -1,0 +1,97 @@
+"""What every experiment is: claims of the paper, the lines of its table, and its figures."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from pathlib import Path
+from typing import ClassVar
+
+from matplotlib.figure import Figure
+from rabbit_viewer import style
+
+from rabbit_experiments import provenance
+from rabbit_experiments.assembly import Assembly
+from rabbit_experiments.reproduce.jobs import Job
+from rabbit_experiments.reproduce.lines import Found, Line, Size
+from rabbit_experiments.reproduce.report import Claim, Report, Table
+from rabbit_experiments.reproduce.training import POLICY, Recipe, that_made
+from rabbit_experiments.reproduce.walk_table import long_table, walk_table
+
+
+class Experiment(ABC):
+    """One figure or claim of the paper. `label` is the paper's own, in brackets, or the section's name.
+
+    One that `needs_training` is made with `--retrain` only. `why` tells why ours differs from the paper, where it does.
+    """
+
+    name: ClassVar[str]
+    title: ClassVar[str]
+    label: ClassVar[str]
+    paper: ClassVar[str]
+    why: ClassVar[str] = ""
+    judged_on_rigid: ClassVar[bool] = False  # all claims hold of any plant's walks, but for those made on `MAIN` alone
+    needs_training: ClassVar[bool] = False
+
+    @abstractmethod
+    def lines(self) -> Sequence[Line]:
+        """What walks."""
+
+    @abstractmethod
+    def claims(self, found: Found) -> Sequence[Claim]:
+        """The verdicts."""
+
+    def recorded(self) -> Sequence[Line]:
+        """Lines whose first run a figure shows."""
+        return ()
+
+    def figures(self, found: Found) -> dict[str, tuple[str, Figure]]:
+        """Caption and figure by name."""
+        return {}
+
+    def jobs(self, size: Size) -> list[Job]:
+        """Every run it needs."""
+        walks = [job for line in self.lines() for column in line.columns for job in line.case(size, column).jobs]
+        return walks + [line.case(size).records for line in self.recorded()]
+
+    def trainings(self, size: Size) -> list[Recipe]:
+        """What `--retrain` trains for it: the shipped policies that it uses."""
+        return that_made(each.policy for job in self.jobs(size) for each in (job.assembly, *job.judges))
+
+    def tables(self, found: Found) -> Sequence[Table]:
+        """Of its lines."""
+        return (walk_table(self.lines(), found), long_table(self.lines(), found))
+
+    def _learned(self, found: Found) -> list[Job]:
+        """Jobs with a policy file."""
+        return [job for job in self.jobs(found.size) if job.assembly.policy not in ("zero", "oracle")]
+
+    def _claims(self, found: Found) -> list[Claim]:
+        """With the verdicts on the rigid plant."""
+        beside = self.claims(found.on_rigid) if self.judged_on_rigid else ()
+        verdicts = {claim.claim: claim.verdict for claim in beside}
+        return [claim.model_copy(update={"on_rigid": verdicts.get(claim.claim)}) for claim in self.claims(found)]
+
+    def report(self, found: Found) -> tuple[Report, dict[str, Figure]]:
+        """From results that are all there; raises `LookupError` where one is not."""
+        with style.look():
+            figures = self.figures(found)
+        report = Report(
+            name=self.name,
+            title=self.title,
+            label=self.label,
+            paper=self.paper,
+            why=self.why,
+            quick=found.size.quick,
+            retrained=found.size.trained is not None,
+            commit=provenance.commit(),
+            policies={policy_name(job.assembly): found.policy(job.assembly) for job in self._learned(found)},
+            claims=tuple(self._claims(found)),
+            tables=tuple(self.tables(found)),
+            figures={name: caption for name, (caption, _) in figures.items()},
+        )
+        return report, {name: figure for name, (_, figure) in figures.items()}
+
+
+def policy_name(assembly: Assembly) -> str:
+    """What a policy file is called: its own name, or its training's."""
+    path = Path(assembly.policy)
+    return path.parent.name if path.name == POLICY else path.stem

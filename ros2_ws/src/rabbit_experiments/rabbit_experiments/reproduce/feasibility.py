@@ -1,0 +1,93 @@
+"""Is a tick's QP feasible with no slack at all? A linear programme over mu decides, apart from any QP solver.
+
+    find mu   such that   lower <= A mu <= upper     for the rows of the tick
+
+Two sets of rows, both with saturation: `safety`, barriers and ground forces (the paper's QP, where d relaxes the CLF
+row and nothing else is relaxed), and `all`, with the CLF row as well.
+
+The rows are each judge's own, margins and estimates included. All judges see the states of one walk, stepped tick by
+tick, so a judge that adapts has seen what the walker saw; its torque goes nowhere.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+from rabbit_description.state import RobotState
+from rl_cbf_clf_controller.controller import Controller
+from rl_cbf_clf_controller.rows import Rows
+from rl_cbf_clf_controller.uncertainty import Estimates, Problem
+from rl_trainer.rollout import Record
+from scipy.optimize import linprog
+
+from rabbit_experiments.assembly import Assembly
+from rabbit_experiments.evaluation import episode
+
+INFEASIBLE = 2  # linprog's status
+
+
+class Feasibility(BaseModel):
+    """One walk: `ticks`, and for each judge how many of them are infeasible, by set of rows."""
+
+    model_config = ConfigDict(frozen=True)
+
+    outcome: str
+    ticks: int
+    safety: tuple[int, ...]
+    all: tuple[int, ...]
+
+
+def infeasible(rows: Sequence[Rows]) -> bool:
+    """Whether a linear programme proves that no mu meets all `rows`, slacks aside."""
+    A = np.concatenate([block.A for block in rows])
+    upper, lower = (np.concatenate([getattr(block, side) for block in rows]) for side in ("upper", "lower"))
+    norm = np.maximum(np.linalg.norm(A, axis=1), 1e-12)
+    sides = np.concatenate([A, -A]) / np.tile(norm, 2)[:, None]
+    bounds = np.concatenate([upper, -lower]) / np.tile(norm, 2)
+    finite = np.isfinite(bounds)
+    done = linprog(np.zeros(A.shape[1]), A_ub=sides[finite], b_ub=bounds[finite], bounds=(None, None), method="highs")
+    return bool(done.status == INFEASIBLE)
+
+
+def measure(walker: Assembly, judges: Sequence[Assembly], seed: int) -> Feasibility:
+    """Walk once, and judge every tick.
+
+    Raises:
+        ValueError: a judge of the first approach, whose rows are not in mu alone.
+    """
+    simulation, controller = walker.build()
+    asked = [_judge(assembly) for assembly in judges]
+    counts = np.zeros((2, len(asked)), dtype=int)
+    ticks = 0
+
+    def look(record: Record) -> None:
+        nonlocal ticks
+        ticks += 1
+        for i, judge in enumerate(asked):
+            counts[:, i] += _verdicts(judge, record.state)
+
+    try:
+        fault = episode(simulation, controller, seed, look)
+    finally:
+        simulation.close()
+    outcome = fault.split(":")[0] or simulation.outcome.value
+    safety, every = counts.tolist()
+    return Feasibility(outcome=outcome, ticks=ticks, safety=tuple(safety), all=tuple(every))
+
+
+def _judge(assembly: Assembly) -> Controller:
+    if assembly.controller.problem is Problem.IO_RL_CLF_QP:
+        raise ValueError(f"{assembly.controller.controller}: expected a controller whose rows hold its estimates")
+    simulation, judge = assembly.build()
+    simulation.close()
+    return judge
+
+
+def _verdicts(judge: Controller, state: RobotState) -> tuple[bool, bool]:
+    """Whether the safety rows, and all rows, are infeasible for a judge at a state."""
+    output = judge.step(state)  # decides which leg stands, and what the estimates are, adapted ones too
+    terms = judge.terms(state)
+    rows = judge.rows(terms, Estimates(output.alpha, output.beta), terms.precontrol)
+    every = infeasible(rows)
+    without_clf = [block for block in rows if block.names != ("CLF",)]
+    return every and infeasible(without_clf), every

@@ -1,0 +1,102 @@
+"""What an experiment leaves: claims with their verdicts, tables and figures, in a folder of its own.
+
+DIR/NAME/report.json      all of it, from which the page over all experiments is made
+DIR/NAME/TABLE.md, .csv   each table
+DIR/NAME/FIGURE.png, .pdf each figure
+"""
+
+import csv
+import io
+from pathlib import Path
+
+from matplotlib.figure import Figure
+from pydantic import BaseModel, ConfigDict, ValidationError
+from rabbit_viewer import style
+
+from rabbit_experiments.reproduce.verdict import Verdict
+
+REPORT = "report.json"
+Cell = str | int | float | None
+
+
+class Claim(BaseModel):
+    """What the paper says, what we found, and what becomes of it, in PyBullet and `on_rigid`."""
+
+    model_config = ConfigDict(frozen=True)
+
+    claim: str
+    paper: str
+    ours: str
+    verdict: Verdict
+    on_rigid: Verdict | None = None
+
+
+class Table(BaseModel):
+    """A table; `long` ones are written as CSV alone."""
+
+    model_config = ConfigDict(frozen=True)
+
+    name: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[Cell, ...], ...]
+    long: bool = False
+
+    @property
+    def markdown(self) -> str:
+        """With a rule below the head."""
+        lines = [self.columns, ("---",) * len(self.columns), *([_cell(cell) for cell in row] for row in self.rows)]
+        return "".join(f"| {' | '.join(line)} |\n" for line in lines)
+
+    @property
+    def csv(self) -> str:
+        """Bare values."""
+        text = io.StringIO(newline="")
+        csv.writer(text).writerows([self.columns, *self.rows])
+        return text.getvalue()
+
+
+class Report(BaseModel):
+    """One experiment's. `policies` has versions by name, `figures` captions by name without suffix."""
+
+    model_config = ConfigDict(frozen=True)
+
+    name: str
+    title: str
+    label: str
+    paper: str
+    why: str = ""
+    quick: bool
+    retrained: bool
+    commit: str
+    policies: dict[str, str]
+    claims: tuple[Claim, ...]
+    tables: tuple[Table, ...]
+    figures: dict[str, str]
+
+    def write(self, out: Path, drawn: dict[str, Figure]) -> None:
+        """Put everything into `out/NAME`."""
+        folder = out / self.name
+        folder.mkdir(parents=True, exist_ok=True)
+        for table in self.tables:
+            (folder / f"{table.name}.csv").write_text(table.csv, encoding="utf-8", newline="")
+            if not table.long:
+                (folder / f"{table.name}.md").write_text(table.markdown, encoding="utf-8")
+        for name, figure in drawn.items():
+            style.save(figure, folder / f"{name}.png", dpi=200)
+            style.save(figure, folder / f"{name}.pdf")
+        (folder / REPORT).write_text(self.model_dump_json(indent=1), encoding="utf-8")
+
+
+def read_report(folder: Path) -> Report | None:
+    """The report of an experiment's folder; None where there is none, or one of another version."""
+    try:
+        return Report.model_validate_json((folder / REPORT).read_text(encoding="utf-8"))
+    except (OSError, ValidationError):
+        return None
+
+
+def _cell(cell: Cell) -> str:
+    if cell is None:
+        return "-"
+    text = f"{cell:.3g}" if isinstance(cell, float) else str(cell)
+    return text.replace("|", "\\|")

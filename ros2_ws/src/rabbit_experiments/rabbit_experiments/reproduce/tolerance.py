@@ -1,0 +1,29 @@
+"""How much of an imperfection the walk over stones takes: learned, with exact estimates, and nominal."""
+
+from collections.abc import Sequence
+from typing import ClassVar
+
+from rabbit_experiments.reproduce.contenders import CBF_CLF, CBF_CLF_ORACLE, RL_CBF_CLF
+from rabbit_experiments.reproduce.lines import Found
+from rabbit_experiments.reproduce.report import Claim
+from rabbit_experiments.reproduce.sweep import Sweep, largest_text
+from rabbit_experiments.reproduce.verdict import Verdict
+
+
+class Tolerance(Sweep):
+    """A sweep over `what`; learned and oracle at scale 2, nominal at scale 1."""
+
+    what: ClassVar[str]
+    plants: ClassVar = {RL_CBF_CLF: {"mass_scale": 2.0}, CBF_CLF_ORACLE: {"mass_scale": 2.0}, CBF_CLF: {}}
+
+    def claims(self, found: Found) -> Sequence[Claim]:
+        """How much each takes."""
+        return [
+            Claim(
+                claim=f"{self.what} that {each.title} takes (scale {plant.get('mass_scale', 1.0):g})",
+                paper="-",
+                ours=largest_text(self.walks(found, each), self.scale, self.unit),
+                verdict=Verdict.OPEN,
+            )
+            for each, plant in self.plants.items()
+        ]

@@ -1,0 +1,101 @@
+"""What `rabbit gait` runs: specification in, a folder with the gait file, its pictures and its payload table out."""
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from matplotlib.figure import Figure
+from rabbit_description.gait import Gait
+from rabbit_description.gait_library import GaitLibrary
+
+from rabbit_gait_design.analysis import PAYLOADS, PayloadReport, over_payloads
+from rabbit_gait_design.design import Progress, design_gait
+from rabbit_gait_design.library import design_library
+from rabbit_gait_design.library_plots import plot_library
+from rabbit_gait_design.orbit import Stone
+from rabbit_gait_design.plots import plot_gait, plot_payloads
+from rabbit_gait_design.specification import GaitSpecification
+
+
+@dataclass(frozen=True)
+class GaitFolder:
+    """What `run` wrote: the gait, its file, its picture, and the reports over the payload (empty if not asked for)."""
+
+    gait: Gait
+    file: Path
+    picture: Path
+    reports: tuple[PayloadReport, ...]
+
+
+def run(
+    specification: GaitSpecification,
+    out_dir: Path,
+    progress: Progress | None = None,
+    payloads: tuple[float, ...] = PAYLOADS,
+) -> GaitFolder:
+    """Design a gait and write `NAME.yaml`, `NAME.png` and, for `payloads` in kg, `NAME_payload.json` and `.png`.
+
+    Raises:
+        GaitDesignError: IPOPT did not converge.
+        OSError: the folder cannot be written.
+    """
+    out_dir.mkdir(parents=True, exist_ok=True)
+    gait = design_gait(specification, progress)
+    file, picture = out_dir / f"{gait.name}.yaml", out_dir / f"{gait.name}.png"
+    gait.save(file)
+    _write(plot_gait(gait, designed_stone(specification)), picture)
+    reports = tuple(over_payloads(gait, payloads))
+    if reports:
+        table = json.dumps([asdict(report) for report in reports], indent=1)
+        (out_dir / f"{gait.name}_payload.json").write_text(table, encoding="utf-8")
+        _write(plot_payloads({gait.name: reports}), out_dir / f"{gait.name}_payload.png")
+    return GaitFolder(gait, file, picture, reports)
+
+
+@dataclass(frozen=True)
+class LibraryFolder:
+    """What `run_library` wrote."""
+
+    library: GaitLibrary
+    file: Path
+    picture: Path
+
+
+def run_library(
+    base: GaitSpecification,
+    lengths: Sequence[float],
+    out_dir: Path,
+    speed_slope: float = 0.0,
+    progress: Callable[[str], Progress] | None = None,
+) -> LibraryFolder:
+    """Design a library around `base`, whose step length it starts with; write `NAME.yaml` and `NAME.png`.
+
+    Raises:
+        ValueError: lengths that make no library.
+        GaitDesignError: IPOPT did not converge at one of them.
+        OSError: the folder cannot be written.
+    """
+    out_dir.mkdir(parents=True, exist_ok=True)
+    library = design_library(base, lengths, base.step_length, speed_slope, progress)
+    file, picture = out_dir / f"{library.name}.yaml", out_dir / f"{library.name}.png"
+    library.save(file)
+    _write(plot_library(library), picture)
+    return LibraryFolder(library, file, picture)
+
+
+def designed_stone(specification: GaitSpecification) -> Stone | None:
+    """The stone whose barriers the gait keeps; None without barriers."""
+    if not specification.barriers:
+        return None
+    return Stone(
+        l_min=specification.step_length - specification.near_edge,
+        l_max=specification.step_length + specification.far_edge,
+        R1=specification.R1,
+        R2=specification.R2,
+        poles=specification.barrier_poles,
+    )
+
+
+def _write(figure: Figure, path: Path) -> None:
+    figure.savefig(path, dpi=110)

@@ -1,0 +1,111 @@
+"""A recording on disk: a rosbag2 folder that `ros2 bag`, Foxglove and `rosbags` read, definitions and QoS inside.
+
+What is written is handed to the operating system every `FLUSH_SECONDS`, so that a killed recorder loses less than a
+second: an MCAP chunk is closed, an sqlite3 transaction committed. `recover` makes such a recording whole.
+"""
+
+import contextlib
+import sqlite3
+import time
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Literal
+
+from rosbags.interfaces import Connection, Qos
+from rosbags.rosbag2 import StoragePlugin, Writer, WriterError
+from rosbags.rosbag2.storage_mcap import McapWriter
+from rosbags.rosbag2.storage_sqlite3 import Sqlite3Writer
+from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
+from rosbags.typesys.store import Typestore
+
+from rabbit_recording.chunk_index import ChunkIndex
+
+Storage = Literal["mcap", "sqlite3"]
+FLUSH_SECONDS = 0.2
+LOST = "lost_messages"  # key of what a recorder notes at its end
+
+
+class RecordingError(RuntimeError):
+    """A recording that cannot be written or read, in one line."""
+
+
+def graph_types(definitions: Iterable[Path]) -> Typestore:
+    """ROS's own messages and those of `definitions`, folders of message packages (`share/PACKAGE`)."""
+    store = get_typestore(Stores.ROS2_JAZZY)
+    for share in definitions:
+        for file in sorted((share / "msg").glob("*.msg")):
+            store.register(get_types_from_msg(file.read_text(encoding="utf-8"), f"{share.name}/msg/{file.stem}"))
+    return store
+
+
+class BagWriter:
+    """Takes serialised messages. Open, write and close it in one thread: sqlite3 wants that.
+
+    `write`, `flush` and `close` raise `RecordingError` where nothing more can be written, as on a full disk; what is in
+    the file by then stays there.
+    """
+
+    def __init__(self, path: Path, storage: Storage, types: Typestore) -> None:
+        """Raises `RecordingError` if the folder is there already or cannot be made."""
+        self.path, self.messages = path, 0
+        self._types = types
+        plugin = StoragePlugin.MCAP if storage == "mcap" else StoragePlugin.SQLITE3
+        self._connections: dict[str, Connection] = {}
+        self._flushed = time.monotonic()
+        self._is_open = True
+        try:
+            self._writer = Writer(path, version=9, storage_plugin=plugin)
+            self._writer.open()
+            if isinstance(self._writer.storage, McapWriter):
+                self._writer.storage.chunks = ChunkIndex(path)
+        except (OSError, WriterError, sqlite3.Error) as error:
+            raise RecordingError(f"recording {path}: {error}") from error
+
+    def add(self, topic: str, type_name: str, qos: Iterable[Qos]) -> None:
+        """Announce a topic by its full name; raises `RecordingError` for a type that is not known."""
+        try:
+            self._connections[topic] = self._writer.add_connection(
+                topic, type_name, typestore=self._types, offered_qos_profiles=list(qos)
+            )
+        except (TypesysError, WriterError, KeyError) as error:
+            raise RecordingError(f"recording {self.path}: topic {topic}: {error}") from error
+
+    def write(self, topic: str, nanoseconds: int, data: bytes) -> None:
+        """Append one message."""
+        with self._stops_at_errors():
+            self._writer.write(self._connections[topic], nanoseconds, data)
+        self.messages += 1
+        if time.monotonic() - self._flushed > FLUSH_SECONDS:
+            self.flush()
+
+    def flush(self) -> None:
+        """Hand what was written to the operating system; call it now and then while no message comes."""
+        self._flushed = time.monotonic()
+        storage = self._writer.storage
+        with self._stops_at_errors():
+            if isinstance(storage, McapWriter) and storage.chunk.msgs:
+                storage.close_chunk()
+                storage.bio.flush()
+            elif isinstance(storage, Sqlite3Writer):
+                storage.conn.commit()
+
+    def note(self, key: str, value: str) -> None:
+        """Note something in the recording's metadata, which are written by `close`."""
+        self._writer.set_custom_data(key, value)
+
+    def close(self) -> None:
+        """Finish the files and their index; nothing after an error."""
+        if self._is_open:
+            with self._stops_at_errors():
+                self._writer.close()
+            self._is_open = False
+
+    @contextlib.contextmanager
+    def _stops_at_errors(self) -> Iterator[None]:
+        try:
+            yield
+        except (OSError, sqlite3.Error) as error:
+            self._is_open = False
+            with contextlib.suppress(OSError, sqlite3.Error):
+                self._writer.abort()
+            raise RecordingError(f"recording {self.path}: {error}") from error

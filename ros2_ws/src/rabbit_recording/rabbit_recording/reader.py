@@ -1,0 +1,151 @@
+"""Reads a recording back into what a rollout in process gives: ticks and landings, by episode. No ROS needed."""
+
+import contextlib
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rabbit_description.state import RobotState, StonePreview
+from rabbit_sim.simulation import Landing
+from rl_cbf_clf_controller.message_fields import output_of
+from rl_trainer.rollout import Record
+
+from rabbit_recording.account import BY_TICK, OTHERS, EpisodeAccount, Gathered, Gathering, Presence
+from rabbit_recording.bag_writer import RecordingError
+from rabbit_recording.heard import by_run, heard
+from rabbit_recording.in_force import Policies, RecordedSettings, Settings
+
+
+@dataclass(frozen=True)
+class RecordedSwap:
+    """The policy that made the torques from `tick` on; `data`: empty for the built-in zero policy, None if unknown."""
+
+    tick: int
+    version: str
+    data: bytes | None
+
+
+@dataclass
+class RecordedEpisode(EpisodeAccount):
+    """One episode with its ticks in full.
+
+    `sigma` is the exploration it was announced with, NaN for the controller's own parameter. `swaps` begin with the
+    policy of its first recorded tick, `settings` with what the controller went by at its start.
+    """
+
+    sigma: float = math.nan
+    records: list[Record] = field(default_factory=list)
+    landings: list[Landing] = field(default_factory=list)
+    swaps: list[RecordedSwap] = field(default_factory=list)
+    settings: list[RecordedSettings] = field(default_factory=list)
+
+
+def messages(path: Path, *names: str) -> Iterator[tuple[str, Any]]:
+    """Topic (its last part) and message of this project's own types, in the order of time; all of them if no `names`.
+
+    Raises:
+        RecordingError: as `heard`.
+    """
+    with heard(path, *names) as found:
+        for message in found:
+            yield message.topic, message.decode()
+
+
+def read_episodes(path: Path) -> dict[int, RecordedEpisode]:
+    """All episodes that `iterate_episodes` gives, by number."""
+    return {episode.number: episode for episode in iterate_episodes(path)}
+
+
+def iterate_episodes(path: Path) -> Iterator[RecordedEpisode]:
+    """One episode after another, the lost ones too; a long recording needs the memory of a few of them.
+
+    Raises:
+        RecordingError: as `iterate_accounts`.
+    """
+    told = _Told()
+    with _own_definitions(path):
+        for gathered, account in _finished(path, told):
+            if account.presence is not Presence.ANNOUNCED:
+                yield _decoded(gathered, account, told)
+
+
+def iterate_accounts(path: Path) -> Iterator[EpisodeAccount]:
+    """What the recording holds of each episode, also of those that were merely announced. No tick is decoded.
+
+    Raises:
+        RecordingError: as `heard`; or messages that are defined otherwise than this version's.
+    """
+    with _own_definitions(path):
+        yield from (account for _, account in _finished(path))
+
+
+@contextlib.contextmanager
+def _own_definitions(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except (AttributeError, TypeError, ValueError) as error:
+        raise RecordingError(
+            f"recording {path}: recorded under other message definitions, or damaged: {error}"
+        ) from error
+
+
+@dataclass
+class _Told:
+    """By the controller."""
+
+    policies: Policies = field(default_factory=Policies)
+    settings: Settings = field(default_factory=Settings)
+
+
+def _finished(path: Path, told: _Told | None = None) -> Iterator[tuple[Gathered, EpisodeAccount]]:
+    gathering = Gathering()
+    names = (*BY_TICK, *OTHERS, *(("policy_swap", "controller_settings") if told else ()))
+    with heard(path, *names) as found:
+        for run, message in by_run(found):
+            if told and message.topic == "policy_swap":
+                told.policies.add(message.decode())
+            elif told and message.topic == "controller_settings":
+                told.settings.add(run, message.decode(), gathering.newest)
+            else:
+                gathering.add(run, message)
+                yield from gathering.finished()
+        yield from gathering.finished(all_of_them=True)
+
+
+def _decoded(gathered: Gathered, account: EpisodeAccount, told: _Told) -> RecordedEpisode:
+    """The episode in full; what was told before is forgotten."""
+    episode = RecordedEpisode(**{each.name: getattr(account, each.name) for each in fields(account)})
+    if gathered.announced is not None:
+        episode.sigma = gathered.announced.sigma
+    ticks = gathered.ticks
+    for tick in gathered.full_ticks(ticks):
+        state, torque, details = (ticks[topic][tick].decode() for topic in BY_TICK)
+        output = output_of(details, np.array(torque.torque))
+        episode.records.append(Record(_state(state, gathered.previews), output))
+        if not episode.swaps or torque.policy_version != episode.swaps[-1].version:
+            version = torque.policy_version
+            episode.swaps.append(RecordedSwap(tick, version, told.policies.get(version)))
+    for _, landing in sorted(gathered.landings.items()):
+        episode.landings.append(Landing(**{name: getattr(landing, name) for name in Landing.__dataclass_fields__}))
+    episode.settings = told.settings.of(gathered.run, gathered.episode)
+    if episode.swaps:
+        told.policies.forget_before(episode.swaps[-1].version)
+    return episode
+
+
+def _state(message: Any, previews: dict[int, Any]) -> RobotState:
+    stone = previews.get(message.touchdowns + 1) if message.previewed else None
+    return RobotState(
+        tick=message.tick,
+        q=message.q,
+        dq=message.dq,
+        foot_force=message.foot_force.reshape(2, 2),
+        contact=message.contact,
+        touchdowns=message.touchdowns,
+        preview=StonePreview(stone.index, stone.l_min, stone.l_max) if stone else None,
+        running=message.running,
+        applied=message.applied,
+    )

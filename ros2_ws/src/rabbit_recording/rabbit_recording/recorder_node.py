@@ -1,0 +1,166 @@
+"""The recorder: every topic of the graph, as its bytes came, into a rosbag2 folder.
+
+Messages are stored under the simulated time that they carry, so that a recording plays at the pace of the walk whatever
+the pace of the machine was; diagnostics under that of the newest state. A simulator that is started anew begins its
+time at 0: what follows is stored behind what there is. A full disk ends the recording, not the walk. A recorder that is
+started again begins another recording beside the first.
+"""
+
+import json
+import time
+from collections.abc import Callable
+from functools import partial
+from itertools import chain, count
+from pathlib import Path
+from typing import Any
+
+from ament_index_python.packages import get_package_share_directory
+from pydantic import BaseModel, ConfigDict, Field
+from rabbit_ros.diagnostics_node import ERROR, OK, WARN, Diagnostics, Status
+from rabbit_ros.door import Door
+from rabbit_ros.parameters_node import declare, refuse_unknown
+from rabbit_ros.spin_node import run, steady_timer
+from rabbit_ros.topics_node import TOPICS, Topic
+from rabbit_ros.with_info_node import NUMBER, SENT, with_info
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from rclpy.subscription import Subscription
+from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
+
+from rabbit_recording.bag_writer import FLUSH_SECONDS, LOST, BagWriter, RecordingError, Storage, graph_types
+from rabbit_recording.header import turn_of
+from rabbit_recording.loss import Loss
+from rabbit_recording.simulated_time import SimulatedTime
+
+IDLE_SECONDS = 0.3  # without a message, after which nothing more is on its way
+BACKLOG = 200  # messages of a topic that may wait: far more are announced at once only where somebody steps the robot
+FOREVER = QosTime(9223372036, 854775807)  # as `ros2 bag` writes it
+
+
+class NodeParameters(BaseModel):
+    """What to record and where."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    path: str = Field("recording", min_length=1, description="folder to be made; if it is there, PATH-2 and so on")
+    storage: Storage = Field("mcap", description="file format")
+    expect: tuple[str, ...] = Field(
+        ("simulator", "controller"), description="nodes whose topics must be there before the recorder says it is ready"
+    )
+
+
+class RecorderNode(Node):
+    """Writes what it hears."""
+
+    def __init__(self) -> None:
+        super().__init__("recorder")
+        self._own = declare(self, NodeParameters)
+        refuse_unknown(self)
+        types = graph_types([Path(get_package_share_directory("rabbit_msgs"))])
+        self._path = free_path(Path(self._own.path))
+        self._writer = BagWriter(self._path, self._own.storage, types)
+        self._door = Door()
+        self._loss = Loss()
+        self._time = SimulatedTime()
+        self._heard = time.monotonic()
+        self._sent = self._asked = 0  # when the newest message was sent; when the node was told to end; ns
+        self._failure = ""
+        self._state = self.resolve_topic_name("state")
+        self._newest_state = b""
+        self._readers = {topic.name: self._subscribe(topic) for topic in TOPICS}
+        self._diagnostics = Diagnostics(self, self._door, self._status)
+        steady_timer(self, FLUSH_SECONDS, self._flush)
+
+    def busy(self) -> bool:
+        """What was sent before it was told to end may still be on its way, the more so on a busy machine."""
+        self._asked = self._asked or time.time_ns()
+        return time.monotonic() - self._heard < IDLE_SECONDS and self._sent < self._asked
+
+    def close(self) -> None:
+        """Finish the recording."""
+        self._writer.note(LOST, json.dumps(self._loss.lost))
+        if self._ends_at_errors(self._writer.close):
+            self.get_logger().info(f"{self._writer.messages} messages in {self._path}")
+
+    def _subscribe(self, topic: Topic) -> Subscription:
+        name = self.resolve_topic_name(topic.name)
+        self._writer.add(name, topic.type_name, [offered(topic.qos)])
+        callback = with_info(partial(self._on_bytes, topic, name))
+        return self.create_subscription(topic.type, topic.name, callback, listening(topic.qos), raw=True)
+
+    def _on_bytes(self, topic: Topic, name: str, data: bytes, info: dict[str, Any]) -> None:
+        """What cannot be read is recorded too."""
+        self._heard, self._sent = time.monotonic(), info[SENT]
+        if topic.name == "state":
+            self._newest_state = data
+        if self._failure:
+            return
+        if topic.publisher != "all":
+            self._loss.heard(name, info[NUMBER])
+        at = self._time.of(topic.name, topic.publisher, data, info[SENT])
+        if self._ends_at_errors(partial(self._writer.write, name, at, data)):
+            self._door.accept(name)
+
+    def _flush(self) -> None:
+        """What a killed recorder has written by now is not lost."""
+        self._ends_at_errors(self._writer.flush)
+
+    def _ends_at_errors(self, write: Callable[[], None]) -> bool:
+        """A full disk ends the recording, not the walk: the node says so and goes on hearing."""
+        if self._failure:
+            return False
+        try:
+            write()
+        except RecordingError as error:
+            self._failure = f"{error}; recording stopped, `rabbit bag recover {self._path}` keeps what is there"
+            self.get_logger().error(self._failure)
+            return False
+        return True
+
+    def _status(self) -> Status:
+        lost = {f"lost {name}": n for name, n in self._loss.lost.items() if n}
+        figures = {"path": str(self._path), "episode, tick": "{} {}".format(*turn_of(self._newest_state)), **lost}
+        if self._failure:
+            return ERROR, self._failure, figures
+        absent = [t.name for t in TOPICS if t.publisher in self._own.expect and not self._is_published(t.name)]
+        if absent or lost:
+            return WARN, f"waiting for {', '.join(absent)}" if absent else f"messages were lost: {lost}", figures
+        return OK, "recording", figures
+
+    def _is_published(self, name: str) -> bool:
+        return bool(self._readers[name].get_publisher_count())
+
+
+def free_path(path: Path) -> Path:
+    """The folder itself, or the first of `PATH-2`, `PATH-3`, ... that is not there: a recorder may be started again."""
+    paths = chain([path], (path.with_name(f"{path.name}-{n}") for n in count(2)))
+    return next(each for each in paths if not each.exists())
+
+
+def listening(profile: QoSProfile) -> QoSProfile:
+    """The profile with a queue in which messages wait while the disk is written."""
+    return QoSProfile(depth=max(profile.depth, BACKLOG), reliability=profile.reliability, durability=profile.durability)
+
+
+def offered(profile: QoSProfile) -> Qos:
+    """A QoS profile as a recording notes it."""
+    return Qos(
+        history=QosHistory[profile.history.name],
+        depth=profile.depth,
+        reliability=QosReliability[profile.reliability.name],
+        durability=QosDurability[profile.durability.name],
+        deadline=FOREVER,
+        lifespan=FOREVER,
+        liveliness=QosLiveliness.AUTOMATIC,
+        liveliness_lease_duration=FOREVER,
+        avoid_ros_namespace_conventions=False,
+    )
+
+
+def main() -> None:
+    """The executable `recorder`."""
+    run(RecorderNode, errors=(RecordingError,))
+
+
+if __name__ == "__main__":
+    main()

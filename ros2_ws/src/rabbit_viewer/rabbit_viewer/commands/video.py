@@ -1,0 +1,36 @@
+"""Film a run, or a recording: MP4 and GIF."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rabbit_cli.options import complaints, fail
+
+app = typer.Typer(add_completion=False)
+
+
+@app.command()
+def video(
+    source: Annotated[Path, typer.Argument(help="a run's folder, or a recording: folder, .mcap or .db3 file")],
+    speed: Annotated[float, typer.Option(help="times real time", min=0.02, max=20)] = 1.0,
+    gif: Annotated[bool, typer.Option(help="also a GIF")] = True,
+    pictures: Annotated[bool, typer.Option(help="also draw the pictures again")] = False,
+    episode: Annotated[int | None, typer.Option(help="of a recording (default: the last with ticks)", min=1)] = None,
+) -> None:
+    """Film a run, walk.mp4 and walk.gif in its folder; or a recording, BAG.mp4 and BAG.gif beside it."""
+    from rabbit_recording.bag_writer import RecordingError
+
+    from rabbit_viewer.bag_pictures import draw_bag, film_bag
+    from rabbit_viewer.pictures import RECORDS, draw_run
+    from rabbit_viewer.video import VideoError, film_run
+    from rabbit_viewer.walk_records import RecordsError
+
+    with complaints(RecordsError, RecordingError, VideoError):
+        if (source / RECORDS).exists():
+            made = film_run(source, gif, speed) + (draw_run(source) if pictures else [])
+        elif source.exists():
+            made = film_bag(source, gif, speed, episode) + (draw_bag(source, None, episode) if pictures else [])
+        else:
+            fail(f"{source}: expected a run's folder or a recording")
+    for path in made:
+        print(path)

@@ -1,0 +1,176 @@
+"""The viewer: hears a graph, shows its newest tick some times a second. It asks nothing of the nodes that walk.
+
+Ticks are heard as bytes with best effort, taken when a picture is due and looked at if somebody watches, so that a walk
+is hardly slower for it. A viewer may come late, and stay while graphs come and go.
+"""
+
+import os
+import time
+from typing import Any
+
+from rabbit_msgs import msg
+from rabbit_ros.conversions_node import preview_of
+from rabbit_ros.diagnostics_node import OK, Diagnostics, Status
+from rabbit_ros.door import Door, Refused, check_finite
+from rabbit_ros.parameters_node import declare, refuse_unknown
+from rabbit_ros.qos_node import EVENT
+from rabbit_ros.spin_node import run, steady_timer
+from rclpy.node import Node
+from rclpy.serialization import deserialize_message
+
+from rabbit_viewer.live.gather import Gather
+from rabbit_viewer.live.limits_node import LimitsOfGraph
+from rabbit_viewer.live.moment import Edges, Moment, Step, moment_of
+from rabbit_viewer.live.newest_node import NewestTicks
+from rabbit_viewer.live.parameters import ViewerParameters
+from rabbit_viewer.live.rviz_node import RvizTopics
+from rabbit_viewer.live.server import LiveServer, ViewError
+from rabbit_viewer.live.shapes import draw
+
+TICK_TOPICS = {"state": msg.RabbitState, "controller_state": msg.ControllerState}
+AGAIN_SECONDS = 0.3  # without a new tick, after which the last one is shown again: somebody may just have come
+SHOWN_STEPS = 12  # stones drawn behind the robot
+
+
+class ViewerNode(Node):
+    """Serves the live view."""
+
+    def __init__(self) -> None:
+        super().__init__("viewer")
+        own = declare(self, ViewerParameters)
+        refuse_unknown(self)
+        self._newest = NewestTicks(
+            self, TICK_TOPICS
+        )  # first, since it takes the middleware up to 0.1 s to find the graph
+        self._server = LiveServer(own.host, own.port)
+        print(f"live view at {self._server.address}, or open {self._server.page}", flush=True)
+        self.failure = ""  # what ends the node
+        self._rviz = RvizTopics(self)
+        self._limits = LimitsOfGraph(self)
+        self._door = Door()
+        self._ticks = Gather(*TICK_TOPICS)
+        self._episode = msg.Episode()
+        self._previews: dict[int, Edges] = {}  # of this episode, by stone
+        self._steps: dict[int, Step] = {}
+        self._shown: tuple[Any, float] = (None, 0.0)
+        self._patience = (time.monotonic() + own.wait, own.wait)
+        self.create_subscription(msg.Episode, "episode", self._on_episode, EVENT)
+        self.create_subscription(msg.StonePreview, "preview", self._on_preview, EVENT)
+        self.create_subscription(msg.Landing, "landing", self._on_landing, EVENT)
+        self._diagnostics = Diagnostics(self, self._door, self._status)
+        steady_timer(self, 1 / own.rate, self._look)
+
+    def close(self) -> None:
+        """Stop serving."""
+        self._server.close()
+        self._newest.close()
+
+    # What comes in
+
+    def _on_episode(self, message: msg.Episode) -> None:
+        if message.episode != self._episode.episode:
+            self._begin(message.episode)
+        if message.episode == 0:  # another graph
+            self._ticks.clear()
+        self._episode = message
+
+    def _begin(self, episode: int) -> None:
+        self._episode = msg.Episode(episode=episode)
+        self._previews, self._steps = {}, {}
+        self._limits.ask_again()
+
+    def _on_preview(self, message: msg.StonePreview) -> None:
+        try:
+            stone = preview_of(message)
+        except Refused as error:
+            self.get_logger().warning(self._door.refuse("preview", error))
+            return
+        if self._is_present(message.episode):
+            self._previews[stone.index] = Edges(stone.l_min, stone.l_max)
+
+    def _on_landing(self, message: msg.Landing) -> None:
+        try:
+            check_finite("l", (message.l,))
+        except Refused as error:
+            self.get_logger().warning(self._door.refuse("landing", error))
+            return
+        if self._is_present(message.episode):
+            self._steps[message.index] = Step(message.l, Edges(message.l_min, message.l_max))
+
+    def _is_present(self, episode: int) -> bool:
+        """Whether it is the running episode: of latched messages some are older, and one may come before `episode`."""
+        if episode > self._episode.episode:
+            self._begin(episode)
+        return episode == self._episode.episode
+
+    # What goes out
+
+    def _look(self) -> None:
+        """Show the newest tick if it is new, or again now and then."""
+        for name, data in self._newest.take():
+            self._ticks.add(name, data)
+        now = time.monotonic()
+        until, wait = self._patience
+        if self._ticks.key is None and not self._episode.stones:
+            if wait and now > until and not self.count_publishers("state"):
+                where = self.get_namespace()
+                self.failure = f"no graph in namespace {where} after {wait:g} s; start one with `rabbit walk`"
+            return
+        key, at = self._shown
+        is_new = self._ticks.key != key
+        if self._ticks.key is None or not (is_new or now - at > AGAIN_SECONDS):
+            return
+        if self._server.is_watched or self._rviz.is_watched:
+            self._shown = (self._ticks.key, now)
+            self._show()
+
+    def _show(self) -> None:
+        try:
+            moment = self._moment()
+        except Refused as error:
+            self.get_logger().warning(self._door.refuse("tick", error))
+            return
+        limits = self._limits.known
+        drawing = draw(moment, limits)
+        if self._server.is_watched:
+            self._server.show(moment, drawing, limits)
+        if self._rviz.is_watched:
+            self._rviz.show(moment, drawing)
+        self._door.accept("tick")
+
+    def _moment(self) -> Moment:
+        parts: dict[str, Any] = {}
+        for name, data in self._ticks.parts.items():
+            try:
+                parts[name] = deserialize_message(data, TICK_TOPICS[name])
+            except RuntimeError as error:
+                raise Refused("not readable", f"{name}: {error}") from error
+        state, details = (parts[name] for name in TICK_TOPICS)
+        check_finite("q", state.q)
+        check_finite("foot_force", state.foot_force)
+        if details.stance not in (0, 1):
+            raise Refused("no leg", f"stance = {details.stance}; expected 0 or 1")
+        self._is_present(state.episode)
+        landed = state.touchdowns
+        stone = self._previews.get(landed + 1) if state.previewed else None
+        return moment_of(state, details, self._episode.stones, stone, self._last_steps(landed))
+
+    def _last_steps(self, landed: int) -> tuple[Step, ...]:
+        """The landings up to `landed` without a gap, the newest last."""
+        steps: list[Step] = []
+        while len(steps) < SHOWN_STEPS and (step := self._steps.get(landed - len(steps))):
+            steps.append(step)
+        return tuple(reversed(steps))
+
+    def _status(self) -> Status:
+        return OK, "serving", {"address": self._server.address, "watched": self._server.is_watched}
+
+
+def main() -> None:
+    """The executable `viewer`."""
+    os.nice(10)  # a picture can wait, a tick cannot
+    run(ViewerNode, errors=(ViewError,))
+
+
+if __name__ == "__main__":
+    main()

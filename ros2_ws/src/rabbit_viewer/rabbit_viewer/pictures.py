@@ -1,0 +1,192 @@
+"""Pictures of one walk: the robot, swing foot against stones, barriers, CLF, ground force, torques."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from rabbit_description.force_ratio import force_ratio
+from rabbit_description.state import TICK_SECONDS, Array
+from rabbit_sim.simulation import Landing
+from rl_trainer.rollout import Record
+
+from rabbit_viewer import style
+from rabbit_viewer.skeleton import feet
+from rabbit_viewer.strip import draw_walk
+from rabbit_viewer.walk_records import RESCUE_NEEDED, WalkRecords, load_records
+
+RECORDS = "records.npz"
+IMPACT = 0.04  # s: a mean over a tick that begins within 30 ms of impact
+MILLIMETRES = 1e3  # in a metre
+FAR_OFF = 50.0  # mm from a stone, drawn no farther
+NAMES = ("hip, stance leg", "knee, stance leg", "hip, swing leg", "knee, swing leg")
+
+
+def draw_run(folder: Path) -> list[Path]:
+    """Draw the run that left `records.npz` in `folder`, into `folder/pictures`.
+
+    Raises:
+        RecordsError: there are no records.
+    """
+    return draw(load_records(folder / RECORDS), folder / "pictures")
+
+
+def draw_rollout(
+    records: Sequence[Record], landings: Sequence[Landing], out: Path, about: dict[str, object] | None = None
+) -> list[Path]:
+    """Draw a rollout in process; `about` as in `WalkRecords`."""
+    return draw(WalkRecords.from_ticks(records, landings, about or {}), out)
+
+
+def draw(walk: WalkRecords, out: Path, suffix: str = ".png") -> list[Path]:
+    """All pictures of a walk; returns their paths. On flat ground there is no picture of barriers."""
+    pictures = [draw_walk, draw_swing_foot, draw_clf, draw_forces, draw_torques]
+    if np.isfinite(walk.barriers).any():
+        pictures.insert(2, draw_barriers)
+    with style.look():
+        return [picture(walk, out / f"{picture.__name__.removeprefix('draw_')}{suffix}") for picture in pictures]
+
+
+def draw_swing_foot(walk: WalkRecords, path: Path) -> Path:
+    """l_f over time against each step's l_min and l_max, its height, and where on its stone each landing was."""
+    position, on_stones = swing_foot(walk), bool(np.isfinite(walk.preview).any())
+    figure, (length, height, *landing) = style.figure(3 if on_stones else 2, height=2.1)
+    plot_steps(walk, length, position[:, 0], style.BLUE, "swing foot l_f")
+    plot_steps(walk, height, position[:, 1], style.BLUE, "")
+    for axes in landing:
+        plot_stones(walk, length)
+        _draw_landings(walk, axes)
+    length.set_ylabel("l_f, from stance foot (m)")
+    height.set_ylabel("height h_f (m)")
+    style.legend(length)
+    return _finish(walk, figure, [height, *landing][-1], path)
+
+
+def draw_barriers(walk: WalkRecords, path: Path) -> Path:
+    """B1 and B2; whole, and near zero."""
+    figure, panels = style.figure(2)
+    for axes in panels:
+        plot_steps(walk, axes, walk.barriers[:, 0], style.BLUE, "B1: before the far edge")
+        plot_steps(walk, axes, walk.barriers[:, 1], style.ORANGE, "B2: past the near edge")
+        style.limit(axes, 0.0, "limit")
+        axes.set_ylabel("barrier (m)")
+    panels[1].set_ylim(-0.02, 0.06)
+    panels[1].set_ylabel("near zero (m)")
+    style.legend(panels[0])
+    return _finish(walk, figure, panels[1], path)
+
+
+def draw_clf(walk: WalkRecords, path: Path) -> Path:
+    """V, and the slacks that were used, if any."""
+    slacks = (
+        (walk.clf_slack, 0.0, style.GREEN, "d, of the CLF row"),
+        (walk.rescue_slack, RESCUE_NEEDED, style.RED, "of last resort"),
+    )
+    used = [each for each in slacks if (each[0] > each[1]).any()]
+    figure, panels = style.figure(2 if used else 1)
+    plot_steps(walk, panels[0], walk.V, style.BLUE, "")
+    panels[0].set_ylabel("CLF V (rad²/s²)")
+    for values, least, colour, label in used:
+        needed = np.where(values > least, values, np.nan)
+        panels[1].plot(walk.time, needed, ".-", markersize=3, color=colour, label=label)
+        panels[1].set_ylabel("slack (rad/s²)")
+        style.legend(panels[1])
+    for axes in panels:
+        axes.set_yscale("log")
+    return _finish(walk, figure, panels[-1], path)
+
+
+def draw_forces(walk: WalkRecords, path: Path) -> Path:
+    """Friction ratio against the cone, and the stance foot's forces."""
+    tangential, normal = walk.stance_force.T
+    ratio = force_ratio(walk.stance_force)
+    figure, (cone, force) = style.figure(2)
+    landed = walk.time[walk.step_starts[1:]] - TICK_SECONDS
+    for axes in (cone, force):
+        style.shade(axes, landed, IMPACT, "30 ms after impact")
+    cone.plot(walk.time, ratio, color=style.BLUE, label="|F_T| / F_N")
+    style.limit(cone, float(walk.about.get("friction_coeff", 0.8)), "friction cone")
+    cone.set_ylim(0, max(1.0, float(np.nanmax(ratio, initial=0))) * 1.05)
+    cone.set_ylabel("force ratio (1)")
+    force.plot(walk.time, normal, color=style.BLACK, label="F_N")
+    force.plot(walk.time, tangential, color=style.ORANGE, label="F_T")
+    force.set_ylabel("ground force (N)")
+    style.legend(cone)
+    style.legend(force)
+    return _finish(walk, figure, force, path)
+
+
+def draw_torques(walk: WalkRecords, path: Path) -> Path:
+    """The four joint torques, by what their leg does, and their limit."""
+    figure, panels = style.figure(2)
+    torque = np.where(walk.stance[:, None] == 1, walk.torque[:, [2, 3, 0, 1]], walk.torque)
+    limit = float(walk.about.get("torque_limit", 200.0))
+    for axes, columns in zip(panels, ((0, 1), (2, 3)), strict=True):
+        for column, colour in zip(columns, (style.BLUE, style.ORANGE), strict=True):
+            axes.step(walk.time, torque[:, column], where="post", color=colour, label=NAMES[column])
+        style.limit(axes, limit, "limit")
+        axes.axhline(-limit, color=style.RED, linestyle="--", linewidth=1)
+        axes.set_ylabel("torque (N m)")
+        style.legend(axes)
+    return _finish(walk, figure, panels[1], path)
+
+
+def swing_foot(walk: WalkRecords) -> Array:
+    """l_f and h_f, the swing foot from the stance foot, (n, 2), m."""
+    both, row = feet(walk.q, float(walk.about.get("link_bend", 0.0))), np.arange(len(walk.tick))
+    position: Array = both[row, 1 - walk.stance] - both[row, walk.stance]
+    return position
+
+
+def _steps(walk: WalkRecords) -> list[tuple[int, int]]:
+    """First row and row after the last of each step."""
+    starts = walk.step_starts.tolist()
+    return list(zip(starts, [*starts[1:], len(walk.tick)], strict=True))
+
+
+def plot_steps(walk: WalkRecords, axes: Axes, values: Array, colour: str, label: str) -> None:
+    """A line that is broken where the legs swap."""
+    broken = values.astype(float)
+    rows = walk.step_starts[1:]
+    axes.plot(np.insert(walk.time, rows, np.nan), np.insert(broken, rows, np.nan), color=colour, label=label)
+
+
+def plot_stones(walk: WalkRecords, axes: Axes) -> None:
+    """Each step's l_min and l_max over its time."""
+    for first, last in _steps(walk):
+        time, edges = walk.time[first:last], walk.preview[first:last]
+        axes.fill_between(time, *edges.T, color=style.AREA, linewidth=0)
+        label = "" if first else "l_min, l_max"
+        axes.plot(time, edges[:, 0], color=style.RED, linestyle="--", linewidth=1, label=label)
+        axes.plot(time, edges[:, 1], color=style.RED, linestyle="--", linewidth=1)
+
+
+def _draw_landings(walk: WalkRecords, axes: Axes) -> None:
+    """Each landing's place on its stone, past the near edge; one that is far off is drawn at the panel's end."""
+    _, tick, length, near, far, on_stone = walk.landings.T
+    time, missed = tick * TICK_SECONDS, (length < near) | (length > far) | (on_stone == 0)
+    width = (far - near) * MILLIMETRES
+    place = np.clip((length - near) * MILLIMETRES, -FAR_OFF, width + FAR_OFF)
+    axes.bar(time, width, width=0.01 * _end(walk), color=style.AREA, label="stone")
+    for chosen, marker, colour, label in ((~missed, "o", style.GREEN, "landed"), (missed, "X", style.PURPLE, "missed")):
+        if chosen.any():
+            axes.plot(time[chosen], place[chosen], marker, color=colour, label=label, markersize=5, clip_on=False)
+    axes.set_ylabel("past near edge (mm)")
+    if len(time):
+        style.legend(axes)
+
+
+def _end(walk: WalkRecords) -> float:
+    """Seconds to be shown."""
+    landed: float = walk.landings[:, 1].max(initial=0) * TICK_SECONDS
+    return max(float(walk.time[-1]), landed, TICK_SECONDS)
+
+
+def _finish(walk: WalkRecords, figure: Figure, last: Axes, path: Path) -> Path:
+    last.set_xlabel("time (s)")
+    last.set_xlim(0, 1.02 * _end(walk))
+    title = walk.about.get("title")
+    if title:
+        figure.suptitle(str(title), fontsize=10)
+    return style.save(figure, path)

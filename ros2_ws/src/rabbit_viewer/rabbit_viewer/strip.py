@@ -1,0 +1,85 @@
+"""The end of a walk in one picture: the robot at each landing, and the swing foot's path over the stones."""
+
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.patches import Rectangle
+from rabbit_description.state import Array, Leg
+
+from rabbit_viewer import style
+from rabbit_viewer.geometry import ARC, allowed_area
+from rabbit_viewer.scene import stone_spans
+from rabbit_viewer.skeleton import leg_points, torso_points
+from rabbit_viewer.walk_records import WalkRecords
+
+STEPS = 9  # shown at most
+COLOURS = {Leg.LEFT: style.BLUE, Leg.RIGHT: style.ORANGE}
+ROOM = (0.25, 0.45)  # m, beyond the first and the last foot
+LEAST = 4.0  # m, shown of a short walk too
+STONE_DEPTH = 0.06  # m
+TOP = 1.5  # m
+PATH_TOP = 0.14  # m
+WIDTH = 9.0  # inches
+
+
+def draw_walk(walk: WalkRecords, path: Path) -> Path:
+    """The last steps: the stick robot; below it the swing foot's path, enlarged in height, and the barriers' limits."""
+    legs = {leg: leg_points(walk.q, leg, float(walk.about.get("link_bend", 0.0))) for leg in Leg}
+    rows = [*walk.step_starts.tolist(), len(walk.tick) - 1][-STEPS - 1 :]
+    feet = np.stack([legs[leg][:, 2] for leg in Leg], axis=1)
+    left = feet[rows, :, 0].min() - ROOM[0]
+    right = max(feet[rows, :, 0].max() + ROOM[1], left + LEAST)
+    tall = WIDTH * (TOP + 0.1) / (right - left)
+    figure, (robot, foot) = style.figure(2, (tall + 2.6) / 2, WIDTH, height_ratios=(tall, 1.6))
+    spans = stone_spans(walk, feet)[: int(walk.step_index[rows[-1]]) + 2]
+    for axes, depth in ((robot, STONE_DEPTH), (foot, PATH_TOP / 10)):
+        _draw_ground(axes, spans or [(left, right)], depth)
+    for first, last in pairwise(rows):
+        _draw_robot(robot, walk, legs, (first + last) // 2, 0.3)
+        _draw_path(foot, walk, feet, first, last)
+    for row in rows:
+        _draw_robot(robot, walk, legs, row, 1.0)
+    _label(robot, foot, bool(spans))
+    robot.set(xlim=(left, right), ylim=(-0.1, TOP), aspect="equal", anchor="S", ylabel="z (m)")
+    foot.set(ylim=(-PATH_TOP / 10, PATH_TOP), ylabel="swing foot z (m)", xlabel="x (m)")
+    figure.suptitle(str(walk.about.get("title", "")), fontsize=10)
+    return style.save(figure, path)
+
+
+def _draw_ground(axes: Axes, spans: list[tuple[float, float]], depth: float) -> None:
+    for near, far in spans:
+        axes.add_patch(Rectangle((near, -depth), far - near, depth, color=style.STONE, linewidth=0))
+
+
+def _draw_robot(axes: Axes, walk: WalkRecords, legs: dict[Leg, Array], row: int, opacity: float) -> None:
+    look: dict[str, Any] = {"alpha": opacity, "linewidth": 2.0 if opacity == 1 else 1.2, "solid_capstyle": "round"}
+    for leg in sorted(Leg, key=lambda leg: bool(leg == walk.stance[row])):  # the stance leg before the other
+        axes.plot(*legs[leg][row].T, color=COLOURS[leg], marker=".", markersize=4, **look)
+    axes.plot(*torso_points(walk.q[row : row + 1])[0].T, color=style.BLACK, **look)
+
+
+def _draw_path(axes: Axes, walk: WalkRecords, feet: Array, first: int, last: int) -> None:
+    """One step: path of the swing foot, and where both barriers are zero."""
+    stance = Leg(walk.stance[first])
+    swing = stance.other
+    axes.plot(*feet[first:last, swing].T, color=COLOURS[swing])
+    near, far = walk.preview[first]
+    if np.isfinite(near):
+        about = walk.about
+        margin, R1, R2 = (float(about.get(name, d)) for name, d in (("stone_margin", 0.0), ("R1", 1.0), ("R2", 0.5)))
+        area = allowed_area(near + margin, far - margin, R1, R2) + (feet[first, stance, 0], 0.0)
+        axes.plot(*area[:ARC].T, color=style.RED, linestyle="--", linewidth=1)
+        axes.plot(*area[ARC:-2].T, color=style.RED, linestyle=":", linewidth=1)
+
+
+def _label(robot: Axes, foot: Axes, on_stones: bool) -> None:
+    for leg in Leg:
+        robot.plot([], [], color=COLOURS[leg], label=f"{leg.name.lower()} leg")
+    if on_stones:
+        foot.plot([], [], color=style.RED, linestyle="--", linewidth=1, label="B2 = 0: the foot stays above")
+        foot.plot([], [], color=style.RED, linestyle=":", linewidth=1, label="B1 = 0: the foot stays before")
+        style.legend(foot)
+    style.legend(robot)

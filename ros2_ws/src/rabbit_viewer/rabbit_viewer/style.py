@@ -1,0 +1,62 @@
+"""How pictures look: the colours, units on every axis."""
+
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from rabbit_description.state import Array
+
+from rabbit_viewer.colours import AREA, BLACK, BLUE, GREEN, ORANGE, PURPLE, RED, SKY, STONE, YELLOW
+
+__all__ = ["AREA", "BLACK", "BLUE", "GREEN", "ORANGE", "PURPLE", "RED", "SKY", "STONE", "YELLOW"]
+
+LOOK: Any = {
+    "font.size": 9,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.alpha": 0.25,
+    "lines.linewidth": 1.2,
+    "legend.frameon": False,
+}
+
+
+def look() -> AbstractContextManager[None]:
+    """Draw inside this."""
+    return mpl.rc_context(LOOK)
+
+
+def figure(rows: int = 1, height: float = 2.4, width: float = 9.0, **options: Any) -> tuple[Figure, list[Axes]]:
+    """A figure of `rows` panels over a common time axis; sizes in inches."""
+    made = Figure(figsize=(width, height * rows), layout="constrained")
+    FigureCanvasAgg(made)
+    axes = made.subplots(rows, 1, sharex=True, squeeze=False, **options)
+    return made, list(axes[:, 0])
+
+
+def save(made: Figure, path: Path, dpi: int = 150) -> Path:
+    """Write a figure; the suffix says as what."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    made.savefig(path, dpi=dpi)
+    return path
+
+
+def limit(axes: Axes, value: float, label: str) -> None:
+    """A limit's line, labelled."""
+    axes.axhline(value, color=RED, linestyle="--", linewidth=1, label=label)
+
+
+def shade(axes: Axes, starts: Array, seconds: float, label: str) -> None:
+    """Shade `seconds` from each of `starts`."""
+    for i, start in enumerate(starts.tolist()):
+        axes.axvspan(start, start + seconds, color=AREA, linewidth=0, label=None if i else label)
+
+
+def legend(axes: Axes, columns: int = 4) -> None:
+    """Above the panel, where it hides nothing; none where nothing is labelled."""
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=columns, borderaxespad=0.2)

@@ -1,0 +1,138 @@
+"""What is drawn: the ticks of one walk as arrays, in one numpy file. In-process runs and the recorder write the same.
+
+save_records(WalkRecords.from_ticks(records, landings, about), "records.npz")
+records = load_records("records.npz")
+"""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+from zipfile import BadZipFile
+
+import numpy as np
+from rabbit_description.state import TICK_SECONDS, Array
+from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.simulation import Landing
+from rl_cbf_clf_controller.parameters import ControllerParameters
+from rl_trainer.rollout import Record
+
+STATE = ("tick", "q", "dq", "foot_force", "contact", "touchdowns")
+OUTPUT = (
+    *("torque", "stance", "step_index", "phase", "eta", "V", "barriers", "barrier_rates"),
+    *("mu", "mu_qp", "omega", "mu_held", "nominal_a", "nominal_b", "alpha", "beta", "LgV", "clf_slack", "rescue_slack"),
+)
+LANDING = ("index", "tick", "l", "l_min", "l_max", "on_stone")
+RESCUE_NEEDED = 0.01  # rad/s^2 of slack of last resort: a quadratic one gives way a little whenever its row is active
+
+
+class RecordsError(ValueError):
+    """A file that holds no records."""
+
+
+@dataclass(frozen=True)
+class WalkRecords:
+    """n ticks; names, shapes after n, and units as in `RobotState` and `ControllerOutput`.
+
+    `preview` (n, 2): l_min, l_max of the stone in sight, m, NaN where there is none. `landings` (k, 6): columns
+    `LANDING`. `about`: what else a picture needs or says, see `about_walk`.
+    """
+
+    tick: Array
+    q: Array
+    dq: Array
+    foot_force: Array
+    contact: Array
+    touchdowns: Array
+    preview: Array
+    torque: Array
+    stance: Array
+    step_index: Array
+    phase: Array
+    eta: Array
+    V: Array
+    barriers: Array
+    barrier_rates: Array
+    mu: Array
+    mu_qp: Array
+    omega: Array
+    mu_held: Array
+    nominal_a: Array
+    nominal_b: Array
+    alpha: Array
+    beta: Array
+    LgV: Array
+    clf_slack: Array
+    rescue_slack: Array
+    landings: Array
+    about: dict[str, Any]
+
+    @classmethod
+    def from_ticks(cls, records: Sequence[Record], landings: Sequence[Landing], about: dict[str, Any]) -> "WalkRecords":
+        """From the ticks of a rollout."""
+        if not records:
+            raise RecordsError("no ticks: nothing to draw")
+        arrays = {name: np.array([getattr(record.state, name) for record in records]) for name in STATE}
+        arrays |= {name: np.array([getattr(record.output, name) for record in records]) for name in OUTPUT}
+        seen = [record.state.preview for record in records]
+        preview = np.array([(stone.l_min, stone.l_max) if stone else (np.nan, np.nan) for stone in seen])
+        rows = np.array([[float(getattr(landing, name)) for name in LANDING] for landing in landings])
+        return cls(**arrays, preview=preview, landings=rows.reshape(-1, len(LANDING)), about=about)
+
+    @property
+    def time(self) -> Array:
+        """Seconds since the reset, (n,)."""
+        seconds: Array = self.tick * TICK_SECONDS
+        return seconds
+
+    @property
+    def stance_force(self) -> Array:
+        """On the foot that stands, mean over the tick before: tangential, normal, (n, 2), N."""
+        force: Array = self.foot_force[np.arange(len(self.tick)), self.stance]
+        return force
+
+    @property
+    def step_starts(self) -> Array:
+        """Rows at which a step begins, (steps,)."""
+        return np.flatnonzero(np.diff(self.step_index, prepend=-1))
+
+
+def about_walk(
+    controller: ControllerParameters, simulation: SimulationParameters, policy: str, seed: int, outcome: str
+) -> dict[str, Any]:
+    """The parameters that pictures draw or name; `policy` is its version or name."""
+    shown = drawn_parameters(controller)
+    plant = {name: getattr(simulation, name) for name in ("mass_scale", "payload", "link_bend", "stones", "terrain")}
+    load = f" + {simulation.payload:g} kg" if simulation.payload else ""
+    title = (
+        f"{controller.controller}, policy {policy}, mass scale {simulation.mass_scale:g}{load}, seed {seed}: {outcome}"
+    )
+    return {"title": title, "outcome": outcome, "seed": seed, "policy": policy, **shown, **plant}
+
+
+def drawn_parameters(controller: ControllerParameters) -> dict[str, Any]:
+    """Those of the controller that pictures draw."""
+    return {name: getattr(controller, name) for name in ("friction_coeff", "torque_limit", "R1", "R2", "stone_margin")}
+
+
+ARRAYS = tuple(field.name for field in fields(WalkRecords) if field.name != "about")
+
+
+def save_records(records: WalkRecords, path: Path) -> None:
+    """Write the file at once or not at all."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    partial = path.with_name(f".{path.name}.npz")
+    arrays = {name: getattr(records, name) for name in ARRAYS}
+    np.savez_compressed(partial, about=np.array(json.dumps(records.about)), **arrays)
+    partial.replace(path)
+
+
+def load_records(path: Path) -> WalkRecords:
+    """Read records; raises `RecordsError` where there are none."""
+    try:
+        with np.load(path) as content:
+            arrays = {name: content[name] for name in ARRAYS}
+            return WalkRecords(**arrays, about=json.loads(str(content["about"])))
+    except (OSError, EOFError, ValueError, KeyError, BadZipFile) as error:
+        raise RecordsError(f"{path}: no records of a walk: {error}") from error
