@@ -3,7 +3,7 @@
 import time
 
 import pytest
-from rabbit_sim.answerers_node import DEAD_SECONDS, Answerers
+from rabbit_sim.ros.answerers import DEAD_SECONDS, Answerers
 
 
 class Publisher:

@@ -7,13 +7,13 @@ from pathlib import Path
 from typing import Any
 
 import rl_cbf_clf_controller.node
-import rl_trainer.node
+import rl_trainer.ros.node
 import yaml
 from pydantic import BaseModel
-from rabbit_recording import recorder_node
+from rabbit_recording.ros import recorder as recorder_node
 from rabbit_ros.topics_node import TOPICS
-from rabbit_sim import node as simulator
 from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.ros import node as simulator
 from rabbit_viewer.live.parameters import ViewerParameters
 from rclpy.node import Node
 from rl_cbf_clf_controller.parameters import ControllerParameters
@@ -25,7 +25,7 @@ PAGE = (ROOT / "docs" / "topics.md").read_text(encoding="utf-8")
 MODELS: dict[str, tuple[type[BaseModel], ...]] = {
     "simulator": (simulator.NodeParameters, SimulationParameters),
     "controller": (rl_cbf_clf_controller.node.NodeParameters, ControllerParameters),
-    "trainer": (rl_trainer.node.NodeParameters, TrainingParameters),
+    "trainer": (rl_trainer.ros.node.NodeParameters, TrainingParameters),
     "recorder": (recorder_node.NodeParameters,),
     "viewer": (ViewerParameters,),
 }
@@ -99,7 +99,8 @@ def test_no_node_hides_an_attribute_of_rclpy() -> None:
     """rclpy's Node has private attributes of plain names; one of ours once took the place of its parameters."""
     source = Path(inspect.getfile(Node)).read_text(encoding="utf-8")
     theirs = set(dir(Node)) | set(re.findall(r"self\.(_[a-z]\w*)", source))
-    for path in (ROOT / "ros2_ws" / "src").rglob("*node.py"):
+    sources = ROOT / "ros2_ws" / "src"
+    for path in {*sources.glob("*/*/ros/*.py"), *sources.rglob("*node.py")}:
         text = path.read_text(encoding="utf-8")
         if "(Node)" in text:
             ours = set(re.findall(r"self\.(\w+)(?:: [^=\n]+)? =", text)) | set(re.findall(r"def (\w+)\(self", text))

@@ -20,12 +20,12 @@ from hypothesis import strategies as st
 from rabbit_description.gait import load_gait
 from rabbit_msgs.msg import Episode, EpisodePlan, PolicySwap, PolicyWeights
 from rabbit_recording.opening import opened
-from rabbit_recording.recorder_node import RecorderNode
+from rabbit_recording.ros.recorder import RecorderNode
 from rabbit_ros.conversions_node import preview_message, state_message
 from rabbit_ros.qos_node import EVENT
 from rabbit_ros.with_info_node import NUMBER, SENT
-from rabbit_sim.node import SimulatorNode
 from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.ros.node import SimulatorNode
 from rabbit_sim.simulation import Simulation
 from rclpy.serialization import deserialize_message, serialize_message
 from rclpy.signals import SignalHandlerOptions
@@ -35,8 +35,8 @@ from rl_cbf_clf_controller.node import ControllerNode
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import ZeroPolicy
 from rl_cbf_clf_controller.uncertainty import Problem
-from rl_trainer.node import TrainerNode
 from rl_trainer.parameters import TrainingParameters
+from rl_trainer.ros.node import TrainerNode
 from rl_trainer.training import Trainer
 
 HEADER = 4  # bytes before a message's own

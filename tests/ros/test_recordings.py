@@ -14,9 +14,9 @@ from rabbit_recording.account import Presence
 from rabbit_recording.bag_writer import BagWriter, RecordingError, graph_types
 from rabbit_recording.checking import check_episodes
 from rabbit_recording.opening import opened
-from rabbit_recording.player_node import Playing, play
 from rabbit_recording.reader import iterate_accounts, read_episodes
 from rabbit_recording.recover import recover
+from rabbit_recording.ros.player import Playing, play
 from rabbit_sim.parameters import SimulationParameters
 from rclpy.serialization import deserialize_message
 from rl_cbf_clf_controller.parameters import ControllerParameters

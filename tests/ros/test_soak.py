@@ -14,7 +14,7 @@ from rabbit_campaigns.operations import (
     turns_in,
     unfit_policy,
 )
-from rabbit_campaigns.operator_node import Operator
+from rabbit_campaigns.ros.operator import Operator
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.weights import policy_path
 

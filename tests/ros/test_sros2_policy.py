@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 
 import pytest
 from rabbit_bringup.launching.walk import WalkOptions, make_graph
-from rabbit_bringup.launching.watch_node import Watch
+from rabbit_bringup.ros.watch import Watch
 from rabbit_sim.parameters import SimulationParameters
 from rclpy.node import NodeNameNonExistentError
 from rl_cbf_clf_controller.parameters import ControllerParameters

@@ -41,7 +41,7 @@ setup(
     ],
     extras_require={"test": ["pytest"]},
     entry_points={
-        "rabbit.nodes": ["launcher = rabbit_bringup.launching.launcher_node:main"],
+        "rabbit.nodes": ["launcher = rabbit_bringup.ros.launcher:main"],
         "rabbit.commands": ["run = rabbit_bringup.commands.run:app", "walk = rabbit_bringup.commands.walk:app"],
     },
 )

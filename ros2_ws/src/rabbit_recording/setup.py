@@ -36,7 +36,7 @@ setup(
     ],
     extras_require={"test": ["pytest"]},
     entry_points={
-        "rabbit.nodes": ["recorder = rabbit_recording.recorder_node:main"],
+        "rabbit.nodes": ["recorder = rabbit_recording.ros.recorder:main"],
         "rabbit.commands": ["bag = rabbit_recording.commands.bag:app"],
     },
 )

@@ -30,5 +30,5 @@ setup(
         "pydantic>=2",
     ],
     extras_require={"test": ["pytest"]},
-    entry_points={"rabbit.nodes": ["simulator = rabbit_sim.node:main"]},
+    entry_points={"rabbit.nodes": ["simulator = rabbit_sim.ros.node:main"]},
 )

@@ -38,7 +38,7 @@ setup(
     ],
     extras_require={"test": ["pytest"]},
     entry_points={
-        "rabbit.nodes": ["viewer = rabbit_viewer.live.viewer_node:main"],
+        "rabbit.nodes": ["viewer = rabbit_viewer.ros.viewer:main"],
         "rabbit.commands": ["video = rabbit_viewer.commands.video:app", "view = rabbit_viewer.commands.view:app"],
         "rabbit.pictures": ["recording = rabbit_viewer.bag_pictures:draw_bag"],
     },

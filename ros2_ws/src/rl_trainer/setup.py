@@ -32,5 +32,5 @@ setup(
         "gymnasium",
     ],
     extras_require={"test": ["pytest"]},
-    entry_points={"rabbit.nodes": ["trainer = rl_trainer.node:main"]},
+    entry_points={"rabbit.nodes": ["trainer = rl_trainer.ros.node:main"]},
 )

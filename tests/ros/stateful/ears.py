@@ -21,7 +21,7 @@ from rclpy.experimental import EventsExecutor
 from rclpy.parameter import Parameter
 from rclpy.serialization import deserialize_message
 from rclpy.signals import SignalHandlerOptions
-from rl_trainer.messages_node import transition_of
+from rl_trainer.ros.messages import transition_of
 from rl_trainer.transitions import Transition
 
 PADDING = 4  # bytes: messages come filled up to a multiple of them

@@ -10,7 +10,7 @@ from typing import Any
 
 from hypothesis import strategies as st
 from hypothesis.stateful import precondition, rule
-from rabbit_campaigns.faults import wrong_messages_node as wrong
+from rabbit_campaigns.ros import wrong_messages as wrong
 from rabbit_cli.exit_codes import ExitCode
 from rabbit_msgs.msg import PolicyWeights
 from rabbit_ros.topics_node import TOPICS

@@ -74,7 +74,7 @@ class Jitter:
 
     def kill(self, number: int, priority: int) -> None:
         """Walk until the controller is killed, and tell how soon the joints are damped."""
-        from rabbit_campaigns.death_node import die
+        from rabbit_campaigns.ros.death import die
 
         name = f"kill-{number}-priority-{priority}"
         self._tell(name)

@@ -20,7 +20,7 @@ import rabbit_experiments
 
 LIBRARIES = ("numpy", "scipy", "pin", "pybullet", "osqp", "daqp", "torch", "casadi", "safetensors", "joblib")
 PACKAGES = (rabbit_description, rabbit_sim, rl_cbf_clf_controller, rabbit_experiments)
-NEITHER = {"commands", "reproduce"}  # folders that decide neither how a run goes nor how it is judged
+NEITHER = {"commands", "reproduce", "ros"}  # folders that decide neither how a run goes nor how it is judged
 
 
 def versions() -> dict[str, str]:

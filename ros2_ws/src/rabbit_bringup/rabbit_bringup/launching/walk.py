@@ -168,9 +168,9 @@ def run_graph(
         Interrupted: by a signal.
     """
     use_one_thread()
-    from rabbit_cli.alone_node import Claim
+    from rabbit_cli.ros.alone import Claim
 
-    from rabbit_bringup.launching.priority_node import listening_to
+    from rabbit_bringup.ros.priority import listening_to
 
     with _signals_raise(), contextlib.closing(Claim(graph.namespace)) as claim, listening_to(options.priority):
         claim.look(graph.names)
@@ -206,7 +206,7 @@ def _follow(
     ended: Callable[[Any], None],
 ) -> tuple[list[Any], float]:
     """See a graph through its walk."""
-    from rabbit_bringup.launching.watch_node import Watch
+    from rabbit_bringup.ros.watch import Watch
 
     with contextlib.closing(Watch(options.namespace, ended)) as watch:
         _wait_until_ready(names, watch, processes, options.ready_timeout)

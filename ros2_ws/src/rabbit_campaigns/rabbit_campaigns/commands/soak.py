@@ -100,7 +100,7 @@ def walk(graph: Graph, request: WalkOptions, told: SoakOptions, assembly: Any) -
 def make_operations(folder: Path, told: SoakOptions, assembly: Any) -> Any:
     """An operator for this controller and its policy."""
     from rabbit_campaigns.operations import SECOND, Operations, unfit_policy
-    from rabbit_campaigns.operator_node import Operator
+    from rabbit_campaigns.ros.operator import Operator
 
     policies = Path(assembly.policy).absolute(), unfit_policy(assembly.controller)
     operator = Operator("", folder / SECOND, policies, told.pace or 0.0, told.seed)

@@ -37,7 +37,7 @@ class Graph:
         """Raises: `LaunchError`: a node cannot be started."""
         use_one_thread()
         os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-        from rabbit_campaigns.faults.witness_node import Witness
+        from rabbit_campaigns.ros.witness import Witness
 
         self.folder, self.hang_after = folder, hang_after
         self.training = folder / "training"

@@ -104,7 +104,7 @@ def play(
     from rabbit_recording.bag_writer import RecordingError
 
     try:
-        from rabbit_recording.player_node import Playing, play
+        from rabbit_recording.ros.player import Playing, play
     except ModuleNotFoundError:
         fail("no ROS 2 workspace is sourced: source ros2_ws/install/setup.bash")
     from rich.console import Console

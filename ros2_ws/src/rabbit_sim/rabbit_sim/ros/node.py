@@ -25,15 +25,15 @@ from rabbit_ros.spin_node import run, steady_timer
 from rclpy.node import Node
 from rclpy.timer import Timer
 
-from rabbit_sim.answerers_node import Answerers
 from rabbit_sim.memory import Memory, MemoryFileError, Stand
 from rabbit_sim.node_parameters import NodeParameters
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.real_time import Source, StandIn
+from rabbit_sim.ros.answerers import Answerers
+from rabbit_sim.ros.telling import Telling, beginning, ending
+from rabbit_sim.ros.tick_clock import TickClock
 from rabbit_sim.simulation import Simulation
 from rabbit_sim.stones import CourseError
-from rabbit_sim.telling_node import Telling, beginning, ending
-from rabbit_sim.tick_clock_node import TickClock
 
 LOOK_SECONDS = 0.02  # between looks at who is there and what is late
 BY_SERVICE = "by service"  # reason of a reset after which another episode begins at once

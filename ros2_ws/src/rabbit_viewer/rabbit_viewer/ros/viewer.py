@@ -19,13 +19,13 @@ from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 
 from rabbit_viewer.live.gather import Gather
-from rabbit_viewer.live.limits_node import LimitsOfGraph
 from rabbit_viewer.live.moment import Edges, Moment, Step, moment_of
-from rabbit_viewer.live.newest_node import NewestTicks
 from rabbit_viewer.live.parameters import ViewerParameters
-from rabbit_viewer.live.rviz_node import RvizTopics
 from rabbit_viewer.live.server import LiveServer, ViewError
 from rabbit_viewer.live.shapes import draw
+from rabbit_viewer.ros.limits import LimitsOfGraph
+from rabbit_viewer.ros.newest import NewestTicks
+from rabbit_viewer.ros.rviz import RvizTopics
 
 TICK_TOPICS = {"state": msg.RabbitState, "controller_state": msg.ControllerState}
 AGAIN_SECONDS = 0.3  # without a new tick, after which the last one is shown again: somebody may just have come

@@ -17,10 +17,10 @@ from rabbit_ros.topics_node import TOPICS
 from rclpy.experimental import EventsExecutor
 from rclpy.serialization import deserialize_message
 from rclpy.signals import SignalHandlerOptions
-from rl_trainer.messages_node import transition_of
+from rl_trainer.ros.messages import transition_of
 from rl_trainer.transitions import Transition
 
-from rabbit_campaigns.faults.wrong_messages_node import HEARD, wrong_message
+from rabbit_campaigns.ros.wrong_messages import HEARD, wrong_message
 
 KEPT_TICKS = 50_000
 LOOK_SECONDS = 0.05

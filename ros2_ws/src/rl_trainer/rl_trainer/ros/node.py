@@ -27,7 +27,9 @@ from rl_cbf_clf_controller.weights import PolicyFile, PolicyFileError, policy_pa
 
 from rl_trainer.background import Background
 from rl_trainer.gate import Verdict
-from rl_trainer.messages_node import (
+from rl_trainer.pairing import Event, Tick, Walk
+from rl_trainer.parameters import TrainingParameters
+from rl_trainer.ros.messages import (
     ZERO,
     checked_part,
     plan_message,
@@ -35,8 +37,6 @@ from rl_trainer.messages_node import (
     transition_message,
     weights_message,
 )
-from rl_trainer.pairing import Event, Tick, Walk
-from rl_trainer.parameters import TrainingParameters
 from rl_trainer.session import CheckpointError
 from rl_trainer.training import EpisodePlan as Plan
 from rl_trainer.training import EpisodeReport, Provenance, Trainer
