@@ -34,12 +34,16 @@ def commands() -> dict[str, EntryPoint]:
 
 
 def source(command: EntryPoint) -> Path | None:
-    """The file of its module, which is not imported; None if there is no such module."""
-    try:
-        spec = find_spec(command.module)
-    except ModuleNotFoundError:
+    """The file of its module; None if there is no such module. Nothing is imported, not even the packages around it."""
+    top, *rest = command.module.split(".")
+    spec = find_spec(top)
+    if spec is None:
         return None
-    return Path(spec.origin) if spec and spec.origin else None
+    if not rest:
+        return Path(spec.origin) if spec.origin else None
+    places = [Path(folder, *rest) for folder in spec.submodule_search_locations or ()]
+    files = [file for place in places for file in (place.with_suffix(".py"), place / "__init__.py")]
+    return next((file for file in files if file.is_file()), None)
 
 
 def summary(command: EntryPoint) -> str:

@@ -1,6 +1,8 @@
 """`rabbit` finds its subcommands by entry points: those of these packages, and a stranger's."""
 
 import ast
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -52,6 +54,18 @@ def test_the_help_text_is_the_first_line_of_the_docstring() -> None:
     for command in commands().values():
         path = SOURCES / command.module.split(".")[0] / Path(*command.module.split(".")).with_suffix(".py")
         assert summary(command) == (ast.get_docstring(ast.parse(path.read_text())) or "").splitlines()[0]
+
+
+def test_the_help_text_imports_no_package_of_a_command() -> None:
+    code = """
+import sys
+from rabbit_bringup.cli import app
+from typer.testing import CliRunner
+assert CliRunner().invoke(app, ["--help"]).exit_code == 0
+print(*sorted({name.split(".")[0] for name in sys.modules if name.startswith(("rabbit_", "rl_"))}))
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["rabbit_bringup", "rabbit_cli"]
 
 
 def test_a_strangers_command_is_listed_last_and_runs(stranger: Callable[[str], None]) -> None:
