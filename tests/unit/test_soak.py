@@ -53,6 +53,17 @@ def test_a_start_that_takes_memory_does_not_count() -> None:
     assert judge(samples(memory=np.where(SECONDS < WARM_UP, 50.0, 100.0)))["bars_kept"]["memory"]
 
 
+def test_a_walk_that_other_work_slows_has_no_drift() -> None:
+    """2 ms a tick and 40 ms a second, both constant, as the rate falls from 20 to 7 ticks/s."""
+    busy = samples()
+    busy["ticks"] = np.cumsum(5 * np.linspace(20, 7, len(SECONDS)))
+    for node in NODES:
+        busy[f"{node}_cpu"] = 0.002 * busy["ticks"] + 0.04 * SECONDS
+    figures = judge(busy)
+    assert abs(figures["cpu_drift"][0]) < 0.01
+    assert figures["bars_kept"]["rate"]
+
+
 @pytest.mark.parametrize(
     ("bar", "grows"),
     [
