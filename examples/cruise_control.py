@@ -11,11 +11,11 @@ While the CLF row alone is active its answer is mu = (-rate/(2 eps) y - beta) / 
 """
 
 import numpy as np
-from rl_cbf_clf_controller.affine import Affine
-from rl_cbf_clf_controller.qp import build_qp, unpack
-from rl_cbf_clf_controller.res_clf import ResClf
-from rl_cbf_clf_controller.rows import Rows
-from rl_cbf_clf_controller.solvers import make_solver
+from cbf_clf_qp.affine import Affine
+from cbf_clf_qp.qp import build_qp, unpack
+from cbf_clf_qp.res_clf import ResClf
+from cbf_clf_qp.rows import Rows
+from cbf_clf_qp.solvers import make_solver
 
 MASS, DRAG, V_DESIRED, V_LIMIT, BARRIER_RATE = 1650.0, 0.05, 24.0, 22.0, 5.0  # kg, 1/s, m/s, m/s, 1/s
 DT, SECONDS = 0.01, 8.0
@@ -35,7 +35,7 @@ class CruiseControl:
         V_dot = self.clf.derivative(y).after(dy)
         clf = Rows.at_most(("CLF",), V_dot.a, self.clf.bound(y) - V_dot.b, slack_weight=10.0, rescue=False)
         cbf = Rows.at_least(("CBF",), -dy.a, dy.b - BARRIER_RATE * (V_LIMIT - v), slack_weight=np.inf)
-        qp = build_qp([clf.normalised(), cbf], inputs=1)
+        qp = build_qp([clf.normalised(), cbf])
         return float(unpack(qp, self._solver.solve(qp).x).mu[0])
 
 

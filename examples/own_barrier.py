@@ -2,20 +2,23 @@
 
     B = ceiling - h_f >= 0,   B-ddot = -h_f-ddot,   row: B-ddot + K_b (B, B-dot) >= 0
 
-A `Constraint` is anything with `rows(terms)`; `terms` has the tick's state, feet, nominal dynamics and precontrol.
+A `Constraint` is anything with `rows(terms, control)`; `terms` has the tick's scene, nominal dynamics and precontrol.
 """
 
 import argparse
 
 import numpy as np
+from cbf_clf_qp.affine import Affine
+from cbf_clf_qp.ecbf import Barriers, ecbf_bound, ecbf_gains
+from cbf_clf_qp.rows import Rows
+from cbf_clf_qp.tick import Terms
 from rabbit_description.gait import load_gait
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.simulation import Simulation
-from rl_cbf_clf_controller.controller import Controller, Terms
-from rl_cbf_clf_controller.ecbf import Barriers, ecbf_bound, ecbf_gains
+from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.parameters import load_parameters
 from rl_cbf_clf_controller.policy import ZeroPolicy
-from rl_cbf_clf_controller.rows import Rows
+from rl_cbf_clf_controller.scene import Scene
 
 
 class Ceiling:
@@ -25,17 +28,17 @@ class Ceiling:
         self._height = height
         self._K_b = ecbf_gains((pole, pole))
 
-    def rows(self, terms: Terms) -> Rows:
+    def rows(self, terms: Terms[Scene], control: Affine) -> list[Rows]:
         """One row of the QP, affine in mu."""
-        feet = terms.feet
+        feet = terms.scene.feet
         barrier = Barriers(
             B=np.array([self._height - feet.swing[1]]),
             dB=-feet.swing_rate[1:],
             jacobian=-feet.swing_jacobian[1:],
             bias=-feet.swing_bias[1:],
         )
-        ddB = barrier.second_derivative(terms.dynamics.acceleration).after(terms.precontrol)
-        return Rows.at_least(("ceiling",), ddB.a, ecbf_bound(barrier, self._K_b) - ddB.b, 1e6).normalised()
+        ddB = barrier.second_derivative(terms.dynamics.acceleration).after(control)
+        return [Rows.at_least(("ceiling",), ddB.a, ecbf_bound(barrier, self._K_b) - ddB.b, 1e6).normalised()]
 
 
 def highest_step(ceiling: float | None, steps: int, seed: int = 1) -> float:
@@ -48,7 +51,7 @@ def highest_step(ceiling: float | None, steps: int, seed: int = 1) -> float:
     state, highest = simulation.reset(seed), 0.0
     controller.reset(seed)
     while state.running:
-        highest = max(highest, controller.terms(state).feet.swing[1])
+        highest = max(highest, controller.look(state).scene.feet.swing[1])
         state = simulation.step(controller.step(state).torque)
     simulation.close()
     return highest

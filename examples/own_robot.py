@@ -8,13 +8,13 @@ angles minus a goal (relative degree 2), the barrier keeps the hand below z = 0.
 
 import numpy as np
 import pinocchio as pin
-from rl_cbf_clf_controller.affine import Affine
-from rl_cbf_clf_controller.ecbf import Barriers, ecbf_bound, ecbf_gains
-from rl_cbf_clf_controller.io_linearization import precontrol
-from rl_cbf_clf_controller.qp import build_qp, unpack
-from rl_cbf_clf_controller.res_clf import ResClf
-from rl_cbf_clf_controller.rows import Rows
-from rl_cbf_clf_controller.solvers import make_solver
+from cbf_clf_qp.affine import Affine
+from cbf_clf_qp.ecbf import Barriers, ecbf_bound, ecbf_gains
+from cbf_clf_qp.io_linearization import precontrol
+from cbf_clf_qp.qp import build_qp, unpack
+from cbf_clf_qp.res_clf import ResClf
+from cbf_clf_qp.rows import Rows
+from cbf_clf_qp.solvers import make_solver
 
 LINK = """<link name="{0}"><inertial><origin xyz="0.25 0 0"/><mass value="{1}"/>
 <inertia ixx="0.01" iyy="{2}" izz="{2}" ixy="0" ixz="0" iyz="0"/></inertial></link>"""
@@ -62,7 +62,7 @@ def reach(oracle: bool, seconds: float = 2.0) -> float:
             Rows.at_most(("CLF",), V_dot.a, clf.bound(eta) - V_dot.b, 10.0, rescue=False).normalised(),
             Rows.at_least(("CBF",), ddB.a, ecbf_bound(barrier, K_b) - ddB.b, 1e6).normalised(),
         ]
-        qp = build_qp(rows, inputs=2)
+        qp = build_qp(rows)
         torque = control(unpack(qp, solver.solve(qp).x).mu)
         dq = dq + DT * true.acceleration(q, dq)(torque)
         q = q + DT * dq

@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from cbf_clf_qp.estimates import Estimates
 from rabbit_description.gait import load_gait
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.robot_urdf import perturbed_urdf
@@ -12,7 +13,7 @@ from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.oracle import OraclePolicy
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import Policy, ZeroPolicy
-from rl_cbf_clf_controller.uncertainty import Estimates, Problem
+from rl_cbf_clf_controller.uncertainty import Problem
 from rl_trainer.environment import WalkingEnv
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.reward import error_unit
@@ -95,7 +96,7 @@ def test_beside_an_adaptation_the_target_is_what_it_leaves() -> None:
         transition = builder.add(record.state, record.output)
         if transition is not None and not transition.doubt & ~Doubt.SATURATED and transition.step_index:
             assert not transition.alpha.any()  # the policy's own
-            found = Estimates.from_packed(previous[0].adapted)
+            found = Estimates.from_packed(previous[0].adapted, 4)
             left.append(transition.target)
             whole.append(transition.target + found.error(transition.mu))
         previous[0] = record.output

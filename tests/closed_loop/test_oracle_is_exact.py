@@ -9,13 +9,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from cbf_clf_qp.tick import Terms
 from rabbit_description.state import Array, RobotState
 from rabbit_experiments.assembly import Assembly
 from rabbit_experiments.evaluation import episode
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.pinned_dynamics import PinnedDynamics
 from rabbit_sim.robot_urdf import perturbed_urdf
-from rl_cbf_clf_controller.controller import Controller, ControllerOutput, Terms
+from rl_cbf_clf_controller.controller import Controller, ControllerOutput
+from rl_cbf_clf_controller.scene import Scene
 from rl_trainer.rollout import Record
 
 MakeAssembly = Callable[..., Assembly]
@@ -62,7 +64,7 @@ def estimated_and_true(assembly: Assembly, ticks: int = 60, every: int = 3) -> t
         if state.tick >= ticks or state.tick % every:
             return
         nominal = output.nominal_a @ output.mu + output.nominal_b
-        before, later = (controller.terms(truth.after(state, output, h)) for h in (-SHORT, SHORT))
+        before, later = (controller.look(truth.after(state, output, h)) for h in (-SHORT, SHORT))
         force = truth.acceleration_and_force(state.q, state.dq, output)[1]
         pairs.append((nominal + output.alpha @ output.mu + output.beta, derivatives(controller, before, later, force)))
 
@@ -72,12 +74,12 @@ def estimated_and_true(assembly: Assembly, ticks: int = 60, every: int = 3) -> t
     return estimated, true
 
 
-def derivatives(controller: Controller, before: Terms, later: Terms, force: Array) -> Array:
+def derivatives(controller: Controller, before: Terms[Scene], later: Terms[Scene], force: Array) -> Array:
     """V', B1'', B2'', F_N, F_T."""
-    assert before.barriers is not None
-    assert later.barriers is not None
-    barrier = (later.barriers.dB - before.barriers.dB) / (2 * SHORT)
-    clf = (controller.clf.value(later.eta) - controller.clf.value(before.eta)) / (2 * SHORT)
+    assert before.scene.barriers is not None
+    assert later.scene.barriers is not None
+    barrier = (later.scene.barriers.dB - before.scene.barriers.dB) / (2 * SHORT)
+    clf = (controller.clf.value(later.scene.outputs.eta) - controller.clf.value(before.scene.outputs.eta)) / (2 * SHORT)
     return np.array([clf, *barrier, force[1], force[0]])
 
 
@@ -110,8 +112,8 @@ def test_in_the_first_approach_outputs_accelerate_as_mu_says(
 
     def look(record: Record) -> None:
         if record.state.tick < 30 and not record.output.saturated:
-            before, later = (controller.terms(truth.after(record.state, record.output, h)) for h in (-SHORT, SHORT))
-            pairs.append((record.output.mu, (later.outputs.dy - before.outputs.dy) / (2 * SHORT)))
+            before, later = (controller.look(truth.after(record.state, record.output, h)) for h in (-SHORT, SHORT))
+            pairs.append((record.output.mu, (later.scene.outputs.dy - before.scene.outputs.dy) / (2 * SHORT)))
 
     episode(simulation, controller, 1, look)
     simulation.close()

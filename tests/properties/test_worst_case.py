@@ -4,17 +4,19 @@ import re
 
 import numpy as np
 import pytest
+from cbf_clf_qp.estimates import Estimates
+from cbf_clf_qp.tick import rows_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from rabbit_description import URDF_PATH
 from rabbit_description.gait import DEFAULT_GAIT, load_gait
 from rabbit_description.state import RobotState, StonePreview
+from rl_cbf_clf_controller.context import ModelContext
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.oracle import OraclePolicy
 from rl_cbf_clf_controller.parameters import load_parameters
 from rl_cbf_clf_controller.policy import ZeroPolicy
-from rl_cbf_clf_controller.uncertainty import Estimates
 from rl_cbf_clf_controller.worst_case import worst_errors
 
 GAIT = load_gait(DEFAULT_GAIT)
@@ -35,7 +37,7 @@ def make(**changes):
 
 
 def tick(controller, state):
-    return controller.terms(RobotState(0, *state, np.zeros((2, 2)), np.zeros(2, bool), 0, StonePreview(1, 0.35, 0.4)))
+    return controller.look(RobotState(0, *state, np.zeros((2, 2)), np.zeros(2, bool), 0, StonePreview(1, 0.35, 0.4)))
 
 
 def scaled_urdf(scale):
@@ -46,8 +48,8 @@ def scaled_urdf(scale):
 
 def violations(controller, terms, mu, estimates=None):
     """By how much each row but saturation is exceeded at `mu` without slack; shape (cases, 6)."""
-    estimates = estimates or Estimates.zero(controller.parameters.problem)
-    *rows, _ = controller.rows(terms, estimates, terms.precontrol)
+    estimates = estimates or Estimates.zero(5, 4)
+    *rows, _ = rows_of(controller.recipe, terms, estimates, terms.precontrol)
     return np.concatenate([block.A @ mu - block.upper for block in rows]).reshape(-1, 6)
 
 
@@ -56,7 +58,7 @@ def violations(controller, terms, mu, estimates=None):
 def test_rows_of_a_scale_range_imply_the_true_rows_of_every_scale_in_it(state, mu, where, low, width):
     robust = make(robust_scale_min=low, robust_scale_max=low + width)
     terms = tick(robust, state)
-    true = OraclePolicy(scaled_urdf(low + where * width)).estimate(terms.context)
+    true = OraclePolicy(scaled_urdf(low + where * width)).estimate(ModelContext.of(terms))
     parameters = load_parameters("ours", controller="rl-cbf-clf-qp")
     at_truth = violations(Controller(parameters, GAIT, ZeroPolicy(parameters.problem)), terms, mu, true)
     kept = (violations(robust, terms, mu) <= -1e-6).all(axis=0)
@@ -70,8 +72,8 @@ def test_the_truth_is_no_worse_than_the_worse_corner(state, mu, where):
     low, high = 0.7, 2.5
     robust = make(robust_scale_min=low, robust_scale_max=high)
     terms = tick(robust, state)
-    true = OraclePolicy(scaled_urdf(low + where * (high - low))).estimate(terms.context).error(mu)
-    corners = np.array([error(mu) for error in worst_errors(robust.parameters, terms.context)])
+    true = OraclePolicy(scaled_urdf(low + where * (high - low))).estimate(ModelContext.of(terms)).error(mu)
+    corners = np.array([error(mu) for error in worst_errors(robust.parameters)(terms)])
     scale = 1e-7 * (1 + np.abs(corners).max())
     assert (BOUNDED_ABOVE * true[:3] <= (BOUNDED_ABOVE * corners[:, :3]).max(axis=0) + scale).all()
     assert (CONE @ true[3:] <= (corners[:, 3:] @ CONE.T).max(axis=0) + scale).all()
@@ -82,8 +84,8 @@ def test_the_truth_is_no_worse_than_the_worse_corner(state, mu, where):
 def test_the_corners_are_the_models_at_the_ends(state, mu):
     robust = make(robust_scale_min=0.5, robust_scale_max=3.0)
     terms = tick(robust, state)
-    for scale, error in zip((0.5, 3.0), worst_errors(robust.parameters, terms.context), strict=True):
-        true = OraclePolicy(scaled_urdf(scale)).estimate(terms.context).error(mu)
+    for scale, error in zip((0.5, 3.0), worst_errors(robust.parameters)(terms), strict=True):
+        true = OraclePolicy(scaled_urdf(scale)).estimate(ModelContext.of(terms)).error(mu)
         assert error(mu) == pytest.approx(true, rel=1e-6, abs=1e-6 * (1 + np.abs(true).max()))
 
 
@@ -92,14 +94,14 @@ def test_the_corners_are_the_models_at_the_ends(state, mu):
 def test_norm_bounds_hold_for_every_error_within_them(state, mu, direction, r, b, b_slope):
     robust = make(robust_bounds="norm")
     p, terms = robust.parameters, tick(robust, state)
-    nominal, LgV = terms.nominal(mu), terms.context.LgV
+    nominal, LgV = terms.nominal(mu), terms.scene.LgV
     true = np.array(
         [
             LgV @ (p.robust_offset * direction + p.robust_slope * r * mu),
             *(b * p.robust_barrier_offset + b_slope * p.robust_barrier_slope * nominal[1:3]),
         ]
     )
-    corners = np.array([error(mu) for error in worst_errors(robust.parameters, terms.context)])
+    corners = np.array([error(mu) for error in worst_errors(robust.parameters)(terms)])
     scale = 1e-9 * (1 + np.abs(corners).max())
     assert (BOUNDED_ABOVE * true <= (BOUNDED_ABOVE * corners[:, :3]).max(axis=0) + scale).all()
     assert corners[:, 3:] == pytest.approx(0)

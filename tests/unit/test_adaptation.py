@@ -4,21 +4,21 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from cbf_clf_qp.estimates import Estimates
 from rabbit_description.gait import load_gait
 from rabbit_description.state import RobotState, StonePreview
-from rl_cbf_clf_controller.adaptation import KNOWN, IdentifiedRobot, Measured, is_pinned, make_adaptation
+from rl_cbf_clf_controller.adaptation import KNOWN, IdentifiedRobot, Measured, NoAdaptation, is_pinned
 from rl_cbf_clf_controller.controller import Controller, ControllerError
 from rl_cbf_clf_controller.identification import SIZE
 from rl_cbf_clf_controller.link_parameters import is_physical, read_links
 from rl_cbf_clf_controller.nominal_model import NominalModel
 from rl_cbf_clf_controller.parameters import ParameterError, load_parameters
 from rl_cbf_clf_controller.policy import ZeroPolicy
-from rl_cbf_clf_controller.uncertainty import Estimates, Problem
 
 GAIT = load_gait("authors_035")
 STANDING = np.array([[0.0, 300.0], [0.0, 0.0]])
 TORQUE = np.array([10.0, -20.0, 30.0, 5.0])
-NONE = Estimates.zero(Problem.RL_CBF_CLF_QP)
+NONE = Estimates.zero(5, 4)
 
 
 def controller(policy=None, **changes):
@@ -44,20 +44,20 @@ def test_only_pinned_ticks_count():
 
 def test_after_a_bounce_it_waits_again(state):
     """The fourth and the tenth tick are the first to teach; a bounce in the seventh."""
-    adaptation, here = IdentifiedRobot(), controller().terms(state_of(*state)).context
+    adaptation, here = IdentifiedRobot(), controller().look(state_of(*state))
     learned = []
     for tick in range(12):
         force = np.zeros((2, 2)) if tick == 6 else STANDING
         before = adaptation.known
-        adaptation.estimate(here, Measured(tick, TORQUE, force))
+        adaptation.estimate(here, NONE, Measured(tick, TORQUE, force))
         learned.append(not np.array_equal(adaptation.known, before))
     assert [tick for tick in range(12) if learned[tick]] == [3, 4, 5, 9, 10, 11]
 
 
 def test_at_first_the_robot_is_the_nominal_one(state):
     """So nothing is added to the policy's estimates."""
-    here, adaptation = controller().terms(state_of(*state)).context, IdentifiedRobot()
-    estimates = adaptation.estimate(here, Measured(0, np.full(4, np.nan), STANDING))
+    here, adaptation = controller().look(state_of(*state)), IdentifiedRobot()
+    estimates = adaptation.estimate(here, NONE, Measured(0, np.full(4, np.nan), STANDING))
     assert estimates.alpha == pytest.approx(0, abs=1e-9)
     assert estimates.beta == pytest.approx(0, abs=1e-7)
     assert adaptation.known.shape == (len(KNOWN),)
@@ -93,7 +93,7 @@ def test_a_policy_that_adds_to_another_adaptation_is_refused(state, trained, run
 
 
 def test_no_adaptation_knows_nothing():
-    assert make_adaptation("none").known.size == 0
+    assert NoAdaptation().known.size == 0
 
 
 @pytest.mark.parametrize("name", ["io-rl-clf-qp", "l1-clf-qp"])

@@ -2,13 +2,14 @@
 
 import numpy as np
 import pytest
+from cbf_clf_qp.affine import Affine
+from cbf_clf_qp.estimates import Estimates
+from cbf_clf_qp.tick import rows_of
 from rabbit_description.gait import DEFAULT_GAIT, load_gait
 from rabbit_description.state import SWAP_STATE, SWAP_TORQUE, Leg, RobotState, StonePreview
-from rl_cbf_clf_controller.affine import Affine
 from rl_cbf_clf_controller.controller import Controller, ControllerError
 from rl_cbf_clf_controller.parameters import ControllerParameters, ParameterError, load_parameters
 from rl_cbf_clf_controller.policy import ZeroPolicy
-from rl_cbf_clf_controller.uncertainty import Estimates
 
 GAIT = load_gait(DEFAULT_GAIT)
 
@@ -24,6 +25,11 @@ def state(tick=0, swap=False, **changes):
     values = {"touchdowns": 0, "preview": StonePreview(1, 0.35, 0.40), "contact": np.array([True, False])} | changes
     values = {"q": q[order], "dq": dq[order]} | values
     return RobotState(tick=tick, foot_force=np.zeros((2, 2)), **values)
+
+
+def nominal(built):
+    """No estimates."""
+    return Estimates.zero(len(built.recipe.names), 4)
 
 
 class FixedPolicy:
@@ -58,8 +64,8 @@ class FixedPolicy:
 )
 def test_which_qp_has_which_rows(controller, changes, names):
     built = make(controller, **changes)
-    terms = built.terms(state())
-    rows = built.rows(terms, Estimates.zero(built.parameters.problem), terms.precontrol)
+    terms = built.look(state())
+    rows = rows_of(built.recipe, terms, nominal(built), terms.precontrol)
     assert [name for block in rows for name in block.names] == [*names, "u1", "u2", "u3", "u4"]
 
 
@@ -74,14 +80,14 @@ def test_the_robot_is_symmetric():
 
 def test_torque_is_the_precontrol_of_mu():
     built = make()
-    output, terms = built.step(state()), built.terms(state())
+    output, terms = built.step(state()), built.look(state())
     assert output.torque == pytest.approx(terms.precontrol(output.mu))
     assert output.mu == pytest.approx(output.mu_qp)
 
 
 def test_saturated_noise_is_published_as_executed():
     built = make(sigma=1000.0)
-    output, terms = built.step(state()), built.terms(state())
+    output, terms = built.step(state()), built.look(state())
     assert output.saturated
     assert np.abs(output.torque).max() == pytest.approx(200.0)
     assert output.torque == pytest.approx(terms.precontrol(output.mu), abs=1e-6)
@@ -100,9 +106,9 @@ def test_noise_depends_on_the_seed_alone():
 def test_estimates_shift_the_quantities_and_only_them():
     alpha, beta = np.zeros((5, 4)), np.array([0.0, 0.0, 0.0, 100.0, 0.0])
     built, plain = make(policy=FixedPolicy(alpha, beta)), make()
-    terms = built.terms(state())
-    with_force = built.rows(terms, Estimates(alpha, beta), terms.precontrol)[2]
-    without = plain.rows(terms, Estimates.zero(plain.parameters.problem), terms.precontrol)[2]
+    terms = built.look(state())
+    with_force = rows_of(built.recipe, terms, Estimates(alpha, beta), terms.precontrol)[2]
+    without = rows_of(plain.recipe, terms, nominal(plain), terms.precontrol)[2]
     np.testing.assert_allclose(with_force.A, without.A)
     freed = (with_force.upper - without.upper) * np.linalg.norm(terms.nominal.a[3])
     assert freed[0] == pytest.approx(100.0)  # F_N is 100 N more than believed
@@ -111,7 +117,7 @@ def test_estimates_shift_the_quantities_and_only_them():
 def test_first_approach_adds_its_input():
     alpha, beta = 0.5 * np.eye(4), np.array([10.0, 0.0, -5.0, 0.0])
     output = make("io-rl-clf-qp", FixedPolicy(alpha, beta)).step(state())
-    terms = make("io-rl-clf-qp").terms(state())
+    terms = make("io-rl-clf-qp").look(state())
     assert output.torque == pytest.approx(terms.precontrol(1.5 * output.mu + beta))
 
 
@@ -127,7 +133,7 @@ def test_l1_adds_its_compensation():
     output = built.step(later)
     assert output.alpha == pytest.approx(0)
     assert np.abs(output.beta).max() > 1
-    assert output.torque == pytest.approx(built.terms(later).precontrol(output.mu + output.beta))
+    assert output.torque == pytest.approx(built.look(later).precontrol(output.mu + output.beta))
 
 
 def test_l1_adds_to_a_policys_input():
@@ -139,11 +145,11 @@ def test_l1_adds_to_a_policys_input():
 def test_flat_force_rows_are_the_models_force_at_the_torque():
     alpha, beta = 0.5 * np.eye(4), np.array([10.0, 0.0, -5.0, 0.0])
     built = make("io-rl-clf-qp", FixedPolicy(alpha, beta), flat_force_rows=True)
-    terms, mu = built.terms(state()), np.array([20.0, -10.0, 30.0, 5.0])
+    terms, mu = built.look(state()), np.array([20.0, -10.0, 30.0, 5.0])
     control = terms.precontrol.after(Affine(np.eye(4) + alpha, beta))
-    unilateral = built.rows(terms, Estimates(alpha, beta), control)[1]
+    unilateral = rows_of(built.recipe, terms, Estimates(alpha, beta), control)[1]
     normal = terms.dynamics.force(terms.precontrol(1.5 * mu + beta))[1]
-    norm = np.linalg.norm(terms.force.after(control).a[0])
+    norm = np.linalg.norm(terms.dynamics.normal_tangential.after(control).a[0])
     assert (unilateral.upper - unilateral.A @ mu)[0] * norm == pytest.approx(normal - 20.0)
 
 

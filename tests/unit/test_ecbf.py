@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from cbf_clf_qp.ecbf import ecbf_bound, ecbf_gains
 from rabbit_description.state import StonePreview
-from rl_cbf_clf_controller.ecbf import ecbf_bound, ecbf_gains, stone_barriers
 from rl_cbf_clf_controller.nominal_model import Kinematics, NominalModel
+from rl_cbf_clf_controller.stone_barriers import stone_barriers
 
 STONE, R1, R2 = StonePreview(1, 0.33, 0.38), 1.0, 0.36
 H = 1e-6

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from cbf_clf_qp.estimates import Estimates
 from rabbit_description.state import Array
 from rabbit_experiments.assembly import EVALUATION_LAG, Assembly
 from rabbit_experiments.estimates import NoTicksError, compare, errors
@@ -9,7 +10,7 @@ from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.context import PolicyContext
 from rl_cbf_clf_controller.parameters import load_parameters
 from rl_cbf_clf_controller.policy import PartlyNominal
-from rl_cbf_clf_controller.uncertainty import Estimates, Problem
+from rl_cbf_clf_controller.uncertainty import Problem
 
 STONES = Problem.RL_CBF_CLF_QP
 WRONG = np.array([[3.0, 0, 4, 0], [6, 0, 0, 8], [5, 12, 0, 0], [0, 0, 0, 0], [0, 8, 15, 0]])  # rows of length
@@ -49,7 +50,7 @@ def test_the_unit_of_V_is_that_of_its_tick() -> None:
 
 
 def test_no_error_of_a_truth_of_zero() -> None:
-    nothing = [Estimates.zero(STONES)] * 8
+    nothing = [Estimates.zero(len(STONES.quantities), 4)] * 8
     found = errors(STONES, truth(), nothing, MU, LGV)
     assert found["B1"] == {"error": None, "alpha_r2": None, "beta_r2": None, "alpha_rms": 0, "beta_rms": 10}
 

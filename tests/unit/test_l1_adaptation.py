@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
+from cbf_clf_qp.affine import Affine
+from cbf_clf_qp.res_clf import ResClf
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from rabbit_description.state import TICK_SECONDS as DT
-from rl_cbf_clf_controller.affine import Affine
 from rl_cbf_clf_controller.l1_adaptation import L1Adaptation, into_ball
-from rl_cbf_clf_controller.res_clf import ResClf
 
 CLF = ResClf(4, 0.04, (0.5, 3**0.5 / 2))
 BELIEF = Affine(np.eye(4), np.zeros(4))  # the torque is mu
@@ -43,7 +43,7 @@ def drive(l1, ticks, error=ERROR, mu=MU, eta=None):
 def test_a_constant_error_is_found_and_its_compensation_has_gain_one(law, gain, substeps):
     l1 = make(law, gain, substeps)
     compensation = drive(l1, 400)[-1]
-    assert l1.estimate == pytest.approx(ERROR, rel=1e-6)
+    assert l1.model_error == pytest.approx(ERROR, rel=1e-6)
     assert compensation == pytest.approx(-ERROR, rel=1e-6)
 
 
@@ -74,8 +74,8 @@ def test_euler_fails_by_itself_at_a_gain_that_exact_bears():
     euler, exact = make("euler", 1e4), make("exact", 1e4)
     drive(euler, 400)
     drive(exact, 400)
-    assert np.abs(euler.estimate - ERROR).max() > 100
-    assert exact.estimate == pytest.approx(ERROR, rel=1e-6)
+    assert np.abs(euler.model_error - ERROR).max() > 100
+    assert exact.model_error == pytest.approx(ERROR, rel=1e-6)
 
 
 def test_an_error_that_grows_with_mu_is_cancelled_in_closed_loop():

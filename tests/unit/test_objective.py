@@ -2,18 +2,18 @@
 
 import numpy as np
 import pytest
+from cbf_clf_qp.affine import Affine
+from cbf_clf_qp.estimates import Estimates
+from cbf_clf_qp.objective import pd_centred, pd_input
+from cbf_clf_qp.qp import build_qp, unpack
+from cbf_clf_qp.res_clf import ResClf
+from cbf_clf_qp.rows import Rows
+from cbf_clf_qp.solvers import make_solver
 from rabbit_description.gait import DEFAULT_GAIT, load_gait
 from rabbit_description.state import RobotState, StonePreview
-from rl_cbf_clf_controller.affine import Affine
 from rl_cbf_clf_controller.controller import Controller, ControllerError
-from rl_cbf_clf_controller.objective import pd_centred, pd_input
 from rl_cbf_clf_controller.parameters import load_parameters
 from rl_cbf_clf_controller.policy import ZeroPolicy
-from rl_cbf_clf_controller.qp import build_qp, unpack
-from rl_cbf_clf_controller.res_clf import ResClf
-from rl_cbf_clf_controller.rows import Rows
-from rl_cbf_clf_controller.solvers import make_solver
-from rl_cbf_clf_controller.uncertainty import Estimates, Problem
 
 GAIT = load_gait(DEFAULT_GAIT)
 NO_ROW = Rows.at_most(("CLF",), np.ones((1, 4)), np.array([1e6]), 5.0)
@@ -78,8 +78,8 @@ def test_the_papers_objective_is_the_default_and_is_told():
     assert (output.objective, output.adaptation) == ("paper", "none")
     assert controller(objective="pd_centred").step(start()).objective == "pd_centred"
     built = controller()
-    terms = built.terms(start())
-    assert built.objective(terms, Estimates.zero(built.parameters.problem)) is None
+    built.step(start())
+    assert built.recipe.objective(built.terms, built.decided.estimates) is None
 
 
 class Untold:
@@ -100,6 +100,6 @@ def test_a_policy_that_tells_no_output_error_is_refused(changes):
 
 
 def test_the_zero_policy_tells_no_error():
-    error = Estimates.zero(Problem.RL_CLF_QP).output_error
+    error = Estimates.zero(1, 4).output_error
     assert not error.a.any()
     assert not error.b.any()

@@ -5,7 +5,7 @@ import pytest
 from rabbit_description import URDF_PATH
 from rabbit_description.gait import load_gait
 from rabbit_description.state import RobotState, StonePreview
-from rl_cbf_clf_controller.context import PolicyContext
+from rl_cbf_clf_controller.context import ModelContext, PolicyContext
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.nominal_model import NominalModel
 from rl_cbf_clf_controller.oracle import OraclePolicy
@@ -32,18 +32,18 @@ def tick(state, controller="cbf-clf-qp"):
     parameters = load_parameters("ours", controller=controller, gait="authors_035")
     built = Controller(parameters, GAIT, ZeroPolicy(parameters.problem))
     measured = RobotState(0, q, dq, np.zeros((2, 2)), np.zeros(2, bool), 0, StonePreview(1, 0.35, 0.40))
-    return built.terms(measured)
+    return built.look(measured)
 
 
 def test_closed_form_under_uniform_scale(state):
     terms = tick(state)
-    oracle = OraclePolicy(scaled_urdf(SCALE)).estimate(terms.context)
+    oracle = OraclePolicy(scaled_urdf(SCALE)).estimate(ModelContext.of(terms))
     model = NominalModel()
     model.update(*state)
     dynamics = model.pinned()
     outputs = VirtualConstraints(GAIT).evaluate(*state).second_derivative(dynamics.acceleration)
-    shrink, LgV = 1 / SCALE - 1, terms.context.LgV
-    barrier = terms.model.barriers.second_derivative(dynamics.acceleration)
+    shrink, LgV = 1 / SCALE - 1, terms.scene.LgV
+    barrier = terms.scene.barriers.second_derivative(dynamics.acceleration)
     alpha = np.vstack([shrink * LgV, shrink * barrier.a @ terms.precontrol.a, np.zeros((2, 4))])
     force = (SCALE - 1) * dynamics.force.b[::-1]
     beta = np.concatenate([[-shrink * LgV @ outputs.b], shrink * barrier.a @ terms.precontrol.b, force])
@@ -53,17 +53,19 @@ def test_closed_form_under_uniform_scale(state):
 
 def test_first_approach_makes_the_true_output_acceleration_mu(state):
     terms = tick(state, "io-rl-clf-qp")
-    oracle = OraclePolicy(scaled_urdf(SCALE), motor_gain=0.85, joint_damping=1.0, io=True).estimate(terms.context)
+    oracle = OraclePolicy(scaled_urdf(SCALE), motor_gain=0.85, joint_damping=1.0, io=True).estimate(
+        ModelContext.of(terms)
+    )
     plant = NominalModel(scaled_urdf(SCALE), motor_gain=0.85, joint_damping=1.0)
     plant.update(*state)
     mu = np.array([10.0, -20.0, 30.0, 5.0])
     u = terms.precontrol(mu + oracle.alpha @ mu + oracle.beta)
     acceleration = plant.pinned().acceleration(u)
-    assert terms.outputs.jacobian @ acceleration + terms.outputs.bias == pytest.approx(mu, abs=1e-7)
+    assert terms.scene.outputs.jacobian @ acceleration + terms.scene.outputs.bias == pytest.approx(mu, abs=1e-7)
 
 
 def test_no_error_when_the_plant_is_nominal(state):
-    oracle = OraclePolicy(URDF_PATH.read_text()).estimate(tick(state).context)
+    oracle = OraclePolicy(URDF_PATH.read_text()).estimate(ModelContext.of(tick(state)))
     assert oracle.alpha == pytest.approx(0, abs=1e-9)
     assert oracle.beta == pytest.approx(0, abs=1e-9)
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from cbf_clf_qp.io_linearization import precontrol
 from rabbit_description.gait import load_gait
 from rl_cbf_clf_controller.bezier import FADING, Bezier
-from rl_cbf_clf_controller.io_linearization import precontrol
 from rl_cbf_clf_controller.nominal_model import NominalModel
 from rl_cbf_clf_controller.virtual_constraints import VirtualConstraints
 from scipy.interpolate import BPoly

@@ -19,11 +19,12 @@ from catkin_pkg.package import parse_package
 
 SOURCES = Path(__file__).resolve().parents[2] / "ros2_ws" / "src"
 PACKAGES = (  # each may import only packages before it, and not those beside it
-    *("rabbit_description", "rabbit_ros", "rabbit_cli"),
+    *("cbf_clf_qp", "rabbit_description", "rabbit_ros", "rabbit_cli"),
     *("rabbit_sim", "rl_cbf_clf_controller", "rl_trainer", "rabbit_gait_design"),
     *("rabbit_recording", "rabbit_viewer", "rabbit_experiments", "rabbit_bringup", "rabbit_campaigns"),
 )
-BESIDE = {  # package -> modules before it that it must never import
+BESIDE = {  # package -> modules before it, or libraries, that it must never import
+    "cbf_clf_qp": {"pinocchio", "torch", "pybullet", "pydantic"},
     "rl_cbf_clf_controller": {"rabbit_sim", "pybullet", "torch"},
     "rl_trainer": {"rabbit_sim", "pybullet", "rl_cbf_clf_controller.oracle"},
     "rabbit_gait_design": {"rabbit_sim", "rl_trainer"},

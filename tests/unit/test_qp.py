@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from rl_cbf_clf_controller.affine import Affine
+from cbf_clf_qp.affine import Affine
+from cbf_clf_qp.objective import Objective
+from cbf_clf_qp.qp import build_qp, unpack
+from cbf_clf_qp.rows import Rows
+from cbf_clf_qp.saturation import Saturation
+from cbf_clf_qp.solvers import DaqpSolver, GuardedSolver, OsqpSolver, Solution, kkt_residual, make_solver
 from rl_cbf_clf_controller.contact_force import force_rows, literal_cone_rows
-from rl_cbf_clf_controller.objective import Objective
-from rl_cbf_clf_controller.qp import build_qp, unpack
-from rl_cbf_clf_controller.rows import Rows
-from rl_cbf_clf_controller.saturation import saturation_rows
-from rl_cbf_clf_controller.solvers import DaqpSolver, GuardedSolver, OsqpSolver, Solution, kkt_residual, make_solver
 
 SOLVERS = [OsqpSolver, DaqpSolver]
 
@@ -19,7 +19,7 @@ def random_rows(rng):
     barriers = Rows.at_least(("B1", "B2"), rng.normal(0, 0.5, (2, 4)), rng.normal(-20, 30, 2), 1e6)
     force = Affine(rng.normal(0, 1.5, (2, 4)), np.array([300.0, 50.0]) + rng.normal(0, 60, 2))
     forces = force_rows(force, 20.0, 0.8, 1e5)
-    saturation = saturation_rows(Affine(rng.normal(0, 1, (4, 4)), rng.normal(0, 30, 4)), 200.0)
+    (saturation,) = Saturation(200.0).rows(None, Affine(rng.normal(0, 1, (4, 4)), rng.normal(0, 30, 4)))
     return [clf.normalised(), barriers.normalised(), forces.normalised(), saturation]
 
 
@@ -116,7 +116,7 @@ def test_slack_of_last_resort_keeps_saturation_feasible():
     rng = np.random.default_rng(3)
     impossible = Rows.at_least(("B1",), np.ones((1, 4)), np.array([1e6]), 1e6)
     control = Affine(np.eye(4), rng.normal(0, 10, 4))
-    qp = build_qp([impossible, saturation_rows(control, 200.0)])
+    qp = build_qp([impossible, *Saturation(200.0).rows(None, control)])
     decision = unpack(qp, DaqpSolver().solve(qp).x)
     assert np.abs(control(decision.mu)).max() <= 200 + 1e-6
     assert decision.slack[0] > 0

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from rl_cbf_clf_controller.res_clf import ResClf
+from cbf_clf_qp.res_clf import ResClf
 
 SETTINGS = [(0.05, (0.5, 3**0.5 / 2)), (0.07, (1.0, 1.8)), (0.3, (2.0,)), (0.5, (1.0, 3.0, 3.0))]
 

@@ -6,9 +6,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from cbf_clf_qp.estimates import Estimates
 from rl_cbf_clf_controller.context import PolicyContext
 from rl_cbf_clf_controller.policy import ActorPolicy, ZeroPolicy, contract
-from rl_cbf_clf_controller.uncertainty import STEP_LENGTH, Estimates, Problem
+from rl_cbf_clf_controller.uncertainty import STEP_LENGTH, Problem
 from rl_cbf_clf_controller.weights import (
     PROBE,
     SIZE_LIMIT,
@@ -132,7 +133,7 @@ def test_structured_row_is_LgV_times_the_matrix() -> None:
     rng = np.random.default_rng(1)
     D2, D1, LgV, others = rng.standard_normal((4, 4)), rng.standard_normal(4), rng.standard_normal(4), np.arange(20.0)
     flat = contract(np.concatenate([np.column_stack([D2, D1]).ravel(), others]), LgV)
-    estimates = Estimates.from_flat(flat)
+    estimates = Estimates.from_flat(flat, 4)
     np.testing.assert_allclose(estimates.alpha[0], LgV @ D2)
     np.testing.assert_allclose(estimates.beta[0], LgV @ D1)
     np.testing.assert_array_equal(estimates.alpha[1:].ravel(), others[:16])
@@ -183,12 +184,12 @@ def test_no_network_reads_the_step_length_without_the_stone() -> None:
 
 
 def test_flat_vector_is_in_the_papers_order() -> None:
-    estimates = Estimates.from_flat(np.arange(25.0))
+    estimates = Estimates.from_flat(np.arange(25.0), 4)
     np.testing.assert_array_equal(estimates.alpha[1], [4, 5, 6, 7])
     np.testing.assert_array_equal(estimates.beta, [20, 21, 22, 23, 24])
     np.testing.assert_array_equal(estimates.flat, np.arange(25.0))
     with pytest.raises(ValueError, match="5 values"):
-        Estimates.from_flat(np.arange(24.0))
+        Estimates.from_flat(np.arange(24.0), 4)
 
 
 @pytest.mark.parametrize("problem", Problem)

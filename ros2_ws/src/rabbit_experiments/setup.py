@@ -21,6 +21,7 @@ setup(
         (f"share/{NAME}", ["package.xml"]),
     ],
     install_requires=[
+        f"cbf_clf_qp @ {BESIDE}/cbf_clf_qp",
         f"rabbit_description @ {BESIDE}/rabbit_description",
         f"rabbit_cli @ {BESIDE}/rabbit_cli",
         f"rabbit_sim @ {BESIDE}/rabbit_sim",

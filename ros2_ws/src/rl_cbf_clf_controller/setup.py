@@ -23,12 +23,11 @@ setup(
         (f"share/{NAME}/config", sorted(map(str, Path().glob(f"{NAME}/config/*.yaml")))),
     ],
     install_requires=[
+        f"cbf_clf_qp @ {BESIDE}/cbf_clf_qp",
         f"rabbit_description @ {BESIDE}/rabbit_description",
         "numpy>=2",
         "scipy",
         "pin>=4.1,<5",
-        "osqp>=1.1,<2",
-        "daqp>=0.11",
         "pydantic>=2",
         "safetensors",
     ],

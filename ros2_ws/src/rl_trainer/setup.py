@@ -22,6 +22,7 @@ setup(
         (f"lib/{NAME}", sorted(map(str, Path().glob("bin/*")))),
     ],
     install_requires=[
+        f"cbf_clf_qp @ {BESIDE}/cbf_clf_qp",
         f"rabbit_description @ {BESIDE}/rabbit_description",
         f"rl_cbf_clf_controller @ {BESIDE}/rl_cbf_clf_controller",
         "numpy>=2",

@@ -5,9 +5,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from cbf_clf_qp.estimates import Estimates
 from rl_cbf_clf_controller.context import PolicyContext
 from rl_cbf_clf_controller.policy import ZeroPolicy
-from rl_cbf_clf_controller.uncertainty import Estimates, Problem
+from rl_cbf_clf_controller.uncertainty import Problem
 from rl_trainer.gate import EVERY, NEWEST, Gate
 from rl_trainer.held_out import estimation_error
 from rl_trainer.parameters import TrainingParameters

@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from cbf_clf_qp.res_clf import ResClf
 from rabbit_description.state import TICK_SECONDS, Leg, RobotState
 from rl_cbf_clf_controller.controller import ControllerOutput
-from rl_cbf_clf_controller.res_clf import ResClf
 from rl_cbf_clf_controller.uncertainty import Problem
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.replay import Replay

@@ -4,11 +4,11 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from cbf_clf_qp.rows import Rows
 from hypothesis import given
 from hypothesis import strategies as st
 from rabbit_experiments.reproduce.contenders import CBF_CLF, CBF_CLF_ORACLE, CLF, IO_RL
 from rabbit_experiments.reproduce.feasibility import infeasible, measure
-from rl_cbf_clf_controller.rows import Rows
 
 SOFT = 10.0  # a slack's weight, which must not matter
 

@@ -12,12 +12,11 @@ from functools import partial
 from typing import Any, TypeVar
 
 import numpy as np
+from cbf_clf_qp.solvers import make_solver
 from rabbit_description.state import TICK_SECONDS
 from rabbit_experiments.assembly import Assembly
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.policy import Policy
-from rl_cbf_clf_controller.qp import build_qp
-from rl_cbf_clf_controller.solvers import make_solver
 from rl_trainer.rollout import Observer, Record, rollout
 
 MEDIAN_LIMIT, P99_LIMIT, REAL_TIME_LIMIT = 0.5, 1.5, 12.0  # ms, ms, times real time
@@ -71,9 +70,8 @@ class WatchedPolicy:
 def watch_parts(controller: Controller, watch: StopWatch) -> None:
     """Time what the controller's own tick calls, where it calls it: caches are as they are in a walk."""
     controller.policy = WatchedPolicy(controller.policy, watch)
-    terms, rows = controller.terms, controller.rows
-    setattr(controller, "terms", lambda state: watch.time(MODEL, lambda: terms(state)))  # noqa: B010, mypy
-    setattr(controller, "rows", lambda *given: watch.time(ROWS, lambda: rows(*given)))  # noqa: B010
+    look = controller.look
+    setattr(controller, "look", lambda state: watch.time(MODEL, lambda: look(state)))  # noqa: B010, mypy
 
 
 class SolverDuel:
@@ -87,12 +85,9 @@ class SolverDuel:
 
     def __call__(self, record: Record) -> None:
         controller = self._controller
-        controller.step(record.state)  # which leg stands
-        terms = controller.terms(record.state)
-        estimates = controller.policy.estimate(terms.context)
-        qp = build_qp(controller.rows(terms, estimates, terms.precontrol))
+        controller.step(record.state)
         for name, solver in self._solvers.items():
-            self._watch.time(f"solve by {name.upper()}", partial(solver.solve, qp))
+            self._watch.time(f"solve by {name.upper()}", partial(solver.solve, controller.decided.qp))
 
 
 def bench(assembly: Assembly, seed: int) -> dict[str, Any]:

@@ -16,10 +16,11 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from cbf_clf_qp.estimates import Estimates
 from rabbit_description.state import Array
 from rl_cbf_clf_controller.context import ModelContext
 from rl_cbf_clf_controller.controller import ControllerOutput
-from rl_cbf_clf_controller.uncertainty import INPUTS, Estimates, Problem
+from rl_cbf_clf_controller.uncertainty import INPUTS, Problem
 from rl_trainer.rollout import Record
 
 from rabbit_experiments.assembly import Assembly
@@ -91,7 +92,7 @@ def _walk(assembly: Assembly, seed: int) -> tuple[dict[str, Any], list[tuple[Con
     ticks: list[tuple[ControllerOutput, ModelContext]] = []
 
     def look(record: Record) -> None:
-        ticks.append((record.output, controller.terms(record.state).context))
+        ticks.append((record.output, ModelContext.of(controller.terms)))
 
     try:
         fault = episode(simulation, controller, seed, look)

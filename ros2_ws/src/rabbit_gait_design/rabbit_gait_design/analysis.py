@@ -12,9 +12,9 @@ The least phase rate is the manifold's own (`ZeroDynamics.least_phase_rate`): sl
 from dataclasses import dataclass
 
 import numpy as np
+from cbf_clf_qp.io_linearization import precontrol
 from rabbit_description.gait import Gait
 from rabbit_description.state import SWAP_STATE, Array
-from rl_cbf_clf_controller.io_linearization import precontrol
 from rl_cbf_clf_controller.nominal_model import NominalModel
 from rl_cbf_clf_controller.virtual_constraints import VirtualConstraints
 from scipy.integrate import solve_ivp

@@ -4,9 +4,10 @@ from dataclasses import asdict, dataclass
 from functools import cached_property
 
 import numpy as np
+from cbf_clf_qp.ecbf import ecbf_bound, ecbf_gains
 from rabbit_description.gait import Gait
 from rabbit_description.state import Array, StonePreview
-from rl_cbf_clf_controller.ecbf import ecbf_bound, ecbf_gains, stone_barriers
+from rl_cbf_clf_controller.stone_barriers import stone_barriers
 from rl_cbf_clf_controller.virtual_constraints import PHASE_ANGLE
 
 from rabbit_gait_design.zero_dynamics import Instant, ZeroDynamics

@@ -15,15 +15,16 @@ from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
+from cbf_clf_qp.estimates import Estimates
+from cbf_clf_qp.model_error import model_error
+from cbf_clf_qp.tick import Terms
 from rabbit_description.state import Array, RobotState
 
 from rl_cbf_clf_controller import link_parameters as links
-from rl_cbf_clf_controller.context import ModelContext
 from rl_cbf_clf_controller.identification import DAMPING, IDENTIFIED, MOTOR_GAIN, THETA, Identification
 from rl_cbf_clf_controller.joint_calibration import JointCalibration
-from rl_cbf_clf_controller.model_error import model_error
 from rl_cbf_clf_controller.nominal_model import NominalModel
-from rl_cbf_clf_controller.uncertainty import Estimates
+from rl_cbf_clf_controller.scene import Scene
 
 KNOWN = (*IDENTIFIED, "hip_offset", "knee_offset")  # rad
 SETTLING = 2  # ticks on the ground before what is measured counts
@@ -43,7 +44,7 @@ class Measured:
 
 
 class Adaptation(Protocol):
-    """Estimates beside the policy's, tick by tick; `known` has a value for each of `KNOWN`, or none."""
+    """Estimates that are added to the `policy`'s, tick by tick; `known` has a value for each of `KNOWN`, or none."""
 
     @property
     def known(self) -> Array: ...
@@ -52,7 +53,7 @@ class Adaptation(Protocol):
 
     def corrected(self, state: RobotState) -> RobotState: ...
 
-    def estimate(self, context: ModelContext, measured: Measured) -> Estimates | None: ...
+    def estimate(self, terms: Terms[Scene], policy: Estimates, measured: Measured) -> Estimates | None: ...
 
 
 class NoAdaptation:
@@ -67,7 +68,7 @@ class NoAdaptation:
         """`state`."""
         return state
 
-    def estimate(self, context: ModelContext, measured: Measured) -> None:
+    def estimate(self, terms: Terms[Scene], policy: Estimates, measured: Measured) -> None:
         """None."""
 
 
@@ -106,13 +107,14 @@ class IdentifiedRobot:
         """The state with its angles set right."""
         return replace(state, q=self._calibration.corrected(state.q))
 
-    def estimate(self, context: ModelContext, measured: Measured) -> Estimates:
+    def estimate(self, terms: Terms[Scene], policy: Estimates, measured: Measured) -> Estimates:
         """Learn from the tick that ends now; then what the robot found differs from the nominal."""
-        now = Tick(measured.tick, (context.q_s, context.dq_s), measured.torque)
+        scene = terms.scene
+        now = Tick(measured.tick, (scene.q_s, scene.dq_s), measured.torque)
         self._learn(now, measured)
         self._last = now
-        self._robot.update(context.q_s, context.dq_s)
-        return model_error(context, self._robot.pinned())
+        self._robot.update(scene.q_s, scene.dq_s)
+        return model_error(terms, self._robot.pinned())
 
     def _learn(self, now: Tick, measured: Measured) -> None:
         last = self._last
@@ -130,11 +132,6 @@ class IdentifiedRobot:
         found = self._identification.value
         links.write_links(self._robot.model, found[THETA])
         self._robot.motor_gain, self._robot.joint_damping = found[MOTOR_GAIN], found[DAMPING]
-
-
-def make_adaptation(name: str, urdf: str | None = None) -> Adaptation:
-    """`none` or `identification`, of a robot whose nominal model is `urdf`."""
-    return NoAdaptation() if name == "none" else IdentifiedRobot(urdf)
 
 
 def is_pinned(last: int, measured: Measured) -> bool:

@@ -7,10 +7,54 @@ The two learned pairs are the errors of F_N and of F_T: |F_T| has a kink that on
 literal form, one pair on the cone row of F_T's present sign, is `literal_cone_rows`.
 """
 
-import numpy as np
+from dataclasses import dataclass
 
-from rl_cbf_clf_controller.affine import Affine
-from rl_cbf_clf_controller.rows import Rows
+import numpy as np
+from cbf_clf_qp.affine import Affine
+from cbf_clf_qp.rows import Rows
+from cbf_clf_qp.tick import Terms
+
+from rl_cbf_clf_controller.nominal_model import PinnedDynamics
+from rl_cbf_clf_controller.scene import Scene
+
+
+@dataclass(frozen=True)
+class ContactForce:
+    """(F_N, F_T), N, as a quantity. Without `has_rows` they are estimated and not constrained.
+
+    `min_normal_force` in N; `friction_coeff` is that of the rows, any margin taken off; `is_literal`: one row for the
+    cone, for the sign that F_T has at mu = 0.
+    """
+
+    min_normal_force: float
+    friction_coeff: float
+    rescue_weight: float
+    is_literal: bool = False
+    has_rows: bool = True
+
+    names = ("C1", "C2")
+
+    def predict(self, scene: Scene, dynamics: PinnedDynamics) -> Affine:
+        """The force, affine in the torque."""
+        return dynamics.normal_tangential
+
+    def rows(self, scene: Scene, value: Affine) -> list[Rows]:
+        """C1 and the cone, if the force is `value`, affine in mu."""
+        if not self.has_rows:
+            return []
+        build = literal_cone_rows if self.is_literal else force_rows
+        return [build(value, self.min_normal_force, self.friction_coeff, self.rescue_weight).normalised()]
+
+
+class NominalForce:
+    """The same rows as a constraint, on the force that the nominal model says."""
+
+    def __init__(self, force: ContactForce) -> None:
+        self._force = force
+
+    def rows(self, terms: Terms[Scene], control: Affine) -> list[Rows]:
+        """At u = `control`(mu)."""
+        return self._force.rows(terms.scene, self._force.predict(terms.scene, terms.dynamics).after(control))
 
 
 def force_rows(force: Affine, min_normal_force: float, friction_coeff: float, slack_weight: float) -> Rows:

@@ -1,12 +1,11 @@
-"""What policies may see of a tick: an actor its observation, the oracle the model terms besides."""
+"""What policies may see of a tick: an actor its observation, the oracle the model's terms besides."""
 
 from dataclasses import dataclass
 
+from cbf_clf_qp.tick import Terms
 from rabbit_description.state import Array
 
-from rl_cbf_clf_controller.affine import Affine
-from rl_cbf_clf_controller.nominal_model import PinnedDynamics
-from rl_cbf_clf_controller.quantities import QuantityModel
+from rl_cbf_clf_controller.scene import Scene
 
 
 @dataclass(frozen=True)
@@ -19,11 +18,11 @@ class PolicyContext:
 
 @dataclass(frozen=True)
 class ModelContext(PolicyContext):
-    """What only oracle and adaptation see besides: the state, stance/swing order, and the tick's nominal terms."""
+    """What only the oracle sees besides: the tick's nominal terms."""
 
-    q_s: Array
-    dq_s: Array
-    quantities: QuantityModel
-    dynamics: PinnedDynamics
-    nominal: Affine
-    precontrol: Affine
+    terms: Terms[Scene]
+
+    @classmethod
+    def of(cls, terms: Terms[Scene]) -> "ModelContext":
+        """Of a tick's terms."""
+        return cls(terms.scene.observation, terms.scene.LgV, terms)

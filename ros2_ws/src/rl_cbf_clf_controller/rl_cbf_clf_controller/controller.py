@@ -1,40 +1,33 @@
-"""The controller of one tick: state in, torque out. Read this file first.
+"""The controller of one tick: state in, torque out. Read `cbf_clf_qp.tick` first, then this, then `recipes.py`.
 
-    relabel to stance/swing -> nominal model -> outputs y, precontrol u(mu) -> quantities (V-dot, B-ddot, F) in mu
-    -> policy's alpha, beta -> rows -> QP -> mu -> exploration -> torque, saturated
+    relabel to stance/swing -> scene, nominal dynamics -> terms -> policy's and adaptation's estimates
+    -> the tick of `cbf_clf_qp` -> mu -> exploration -> torque, saturated
 
-Nominal CLF-QP, CBF-CLF-QP and their learned versions are this one path with other rows and another policy.
+Which leg stands, exploration and what is kept from tick to tick are here; what a controller constrains is its recipe.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
 
 import numpy as np
+from cbf_clf_qp.ecbf import Barriers
+from cbf_clf_qp.estimates import Estimates
+from cbf_clf_qp.io_linearization import precontrol
+from cbf_clf_qp.solvers import make_solver
+from cbf_clf_qp.tick import Constraint, Decided, Terms, decide
 from rabbit_description.gait_library import Gaits
 from rabbit_description.state import SWAP_STATE, SWAP_TORQUE, TICK_SECONDS, Array, Leg, RobotState, StonePreview
 
-from rl_cbf_clf_controller.adaptation import Measured, make_adaptation
-from rl_cbf_clf_controller.affine import Affine
-from rl_cbf_clf_controller.contact_force import force_rows, literal_cone_rows
+from rl_cbf_clf_controller.adaptation import Measured
+from rl_cbf_clf_controller.adaptations import make_adaptation
 from rl_cbf_clf_controller.context import ModelContext
-from rl_cbf_clf_controller.ecbf import Barriers, ecbf_bound, ecbf_gains, stone_barriers
-from rl_cbf_clf_controller.io_linearization import precontrol
-from rl_cbf_clf_controller.l1_adaptation import l1_adaptation
-from rl_cbf_clf_controller.nominal_model import Kinematics, NominalModel, PinnedDynamics
-from rl_cbf_clf_controller.objective import Objective, make_objective
+from rl_cbf_clf_controller.nominal_model import Kinematics, NominalModel
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import Policy
-from rl_cbf_clf_controller.qp import Decision, QuadraticProgram, build_qp, unpack
-from rl_cbf_clf_controller.quantities import QuantityModel
-from rl_cbf_clf_controller.res_clf import ResClf
-from rl_cbf_clf_controller.rows import Rows
-from rl_cbf_clf_controller.saturation import clip, saturation_rows
-from rl_cbf_clf_controller.solvers import Solution, make_solver
+from rl_cbf_clf_controller.recipes import make_recipe, res_clf
+from rl_cbf_clf_controller.scene import Scene
 from rl_cbf_clf_controller.step_outputs import make_steps
-from rl_cbf_clf_controller.uncertainty import NO_OUTPUT_ERROR, Estimates, Problem
-from rl_cbf_clf_controller.virtual_constraints import Outputs
-from rl_cbf_clf_controller.worst_case import worst_errors
+from rl_cbf_clf_controller.stone_barriers import stone_barriers
 
 NO_BARRIERS = np.full(2, np.nan)
 NO_TORQUE = np.full(4, np.nan)
@@ -97,38 +90,6 @@ class ControllerOutput:
     adapted: Array = field(default_factory=lambda: NOTHING)
 
 
-@dataclass(frozen=True)
-class Terms:
-    """The model terms of one tick, before any decision is taken."""
-
-    q_s: Array
-    dq_s: Array
-    feet: Kinematics
-    dynamics: PinnedDynamics
-    outputs: Outputs
-    eta: Array
-    output_dynamics: Affine
-    precontrol: Affine
-    model: QuantityModel
-    nominal: Affine
-    context: ModelContext
-
-    @property
-    def barriers(self) -> Barriers | None:
-        return self.model.barriers
-
-    @property
-    def force(self) -> Affine:
-        """(F_N, F_T), N, by the nominal model, affine in the torque."""
-        return self.dynamics.normal_tangential
-
-
-class Constraint(Protocol):
-    """A constraint of one's own: rows from the terms of a tick (its q_s, feet, nominal model, precontrol)."""
-
-    def rows(self, terms: Terms) -> Rows: ...
-
-
 @dataclass
 class StepState:
     """Which leg stands, for how long, how many steps have been taken; the last tick's torque, stance/swing order."""
@@ -145,7 +106,11 @@ class Controller:
     """One controller with its parameters, gait and policy; `step` is called once a tick.
 
     `constraints` are added to the QP; `urdf` replaces RABBIT's as the nominal model (the same joints and feet).
+    After a tick, `terms` and `decided` have all of it.
     """
+
+    terms: Terms[Scene]
+    decided: Decided
 
     def __init__(
         self,
@@ -157,14 +122,12 @@ class Controller:
     ) -> None:
         self.parameters = parameters
         self.policy = policy
-        self._extra = tuple(constraints)
-        self.clf = ResClf(4, parameters.eps, (parameters.kp, parameters.kd))
-        self._K_b = ecbf_gains((parameters.barrier_pole_1, parameters.barrier_pole_2))
+        self.clf = res_clf(parameters)
+        self.recipe = make_recipe(parameters, constraints)
         self._steps = make_steps(gait, parameters.stone_aim)
         self._model = NominalModel(urdf)
         self._solver = make_solver(parameters.qp_solver)
-        self._l1 = l1_adaptation(parameters, self.clf)
-        self._adaptation = make_adaptation(parameters.adaptation, urdf)
+        self._adaptation = make_adaptation(parameters, urdf)
         self.reset(0)
 
     @property
@@ -177,8 +140,6 @@ class Controller:
         self._step = StepState(rng=np.random.default_rng(seed))
         self._constraints = self._steps.first()
         self._solver.reset()
-        if self._l1:
-            self._l1.reset()
         self._adaptation.reset()
 
     def step(self, state: RobotState) -> ControllerOutput:
@@ -186,7 +147,7 @@ class Controller:
 
         Raises:
             ControllerError: a state of the wrong shape, not finite, or without the preview of the next stone; a policy
-                that does not tell the output error where the objective or the adaptation needs it.
+                that gives no output error where the objective or the adaptation needs it.
         """
         self._check(state)
         if np.isfinite(state.applied).all():  # in real time it may be another than the one that this gave last
@@ -195,95 +156,45 @@ class Controller:
         fault = self._swap_legs(state)
         if not self._step.has_begun:
             self._begin_step(state)
-        terms = self.terms(state)
-        policy = self.policy.estimate(terms.context)
-        adapted = self._adapted(state, terms, policy)
-        estimates = policy + adapted if adapted else policy
-        control = self._control(terms, estimates)
-        rows = [*self.rows(terms, estimates, control), *(own.rows(terms) for own in self._extra)]
-        qp = build_qp(rows, self.objective(terms, estimates))
-        solution = self._solver.solve(qp)
-        decision = unpack(qp, solution.x)
-        if not solution.solved:
-            fault = fault or f"no solver answered: {solution.status}"
-            decision = Decision(np.zeros(4), decision.slack, decision.active)
-        return self._output(state, terms, estimates, adapted, control, qp, solution, decision, fault)
+        self.terms = self.look(state)
+        policy = self.policy.estimate(ModelContext.of(self.terms))
+        self._check_estimates(policy)
+        force = state.foot_force[[self._step.stance, self._step.stance.other]]
+        adapted = self._adaptation.estimate(self.terms, policy, Measured(state.tick, self._step.torque, force))
+        self.decided = decide(self.recipe, self.terms, policy + adapted if adapted else policy, self._solver)
+        return self._output(state, adapted, fault)
 
-    def terms(self, state: RobotState) -> Terms:
-        """Nominal terms at a state, with the present stance leg."""
+    def look(self, state: RobotState) -> Terms[Scene]:
+        """The nominal terms at a state, with the present stance leg."""
         q_s, dq_s = self._relabel(state.q), self._relabel(state.dq)
         feet = self._model.update(q_s, dq_s)
         dynamics = self._model.pinned()
         outputs = self._constraints.evaluate(q_s, dq_s)
-        eta = outputs.eta
-        output_dynamics = outputs.second_derivative(dynamics.acceleration)
-        control = precontrol(output_dynamics)
-        p = self.parameters
-        barriers = self._barriers(feet, state.preview)
-        clf = self.clf.derivative(eta)
-        model = QuantityModel(outputs, clf, barriers, outputs_only=p.problem is Problem.IO_RL_CLF_QP)
-        nominal = model.evaluate(dynamics).after(control)
         z = (*feet.hip, outputs.phase, *feet.hip_rate, outputs.phase_rate)
-        stone = (state.preview.l_min, *self._steps.wanted) if p.on_stones and state.preview else ()
-        observation = np.concatenate([eta, z, stone])
-        context = ModelContext(observation, clf.a[0], q_s, dq_s, model, dynamics, nominal, control)
-        return Terms(q_s, dq_s, feet, dynamics, outputs, eta, output_dynamics, control, model, nominal, context)
+        sees_stone = self.parameters.on_stones and state.preview is not None
+        stone = (state.preview.l_min, *self._steps.wanted) if sees_stone and state.preview else ()
+        scene = Scene(
+            q_s=q_s,
+            dq_s=dq_s,
+            feet=feet,
+            outputs=outputs,
+            barriers=self._barriers(feet, state.preview),
+            observation=np.concatenate([outputs.eta, z, stone]),
+            LgV=self.clf.derivative(outputs.eta).a[0],
+        )
+        control = precontrol(outputs.second_derivative(dynamics.acceleration))
+        return Terms.of(self.recipe.quantities, scene, dynamics, control)
 
-    def rows(self, terms: Terms, estimates: Estimates, control: Affine) -> list[Rows]:
-        """Which QP has which rows: every constraint of this tick, with its estimates."""
-        p = self.parameters
-        saturation = saturation_rows(control, p.torque_limit)
-        flat_forces = [self._force_rows(terms.force.after(control))] if p.flat_force_rows and not p.on_stones else []
-        if terms.model.outputs_only:
-            return [self._clf_rows(terms.eta, terms.model.clf_derivative), *flat_forces, saturation]
-        learned = terms.nominal + Affine(estimates.alpha, estimates.beta)
-        cases = [learned + error for error in worst_errors(p, terms.context)] or [learned]
-        return [*(rows for case in cases for rows in self._case_rows(terms, case)), *flat_forces, saturation]
-
-    def _case_rows(self, terms: Terms, values: Affine) -> list[Rows]:
-        """The rows on the quantities, if `values` they have."""
-        p = self.parameters
-        rows = [self._clf_rows(terms.eta, Affine(values.a[:1], values.b[:1]))]
-        if terms.barriers is not None and p.barrier_rows:
-            lower = ecbf_bound(terms.barriers, self._K_b) - values.b[1:3]
-            rows.append(Rows.at_least(("B1", "B2"), values.a[1:3], lower, p.barrier_rescue_weight).normalised())
-        if terms.barriers is not None and p.force_rows:
-            rows.append(self._force_rows(Affine(values.a[3:], values.b[3:])))
-        return rows
-
-    def _force_rows(self, force: Affine) -> Rows:
-        """C1 and the cone for `force` = (F_N, F_T), affine in mu."""
-        p = self.parameters
-        build = force_rows if p.cone == "two_rows" else literal_cone_rows
-        cone = p.friction_coeff - p.friction_margin
-        return build(force, p.min_normal_force, cone, p.force_rescue_weight).normalised()
-
-    def _adapted(self, state: RobotState, terms: Terms, policy: Estimates) -> Estimates | None:
-        """What is added to the policy's estimates, if anything; with L1 they are an input, as in the first approach."""
-        if self._l1 is None:
-            self._check_estimates(terms, policy)
-            force = state.foot_force[[self._step.stance, self._step.stance.other]]
-            return self._adaptation.estimate(terms.context, Measured(state.tick, self._step.torque, force))
-        whole = Affine(np.eye(4) + policy.alpha, policy.beta)
-        belief = whole.inverse().after(terms.output_dynamics)
-        compensation = self._l1.compensation(terms.eta, belief, self._step.torque)
-        return Estimates(np.zeros((4, 4)), whole(compensation) - policy.beta)
-
-    def _check_estimates(self, terms: Terms, policy: Estimates) -> None:
+    def _check_estimates(self, policy: Estimates) -> None:
         p = self.parameters
         if self.policy.adaptation not in (None, p.adaptation):
             raise ControllerError(
                 f"policy {self.policy.version} adds to adaptation {self.policy.adaptation}: expected {p.adaptation}"
             )
-        if policy.output_error or terms.model.outputs_only or (p.objective, p.adaptation) == ("paper", "none"):
+        if policy.output_error or self.recipe.corrects_input or (p.objective, p.adaptation) == ("paper", "none"):
             return
         needs = f"objective {p.objective} and adaptation {p.adaptation}"
         raise ControllerError(f"policy {self.policy.version} tells no output error: {needs} expect a structured policy")
-
-    def objective(self, terms: Terms, estimates: Estimates) -> Objective | None:
-        """What this tick's QP minimises; in the first approach y'' = mu, as its input makes it."""
-        error = NO_OUTPUT_ERROR if terms.model.outputs_only else estimates.output_error
-        return make_objective(self.parameters, terms.outputs, error)
 
     def _barriers(self, feet: Kinematics, stone: StonePreview | None) -> Barriers | None:
         p = self.parameters
@@ -292,65 +203,45 @@ class Controller:
         inside = StonePreview(stone.index, stone.l_min + p.stone_margin, stone.l_max - p.stone_margin)
         return stone_barriers(feet, inside, p.R1, p.R2)
 
-    def _clf_rows(self, eta: Array, derivative: Affine) -> Rows:
-        p = self.parameters
-        upper = np.array([self.clf.bound(eta)]) - derivative.b
-        weight = p.slack_weight if p.on_stones else p.clf_rescue_weight
-        rows = Rows.at_most(("CLF",), derivative.a, upper, weight, rescue=not p.on_stones)
-        return rows if p.on_stones and p.clf_row == "literal" else rows.normalised()
-
-    def _control(self, terms: Terms, estimates: Estimates) -> Affine:
-        """The torque affine in mu; in the first approach with the policy's own input [approach1_input]."""
-        if not terms.model.outputs_only:
-            return terms.precontrol
-        return terms.precontrol.after(Affine(np.eye(4) + estimates.alpha, estimates.beta))
-
-    def _output(
-        self,
-        state: RobotState,
-        terms: Terms,
-        estimates: Estimates,
-        adapted: Estimates | None,
-        control: Affine,
-        qp: QuadraticProgram,
-        solution: Solution,
-        decision: Decision,
-        fault: str,
-    ) -> ControllerOutput:
-        p, step, barriers = self.parameters, self._step, terms.barriers
+    def _output(self, state: RobotState, adapted: Estimates | None, fault: str) -> ControllerOutput:
+        p, step, scene, terms, decided = self.parameters, self._step, self.terms.scene, self.terms, self.decided
+        solution, control, mu_qp = decided.solution, decided.control, decided.mu
+        if not solution.solved:
+            fault, mu_qp = fault or f"no solver answered: {solution.status}", np.zeros(4)
         omega = p.sigma * step.rng.standard_normal(4) if p.sigma > 0 else np.zeros(4)
-        mu = decision.mu + omega
+        mu = mu_qp + omega
         wanted = control(mu)
-        torque = clip(wanted, p.torque_limit)
+        torque = np.clip(wanted, -p.torque_limit, p.torque_limit)
         saturated = bool((torque != wanted).any())
         if saturated:
             mu = np.linalg.solve(control.a, torque - control.b)
-        mu_held, step.torque = terms.output_dynamics(step.torque), torque
+        accelerations = scene.outputs.second_derivative(terms.dynamics.acceleration)
+        mu_held, step.torque = accelerations(step.torque), torque
         return ControllerOutput(
             tick=state.tick,
             torque=torque[SWAP_TORQUE] if step.stance is Leg.RIGHT else torque,
             stance=step.stance,
             step_index=step.index,
             step_time=(state.tick - step.start_tick) * TICK_SECONDS,
-            phase=terms.outputs.phase,
-            eta=terms.eta,
-            V=self.clf.value(terms.eta),
-            barriers=NO_BARRIERS if barriers is None else barriers.B,
-            barrier_rates=NO_BARRIERS if barriers is None else barriers.dB,
+            phase=scene.outputs.phase,
+            eta=scene.outputs.eta,
+            V=self.clf.value(scene.outputs.eta),
+            barriers=NO_BARRIERS if scene.barriers is None else scene.barriers.B,
+            barrier_rates=NO_BARRIERS if scene.barriers is None else scene.barriers.dB,
             mu=mu,
-            mu_qp=decision.mu,
+            mu_qp=mu_qp,
             omega=omega,
             mu_held=mu_held,
-            quantities=p.problem.quantities,
+            quantities=self.recipe.names,
             nominal_a=terms.nominal.a,
             nominal_b=terms.nominal.b,
-            alpha=estimates.alpha,
-            beta=estimates.beta,
-            observation=terms.context.observation,
-            LgV=terms.context.LgV,
-            clf_slack=float(decision.slack[~qp.rescue].sum()),
-            rescue_slack=float(decision.slack[qp.rescue].sum()),
-            active=tuple(name for name, on in zip(qp.names, decision.active, strict=True) if on),
+            alpha=decided.estimates.alpha,
+            beta=decided.estimates.beta,
+            observation=scene.observation,
+            LgV=scene.LgV,
+            clf_slack=float(decided.slack[~decided.qp.rescue].sum()),
+            rescue_slack=float(decided.slack[decided.qp.rescue].sum()),
+            active=tuple(name for name, on in zip(decided.qp.names, decided.active, strict=True) if on),
             saturated=saturated,
             solver=solution.solver,
             status=solution.status,
@@ -360,7 +251,7 @@ class Controller:
             objective=p.objective,
             adaptation=p.adaptation,
             identified=self._adaptation.known,
-            adapted=adapted.packed if adapted and not terms.model.outputs_only else NOTHING,
+            adapted=adapted.packed if adapted and not self.recipe.corrects_input else NOTHING,
             fault=fault,
         )
 

@@ -8,6 +8,7 @@ all that a controller without barriers and force rows has a use for.
 from dataclasses import replace
 
 import numpy as np
+from cbf_clf_qp.estimates import Estimates
 from rabbit_description.gait import Gait
 from rabbit_description.gait_library import Gaits
 
@@ -15,7 +16,7 @@ from rl_cbf_clf_controller.context import PolicyContext
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import ActorPolicy, Policy
 from rl_cbf_clf_controller.step_outputs import has_lengths
-from rl_cbf_clf_controller.uncertainty import STEP_LENGTH, Estimates, Problem
+from rl_cbf_clf_controller.uncertainty import STEP_LENGTH, Problem
 from rl_cbf_clf_controller.weights import PolicyFile, PolicyFileError
 
 STONE_WIDTH = 0.05  # m, of the stones that the paper trains on

@@ -22,18 +22,22 @@ all.
 """
 
 import numpy as np
-from rabbit_description.state import TICK_SECONDS, Array
+from cbf_clf_qp.affine import Affine
+from cbf_clf_qp.estimates import Estimates
+from cbf_clf_qp.res_clf import ResClf
+from cbf_clf_qp.tick import Terms
+from rabbit_description.state import TICK_SECONDS, Array, RobotState
 from scipy.linalg import expm
 
-from rl_cbf_clf_controller.affine import Affine
-from rl_cbf_clf_controller.parameters import ControllerParameters, L1Law
-from rl_cbf_clf_controller.res_clf import ResClf
+from rl_cbf_clf_controller.adaptation import Measured
+from rl_cbf_clf_controller.parameters import L1Law
+from rl_cbf_clf_controller.scene import Scene
 
 DY, ESTIMATE, FILTERED = 1, 2, 3  # rows of the state: predictor's error in y and y-dot, estimate, filtered estimate
 
 
 class L1Adaptation:
-    """The adaptation's memory; `compensation` is called once a tick.
+    """The adaptation's memory; `estimate` is called once a tick.
 
     Args:
         clf: of m outputs of relative degree 2.
@@ -43,6 +47,8 @@ class L1Adaptation:
         bounds: of |slope|, 1, and of |offset|, rad/s^2.
         substeps: of a tick.
     """
+
+    known = np.zeros(0)  # nothing of the robot itself
 
     def __init__(
         self, clf: ResClf, law: L1Law, gain: float, cutoff: float, bounds: tuple[float, float], substeps: int = 1
@@ -65,9 +71,21 @@ class L1Adaptation:
         self._belief: Affine | None = None
 
     @property
-    def estimate(self) -> Array:
-        """The estimated model error (m,), rad/s^2, before the filter."""
+    def model_error(self) -> Array:
+        """The estimated one (m,), rad/s^2, before the filter."""
         return self._state[ESTIMATE].copy()
+
+    def corrected(self, state: RobotState) -> RobotState:
+        """`state`."""
+        return state
+
+    def estimate(self, terms: Terms[Scene], policy: Estimates, measured: Measured) -> Estimates:
+        """What is added to the policy's input, so that the outputs get the compensation; not known of any row."""
+        whole = Affine.identity(self._outputs) + policy.affine
+        nominal = terms.scene.outputs.second_derivative(terms.dynamics.acceleration)
+        belief = whole.inverse().after(nominal)
+        compensation = self.compensation(terms.scene.outputs.eta, belief, measured.torque)
+        return Estimates(np.zeros((self._outputs, self._outputs)), whole(compensation) - policy.beta)
 
     def compensation(self, eta: Array, belief: Affine, torque: Array) -> Array:
         """mu_2 (m,), rad/s^2, at `eta` (2m,), after a tick under `torque` (m,), NaN where the step is new.
@@ -122,14 +140,6 @@ class L1Adaptation:
         rates[ESTIMATE, :2] = -self._gain * (1 + size**2) * self._s
         rates[FILTERED, ESTIMATE], rates[FILTERED, FILTERED] = self._cutoff, -self._cutoff
         return rates
-
-
-def l1_adaptation(parameters: ControllerParameters, clf: ResClf) -> L1Adaptation | None:
-    """The adaptation of a controller that has one."""
-    p = parameters
-    if p.controller != "l1-clf-qp":
-        return None
-    return L1Adaptation(clf, p.l1_law, p.l1_gain, p.l1_cutoff, (p.l1_slope_bound, p.l1_offset_bound), p.l1_substeps)
 
 
 def into_ball(value: Array, radius: float) -> Array:

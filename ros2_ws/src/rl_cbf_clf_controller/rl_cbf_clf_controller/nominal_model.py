@@ -13,10 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
+from cbf_clf_qp.affine import Affine
 from rabbit_description import URDF_PATH
 from rabbit_description.state import Array
-
-from rl_cbf_clf_controller.affine import Affine
 
 PLANE = [0, 2]  # x and z of a spatial vector
 NORMAL_TANGENTIAL = [1, 0]  # F = (F_T, F_N) to (F_N, F_T), the order of C1, C2

@@ -1,16 +1,17 @@
 """Exact alpha and beta from the plant's own parameters: for tests and upper bounds, never for training.
 
-A second model carries the plant's perturbed parameters (`model_error.py`). In the first approach alpha and beta are the
-input that makes y-ddot = mu: I + alpha = LgLfh_nominal LgLfh_true^-1, beta = LgLfh_nominal (u_true* - u_nominal*).
+A second model carries the plant's perturbed parameters (`cbf_clf_qp.model_error`). In the first approach alpha and beta
+are the input that makes y-ddot = mu: I + alpha = LgLfh_nominal LgLfh_true^-1, beta = LgLfh_nominal (u_true* -
+u_nominal*).
 """
 
 import numpy as np
+from cbf_clf_qp.estimates import Estimates
+from cbf_clf_qp.io_linearization import precontrol
+from cbf_clf_qp.model_error import model_error
 
 from rl_cbf_clf_controller.context import ModelContext, PolicyContext
-from rl_cbf_clf_controller.io_linearization import precontrol
-from rl_cbf_clf_controller.model_error import model_error
 from rl_cbf_clf_controller.nominal_model import NominalModel
-from rl_cbf_clf_controller.uncertainty import Estimates
 
 
 class OraclePolicy:
@@ -31,11 +32,11 @@ class OraclePolicy:
         """
         if not isinstance(context, ModelContext):
             raise TypeError(f"oracle: expected a ModelContext, got {type(context).__name__}")
-        self._model.update(context.q_s, context.dq_s)
+        terms = context.terms
+        self._model.update(terms.scene.q_s, terms.scene.dq_s)
         dynamics = self._model.pinned()
         if self._io:
-            true_control = precontrol(context.quantities.outputs.second_derivative(dynamics.acceleration))
-            nominal_inverse = context.precontrol.inverse()
-            error = nominal_inverse.after(true_control)
+            true_control = precontrol(terms.scene.outputs.second_derivative(dynamics.acceleration))
+            error = terms.precontrol.inverse().after(true_control)
             return Estimates(error.a - np.eye(len(error.b)), error.b)
-        return model_error(context, dynamics)
+        return model_error(terms, dynamics)

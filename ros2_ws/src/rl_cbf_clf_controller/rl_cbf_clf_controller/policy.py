@@ -13,11 +13,12 @@ from collections.abc import Collection
 from typing import Protocol
 
 import numpy as np
+from cbf_clf_qp.affine import Affine
+from cbf_clf_qp.estimates import Estimates
 from rabbit_description.state import Array
 
-from rl_cbf_clf_controller.affine import Affine
 from rl_cbf_clf_controller.context import PolicyContext
-from rl_cbf_clf_controller.uncertainty import INPUTS, NO_OUTPUT_ERROR, Estimates, Problem
+from rl_cbf_clf_controller.uncertainty import INPUTS, Problem
 from rl_cbf_clf_controller.weights import PolicyFile, forward
 
 
@@ -43,7 +44,7 @@ class ZeroPolicy:
     adaptation = None
 
     def __init__(self, problem: Problem) -> None:
-        self._estimates = Estimates.zero(problem)
+        self._estimates = Estimates.zero(len(problem.quantities), INPUTS)
 
     def estimate(self, context: PolicyContext) -> Estimates:
         """Zeros, whatever the context."""
@@ -76,7 +77,7 @@ class ActorPolicy:
         observation = (context.observation[: len(self._center)] - self._center) * self._inverse_scale
         raw_outputs: Array = forward(self.file.arrays, observation.astype(np.float32)).astype(np.float64)
         outputs = contract(raw_outputs, context.LgV) if self._structured else raw_outputs
-        raw = Estimates.from_flat(outputs)
+        raw = Estimates.from_flat(outputs, INPUTS)
         alpha, beta = raw.alpha * self._alpha_scale[:, None], raw.beta * self._beta_scale
         if self._has_clf and not self._structured:
             size = np.linalg.norm(context.LgV) + 1
@@ -104,7 +105,7 @@ class PartlyNominal:
     def estimate(self, context: PolicyContext) -> Estimates:
         """The policy's estimates, zero in the rows of the nominal quantities; the outputs go with V."""
         estimates = self._policy.estimate(context)
-        outputs = estimates.output_error if self._outputs_kept else NO_OUTPUT_ERROR
+        outputs = estimates.output_error if self._outputs_kept else Affine.zero(INPUTS, INPUTS)
         return Estimates(estimates.alpha * self._kept[:, None], estimates.beta * self._kept, outputs)
 
 

@@ -5,12 +5,13 @@ y-ddot = J_y q-ddot + y_bias,  J_y = [0 I] - q_desired'(phase) c' / (end - start
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
+from cbf_clf_qp.affine import Affine
 from rabbit_description.state import Array
 
-from rl_cbf_clf_controller.affine import Affine
 from rl_cbf_clf_controller.bezier import Bezier
 
 PHASE_ANGLE = np.array([0.0, 0.0, 1.0, 1.0, 0.5, 0.0, 0.0])
@@ -28,7 +29,7 @@ class Outputs:
     phase: float
     phase_rate: float
 
-    @property
+    @cached_property
     def eta(self) -> Array:
         """(y, dy), shape (8,)."""
         return np.concatenate([self.y, self.dy])

@@ -18,33 +18,37 @@ y'' = mu + Delta_1 + Delta_2 mu, |Delta_1| <= offset, and Delta_2 mu = r mu with
 and both corners +- are rows. The forces are left nominal.
 """
 
-import numpy as np
-from rabbit_description.state import Array
+from collections.abc import Callable
 
-from rl_cbf_clf_controller.affine import Affine
-from rl_cbf_clf_controller.context import ModelContext
+import numpy as np
+from cbf_clf_qp.affine import Affine, Array
+from cbf_clf_qp.tick import Terms
+
 from rl_cbf_clf_controller.parameters import ControllerParameters
+from rl_cbf_clf_controller.scene import Scene
 
 FORCES = slice(3, 5)  # of the quantities V, B1, B2, F_N, F_T
 
 
-def worst_errors(parameters: ControllerParameters, context: ModelContext) -> list[Affine]:
-    """The corners: errors of the quantities (5), affine in mu (4). None for a controller that is not robust."""
+def worst_errors(parameters: ControllerParameters) -> Callable[[Terms[Scene]], list[Affine]]:
+    """The corners of a tick, by its terms: errors of the quantities (5), affine in mu (4)."""
     p = parameters
-    if p.controller != "robust-cbf-clf-qp" or context.quantities.barriers is None:
-        return []
     if p.robust_bounds == "mass_scale":
-        return [_scale_error(context, scale) for scale in (p.robust_scale_min, p.robust_scale_max)]
-    offset = np.array([np.linalg.norm(context.LgV) * p.robust_offset, *2 * [-p.robust_barrier_offset], 0, 0])
-    slope = np.array([p.robust_slope, *2 * [p.robust_barrier_slope], 0, 0])
-    return [_norm_error(context.nominal, sign * slope, offset) for sign in (-1, 1)]
+        return lambda terms: [_scale_error(terms, scale) for scale in (p.robust_scale_min, p.robust_scale_max)]
+
+    def corners(terms: Terms[Scene]) -> list[Affine]:
+        offset = np.array([np.linalg.norm(terms.scene.LgV) * p.robust_offset, *2 * [-p.robust_barrier_offset], 0, 0])
+        slope = np.array([p.robust_slope, *2 * [p.robust_barrier_slope], 0, 0])
+        return [_norm_error(terms.nominal, sign * slope, offset) for sign in (-1, 1)]
+
+    return corners
 
 
-def _scale_error(context: ModelContext, scale: float) -> Affine:
-    of_torque = context.nominal.after(context.precontrol.inverse())
+def _scale_error(terms: Terms[Scene], scale: float) -> Affine:
+    of_torque = terms.nominal.after(terms.precontrol.inverse())
     gain, drift = np.full(5, 1 / scale), np.ones(5)
     gain[FORCES], drift[FORCES] = 1, scale
-    return Affine(gain[:, None] * of_torque.a, drift * of_torque.b).after(context.precontrol) - context.nominal
+    return Affine(gain[:, None] * of_torque.a, drift * of_torque.b).after(terms.precontrol) - terms.nominal
 
 
 def _norm_error(nominal: Affine, slope: Array, offset: Array) -> Affine:

@@ -14,13 +14,14 @@ from typing import Any
 
 import gymnasium
 import numpy as np
+from cbf_clf_qp.estimates import Estimates
 from gymnasium.spaces import Box
 from numpy.typing import NDArray
 from rabbit_description.state import Array, RobotState
 from rl_cbf_clf_controller.context import PolicyContext
 from rl_cbf_clf_controller.controller import ControllerOutput
 from rl_cbf_clf_controller.policy import Policy, ZeroPolicy
-from rl_cbf_clf_controller.uncertainty import Estimates
+from rl_cbf_clf_controller.uncertainty import INPUTS
 
 from rl_trainer.networks import OBSERVATION_UNITS
 from rl_trainer.parameters import TrainingParameters
@@ -45,7 +46,7 @@ class GivenAction:
 
     def estimate(self, context: PolicyContext) -> Estimates:
         """The action times its scales; that of V also times |LgV| + 1."""
-        unit = Estimates.from_flat(self.action)
+        unit = Estimates.from_flat(self.action, INPUTS)
         size = np.ones(len(unit.beta))
         if self._has_clf:
             size[0] += np.linalg.norm(context.LgV)

@@ -16,10 +16,11 @@ from dataclasses import dataclass
 from enum import IntFlag
 
 import numpy as np
+from cbf_clf_qp.affine import Affine
+from cbf_clf_qp.estimates import Estimates
 from rabbit_description.state import TICK_SECONDS, Array, RobotState
-from rl_cbf_clf_controller.affine import Affine
 from rl_cbf_clf_controller.controller import ControllerOutput
-from rl_cbf_clf_controller.uncertainty import INPUTS, NO_OUTPUT_ERROR, Estimates, Problem
+from rl_cbf_clf_controller.uncertainty import INPUTS, Problem
 
 from rl_trainer.parameters import TrainingParameters
 
@@ -214,6 +215,6 @@ def adapted(output: ControllerOutput) -> tuple[Affine, Affine]:
     """What an adaptation added to a tick's quantities (n,) and to its y'' (4,), affine in mu."""
     n = len(output.quantities)
     if not output.adapted.size:
-        return Affine(np.zeros((n, INPUTS)), np.zeros(n)), NO_OUTPUT_ERROR
-    estimates = Estimates.from_packed(output.adapted)
-    return Affine(estimates.alpha, estimates.beta), estimates.output_error or NO_OUTPUT_ERROR
+        return Affine.zero(n, INPUTS), Affine.zero(INPUTS, INPUTS)
+    estimates = Estimates.from_packed(output.adapted, INPUTS)
+    return estimates.affine, estimates.output_error or Affine.zero(INPUTS, INPUTS)

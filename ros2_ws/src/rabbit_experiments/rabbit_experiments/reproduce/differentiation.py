@@ -21,8 +21,8 @@ import numpy as np
 from rabbit_description.gait import Gait
 from rabbit_description.state import SWAP_STATE, TICK_SECONDS, Array, Leg, StonePreview
 from rabbit_viewer.walk_records import WalkRecords
-from rl_cbf_clf_controller.ecbf import stone_barriers
 from rl_cbf_clf_controller.nominal_model import NominalModel
+from rl_cbf_clf_controller.stone_barriers import stone_barriers
 from rl_cbf_clf_controller.virtual_constraints import VirtualConstraints
 from scipy.signal import lfilter, savgol_filter
 

@@ -12,11 +12,11 @@ tick, so a judge that adapts has seen what the walker saw; its torque goes nowhe
 from collections.abc import Sequence
 
 import numpy as np
+from cbf_clf_qp.rows import Rows
 from pydantic import BaseModel, ConfigDict
 from rabbit_description.state import RobotState
 from rl_cbf_clf_controller.controller import Controller
-from rl_cbf_clf_controller.rows import Rows
-from rl_cbf_clf_controller.uncertainty import Estimates, Problem
+from rl_cbf_clf_controller.uncertainty import Problem
 from rl_trainer.rollout import Record
 from scipy.optimize import linprog
 
@@ -85,9 +85,8 @@ def _judge(assembly: Assembly) -> Controller:
 
 def _verdicts(judge: Controller, state: RobotState) -> tuple[bool, bool]:
     """Whether the safety rows, and all rows, are infeasible for a judge at a state."""
-    output = judge.step(state)  # decides which leg stands, and what the estimates are, adapted ones too
-    terms = judge.terms(state)
-    rows = judge.rows(terms, Estimates(output.alpha, output.beta), terms.precontrol)
+    judge.step(state)
+    rows = judge.decided.rows
     every = infeasible(rows)
     without_clf = [block for block in rows if block.names != ("CLF",)]
     return every and infeasible(without_clf), every

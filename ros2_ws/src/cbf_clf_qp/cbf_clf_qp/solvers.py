@@ -12,10 +12,10 @@ from typing import ClassVar, Protocol
 import daqp
 import numpy as np
 import osqp
-from rabbit_description.state import Array
 from scipy import sparse
 
-from rl_cbf_clf_controller.qp import QuadraticProgram
+from cbf_clf_qp.affine import Array
+from cbf_clf_qp.qp import QuadraticProgram
 
 TOLERANCE = 1e-4  # KKT residual that is let pass, relative to the size of x
 UNBOUNDED = 1e30  # DAQP's infinity
@@ -35,8 +35,6 @@ class Solution:
 
 class Solver(Protocol):
     """Solves one programme a tick."""
-
-    name: str
 
     def solve(self, qp: QuadraticProgram) -> Solution: ...
 
@@ -127,7 +125,7 @@ class GuardedSolver:
     is answered by it (OSQP cannot polish where no row is active).
     """
 
-    def __init__(self, first: Solver, guard: Solver) -> None:
+    def __init__(self, first: OsqpSolver | DaqpSolver, guard: OsqpSolver | DaqpSolver) -> None:
         self._first, self._guard = first, guard
         self.unanswered = 0
 

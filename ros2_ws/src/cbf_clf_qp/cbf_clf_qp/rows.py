@@ -4,7 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from rabbit_description.state import Array
+
+from cbf_clf_qp.affine import Array
 
 NO_SLACK = np.inf
 TINY = 1e-9  # a row with no input in it stays as it is

@@ -18,11 +18,8 @@ triangular, regular as mu_weight > 0) and center = Q' (v_PD - Delta, 0).
 from dataclasses import dataclass
 
 import numpy as np
-from rabbit_description.state import Array
 
-from rl_cbf_clf_controller.affine import Affine
-from rl_cbf_clf_controller.parameters import ControllerParameters
-from rl_cbf_clf_controller.virtual_constraints import Outputs
+from cbf_clf_qp.affine import Affine, Array
 
 
 @dataclass(frozen=True)
@@ -43,16 +40,3 @@ def pd_centred(wanted: Array, output_error: Affine, mu_weight: float) -> Objecti
     m = len(wanted)
     q, root = np.linalg.qr(np.vstack([np.eye(m) + output_error.a, np.sqrt(mu_weight) * np.eye(m)]))
     return Objective(root, q[:m].T @ (wanted - output_error.b))
-
-
-def make_objective(parameters: ControllerParameters, outputs: Outputs, output_error: Affine | None) -> Objective | None:
-    """What the parameters ask for; None: the paper's.
-
-    Raises:
-        ValueError: `pd_centred` without an `output_error`.
-    """
-    if parameters.objective == "paper":
-        return None
-    if output_error is None:
-        raise ValueError("objective pd_centred: expected estimates that tell the output error")
-    return pd_centred(pd_input(outputs.y, outputs.dy, parameters.eps), output_error, parameters.mu_weight)

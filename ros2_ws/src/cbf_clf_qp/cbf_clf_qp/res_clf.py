@@ -12,10 +12,9 @@ mu = K eta for every eta.
 from collections.abc import Sequence
 
 import numpy as np
-from rabbit_description.state import Array
 from scipy.linalg import solve_continuous_lyapunov
 
-from rl_cbf_clf_controller.affine import Affine
+from cbf_clf_qp.affine import Affine, Array
 
 
 class ResClf:

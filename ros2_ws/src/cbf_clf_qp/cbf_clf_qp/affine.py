@@ -4,10 +4,14 @@ Accelerations and contact forces are affine in the torque u, u is affine in the 
 QP constrains is affine in mu. One class carries all of them, nominal, estimated or true.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from rabbit_description.state import Array
+from numpy.typing import NDArray
+
+Array = NDArray[Any]  # float64 unless said otherwise
 
 
 @dataclass(frozen=True)
@@ -16,6 +20,21 @@ class Affine:
 
     a: Array
     b: Array
+
+    @classmethod
+    def zero(cls, n: int, m: int) -> "Affine":
+        """0 (n,) whatever the input (m,)."""
+        return cls(np.zeros((n, m)), np.zeros(n))
+
+    @classmethod
+    def identity(cls, m: int) -> "Affine":
+        """The input (m,) itself."""
+        return cls(np.eye(m), np.zeros(m))
+
+    @classmethod
+    def stacked(cls, parts: Sequence["Affine"]) -> "Affine":
+        """Several, one below the other."""
+        return cls(np.concatenate([part.a for part in parts]), np.concatenate([part.b for part in parts]))
 
     def __call__(self, w: Array) -> Array:
         """The value at `w` (m,), shape (n,)."""

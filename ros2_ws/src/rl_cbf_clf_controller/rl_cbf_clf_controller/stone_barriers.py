@@ -1,6 +1,4 @@
-"""Exponential control barrier functions [CBF_const] and the two stepping-stone barriers (Nguyen and Sreenath 2016).
-
-    keep B >= 0 with relative degree 2:   B-ddot + K_b (B, B-dot) >= 0,   K_b = (p1 p2, p1 + p2), poles p1, p2 > 0
+"""The two stepping-stone barriers (Nguyen and Sreenath 2016), relative degree 2.
 
 Swing foot (l, h) from the stance foot, stone [l_min, l_max]:
 
@@ -10,45 +8,38 @@ Swing foot (l, h) from the stance foot, stone [l_min, l_max]:
 so at touchdown (h = 0, l > 0) both together mean l_min <= l <= l_max [eq:steprange].
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-
 import numpy as np
+from cbf_clf_qp.affine import Affine
+from cbf_clf_qp.ecbf import Barriers, Ecbf
+from cbf_clf_qp.rows import Rows
 from rabbit_description.state import Array, StonePreview
 
-from rl_cbf_clf_controller.affine import Affine
 from rl_cbf_clf_controller.nominal_model import Kinematics
+from rl_cbf_clf_controller.scene import Scene
 
 
-@dataclass(frozen=True)
-class Barriers:
-    """Values `B`, rates `dB` (n,), and B-ddot = `jacobian` q-ddot + `bias`: (n, 7) and (n,)."""
+class StoneBarriers(Ecbf):
+    """B1'', B2'' (m/s^2), of the scene's stone. Without `has_rows` they are estimated and not constrained."""
 
-    B: Array
-    dB: Array
-    jacobian: Array
-    bias: Array
+    names = ("B1", "B2")
 
-    def second_derivative(self, acceleration: Affine) -> Affine:
-        """B-ddot (n), affine in whatever `acceleration` is affine in."""
-        return acceleration.mapped(self.jacobian, self.bias)
+    def __init__(self, poles: tuple[float, float], rescue_weight: float, has_rows: bool = True) -> None:
+        super().__init__(poles, rescue_weight)
+        self._has_rows = has_rows
 
+    def barriers(self, scene: Scene) -> Barriers:
+        """Of the swing foot.
 
-def ecbf_gains(poles: Sequence[float]) -> Array:
-    """K_b, lowest derivative first, that puts the barrier's dynamics at -poles.
+        Raises:
+            ValueError: there is no stone.
+        """
+        if scene.barriers is None:
+            raise ValueError("stone barriers: expected a stone in sight")
+        return scene.barriers
 
-    Raises:
-        ValueError: a pole is not positive, or there are not two: beyond relative degree 2 lower derivatives of B
-            contain the drift already, so that one numerical differentiation no longer isolates the model error.
-    """
-    if len(poles) != 2 or min(poles) <= 0:
-        raise ValueError(f"poles = {list(poles)}: expected two positive rates in 1/s (relative degree 2)")
-    return np.poly([-p for p in poles])[:0:-1].copy()
-
-
-def ecbf_bound(barriers: Barriers, K_b: Array) -> Array:
-    """What B-ddot must reach, (n,): -K_b eta_b."""
-    return -(K_b[0] * barriers.B + K_b[1] * barriers.dB)
+    def rows(self, scene: Scene, value: Affine) -> list[Rows]:
+        """A row each, if they are wanted."""
+        return super().rows(scene, value) if self._has_rows else []
 
 
 def stone_barriers(feet: Kinematics, stone: StonePreview, R1: float, R2: float) -> Barriers:

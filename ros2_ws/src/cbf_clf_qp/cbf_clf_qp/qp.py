@@ -12,10 +12,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from rabbit_description.state import Array
 
-from rl_cbf_clf_controller.objective import Objective
-from rl_cbf_clf_controller.rows import Rows
+from cbf_clf_qp.affine import Array
+from cbf_clf_qp.objective import Objective
+from cbf_clf_qp.rows import Rows
 
 ROUNDING = 1e-6  # less is the solver's tolerance
 
@@ -55,9 +55,10 @@ class Decision:
     active: Array
 
 
-def build_qp(rows: Sequence[Rows], objective: Objective | None = None, inputs: int = 4) -> QuadraticProgram:
+def build_qp(rows: Sequence[Rows], objective: Objective | None = None) -> QuadraticProgram:
     """Stack the rows of all constraints into one programme; the paper's objective if none is given."""
     A = np.concatenate([block.A for block in rows])
+    inputs = A.shape[1]
     unroot = np.linalg.inv(objective.root) if objective else None
     if unroot is not None:
         A = A @ unroot

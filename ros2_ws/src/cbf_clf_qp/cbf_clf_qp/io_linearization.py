@@ -3,7 +3,7 @@
 From y-ddot = Lf2h + LgLfh u:   u(mu) = LgLfh^-1 mu + u_star,   u_star = -LgLfh^-1 Lf2h.
 """
 
-from rl_cbf_clf_controller.affine import Affine
+from cbf_clf_qp.affine import Affine
 
 
 def precontrol(output_dynamics: Affine) -> Affine:

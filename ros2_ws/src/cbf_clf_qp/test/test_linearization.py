@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from rl_cbf_clf_controller.affine import Affine
-from rl_cbf_clf_controller.io_linearization import precontrol
+from cbf_clf_qp.affine import Affine
+from cbf_clf_qp.io_linearization import precontrol
 
 
 def test_the_outputs_accelerate_by_mu() -> None:

@@ -1,0 +1,156 @@
+"""One tick of a CBF-CLF-QP: from a state's terms and estimates to mu and the input. Read this file first.
+
+    u       = precontrol(mu)                              from the nominal model, see `io_linearization.py`
+    nominal = quantities by the nominal model             affine in mu
+    value   = nominal + alpha mu + beta                   the estimates of a policy, an identified model, an oracle
+    rows    = of each quantity, if it has that value, and of further constraints
+    mu      = argmin objective  subject to rows           see `qp.py`
+
+A `Recipe` says which quantities, constraints and objective a controller has. The functions here know neither a robot
+nor how estimates come about, and keep nothing from tick to tick but what the solver keeps.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Generic, Protocol, TypeVar
+
+from cbf_clf_qp.affine import Affine, Array
+from cbf_clf_qp.estimates import Estimates
+from cbf_clf_qp.objective import Objective
+from cbf_clf_qp.qp import QuadraticProgram, build_qp, unpack
+from cbf_clf_qp.rows import Rows
+from cbf_clf_qp.solvers import Solution, Solver
+
+Scene = TypeVar("Scene")  # what the quantities read of a state: outputs, feet, obstacles
+SceneRead = TypeVar("SceneRead", contravariant=True)
+
+
+class Quantity(Protocol[SceneRead]):
+    """Something that is constrained and whose error under the nominal model may be estimated: V-dot, B-ddot, a force.
+
+    `names` has one for each of its components.
+    """
+
+    @property
+    def names(self) -> tuple[str, ...]: ...
+
+    def predict(self, scene: SceneRead, dynamics: Any) -> Affine:
+        """The components (k,), affine in the input u, under any model's `dynamics`."""
+
+    def rows(self, scene: SceneRead, value: Affine) -> list[Rows]:
+        """The rows over mu, if the components are `value`, affine in mu."""
+
+
+@dataclass(frozen=True)
+class Terms(Generic[Scene]):
+    """The model's terms of one tick, before any decision: `precontrol` is u, `nominal` the quantities, over mu."""
+
+    quantities: tuple[Quantity[Scene], ...]
+    scene: Scene
+    dynamics: Any
+    precontrol: Affine
+    nominal: Affine
+
+    @classmethod
+    def of(
+        cls, quantities: tuple[Quantity[Scene], ...], scene: Scene, dynamics: Any, precontrol: Affine
+    ) -> "Terms[Scene]":
+        """At a scene, under the nominal `dynamics`."""
+        nominal = predicted(quantities, scene, dynamics).after(precontrol)
+        return cls(quantities, scene, dynamics, precontrol, nominal)
+
+    def under(self, dynamics: Any) -> Affine:
+        """The quantities under another model's `dynamics`, affine in mu."""
+        return predicted(self.quantities, self.scene, dynamics).after(self.precontrol)
+
+
+class Constraint(Protocol):
+    """Rows on what is not estimated, such as the input itself."""
+
+    def rows(self, terms: Terms[Any], control: Affine) -> list[Rows]:
+        """The rows over mu, at u = `control`(mu)."""
+
+
+def no_corners(terms: Terms[Any]) -> Sequence[Affine]:
+    """The estimates are taken at their word."""
+    return ()
+
+
+def least_mu(terms: Terms[Any], estimates: Estimates) -> None:
+    """The paper's objective, mu' mu."""
+
+
+@dataclass(frozen=True)
+class Recipe(Generic[Scene]):
+    """What a controller is made of.
+
+    `corrects_input`: the estimates are no errors of quantities but a part of the input, u = precontrol(mu + alpha mu +
+    beta), as in the first approach [approach1_input].
+    `corners`: errors (n,), affine in mu, that are to be allowed for besides the estimates; a row holds at each of them.
+    `objective`: None is the paper's, mu' mu.
+    """
+
+    quantities: tuple[Quantity[Scene], ...]
+    constraints: tuple[Constraint, ...] = ()
+    corrects_input: bool = False
+    corners: Callable[[Terms[Scene]], Sequence[Affine]] = no_corners
+    objective: Callable[[Terms[Scene], Estimates], Objective | None] = least_mu
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of all quantities, in the order of every array over them."""
+        return tuple(name for quantity in self.quantities for name in quantity.names)
+
+
+@dataclass(frozen=True)
+class Decided:
+    """All of a tick: `mu` (m,) of the QP, `slack` and `active` (k,) of its rows, and u = `control`(mu).
+
+    `mu` counts only if `solution.solved`.
+    """
+
+    estimates: Estimates
+    control: Affine
+    rows: list[Rows]
+    qp: QuadraticProgram
+    solution: Solution
+    mu: Array
+    slack: Array
+    active: Array
+
+
+def decide(recipe: Recipe[Scene], terms: Terms[Scene], estimates: Estimates, solver: Solver) -> Decided:
+    """The tick."""
+    control = terms.precontrol
+    if recipe.corrects_input:
+        control = control.after(Affine.identity(len(control.b)) + estimates.affine)
+    rows = rows_of(recipe, terms, estimates, control)
+    qp = build_qp(rows, recipe.objective(terms, estimates))
+    solution = solver.solve(qp)
+    found = unpack(qp, solution.x)
+    return Decided(estimates, control, rows, qp, solution, found.mu, found.slack, found.active)
+
+
+def rows_of(recipe: Recipe[Scene], terms: Terms[Scene], estimates: Estimates, control: Affine) -> list[Rows]:
+    """Which QP has which rows: those of the quantities, at each corner, and of the further constraints."""
+    value = terms.nominal if recipe.corrects_input else terms.nominal + estimates.affine
+    cases = [value + corner for corner in recipe.corners(terms)] or [value]
+    return [
+        *(block for case in cases for block in quantity_rows(recipe, terms.scene, case)),
+        *(block for constraint in recipe.constraints for block in constraint.rows(terms, control)),
+    ]
+
+
+def quantity_rows(recipe: Recipe[Scene], scene: Scene, value: Affine) -> list[Rows]:
+    """The rows of all quantities, if they are `value` (n,), affine in mu."""
+    rows, start = list[Rows](), 0
+    for quantity in recipe.quantities:
+        end = start + len(quantity.names)
+        rows += quantity.rows(scene, Affine(value.a[start:end], value.b[start:end]))
+        start = end
+    return rows
+
+
+def predicted(quantities: Sequence[Quantity[Scene]], scene: Scene, dynamics: Any) -> Affine:
+    """All quantities (n,), affine in the input, under a model's `dynamics`."""
+    return Affine.stacked([quantity.predict(scene, dynamics) for quantity in quantities])

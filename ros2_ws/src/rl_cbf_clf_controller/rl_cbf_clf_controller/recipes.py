@@ -1,0 +1,102 @@
+"""The seven controllers: which QP has which quantities, constraints and objective. One table."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from cbf_clf_qp.affine import Affine
+from cbf_clf_qp.clf import Clf
+from cbf_clf_qp.estimates import Estimates
+from cbf_clf_qp.objective import Objective, pd_centred, pd_input
+from cbf_clf_qp.res_clf import ResClf
+from cbf_clf_qp.saturation import Saturation
+from cbf_clf_qp.tick import Constraint, Quantity, Recipe, Terms, least_mu, no_corners
+
+from rl_cbf_clf_controller.contact_force import ContactForce, NominalForce
+from rl_cbf_clf_controller.output_acceleration import OutputAcceleration, ReferenceClf
+from rl_cbf_clf_controller.parameters import ControllerName, ControllerParameters
+from rl_cbf_clf_controller.scene import Scene
+from rl_cbf_clf_controller.stone_barriers import StoneBarriers
+from rl_cbf_clf_controller.worst_case import worst_errors
+
+Parameters = ControllerParameters
+Quantities = tuple[Quantity[Scene], ...]
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What tells one controller from another: the quantities, and how their estimates are used."""
+
+    quantities: Callable[[Parameters], Quantities]
+    corrects_input: bool = False
+    corners: Callable[[Parameters], Callable[[Terms[Scene]], Sequence[Affine]]] = lambda p: no_corners
+
+
+def flat(p: Parameters) -> Quantities:
+    """The CLF's row, hard but for a slack of last resort."""
+    return (hard_clf(p),)
+
+
+def stones(p: Parameters) -> Quantities:
+    """The CLF relaxed by d, both barriers, the ground's force."""
+    clf = Clf(res_clf(p), p.slack_weight, is_normalised=p.clf_row == "normalised")
+    poles = (p.barrier_pole_1, p.barrier_pole_2)
+    return clf, StoneBarriers(poles, p.barrier_rescue_weight, p.barrier_rows), contact_force(p, p.force_rows)
+
+
+def outputs(p: Parameters) -> Quantities:
+    """The outputs' accelerations, which the input corrects."""
+    return (OutputAcceleration(),)
+
+
+KINDS: dict[ControllerName, Kind] = {
+    "clf-qp": Kind(flat),
+    "rl-clf-qp": Kind(flat),
+    "l1-clf-qp": Kind(outputs, corrects_input=True),
+    "io-rl-clf-qp": Kind(outputs, corrects_input=True),
+    "cbf-clf-qp": Kind(stones),
+    "rl-cbf-clf-qp": Kind(stones),
+    "robust-cbf-clf-qp": Kind(stones, corners=worst_errors),
+}
+
+
+def make_recipe(p: Parameters, own: Sequence[Constraint] = ()) -> Recipe[Scene]:
+    """The recipe of the controller that the parameters name, with constraints of one's `own`."""
+    kind = KINDS[p.controller]
+    reference = [ReferenceClf(res_clf(p), hard_clf(p))] if kind.corrects_input else []
+    forces = [NominalForce(contact_force(p))] if p.flat_force_rows and not p.on_stones else []
+    return Recipe(
+        quantities=kind.quantities(p),
+        constraints=(*reference, *forces, Saturation(p.torque_limit), *own),
+        corrects_input=kind.corrects_input,
+        corners=kind.corners(p),
+        objective=least_mu if p.objective == "paper" else pd_objective(p, kind.corrects_input),
+    )
+
+
+def res_clf(p: Parameters) -> ResClf:
+    """On the four outputs."""
+    return ResClf(4, p.eps, (p.kp, p.kd))
+
+
+def hard_clf(p: Parameters) -> Clf:
+    """Of the flat-ground controllers."""
+    return Clf(res_clf(p), p.clf_rescue_weight, is_rescue=True)
+
+
+def contact_force(p: Parameters, has_rows: bool = True) -> ContactForce:
+    """With the margin taken off the friction coefficient."""
+    coeff = p.friction_coeff - p.friction_margin
+    return ContactForce(p.min_normal_force, coeff, p.force_rescue_weight, p.cone == "literal", has_rows)
+
+
+def pd_objective(p: Parameters, corrects_input: bool) -> Callable[[Terms[Scene], Estimates], Objective]:
+    """`pd_centred`. Where the input is corrected, y'' = mu, as it makes it."""
+
+    def objective(terms: Terms[Scene], estimates: Estimates) -> Objective:
+        m = len(terms.precontrol.b)
+        error = Affine.zero(m, m) if corrects_input else estimates.output_error
+        if error is None:
+            raise ValueError("objective pd_centred: expected estimates that give the output error")
+        return pd_centred(pd_input(terms.scene.outputs.y, terms.scene.outputs.dy, p.eps), error, p.mu_weight)
+
+    return objective
