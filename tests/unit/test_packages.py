@@ -212,10 +212,10 @@ def requirements(target: Path) -> set[str]:
     return {re.split(r"[^\w.-]", line)[0].replace("-", "_") for line in PathDistribution(metadata).requires or ()}
 
 
-def family(package: str, installed: Callable[[str], Path]) -> Iterator[str]:
-    """The package and those beside it that it requires."""
-    yield package
-    yield from sorted(requirements(installed(package)) & set(PACKAGES))
+def family(package: str, installed: Callable[[str], Path]) -> set[str]:
+    """The package and those beside it that it requires, or that these require."""
+    needed = requirements(installed(package)) & set(PACKAGES)
+    return {package}.union(*(family(each, installed) for each in needed))
 
 
 def loaded_modules(package: str, installed: Callable[[str], Path]) -> list[str]:
