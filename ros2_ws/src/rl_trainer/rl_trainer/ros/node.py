@@ -81,6 +81,7 @@ class TrainerNode(Node):
         self._held_up_since: float | None = None
         self._started = self._is_joining = False
         self._newest: Episode | None = None  # where the simulator stands
+        self._planned: tuple[Plan, int] | None = None  # the newest plan, and after which episode
         self._report: EpisodeReport | None = None
         self._verdict: Verdict | None = None
         self._kept_back = 0
@@ -130,6 +131,8 @@ class TrainerNode(Node):
         self._hand_on(self._walk.add(part, message.episode, message.tick, checked))
 
     def _on_episode(self, message: Episode) -> None:
+        if self._started and message.episode <= self._walk.done and message.phase != Episode.WAITING:
+            self._on_known_episode(message)
         try:
             check_episode(message, self._walk.done if self._started else 0)
         except Refused as error:
@@ -145,6 +148,19 @@ class TrainerNode(Node):
         self._walk.announced = message.episode
         if message.phase == Episode.ENDED:
             self._hand_on(self._walk.end(message.episode, message.tick, message.outcome in ACTED))
+
+    def _on_known_episode(self, message: Episode) -> None:
+        """An episode that is over here is announced.
+
+        If it is the newest, and over there too, the simulator may have missed the plan. Else we are ahead: somebody
+        announced what never was. We go back to where the simulator stands; it waits for our plan.
+        """
+        if message.episode < self._walk.done or message.phase != Episode.ENDED:
+            self.get_logger().warning(f"goes back from episode {self._walk.done} to {message.episode}")
+            self._hand_on(self._walk.restart())
+            self._walk.done = message.episode - 1
+        elif self._planned is not None and self._planned[1] == message.episode:
+            self._plan.publish(plan_message(*self._planned, Time()))
 
     def _on_swap(self, message: PolicySwap) -> None:
         try:
@@ -201,6 +217,7 @@ class TrainerNode(Node):
             self.get_logger().info(f"episode {after} learned: {self._report.kept} of {self._report.ticks} ticks kept")
         if self._plans_policies and plan.policy is not None:
             self.on_policy(plan.policy)
+        self._planned = plan, after
         self._plan.publish(plan_message(plan, after, Time()))
 
     def on_transition(self, transition: Transition, tag: tuple[int, Time]) -> None:
