@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 from cbf_clf_qp.solvers import make_solver
+from cbf_clf_qp.tick import rows_of
 from rabbit_description.state import TICK_SECONDS
 from rabbit_experiments.assembly import Assembly
 from rl_cbf_clf_controller.controller import Controller
@@ -74,6 +75,16 @@ def watch_parts(controller: Controller, watch: StopWatch) -> None:
     setattr(controller, "look", lambda state: watch.time(MODEL, lambda: look(state)))  # noqa: B010, mypy
 
 
+def rows_once_more(controller: Controller, watch: StopWatch) -> Observer:
+    """Observes a walk; the rows of each tick are made once more, and timed."""
+
+    def observe(record: Record) -> None:
+        terms, decided = controller.terms, controller.decided
+        watch.time(ROWS, lambda: rows_of(controller.recipe, terms, decided.estimates, decided.control))
+
+    return observe
+
+
 class SolverDuel:
     """Observes a walk; both solvers answer each tick's programme once more."""
 
@@ -123,6 +134,7 @@ def _walk(assembly: Assembly, seed: int, watch: StopWatch, *observers: Observer,
     solves: list[float] = []
     if with_parts:
         watch_parts(controller, watch)
+        observers = (*observers, rows_once_more(controller, watch))
     plant, watched = WatchedPart(simulation, watch, PLANT), WatchedPart(controller, watch, TICK)
     try:
         last = rollout(plant, watched, seed, lambda record: solves.append(record.output.solve_seconds), *observers)
