@@ -8,11 +8,11 @@ from typing import Any
 
 import pytest
 from rabbit_experiments.assembly import Assembly
-from rabbit_experiments.reproduce import jobs, runner, sources
+from rabbit_experiments.reproduce import jobs, runner, source_files
 from rabbit_experiments.reproduce.cache import Cache
-from rabbit_experiments.reproduce.contenders import CBF_CLF
+from rabbit_experiments.reproduce.controllers import CBF_CLF
 from rabbit_experiments.reproduce.jobs import Job
-from rabbit_experiments.reproduce.sources import reached_from, sources_hash
+from rabbit_experiments.reproduce.source_files import reached_from, sources_hash
 
 JOB = Job("walk", CBF_CLF.assembly(stones=1), 7)
 
@@ -144,7 +144,7 @@ def package(folder: Path, name: str) -> Path:
 def test_hash_follows_imports_and_nothing_else(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     root = package(tmp_path, "three_modules")
     monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.setattr(sources, "OURS", ("three_modules",))
+    monkeypatch.setattr(source_files, "OURS", ("three_modules",))
     assert set(reached_from("three_modules.a")) == {"three_modules", "three_modules.a", "three_modules.b"}
     before = sources_hash.__wrapped__("three_modules.a")
     (root / "c.py").write_text("C = 2\n")

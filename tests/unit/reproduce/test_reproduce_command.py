@@ -14,10 +14,10 @@ from rabbit_experiments.reproduce.cache import Cache
 from rabbit_experiments.reproduce.catalogue import EXPERIMENTS
 from rabbit_experiments.reproduce.commands import evaluate_command
 from rabbit_experiments.reproduce.experiment import Experiment
-from rabbit_experiments.reproduce.lines import COLUMNS, FULL, QUICK, Found, Line, Size
-from rabbit_experiments.reproduce.making import make
+from rabbit_experiments.reproduce.make_experiments import make
 from rabbit_experiments.reproduce.page import PAGE
 from rabbit_experiments.reproduce.report import Table, read_report
+from rabbit_experiments.reproduce.table_lines import COLUMNS, FULL, QUICK, Found, Line, Size
 from typer.testing import CliRunner, Result
 
 Maker = Callable[..., Experiment]
@@ -65,7 +65,7 @@ def test_what_was_stopped_leaves_what_is_whole(
     def stopped(*_: Any) -> int:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("rabbit_experiments.reproduce.making.run", stopped)
+    monkeypatch.setattr("rabbit_experiments.reproduce.make_experiments.run", stopped)
     with pytest.raises(KeyboardInterrupt):
         make([whole, other], tiny, tmp_path, ["one-stone", "other"])
     assert "## one-stone" in (tmp_path / PAGE).read_text()
@@ -74,7 +74,7 @@ def test_what_was_stopped_leaves_what_is_whole(
 
 def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, one_stone: Maker, tiny: Size) -> None:
     monkeypatch.setattr(catalogue, "EXPERIMENTS", (one_stone(),))
-    monkeypatch.setattr("rabbit_experiments.reproduce.lines.QUICK", tiny)
+    monkeypatch.setattr("rabbit_experiments.reproduce.table_lines.QUICK", tiny)
     done = rabbit("reproduce", "one-stone", "--quick", "--out", tmp_path, "--jobs", 1)
     assert done.exit_code == 0, done.output
     assert (tmp_path / PAGE).is_file()

@@ -7,7 +7,7 @@ import pytest
 from cbf_clf_qp.rows import Rows
 from hypothesis import given
 from hypothesis import strategies as st
-from rabbit_experiments.reproduce.contenders import CBF_CLF, CBF_CLF_ORACLE, CLF, IO_RL
+from rabbit_experiments.reproduce.controllers import CBF_CLF, CBF_CLF_ORACLE, CLF, IO_RL
 from rabbit_experiments.reproduce.feasibility import infeasible, measure
 
 SOFT = 10.0  # a slack's weight, which must not matter

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from rabbit_experiments.reproduce import runner
 from rabbit_experiments.reproduce.cache import Cache
-from rabbit_experiments.reproduce.contenders import CBF_CLF
+from rabbit_experiments.reproduce.controllers import CBF_CLF
 from rabbit_experiments.reproduce.jobs import Job
 
 WANTED = [Job("walk", CBF_CLF.assembly(stones=1), seed) for seed in range(4)]

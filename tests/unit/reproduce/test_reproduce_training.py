@@ -8,9 +8,9 @@ import pytest
 from rabbit_bringup.cli import app
 from rabbit_experiments.reproduce.catalogue import EXPERIMENTS
 from rabbit_experiments.reproduce.catalogue.learning_curves import first_whole, sessions, settled, span
-from rabbit_experiments.reproduce.contenders import CBF_CLF, RL_CBF_CLF, RL_CLF
+from rabbit_experiments.reproduce.controllers import CBF_CLF, RL_CBF_CLF, RL_CLF
 from rabbit_experiments.reproduce.experiment import Experiment
-from rabbit_experiments.reproduce.lines import FULL, QUICK, Line, Runs
+from rabbit_experiments.reproduce.table_lines import FULL, QUICK, Line, Runs
 from rabbit_experiments.reproduce.training import POLICY, SHIPPED, Recipe, Trained, recipes, retrain
 from rabbit_experiments.reproduce.training_log import (
     COMMITTED,

@@ -7,11 +7,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rabbit_experiments.metrics import RunRow
 from rabbit_experiments.reproduce.catalogue import EXPERIMENTS
-from rabbit_experiments.reproduce.contenders import CBF_CLF, CBF_CLF_ORACLE
+from rabbit_experiments.reproduce.controllers import CBF_CLF, CBF_CLF_ORACLE
 from rabbit_experiments.reproduce.experiment import Experiment
 from rabbit_experiments.reproduce.jobs import Job
-from rabbit_experiments.reproduce.lines import FULL, Found, Line
 from rabbit_experiments.reproduce.sweep import largest, largest_text
+from rabbit_experiments.reproduce.table_lines import FULL, Found, Line
 from rabbit_experiments.reproduce.verdict import Verdict, judge, missing
 from rabbit_experiments.reproduce.walk_table import shows
 from rabbit_experiments.reproduce.walks import Walks

@@ -36,7 +36,7 @@ def generate_launch_description() -> LaunchDescription:
 
 def start(context: LaunchContext) -> list[LaunchDescriptionEntity]:
     """The nodes' actions, once nothing speaks against the walk."""
-    from rabbit_cli.ros.alone import Claim
+    from rabbit_cli.ros.claim import Claim
 
     try:
         walk, graph = prepare(given(context.launch_configurations))

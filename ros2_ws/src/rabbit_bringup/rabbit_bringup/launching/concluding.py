@@ -68,7 +68,7 @@ def complain(text: object) -> None:
 
 def _leave(walk: Walk, code: ExitCode, seconds: float) -> None:
     """Summary, pictures and film from the recording."""
-    from rabbit_bringup.launching.telling import write_summary
+    from rabbit_bringup.launching.walk_results import write_summary
 
     try:
         summary = write_summary(walk, walk.folder / "recording", code, seconds)
@@ -110,7 +110,7 @@ def _fail(walk: Walk, error: LaunchError) -> int:
     from rabbit_recording.opening import opened
     from rabbit_recording.recover import recover
 
-    from rabbit_bringup.launching.telling import write_summary
+    from rabbit_bringup.launching.walk_results import write_summary
 
     note = ""
     try:

@@ -168,7 +168,7 @@ def run_graph(
         Interrupted: by a signal.
     """
     use_one_thread()
-    from rabbit_cli.ros.alone import Claim
+    from rabbit_cli.ros.claim import Claim
 
     from rabbit_bringup.ros.priority import listening_to
 

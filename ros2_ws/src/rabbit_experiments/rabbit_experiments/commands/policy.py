@@ -103,7 +103,7 @@ def load(
 
     check_namespace(namespace)
     try:
-        from rabbit_cli.ros.ask import load_policy
+        from rabbit_cli.ros.load_policy import load_policy
 
         answer = load_policy(policy_path(str(file)), namespace, timeout)
     except ModuleNotFoundError:

@@ -24,9 +24,9 @@ def reproduce(
 ) -> None:
     """Make the paper's figures and tables anew: DIR/results.md has its figures beside ours, with verdicts."""
     from rabbit_experiments.reproduce.catalogue import EXPERIMENTS
-    from rabbit_experiments.reproduce.lines import FULL, QUICK
-    from rabbit_experiments.reproduce.making import make
+    from rabbit_experiments.reproduce.make_experiments import make
     from rabbit_experiments.reproduce.runner import BackendError
+    from rabbit_experiments.reproduce.table_lines import FULL, QUICK
 
     known = {each.name: each for each in EXPERIMENTS}
     if show:

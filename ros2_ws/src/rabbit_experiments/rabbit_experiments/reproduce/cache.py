@@ -11,7 +11,7 @@ from rabbit_experiments import provenance
 from rabbit_experiments.assembly import Assembly
 from rabbit_experiments.reproduce import jobs
 from rabbit_experiments.reproduce.jobs import Job, Result
-from rabbit_experiments.reproduce.sources import sources_hash
+from rabbit_experiments.reproduce.source_files import sources_hash
 
 
 class Cache:

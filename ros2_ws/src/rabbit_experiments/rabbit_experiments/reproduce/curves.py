@@ -13,7 +13,7 @@ from rabbit_viewer.walk_records import WalkRecords
 from rl_cbf_clf_controller.uncertainty import INPUTS
 
 from rabbit_experiments.metrics import IMPACT_TICKS
-from rabbit_experiments.reproduce.contenders import Contender
+from rabbit_experiments.reproduce.controllers import Contender
 from rabbit_experiments.reproduce.walks import Walks
 from rabbit_experiments.summary import wilson
 

@@ -11,8 +11,8 @@ from rabbit_viewer import style
 from rabbit_experiments import provenance
 from rabbit_experiments.assembly import Assembly
 from rabbit_experiments.reproduce.jobs import Job
-from rabbit_experiments.reproduce.lines import Found, Line, Size
 from rabbit_experiments.reproduce.report import Claim, Report, Table
+from rabbit_experiments.reproduce.table_lines import Found, Line, Size
 from rabbit_experiments.reproduce.training import POLICY, Recipe, that_made
 from rabbit_experiments.reproduce.walk_table import long_table, walk_table
 

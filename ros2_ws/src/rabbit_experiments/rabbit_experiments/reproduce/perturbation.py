@@ -5,10 +5,10 @@ from dataclasses import replace
 from functools import cached_property
 from typing import ClassVar
 
-from rabbit_experiments.reproduce.contenders import CBF_CLF, CLF, RL_CBF_CLF, RL_CLF, Contender
+from rabbit_experiments.reproduce.controllers import CBF_CLF, CLF, RL_CBF_CLF, RL_CLF, Contender
 from rabbit_experiments.reproduce.experiment import Experiment
-from rabbit_experiments.reproduce.lines import Found, Line
 from rabbit_experiments.reproduce.report import Claim
+from rabbit_experiments.reproduce.table_lines import Found, Line
 from rabbit_experiments.reproduce.verdict import judge
 
 PAIRS = {"flat": (RL_CLF, CLF), "stones": (RL_CBF_CLF, CBF_CLF)}

@@ -6,10 +6,10 @@ from typing import Any, ClassVar
 
 from matplotlib.figure import Figure
 
-from rabbit_experiments.reproduce.contenders import Contender
+from rabbit_experiments.reproduce.controllers import Contender
 from rabbit_experiments.reproduce.curves import rate_figure
 from rabbit_experiments.reproduce.experiment import Experiment
-from rabbit_experiments.reproduce.lines import Found, Line, Runs
+from rabbit_experiments.reproduce.table_lines import Found, Line, Runs
 from rabbit_experiments.reproduce.walks import Walks
 
 RUNS = Runs(10, 1)  # there are many values

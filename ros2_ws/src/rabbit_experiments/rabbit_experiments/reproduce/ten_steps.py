@@ -6,11 +6,11 @@ from typing import Any, ClassVar
 
 from matplotlib.figure import Figure
 
-from rabbit_experiments.reproduce.contenders import CLF, FLAT, IO_RL, RL_CLF, Contender
+from rabbit_experiments.reproduce.controllers import CLF, FLAT, IO_RL, RL_CLF, Contender
 from rabbit_experiments.reproduce.curves import tracking_figure
 from rabbit_experiments.reproduce.experiment import Experiment
-from rabbit_experiments.reproduce.lines import HEADLINE, Found, Line
 from rabbit_experiments.reproduce.report import Claim
+from rabbit_experiments.reproduce.table_lines import HEADLINE, Found, Line
 from rabbit_experiments.reproduce.verdict import judge
 
 STEPS = 10

@@ -3,10 +3,10 @@
 from collections.abc import Sequence
 from typing import ClassVar
 
-from rabbit_experiments.reproduce.contenders import CBF_CLF, CBF_CLF_ORACLE, RL_CBF_CLF
-from rabbit_experiments.reproduce.lines import Found
+from rabbit_experiments.reproduce.controllers import CBF_CLF, CBF_CLF_ORACLE, RL_CBF_CLF
 from rabbit_experiments.reproduce.report import Claim
 from rabbit_experiments.reproduce.sweep import Sweep, largest_text
+from rabbit_experiments.reproduce.table_lines import Found
 from rabbit_experiments.reproduce.verdict import Verdict
 
 

@@ -24,7 +24,7 @@ from rl_trainer.parameters import TrainingParameters
 
 from rabbit_experiments import provenance
 from rabbit_experiments.assembly import TRAINING_SCALE, TRAINING_SLACK_WEIGHT, Assembly
-from rabbit_experiments.reproduce.sources import sources_hash
+from rabbit_experiments.reproduce.source_files import sources_hash
 from rabbit_experiments.reproduce.training_log import Episode, read_session, write_log
 
 SOURCE = "rabbit_experiments.learning"

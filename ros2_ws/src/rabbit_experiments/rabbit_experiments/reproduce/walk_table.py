@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 
 from rabbit_experiments.reproduce.commands import evaluate_command
-from rabbit_experiments.reproduce.lines import COLUMNS, Found, Line
 from rabbit_experiments.reproduce.report import Cell, Table
+from rabbit_experiments.reproduce.table_lines import COLUMNS, Found, Line
 from rabbit_experiments.reproduce.verdict import Verdict
 from rabbit_experiments.reproduce.walks import Case, Walks
 from rabbit_experiments.summary import falls

@@ -4,10 +4,10 @@ from collections.abc import Sequence
 from functools import cached_property
 from typing import ClassVar
 
-from rabbit_experiments.reproduce.contenders import CLF, IO_RL, L1_CLF, RL_CLF, Contender
+from rabbit_experiments.reproduce.controllers import CLF, IO_RL, L1_CLF, RL_CLF, Contender
 from rabbit_experiments.reproduce.curves import late_and_impact_ratio
-from rabbit_experiments.reproduce.lines import MAIN, Found, Line
 from rabbit_experiments.reproduce.report import Claim
+from rabbit_experiments.reproduce.table_lines import MAIN, Found, Line
 from rabbit_experiments.reproduce.ten_steps import STEPS, TenSteps
 from rabbit_experiments.reproduce.verdict import judge
 

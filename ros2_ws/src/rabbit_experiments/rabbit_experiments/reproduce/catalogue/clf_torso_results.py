@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 from typing import ClassVar
 
-from rabbit_experiments.reproduce.lines import Found
 from rabbit_experiments.reproduce.report import Claim
+from rabbit_experiments.reproduce.table_lines import Found
 from rabbit_experiments.reproduce.ten_steps import TenSteps
 
 

@@ -9,10 +9,10 @@ import numpy as np
 from matplotlib.figure import Figure
 from rabbit_viewer import style
 
-from rabbit_experiments.reproduce.contenders import Contender
+from rabbit_experiments.reproduce.controllers import Contender
 from rabbit_experiments.reproduce.experiment import Experiment
-from rabbit_experiments.reproduce.lines import MAIN, Found, Line, Runs
 from rabbit_experiments.reproduce.report import Claim, Table
+from rabbit_experiments.reproduce.table_lines import MAIN, Found, Line, Runs
 from rabbit_experiments.reproduce.verdict import ENOUGH, Verdict
 from rabbit_experiments.reproduce.walk_table import long_table
 

@@ -10,14 +10,14 @@ from rabbit_viewer import style
 
 from rabbit_experiments.assembly import TRAINING_SCALE, Assembly
 from rabbit_experiments.evaluation import episode_seeds
-from rabbit_experiments.reproduce.contenders import CBF_CLF, CBF_CLF_ORACLE, RL_CBF_CLF
+from rabbit_experiments.reproduce.controllers import CBF_CLF, CBF_CLF_ORACLE, RL_CBF_CLF
 from rabbit_experiments.reproduce.curves import WIDTH
 from rabbit_experiments.reproduce.experiment import Experiment
 from rabbit_experiments.reproduce.feasibility import Feasibility
 from rabbit_experiments.reproduce.jobs import Job
-from rabbit_experiments.reproduce.lines import Found, Line, Size
 from rabbit_experiments.reproduce.report import Cell, Claim, Table
 from rabbit_experiments.reproduce.shares import RowSet, share
+from rabbit_experiments.reproduce.table_lines import Found, Line, Size
 from rabbit_experiments.reproduce.training import Recipe, Trained, recipes
 from rabbit_experiments.reproduce.verdict import Verdict, judge
 from rabbit_experiments.reproduce.walks import SEED

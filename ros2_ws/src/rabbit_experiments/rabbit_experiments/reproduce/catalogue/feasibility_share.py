@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from rabbit_experiments.evaluation import episode_seeds
-from rabbit_experiments.reproduce.contenders import (
+from rabbit_experiments.reproduce.controllers import (
     CBF_CLF,
     CBF_CLF_ORACLE,
     CLF,
@@ -16,9 +16,9 @@ from rabbit_experiments.reproduce.contenders import (
 from rabbit_experiments.reproduce.experiment import Experiment
 from rabbit_experiments.reproduce.feasibility import Feasibility
 from rabbit_experiments.reproduce.jobs import Job
-from rabbit_experiments.reproduce.lines import COLUMNS, Column, Found, Line, Size
 from rabbit_experiments.reproduce.report import Cell, Claim, Table
 from rabbit_experiments.reproduce.shares import RowSet, share, share_text, total
+from rabbit_experiments.reproduce.table_lines import COLUMNS, Column, Found, Line, Size
 from rabbit_experiments.reproduce.verdict import judge
 from rabbit_experiments.reproduce.walks import SEED
 

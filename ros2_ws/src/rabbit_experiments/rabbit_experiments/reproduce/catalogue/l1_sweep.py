@@ -11,11 +11,11 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter, ScalarFormatter
 from rabbit_viewer import style
 
-from rabbit_experiments.reproduce.contenders import CLF, L1_CLF
+from rabbit_experiments.reproduce.controllers import CLF, L1_CLF
 from rabbit_experiments.reproduce.curves import WIDTH
 from rabbit_experiments.reproduce.experiment import Experiment
-from rabbit_experiments.reproduce.lines import MAIN, Found, Line, Runs
 from rabbit_experiments.reproduce.report import Cell, Claim, Table
+from rabbit_experiments.reproduce.table_lines import MAIN, Found, Line, Runs
 from rabbit_experiments.reproduce.ten_steps import STEPS
 from rabbit_experiments.reproduce.verdict import Verdict, judge
 from rabbit_experiments.reproduce.walk_table import long_table, walk_table

@@ -16,12 +16,12 @@ from rl_cbf_clf_controller.parameters import load_parameters
 from rl_trainer.parameters import TrainingParameters
 
 from rabbit_experiments.assembly import EVALUATION_LAG, TRAINING_SCALE, Assembly
-from rabbit_experiments.reproduce.contenders import IO_RL, RL_CBF_CLF, RL_CLF, Contender
+from rabbit_experiments.reproduce.controllers import IO_RL, RL_CBF_CLF, RL_CLF, Contender
 from rabbit_experiments.reproduce.curves import WIDTH
 from rabbit_experiments.reproduce.experiment import Experiment
 from rabbit_experiments.reproduce.jobs import Job
-from rabbit_experiments.reproduce.lines import MAIN, Found, Line, Size
 from rabbit_experiments.reproduce.report import Cell, Claim, Table
+from rabbit_experiments.reproduce.table_lines import MAIN, Found, Line, Size
 from rabbit_experiments.reproduce.training import Recipe, recipes
 from rabbit_experiments.reproduce.training_log import COMMITTED, Episode, read_log
 from rabbit_experiments.reproduce.verdict import judge

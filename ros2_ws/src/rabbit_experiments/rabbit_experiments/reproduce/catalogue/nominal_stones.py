@@ -3,10 +3,10 @@
 from collections.abc import Sequence
 from functools import cached_property
 
-from rabbit_experiments.reproduce.contenders import CBF_CLF, RL_CBF_CLF
+from rabbit_experiments.reproduce.controllers import CBF_CLF, RL_CBF_CLF
 from rabbit_experiments.reproduce.experiment import Experiment
-from rabbit_experiments.reproduce.lines import Found, Line, Runs
 from rabbit_experiments.reproduce.report import Claim
+from rabbit_experiments.reproduce.table_lines import Found, Line, Runs
 from rabbit_experiments.reproduce.verdict import judge
 from rabbit_experiments.reproduce.walks import Walks
 

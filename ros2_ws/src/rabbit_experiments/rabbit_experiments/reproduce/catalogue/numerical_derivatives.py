@@ -9,12 +9,12 @@ from rabbit_description.gait import load_gait
 from rabbit_description.state import Array
 from rabbit_viewer import style
 
-from rabbit_experiments.reproduce.contenders import CBF_CLF_ORACLE
+from rabbit_experiments.reproduce.controllers import CBF_CLF_ORACLE
 from rabbit_experiments.reproduce.curves import WIDTH
 from rabbit_experiments.reproduce.differentiation import METHODS, QUANTITIES, relative_errors, steps
 from rabbit_experiments.reproduce.experiment import Experiment
-from rabbit_experiments.reproduce.lines import MAIN, Found, Line
 from rabbit_experiments.reproduce.report import Cell, Claim, Table
+from rabbit_experiments.reproduce.table_lines import MAIN, Found, Line
 from rabbit_experiments.reproduce.verdict import Verdict
 from rabbit_experiments.reproduce.walks import SEED
 

@@ -3,10 +3,10 @@
 from collections.abc import Sequence
 from typing import ClassVar
 
-from rabbit_experiments.reproduce.contenders import CLF, CLF_ORACLE, FLAT, IO_RL, RL_CLF, Contender
-from rabbit_experiments.reproduce.lines import Found
+from rabbit_experiments.reproduce.controllers import CLF, CLF_ORACLE, FLAT, IO_RL, RL_CLF, Contender
 from rabbit_experiments.reproduce.report import Claim
 from rabbit_experiments.reproduce.sweep import Sweep, largest_text
+from rabbit_experiments.reproduce.table_lines import Found
 from rabbit_experiments.reproduce.verdict import judge
 
 PAPER = {RL_CLF: 72.0, IO_RL: 53.0}  # kg

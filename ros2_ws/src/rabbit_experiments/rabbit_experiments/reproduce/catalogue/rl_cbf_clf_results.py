@@ -10,11 +10,11 @@ from rabbit_viewer import style
 from rabbit_viewer.pictures import plot_steps, plot_stones, swing_foot
 from rabbit_viewer.walk_records import WalkRecords
 
-from rabbit_experiments.reproduce.contenders import CBF_CLF, CBF_CLF_ORACLE, RL_CBF_CLF, ROBUST, Contender
+from rabbit_experiments.reproduce.controllers import CBF_CLF, CBF_CLF_ORACLE, RL_CBF_CLF, ROBUST, Contender
 from rabbit_experiments.reproduce.curves import WIDTH, finish_ratio, late_and_impact_ratio
 from rabbit_experiments.reproduce.experiment import Experiment
-from rabbit_experiments.reproduce.lines import HEADLINE, Found, Line
 from rabbit_experiments.reproduce.report import Claim
+from rabbit_experiments.reproduce.table_lines import HEADLINE, Found, Line
 from rabbit_experiments.reproduce.verdict import judge
 
 CAPTION = (

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 from rabbit_description.state import TICK_SECONDS
 
-from rabbit_experiments.reproduce.contenders import (
+from rabbit_experiments.reproduce.controllers import (
     CBF_CLF,
     CBF_CLF_ORACLE,
     CLF,
@@ -17,8 +17,8 @@ from rabbit_experiments.reproduce.contenders import (
     Contender,
 )
 from rabbit_experiments.reproduce.experiment import Experiment
-from rabbit_experiments.reproduce.lines import MAIN, Found, Line, Runs
 from rabbit_experiments.reproduce.report import Claim
+from rabbit_experiments.reproduce.table_lines import MAIN, Found, Line, Runs
 from rabbit_experiments.reproduce.verdict import Verdict, judge
 from rabbit_experiments.reproduce.walks import Walks
 

@@ -12,11 +12,11 @@ from rabbit_viewer.geometry import allowed_area
 from rabbit_viewer.pictures import swing_foot
 from rabbit_viewer.walk_records import WalkRecords
 
-from rabbit_experiments.reproduce.contenders import RL_CBF_CLF
+from rabbit_experiments.reproduce.controllers import RL_CBF_CLF
 from rabbit_experiments.reproduce.curves import WIDTH
 from rabbit_experiments.reproduce.experiment import Experiment
-from rabbit_experiments.reproduce.lines import HEADLINE, Found, Line
 from rabbit_experiments.reproduce.report import Claim
+from rabbit_experiments.reproduce.table_lines import HEADLINE, Found, Line
 from rabbit_experiments.reproduce.verdict import judge
 
 SHOWN = 3  # steps: with the nearest stone, the middle one, the farthest

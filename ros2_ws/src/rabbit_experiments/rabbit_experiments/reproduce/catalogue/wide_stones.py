@@ -12,11 +12,11 @@ from rabbit_description.gait import load_gait
 from rabbit_viewer import style
 from rabbit_viewer.walk_records import WalkRecords
 
-from rabbit_experiments.reproduce.contenders import Contender
+from rabbit_experiments.reproduce.controllers import Contender
 from rabbit_experiments.reproduce.curves import WIDTH
 from rabbit_experiments.reproduce.experiment import Experiment
-from rabbit_experiments.reproduce.lines import MAIN, Found, Line, Runs
 from rabbit_experiments.reproduce.report import Claim, Table
+from rabbit_experiments.reproduce.table_lines import MAIN, Found, Line, Runs
 from rabbit_experiments.reproduce.verdict import Verdict
 from rabbit_experiments.reproduce.walks import Walks
 

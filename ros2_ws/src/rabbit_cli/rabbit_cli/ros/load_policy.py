@@ -8,7 +8,7 @@ from rabbit_ros.question_node import ask
 from rclpy.executors import SingleThreadedExecutor
 
 from rabbit_cli.executables import LaunchError
-from rabbit_cli.ros.joining import joined
+from rabbit_cli.ros.context import joined
 
 
 def load_policy(path: Path, namespace: str = "", timeout: float = 5.0) -> LoadPolicy.Response:

@@ -10,7 +10,7 @@ from rabbit_ros.topics_node import TOPICS
 from rclpy.node import Node
 
 from rabbit_cli.executables import Refused
-from rabbit_cli.ros.joining import joined
+from rabbit_cli.ros.context import joined
 
 DISCOVERY_SECONDS = 1.0  # within which nodes find each other
 POLL_SECONDS = 0.1
