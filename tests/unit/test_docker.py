@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 import yaml
-from rabbit_bringup.cli import commands
+from rabbit_bringup.cli import commands as subcommands
 from rabbit_bringup.launching.processes import PATIENCE
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -55,7 +55,7 @@ def test_images_enter_through_a_script_that_is_there(path: Path) -> None:
     assert os.access(here(entry[0]), os.X_OK)
     (command,) = (yaml.safe_load(rest) for word, rest in last_stage(path) if word == "CMD")
     assert command[0] == "rabbit"
-    assert command[1] in commands()
+    assert command[1] in subcommands()
 
 
 def test_what_was_built_here_stays_out_of_the_images() -> None:
@@ -70,7 +70,7 @@ def test_every_node_is_a_service_whose_command_is_there() -> None:
     for name in NODES:
         rabbit, verb, *rest = commands[name]
         assert rabbit == "rabbit"
-        assert verb in commands()
+        assert verb in subcommands()
         if verb == "run":
             package, executable = rest[:2]
             setup = (ROOT / "ros2_ws" / "src" / package / "setup.py").read_text(encoding="utf-8")
