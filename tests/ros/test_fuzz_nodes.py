@@ -226,6 +226,21 @@ def trainer(ros: None) -> Iterator[TrainerNode]:
         assert node._learning.error == ""
 
 
+def test_a_trainer_that_was_led_ahead_goes_back_to_where_the_simulator_stands(ros: None) -> None:
+    """Somebody announces the end of an episode that never was; the simulator waits for the plan after its own."""
+    with closing_node(TrainerNode()) as node:
+        node._start(Episode())
+        for number in (49, 13):
+            ended = Episode(episode=number, phase=Episode.ENDED, tick=5, outcome="walked", sigma=math.nan)
+            callbacks(node)["episode"](bytes(serialize_message(ended)))
+            node._hand_on(node._walk.give_up())
+            assert node._walk.done == number
+        end = time.monotonic() + 60
+        while node._planned is None or node._planned[1] != 13:
+            assert time.monotonic() < end
+            time.sleep(0.01)
+
+
 @given(data=st.data())
 def test_trainer(trainer: TrainerNode, data: st.DataObject) -> None:
     """Each example begins where the last one ended, or with a new simulator."""
