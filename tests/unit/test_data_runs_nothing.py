@@ -150,7 +150,7 @@ def test_message_definitions_in_a_recording_run_nothing(kind: str, definition: s
 
 def test_no_module_runs_what_it_reads() -> None:
     found = []
-    for path in sorted(SOURCES.rglob("*.py")):
+    for path in sorted(path for path in SOURCES.rglob("*.py") if path.parent.name != "test"):
         for call in (n for n in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(n, ast.Call)):
             name, given = ast.unparse(call.func), {k.arg: ast.unparse(k.value) for k in call.keywords}
             unsafe = name in RUNS_CODE or given.get("allow_pickle") == "True" or given.get("shell") == "True"
