@@ -1,10 +1,8 @@
 """The trainer through the graph: the same weights as in process, and nothing lost."""
 
 import itertools
-import math
 from typing import Any
 
-import pytest
 from rabbit_description.gait import load_gait
 from rabbit_msgs.msg import Episode
 from rabbit_sim.parameters import SimulationParameters
@@ -15,8 +13,6 @@ from rl_cbf_clf_controller.policy import Policy
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.session import train
 from rl_trainer.training import Provenance, Trainer
-
-from .conftest import SHORT
 
 PLANT = SimulationParameters(mass_scale=2.0, stones=3)
 LAW = ControllerParameters(controller="rl-cbf-clf-qp")
@@ -105,16 +101,3 @@ def test_learning_beside_publishes_policies_that_take_effect(world: Any) -> None
     world.wait(lambda: int(told("policies kept back")) > 0)
     log = (world.folder / "log" / "trainer.log").read_text()
     assert "kept back: error" in log
-
-
-@pytest.mark.parametrize(("number", "phase"), [(49, Episode.ENDED), (49, Episode.RUNNING), (2, Episode.ENDED)])
-def test_a_forged_announcement_does_not_end_the_walk(world: Any, number: int, phase: int) -> None:
-    """The trainer goes back to the episode in which the simulator waits for its plan."""
-    states, episodes = world.hear("state"), world.hear("episode")
-    world.start("simulator", **SHORT, trainer="wait", episodes=4, pace=2.0)
-    world.start("controller", controller=LAW.controller)
-    world.start("trainer", learn_beside=0, **TRAINING.model_dump(mode="json"))
-    world.go()
-    world.wait(lambda: bool(states) and states[-1].tick >= 20)
-    world.say("episode", Episode(episode=number, phase=phase, tick=54, outcome="walked", sigma=math.nan))
-    world.wait(lambda: any(e.episode == 4 and e.phase == Episode.ENDED and e.tick > 60 for e in episodes))
