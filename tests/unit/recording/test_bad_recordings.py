@@ -177,3 +177,16 @@ def test_changed_bytes_raise_nothing_else(
         with contextlib.suppress(RecordingError):
             read(bag)
     shutil.rmtree(path)
+
+
+def test_a_block_of_zeros_anywhere_raises_nothing_else(tmp_path: Path, write_bag: WriteBag) -> None:
+    """As a disk leaves it: some of them lie in the messages, whose index at the file's end stays sound."""
+    (file,) = write_bag(tmp_path / "bag").glob("*.mcap")
+    whole, refused = file.read_bytes(), 0
+    for begin in range(0, len(whole), len(whole) // 60):
+        file.write_bytes(whole[:begin] + bytes(64) + whole[begin + 64 :])
+        try:
+            contents(file.parent)
+        except RecordingError:
+            refused += 1
+    assert refused > 1

@@ -11,7 +11,7 @@ from rosbags.rosbag2 import Reader
 
 from rabbit_recording.account import EpisodeAccount
 from rabbit_recording.bag_writer import LOST
-from rabbit_recording.opening import begin_of, opened, storage_files
+from rabbit_recording.opening import begin_of, opened, storage_files, told
 from rabbit_recording.reader import iterate_accounts
 
 
@@ -44,7 +44,7 @@ class Contents:
 
 def contents(path: Path) -> Contents:
     """Look into a recording; raises `RecordingError`."""
-    with opened(path) as reader:
+    with opened(path) as reader, told(path):
         lost = lost_messages(reader)
         topics = [
             TopicContents(c.topic, c.msgtype, c.msgcount, qos_text(c.ext.offered_qos_profiles), lost.get(c.topic))

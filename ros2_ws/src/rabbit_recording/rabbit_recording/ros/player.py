@@ -19,7 +19,7 @@ from rosbags.interfaces import Connection, ConnectionExtRosbag2, QosDurability, 
 from rosbags.typesys import Stores, get_typestore
 
 from rabbit_recording.bag_writer import RecordingError, graph_types
-from rabbit_recording.opening import begin_of, opened
+from rabbit_recording.opening import begin_of, opened, told
 
 DELIVERY_SECONDS = 3.0
 SHOW_SECONDS = 0.1
@@ -56,7 +56,8 @@ def play(path: Path, how: Playing, show: Callable[[float, float], object]) -> in
             node = rclpy.create_node("player", namespace=how.namespace, context=context)
             publishers = {c.topic: _publisher(node, c, how.namespace) for c in reader.connections}
             _refuse_clash(path, node, publishers, how.delay)
-            return _publish(reader, publishers, how, show)
+            with told(path):
+                return _publish(reader, publishers, how, show)
 
 
 def check_definitions(path: Path, reader: AnyReader) -> None:
