@@ -57,20 +57,20 @@ class Policies:
 
     def __init__(self) -> None:
         self._told: dict[str, bytes] = {}
+        self._order: list[str] = []  # versions as they were told, one that came in force once more again
 
     def add(self, message: Any) -> None:
         """A `PolicySwap`."""
         if message.accepted:
-            self._told.pop(message.version, None)
             self._told[message.version] = bytes(message.data)
+            self._order.append(message.version)
 
     def get(self, version: str) -> bytes | None:
         """Empty for the built-in zero policy; None if it was not told."""
         return self._told.get(version)
 
     def forget_before(self, version: str) -> None:
-        """A policy that comes in force once more is told once more."""
+        """After an episode that ended with this policy, none that was told before it is needed."""
         if version in self._told:
-            versions = list(self._told)
-            for each in versions[: versions.index(version)]:
-                del self._told[each]
+            self._order = self._order[self._order.index(version) :]
+            self._told = {each: self._told[each] for each in self._order}
