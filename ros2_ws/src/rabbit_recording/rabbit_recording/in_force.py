@@ -57,7 +57,7 @@ class Policies:
 
     def __init__(self) -> None:
         self._told: dict[str, bytes] = {}
-        self._order: list[str] = []  # versions as they were told, one that came in force once more again
+        self._order: list[str] = []  # versions as they were announced; one may come twice
 
     def add(self, message: Any) -> None:
         """A `PolicySwap`."""
@@ -70,7 +70,7 @@ class Policies:
         return self._told.get(version)
 
     def forget_before(self, version: str) -> None:
-        """After an episode that ended with this policy, none that was told before it is needed."""
+        """Drop the policies that were announced before this one: no later episode needs them."""
         if version in self._told:
             self._order = self._order[self._order.index(version) :]
             self._told = {each: self._told[each] for each in self._order}

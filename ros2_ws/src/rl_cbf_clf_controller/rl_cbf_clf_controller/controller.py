@@ -13,6 +13,7 @@ import numpy as np
 from cbf_clf_qp.ecbf import Barriers
 from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.io_linearization import precontrol
+from cbf_clf_qp.res_clf import ResClf
 from cbf_clf_qp.solvers import make_solver
 from cbf_clf_qp.tick import Constraint, Decided, Terms, decide
 from rabbit_description.gait_library import Gaits
@@ -24,7 +25,7 @@ from rl_cbf_clf_controller.context import ModelContext
 from rl_cbf_clf_controller.nominal_model import Kinematics, NominalModel
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import Policy
-from rl_cbf_clf_controller.recipes import make_recipe, res_clf
+from rl_cbf_clf_controller.recipes import make_recipe
 from rl_cbf_clf_controller.scene import Scene
 from rl_cbf_clf_controller.step_outputs import make_steps
 from rl_cbf_clf_controller.stone_barriers import stone_barriers
@@ -122,12 +123,12 @@ class Controller:
     ) -> None:
         self.parameters = parameters
         self.policy = policy
-        self.clf = res_clf(parameters)
-        self.recipe = make_recipe(parameters, constraints)
+        self.clf = ResClf(4, parameters.eps, (parameters.kp, parameters.kd))
+        self.recipe = make_recipe(parameters, self.clf, constraints)
         self._steps = make_steps(gait, parameters.stone_aim)
         self._model = NominalModel(urdf)
         self._solver = make_solver(parameters.qp_solver)
-        self._adaptation = make_adaptation(parameters, urdf)
+        self._adaptation = make_adaptation(parameters, self.clf, urdf)
         self.reset(0)
 
     @property

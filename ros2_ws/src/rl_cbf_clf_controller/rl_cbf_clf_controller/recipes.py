@@ -26,24 +26,24 @@ Quantities = tuple[Quantity[Scene], ...]
 class Kind:
     """What tells one controller from another: the quantities, and how their estimates are used."""
 
-    quantities: Callable[[Parameters], Quantities]
+    quantities: Callable[[Parameters, ResClf], Quantities]
     corrects_input: bool = False
     corners: Callable[[Parameters], Callable[[Terms[Scene]], Sequence[Affine]]] = lambda p: no_corners
 
 
-def flat(p: Parameters) -> Quantities:
+def flat(p: Parameters, clf: ResClf) -> Quantities:
     """The CLF's row, hard but for a slack of last resort."""
-    return (hard_clf(p),)
+    return (hard_clf(p, clf),)
 
 
-def stones(p: Parameters) -> Quantities:
+def stones(p: Parameters, clf: ResClf) -> Quantities:
     """The CLF relaxed by d, both barriers, the ground's force."""
-    clf = Clf(res_clf(p), p.slack_weight, is_normalised=p.clf_row == "normalised")
+    soft_clf = Clf(clf, p.slack_weight, is_normalised=p.clf_row == "normalised")
     poles = (p.barrier_pole_1, p.barrier_pole_2)
-    return clf, StoneBarriers(poles, p.barrier_rescue_weight, p.barrier_rows), contact_force(p, p.force_rows)
+    return soft_clf, StoneBarriers(poles, p.barrier_rescue_weight, p.barrier_rows), contact_force(p, p.force_rows)
 
 
-def outputs(p: Parameters) -> Quantities:
+def outputs(p: Parameters, clf: ResClf) -> Quantities:
     """The outputs' accelerations, which the input corrects."""
     return (OutputAcceleration(),)
 
@@ -59,13 +59,13 @@ KINDS: dict[ControllerName, Kind] = {
 }
 
 
-def make_recipe(p: Parameters, own: Sequence[Constraint] = ()) -> Recipe[Scene]:
-    """The recipe of the controller that the parameters name, with constraints of one's `own`."""
+def make_recipe(p: Parameters, clf: ResClf, own: Sequence[Constraint] = ()) -> Recipe[Scene]:
+    """The recipe of the controller that the parameters name, on its `clf`, with constraints of one's `own`."""
     kind = KINDS[p.controller]
-    reference = [ReferenceClf(res_clf(p), hard_clf(p))] if kind.corrects_input else []
+    reference = [ReferenceClf(clf, hard_clf(p, clf))] if kind.corrects_input else []
     forces = [NominalForce(contact_force(p))] if p.flat_force_rows and not p.on_stones else []
     return Recipe(
-        quantities=kind.quantities(p),
+        quantities=kind.quantities(p, clf),
         constraints=(*reference, *forces, Saturation(p.torque_limit), *own),
         corrects_input=kind.corrects_input,
         corners=kind.corners(p),
@@ -73,14 +73,9 @@ def make_recipe(p: Parameters, own: Sequence[Constraint] = ()) -> Recipe[Scene]:
     )
 
 
-def res_clf(p: Parameters) -> ResClf:
-    """On the four outputs."""
-    return ResClf(4, p.eps, (p.kp, p.kd))
-
-
-def hard_clf(p: Parameters) -> Clf:
+def hard_clf(p: Parameters, clf: ResClf) -> Clf:
     """Of the flat-ground controllers."""
-    return Clf(res_clf(p), p.clf_rescue_weight, is_rescue=True)
+    return Clf(clf, p.clf_rescue_weight, is_rescue=True)
 
 
 def contact_force(p: Parameters, has_rows: bool = True) -> ContactForce:
