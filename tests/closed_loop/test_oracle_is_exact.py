@@ -13,6 +13,7 @@ from cbf_clf_qp.tick import Terms
 from rabbit_description.state import Array, RobotState
 from rabbit_experiments.assembly import Assembly
 from rabbit_experiments.evaluation import episode
+from rabbit_sim.kinematics import RabbitFeet
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.pinned_dynamics import PinnedDynamics
 from rabbit_sim.robot_urdf import perturbed_urdf
@@ -35,7 +36,7 @@ class Truth:
     """The perturbed robot's motion from a state, under the torque that the plant's motors give."""
 
     def __init__(self, plant: SimulationParameters) -> None:
-        self._dynamics = PinnedDynamics(perturbed_urdf(plant), plant.link_bend, plant.joint_damping)
+        self._dynamics = PinnedDynamics(perturbed_urdf(plant), RabbitFeet(plant.link_bend), plant.joint_damping)
         self._share = 1 - plant.motor_loss
 
     def acceleration_and_force(self, q: Array, dq: Array, output: ControllerOutput) -> tuple[Array, Array]:

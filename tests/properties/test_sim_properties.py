@@ -9,7 +9,7 @@ from rabbit_description.gait import load_gait
 from rabbit_description.state import Leg
 from rabbit_sim.actuation import Actuation
 from rabbit_sim.initial_state import initial_state, project
-from rabbit_sim.kinematics import centripetal_acceleration, foot_jacobian, foot_positions
+from rabbit_sim.kinematics import RabbitFeet, centripetal_acceleration, foot_jacobian, foot_positions
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.pinned_dynamics import PinnedDynamics
 from rabbit_sim.robot_urdf import perturbed_urdf
@@ -156,7 +156,7 @@ def test_projection_changes_nothing_twice(q, dq):
 @given(robots, postures, rates, legs)
 def test_an_impact_stops_the_foot_and_makes_no_energy(p, q, dq, leg):
     model, data, _ = model_of(p)
-    after, impulse = PinnedDynamics(perturbed_urdf(p), p.link_bend).impact(q, dq, leg)
+    after, impulse = PinnedDynamics(perturbed_urdf(p), RabbitFeet(p.link_bend)).impact(q, dq, leg)
     before = pinocchio.computeKineticEnergy(model, data, q, dq)
     assert pinocchio.computeKineticEnergy(model, data, q, after) <= before * (1 + 1e-9) + 1e-9
     np.testing.assert_allclose(foot_jacobian(q, leg, p.link_bend) @ after, 0, atol=1e-9)

@@ -6,7 +6,7 @@ import pytest
 from rabbit_description.gait import load_gait
 from rabbit_description.state import Array
 from rabbit_sim.initial_state import initial_state
-from rabbit_sim.kinematics import foot_jacobian
+from rabbit_sim.kinematics import RabbitFeet, foot_jacobian
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.pinned_dynamics import PinnedDynamics
 from rabbit_sim.robot_urdf import perturbed_urdf
@@ -28,7 +28,7 @@ class Truth:
 
     def pinned(self) -> PinnedDynamics:
         """Our model of it in stance."""
-        return PinnedDynamics(self.urdf, self.parameters.link_bend, self.parameters.joint_damping)
+        return PinnedDynamics(self.urdf, RabbitFeet(self.parameters.link_bend), self.parameters.joint_damping)
 
     def jacobian(self, q, leg):
         """Of a foot, (2, 7)."""

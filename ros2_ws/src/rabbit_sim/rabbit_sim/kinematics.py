@@ -48,3 +48,22 @@ def centripetal_acceleration(q: Array, dq: Array, leg: Leg, bend: float = 0.0) -
     upper, lower = rate**2, (rate + float(dq[4 + 2 * leg])) ** 2
     thigh, shin = _link(pitch + hip, bend), _link(pitch + hip + knee, bend)
     return np.array([-upper * thigh[0] - lower * shin[0], -upper * thigh[1] - lower * shin[1]])
+
+
+class RabbitFeet:
+    """The feet of RABBIT with bent links; see `pinned_dynamics.Feet`."""
+
+    def __init__(self, bend: float = 0.0) -> None:
+        self._bend = bend
+
+    def positions(self, q: Array) -> Array:
+        """Centres, world, shape (2, 2)."""
+        return foot_positions(q, self._bend)
+
+    def jacobian(self, q: Array, leg: Leg) -> Array:
+        """Foot velocity over `dq`, shape (2, 7)."""
+        return foot_jacobian(q, leg, self._bend)
+
+    def drift(self, q: Array, dq: Array, leg: Leg) -> Array:
+        """dJ/dt dq, shape (2,)."""
+        return centripetal_acceleration(q, dq, leg, self._bend)

@@ -1,55 +1,131 @@
-"""The paper's hybrid model of the robot, with any perturbed parameters.
+"""The paper's hybrid model of a planar robot with two point feet.
 
 In stance, the foot pinned:   M ddq + h = B tau + J' F,   J ddq + dJ/dt dq = 0
 At impact of the other foot:  M (dq+ - dq-) = J' L,       J dq+ = 0
 
-M mass matrix, h bias forces, B tau joint torques on the last four coordinates, J Jacobian (2, 7) of the pinned foot,
-F its ground force, L its impulse (both x, z). Inelastic impact, no slip, the old stance foot free at once (Grizzle,
-Abba, Plestan 2001). Both are one linear system in the acceleration or velocity and the force.
+M mass matrix, h bias forces, B tau joint torques on the coordinates after the base's three, J Jacobian (2, n) of the
+pinned foot, F its ground force, L its impulse (both x, z). Inelastic impact, no slip, the old stance foot free at once
+(Grizzle, Abba, Plestan 2001). Both are one linear system in the acceleration or velocity and the force.
 """
+
+from typing import Protocol
 
 import numpy as np
 import pinocchio
+from rabbit_description.planar_urdf import BASE, UrdfError
 from rabbit_description.state import Array, Leg
 
-from rabbit_sim.kinematics import centripetal_acceleration, foot_jacobian
+PLANE = [0, 2]  # x and z of a spatial vector
+OUT_OF_PLANE = [1, 3, 5]  # y, and the turns about x and z
+BASE_COORDINATES = len(BASE)
+
+
+class Feet(Protocol):
+    """Where the two feet of a robot with n coordinates are, world frame, columns or entries x, z; m."""
+
+    def positions(self, q: Array) -> Array:
+        """Of both, shape (2, 2): rows left, right."""
+
+    def jacobian(self, q: Array, leg: Leg) -> Array:
+        """Foot velocity over `dq`, shape (2, n)."""
+
+    def drift(self, q: Array, dq: Array, leg: Leg) -> Array:
+        """dJ/dt dq: the foot's acceleration at constant rates, shape (2,), m/s^2."""
+
+
+class UrdfFeet:
+    """The origins of two links of a planar robot.
+
+    Raises:
+        UrdfError: a link that is not there, or a robot that does not move in the plane alone.
+    """
+
+    def __init__(self, urdf: str, links: tuple[str, str] = ("left_foot", "right_foot")) -> None:
+        self._model = planar_model(urdf)
+        self._data = self._model.createData()
+        missing = [link for link in links if not self._model.existFrame(link)]
+        if missing:
+            raise UrdfError(f"URDF {self._model.name}: no link {', '.join(missing)} for a foot")
+        self._frames = [self._model.getFrameId(link) for link in links]
+
+    def positions(self, q: Array) -> Array:
+        """Of both, shape (2, 2): rows left, right."""
+        pinocchio.framesForwardKinematics(self._model, self._data, q)
+        return np.array([self._data.oMf[frame].translation[PLANE] for frame in self._frames])
+
+    def jacobian(self, q: Array, leg: Leg) -> Array:
+        """Foot velocity over `dq`, shape (2, n)."""
+        world = pinocchio.LOCAL_WORLD_ALIGNED
+        return pinocchio.computeFrameJacobian(self._model, self._data, q, self._frames[leg], world)[PLANE]
+
+    def drift(self, q: Array, dq: Array, leg: Leg) -> Array:
+        """dJ/dt dq, shape (2,), m/s^2."""
+        pinocchio.forwardKinematics(self._model, self._data, q, dq, np.zeros_like(dq))
+        world = pinocchio.LOCAL_WORLD_ALIGNED
+        motion = pinocchio.getFrameClassicalAcceleration(self._model, self._data, self._frames[leg], world)
+        drift: Array = motion.linear[PLANE]
+        return drift
+
+
+def planar_model(urdf: str) -> pinocchio.Model:
+    """The model of a robot whose first coordinates are those of `BASE`, and which moves in the x-z plane alone.
+
+    Raises:
+        UrdfError: another base, or a joint that leaves the plane; names it.
+    """
+    model = pinocchio.buildModelFromXML(urdf)
+    names = list(model.names)[1:]
+    if tuple(names[:BASE_COORDINATES]) != BASE or model.nq != model.nv:
+        raise UrdfError(f"URDF {model.name}: joints {names}; expected {', '.join(BASE)} first, then single axes")
+    data, q = model.createData(), np.linspace(0.1, 1.0, model.nq)
+    pinocchio.computeJointJacobians(model, data, q)
+    for joint, name in enumerate(names, start=1):
+        jacobian = pinocchio.getJointJacobian(model, data, joint, pinocchio.LOCAL_WORLD_ALIGNED)
+        if np.abs(jacobian[OUT_OF_PLANE]).max() > 1e-9:
+            raise UrdfError(f"URDF {model.name}: joint {name} leaves the x-z plane; expected axes along y, or x and z")
+    return model
 
 
 class PinnedDynamics:
-    """Of the robot that `urdf` describes, its links bent by `bend`, its joints damped by `damping` (1/s)."""
+    """Of the robot that `urdf` describes, its feet where `feet` says, its joints damped by `damping` (1/s)."""
 
-    def __init__(self, urdf: str, bend: float = 0.0, damping: float = 0.0) -> None:
-        self._model = pinocchio.buildModelFromXML(urdf)
+    def __init__(self, urdf: str, feet: Feet, damping: float = 0.0) -> None:
+        self.feet = feet
+        self._model = planar_model(urdf)
         self._data = self._model.createData()
-        self._bend = bend
         self._damping = damping
-        self._system = np.zeros((9, 9))
-        self._right_side = np.zeros(9)
+        self.coordinates: int = self._model.nv
+        self.inputs = self.coordinates - BASE_COORDINATES
+        self._system = np.zeros((self.coordinates + 2, self.coordinates + 2))
+        self._right_side = np.zeros(self.coordinates + 2)
 
     def accelerations(self, q: Array, dq: Array, torque: Array, stance: Leg) -> tuple[Array, Array]:
-        """`ddq` (7,) and the ground force (2,) on the stance foot, x and z, N, under joint torques (4,), N m."""
+        """`ddq` (n,) and the ground force (2,) on the stance foot, x and z, N, under joint torques (n - 3,), N m."""
+        n, joints = self.coordinates, slice(BASE_COORDINATES, self.coordinates)
         inertia = self._fill_system(q, stance)
         right = self._right_side
-        right[:7] = -pinocchio.nle(self._model, self._data, q, dq)
-        right[3:7] += torque - self._damping * inertia[3:] * dq[3:]
-        right[7:] = -centripetal_acceleration(q, dq, stance, self._bend)
+        right[:n] = -pinocchio.nle(self._model, self._data, q, dq)
+        right[joints] += torque - self._damping * inertia[joints] * dq[joints]
+        right[n:] = -self.feet.drift(q, dq, stance)
         solution = np.linalg.solve(self._system, right)
-        return solution[:7], -solution[7:]
+        return solution[:n], -solution[n:]
 
     def impact(self, q: Array, dq: Array, landing: Leg) -> tuple[Array, Array]:
-        """`dq` (7,) after the foot `landing` has come to rest, and the impulse (2,) on it, x and z, N s."""
+        """`dq` (n,) after the foot `landing` has come to rest, and the impulse (2,) on it, x and z, N s."""
+        n = self.coordinates
         self._fill_system(q, landing)
         right = self._right_side
-        right[:7] = self._system[:7, :7] @ dq
-        right[7:] = 0.0
+        right[:n] = self._system[:n, :n] @ dq
+        right[n:] = 0.0
         solution = np.linalg.solve(self._system, right)
-        return solution[:7], -solution[7:]
+        return solution[:n], -solution[n:]
 
     def _fill_system(self, q: Array, leg: Leg) -> Array:
-        """The matrix [[M, J'], [J, 0]], whose second unknown is minus the force; returns M's diagonal, shape (7,)."""
+        """The matrix [[M, J'], [J, 0]], whose second unknown is minus the force; returns M's diagonal, shape (n,)."""
+        n = self.coordinates
         mass: Array = pinocchio.crba(self._model, self._data, q)
-        self._system[:7, :7] = mass
-        jacobian = foot_jacobian(q, leg, self._bend)
-        self._system[7:, :7] = jacobian
-        self._system[:7, 7:] = jacobian.T
+        self._system[:n, :n] = mass
+        jacobian = self.feet.jacobian(q, leg)
+        self._system[n:, :n] = jacobian
+        self._system[:n, n:] = jacobian.T
         return mass.diagonal()

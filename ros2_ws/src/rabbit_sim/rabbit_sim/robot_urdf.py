@@ -4,6 +4,7 @@ from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
 from rabbit_description import URDF_PATH
+from rabbit_description.planar_urdf import scale_inertials
 
 from rabbit_sim.parameters import SimulationParameters
 
@@ -13,8 +14,7 @@ DISTAL_JOINTS = ("left_knee", "left_ankle", "right_knee", "right_ankle")
 def perturbed_urdf(parameters: SimulationParameters) -> str:
     """URDF text of the robot with `mass_scale`, then `payload` at `payload_height`, and `link_bend`."""
     robot = ElementTree.parse(URDF_PATH).getroot()
-    for inertial in robot.iter("inertial"):
-        _scale(inertial, parameters.mass_scale)
+    scale_inertials(robot, parameters.mass_scale)
     _add_point_mass(_child(robot, "link[@name='torso']/inertial"), parameters.payload, parameters.payload_height)
     for name in DISTAL_JOINTS:
         _bend(_child(robot, f"joint[@name='{name}']/origin"), parameters.link_bend)
@@ -26,16 +26,6 @@ def _child(element: Element, path: str) -> Element:
     if found is None:
         raise ValueError(f"{URDF_PATH}: no element {path}")
     return found
-
-
-def _scale(inertial: Element, factor: float) -> None:
-    _multiply(_child(inertial, "mass"), ("value",), factor)
-    _multiply(_child(inertial, "inertia"), ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), factor)
-
-
-def _multiply(element: Element, names: tuple[str, ...], factor: float) -> None:
-    for name in names:
-        element.set(name, repr(float(element.attrib[name]) * factor))
 
 
 def _add_point_mass(inertial: Element, mass: float, height: float) -> None:

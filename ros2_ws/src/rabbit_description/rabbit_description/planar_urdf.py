@@ -1,0 +1,71 @@
+"""URDF texts of planar robots: a base that moves in the plane, heavier or lighter links."""
+
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
+
+BASE = ("base_x", "base_z", "base_pitch")  # the first three coordinates of a planar robot
+INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+
+
+class UrdfError(ValueError):
+    """A URDF that is no planar robot: names the element and what was expected."""
+
+
+def with_planar_base(urdf: str) -> str:
+    """The robot with its root link on the joints `BASE`: x forward, z up, pitch about +y. As it is, if it has them.
+
+    Raises:
+        UrdfError: not XML, or not one root link.
+    """
+    robot = _parsed(urdf)
+    joints = {joint.attrib["name"] for joint in robot.iterfind("joint")}
+    if joints >= set(BASE):
+        return urdf
+    root = _root_link(robot)
+    links = ("world", "slide_x", "slide_z")
+    for name in links:
+        ElementTree.SubElement(robot, "link", name=name)
+    kinds = (("prismatic", "1 0 0"), ("prismatic", "0 0 1"), ("revolute", "0 1 0"))
+    for name, parent, child, (kind, axis) in zip(BASE, links, (*links[1:], root), kinds, strict=True):
+        joint = ElementTree.SubElement(robot, "joint", name=name, type=kind)
+        ElementTree.SubElement(joint, "parent", link=parent)
+        ElementTree.SubElement(joint, "child", link=child)
+        ElementTree.SubElement(joint, "axis", xyz=axis)
+        ElementTree.SubElement(joint, "limit", lower="-1e6", upper="1e6", effort="0", velocity="1000")
+    return ElementTree.tostring(robot, encoding="unicode")
+
+
+def scaled(urdf: str, factor: float) -> str:
+    """The robot with every mass and inertia times `factor`.
+
+    Raises:
+        UrdfError: not XML.
+    """
+    robot = _parsed(urdf)
+    scale_inertials(robot, factor)
+    return ElementTree.tostring(robot, encoding="unicode")
+
+
+def scale_inertials(robot: Element, factor: float) -> None:
+    """Multiply every mass and inertia in place."""
+    for inertial in robot.iter("inertial"):
+        for tag, names in (("mass", ("value",)), ("inertia", INERTIA)):
+            for element in inertial.iterfind(tag):
+                for name in names:
+                    element.set(name, repr(float(element.attrib[name]) * factor))
+
+
+def _parsed(urdf: str) -> Element:
+    try:
+        return ElementTree.fromstring(urdf)
+    except ElementTree.ParseError as error:
+        raise UrdfError(f"URDF: not XML: {error}") from error
+
+
+def _root_link(robot: Element) -> str:
+    links = [link.attrib["name"] for link in robot.iterfind("link")]
+    children = {child.attrib["link"] for child in robot.iterfind("joint/child")}
+    roots = [link for link in links if link not in children]
+    if len(roots) != 1:
+        raise UrdfError(f"URDF {robot.get('name')}: root links {roots}; expected one")
+    return roots[0]
