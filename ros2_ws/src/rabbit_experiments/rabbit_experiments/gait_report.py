@@ -85,7 +85,7 @@ def reports(
 
 
 def markdown(rows: Sequence[GaitReport]) -> str:
-    """Both tables, as docs/gaits.md has them."""
+    """Both tables, as docs/gaits.md and docs/data/gaits.md have them."""
     cases = " | ".join(f"scale {scale:g}, {policy}" for scale, policy in CASES)
     lines = [f"| gait | {cases} |", "|---" * (len(CASES) + 1) + "|"]
     for row in rows:
