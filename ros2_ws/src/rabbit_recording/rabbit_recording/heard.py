@@ -21,6 +21,7 @@ from rabbit_recording.opening import last_name, opened, told
 
 OWN_TYPES = "rabbit_msgs/"
 TICK_NANOSECONDS = round(TICK_SECONDS * 1e9)
+ANNOUNCED = ("episode", "preview", "landing")  # by the simulator, and latched
 FIRST_WORD = (0, 0)  # episode and phase with which a simulator begins: none, and WAITING in rabbit_msgs/Episode
 
 
@@ -49,6 +50,11 @@ class Heard:
     def stamp(self) -> int:
         """Simulated time, ns."""
         return nanoseconds_of(self.data)
+
+    @property
+    def zero(self) -> int:
+        """Where its simulated time counts from, ns."""
+        return self.at - self.stamp
 
     @property
     def is_first_word(self) -> bool:
@@ -100,14 +106,17 @@ def by_run(messages: Iterable[Heard]) -> Iterator[tuple[int, Heard]]:
     """Before each message the simulator's run that it belongs to, from 0; `state` and `episode` must be among them.
 
     A first word begins a run if the next state's time counts from it and does not go on where the one before was.
+    What a simulator announced belongs to the run from whose beginning its time counts, however late it came.
     """
-    run = announced = 0
+    run = 0
+    announced: int | None = None  # where the newest announcement's time counts from
+    began: dict[int, int] = {}  # where a run's time counts from: the run
     newest: Heard | None = None  # state
     held: list[Heard] = []  # from a first word on, until a state says whose it was
     for message in messages:
         is_state = message.topic == "state"
         if held and is_state and newest is not None:
-            begins = message.at - message.stamp == held[0].at - held[0].stamp  # its time counts from the first word
+            begins = message.zero == held[0].zero
             run += begins and not goes_on(newest.data, message.data)
             yield from ((run, each) for each in held)
             held = []
@@ -115,10 +124,13 @@ def by_run(messages: Iterable[Heard]) -> Iterator[tuple[int, Heard]]:
             held.append(message)
             continue
         newest = message if is_state else newest
-        run += message.is_first_word and announced > 0
-        announced = message.episode if message.topic == "episode" else announced
-        yield run, message
-    if held and newest is not None and all(each.episode < newest.episode for each in held if each.topic == "episode"):
+        run += message.is_first_word and announced not in (None, message.zero)
+        if message.topic == "episode":
+            announced = message.zero
+        if is_state or message.topic == "episode":
+            began.setdefault(message.zero, run)
+        yield (began.get(message.zero, run) if message.topic in ANNOUNCED else run), message
+    if held and newest is not None and all(each.stamp < newest.stamp for each in held if each.topic == "episode"):
         run += 1
     yield from ((run, each) for each in held)
 

@@ -65,6 +65,7 @@ class Operator:
         self._episode = Episode()
         self._versions: deque[str] = deque(maxlen=100)  # in force, by the newest torques
         self._accepted: set[str] = set()
+        self._published: set[str] = set()  # versions, since something was asked for last
         self._refusals: deque[PolicySwap] = deque(maxlen=20)
         self._said: dict[str, str] = {}
         self._hear()
@@ -83,6 +84,7 @@ class Operator:
         subscribe(TorqueCommand, "torque", self._on_torque, GLANCE, raw=True)
         subscribe(Episode, "episode", self._on_episode, EVENT)
         subscribe(PolicySwap, "policy_swap", self._on_swap, EVENT)
+        subscribe(PolicyWeights, "policy", self._on_policy, WEIGHTS)
         subscribe(DiagnosticArray, "diagnostics", self._on_diagnostics, DIAGNOSTICS)
 
     def close(self) -> None:
@@ -131,6 +133,7 @@ class Operator:
         policy = self._near()
         path = self._folder / f"{policy.version}.safetensors"
         path.write_bytes(policy.encode())
+        self._published.clear()
         answer = self._ask("load_policy", LoadPolicy.Request(path=str(path)))
         path.unlink()
         return (policy.version, *self._comes_in_force(policy.version, answer.message))
@@ -139,6 +142,7 @@ class Operator:
         policy = self._near()
         publisher = self._node.create_publisher(PolicyWeights, "policy", WEIGHTS)
         message = PolicyWeights(version=policy.version, source="operator", data=array("B", policy.encode()))
+        self._published.clear()
         publisher.publish(message)
         answer = (policy.version, *self._comes_in_force(policy.version))
         self._node.destroy_publisher(publisher)
@@ -148,9 +152,15 @@ class Operator:
         return near_policy(self._good, self._rng.getrandbits(31))
 
     def _comes_in_force(self, version: str, reason: str = "") -> tuple[str, bool]:
+        """In force, or replaced before the next tick by a newer one, as by a trainer between two episodes."""
         self._versions.clear()
-        comes = not reason and self._wait(lambda: version in self._versions)
-        return reason or f"{'' if comes else 'not '}in force", comes
+        if reason or not self._wait(lambda: version in self._versions or self._is_replaced()):
+            return reason or "not in force", False
+        return "in force" if version in self._versions else "replaced before the next tick", True
+
+    def _is_replaced(self) -> bool:
+        """Whether torques come of a policy that was published after what was asked last."""
+        return not self._published.isdisjoint(self._versions)
 
     def _load_bad(self, path: Path) -> Answer:
         self._refusals.clear()
@@ -289,6 +299,9 @@ class Operator:
 
     def _on_episode(self, message: Episode) -> None:
         self._episode = message
+
+    def _on_policy(self, message: PolicyWeights) -> None:
+        self._published.add(message.version)
 
     def _on_swap(self, message: PolicySwap) -> None:
         if message.accepted:
