@@ -8,7 +8,7 @@ from cbf_clf_qp.ecbf import ecbf_bound, ecbf_gains
 from rabbit_description.gait import Gait
 from rabbit_description.state import Array, StonePreview
 from rl_cbf_clf_controller.stone_barriers import stone_barriers
-from rl_cbf_clf_controller.virtual_constraints import PHASE_ANGLE
+from rl_cbf_clf_controller.virtual_constraints import RABBIT_ANGLES
 
 from rabbit_gait_design.zero_dynamics import Instant, ZeroDynamics
 
@@ -116,4 +116,4 @@ class Orbit:
 def start_phase_rate(gait: Gait) -> float:
     """Phase rate of the gait's post-impact state, 1/s."""
     _, dq = gait.x_start
-    return float(PHASE_ANGLE @ dq / (gait.phase_angle_end - gait.phase_angle_start))
+    return float(RABBIT_ANGLES.phase_angle @ dq / (gait.phase_angle_end - gait.phase_angle_start))

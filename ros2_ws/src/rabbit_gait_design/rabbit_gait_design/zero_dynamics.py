@@ -12,11 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
-from rabbit_description.gait import Gait
 from rabbit_description.state import Array
 from rl_cbf_clf_controller.bezier import Bezier
 from rl_cbf_clf_controller.nominal_model import NominalModel
-from rl_cbf_clf_controller.virtual_constraints import VirtualConstraints
+from rl_cbf_clf_controller.virtual_constraints import RABBIT_ANGLES, Angles, Path, VirtualConstraints
 from scipy.integrate import solve_ivp
 
 TORSO_COM_HEIGHT = 0.24  # m above the hip
@@ -39,7 +38,7 @@ def loaded_model(payload: float = 0.0, height: float = TORSO_COM_HEIGHT) -> Nomi
 
 @dataclass(frozen=True)
 class Instant:
-    """One instant on the zero dynamics: state and acceleration (7,), torque (4,), stance-foot force (2,); the swing
+    """One instant on the zero dynamics: state and acceleration (n,), torque (m,), stance-foot force (2,); the swing
     foot's position, velocity and acceleration (2,) from the stance foot; the phase's acceleration, 1/s^2."""
 
     q: Array
@@ -54,21 +53,21 @@ class Instant:
 
 
 class ZeroDynamics:
-    """The zero dynamics of `gait` on `model`."""
+    """The zero dynamics of `gait` on `model`, whose outputs and phase are `angles`; RABBIT's unless said."""
 
-    def __init__(self, gait: Gait, model: NominalModel | None = None) -> None:
-        self.gait = gait
+    def __init__(self, gait: Path, model: NominalModel | None = None, angles: Angles = RABBIT_ANGLES) -> None:
+        self.gait, self.angles = gait, angles
         self.model = model or NominalModel()
-        self._constraints = VirtualConstraints(gait)
+        self.constraints = VirtualConstraints(gait, angles)
         self._desired = Bezier(gait.coeffs)
         self._span = gait.phase_angle_end - gait.phase_angle_start
 
     def state(self, phase: float, phase_rate: float) -> tuple[Array, Array]:
-        """`(q, dq)`, each (7,), stance/swing order, with y = y-dot = 0 and the stance foot at rest at the origin."""
-        joints, slope, _ = self._desired(phase)
+        """`(q, dq)`, each (n,), stance/swing order, with y = y-dot = 0 and the stance foot at rest at the origin."""
+        desired, slope, _ = self._desired(phase)
         angle = self.gait.phase_angle_start + phase * self._span
-        q = np.concatenate([[0.0, 0.0, angle - joints[0] - joints[1] / 2], joints])
-        dq = phase_rate * np.concatenate([[0.0, 0.0, self._span - slope[0] - slope[1] / 2], slope])
+        q = np.concatenate([np.zeros(2), self.angles.coordinates(desired, angle)])
+        dq = phase_rate * np.concatenate([np.zeros(2), self.angles.coordinates(slope, self._span)])
         feet = self.model.update(q, dq)  # with the hip held, the foot moves by minus the hip's true motion
         q[:2], dq[:2] = feet.hip, feet.hip_rate
         return q, dq
@@ -78,17 +77,21 @@ class ZeroDynamics:
         q, dq = self.state(phase, phase_rate)
         feet = self.model.update(q, dq)
         pinned = self.model.pinned()
-        outputs = self._constraints.evaluate(q, dq)
+        outputs = self.constraints.evaluate(q, dq)
         y_ddot = outputs.second_derivative(pinned.acceleration)
-        torque = y_ddot.inverse()(np.zeros(4))
+        torque = y_ddot.inverse()(np.zeros(len(outputs.y)))
         ddq = pinned.acceleration(torque)
         return Instant(
             q, dq, ddq, torque, pinned.force(torque), feet.swing, feet.swing_rate,
-            feet.swing_jacobian @ ddq + feet.swing_bias, float((ddq[2] + ddq[3] + ddq[4] / 2) / self._span),
+            feet.swing_jacobian @ ddq + feet.swing_bias, float(self.angles.phase_angle @ ddq / self._span),
         )  # fmt: skip
 
-    def transition(self, phases: Array) -> tuple[Array, Array]:
-        """Phi and W at increasing `phases` (n,) from the first: sigma(phase) = Phi sigma(first) + W, each (n,)."""
+    def transition(self, phases: Array, tolerance: float = 1e-9) -> tuple[Array, Array]:
+        """Phi and W at increasing `phases` (n,) from the first: sigma(phase) = Phi sigma(first) + W, each (n,).
+
+        Raises:
+            ArithmeticError: the path has no motion: at some phase no torque makes y'' = 0 or the phase does not move.
+        """
 
         def slope(phase: float, values: Array) -> Array:
             at_rest = self.at(phase, 0.0).phase_acceleration
@@ -96,7 +99,9 @@ class ZeroDynamics:
             return np.array([per_sigma * values[0], per_sigma * values[1] + at_rest])
 
         span = (float(phases[0]), float(phases[-1]))
-        solution = solve_ivp(slope, span, [1.0, 0.0], "DOP853", phases, rtol=1e-9, atol=1e-11)
+        solution = solve_ivp(slope, span, [1.0, 0.0], "DOP853", phases, rtol=tolerance, atol=tolerance / 100)
+        if not solution.success:
+            raise ArithmeticError(f"no motion along the path beyond the phase {solution.t[-1]:.3f}: {solution.message}")
         return solution.y[0], solution.y[1]
 
     def phase_rates(self, phases: Array, first_rate: float) -> Array:

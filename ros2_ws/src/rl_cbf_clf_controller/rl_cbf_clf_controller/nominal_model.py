@@ -1,6 +1,6 @@
 """The robot as the controller believes it to be: pinned-foot dynamics from pinocchio.
 
-With the stance foot held, (q-ddot, F) solve, for a torque u at the four joints,
+With the stance foot held, (q-ddot, F) solve, for a torque u at the joints after the base's three coordinates,
 
     M(q) q-ddot + bias_forces(q, q-dot) = input_map u + J' F
     J q-ddot + J-dot q-dot = 0,
@@ -19,15 +19,22 @@ from rabbit_description.state import Array
 
 PLANE = [0, 2]  # x and z of a spatial vector
 NORMAL_TANGENTIAL = [1, 0]  # F = (F_T, F_N) to (F_N, F_T), the order of C1, C2
-INPUT_MAP = np.vstack([np.zeros((3, 4)), np.eye(4)])
+
+
+def input_map(coordinates: int) -> Array:
+    """B (n, n - 3): every coordinate after the base's three has a motor."""
+    return np.eye(coordinates)[:, 3:]
+
+
+INPUT_MAP = input_map(7)
 ACTUATED = INPUT_MAP.sum(axis=1)  # 1 where a motor acts
 
 
 @dataclass(frozen=True)
 class Kinematics:
-    """Swing foot from the stance foot and hip from the stance foot, world frame; m, m/s, m/s^2.
+    """Swing foot from the stance foot and hip (the base) from the stance foot, world frame; m, m/s, m/s^2.
 
-    `swing`, `swing_rate`, `hip`, `hip_rate` (2,); `swing_jacobian` (2, 7); `swing_bias` (2,) its J-dot q-dot.
+    `swing`, `swing_rate`, `hip`, `hip_rate` (2,); `swing_jacobian` (2, n); `swing_bias` (2,) its J-dot q-dot.
     """
 
     swing: Array
@@ -40,7 +47,7 @@ class Kinematics:
 
 @dataclass(frozen=True)
 class PinnedDynamics:
-    """`acceleration` (7) and stance-foot `force` (F_T, F_N), both affine in the torque u (4,), stance/swing order."""
+    """`acceleration` (n) and stance-foot `force` (F_T, F_N), both affine in the torque u (m,), stance/swing order."""
 
     acceleration: Affine
     force: Affine
@@ -52,22 +59,28 @@ class PinnedDynamics:
 
 
 class NominalModel:
-    """Pinned-foot dynamics of a URDF robot with RABBIT's joints.
+    """Pinned-foot dynamics of a planar URDF robot with n coordinates, m = n - 3 motors; RABBIT's if none is given.
 
-    `motor_gain` and `joint_damping` (generalised force -d M_jj dq_j, 1/s) are 1 and 0 in a nominal model; the oracle's
-    model carries the plant's.
+    `feet`: the links of the left and the right foot. `motor_gain` and `joint_damping` (generalised force -d M_jj dq_j,
+    1/s) are 1 and 0 in a nominal model; the oracle's model carries the plant's.
     """
 
-    def __init__(self, urdf: str | None = None, motor_gain: float = 1.0, joint_damping: float = 0.0) -> None:
+    def __init__(
+        self,
+        urdf: str | None = None,
+        motor_gain: float = 1.0,
+        joint_damping: float = 0.0,
+        feet: tuple[str, str] = ("left_foot", "right_foot"),
+    ) -> None:
         self.model = pin.buildModelFromXML(urdf or URDF_PATH.read_text(encoding="utf-8"))
         self.data = self.model.createData()
-        self._stance = self.model.getFrameId("left_foot")
-        self._swing = self.model.getFrameId("right_foot")
+        self._stance, self._swing = (self.model.getFrameId(foot) for foot in feet)
         self._no_acceleration = np.zeros(self.model.nv)
+        self._input_map = input_map(self.model.nv)
         self.motor_gain, self.joint_damping = motor_gain, joint_damping
 
     def update(self, q_s: Array, dq_s: Array) -> Kinematics:
-        """Compute all terms at a state `q_s`, `dq_s` (7,), stance/swing order, and return the feet's kinematics."""
+        """Compute all terms at a state `q_s`, `dq_s` (n,), stance/swing order, and return the feet's kinematics."""
         model, data = self.model, self.data
         pin.computeAllTerms(model, data, q_s, dq_s)
         pin.forwardKinematics(model, data, q_s, dq_s, self._no_acceleration)
@@ -88,23 +101,24 @@ class NominalModel:
 
     def pinned(self) -> PinnedDynamics:
         """Acceleration and contact force at the state of the last `update`."""
-        damping = self.joint_damping * ACTUATED * np.diag(self.data.M) * self._dq_s
+        n, m = self._input_map.shape
+        damping = self.joint_damping * self._input_map.sum(axis=1) * np.diag(self.data.M) * self._dq_s
         mass, bias_forces = self.mass_matrix(), self.data.nle + damping
-        kkt = np.zeros((9, 9))
-        kkt[:7, :7], kkt[:7, 7:], kkt[7:, :7] = mass, -self._jacobian.T, self._jacobian
-        right = np.zeros((9, 5))
-        right[:7, :4], right[:7, 4], right[7:, 4] = self.motor_gain * INPUT_MAP, -bias_forces, -self._bias
+        kkt = np.zeros((n + 2, n + 2))
+        kkt[:n, :n], kkt[:n, n:], kkt[n:, :n] = mass, -self._jacobian.T, self._jacobian
+        right = np.zeros((n + 2, m + 1))
+        right[:n, :m], right[:n, m], right[n:, m] = self.motor_gain * self._input_map, -bias_forces, -self._bias
         solution = np.linalg.solve(kkt, right)
         return PinnedDynamics(
-            acceleration=Affine(solution[:7, :4], solution[:7, 4]), force=Affine(solution[7:, :4], solution[7:, 4])
+            acceleration=Affine(solution[:n, :m], solution[:n, m]), force=Affine(solution[n:, :m], solution[n:, m])
         )
 
     def mass_matrix(self) -> Array:
-        """M (7, 7) at the state of the last `update`."""
+        """M (n, n) at the state of the last `update`."""
         return symmetric(self.data.M)
 
     def impact(self, q_s: Array, dq_s: Array) -> tuple[Array, Array]:
-        """Post-impact rates (7,) before relabelling and the impulse (2,) in N s when the swing foot lands at `q_s`."""
+        """Post-impact rates (n,) before relabelling and the impulse (2,), N s, if the swing foot lands at `q_s`."""
         self.update(q_s, dq_s)
         jacobian, _ = self._point(self._swing)
         mass = self.mass_matrix()
@@ -113,7 +127,7 @@ class NominalModel:
         return solution[:7], solution[7:]
 
     def _point(self, frame: int) -> tuple[Array, Array]:
-        """Planar Jacobian (2, 7) of a frame's origin and its J-dot q-dot (2,)."""
+        """Planar Jacobian (2, n) of a frame's origin and its J-dot q-dot (2,)."""
         world = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
         jacobian = pin.getFrameJacobian(self.model, self.data, frame, world)[PLANE]
         bias = pin.getFrameClassicalAcceleration(self.model, self.data, frame, world).linear[PLANE]

@@ -30,7 +30,7 @@ LEAST_RATE = 0.5  # 1/s; of a robot that hardly moves forward, y' is not made co
 
 @dataclass(frozen=True)
 class StepPath:
-    """A path of the actuated joints: `coeffs` (4, 6) over the phase, rad, and the phase angles at its ends, rad."""
+    """A path of the controlled angles: `coeffs` (m, k) over the phase, rad, and the phase angles at its ends, rad."""
 
     coeffs: Array
     phase_angle_start: float

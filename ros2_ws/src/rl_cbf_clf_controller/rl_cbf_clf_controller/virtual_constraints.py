@@ -1,7 +1,10 @@
-"""Outputs y = q_act - q_desired(phase) and their derivatives, in stance/swing coordinates.
+"""Outputs y = H q_s - desired(phase) and their derivatives, in stance/swing coordinates.
 
-phase = (phase_angle - start) / (end - start),  phase_angle = pitch + stance hip + stance knee / 2 = c' q_s
-y-ddot = J_y q-ddot + y_bias,  J_y = [0 I] - q_desired'(phase) c' / (end - start)
+phase = (phase_angle - start) / (end - start),  phase_angle = c' q_s
+y-ddot = J_y q-ddot + y_bias,  J_y = H - desired'(phase) c' / (end - start)
+
+H q_s are m controlled angles, linear in the coordinates. RABBIT's are its four joints, and its phase angle is
+pitch + stance hip + stance knee / 2.
 """
 
 from dataclasses import dataclass
@@ -14,13 +17,26 @@ from rabbit_description.state import Array
 
 from rl_cbf_clf_controller.bezier import Bezier
 
-PHASE_ANGLE = np.array([0.0, 0.0, 1.0, 1.0, 0.5, 0.0, 0.0])
-ACTUATED = np.hstack([np.zeros((4, 3)), np.eye(4)])
+
+@dataclass(frozen=True)
+class Angles:
+    """What is controlled and what stands for time: H = `controlled` (m, n), c = `phase_angle` (n,)."""
+
+    controlled: Array
+    phase_angle: Array
+
+    def coordinates(self, controlled: Array, phase_angle: float) -> Array:
+        """Pitch and joints (n - 2,) at these angles, or their rates at these rates; needs m = n - 3."""
+        matrix = np.vstack([self.controlled, self.phase_angle])[:, 2:]
+        return np.linalg.solve(matrix, np.append(controlled, phase_angle))
+
+
+RABBIT_ANGLES = Angles(np.eye(7)[3:], np.array([0.0, 0.0, 1.0, 1.0, 0.5, 0.0, 0.0]))
 
 
 @dataclass(frozen=True)
 class Outputs:
-    """`y`, `dy` (4,), `jacobian` (4, 7) and `bias` (4,) of y-ddot, `phase` and `phase_rate` (1/s)."""
+    """`y`, `dy` (m,), `jacobian` (m, n) and `bias` (m,) of y-ddot, `phase` and `phase_rate` (1/s)."""
 
     y: Array
     dy: Array
@@ -31,16 +47,16 @@ class Outputs:
 
     @cached_property
     def eta(self) -> Array:
-        """(y, dy), shape (8,)."""
+        """(y, dy), shape (2 m,)."""
         return np.concatenate([self.y, self.dy])
 
     def second_derivative(self, acceleration: Affine) -> Affine:
-        """y-ddot (4), affine in whatever `acceleration` (7) is affine in."""
+        """y-ddot (m), affine in whatever `acceleration` (n) is affine in."""
         return acceleration.mapped(self.jacobian, self.bias)
 
 
 class Path(Protocol):
-    """Desired actuated joints over the phase, as a gait has them: `coeffs` (4, n), rad, and the phase angles, rad."""
+    """Desired controlled angles over the phase, as a gait has them: `coeffs` (m, k), rad, and the phase angles, rad."""
 
     @property
     def coeffs(self) -> Array: ...
@@ -55,20 +71,22 @@ class Path(Protocol):
 class VirtualConstraints:
     """The outputs of a gait, or of another path."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, angles: Angles = RABBIT_ANGLES) -> None:
         self._desired = Bezier(path.coeffs)
-        self._start = path.phase_angle_start
-        self._gradient = PHASE_ANGLE / (path.phase_angle_end - path.phase_angle_start)
+        self._controlled = angles.controlled
+        per_angle = 1.0 / (path.phase_angle_end - path.phase_angle_start)
+        self._start = path.phase_angle_start * per_angle
+        self._gradient = angles.phase_angle / (path.phase_angle_end - path.phase_angle_start)
 
     def evaluate(self, q_s: Array, dq_s: Array) -> Outputs:
-        """Outputs at `q_s`, `dq_s` (7,), stance/swing order."""
-        phase = float(self._gradient @ q_s) - self._start * float(self._gradient[2])
+        """Outputs at `q_s`, `dq_s` (n,), stance/swing order."""
+        phase = float(self._gradient @ q_s) - self._start
         phase_rate = float(self._gradient @ dq_s)
         desired, slope, curvature = self._desired(phase)
         return Outputs(
-            y=q_s[3:] - desired,
-            dy=dq_s[3:] - slope * phase_rate,
-            jacobian=ACTUATED - np.outer(slope, self._gradient),
+            y=self._controlled @ q_s - desired,
+            dy=self._controlled @ dq_s - slope * phase_rate,
+            jacobian=self._controlled - np.outer(slope, self._gradient),
             bias=-curvature * phase_rate**2,
             phase=phase,
             phase_rate=phase_rate,
