@@ -16,20 +16,20 @@ from rabbit_description.gait import GaitError, load_gait
 from rabbit_description.gait_library import load_gaits
 from rabbit_recording.bag_writer import BagWriter, RecordingError, Storage, graph_types
 from rabbit_recording.contents import contents
-from rabbit_recording.opening import opened, told
+from rabbit_recording.open_recording import one_line_errors, opened
 from rabbit_recording.reader import iterate_episodes
 from rabbit_recording.recover import recover
-from rabbit_sim.memory import Memory, MemoryFileError
+from rabbit_sim.restart_file import RestartFile, RestartFileError
 from rabbit_sim.stones import CourseError, read_course
 from rl_cbf_clf_controller.parameters import CONFIG
 from rl_cbf_clf_controller.parameters import ParameterError as ControllerParameterError
 from rl_cbf_clf_controller.parameters import load_parameters as load_controller
 from rl_cbf_clf_controller.uncertainty import Problem
-from rl_trainer.gate import Gate
 from rl_trainer.journal import Journal
-from rl_trainer.kept import Kept
+from rl_trainer.node_checkpoint import NodeCheckpoint
 from rl_trainer.parameters import ParameterError, TrainingParameters
 from rl_trainer.parameters import load_parameters as load_training
+from rl_trainer.publication_gate import PublicationGate
 from rl_trainer.session import CHECKPOINT, CheckpointError
 from rl_trainer.training import Trainer
 from rl_trainer.transitions import Doubt, Transition
@@ -123,7 +123,7 @@ def test_training_parameters(data: bytes) -> None:
 
 @given(st.binary(max_size=40) | damaged(bytes(32)))
 def test_simulator_memories(data: bytes) -> None:
-    read_or_refused(Memory, MemoryFileError, "memory", data)
+    read_or_refused(RestartFile, RestartFileError, "memory", data)
 
 
 # What a trainer keeps
@@ -152,7 +152,7 @@ def kept_files() -> tuple[bytes, bytes]:
     """A sound checkpoint and journal."""
     with tempfile.TemporaryDirectory() as folder:
         trainer = Trainer(TINY)
-        kept = Kept(Path(folder), trainer, Gate(TINY))
+        kept = NodeCheckpoint(Path(folder), trainer, PublicationGate(TINY))
         kept.begin()
         for tick in range(3):
             kept.add(trainer.take(transition(tick)) or transition(tick))
@@ -167,7 +167,7 @@ CHECKPOINT_BYTES, JOURNAL_BYTES = kept_files()
 
 def go_on(path: Path) -> None:
     """As a trainer does that is started again."""
-    kept = Kept(path.parent, Trainer(TINY), Gate(TINY))
+    kept = NodeCheckpoint(path.parent, Trainer(TINY), PublicationGate(TINY))
     try:
         kept.begin()
     finally:
@@ -223,7 +223,7 @@ def use_bag(path: Path) -> None:
     for use in (contents, lambda bag: list(iterate_episodes(bag)), lambda bag: recover(bag, bag.parent / "recovered")):
         with contextlib.suppress(RecordingError):
             use(path)
-    with opened(path) as reader, told(path):
+    with opened(path) as reader, one_line_errors(path):
         list(reader.messages())
 
 

@@ -12,11 +12,11 @@ from hypothesis.extra.numpy import arrays
 from rabbit_description import URDF_PATH
 from rabbit_description.gait import DEFAULT_GAIT, load_gait
 from rabbit_description.state import RobotState, StonePreview
-from rl_cbf_clf_controller.context import ModelContext
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.oracle import OraclePolicy
 from rl_cbf_clf_controller.parameters import load_parameters
 from rl_cbf_clf_controller.policy import ZeroPolicy
+from rl_cbf_clf_controller.policy_context import ModelContext
 from rl_cbf_clf_controller.worst_case import worst_errors
 
 GAIT = load_gait(DEFAULT_GAIT)

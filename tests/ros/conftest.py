@@ -53,7 +53,7 @@ class World:
 
     def hear(self, name: str) -> list[Any]:
         """All messages of a topic from now on, and those that are latched."""
-        from rabbit_ros.topics_node import TOPICS
+        from rabbit_ros.ros.topics import TOPICS
 
         if name not in self._heard:
             (topic,) = (topic for topic in TOPICS if topic.name == name)
@@ -69,11 +69,11 @@ class World:
         assert self.ask(Pause, "pause", paused=False).accepted
 
     def _not_ready(self) -> list[str]:
-        from rabbit_ros.diagnostics_node import OK, readers_told
-        from rabbit_ros.topics_node import TOPICS, missing_readers
+        from rabbit_ros.ros.diagnostics import OK, reader_counts
+        from rabbit_ros.ros.topics import TOPICS, missing_readers
 
         said = {s.name.split("/")[-1]: s for m in self.hear("diagnostics") for s in m.status}
-        told = {name: n for s in said.values() for name, n in readers_told(s).items() if name != "diagnostics"}
+        told = {name: n for s in said.values() for name, n in reader_counts(s).items() if name != "diagnostics"}
         published = {t.name for t in TOPICS if t.publisher in self._nodes}
         told = {name: n - (name in self._heard) for name, n in told.items()}  # the test is a reader too
         deaf = [name for name in self._heard if name in published and told.get(name, -1) < 0]
@@ -82,7 +82,7 @@ class World:
 
     def say(self, name: str, message: Any) -> None:
         """Publish on a topic, once somebody listens."""
-        from rabbit_ros.topics_node import TOPICS
+        from rabbit_ros.ros.topics import TOPICS
 
         if name not in self._publishers:
             (topic,) = (topic for topic in TOPICS if topic.name == name)
@@ -94,10 +94,10 @@ class World:
 
     def ask(self, kind: Any, name: str, **fields: Any) -> Any:
         """Call a service."""
-        from rabbit_ros.question_node import ask
+        from rabbit_ros.ros.service_call import call_service
 
         client = self.node.create_client(kind, name)
-        answer = ask(client, kind.Request(**fields), self.spin, 180.0)
+        answer = call_service(client, kind.Request(**fields), self.spin, 180.0)
         self.node.destroy_client(client)
         assert answer is not None, f"no answer from {name}"
         return answer

@@ -6,12 +6,12 @@ import re
 from pathlib import Path
 from typing import Any
 
-import rl_cbf_clf_controller.node
+import rl_cbf_clf_controller.ros.node
 import rl_trainer.ros.node
 import yaml
 from pydantic import BaseModel
 from rabbit_recording.ros import recorder as recorder_node
-from rabbit_ros.topics_node import TOPICS
+from rabbit_ros.ros.topics import TOPICS
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.ros import node as simulator
 from rabbit_viewer.live.parameters import ViewerParameters
@@ -24,7 +24,7 @@ BRINGUP = ROOT / "ros2_ws" / "src" / "rabbit_bringup"
 PAGE = (ROOT / "docs" / "topics.md").read_text(encoding="utf-8")
 MODELS: dict[str, tuple[type[BaseModel], ...]] = {
     "simulator": (simulator.NodeParameters, SimulationParameters),
-    "controller": (rl_cbf_clf_controller.node.NodeParameters, ControllerParameters),
+    "controller": (rl_cbf_clf_controller.ros.node.NodeParameters, ControllerParameters),
     "trainer": (rl_trainer.ros.node.NodeParameters, TrainingParameters),
     "recorder": (recorder_node.NodeParameters,),
     "viewer": (ViewerParameters,),

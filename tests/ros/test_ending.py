@@ -7,7 +7,7 @@ import sys
 ENDS_SLOWLY = """
 import os
 import sys
-from rabbit_ros.spin_node import run
+from rabbit_ros.ros.spin import run
 from rclpy.node import Node
 
 class Last:

@@ -19,21 +19,21 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rabbit_description.gait import load_gait
 from rabbit_msgs.msg import Episode, EpisodePlan, PolicySwap, PolicyWeights
-from rabbit_recording.opening import opened
+from rabbit_recording.open_recording import opened
 from rabbit_recording.ros.recorder import RecorderNode
-from rabbit_ros.conversions_node import preview_message, state_message
-from rabbit_ros.qos_node import EVENT
-from rabbit_ros.with_info_node import NUMBER, SENT
+from rabbit_ros.ros.conversions import preview_message, state_message
+from rabbit_ros.ros.message_info import NUMBER, SENT
+from rabbit_ros.ros.qos import EVENT
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.ros.node import SimulatorNode
 from rabbit_sim.simulation import Simulation
 from rclpy.serialization import deserialize_message, serialize_message
 from rclpy.signals import SignalHandlerOptions
 from rl_cbf_clf_controller.controller import Controller
-from rl_cbf_clf_controller.messages_node import controller_state, torque_message
-from rl_cbf_clf_controller.node import ControllerNode
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import ZeroPolicy
+from rl_cbf_clf_controller.ros.messages import controller_state, torque_message
+from rl_cbf_clf_controller.ros.node import ControllerNode
 from rl_cbf_clf_controller.uncertainty import Problem
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.ros.node import TrainerNode
@@ -151,7 +151,7 @@ def callbacks(node: Any) -> dict[str, Callable[..., None]]:
 
 def refused(node: Any) -> int:
     """How many messages it has refused."""
-    return sum(node._door.refused.values())
+    return sum(node._message_counter.refused.values())
 
 
 def feed(data: st.DataObject, hears: dict[str, Callable[..., None]]) -> None:

@@ -97,7 +97,7 @@ def test_a_machine_that_is_not_fit_is_told_of(world: Any) -> None:
 
 def test_the_measure_of_a_death_kills_and_hears_the_damping(tmp_path: Path) -> None:
     """Of `rabbit jitter --kills`; how soon it is is measured there, not here."""
-    from rabbit_campaigns.ros.death import die
+    from rabbit_campaigns.ros.kill_controller import die
 
     request = WalkOptions(episodes=9, trainer=False, record="none", real_time=True, pace=PACE, namespace="death")
     plant, controller = SimulationParameters(**PLANT), load_parameters("ours", controller="cbf-clf-qp")

@@ -10,11 +10,11 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from rabbit_bringup.launching.walk import WalkOptions, make_graph, run_graph
 from rabbit_msgs.msg import Episode
 from rabbit_msgs.srv import Pause
-from rabbit_recording.account import Presence
 from rabbit_recording.bag_writer import BagWriter, RecordingError, graph_types
 from rabbit_recording.checking import check_episodes
-from rabbit_recording.opening import opened
-from rabbit_recording.reader import iterate_accounts, read_episodes
+from rabbit_recording.episode_inventory import Presence
+from rabbit_recording.open_recording import opened
+from rabbit_recording.reader import iterate_inventories, read_episodes
 from rabbit_recording.recover import recover
 from rabbit_recording.ros.player import Playing, play
 from rabbit_sim.parameters import SimulationParameters
@@ -68,7 +68,7 @@ def test_a_recorder_begun_in_the_middle_tells_recorded_from_announced(world: Any
     begun = states[-1].episode
     world.wait(lambda: states[-1].episode > begun + 1 and states[-1].tick > 20)
     world.processes.stop(("recorder",))
-    accounts = list(iterate_accounts(path))
+    accounts = list(iterate_inventories(path))
     there = [each for each in accounts if each.presence is Presence.RECORDED]
     assert [each.number for each in accounts if each.presence is Presence.ANNOUNCED] == list(range(1, begun))
     assert [each.number for each in there] == list(range(begun, there[-1].number + 1))

@@ -5,7 +5,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from rabbit_campaigns.operations import (
+from rabbit_campaigns.ros.operator import Operator
+from rabbit_campaigns.soak_operations import (
     KINDS,
     LATCHED,
     SECOND,
@@ -14,7 +15,6 @@ from rabbit_campaigns.operations import (
     turns_in,
     unfit_policy,
 )
-from rabbit_campaigns.ros.operator import Operator
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.weights import policy_path
 

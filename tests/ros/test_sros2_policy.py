@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 
 import pytest
 from rabbit_bringup.launching.walk import WalkOptions, make_graph
-from rabbit_bringup.ros.watch import Watch
+from rabbit_bringup.ros.walk_monitor import WalkMonitor
 from rabbit_sim.parameters import SimulationParameters
 from rclpy.node import NodeNameNonExistentError
 from rl_cbf_clf_controller.parameters import ControllerParameters
@@ -64,7 +64,7 @@ def graph(root_world: Any, tmp_path: Path) -> Iterator[Any]:
     for name in NODES:
         own = {"viewer": {"port": 0}, "recorder": {"path": str(tmp_path / "recording")}}
         root_world.start(name, **own.get(name, {}))
-    watch = Watch("")
+    watch = WalkMonitor("")
     yield root_world
     watch.close()
 

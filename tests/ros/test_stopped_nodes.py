@@ -5,7 +5,7 @@ import signal
 from typing import Any
 
 import pytest
-from rabbit_recording.header import turn_of
+from rabbit_recording.message_header import turn_of
 from rclpy.serialization import serialize_message
 
 from .conftest import SHORT

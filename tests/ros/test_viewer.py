@@ -15,7 +15,7 @@ from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from rabbit_description.force_ratio import LOADED
 from rabbit_description.state import Leg
 from rabbit_recording.reader import read_episodes
-from rabbit_viewer.live.listen import Channel, Listener
+from rabbit_viewer.live.client import Channel, Listener
 from rabbit_viewer.live.plots import JOINTS
 from rabbit_viewer.skeleton import feet, torso_points
 from rl_trainer.rollout import Record
@@ -135,7 +135,7 @@ def test_walk_says_where_it_can_be_seen(seen: Seen) -> None:
 
 def test_rviz_hears_the_same(world: Any) -> None:
     """Markers and tf of the newest tick, and the URDF, to a node that asks for them."""
-    from rabbit_ros.qos_node import WEIGHTS
+    from rabbit_ros.ros.qos import WEIGHTS
     from std_msgs.msg import String
     from tf2_msgs.msg import TFMessage
     from visualization_msgs.msg import Marker, MarkerArray

@@ -14,7 +14,7 @@ from rabbit_description.gait import GaitError, load_gait
 from rabbit_experiments.results import ResultsError
 from rabbit_recording.bag_writer import RecordingError
 from rabbit_recording.checking import controller_parameters
-from rabbit_recording.opening import opened
+from rabbit_recording.open_recording import opened
 from rabbit_recording.recover import recover
 from rabbit_sim.stones import CourseError, read_course
 from rabbit_viewer.walk_records import RecordsError, load_records

@@ -16,13 +16,13 @@ from rabbit_experiments.assembly import Assembly
 from rabbit_experiments.evaluation import record_walk
 from rabbit_sim.kinematics import foot_positions
 from rabbit_sim.parameters import SimulationParameters
+from rabbit_viewer.live.client import Listener
 from rabbit_viewer.live.frames import WORLD, link_frames, turn_about_y
-from rabbit_viewer.live.gather import KEPT, Gather
-from rabbit_viewer.live.listen import Listener
-from rabbit_viewer.live.moment import Edges, Limits, Moment, Step
 from rabbit_viewer.live.plots import PLOTTED, plotted
 from rabbit_viewer.live.server import LiveServer, ViewError
 from rabbit_viewer.live.shapes import Arrow, Box, Line, Sheet, draw
+from rabbit_viewer.live.snapshot import Edges, Limits, Snapshot, Step
+from rabbit_viewer.live.tick_messages import KEPT, TickMessages
 from rabbit_viewer.scene import stone_spans
 from rabbit_viewer.skeleton import feet
 from rabbit_viewer.walk_records import WalkRecords
@@ -40,10 +40,10 @@ def walk() -> WalkRecords:
     return record_walk(Assembly(plant, load_parameters("ours", controller="cbf-clf-qp"), "zero"), seed=1)
 
 
-def moment_at(walk: WalkRecords, row: int) -> Moment:
+def moment_at(walk: WalkRecords, row: int) -> Snapshot:
     """A row of the records as the viewer sees it."""
     landed = walk.landings[walk.landings[:, 0] <= walk.touchdowns[row]]
-    return Moment(
+    return Snapshot(
         episode=1,
         tick=int(walk.tick[row]),
         nanoseconds=int(walk.tick[row]) * 10_000_000,
@@ -150,7 +150,7 @@ def message(episode: int, tick: int) -> bytes:
 
 
 def test_parts_of_different_ticks_are_not_mixed() -> None:
-    ticks = Gather("a", "b")
+    ticks = TickMessages("a", "b")
     ticks.add("a", message(1, 7))
     ticks.add("b", message(1, 8))
     assert ticks.key is None

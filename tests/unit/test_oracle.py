@@ -5,12 +5,12 @@ import pytest
 from rabbit_description import URDF_PATH
 from rabbit_description.gait import load_gait
 from rabbit_description.state import RobotState, StonePreview
-from rl_cbf_clf_controller.context import ModelContext, PolicyContext
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.nominal_model import NominalModel
 from rl_cbf_clf_controller.oracle import OraclePolicy
 from rl_cbf_clf_controller.parameters import load_parameters
 from rl_cbf_clf_controller.policy import ZeroPolicy
+from rl_cbf_clf_controller.policy_context import ModelContext, PolicyContext
 from rl_cbf_clf_controller.virtual_constraints import VirtualConstraints
 
 GAIT = load_gait("authors_035")

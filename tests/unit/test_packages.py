@@ -35,14 +35,13 @@ NOT_BELOW = {  # package -> modules that it must never import
 BROUGHT_BY = {"pydantic_core": "pydantic", "annotated_types": "pydantic", "mpl_toolkits": "matplotlib"}
 BROUGHT_BY |= {"foxglove": "foxglove_sdk", "torch.utils.tensorboard": "tensorboard"}
 DISTRIBUTIONS = {"yaml": "pyyaml", "pinocchio": "pin"}  # what pip calls them
-BY_NAME = {"rabbit_ros", "rl_cbf_clf_controller"}  # whose nodes are not in a folder `ros`, but have it in their names
 IMPORT_ALL = """
 import importlib, pkgutil, sys
 package, *without = sys.argv[1:]
 sys.modules.update(dict.fromkeys(without))  # as if they were not installed
 root = importlib.import_module(package)
 for module in pkgutil.walk_packages(root.__path__, f"{package}."):
-    if ".ros." not in module.name and not module.name.endswith(("node", "__main__")):
+    if ".ros." not in module.name and not module.name.endswith("__main__"):
         importlib.import_module(module.name)
 print(root.__file__, *sys.modules)
 """
@@ -50,7 +49,7 @@ print(root.__file__, *sys.modules)
 
 def is_node(path: Path) -> bool:
     """Whether a file may import rclpy."""
-    return path.parent.name == "ros" or (path.parent.name in BY_NAME and path.stem.endswith("node"))
+    return path.parent.name == "ros"
 
 
 def modules(package: str) -> list[Path]:

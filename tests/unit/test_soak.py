@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rabbit_campaigns.operations import (
+from rabbit_campaigns.soak import LAUNCHER, WARM_UP, judge
+from rabbit_campaigns.soak_operations import (
     KINDS,
     OPERATIONS,
     RECORDED,
@@ -20,7 +21,6 @@ from rabbit_campaigns.operations import (
     read_operations,
     unfit_policy,
 )
-from rabbit_campaigns.soak import LAUNCHER, WARM_UP, judge
 from rabbit_recording.reader import RecordedEpisode
 from rl_cbf_clf_controller.parameters import ControllerParameters
 

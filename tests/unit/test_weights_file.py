@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 from cbf_clf_qp.estimates import Estimates
-from rl_cbf_clf_controller.context import PolicyContext
 from rl_cbf_clf_controller.policy import ActorPolicy, ZeroPolicy, contract
+from rl_cbf_clf_controller.policy_context import PolicyContext
 from rl_cbf_clf_controller.uncertainty import STEP_LENGTH, Problem
 from rl_cbf_clf_controller.weights import (
     PROBE,

@@ -32,5 +32,5 @@ setup(
         "safetensors",
     ],
     extras_require={"test": ["pytest"]},
-    entry_points={"rabbit.nodes": ["controller = rl_cbf_clf_controller.node:main"]},
+    entry_points={"rabbit.nodes": ["controller = rl_cbf_clf_controller.ros.node:main"]},
 )

@@ -12,9 +12,9 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from rabbit_bringup.launching.processes import Processes
 from rabbit_msgs.msg import Episode
 from rabbit_msgs.srv import LoadPolicy, Pause, ResetEpisode
-from rabbit_recording.header import turn_of
-from rabbit_ros.diagnostics_node import OK
-from rabbit_ros.topics_node import TOPICS
+from rabbit_recording.message_header import turn_of
+from rabbit_ros.ros.diagnostics import OK
+from rabbit_ros.ros.topics import TOPICS
 from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.srv import GetParameters, SetParameters, SetParametersAtomically
 from rclpy.experimental import EventsExecutor

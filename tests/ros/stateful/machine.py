@@ -13,7 +13,7 @@ from hypothesis.stateful import precondition, rule
 from rabbit_campaigns.ros import wrong_messages as wrong
 from rabbit_cli.exit_codes import ExitCode
 from rabbit_msgs.msg import PolicyWeights
-from rabbit_ros.topics_node import TOPICS
+from rabbit_ros.ros.topics import TOPICS
 
 from .ears import HANG_AFTER, KINDS
 from .graph import NODES

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from cbf_clf_qp.res_clf import ResClf
 from rabbit_description.state import TICK_SECONDS, Array, Leg, RobotState
-from rl_cbf_clf_controller.context import PolicyContext
 from rl_cbf_clf_controller.controller import ControllerOutput
 from rl_cbf_clf_controller.policy import Policy
+from rl_cbf_clf_controller.policy_context import PolicyContext
 from rl_cbf_clf_controller.uncertainty import Problem
 from rl_trainer.networks import OBSERVATION_UNITS
 from rl_trainer.transitions import Doubt, Transition

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from rl_cbf_clf_controller.context import PolicyContext
 from rl_cbf_clf_controller.policy import ActorPolicy
+from rl_cbf_clf_controller.policy_context import PolicyContext
 from rl_cbf_clf_controller.uncertainty import Problem
 from rl_trainer.ddpg import Ddpg
 from rl_trainer.parameters import TrainingParameters, paper_literal

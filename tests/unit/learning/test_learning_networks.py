@@ -5,8 +5,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 import torch
-from rl_cbf_clf_controller.context import PolicyContext
 from rl_cbf_clf_controller.policy import ActorPolicy
+from rl_cbf_clf_controller.policy_context import PolicyContext
 from rl_cbf_clf_controller.uncertainty import Problem
 from rl_cbf_clf_controller.weights import decode
 from rl_trainer.actor import Actor

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from rabbit_bringup.cli import app
 from rabbit_recording.bag_writer import BagWriter, RecordingError, graph_types
 from rabbit_recording.contents import contents
-from rabbit_recording.opening import MCAP_MAGIC
+from rabbit_recording.open_recording import MCAP_MAGIC
 from rabbit_recording.reader import read_episodes
 from rabbit_recording.recover import recover
 from typer.testing import CliRunner

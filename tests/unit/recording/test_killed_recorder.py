@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 from rabbit_recording.bag_writer import BagWriter, RecordingError, Storage, graph_types
-from rabbit_recording.opening import opened
+from rabbit_recording.open_recording import opened
 from rabbit_recording.recover import recover
 
 TICKS_A_SECOND = 100

@@ -16,14 +16,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rabbit_bringup.cli import app
 from rabbit_description.gait import load_gait
-from rabbit_recording.account import BY_TICK, UNANSWERED, Presence
+from rabbit_recording.active_settings import Settings
 from rabbit_recording.bag_writer import BagWriter
 from rabbit_recording.contents import contents
-from rabbit_recording.header import episode_and_phase_of, nanoseconds_of
-from rabbit_recording.heard import FIRST_WORD
-from rabbit_recording.in_force import Settings
-from rabbit_recording.reader import iterate_accounts
+from rabbit_recording.episode_inventory import BY_TICK, UNANSWERED, Presence
+from rabbit_recording.message_header import episode_and_phase_of, nanoseconds_of
+from rabbit_recording.reader import iterate_inventories
 from rabbit_recording.simulated_time import SimulatedTime
+from rabbit_recording.stored_messages import FIRST_WORD
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from typer.testing import CliRunner
 
@@ -205,7 +205,7 @@ def found(path: Path) -> list[Row]:
     """What the reader says; an episode's number is the simulator's, counted on from the runs before."""
     rows: list[Row] = []
     before = run = 0
-    for each in iterate_accounts(path):
+    for each in iterate_inventories(path):
         if each.run > run:
             before, run = max((row[1] for row in rows), default=0) + before, each.run
         ticks = [] if each.first is None else [each.first, each.last]

@@ -12,7 +12,7 @@ from rabbit_experiments.commands import evaluate as evaluate_module
 from rabbit_experiments.reproduce import catalogue
 from rabbit_experiments.reproduce.cache import Cache
 from rabbit_experiments.reproduce.catalogue import EXPERIMENTS
-from rabbit_experiments.reproduce.commands import evaluate_command
+from rabbit_experiments.reproduce.evaluate_commands import evaluate_command
 from rabbit_experiments.reproduce.experiment import Experiment
 from rabbit_experiments.reproduce.make_experiments import make
 from rabbit_experiments.reproduce.page import PAGE

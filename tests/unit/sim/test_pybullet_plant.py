@@ -5,11 +5,11 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 from rabbit_description.state import TICK_SECONDS, Leg
-from rabbit_sim.bullet import pybullet
 from rabbit_sim.initial_state import project
 from rabbit_sim.kinematics import foot_positions
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.pybullet_plant import CONTACT_DAMPING, CONTACT_STIFFNESS, FOOT_RADIUS, PybulletPlant
+from rabbit_sim.quiet_pybullet import pybullet
 from rabbit_sim.rigid_plant import RigidPlant
 
 PERTURBED = {"mass_scale": 1.7, "payload": 11.0, "payload_height": 0.4, "link_bend": 0.06, "joint_damping": 2.5}

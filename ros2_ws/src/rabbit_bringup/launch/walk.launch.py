@@ -36,14 +36,14 @@ def generate_launch_description() -> LaunchDescription:
 
 def start(context: LaunchContext) -> list[LaunchDescriptionEntity]:
     """The nodes' actions, once nothing speaks against the walk."""
-    from rabbit_cli.ros.claim import Claim
+    from rabbit_cli.ros.namespace_check import NamespaceCheck
 
     try:
         walk, graph = prepare(given(context.launch_configurations))
     except typer.Exit as error:  # which has said why
         raise RuntimeError("nothing was started") from error
     try:
-        claim = Claim(graph.namespace)
+        claim = NamespaceCheck(graph.namespace)
         claim.look(graph.names)
     except LaunchError:
         walk.folder.rmdir()  # nothing is in it

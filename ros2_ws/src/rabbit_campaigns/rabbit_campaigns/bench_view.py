@@ -22,7 +22,7 @@ from rabbit_bringup.launching.processes import Processes
 from rabbit_bringup.launching.walk import WalkOptions, make_graph, run_graph
 from rabbit_description.state import TICK_SECONDS
 from rabbit_experiments.assembly import Assembly
-from rabbit_viewer.live.listen import Listener
+from rabbit_viewer.live.client import Listener
 
 from rabbit_campaigns.node_usage import node_processes, usage
 from rabbit_campaigns.timed_walk import do_once

@@ -20,11 +20,11 @@ from rabbit_bringup.launching.walk import Graph, WalkOptions, make_graph
 from rabbit_experiments import provenance
 from rabbit_experiments.assembly import Assembly
 from rabbit_recording.contents import contents
-from rabbit_recording.opening import opened
+from rabbit_recording.open_recording import opened
 from rabbit_recording.timing import real_time_figures
 
-from rabbit_campaigns.sleeper import sleeper
 from rabbit_campaigns.timed_walk import EPISODES, walk_for
+from rabbit_campaigns.wakeup_latency import sleeper
 
 LATE_LIMIT = 0.001  # share of ticks
 CUT_OFF = "reset"  # outcome of the episode in which the time was up
@@ -74,7 +74,7 @@ class Jitter:
 
     def kill(self, number: int, priority: int) -> None:
         """Walk until the controller is killed, and tell how soon the joints are damped."""
-        from rabbit_campaigns.ros.death import die
+        from rabbit_campaigns.ros.kill_controller import die
 
         name = f"kill-{number}-priority-{priority}"
         self._tell(name)

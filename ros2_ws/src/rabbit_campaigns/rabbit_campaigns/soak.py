@@ -25,7 +25,7 @@ from scipy.optimize import nnls
 from scipy.stats import theilslopes
 
 from rabbit_campaigns.node_usage import Usage, node_processes, usage
-from rabbit_campaigns.operations import Operations
+from rabbit_campaigns.soak_operations import Operations
 from rabbit_campaigns.timed_walk import walk_for
 
 WARM_UP = 300.0  # s, a third of shorter soaks

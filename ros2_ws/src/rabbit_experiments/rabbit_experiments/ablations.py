@@ -44,8 +44,8 @@ from rl_trainer.training import Trainer
 from rabbit_experiments import provenance
 from rabbit_experiments.assembly import EVALUATION_LAG, TRAINING_SCALE, TRAINING_SLACK_WEIGHT, Assembly
 from rabbit_experiments.evaluation import episode_seeds, evaluate
-from rabbit_experiments.learning import training
 from rabbit_experiments.summary import falls, wilson
+from rabbit_experiments.training_setup import training
 
 PROBLEM = Problem.RL_CBF_CLF_QP
 TRANSITIONS = 6500  # what `default` collects in its 18 episodes: 5,900 to 7,200

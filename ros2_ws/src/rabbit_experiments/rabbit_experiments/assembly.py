@@ -10,10 +10,10 @@ from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.robot_urdf import perturbed_urdf
 from rabbit_sim.simulation import Simulation
 from rl_cbf_clf_controller.controller import Controller
-from rl_cbf_clf_controller.fitting import fitted
 from rl_cbf_clf_controller.oracle import OraclePolicy
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import PartlyNominal, Policy, ZeroPolicy
+from rl_cbf_clf_controller.policy_compatibility import fitted
 from rl_cbf_clf_controller.uncertainty import Problem
 from rl_cbf_clf_controller.weights import SHIPPED, PolicyFile, PolicyFileError, policy_path, read
 

@@ -9,10 +9,10 @@ from rosbags.highlevel import AnyReader
 from rosbags.interfaces import ConnectionExtRosbag2, Qos
 from rosbags.rosbag2 import Reader
 
-from rabbit_recording.account import EpisodeAccount
 from rabbit_recording.bag_writer import LOST
-from rabbit_recording.opening import begin_of, opened, storage_files, told
-from rabbit_recording.reader import iterate_accounts
+from rabbit_recording.episode_inventory import EpisodeInventory
+from rabbit_recording.open_recording import begin_of, one_line_errors, opened, storage_files
+from rabbit_recording.reader import iterate_inventories
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Contents:
     seconds: float
     messages: int
     topics: list[TopicContents]
-    episodes: list[EpisodeAccount]
+    episodes: list[EpisodeInventory]
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""
@@ -44,7 +44,7 @@ class Contents:
 
 def contents(path: Path) -> Contents:
     """Look into a recording; raises `RecordingError`."""
-    with opened(path) as reader, told(path):
+    with opened(path) as reader, one_line_errors(path):
         lost = lost_messages(reader)
         topics = [
             TopicContents(c.topic, c.msgtype, c.msgcount, qos_text(c.ext.offered_qos_profiles), lost.get(c.topic))
@@ -55,7 +55,7 @@ def contents(path: Path) -> Contents:
     files = storage_files(path)
     size = sum(file.stat().st_size for file in files)
     count = sum(topic.messages for topic in topics)
-    return Contents([f.name for f in files], size, seconds, count, topics, list(iterate_accounts(path)))
+    return Contents([f.name for f in files], size, seconds, count, topics, list(iterate_inventories(path)))
 
 
 def lost_messages(reader: AnyReader) -> dict[str, int]:

@@ -13,10 +13,10 @@ from rabbit_sim.simulation import Landing
 from rl_cbf_clf_controller.message_fields import output_of
 from rl_trainer.rollout import Record
 
-from rabbit_recording.account import BY_TICK, OTHERS, EpisodeAccount, Gathered, Gathering, Presence
+from rabbit_recording.active_settings import Policies, RecordedSettings, Settings
 from rabbit_recording.bag_writer import RecordingError
-from rabbit_recording.heard import by_run, heard
-from rabbit_recording.in_force import Policies, RecordedSettings, Settings
+from rabbit_recording.episode_inventory import BY_TICK, OTHERS, EpisodeInventory, Gathered, Gathering, Presence
+from rabbit_recording.stored_messages import by_run, stored_messages
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class RecordedSwap:
 
 
 @dataclass
-class RecordedEpisode(EpisodeAccount):
+class RecordedEpisode(EpisodeInventory):
     """One episode with its ticks in full.
 
     `sigma` is the exploration it was announced with, NaN for the controller's own parameter. `swaps` begin with the
@@ -47,9 +47,9 @@ def messages(path: Path, *names: str) -> Iterator[tuple[str, Any]]:
     """Topic (its last part) and message of this project's own types, in the order of time; all of them if no `names`.
 
     Raises:
-        RecordingError: as `heard`.
+        RecordingError: as `stored_messages`.
     """
-    with heard(path, *names) as found:
+    with stored_messages(path, *names) as found:
         for message in found:
             yield message.topic, message.decode()
 
@@ -63,7 +63,7 @@ def iterate_episodes(path: Path) -> Iterator[RecordedEpisode]:
     """One episode after another, the lost ones too; a long recording needs the memory of a few of them.
 
     Raises:
-        RecordingError: as `iterate_accounts`.
+        RecordingError: as `iterate_inventories`.
     """
     told = _Told()
     with _own_definitions(path):
@@ -72,11 +72,11 @@ def iterate_episodes(path: Path) -> Iterator[RecordedEpisode]:
                 yield _decoded(gathered, account, told)
 
 
-def iterate_accounts(path: Path) -> Iterator[EpisodeAccount]:
+def iterate_inventories(path: Path) -> Iterator[EpisodeInventory]:
     """What the recording holds of each episode, also of those that were merely announced. No tick is decoded.
 
     Raises:
-        RecordingError: as `heard`; or messages that are defined otherwise than this version's.
+        RecordingError: as `stored_messages`; or messages that are defined otherwise than this version's.
     """
     with _own_definitions(path):
         yield from (account for _, account in _finished(path))
@@ -100,10 +100,10 @@ class _Told:
     settings: Settings = field(default_factory=Settings)
 
 
-def _finished(path: Path, told: _Told | None = None) -> Iterator[tuple[Gathered, EpisodeAccount]]:
+def _finished(path: Path, told: _Told | None = None) -> Iterator[tuple[Gathered, EpisodeInventory]]:
     gathering = Gathering()
     names = (*BY_TICK, *OTHERS, *(("policy_swap", "controller_settings") if told else ()))
-    with heard(path, *names) as found:
+    with stored_messages(path, *names) as found:
         for run, message in by_run(found):
             if told and message.topic == "policy_swap":
                 told.policies.add(message.decode())
@@ -115,7 +115,7 @@ def _finished(path: Path, told: _Told | None = None) -> Iterator[tuple[Gathered,
         yield from gathering.finished(all_of_them=True)
 
 
-def _decoded(gathered: Gathered, account: EpisodeAccount, told: _Told) -> RecordedEpisode:
+def _decoded(gathered: Gathered, account: EpisodeInventory, told: _Told) -> RecordedEpisode:
     """The episode in full; what was told before is forgotten."""
     episode = RecordedEpisode(**{each.name: getattr(account, each.name) for each in fields(account)})
     if gathered.announced is not None:

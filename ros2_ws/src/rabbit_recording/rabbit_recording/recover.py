@@ -21,7 +21,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from rabbit_recording.bag_writer import BagWriter, RecordingError, Storage
-from rabbit_recording.opening import MCAP_MAGIC, is_unfinished, refuse_cut, storage_files, told
+from rabbit_recording.open_recording import MCAP_MAGIC, is_unfinished, one_line_errors, refuse_cut, storage_files
 
 HEADER, DATA_END = 0x01, 0x0F  # MCAP records: an opcode, 8 bytes of length, the content
 
@@ -55,7 +55,7 @@ def recover(path: Path, out: Path | None = None) -> Recovered:
     folder = path if path.is_dir() else path.parent
     out = out or folder.with_name(f"{folder.resolve().name}-recovered")
     storage: Storage = "mcap" if files[0].suffix == ".mcap" else "sqlite3"
-    with told(path), contextlib.ExitStack() as stack:
+    with one_line_errors(path), contextlib.ExitStack() as stack:
         parts = [stack.enter_context(whole_mcap(f) if f.suffix == ".mcap" else whole_sqlite3(f)) for f in files]
         if not sum(part.count for part in parts):
             raise RecordingError(f"recording {path}: no whole message in it")

@@ -7,12 +7,12 @@ import numpy as np
 from rabbit_description.gait_library import load_gaits
 from rabbit_description.state import Array
 from rl_cbf_clf_controller.controller import Controller
-from rl_cbf_clf_controller.fitting import fitted
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import ZeroPolicy
+from rl_cbf_clf_controller.policy_compatibility import fitted
 from rl_cbf_clf_controller.weights import PolicyFile, decode
 
-from rabbit_recording.in_force import RecordedSettings
+from rabbit_recording.active_settings import RecordedSettings
 from rabbit_recording.reader import RecordedEpisode, RecordedSwap
 
 

@@ -4,7 +4,7 @@ from io import BytesIO
 from pathlib import Path
 
 from rabbit_recording.chunk_index import ChunkIndex
-from rabbit_recording.loss import Loss
+from rabbit_recording.message_loss import Loss
 
 
 def test_gaps_in_a_publishers_count_are_losses() -> None:

@@ -1,1 +1,1 @@
-"""What the nodes share: parameters, QoS, the door every message passes, conversions, diagnostics."""
+"""What the nodes share: parameters, QoS, checks of every message, conversions, diagnostics."""

@@ -4,7 +4,7 @@ from dataclasses import asdict
 
 import numpy as np
 from rabbit_description.state import RobotState, StonePreview
-from rabbit_ros.conversions_node import stamp, state_message, state_of
+from rabbit_ros.ros.conversions import stamp, state_message, state_of
 
 
 def test_a_state_comes_back_as_it_went() -> None:

@@ -9,12 +9,12 @@ import numpy as np
 from rabbit_description.state import ACTUATED, COORDINATES, Array, Leg
 
 from rabbit_sim.actuation import Actuation, JointDamping
-from rabbit_sim.bullet import pybullet
 from rabbit_sim.kinematics import foot_positions
 from rabbit_sim.parameters import SUBSTEP_SECONDS, SimulationParameters
 from rabbit_sim.plant import CONTACT_FORCE, SUBSTEPS, PlantReading, Span
+from rabbit_sim.quiet_pybullet import pybullet
 from rabbit_sim.robot_urdf import perturbed_urdf
-from rabbit_sim.touch_watch import TouchWatch
+from rabbit_sim.touchdown_detector import TouchdownDetector
 
 GRAVITY = 9.81
 SOLVER_ITERATIONS = 50
@@ -60,7 +60,7 @@ class PybulletPlant:
         self._force = np.zeros((2, 2))
         self._contact = np.array([stance is Leg.LEFT, stance is Leg.RIGHT])
         self._feet = self._locate_feet()
-        self._watch = TouchWatch(self._locate_feet)
+        self._watch = TouchdownDetector(self._locate_feet)
 
     def _configure_engine(self) -> None:
         client = self._client

@@ -12,8 +12,8 @@ from rabbit_sim.simulation import Landing
 from rl_trainer.rollout import Record
 
 from rabbit_viewer import style
+from rabbit_viewer.filmstrip import draw_walk
 from rabbit_viewer.skeleton import feet
-from rabbit_viewer.strip import draw_walk
 from rabbit_viewer.walk_records import RESCUE_NEEDED, WalkRecords, load_records
 
 RECORDS = "records.npz"

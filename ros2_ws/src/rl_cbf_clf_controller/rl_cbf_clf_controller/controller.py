@@ -20,11 +20,11 @@ from rabbit_description.gait_library import Gaits
 from rabbit_description.state import SWAP_STATE, SWAP_TORQUE, TICK_SECONDS, Array, Leg, RobotState, StonePreview
 
 from rl_cbf_clf_controller.adaptation import Measured
-from rl_cbf_clf_controller.adaptations import make_adaptation
-from rl_cbf_clf_controller.context import ModelContext
+from rl_cbf_clf_controller.adaptation_choice import make_adaptation
 from rl_cbf_clf_controller.nominal_model import Kinematics, NominalModel
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import Policy
+from rl_cbf_clf_controller.policy_context import ModelContext
 from rl_cbf_clf_controller.recipes import make_recipe
 from rl_cbf_clf_controller.scene import Scene
 from rl_cbf_clf_controller.step_outputs import make_steps

@@ -10,8 +10,8 @@ from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.io_linearization import precontrol
 from cbf_clf_qp.model_error import model_error
 
-from rl_cbf_clf_controller.context import ModelContext, PolicyContext
 from rl_cbf_clf_controller.nominal_model import NominalModel
+from rl_cbf_clf_controller.policy_context import ModelContext, PolicyContext
 
 
 class OraclePolicy:

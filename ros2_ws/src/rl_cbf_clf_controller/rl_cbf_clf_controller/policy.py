@@ -17,7 +17,7 @@ from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.estimates import Estimates
 from rabbit_description.state import Array
 
-from rl_cbf_clf_controller.context import PolicyContext
+from rl_cbf_clf_controller.policy_context import PolicyContext
 from rl_cbf_clf_controller.uncertainty import INPUTS, Problem
 from rl_cbf_clf_controller.weights import PolicyFile, forward
 

@@ -5,7 +5,7 @@ from random import Random
 from hypothesis import given
 from hypothesis import strategies as st
 from rabbit_description.state import StonePreview
-from rl_cbf_clf_controller.previews_node import NEWEST, Previews
+from rl_cbf_clf_controller.ros.preview_buffer import NEWEST, PreviewBuffer
 
 PRESENT = 7
 
@@ -16,7 +16,7 @@ def stone(index: int) -> StonePreview:
 
 
 def test_the_next_episodes_first_stone_is_kept_after_a_whole_course() -> None:
-    previews = Previews()
+    previews = PreviewBuffer()
     for index in range(1, 31):
         previews.add(PRESENT, stone(index), PRESENT)
     previews.add(PRESENT + 1, stone(1), PRESENT)
@@ -35,7 +35,7 @@ def test_false_episodes_do_not_crowd_out_the_present_one(
     wanted = [(PRESENT, index) for index in range(1, count + 1)] + [(PRESENT + 1, 1)]
     told = [*others, *wanted]
     rng.shuffle(told)
-    previews = Previews()
+    previews = PreviewBuffer()
     for episode, index in told:
         previews.add(episode, stone(index), PRESENT)
     assert all(previews.get(*each) == stone(each[1]) for each in wanted)

@@ -18,9 +18,9 @@ from cbf_clf_qp.estimates import Estimates
 from gymnasium.spaces import Box
 from numpy.typing import NDArray
 from rabbit_description.state import Array, RobotState
-from rl_cbf_clf_controller.context import PolicyContext
 from rl_cbf_clf_controller.controller import ControllerOutput
 from rl_cbf_clf_controller.policy import Policy, ZeroPolicy
+from rl_cbf_clf_controller.policy_context import PolicyContext
 from rl_cbf_clf_controller.uncertainty import INPUTS
 
 from rl_trainer.networks import OBSERVATION_UNITS

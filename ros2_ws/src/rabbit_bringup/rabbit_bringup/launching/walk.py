@@ -168,11 +168,11 @@ def run_graph(
         Interrupted: by a signal.
     """
     use_one_thread()
-    from rabbit_cli.ros.claim import Claim
+    from rabbit_cli.ros.namespace_check import NamespaceCheck
 
     from rabbit_bringup.ros.priority import listening_to
 
-    with _signals_raise(), contextlib.closing(Claim(graph.namespace)) as claim, listening_to(options.priority):
+    with _signals_raise(), contextlib.closing(NamespaceCheck(graph.namespace)) as claim, listening_to(options.priority):
         claim.look(graph.names)
         write_parameters(graph.folder / "parameters.yaml", graph.parameters)
         processes = Processes(graph.folder / "log")
@@ -206,9 +206,9 @@ def _follow(
     ended: Callable[[Any], None],
 ) -> tuple[list[Any], float]:
     """See a graph through its walk."""
-    from rabbit_bringup.ros.watch import Watch
+    from rabbit_bringup.ros.walk_monitor import WalkMonitor
 
-    with contextlib.closing(Watch(options.namespace, ended)) as watch:
+    with contextlib.closing(WalkMonitor(options.namespace, ended)) as watch:
         _wait_until_ready(names, watch, processes, options.ready_timeout)
         _walk(watch, processes, options, show)
         return list(watch.ended.values()), watch.seconds

@@ -99,8 +99,8 @@ def walk(graph: Graph, request: WalkOptions, told: SoakOptions, assembly: Any) -
 
 def make_operations(folder: Path, told: SoakOptions, assembly: Any) -> Any:
     """An operator for this controller and its policy."""
-    from rabbit_campaigns.operations import SECOND, Operations, unfit_policy
     from rabbit_campaigns.ros.operator import Operator
+    from rabbit_campaigns.soak_operations import SECOND, Operations, unfit_policy
 
     policies = Path(assembly.policy).absolute(), unfit_policy(assembly.controller)
     operator = Operator("", folder / SECOND, policies, told.pace or 0.0, told.seed)
@@ -109,8 +109,8 @@ def make_operations(folder: Path, told: SoakOptions, assembly: Any) -> Any:
 
 def judged(folder: Path) -> dict[str, Any]:
     """The figures and the picture of a soak, from what it left."""
-    from rabbit_campaigns.operations import judge_operations
     from rabbit_campaigns.soak import SAMPLES, read_samples, write_figures
+    from rabbit_campaigns.soak_operations import judge_operations
     from rabbit_campaigns.soak_picture import draw_soak
 
     draw_soak(read_samples(folder / SAMPLES), folder / "soak.png")

@@ -23,7 +23,7 @@ from rabbit_cli.executables import LaunchError
 from rabbit_campaigns.faults.checks import check_recording, check_transitions
 from rabbit_campaigns.faults.graph import SECOND_NODE, TRAINING, Graph, Hang
 from rabbit_campaigns.faults.plan import SECOND, Fault, draw
-from rabbit_campaigns.faults.reading import Heard
+from rabbit_campaigns.faults.recording_checks import MonitorRecord
 
 RESULTS = "faults.jsonl"
 SESSION = 40  # faults
@@ -234,7 +234,7 @@ class Session:
             "strangers": has_strangers,
         }
 
-    def _heard(self, since: float, before: float, is_cut: bool) -> Heard:
+    def _heard(self, since: float, before: float, is_cut: bool) -> MonitorRecord:
         witness = self._witness
         ended = witness.ended_within(since, before)
-        return Heard(witness.answered(since, before), witness.seen, ended, is_cut)
+        return MonitorRecord(witness.answered(since, before), witness.seen, ended, is_cut)

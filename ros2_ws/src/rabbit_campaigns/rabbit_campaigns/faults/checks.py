@@ -6,16 +6,16 @@ from pathlib import Path
 
 import numpy as np
 from rabbit_recording.bag_writer import RecordingError
-from rabbit_recording.heard import heard
 from rabbit_recording.recover import recover
-from rl_trainer.gate import Gate
+from rabbit_recording.stored_messages import stored_messages
 from rl_trainer.journal import Journal
-from rl_trainer.kept import Kept
+from rl_trainer.node_checkpoint import NodeCheckpoint
 from rl_trainer.parameters import TrainingParameters
+from rl_trainer.publication_gate import PublicationGate
 from rl_trainer.training import Trainer
 from rl_trainer.transitions import Transition
 
-from rabbit_campaigns.faults.reading import Heard, misreadings
+from rabbit_campaigns.faults.recording_checks import MonitorRecord, misreadings
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ def check_transitions(told: Iterable[Transition], folder: Path, parameters: Trai
     """
     told = list(told)
     trainer = Trainer(parameters)
-    kept = Kept(folder, trainer, Gate(parameters))
+    kept = NodeCheckpoint(folder, trainer, PublicationGate(parameters))
     _, in_journal = Journal(folder, parameters).read(trainer.episode)
     learned = trainer.replay.rows(slice(0, len(trainer.replay)))
     columns = (learned.observation, learned.mu, learned.LgV, learned.next_mu)
@@ -63,7 +63,7 @@ class RecordingCheck:
     misread: tuple[str, ...] = ()
 
 
-def check_recording(path: Path, wanted: Iterable[tuple[int, int]], said: Heard | None) -> RecordingCheck:
+def check_recording(path: Path, wanted: Iterable[tuple[int, int]], said: MonitorRecord | None) -> RecordingCheck:
     """Read a recording, as it is or recovered, and look for the `wanted` states from the first that is in it.
 
     What is read of it is held against what a witness `said`; None: strangers were in it, which say what they like.
@@ -88,5 +88,5 @@ def recorded_ticks(path: Path) -> list[tuple[int, int]]:
 
 def recorded_turns(path: Path, topic: str) -> list[tuple[int, int]]:
     """Episode and tick of each message of a topic that has them."""
-    with heard(path, topic) as found:
+    with stored_messages(path, topic) as found:
         return [message.turn for message in found]

@@ -37,7 +37,7 @@ class Graph:
         """Raises: `LaunchError`: a node cannot be started."""
         use_one_thread()
         os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-        from rabbit_campaigns.ros.witness import Witness
+        from rabbit_campaigns.ros.graph_monitor import GraphMonitor
 
         self.folder, self.hang_after = folder, hang_after
         self.training = folder / "training"
@@ -47,7 +47,7 @@ class Graph:
         self._specs = {n: NodeSpec(PACKAGES[n], n, ("--ros-args", *ros)) for n in NODES}
         second = ("-p", f"path:={folder / 'second' / 'recording'}", *ros[2:], "-r", f"__node:={SECOND_NODE}")
         self._specs[SECOND] = NodeSpec(PACKAGES["recorder"], "recorder", ("--ros-args", *second))
-        self.witness = Witness(namespace)
+        self.witness = GraphMonitor(namespace)
         self._processes, self._second = Processes(folder / "log"), Processes(folder / "second" / "log")
         for name in NODES:
             self.start(name)

@@ -15,9 +15,9 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rabbit_bringup.launching.processes import NodeSpec, Processes
 from rabbit_msgs.msg import Episode, PolicySwap, PolicyWeights, RabbitState, TorqueCommand
 from rabbit_msgs.srv import LoadPolicy, Pause, ResetEpisode
-from rabbit_recording.header import turn_of
+from rabbit_recording.message_header import turn_of
 from rabbit_ros.network import choose_network
-from rabbit_ros.qos_node import DIAGNOSTICS, EVENT, WEIGHTS
+from rabbit_ros.ros.qos import DIAGNOSTICS, EVENT, WEIGHTS
 from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.experimental import EventsExecutor
 from rclpy.parameter import Parameter, parameter_value_to_python
@@ -26,7 +26,7 @@ from rclpy.serialization import deserialize_message
 from rclpy.signals import SignalHandlerOptions
 from rl_cbf_clf_controller.weights import PolicyFile
 
-from rabbit_campaigns.operations import near_policy
+from rabbit_campaigns.soak_operations import near_policy
 
 PATIENCE = 180.0  # s for an answer: the walk may be waiting for the trainer, on a busy machine
 PAUSED_SECONDS = (0.5, 1.0)  # until all that was under way has come; in which nothing may come

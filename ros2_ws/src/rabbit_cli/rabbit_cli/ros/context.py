@@ -4,8 +4,8 @@ import contextlib
 from collections.abc import Iterator
 
 import rclpy
-from rabbit_ros.initialise_node import initialise
 from rabbit_ros.network import StartError
+from rabbit_ros.ros.initialise import initialise
 from rclpy.context import Context
 
 from rabbit_cli.executables import Refused

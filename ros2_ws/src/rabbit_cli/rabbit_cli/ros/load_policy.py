@@ -4,7 +4,7 @@ from pathlib import Path
 
 import rclpy
 from rabbit_msgs.srv import LoadPolicy
-from rabbit_ros.question_node import ask
+from rabbit_ros.ros.service_call import call_service
 from rclpy.executors import SingleThreadedExecutor
 
 from rabbit_cli.executables import LaunchError
@@ -26,7 +26,7 @@ def load_policy(path: Path, namespace: str = "", timeout: float = 5.0) -> LoadPo
         client = node.create_client(LoadPolicy, "load_policy")
         executor = SingleThreadedExecutor(context=context)
         executor.add_node(node)
-        answer = ask(client, LoadPolicy.Request(path=str(path.absolute())), executor.spin_once, timeout)
+        answer = call_service(client, LoadPolicy.Request(path=str(path.absolute())), executor.spin_once, timeout)
         if answer is None:
             raise LaunchError(f"no answer from {client.service_name} after {timeout:g} s: is the graph running?")
         return answer

@@ -61,8 +61,8 @@ def errors(given: Given, file: File) -> None:
     )
     from rich.progress import track
 
-    from rabbit_experiments.estimates import NoTicksError, compare
     from rabbit_experiments.evaluation import episode_seeds
+    from rabbit_experiments.policy_errors import NoTicksError, compare
 
     seeds = episode_seeds(request.seed, request.runs).values()
     with complaints(NoTicksError):

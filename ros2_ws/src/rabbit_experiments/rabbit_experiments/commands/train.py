@@ -38,7 +38,7 @@ def train(given: Given) -> None:
     from rl_trainer.session import CheckpointError
 
     from rabbit_experiments.assembly import TRAINING_SCALE, TRAINING_SLACK_WEIGHT
-    from rabbit_experiments.learning import training
+    from rabbit_experiments.training_setup import training
 
     parameters = given.build(TrainingParameters)
     if request.paper_literal:

@@ -27,7 +27,7 @@ from rabbit_experiments.assembly import TRAINING_SCALE, TRAINING_SLACK_WEIGHT, A
 from rabbit_experiments.reproduce.source_files import sources_hash
 from rabbit_experiments.reproduce.training_log import Episode, read_session, write_log
 
-SOURCE = "rabbit_experiments.learning"
+SOURCE = "rabbit_experiments.training_setup"
 POLICY = "policy.safetensors"
 COLUMNS = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("{task.description}"))
 
@@ -83,7 +83,7 @@ class Recipe:
 
     def train(self, root: Path) -> None:
         """Train, or go on training; raises what `training` raises."""
-        from rabbit_experiments.learning import training  # torch
+        from rabbit_experiments.training_setup import training  # torch
 
         folder = self.folder(root)
         if (folder / POLICY).is_file():

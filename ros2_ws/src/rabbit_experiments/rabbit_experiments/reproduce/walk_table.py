@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from rabbit_experiments.reproduce.commands import evaluate_command
+from rabbit_experiments.reproduce.evaluate_commands import evaluate_command
 from rabbit_experiments.reproduce.report import Cell, Table
 from rabbit_experiments.reproduce.table_lines import COLUMNS, Found, Line
 from rabbit_experiments.reproduce.verdict import Verdict

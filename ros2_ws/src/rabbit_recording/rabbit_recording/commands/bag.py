@@ -12,9 +12,9 @@ from rabbit_cli.executables import LaunchError, find_executable
 from rabbit_cli.options import check_namespace, complaints, fail
 
 if TYPE_CHECKING:
-    from rabbit_recording.account import EpisodeAccount
     from rabbit_recording.checking import Checked
     from rabbit_recording.contents import Contents
+    from rabbit_recording.episode_inventory import EpisodeInventory
 
 DIFFERS = 1
 INTERRUPTED = 130
@@ -86,7 +86,7 @@ def show(bag: Path, found: "Contents") -> None:
         print(f"announced only, no tick in the recording: {', '.join(announced)}")
 
 
-def _ticks(e: "EpisodeAccount") -> str:
+def _ticks(e: "EpisodeInventory") -> str:
     """As in `225 (0 to 224)`."""
     return f"{e.recorded} ({e.first} to {e.last})" if e.recorded else "0"
 

@@ -9,8 +9,8 @@ from typing import Any
 
 import rclpy
 from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
-from rabbit_cli.ros.claim import first_published
 from rabbit_cli.ros.context import joined
+from rabbit_cli.ros.namespace_check import first_published
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
@@ -19,7 +19,7 @@ from rosbags.interfaces import Connection, ConnectionExtRosbag2, QosDurability, 
 from rosbags.typesys import Stores, get_typestore
 
 from rabbit_recording.bag_writer import RecordingError, graph_types
-from rabbit_recording.opening import begin_of, opened, told
+from rabbit_recording.open_recording import begin_of, one_line_errors, opened
 
 DELIVERY_SECONDS = 3.0
 SHOW_SECONDS = 0.1
@@ -56,7 +56,7 @@ def play(path: Path, how: Playing, show: Callable[[float, float], object]) -> in
             node = rclpy.create_node("player", namespace=how.namespace, context=context)
             publishers = {c.topic: _publisher(node, c, how.namespace) for c in reader.connections}
             _refuse_clash(path, node, publishers, how.delay)
-            with told(path):
+            with one_line_errors(path):
                 return _publish(reader, publishers, how, show)
 
 

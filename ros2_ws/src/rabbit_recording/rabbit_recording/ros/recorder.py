@@ -16,20 +16,20 @@ from typing import Any
 
 from ament_index_python.packages import get_package_share_directory
 from pydantic import BaseModel, ConfigDict, Field
-from rabbit_ros.diagnostics_node import ERROR, OK, WARN, Diagnostics, Status
-from rabbit_ros.door import Door
-from rabbit_ros.parameters_node import declare, refuse_unknown
-from rabbit_ros.spin_node import run, steady_timer
-from rabbit_ros.topics_node import TOPICS, Topic
-from rabbit_ros.with_info_node import NUMBER, SENT, with_info
+from rabbit_ros.message_checks import MessageCounter
+from rabbit_ros.ros.diagnostics import ERROR, OK, WARN, Diagnostics, Status
+from rabbit_ros.ros.message_info import NUMBER, SENT, with_info
+from rabbit_ros.ros.parameters import declare, refuse_unknown
+from rabbit_ros.ros.spin import run, steady_timer
+from rabbit_ros.ros.topics import TOPICS, Topic
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 
 from rabbit_recording.bag_writer import FLUSH_SECONDS, LOST, BagWriter, RecordingError, Storage, graph_types
-from rabbit_recording.header import turn_of
-from rabbit_recording.loss import Loss
+from rabbit_recording.message_header import turn_of
+from rabbit_recording.message_loss import Loss
 from rabbit_recording.simulated_time import SimulatedTime
 
 IDLE_SECONDS = 0.3  # without a message, after which nothing more is on its way
@@ -59,7 +59,7 @@ class RecorderNode(Node):
         types = graph_types([Path(get_package_share_directory("rabbit_msgs"))])
         self._path = free_path(Path(self._own.path))
         self._writer = BagWriter(self._path, self._own.storage, types)
-        self._door = Door()
+        self._message_counter = MessageCounter()
         self._loss = Loss()
         self._time = SimulatedTime()
         self._heard = time.monotonic()
@@ -68,7 +68,7 @@ class RecorderNode(Node):
         self._state = self.resolve_topic_name("state")
         self._newest_state = b""
         self._readers = {topic.name: self._subscribe(topic) for topic in TOPICS}
-        self._diagnostics = Diagnostics(self, self._door, self._status)
+        self._diagnostics = Diagnostics(self, self._message_counter, self._status)
         steady_timer(self, FLUSH_SECONDS, self._flush)
 
     def busy(self) -> bool:
@@ -99,7 +99,7 @@ class RecorderNode(Node):
             self._loss.heard(name, info[NUMBER])
         at = self._time.of(topic.name, topic.publisher, data, info[SENT])
         if self._ends_at_errors(partial(self._writer.write, name, at, data)):
-            self._door.accept(name)
+            self._message_counter.accept(name)
 
     def _flush(self) -> None:
         """What a killed recorder has written by now is not lost."""

@@ -13,24 +13,24 @@ from rabbit_description.gait_library import load_gaits
 from rabbit_description.state import TICK_SECONDS, Array, RobotState
 from rabbit_msgs.msg import Episode, EpisodePlan, TorqueCommand
 from rabbit_msgs.srv import Pause, ResetEpisode
-from rabbit_ros.conversions_node import check_plan, stamp, torque_of
-from rabbit_ros.diagnostics_node import OK, WARN, Diagnostics, Status
-from rabbit_ros.door import Door, Refused, check_turn
-from rabbit_ros.hearing_node import hear
-from rabbit_ros.parameters_node import declare, follow, refuse_unknown
+from rabbit_ros.message_checks import MessageCounter, Refused, check_turn
 from rabbit_ros.priority import scheduling
-from rabbit_ros.priority_node import take_or_warn
-from rabbit_ros.qos_node import EVENT, TICK
-from rabbit_ros.spin_node import run, steady_timer
+from rabbit_ros.ros.checked_subscription import create_checked_subscription
+from rabbit_ros.ros.conversions import check_plan, stamp, torque_of
+from rabbit_ros.ros.diagnostics import OK, WARN, Diagnostics, Status
+from rabbit_ros.ros.parameters import declare, follow, refuse_unknown
+from rabbit_ros.ros.priority import take_or_warn
+from rabbit_ros.ros.qos import EVENT, TICK
+from rabbit_ros.ros.spin import run, steady_timer
 from rclpy.node import Node
 from rclpy.timer import Timer
 
-from rabbit_sim.memory import Memory, MemoryFileError, Stand
 from rabbit_sim.node_parameters import NodeParameters
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.real_time import Source, StandIn
-from rabbit_sim.ros.answerers import Answerers
-from rabbit_sim.ros.telling import Telling, beginning, ending
+from rabbit_sim.restart_file import RestartFile, RestartFileError, RestartPoint
+from rabbit_sim.ros.live_controllers import LiveControllers
+from rabbit_sim.ros.publishers import SimulatorPublishers, beginning, ending
 from rabbit_sim.ros.tick_clock import TickClock
 from rabbit_sim.simulation import Simulation
 from rabbit_sim.stones import CourseError
@@ -50,8 +50,8 @@ class SimulatorNode(Node):
         refuse_unknown(self)
         take_or_warn(self, self._own.priority)
         self._simulation = Simulation(plant, load_gaits(self._own.gait))
-        self._door = Door()
-        self._memory = Memory(Path(self._own.memory) if self._own.memory else None)
+        self._message_counter = MessageCounter()
+        self._memory = RestartFile(Path(self._own.memory) if self._own.memory else None)
         before = self._memory.stand  # of a simulator that was killed
         self._clock_ticks = before.clock_ticks
         self._episode = episode_of(before, plant.stones)
@@ -78,17 +78,17 @@ class SimulatorNode(Node):
         self._simulation.close()
 
     def _connect(self) -> None:
-        self._told = Telling(self)
-        torques = hear(self, TorqueCommand, "torque", self._on_torque, TICK, self._refuse)
-        self._answerers = Answerers(self, torques)
-        hear(self, EpisodePlan, "episode_plan", self._on_plan, EVENT, self._refuse)
+        self._told = SimulatorPublishers(self)
+        torques = create_checked_subscription(self, TorqueCommand, "torque", self._on_torque, TICK, self._refuse)
+        self._live_controllers = LiveControllers(self, torques)
+        create_checked_subscription(self, EpisodePlan, "episode_plan", self._on_plan, EVENT, self._refuse)
         self.create_service(ResetEpisode, "reset_episode", self._on_reset)
         self.create_service(Pause, "pause", self._on_pause)
         self._ticks = TickClock(self, self._own.late_limit)
-        self._diagnostics = Diagnostics(self, self._door, self._status)
+        self._diagnostics = Diagnostics(self, self._message_counter, self._status)
         steady_timer(self, LOOK_SECONDS, self._look)
 
-    def _begin_anew(self, before: Stand) -> None:
+    def _begin_anew(self, before: RestartPoint) -> None:
         """Say where it stands; an episode in whose middle another simulator was killed is over."""
         if before.running:
             self._episode.outcome, self._episode.reason = "reset", "the simulator was started again"
@@ -98,7 +98,7 @@ class SimulatorNode(Node):
     # What comes in
 
     def _on_torque(self, message: TorqueCommand) -> None:
-        self._answerers.spoke()
+        self._live_controllers.spoke()
         try:
             if self._state is None or self._torque is not None:
                 raise Refused("not awaited", f"episode {message.episode}, tick {message.tick}")
@@ -109,7 +109,7 @@ class SimulatorNode(Node):
         except Refused as error:
             self._refuse("torque", error)
             return
-        self._door.accept("torque")
+        self._message_counter.accept("torque")
         if message.fault:
             self._end("fault", message.fault)
             return
@@ -124,11 +124,11 @@ class SimulatorNode(Node):
         except Refused as error:
             self._refuse("episode_plan", error)
             return
-        self._door.accept("episode_plan")
+        self._message_counter.accept("episode_plan")
         self._plan = message
 
     def _refuse(self, topic: str, error: Refused) -> None:
-        self.get_logger().warning(self._door.refuse(topic, error), throttle_duration_sec=1.0)
+        self.get_logger().warning(self._message_counter.refuse(topic, error), throttle_duration_sec=1.0)
 
     def _on_reset(self, request: ResetEpisode.Request, response: ResetEpisode.Response) -> ResetEpisode.Response:
         if not self._answered_by_someone():
@@ -212,7 +212,7 @@ class SimulatorNode(Node):
         running = e.phase in (Episode.RUNNING, Episode.PAUSED)
         touchdowns = self._state.touchdowns if self._state is not None else e.touchdowns
         begun = (e.seed, e.sigma, e.policy_version)
-        self._memory.note(Stand(e.episode, tick, self._clock_ticks, running, touchdowns, *begun))
+        self._memory.note(RestartPoint(e.episode, tick, self._clock_ticks, running, touchdowns, *begun))
 
     def _tell(self, phase: int) -> None:
         """Publish where the episode stands."""
@@ -242,11 +242,11 @@ class SimulatorNode(Node):
     def _remind(self, state: RobotState, silence: float) -> None:
         """Nobody has answered for so many seconds."""
         if silence > self._own.answer_timeout:
-            self._answerers.said_nothing()
+            self._live_controllers.said_nothing()
             self._end("silent", f"no torque for tick {state.tick} came in {self._own.answer_timeout:g} s")
         elif silence > (self._reminders + 1) * REPEAT_SECONDS:
             self._reminders += 1
-            self._answerers.asked_again()
+            self._live_controllers.asked_again()
             if self._reminders == 1:
                 self.get_logger().warning(f"waits for {self._missing()}")
             self._tell(Episode.RUNNING)
@@ -274,7 +274,7 @@ class SimulatorNode(Node):
             self._since = None  # told once
 
     def _answered_by_someone(self) -> bool:
-        return self._told.readers >= self._own.readers and self._answerers.any
+        return self._told.readers >= self._own.readers and self._live_controllers.any
 
     def _set_pace(self, own: NodeParameters) -> None:
         """Follow a new pace between two ticks."""
@@ -307,7 +307,7 @@ class SimulatorNode(Node):
             return
         torque, source = self._stand_in.missed(self._state.dq)
         if source is Source.HELD and self._stand_in.gave_up:
-            self._answerers.said_nothing()  # until one speaks again, be it too late
+            self._live_controllers.said_nothing()  # until one speaks again, be it too late
         self._step(torque, source)
 
     def _missing(self) -> str:
@@ -336,7 +336,7 @@ class SimulatorNode(Node):
         return OK, f"episode {e.episode}" if self._state is not None else "between episodes", figures
 
 
-def episode_of(before: Stand, stones: int) -> Episode:
+def episode_of(before: RestartPoint, stones: int) -> Episode:
     """The newest episode of the simulator before this one."""
     return Episode(
         episode=before.episode,
@@ -351,7 +351,7 @@ def episode_of(before: Stand, stones: int) -> Episode:
 
 def main() -> None:
     """The executable `simulator`."""
-    run(SimulatorNode, errors=(GaitError, CourseError, MemoryFileError))
+    run(SimulatorNode, errors=(GaitError, CourseError, RestartFileError))
 
 
 if __name__ == "__main__":

@@ -5,7 +5,7 @@ import math
 from builtin_interfaces.msg import Time
 from rabbit_description.state import TICK_SECONDS
 from rabbit_msgs.msg import Timing
-from rabbit_ros.qos_node import TICK
+from rabbit_ros.ros.qos import TICK
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 

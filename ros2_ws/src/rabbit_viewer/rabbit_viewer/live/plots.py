@@ -7,7 +7,7 @@ from typing import Any
 from rabbit_description.force_ratio import force_ratio
 from rabbit_description.state import ACTUATED
 
-from rabbit_viewer.live.moment import Limits, Moment
+from rabbit_viewer.live.snapshot import Limits, Snapshot
 
 NAMES = ("episode", "tick", "time", "V", "B1", "B2", "clf_slack", "rescue_slack", "F_T", "F_N", "force_ratio")
 JOINTS = tuple(f"torque_{joint}" for joint in ACTUATED)
@@ -15,7 +15,7 @@ PLOTTED = (*NAMES, "friction_coeff", *JOINTS)
 SCHEMA: dict[str, Any] = {"type": "object", "properties": {name: {"type": "number"} for name in PLOTTED}}
 
 
-def plotted(moment: Moment, limits: Limits | None) -> dict[str, float]:
+def plotted(moment: Snapshot, limits: Limits | None) -> dict[str, float]:
     """Values by name; SI units."""
     tangential, normal = (float(value) for value in moment.force)
     values: dict[str, float] = {

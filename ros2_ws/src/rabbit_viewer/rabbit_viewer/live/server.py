@@ -9,9 +9,9 @@ from foxglove.websocket import Capability
 
 from rabbit_viewer.live.foxglove_scene import scene_update, transforms
 from rabbit_viewer.live.frames import link_frames
-from rabbit_viewer.live.moment import Limits, Moment
 from rabbit_viewer.live.plots import SCHEMA, plotted
 from rabbit_viewer.live.shapes import Drawing
+from rabbit_viewer.live.snapshot import Limits, Snapshot
 
 SECOND = 1_000_000_000  # ns
 
@@ -53,7 +53,7 @@ class LiveServer:
         """Somebody wants something."""
         return any(channel.has_sinks() for channel in (self._scene, self._tf, self._plots))
 
-    def show(self, moment: Moment, drawing: Drawing, limits: Limits | None) -> None:
+    def show(self, moment: Snapshot, drawing: Drawing, limits: Limits | None) -> None:
         """Send a moment to all who watch; simulated time that goes back begins a new session."""
         now = moment.nanoseconds
         if now < self._newest:

@@ -7,7 +7,7 @@ from rabbit_description.state import Array, Leg
 
 from rabbit_viewer import colours
 from rabbit_viewer.geometry import PLATFORM, allowed_area, area_triangles, force_arrow, friction_cone
-from rabbit_viewer.live.moment import Edges, Limits, Moment
+from rabbit_viewer.live.snapshot import Edges, Limits, Snapshot
 from rabbit_viewer.skeleton import leg_points, torso_points
 
 GROUPS = ("robot", "stones", "area", "cone", "force", "words")
@@ -68,7 +68,7 @@ Shape = Line | Box | Sheet | Arrow | Words
 Drawing = dict[str, list[Shape]]
 
 
-def draw(moment: Moment, limits: Limits | None) -> Drawing:
+def draw(moment: Snapshot, limits: Limits | None) -> Drawing:
     """All groups; without `limits`, which the graph has not told yet, the area and the cone are empty."""
     q, bend = moment.q[None], limits.link_bend if limits else 0.0
     legs = {leg: leg_points(q, leg, bend)[0] for leg in Leg}
@@ -89,13 +89,13 @@ def draw(moment: Moment, limits: Limits | None) -> Drawing:
     return drawing
 
 
-def caption(moment: Moment) -> str:
+def caption(moment: Snapshot) -> str:
     """Where the walk stands, in one line."""
     where = f"stone {moment.touchdowns} of {moment.stones}"
     return f"episode {moment.episode}   t {moment.seconds:.2f} s   {where}   policy {moment.policy}"
 
 
-def world_stones(moment: Moment, foot: float) -> list[Edges]:
+def world_stones(moment: Snapshot, foot: float) -> list[Edges]:
     """World edges of the platform, if the landings reach back to it, of the stones landed on and the one ahead, m.
 
     They are laid out backwards from the stance foot at `foot`, so that a viewer may come late.
@@ -114,7 +114,7 @@ def world_stones(moment: Moment, foot: float) -> list[Edges]:
     return behind[::-1] + ahead
 
 
-def _ground(moment: Moment, foot: float) -> list[Shape]:
+def _ground(moment: Snapshot, foot: float) -> list[Shape]:
     stones = world_stones(moment, foot)
     if not stones:
         return [Box(foot - GROUND, foot + GROUND, colours.STONE)]

@@ -4,7 +4,7 @@ from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point, Quaternion, Transform, TransformStamped, Vector3
 from rabbit_description import URDF_PATH
 from rabbit_description.state import Array
-from rabbit_ros.qos_node import WEIGHTS as LATCHED
+from rabbit_ros.ros.qos import WEIGHTS as LATCHED
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from std_msgs.msg import ColorRGBA, Header, String
@@ -14,7 +14,6 @@ from visualization_msgs.msg import Marker, MarkerArray
 from rabbit_viewer.colours import BLACK, rgb
 from rabbit_viewer.geometry import DEPTH
 from rabbit_viewer.live.frames import WORLD, Frame, link_frames, turn_about_y
-from rabbit_viewer.live.moment import Moment
 from rabbit_viewer.live.shapes import (
     FONT,
     HEAD,
@@ -28,6 +27,7 @@ from rabbit_viewer.live.shapes import (
     Sheet,
     Words,
 )
+from rabbit_viewer.live.snapshot import Snapshot
 
 NEWEST = QoSProfile(depth=10)
 
@@ -46,7 +46,7 @@ class RvizTopics:
         """Somebody wants something that moves."""
         return bool(self._tf.get_subscription_count() or self._markers.get_subscription_count())
 
-    def show(self, moment: Moment, drawing: Drawing) -> None:
+    def show(self, moment: Snapshot, drawing: Drawing) -> None:
         """Publish a moment."""
         seconds, nanoseconds = divmod(moment.nanoseconds, 1_000_000_000)
         at = Time(sec=seconds, nanosec=nanoseconds)

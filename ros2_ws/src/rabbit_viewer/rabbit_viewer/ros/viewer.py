@@ -9,22 +9,22 @@ import time
 from typing import Any
 
 from rabbit_msgs import msg
-from rabbit_ros.conversions_node import preview_of
-from rabbit_ros.diagnostics_node import OK, Diagnostics, Status
-from rabbit_ros.door import Door, Refused, check_finite
-from rabbit_ros.parameters_node import declare, refuse_unknown
-from rabbit_ros.qos_node import EVENT
-from rabbit_ros.spin_node import run, steady_timer
+from rabbit_ros.message_checks import MessageCounter, Refused, check_finite
+from rabbit_ros.ros.conversions import preview_of
+from rabbit_ros.ros.diagnostics import OK, Diagnostics, Status
+from rabbit_ros.ros.parameters import declare, refuse_unknown
+from rabbit_ros.ros.qos import EVENT
+from rabbit_ros.ros.spin import run, steady_timer
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 
-from rabbit_viewer.live.gather import Gather
-from rabbit_viewer.live.moment import Edges, Moment, Step, moment_of
 from rabbit_viewer.live.parameters import ViewerParameters
 from rabbit_viewer.live.server import LiveServer, ViewError
 from rabbit_viewer.live.shapes import draw
-from rabbit_viewer.ros.limits import LimitsOfGraph
-from rabbit_viewer.ros.newest import NewestTicks
+from rabbit_viewer.live.snapshot import Edges, Snapshot, Step, snapshot_of
+from rabbit_viewer.live.tick_messages import TickMessages
+from rabbit_viewer.ros.graph_limits import GraphLimits
+from rabbit_viewer.ros.newest_ticks import NewestTicks
 from rabbit_viewer.ros.rviz import RvizTopics
 
 TICK_TOPICS = {"state": msg.RabbitState, "controller_state": msg.ControllerState}
@@ -46,9 +46,9 @@ class ViewerNode(Node):
         print(f"live view at {self._server.address}, or open {self._server.page}", flush=True)
         self.failure = ""  # what ends the node
         self._rviz = RvizTopics(self)
-        self._limits = LimitsOfGraph(self)
-        self._door = Door()
-        self._ticks = Gather(*TICK_TOPICS)
+        self._limits = GraphLimits(self)
+        self._message_counter = MessageCounter()
+        self._ticks = TickMessages(*TICK_TOPICS)
         self._episode = msg.Episode()
         self._previews: dict[int, Edges] = {}  # of this episode, by stone
         self._steps: dict[int, Step] = {}
@@ -57,7 +57,7 @@ class ViewerNode(Node):
         self.create_subscription(msg.Episode, "episode", self._on_episode, EVENT)
         self.create_subscription(msg.StonePreview, "preview", self._on_preview, EVENT)
         self.create_subscription(msg.Landing, "landing", self._on_landing, EVENT)
-        self._diagnostics = Diagnostics(self, self._door, self._status)
+        self._diagnostics = Diagnostics(self, self._message_counter, self._status)
         steady_timer(self, 1 / own.rate, self._look)
 
     def close(self) -> None:
@@ -83,7 +83,7 @@ class ViewerNode(Node):
         try:
             stone = preview_of(message)
         except Refused as error:
-            self.get_logger().warning(self._door.refuse("preview", error))
+            self.get_logger().warning(self._message_counter.refuse("preview", error))
             return
         if self._is_present(message.episode):
             self._previews[stone.index] = Edges(stone.l_min, stone.l_max)
@@ -92,7 +92,7 @@ class ViewerNode(Node):
         try:
             check_finite("l", (message.l,))
         except Refused as error:
-            self.get_logger().warning(self._door.refuse("landing", error))
+            self.get_logger().warning(self._message_counter.refuse("landing", error))
             return
         if self._is_present(message.episode):
             self._steps[message.index] = Step(message.l, Edges(message.l_min, message.l_max))
@@ -128,7 +128,7 @@ class ViewerNode(Node):
         try:
             moment = self._moment()
         except Refused as error:
-            self.get_logger().warning(self._door.refuse("tick", error))
+            self.get_logger().warning(self._message_counter.refuse("tick", error))
             return
         limits = self._limits.known
         drawing = draw(moment, limits)
@@ -136,9 +136,9 @@ class ViewerNode(Node):
             self._server.show(moment, drawing, limits)
         if self._rviz.is_watched:
             self._rviz.show(moment, drawing)
-        self._door.accept("tick")
+        self._message_counter.accept("tick")
 
-    def _moment(self) -> Moment:
+    def _moment(self) -> Snapshot:
         parts: dict[str, Any] = {}
         for name, data in self._ticks.parts.items():
             try:
@@ -153,7 +153,7 @@ class ViewerNode(Node):
         self._is_present(state.episode)
         landed = state.touchdowns
         stone = self._previews.get(landed + 1) if state.previewed else None
-        return moment_of(state, details, self._episode.stones, stone, self._last_steps(landed))
+        return snapshot_of(state, details, self._episode.stones, stone, self._last_steps(landed))
 
     def _last_steps(self, landed: int) -> tuple[Step, ...]:
         """The landings up to `landed` without a gap, the newest last."""

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from builtin_interfaces.msg import Time
 from rabbit_msgs import msg
-from rabbit_ros.conversions_node import state_of, torque_of
-from rabbit_ros.door import Refused
+from rabbit_ros.message_checks import Refused
+from rabbit_ros.ros.conversions import state_of, torque_of
 from rl_cbf_clf_controller.message_fields import output_of
 from rl_cbf_clf_controller.policy import ActorPolicy, Policy, ZeroPolicy
 from rl_cbf_clf_controller.uncertainty import Problem

@@ -15,20 +15,19 @@ from builtin_interfaces.msg import Time
 from pydantic import BaseModel, ConfigDict, Field
 from rabbit_msgs.msg import ControllerState, Episode, EpisodePlan, PolicySwap, PolicyWeights, RabbitState, TorqueCommand
 from rabbit_msgs.msg import Transition as TransitionMessage
-from rabbit_ros.conversions_node import check_episode, is_new_simulator
-from rabbit_ros.diagnostics_node import ERROR, OK, WARN, Diagnostics, Status
-from rabbit_ros.door import Door, Refused
-from rabbit_ros.hearing_node import hear
-from rabbit_ros.parameters_node import ParameterError, declare, refuse_unknown
-from rabbit_ros.qos_node import EVENT, TICK, WEIGHTS
-from rabbit_ros.spin_node import run, steady_timer
+from rabbit_ros.message_checks import MessageCounter, Refused
+from rabbit_ros.ros.checked_subscription import create_checked_subscription
+from rabbit_ros.ros.conversions import check_episode, is_new_simulator
+from rabbit_ros.ros.diagnostics import ERROR, OK, WARN, Diagnostics, Status
+from rabbit_ros.ros.parameters import ParameterError, declare, refuse_unknown
+from rabbit_ros.ros.qos import EVENT, TICK, WEIGHTS
+from rabbit_ros.ros.spin import run, steady_timer
 from rclpy.node import Node
 from rl_cbf_clf_controller.weights import PolicyFile, PolicyFileError, policy_path, read
 
-from rl_trainer.background import Background
-from rl_trainer.gate import Verdict
-from rl_trainer.pairing import Event, Tick, Walk
+from rl_trainer.learning_thread import LearningThread
 from rl_trainer.parameters import TrainingParameters
+from rl_trainer.publication_gate import Verdict
 from rl_trainer.ros.messages import (
     ZERO,
     checked_part,
@@ -38,6 +37,7 @@ from rl_trainer.ros.messages import (
     weights_message,
 )
 from rl_trainer.session import CheckpointError
+from rl_trainer.tick_synchronizer import Event, Tick, Walk
 from rl_trainer.training import EpisodePlan as Plan
 from rl_trainer.training import EpisodeReport, Provenance, Trainer
 from rl_trainer.transitions import Transition
@@ -75,8 +75,8 @@ class TrainerNode(Node):
         trainer = make_trainer(training, own)
         beside = 0 if own.plan_episodes else own.learn_beside
         self._plans_policies = own.plan_episodes
-        self._learning = Background(trainer, self, beside, Path(own.folder) if own.folder else None)
-        self._door = Door()
+        self._learning = LearningThread(trainer, self, beside, Path(own.folder) if own.folder else None)
+        self._message_counter = MessageCounter()
         self._walk = Walk(PARTS)
         self._held_up_since: float | None = None
         self._started = self._is_joining = False
@@ -99,12 +99,12 @@ class TrainerNode(Node):
         self._plan = self.create_publisher(EpisodePlan, "episode_plan", EVENT)
         kinds = (RabbitState, TorqueCommand, ControllerState)
         self._inputs = [
-            hear(self, kind, part, partial(self._on_part, part), TICK, self._refuse)
+            create_checked_subscription(self, kind, part, partial(self._on_part, part), TICK, self._refuse)
             for part, kind in zip(PARTS, kinds, strict=True)
         ]
-        hear(self, Episode, "episode", self._on_episode, EVENT, self._refuse)
-        hear(self, PolicySwap, "policy_swap", self._on_swap, EVENT, self._refuse)
-        self._diagnostics = Diagnostics(self, self._door, self._status)
+        create_checked_subscription(self, Episode, "episode", self._on_episode, EVENT, self._refuse)
+        create_checked_subscription(self, PolicySwap, "policy_swap", self._on_swap, EVENT, self._refuse)
+        self._diagnostics = Diagnostics(self, self._message_counter, self._status)
         steady_timer(self, 0.5, self._look)
 
     # What comes in
@@ -114,7 +114,7 @@ class TrainerNode(Node):
             return
         judged = self._walk.judge(part, message.episode, message.tick)
         if judged == "again":
-            self._door.accept(f"{part} again")
+            self._message_counter.accept(f"{part} again")
             return
         if judged != "good":
             self._refuse(part, Refused(judged, f"episode {message.episode}, tick {message.tick}"))
@@ -122,7 +122,7 @@ class TrainerNode(Node):
         checked = None
         try:
             checked = checked_part(part, message, self._training.problem)
-            self._door.accept(part)
+            self._message_counter.accept(part)
         except Refused as error:
             self._refuse(part, error)
         if self._is_joining:
@@ -138,7 +138,7 @@ class TrainerNode(Node):
         except Refused as error:
             self._refuse("episode", error)
             return
-        self._door.accept("episode")
+        self._message_counter.accept("episode")
         self._newest = message
         if not self._started:
             return
@@ -168,12 +168,12 @@ class TrainerNode(Node):
         except PolicyFileError as error:
             self._refuse("policy_swap", Refused("not fit", str(error)))
             return
-        self._door.accept("policy_swap")
+        self._message_counter.accept("policy_swap")
         if policy is not None:
             self._learning.in_force(policy)
 
     def _refuse(self, topic: str, error: Refused) -> None:
-        self.get_logger().warning(self._door.refuse(topic, error), throttle_duration_sec=1.0)
+        self.get_logger().warning(self._message_counter.refuse(topic, error), throttle_duration_sec=1.0)
 
     # What goes on
 

@@ -12,9 +12,9 @@ from rabbit_experiments.evaluation import episode_seeds
 from rabbit_experiments.reproduce.controllers import CBF_CLF, CBF_CLF_ORACLE, RL_CBF_CLF
 from rabbit_experiments.reproduce.experiment import Experiment
 from rabbit_experiments.reproduce.feasibility import Feasibility
+from rabbit_experiments.reproduce.infeasible_shares import share, total
 from rabbit_experiments.reproduce.jobs import Job
 from rabbit_experiments.reproduce.report import Cell, Claim, Table
-from rabbit_experiments.reproduce.shares import share, total
 from rabbit_experiments.reproduce.table_lines import Found, Line, Size
 from rabbit_experiments.reproduce.verdict import Verdict, judge
 from rabbit_experiments.reproduce.walks import SEED

@@ -14,9 +14,9 @@ from rabbit_experiments.reproduce.controllers import CBF_CLF, CBF_CLF_ORACLE, RL
 from rabbit_experiments.reproduce.curves import WIDTH
 from rabbit_experiments.reproduce.experiment import Experiment
 from rabbit_experiments.reproduce.feasibility import Feasibility
+from rabbit_experiments.reproduce.infeasible_shares import RowSet, share
 from rabbit_experiments.reproduce.jobs import Job
 from rabbit_experiments.reproduce.report import Cell, Claim, Table
-from rabbit_experiments.reproduce.shares import RowSet, share
 from rabbit_experiments.reproduce.table_lines import Found, Line, Size
 from rabbit_experiments.reproduce.training import Recipe, Trained, recipes
 from rabbit_experiments.reproduce.verdict import Verdict, judge

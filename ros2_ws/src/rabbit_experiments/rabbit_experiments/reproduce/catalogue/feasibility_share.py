@@ -15,9 +15,9 @@ from rabbit_experiments.reproduce.controllers import (
 )
 from rabbit_experiments.reproduce.experiment import Experiment
 from rabbit_experiments.reproduce.feasibility import Feasibility
+from rabbit_experiments.reproduce.infeasible_shares import RowSet, share, share_text, total
 from rabbit_experiments.reproduce.jobs import Job
 from rabbit_experiments.reproduce.report import Cell, Claim, Table
-from rabbit_experiments.reproduce.shares import RowSet, share, share_text, total
 from rabbit_experiments.reproduce.table_lines import COLUMNS, Column, Found, Line, Size
 from rabbit_experiments.reproduce.verdict import judge
 from rabbit_experiments.reproduce.walks import SEED

@@ -1,0 +1,192 @@
+"""What a recording holds of each episode: what was recorded, what was merely announced, what was lost.
+
+A tick is recorded if its state, torque and controller state all are; an episode is if one of its states is.
+Announcements are latched: a recorder that is started late also receives those of episodes that were over by then.
+"""
+
+from collections import defaultdict
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Any
+
+from rabbit_recording.message_header import policy_of
+from rabbit_recording.stored_messages import TICK_NANOSECONDS, StoredMessage
+
+BY_TICK = ("state", "torque", "controller_state")
+OTHERS = ("preview", "landing", "episode", "timing")
+ENDED = 3  # phase in rabbit_msgs/Episode
+NEIGHBOURS = 2  # episodes back, of which messages may still come
+MOST_UNHEARD = 1000  # episodes between two recorded ones; more are a damaged number
+UNANSWERED = ("silent", "fault", "reset")  # outcomes that may come before the controller's last answer
+
+
+class Presence(StrEnum):
+    """What of an episode is in a recording: a tick; nothing, but of one before and one after; an announcement alone."""
+
+    RECORDED = "recorded"
+    LOST = "lost"
+    ANNOUNCED = "announced"
+
+
+@dataclass
+class EpisodeInventory:
+    """One episode.
+
+    `number` is the simulator's; in a further `run` of a simulator that was started again it counts on. `first` and
+    `last` recorded tick, None if there is none; `recorded`, `lost`: how many. Lost are those between the first and the
+    last message of a topic, and up to the episode's end if that was announced. `begins`, `ends`: tick 0, and the
+    announcement of the end, are in the recording.
+    """
+
+    number: int
+    run: int = 0
+    presence: Presence = Presence.RECORDED
+    seed: int = 0
+    stones: int = 0
+    touchdowns: int = 0
+    outcome: str = ""
+    reason: str = ""
+    first: int | None = None
+    last: int | None = None
+    recorded: int = 0
+    lost: int = 0
+    begins: bool = False
+    ends: bool = False
+    policies: list[str] = field(default_factory=list)
+
+
+ANNOUNCED = ("seed", "stones", "touchdowns", "outcome", "reason")
+
+
+class Gathered:
+    """The messages of one episode."""
+
+    def __init__(self, run: int, episode: int) -> None:
+        self.run, self.episode = run, episode
+        self.previews: dict[int, Any] = {}
+        self.landings: dict[int, Any] = {}
+        self.announced: Any = None  # the newest announcement
+        self._in_real_time = False
+        self._by_beginning: dict[int, dict[str, dict[int, StoredMessage]]] = defaultdict(
+            lambda: {name: {} for name in BY_TICK}
+        )
+
+    def add(self, message: StoredMessage) -> None:
+        """Take in one; of those that came twice the first."""
+        if message.topic in BY_TICK:
+            tick = message.turn[1]
+            self._by_beginning[message.stamp - tick * TICK_NANOSECONDS][message.topic].setdefault(tick, message)
+        elif message.topic == "timing":
+            self._in_real_time = True
+        elif message.topic == "episode":
+            if self.announced is None or self.announced.phase != ENDED:
+                self.announced = message.decode()
+        else:
+            decoded = message.decode()
+            (self.previews if message.topic == "preview" else self.landings).setdefault(decoded.index, decoded)
+
+    @property
+    def ticks(self) -> dict[str, dict[int, StoredMessage]]:
+        """Messages by topic and tick. All count from one beginning; what does not was not the graph's own."""
+        of = self._by_beginning.values()
+        return max(of, key=lambda found: sum(map(len, found.values())), default={name: {} for name in BY_TICK})
+
+    @property
+    def is_recorded(self) -> bool:
+        """Whether there is a state, and it is not a single message that nobody answered or announced."""
+        ticks = self.ticks
+        return bool(ticks["state"]) and (self.announced is not None or bool(self.full_ticks(ticks)))
+
+    def full_ticks(self, ticks: dict[str, dict[int, StoredMessage]]) -> list[int]:
+        """Those of which there is all."""
+        return sorted(set.intersection(*map(set, ticks.values())))
+
+    def account(self, number: int, presence: Presence, followed: Collection[str]) -> EpisodeInventory:
+        """What there is. `followed`: topics that were heard in an earlier episode: the recorder was there."""
+        ticks, told = self.ticks, self.announced
+        full = self.full_ticks(ticks)
+        versions = dict.fromkeys(policy_of(ticks["torque"][tick].data) for tick in full)
+        account = EpisodeInventory(number, self.run, presence, recorded=len(full), policies=list(versions))
+        for name in ANNOUNCED if told is not None else ():
+            setattr(account, name, getattr(told, name))
+        account.ends = bool(account.outcome)
+        if full:
+            account.first, account.last, account.begins = full[0], full[-1], full[0] == 0
+        if presence is Presence.LOST:
+            account.lost = max(told.tick, 1) if account.ends else 1
+        elif presence is Presence.RECORDED:
+            account.lost = len(set().union(*(self._missing(name, ticks[name], name in followed) for name in BY_TICK)))
+        return account
+
+    def _missing(self, topic: str, there: dict[int, StoredMessage], is_followed: bool) -> set[int]:
+        """Ticks of a topic that were published while it was recorded and are not there."""
+        end = max(there, default=-1) + 1
+        if self.announced is not None and self.announced.outcome and self._is_answered(topic):
+            end = max(end, self.announced.tick)
+        begin = 0 if is_followed else min(there, default=end)
+        return set(range(begin, end)) - set(there)
+
+    def _is_answered(self, topic: str) -> bool:
+        """Whether a topic goes on to the episode's announced end; the controller may be silent before."""
+        return topic == "state" or not (self._in_real_time or self.announced.outcome in UNANSWERED)
+
+
+class Gathering:
+    """Sorts messages into episodes and judges each once no more can come; only a few are kept at a time."""
+
+    def __init__(self) -> None:
+        self._open: dict[tuple[int, int], Gathered] = {}
+        self._reached = (0, 0)  # run and episode of the newest state that follows another
+        self.newest = (0, 0, 0)  # run, episode and tick of the newest state
+        self._run = 0  # of what follows
+        self._before = self._highest = 0  # highest number of the runs before, and of all
+        self._recorded = 0  # the newest recorded episode of the run; 0: none yet
+        self._unclear: dict[int, Gathered] = {}  # announced since then
+        self._followed: set[str] = set()  # topics heard in the run
+
+    def add(self, run: int, message: StoredMessage) -> None:
+        """Take in one message, in the order of time."""
+        if message.topic == "state":
+            _, episode, tick = self.newest
+            if run > self.newest[0] or message.turn in ((episode, tick), (episode, tick + 1), (episode + 1, 0)):
+                self._reached = (run, message.episode)
+            self.newest = (run, *message.turn)
+        key = (run, message.episode)
+        if key not in self._open:
+            self._open[key] = Gathered(*key)
+        self._open[key].add(message)
+
+    def finished(self, all_of_them: bool = False) -> Iterator[tuple[Gathered, EpisodeInventory]]:
+        """Those that get no more messages, in their order."""
+        run, episode = self._reached
+        while self._open and (all_of_them or min(self._open) < (run, episode - NEIGHBOURS)):
+            yield from self._judge(self._open.pop(min(self._open)))
+        if all_of_them:
+            yield from self._announced()
+
+    def _judge(self, episode: Gathered) -> Iterator[tuple[Gathered, EpisodeInventory]]:
+        if episode.run > self._run:
+            yield from self._announced()
+            self._run, self._before, self._recorded, self._followed = episode.run, self._highest, 0, set()
+        if episode.is_recorded:
+            yield from self._lost(episode.episode) if self._recorded else self._announced()
+            yield self._account(episode, Presence.RECORDED)
+            self._recorded, self._unclear = episode.episode, {}
+        elif episode.announced is not None and episode.episode:
+            self._unclear[episode.episode] = episode
+        self._followed |= {topic for topic, ticks in episode.ticks.items() if ticks}
+
+    def _announced(self) -> Iterator[tuple[Gathered, EpisodeInventory]]:
+        for episode in self._unclear.values():
+            yield self._account(episode, Presence.ANNOUNCED)
+        self._unclear = {}
+
+    def _lost(self, before: int) -> Iterator[tuple[Gathered, EpisodeInventory]]:
+        for number in range(self._recorded + 1, before)[:MOST_UNHEARD]:
+            yield self._account(self._unclear.get(number) or Gathered(self._run, number), Presence.LOST)
+
+    def _account(self, episode: Gathered, presence: Presence) -> tuple[Gathered, EpisodeInventory]:
+        number = self._before + episode.episode
+        self._highest = max(self._highest, number)
+        return episode, episode.account(number, presence, self._followed)

@@ -1,0 +1,141 @@
+"""A recording's messages in the order of time, each with the run of the simulator that it belongs to.
+
+A simulator without a memory that is started again counts episodes and ticks from the start: another run. It announces
+itself by waiting for episode 0. The same announcement comes to a recorder that is started later, as history: there the
+states go on where they were.
+"""
+
+import contextlib
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rabbit_description.state import TICK_SECONDS
+from rosbags.highlevel import AnyReader
+from rosbags.interfaces import Connection
+
+from rabbit_recording.bag_writer import RecordingError
+from rabbit_recording.message_header import FIELDS, episode_and_phase_of, nanoseconds_of, turn_of
+from rabbit_recording.open_recording import last_name, one_line_errors, opened
+
+OWN_TYPES = "rabbit_msgs/"
+TICK_NANOSECONDS = round(TICK_SECONDS * 1e9)
+ANNOUNCED = ("episode", "preview", "landing")  # by the simulator, and latched
+FIRST_WORD = (0, 0)  # episode and phase with which a simulator begins: none, and WAITING in rabbit_msgs/Episode
+
+
+@dataclass(frozen=True, slots=True)
+class StoredMessage:
+    """A message: the last part of its topic, when it is stored (ns), its bytes, what decodes them."""
+
+    topic: str
+    at: int
+    data: bytes
+    kind: str
+    reader: AnyReader
+    path: Path
+
+    @property
+    def turn(self) -> tuple[int, int]:
+        """Episode and tick, of messages that have both."""
+        return turn_of(self.data)
+
+    @property
+    def episode(self) -> int:
+        """Its number by the simulator's count."""
+        return self.turn[0]
+
+    @property
+    def stamp(self) -> int:
+        """Simulated time, ns."""
+        return nanoseconds_of(self.data)
+
+    @property
+    def zero(self) -> int:
+        """Where its simulated time counts from, ns."""
+        return self.at - self.stamp
+
+    @property
+    def is_first_word(self) -> bool:
+        """Whether a simulator was started with it."""
+        return self.topic == "episode" and episode_and_phase_of(self.data) == FIRST_WORD
+
+    def decode(self) -> Any:
+        """The message; raises `RecordingError`."""
+        with one_line_errors(self.path):
+            return self.reader.deserialize(self.data, self.kind)
+
+
+@contextlib.contextmanager
+def stored_messages(path: Path, *names: str) -> Iterator[Iterator[StoredMessage]]:
+    """Messages of this project's own types in the order of time, all if no `names`; to be decoded while it is open.
+
+    Raises:
+        RecordingError: no recording, one that cannot be read, a topic that is in it from several graphs, or messages
+            that are defined otherwise than this version's.
+    """
+    with opened(path) as reader:
+        ours = [c for c in reader.connections if c.msgtype.startswith(OWN_TYPES)]
+        chosen = [c for c in ours if not names or last_name(c.topic) in names]
+        topics = sorted({c.topic for c in chosen})
+        several = [topic for topic in topics if [*map(last_name, topics)].count(last_name(topic)) > 1]
+        if several:
+            raise RecordingError(f"recording {path}: of several graphs: {', '.join(several)}")
+        for connection in chosen:
+            _check_fields(path, reader, connection)
+        yield _each(reader, chosen, path)
+
+
+def _check_fields(path: Path, reader: AnyReader, connection: Connection) -> None:
+    expected = FIELDS.get(last_name(connection.topic), ())
+    with one_line_errors(path):
+        names = tuple(name for name, _ in reader.typestore.fielddefs[connection.msgtype][1])
+    if names[: len(expected)] != expected:
+        here = f"{connection.msgtype} begins with {', '.join(names)}; expected {', '.join(expected)}"
+        raise RecordingError(f"recording {path}: recorded under other message definitions: {here}")
+
+
+def _each(reader: AnyReader, connections: list[Connection], path: Path) -> Iterator[StoredMessage]:
+    with one_line_errors(path):
+        for connection, at, data in reader.messages(connections) if connections else ():
+            yield StoredMessage(last_name(connection.topic), at, data, connection.msgtype, reader, path)
+
+
+def by_run(messages: Iterable[StoredMessage]) -> Iterator[tuple[int, StoredMessage]]:
+    """Before each message the simulator's run that it belongs to, from 0; `state` and `episode` must be among them.
+
+    A first word begins a run if the next state's time counts from it and does not go on where the one before was.
+    What a simulator announced belongs to the run from whose beginning its time counts, however late it came.
+    """
+    run = 0
+    announced: int | None = None  # where the newest announcement's time counts from
+    began: dict[int, int] = {}  # where a run's time counts from: the run
+    newest: StoredMessage | None = None  # state
+    held: list[StoredMessage] = []  # from a first word on, until a state says whose it was
+    for message in messages:
+        is_state = message.topic == "state"
+        if held and is_state and newest is not None:
+            begins = message.zero == held[0].zero
+            run += begins and not goes_on(newest.data, message.data)
+            yield from ((run, each) for each in held)
+            held = []
+        if held or (newest is not None and message.is_first_word):
+            held.append(message)
+            continue
+        newest = message if is_state else newest
+        run += message.is_first_word and announced not in (None, message.zero)
+        if message.topic == "episode":
+            announced = message.zero
+        if is_state or message.topic == "episode":
+            began.setdefault(message.zero, run)
+        yield (began.get(message.zero, run) if message.topic in ANNOUNCED else run), message
+    if held and newest is not None and all(each.stamp < newest.stamp for each in held if each.topic == "episode"):
+        run += 1
+    yield from ((run, each) for each in held)
+
+
+def goes_on(newest: bytes, state: bytes) -> bool:
+    """Whether a state is the one after the newest: a tick later, or another episode's at the same time."""
+    ahead = nanoseconds_of(state) - nanoseconds_of(newest)
+    return ahead == TICK_NANOSECONDS or (ahead == 0 and turn_of(state) != turn_of(newest))

@@ -1,0 +1,48 @@
+"""Every message is checked before it is used; every refusal is counted and reported."""
+
+import math
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+
+class Refused(ValueError):
+    """A message that is not used. `reason` is the short name it is counted under."""
+
+    def __init__(self, reason: str, text: str) -> None:
+        super().__init__(f"{reason}: {text}")
+        self.reason = reason
+
+
+@dataclass
+class MessageCounter:
+    """Counts what came in and what was refused, by topic and reason."""
+
+    accepted: Counter[str] = field(default_factory=Counter)
+    refused: Counter[str] = field(default_factory=Counter)
+    last_refusal: str = ""
+
+    def accept(self, topic: str) -> None:
+        """Count a message that is used."""
+        self.accepted[topic] += 1
+
+    def refuse(self, topic: str, error: Refused) -> str:
+        """Count a refusal; returns the line that tells it."""
+        self.refused[f"{topic}: {error.reason}"] += 1
+        self.last_refusal = f"{topic} refused, {error}"
+        return self.last_refusal
+
+
+def check_finite(name: str, values: Iterable[float]) -> None:
+    """Refuse NaN and infinities."""
+    for i, value in enumerate(values):
+        if not math.isfinite(value):
+            raise Refused("not finite", f"{name}[{i}] = {value}; expected a finite number")
+
+
+def check_turn(got: tuple[int, int], expected: tuple[int, int]) -> None:
+    """Refuse a message for another (episode, tick) than the one awaited."""
+    if got[0] != expected[0]:
+        raise Refused("wrong episode", f"episode {got[0]}, tick {got[1]}; expected episode {expected[0]}")
+    if got[1] != expected[1]:
+        raise Refused("wrong tick", f"tick {got[1]} of episode {got[0]}; expected tick {expected[1]}")

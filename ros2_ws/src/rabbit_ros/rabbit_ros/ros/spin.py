@@ -1,0 +1,75 @@
+"""Runs one node until it is told to stop. Every node's `main` is a call of this."""
+
+import gc
+import signal
+import sys
+import time
+from collections.abc import Callable
+
+import rclpy
+from rclpy.clock import Clock, ClockType
+from rclpy.duration import Duration
+from rclpy.experimental import EventsExecutor
+from rclpy.node import Node
+from rclpy.timer import Timer
+
+from rabbit_ros.network import StartError
+from rabbit_ros.ros.initialise import initialise
+from rabbit_ros.ros.parameters import ParameterError
+
+_LOOK_UP = 0.1  # s between looks at the signals; without a time-out this executor's wait hears none
+_LAST_WORK = 10.0  # s
+_DELIVERY = 3.0  # s
+
+
+def run(make: Callable[[], Node], errors: tuple[type[Exception], ...] = ()) -> None:
+    """Make the node, spin it, close it; exit code 2 with one line if arguments or parameters cannot be used.
+
+    SIGINT and SIGTERM end it between two callbacks; more of them change nothing.
+
+    Args:
+        make: the node's class. If it has `busy()`, it is spun until that is False (10 s at most); if it has
+            `close()`, that is called at the end. If its `failure` becomes a line, it ends with that and exit code 2.
+        errors: besides `ParameterError`, what the constructor raises when a file or value cannot be used.
+    """
+    signals: list[int] = []
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda got, _: signals.append(got))
+    unusable: tuple[type[Exception], ...] = (StartError, ParameterError, *errors)
+    try:
+        initialise()
+        node = make()
+    except unusable as error:
+        print("error:", " ".join(str(error).split()), file=sys.stderr)
+        sys.exit(2)
+    gc.freeze()  # what is there by now stays: looking through it again would hold up a tick
+    executor = EventsExecutor()
+    executor.add_node(node)
+    try:
+        while not signals and not getattr(node, "failure", ""):
+            executor.spin_once(_LOOK_UP)
+        deadline = time.monotonic() + _LAST_WORK
+        while getattr(node, "busy", lambda: False)() and time.monotonic() < deadline:
+            executor.spin_once(_LOOK_UP)
+    finally:
+        getattr(node, "close", lambda: None)()
+        _deliver(node)
+        node.destroy_node()
+        rclpy.try_shutdown()
+        for number in (signal.SIGINT, signal.SIGTERM):  # as the interpreter ends it undoes handlers
+            signal.signal(number, signal.SIG_IGN)
+    if failure := getattr(node, "failure", ""):
+        print(f"error: {failure}", file=sys.stderr)
+        sys.exit(2)
+
+
+def _deliver(node: Node) -> None:
+    """What was sent must arrive: a publisher takes with it what its readers do not have yet."""
+    deadline = time.monotonic() + _DELIVERY
+    for publisher in node.publishers:
+        publisher.wait_for_all_acked(Duration(seconds=max(0.0, deadline - time.monotonic())))
+
+
+def steady_timer(node: Node, period: float, callback: Callable[[], None]) -> Timer:
+    """A timer by the wall clock, in s, whatever the simulated time is."""
+    return node.create_timer(period, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))

@@ -1,0 +1,63 @@
+"""The graph's topics in one table: what the recorder records and docs/topics.md lists. Names are relative."""
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rabbit_msgs import msg
+from rclpy.qos import QoSProfile
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+
+from rabbit_ros.ros.qos import DIAGNOSTICS, EVENT, TICK, WEIGHTS
+
+
+@dataclass(frozen=True)
+class Topic:
+    """A topic's type and QoS, the node that publishes it and those that need it. The recorder reads them all."""
+
+    name: str
+    type: Any
+    qos: QoSProfile
+    publisher: str
+    readers: tuple[str, ...] = ()
+
+    @property
+    def type_name(self) -> str:
+        """As in `rabbit_msgs/msg/RabbitState`."""
+        package, kind, *_ = self.type.__module__.split(".")
+        return f"{package}/{kind}/{self.type.__name__}"
+
+
+TOPICS = (
+    Topic("state", msg.RabbitState, TICK, "simulator", ("controller", "trainer", "launcher", "viewer")),
+    Topic("joint_states", JointState, TICK, "simulator"),
+    Topic("clock", Clock, TICK, "simulator"),
+    Topic("timing", msg.Timing, TICK, "simulator"),
+    Topic("preview", msg.StonePreview, EVENT, "simulator", ("controller", "viewer")),
+    Topic("landing", msg.Landing, EVENT, "simulator", ("launcher", "viewer")),
+    Topic("episode", msg.Episode, EVENT, "simulator", ("controller", "trainer", "launcher", "viewer")),
+    Topic("torque", msg.TorqueCommand, TICK, "controller", ("simulator", "trainer")),
+    Topic("controller_state", msg.ControllerState, TICK, "controller", ("trainer", "launcher", "viewer")),
+    Topic("policy_swap", msg.PolicySwap, EVENT, "controller", ("trainer",)),
+    Topic("controller_settings", msg.ControllerSettings, EVENT, "controller"),
+    Topic("transition", msg.Transition, TICK, "trainer"),
+    Topic("policy", msg.PolicyWeights, WEIGHTS, "trainer"),  # read by a controller unless its swap_at is never
+    Topic("episode_plan", msg.EpisodePlan, EVENT, "trainer", ("simulator", "launcher")),
+    Topic("diagnostics", DiagnosticArray, DIAGNOSTICS, "all", ("launcher",)),
+)
+
+
+def missing_readers(
+    nodes: Collection[str], counted: Mapping[str, int], others: Mapping[str, int] | None = None
+) -> list[str]:
+    """Topics of `nodes` that have fewer readers matched than those nodes need; `counted`, by topic.
+
+    `others`: readers that are none of `nodes`, by topic: they must not stand in for one of them.
+    """
+
+    def wanted(topic: Topic) -> int:
+        return len({*topic.readers, "recorder"} & set(nodes)) + (others or {}).get(topic.name, 0)
+
+    return [t.name for t in TOPICS if t.publisher in nodes and counted.get(t.name, 0) < wanted(t)]

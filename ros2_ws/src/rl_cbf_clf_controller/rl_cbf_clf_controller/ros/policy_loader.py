@@ -1,0 +1,140 @@
+"""Where policies come in: from the topic `policy`, if it is heard, or, by service, from a file. Off the control path.
+
+The node's own thread only takes the bytes or the path. Another thread decodes and checks them; what it decided is
+handed to `decided`, which puts it in force between two ticks. The service is answered when the check is done.
+"""
+
+import queue
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from rabbit_description.gait_library import Gaits
+from rabbit_msgs.msg import PolicyWeights
+from rabbit_msgs.srv import LoadPolicy
+from rabbit_ros.message_checks import Refused
+from rabbit_ros.priority import step_back
+from rabbit_ros.ros.async_service import create_async_service
+from rabbit_ros.ros.checked_subscription import bounds, check_size, decoded
+from rabbit_ros.ros.qos import EVENT
+from rclpy.node import Node
+from rclpy.task import Future
+
+from rl_cbf_clf_controller.parameters import ControllerParameters
+from rl_cbf_clf_controller.policy import Policy
+from rl_cbf_clf_controller.policy_compatibility import fitted
+from rl_cbf_clf_controller.weights import PolicyFileError, decode
+
+MOST_BYTES = 100_000_000  # of a policy file; the shipped ones have half a million
+MOST_WAITING = 20  # policies that wait for their check
+
+
+@dataclass(frozen=True)
+class Decided:
+    """The word on what came in: a policy ready to use, or the reason it is refused.
+
+    `version` is computed from the bytes, whatever a message says; empty when they are no policy.
+    """
+
+    version: str
+    source: str
+    by_operator: bool
+    policy: Policy | None
+    reason: str = ""
+    data: bytes = b""
+
+
+class PolicyLoader:
+    """Receives, checks and hands over policies."""
+
+    def __init__(
+        self,
+        node: Node,
+        law: ControllerParameters,
+        gaits: Gaits,
+        decided: Callable[[Decided], None],
+        hears_published: bool,
+    ) -> None:
+        """`decided` is called in the thread that checks."""
+        self._node, self._needs, self._decided = node, (law, gaits), decided
+        self._limits = bounds(PolicyWeights)
+        self._jobs: queue.SimpleQueue[Callable[[], None] | None] = queue.SimpleQueue()
+        self._thread = threading.Thread(target=self._work, name="policies", daemon=True)
+        self._thread.start()
+        if hears_published:  # deeper than a writer's history: with several, one must not push out another's
+            node.create_subscription(PolicyWeights, "policy", self._on_bytes, EVENT, raw=True)
+        create_async_service(node, LoadPolicy, "load_policy", self._on_load)
+
+    def close(self) -> None:
+        """End the thread."""
+        self._jobs.put(None)
+        self._thread.join(timeout=2.0)
+
+    # In the node's thread
+
+    def _on_bytes(self, data: bytes) -> None:
+        try:
+            check_size(data)
+            if self._jobs.qsize() >= MOST_WAITING:
+                raise Refused("too many", f"{MOST_WAITING} policies wait for their check already")
+        except Refused as error:
+            self._decided(Decided("", "policy", False, None, str(error)))
+            return
+        self._jobs.put(partial(self._check_message, data))
+
+    def _on_load(self, request: LoadPolicy.Request, response: LoadPolicy.Response) -> Future:
+        answer = Future(executor=self._node.executor)
+        self._jobs.put(partial(self._check_file, request.path, response, answer))
+        return answer
+
+    # In the thread that checks
+
+    def _work(self) -> None:
+        step_back()  # a tick goes before a check
+        while job := self._jobs.get():
+            job()
+
+    def _check_message(self, data: bytes) -> None:
+        try:
+            message = decoded(data, PolicyWeights, self._limits)
+        except Refused as error:
+            self._decided(Decided("", "policy", False, None, str(error)))
+            return
+        decided = check(bytes(message.data), message.source, *self._needs)
+        if decided.policy is not None and decided.version != message.version:
+            text = f"the message says version {message.version}; its content has {decided.version}"
+            decided = Decided("", message.source, False, None, text)
+        self._decided(decided)
+
+    def _check_file(self, path: str, response: LoadPolicy.Response, answer: Future) -> None:
+        try:
+            decided = check(_content(Path(path)), path, *self._needs, by_operator=True)
+        except (OSError, ValueError) as error:
+            decided = Decided("", path, True, None, f"cannot read {path}: {error}")
+        self._decided(decided)
+        response.accepted, response.message = decided.policy is not None, decided.reason
+        response.version = decided.version
+        answer.set_result(response)
+
+
+def _content(path: Path) -> bytes:
+    """Of a file that may be a policy: the path is anybody's, and may name a device or a pipe that never ends."""
+    if path.exists() and not path.is_file():
+        raise ValueError("expected a regular file, not a directory, device or pipe")
+    if (size := path.stat().st_size) > MOST_BYTES:
+        raise ValueError(f"{size} bytes: expected {MOST_BYTES} at most")
+    return path.read_bytes()
+
+
+def check(data: bytes, source: str, law: ControllerParameters, gaits: Gaits, by_operator: bool = False) -> Decided:
+    """Decode a policy and fit it to the controller; never raises."""
+    version = ""
+    try:
+        file = decode(data)
+        version = file.version
+        policy = fitted(file, law, gaits)
+    except PolicyFileError as error:
+        return Decided(version, source, by_operator, None, str(error))
+    return Decided(version, source, by_operator, policy, "", data)

@@ -1,0 +1,133 @@
+"""Ticks are put together whatever the order between topics, and a lost one is counted, not waited for."""
+
+import itertools
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from rl_trainer.tick_synchronizer import End, Tick, Walk
+
+PARTS = ("state", "torque", "details")
+
+
+def arrivals(episode: int, last: int) -> dict[str, list[tuple[str, int, int, Any]]]:
+    """What each topic delivers, in its order: answers to all states but the last, and the announced end."""
+    topics: dict[str, list[tuple[str, int, int, Any]]] = {
+        part: [(part, episode, tick, (part, episode, tick)) for tick in range(last + (part == "state"))]
+        for part in PARTS
+    }
+    topics["end"] = [("end", episode, last, False)]
+    return topics
+
+
+def feed(walk: Walk, message: tuple[str, int, int, Any]) -> list[tuple[int, Tick | End]]:
+    """Hand a message to the walk."""
+    part, episode, tick, content = message
+    return walk.end(episode, tick, content) if part == "end" else walk.add(part, episode, tick, content)
+
+
+@given(last=st.integers(0, 5), data=st.data())
+def test_any_interleaving_of_two_episodes_comes_out_in_order(last: int, data: st.DataObject) -> None:
+    queues = [[*first, *second] for first, second in zip(*(arrivals(e, last).values() for e in (1, 2)), strict=True)]
+    walk, out = Walk(PARTS), []
+    while any(queues):
+        queue = data.draw(st.sampled_from([queue for queue in queues if queue]))
+        out += feed(walk, queue.pop(0))
+    expected: list[tuple[int, Tick | End]] = []
+    for episode in (1, 2):
+        ticks = [Tick(tick, tuple((part, episode, tick) for part in PARTS)) for tick in range(last)]
+        expected += [(episode, tick) for tick in ticks] + [(episode, End(("state", episode, last)))]
+    assert out == expected
+    assert (walk.lost, walk.done) == (0, 2)
+
+
+@pytest.mark.parametrize(("part", "tick"), list(itertools.product(PARTS, (0, 2, 4))))
+def test_a_lost_message_costs_its_tick_alone(part: str, tick: int) -> None:
+    walk, out = Walk(PARTS), []
+    for messages in arrivals(1, 5).values():
+        for message in messages:
+            if message[:3] != (part, 1, tick):
+                out += feed(walk, message)
+    out += walk.give_up()
+    ticks = [event.tick for _, event in out if isinstance(event, Tick)]
+    assert ticks == [t for t in range(5) if t != tick]
+    assert isinstance(out[-1][1], End)
+    assert walk.lost == 1
+
+
+def test_a_refused_message_is_a_lost_one() -> None:
+    walk = Walk(PARTS)
+    for tick in range(3):
+        for part in PARTS:
+            walk.add(part, 1, tick, None if (part, tick) == ("details", 1) else "good")
+    walk.add("state", 1, 3, "last")
+    events = walk.end(1, 3, acted=False)
+    assert events == [(1, End("last"))]
+    assert walk.lost == 1
+
+
+def test_a_fault_is_a_tick_with_an_answer() -> None:
+    walk, out = Walk(PARTS), []
+    for tick in range(2):
+        for part in PARTS:
+            out += walk.add(part, 1, tick, (part, tick))
+    out += walk.end(1, 1, acted=True)
+    assert [event.tick for _, event in out if isinstance(event, Tick)] == [0, 1]
+    assert out[-1] == (1, End(("state", 1)))
+
+
+def test_what_comes_after_the_end_is_ignored() -> None:
+    walk = Walk(PARTS, done=3)
+    assert walk.add("state", 3, 0, "old") == []
+    assert walk.end(3, 0, acted=False) == []
+    assert not walk.is_held_up
+
+
+def test_a_jump_is_as_fast_as_it_is_long() -> None:
+    """A tick that is far ahead costs no more than one that is near."""
+    walk = Walk(PARTS)
+    for part in PARTS:
+        walk.add(part, 1, 0, part)
+        walk.add(part, 1, 10**9, part)
+    events = walk.end(1, 10**9, acted=False)
+    assert [event.tick for _, event in events if isinstance(event, Tick)] == []
+    assert walk.lost == 10**9 - 1
+    assert walk.done == 1
+
+
+def test_each_message_is_judged_by_its_turn() -> None:
+    walk = Walk(PARTS, done=3, announced=4)
+    walk.add("state", 4, 0, "first")
+    walk.add("state", 4, 1, "second")
+    judged = {turn: walk.judge("state", *turn) for turn in [(3, 0), (4, 0), (4, 1), (4, 2), (4, 5001), (4, 5002)]}
+    assert list(judged.values()) == ["late", "late", "again", "good", "good", "wrong tick"]
+    assert [walk.judge("state", episode, 0) for episode in (5, 6, 2**32 - 1)] == ["good", *["wrong episode"] * 2]
+
+
+def test_who_joins_in_the_middle_has_lost_nothing() -> None:
+    walk, out = Walk(PARTS, done=0, announced=1), []
+    walk.join(1, 40)
+    for tick in (40, 41):
+        for part in PARTS:
+            out += walk.add(part, 1, tick, (part, tick))
+    assert [event.tick for _, event in out if isinstance(event, Tick)] == [40, 41]
+    assert walk.lost == 0
+
+
+def test_a_later_announcement_gives_up_an_episode_whose_end_was_not_heard() -> None:
+    walk = Walk(PARTS, done=0, announced=1)
+    for part in PARTS:
+        walk.add(part, 1, 0, part)
+    assert not walk.is_held_up
+    walk.announced = 2
+    assert walk.is_held_up
+    assert isinstance(walk.give_up()[-1][1], End)
+    assert (walk.done, walk.is_held_up) == (1, False)
+
+
+def test_a_new_simulator_counts_from_one_again() -> None:
+    walk = Walk(PARTS, done=6, announced=7)
+    walk.add("state", 7, 0, "old")
+    assert isinstance(walk.restart()[-1][1], End)
+    assert walk.judge("state", 1, 0) == "good"

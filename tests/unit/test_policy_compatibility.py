@@ -1,0 +1,105 @@
+"""Which policy file fits which controller: the problem, the adaptation, the gait; stones' policies on flat ground."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from rabbit_description.gait import load_gait
+from rabbit_description.gait_library import load_gaits
+from rabbit_experiments.assembly import Assembly
+from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.simulation import Outcome
+from rl_cbf_clf_controller.parameters import ControllerParameters
+from rl_cbf_clf_controller.policy import ActorPolicy
+from rl_cbf_clf_controller.policy_compatibility import STONE_WIDTH, fitted
+from rl_cbf_clf_controller.policy_context import PolicyContext
+from rl_cbf_clf_controller.uncertainty import Problem
+from rl_cbf_clf_controller.weights import (
+    PolicyFile,
+    PolicyFileError,
+    policy_path,
+    read,
+)
+from rl_trainer.rollout import rollout
+
+from ..conftest import policy_file, policy_metadata
+
+GAIT, LIBRARY = load_gait("stones_0350_084"), load_gaits("paper_stones")
+STONES = ControllerParameters(controller="rl-cbf-clf-qp")
+FLAT = ControllerParameters(controller="rl-clf-qp")
+
+
+def make_file(problem: Problem, observations: int = -1, adaptation: str | None = None) -> PolicyFile:
+    """An untrained policy that reads the problem's `observations`-th set, the whole by default."""
+    form = policy_metadata(
+        problem, observation=problem.observations[observations], hidden=(8, 8), adaptation=adaptation
+    )
+    return policy_file(form, np.random.default_rng(3).standard_normal)
+
+
+@pytest.mark.parametrize("controller", ["io-rl-clf-qp", "rl-clf-qp", "rl-cbf-clf-qp"])
+def test_a_policy_fits_the_controller_of_its_problem(controller: str) -> None:
+    law = ControllerParameters.model_validate({"controller": controller})
+    assert isinstance(fitted(make_file(law.problem, 0), law, GAIT), ActorPolicy)
+
+
+def test_on_flat_ground_a_policy_for_stones_sees_the_stone_under_the_gaits_own_step() -> None:
+    file, rng = make_file(Problem.RL_CBF_CLF_QP), np.random.default_rng(5)
+    state, LgV = rng.standard_normal(14), rng.standard_normal(4)
+    l_min = GAIT.step_length - STONE_WIDTH / 2
+    on_stones = ActorPolicy(file).estimate(PolicyContext(np.append(state, [l_min, GAIT.step_length]), LgV))
+    flat = fitted(file, FLAT, GAIT).estimate(PolicyContext(state, LgV))
+    np.testing.assert_array_equal(flat.alpha, on_stones.alpha[:1])
+    np.testing.assert_array_equal(flat.beta, on_stones.beta[:1])
+    assert flat.output_error
+    assert on_stones.output_error
+    np.testing.assert_array_equal(flat.output_error.a, on_stones.output_error.a)
+    np.testing.assert_array_equal(flat.output_error.b, on_stones.output_error.b)
+
+
+def test_it_has_the_same_version_on_both_terrains() -> None:
+    file = make_file(Problem.RL_CBF_CLF_QP)
+    assert fitted(file, FLAT, LIBRARY).version == fitted(file, STONES, LIBRARY).version == file.version
+
+
+def test_a_librarys_step_on_flat_ground_is_its_first() -> None:
+    assert not isinstance(LIBRARY, type(GAIT))
+    file, context = make_file(Problem.RL_CBF_CLF_QP), PolicyContext(np.ones(14), np.ones(4))
+    first = LIBRARY.gaits[LIBRARY.lengths.index(LIBRARY.start_length)]
+    by_library, by_gait = (fitted(file, FLAT, gaits).estimate(context) for gaits in (LIBRARY, first))
+    np.testing.assert_array_equal(by_library.flat, by_gait.flat)
+
+
+@pytest.mark.parametrize(
+    ("file", "law", "text"),
+    [
+        (lambda: make_file(Problem.RL_CLF_QP), STONES, "trained for rl-clf-qp; this controller needs rl-cbf-clf-qp"),
+        (lambda: make_file(Problem.IO_RL_CLF_QP), FLAT, "trained for io-rl-clf-qp; this controller needs rl-clf-qp"),
+        (
+            lambda: make_file(Problem.RL_CBF_CLF_QP),
+            STONES,
+            "reads step_length: expected a gait library, gait is stones",
+        ),
+        (
+            lambda: make_file(Problem.RL_CBF_CLF_QP, 0, "identification"),
+            FLAT,
+            "trained with adaptation identification; this controller has none",
+        ),
+    ],
+)
+def test_what_does_not_fit_is_refused(file: Callable[[], PolicyFile], law: ControllerParameters, text: str) -> None:
+    with pytest.raises(PolicyFileError, match=text):
+        fitted(file(), law, GAIT)
+
+
+def test_one_file_walks_on_both_terrains() -> None:
+    """The shipped `universal` on a robot of twice the mass."""
+    path, laws = str(policy_path("universal")), {"flat": FLAT, "stones": STONES}
+    for terrain, law in laws.items():
+        changes = {"gait": "paper_stones", "adaptation": "identification", "objective": "pd_centred"}
+        plant = SimulationParameters.model_validate({"terrain": terrain, "mass_scale": 2.0, "stones": 3})
+        simulation, controller = Assembly(plant, law.model_copy(update=changes), path).build()
+        rollout(simulation, controller, 7001)
+        simulation.close()
+        assert simulation.outcome is Outcome.WALKED
+        assert controller.policy.version == read(policy_path("universal")).version

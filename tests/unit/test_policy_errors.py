@@ -1,0 +1,108 @@
+"""Errors of estimates whose truth is known: made by hand, and the oracle and the zero policy on short walks."""
+
+import numpy as np
+import pytest
+from cbf_clf_qp.estimates import Estimates
+from rabbit_description.state import Array
+from rabbit_experiments.assembly import EVALUATION_LAG, Assembly
+from rabbit_experiments.policy_errors import NoTicksError, compare, errors
+from rabbit_sim.parameters import SimulationParameters
+from rl_cbf_clf_controller.parameters import load_parameters
+from rl_cbf_clf_controller.policy import PartlyNominal
+from rl_cbf_clf_controller.policy_context import PolicyContext
+from rl_cbf_clf_controller.uncertainty import Problem
+
+STONES = Problem.RL_CBF_CLF_QP
+WRONG = np.array([[3.0, 0, 4, 0], [6, 0, 0, 8], [5, 12, 0, 0], [0, 0, 0, 0], [0, 8, 15, 0]])  # rows of length
+LENGTH = {"V": 5.0, "B1": 10.0, "B2": 13.0, "C1": 0.0, "C2": 17.0}
+MU = np.tile(np.eye(4), (2, 1))  # each component by itself, twice
+LGV = np.tile([0.0, 3, 0, 0], (8, 1))  # |LgV| + 1 = 4
+BETA = [10.0] * 4 + [-10.0] * 4  # mean 0, rms 10
+
+
+def truth() -> list[Estimates]:
+    """Alpha zero, beta 10 at half of the ticks and -10 at the others."""
+    return [Estimates(np.zeros((5, 4)), np.full(5, beta)) for beta in BETA]
+
+
+def test_alpha_off_by_a_known_matrix() -> None:
+    found = errors(STONES, [Estimates(WRONG, true.beta) for true in truth()], truth(), MU, LGV)
+    for name, length in LENGTH.items():
+        unit = 4 if name == "V" else 1
+        assert found[name]["error"] == pytest.approx(length / 2 / 10)
+        assert found[name]["alpha_rms"] == pytest.approx(length / 2 / unit)
+        assert (found[name]["alpha_r2"], found[name]["beta_r2"], found[name]["beta_rms"]) == (None, 1, 0)
+    assert found["V_unscaled"]["alpha_rms"] == pytest.approx(5 / 2)
+
+
+def test_beta_off_by_half_its_deviation_has_three_quarters_explained() -> None:
+    found = errors(STONES, [Estimates(true.alpha, true.beta + 5) for true in truth()], truth(), MU, LGV)
+    assert all(each["beta_r2"] == pytest.approx(0.75) for each in found.values())
+    assert all(each["error"] == pytest.approx(0.5) for each in found.values())
+
+
+def test_the_unit_of_V_is_that_of_its_tick() -> None:
+    LgV = np.outer([0.0, 9, 0, 9, 0, 9, 0, 9], [1.0, 0, 0, 0])  # |LgV| + 1 = 1 or 10
+    guess = [Estimates(np.full((5, 4), 1 + LgV[t, 0]), true.beta) for t, true in enumerate(truth())]
+    found = errors(STONES, guess, truth(), MU, LgV)
+    assert found["V"]["alpha_rms"] == pytest.approx(1)
+    assert found["B1"]["alpha_rms"] == pytest.approx(np.sqrt((1 + 100) / 2))
+
+
+def test_no_error_of_a_truth_of_zero() -> None:
+    nothing = [Estimates.zero(len(STONES.quantities), 4)] * 8
+    found = errors(STONES, truth(), nothing, MU, LGV)
+    assert found["B1"] == {"error": None, "alpha_r2": None, "beta_r2": None, "alpha_rms": 0, "beta_rms": 10}
+
+
+def assembly(controller: str, policy: str, **plant: object) -> Assembly:
+    """Two steps with a robot of twice the mass."""
+    parameters = load_parameters("ours", controller=controller)
+    terrain = "stones" if parameters.on_stones else "flat"
+    settings = {"mass_scale": 2, "motor_lag": EVALUATION_LAG, "terrain": terrain, "stones": 2, **plant}
+    return Assembly(SimulationParameters.model_validate(settings), parameters, policy)
+
+
+@pytest.mark.parametrize("controller", ["rl-cbf-clf-qp", "rl-clf-qp", "io-rl-clf-qp"])
+def test_the_oracle_against_itself_is_exact(controller: str) -> None:
+    found = compare(assembly(controller, "oracle"), "policy", [1])
+    assert found["walks"][0]["outcome"] == "walked"
+    for name, each in found["quantities"].items():
+        constant = name in ("C1", "C2", "y1", "y2", "y3", "y4")  # alpha of a uniformly scaled robot
+        assert list(each.values()) == [0, None if constant else 1, 1, 0, 0], name
+
+
+@pytest.mark.parametrize("controller", ["rl-cbf-clf-qp", "rl-clf-qp", "io-rl-clf-qp"])
+def test_the_zero_policy_has_an_error_of_one(controller: str) -> None:
+    own, oracle = (compare(assembly(controller, "zero"), walker, [1]) for walker in ("policy", "oracle"))
+    assert {each["error"] for walks in (own, oracle) for each in walks["quantities"].values()} == {1.0}
+    assert max(each["beta_r2"] or 0 for each in oracle["quantities"].values()) <= 0
+    if controller == "io-rl-clf-qp":  # true alpha: (2 - 1) I
+        assert oracle["quantities"]["y3"]["alpha_rms"] == pytest.approx(0.5)
+
+
+def test_the_first_ticks_after_an_impact_do_not_count() -> None:
+    found = compare(assembly("rl-cbf-clf-qp", "oracle", plant="rigid"), "policy", [1, 2])
+    assert [walk["landings"] for walk in found["walks"]] == [2, 2]
+    assert found["ticks"] == sum(walk["ticks"] for walk in found["walks"]) - 2 * 2 * 5
+    with pytest.raises(NoTicksError, match=r"0\.05 s"):
+        compare(assembly("rl-cbf-clf-qp", "oracle", fall_height=0.8), "policy", [1])
+
+
+class Ones:
+    """A policy that says one to everything."""
+
+    version = "ones"
+    adaptation = None
+
+    def estimate(self, context: PolicyContext) -> Estimates:
+        return Estimates(np.ones((5, 4)), np.ones(5))
+
+
+def test_nominal_quantities_have_no_estimate_and_the_others_theirs() -> None:
+    policy = PartlyNominal(Ones(), STONES, ("B2", "V"))
+    estimates = policy.estimate(PolicyContext(np.zeros(15), np.zeros(4)))
+    kept: Array = np.array([0.0, 1, 0, 1, 1])
+    assert (estimates.alpha == kept[:, None]).all()
+    assert (estimates.beta == kept).all()
+    assert policy.version == "ones, nominal V,B2"
