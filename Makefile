@@ -28,13 +28,13 @@ walk: build ## RABBIT walks over 20 stepping stones through the three nodes
 
 test: build ## all tests; fails under 90 % coverage of the controller's mathematics
 	@$(WITH_WORKSPACE) export OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 PYTEST_DISABLE_PLUGIN_AUTOLOAD=1 && \
-	  python -m pytest $(PLUGINS) tests -n 2 --cov --junitxml=.setup/tests.xml $(ARGS) && \
+	  python -m pytest $(PLUGINS) -n 2 --cov --junitxml=.setup/tests.xml $(ARGS) && \
 	  python scripts/count_tests.py .setup/tests.xml
 
 fuzz: build ## fuzz every entrance, 1,500 cases a test, and the running graph: hours
 	@$(WITH_WORKSPACE) export OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 PYTEST_DISABLE_PLUGIN_AUTOLOAD=1 && \
 	  python -m pytest -p pytest_timeout -p _hypothesis_pytestplugin --hypothesis-profile=fuzz --hypothesis-show-statistics \
-	  --timeout=7200 tests/fuzz tests/properties/test_weights_bytes.py tests/ros/test_fuzz_nodes.py \
+	  --timeout=7200 tests/fuzz ros2_ws/src/rl_cbf_clf_controller/test/test_weights_bytes.py tests/ros/test_fuzz_nodes.py \
 	  tests/ros/test_stateful.py $(ARGS)
 
 check: setup ## ruff and mypy

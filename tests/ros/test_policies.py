@@ -20,8 +20,7 @@ from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.uncertainty import Problem
 from rl_cbf_clf_controller.weights import PROBE, PolicyFile, forward, policy_path, probe_inputs, read
 from safetensors.numpy import save
-
-from ..conftest import policy_metadata
+from untrained_policy import policy_metadata
 
 PLANT = {"motor_lag": 0.004, "stones": 5}
 SHORT = {"motor_lag": 0.004, "stones": 2}

@@ -14,8 +14,7 @@ from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters, load_parameters
 from rl_cbf_clf_controller.uncertainty import Problem
 from typer.testing import CliRunner, Result
-
-from ..conftest import policy_file, policy_metadata
+from untrained_policy import policy_file, policy_metadata
 
 KEYS = (
     *("runs", "stones", "success_rate", "success_with_forces", "success_rate_ci95", "mean_stones", "std_stones"),

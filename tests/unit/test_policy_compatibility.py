@@ -21,8 +21,7 @@ from rl_cbf_clf_controller.weights import (
     read,
 )
 from rl_trainer.rollout import rollout
-
-from ..conftest import policy_file, policy_metadata
+from untrained_policy import policy_file, policy_metadata
 
 GAIT, LIBRARY = load_gait("stones_0350_084"), load_gaits("paper_stones")
 STONES = ControllerParameters(controller="rl-cbf-clf-qp")

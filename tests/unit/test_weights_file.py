@@ -20,8 +20,7 @@ from rl_cbf_clf_controller.weights import (
 )
 from rl_trainer.parameters import TrainingParameters
 from safetensors.numpy import save
-
-from ..conftest import policy_file, policy_metadata
+from untrained_policy import policy_file, policy_metadata
 
 
 def make_file(problem: Problem = Problem.RL_CBF_CLF_QP, structured: bool = True, **changes: Any) -> PolicyFile:

@@ -10,15 +10,14 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from rabbit_bringup.cli import app
 from rabbit_recording.bag_writer import BagWriter, RecordingError, graph_types
+from rabbit_recording.commands.bag import app
 from rabbit_recording.contents import contents
 from rabbit_recording.open_recording import MCAP_MAGIC
 from rabbit_recording.reader import read_episodes
 from rabbit_recording.recover import recover
+from recorded_walk import MESSAGES
 from typer.testing import CliRunner
-
-from .conftest import MESSAGES
 
 WriteBag = Callable[..., Path]
 
@@ -73,7 +72,7 @@ def test_refused_in_one_line(
 ) -> None:
     (tmp_path / "parameters.yaml").write_text("/**/controller: {ros__parameters: {}}")
     expected = spoil(tmp_path / "bad", write_bag(tmp_path / "bag"))
-    done = CliRunner().invoke(app, ["bag", command, str(tmp_path / "bad")])
+    done = CliRunner().invoke(app, [command, str(tmp_path / "bad")])
     assert done.exit_code == 2, done.output
     (line,) = done.stderr.splitlines()
     assert expected in line
@@ -85,7 +84,7 @@ def test_what_cannot_be_recovered_is_refused(
     tmp_path: Path, write_bag: WriteBag, spoil: Callable[[Path, Path], str]
 ) -> None:
     spoil(tmp_path / "bad", write_bag(tmp_path / "bag"))
-    done = CliRunner().invoke(app, ["bag", "recover", str(tmp_path / "bad")])
+    done = CliRunner().invoke(app, ["recover", str(tmp_path / "bad")])
     assert (done.exit_code, done.stderr.count("\n")) == (2, 1), done.output
     assert not (tmp_path / "bad-recovered").exists()
 
@@ -94,7 +93,7 @@ def test_a_cut_database_is_refused(tmp_path: Path, write_bag: WriteBag) -> None:
     file = write_bag(tmp_path / "bag", "sqlite3") / "bag.db3"
     file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
     for command in ("info", "recover"):
-        done = CliRunner().invoke(app, ["bag", command, str(tmp_path / "bag")])
+        done = CliRunner().invoke(app, [command, str(tmp_path / "bag")])
         assert (done.exit_code, done.stderr.count("\n")) == (2, 1), done.output
         assert "cut, " in done.stderr
 
@@ -128,7 +127,7 @@ def test_other_message_definitions_are_refused(tmp_path: Path) -> None:
     state = types.types["rabbit_msgs/msg/RabbitState"](episode=1, tick=0, angle=0.0)
     writer.write("/state", 0, bytes(types.serialize_cdr(state, "rabbit_msgs/msg/RabbitState")))
     writer.close()
-    done = CliRunner().invoke(app, ["bag", "plot", str(tmp_path / "bag")])
+    done = CliRunner().invoke(app, ["plot", str(tmp_path / "bag")])
     assert (done.exit_code, done.stderr.count("\n")) == (2, 1), done.output
     assert "other message definitions" in done.stderr
 
@@ -152,7 +151,7 @@ def test_parameters_of_somebody_else_are_refused(tmp_path: Path, write_bag: Writ
     ):
         if text is not None:
             file.write_text(text)
-        done = CliRunner().invoke(app, ["bag", "check", str(bag), "--parameters", str(file)])
+        done = CliRunner().invoke(app, ["check", str(bag), "--parameters", str(file)])
         assert (done.exit_code, done.stderr.count("\n")) == (2, 1), done.output
         assert str(file) in done.stderr
 

@@ -14,20 +14,19 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from rabbit_bringup.cli import app
 from rabbit_description.gait import load_gait
 from rabbit_recording.active_settings import Settings
 from rabbit_recording.bag_writer import BagWriter
+from rabbit_recording.commands.bag import app
 from rabbit_recording.contents import contents
 from rabbit_recording.episode_inventory import BY_TICK, UNANSWERED, Presence
 from rabbit_recording.message_header import episode_and_phase_of, nanoseconds_of
 from rabbit_recording.reader import iterate_inventories
 from rabbit_recording.simulated_time import SimulatedTime
 from rabbit_recording.stored_messages import FIRST_WORD
+from recorded_walk import LATCHED, TICK_NS, TOPICS, TYPES, Walk, details, message, state_message, told
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from typer.testing import CliRunner
-
-from .conftest import LATCHED, TICK_NS, TOPICS, TYPES, Walk, details, message, state_message, told
 
 HISTORY = 20  # latched messages of a topic
 WAITING, RUNNING, ENDED = 0, 1, 3
@@ -380,7 +379,7 @@ LATE = 40  # tick
 
 def test_check_replays_what_begins_and_says_why_not_the_rest(late: Path, walk: Walk) -> None:
     """The controller's settings came as history."""
-    done = CliRunner().invoke(app, ["bag", "check", str(late)])
+    done = CliRunner().invoke(app, ["check", str(late)])
     n = len(walk.records)
     assert done.output.splitlines() == [
         f"episode 3: {n - LATE} ticks, 0 lost, 0 replayed, a replay begins at tick 0, which is not in it",
@@ -398,6 +397,4 @@ def test_info_lists_what_was_recorded_and_names_what_was_announced(late: Path, w
         (4, 0, n - 1, n, 0),
     ]
     assert recorded.seconds == pytest.approx((2 * n + 1 - LATE) * TICK_NS / 1e9)
-    assert (
-        "announced only, no tick in the recording: 1, 2" in CliRunner().invoke(app, ["bag", "info", str(late)]).output
-    )
+    assert "announced only, no tick in the recording: 1, 2" in CliRunner().invoke(app, ["info", str(late)]).output

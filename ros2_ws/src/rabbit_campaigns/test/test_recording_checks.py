@@ -7,8 +7,7 @@ from typing import Any
 
 import pytest
 from rabbit_campaigns.faults.recording_checks import MonitorRecord, misreadings
-
-from .conftest import Walk
+from recorded_walk import Walk
 
 WriteBag = Callable[..., Path]
 

@@ -1,4 +1,4 @@
-"""A short walk in process, and recordings of it as the graph would have made them, without ROS."""
+"""Fixtures: a short walk in process, and recordings of it as the graph would have made them, without ROS."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -19,7 +19,7 @@ from rl_cbf_clf_controller.policy import ZeroPolicy
 from rl_trainer.rollout import Record, rollout
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 
-MESSAGES = Path(__file__).resolve().parents[3] / "ros2_ws" / "src" / "rabbit_msgs"
+MESSAGES = Path(__file__).resolve().parents[2] / "ros2_ws" / "src" / "rabbit_msgs"
 TYPES = graph_types([MESSAGES])
 TICK_NS, SEED = 10_000_000, 3
 NEVER = QosTime(0, 0)

@@ -1,4 +1,4 @@
-"""States and terms shared by the unit tests."""
+"""Random states of a walk."""
 
 import numpy as np
 import pytest

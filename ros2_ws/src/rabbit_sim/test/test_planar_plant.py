@@ -12,7 +12,7 @@ from rabbit_sim.kinematics import RabbitFeet
 from rabbit_sim.pinned_dynamics import PinnedDynamics, UrdfFeet
 from rabbit_sim.planar_plant import PlanarPlant, ahead, anywhere
 
-URDF = with_planar_base((Path(__file__).parents[3] / "examples" / "three_link_walker.urdf").read_text())
+URDF = with_planar_base((Path(__file__).resolve().parents[4] / "examples" / "three_link_walker.urdf").read_text())
 MODEL = pinocchio.buildModelFromXML(URDF)
 DATA = MODEL.createData()
 WEIGHT = 35 * 9.81  # N
@@ -164,7 +164,7 @@ def test_a_robot_that_is_not_planar_is_refused():
     with pytest.raises(UrdfError, match="joint left_hip leaves the x-z plane"):
         dynamics(turned)
     with pytest.raises(UrdfError, match="expected base_x, base_z, base_pitch first"):
-        dynamics((Path(__file__).parents[3] / "examples" / "three_link_walker.urdf").read_text())
+        dynamics((Path(__file__).resolve().parents[4] / "examples" / "three_link_walker.urdf").read_text())
     with pytest.raises(UrdfError, match="not XML"):
         with_planar_base("<robot>")
     with pytest.raises(UrdfError, match="root links"):

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from rabbit_bringup.cli import app
 from rabbit_experiments.commands import evaluate as evaluate_module
+from rabbit_experiments.commands.reproduce import app
 from rabbit_experiments.reproduce import catalogue
 from rabbit_experiments.reproduce.cache import Cache
 from rabbit_experiments.reproduce.catalogue import EXPERIMENTS
@@ -75,10 +75,10 @@ def test_what_was_stopped_leaves_what_is_whole(
 def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, one_stone: Maker, tiny: Size) -> None:
     monkeypatch.setattr(catalogue, "EXPERIMENTS", (one_stone(),))
     monkeypatch.setattr("rabbit_experiments.reproduce.table_lines.QUICK", tiny)
-    done = rabbit("reproduce", "one-stone", "--quick", "--out", tmp_path, "--jobs", 1)
+    done = rabbit("one-stone", "--quick", "--out", tmp_path, "--jobs", 1)
     assert done.exit_code == 0, done.output
     assert (tmp_path / PAGE).is_file()
-    assert "0 runs made" in rabbit("reproduce", "--quick", "--out", tmp_path, "--jobs", 1).output
+    assert "0 runs made" in rabbit("--quick", "--out", tmp_path, "--jobs", 1).output
 
 
 @pytest.mark.parametrize(
@@ -90,14 +90,14 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, one_stone:
     ],
 )
 def test_what_is_wrong_ends_with_exit_code_2(words: tuple[object, ...], told: tuple[str, ...]) -> None:
-    done = rabbit("reproduce", *words)
+    done = rabbit(*words)
     assert done.exit_code == 2
     for text in told:
         assert text in done.stderr
 
 
 def test_list_names_every_experiment_once() -> None:
-    lines = rabbit("reproduce", "--list").output.splitlines()
+    lines = rabbit("--list").output.splitlines()
     names = [line.split()[0] for line in lines]
     assert names == [each.name for each in EXPERIMENTS]
     assert len(set(names)) == len(names)
@@ -113,7 +113,7 @@ def test_a_rows_command_makes_its_runs(line: Line, monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(evaluate_module, "show", lambda *_: None)
     words = shlex.split(evaluate_command(case).replace("--out DIR", "--out .never"))
     monkeypatch.setattr("rabbit_experiments.results.ResultsFolder", lambda *_: None)
-    assert rabbit(*words[1:]).exit_code == 0
+    assert CliRunner().invoke(evaluate_module.app, words[2:]).exit_code == 0
     assert seen["a"] == case.assembly
     assert (seen["r"].runs, seen["r"].seed) == (case.runs, case.seed)
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from rabbit_bringup.cli import app
+from rabbit_experiments.commands.reproduce import app
 from rabbit_experiments.reproduce.catalogue import EXPERIMENTS
 from rabbit_experiments.reproduce.catalogue.learning_curves import first_whole, sessions, settled, span
 from rabbit_experiments.reproduce.controllers import CBF_CLF, RL_CBF_CLF, RL_CLF
@@ -161,6 +161,6 @@ def test_runs_of_its_own() -> None:
 
 
 def test_what_needs_training_says_so() -> None:
-    done = CliRunner().invoke(app, ["reproduce", "feasibility-by-episode"])
+    done = CliRunner().invoke(app, ["feasibility-by-episode"])
     assert done.exit_code == 2
     assert "feasibility-by-episode: expected --retrain" in done.stderr

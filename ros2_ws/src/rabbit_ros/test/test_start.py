@@ -13,7 +13,7 @@ from types import ModuleType
 import pytest
 from rabbit_ros import start
 
-SOURCES = Path(__file__).parents[2] / "ros2_ws" / "src"
+SOURCES = Path(__file__).resolve().parents[2]
 SCRIPTS = sorted(SOURCES.glob("*/bin/*"))
 AS_A_SLOW_NODE = """
 import sys

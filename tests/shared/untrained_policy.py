@@ -1,19 +1,12 @@
-"""Profiles of hypothesis: `make fuzz` chooses `fuzz`, which runs every fuzz test much longer. Untrained policies."""
+"""Policy files that nothing trained."""
 
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from hypothesis import HealthCheck, settings
 from rabbit_description.state import Array
 from rl_cbf_clf_controller.uncertainty import Problem
 from rl_cbf_clf_controller.weights import PROBE, PolicyFile, PolicyMetadata, forward, probe_inputs
-
-SLOW = (HealthCheck.too_slow, HealthCheck.data_too_large, HealthCheck.function_scoped_fixture)
-
-settings.register_profile("default", deadline=None, max_examples=100)
-settings.register_profile("fuzz", deadline=None, max_examples=1500, suppress_health_check=SLOW)
-settings.load_profile("default")
 
 
 def policy_metadata(problem: Problem, **changes: Any) -> PolicyMetadata:

@@ -7,15 +7,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rabbit_bringup.cli import app
 from rabbit_recording.bag_writer import LOST, BagWriter
 from rabbit_recording.checking import check_episodes
+from rabbit_recording.commands.bag import app
 from rabbit_recording.contents import contents
 from rabbit_recording.reader import read_episodes
 from rabbit_recording.replay import differing_ticks
+from recorded_walk import LATCHED, SEED, TICK_NS, TOPICS, TYPES, Walk, message, told
 from typer.testing import CliRunner
-
-from .conftest import LATCHED, SEED, TICK_NS, TOPICS, TYPES, Walk, message, told
 
 RUNS = 2
 
@@ -64,7 +63,7 @@ def test_both_runs_replay_without_a_parameter_file(restarted: Path, walk: Walk) 
 
 
 def test_the_commands_know_of_the_restart(restarted: Path) -> None:
-    rabbit: Callable[..., Any] = lambda *words: CliRunner().invoke(app, ["bag", *map(str, words)])  # noqa: E731
+    rabbit: Callable[..., Any] = lambda *words: CliRunner().invoke(app, [*map(str, words)])  # noqa: E731
     info = rabbit("info", restarted).output
     assert "started anew 1 times" in info
     assert rabbit("plot", restarted, "--episode", 2).exit_code == 0

@@ -8,20 +8,19 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from rabbit_bringup.cli import app
 from rabbit_recording.checking import check_episodes
+from rabbit_recording.commands.bag import app
 from rabbit_recording.contents import contents
 from rabbit_recording.reader import read_episodes
+from recorded_walk import SEED, TICK_NS, Walk
 from typer.testing import CliRunner, Result
-
-from .conftest import SEED, TICK_NS, Walk
 
 WriteBag = Callable[..., Path]
 
 
 def rabbit(*words: object) -> Result:
     """`rabbit bag` in this process."""
-    return CliRunner().invoke(app, ["bag", *map(str, words)])
+    return CliRunner().invoke(app, [*map(str, words)])
 
 
 def write_parameters(path: Path, **changes: Any) -> None:

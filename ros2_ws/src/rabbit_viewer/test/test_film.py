@@ -8,8 +8,8 @@ from typing import Any
 import imageio.v3 as imageio
 import numpy as np
 import pytest
-from rabbit_bringup.cli import app
 from rabbit_viewer.bag_pictures import records_of_bag
+from rabbit_viewer.commands.video import app
 from rabbit_viewer.scene import SIZE
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from typer.testing import CliRunner
@@ -18,7 +18,7 @@ WriteBag = Callable[..., Path]
 
 
 def test_a_recording_becomes_mp4_and_gif(tmp_path: Path, write_bag: WriteBag) -> None:
-    done = CliRunner().invoke(app, ["video", str(write_bag(tmp_path / "bag")), "--speed", "4"])
+    done = CliRunner().invoke(app, [str(write_bag(tmp_path / "bag")), "--speed", "4"])
     assert done.exit_code == 0, done.output
     assert done.output.splitlines() == [str(tmp_path / "bag.mp4"), str(tmp_path / "bag.gif")]
     frames = imageio.imread(tmp_path / "bag.mp4", plugin="FFMPEG")
@@ -48,5 +48,5 @@ def test_no_walk_is_one_line(
     write_bag(tmp_path / "bag")
     (tmp_path / "empty").mkdir()
     monkeypatch.chdir(tmp_path / "empty" if words == (".",) else tmp_path)
-    done = CliRunner().invoke(app, ["video", *words])
+    done = CliRunner().invoke(app, [*words])
     assert (done.exit_code, done.stderr.count("\n")) == (2, 1), done.output

@@ -11,8 +11,7 @@ from rl_cbf_clf_controller.weights import (
     PolicyFileError,
     decode,
 )
-
-from ..conftest import policy_file, policy_metadata
+from untrained_policy import policy_file, policy_metadata
 
 FILE = policy_file(
     policy_metadata(Problem.RL_CLF_QP, hidden=(5, 4), alpha_scale=(1.5,), beta_scale=(250.0,)),
