@@ -30,5 +30,11 @@ setup(
         "pydantic>=2",
     ],
     extras_require={"test": ["pytest"]},
-    entry_points={"rabbit.nodes": ["simulator = rabbit_sim.ros.node:main"]},
+    entry_points={
+        "rabbit.plants": [
+            "pybullet = rabbit_sim.pybullet_plant:PybulletPlant",
+            "rigid = rabbit_sim.rigid_plant:RigidPlant",
+        ],
+        "rabbit.nodes": ["simulator = rabbit_sim.ros.node:main"],
+    },
 )

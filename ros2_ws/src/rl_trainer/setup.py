@@ -33,5 +33,8 @@ setup(
         "gymnasium",
     ],
     extras_require={"test": ["pytest"]},
-    entry_points={"rabbit.nodes": ["trainer = rl_trainer.ros.node:main"]},
+    entry_points={
+        "rabbit.learners": ["ddpg = rl_trainer.ddpg:Ddpg", "regression = rl_trainer.regression:Regression"],
+        "rabbit.nodes": ["trainer = rl_trainer.ros.node:main"],
+    },
 )

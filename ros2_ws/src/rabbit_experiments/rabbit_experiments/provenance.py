@@ -12,6 +12,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import cbf_clf_qp
 import rabbit_description
 import rabbit_sim
 import rl_cbf_clf_controller
@@ -19,7 +20,7 @@ import rl_cbf_clf_controller
 import rabbit_experiments
 
 LIBRARIES = ("numpy", "scipy", "pin", "pybullet", "osqp", "daqp", "torch", "casadi", "safetensors", "joblib")
-PACKAGES = (rabbit_description, rabbit_sim, rl_cbf_clf_controller, rabbit_experiments)
+PACKAGES = (cbf_clf_qp, rabbit_description, rabbit_sim, rl_cbf_clf_controller, rabbit_experiments)
 NEITHER = {"commands", "reproduce", "ros"}  # folders that decide neither how a run goes nor how it is judged
 
 

@@ -1,14 +1,20 @@
 """Everything about the true plant, its course and its start that can be set."""
 
 import math
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
+from rabbit_description.plugins import names
 from rabbit_description.state import TORQUE_LIMIT
 
 SUBSTEP_SECONDS = 0.001
 FARTHEST_EDGE = 0.9  # m from the stance foot, of any stone
 
+PLANTS = "rabbit.plants"  # entry points; see rabbit_description.plugins
+if TYPE_CHECKING:
+    PlantName = str
+else:
+    PlantName = Literal[*names(PLANTS)]
 Number = Annotated[float, Field(allow_inf_nan=False)]
 
 
@@ -17,7 +23,7 @@ class SimulationParameters(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    plant: Literal["pybullet", "rigid"] = Field("pybullet", description="physics engine, or the paper's hybrid model")
+    plant: PlantName = Field("pybullet", description="physics engine, or the paper's hybrid model")
 
     mass_scale: Number = Field(1.0, ge=0.1, le=10, description="factor on every true mass and inertia")
     payload: Number = Field(0.0, ge=0, le=200, description="point mass on the torso, kg")

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 from rabbit_description.gait_library import Gaits
+from rabbit_description.plugins import load
 from rabbit_description.state import Array, Leg, RobotState, StonePreview, no_torque
 
 from rabbit_sim.initial_state import initial_state
-from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.parameters import PLANTS, SimulationParameters
 from rabbit_sim.plant import Plant, PlantReading, Span, Touch
-from rabbit_sim.plants import make_plant
 from rabbit_sim.sensors import Sensors
 from rabbit_sim.stones import draw_course, read_course
 from rabbit_sim.terrain import Terrain
@@ -68,7 +68,7 @@ class Simulation:
         self._gait = gait
         course = parameters.course
         self._file_course = read_course(Path(course), parameters.stones, parameters.stone_width) if course else None
-        self._plant: Plant = make_plant(parameters)
+        self._plant: Plant = load(PLANTS, parameters.plant)(parameters)
         self.outcome = Outcome.IDLE
         self.landings: list[Landing] = []
 

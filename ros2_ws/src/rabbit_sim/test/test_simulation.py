@@ -49,7 +49,7 @@ def play(monkeypatch):
 
     def run(readings, **changes):
         plant = ScriptedPlant(readings)
-        monkeypatch.setattr(module, "make_plant", lambda parameters: plant)
+        monkeypatch.setattr(module, "load", lambda group, name: lambda parameters: plant)
         simulation = Simulation(SimulationParameters(**{"l_min_std": 0.0, "stones": 3, **changes}), GAIT)
         states = [simulation.reset(0)]
         while states[-1].running and len(plant.readings) > 1:

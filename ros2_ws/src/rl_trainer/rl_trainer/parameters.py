@@ -5,13 +5,19 @@ learning rates and all else are ours: docs/differences_from_paper.md.
 """
 
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from rabbit_description.plugins import names
 from rabbit_description.yaml_file import YamlFileError, read_yaml
 from rl_cbf_clf_controller.uncertainty import STEP_LENGTH, Problem
 
 Scales = tuple[float, ...]
+LEARNERS = "rabbit.learners"  # entry points; see rabbit_description.plugins
+if TYPE_CHECKING:
+    LearnerName = str
+else:
+    LearnerName = Literal[*names(LEARNERS)]
 
 TYPICAL_LGV = 10.0  # |LgV| + 1 of a walk at scale 2
 
@@ -37,7 +43,7 @@ class TrainingParameters(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     problem: Problem = Field(default=Problem.RL_CBF_CLF_QP, description="which of the paper's three problems")
-    learner: Literal["ddpg", "regression"] = Field(default="ddpg", description="how the actor is trained")
+    learner: LearnerName = Field(default="ddpg", description="how the actor is trained")
     seed: int = Field(default=1, ge=0, description="of weights, noise, courses and minibatches")
     episodes: int = Field(default=18, ge=1, le=10_000, description="episodes to train")
     walking_steps: int = Field(default=10, ge=1, le=1000, description="walking steps an episode")

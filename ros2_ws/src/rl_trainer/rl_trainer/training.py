@@ -14,15 +14,14 @@ from typing import Any
 
 import numpy as np
 import torch
+from rabbit_description.plugins import load
 from rabbit_description.state import RobotState
 from rl_cbf_clf_controller.controller import ControllerOutput
 from rl_cbf_clf_controller.weights import PolicyFile, PolicyFileError, PolicyMetadata
 
 from rl_trainer.actor import Actor
-from rl_trainer.ddpg import Ddpg
 from rl_trainer.learner import Learner
-from rl_trainer.parameters import TrainingParameters
-from rl_trainer.regression import Regression
+from rl_trainer.parameters import LEARNERS, TrainingParameters
 from rl_trainer.replay import Replay
 from rl_trainer.reward import reward_terms
 from rl_trainer.transitions import Doubt, Transition, TransitionBuilder
@@ -269,4 +268,5 @@ def make_learner(parameters: TrainingParameters) -> Learner:
     torch.set_num_threads(1)
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(parameters.seed)
-        return Ddpg(parameters) if parameters.learner == "ddpg" else Regression(parameters)
+        learner: Learner = load(LEARNERS, parameters.learner)(parameters)
+        return learner

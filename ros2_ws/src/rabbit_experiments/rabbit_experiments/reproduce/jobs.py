@@ -12,6 +12,8 @@ from pathlib import Path
 from typing import Any, Literal
 
 from pydantic import BaseModel
+from rabbit_description.plugins import modules
+from rabbit_sim.parameters import PLANTS
 from rabbit_viewer.walk_records import load_records, save_records
 
 from rabbit_experiments import evaluation
@@ -23,9 +25,9 @@ from rabbit_experiments.reproduce.feasibility import Feasibility, measure
 
 Kind = Literal["walk", "records", "feasibility"]
 SOURCES: dict[Kind, tuple[str, ...]] = {  # modules that a run of this kind goes through, with all that they import
-    "walk": (evaluation.__name__,),
-    "records": (evaluation.__name__,),
-    "feasibility": (feasibility.__name__,),
+    "walk": (evaluation.__name__, *modules(PLANTS)),
+    "records": (evaluation.__name__, *modules(PLANTS)),
+    "feasibility": (feasibility.__name__, *modules(PLANTS)),
 }
 Result = Any  # RunRow, WalkRecords or Feasibility, by kind
 

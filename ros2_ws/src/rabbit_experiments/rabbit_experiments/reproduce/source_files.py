@@ -11,6 +11,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 OURS = (
+    "cbf_clf_qp",
     "rabbit_description",
     "rabbit_sim",
     "rl_cbf_clf_controller",

@@ -15,19 +15,20 @@ from pathlib import Path
 
 import joblib
 from rabbit_description.gait import load_gait
-from rabbit_sim.parameters import SimulationParameters
+from rabbit_description.plugins import modules
+from rabbit_sim.parameters import PLANTS, SimulationParameters
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rl_cbf_clf_controller.parameters import ControllerParameters, load_parameters
 from rl_cbf_clf_controller.uncertainty import Problem
 from rl_cbf_clf_controller.weights import policy_path
-from rl_trainer.parameters import TrainingParameters
+from rl_trainer.parameters import LEARNERS, TrainingParameters
 
 from rabbit_experiments import provenance
 from rabbit_experiments.assembly import TRAINING_SCALE, TRAINING_SLACK_WEIGHT, Assembly
 from rabbit_experiments.reproduce.source_files import sources_hash
 from rabbit_experiments.reproduce.training_log import Episode, read_session, write_log
 
-SOURCE = "rabbit_experiments.training_setup"
+SOURCES = ("rabbit_experiments.training_setup", *modules(PLANTS), *modules(LEARNERS))
 POLICY = "policy.safetensors"
 COLUMNS = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("{task.description}"))
 
@@ -76,7 +77,7 @@ class Recipe:
             "controller": self.controller.model_dump(mode="json"),
             "plant": self.plant.model_dump(mode="json"),
             "gait": load_gait(self.controller.gait).model_dump(mode="json", exclude={"metadata"}),
-            "code": sources_hash(SOURCE),
+            "code": sources_hash(*SOURCES),
             "versions": provenance.versions(),
         }
         return root / f"{self.name}-{provenance.content_key(decides)}"

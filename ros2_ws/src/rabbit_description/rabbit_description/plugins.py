@@ -1,0 +1,42 @@
+"""Parts that packages bring by entry points, and that parameters choose by name: `--plant rigid`.
+
+    entry_points={"rabbit.plants": ["rigid = rabbit_sim.rigid_plant:RigidPlant"]}      in a setup.py
+
+`rabbit.plants`: a `rabbit_sim.plant.Plant` made from `SimulationParameters`. `rabbit.learners`: a
+`rl_trainer.learner.Learner` made from `TrainingParameters`. A part is imported when it is loaded.
+"""
+
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any
+
+
+def names(group: str) -> tuple[str, ...]:
+    """What a parameter may choose from, in alphabetical order."""
+    return tuple(sorted(_found(group)))
+
+
+def load(group: str, name: str) -> Any:
+    """The class or function of this name.
+
+    Raises:
+        LookupError: no installed package brings it.
+    """
+    found = _found(group)
+    if name not in found:
+        raise LookupError(f"{group} {name}: expected one of {', '.join(names(group))}")
+    return found[name].load()
+
+
+def modules(group: str) -> tuple[str, ...]:
+    """The modules that the parts are in."""
+    return tuple(sorted({entry.module for entry in _found(group).values()}))
+
+
+def _found(group: str) -> dict[str, EntryPoint]:
+    """By name; raises `LookupError` where two packages bring different parts under one name."""
+    found: dict[str, EntryPoint] = {}
+    for entry in entry_points(group=group):
+        other = found.setdefault(entry.name, entry)
+        if other.value != entry.value:
+            raise LookupError(f"{group} {entry.name}: expected one, found {other.value} and {entry.value}")
+    return found

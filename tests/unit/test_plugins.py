@@ -1,0 +1,94 @@
+"""Parts that someone else's package brings by entry points: a plant and a learner, used by `rabbit` without an edit."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from rabbit_description.plugins import load, names
+
+MODULE = """
+from pathlib import Path
+
+from rabbit_sim.rigid_plant import RigidPlant
+from rl_trainer.regression import Regression
+
+
+class SlowMotor(RigidPlant):
+    def advance(self, command):
+        Path("advanced").touch()
+        super().advance(command)
+
+
+class Noted(Regression):
+    def __init__(self, parameters):
+        Path("learning").touch()
+        super().__init__(parameters)
+"""
+ENTRY_POINTS = """
+[rabbit.plants]
+slow_motor = other_package:SlowMotor
+[rabbit.learners]
+noted = other_package:Noted
+"""
+TRAINING = ("--episodes", "1", "--walking-steps", "1", "--learner", "noted")
+
+
+def install(folder: Path, name: str = "other_package", entries: str = ENTRY_POINTS) -> None:
+    """A package as pip leaves it, in a folder of the path."""
+    (folder / f"{name}.py").write_text(MODULE)
+    information = folder / f"{name}-1.0.dist-info"
+    information.mkdir(parents=True)
+    (information / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
+    (information / "entry_points.txt").write_text(entries)
+
+
+def rabbit(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    """The command, in a process of its own in `folder`, with `folder` on the path."""
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join((str(folder), os.environ.get("PYTHONPATH", "")))}
+    command = [sys.executable, "-c", "from rabbit_bringup.cli import app; app()", *words]
+    return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, timeout=300)
+
+
+def test_another_packages_plant_is_walked_on(tmp_path: Path) -> None:
+    install(tmp_path)
+    done = rabbit(tmp_path, "evaluate", "--plant", "slow_motor", "--stones", "1", "--runs", "1", "--out", "out")
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "advanced").exists()
+    about = json.loads((tmp_path / "out" / "evaluation.json").read_text())
+    assert about["parameters"]["simulation"]["plant"] == "slow_motor"
+
+
+def test_another_packages_learner_trains(tmp_path: Path) -> None:
+    install(tmp_path)
+    done = rabbit(tmp_path, "train", *TRAINING, "--plant", "slow_motor", "--out", "out")
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "learning").exists()
+
+
+@pytest.mark.parametrize(
+    ("command", "option", "known"),
+    [("evaluate", "--plant", ("pybullet", "rigid")), ("train", "--learner", ("ddpg", "regression"))],
+)
+def test_an_unknown_name_is_refused_with_those_that_are_known(
+    tmp_path: Path, command: str, option: str, known: tuple[str, ...]
+) -> None:
+    done = rabbit(tmp_path, command, option, "slow_motor", "--out", "out")
+    assert done.returncode == 2
+    assert option in done.stderr
+    assert all(name in done.stderr for name in ("slow_motor", *known))
+    assert not (tmp_path / "out").exists()
+
+
+def test_load_names_what_is_there() -> None:
+    with pytest.raises(LookupError, match="nobody: expected one of pybullet, rigid"):
+        load("rabbit.plants", "nobody")
+
+
+def test_two_parts_of_one_name_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    install(tmp_path, entries="[rabbit.plants]\nrigid = other_package:SlowMotor\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    with pytest.raises(LookupError, match="rigid: expected one, found"):
+        names("rabbit.plants")
