@@ -37,8 +37,9 @@ fuzz: build ## fuzz every entrance, 1,500 cases a test, and the running graph: h
 	  --timeout=7200 tests/fuzz ros2_ws/src/rl_cbf_clf_controller/test/test_weights_bytes.py tests/ros/test_fuzz_nodes.py \
 	  tests/ros/test_stateful.py $(ARGS)
 
-check: setup ## ruff and mypy
-	@.venv/bin/ruff check . && .venv/bin/ruff format --check . && .venv/bin/mypy $(CODE)
+check: setup ## ruff, mypy and import-linter
+	@.venv/bin/ruff check . && .venv/bin/ruff format --check . && .venv/bin/mypy $(CODE) && \
+	  PYTHONPATH="$$(printf '%s:' ros2_ws/src/*)" .venv/bin/lint-imports --no-cache --no-logo
 
 format: setup ## let ruff format and mend
 	@.venv/bin/ruff check --fix-only . && .venv/bin/ruff format .

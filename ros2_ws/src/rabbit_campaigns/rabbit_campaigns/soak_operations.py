@@ -15,11 +15,10 @@ from typing import Any
 import numpy as np
 from rabbit_description.gait_library import load_gaits
 from rabbit_recording.reader import RecordedEpisode, iterate_episodes
+from rabbit_recording.stored_messages import recorded_turns
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy_compatibility import fitted
 from rl_cbf_clf_controller.weights import PROBE, SHIPPED, PolicyFile, PolicyFileError, forward, probe_inputs, read
-
-from rabbit_campaigns.faults.checks import recorded_turns
 
 OPERATIONS = "operations.csv"
 KINDS = (

@@ -87,6 +87,12 @@ def stored_messages(path: Path, *names: str) -> Iterator[Iterator[StoredMessage]
         yield _each(reader, chosen, path)
 
 
+def recorded_turns(path: Path, topic: str) -> list[tuple[int, int]]:
+    """Episode and tick of each message of a topic that has them."""
+    with stored_messages(path, topic) as found:
+        return [message.turn for message in found]
+
+
 def _check_fields(path: Path, reader: AnyReader, connection: Connection) -> None:
     expected = FIELDS.get(last_name(connection.topic), ())
     with one_line_errors(path):

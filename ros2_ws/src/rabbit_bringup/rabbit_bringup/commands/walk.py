@@ -14,8 +14,8 @@ from rabbit_experiments.commands.evaluate import given_assembly
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
-from rabbit_bringup.launching.walk import Graph, WalkOptions, make_graph, run_graph
-from rabbit_bringup.launching.walk_report import Ended, Walk, carry_out
+from rabbit_bringup.launching.walk import Graph, Walk, WalkOptions, make_graph, run_graph
+from rabbit_bringup.launching.walk_report import Ended, carry_out
 
 MODELS = (WalkOptions, ControllerParameters, SimulationParameters)
 SAME = {model: {name: name for name in model.model_fields} for model in (SimulationParameters, ControllerParameters)}

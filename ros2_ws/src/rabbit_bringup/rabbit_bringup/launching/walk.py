@@ -82,6 +82,17 @@ class WalkOptions(BaseModel):
     )
 
 
+class Walk(BaseModel):
+    """What is known of a walk before it begins."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    folder: Path
+    options: WalkOptions
+    simulation: SimulationParameters
+    controller: ControllerParameters
+
+
 @dataclass(frozen=True)
 class Graph:
     """The nodes of a walk and what each is told."""

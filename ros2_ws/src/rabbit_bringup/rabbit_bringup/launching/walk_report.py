@@ -3,31 +3,16 @@
 import contextlib
 import sys
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
-from pydantic import BaseModel, ConfigDict
 from rabbit_cli import exit_codes
 from rabbit_cli.executables import LaunchError
 from rabbit_cli.exit_codes import ExitCode
 from rabbit_recording.bag_writer import RecordingError
-from rabbit_sim.parameters import SimulationParameters
-from rl_cbf_clf_controller.parameters import ControllerParameters
 
-from rabbit_bringup.launching.walk import Interrupted, WalkOptions
+from rabbit_bringup.launching.walk import Interrupted, Walk
 
 Ended = Callable[[Any], None]  # gets the `Episode` message of an episode that has ended
-
-
-class Walk(BaseModel):
-    """What is known of a walk before it begins."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    folder: Path
-    options: WalkOptions
-    simulation: SimulationParameters
-    controller: ControllerParameters
 
 
 def carry_out(walk: Walk, run: Callable[[Ended], tuple[list[Any], float]]) -> int:

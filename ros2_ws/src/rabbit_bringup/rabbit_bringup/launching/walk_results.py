@@ -17,7 +17,7 @@ from rabbit_viewer.walk_records import WalkRecords, about_walk, save_records
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_trainer.rollout import Record
 
-from rabbit_bringup.launching.walk_report import Walk
+from rabbit_bringup.launching.walk import Walk
 
 OUTCOMES = {outcome.value: outcome for outcome in Outcome}
 UNTIMED = ("tick_ms_p50", "tick_ms_p99", "plant_ms_p50", "walk_seconds")

@@ -10,8 +10,8 @@ from pathlib import Path
 from rabbit_cli.exit_codes import ExitCode
 
 from rabbit_bringup.launching.processes import end_with_parent
-from rabbit_bringup.launching.walk import follow_launched
-from rabbit_bringup.launching.walk_report import Walk, carry_out, complain
+from rabbit_bringup.launching.walk import Walk, follow_launched
+from rabbit_bringup.launching.walk_report import carry_out, complain
 
 
 def main() -> None:

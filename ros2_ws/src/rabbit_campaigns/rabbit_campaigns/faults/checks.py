@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from rabbit_recording.bag_writer import RecordingError
 from rabbit_recording.recover import recover
-from rabbit_recording.stored_messages import stored_messages
+from rabbit_recording.stored_messages import recorded_turns
 from rl_trainer.journal import Journal
 from rl_trainer.node_checkpoint import NodeCheckpoint
 from rl_trainer.parameters import TrainingParameters
@@ -84,9 +84,3 @@ def check_recording(path: Path, wanted: Iterable[tuple[int, int]], said: Monitor
 def recorded_ticks(path: Path) -> list[tuple[int, int]]:
     """Episode and tick of each state in a recording."""
     return recorded_turns(path, "state")
-
-
-def recorded_turns(path: Path, topic: str) -> list[tuple[int, int]]:
-    """Episode and tick of each message of a topic that has them."""
-    with stored_messages(path, topic) as found:
-        return [message.turn for message in found]
