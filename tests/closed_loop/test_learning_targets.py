@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 from cbf_clf_qp.estimates import Estimates
+from cbf_clf_qp.problem import Problem
 from rabbit_description.gait import load_gait
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.robot_urdf import perturbed_urdf
@@ -13,7 +14,7 @@ from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.oracle import OraclePolicy
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import Policy, ZeroPolicy
-from rl_cbf_clf_controller.uncertainty import Problem
+from rl_cbf_clf_controller.uncertainty import PAPER, RL_CBF_CLF_QP
 from rl_trainer.environment import WalkingEnv
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.reward import error_unit
@@ -24,18 +25,18 @@ STEPS = 4
 
 
 def parts(problem: Problem, plant: str) -> tuple[Simulation, Controller, TrainingParameters]:
-    terrain = "stones" if problem is Problem.RL_CBF_CLF_QP else "flat"
+    terrain = "stones" if problem == RL_CBF_CLF_QP else "flat"
     simulated = SimulationParameters.model_validate(
         {"mass_scale": 2.0, "terrain": terrain, "stones": STEPS, "plant": plant}
     )
-    parameters = ControllerParameters.model_validate({"controller": problem.value, "sigma": 5.0})
+    parameters = ControllerParameters.model_validate({"controller": problem.name, "sigma": 5.0})
     gait = load_gait(parameters.gait)
-    oracle = OraclePolicy(perturbed_urdf(simulated), io=problem is Problem.IO_RL_CLF_QP)
+    oracle = OraclePolicy(perturbed_urdf(simulated), io=problem.corrects_input)
     return Simulation(simulated, gait), Controller(parameters, gait, oracle), TrainingParameters(problem=problem)
 
 
 @pytest.mark.parametrize("plant", ["pybullet", "rigid"])
-@pytest.mark.parametrize("problem", Problem)
+@pytest.mark.parametrize("problem", PAPER)
 def test_targets_are_the_true_errors(problem: Problem, plant: str) -> None:
     """At the executed mu, noise on: relative error below 0.1; of the forces, which the engine's ground gives, 0.25.
 
@@ -43,7 +44,7 @@ def test_targets_are_the_true_errors(problem: Problem, plant: str) -> None:
     """
     simulation, controller, parameters = parts(problem, plant)
     builder = TransitionBuilder(parameters)
-    target, true, size, io = [], [], [], problem is Problem.IO_RL_CLF_QP
+    target, true, size, io = [], [], [], problem.corrects_input
 
     def observe(record: Record) -> None:
         transition = builder.add(record.state, record.output)
@@ -63,7 +64,7 @@ def test_targets_are_the_true_errors(problem: Problem, plant: str) -> None:
 
 def test_environment_over_the_true_plant() -> None:
     """The zero action is the nominal controller, and a walk by name of a seed repeats."""
-    simulation, _, parameters = parts(Problem.RL_CBF_CLF_QP, "pybullet")
+    simulation, _, parameters = parts(RL_CBF_CLF_QP, "pybullet")
     gait = load_gait(ControllerParameters().gait)
 
     def make_controller(policy: Policy, sigma: float) -> Controller:
@@ -86,7 +87,7 @@ def test_environment_over_the_true_plant() -> None:
 
 def test_beside_an_adaptation_the_target_is_what_it_leaves() -> None:
     """The robot is found within a step; what is left to learn is less than a tenth of the nominal model's error."""
-    simulation, _, parameters = parts(Problem.RL_CBF_CLF_QP, "rigid")
+    simulation, _, parameters = parts(RL_CBF_CLF_QP, "rigid")
     law = ControllerParameters(controller="rl-cbf-clf-qp", adaptation="identification", sigma=5.0)
     controller = Controller(law, load_gait(law.gait), ZeroPolicy(law.problem))
     builder = TransitionBuilder(parameters)

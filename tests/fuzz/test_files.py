@@ -24,7 +24,7 @@ from rabbit_sim.stones import CourseError, read_course
 from rl_cbf_clf_controller.parameters import CONFIG
 from rl_cbf_clf_controller.parameters import ParameterError as ControllerParameterError
 from rl_cbf_clf_controller.parameters import load_parameters as load_controller
-from rl_cbf_clf_controller.uncertainty import Problem
+from rl_cbf_clf_controller.uncertainty import RL_CLF_QP
 from rl_trainer.journal import Journal
 from rl_trainer.node_checkpoint import NodeCheckpoint
 from rl_trainer.parameters import ParameterError, TrainingParameters
@@ -34,7 +34,7 @@ from rl_trainer.session import CHECKPOINT, CheckpointError
 from rl_trainer.training import Trainer
 from rl_trainer.transitions import Doubt, Transition
 
-TINY = TrainingParameters(problem=Problem.RL_CLF_QP, hidden1=3, hidden2=2, batch=2, capacity=10)
+TINY = TrainingParameters(problem=RL_CLF_QP, hidden1=3, hidden2=2, batch=2, capacity=10)
 MESSAGES = Path(__file__).resolve().parents[2] / "ros2_ws" / "src" / "rabbit_msgs"
 COURSE = yaml.safe_dump({"stones": [{"l_min": 0.35, "l_max": 0.4}, {"l_min": 0.36}]}).encode()
 CSV = b"l_min,l_max\n0.35,0.40\n0.36,0.41\n"

@@ -34,14 +34,14 @@ from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import ZeroPolicy
 from rl_cbf_clf_controller.ros.messages import controller_state, torque_message
 from rl_cbf_clf_controller.ros.node import ControllerNode
-from rl_cbf_clf_controller.uncertainty import Problem
+from rl_cbf_clf_controller.uncertainty import RL_CBF_CLF_QP
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.ros.node import TrainerNode
 from rl_trainer.training import Trainer
 
 HEADER = 4  # bytes before a message's own
 LAW = ControllerParameters(controller="rl-cbf-clf-qp")
-SMALL = {"problem": Problem.RL_CBF_CLF_QP, "hidden1": 4, "hidden2": 4, "batch": 4, "updates_least": 1, "capacity": 500}
+SMALL = {"problem": RL_CBF_CLF_QP, "hidden1": 4, "hidden2": 4, "batch": 4, "updates_least": 1, "capacity": 500}
 NUMBERS: dict[str, st.SearchStrategy[Any]] = {
     "double": st.floats(),
     "boolean": st.booleans(),

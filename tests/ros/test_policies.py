@@ -11,13 +11,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from cbf_clf_qp.problem import Problem
 from numpy.typing import NDArray
 from rabbit_msgs.msg import Episode, EpisodePlan, PolicyWeights
 from rabbit_msgs.srv import LoadPolicy, ResetEpisode
 from rabbit_recording.reader import read_episodes
 from rabbit_recording.replay import differing_ticks
 from rl_cbf_clf_controller.parameters import ControllerParameters
-from rl_cbf_clf_controller.uncertainty import Problem
+from rl_cbf_clf_controller.uncertainty import RL_CBF_CLF_QP, RL_CLF_QP
 from rl_cbf_clf_controller.weights import PROBE, PolicyFile, forward, policy_path, probe_inputs, read
 from safetensors.numpy import save
 from untrained_policy import policy_metadata
@@ -39,7 +40,7 @@ def near_shipped(number: int) -> PolicyFile:
 def policy(
     number: int,
     bias: float = 0.0,
-    problem: Problem = Problem.RL_CBF_CLF_QP,
+    problem: Problem = RL_CBF_CLF_QP,
     hidden: tuple[int, int] = SMALL,
 ) -> PolicyFile:
     """A policy whose outputs are all tanh(bias), whatever it sees; another one for each number."""
@@ -60,7 +61,7 @@ def policy(
     return PolicyFile(metadata, arrays)
 
 
-UNFIT = policy(1, problem=Problem.RL_CLF_QP)
+UNFIT = policy(1, problem=RL_CLF_QP)
 
 
 def weights(file: PolicyFile) -> PolicyWeights:
@@ -124,7 +125,7 @@ def test_bad_policies_are_refused_with_a_reason_and_the_old_one_goes_on(world: A
         "content hash": tampered(good, other),
         "expected float32 (8,)": tampered(good, long),
         "not finite": tampered(good, nan),
-        "trained for": policy(1, problem=Problem.RL_CLF_QP).encode(),
+        "trained for": policy(1, problem=RL_CLF_QP).encode(),
         "fixed observations": dataclasses.replace(good, arrays={**good.arrays, PROBE: good.arrays[PROBE] + 1}).encode(),
     }
     good.write(tmp_path / "good")
@@ -225,7 +226,7 @@ def test_an_unfit_policy_ends_the_episode_that_names_it(world: Any) -> None:
     planned(world, UNFIT.version)
     world.say("policy", weights(UNFIT))
     for number in range(2):  # others that are refused do not hide the reason
-        world.say("policy", weights(policy(number, problem=Problem.RL_CLF_QP)))
+        world.say("policy", weights(policy(number, problem=RL_CLF_QP)))
         world.say("policy", PolicyWeights(version=UNFIT.version, data=[1, 2, 3]))
     world.wait(lambda: len(swaps) == 6)
     world.go()

@@ -4,16 +4,16 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from cbf_clf_qp.problem import Problem
 from rabbit_description.state import Array
-from rl_cbf_clf_controller.uncertainty import Problem
-from rl_cbf_clf_controller.weights import PROBE, PolicyFile, PolicyMetadata, forward, probe_inputs
+from rl_cbf_clf_controller.weights import PROBE, PolicyFile, PolicyMetadata, forward, probe_inputs, problem_fields
 
 
 def policy_metadata(problem: Problem, **changes: Any) -> PolicyMetadata:
     """Of a policy that nothing trained and that scales nothing, but for `changes`."""
     m, n = len(changes.get("observation", problem.observation)), len(problem.quantities)
     plain = {
-        "problem": problem,
+        **problem_fields(problem),
         "observation": problem.observation,
         "observation_center": (0.0,) * m,
         "observation_scale": (1.0,) * m,

@@ -12,7 +12,7 @@ from rabbit_bringup.cli import app, commands
 from rabbit_experiments.assembly import Assembly
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters, load_parameters
-from rl_cbf_clf_controller.uncertainty import Problem
+from rl_cbf_clf_controller.uncertainty import RL_CBF_CLF_QP
 from typer.testing import CliRunner, Result
 from untrained_policy import policy_file, policy_metadata
 
@@ -36,7 +36,7 @@ def evaluate(out: Path, *words: object) -> Result:
 
 def zero_policy_file(path: Path) -> Path:
     """An actor for stepping stones whose outputs are all zero."""
-    policy_file(policy_metadata(Problem.RL_CBF_CLF_QP), np.zeros).write(path)
+    policy_file(policy_metadata(RL_CBF_CLF_QP), np.zeros).write(path)
     return path
 
 

@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from cbf_clf_qp.problem import Problem
 from rabbit_description.gait import load_gait
 from rabbit_description.gait_library import load_gaits
 from rabbit_experiments.assembly import Assembly
@@ -13,7 +14,7 @@ from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import ActorPolicy
 from rl_cbf_clf_controller.policy_compatibility import STONE_WIDTH, fitted
 from rl_cbf_clf_controller.policy_context import PolicyContext
-from rl_cbf_clf_controller.uncertainty import Problem
+from rl_cbf_clf_controller.uncertainty import IO_RL_CLF_QP, RL_CBF_CLF_QP, RL_CLF_QP
 from rl_cbf_clf_controller.weights import (
     PolicyFile,
     PolicyFileError,
@@ -43,7 +44,7 @@ def test_a_policy_fits_the_controller_of_its_problem(controller: str) -> None:
 
 
 def test_on_flat_ground_a_policy_for_stones_sees_the_stone_under_the_gaits_own_step() -> None:
-    file, rng = make_file(Problem.RL_CBF_CLF_QP), np.random.default_rng(5)
+    file, rng = make_file(RL_CBF_CLF_QP), np.random.default_rng(5)
     state, LgV = rng.standard_normal(14), rng.standard_normal(4)
     l_min = GAIT.step_length - STONE_WIDTH / 2
     on_stones = ActorPolicy(file).estimate(PolicyContext(np.append(state, [l_min, GAIT.step_length]), LgV))
@@ -57,13 +58,13 @@ def test_on_flat_ground_a_policy_for_stones_sees_the_stone_under_the_gaits_own_s
 
 
 def test_it_has_the_same_version_on_both_terrains() -> None:
-    file = make_file(Problem.RL_CBF_CLF_QP)
+    file = make_file(RL_CBF_CLF_QP)
     assert fitted(file, FLAT, LIBRARY).version == fitted(file, STONES, LIBRARY).version == file.version
 
 
 def test_a_librarys_step_on_flat_ground_is_its_first() -> None:
     assert not isinstance(LIBRARY, type(GAIT))
-    file, context = make_file(Problem.RL_CBF_CLF_QP), PolicyContext(np.ones(14), np.ones(4))
+    file, context = make_file(RL_CBF_CLF_QP), PolicyContext(np.ones(14), np.ones(4))
     first = LIBRARY.gaits[LIBRARY.lengths.index(LIBRARY.start_length)]
     by_library, by_gait = (fitted(file, FLAT, gaits).estimate(context) for gaits in (LIBRARY, first))
     np.testing.assert_array_equal(by_library.flat, by_gait.flat)
@@ -72,15 +73,15 @@ def test_a_librarys_step_on_flat_ground_is_its_first() -> None:
 @pytest.mark.parametrize(
     ("file", "law", "text"),
     [
-        (lambda: make_file(Problem.RL_CLF_QP), STONES, "trained for rl-clf-qp; this controller needs rl-cbf-clf-qp"),
-        (lambda: make_file(Problem.IO_RL_CLF_QP), FLAT, "trained for io-rl-clf-qp; this controller needs rl-clf-qp"),
+        (lambda: make_file(RL_CLF_QP), STONES, "trained for rl-clf-qp; this controller needs rl-cbf-clf-qp"),
+        (lambda: make_file(IO_RL_CLF_QP), FLAT, "trained for io-rl-clf-qp; this controller needs rl-clf-qp"),
         (
-            lambda: make_file(Problem.RL_CBF_CLF_QP),
+            lambda: make_file(RL_CBF_CLF_QP),
             STONES,
             "reads step_length: expected a gait library, gait is stones",
         ),
         (
-            lambda: make_file(Problem.RL_CBF_CLF_QP, 0, "identification"),
+            lambda: make_file(RL_CBF_CLF_QP, 0, "identification"),
             FLAT,
             "trained with adaptation identification; this controller has none",
         ),

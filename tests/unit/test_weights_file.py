@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 from cbf_clf_qp.estimates import Estimates
+from cbf_clf_qp.problem import Problem
 from rl_cbf_clf_controller.policy import ActorPolicy, ZeroPolicy, contract
 from rl_cbf_clf_controller.policy_context import PolicyContext
-from rl_cbf_clf_controller.uncertainty import STEP_LENGTH, Problem
+from rl_cbf_clf_controller.uncertainty import PAPER, RL_CBF_CLF_QP, RL_CLF_QP, STEP_LENGTH
 from rl_cbf_clf_controller.weights import (
     PROBE,
     SIZE_LIMIT,
@@ -23,7 +24,7 @@ from safetensors.numpy import save
 from untrained_policy import policy_file, policy_metadata
 
 
-def make_file(problem: Problem = Problem.RL_CBF_CLF_QP, structured: bool = True, **changes: Any) -> PolicyFile:
+def make_file(problem: Problem = RL_CBF_CLF_QP, structured: bool = True, **changes: Any) -> PolicyFile:
     m, n = len(problem.observation), len(problem.quantities)
     values = {
         "observation_center": (0.1,) * m,
@@ -41,7 +42,7 @@ def make_file(problem: Problem = Problem.RL_CBF_CLF_QP, structured: bool = True,
     return policy_file(policy_metadata(problem, **values | changes), np.random.default_rng(0).standard_normal)
 
 
-@pytest.mark.parametrize("problem", Problem)
+@pytest.mark.parametrize("problem", PAPER)
 def test_bytes_come_back_as_they_went(problem: Problem) -> None:
     file = make_file(problem, structured=problem.has_clf)
     again = decode(file.encode(), problem)
@@ -96,7 +97,7 @@ def test_refused(data: bytes, word: str) -> None:
 
 def test_another_problem_is_refused() -> None:
     with pytest.raises(PolicyFileError, match="needs rl-clf-qp"):
-        decode(make_file().encode(), Problem.RL_CLF_QP)
+        decode(make_file().encode(), RL_CLF_QP)
 
 
 def test_outputs_that_differ_from_those_stored_are_refused() -> None:
@@ -154,7 +155,7 @@ def test_outputs_stay_within_the_scales() -> None:
 
 
 def test_a_network_without_l_min_reads_the_first_fourteen() -> None:
-    observation = Problem.RL_CLF_QP.observation
+    observation = RL_CLF_QP.observation
     units = {"observation": observation, "observation_center": (0.1,) * 14, "observation_scale": (2.0,) * 14}
     policy = ActorPolicy(make_file(**units))
     LgV = np.ones(4)
@@ -164,7 +165,7 @@ def test_a_network_without_l_min_reads_the_first_fourteen() -> None:
 
 
 def test_a_network_that_reads_the_step_length_needs_a_library() -> None:
-    observation = (*Problem.RL_CBF_CLF_QP.observation, STEP_LENGTH)
+    observation = (*RL_CBF_CLF_QP.observation, STEP_LENGTH)
     units = {"observation": observation, "observation_center": (0.1,) * 16, "observation_scale": (2.0,) * 16}
     policy = ActorPolicy(make_file(**units))
     assert policy.estimate(PolicyContext(np.linspace(-1, 1, 16), np.ones(4))).alpha.shape == (5, 4)
@@ -173,7 +174,7 @@ def test_a_network_that_reads_the_step_length_needs_a_library() -> None:
 
 
 def test_no_network_reads_the_step_length_without_the_stone() -> None:
-    observation = (*Problem.RL_CLF_QP.observation, STEP_LENGTH)
+    observation = (*RL_CLF_QP.observation, STEP_LENGTH)
     units = {"observation": observation, "observation_center": (0.1,) * 15, "observation_scale": (2.0,) * 15}
     with pytest.raises(ValueError, match="observation = "):
         make_file(**units)
@@ -191,7 +192,7 @@ def test_flat_vector_is_in_the_papers_order() -> None:
         Estimates.from_flat(np.arange(24.0), 4)
 
 
-@pytest.mark.parametrize("problem", Problem)
+@pytest.mark.parametrize("problem", PAPER)
 def test_zero_policy_corrects_nothing(problem: Problem) -> None:
     estimates = ZeroPolicy(problem).estimate(PolicyContext(np.ones(len(problem.observation)), np.ones(4)))
     assert not estimates.error(np.ones(4)).any()

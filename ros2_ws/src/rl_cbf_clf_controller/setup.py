@@ -32,5 +32,8 @@ setup(
         "safetensors",
     ],
     extras_require={"test": ["pytest"]},
-    entry_points={"rabbit.nodes": ["controller = rl_cbf_clf_controller.ros.node:main"]},
+    entry_points={
+        "rabbit.nodes": ["controller = rl_cbf_clf_controller.ros.node:main"],
+        "rabbit.controllers": ["rabbit = rl_cbf_clf_controller.recipes:KINDS"],
+    },
 )

@@ -12,7 +12,7 @@ from rabbit_sim.simulation import Simulation
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import ActorPolicy, ZeroPolicy
-from rl_cbf_clf_controller.uncertainty import Problem
+from rl_cbf_clf_controller.uncertainty import RL_CLF_QP
 from rl_cbf_clf_controller.weights import SIZE_LIMIT, PolicyFile, decode, policy_path, read
 from rl_trainer.rollout import rollout
 
@@ -40,7 +40,7 @@ def bad() -> dict[str, bytes]:
     data = sound.encode()
     adapted = dataclasses.replace(sound, metadata=sound.metadata.model_copy(update={"adaptation": "identification"}))
     return {
-        "for another problem": policy(3, problem=Problem.RL_CLF_QP).encode(),
+        "for another problem": policy(3, problem=RL_CLF_QP).encode(),
         "for another adaptation": adapted.encode(),
         "random bytes": np.random.default_rng(1).bytes(500),
         "three bytes": b"\x01\x02\x03",

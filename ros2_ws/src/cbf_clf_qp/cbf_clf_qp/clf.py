@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from cbf_clf_qp.affine import Affine
+from cbf_clf_qp.affine import Affine, Array
 from cbf_clf_qp.res_clf import ResClf
 from cbf_clf_qp.rows import Rows
 
@@ -27,6 +27,15 @@ class Clf:
     def predict(self, scene: Any, dynamics: Any) -> Affine:
         """V-dot under `dynamics`."""
         return self._clf.derivative(scene.outputs.eta).after(scene.outputs.second_derivative(dynamics.acceleration))
+
+    def measure(self, before: Any, after: Any, seconds: float) -> Array:
+        """V-dot = LfV + LgV y'': the gradient of V is known, and y'' is the difference of the outputs' rates.
+
+        The difference of V itself would be off by the tick times |G y''|^2 in the metric P.
+        """
+        m = len(before.outputs.eta) // 2
+        acceleration = (after.outputs.eta[m:] - before.outputs.eta[m:]) / seconds
+        return self._clf.derivative(before.outputs.eta)(acceleration)
 
     def rows(self, scene: Any, value: Affine) -> list[Rows]:
         """The row if V-dot is `value`, affine in mu."""

@@ -68,6 +68,11 @@ class Ecbf:
         """B-ddot (n), affine in the input, under `dynamics`, which have the `acceleration` of the coordinates."""
         return self.barriers(scene).second_derivative(dynamics.acceleration)
 
+    def measure(self, before: Any, after: Any, seconds: float) -> Array:
+        """B-ddot (n): the difference of the barriers' rates."""
+        difference: Array = (self.barriers(after).dB - self.barriers(before).dB) / seconds
+        return difference
+
     def rows(self, scene: Any, value: Affine) -> list[Rows]:
         """A row for each barrier if B-ddot is `value`, affine in mu."""
         lower = ecbf_bound(self.barriers(scene), self._K_b) - value.b

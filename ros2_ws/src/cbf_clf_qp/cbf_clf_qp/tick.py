@@ -3,6 +3,7 @@
     u       = precontrol(mu)                              from the nominal model, see `io_linearization.py`
     nominal = quantities by the nominal model             affine in mu
     value   = nominal + alpha mu + beta                   the estimates of a policy, an identified model, an oracle
+    measured = of two scenes, one tick apart              what a learner compares the nominal value with
     rows    = of each quantity, if it has that value, and of further constraints
     mu      = argmin objective  subject to rows           see `qp.py`
 
@@ -13,6 +14,8 @@ nor how estimates come about, and keep nothing from tick to tick but what the so
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, Protocol, TypeVar
+
+import numpy as np
 
 from cbf_clf_qp.affine import Affine, Array
 from cbf_clf_qp.estimates import Estimates
@@ -36,6 +39,9 @@ class Quantity(Protocol[SceneRead]):
 
     def predict(self, scene: SceneRead, dynamics: Any) -> Affine:
         """The components (k,), affine in the input u, under any model's `dynamics`."""
+
+    def measure(self, before: SceneRead, after: SceneRead, seconds: float) -> Array:
+        """The components (k,), their mean over the `seconds` between two scenes, with no word of any model."""
 
     def rows(self, scene: SceneRead, value: Affine) -> list[Rows]:
         """The rows over mu, if the components are `value`, affine in mu."""
@@ -139,6 +145,11 @@ def rows_of(recipe: Recipe[Scene], terms: Terms[Scene], estimates: Estimates, co
         *(block for case in cases for block in quantity_rows(recipe, terms.scene, case)),
         *(block for constraint in recipe.constraints for block in constraint.rows(terms, control)),
     ]
+
+
+def measured(quantities: Sequence[Quantity[Scene]], before: Scene, after: Scene, seconds: float) -> Array:
+    """All quantities (n,) over the `seconds` between two scenes."""
+    return np.concatenate([quantity.measure(before, after, seconds) for quantity in quantities])
 
 
 def quantity_rows(recipe: Recipe[Scene], scene: Scene, value: Affine) -> list[Rows]:

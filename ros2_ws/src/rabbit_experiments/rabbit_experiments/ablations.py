@@ -35,7 +35,7 @@ from rabbit_sim.parameters import SimulationParameters
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rl_cbf_clf_controller.controller import ControllerError
 from rl_cbf_clf_controller.parameters import ControllerParameters, load_parameters
-from rl_cbf_clf_controller.uncertainty import Problem
+from rl_cbf_clf_controller.uncertainty import RL_CBF_CLF_QP
 from rl_cbf_clf_controller.weights import PolicyFileError
 from rl_trainer.parameters import TrainingParameters, paper_literal
 from rl_trainer.session import CheckpointError
@@ -47,7 +47,6 @@ from rabbit_experiments.evaluation import episode_seeds, evaluate
 from rabbit_experiments.summary import falls, wilson
 from rabbit_experiments.training_setup import training
 
-PROBLEM = Problem.RL_CBF_CLF_QP
 TRANSITIONS = 6500  # what `default` collects in its 18 episodes: 5,900 to 7,200
 MOST_EPISODES = 600  # of a variant that trains until it has as many: walks that fail at once give 10 to 16 each
 NEWEST = 5  # episodes whose reward terms a row has
@@ -78,7 +77,11 @@ class Variant:
             changes["episodes"] = MOST_EPISODES
         if episodes:
             changes["episodes"] = episodes
-        return paper_literal(PROBLEM, **changes) if self.literal else TrainingParameters(problem=PROBLEM, **changes)
+        return (
+            paper_literal(RL_CBF_CLF_QP, **changes)
+            if self.literal
+            else TrainingParameters(problem=RL_CBF_CLF_QP, **changes)
+        )
 
 
 def _critic(meaning: str, against: str, **changes: Any) -> Variant:
@@ -155,7 +158,7 @@ class Study:
     @property
     def controller(self) -> ControllerParameters:
         """Of the training, as `rabbit train` has it."""
-        return load_parameters("ours", controller=PROBLEM.value, slack_weight=TRAINING_SLACK_WEIGHT)
+        return load_parameters("ours", controller=RL_CBF_CLF_QP.name, slack_weight=TRAINING_SLACK_WEIGHT)
 
     @property
     def plant(self) -> SimulationParameters:
@@ -166,7 +169,7 @@ class Study:
     def assembly(self, policy: str) -> Assembly:
         """Of the courses that policies are judged on."""
         simulation = SimulationParameters(mass_scale=TRAINING_SCALE, motor_lag=EVALUATION_LAG)
-        return Assembly(simulation, load_parameters("ours", controller=PROBLEM.value), policy)
+        return Assembly(simulation, load_parameters("ours", controller=RL_CBF_CLF_QP.name), policy)
 
     def about(self) -> dict[str, Any]:
         """What decides every row, where it comes from, and the key that tells studies apart."""
@@ -198,7 +201,9 @@ class Study:
             falls="; ".join(f"{kind} {count}" for kind, count in sorted(falls(walks).items())),
             ticks_over_cone=sum(walk.ticks_over_cone for walk in walks),
             ticks=sum(walk.ticks for walk in walks),
-            **{f"reward_{quantity}": mean_reward(episodes[-NEWEST:], quantity) for quantity in PROBLEM.quantities},
+            **{
+                f"reward_{quantity}": mean_reward(episodes[-NEWEST:], quantity) for quantity in RL_CBF_CLF_QP.quantities
+            },
         )
 
     def _folder(self, name: str, seed: int) -> Path:

@@ -14,7 +14,6 @@ from rl_cbf_clf_controller.oracle import OraclePolicy
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import PartlyNominal, Policy, ZeroPolicy
 from rl_cbf_clf_controller.policy_compatibility import fitted
-from rl_cbf_clf_controller.uncertainty import Problem
 from rl_cbf_clf_controller.weights import SHIPPED, PolicyFile, PolicyFileError, policy_path, read
 
 EVALUATION_LAG = 0.004  # s, of the motors in evaluation, as in the paper
@@ -82,7 +81,7 @@ class Assembly:
 
     def _oracle(self) -> OraclePolicy:
         plant = self.simulation
-        first_approach = self.controller.problem is Problem.IO_RL_CLF_QP
+        first_approach = self.controller.problem.corrects_input
         return OraclePolicy(perturbed_urdf(plant), 1 - plant.motor_loss, plant.joint_damping, io=first_approach)
 
 

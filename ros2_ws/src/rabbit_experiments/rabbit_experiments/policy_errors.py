@@ -17,10 +17,10 @@ from typing import Any
 
 import numpy as np
 from cbf_clf_qp.estimates import Estimates
+from cbf_clf_qp.problem import Problem
 from rabbit_description.state import Array
 from rl_cbf_clf_controller.controller import ControllerOutput
 from rl_cbf_clf_controller.policy_context import ModelContext
-from rl_cbf_clf_controller.uncertainty import INPUTS, Problem
 from rl_trainer.rollout import Record
 
 from rabbit_experiments.assembly import Assembly
@@ -112,7 +112,7 @@ def _errors(guess: Array, truth: Array, mu: Array) -> Errors:
     """Of one quantity; `guess` and `truth` (T, 5) are alpha and beta."""
     wrong, with_one = guess - truth, np.column_stack([mu, np.ones(len(mu))])
     size = _rms((truth * with_one).sum(axis=1))
-    alpha, beta = slice(INPUTS), slice(INPUTS, None)
+    alpha, beta = slice(-1), slice(-1, None)
     return {
         "error": None if size < ROUNDING else _rms((wrong * with_one).sum(axis=1)) / size,
         "alpha_r2": _r2(wrong[:, alpha], truth[:, alpha]),

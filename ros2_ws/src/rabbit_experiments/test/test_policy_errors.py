@@ -10,9 +10,9 @@ from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import load_parameters
 from rl_cbf_clf_controller.policy import PartlyNominal
 from rl_cbf_clf_controller.policy_context import PolicyContext
-from rl_cbf_clf_controller.uncertainty import Problem
+from rl_cbf_clf_controller.uncertainty import RL_CBF_CLF_QP
 
-STONES = Problem.RL_CBF_CLF_QP
+STONES = RL_CBF_CLF_QP
 WRONG = np.array([[3.0, 0, 4, 0], [6, 0, 0, 8], [5, 12, 0, 0], [0, 0, 0, 0], [0, 8, 15, 0]])  # rows of length
 LENGTH = {"V": 5.0, "B1": 10.0, "B2": 13.0, "C1": 0.0, "C2": 17.0}
 MU = np.tile(np.eye(4), (2, 1))  # each component by itself, twice

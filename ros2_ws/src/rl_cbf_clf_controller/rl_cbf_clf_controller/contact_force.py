@@ -13,6 +13,7 @@ import numpy as np
 from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.rows import Rows
 from cbf_clf_qp.tick import Terms
+from rabbit_description.state import Array
 
 from rl_cbf_clf_controller.nominal_model import PinnedDynamics
 from rl_cbf_clf_controller.scene import Scene
@@ -37,6 +38,10 @@ class ContactForce:
     def predict(self, scene: Scene, dynamics: PinnedDynamics) -> Affine:
         """The force, affine in the torque."""
         return dynamics.normal_tangential
+
+    def measure(self, before: Scene, after: Scene, seconds: float) -> Array:
+        """The force sensor's, averaged over the tick."""
+        return after.force[::-1]
 
     def rows(self, scene: Scene, value: Affine) -> list[Rows]:
         """C1 and the cone, if the force is `value`, affine in mu."""

@@ -15,7 +15,7 @@ from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.io_linearization import precontrol
 from cbf_clf_qp.res_clf import ResClf
 from cbf_clf_qp.solvers import make_solver
-from cbf_clf_qp.tick import Constraint, Decided, Terms, decide
+from cbf_clf_qp.tick import Constraint, Decided, Terms, decide, measured
 from rabbit_description.gait_library import Gaits
 from rabbit_description.state import SWAP_STATE, SWAP_TORQUE, TICK_SECONDS, Array, Leg, RobotState, StonePreview
 
@@ -46,7 +46,8 @@ class ControllerOutput:
     `torque` (4,) N m, left/right order, saturated; `eta` (8,); `barriers`, `barrier_rates` (2,), NaN on flat ground;
     `mu` (4,) as executed after exploration and saturation, `mu_qp` the QP's, `omega` the noise; `mu_held` (4,) what the
     last tick's torque amounts to at this state, that is y-ddot by the nominal model, NaN where the step is new; nominal
-    value of the quantities = `nominal_a` mu + `nominal_b`, (n, 4) and (n,); `alpha`, `beta` the estimates in all;
+    value of the quantities = `nominal_a` mu + `nominal_b`, (n, 4) and (n,); `measured` (n,) theirs over the last tick,
+    NaN where the step is new; `alpha`, `beta` the estimates in all;
     `observation` (14,), on stones (15,), there with a gait library (16,); `LgV` (4,); `clf_slack`, `rescue_slack`: the
     paper's d, the sum of the slacks of last resort; `active` names the rows that hold with equality; `answered` is
     False where the guard solver had to answer; `fault` is empty, or why the episode must end; `objective`, `adaptation`
@@ -71,6 +72,7 @@ class ControllerOutput:
     quantities: tuple[str, ...]
     nominal_a: Array
     nominal_b: Array
+    measured: Array
     alpha: Array
     beta: Array
     observation: Array
@@ -93,13 +95,14 @@ class ControllerOutput:
 
 @dataclass
 class StepState:
-    """Which leg stands, for how long, how many steps have been taken; the last tick's torque, stance/swing order."""
+    """Which leg stands, for how long, how many steps have been taken; the last tick's torque and scene of this step."""
 
     stance: Leg = Leg.LEFT
     index: int = 0
     start_tick: int = 0
     has_begun: bool = False
     torque: Array = field(default_factory=lambda: NO_TORQUE)
+    last: tuple[int, Scene] | None = None
     rng: np.random.Generator = field(default_factory=lambda: np.random.default_rng(0))
 
 
@@ -163,7 +166,9 @@ class Controller:
         force = state.foot_force[[self._step.stance, self._step.stance.other]]
         adapted = self._adaptation.estimate(self.terms, policy, Measured(state.tick, self._step.torque, force))
         self.decided = decide(self.recipe, self.terms, policy + adapted if adapted else policy, self._solver)
-        return self._output(state, adapted, fault)
+        output = self._output(state, adapted, fault)
+        self._step.last = state.tick, self.terms.scene
+        return output
 
     def look(self, state: RobotState) -> Terms[Scene]:
         """The nominal terms at a state, with the present stance leg."""
@@ -180,6 +185,7 @@ class Controller:
             feet=feet,
             outputs=outputs,
             barriers=self._barriers(feet, state.preview),
+            force=state.foot_force[self._step.stance],
             observation=np.concatenate([outputs.eta, z, stone]),
             LgV=self.clf.derivative(outputs.eta).a[0],
         )
@@ -236,6 +242,7 @@ class Controller:
             quantities=self.recipe.names,
             nominal_a=terms.nominal.a,
             nominal_b=terms.nominal.b,
+            measured=self._measured(state.tick),
             alpha=decided.estimates.alpha,
             beta=decided.estimates.beta,
             observation=scene.observation,
@@ -256,6 +263,12 @@ class Controller:
             fault=fault,
         )
 
+    def _measured(self, tick: int) -> Array:
+        """The quantities (n,) over the last tick, NaN where this or the step began with it."""
+        if self._step.last is None or self._step.last[0] != tick - 1:
+            return np.full(len(self.recipe.names), np.nan)
+        return measured(self.recipe.quantities, self._step.last[1], self.terms.scene, TICK_SECONDS)
+
     def _relabel(self, values: Array) -> Array:
         return values[SWAP_STATE] if self._step.stance is Leg.RIGHT else values
 
@@ -267,7 +280,7 @@ class Controller:
             phase = self._constraints.evaluate(self._relabel(state.q), self._relabel(state.dq)).phase
             if phase > p.swap_phase:
                 step.stance, step.index, step.start_tick = swing, step.index + 1, state.tick
-                step.torque, step.has_begun = NO_TORQUE, False
+                step.torque, step.last, step.has_begun = NO_TORQUE, None, False
         if state.touchdowns != step.index:
             return f"contact disagreement: {state.touchdowns} touchdowns, {step.index} steps"
         return ""

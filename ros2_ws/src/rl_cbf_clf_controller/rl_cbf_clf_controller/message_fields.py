@@ -43,6 +43,7 @@ def output_of(message: Any, torque: Array) -> ControllerOutput:
     values: dict[str, Any] = {name: getattr(message, name) for name in (*SCALARS, *WORDS)}
     values |= {name: np.array(getattr(message, name)) for name in (*ARRAYS, *SEQUENCES)}
     _check(message, len(message.quantities))
+    values["measured"] = np.array(getattr(message, "measured", np.full(len(message.quantities), np.nan)))
     for name in ("nominal_a", "alpha"):
         values[name] = values[name].reshape(-1, 4)
     return ControllerOutput(

@@ -5,6 +5,7 @@ from cbf_clf_qp.clf import Clf
 from cbf_clf_qp.res_clf import ResClf
 from cbf_clf_qp.rows import Rows
 from cbf_clf_qp.tick import Terms
+from rabbit_description.state import Array
 
 from rl_cbf_clf_controller.nominal_model import PinnedDynamics
 from rl_cbf_clf_controller.scene import Scene
@@ -18,6 +19,10 @@ class OutputAcceleration:
     def predict(self, scene: Scene, dynamics: PinnedDynamics) -> Affine:
         """y'', affine in the torque."""
         return scene.outputs.second_derivative(dynamics.acceleration)
+
+    def measure(self, before: Scene, after: Scene, seconds: float) -> Array:
+        """The difference of the outputs' rates."""
+        return (after.outputs.dy - before.outputs.dy) / seconds
 
     def rows(self, scene: Scene, value: Affine) -> list[Rows]:
         """None."""

@@ -1,17 +1,16 @@
 """The controller's parameters: typed, bounded, described. One model serves files, the command line and ROS."""
 
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from cbf_clf_qp.problem import Problem
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 from rabbit_description.gait import DEFAULT_GAIT
 from rabbit_description.yaml_file import YamlFileError, read_yaml
 
-from rl_cbf_clf_controller.uncertainty import Problem
+from rl_cbf_clf_controller.kinds import find_kind, known_name
 
-ControllerName = Literal[
-    "clf-qp", "l1-clf-qp", "io-rl-clf-qp", "rl-clf-qp", "cbf-clf-qp", "robust-cbf-clf-qp", "rl-cbf-clf-qp"
-]
+ControllerName = Annotated[str, AfterValidator(known_name)]
 L1Law = Literal["piecewise", "exact", "euler"]
 CONFIG = Path(__file__).parent / "config"
 
@@ -104,26 +103,24 @@ class ControllerParameters(BaseModel):
 
     @model_validator(mode="after")
     def _adaptation_has_rows(self) -> "ControllerParameters":
-        if self.adaptation != "none" and self.problem is Problem.IO_RL_CLF_QP:
+        if self.adaptation != "none" and self.problem.corrects_input:
             raise ValueError(f"adaptation = {self.adaptation}: expected none, {self.controller} estimates no rows")
         return self
 
     @property
     def problem(self) -> Problem:
         """The learning problem whose quantities this controller's estimates are."""
-        if self.controller in ("io-rl-clf-qp", "l1-clf-qp"):
-            return Problem.IO_RL_CLF_QP
-        return Problem.RL_CBF_CLF_QP if self.on_stones else Problem.RL_CLF_QP
+        return find_kind(self.controller).problem
 
     @property
     def on_stones(self) -> bool:
-        """Whether the controller has barriers and force rows, and a slack on the CLF."""
-        return self.controller in ("cbf-clf-qp", "robust-cbf-clf-qp", "rl-cbf-clf-qp")
+        """Whether the controller has barriers on the stone in sight."""
+        return find_kind(self.controller).sees_stones
 
     @property
     def learns(self) -> bool:
         """Whether a policy belongs to the controller."""
-        return self.controller.startswith(("rl-", "io-rl-"))
+        return find_kind(self.controller).learns
 
 
 def load_parameters(name_or_path: str | Path, **changes: object) -> ControllerParameters:

@@ -15,10 +15,10 @@ from typing import Protocol
 import numpy as np
 from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.estimates import Estimates
+from cbf_clf_qp.problem import Problem
 from rabbit_description.state import Array
 
 from rl_cbf_clf_controller.policy_context import PolicyContext
-from rl_cbf_clf_controller.uncertainty import INPUTS, Problem
 from rl_cbf_clf_controller.weights import PolicyFile, forward
 
 
@@ -44,7 +44,7 @@ class ZeroPolicy:
     adaptation = None
 
     def __init__(self, problem: Problem) -> None:
-        self._estimates = Estimates.zero(len(problem.quantities), INPUTS)
+        self._estimates = Estimates.zero(len(problem.quantities), problem.inputs)
 
     def estimate(self, context: PolicyContext) -> Estimates:
         """Zeros, whatever the context."""
@@ -62,7 +62,7 @@ class ActorPolicy:
         self._center = np.array(form.observation_center)
         self._inverse_scale = 1 / np.array(form.observation_scale)
         self._alpha_scale, self._beta_scale = np.array(form.alpha_scale), np.array(form.beta_scale)
-        self._structured, self._has_clf = form.structured, form.problem.has_clf
+        self._structured, self._inputs, self._has_clf = form.structured, form.m, "V" in form.names
 
     def estimate(self, context: PolicyContext) -> Estimates:
         """Alpha and beta of every quantity. A network without `l_min` reads the first 14 observations.
@@ -77,7 +77,7 @@ class ActorPolicy:
         observation = (context.observation[: len(self._center)] - self._center) * self._inverse_scale
         raw_outputs: Array = forward(self.file.arrays, observation.astype(np.float32)).astype(np.float64)
         outputs = contract(raw_outputs, context.LgV) if self._structured else raw_outputs
-        raw = Estimates.from_flat(outputs, INPUTS)
+        raw = Estimates.from_flat(outputs, self._inputs)
         alpha, beta = raw.alpha * self._alpha_scale[:, None], raw.beta * self._beta_scale
         if self._has_clf and not self._structured:
             size = np.linalg.norm(context.LgV) + 1
@@ -87,8 +87,9 @@ class ActorPolicy:
 
     def _output_error(self, outputs: Array) -> Affine:
         """[Delta_2 | Delta_1] of the structured form."""
-        matrix = outputs[: INPUTS * (INPUTS + 1)].reshape(INPUTS, INPUTS + 1)
-        return Affine(self._alpha_scale[0] * matrix[:, :INPUTS], self._beta_scale[0] * matrix[:, INPUTS])
+        m = self._inputs
+        matrix = outputs[: m * (m + 1)].reshape(m, m + 1)
+        return Affine(self._alpha_scale[0] * matrix[:, :m], self._beta_scale[0] * matrix[:, m])
 
 
 class PartlyNominal:
@@ -100,18 +101,22 @@ class PartlyNominal:
         self.adaptation = policy.adaptation
         self._policy = policy
         self._outputs_kept = "V" not in zeroed
+        self._inputs = problem.inputs
         self._kept = np.array([name not in zeroed for name in problem.quantities], dtype=float)
 
     def estimate(self, context: PolicyContext) -> Estimates:
         """The policy's estimates, zero in the rows of the nominal quantities; the outputs go with V."""
         estimates = self._policy.estimate(context)
-        outputs = estimates.output_error if self._outputs_kept else Affine.zero(INPUTS, INPUTS)
+        outputs = estimates.output_error if self._outputs_kept else Affine.zero(self._inputs, self._inputs)
         return Estimates(estimates.alpha * self._kept[:, None], estimates.beta * self._kept, outputs)
 
 
 def contract(outputs: Array, LgV: Array) -> Array:
-    """Structured outputs (20 + 5(n - 1),) to the flat vector (5n,): the first 20 are [D2 | D1] (4, 5), row by row."""
-    rows = INPUTS + 1
-    clf, others = LgV @ outputs[: INPUTS * rows].reshape(INPUTS, rows), outputs[INPUTS * rows :]
-    alphas = others.size // rows * INPUTS
-    return np.concatenate([clf[:INPUTS], others[:alphas], clf[INPUTS:], others[alphas:]])
+    """Structured outputs (20 + 5(n - 1),) to the flat vector (5n,): the first 20 are [D2 | D1] (4, 5), row by row.
+
+    With m inputs in place of 4: m (m + 1) + (m + 1)(n - 1) and (m + 1) n.
+    """
+    m = LgV.size
+    clf, others = LgV @ outputs[: m * (m + 1)].reshape(m, m + 1), outputs[m * (m + 1) :]
+    alphas = others.size // (m + 1) * m
+    return np.concatenate([clf[:m], others[:alphas], clf[m:], others[alphas:]])

@@ -16,7 +16,7 @@ from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import ActorPolicy, Policy
 from rl_cbf_clf_controller.policy_context import PolicyContext
 from rl_cbf_clf_controller.step_outputs import has_lengths
-from rl_cbf_clf_controller.uncertainty import STEP_LENGTH, Problem
+from rl_cbf_clf_controller.uncertainty import RL_CBF_CLF_QP, RL_CLF_QP, STEP_LENGTH
 from rl_cbf_clf_controller.weights import PolicyFile, PolicyFileError
 
 STONE_WIDTH = 0.05  # m, of the stones that the paper trains on
@@ -47,10 +47,10 @@ def fitted(file: PolicyFile, law: ControllerParameters, gaits: Gaits) -> Policy:
     if own != law.adaptation:
         raise PolicyFileError(f"policy: it was trained with adaptation {own}; this controller has {law.adaptation}")
     policy, trained_for = ActorPolicy(file), file.metadata.problem
-    if trained_for is law.problem:
+    if file.metadata.fits(law.problem):
         if law.on_stones and STEP_LENGTH in file.metadata.observation and not has_lengths(gaits):
             raise PolicyFileError(f"policy: it reads {STEP_LENGTH}: expected a gait library, gait is {gaits.name}")
         return policy
-    if (trained_for, law.problem) == (Problem.RL_CBF_CLF_QP, Problem.RL_CLF_QP):
+    if (trained_for, law.problem) == (RL_CBF_CLF_QP.name, RL_CLF_QP):
         return OnFlatGround(policy, gaits.step_length if isinstance(gaits, Gait) else gaits.start_length)
-    raise PolicyFileError(f"policy: it was trained for {trained_for}; this controller needs {law.problem}")
+    raise PolicyFileError(f"policy: it was trained for {file.metadata.about}; this controller needs {law.problem}")

@@ -1,7 +1,6 @@
 """The seven controllers: which QP has which quantities, constraints and objective. One table."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.clf import Clf
@@ -9,26 +8,18 @@ from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.objective import Objective, pd_centred, pd_input
 from cbf_clf_qp.res_clf import ResClf
 from cbf_clf_qp.saturation import Saturation
-from cbf_clf_qp.tick import Constraint, Quantity, Recipe, Terms, least_mu, no_corners
+from cbf_clf_qp.tick import Constraint, Recipe, Terms, least_mu
 
 from rl_cbf_clf_controller.contact_force import ContactForce, NominalForce
+from rl_cbf_clf_controller.kinds import Kind, Quantities, find_kind
 from rl_cbf_clf_controller.output_acceleration import OutputAcceleration, ReferenceClf
-from rl_cbf_clf_controller.parameters import ControllerName, ControllerParameters
+from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.scene import Scene
 from rl_cbf_clf_controller.stone_barriers import StoneBarriers
+from rl_cbf_clf_controller.uncertainty import IO_RL_CLF_QP, RL_CBF_CLF_QP, RL_CLF_QP
 from rl_cbf_clf_controller.worst_case import worst_errors
 
 Parameters = ControllerParameters
-Quantities = tuple[Quantity[Scene], ...]
-
-
-@dataclass(frozen=True)
-class Kind:
-    """What tells one controller from another: the quantities, and how their estimates are used."""
-
-    quantities: Callable[[Parameters, ResClf], Quantities]
-    corrects_input: bool = False
-    corners: Callable[[Parameters], Callable[[Terms[Scene]], Sequence[Affine]]] = lambda p: no_corners
 
 
 def flat(p: Parameters, clf: ResClf) -> Quantities:
@@ -48,28 +39,28 @@ def outputs(p: Parameters, clf: ResClf) -> Quantities:
     return (OutputAcceleration(),)
 
 
-KINDS: dict[ControllerName, Kind] = {
-    "clf-qp": Kind(flat),
-    "rl-clf-qp": Kind(flat),
-    "l1-clf-qp": Kind(outputs, corrects_input=True),
-    "io-rl-clf-qp": Kind(outputs, corrects_input=True),
-    "cbf-clf-qp": Kind(stones),
-    "rl-cbf-clf-qp": Kind(stones),
-    "robust-cbf-clf-qp": Kind(stones, corners=worst_errors),
+KINDS = {
+    "clf-qp": Kind(RL_CLF_QP, flat),
+    "rl-clf-qp": Kind(RL_CLF_QP, flat, learns=True),
+    "l1-clf-qp": Kind(IO_RL_CLF_QP, outputs),
+    "io-rl-clf-qp": Kind(IO_RL_CLF_QP, outputs, learns=True),
+    "cbf-clf-qp": Kind(RL_CBF_CLF_QP, stones, sees_stones=True),
+    "rl-cbf-clf-qp": Kind(RL_CBF_CLF_QP, stones, sees_stones=True, learns=True),
+    "robust-cbf-clf-qp": Kind(RL_CBF_CLF_QP, stones, sees_stones=True, corners=worst_errors),
 }
 
 
 def make_recipe(p: Parameters, clf: ResClf, own: Sequence[Constraint] = ()) -> Recipe[Scene]:
     """The recipe of the controller that the parameters name, on its `clf`, with constraints of one's `own`."""
-    kind = KINDS[p.controller]
-    reference = [ReferenceClf(clf, hard_clf(p, clf))] if kind.corrects_input else []
+    kind = find_kind(p.controller)
+    reference = [ReferenceClf(clf, hard_clf(p, clf))] if p.problem.corrects_input else []
     forces = [NominalForce(contact_force(p))] if p.flat_force_rows and not p.on_stones else []
     return Recipe(
         quantities=kind.quantities(p, clf),
         constraints=(*reference, *forces, Saturation(p.torque_limit), *own),
-        corrects_input=kind.corrects_input,
+        corrects_input=p.problem.corrects_input,
         corners=kind.corners(p),
-        objective=least_mu if p.objective == "paper" else pd_objective(p, kind.corrects_input),
+        objective=least_mu if p.objective == "paper" else pd_objective(p, p.problem.corrects_input),
     )
 
 

@@ -13,6 +13,7 @@ from rl_cbf_clf_controller.virtual_constraints import Outputs
 class Scene:
     """A state in stance/swing order, `q_s`, `dq_s` (7,), and its kinematics; `barriers` is None where no stone is.
 
+    `force` (2,) of the stance foot, tangential and normal, N, as the sensor averaged it over the last tick;
     `observation` (14,), with a stone (15,), there with a gait library (16,), see `Problem.observation`; `LgV` (4,).
     """
 
@@ -21,5 +22,6 @@ class Scene:
     feet: Kinematics
     outputs: Outputs
     barriers: Barriers | None
+    force: Array
     observation: Array
     LgV: Array

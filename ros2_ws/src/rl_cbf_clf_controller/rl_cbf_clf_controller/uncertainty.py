@@ -1,6 +1,4 @@
-"""What is learned: for each constrained quantity, the error of the nominal model, affine in mu.
-
-    true value = nominal value(mu) + alpha(x) mu + beta(x)        [CLF_estimate], [eq:cbf_der], [eq_const]
+"""The paper's three learning problems: which quantities' errors are learned, from what, in which units.
 
 Quantities: `V` (V-dot, 1/s), `B1`, `B2` (second derivatives of the barriers, m/s^2), `C1` (normal force F_N of the
 stance foot, N), `C2` (its tangential force F_T, N). The rows of the unilateral and the friction constraint are built
@@ -10,51 +8,60 @@ In the first approach the quantities are the outputs' accelerations `y1` to `y4`
 estimate but an input: u = u~(mu) + (LgLfh)^-1 (alpha mu + beta) [approach1_input].
 """
 
-from enum import StrEnum
+from cbf_clf_qp.problem import Problem
 
-INPUTS = 4  # mu has one component for each output
-STEP_LENGTH = "step_length"  # m, what a gait library steps at; seen after l_min
+INPUTS = 4  # RABBIT's motors; mu has one component for each output
+STEP_LENGTH = "step_length"  # what a gait library steps at; seen after l_min
 STATE_OBSERVATION = (
-    *(f"y{i}" for i in range(1, 5)),  # rad
-    *(f"dy{i}" for i in range(1, 5)),  # rad/s
-    *("hip_x", "hip_z", "phase"),  # m, m (from the stance foot), 1
-    *("hip_dx", "hip_dz", "dphase"),  # m/s, m/s, 1/s
+    *(f"y{i}" for i in range(1, 5)),
+    *(f"dy{i}" for i in range(1, 5)),
+    *("hip_x", "hip_z", "phase"),
+    *("hip_dx", "hip_dz", "dphase"),
+)
+UNITS = (  # centre and scale: what a walk of this robot spans
+    *((f"y{i}", 0.0, 0.1) for i in range(1, 5)),  # rad
+    *((f"dy{i}", 0.0, 1.5) for i in range(1, 5)),  # rad/s
+    ("hip_x", 0.0, 0.12),  # m, from the stance foot
+    ("hip_z", 0.75, 0.03),  # m
+    ("phase", 0.5, 0.35),  # 1
+    ("hip_dx", 0.6, 0.25),  # m/s
+    ("hip_dz", 0.0, 0.2),  # m/s
+    ("dphase", 1.7, 0.7),  # 1/s
+    ("l_min", 0.35, 0.03),  # m
+    (STEP_LENGTH, 0.4, 0.1),  # m
 )
 
-
-class Problem(StrEnum):
-    """A learning problem of the paper, by the name of the controller that uses it."""
-
-    IO_RL_CLF_QP = "io-rl-clf-qp"
-    RL_CLF_QP = "rl-clf-qp"
-    RL_CBF_CLF_QP = "rl-cbf-clf-qp"
-
-    @property
-    def quantities(self) -> tuple[str, ...]:
-        """Names of the n learned quantities, in the order of every array over them."""
-        return _QUANTITIES[self]
-
-    @property
-    def observation(self) -> tuple[str, ...]:
-        """Names of the observation's components: 14 of the state, and `l_min` on stones."""
-        return (*STATE_OBSERVATION, "l_min") if self is Problem.RL_CBF_CLF_QP else STATE_OBSERVATION
-
-    @property
-    def observations(self) -> tuple[tuple[str, ...], ...]:
-        """All that a policy may read: without `l_min`, with it, and with a gait library's step length after it."""
-        whole = self.observation
-        if whole == STATE_OBSERVATION:
-            return (whole,)
-        return STATE_OBSERVATION, whole, (*whole, STEP_LENGTH)
-
-    @property
-    def has_clf(self) -> bool:
-        """V is among the quantities, so its row may take the structured form."""
-        return "V" in self.quantities
-
-
-_QUANTITIES = {
-    Problem.IO_RL_CLF_QP: ("y1", "y2", "y3", "y4"),
-    Problem.RL_CLF_QP: ("V",),
-    Problem.RL_CBF_CLF_QP: ("V", "B1", "B2", "C1", "C2"),
-}
+IO_RL_CLF_QP = Problem(
+    "io-rl-clf-qp",
+    INPUTS,
+    quantities=("y1", "y2", "y3", "y4"),
+    observation=STATE_OBSERVATION,
+    units=UNITS,
+    alpha_scale=(2.0,) * 4,
+    beta_scale=(400.0,) * 4,
+    error_scale=(50.0,) * 4,
+    corrects_input=True,
+)
+RL_CLF_QP = Problem(
+    "rl-clf-qp",
+    INPUTS,
+    quantities=("V",),
+    observation=STATE_OBSERVATION,
+    units=UNITS,
+    alpha_scale=(1.5,),
+    beta_scale=(250.0,),
+    error_scale=(15.0,),
+)
+RL_CBF_CLF_QP = Problem(
+    "rl-cbf-clf-qp",
+    INPUTS,
+    quantities=("V", "B1", "B2", "C1", "C2"),
+    observation=(*STATE_OBSERVATION, "l_min"),
+    units=UNITS,
+    alpha_scale=(1.5, 1.0, 1.0, 4.0, 4.0),
+    beta_scale=(250.0, 60.0, 60.0, 800.0, 200.0),
+    error_scale=(15.0, 10.0, 5.0, 150.0, 30.0),
+    omissible=("l_min",),
+    optional=(STEP_LENGTH,),
+)
+PAPER = (IO_RL_CLF_QP, RL_CLF_QP, RL_CBF_CLF_QP)

@@ -12,15 +12,16 @@ import tempfile
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
+from cbf_clf_qp.problem import Problem
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
-from rl_cbf_clf_controller.uncertainty import INPUTS, Problem
+from rl_cbf_clf_controller.uncertainty import PAPER
 
 Float32 = NDArray[np.float32]
 Arrays = dict[str, Float32]
@@ -45,12 +46,16 @@ class PolicyMetadata(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     format_version: Literal[1] = 1
-    problem: Problem
+    problem: str = Field(description="the controller that it was trained for")
+    inputs: int | None = Field(default=None, ge=1, le=64, description="components of mu; None: the paper's problem")
+    quantities: tuple[str, ...] | None = Field(
+        default=None, min_length=1, description="names of what is estimated; None: the paper's problem"
+    )
     observation: tuple[str, ...] = Field(description="names of the inputs, in order; see `Problem.observations`")
     observation_center: tuple[Finite, ...] = Field(description="the network reads (observation - center) / scale")
     observation_scale: tuple[Positive, ...]
     hidden: tuple[Annotated[int, Field(ge=1, le=4096)], Annotated[int, Field(ge=1, le=4096)]] = (400, 300)
-    structured: bool = Field(description="the CLF's outputs are a 4x5 matrix contracted with LgV")
+    structured: bool = Field(description="the CLF's outputs are a matrix (m, m + 1) contracted with LgV")
     alpha_scale: tuple[Positive, ...] = Field(description="alpha = scale * output, one for each quantity")
     beta_scale: tuple[Positive, ...] = Field(description="beta = scale * output, one for each quantity")
     adaptation: str | None = Field(default=None, description="online adaptation that it adds to; None: to no one's")
@@ -64,23 +69,50 @@ class PolicyMetadata(BaseModel):
 
     @model_validator(mode="after")
     def _fits_the_problem(self) -> "PolicyMetadata":
-        n = len(self.problem.quantities)
-        if self.observation not in self.problem.observations:
-            raise ValueError(f"observation = {self.observation}; {self.problem} has {self.problem.observations[-1]}")
+        if {self.inputs, self.quantities} & {None} and (self.inputs, self.quantities) != (None, None):
+            raise ValueError("inputs and quantities: expected both or neither")
+        paper = _paper(self.problem)
+        if self.quantities is None and paper is None:
+            raise ValueError(f"problem = {self.problem}: expected inputs and quantities, it is none of the paper's")
+        if self.quantities is None and paper and self.observation not in paper.observations:
+            raise ValueError(f"observation = {self.observation}; {self.problem} has {paper.observations[-1]}")
+        n = len(self.names)
         if {len(self.observation_center), len(self.observation_scale)} != {len(self.observation)}:
             raise ValueError(f"observation_center and observation_scale need {len(self.observation)} values each")
         if {len(self.alpha_scale), len(self.beta_scale)} != {n}:
             raise ValueError(f"alpha_scale and beta_scale need {n} values each")
-        if self.structured and not self.problem.has_clf:
+        if self.structured and self.names[0] != "V":
             raise ValueError(f"structured = True, but {self.problem} learns no CLF row")
         return self
 
     @property
+    def names(self) -> tuple[str, ...]:
+        """Of the n quantities."""
+        paper = _paper(self.problem)
+        return self.quantities or (paper.quantities if paper else ())
+
+    @property
+    def m(self) -> int:
+        """Components of mu."""
+        paper = _paper(self.problem)
+        return self.inputs or (paper.inputs if paper else 0)
+
+    def fits(self, problem: Problem) -> bool:
+        """Whether it was trained for this problem, as it is now."""
+        of_file = self.problem, self.names, self.m
+        is_same = of_file == (problem.name, problem.quantities, problem.inputs)
+        return is_same and self.observation in problem.observations
+
+    @property
+    def about(self) -> str:
+        """The problem, and what of it is not the paper's."""
+        return self.problem if self.quantities is None else f"{self.problem} ({', '.join(self.quantities)})"
+
+    @property
     def outputs(self) -> int:
         """Size of the network's output layer."""
-        rows = INPUTS + 1
-        n = len(self.problem.quantities)
-        return rows * (n - 1) + INPUTS * rows if self.structured else rows * n
+        rows, n = self.m + 1, len(self.names)
+        return rows * (n - 1) + self.m * rows if self.structured else rows * n
 
     @property
     def shapes(self) -> dict[str, tuple[int, ...]]:
@@ -160,8 +192,8 @@ def decode(data: bytes, problem: Problem | None = None) -> PolicyFile:
         head = _Head.model_validate_json(header.get(_KEY, "{}"))
     except (SafetensorError, ValidationError, ValueError, KeyError, OverflowError) as error:
         raise PolicyFileError(f"policy: not a policy file: {error}") from error
-    if problem is not None and head.metadata.problem is not problem:
-        raise PolicyFileError(f"policy: it was trained for {head.metadata.problem}; this controller needs {problem}")
+    if problem is not None and not head.metadata.fits(problem):
+        raise PolicyFileError(f"policy: it was trained for {head.metadata.about}; this controller needs {problem}")
     file = PolicyFile(head.metadata, arrays)
     if head.content_hash != file.content_hash:
         raise PolicyFileError(f"policy: content hash {head.content_hash}; its content has {file.content_hash}")
@@ -193,6 +225,17 @@ def forward(arrays: Arrays, scaled: Float32) -> Float32:
     hidden = np.maximum(arrays["1.weight"] @ hidden + arrays["1.bias"], np.float32(0))
     outputs: Float32 = np.tanh(arrays["2.weight"] @ hidden + arrays["2.bias"])
     return outputs
+
+
+def problem_fields(problem: Problem) -> dict[str, Any]:
+    """The metadata that say what a policy was trained for; the paper's problems need no more than their name."""
+    known = {"problem": problem.name}
+    return known if problem in PAPER else {**known, "inputs": problem.inputs, "quantities": problem.quantities}
+
+
+def _paper(name: str) -> Problem | None:
+    """The paper's problem of this name."""
+    return next((problem for problem in PAPER if problem.name == name), None)
 
 
 def probe_inputs(size: int) -> Float32:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from rl_cbf_clf_controller.uncertainty import Problem
+from rl_cbf_clf_controller.uncertainty import RL_CLF_QP
 from rl_cbf_clf_controller.weights import (
     PolicyFileError,
     decode,
@@ -14,7 +14,7 @@ from rl_cbf_clf_controller.weights import (
 from untrained_policy import policy_file, policy_metadata
 
 FILE = policy_file(
-    policy_metadata(Problem.RL_CLF_QP, hidden=(5, 4), alpha_scale=(1.5,), beta_scale=(250.0,)),
+    policy_metadata(RL_CLF_QP, hidden=(5, 4), alpha_scale=(1.5,), beta_scale=(250.0,)),
     np.random.default_rng(0).standard_normal,
 )
 DATA = FILE.encode()

@@ -6,14 +6,12 @@ holds them as blocks of one wide network, so that the controller needs to know o
 
 import numpy as np
 import torch
-from rl_cbf_clf_controller.uncertainty import INPUTS
 from rl_cbf_clf_controller.weights import PROBE, Arrays, probe_inputs
 from torch import Tensor, nn
 
 from rl_trainer.networks import Scaling, hidden_layers
 from rl_trainer.parameters import TrainingParameters
 
-ROWS = INPUTS + 1  # alpha and beta of a quantity
 FIRST_OUTPUTS = 0.01  # an untrained actor is nearly the zero policy
 
 
@@ -23,9 +21,10 @@ class Actor(nn.Module):
     def __init__(self, parameters: TrainingParameters) -> None:
         super().__init__()
         self.n, self.structured = parameters.n, parameters.is_structured
-        self.has_clf = parameters.problem.has_clf
-        self.scaling = Scaling(parameters.observation)
-        sizes = [INPUTS * ROWS if self.structured and i == 0 else ROWS for i in range(self.n)]
+        self.has_clf, self._m = parameters.problem.has_clf, parameters.problem.inputs
+        self.scaling = Scaling(parameters)
+        m, rows = self._m, self._m + 1  # alpha and beta of a quantity
+        sizes = [m * rows if self.structured and i == 0 else rows for i in range(self.n)]
         self._sizes = [sum(sizes)] if parameters.shared else sizes
         self.networks = nn.ModuleList(self._network(size, parameters) for size in self._sizes)
         self.hidden = (parameters.hidden1 * len(self.networks), parameters.hidden2 * len(self.networks))
@@ -43,16 +42,16 @@ class Actor(nn.Module):
 
     def unit_action(self, observation: Tensor, LgV: Tensor) -> tuple[Tensor, Tensor]:
         """Alpha (b, n, 4) and beta (b, n) over their scales and, for V, over |LgV| + 1."""
-        outputs = self.outputs(self.scaling(observation))
+        outputs, m = self.outputs(self.scaling(observation)), self._m
         if not self.structured:
-            return outputs[:, : INPUTS * self.n].reshape(-1, self.n, INPUTS), outputs[:, INPUTS * self.n :]
+            return outputs[:, : m * self.n].reshape(-1, self.n, m), outputs[:, m * self.n :]
         direction = LgV / self.clf_size(LgV)[:, :1]
-        matrix = outputs[:, : INPUTS * ROWS].reshape(-1, INPUTS, ROWS)
+        matrix = outputs[:, : m * (m + 1)].reshape(-1, m, m + 1)
         clf = torch.einsum("bi,bij->bj", direction, matrix)
-        others = outputs[:, INPUTS * ROWS :]
-        alphas = INPUTS * (self.n - 1)
-        alpha = torch.cat([clf[:, :INPUTS], others[:, :alphas]], 1).reshape(-1, self.n, INPUTS)
-        return alpha, torch.cat([clf[:, INPUTS:], others[:, alphas:]], 1)
+        others = outputs[:, m * (m + 1) :]
+        alphas = m * (self.n - 1)
+        alpha = torch.cat([clf[:, :m], others[:, :alphas]], 1).reshape(-1, self.n, m)
+        return alpha, torch.cat([clf[:, m:], others[:, alphas:]], 1)
 
     def clf_size(self, LgV: Tensor) -> Tensor:
         """|LgV| + 1 for V and 1 for all else, (b, n)."""
@@ -118,19 +117,20 @@ class Actor(nn.Module):
 
     def _alpha_rows(self) -> list[Tensor]:
         """1 where a network's output belongs to an alpha, 0 to a beta."""
-        matrix = ([1.0] * INPUTS + [0.0]) * INPUTS if self.structured else []
+        m, row = self._m, [1.0] * self._m + [0.0]
+        matrix = row * m if self.structured else []
         if len(self._sizes) > 1:
-            return [torch.tensor(matrix if size > ROWS else [1.0] * INPUTS + [0.0]) for size in self._sizes]
+            return [torch.tensor(matrix if i == 0 and self.structured else row) for i in range(self.n)]
         plain = self.n - 1 if self.structured else self.n
-        return [torch.tensor(matrix + [1.0] * INPUTS * plain + [0.0] * plain)]
+        return [torch.tensor(matrix + [1.0] * m * plain + [0.0] * plain)]
 
     def _order(self) -> Tensor:
         """The networks' outputs in the file's order: the CLF's matrix first, all alphas before all betas."""
         if len(self._sizes) == 1:
             return torch.arange(self._sizes[0])
-        starts = np.concatenate([[0], np.cumsum(self._sizes)])
-        matrix = list(range(INPUTS * ROWS)) if self.structured else []
+        m, starts = self._m, np.concatenate([[0], np.cumsum(self._sizes)])
+        matrix = list(range(m * (m + 1))) if self.structured else []
         plain = range(1 if self.structured else 0, self.n)
-        alphas = [start + j for start in starts[list(plain)] for j in range(INPUTS)]
-        betas = [start + INPUTS for start in starts[list(plain)]]
+        alphas = [start + j for start in starts[list(plain)] for j in range(m)]
+        betas = [start + m for start in starts[list(plain)]]
         return torch.tensor([*matrix, *alphas, *betas], dtype=torch.long)

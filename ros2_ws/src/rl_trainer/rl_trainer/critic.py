@@ -16,7 +16,6 @@ through it.
 from dataclasses import dataclass
 
 import torch
-from rl_cbf_clf_controller.uncertainty import INPUTS, Problem
 from torch import Tensor, nn
 
 from rl_trainer.networks import MU_UNIT, Scaling, hidden_layers
@@ -29,7 +28,7 @@ NOISE_UNIT = 10.0  # rad/s^2, makes exploration a factor of about one
 
 @dataclass(frozen=True)
 class Action:
-    """`alpha` (b, n, 4) and `beta` (b, n) in the quantities' units; `flat` (b, 5n) over the action scales."""
+    """`alpha` (b, n, m) and `beta` (b, n) in the quantities' units; `flat` (b, (m + 1) n) over the action scales."""
 
     alpha: Tensor
     beta: Tensor
@@ -46,9 +45,9 @@ class PlainCritic(nn.Module):
     def __init__(self, parameters: TrainingParameters) -> None:
         super().__init__()
         self.sees_mu = parameters.critic_sees_mu
-        self.scaling = Scaling(parameters.observation)
-        actions = (INPUTS + 1) * parameters.n
-        inputs = len(parameters.observation) + INPUTS * self.sees_mu + actions
+        self.scaling = Scaling(parameters)
+        m = parameters.problem.inputs
+        inputs = len(parameters.observation) + m * self.sees_mu + (m + 1) * parameters.n
         outputs = 1 if parameters.heads == "one" else parameters.n
         self.network = hidden_layers(inputs, (parameters.hidden1, parameters.hidden2), outputs)
 
@@ -65,15 +64,16 @@ class RewardCritic(nn.Module):
     def __init__(self, parameters: TrainingParameters) -> None:
         super().__init__()
         self.norm = parameters.error_norm
-        self.first_approach = parameters.problem is Problem.IO_RL_CLF_QP
-        self.scaling = Scaling(parameters.observation)
+        self.first_approach = parameters.problem.corrects_input
+        self.scaling = Scaling(parameters)
         self.weight: Tensor
         self.register_buffer("weight", torch.tensor(parameters.weights))
-        inputs = len(parameters.observation) + INPUTS
-        self.network = hidden_layers(inputs, (parameters.hidden1, parameters.hidden2), self.outputs(parameters.n))
+        inputs = len(parameters.observation) + parameters.problem.inputs
+        outputs = self.outputs(parameters.n, parameters.problem.inputs)
+        self.network = hidden_layers(inputs, (parameters.hidden1, parameters.hidden2), outputs)
 
-    def outputs(self, n: int) -> int:
-        """Outputs of the network for n quantities."""
+    def outputs(self, n: int, m: int) -> int:
+        """Outputs of the network for n quantities and m inputs."""
         return n
 
     def forward(self, batch: Batch, mu: Tensor, action: Action) -> Tensor:
@@ -92,9 +92,9 @@ class RewardCritic(nn.Module):
 class AffineCritic(RewardCritic):
     """t affine in the exploration about the QP's answer, with V's slope contracted with LgV."""
 
-    def outputs(self, n: int) -> int:
-        """V's slope (4, 4), the others' (4), and an offset each."""
-        return INPUTS * INPUTS + INPUTS * (n - 1) + n
+    def outputs(self, n: int, m: int) -> int:
+        """V's slope (m, m), the others' (m), and an offset each."""
+        return m * m + m * (n - 1) + n
 
     @torch.no_grad()
     def steady_slopes(self, share: float) -> None:
@@ -104,12 +104,12 @@ class AffineCritic(RewardCritic):
 
     def target(self, batch: Batch, mu: Tensor, correction: Tensor) -> Tensor:
         """t(s, mu), (b, n)."""
-        n = len(self.weight)
+        n, m = len(self.weight), batch.mu.shape[1]
         out: Tensor = self.network(torch.cat([self.scaling(batch.observation), batch.mu_qp / MU_UNIT], 1))
         direction = batch.LgV / (torch.linalg.vector_norm(batch.LgV, dim=1, keepdim=True) + 1)
-        matrix, others, offset = out.split([INPUTS * INPUTS, INPUTS * (n - 1), n], 1)
-        clf = torch.einsum("bi,bij->bj", direction, matrix.reshape(-1, INPUTS, INPUTS))
-        slope = torch.cat([clf[:, None], others.reshape(len(out), n - 1, INPUTS)], 1)
+        matrix, others, offset = out.split([m * m, m * (n - 1), n], 1)
+        clf = torch.einsum("bi,bij->bj", direction, matrix.reshape(-1, m, m))
+        slope = torch.cat([clf[:, None], others.reshape(len(out), n - 1, m)], 1)
         return offset + torch.einsum("bij,bj->bi", slope, (mu - batch.mu_qp) / NOISE_UNIT)
 
 

@@ -14,7 +14,6 @@ from dataclasses import replace
 from typing import Any
 
 import torch
-from rl_cbf_clf_controller.uncertainty import INPUTS, Problem
 from torch import Tensor, nn
 
 from rl_trainer.actor import Actor
@@ -102,11 +101,11 @@ class Ddpg:
         return self._action(torch.cat([alpha.flatten(1), beta], 1), LgV)
 
     def _action(self, flat: Tensor, LgV: Tensor) -> Action:
-        """From alphas and betas (b, 5n) over their scales."""
+        """From alphas and betas (b, (m + 1) n) over their scales."""
         alpha_scale, beta_scale = self._action_scales(LgV)
-        alphas = INPUTS * self._parameters.n
-        alpha = flat[:, :alphas].reshape(-1, self._parameters.n, INPUTS)
-        return Action(alpha * alpha_scale, flat[:, alphas:] * beta_scale, flat)
+        n, m = self._parameters.n, self._parameters.problem.inputs
+        alpha = flat[:, : m * n].reshape(-1, n, m)
+        return Action(alpha * alpha_scale, flat[:, m * n :] * beta_scale, flat)
 
     def _stored(self, batch: Batch) -> Action:
         """The action that was taken."""
@@ -129,7 +128,7 @@ class Ddpg:
         flat = acted.flat.detach()
         flat = flat + p.relabel_noise * self._noise(flat)
         mu, action = batch.mu, self._action(flat, batch.LgV)
-        if p.problem is Problem.IO_RL_CLF_QP:
+        if p.problem.corrects_input:
             v = batch.mu + self._stored(batch).correction(batch.mu)
             mu = batch.mu + RELABEL_MU * self._noise(batch.mu)
             beta = v - mu - torch.einsum("bij,bj->bi", action.alpha, mu)

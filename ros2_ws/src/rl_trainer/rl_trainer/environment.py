@@ -1,6 +1,6 @@
 """The same walk as a `gymnasium.Env`, for learners of one's own: action alpha and beta, reward the paper's.
 
-    observation   (m,) scaled, see `rl_trainer.networks.OBSERVATION_UNITS`
+    observation   (m,) scaled, see `Problem.units`
     action        (5n,) in [-1, 1], times the action scales: all alphas, then all betas (25 on stones)
     reward        -weighted squared errors of the tick - failure penalty
     info          the fields of the tick's `Transition`; `next_LgV` also after a reset
@@ -21,9 +21,7 @@ from rabbit_description.state import Array, RobotState
 from rl_cbf_clf_controller.controller import ControllerOutput
 from rl_cbf_clf_controller.policy import Policy, ZeroPolicy
 from rl_cbf_clf_controller.policy_context import PolicyContext
-from rl_cbf_clf_controller.uncertainty import INPUTS
 
-from rl_trainer.networks import OBSERVATION_UNITS
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.reward import reward_terms
 from rl_trainer.rollout import Controller, Simulation
@@ -39,14 +37,14 @@ class GivenAction:
     adaptation = None
 
     def __init__(self, parameters: TrainingParameters) -> None:
-        self.action: Array = np.zeros(5 * parameters.n)
+        self.action: Array = np.zeros((parameters.problem.inputs + 1) * parameters.n)
         alpha, beta, _ = parameters.scales
         self._alpha_scale, self._beta_scale = np.array(alpha)[:, None], np.array(beta)
-        self._has_clf = parameters.problem.has_clf
+        self._has_clf, self._inputs = parameters.problem.has_clf, parameters.problem.inputs
 
     def estimate(self, context: PolicyContext) -> Estimates:
         """The action times its scales; that of V also times |LgV| + 1."""
-        unit = Estimates.from_flat(self.action, INPUTS)
+        unit = Estimates.from_flat(self.action, self._inputs)
         size = np.ones(len(unit.beta))
         if self._has_clf:
             size[0] += np.linalg.norm(context.LgV)
@@ -66,9 +64,9 @@ class WalkingEnv(gymnasium.Env[Float32, Float32]):
         self._policy, self._builder = GivenAction(parameters), TransitionBuilder(parameters)
         self._controller = make_controller(self._policy, parameters.sigma)
         self._scout = make_controller(ZeroPolicy(parameters.problem), 0.0)
-        self._center, self._scale = np.array([OBSERVATION_UNITS[name] for name in parameters.observation]).T
+        self._center, self._scale = np.array([parameters.problem.unit(name) for name in parameters.observation]).T
         self.observation_space = Box(-np.inf, np.inf, (len(parameters.observation),), np.float32)
-        self.action_space = Box(-1.0, 1.0, (5 * parameters.n,), np.float32)
+        self.action_space = Box(-1.0, 1.0, self._policy.action.shape, np.float32)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None

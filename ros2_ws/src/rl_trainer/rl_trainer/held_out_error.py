@@ -12,7 +12,6 @@ import numpy as np
 from rabbit_description.state import Array
 from rl_cbf_clf_controller.policy import Policy
 from rl_cbf_clf_controller.policy_context import PolicyContext
-from rl_cbf_clf_controller.uncertainty import Problem
 
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.reward import error_unit
@@ -26,7 +25,7 @@ def estimation_error(policy: Policy, transitions: Sequence[Transition], paramete
         if transition.doubt & ~Doubt.SATURATED:
             continue
         unit = error_unit(transition.LgV, parameters)
-        mu = transition.measured if transition.problem is Problem.IO_RL_CLF_QP else transition.mu
+        mu = transition.measured if transition.problem.corrects_input else transition.mu
         estimates = policy.estimate(PolicyContext(transition.observation, transition.LgV))
         wrong.append((estimates.error(mu) - transition.target) / unit)
         size.append(transition.target / unit)

@@ -13,7 +13,6 @@ from typing import Any, BinaryIO
 
 import numpy as np
 from rabbit_description.state import Array
-from rl_cbf_clf_controller.uncertainty import INPUTS
 
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.transitions import Doubt, Transition
@@ -30,9 +29,9 @@ def record_type(parameters: TrainingParameters) -> np.dtype[Any]:
 
     There is room for the longest observation, with a gait library's step length; NaN fills it up.
     """
-    m, n = len(parameters.problem.observations[-1]), parameters.n
-    shapes: dict[str, tuple[int, ...]] = dict.fromkeys(("LgV", "mu", "mu_qp", "next_LgV", "next_mu"), (INPUTS,))
-    shapes |= {"observation": (m,), "next_observation": (m,), "alpha": (n, INPUTS)}
+    m, n, inputs = len(parameters.problem.observations[-1]), parameters.n, parameters.problem.inputs
+    shapes: dict[str, tuple[int, ...]] = dict.fromkeys(("LgV", "mu", "mu_qp", "next_LgV", "next_mu"), (inputs,))
+    shapes |= {"observation": (m,), "next_observation": (m,), "alpha": (n, inputs)}
     shapes |= dict.fromkeys(("beta", "nominal", "measured"), (n,))
     names = [field.name for field in fields(Transition) if field.name != "problem"]
     return np.dtype([(n, NUMBERS[n]) if n in NUMBERS else (n, "<f8", shapes[n]) for n in names])

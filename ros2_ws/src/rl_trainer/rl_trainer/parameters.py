@@ -7,10 +7,12 @@ learning rates and all else are ours: docs/differences_from_paper.md.
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+from cbf_clf_qp.problem import Problem
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from rabbit_description.plugins import names
 from rabbit_description.yaml_file import YamlFileError, read_yaml
-from rl_cbf_clf_controller.uncertainty import STEP_LENGTH, Problem
+from rl_cbf_clf_controller.kinds import NamedProblem
+from rl_cbf_clf_controller.uncertainty import RL_CBF_CLF_QP, STEP_LENGTH
 
 Scales = tuple[float, ...]
 LEARNERS = "rabbit.learners"  # entry points; see rabbit_description.plugins
@@ -20,17 +22,6 @@ else:
     LearnerName = Literal[*names(LEARNERS)]
 
 TYPICAL_LGV = 10.0  # |LgV| + 1 of a walk at scale 2
-
-# of alpha (unit per rad/s^2), beta (unit) and error (unit) for V (times |LgV| + 1), B1, B2, C1, C2, and y1..y4
-_SCALES: dict[Problem, tuple[Scales, Scales, Scales]] = {
-    Problem.RL_CLF_QP: ((1.5,), (250.0,), (15.0,)),
-    Problem.RL_CBF_CLF_QP: (
-        (1.5, 1.0, 1.0, 4.0, 4.0),
-        (250.0, 60.0, 60.0, 800.0, 200.0),
-        (15.0, 10.0, 5.0, 150.0, 30.0),
-    ),
-    Problem.IO_RL_CLF_QP: ((2.0,) * 4, (400.0,) * 4, (50.0,) * 4),
-}
 
 
 class ParameterError(ValueError):
@@ -42,7 +33,7 @@ class TrainingParameters(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    problem: Problem = Field(default=Problem.RL_CBF_CLF_QP, description="which of the paper's three problems")
+    problem: NamedProblem = Field(default=RL_CBF_CLF_QP, description="what is learned: the controller's name")
     learner: LearnerName = Field(default="ddpg", description="how the actor is trained")
     seed: int = Field(default=1, ge=0, description="of weights, noise, courses and minibatches")
     episodes: int = Field(default=18, ge=1, le=10_000, description="episodes to train")
@@ -128,6 +119,8 @@ class TrainingParameters(BaseModel):
         n = len(self.problem.quantities)
         for name in ("alpha_scale", "beta_scale", "error_scale", "weight"):
             values: Scales = getattr(self, name)
+            if not values and name != "weight" and not getattr(self.problem, name):
+                raise ValueError(f"{name}: expected {n} values, {self.problem} has no default")
             if values and (len(values) != n or not all(value > 0 for value in values)):
                 raise ValueError(f"{name} = {values}; expected {n} positive values for {self.problem.quantities}")
         if self.critic == "reward" and (self.discount > 0 or self.heads == "one"):
@@ -136,7 +129,7 @@ class TrainingParameters(BaseModel):
             raise ValueError("observe_step_length = True: expected stones, rl-cbf-clf-qp, and observe_l_min = True")
         if self.relabel and self.discount > 0:
             raise ValueError("relabel = True with discount > 0: another action would have led to another next state")
-        if self.relabel and self.critic == "plain" and self.problem is Problem.IO_RL_CLF_QP:
+        if self.relabel and self.critic == "plain" and self.problem.corrects_input:
             raise ValueError("relabel = True: in io-rl-clf-qp another action would have given another acceleration")
         return self
 
@@ -169,14 +162,14 @@ class TrainingParameters(BaseModel):
     def observation(self) -> tuple[str, ...]:
         """Names of the network's inputs."""
         whole = self.problem.observation + (STEP_LENGTH,) * self.observe_step_length
-        return tuple(name for name in whole if self.observe_l_min or name != "l_min")
+        return tuple(name for name in whole if self.observe_l_min or name not in self.problem.omissible)
 
     @property
     def scales(self) -> tuple[Scales, Scales, Scales]:
         """Scales of alpha, beta and error, the defaults filled in."""
-        alpha, beta, error = _SCALES[self.problem]
+        alpha, beta, error = self.problem.alpha_scale, self.problem.beta_scale, self.problem.error_scale
         if self.problem.has_clf and not self.relative_clf:
-            error = (error[0] * TYPICAL_LGV, *error[1:])
+            error = (*(value * TYPICAL_LGV for value in error[:1]), *error[1:])
         return self.alpha_scale or alpha, self.beta_scale or beta, self.error_scale or error
 
     @property
@@ -185,7 +178,7 @@ class TrainingParameters(BaseModel):
         return self.weight or (1.0,) * self.n
 
 
-def paper_literal(problem: Problem, **changes: Any) -> TrainingParameters:
+def paper_literal(problem: Problem | str, **changes: Any) -> TrainingParameters:
     """DDPG as the paper states it; what it leaves open is taken from the DDPG paper or our working set."""
     literal: dict[str, Any] = {
         "structured": False,

@@ -9,7 +9,6 @@ v = y'' + alpha y'' + beta, an inverse model without a critic.
 from typing import Any
 
 import torch
-from rl_cbf_clf_controller.uncertainty import Problem
 
 from rl_trainer.actor import Actor
 from rl_trainer.learner import AveragedActor
@@ -34,7 +33,7 @@ class Regression:
     def update(self, batch: Batch, rate: float) -> dict[str, float]:
         """One step down the estimation errors."""
         mu, target = batch.mu, batch.target * batch.unit
-        if self._parameters.problem is Problem.IO_RL_CLF_QP:
+        if self._parameters.problem.corrects_input:
             mu = mu + torch.einsum("bij,bj->bi", batch.alpha, mu) + batch.beta - target
         alpha, beta = self._average.actor(batch.observation, batch.LgV)
         error = (torch.einsum("bij,bj->bi", alpha, mu) + beta - target) / batch.unit

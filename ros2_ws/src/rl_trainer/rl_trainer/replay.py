@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 import torch
-from rl_cbf_clf_controller.uncertainty import INPUTS
 from torch import Tensor
 
 from rl_trainer.parameters import TrainingParameters
@@ -129,9 +128,9 @@ def _columns_of(transition: Transition, parameters: TrainingParameters) -> dict[
 
 
 def _shapes(parameters: TrainingParameters) -> dict[str, tuple[int, ...]]:
-    m, n = len(parameters.observation), parameters.n
+    m, n, inputs = len(parameters.observation), parameters.n, parameters.problem.inputs
     by_quantity = dict.fromkeys(("unit", "beta", "target", "reward"), (n,))
-    by_input = dict.fromkeys(("LgV", "mu", "mu_qp", "next_LgV", "next_mu"), (INPUTS,))
+    by_input = dict.fromkeys(("LgV", "mu", "mu_qp", "next_LgV", "next_mu"), (inputs,))
     observations = dict.fromkeys(("observation", "next_observation"), (m,))
     scalars: dict[str, tuple[int, ...]] = {"penalty": (), "failed": ()}
-    return {**observations, **by_input, **by_quantity, "alpha": (n, INPUTS), **scalars}
+    return {**observations, **by_input, **by_quantity, "alpha": (n, inputs), **scalars}

@@ -17,7 +17,7 @@ import torch
 from rabbit_description.plugins import load
 from rabbit_description.state import RobotState
 from rl_cbf_clf_controller.controller import ControllerOutput
-from rl_cbf_clf_controller.weights import PolicyFile, PolicyFileError, PolicyMetadata
+from rl_cbf_clf_controller.weights import PolicyFile, PolicyFileError, PolicyMetadata, problem_fields
 
 from rl_trainer.actor import Actor
 from rl_trainer.learner import Learner
@@ -29,6 +29,8 @@ from rl_trainer.transitions import Doubt, Transition, TransitionBuilder
 CRITIC_FIRST = 1000  # updates with a critic that knows nothing yet, which take an actor away from where it began
 FORM = (  # of a policy file, that a training must share to go on from it
     "problem",
+    "names",
+    "m",
     "observation",
     "observation_center",
     "observation_scale",
@@ -193,7 +195,7 @@ class Trainer:
         p, actor, source = self.parameters, self.learner.acting, self.provenance
         alpha, beta, _ = p.scales
         metadata = PolicyMetadata(
-            problem=p.problem,
+            **problem_fields(p.problem),
             observation=p.observation,
             observation_center=tuple(actor.scaling.center.tolist()),
             observation_scale=tuple(actor.scaling.scale.tolist()),

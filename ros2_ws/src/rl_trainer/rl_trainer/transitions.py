@@ -4,7 +4,8 @@ A quantity is measured by one numerical difference over the tick [SectionRL, Rem
 
     V-dot = (V' - V) / dt,   B_i'' = (B_i-dot' - B_i-dot) / dt,   y'' = (dy' - dy) / dt,   ' = one tick later
 
-and the stance foot's force is the one averaged over that tick. A difference across a change of stance means nothing.
+and the stance foot's force is the one averaged over that tick; each quantity's `measure` says so, and the controller
+publishes it. A difference across a change of stance means nothing.
 V is quadratic in dy, so its own difference is off by dt |G y''|^2 in the metric P; with `clf_difference = rates` the
 known gradient of V takes the difference of dy instead: V-dot = LfV + LgV (dy' - dy) / dt.
 
@@ -18,9 +19,9 @@ from enum import IntFlag
 import numpy as np
 from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.estimates import Estimates
+from cbf_clf_qp.problem import Problem
 from rabbit_description.state import TICK_SECONDS, Array, RobotState
 from rl_cbf_clf_controller.controller import ControllerOutput
-from rl_cbf_clf_controller.uncertainty import INPUTS, Problem
 
 from rl_trainer.parameters import TrainingParameters
 
@@ -80,7 +81,7 @@ class Transition:
         In the first approach the correction is part of the input v = mu + correction, which the nominal model takes for
         y''; the target is v - y''.
         """
-        if self.problem is Problem.IO_RL_CLF_QP:
+        if self.problem.corrects_input:
             return self.nominal - self.measured
         return self.measured - self.nominal
 
@@ -137,7 +138,7 @@ class TransitionBuilder:
             alpha=last.alpha - adapted(last)[0].a,
             beta=last.beta - adapted(last)[0].b,
             nominal=nominal_value(last, output if measurable else None, self._parameters),
-            measured=measure(last, state, output, self._parameters) if measurable and output else unmeasured,
+            measured=measure(last, output, self._parameters) if measurable and output else unmeasured,
             next_observation=following.observation,
             next_LgV=following.LgV,
             next_mu=following.mu,
@@ -171,21 +172,12 @@ def _acted_otherwise(last: ControllerOutput, state: RobotState) -> bool:
     return bool(np.isfinite(state.applied).all() and (state.applied != last.torque).any())
 
 
-def measure(last: ControllerOutput, state: RobotState, output: ControllerOutput, p: TrainingParameters) -> Array:
-    """All quantities over the tick from `last` to (`state`, `output`), (n,), in their units."""
-    barriers = (output.barrier_rates - last.barrier_rates) / TICK_SECONDS
-    accelerations = (output.eta[4:] - last.eta[4:]) / TICK_SECONDS
-    tangential, normal = state.foot_force[last.stance]
-    by_rates = p.clf_difference == "rates" and "V" in last.quantities
-    values = {
-        "V": last.nominal_b[0] + last.LgV @ accelerations if by_rates else (output.V - last.V) / TICK_SECONDS,
-        "B1": barriers[0],
-        "B2": barriers[1],
-        "C1": normal,
-        "C2": tangential,
-        **{f"y{i + 1}": acceleration for i, acceleration in enumerate(accelerations)},
-    }
-    return np.array([values[name] for name in last.quantities])
+def measure(last: ControllerOutput, output: ControllerOutput, p: TrainingParameters) -> Array:
+    """All quantities over the tick from `last` to `output`, (n,), in their units."""
+    values = output.measured.copy()
+    if p.clf_difference == "value" and "V" in last.quantities:
+        values[0] = (output.V - last.V) / TICK_SECONDS
+    return values
 
 
 def nominal_value(last: ControllerOutput, output: ControllerOutput | None, p: TrainingParameters) -> Array:
@@ -193,7 +185,7 @@ def nominal_value(last: ControllerOutput, output: ControllerOutput | None, p: Tr
 
     That is by the nominal model, or with an adaptation by the robot that it knows.
     """
-    first_approach = p.problem is Problem.IO_RL_CLF_QP
+    first_approach = p.problem.corrects_input
     v: Array = last.mu + last.alpha @ last.mu + last.beta if first_approach else last.mu
     start = believed(last, v)
     if output is None or p.nominal_value == "start" or not np.isfinite(output.mu_held).all():
@@ -213,8 +205,8 @@ def believed(output: ControllerOutput, v: Array) -> Array:
 
 def adapted(output: ControllerOutput) -> tuple[Affine, Affine]:
     """What an adaptation added to a tick's quantities (n,) and to its y'' (4,), affine in mu."""
-    n = len(output.quantities)
+    n, m = output.nominal_a.shape
     if not output.adapted.size:
-        return Affine.zero(n, INPUTS), Affine.zero(INPUTS, INPUTS)
-    estimates = Estimates.from_packed(output.adapted, INPUTS)
-    return estimates.affine, estimates.output_error or Affine.zero(INPUTS, INPUTS)
+        return Affine.zero(n, m), Affine.zero(m, m)
+    estimates = Estimates.from_packed(output.adapted, m)
+    return estimates.affine, estimates.output_error or Affine.zero(m, m)

@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from cbf_clf_qp.problem import Problem
 from cbf_clf_qp.res_clf import ResClf
 from rabbit_description.state import TICK_SECONDS, Array, Leg, RobotState
 from rl_cbf_clf_controller.controller import ControllerOutput
 from rl_cbf_clf_controller.policy import Policy
 from rl_cbf_clf_controller.policy_context import PolicyContext
-from rl_cbf_clf_controller.uncertainty import Problem
-from rl_trainer.networks import OBSERVATION_UNITS
+from rl_cbf_clf_controller.uncertainty import RL_CBF_CLF_QP, RL_CLF_QP
 from rl_trainer.transitions import Doubt, Transition
 
 CLF = ResClf(4, 0.1, (0.5, 0.8660254037844386))
@@ -33,7 +33,7 @@ def make_state(tick: int, **changes: Any) -> RobotState:
     return replace(state, **changes)
 
 
-def make_output(tick: int, problem: Problem = Problem.RL_CBF_CLF_QP, **changes: Any) -> ControllerOutput:
+def make_output(tick: int, problem: Problem = RL_CBF_CLF_QP, **changes: Any) -> ControllerOutput:
     """Nothing moves, nothing is corrected."""
     n = len(problem.quantities)
     output = ControllerOutput(
@@ -54,6 +54,7 @@ def make_output(tick: int, problem: Problem = Problem.RL_CBF_CLF_QP, **changes: 
         quantities=problem.quantities,
         nominal_a=np.zeros((n, 4)),
         nominal_b=np.zeros(n),
+        measured=np.zeros(n),
         alpha=np.zeros((n, 4)),
         beta=np.zeros(n),
         observation=np.zeros(len(problem.observation)),
@@ -78,10 +79,10 @@ def drift(observation: Array) -> Array:
 
 def true_errors(problem: Problem, observation: Array, LgV: Array) -> tuple[Array, Array]:
     """Closed-form alpha (n, 4) and beta (n,) of a plant of twice the mass: Delta_2 = -I/2."""
-    if problem is Problem.IO_RL_CLF_QP:  # y'' = v + Delta_1 - v/2, so v = 2 y'' - 2 Delta_1
+    if problem.corrects_input:  # y'' = v + Delta_1 - v/2, so v = 2 y'' - 2 Delta_1
         return np.eye(4), -2 * drift(observation)
     alpha, beta = [-LgV / 2], [LgV @ drift(observation)]
-    if problem is Problem.RL_CBF_CLF_QP:
+    if problem == RL_CBF_CLF_QP:
         alpha += [np.full(4, -0.2), np.full(4, 0.1), np.zeros(4), np.zeros(4)]
         beta += [10 * observation[8], -10 * observation[10], 300.0, 100 * observation[8]]
     return np.array(alpha), np.array(beta)
@@ -92,7 +93,7 @@ def random_transition() -> MakeTransition:
     """Transitions at random states of the tiny world, measured without error."""
 
     def make(problem: Problem, rng: np.random.Generator, **changes: Any) -> Transition:
-        center, scale = np.array([OBSERVATION_UNITS[name] for name in problem.observation]).T
+        center, scale = np.array([problem.unit(name) for name in problem.observation]).T
         observation = center + scale * rng.standard_normal(len(center))
         LgV = CLF.derivative(observation[:8]).a[0]
         mu_qp = 30 * rng.standard_normal(4)
@@ -102,7 +103,7 @@ def random_transition() -> MakeTransition:
         alpha, beta = true_errors(problem, observation, LgV)
         nominal = np.arange(n, dtype=float)
         measured = nominal + alpha @ mu + beta
-        if problem is Problem.IO_RL_CLF_QP:
+        if problem.corrects_input:
             used_alpha, used_beta = 0.5 * rng.standard_normal((4, 4)), 20 * rng.standard_normal(4)
             nominal = mu + used_alpha @ mu + used_beta
             measured = nominal / 2 + drift(observation)
@@ -163,6 +164,7 @@ class ToyController:
 
     def reset(self, seed: int) -> None:
         self._rng = np.random.default_rng(seed)
+        self._last: Array | None = None
 
     def step(self, state: RobotState) -> ControllerOutput:
         eta = np.concatenate([state.q[3:], state.dq[3:]])
@@ -172,11 +174,16 @@ class ToyController:
         mu = -20 * eta[:4] - 8 * eta[4:] + self.sigma * self._rng.standard_normal(4)
         changes = {"eta": eta, "V": CLF.value(eta), "LgV": LgV, "mu": mu, "torque": mu, "observation": observation}
         nominal = CLF.derivative(eta)
+        measured = np.full(1, np.nan)
+        if self._last is not None:
+            measured = CLF.derivative(self._last)((eta[4:] - self._last[4:]) / TICK_SECONDS)
+        self._last = eta
         return make_output(
             state.tick,
-            Problem.RL_CLF_QP,
+            RL_CLF_QP,
             nominal_a=nominal.a,
             nominal_b=nominal.b,
+            measured=measured,
             alpha=estimates.alpha,
             beta=estimates.beta,
             policy_version=self.policy.version,
@@ -203,7 +210,7 @@ def tick() -> Callable[..., tuple[RobotState, ControllerOutput]]:
         number: int,
         state: dict[str, Any] | None = None,
         output: dict[str, Any] | None = None,
-        problem: Problem = Problem.RL_CBF_CLF_QP,
+        problem: Problem = RL_CBF_CLF_QP,
     ) -> tuple[RobotState, ControllerOutput]:
         return make_state(number, **(state or {})), make_output(number, problem, **(output or {}))
 

@@ -6,9 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 from cbf_clf_qp.estimates import Estimates
+from cbf_clf_qp.problem import Problem
 from rl_cbf_clf_controller.policy import ZeroPolicy
 from rl_cbf_clf_controller.policy_context import PolicyContext
-from rl_cbf_clf_controller.uncertainty import Problem
+from rl_cbf_clf_controller.uncertainty import PAPER, RL_CBF_CLF_QP
 from rl_trainer.held_out_error import estimation_error
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.publication_gate import EVERY, NEWEST, PublicationGate
@@ -29,7 +30,7 @@ class Informed:
         return Estimates(self._share * alpha, self._share * beta)
 
 
-@pytest.mark.parametrize("problem", Problem)
+@pytest.mark.parametrize("problem", PAPER)
 def test_error_is_the_share_that_is_not_known(
     problem: Problem, random_transition: Callable[..., Transition], truth: Any
 ) -> None:
@@ -47,7 +48,7 @@ def walked(make: Callable[..., Transition], steps: int, ticks: int, **changes: A
     """The transitions of an episode."""
     rng = np.random.default_rng(1)
     return [
-        make(Problem.RL_CBF_CLF_QP, rng, step_index=step, tick=step * ticks + tick, **changes)
+        make(RL_CBF_CLF_QP, rng, step_index=step, tick=step * ticks + tick, **changes)
         for step in range(steps)
         for tick in range(ticks)
     ]
@@ -61,7 +62,7 @@ def test_one_step_in_five_is_held_out_across_episodes(random_transition: Callabl
 
 
 def test_the_gate_lets_pass_what_is_no_worse(random_transition: Callable[..., Transition], truth: Any) -> None:
-    problem = Problem.RL_CBF_CLF_QP
+    problem = RL_CBF_CLF_QP
     gate, informed = (
         PublicationGate(TrainingParameters()),
         [Informed(problem, truth, share) for share in (-0.1, 0.0, 0.7, 0.8)],

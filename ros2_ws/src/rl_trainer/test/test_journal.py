@@ -4,12 +4,12 @@ from dataclasses import fields
 
 import numpy as np
 import pytest
-from rl_cbf_clf_controller.uncertainty import Problem
+from rl_cbf_clf_controller.uncertainty import RL_CBF_CLF_QP
 from rl_trainer.journal import from_records, to_records
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.transitions import Doubt, Transition
 
-PROBLEM = Problem.RL_CBF_CLF_QP
+PROBLEM = RL_CBF_CLF_QP
 PARAMETERS = TrainingParameters(problem=PROBLEM)
 
 

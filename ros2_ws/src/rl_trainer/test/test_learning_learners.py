@@ -6,9 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from cbf_clf_qp.problem import Problem
 from rl_cbf_clf_controller.policy import ActorPolicy
 from rl_cbf_clf_controller.policy_context import PolicyContext
-from rl_cbf_clf_controller.uncertainty import Problem
+from rl_cbf_clf_controller.uncertainty import IO_RL_CLF_QP, RL_CBF_CLF_QP, RL_CLF_QP
 from rl_trainer.ddpg import Ddpg
 from rl_trainer.parameters import TrainingParameters, paper_literal
 from rl_trainer.replay import as_batch
@@ -32,11 +33,11 @@ def trained(parameters: TrainingParameters, make: MakeTransition, updates: int) 
 @pytest.mark.parametrize(
     ("problem", "changes", "updates"),
     [
-        (Problem.RL_CBF_CLF_QP, DDPG, 2500),
-        (Problem.RL_CBF_CLF_QP, REGRESSION, 2500),
-        (Problem.RL_CLF_QP, DDPG, 1500),
-        (Problem.IO_RL_CLF_QP, DDPG, 2500),
-        (Problem.IO_RL_CLF_QP, REGRESSION, 2500),
+        (RL_CBF_CLF_QP, DDPG, 2500),
+        (RL_CBF_CLF_QP, REGRESSION, 2500),
+        (RL_CLF_QP, DDPG, 1500),
+        (IO_RL_CLF_QP, DDPG, 2500),
+        (IO_RL_CLF_QP, REGRESSION, 2500),
     ],
 )
 def test_closed_form_errors_are_recovered(
@@ -59,8 +60,8 @@ def test_closed_form_errors_are_recovered(
 @pytest.mark.parametrize(
     "parameters",
     [
-        paper_literal(Problem.RL_CBF_CLF_QP, hidden1=32, hidden2=24),
-        paper_literal(Problem.IO_RL_CLF_QP, hidden1=32, hidden2=24),
+        paper_literal(RL_CBF_CLF_QP, hidden1=32, hidden2=24),
+        paper_literal(IO_RL_CLF_QP, hidden1=32, hidden2=24),
         TrainingParameters(critic="plain", hidden1=32, hidden2=24),
         TrainingParameters(critic="plain", heads="one", relabel=False, discount=0.9, hidden1=32, hidden2=24),
         TrainingParameters(error_norm="absolute", critic_loss="squared", hidden1=32, hidden2=24),
@@ -76,7 +77,7 @@ def test_every_variant_learns_without_a_nan(parameters: TrainingParameters, rand
 def test_value_of_a_constant_reward(random_transition: MakeTransition) -> None:
     """With reward -1 everywhere the critic's value tends to -1 / (1 - discount), and to -1 where the pose fails."""
     parameters = paper_literal(
-        Problem.RL_CLF_QP,
+        RL_CLF_QP,
         discount=0.5,
         hidden1=32,
         hidden2=24,

@@ -5,9 +5,10 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 import torch
+from cbf_clf_qp.problem import Problem
 from rl_cbf_clf_controller.policy import ActorPolicy
 from rl_cbf_clf_controller.policy_context import PolicyContext
-from rl_cbf_clf_controller.uncertainty import Problem
+from rl_cbf_clf_controller.uncertainty import PAPER
 from rl_cbf_clf_controller.weights import decode
 from rl_trainer.actor import Actor
 from rl_trainer.critic import Action, AffineCritic, PlainCritic, RewardCritic
@@ -19,7 +20,7 @@ from rl_trainer.transitions import Transition
 MakeTransition = Callable[..., Transition]
 
 
-@pytest.mark.parametrize("problem", Problem)
+@pytest.mark.parametrize("problem", PAPER)
 @pytest.mark.parametrize("structured", [True, False])
 @pytest.mark.parametrize("shared", [True, False])
 @pytest.mark.parametrize("observe_l_min", [True, False])

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from rl_cbf_clf_controller.uncertainty import Problem
+from cbf_clf_qp.problem import Problem
+from rl_cbf_clf_controller.uncertainty import PAPER, RL_CBF_CLF_QP, RL_CLF_QP
 from rl_trainer.parameters import ParameterError, TrainingParameters, load_parameters, paper_literal
 from rl_trainer.replay import Replay, as_batch
 from rl_trainer.reward import error_unit, reward_terms
@@ -20,33 +21,33 @@ MakeTransition = Callable[..., Transition]
 def test_reward_is_the_weighted_sum_of_squares_and_the_penalty(random_transition: MakeTransition) -> None:
     weight, unit = (1.0, 2.0, 3.0, 4.0, 5.0), (10.0, 1.0, 1.0, 100.0, 100.0)
     parameters = TrainingParameters(weight=weight, error_scale=unit, failure_penalty=7, relative_clf=False)
-    transition = random_transition(Problem.RL_CBF_CLF_QP, np.random.default_rng(0), failed=True)
+    transition = random_transition(RL_CBF_CLF_QP, np.random.default_rng(0), failed=True)
     terms = reward_terms(transition, parameters)
     estimate = transition.nominal + transition.alpha @ transition.mu + transition.beta
     expected = -np.array(weight) * ((transition.measured - estimate) / unit) ** 2
     np.testing.assert_allclose(terms.estimation, expected)
     assert terms.total == pytest.approx(expected.sum() - 7)
-    assert list(terms.named(Problem.RL_CBF_CLF_QP.quantities)) == ["V", "B1", "B2", "C1", "C2", "failure"]
+    assert list(terms.named(RL_CBF_CLF_QP.quantities)) == ["V", "B1", "B2", "C1", "C2", "failure"]
 
 
-@pytest.mark.parametrize("problem", Problem)
+@pytest.mark.parametrize("problem", PAPER)
 def test_true_errors_earn_no_penalty(problem: Problem, random_transition: MakeTransition, truth: Any) -> None:
     transition = random_transition(problem, np.random.default_rng(1))
     alpha, beta = truth(problem, transition.observation, transition.LgV)
     nominal, measured = transition.nominal, transition.measured
-    if problem is Problem.IO_RL_CLF_QP:  # the input is corrected, so the plant answers mu itself
+    if problem.corrects_input:  # the input is corrected, so the plant answers mu itself
         nominal, measured = transition.mu + alpha @ transition.mu + beta, transition.mu
     transition = replace(transition, alpha=alpha, beta=beta, nominal=nominal, measured=measured)
     assert reward_terms(transition, TrainingParameters(problem=problem)).total == pytest.approx(0, abs=1e-20)
 
 
 def test_what_is_not_measured_costs_nothing(random_transition: MakeTransition) -> None:
-    transition = random_transition(Problem.RL_CLF_QP, np.random.default_rng(2), measured=np.array([np.nan]))
-    assert reward_terms(transition, TrainingParameters(problem=Problem.RL_CLF_QP)).total == 0
+    transition = random_transition(RL_CLF_QP, np.random.default_rng(2), measured=np.array([np.nan]))
+    assert reward_terms(transition, TrainingParameters(problem=RL_CLF_QP)).total == 0
 
 
 def test_unit_of_the_clf_grows_with_LgV() -> None:
-    parameters = TrainingParameters(problem=Problem.RL_CLF_QP, error_scale=(10.0,))
+    parameters = TrainingParameters(problem=RL_CLF_QP, error_scale=(10.0,))
     np.testing.assert_allclose(error_unit(np.array([[0.0, 0, 0, 0], [3, 0, 4, 0]]), parameters), [[10], [60]])
 
 
@@ -81,11 +82,11 @@ def test_batch_of_transitions(random_transition: MakeTransition) -> None:
 
 def test_only_the_literal_learner_keeps_failures(random_transition: MakeTransition) -> None:
     transition = random_transition(
-        Problem.RL_CLF_QP, np.random.default_rng(6), failed=True, doubt=Doubt.UNMEASURED, measured=np.array([np.nan])
+        RL_CLF_QP, np.random.default_rng(6), failed=True, doubt=Doubt.UNMEASURED, measured=np.array([np.nan])
     )
-    literal = paper_literal(Problem.RL_CLF_QP)
+    literal = paper_literal(RL_CLF_QP)
     assert Replay(literal).add(transition)
-    assert not Replay(TrainingParameters(problem=Problem.RL_CLF_QP, failure_penalty=10)).add(transition)
+    assert not Replay(TrainingParameters(problem=RL_CLF_QP, failure_penalty=10)).add(transition)
     assert as_batch([transition], literal).penalty.item() == -literal.failure_penalty
 
 

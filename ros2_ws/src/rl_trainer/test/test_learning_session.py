@@ -10,7 +10,7 @@ import pytest
 from rabbit_description.state import RobotState
 from rl_cbf_clf_controller.controller import ControllerOutput
 from rl_cbf_clf_controller.policy import ZeroPolicy
-from rl_cbf_clf_controller.uncertainty import Problem
+from rl_cbf_clf_controller.uncertainty import RL_CLF_QP
 from rl_cbf_clf_controller.weights import read
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.rollout import Record, rollout
@@ -18,7 +18,7 @@ from rl_trainer.session import CheckpointError, Session, scalars
 from rl_trainer.training import Provenance, Trainer
 
 PARAMETERS = TrainingParameters(
-    problem=Problem.RL_CLF_QP, episodes=4, nominal_episodes=1, batch=16, updates_least=10, hidden1=16, hidden2=12
+    problem=RL_CLF_QP, episodes=4, nominal_episodes=1, batch=16, updates_least=10, hidden1=16, hidden2=12
 )
 
 
@@ -56,7 +56,7 @@ def test_the_folder_holds_a_policy_an_episode(tmp_path: Path, toy_world: Any, to
     reports = list(Session(tmp_path, trainer).run(toy_world, toy_controller))
     files = sorted((tmp_path / "policies").iterdir())
     assert [file.stem for file in files] == ["001", "002", "003", "004"]
-    metadata = read(files[-1], Problem.RL_CLF_QP).metadata
+    metadata = read(files[-1], RL_CLF_QP).metadata
     assert (metadata.episodes, metadata.commit, metadata.plant) == (4, "abc", {"mass_scale": 2.0})
     assert metadata.transitions == sum(report.kept for report in reports)
     assert any((tmp_path / "tensorboard").iterdir())
@@ -85,7 +85,7 @@ def test_schedule_depends_on_seed_and_episode_alone() -> None:
 
 def test_rollout_shows_each_tick_once_in_order(toy_world: Any, toy_controller: Any) -> None:
     records: list[Record] = []
-    last = rollout(toy_world, toy_controller(ZeroPolicy(Problem.RL_CLF_QP), 0.0), 3, records.append)
+    last = rollout(toy_world, toy_controller(ZeroPolicy(RL_CLF_QP), 0.0), 3, records.append)
     assert [record.state.tick for record in records] == list(range(toy_world.ticks))
     assert (last.tick, last.running) == (toy_world.ticks, False)
 

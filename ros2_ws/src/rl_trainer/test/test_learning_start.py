@@ -7,7 +7,8 @@ from typing import Any, Literal
 import numpy as np
 import pytest
 import torch
-from rl_cbf_clf_controller.uncertainty import Problem
+from cbf_clf_qp.problem import Problem
+from rl_cbf_clf_controller.uncertainty import PAPER, RL_CLF_QP
 from rl_cbf_clf_controller.weights import PROBE, PolicyFile, PolicyFileError
 from rl_trainer import training
 from rl_trainer.parameters import TrainingParameters
@@ -26,7 +27,7 @@ def policy(parameters: TrainingParameters) -> PolicyFile:
     return trainer.policy_file()
 
 
-@pytest.mark.parametrize("problem", Problem)
+@pytest.mark.parametrize("problem", PAPER)
 @pytest.mark.parametrize("shared", [True, False])
 @pytest.mark.parametrize("average", [True, False])
 @pytest.mark.parametrize("learner", ["ddpg", "regression"])
@@ -75,7 +76,7 @@ def test_the_actor_is_set_back_once_the_critic_has_learned(
 @pytest.mark.parametrize(
     ("changes", "word"),
     [
-        ({"problem": Problem.RL_CLF_QP}, "problem"),
+        ({"problem": RL_CLF_QP}, "problem"),
         ({"observe_l_min": False}, "observation"),
         ({"structured": False}, "structured"),
         ({"alpha_scale": (1.0, 2.0, 3.0, 4.0, 5.0)}, "alpha_scale"),

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from rl_cbf_clf_controller.policy import ActorPolicy, ZeroPolicy
-from rl_cbf_clf_controller.uncertainty import Problem
+from rl_cbf_clf_controller.uncertainty import RL_CLF_QP
 from rl_cbf_clf_controller.weights import PolicyFile
 from rl_trainer.learning_thread import LearningThread
 from rl_trainer.parameters import TrainingParameters
@@ -16,7 +16,7 @@ from rl_trainer.rollout import Record, rollout
 from rl_trainer.training import EpisodePlan, EpisodeReport, Trainer
 from rl_trainer.transitions import Transition
 
-PARAMETERS = TrainingParameters(problem=Problem.RL_CLF_QP, batch=16, updates_least=10, hidden1=16, hidden2=12)
+PARAMETERS = TrainingParameters(problem=RL_CLF_QP, batch=16, updates_least=10, hidden1=16, hidden2=12)
 
 STEP = 10  # ticks
 
@@ -62,7 +62,7 @@ def walk(learning: LearningThread, number: int, world: Any, make_controller: Any
         tick = record.state.tick
         learning.tick(record.state, replace(record.output, step_index=tick // STEP), (number, tick))
 
-    end = rollout(world, make_controller(ZeroPolicy(Problem.RL_CLF_QP), 1.0), number, observe)
+    end = rollout(world, make_controller(ZeroPolicy(RL_CLF_QP), 1.0), number, observe)
     learning.end(replace(end, **last), number, (number, end.tick))
 
 

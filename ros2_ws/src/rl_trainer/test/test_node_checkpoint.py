@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import torch
 from rl_cbf_clf_controller.policy import ZeroPolicy
-from rl_cbf_clf_controller.uncertainty import Problem
+from rl_cbf_clf_controller.uncertainty import RL_CLF_QP
 from rl_trainer.journal import Journal
 from rl_trainer.learning_thread import LearningThread
 from rl_trainer.node_checkpoint import NodeCheckpoint
@@ -22,7 +22,7 @@ from rl_trainer.training import Trainer
 from rl_trainer.transitions import Transition
 
 PARAMETERS = TrainingParameters(
-    problem=Problem.RL_CLF_QP, batch=8, updates_least=2, hidden1=6, hidden2=5, capacity=500, leave_out=()
+    problem=RL_CLF_QP, batch=8, updates_least=2, hidden1=6, hidden2=5, capacity=500, leave_out=()
 )
 FORK = multiprocessing.get_context("fork")
 FIELDS = ("observation", "LgV", "mu", "mu_qp", "alpha", "beta", "nominal", "measured", "next_observation", "next_mu")

@@ -96,13 +96,14 @@ def given_training(
 
 def form_of(policy: Path) -> dict[str, Any]:
     """Parameters of a training that goes on from a policy file."""
+    from rl_cbf_clf_controller.kinds import find_problem
     from rl_cbf_clf_controller.uncertainty import STEP_LENGTH
     from rl_cbf_clf_controller.weights import read
 
     form = read(policy).metadata
     return {
         "structured": form.structured,
-        "observe_l_min": form.problem.observation == form.observation[: len(form.problem.observation)],
+        "observe_l_min": set(find_problem(form.problem).omissible) <= set(form.observation),
         "observe_step_length": STEP_LENGTH in form.observation,
         "hidden1": form.hidden[0],
         "hidden2": form.hidden[1],

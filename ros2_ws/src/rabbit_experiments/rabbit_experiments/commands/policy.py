@@ -47,7 +47,7 @@ def show(file: File) -> None:
 def verify(file: File) -> None:
     """Check layout, names, shapes, finite values, hash and probe; exit code 2 where something is wrong."""
     policy = _read(file)
-    print(f"{file}: sound; {policy.metadata.problem}, version {policy.version}")
+    print(f"{file}: sound; {policy.metadata.about}, version {policy.version}")
 
 
 @app.command()
@@ -55,7 +55,7 @@ def verify(file: File) -> None:
 def errors(given: Given, file: File) -> None:
     """Errors of a policy's estimates against the oracle's, on walks of both (by default at twice the mass)."""
     request = given.build(ErrorsOptions)
-    controller = _read(file).metadata.problem.value
+    controller = _read(file).metadata.problem
     assembly = given_assembly(
         Given({"mass_scale": 2.0, **given.values, "controller": controller}), str(file), request.parameters
     )

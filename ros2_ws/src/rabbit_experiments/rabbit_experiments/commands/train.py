@@ -45,7 +45,7 @@ def train(given: Given) -> None:
         parameters = paper_literal(parameters.problem, **given.of(TrainingParameters, but=("problem",)))
     with complaints(ParameterError):
         values = {"slack_weight": TRAINING_SLACK_WEIGHT, **given.of(ControllerParameters, but=("controller", "sigma"))}
-        controller = load_parameters(request.parameters, **values, controller=parameters.problem.value)
+        controller = load_parameters(request.parameters, **values, controller=parameters.problem.name)
     terrain = "stones" if controller.on_stones else "flat"
     steps = parameters.walking_steps
     world = {"terrain": terrain, "stones": steps, "stop_at_miss": False}  # an episode ends by the robot's pose

@@ -16,7 +16,6 @@ from cbf_clf_qp.rows import Rows
 from pydantic import BaseModel, ConfigDict
 from rabbit_description.state import RobotState
 from rl_cbf_clf_controller.controller import Controller
-from rl_cbf_clf_controller.uncertainty import Problem
 from rl_trainer.rollout import Record
 from scipy.optimize import linprog
 
@@ -76,7 +75,7 @@ def measure(walker: Assembly, judges: Sequence[Assembly], seed: int) -> Feasibil
 
 
 def _judge(assembly: Assembly) -> Controller:
-    if assembly.controller.problem is Problem.IO_RL_CLF_QP:
+    if assembly.controller.problem.corrects_input:
         raise ValueError(f"{assembly.controller.controller}: expected a controller whose rows hold its estimates")
     simulation, judge = assembly.build()
     simulation.close()

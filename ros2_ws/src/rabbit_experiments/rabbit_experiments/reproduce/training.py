@@ -14,12 +14,13 @@ from functools import cached_property
 from pathlib import Path
 
 import joblib
+from cbf_clf_qp.problem import Problem
 from rabbit_description.gait import load_gait
 from rabbit_description.plugins import modules
 from rabbit_sim.parameters import PLANTS, SimulationParameters
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rl_cbf_clf_controller.parameters import ControllerParameters, load_parameters
-from rl_cbf_clf_controller.uncertainty import Problem
+from rl_cbf_clf_controller.uncertainty import PAPER, RL_CBF_CLF_QP
 from rl_cbf_clf_controller.weights import policy_path
 from rl_trainer.parameters import LEARNERS, TrainingParameters
 
@@ -45,12 +46,12 @@ class Recipe:
     @property
     def name(self) -> str:
         """Of its folder, without the key."""
-        return f"{self.problem.value}-scale-{self.mass_scale:g}-seed-{self.seed}"
+        return f"{self.problem.name}-scale-{self.mass_scale:g}-seed-{self.seed}"
 
     @property
     def command(self) -> str:
         """That makes the same policy."""
-        options = f"--problem {self.problem.value} --seed {self.seed} --mass-scale {self.mass_scale:g}"
+        options = f"--problem {self.problem.name} --seed {self.seed} --mass-scale {self.mass_scale:g}"
         return f"rabbit train {options} --episodes {self.episodes} --out DIR"
 
     @property
@@ -61,7 +62,7 @@ class Recipe:
     @property
     def controller(self) -> ControllerParameters:
         """That walks while it learns."""
-        return load_parameters("ours", controller=self.problem.value, slack_weight=TRAINING_SLACK_WEIGHT)
+        return load_parameters("ours", controller=self.problem.name, slack_weight=TRAINING_SLACK_WEIGHT)
 
     @property
     def plant(self) -> SimulationParameters:
@@ -95,18 +96,17 @@ class Recipe:
             job.session.trainer.policy_file().write(folder / POLICY)
 
 
-_STONES = Problem.RL_CBF_CLF_QP
 SHIPPED = {  # by the name of the policy that they made
-    **{problem.value: Recipe(problem) for problem in Problem},
-    f"{_STONES.value}-scale-0.7": Recipe(_STONES, mass_scale=0.7),
+    **{problem.name: Recipe(problem) for problem in PAPER},
+    f"{RL_CBF_CLF_QP}-scale-0.7": Recipe(RL_CBF_CLF_QP, mass_scale=0.7),
 }
-HALF = Recipe(_STONES, mass_scale=0.5)  # where the paper's method fails
+HALF = Recipe(RL_CBF_CLF_QP, mass_scale=0.5)  # where the paper's method fails
 SEEDS = (1, 2, 3)
 
 
 def recipes(quick: bool) -> list[Recipe]:
     """All that `--retrain` trains: the policies that are shipped, one at scale 0.5, and more seeds at scale 2."""
-    more = [replace(SHIPPED[problem.value], seed=seed) for seed in SEEDS[1:] for problem in Problem]
+    more = [replace(SHIPPED[problem.name], seed=seed) for seed in SEEDS[1:] for problem in PAPER]
     return [*SHIPPED.values(), HALF, *(() if quick else more)]
 
 

@@ -13,7 +13,6 @@ from typing import Annotated, Any
 
 import typer
 from pydantic import BaseModel, ConfigDict, ValidationError
-from rl_cbf_clf_controller.uncertainty import Problem
 from rl_cbf_clf_controller.weights import PolicyFileError, read
 
 COMMITTED = Path(__file__).with_name("training_log.csv")
@@ -32,7 +31,7 @@ class Episode(BaseModel):
 
     model_config = ConfigDict(frozen=True)
 
-    problem: Problem
+    problem: str
     mass_scale: float
     seed: int
     commit: str
@@ -59,7 +58,7 @@ def read_session(folder: Path) -> list[Episode]:
     except PolicyFileError as error:
         raise LogError(str(error)) from error
     scalars = _scalars(folder / "tensorboard")
-    rewards = [scalars[f"reward/{name}"] for name in about.problem.quantities]
+    rewards = [scalars[f"reward/{name}"] for name in about.names]
     counts = {name: scalars[f"episode/{name}"] for name in ("sigma", "steps", "ticks", "kept")}
     found: list[Episode] = []
     for i, step in enumerate(sorted(counts["steps"])):
@@ -95,7 +94,7 @@ def write_log(rows: Sequence[Episode], path: Path) -> None:
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, fieldnames=list(Episode.model_fields), lineterminator="\n")
         writer.writeheader()
-        writer.writerows({**row.model_dump(), "problem": row.problem.value} for row in rows)
+        writer.writerows(row.model_dump() for row in rows)
 
 
 def read_log(path: Path) -> list[Episode]:

@@ -26,7 +26,7 @@ def controller_state(output: ControllerOutput, episode: int, at: Time) -> Contro
     message = ControllerState(stamp=at, episode=episode, stance=int(output.stance), clf=output.V, lgv=output.LgV)
     for name in set(SAME) - {"fault", "status"}:  # texts may be too long for the message
         setattr(message, name, getattr(output, name))
-    for name in SEQUENCES:
+    for name in (*SEQUENCES, "measured"):
         setattr(message, name, array("d", getattr(output, name).tobytes()))
     message.quantities, message.active = list(output.quantities), [name[:32] for name in output.active[:64]]
     message.policy_version, message.fault, message.status = (

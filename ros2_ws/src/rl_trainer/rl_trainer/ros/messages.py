@@ -5,12 +5,13 @@ from typing import Any
 
 import numpy as np
 from builtin_interfaces.msg import Time
+from cbf_clf_qp.problem import Problem
 from rabbit_msgs import msg
 from rabbit_ros.message_checks import Refused
 from rabbit_ros.ros.conversions import state_of, torque_of
+from rl_cbf_clf_controller.kinds import find_problem
 from rl_cbf_clf_controller.message_fields import output_of
 from rl_cbf_clf_controller.policy import ActorPolicy, Policy, ZeroPolicy
-from rl_cbf_clf_controller.uncertainty import Problem
 from rl_cbf_clf_controller.weights import PolicyFile, decode
 
 from rl_trainer.parameters import TrainingParameters
@@ -52,14 +53,14 @@ def transition_of(message: msg.Transition) -> Transition:
     """A transition from its message."""
     values: dict[str, Any] = {name: np.array(getattr(message, name)) for name in (*SEQUENCES, "mu", "mu_qp", "next_mu")}
     return Transition(
-        problem=Problem(message.problem),
+        problem=find_problem(message.problem),
         tick=message.tick,
         step_index=message.step_index,
         LgV=np.array(message.lgv),
         next_LgV=np.array(message.next_lgv),
         failed=message.failed,
         doubt=Doubt(message.doubt),
-        **{**values, "alpha": values["alpha"].reshape(-1, 4)},
+        **{**values, "alpha": values["alpha"].reshape(len(message.beta), -1)},
     )
 
 

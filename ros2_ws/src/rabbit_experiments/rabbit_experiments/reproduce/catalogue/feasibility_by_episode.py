@@ -138,7 +138,7 @@ def _recipes(found: Found) -> list[Recipe]:
 
 def _on_stones(trainings: Sequence[Recipe]) -> list[Recipe]:
     """Those of the stepping stones' problem at scale 2."""
-    own = [recipe for recipe in trainings if recipe.problem.value == RL_CBF_CLF.controller]
+    own = [recipe for recipe in trainings if recipe.problem.name == RL_CBF_CLF.controller]
     return [recipe for recipe in own if recipe.mass_scale == TRAINING_SCALE]
 
 

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_viewer import style
+from rl_cbf_clf_controller.kinds import find_problem
 from rl_cbf_clf_controller.parameters import load_parameters
 from rl_trainer.parameters import TrainingParameters
 
@@ -104,9 +105,9 @@ def by_contender(size: Size) -> dict[Contender, list[Session]]:
     """The trainings at scale 2."""
     every = [session for session in sessions(size) if session[0].mass_scale == TRAINING_SCALE]
     return {
-        each: [session for session in every if session[0].problem.value == each.controller]
+        each: [session for session in every if session[0].problem == each.controller]
         for each in PAPER
-        if any(session[0].problem.value == each.controller for session in every)
+        if any(session[0].problem == each.controller for session in every)
     }
 
 
@@ -120,7 +121,7 @@ def trained_lines(size: Size) -> dict[Recipe, Line]:
 
 @cache
 def _assembly(recipe: Recipe, policy: Path) -> Assembly:
-    controller = load_parameters("ours", controller=recipe.problem.value)
+    controller = load_parameters("ours", controller=recipe.problem.name)
     terrain = "stones" if controller.on_stones else "flat"
     plant = SimulationParameters(mass_scale=recipe.mass_scale, motor_lag=EVALUATION_LAG, terrain=terrain)
     return Assembly(plant, controller, str(policy))
@@ -149,9 +150,9 @@ def span(values: Sequence[int | None]) -> str:
 
 def _row(session: Session, walks: dict[Recipe, str]) -> tuple[Cell, ...]:
     end = session[-1]
-    recipe = Recipe(end.problem, end.seed, end.mass_scale)
+    recipe = Recipe(find_problem(end.problem), end.seed, end.mass_scale)
     marks = (first_whole(session), settled(session))
-    head = (end.problem.value, f"{end.mass_scale:g}", end.seed, end.episode, end.transitions)
+    head = (end.problem, f"{end.mass_scale:g}", end.seed, end.episode, end.transitions)
     return (*head, *marks, walks.get(recipe), end.commit[:12] + "+" * end.commit.endswith("+"))
 
 

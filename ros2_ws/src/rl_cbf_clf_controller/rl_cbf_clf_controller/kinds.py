@@ -1,0 +1,72 @@
+"""Controllers by name: those of `recipes.KINDS`, and those that another package brings.
+
+A package brings its own by an entry point in the group `rabbit.controllers`, which names a table like `recipes.KINDS`.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import entry_points
+from typing import Annotated, Any
+
+from cbf_clf_qp.affine import Affine
+from cbf_clf_qp.problem import Problem
+from cbf_clf_qp.res_clf import ResClf
+from cbf_clf_qp.tick import Quantity, Terms, no_corners
+from pydantic import BeforeValidator, PlainSerializer
+
+from rl_cbf_clf_controller.scene import Scene
+
+GROUP = "rabbit.controllers"
+
+Quantities = tuple[Quantity[Scene], ...]
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What tells one controller from another: what is learned, the quantities, and how their estimates are used.
+
+    `quantities` and `corners` get the `ControllerParameters`. `sees_stones`: it has barriers on the stone in sight;
+    `learns`: a policy belongs to it.
+    """
+
+    problem: Problem
+    quantities: Callable[[Any, ResClf], Quantities]
+    sees_stones: bool = False
+    learns: bool = False
+    corners: Callable[[Any], Callable[[Terms[Scene]], Sequence[Affine]]] = lambda _: no_corners
+
+
+@cache
+def kinds() -> Mapping[str, Kind]:
+    """All controllers."""
+    found: dict[str, Kind] = {}
+    for point in sorted(entry_points(group=GROUP), key=lambda point: point.name):
+        found |= point.load()
+    return found
+
+
+def find_kind(name: str) -> Kind:
+    """The controller of this name; raises `ValueError`."""
+    if name not in kinds():
+        raise ValueError(f"controller {name}: expected one of {', '.join(kinds())}")
+    return kinds()[name]
+
+
+def known_name(name: str) -> str:
+    """A controller's name; raises `ValueError`."""
+    find_kind(name)
+    return name
+
+
+def find_problem(problem: Any) -> Any:
+    """The learning problem of this name; another object as it is. Raises `ValueError`."""
+    if not isinstance(problem, str):
+        return problem
+    found = {kind.problem.name: kind.problem for kind in kinds().values()}
+    if problem not in found:
+        raise ValueError(f"problem {problem}: expected one of {', '.join(found)}")
+    return found[problem]
+
+
+NamedProblem = Annotated[Problem, BeforeValidator(find_problem), PlainSerializer(str, return_type=str)]
