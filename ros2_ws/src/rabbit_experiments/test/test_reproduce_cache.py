@@ -156,5 +156,6 @@ def test_hash_follows_imports_and_nothing_else(tmp_path: Path, monkeypatch: pyte
 
 def test_runs_depend_on_controller_and_plant_but_on_no_figure() -> None:
     reached = reached_from(*jobs.SOURCES["walk"])
+    assert "cbf_clf_qp.tick" in reached
     assert {"rl_cbf_clf_controller.controller", "rabbit_sim.pybullet_plant", "rabbit_sim.rigid_plant"} <= set(reached)
     assert not [name for name in reached if "curves" in name or "catalogue" in name or "rl_trainer.training" in name]

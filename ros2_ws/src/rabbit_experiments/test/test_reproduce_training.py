@@ -40,11 +40,11 @@ def session(*steps: int) -> tuple[Episode, ...]:
 def test_a_training_is_made_once_and_logged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     trained = retrain([ONE], tmp_path, 1)
     about = read(trained.policy(ONE)).metadata
-    assert (about.problem, about.training_seed, about.episodes) == (ONE.problem, 4, 1)
+    assert (about.problem, about.training_seed, about.episodes) == (ONE.problem.name, 4, 1)
     assert about.command == ONE.command
     assert read(trained.policy(ONE, 1)).version == read(trained.policy(ONE)).version
     (row,) = trained.episodes()
-    assert (row.problem, row.seed, row.mass_scale, row.episode) == (ONE.problem, 4, 2.0, 1)
+    assert (row.problem, row.seed, row.mass_scale, row.episode) == (ONE.problem.name, 4, 2.0, 1)
     assert 0 < row.kept <= row.ticks
     assert row.transitions == row.kept == about.transitions
     assert read_log(tmp_path / "episodes.csv") == [row]
@@ -83,7 +83,7 @@ def test_what_is_shipped_is_trained_anew(quick: bool) -> None:
         assert recipe in made
         about = read(policy_path(name)).metadata
         assert (about.problem, about.training_seed, about.plant["mass_scale"], about.episodes) == (
-            *(recipe.problem, recipe.seed, recipe.mass_scale),
+            *(recipe.problem.name, recipe.seed, recipe.mass_scale),
             recipe.episodes,
         )
 

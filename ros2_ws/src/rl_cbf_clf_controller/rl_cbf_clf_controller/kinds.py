@@ -14,6 +14,7 @@ from cbf_clf_qp.problem import Problem
 from cbf_clf_qp.res_clf import ResClf
 from cbf_clf_qp.tick import Quantity, Terms, no_corners
 from pydantic import BeforeValidator, PlainSerializer
+from pydantic_core import PydanticCustomError
 
 from rl_cbf_clf_controller.scene import Scene
 
@@ -47,16 +48,13 @@ def kinds() -> Mapping[str, Kind]:
 
 
 def find_kind(name: str) -> Kind:
-    """The controller of this name; raises `ValueError`."""
-    if name not in kinds():
-        raise ValueError(f"controller {name}: expected one of {', '.join(kinds())}")
-    return kinds()[name]
+    """The controller of this name."""
+    return kinds()[known_name(name)]
 
 
 def known_name(name: str) -> str:
     """A controller's name; raises `ValueError`."""
-    find_kind(name)
-    return name
+    return _one_of(name, kinds())
 
 
 def find_problem(problem: Any) -> Any:
@@ -64,9 +62,15 @@ def find_problem(problem: Any) -> Any:
     if not isinstance(problem, str):
         return problem
     found = {kind.problem.name: kind.problem for kind in kinds().values()}
-    if problem not in found:
-        raise ValueError(f"problem {problem}: expected one of {', '.join(found)}")
-    return found[problem]
+    return found[_one_of(problem, found)]
+
+
+def _one_of(name: str, known: Mapping[str, Any]) -> str:
+    if name not in known:
+        raise PydanticCustomError(
+            "literal_error", "Input should be {expected}", {"expected": " or ".join(map(repr, known))}
+        )
+    return name
 
 
 NamedProblem = Annotated[Problem, BeforeValidator(find_problem), PlainSerializer(str, return_type=str)]
