@@ -6,7 +6,6 @@ A package brings its own by an entry point in the group `rabbit.controllers`, wh
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from importlib.metadata import entry_points
 from typing import Annotated, Any
 
 from cbf_clf_qp.affine import Affine
@@ -15,6 +14,7 @@ from cbf_clf_qp.res_clf import ResClf
 from cbf_clf_qp.tick import Quantity, Terms, no_corners
 from pydantic import BeforeValidator, PlainSerializer
 from pydantic_core import PydanticCustomError
+from rabbit_description import plugins
 
 from rl_cbf_clf_controller.scene import Scene
 
@@ -42,8 +42,8 @@ class Kind:
 def kinds() -> Mapping[str, Kind]:
     """All controllers."""
     found: dict[str, Kind] = {}
-    for point in sorted(entry_points(group=GROUP), key=lambda point: point.name):
-        found |= point.load()
+    for table in plugins.names(GROUP):
+        found |= plugins.load(GROUP, table)
     return found
 
 

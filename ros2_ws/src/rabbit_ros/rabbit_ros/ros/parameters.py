@@ -83,11 +83,13 @@ def _checked(model: type[Model], values: dict[str, Any]) -> Model:
 
 
 def _default(info: FieldInfo) -> Any:
-    """What ROS can hold: an enumeration's name, a list. An empty list has no type there: its type alone is declared."""
+    """What ROS can hold: a name, a list. An empty list has no type there: its type alone is declared."""
     if isinstance(info.default, tuple):
         numbers = float in get_args(info.annotation)
         return list(info.default) or (Parameter.Type.DOUBLE_ARRAY if numbers else Parameter.Type.STRING_ARRAY)
-    return info.default.value if isinstance(info.default, Enum) else info.default
+    if isinstance(info.default, Enum):
+        return info.default.value
+    return info.default if isinstance(info.default, bool | int | float | str) else str(info.default)
 
 
 def _descriptor(info: FieldInfo, dynamic: bool) -> ParameterDescriptor:
