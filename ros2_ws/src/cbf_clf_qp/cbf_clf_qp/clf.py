@@ -29,13 +29,13 @@ class Clf:
         return self._clf.derivative(scene.outputs.eta).after(scene.outputs.second_derivative(dynamics.acceleration))
 
     def measure(self, before: Any, after: Any, seconds: float) -> Array:
-        """V-dot = LfV + LgV y'': the gradient of V is known, and y'' is the difference of the outputs' rates.
+        """V-dot = LfV + LgV y^(r): the gradient of V is known, y^(r) the difference of the highest derivatives in eta.
 
-        The difference of V itself would be off by the tick times |G y''|^2 in the metric P.
+        The difference of V itself would be off by the tick times |G y^(r)|^2 in the metric P.
         """
-        m = len(before.outputs.eta) // 2
-        acceleration = (after.outputs.eta[m:] - before.outputs.eta[m:]) / seconds
-        return self._clf.derivative(before.outputs.eta)(acceleration)
+        slope = self._clf.derivative(before.outputs.eta)
+        m = slope.a.shape[1]
+        return slope((after.outputs.eta[-m:] - before.outputs.eta[-m:]) / seconds)
 
     def rows(self, scene: Any, value: Affine) -> list[Rows]:
         """The row if V-dot is `value`, affine in mu."""

@@ -18,12 +18,12 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor, nn
 
-from rl_trainer.networks import MU_UNIT, Scaling, hidden_layers
+from rl_trainer.networks import Scaling, hidden_layers
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.replay import Batch
 from rl_trainer.reward import norm
 
-NOISE_UNIT = 10.0  # rad/s^2, makes exploration a factor of about one
+NOISE = 0.2  # of a typical mu: makes exploration a factor of about one
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class PlainCritic(nn.Module):
 
     def __init__(self, parameters: TrainingParameters) -> None:
         super().__init__()
-        self.sees_mu = parameters.critic_sees_mu
+        self.sees_mu, self.mu_unit = parameters.critic_sees_mu, parameters.problem.mu_unit
         self.scaling = Scaling(parameters)
         m = parameters.problem.inputs
         inputs = len(parameters.observation) + m * self.sees_mu + (m + 1) * parameters.n
@@ -53,7 +53,7 @@ class PlainCritic(nn.Module):
 
     def forward(self, batch: Batch, mu: Tensor, action: Action) -> Tensor:
         """Q, shape (b, 1) or (b, n)."""
-        known = [self.scaling(batch.observation), *([mu / MU_UNIT] if self.sees_mu else [])]
+        known = [self.scaling(batch.observation), *([mu / self.mu_unit] if self.sees_mu else [])]
         q: Tensor = self.network(torch.cat([*known, action.flat], 1))
         return q
 
@@ -64,6 +64,7 @@ class RewardCritic(nn.Module):
     def __init__(self, parameters: TrainingParameters) -> None:
         super().__init__()
         self.norm = parameters.error_norm
+        self.mu_unit = parameters.problem.mu_unit
         self.first_approach = parameters.problem.corrects_input
         self.scaling = Scaling(parameters)
         self.weight: Tensor
@@ -85,7 +86,7 @@ class RewardCritic(nn.Module):
     def target(self, batch: Batch, mu: Tensor, correction: Tensor) -> Tensor:
         """t(s, x), the error expected where x is the input, (b, n)."""
         x = mu + correction if self.first_approach else mu
-        t: Tensor = self.network(torch.cat([self.scaling(batch.observation), x / MU_UNIT], 1))
+        t: Tensor = self.network(torch.cat([self.scaling(batch.observation), x / self.mu_unit], 1))
         return t
 
 
@@ -105,12 +106,12 @@ class AffineCritic(RewardCritic):
     def target(self, batch: Batch, mu: Tensor, correction: Tensor) -> Tensor:
         """t(s, mu), (b, n)."""
         n, m = len(self.weight), batch.mu.shape[1]
-        out: Tensor = self.network(torch.cat([self.scaling(batch.observation), batch.mu_qp / MU_UNIT], 1))
+        out: Tensor = self.network(torch.cat([self.scaling(batch.observation), batch.mu_qp / self.mu_unit], 1))
         direction = batch.LgV / (torch.linalg.vector_norm(batch.LgV, dim=1, keepdim=True) + 1)
         matrix, others, offset = out.split([m * m, m * (n - 1), n], 1)
         clf = torch.einsum("bi,bij->bj", direction, matrix.reshape(-1, m, m))
         slope = torch.cat([clf[:, None], others.reshape(len(out), n - 1, m)], 1)
-        return offset + torch.einsum("bij,bj->bi", slope, (mu - batch.mu_qp) / NOISE_UNIT)
+        return offset + torch.einsum("bij,bj->bi", slope, (mu - batch.mu_qp) / (NOISE * self.mu_unit))
 
 
 Critic = PlainCritic | RewardCritic

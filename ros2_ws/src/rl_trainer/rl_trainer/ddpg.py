@@ -23,7 +23,7 @@ from rl_trainer.parameters import TrainingParameters
 from rl_trainer.replay import Batch
 from rl_trainer.reward import norm
 
-RELABEL_MU = 20.0  # rad/s^2, deviation of the mu that another action is asked for in the first approach
+RELABEL_MU = 0.4  # of a typical mu: deviation of the mu that another action is asked for in the first approach
 
 
 class Ddpg:
@@ -130,7 +130,7 @@ class Ddpg:
         mu, action = batch.mu, self._action(flat, batch.LgV)
         if p.problem.corrects_input:
             v = batch.mu + self._stored(batch).correction(batch.mu)
-            mu = batch.mu + RELABEL_MU * self._noise(batch.mu)
+            mu = batch.mu + RELABEL_MU * p.problem.mu_unit * self._noise(batch.mu)
             beta = v - mu - torch.einsum("bij,bj->bi", action.alpha, mu)
             action = Action(action.alpha, beta, torch.empty(0))
         error = action.correction(mu) / batch.unit - batch.target

@@ -5,8 +5,6 @@ from torch import Tensor, nn
 
 from rl_trainer.parameters import TrainingParameters
 
-MU_UNIT = 50.0  # rad/s^2, makes mu a network's input of about one
-
 
 class Scaling(nn.Module):
     """(raw observation - centre) / scale."""
