@@ -96,7 +96,7 @@ class RecorderNode(Node):
         if self._failure:
             return
         if topic.publisher != "all":
-            self._loss.heard(name, info[NUMBER])
+            self._loss.heard(name, info[NUMBER], self._readers[topic.name].get_publisher_count)
         at = self._time.of(topic.name, topic.publisher, data, info[SENT])
         if self._ends_at_errors(partial(self._writer.write, name, at, data)):
             self._message_counter.accept(name)
