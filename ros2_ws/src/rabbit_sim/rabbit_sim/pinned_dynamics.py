@@ -67,6 +67,14 @@ class UrdfFeet:
         return drift
 
 
+def standing(feet: Feet, q: Array, dq: Array, leg: Leg) -> tuple[Array, Array]:
+    """The same posture and rates, each (n,), with the base moved so that a foot is at rest at the origin."""
+    q, dq = q.copy(), dq.copy()
+    q[:2] -= feet.positions(q)[leg]
+    dq[:2] -= feet.jacobian(q, leg) @ dq
+    return q, dq
+
+
 def planar_model(urdf: str) -> pinocchio.Model:
     """The model of a robot whose first coordinates are those of `BASE`, and which moves in the x-z plane alone.
 

@@ -1,0 +1,150 @@
+"""A walker of your own, twice as heavy as believed, learns to walk: torso, two straight legs, point feet, two motors.
+
+The packages supply what such a robot needs from its URDF: a plant with impacts (rabbit_sim), a gait on its hybrid zero
+dynamics (rabbit_gait_design), nominal model and outputs (rl_cbf_clf_controller), CLF-QP (cbf_clf_qp), learner
+(rl_trainer). Straight swing legs pass through the ground in mid-swing: a touchdown counts only ahead of the stance
+foot, after the foot has been 5 mm above the ground there (Grizzle, Abba, Plestan 2001). A tick lasts 10 ms.
+
+    true V-dot = nominal V-dot(mu) + alpha mu + beta, learned from 12 episodes of at most 10 steps
+    python examples/three_link_walker.py         # five seeds: half an hour
+"""
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+from cbf_clf_qp.clf import Clf
+from cbf_clf_qp.io_linearization import precontrol
+from cbf_clf_qp.problem import Problem
+from cbf_clf_qp.res_clf import ResClf
+from cbf_clf_qp.saturation import Saturation
+from cbf_clf_qp.solvers import make_solver
+from cbf_clf_qp.tick import Recipe, Terms, decide
+from rabbit_description.planar_urdf import scaled, with_planar_base
+from rabbit_description.state import TICK_SECONDS, Leg
+from rabbit_experiments.summary import mean_interval
+from rabbit_gait_design.hybrid_zero_dynamics import RepeatedStep, Walker, impact_invariant
+from rabbit_sim.pinned_dynamics import PinnedDynamics, UrdfFeet, standing
+from rabbit_sim.planar_plant import PlanarPlant, ahead
+from rabbit_sim.plant import PlantReading
+from rl_cbf_clf_controller.nominal_model import NominalModel
+from rl_cbf_clf_controller.oracle import OraclePolicy
+from rl_cbf_clf_controller.policy import Policy, ZeroPolicy
+from rl_cbf_clf_controller.policy_context import ModelContext
+from rl_cbf_clf_controller.scene import Scene
+from rl_cbf_clf_controller.virtual_constraints import Angles, VirtualConstraints
+from rl_trainer.parameters import TrainingParameters
+from rl_trainer.session import policy_of
+from rl_trainer.system_transitions import SystemTick, transition
+from rl_trainer.training import Trainer
+from rl_trainer.transitions import Transition
+
+URDF = with_planar_base((Path(__file__).parent / "three_link_walker.urdf").read_text())
+HEAVY = scaled(URDF, 2.0)
+SWAP = np.array([0, 1, 2, 4, 3])  # base x, z, pitch, left hip, right hip; the left leg's place is the stance leg's
+ANGLES = Angles(  # outputs: the torso's pitch and the sum of the legs' angles; phase: the stance leg's angle
+    controlled=np.array([[0.0, 0, 1, 0, 0], [0.0, 0, 2, 1, 1]]), phase_angle=np.array([0.0, 0, 1, 1, 0])
+)
+WALKER = Walker(NominalModel(URDF), ANGLES, SWAP)
+LATER = np.array([[0.1770, 0.3805, 0.3994, 0.3029], [0.3227, -0.1810, -0.1572, 0.0]])  # three_link_gait.py finds them
+PATH = impact_invariant(WALKER, LATER, phase_angle_end=0.2527)
+START = RepeatedStep(WALKER, PATH).start
+EPS, GAINS, SLACK_WEIGHT, TORQUE_LIMIT = 0.2, (1.0, 1.8), 10.0, 100.0  # the same for all, limit in N m
+FALLEN_PITCH, FALLEN_HIP, LONGEST_STEP = 1.2, 0.5, 300  # rad, m, ticks
+EVALUATION = 2**32  # no training has such a seed
+OBSERVATION = ("y1", "y2", "dy1", "dy2", "phase", "dphase")
+UNITS = tuple(zip(OBSERVATION, (0.0, 0.0, 0.0, 0.0, 0.5, 2.0), (0.1, 0.1, 0.5, 0.5, 0.4, 0.7), strict=True))  # walked
+SCALES = (1.5,), (60.0,), (4.0,)  # of alpha, beta and their error in V-dot, over |LgV| + 1
+PROBLEM = Problem("three-link", 2, ("V",), OBSERVATION, UNITS, *SCALES)
+
+
+class Controller:
+    """The CLF-QP of the robot as it is believed to be, with a policy's alpha and beta in its row."""
+
+    def __init__(self, policy: Policy) -> None:
+        self._policy, self._clf, self._solver = policy, ResClf(2, EPS, GAINS), make_solver("osqp")
+        self._recipe = Recipe((Clf(self._clf, SLACK_WEIGHT),), (Saturation(TORQUE_LIMIT),))
+        self._model, self._constraints = NominalModel(URDF), VirtualConstraints(PATH, ANGLES)
+
+    def tick(self, reading: PlantReading, noise: np.ndarray) -> SystemTick:
+        """Terms, decision and torques, stance hip first; `noise` (2,) is added to mu."""
+        stance = Leg(int(np.argmax(reading.contact)))
+        q, dq = (reading.q, reading.dq) if stance is Leg.LEFT else (reading.q[SWAP], reading.dq[SWAP])
+        feet, outputs = self._model.update(q, dq), self._constraints.evaluate(q, dq)
+        observation = np.array([*outputs.eta, outputs.phase, outputs.phase_rate])
+        LgV = self._clf.derivative(outputs.eta).a[0]
+        scene = Scene(q, dq, feet, outputs, None, reading.foot_force[stance], observation, LgV)
+        dynamics = self._model.pinned()
+        control = precontrol(outputs.second_derivative(dynamics.acceleration))
+        terms = Terms.of(self._recipe.quantities, scene, dynamics, control)
+        estimates = self._policy.estimate(ModelContext.of(terms))
+        decided = decide(self._recipe, terms, estimates, self._solver)
+        torque = control(decided.mu + noise).clip(-TORQUE_LIMIT, TORQUE_LIMIT)
+        return SystemTick(terms, decided, control.inverse()(torque), observation)
+
+
+def walk(policy: Policy, urdf: str, seed: int, steps: int, sigma: float = 0.0) -> tuple[int, list[Transition]]:
+    """Steps that the true robot takes, at most `steps`, and what was measured; `sigma` explores, rad/s^2."""
+    rng, feet, controller = np.random.default_rng(seed), UrdfFeet(urdf), Controller(policy)
+    plant = PlanarPlant(PinnedDynamics(urdf, feet), ahead, torque_limit=TORQUE_LIMIT)
+    q, dq = START[0].copy(), START[1].copy()
+    q[2:] += 0.02 * rng.standard_normal(3)
+    dq[2:] *= 1 + 0.05 * rng.standard_normal(3)
+    plant.reset(*standing(feet, q, dq, Leg.LEFT), Leg.LEFT)
+    taken, since, before, measured = 0, 0, None, list[Transition]()
+    while taken < steps and since < LONGEST_STEP:
+        reading = plant.observe()
+        if abs(reading.q[2]) > FALLEN_PITCH or reading.q[1] < FALLEN_HIP or reading.foot_force[:, 1].min() < 0:
+            break  # fallen, or the ground would have to pull
+        now = controller.tick(reading, sigma * rng.standard_normal(2))
+        if before:
+            measured.append(transition(PROBLEM, len(measured), before, now, TICK_SECONDS))
+        plant.advance(now.control if reading.contact[Leg.LEFT] else now.control[::-1])
+        landed = len(plant.observe().touches)
+        taken, since, before = taken + landed, 0 if landed else since + 1, None if landed else now
+    return taken, measured
+
+
+def train(seed: int, episodes: int) -> Policy:
+    """A policy learned on the heavy robot, from nothing and by the reward alone."""
+    p = TrainingParameters(problem=PROBLEM, seed=seed, hidden1=64, hidden2=64, probe_noise=6.0, sigma=2.0)
+    trainer = Trainer(p)
+    for episode in range(episodes):
+        plan = trainer.begin_episode()
+        steps, measured = walk(policy_of(plan, p), HEAVY, plan.seed, p.walking_steps, plan.sigma)
+        for item in measured:
+            trainer.take(item)
+        trainer.learn(max(p.updates_least, round(p.updates_per_tick * len(measured))))
+        trainer.episode += 1
+        error = np.sqrt(np.mean([np.square(item.error / (1 + np.linalg.norm(item.LgV))) for item in measured]))
+        print(
+            f"seed {seed}, episode {episode + 1}: {steps} steps, error of V-dot / (1 + |LgV|): {error:.2f}", flush=True
+        )
+    return policy_of(trainer.begin_episode(), p)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="nominal, learned and oracle CLF-QP on a robot of twice its mass")
+    parser.add_argument("--train", type=int, default=12, metavar="N", help="episodes of each training (default 12)")
+    parser.add_argument("--seeds", type=int, default=5, metavar="N", help="trainings, walked from their own starts")
+    parser.add_argument("--steps", type=int, default=100, metavar="N", help="steps to walk (default 100)")
+    parser.add_argument("--walks", type=int, default=3, metavar="N", help="walks of each controller and seed")
+    options, taken = parser.parse_args(), dict[str, list[float]]()
+    for seed in range(1, options.seeds + 1):
+        cases: dict[str, tuple[Policy, str]] = {
+            "nominal, true mass as believed": (ZeroPolicy(PROBLEM), URDF),
+            "nominal, twice the mass": (ZeroPolicy(PROBLEM), HEAVY),
+            "oracle, twice the mass": (OraclePolicy(HEAVY), HEAVY),
+            "learned, twice the mass": (train(seed, options.train), HEAVY),
+        }
+        for name, (policy, urdf) in cases.items():
+            steps = [walk(policy, urdf, EVALUATION + 100 * seed + i, options.steps)[0] for i in range(options.walks)]
+            taken.setdefault(name, []).append(float(np.mean(steps)))
+            print(f"seed {seed}: {name}: {steps} steps", flush=True)
+    for name, means in taken.items():
+        low, high = mean_interval(np.array(means)) or (np.nan, np.nan)
+        print(f"{name}: {np.mean(means):.1f} steps of {options.steps} (95% {low:.1f} to {high:.1f})")
+
+
+if __name__ == "__main__":
+    main()

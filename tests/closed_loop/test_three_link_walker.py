@@ -1,0 +1,73 @@
+"""The three-link walker of the examples, run short: nominal, oracle and learned at twice its mass."""
+
+import importlib.util
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rl_cbf_clf_controller.oracle import OraclePolicy
+from rl_cbf_clf_controller.policy import ZeroPolicy
+from rl_trainer.held_out_error import estimation_error
+from rl_trainer.parameters import TrainingParameters
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+STEPS = 12
+
+
+@pytest.fixture(scope="module")
+def example():
+    spec = importlib.util.spec_from_file_location("three_link_walker", EXAMPLES / "three_link_walker.py")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["three_link_walker"] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_the_gait_repeats(example):
+    step = example.RepeatedStep(example.WALKER, example.PATH)
+    assert step.exists
+    assert 0 < step.eigenvalue < 0.9
+    q, dq = example.WALKER.after_impact(step.instants[-1].q, step.instants[-1].dq)
+    assert np.concatenate([q, dq]) == pytest.approx(np.concatenate(step.start), abs=1e-7)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_at_twice_the_mass_the_oracle_walks_and_the_nominal_falls(example, seed):
+    nominal = ZeroPolicy(example.PROBLEM)
+    assert example.walk(nominal, example.URDF, seed, STEPS)[0] == STEPS
+    assert example.walk(nominal, example.HEAVY, seed, STEPS)[0] <= STEPS / 2
+    assert example.walk(OraclePolicy(example.HEAVY), example.HEAVY, seed, STEPS)[0] == STEPS
+
+
+def test_the_oracles_estimates_are_what_is_measured(example):
+    """But for what changes within a tick."""
+    steps, measured = example.walk(OraclePolicy(example.HEAVY), example.HEAVY, 3, 6, sigma=1.0)
+    assert steps == 6
+    errors, targets = (np.array([getattr(item, name)[0] for item in measured]) for name in ("error", "target"))
+    assert np.sqrt(np.mean(errors**2)) < 0.03 * np.sqrt(np.mean(targets**2))
+
+
+def test_a_short_training_finds_most_of_the_error(example, capsys):
+    """Held out: steps of the oracle's walk, which no training saw; 1 is the nominal controller's error."""
+    policy = example.train(seed=1, episodes=5)
+    assert "episode 5" in capsys.readouterr().out
+    _, held_out = example.walk(OraclePolicy(example.HEAVY), example.HEAVY, example.EVALUATION, 6, sigma=1.0)
+    error = estimation_error(policy, held_out, TrainingParameters(problem=example.PROBLEM))
+    assert error[0] < 0.3
+    assert example.walk(policy, example.HEAVY, example.EVALUATION, STEPS)[0] == STEPS
+
+
+def test_a_seed_gives_the_same_walk(example):
+    walks = [example.walk(ZeroPolicy(example.PROBLEM), example.HEAVY, 5, 2, sigma=1.0)[1] for _ in range(2)]
+    np.testing.assert_array_equal([item.measured for item in walks[0]], [item.measured for item in walks[1]])
+
+
+def test_it_says_what_it_found(example, capsys, monkeypatch):
+    monkeypatch.setattr(
+        sys, "argv", ["three_link_walker", "--train", "1", "--seeds", "2", "--steps", "2", "--walks", "1"]
+    )
+    example.main()
+    out = capsys.readouterr().out
+    assert "nominal, true mass as believed: 2.0 steps of 2" in out
+    assert "seed 2, episode 1:" in out
