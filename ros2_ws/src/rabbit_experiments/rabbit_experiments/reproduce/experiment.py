@@ -23,11 +23,11 @@ class Experiment(ABC):
     One that `needs_training` is made with `--retrain` only. `why` tells why ours differs from the paper, where it does.
     """
 
-    name: ClassVar[str]
-    title: ClassVar[str]
-    label: ClassVar[str]
-    paper: ClassVar[str]
-    why: ClassVar[str] = ""
+    name: str
+    title: str
+    label: str
+    paper: str
+    why: str = ""
     judged_on_rigid: ClassVar[bool] = False  # all claims hold of any plant's walks, but for those made on `MAIN` alone
     needs_training: ClassVar[bool] = False
 

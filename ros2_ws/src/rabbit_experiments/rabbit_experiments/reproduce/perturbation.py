@@ -1,9 +1,8 @@
 """A perturbation of the Discussion: at scale 1 and 2, flat and on stones, the nominal controller beside."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import ClassVar
 
 from rabbit_experiments.reproduce.controllers import CBF_CLF, CLF, RL_CBF_CLF, RL_CLF, Contender
 from rabbit_experiments.reproduce.experiment import Experiment
@@ -16,14 +15,19 @@ SCALES = (1.0, 2.0)
 Place = tuple[float, str]
 
 
+@dataclass(eq=False)
 class Perturbation(Experiment):
     """`field` of the plant has `value`; `what` names it in a line."""
 
+    name: str
+    title: str
+    paper: str
+    field: str
+    value: float
+    what: str
+    why: str
     label = "sec:discussion"
     judged_on_rigid = True
-    field: ClassVar[str]
-    value: ClassVar[float]
-    what: ClassVar[str]
 
     @cached_property
     def by_place(self) -> dict[Place, tuple[Line, Line]]:

@@ -22,12 +22,12 @@ class Sweep(Experiment):
     paper says of single cells; where `nominal` walks too, a row shows nothing.
     """
 
-    field: ClassVar[str]
-    values: ClassVar[tuple[float, ...]]
+    field: str
+    values: tuple[float, ...]
     plants: ClassVar[Mapping[Contender, dict[str, Any]]]
-    axis: ClassVar[str]
-    scale: ClassVar[float] = 1.0
-    caption: ClassVar[str]
+    axis: str
+    scale: float = 1.0
+    caption: str
     paper_values: ClassVar[Mapping[tuple[Contender, float], str]] = {}
     nominal: ClassVar[Contender | None] = None
 

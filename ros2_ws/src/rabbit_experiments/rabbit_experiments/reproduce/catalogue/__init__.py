@@ -3,15 +3,18 @@
 from rabbit_experiments.reproduce.catalogue.clf_assumption import ClfAssumption
 from rabbit_experiments.reproduce.catalogue.clf_results import ClfResults
 from rabbit_experiments.reproduce.catalogue.clf_torso_results import ClfTorsoResults
-from rabbit_experiments.reproduce.catalogue.delay import Delay
+from rabbit_experiments.reproduce.catalogue.discussion import (
+    DELAY,
+    JOINT_DAMPING,
+    LINK_BENDING,
+    MOTOR_POWER,
+    VELOCITY_NOISE,
+)
 from rabbit_experiments.reproduce.catalogue.every_plant import EveryPlantFlat, EveryPlantStones
 from rabbit_experiments.reproduce.catalogue.feasibility_by_episode import FeasibilityByEpisode
 from rabbit_experiments.reproduce.catalogue.feasibility_share import FeasibilityShare
-from rabbit_experiments.reproduce.catalogue.joint_damping import JointDamping
 from rabbit_experiments.reproduce.catalogue.l1_sweep import L1Sweep
 from rabbit_experiments.reproduce.catalogue.learning_curves import LearningCurves
-from rabbit_experiments.reproduce.catalogue.link_bending import LinkBending
-from rabbit_experiments.reproduce.catalogue.motor_power import MotorPower
 from rabbit_experiments.reproduce.catalogue.nominal_stones import NominalStones
 from rabbit_experiments.reproduce.catalogue.numerical_derivatives import NumericalDerivatives
 from rabbit_experiments.reproduce.catalogue.payload_flat import PayloadFlat
@@ -19,7 +22,6 @@ from rabbit_experiments.reproduce.catalogue.payload_stones import PayloadStones
 from rabbit_experiments.reproduce.catalogue.rl_cbf_clf_results import RlCbfClfResults
 from rabbit_experiments.reproduce.catalogue.small_mass import SmallMass
 from rabbit_experiments.reproduce.catalogue.stepping_stone import SteppingStone
-from rabbit_experiments.reproduce.catalogue.velocity_noise import VelocityNoise
 from rabbit_experiments.reproduce.catalogue.wide_stones import WideStones
 from rabbit_experiments.reproduce.experiment import Experiment
 
@@ -32,17 +34,17 @@ EXPERIMENTS: tuple[Experiment, ...] = (
     SteppingStone(),
     NominalStones(),
     PayloadStones(),
-    MotorPower(),
-    JointDamping(),
-    LinkBending(),
+    MOTOR_POWER,
+    JOINT_DAMPING,
+    LINK_BENDING,
     SmallMass(),
     LearningCurves(),
     NumericalDerivatives(),
-    VelocityNoise(),
+    VELOCITY_NOISE,
     ClfAssumption(),
     FeasibilityShare(),
     FeasibilityByEpisode(),
-    Delay(),
+    DELAY,
     EveryPlantStones(),
     EveryPlantFlat(),
     WideStones(),
