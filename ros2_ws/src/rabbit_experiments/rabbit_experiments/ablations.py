@@ -19,18 +19,17 @@ import csv
 import io
 import json
 import math
-import signal
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
 
-import joblib
 import numpy as np
 import rl_trainer
 import typer
 from pydantic import BaseModel, ConfigDict
+from rabbit_description.atomic_file import replacing
 from rabbit_sim.parameters import SimulationParameters
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rl_cbf_clf_controller.controller import ControllerError
@@ -44,6 +43,8 @@ from rl_trainer.training import Trainer
 from rabbit_experiments import provenance
 from rabbit_experiments.assembly import EVALUATION_LAG, TRAINING_SCALE, TRAINING_SLACK_WEIGHT, Assembly
 from rabbit_experiments.evaluation import episode_seeds, evaluate
+from rabbit_experiments.markdown import markdown_table
+from rabbit_experiments.parallel import in_processes
 from rabbit_experiments.summary import falls, wilson
 from rabbit_experiments.training_setup import training
 
@@ -262,16 +263,14 @@ class Rows:
         self._write(TABLE, markdown(rows))
 
     def _write(self, name: str, text: str) -> None:
-        """Write a file at once or not at all."""
-        partial = self._out / f".{name}"
-        partial.write_text(text, encoding="utf-8", newline="")
-        partial.replace(self._out / name)
+        with replacing(self._out / name) as path:
+            path.write_text(text, encoding="utf-8", newline="")
 
 
 def markdown(rows: Sequence[Row]) -> str:
     """The table: a line a variant, figures of single seeds in the order of the seeds."""
     heads = ("variant", "what changed", "against", "walked, 95% interval", "by seed", "mean stones", "transitions")
-    lines = [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
+    lines = []
     for name, variant in VARIANTS.items():
         own = [row for row in rows if row.variant == name]
         if not own:
@@ -287,8 +286,8 @@ def markdown(rows: Sequence[Row]) -> str:
             f"{sum(row.mean_stones * row.runs for row in own) / runs:.1f}",
             " / ".join(str(row.transitions) for row in own),
         )
-        lines.append(f"| {' | '.join(cells)} |")
-    return "\n".join(lines) + "\n"
+        lines.append(cells)
+    return markdown_table(heads, lines)
 
 
 Done = tuple[str, int, Row | str]  # variant, training seed, and its row or why there is none
@@ -296,12 +295,7 @@ Done = tuple[str, int, Row | str]  # variant, training seed, and its row or why 
 
 def study_rows(study: Study, left: Sequence[tuple[str, int]], jobs: int) -> Iterator[Done]:
     """Rows in any order, as they are done."""
-    if jobs == 1 or len(left) == 1:
-        yield from (_done(study, *each) for each in left)
-        return
-    with joblib.parallel_config(backend="loky", n_jobs=jobs, inner_max_num_threads=1):
-        parallel = joblib.Parallel(return_as="generator_unordered", batch_size=1, pre_dispatch="n_jobs")
-        yield from parallel(joblib.delayed(_done_in_worker)(study, *each) for each in left)
+    return in_processes(_done, [(study, *each) for each in left], jobs)
 
 
 def _done(study: Study, name: str, seed: int) -> Done:
@@ -309,11 +303,6 @@ def _done(study: Study, name: str, seed: int) -> Done:
         return name, seed, study.row(name, seed)
     except (CheckpointError, ControllerError, PolicyFileError, np.linalg.LinAlgError) as error:
         return name, seed, f"no row: {error}"  # the others can still be done
-
-
-def _done_in_worker(study: Study, name: str, seed: int) -> Done:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole group; the parent ends the workers
-    return _done(study, name, seed)
 
 
 def follow(study: Study, wanted: Sequence[tuple[str, int]], jobs: int) -> bool:

@@ -1,15 +1,13 @@
-"""Many seeded runs of one assembly, in this process or spread over processes by joblib.
+"""Many seeded runs of one assembly, in this process or spread over processes.
 
 Run i of seed s has the episode seed of the i-th child of SeedSequence(s), and parts of its own that have seen nothing
 yet; so it is the same whoever runs it, in whatever order.
 """
 
-import signal
 import time
 from collections.abc import Callable, Iterator, Mapping
 from typing import Generic, ParamSpec, TypeVar
 
-import joblib
 import numpy as np
 from rabbit_sim.simulation import Simulation
 from rabbit_viewer.walk_records import WalkRecords, about_walk
@@ -20,6 +18,7 @@ from rl_trainer.rollout import Simulation as AnySimulation
 
 from rabbit_experiments.assembly import Assembly
 from rabbit_experiments.metrics import RunResult, RunTally
+from rabbit_experiments.parallel import in_processes
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -100,14 +99,4 @@ def episode(simulation: AnySimulation, controller: AnyController, seed: int, *ob
 
 def evaluate(assembly: Assembly, seeds: Mapping[int, int], jobs: int = 1) -> Iterator[RunResult]:
     """Walk each run of `seeds` (number to episode seed); yields as they end, in any order if `jobs` is not 1."""
-    if jobs == 1 or len(seeds) <= 1:
-        yield from (walk(assembly, run, seed) for run, seed in seeds.items())
-        return
-    with joblib.parallel_config(backend="loky", n_jobs=jobs, inner_max_num_threads=1):
-        parallel = joblib.Parallel(return_as="generator_unordered", batch_size=1, pre_dispatch="n_jobs")
-        yield from parallel(joblib.delayed(_walk_in_worker)(assembly, run, seed) for run, seed in seeds.items())
-
-
-def _walk_in_worker(assembly: Assembly, run: int, seed: int) -> RunResult:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole group; the parent ends the workers
-    return walk(assembly, run, seed)
+    return in_processes(walk, [(assembly, run, seed) for run, seed in seeds.items()], jobs)

@@ -19,6 +19,7 @@ from rl_cbf_clf_controller.parameters import load_parameters
 
 from rabbit_experiments.assembly import EVALUATION_LAG, Assembly
 from rabbit_experiments.evaluation import episode_seeds, evaluate
+from rabbit_experiments.markdown import markdown_table
 from rabbit_experiments.summary import summarise
 
 CASES: tuple[tuple[float, str], ...] = ((1.0, "zero"), (2.0, "zero"), (2.0, "oracle"))  # mass scale, policy
@@ -86,11 +87,11 @@ def reports(
 
 def markdown(rows: Sequence[GaitReport]) -> str:
     """Both tables, as docs/gaits.md and docs/data/gaits.md have them."""
-    cases = " | ".join(f"scale {scale:g}, {policy}" for scale, policy in CASES)
-    lines = [f"| gait | {cases} |", "|---" * (len(CASES) + 1) + "|"]
-    for row in rows:
-        cells = [f"{walk.walked} of {walk.runs}, {walk.mean_stones:.1f} stones" for walk in row.walks]
-        lines.append(f"| `{row.gait}` | {' | '.join(cells)} |")
+    cases = [f"scale {scale:g}, {policy}" for scale, policy in CASES]
+    walks = [
+        (f"`{row.gait}`", *(f"{walk.walked} of {walk.runs}, {walk.mean_stones:.1f} stones" for walk in row.walks))
+        for row in rows
+    ]
     heads = (
         "gait",
         "payload, kg",
@@ -102,16 +103,15 @@ def markdown(rows: Sequence[GaitReport]) -> str:
         "friction",
         "F_N",
     )
-    lines += ["", f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
-    lines += [f"| `{row.gait}` | {_payload_cells(load)} |" for row in rows for load in row.payloads]
-    return "\n".join(lines) + "\n"
+    payloads = [(f"`{row.gait}`", *_payload_cells(load)) for row in rows for load in row.payloads]
+    return markdown_table(("gait", *cases), walks) + "\n" + markdown_table(heads, payloads)
 
 
-def _payload_cells(load: PayloadReport) -> str:
+def _payload_cells(load: PayloadReport) -> list[str]:
     figures = (load.phase_rate, load.least_phase_rate, load.eigenvalue, load.step_time)
     forces = (f"{load.peak_torque:.0f}", f"{load.friction_used:.2f}", f"{load.least_normal_force:.0f}")
     cells = [f"{figure:.3f}" for figure in figures] + list(forces)
-    return " | ".join([f"{load.payload:g}", *("none" if cell == "nan" else cell for cell in cells)])
+    return [f"{load.payload:g}", *("none" if cell == "nan" else cell for cell in cells)]
 
 
 def write(rows: Sequence[GaitReport], out: Path) -> None:

@@ -9,7 +9,6 @@ DIR/summary.json        the figures over all runs; written last
 
 import csv
 import json
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import IO, Any
@@ -17,6 +16,7 @@ from zipfile import BadZipFile
 
 import numpy as np
 from pydantic import BaseModel
+from rabbit_description.atomic_file import replacing
 
 from rabbit_experiments.metrics import ForceTick, RunResult, RunRow
 
@@ -89,21 +89,15 @@ class ResultsFolder:
     def _save(self) -> None:
         results = [self.results[run] for run in sorted(self.results)]
         seconds = {str(result.row.run): result.tick_seconds for result in results}
-        partial = self.path / f".{TIMES}"
-        np.savez_compressed(partial, **seconds)  # type: ignore[arg-type]
-        partial.replace(self.path / TIMES)
+        with replacing(self.path / TIMES) as path:
+            np.savez_compressed(path, **seconds)  # type: ignore[arg-type]
         violations = [tick for result in results for tick in result.violations]
         self._write(VIOLATIONS, lambda file: _write_csv(file, ForceTick, violations))
         self._write(RUNS, lambda file: _write_csv(file, RunRow, [result.row for result in results]))
 
     def _write(self, name: str, write: Any) -> None:
-        """Write a file at once or not at all."""
-        partial = self.path / f".{name}"
-        with partial.open("w", encoding="utf-8", newline="") as file:
+        with replacing(self.path / name) as path, path.open("w", encoding="utf-8", newline="") as file:
             write(file)
-            file.flush()
-            os.fsync(file.fileno())
-        partial.replace(self.path / name)
 
 
 def _write_csv(file: IO[str], model: type[BaseModel], rows: Sequence[BaseModel]) -> None:

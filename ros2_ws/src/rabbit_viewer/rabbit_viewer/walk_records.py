@@ -12,6 +12,7 @@ from typing import Any
 from zipfile import BadZipFile
 
 import numpy as np
+from rabbit_description.atomic_file import replacing
 from rabbit_description.state import TICK_SECONDS, Array
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.simulation import Landing
@@ -122,10 +123,9 @@ ARRAYS = tuple(field.name for field in fields(WalkRecords) if field.name != "abo
 def save_records(records: WalkRecords, path: Path) -> None:
     """Write the file at once or not at all."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_name(f".{path.name}.npz")
     arrays = {name: getattr(records, name) for name in ARRAYS}
-    np.savez_compressed(partial, about=np.array(json.dumps(records.about)), **arrays)
-    partial.replace(path)
+    with replacing(path) as partial, partial.open("wb") as file:
+        np.savez_compressed(file, about=np.array(json.dumps(records.about)), **arrays)
 
 
 def load_records(path: Path) -> WalkRecords:

@@ -6,7 +6,6 @@ DIR/policies/NNN.safetensors    the policy after episode NNN
 DIR/tensorboard/           reward terms, losses, steps walked
 """
 
-import os
 from collections.abc import Callable, Iterator
 from dataclasses import asdict
 from pathlib import Path
@@ -14,6 +13,7 @@ from typing import Any
 
 import torch
 import yaml
+from rabbit_description.atomic_file import replacing
 from rl_cbf_clf_controller.policy import ActorPolicy, Policy, ZeroPolicy
 
 from rl_trainer.parameters import TrainingParameters
@@ -83,12 +83,8 @@ def scalars(report: EpisodeReport) -> dict[str, float]:
 def save_checkpoint(path: Path, trainer: Trainer, more: dict[str, Any] | None = None) -> None:
     """Write all of the trainer's state, and what else is to be kept, at once or not at all."""
     state = {"parameters": trainer.parameters.key, **trainer.state_dict(), "more": more or {}}
-    partial = path.with_suffix(".partial")
-    with partial.open("wb") as file:
-        torch.save(state, file)
-        file.flush()
-        os.fsync(file.fileno())
-    partial.replace(path)
+    with replacing(path) as partial:
+        torch.save(state, partial)
 
 
 def load_checkpoint(path: Path, trainer: Trainer) -> dict[str, Any]:

@@ -27,7 +27,7 @@ def test_a_killed_run_resumes_with_nothing_lost(tmp_path: Path, toy_world: Any, 
     reports = list(whole.run(toy_world, toy_controller))
     cut = Session(tmp_path / "cut", Trainer(PARAMETERS))
     seen = list(itertools.islice(cut.run(toy_world, toy_controller), 2))
-    (tmp_path / "cut" / "checkpoint.partial").write_bytes(b"killed here")
+    (tmp_path / "cut" / ".checkpoint.pt").write_bytes(b"killed here")
     again = Session(tmp_path / "cut", Trainer(PARAMETERS))
     assert again.resumed
     seen += list(again.run(toy_world, toy_controller))

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from pydantic import BaseModel
+from rabbit_description.atomic_file import replacing
 from rabbit_description.plugins import modules
 from rabbit_sim.parameters import PLANTS
 from rabbit_viewer.walk_records import load_records, save_records
@@ -65,9 +66,8 @@ def save(kind: Kind, result: Result, path: Path) -> None:
         save_records(result, path)
         return
     path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_name(f".{path.name}")
-    partial.write_text(json.dumps(result.model_dump(mode="python")), encoding="utf-8")  # keeps NaN
-    partial.replace(path)
+    with replacing(path) as partial:
+        partial.write_text(json.dumps(result.model_dump(mode="python")), encoding="utf-8")  # keeps NaN
 
 
 def load(kind: Kind, path: Path) -> Result:

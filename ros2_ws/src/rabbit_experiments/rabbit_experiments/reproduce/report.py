@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from pydantic import BaseModel, ConfigDict, ValidationError
 from rabbit_viewer import style
 
+from rabbit_experiments.markdown import markdown_table
 from rabbit_experiments.reproduce.verdict import Verdict
 
 REPORT = "report.json"
@@ -44,8 +45,7 @@ class Table(BaseModel):
     @property
     def markdown(self) -> str:
         """With a rule below the head."""
-        lines = [self.columns, ("---",) * len(self.columns), *([_cell(cell) for cell in row] for row in self.rows)]
-        return "".join(f"| {' | '.join(line)} |\n" for line in lines)
+        return markdown_table(self.columns, ([_cell(cell) for cell in row] for row in self.rows))
 
     @property
     def csv(self) -> str:

@@ -1,12 +1,12 @@
 """Do the jobs that the cache does not hold, over processes or machines by joblib; each result is kept as it comes."""
 
-import signal
 from collections.abc import Iterator, Sequence
 from typing import Literal
 
 import joblib
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
+from rabbit_experiments.parallel import in_processes
 from rabbit_experiments.reproduce.cache import Cache
 from rabbit_experiments.reproduce.jobs import Job, Result
 
@@ -45,12 +45,8 @@ def _results(left: Sequence[Job], jobs: int, backend: Backend) -> Iterator[tuple
     """Jobs with their results, in any order."""
     if backend == "ray":
         yield from _through_ray(left, jobs)
-    elif jobs == 1 or len(left) <= 1:
-        yield from ((job, job.do()) for job in left)
     else:
-        with joblib.parallel_config(backend="loky", n_jobs=jobs, inner_max_num_threads=1):
-            parallel = joblib.Parallel(return_as="generator_unordered", batch_size=1, pre_dispatch="n_jobs")
-            yield from parallel(joblib.delayed(_do_in_worker)(job) for job in left)
+        yield from in_processes(_do, [(job,) for job in left], jobs)
 
 
 def _through_ray(left: Sequence[Job], jobs: int) -> Iterator[tuple[Job, Result]]:
@@ -64,11 +60,6 @@ def _through_ray(left: Sequence[Job], jobs: int) -> Iterator[tuple[Job, Result]]
         for first in range(0, len(left), ROUND * jobs):
             some = left[first : first + ROUND * jobs]
             yield from joblib.Parallel(batch_size=1)(joblib.delayed(_do)(job) for job in some)
-
-
-def _do_in_worker(job: Job) -> tuple[Job, Result]:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole group; the parent ends the workers
-    return _do(job)
 
 
 def _do(job: Job) -> tuple[Job, Result]:

@@ -7,13 +7,11 @@ A stopped training goes on at the episode it was in; one that is done is not mad
 gait or libraries change.
 """
 
-import signal
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
-import joblib
 from cbf_clf_qp.problem import Problem
 from rabbit_description.gait import load_gait
 from rabbit_description.plugins import modules
@@ -26,6 +24,7 @@ from rl_trainer.parameters import LEARNERS, TrainingParameters
 
 from rabbit_experiments import provenance
 from rabbit_experiments.assembly import TRAINING_SCALE, TRAINING_SLACK_WEIGHT, Assembly
+from rabbit_experiments.parallel import in_processes
 from rabbit_experiments.reproduce.source_files import sources_hash
 from rabbit_experiments.reproduce.training_log import Episode, read_session, write_log
 
@@ -152,26 +151,11 @@ def retrain(wanted: Sequence[Recipe], root: Path, jobs: int) -> Trained:
     left = [recipe for recipe in wanted if not (recipe.folder(root) / POLICY).is_file()]
     with Progress(*COLUMNS) as progress:
         task = progress.add_task("training", total=len(wanted), completed=len(wanted) - len(left))
-        for recipe in _trained(left, root, jobs):
+        for recipe in in_processes(_train, [(recipe, root) for recipe in left], jobs):
             progress.update(task, advance=1, description=recipe.name)
     trained = Trained(root, tuple(wanted))
     write_log(trained.episodes(), root / "episodes.csv")
     return trained
-
-
-def _trained(left: Sequence[Recipe], root: Path, jobs: int) -> Iterator[Recipe]:
-    """Recipes as they are done."""
-    if jobs == 1 or len(left) <= 1:
-        yield from (_train(recipe, root) for recipe in left)
-        return
-    with joblib.parallel_config(backend="loky", n_jobs=jobs, inner_max_num_threads=1):
-        parallel = joblib.Parallel(return_as="generator_unordered", batch_size=1, pre_dispatch="n_jobs")
-        yield from parallel(joblib.delayed(_train_in_worker)(recipe, root) for recipe in left)
-
-
-def _train_in_worker(recipe: Recipe, root: Path) -> Recipe:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole group; the parent ends the workers
-    return _train(recipe, root)
 
 
 def _train(recipe: Recipe, root: Path) -> Recipe:
