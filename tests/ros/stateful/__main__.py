@@ -19,6 +19,7 @@ RESULTS = "sequences.jsonl"
 SEQUENCES = 10  # of a batch
 LENGTHS = range(5, 31)  # rules of a sequence
 FAILED, INTERRUPTED = 1, 130
+SHARED = Path(__file__).parents[2] / "shared"  # what pytest has on its path
 
 
 def main() -> int:
@@ -104,6 +105,7 @@ def run_batch(number: int, out: Path) -> dict[str, Any]:
 
 
 if __name__ == "__main__":
+    sys.path.insert(0, str(SHARED))
     os.environ.setdefault("ROS_DOMAIN_ID", str(1 + os.getpid() % 100))
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     from rabbit_ros.network import choose_network
