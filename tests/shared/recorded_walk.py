@@ -139,7 +139,7 @@ def details(record: Record) -> Any:
     """A `ControllerState`."""
     out = record.output
     fields: dict[str, Any] = {name: getattr(out, name) for name in (*SCALARS, *WORDS)}
-    fields |= {name: np.array(getattr(out, name), dtype=float).ravel() for name in (*ARRAYS, *SEQUENCES)}
+    fields |= {name: np.array(getattr(out, name), dtype=float).ravel() for name in (*ARRAYS, *SEQUENCES, "measured")}
     fields |= {"quantities": list(out.quantities), "active": list(out.active), "policy_version": out.policy_version}
     fields |= {"stance": int(out.stance), "clf": out.V, "lgv": np.asarray(out.LgV)}
     return message("controller_state", **fields)

@@ -67,7 +67,7 @@ def test_no_ticks_no_pictures(tmp_path: Path) -> None:
         draw_rollout([], [], tmp_path)
 
 
-@pytest.mark.parametrize(("controller", "count"), [("cbf-clf-qp", 6), ("clf-qp", 5)])
+@pytest.mark.parametrize(("controller", "count"), [("cbf-clf-qp", 7), ("clf-qp", 6)])
 def test_every_picture_opens(controller: str, count: int, tmp_path: Path) -> None:
     save_records(walk_on(controller), tmp_path / RECORDS)
     pictures = draw_run(tmp_path)

@@ -5,6 +5,7 @@
 A policy reads the m observations and gives alpha (n, inputs) and beta (n,) of the n quantities.
 """
 
+import math
 from dataclasses import dataclass
 
 Scales = tuple[float, ...]
@@ -51,8 +52,13 @@ class Problem:
         if missing:
             raise ValueError(f"problem {self.name}: units of {', '.join(missing)} are missing")
         for name in ("alpha_scale", "beta_scale", "error_scale"):
-            if len(getattr(self, name)) not in (0, len(self.quantities)):
-                raise ValueError(f"problem {self.name}: {name} = {getattr(self, name)}; expected one a quantity")
+            scales = tuple(map(float, getattr(self, name)))
+            if len(scales) not in (0, len(self.quantities)) or not all(0 < scale < math.inf for scale in scales):
+                raise ValueError(f"problem {self.name}: {name} = {scales}; expected a positive number a quantity")
+            object.__setattr__(self, name, scales)
+        wrong = [unit for unit in self.units if not (math.isfinite(unit[1]) and 0 < unit[2] < math.inf)]
+        if wrong or not 0 < self.mu_unit < math.inf:
+            raise ValueError(f"problem {self.name}: units {wrong}, mu_unit = {self.mu_unit}; expected positive scales")
         if self.inputs < 1 or not self.quantities or "V" in self.quantities[1:]:
             raise ValueError(f"problem {self.name}: expected inputs, and quantities of which V is the first, if any")
 

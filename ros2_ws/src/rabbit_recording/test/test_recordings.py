@@ -108,7 +108,7 @@ def test_plot_draws_every_picture(tmp_path: Path, write_bag: WriteBag) -> None:
     done = rabbit("plot", write_bag(tmp_path / "bag"))
     assert done.exit_code == 0, done.output
     drawn = {path.stem for path in (tmp_path / "bag-pictures").glob("*.png")}
-    assert drawn == {"walk", "swing_foot", "barriers", "clf", "forces", "torques"}
+    assert drawn == {"walk", "swing_foot", "barriers", "clf", "forces", "torques", "quantities"}
 
 
 def test_a_raw_file_is_a_recording_too(tmp_path: Path, write_bag: WriteBag) -> None:

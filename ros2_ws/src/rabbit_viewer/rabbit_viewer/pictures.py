@@ -40,10 +40,12 @@ def draw_rollout(
 
 
 def draw(walk: WalkRecords, out: Path, suffix: str = ".png") -> list[Path]:
-    """All pictures of a walk; returns their paths. On flat ground there is no picture of barriers."""
+    """All pictures of a walk; returns their paths. Barriers and measured quantities are drawn where there are some."""
     pictures = [draw_walk, draw_swing_foot, draw_clf, draw_forces, draw_torques]
     if np.isfinite(walk.barriers).any():
         pictures.insert(2, draw_barriers)
+    if np.isfinite(walk.measured).any():
+        pictures.append(draw_quantities)
     with style.look():
         return [picture(walk, out / f"{picture.__name__.removeprefix('draw_')}{suffix}") for picture in pictures]
 
@@ -130,6 +132,24 @@ def draw_torques(walk: WalkRecords, path: Path) -> Path:
         axes.set_ylabel("torque (N m)")
         style.legend(axes)
     return _finish(walk, figure, panels[1], path)
+
+
+def draw_quantities(walk: WalkRecords, path: Path) -> Path:
+    """Each quantity over a tick: measured, by the nominal model, and with the estimates."""
+    names = walk.about.get("quantities", [f"quantity {i + 1}" for i in range(walk.nominal_b.shape[1])])
+    figure, panels = style.figure(len(names), height=1.8)
+    nominal = np.einsum("tij,tj->ti", walk.nominal_a, walk.mu) + walk.nominal_b
+    estimated = nominal + np.einsum("tij,tj->ti", walk.alpha, walk.mu) + walk.beta
+    measured = np.vstack([walk.measured[1:], np.full_like(walk.measured[:1], np.nan)])  # published a tick later
+    for i, (axes, name) in enumerate(zip(panels, names, strict=True)):
+        axes.plot(walk.time, measured[:, i], ".", markersize=3, color=style.BLACK, label="measured")
+        plot_steps(walk, axes, nominal[:, i], style.ORANGE, "nominal model")
+        plot_steps(walk, axes, estimated[:, i], style.BLUE, "with the estimates")
+        low, high = np.nanpercentile(np.concatenate([measured[:, i], estimated[:, i]]), (1, 99))
+        axes.set_ylim(low - 0.3 * (high - low), high + 0.3 * (high - low))
+        axes.set_ylabel(name)
+    style.legend(panels[0])
+    return _finish(walk, figure, panels[-1], path)
 
 
 def swing_foot(walk: WalkRecords) -> Array:

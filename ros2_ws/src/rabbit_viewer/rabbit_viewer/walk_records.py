@@ -22,7 +22,20 @@ from rl_trainer.rollout import Record
 STATE = ("tick", "q", "dq", "foot_force", "contact", "touchdowns")
 OUTPUT = (
     *("torque", "stance", "step_index", "phase", "eta", "V", "barriers", "barrier_rates"),
-    *("mu", "mu_qp", "omega", "mu_held", "nominal_a", "nominal_b", "alpha", "beta", "LgV", "clf_slack", "rescue_slack"),
+    *(
+        "mu",
+        "mu_qp",
+        "omega",
+        "mu_held",
+        "nominal_a",
+        "nominal_b",
+        "measured",
+        "alpha",
+        "beta",
+        "LgV",
+        "clf_slack",
+        "rescue_slack",
+    ),
 )
 LANDING = ("index", "tick", "l", "l_min", "l_max", "on_stone")
 RESCUE_NEEDED = 0.01  # rad/s^2 of slack of last resort: a quadratic one gives way a little whenever its row is active
@@ -37,7 +50,7 @@ class WalkRecords:
     """n ticks; names, shapes after n, and units as in `RobotState` and `ControllerOutput`.
 
     `preview` (n, 2): l_min, l_max of the stone in sight, m, NaN where there is none. `landings` (k, 6): columns
-    `LANDING`. `about`: what else a picture needs or says, see `about_walk`.
+    `LANDING`. `measured` is NaN in former files. `about`: what else a picture needs or says, see `about_walk`.
     """
 
     tick: Array
@@ -61,6 +74,7 @@ class WalkRecords:
     mu_held: Array
     nominal_a: Array
     nominal_b: Array
+    measured: Array
     alpha: Array
     beta: Array
     LgV: Array
@@ -79,6 +93,7 @@ class WalkRecords:
         seen = [record.state.preview for record in records]
         preview = np.array([(stone.l_min, stone.l_max) if stone else (np.nan, np.nan) for stone in seen])
         rows = np.array([[float(getattr(landing, name)) for name in LANDING] for landing in landings])
+        about = {"quantities": list(records[0].output.quantities), **about}
         return cls(**arrays, preview=preview, landings=rows.reshape(-1, len(LANDING)), about=about)
 
     @property
@@ -132,7 +147,8 @@ def load_records(path: Path) -> WalkRecords:
     """Read records; raises `RecordsError` where there are none."""
     try:
         with np.load(path) as content:
-            arrays = {name: content[name] for name in ARRAYS}
+            unmeasured = {"measured": np.full_like(content["nominal_b"], np.nan)}
+            arrays = {name: content[name] if name in content else unmeasured[name] for name in ARRAYS}
             return WalkRecords(**arrays, about=json.loads(str(content["about"])))
     except (OSError, EOFError, ValueError, KeyError, BadZipFile) as error:
         raise RecordsError(f"{path}: no records of a walk: {error}") from error

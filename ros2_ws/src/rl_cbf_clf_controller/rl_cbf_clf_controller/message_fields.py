@@ -43,7 +43,8 @@ def output_of(message: Any, torque: Array) -> ControllerOutput:
     values: dict[str, Any] = {name: getattr(message, name) for name in (*SCALARS, *WORDS)}
     values |= {name: np.array(getattr(message, name)) for name in (*ARRAYS, *SEQUENCES)}
     _check(message, len(message.quantities))
-    values["measured"] = np.array(getattr(message, "measured", np.full(len(message.quantities), np.nan)))
+    unmeasured = np.full(len(message.quantities), np.nan)  # as in recordings of former versions
+    values["measured"] = np.array(getattr(message, "measured", unmeasured))
     for name in ("nominal_a", "alpha"):
         values[name] = values[name].reshape(-1, 4)
     return ControllerOutput(
@@ -60,6 +61,8 @@ def output_of(message: Any, torque: Array) -> ControllerOutput:
 
 def _check(message: Any, n: int) -> None:
     expected = {"nominal_a": 4 * n, "alpha": 4 * n, "nominal_b": n, "beta": n}
+    if hasattr(message, "measured"):
+        expected["measured"] = n
     lengths = {name: len(getattr(message, name)) for name in expected}
     if lengths != expected:
         raise ValueError(f"lengths {lengths}; {n} quantities expect {expected}")

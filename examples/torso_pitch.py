@@ -1,0 +1,61 @@
+"""A learned barrier of your own, in this one file: the torso leans forward by at most 0.345 rad.
+
+B = LIMIT - pitch >= 0,   row: B-ddot + K_b (B, B-dot) >= 0,   B-ddot = nominal(mu) + alpha mu + beta, learned
+
+pip install -e examples                                    the controller gets its name: see pyproject.toml
+rabbit train --problem pitch-rl-clf-qp --out DIR
+rabbit walk --controller pitch-rl-clf-qp --terrain flat --policy DIR/policy.safetensors --mass-scale 2
+python examples/torso_pitch.py DIR/policy.safetensors      how far the torso leans, nominal and learned
+"""
+
+import sys
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from cbf_clf_qp.clf import Clf
+from cbf_clf_qp.ecbf import Barriers, Ecbf
+from cbf_clf_qp.res_clf import ResClf
+from rl_cbf_clf_controller.kinds import Kind, Quantities
+from rl_cbf_clf_controller.scene import Scene
+from rl_cbf_clf_controller.uncertainty import RL_CLF_QP
+
+NAME = "pitch-rl-clf-qp"
+LIMIT, POLES = 0.345, (40.0, 40.0)  # rad; 1/s
+PITCH = 2  # its place among the coordinates
+
+
+class TorsoPitch(Ecbf):
+    """B-ddot of the torso's lean, rad/s^2."""
+
+    names = ("pitch",)
+
+    def barriers(self, scene: Scene) -> Barriers:
+        """B = LIMIT - pitch."""
+        gradient = -np.eye(1, scene.q_s.size, PITCH)
+        return Barriers(gradient @ scene.q_s + LIMIT, gradient @ scene.dq_s, gradient, np.zeros(1))
+
+
+def quantities(parameters: Any, clf: ResClf) -> Quantities:
+    """The CLF relaxed by d, and the barrier."""
+    return Clf(clf, parameters.slack_weight), TorsoPitch(POLES, parameters.barrier_rescue_weight)
+
+
+PROBLEM = replace(
+    RL_CLF_QP, name=NAME, quantities=("V", "pitch"), alpha_scale=(1.5, 1.0), beta_scale=(250, 60), error_scale=(15, 10)
+)
+CONTROLLERS = {NAME: Kind(PROBLEM, quantities, learns=True)}
+
+if __name__ == "__main__":
+    from rabbit_experiments.assembly import Assembly
+    from rabbit_sim.parameters import SimulationParameters
+    from rl_cbf_clf_controller.parameters import load_parameters
+    from rl_trainer.rollout import Record, rollout
+
+    heavy, law = SimulationParameters(terrain="flat", stones=20, mass_scale=2), load_parameters("ours", controller=NAME)
+    for policy in ("zero", *sys.argv[1:]):
+        for seed in range(901, 906):
+            walk: list[Record] = []
+            end = rollout(*Assembly(heavy, law, policy).build(), seed, walk.append)
+            lean = max(tick.state.q[PITCH] for tick in walk)
+            print(f"{policy}, seed {seed}: {end.touchdowns} steps, lean up to {lean:.4f} rad, limit {LIMIT}")

@@ -1,0 +1,98 @@
+"""A learned barrier of one's own, `examples/torso_pitch.py`: trained, evaluated, swapped, recorded and drawn."""
+
+import csv
+import os
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rabbit_recording.reader import iterate_episodes
+from rl_cbf_clf_controller.kinds import kinds
+from rl_cbf_clf_controller.weights import read
+
+Rabbit = Callable[..., subprocess.CompletedProcess[str]]
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+NAME = "pitch-rl-clf-qp"
+HEAVY = ("--terrain", "flat", "--mass-scale", "2", "--motor-lag", "0")
+PITCH, LIMIT = 2, 0.345  # place among the coordinates; rad
+
+
+@pytest.fixture
+def rabbit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Rabbit]:
+    """The command `rabbit` where the example is installed, as `pip install -e examples` does it."""
+    about = tmp_path / "site" / "rabbit_examples-0.1.0.dist-info"
+    about.mkdir(parents=True)
+    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: rabbit-examples\nVersion: 0.1.0\n")
+    project = (EXAMPLES / "pyproject.toml").read_text()
+    entry = next(line for line in project.splitlines() if line.startswith("torso_pitch = ")).replace('"', "")
+    (about / "entry_points.txt").write_text(f"[rabbit.controllers]\n{entry}\n")
+    path = os.pathsep.join([str(about.parent), str(EXAMPLES), os.environ["PYTHONPATH"]])
+    monkeypatch.syspath_prepend(EXAMPLES)
+    monkeypatch.syspath_prepend(about.parent)
+    kinds.cache_clear()
+
+    def run(*words: object) -> subprocess.CompletedProcess[str]:
+        command = ["rabbit", *map(str, words)]
+        environment = {**os.environ, "PYTHONPATH": path}
+        return subprocess.run(command, capture_output=True, text=True, timeout=900, check=False, env=environment)
+
+    yield run
+    kinds.cache_clear()
+
+
+@pytest.mark.timeout(1500)
+def test_a_barrier_of_ones_own_is_learned_like_the_papers(rabbit: Rabbit, tmp_path: Path) -> None:
+    """At twice the mass the nominal robot falls; with learned estimates it walks and never leans over the limit."""
+    done = rabbit("train", "--problem", NAME, "--episodes", 7, "--seed", 1, "--out", tmp_path / "train")
+    assert done.returncode == 0, done.stderr
+    policy = tmp_path / "train" / "policy.safetensors"
+
+    outcomes = {}
+    for given in ("zero", policy):
+        out = tmp_path / f"evaluate-{Path(given).stem}"
+        common = ("--runs", 2, "--seed", 77, "--stones", 8, "--jobs", 1, "--out", out)
+        done = rabbit("evaluate", "--controller", NAME, "--policy", given, *HEAVY, *common)
+        assert (out / "runs.csv").is_file(), done.stderr
+        with (out / "runs.csv").open() as file:
+            outcomes[given] = [row["outcome"] for row in csv.DictReader(file)]
+    assert set(outcomes[policy]) == {"walked"}
+    assert "walked" not in outcomes["zero"]
+
+    recording = walk_and_swap(rabbit, tmp_path / "walk", policy)
+    episodes = list(iterate_episodes(recording))
+    assert {episode.outcome for episode in episodes} == {"walked"}
+    outputs = [record.output for episode in episodes for record in episode.records]
+    assert {output.quantities for output in outputs} == {("V", "pitch")}
+    assert len({output.policy_version for output in outputs}) == len((BEFORE, policy))
+    assert max(record.state.q[PITCH] for episode in episodes for record in episode.records) < LIMIT
+    learned = [output for output in outputs if output.policy_version == read(policy).version]
+    assert np.abs([output.beta for output in learned]).max(axis=0).min() > 0
+
+    done = rabbit("bag", "check", recording)
+    assert (done.returncode, "torques identical" in done.stdout) == (0, True), done.stdout + done.stderr
+    done = rabbit("bag", "plot", recording, "--out", tmp_path / "pictures")
+    assert (tmp_path / "pictures" / "quantities.png").is_file(), done.stderr
+
+
+UNDER_WAY = 300_000  # bytes of a recording
+BEFORE = -2  # the policy of the last but one episode of the training
+
+
+def walk_and_swap(rabbit: Rabbit, folder: Path, policy: Path) -> Path:
+    """A walk with the policy of the last but one episode, in which the last one is loaded; returns its recording."""
+    earlier = sorted((policy.parent / "policies").glob("*.safetensors"))[BEFORE]
+    walk = ("--controller", NAME, *HEAVY, "--stones", 8, "--episodes", 6, "--seed", 9, "--pace", 1, "--no-trainer")
+    with ThreadPoolExecutor() as pool:
+        walking = pool.submit(rabbit, "walk", *walk, "--policy", earlier, "--out", folder)
+        while not walking.done() and sum(file.stat().st_size for file in folder.glob("recording/*.mcap")) < UNDER_WAY:
+            time.sleep(0.1)
+        loaded = rabbit("policy", "load", policy, "--timeout", 120)
+        done = walking.result()
+    assert loaded.returncode == 0, loaded.stdout + loaded.stderr
+    assert done.returncode == 0, done.stdout + done.stderr
+    return folder / "recording"
