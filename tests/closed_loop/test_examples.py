@@ -21,7 +21,7 @@ def load(name):
 
 @pytest.mark.parametrize("path", sorted(EXAMPLES.glob("*.py")), ids=lambda p: p.stem)
 def test_an_example_is_short(path):
-    assert len(path.read_text().splitlines()) <= {"three_link_walker": 150}.get(path.stem, 80)
+    assert len(path.read_text().splitlines()) <= {"segway": 150, "three_link_walker": 150}.get(path.stem, 80)
 
 
 def test_cruise_control_follows_the_closed_form_while_the_clf_alone_is_active():
@@ -65,6 +65,28 @@ def test_own_robots_barrier_derivatives_by_differences():
         here, ahead, behind = (arm.shelf_barrier(q + t * dq, dq + t * ddq) for t in (0, h, -h))
         assert here.dB == pytest.approx((ahead.B - behind.B) / (2 * h), abs=1e-7)
         assert here.jacobian @ ddq + here.bias == pytest.approx((ahead.dB - behind.dB) / (2 * h), abs=1e-6)
+
+
+def test_segway_learns_to_keep_the_limit():
+    segway = load("segway")
+
+    def worst(estimate):
+        return max(segway.ride((77, 1, k), estimate)[:, 0].max() for k in range(2)) - segway.LIMIT
+
+    nominal = worst(segway.nominal)
+    assert nominal > 0.3
+    assert worst(segway.oracle) <= segway.KEPT
+    assert worst(segway.train(77, episodes=2)) < 0.2 * nominal
+
+
+def test_segways_barrier_derivative_by_differences():
+    segway = load("segway")
+    rng = np.random.default_rng(0)
+    for _ in range(5):
+        x, torque = rng.normal(size=3), 50 * rng.normal(size=1)
+        before, after = segway.scene_of(x, 0.0), segway.scene_of(segway.after_tick(x, torque), 0.0)
+        ends = [segway.BARRIER.predict(at, segway.dynamics(segway.TRUE, at.x))(torque) for at in (before, after)]
+        assert segway.BARRIER.measure(before, after, segway.TICK) == pytest.approx(sum(ends) / 2, rel=0.01, abs=0.01)
 
 
 def test_own_barrier_lowers_the_swing_foot():
