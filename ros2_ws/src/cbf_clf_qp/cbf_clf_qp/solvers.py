@@ -18,7 +18,7 @@ from cbf_clf_qp.affine import Array
 from cbf_clf_qp.qp import QuadraticProgram
 
 TOLERANCE = 1e-4  # KKT residual that is let pass, relative to the size of x
-UNBOUNDED = 1e30  # DAQP's infinity
+UNBOUNDED = 1e30  # what both take for infinity
 
 
 @dataclass(frozen=True)
@@ -138,7 +138,9 @@ class GuardedSolver:
         """The first solver's answer, or the guard's."""
         free = -qp.q / 2
         value = qp.A @ free
-        if not np.isfinite(value).all() or (qp.lower > qp.upper).any() or np.isnan(qp.lower + qp.upper).any():
+        out_of_reach = (qp.upper < -UNBOUNDED).any() or (qp.lower > UNBOUNDED).any()
+        is_contradictory = (qp.lower > qp.upper).any() or np.isnan(qp.lower + qp.upper).any()
+        if not np.isfinite(value).all() or is_contradictory or out_of_reach:
             return Solution(free, False, "bad data", self._first.name, np.inf, 0.0)
         if (value <= qp.upper).all() and (value >= qp.lower).all():
             return Solution(free, True, "unconstrained", self._first.name, 0.0, 0.0)

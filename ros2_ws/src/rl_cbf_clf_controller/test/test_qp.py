@@ -90,6 +90,13 @@ def test_infeasible_hard_rows_are_not_solved(solver):
     assert not solver().solve(build_qp(rows)).solved
 
 
+@pytest.mark.parametrize("name", ["osqp", "daqp"])
+def test_a_bound_out_of_reach_is_refused(name):
+    """As in a state that has diverged."""
+    solution = make_solver(name).solve(build_qp([Rows.at_most(("CLF",), np.ones((1, 4)), np.array([-1e42]), 10.0)]))
+    assert (solution.solved, solution.status) == (False, "bad data")
+
+
 @pytest.mark.parametrize("value", [np.nan, np.inf])
 def test_bad_data_is_refused(value):
     qp = build_qp([Rows.at_most(("CLF",), np.array([[value, 0, 0, 0]]), np.array([-1.0]), 1.0)])
