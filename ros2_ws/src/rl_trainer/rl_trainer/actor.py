@@ -35,13 +35,13 @@ class Actor(nn.Module):
         self.register_buffer("beta_scale", torch.tensor(beta))
 
     def forward(self, observation: Tensor, LgV: Tensor) -> tuple[Tensor, Tensor]:
-        """Raw observation (b, m), LgV (b, 4) to alpha (b, n, 4) and beta (b, n), in the quantities' units."""
+        """Raw observation (b, m), LgV (b, p) to alpha (b, n, p) and beta (b, n), in the quantities' units."""
         alpha, beta = self.unit_action(observation, LgV)
         size = self.clf_size(LgV)
         return alpha * self.alpha_scale[:, None] * size[..., None], beta * self.beta_scale * size
 
     def unit_action(self, observation: Tensor, LgV: Tensor) -> tuple[Tensor, Tensor]:
-        """Alpha (b, n, 4) and beta (b, n) over their scales and, for V, over |LgV| + 1."""
+        """Alpha (b, n, p) and beta (b, n) over their scales and, for V, over |LgV| + 1."""
         outputs, m = self.outputs(self.scaling(observation)), self._m
         if not self.structured:
             return outputs[:, : m * self.n].reshape(-1, self.n, m), outputs[:, m * self.n :]

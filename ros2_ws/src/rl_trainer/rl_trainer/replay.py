@@ -14,9 +14,9 @@ from rl_trainer.transitions import Doubt, Transition
 
 @dataclass(frozen=True)
 class Batch:
-    """b transitions, m observations (raw), n quantities; `target`, `correction` and `reward` in units of the error.
+    """b transitions, m observations (raw), n quantities, p inputs; `target` and `reward` in units of the error.
 
-    `observation` (b, m), `LgV` (b, 4), `mu` (b, 4), `unit` (b, n), `alpha` (b, n, 4), `beta` (b, n), `target` (b, n),
+    `observation` (b, m), `LgV` (b, p), `mu` (b, p), `unit` (b, n), `alpha` (b, n, p), `beta` (b, n), `target` (b, n),
     `reward` (b, n), `penalty` (b,), `failed` (b,), and `observation`, `LgV`, `mu` of the next tick.
     """
 

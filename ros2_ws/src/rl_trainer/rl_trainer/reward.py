@@ -40,7 +40,7 @@ def reward_terms(transition: Transition, parameters: TrainingParameters) -> Rewa
 
 
 def error_unit(LgV: Array, parameters: TrainingParameters) -> Array:
-    """S_i for LgV of shape (..., 4): shape (..., n)."""
+    """S_i for LgV of shape (..., p): shape (..., n)."""
     unit: Array = np.broadcast_to(parameters.scales[2], (*LgV.shape[:-1], parameters.n)).copy()
     if parameters.relative_clf and parameters.problem.has_clf:
         unit[..., 0] *= np.linalg.norm(LgV, axis=-1) + 1

@@ -43,11 +43,11 @@ class Doubt(IntFlag):
 
 @dataclass(frozen=True)
 class Transition:
-    """One tick, with m observations and n quantities.
+    """One tick, with m observations, n quantities and p inputs.
 
-    `observation`, `next_observation` (m,), raw; `LgV`, `next_LgV` (4,); `mu`, `next_mu` (4,), executed, rad/s^2;
-    `mu_qp` (4,), the QP's, before exploration and torque limit;
-    `alpha` (n, 4), `beta` (n,), used at this tick; `nominal`, `measured` (n,), in the quantities' units, NaN where not
+    `observation`, `next_observation` (m,), raw; `LgV`, `next_LgV` (p,); `mu`, `next_mu` (p,), executed, rad/s^2;
+    `mu_qp` (p,), the QP's, before exploration and torque limit;
+    `alpha` (n, p), `beta` (n,), used at this tick; `nominal`, `measured` (n,), in the quantities' units, NaN where not
     measured. `failed`: the next pose is a failure, and the episode's end.
     """
 
