@@ -20,9 +20,8 @@ from rl_cbf_clf_controller.kinds import Kind, Quantities
 from rl_cbf_clf_controller.scene import Scene
 from rl_cbf_clf_controller.uncertainty import RL_CLF_QP
 
-NAME = "pitch-rl-clf-qp"
+NAME, PITCH = "pitch-rl-clf-qp", 2  # its place among the coordinates
 LIMIT, POLES = 0.345, (40.0, 40.0)  # rad; 1/s
-PITCH = 2  # its place among the coordinates
 
 
 class TorsoPitch(Ecbf):
