@@ -64,7 +64,7 @@ class Gathered:
 
     def __init__(self, run: int, episode: int) -> None:
         self.run, self.episode = run, episode
-        self.previews: dict[int, Any] = {}
+        self.previews: dict[int, dict[int, Any]] = defaultdict(dict)  # by index of the stone and stamp
         self.landings: dict[int, Any] = {}
         self.announced: Any = None  # the newest announcement
         self._in_real_time = False
@@ -84,7 +84,16 @@ class Gathered:
                 self.announced = message.decode()
         else:
             decoded = message.decode()
-            (self.previews if message.topic == "preview" else self.landings).setdefault(decoded.index, decoded)
+            if message.topic == "preview":
+                self.previews[decoded.index].setdefault(message.stamp, decoded)
+            else:
+                self.landings.setdefault(decoded.index, decoded)
+
+    def preview(self, index: int, now: int) -> Any:
+        """Of the stone that is first seen at a time (ns): the one announced then, or else the newest before, or any."""
+        candidates = self.previews.get(index, {})
+        stamps = [stamp for stamp in candidates if stamp <= now] or list(candidates)[:1]
+        return candidates[max(stamps)] if stamps else None
 
     @property
     def ticks(self) -> dict[str, dict[int, StoredMessage]]:

@@ -121,10 +121,14 @@ def _decoded(gathered: Gathered, account: EpisodeInventory, told: _Told) -> Reco
     if gathered.announced is not None:
         episode.sigma = gathered.announced.sigma
     ticks = gathered.ticks
+    seen: dict[int, Any] = {}  # previews, by index of the stone
     for tick in gathered.full_ticks(ticks):
         state, torque, details = (ticks[topic][tick].decode() for topic in BY_TICK)
+        stone = state.touchdowns + 1
+        if stone not in seen:
+            seen[stone] = gathered.preview(stone, ticks["state"][tick].stamp)
         output = output_of(details, np.array(torque.torque))
-        episode.records.append(Record(_state(state, gathered.previews), output))
+        episode.records.append(Record(_state(state, seen[stone]), output))
         if not episode.swaps or torque.policy_version != episode.swaps[-1].version:
             version = torque.policy_version
             episode.swaps.append(RecordedSwap(tick, version, told.policies.get(version)))
@@ -136,8 +140,8 @@ def _decoded(gathered: Gathered, account: EpisodeInventory, told: _Told) -> Reco
     return episode
 
 
-def _state(message: Any, previews: dict[int, Any]) -> RobotState:
-    stone = previews.get(message.touchdowns + 1) if message.previewed else None
+def _state(message: Any, preview: Any) -> RobotState:
+    stone = preview if message.previewed else None
     return RobotState(
         tick=message.tick,
         q=message.q,

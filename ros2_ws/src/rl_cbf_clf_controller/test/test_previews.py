@@ -18,10 +18,27 @@ def stone(index: int) -> StonePreview:
 def test_the_next_episodes_first_stone_is_kept_after_a_whole_course() -> None:
     previews = PreviewBuffer()
     for index in range(1, 31):
-        previews.add(PRESENT, stone(index), PRESENT)
-    previews.add(PRESENT + 1, stone(1), PRESENT)
-    assert previews.get(PRESENT + 1, 1) == stone(1)
-    assert previews.get(PRESENT, 30) == stone(30)
+        previews.add(PRESENT, stone(index), index, PRESENT)
+    previews.add(PRESENT + 1, stone(1), 31, PRESENT)
+    assert previews.get(PRESENT + 1, 1, 30, 31) == stone(1)
+    assert previews.get(PRESENT, 30, 29, 30) == stone(30)
+
+
+def test_a_copy_of_another_stones_preview_is_not_taken_for_the_own_one() -> None:
+    """A stranger repeats the preview of stone 1, stamped 10, as that of stone 2, and as the next episode's stone 1."""
+    copy, own, next_own = StonePreview(2, 0.2, 0.25), StonePreview(2, 0.35, 0.4), StonePreview(1, 0.3, 0.35)
+    previews = PreviewBuffer()
+    previews.add(PRESENT, stone(1), 10, PRESENT)
+    assert previews.get(PRESENT, 1, 0, 10) == stone(1)
+    previews.add(PRESENT, copy, 10, PRESENT)
+    previews.add(PRESENT + 1, StonePreview(1, 0.2, 0.25), 10, PRESENT)
+    assert previews.get(PRESENT, 2, 49, 50) is None  # the own one is still on its way
+    previews.add(PRESENT, own, 50, PRESENT)
+    assert previews.get(PRESENT, 2, 49, 50) == own
+    previews.add(PRESENT, copy, 51, PRESENT)
+    assert previews.get(PRESENT, 2, 50, 51) == own  # as before
+    previews.add(PRESENT + 1, next_own, 90, PRESENT)
+    assert previews.get(PRESENT + 1, 1, 90, 90) == next_own
 
 
 @given(
@@ -37,5 +54,5 @@ def test_false_episodes_do_not_crowd_out_the_present_one(
     rng.shuffle(told)
     previews = PreviewBuffer()
     for episode, index in told:
-        previews.add(episode, stone(index), PRESENT)
-    assert all(previews.get(*each) == stone(each[1]) for each in wanted)
+        previews.add(episode, stone(index), 0, PRESENT)
+    assert all(previews.get(*each, 0, 0) == stone(each[1]) for each in wanted)

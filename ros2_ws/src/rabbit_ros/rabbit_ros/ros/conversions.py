@@ -26,6 +26,11 @@ def stamp(ticks: int) -> Time:
     return Time(sec=seconds, nanosec=nanoseconds)
 
 
+def nanoseconds(time: Time) -> int:
+    """Of a stamp."""
+    return int(time.sec) * 1_000_000_000 + int(time.nanosec)
+
+
 def state_message(state: RobotState, episode: int, at: Time) -> msg.RabbitState:
     """A measured state as its message; the preview travels on its own topic."""
     return msg.RabbitState(

@@ -15,12 +15,13 @@ from typing import Literal
 from pydantic import BaseModel, ConfigDict, Field
 from rabbit_description.gait import GaitError
 from rabbit_description.gait_library import Gaits, load_gaits
+from rabbit_description.state import StonePreview
 from rabbit_msgs.msg import ControllerSettings, ControllerState, Episode, PolicySwap, RabbitState, TorqueCommand
 from rabbit_msgs.msg import StonePreview as PreviewMessage
 from rabbit_ros.message_checks import MessageCounter, Refused, check_turn
 from rabbit_ros.priority import scheduling
 from rabbit_ros.ros.checked_subscription import create_checked_subscription
-from rabbit_ros.ros.conversions import check_episode, is_new_simulator, preview_of, state_of
+from rabbit_ros.ros.conversions import check_episode, is_new_simulator, nanoseconds, preview_of, state_of
 from rabbit_ros.ros.diagnostics import OK, WARN, Diagnostics, Status
 from rabbit_ros.ros.parameters import declare, follow, refuse_unknown
 from rabbit_ros.ros.priority import take_or_warn
@@ -76,7 +77,7 @@ class ControllerNode(Node):
         self._controller = Controller(self._settings, self._gait, self._in_force.policy or ZeroPolicy(problem))
         self._message_counter = MessageCounter()
         self._episode = Episode(sigma=math.nan)
-        self._previews = PreviewBuffer()
+        self._previews, self._since = PreviewBuffer(), -1  # ns: when the newest state was decided
         self._held: RabbitState | None = None
         self._early: RabbitState | None = None  # of an episode that is not announced yet
         self._turn = (0, -1)  # episode and tick of the newest state
@@ -148,7 +149,7 @@ class ControllerNode(Node):
 
     def _on_preview(self, message: PreviewMessage) -> None:
         try:
-            self._previews.add(message.episode, preview_of(message), self._turn[0])
+            self._previews.add(message.episode, preview_of(message), nanoseconds(message.stamp), self._turn[0])
         except Refused as error:
             self._refuse("preview", error)
             return
@@ -163,7 +164,7 @@ class ControllerNode(Node):
             return
         self._message_counter.accept("episode")
         if is_new_simulator(message) and self._turn[0] > 0:
-            self._turn, self._held, self._previews = (0, -1), None, PreviewBuffer()
+            self._turn, self._held, self._previews, self._since = (0, -1), None, PreviewBuffer(), -1
         self._episode = message
         if self._early is not None and self._early.episode == message.episode:
             early, self._early = self._early, None
@@ -189,7 +190,8 @@ class ControllerNode(Node):
                 self._give_up(message, refusal)
             return
         self._held = None
-        state = state_of(message, self._previews.get(message.episode, message.touchdowns + 1))
+        state = state_of(message, self._preview(message))
+        self._since = nanoseconds(message.stamp)
         self._message_counter.accept("state")
         if message.tick == 0:
             self._begin()
@@ -208,13 +210,17 @@ class ControllerNode(Node):
 
     def _missing(self, message: RabbitState) -> str:
         """What this tick still waits for; empty when it can be made."""
-        stone = message.touchdowns + 1
-        if message.previewed and self._previews.get(message.episode, stone) is None:
-            return f"preview of stone {stone}"
+        if message.previewed and self._preview(message) is None:
+            return f"preview of stone {message.touchdowns + 1}"
         if message.tick > 0:
             return ""
         wanted = self._wanted()
         return "" if not wanted or self._here(wanted) else f"policy {wanted}"
+
+    def _preview(self, message: RabbitState) -> StonePreview | None:
+        """Of the stone that this tick steps to."""
+        stone, now = message.touchdowns + 1, nanoseconds(message.stamp)
+        return self._previews.get(message.episode, stone, self._since, now)
 
     def _refusal(self, message: RabbitState) -> str:
         """Why the policy that this tick waits for cannot come; empty when it may."""

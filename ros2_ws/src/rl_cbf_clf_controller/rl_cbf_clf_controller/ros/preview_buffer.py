@@ -1,19 +1,25 @@
-"""The previews that were heard: one for each stone, of the present episode and of the one that may come next."""
+"""The previews that were received: one for each stone, of the present episode and of the one that may come next.
+
+The simulator previews a stone at the touchdown before it. So the preview that a state needs is stamped after the state
+that was decided before, and not after this one. By that a foreign copy of another stone's preview is told from it.
+"""
 
 from rabbit_description.state import StonePreview
 from rabbit_ros.message_checks import Refused
 
 NEWEST = 20  # of an episode, as many as are latched
 EPISODES = 3  # of another one too, for a present episode that was not heard of yet
+CANDIDATES = 5  # for a stone
 
 
 class PreviewBuffer:
-    """By episode and index of the stone."""
+    """By episode, index of the stone and stamp, ns."""
 
     def __init__(self) -> None:
-        self._episodes: dict[int, dict[int, StonePreview]] = {}
+        self._episodes: dict[int, dict[int, dict[int, StonePreview]]] = {}
+        self._used: tuple[int, StonePreview] | None = None  # by the newest state, with its episode
 
-    def add(self, episode: int, stone: StonePreview, present: int) -> None:
+    def add(self, episode: int, stone: StonePreview, stamp: int, present: int) -> None:
         """Keep a preview while episode `present` is walked.
 
         Raises:
@@ -22,16 +28,26 @@ class PreviewBuffer:
         if episode < present:
             raise Refused("late", f"stone {stone.index} of episode {episode}; expected {present} or later")
         stones = self._episodes.setdefault(episode, {})
-        before = stones.get(stone.index, stone)
+        candidates = stones.setdefault(stone.index, {})
+        before = candidates.get(stamp, stone)
         if before != stone:
             raise Refused("told otherwise", f"{stone} of episode {episode}; it was {before}")
-        stones[stone.index] = stone
+        candidates[stamp] = stone
+        if len(candidates) > CANDIDATES:
+            del candidates[next(iter(candidates))]
         if len(stones) > NEWEST:
             del stones[min(stones)]
         while len(self._episodes) > EPISODES:
             wanted = (present, present + 1)
             del self._episodes[min(self._episodes, key=lambda number: (number in wanted, number))]
 
-    def get(self, episode: int, index: int) -> StonePreview | None:
-        """The stone with this index; None if it was not heard of."""
-        return self._episodes.get(episode, {}).get(index)
+    def get(self, episode: int, index: int, since: int, now: int) -> StonePreview | None:
+        """The stone that a state stamped `now` needs, where the last one was stamped `since`; None: not here yet."""
+        if self._used is not None and (self._used[0], self._used[1].index) == (episode, index):
+            return self._used[1]
+        candidates = self._episodes.get(episode, {}).get(index, {})
+        stamps = [stamp for stamp in candidates if since <= stamp <= now]
+        if not stamps:
+            return None
+        self._used = episode, candidates[max(stamps)]
+        return self._used[1]
