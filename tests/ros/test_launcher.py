@@ -80,7 +80,7 @@ def test_a_walk_leaves_its_folder(tmp_path: Path) -> None:
         "walk.mp4",
         "walk.gif",
     }
-    assert len(list((tmp_path / "pictures").glob("*.png"))) == 6
+    assert len(list((tmp_path / "pictures").glob("*.png"))) == 7
     assert not running(tmp_path)
 
 

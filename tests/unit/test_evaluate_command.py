@@ -74,7 +74,7 @@ def test_runs_that_are_done_are_not_run_again(tmp_path: Path) -> None:
 
 def test_first_run_is_drawn(tmp_path: Path) -> None:
     assert evaluate(tmp_path, "--runs", 1, "--pictures").exit_code == 0
-    assert len(list((tmp_path / "pictures").glob("*.png"))) == 6
+    assert len(list((tmp_path / "pictures").glob("*.png"))) == 7
 
 
 def test_a_policy_file_of_zeros_is_the_nominal_controller(tmp_path: Path) -> None:
