@@ -144,7 +144,8 @@ def _panel(model: type[BaseModel]) -> str:
 
 
 def _help(field: FieldInfo) -> str:
-    default = "" if field.is_required() or field.default in (None, "", ()) else f" (default {field.default})"
+    unsaid = field.is_required() or field.default_factory or field.default in (None, "", ())
+    default = "" if unsaid else f" (default {field.default})"
     return f"{field.description or ''}{default}"
 
 
