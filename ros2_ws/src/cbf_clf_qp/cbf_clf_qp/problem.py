@@ -24,7 +24,7 @@ class Problem:
         observation: names of what a policy reads of a state.
         units: name, centre and scale of each observation; the network reads (observation - centre) / scale.
         alpha_scale, beta_scale, error_scale: (n,), alpha, beta and their error at 1, in the quantities' units; those
-            of V are multiplied by |LgV| + 1. Empty: whoever trains gives them.
+            of V are multiplied by |LgV| + 1. Empty: the training parameters must give them.
         mu_unit: a typical component of mu.
         corrects_input: alpha and beta are no errors of quantities but a part of the input [approach1_input].
         omissible, optional: observations that a policy may do without, or may read besides.

@@ -16,7 +16,7 @@ GOOD: dict[str, Any] = {
 
 
 @pytest.mark.parametrize(
-    ("changes", "told"),
+    ("changes", "named"),
     [
         ({"observation": ("angle", "speed")}, "speed"),
         ({"optional": ("wind",)}, "wind"),
@@ -29,8 +29,8 @@ GOOD: dict[str, Any] = {
         ({"units": (("angle", 0, 1), ("rate", 0, -2))}, "rate"),
     ],
 )
-def test_what_does_not_fit_is_refused_by_name(changes: dict[str, Any], told: str) -> None:
-    with pytest.raises(ValueError, match=f"problem pendulum: .*{told}"):
+def test_what_does_not_fit_is_refused_by_name(changes: dict[str, Any], named: str) -> None:
+    with pytest.raises(ValueError, match=f"problem pendulum: .*{named}"):
         Problem(**GOOD | changes)
 
 

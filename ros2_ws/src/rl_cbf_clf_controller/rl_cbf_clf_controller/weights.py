@@ -69,7 +69,7 @@ class PolicyMetadata(BaseModel):
 
     @model_validator(mode="after")
     def _fits_the_problem(self) -> "PolicyMetadata":
-        if {self.inputs, self.quantities} & {None} and (self.inputs, self.quantities) != (None, None):
+        if (self.inputs is None) != (self.quantities is None):
             raise ValueError("inputs and quantities: expected both or neither")
         paper = _paper(self.problem)
         if self.quantities is None and paper is None:

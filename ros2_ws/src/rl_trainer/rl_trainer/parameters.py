@@ -168,8 +168,8 @@ class TrainingParameters(BaseModel):
     def scales(self) -> tuple[Scales, Scales, Scales]:
         """Scales of alpha, beta and error, the defaults filled in."""
         alpha, beta, error = self.problem.alpha_scale, self.problem.beta_scale, self.problem.error_scale
-        if self.problem.has_clf and not self.relative_clf:
-            error = (*(value * TYPICAL_LGV for value in error[:1]), *error[1:])
+        if error and self.problem.has_clf and not self.relative_clf:
+            error = (error[0] * TYPICAL_LGV, *error[1:])
         return self.alpha_scale or alpha, self.beta_scale or beta, self.error_scale or error
 
     @property
