@@ -3,7 +3,8 @@
 from collections.abc import Callable
 
 import pytest
-from rabbit_experiments.assembly import EVALUATION_LAG, Assembly
+from rabbit_experiments.assembly import Assembly
+from rabbit_experiments.conditions import EVALUATION_LAG
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import load_parameters
 

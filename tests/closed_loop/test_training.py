@@ -3,7 +3,8 @@
 from pathlib import Path
 
 import pytest
-from rabbit_experiments.assembly import TRAINING_SCALE, TRAINING_SLACK_WEIGHT, Assembly
+from rabbit_experiments.assembly import Assembly
+from rabbit_experiments.conditions import TRAINING_SCALE, TRAINING_SLACK_WEIGHT
 from rabbit_experiments.evaluation import episode_seeds, evaluate
 from rabbit_experiments.training_setup import training
 from rabbit_sim.parameters import SimulationParameters

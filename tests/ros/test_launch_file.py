@@ -18,7 +18,7 @@ from typing import Any
 
 import pytest
 import yaml
-from rabbit_bringup.commands.walk import prepare
+from rabbit_bringup.commands.walk import DEFAULTS, prepare
 from rabbit_bringup.launching.parameter_file import write_parameters
 from rabbit_bringup.launching.processes import Processes
 from rabbit_cli.executables import find_executable
@@ -50,7 +50,7 @@ needs_launch = pytest.mark.skipif(
 @contextmanager
 def launched(folder: Path, **asked: str) -> Iterator[tuple[Processes, "subprocess.Popen[str]"]]:
     """The nodes of a walk, and the launcher that sees them through it."""
-    walk, graph = prepare(Given({**SMALL, **asked, "out": str(folder)}))
+    walk, graph = prepare(Given({**SMALL, **asked, "out": str(folder)}, DEFAULTS))
     write_parameters(folder / "parameters.yaml", graph.parameters)
     processes = Processes(folder / "log")
     for spec in graph.nodes.values():

@@ -13,7 +13,7 @@ from launch.actions import DeclareLaunchArgument, EmitEvent, ExecuteProcess, Opa
 from launch.event_handlers import OnProcessExit, OnProcessStart
 from launch.events import Shutdown
 from launch_ros.actions import Node
-from rabbit_bringup.commands.walk import MODELS, prepare
+from rabbit_bringup.commands.walk import DEFAULTS, MODELS, prepare
 from rabbit_bringup.launching.parameter_file import write_parameters
 from rabbit_bringup.launching.processes import PATIENCE
 from rabbit_cli.executables import LaunchError, find_executable
@@ -22,7 +22,7 @@ from rabbit_cli.options import Given, described
 from rabbit_cli.threads import THREADS
 from rabbit_ros.priority import NotPermitted, take_listeners_priority
 
-ARGUMENTS = described(MODELS)
+ARGUMENTS = described(MODELS, DEFAULTS)
 FORMER = {"recording": "out", "storage": "record"}  # arguments of earlier versions, which launch itself would overlook
 ENDING = {"sigterm_timeout": str(PATIENCE), "sigkill_timeout": str(PATIENCE)}
 LAUNCHERS_ENDING = {name: str(4 * PATIENCE) for name in ENDING}  # it waits for three groups of nodes in turn
@@ -100,4 +100,4 @@ def given(configurations: dict[str, str]) -> Given:
     spaces = (configurations.get("ros_namespace", ""), values.get("namespace", ""))
     is_absolute = spaces[1].startswith("/")
     values["namespace"] = spaces[1] if is_absolute else "/".join(s.strip("/") for s in spaces if s.strip("/"))
-    return Given(values)
+    return Given(values, DEFAULTS)

@@ -13,9 +13,9 @@ import functools
 import inspect
 import re
 import sys
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal, NoReturn, TypeVar, get_args, get_origin
 
 import typer
@@ -26,20 +26,50 @@ from pydantic_core import ErrorDetails
 from rabbit_cli.executables import NAMESPACE
 
 BAD_VALUE = 2
+CHOOSES = {"controller", "parameters"}  # options that say themselves which controller
 Model = TypeVar("Model", bound=BaseModel)
 
 
 @dataclass(frozen=True)
-class Given:
-    """The options that were given, by field name."""
+class Defaults:
+    """A command's own defaults in place of its models', by field name; `options` shows them in the help text.
 
-    values: dict[str, Any]
+    `always` hold where an option is not given, those of `bare` only if neither --controller nor --parameters is given.
+    """
+
+    always: Mapping[str, Any] = field(default_factory=dict)
+    bare: Mapping[str, Any] = field(default_factory=dict)
+
+    def beneath(self, given: Mapping[str, Any]) -> dict[str, Any]:
+        """What is given, with the defaults that hold beside it."""
+        return {**self.always, **({} if given.keys() & CHOOSES else self.bare), **given}
+
+    def text(self, name: str, default: Any) -> str:
+        """The default of an option, as its help text says it; empty where there is none to name."""
+        default = self.always.get(name, default)
+        is_none = default is None or default in ("", ())
+        if name in self.bare:
+            other = "" if is_none or name in CHOOSES else f"; {default} with --controller or --parameters"
+            return f"(default {self.bare[name]}{other})"
+        return "" if is_none else f"(default {default})"
+
+
+@dataclass(frozen=True)
+class Given:
+    """The options that were given, by field name, over the command's own defaults."""
+
+    values: Mapping[str, Any]
+    defaults: Defaults = Defaults()
 
     def of(self, model: type[BaseModel], but: Collection[str] = ()) -> dict[str, Any]:
         """Those that `model` has, `but` some."""
-        fields = model.model_fields.items()
-        chosen = {name: field for name, field in fields if name in self.values and name not in but}
-        return {name: _split(field, self.values[name]) for name, field in chosen.items()}
+        values = self.defaults.beneath(self.values)
+        chosen = {name: info for name, info in model.model_fields.items() if name in values and name not in but}
+        return {name: _split(info, values[name]) for name, info in chosen.items()}
+
+    def over(self, values: Mapping[str, Any]) -> "Given":
+        """The same, and `values` for what was not given."""
+        return Given({**values, **self.values}, self.defaults)
 
     def build(self, model: type[Model], **defaults: Any) -> Model:
         """The model, `defaults` in place of its own; ends the command where a value is wrong."""
@@ -98,7 +128,7 @@ def option_name(field: str) -> str:
 
 
 def options(
-    *models: type[BaseModel], without: Collection[str] = ()
+    *models: type[BaseModel], without: Collection[str] = (), defaults: Defaults = Defaults()
 ) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Give a command the fields of `models` as options, `without` some; it is called with what was given.
 
@@ -107,12 +137,13 @@ def options(
 
     def decorate(function: Callable[..., Any]) -> Callable[..., Any]:
         own = list(inspect.signature(function).parameters.values())[1:]
-        parameters = own + [each for each in _parameters(models) if each.name not in without]
+        parameters = own + [each for each in _parameters(models, defaults) if each.name not in without]
 
         @functools.wraps(function)
         def command(**values: Any) -> Any:
             kept = {each.name: values.pop(each.name) for each in own}
-            return function(Given({name: value for name, value in values.items() if value is not None}), **kept)
+            given = {name: value for name, value in values.items() if value is not None}
+            return function(Given(given, defaults), **kept)
 
         command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
         command.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
@@ -121,46 +152,37 @@ def options(
     return decorate
 
 
-def described(models: Collection[type[BaseModel]]) -> dict[str, str]:
+def described(models: Collection[type[BaseModel]], defaults: Defaults = Defaults()) -> dict[str, str]:
     """What each field of `models` is, with its unit and default."""
-    return {name: _help(field) for model in models for name, field in model.model_fields.items()}
+    return {name: _help(name, info, defaults) for model in models for name, info in model.model_fields.items()}
 
 
-def _parameters(models: tuple[type[BaseModel], ...]) -> list[inspect.Parameter]:
-    fields: dict[str, tuple[str, FieldInfo]] = {}
+def _parameters(models: tuple[type[BaseModel], ...], defaults: Defaults) -> list[inspect.Parameter]:
+    fields: dict[str, Any] = {}
     for model in models:
-        for name, field in model.model_fields.items():
-            fields.setdefault(name, (_panel(model), field))
+        panel = re.findall(r"[A-Z][a-z]*|$", model.__name__)[0]
+        for name, info in model.model_fields.items():
+            fields.setdefault(name, _annotation(name, info, _help(name, info, defaults), panel))
     keyword = inspect.Parameter.KEYWORD_ONLY
-    return [
-        inspect.Parameter(name, keyword, default=None, annotation=_annotation(name, field, panel))
-        for name, (panel, field) in fields.items()
-    ]
+    return [inspect.Parameter(name, keyword, default=None, annotation=kind) for name, kind in fields.items()]
 
 
-def _panel(model: type[BaseModel]) -> str:
-    words = re.findall(r"[A-Z][a-z]*", model.__name__)
-    return words[0] if words else model.__name__
+def _help(name: str, info: FieldInfo, defaults: Defaults) -> str:
+    default = None if info.is_required() or info.default_factory else info.default
+    return f"{info.description or ''} {defaults.text(name, default)}".strip()
 
 
-def _help(field: FieldInfo) -> str:
-    unsaid = field.is_required() or field.default_factory or field.default in (None, "", ())
-    default = "" if unsaid else f" (default {field.default})"
-    return f"{field.description or ''}{default}"
-
-
-def _annotation(name: str, field: FieldInfo, panel: str) -> Any:
-    help_text = _help(field)
-    if field.annotation is bool:
-        flags = f"{option_name(name)}/--no-{option_name(name)[2:]}"
-        return Annotated[bool | None, typer.Option(flags, help=help_text, rich_help_panel=panel)]
-    flag, metavar = option_name(name), _metavar(field.annotation)
+def _annotation(name: str, info: FieldInfo, help_text: str, panel: str) -> Any:
+    flag = option_name(name)
+    if info.annotation is bool:
+        return Annotated[bool | None, typer.Option(f"{flag}/--no-{flag[2:]}", help=help_text, rich_help_panel=panel)]
+    metavar = _metavar(info.annotation)
     return Annotated[str | None, typer.Option(flag, help=help_text, metavar=metavar, rich_help_panel=panel)]
 
 
-def _split(field: FieldInfo, value: Any) -> Any:
+def _split(info: FieldInfo, value: Any) -> Any:
     """The parts of a list, where the field is one."""
-    is_list = get_origin(field.annotation) is tuple
+    is_list = get_origin(info.annotation) is tuple
     return [part for part in value.split(",") if part] if is_list and isinstance(value, str) else value
 
 

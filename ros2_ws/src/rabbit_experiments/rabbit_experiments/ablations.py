@@ -41,7 +41,8 @@ from rl_trainer.session import CheckpointError
 from rl_trainer.training import Trainer
 
 from rabbit_experiments import provenance
-from rabbit_experiments.assembly import EVALUATION_LAG, TRAINING_SCALE, TRAINING_SLACK_WEIGHT, Assembly
+from rabbit_experiments.assembly import Assembly
+from rabbit_experiments.conditions import EVALUATION_LAG, TRAINING_SCALE, TRAINING_SLACK_WEIGHT
 from rabbit_experiments.evaluation import episode_seeds, evaluate
 from rabbit_experiments.markdown import markdown_table
 from rabbit_experiments.parallel import in_processes

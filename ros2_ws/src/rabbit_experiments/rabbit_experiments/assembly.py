@@ -16,10 +16,7 @@ from rl_cbf_clf_controller.policy import PartlyNominal, Policy, ZeroPolicy
 from rl_cbf_clf_controller.policy_compatibility import fitted
 from rl_cbf_clf_controller.weights import SHIPPED, PolicyFile, PolicyFileError, policy_path, read
 
-EVALUATION_LAG = 0.004  # s, of the motors in evaluation, as in the paper
 UNWALKED: Any = {"metadata": True, "gaits": {"__all__": {"metadata"}}}  # what of gaits does not decide a walk
-TRAINING_SCALE = 2.0  # the paper's training plant: twice the mass, no motor lag, no noise
-TRAINING_SLACK_WEIGHT = 3.0  # p while learning: the softer CLF keeps the first, wrong policies on their feet
 
 
 class AssemblyError(ValueError):

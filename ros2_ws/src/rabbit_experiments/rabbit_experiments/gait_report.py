@@ -17,7 +17,8 @@ from rabbit_gait_design.plots import plot_payloads
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import load_parameters
 
-from rabbit_experiments.assembly import EVALUATION_LAG, Assembly
+from rabbit_experiments.assembly import Assembly
+from rabbit_experiments.conditions import EVALUATION_LAG
 from rabbit_experiments.evaluation import episode_seeds, evaluate
 from rabbit_experiments.markdown import markdown_table
 from rabbit_experiments.summary import summarise

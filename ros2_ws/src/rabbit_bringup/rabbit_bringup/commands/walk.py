@@ -9,8 +9,9 @@ from typing import Any
 
 import typer
 from rabbit_cli import exit_codes
-from rabbit_cli.options import Given, complaints, fail, options
+from rabbit_cli.options import Defaults, Given, complaints, fail, options
 from rabbit_experiments.commands.evaluate import given_assembly
+from rabbit_experiments.conditions import EVALUATION_LAG, TRAINING_SCALE
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
@@ -30,14 +31,15 @@ OPTIONS: dict[str, dict[str, str]] = {
     "recorder": {"storage": "record"},
     "viewer": {"port": "view_port"},
 }
-# where the command line names neither controller nor parameters
-DEFAULTS: dict[str, Any] = {"controller": "rl-cbf-clf-qp", "mass_scale": "2"}
+DEFAULTS = Defaults(
+    always={"motor_lag": EVALUATION_LAG}, bare={"controller": "rl-cbf-clf-qp", "mass_scale": TRAINING_SCALE}
+)
 
 app = typer.Typer(add_completion=False)
 
 
 @app.command(epilog=exit_codes.EPILOG)
-@options(*MODELS)
+@options(*MODELS, defaults=DEFAULTS)
 def walk(given: Given) -> None:
     """Walk through the node graph: simulator, controller, trainer, recorder."""
     walk, graph = prepare(given)
@@ -47,8 +49,6 @@ def walk(given: Given) -> None:
 def prepare(given: Given) -> tuple[Walk, Graph]:
     """The walk that is asked for, and the graph that walks it; makes its folder. Ends the command if it cannot be."""
     given, further = with_file(given)
-    if not given.values.keys() & {"controller", "parameters"}:
-        given = Given({**DEFAULTS, **given.values})
     request = given.build(WalkOptions)
     assembly = given_assembly(given, request.policy, request.parameters)
     if assembly.policy == "oracle":
@@ -76,7 +76,7 @@ def with_file(given: Given) -> tuple[Given, Mapping[str, dict[str, Any]]]:
     found: dict[str, Any] = {}
     for node, options_of in OPTIONS.items():
         found |= {options_of[name]: told[node].pop(name) for name in list(told[node]) if name in options_of}
-    return Given({**found, **given.values}), told
+    return given.over(found), told
 
 
 def given_training(

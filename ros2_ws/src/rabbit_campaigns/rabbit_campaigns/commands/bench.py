@@ -7,7 +7,7 @@ from typing import Any
 import typer
 from pydantic import BaseModel, ConfigDict, Field
 from rabbit_cli.options import Given, complaints, options
-from rabbit_experiments.commands.evaluate import given_assembly
+from rabbit_experiments.commands.evaluate import DEFAULTS, given_assembly
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
@@ -30,7 +30,7 @@ class BenchOptions(BaseModel):
 
 
 @app.command()
-@options(BenchOptions, ControllerParameters, SimulationParameters)
+@options(BenchOptions, ControllerParameters, SimulationParameters, defaults=DEFAULTS)
 def bench(given: Given) -> None:
     """Time a tick, its parts, both QP solvers, the plant and a whole walk, in one process and through the nodes."""
     request = given.build(BenchOptions)

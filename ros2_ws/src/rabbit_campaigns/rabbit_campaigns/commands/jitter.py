@@ -40,14 +40,12 @@ class JitterOptions(BaseModel):
 
 
 @app.command()
-@options(JitterOptions, ControllerParameters, SimulationParameters)
+@options(JitterOptions, ControllerParameters, SimulationParameters, defaults=DEFAULTS)
 def jitter(given: Given) -> None:
     """Walk in real time: late ticks, missed deadlines, age of the torque; safe action once the controller is killed.
 
     Exit code 1 if this machine is not fit.
     """
-    if not given.values.keys() & {"controller", "parameters"}:
-        given = Given({**DEFAULTS, **given.values})
     told = given.build(JitterOptions)
     assembly = given_assembly(given, told.policy, told.parameters)
     if assembly.policy == "oracle":

@@ -7,8 +7,9 @@ import typer
 from pydantic import BaseModel, ConfigDict, Field
 from rabbit_bringup.commands.walk import given_training, make_folder
 from rabbit_bringup.launching.walk import Graph, Interrupted, WalkOptions, make_graph
-from rabbit_cli.options import Given, complaints, fail, options
+from rabbit_cli.options import Defaults, Given, complaints, fail, options
 from rabbit_experiments.commands.evaluate import given_assembly
+from rabbit_experiments.conditions import EVALUATION_LAG
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
@@ -18,16 +19,16 @@ OVER = 1  # exit code where a bar is not kept
 READY = 600.0  # s for the nodes to find each other: a soak may begin on a busy machine
 TRAINER_TIMEOUT = 3600.0  # s
 CAPACITY = 5_000  # transitions kept: a replay buffer that still fills up would look like a leak
-# where the command line names neither controller nor parameters: one that walks every course (docs/results.md)
-SURE: dict[str, Any] = {
+SURE = {  # walks every course (docs/results.md)
     "controller": "rl-cbf-clf-qp",
+    "policy": "universal",
     "adaptation": "identification",
     "objective": "pd_centred",
     "gait": "paper_stones",
-    "stone_margin": "0.01",
-    "mass_scale": "2",
+    "stone_margin": 0.01,
+    "mass_scale": 2.0,
 }
-SURE_POLICY = "universal"
+DEFAULTS = Defaults(always={"motor_lag": EVALUATION_LAG}, bare=SURE)
 OF_WALK = {"out", "seed", "pace", "policy", "training"}
 
 app = typer.Typer(add_completion=False)
@@ -52,15 +53,11 @@ class SoakOptions(BaseModel):
 
 
 @app.command()
-@options(SoakOptions, ControllerParameters, SimulationParameters)
+@options(SoakOptions, ControllerParameters, SimulationParameters, defaults=DEFAULTS)
 def soak(given: Given) -> None:
     """Walk for an hour with learning, swapping, recording and an operator on; exit code 1 if a bar is not kept."""
-    is_sure = not given.values.keys() & {"controller", "parameters"}
-    if is_sure:
-        given = Given({**SURE, **given.values})
     told = given.build(SoakOptions)
-    policy = told.policy or (SURE_POLICY if is_sure else None)
-    assembly = given_assembly(given, policy, told.parameters)
+    assembly = given_assembly(given, told.policy, told.parameters)
     if assembly.policy == "oracle" or (told.operate_every and assembly.policy == "zero"):
         fail(f"--policy {assembly.policy}: expected a shipped policy or a file; zero with --operate-every 0")
     request = WalkOptions(**told.model_dump(include=OF_WALK), episodes=EPISODES, ready_timeout=READY)

@@ -6,9 +6,13 @@ from typing import Any
 
 import typer
 from pydantic import BaseModel, ConfigDict, Field
-from rabbit_cli.options import Given, complaints, fail, options
+from rabbit_cli.options import Defaults, Given, complaints, fail, options
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
+
+from rabbit_experiments.conditions import EVALUATION_LAG
+
+DEFAULTS = Defaults(always={"motor_lag": EVALUATION_LAG})
 
 app = typer.Typer(add_completion=False)
 
@@ -34,7 +38,7 @@ class EvaluationOptions(BaseModel):
 
 
 @app.command()
-@options(EvaluationOptions, ControllerParameters, SimulationParameters)
+@options(EvaluationOptions, ControllerParameters, SimulationParameters, defaults=DEFAULTS)
 def evaluate(given: Given) -> None:
     """Walk many seeded runs without ROS: success rate, stones, forces, solver and speed, in DIR/summary.json."""
     request = given.build(EvaluationOptions)
@@ -63,13 +67,13 @@ def given_assembly(
     from rl_cbf_clf_controller.parameters import ParameterError, load_parameters
     from rl_cbf_clf_controller.weights import PolicyFileError
 
-    from rabbit_experiments.assembly import EVALUATION_LAG, Assembly, AssemblyError, resolve_policy
+    from rabbit_experiments.assembly import Assembly, AssemblyError, resolve_policy
 
     given.build(ControllerParameters)  # told apart from what is wrong in the file
     with complaints(ParameterError):
         controller = load_parameters(parameters, **given.of(ControllerParameters))
     terrain = "stones" if controller.on_stones else "flat"
-    simulation = given.build(SimulationParameters, motor_lag=EVALUATION_LAG, terrain=terrain)
+    simulation = given.build(SimulationParameters, terrain=terrain)
     with complaints(GaitError, CourseError, PolicyFileError):
         try:
             assembly = Assembly(simulation, controller, resolve_policy(policy, controller), nominal)

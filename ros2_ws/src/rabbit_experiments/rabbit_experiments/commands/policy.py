@@ -7,16 +7,18 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from pydantic import BaseModel, ConfigDict, Field
 from rabbit_cli.executables import LaunchError, Refused
-from rabbit_cli.options import Given, check_namespace, complaints, fail, options
+from rabbit_cli.options import Defaults, Given, check_namespace, complaints, fail, options
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
 from rabbit_experiments.commands.evaluate import describe, given_assembly
+from rabbit_experiments.conditions import EVALUATION_LAG, TRAINING_SCALE
 
 if TYPE_CHECKING:
     from rl_cbf_clf_controller.weights import PolicyFile
 
 NOBODY = 1
+DEFAULTS = Defaults(always={"mass_scale": TRAINING_SCALE, "motor_lag": EVALUATION_LAG})
 
 app = typer.Typer(help="Policy files: show, verify, errors, load.", no_args_is_help=True, add_completion=False)
 File = Annotated[Path, typer.Argument(help="policy file (.safetensors), or the name of a shipped one")]
@@ -51,14 +53,12 @@ def verify(file: File) -> None:
 
 
 @app.command()
-@options(ErrorsOptions, ControllerParameters, SimulationParameters, without=("controller",))
+@options(ErrorsOptions, ControllerParameters, SimulationParameters, without=("controller",), defaults=DEFAULTS)
 def errors(given: Given, file: File) -> None:
     """Errors of a policy's estimates against the oracle's, on walks of both (by default at twice the mass)."""
     request = given.build(ErrorsOptions)
-    controller = _read(file).metadata.problem
-    assembly = given_assembly(
-        Given({"mass_scale": 2.0, **given.values, "controller": controller}), str(file), request.parameters
-    )
+    given = given.over({"controller": _read(file).metadata.problem})
+    assembly = given_assembly(given, str(file), request.parameters)
     from rich.progress import track
 
     from rabbit_experiments.evaluation import episode_seeds

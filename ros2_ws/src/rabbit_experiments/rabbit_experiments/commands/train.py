@@ -5,12 +5,16 @@ from typing import Any
 
 import typer
 from pydantic import BaseModel, ConfigDict, Field
-from rabbit_cli.options import Given, complaints, fail, options
+from rabbit_cli.options import Defaults, Given, complaints, fail, options
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_trainer.parameters import TrainingParameters
 
+from rabbit_experiments.conditions import TRAINING_SCALE, TRAINING_SLACK_WEIGHT
+
 POLICY = "policy.safetensors"
+PLANT = {"mass_scale": TRAINING_SCALE, "stop_at_miss": False}  # an episode ends by the robot's pose
+DEFAULTS = Defaults(always={"slack_weight": TRAINING_SLACK_WEIGHT, **PLANT})
 
 app = typer.Typer(add_completion=False)
 
@@ -27,7 +31,14 @@ class SessionOptions(BaseModel):
 
 
 @app.command()
-@options(SessionOptions, TrainingParameters, ControllerParameters, SimulationParameters, without=("controller",))
+@options(
+    SessionOptions,
+    TrainingParameters,
+    ControllerParameters,
+    SimulationParameters,
+    without=("controller",),
+    defaults=DEFAULTS,
+)
 def train(given: Given) -> None:
     """Learn a policy on the perturbed plant (by default twice the mass, no motor lag; no end at a missed stone)."""
     request = given.build(SessionOptions)
@@ -37,19 +48,16 @@ def train(given: Given) -> None:
     from rl_trainer.parameters import paper_literal
     from rl_trainer.session import CheckpointError
 
-    from rabbit_experiments.assembly import TRAINING_SCALE, TRAINING_SLACK_WEIGHT
     from rabbit_experiments.training_setup import training
 
     parameters = given.build(TrainingParameters)
     if request.paper_literal:
         parameters = paper_literal(parameters.problem, **given.of(TrainingParameters, but=("problem",)))
     with complaints(ParameterError):
-        values = {"slack_weight": TRAINING_SLACK_WEIGHT, **given.of(ControllerParameters, but=("controller", "sigma"))}
+        values = given.of(ControllerParameters, but=("controller", "sigma"))
         controller = load_parameters(request.parameters, **values, controller=parameters.problem.name)
     terrain = "stones" if controller.on_stones else "flat"
-    steps = parameters.walking_steps
-    world = {"terrain": terrain, "stones": steps, "stop_at_miss": False}  # an episode ends by the robot's pose
-    plant = given.build(SimulationParameters, mass_scale=TRAINING_SCALE, **world)
+    plant = given.build(SimulationParameters, terrain=terrain, stones=parameters.walking_steps)
     with (
         complaints(GaitError, CourseError, CheckpointError),
         training(request.out, parameters, controller, plant, random_plants=request.random_plants) as job,

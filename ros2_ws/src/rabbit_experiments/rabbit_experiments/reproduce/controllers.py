@@ -7,7 +7,8 @@ from rabbit_sim.parameters import SimulationParameters
 from rabbit_viewer import style
 from rl_cbf_clf_controller.parameters import load_parameters
 
-from rabbit_experiments.assembly import EVALUATION_LAG, Assembly, resolve_policy
+from rabbit_experiments.assembly import Assembly, resolve_policy
+from rabbit_experiments.conditions import EVALUATION_LAG
 
 
 @dataclass(frozen=True)

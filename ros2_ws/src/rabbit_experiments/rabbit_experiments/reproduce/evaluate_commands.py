@@ -9,7 +9,8 @@ from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import load_parameters
 from rl_cbf_clf_controller.weights import policy_path
 
-from rabbit_experiments.assembly import EVALUATION_LAG, Assembly, resolve_policy, shipped_policies
+from rabbit_experiments.assembly import Assembly, resolve_policy, shipped_policies
+from rabbit_experiments.conditions import EVALUATION_LAG
 from rabbit_experiments.reproduce.walks import Case
 
 

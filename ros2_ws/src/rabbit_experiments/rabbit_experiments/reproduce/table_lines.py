@@ -5,7 +5,8 @@ from typing import Any, Literal
 
 from rabbit_viewer.walk_records import WalkRecords
 
-from rabbit_experiments.assembly import EVALUATION_LAG, Assembly
+from rabbit_experiments.assembly import Assembly
+from rabbit_experiments.conditions import EVALUATION_LAG
 from rabbit_experiments.reproduce.cache import Cache
 from rabbit_experiments.reproduce.jobs import Job
 from rabbit_experiments.reproduce.training import Trained

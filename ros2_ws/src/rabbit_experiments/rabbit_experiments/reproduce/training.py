@@ -23,7 +23,8 @@ from rl_cbf_clf_controller.weights import policy_path
 from rl_trainer.parameters import LEARNERS, TrainingParameters
 
 from rabbit_experiments import provenance
-from rabbit_experiments.assembly import TRAINING_SCALE, TRAINING_SLACK_WEIGHT, Assembly
+from rabbit_experiments.assembly import Assembly
+from rabbit_experiments.conditions import TRAINING_SCALE, TRAINING_SLACK_WEIGHT
 from rabbit_experiments.parallel import in_processes
 from rabbit_experiments.reproduce.source_files import sources_hash
 from rabbit_experiments.reproduce.training_log import Episode, read_session, write_log

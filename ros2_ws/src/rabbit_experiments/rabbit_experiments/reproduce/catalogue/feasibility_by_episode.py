@@ -8,7 +8,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from rabbit_viewer import style
 
-from rabbit_experiments.assembly import TRAINING_SCALE, Assembly
+from rabbit_experiments.assembly import Assembly
+from rabbit_experiments.conditions import TRAINING_SCALE
 from rabbit_experiments.evaluation import episode_seeds
 from rabbit_experiments.reproduce.controllers import CBF_CLF, CBF_CLF_ORACLE, RL_CBF_CLF
 from rabbit_experiments.reproduce.curves import WIDTH

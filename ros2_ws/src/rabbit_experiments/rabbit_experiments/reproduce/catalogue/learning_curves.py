@@ -16,7 +16,8 @@ from rl_cbf_clf_controller.kinds import find_problem
 from rl_cbf_clf_controller.parameters import load_parameters
 from rl_trainer.parameters import TrainingParameters
 
-from rabbit_experiments.assembly import EVALUATION_LAG, TRAINING_SCALE, Assembly
+from rabbit_experiments.assembly import Assembly
+from rabbit_experiments.conditions import EVALUATION_LAG, TRAINING_SCALE
 from rabbit_experiments.reproduce.controllers import IO_RL, RL_CBF_CLF, RL_CLF, Contender
 from rabbit_experiments.reproduce.curves import WIDTH
 from rabbit_experiments.reproduce.experiment import Experiment
