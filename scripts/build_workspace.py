@@ -39,7 +39,7 @@ def source_files() -> list[Path]:
 def build_key() -> str:
     """A hash of what decides a build: all names, the contents of what is not linked, the environment."""
     files = source_files()
-    read = [path for path in files if path.name == "setup.py" or path.suffix not in LINKED]
+    read = [path for path in files if path.name.endswith("setup.py") or path.suffix not in LINKED]
     stand_ins = [path for path in STAND_INS.rglob("*") if path.is_file()]
     names = sorted(str(path.relative_to(SOURCES)) for path in files)
     return digest([*read, *stand_ins, Path(__file__)], *names, place(), (STATE / "mend.stamp").read_text())
