@@ -4,14 +4,13 @@ import json
 import socket
 import subprocess
 import sys
-from base64 import b64decode
+from collections import defaultdict
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from rabbit_description.force_ratio import LOADED
 from rabbit_description.state import Leg
 from rabbit_recording.reader import read_episodes
@@ -19,6 +18,7 @@ from rabbit_viewer.live.client import Channel, Listener
 from rabbit_viewer.live.plots import JOINTS
 from rabbit_viewer.skeleton import feet, torso_points
 from rl_trainer.rollout import Record
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 RABBIT = (sys.executable, "-c", "from rabbit_bringup.cli import app; app()")
 WALK = ("--no-pictures", "--no-video", "--no-trainer", "--stones", "4", "--seed", "4", "--view")
@@ -32,11 +32,10 @@ def free_port() -> int:
 
 
 def decoder(channel: Channel) -> Callable[[bytes], Any]:
-    """A protobuf decoder made from nothing but the advertised schema."""
-    pool = descriptor_pool.DescriptorPool()
-    for file in descriptor_pb2.FileDescriptorSet.FromString(b64decode(channel.schema)).file:
-        pool.Add(file)
-    return message_factory.GetMessageClass(pool.FindMessageTypeByName(channel.schema_name)).FromString
+    """A decoder made from nothing but the advertised definition."""
+    store = get_typestore(Stores.EMPTY)
+    store.register(get_types_from_msg(channel.schema, channel.schema_name))
+    return lambda data: store.deserialize_cdr(data, channel.schema_name)
 
 
 class Seen:
@@ -100,31 +99,33 @@ def test_the_scene_is_the_recorded_tick(seen: Seen) -> None:
     for tick, update in seen.scenes.items():
         record = seen.records[tick + shift]
         q, stance = record.state.q[None], record.output.stance
-        entities = {entity.id: entity for entity in update.entities}
-        swing, standing, torso = ([(p.x, p.z) for p in line.points] for line in entities["robot"].lines)
+        drawn = groups(update)
+        swing, standing, torso = ([(p.x, p.z) for p in line.points] for line in drawn["robot"])
         np.testing.assert_array_equal(torso, torso_points(q)[0])
         np.testing.assert_array_equal(standing[2], feet(q)[0, stance])
         np.testing.assert_array_equal(swing[2], feet(q)[0, Leg(stance).other])
         stone = record.state.preview
-        boxes = entities["stones"].cubes
         if stone is not None:
-            ahead = boxes[-1]
-            edges = [ahead.pose.position.x + side * ahead.size.x / 2 for side in (-1, 1)]
+            ahead = drawn["stones"][-1]
+            edges = [ahead.pose.position.x + side * ahead.scale.x / 2 for side in (-1, 1)]
             foot = feet(q)[0, stance, 0]
             np.testing.assert_allclose(edges, [foot + stone.l_min, foot + stone.l_max], atol=1e-12)
-    assert any(update_has(update, "area") for update in seen.scenes.values())
-    assert any(update_has(update, "cone") for update in seen.scenes.values())
+    assert any("area" in groups(update) for update in seen.scenes.values())
+    assert any("cone" in groups(update) for update in seen.scenes.values())
 
 
-def update_has(update: Any, group: str) -> bool:
-    """Whether a group of triangles is drawn."""
-    return any(entity.id == group and entity.triangles for entity in update.entities)
+def groups(update: Any) -> dict[str, list[Any]]:
+    """A scene's markers by namespace."""
+    found: dict[str, list[Any]] = defaultdict(list)
+    for marker in update.markers:
+        found[marker.ns].append(marker)
+    return found
 
 
 def test_the_hip_frame_is_the_recorded_hip(seen: Seen) -> None:
     shift = next(int(values["tick"]) - tick for tick, values in seen.plots.items())
     for tick, frames in seen.frames.items():
-        moved = {frame.child_frame_id: frame.translation for frame in frames.transforms}
+        moved = {frame.child_frame_id: frame.transform.translation for frame in frames.transforms}
         q = seen.records[tick + shift].state.q
         assert (moved["slide_x"].x, moved["slide_z"].z) == (q[0], q[1])
 

@@ -1,4 +1,4 @@
-"""The live view without ROS: what is drawn lies where the walk's records have it, and a client gets it."""
+"""The live view: what is drawn lies where the walk's records have it, and a client gets it."""
 
 import json
 import math
@@ -11,23 +11,24 @@ from typing import Any
 import numpy as np
 import pytest
 from rabbit_description import URDF_PATH
-from rabbit_description.state import Leg
 from rabbit_experiments.assembly import Assembly
 from rabbit_experiments.evaluation import record_walk
+from rabbit_msgs import msg
+from rabbit_ros.ros.conversions import stamp
 from rabbit_sim.kinematics import foot_positions
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_viewer.live.client import Listener
-from rabbit_viewer.live.frames import WORLD, link_frames, turn_about_y
 from rabbit_viewer.live.plots import PLOTTED, plotted
 from rabbit_viewer.live.server import LiveServer, ViewError
-from rabbit_viewer.live.shapes import Arrow, Box, Line, Sheet, draw
 from rabbit_viewer.live.snapshot import Edges, Limits, Snapshot, Step
-from rabbit_viewer.live.tick_messages import KEPT, TickMessages
+from rabbit_viewer.ros.markers import WORLD, markers, transforms
+from rabbit_viewer.ros.newest_ticks import KEPT, TickMessages
 from rabbit_viewer.scene import stone_spans
 from rabbit_viewer.skeleton import feet
 from rabbit_viewer.walk_records import WalkRecords
 from rl_cbf_clf_controller.parameters import load_parameters
 from scipy.spatial.transform import Rotation
+from visualization_msgs.msg import Marker
 
 LIMITS = Limits(R1=1.0, R2=0.5, stone_margin=0.005, friction_coeff=0.8, link_bend=0.0)
 RNG = np.random.default_rng(0)
@@ -40,81 +41,99 @@ def walk() -> WalkRecords:
     return record_walk(Assembly(plant, load_parameters("ours", controller="cbf-clf-qp"), "zero"), seed=1)
 
 
-def moment_at(walk: WalkRecords, row: int) -> Snapshot:
+def snapshot_at(walk: WalkRecords, row: int) -> Snapshot:
     """A row of the records as the viewer sees it."""
     landed = walk.landings[walk.landings[:, 0] <= walk.touchdowns[row]]
-    return Snapshot(
+    tick = int(walk.tick[row])
+    state = msg.RabbitState(
+        stamp=stamp(tick),
         episode=1,
-        tick=int(walk.tick[row]),
-        nanoseconds=int(walk.tick[row]) * 10_000_000,
+        tick=tick,
         q=walk.q[row],
-        stance=Leg(walk.stance[row]),
-        force=walk.stance_force[row],
+        foot_force=walk.foot_force[row].ravel(),
         touchdowns=int(walk.touchdowns[row]),
-        stones=3,
-        V=float(walk.V[row]),
+        applied=walk.torque[row],
+    )
+    details = msg.ControllerState(
+        stance=int(walk.stance[row]),
+        clf=float(walk.V[row]),
         barriers=walk.barriers[row],
         clf_slack=float(walk.clf_slack[row]),
         rescue_slack=float(walk.rescue_slack[row]),
-        torque=walk.torque[row],
-        policy="zero",
-        stone=Edges(*walk.preview[row]) if np.isfinite(walk.preview[row, 0]) else None,
-        steps=tuple(Step(row[2], Edges(row[3], row[4])) for row in landed),
+        policy_version="zero",
     )
+    stone = Edges(*walk.preview[row]) if np.isfinite(walk.preview[row, 0]) else None
+    return Snapshot(state, details, 3, stone, tuple(Step(row[2], Edges(row[3], row[4])) for row in landed), LIMITS)
+
+
+def drawn(snapshot: Snapshot, group: str) -> list[Marker]:
+    """The markers of a group."""
+    return [marker for marker in markers(snapshot).markers if marker.ns == group]
+
+
+def edges(box: Marker) -> tuple[float, float]:
+    """Where a box begins and ends."""
+    return (box.pose.position.x - box.scale.x / 2, box.pose.position.x + box.scale.x / 2)
+
+
+def points(marker: Marker) -> Any:
+    """A marker's points (n, 2), x and z."""
+    assert not any(point.y for point in marker.points)
+    return np.array([(point.x, point.z) for point in marker.points])
 
 
 def test_stones_lie_where_the_film_has_them(walk: WalkRecords) -> None:
     """The film sees the whole walk; the viewer lays them out backwards from the foot that stands."""
     spans = stone_spans(walk, feet(walk.q))
     for row in range(0, len(walk.tick), 7):
-        drawing = draw(moment_at(walk, row), LIMITS)
-        boxes = [(box.near, box.far) for box in drawing["stones"] if isinstance(box, Box)]
+        boxes = [edges(box) for box in drawn(snapshot_at(walk, row), "stones")]
         expected = spans[: int(walk.step_index[row]) + 2]
         np.testing.assert_allclose(boxes, expected, atol=5e-3)  # each landing yields a millimetre
 
 
 def test_a_viewer_that_came_late_draws_the_stones_it_knows_of(walk: WalkRecords) -> None:
     row = int(walk.step_starts[2])
-    moment = moment_at(walk, row)
-    late = replace(moment, steps=moment.steps[-1:])
-    assert draw(late, LIMITS)["stones"] == draw(moment, LIMITS)["stones"][-2:]
+    snapshot = snapshot_at(walk, row)
+    late = replace(snapshot, steps=snapshot.steps[-1:])
+    assert [*map(edges, drawn(late, "stones"))] == [*map(edges, drawn(snapshot, "stones"))][-2:]
 
 
 def test_flat_ground_lies_under_the_foot(walk: WalkRecords) -> None:
-    (ground,) = draw(replace(moment_at(walk, 3), stone=None, steps=()), LIMITS)["stones"]
-    assert isinstance(ground, Box)
-    assert ground.near < feet(walk.q[3:4])[0, 0, 0] < ground.far
+    (ground,) = drawn(replace(snapshot_at(walk, 3), stone=None, steps=()), "stones")
+    near, far = edges(ground)
+    assert near < feet(walk.q[3:4])[0, 0, 0] < far
 
 
 def test_force_begins_in_the_stance_foot_and_lies_in_the_cone(walk: WalkRecords) -> None:
     for row in range(5, len(walk.tick), 11):
-        moment = moment_at(walk, row)
-        drawing = draw(moment, LIMITS)
-        (arrow,), (cone,) = drawing["force"], drawing["cone"]
-        assert isinstance(arrow, Arrow)
-        assert isinstance(cone, Sheet)
-        foot = foot_positions(moment.q)[moment.stance]
-        np.testing.assert_allclose([arrow.start, cone.triangles[0, 0]], [foot, foot], atol=1e-12)
-        x, z = arrow.tip - arrow.start
-        assert x * moment.force[1] == pytest.approx(z * moment.force[0])
-        slope = cone.triangles[0, 1] - foot
+        snapshot = snapshot_at(walk, row)
+        (arrow,), (cone,) = drawn(snapshot, "force"), drawn(snapshot, "cone")
+        start, tip = points(arrow)
+        foot = foot_positions(snapshot.q)[snapshot.stance]
+        np.testing.assert_allclose([start, points(cone)[0]], [foot, foot], atol=1e-12)
+        x, z = tip - start
+        assert x * snapshot.force[1] == pytest.approx(z * snapshot.force[0])
+        slope = points(cone)[1] - foot
         assert (abs(x) <= LIMITS.friction_coeff * z) == (abs(x) * slope[1] <= z * slope[0])
 
 
 def test_without_parameters_nothing_is_invented(walk: WalkRecords) -> None:
-    drawing = draw(moment_at(walk, 3), None)
-    assert not drawing["area"]
-    assert not drawing["cone"]
-    assert len(drawing["robot"]) == 3
+    snapshot = replace(snapshot_at(walk, 3), limits=None)
+    assert not drawn(snapshot, "area")
+    assert not drawn(snapshot, "cone")
+    assert len(drawn(snapshot, "robot")) == 3
 
 
-def test_frames_carry_the_links_to_where_the_feet_are() -> None:
+def test_frames_carry_the_links_to_where_the_feet_are(walk: WalkRecords) -> None:
+    snapshot = snapshot_at(walk, 3)
     for q in RNG.uniform(-1, 1, (10, 7)):
+        snapshot.state.q = q
         at: dict[str, tuple[Any, Any]] = {WORLD: (np.zeros(3), Rotation.identity())}
-        for frame in link_frames(q):
-            origin, turned = at[frame.parent]
-            place = origin + turned.apply([frame.x, 0.0, frame.z])
-            at[frame.child] = (place, turned * Rotation.from_quat(turn_about_y(frame.angle)))
+        for frame in transforms(snapshot).transforms:
+            origin, turned = at[frame.header.frame_id]
+            moved, turn = frame.transform.translation, frame.transform.rotation
+            place = origin + turned.apply([moved.x, moved.y, moved.z])
+            at[frame.child_frame_id] = (place, turned * Rotation.from_quat([turn.x, turn.y, turn.z, turn.w]))
         placed = [at[name][0][[0, 2]] for name in ("left_foot", "right_foot")]
         np.testing.assert_allclose(placed, foot_positions(q), atol=1e-12)
     links = {line.split('"')[1] for line in URDF_PATH.read_text().splitlines() if "<link name=" in line}
@@ -122,13 +141,14 @@ def test_frames_carry_the_links_to_where_the_feet_are() -> None:
 
 
 def test_values_that_are_not_there_are_left_out(walk: WalkRecords) -> None:
-    moment = moment_at(walk, 3)
-    assert set(plotted(moment, LIMITS)) == set(PLOTTED)
-    flat = replace(moment, barriers=np.full(2, np.nan), force=np.zeros(2))
-    assert set(PLOTTED) - set(plotted(flat, None)) == {"B1", "B2", "force_ratio", "friction_coeff"}
+    snapshot = snapshot_at(walk, 3)
+    assert set(plotted(snapshot)) == set(PLOTTED)
+    snapshot.details.barriers = np.full(2, np.nan)
+    snapshot.state.foot_force = np.zeros(4)
+    assert set(PLOTTED) - set(plotted(replace(snapshot, limits=None))) == {"B1", "B2", "force_ratio", "friction_coeff"}
 
 
-def test_layout_names_what_is_served() -> None:
+def test_layout_names_what_is_served(walk: WalkRecords) -> None:
     layout = json.loads((files("rabbit_viewer.live") / "layout.json").read_text())
     panels = layout["configById"]
     paths = {path["value"] for panel in panels.values() for path in panel.get("paths", ())}
@@ -136,7 +156,9 @@ def test_layout_names_what_is_served() -> None:
     wanted = {"V", "B1", "B2", "clf_slack", "force_ratio", "torque_left_hip", "torque_right_knee"}
     assert paths >= {f"/plots.{name}" for name in wanted}
     assert placed(layout["layout"]) == set(panels)
-    assert panels["3D!rabbit"]["followTf"] in {frame.child for frame in link_frames(np.zeros(7))}
+    assert panels["3D!rabbit"]["followTf"] in {
+        frame.child_frame_id for frame in transforms(snapshot_at(walk, 3)).transforms
+    }
 
 
 def placed(node: Any) -> set[str]:
@@ -167,19 +189,19 @@ def test_parts_of_different_ticks_are_not_mixed() -> None:
 
 
 def test_a_client_gets_what_was_shown(walk: WalkRecords) -> None:
-    moment = moment_at(walk, 3)
+    values = plotted(snapshot_at(walk, 3))
     server = LiveServer("127.0.0.1", 0)
     try:
         with Listener(server.address) as listener:
             while not server.is_watched:
                 assert listener.hear(0.05) is None
-            server.show(moment, draw(moment, LIMITS), LIMITS)
+            server.show(30_000_000, values, {"/tf": b"frames", "/scene": b"markers"})
             heard = [listener.hear(5.0) for _ in range(3)]
-        got = {each.topic: each for each in heard if each}
-        assert set(got) == {"/tf", "/scene", "/plots"}
-        assert {each.nanoseconds for each in got.values()} == {moment.nanoseconds}
-        assert json.loads(got["/plots"].data) == plotted(moment, LIMITS)
-        assert not any(math.isnan(value) for value in json.loads(got["/plots"].data).values())
+        got = {each.topic: each.data for each in heard if each}
+        assert (got["/tf"], got["/scene"]) == (b"frames", b"markers")
+        assert {each.nanoseconds for each in heard if each} == {30_000_000}
+        assert json.loads(got["/plots"]) == values
+        assert not any(math.isnan(value) for value in json.loads(got["/plots"]).values())
     finally:
         server.close()
 
@@ -196,7 +218,6 @@ def test_a_taken_port_and_a_strange_address_are_one_line() -> None:
 
 
 def test_lines_of_the_robot_meet_in_the_hip(walk: WalkRecords) -> None:
-    moment = moment_at(walk, 3)
-    for line in draw(moment, LIMITS)["robot"]:
-        assert isinstance(line, Line)
-        np.testing.assert_array_equal(line.points[0], moment.q[:2])
+    snapshot = snapshot_at(walk, 3)
+    for line in drawn(snapshot, "robot"):
+        np.testing.assert_array_equal(points(line)[0], snapshot.q[:2])

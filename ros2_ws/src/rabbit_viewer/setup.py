@@ -13,6 +13,7 @@ install(
     "matplotlib",
     "numpy>=2",
     "pydantic>=2",
+    "rosbags>=0.11.9,<0.12",
     "typer",
     "websockets>=16",
     entry_points={

@@ -1,19 +1,18 @@
-"""The live view's websocket: Foxglove's protocol, spoken by its own SDK. Topics `/scene`, `/tf`, `/plots`."""
+"""The live view's websocket: Foxglove's protocol, spoken by its own SDK.
+
+Topics `/scene` and `/tf` carry ROS messages as they are, `/plots` JSON.
+"""
 
 import re
+from collections.abc import Mapping
 
 import foxglove
-from foxglove.channels import FrameTransformsChannel, SceneUpdateChannel
-from foxglove.messages import Timestamp
 from foxglove.websocket import Capability
+from rosbags.typesys import Stores, get_typestore
 
-from rabbit_viewer.live.foxglove_scene import scene_update, transforms
-from rabbit_viewer.live.frames import link_frames
-from rabbit_viewer.live.plots import SCHEMA, plotted
-from rabbit_viewer.live.shapes import Drawing
-from rabbit_viewer.live.snapshot import Limits, Snapshot
+from rabbit_viewer.live.plots import SCHEMA
 
-SECOND = 1_000_000_000  # ns
+ROS_TOPICS = {"/scene": "visualization_msgs/msg/MarkerArray", "/tf": "tf2_msgs/msg/TFMessage"}
 
 
 class ViewError(RuntimeError):
@@ -21,14 +20,16 @@ class ViewError(RuntimeError):
 
 
 class LiveServer:
-    """Serves moments to any number of browsers, under their simulated time."""
+    """Serves snapshots to any number of browsers, under their simulated time."""
 
     def __init__(self, host: str, port: int) -> None:
         """Raises: ViewError: the address is not there or the port is taken."""
         self._context = context = foxglove.Context()  # the channels live as long as this does
-        self._scene = SceneUpdateChannel("/scene", context=context)
-        self._tf = FrameTransformsChannel("/tf", context=context)
         self._plots = foxglove.Channel("/plots", schema=SCHEMA, message_encoding="json", context=context)
+        self._ros = {
+            topic: foxglove.Channel(topic, schema=ros_schema(kind), message_encoding="cdr", context=context)
+            for topic, kind in ROS_TOPICS.items()
+        }
         try:
             self._server = foxglove.start_server(
                 name="RABBIT", host=host, port=port, capabilities=[Capability.Time], context=context
@@ -51,20 +52,30 @@ class LiveServer:
     @property
     def is_watched(self) -> bool:
         """Somebody wants something."""
-        return any(channel.has_sinks() for channel in (self._scene, self._tf, self._plots))
+        return any(channel.has_sinks() for channel in (self._plots, *self._ros.values()))
 
-    def show(self, moment: Snapshot, drawing: Drawing, limits: Limits | None) -> None:
-        """Send a moment to all who watch; simulated time that goes back begins a new session."""
-        now = moment.nanoseconds
-        if now < self._newest:
+    def show(self, nanoseconds: int, values: Mapping[str, float], messages: Mapping[str, bytes]) -> None:
+        """Send a snapshot to all who watch; simulated time that goes back begins a new session.
+
+        Args:
+            nanoseconds: its simulated time.
+            values: what is plotted.
+            messages: serialised, by topic of `ROS_TOPICS`.
+        """
+        if nanoseconds < self._newest:
             self._server.clear_session()
-        self._newest = now
-        self._server.broadcast_time(now)
-        at = Timestamp(sec=now // SECOND, nsec=now % SECOND)
-        self._tf.log(transforms(link_frames(moment.q), at), log_time=now)
-        self._scene.log(scene_update(drawing, at), log_time=now)
-        self._plots.log(dict(plotted(moment, limits)), log_time=now)
+        self._newest = nanoseconds
+        self._server.broadcast_time(nanoseconds)
+        for topic, data in messages.items():
+            self._ros[topic].log(data, log_time=nanoseconds)
+        self._plots.log(dict(values), log_time=nanoseconds)
 
     def close(self) -> None:
         """Stop serving."""
         self._server.stop()
+
+
+def ros_schema(kind: str) -> foxglove.Schema:
+    """The definition of one of ROS's own messages, with all that it contains."""
+    text, _ = get_typestore(Stores.ROS2_JAZZY).generate_msgdef(kind, ros_version=2)
+    return foxglove.Schema(name=kind, encoding="ros2msg", data=text.encode())

@@ -1,4 +1,4 @@
-"""What is shown of one tick, and what is drawn around it that the controller's parameters decide."""
+"""What is shown of one tick, and what is drawn around it that parameters decide."""
 
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -32,61 +32,38 @@ class Limits:
     link_bend: float
 
 
-CONTROLLERS = ("R1", "R2", "stone_margin", "friction_coeff")
-SIMULATORS = ("link_bend",)
-
-
 @dataclass(frozen=True)
 class Snapshot:
-    """One tick.
+    """One tick: its `state` and `details`, objects with the fields of `RabbitState` and `ControllerState`.
 
-    `q` (7,) m, rad; `force` (2,): tangential, normal, on the stance foot, mean over the tick before, N; `V`; `barriers`
-    (2,), m, NaN on flat ground; `torque` (4,), that acted over the tick before, N m, NaN at tick 0, in the order of the
-    joints. `stone`: the one ahead, from the
-    stance foot. `steps`: the last landings, the newest last; its foot is the stance foot.
+    `stones`: to be walked. `stone`: the one ahead, from the stance foot. `steps`: the last landings, the newest last;
+    its foot is the stance foot. `limits`: None until the graph has answered.
     """
 
-    episode: int
-    tick: int
-    nanoseconds: int  # simulated time
-    q: Array
-    stance: Leg
-    force: Array
-    touchdowns: int
+    state: Any
+    details: Any
     stones: int
-    V: float
-    barriers: Array
-    clf_slack: float
-    rescue_slack: float
-    torque: Array
-    policy: str
-    stone: Edges | None
-    steps: tuple[Step, ...]
+    stone: Edges | None = None
+    steps: tuple[Step, ...] = ()
+    limits: Limits | None = None
+
+    @property
+    def q(self) -> Array:
+        """Coordinates (7,), m, rad."""
+        return np.array(self.state.q)
+
+    @property
+    def stance(self) -> Leg:
+        """The leg that stands."""
+        return Leg(self.details.stance)
+
+    @property
+    def force(self) -> Array:
+        """On the stance foot, mean over the tick before: tangential, normal, N."""
+        force: Array = np.array(self.state.foot_force).reshape(2, 2)[self.stance]
+        return force
 
     @property
     def seconds(self) -> float:
         """Since the reset."""
-        return self.tick * TICK_SECONDS
-
-
-def snapshot_of(state: Any, details: Any, stones: int, stone: Edges | None, steps: tuple[Step, ...]) -> Snapshot:
-    """From objects with the fields of `RabbitState` and `ControllerState` of one tick."""
-    stance = Leg(details.stance)
-    return Snapshot(
-        episode=state.episode,
-        tick=state.tick,
-        nanoseconds=state.stamp.sec * 1_000_000_000 + state.stamp.nanosec,
-        q=np.array(state.q),
-        stance=stance,
-        force=np.array(state.foot_force).reshape(2, 2)[stance],
-        touchdowns=state.touchdowns,
-        stones=stones,
-        V=details.clf,
-        barriers=np.array(details.barriers),
-        clf_slack=details.clf_slack,
-        rescue_slack=details.rescue_slack,
-        torque=np.array(state.applied),
-        policy=details.policy_version,
-        stone=stone,
-        steps=steps,
-    )
+        return float(self.state.tick * TICK_SECONDS)

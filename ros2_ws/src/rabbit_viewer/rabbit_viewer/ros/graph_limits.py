@@ -9,9 +9,9 @@ from rcl_interfaces.srv import GetParameters
 from rclpy.node import Node
 from rclpy.task import Future
 
-from rabbit_viewer.live.snapshot import CONTROLLERS, SIMULATORS, Limits
+from rabbit_viewer.live.snapshot import Limits
 
-ASKED = {"controller": CONTROLLERS, "simulator": SIMULATORS}
+ASKED = {"controller": ("R1", "R2", "stone_margin", "friction_coeff"), "simulator": ("link_bend",)}
 TRY_SECONDS = 0.2
 ANSWER_SECONDS = 3.0  # after which a question is put again
 
@@ -47,5 +47,5 @@ class GraphLimits:
             return
         self._open.discard(name)
         self._values |= {each: value.double_value for each, value in values.items()}
-        if self._values.keys() == {*CONTROLLERS, *SIMULATORS}:
+        if self._values.keys() == {name for names in ASKED.values() for name in names}:
             self.known = Limits(**self._values)

@@ -1,19 +1,44 @@
-"""Takes the newest ticks of a graph when a picture is due; nothing wakes the viewer when one is told.
+"""Takes the newest ticks of a graph when a picture is due; no message wakes the viewer.
 
-A lock-step walk tells a thousand messages a second, of which a view needs a few; to be called for each would take the
-walkers' processors from them.
+A lock-step walk publishes a thousand messages a second, of which a view needs a few; a callback for each would take
+the walkers' processors from them. So messages stay bytes: most ticks are never looked at.
 """
 
-from collections.abc import Iterator
 from typing import Any
 
+from rabbit_recording.message_header import turn_of
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 NEWEST = QoSProfile(depth=3, reliability=ReliabilityPolicy.BEST_EFFORT)
+KEPT = 16  # ticks that wait for their last part
 
 
-class NewestTicks:
+class TickMessages:
+    """The newest tick of which there is a message on each of `topics`; all begin with stamp, episode, tick."""
+
+    def __init__(self, *topics: str) -> None:
+        self._topics = frozenset(topics)
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget all."""
+        self._waiting: dict[tuple[int, int], dict[str, bytes]] = {}
+        self.key: tuple[int, int] | None = None  # episode, tick
+        self.parts: dict[str, bytes] = {}
+
+    def add(self, topic: str, data: bytes) -> None:
+        """Take a serialised message."""
+        key = turn_of(data)
+        parts = self._waiting.setdefault(key, {})
+        parts[topic] = data
+        if parts.keys() == self._topics:
+            self.key, self.parts = key, self._waiting.pop(key)
+        elif len(self._waiting) > KEPT:
+            del self._waiting[next(iter(self._waiting))]
+
+
+class NewestTicks(TickMessages):
     """Subscriptions of a node that no executor spins, so that messages wait, the newest few of each topic.
 
     It is a node of its own, since an executor spins all of a node; hidden, as a name with a leading underscore says. It
@@ -21,6 +46,7 @@ class NewestTicks:
     """
 
     def __init__(self, node: Node, topics: dict[str, Any]) -> None:
+        super().__init__(*topics)
         self._node = Node(
             f"_{node.get_name()}_ticks",
             namespace=node.get_namespace(),
@@ -33,12 +59,12 @@ class NewestTicks:
             for name, kind in topics.items()
         }
 
-    def take(self) -> Iterator[tuple[str, bytes]]:
-        """What waits: the topic's name as it was given, and the serialised message."""
+    def take(self) -> None:
+        """Take what waits."""
         for name, heard in self._heard.items():
             with heard.handle:
                 while taken := heard.handle.take_message(heard.msg_type, True):
-                    yield name, taken[0]
+                    self.add(name, taken[0])
 
     def close(self) -> None:
         """Hear no more."""

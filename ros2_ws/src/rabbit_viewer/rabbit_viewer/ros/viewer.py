@@ -6,30 +6,36 @@ is hardly slower for it. A viewer may come late, and stay while graphs come and 
 
 import os
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
+from rabbit_description import URDF_PATH
 from rabbit_msgs import msg
 from rabbit_ros.message_checks import MessageCounter, Refused, check_finite
-from rabbit_ros.ros.conversions import preview_of
+from rabbit_ros.ros.conversions import nanoseconds, preview_of
 from rabbit_ros.ros.diagnostics import OK, Diagnostics, Status
 from rabbit_ros.ros.parameters import declare, refuse_unknown
-from rabbit_ros.ros.qos import EVENT
+from rabbit_ros.ros.qos import EVENT, WEIGHTS
 from rabbit_ros.ros.spin import run, steady_timer
 from rclpy.node import Node
-from rclpy.serialization import deserialize_message
+from rclpy.serialization import deserialize_message, serialize_message
+from std_msgs.msg import String
+from tf2_msgs.msg import TFMessage
+from visualization_msgs.msg import MarkerArray
 
 from rabbit_viewer.live.parameters import ViewerParameters
+from rabbit_viewer.live.plots import plotted
 from rabbit_viewer.live.server import LiveServer, ViewError
-from rabbit_viewer.live.shapes import draw
-from rabbit_viewer.live.snapshot import Edges, Snapshot, Step, snapshot_of
-from rabbit_viewer.live.tick_messages import TickMessages
+from rabbit_viewer.live.snapshot import Edges, Snapshot, Step
 from rabbit_viewer.ros.graph_limits import GraphLimits
+from rabbit_viewer.ros.markers import markers, transforms
 from rabbit_viewer.ros.newest_ticks import NewestTicks
-from rabbit_viewer.ros.rviz import RvizTopics
 
 TICK_TOPICS = {"state": msg.RabbitState, "controller_state": msg.ControllerState}
 AGAIN_SECONDS = 0.3  # without a new tick, after which the last one is shown again: somebody may just have come
 SHOWN_STEPS = 12  # stones drawn behind the robot
+RVIZ_DEPTH = 10
 
 
 class ViewerNode(Node):
@@ -39,16 +45,17 @@ class ViewerNode(Node):
         super().__init__("viewer")
         own = declare(self, ViewerParameters)
         refuse_unknown(self)
-        self._newest = NewestTicks(
-            self, TICK_TOPICS
-        )  # first, since it takes the middleware up to 0.1 s to find the graph
+        # first, since it takes the middleware up to 0.1 s to find the graph
+        self._ticks = NewestTicks(self, TICK_TOPICS)
         self._server = LiveServer(own.host, own.port)
         print(f"live view at {self._server.address}, or open {self._server.page}", flush=True)
         self.failure = ""  # what ends the node
-        self._rviz = RvizTopics(self)
+        self._tf = self.create_publisher(TFMessage, "tf", RVIZ_DEPTH)
+        self._markers = self.create_publisher(MarkerArray, "markers", RVIZ_DEPTH)
+        description = self.create_publisher(String, "robot_description", WEIGHTS)
+        description.publish(String(data=URDF_PATH.read_text(encoding="utf-8")))
         self._limits = GraphLimits(self)
         self._message_counter = MessageCounter()
-        self._ticks = TickMessages(*TICK_TOPICS)
         self._episode = msg.Episode()
         self._previews: dict[int, Edges] = {}  # of this episode, by stone
         self._steps: dict[int, Step] = {}
@@ -63,7 +70,7 @@ class ViewerNode(Node):
     def close(self) -> None:
         """Stop serving."""
         self._server.close()
-        self._newest.close()
+        self._ticks.close()
 
     # What comes in
 
@@ -80,22 +87,24 @@ class ViewerNode(Node):
         self._limits.ask_again()
 
     def _on_preview(self, message: msg.StonePreview) -> None:
-        try:
+        with self._refusals("preview"):
             stone = preview_of(message)
-        except Refused as error:
-            self.get_logger().warning(self._message_counter.refuse("preview", error))
-            return
-        if self._is_present(message.episode):
-            self._previews[stone.index] = Edges(stone.l_min, stone.l_max)
+            if self._is_present(message.episode):
+                self._previews[stone.index] = Edges(stone.l_min, stone.l_max)
 
     def _on_landing(self, message: msg.Landing) -> None:
-        try:
+        with self._refusals("landing"):
             check_finite("l", (message.l,))
+            if self._is_present(message.episode):
+                self._steps[message.index] = Step(message.l, Edges(message.l_min, message.l_max))
+
+    @contextmanager
+    def _refusals(self, topic: str) -> Iterator[None]:
+        """Log and count what is refused inside."""
+        try:
+            yield
         except Refused as error:
-            self.get_logger().warning(self._message_counter.refuse("landing", error))
-            return
-        if self._is_present(message.episode):
-            self._steps[message.index] = Step(message.l, Edges(message.l_min, message.l_max))
+            self.get_logger().warning(self._message_counter.refuse(topic, error))
 
     def _is_present(self, episode: int) -> bool:
         """Whether it is the running episode: of latched messages some are older, and one may come before `episode`."""
@@ -107,8 +116,7 @@ class ViewerNode(Node):
 
     def _look(self) -> None:
         """Show the newest tick if it is new, or again now and then."""
-        for name, data in self._newest.take():
-            self._ticks.add(name, data)
+        self._ticks.take()
         now = time.monotonic()
         until, wait = self._patience
         if self._ticks.key is None and not self._episode.stones:
@@ -120,25 +128,26 @@ class ViewerNode(Node):
         is_new = self._ticks.key != key
         if self._ticks.key is None or not (is_new or now - at > AGAIN_SECONDS):
             return
-        if self._server.is_watched or self._rviz.is_watched:
+        if self._server.is_watched or self._is_watched_in_rviz:
             self._shown = (self._ticks.key, now)
-            self._show()
+            with self._refusals("tick"):
+                self._show(self._snapshot())
 
-    def _show(self) -> None:
-        try:
-            moment = self._moment()
-        except Refused as error:
-            self.get_logger().warning(self._message_counter.refuse("tick", error))
-            return
-        limits = self._limits.known
-        drawing = draw(moment, limits)
+    @property
+    def _is_watched_in_rviz(self) -> bool:
+        return bool(self._tf.get_subscription_count() or self._markers.get_subscription_count())
+
+    def _show(self, snapshot: Snapshot) -> None:
+        scene, tf = markers(snapshot), transforms(snapshot)
         if self._server.is_watched:
-            self._server.show(moment, drawing, limits)
-        if self._rviz.is_watched:
-            self._rviz.show(moment, drawing)
+            messages = {"/scene": serialize_message(scene), "/tf": serialize_message(tf)}
+            self._server.show(nanoseconds(snapshot.state.stamp), plotted(snapshot), messages)
+        if self._is_watched_in_rviz:
+            self._tf.publish(tf)
+            self._markers.publish(scene)
         self._message_counter.accept("tick")
 
-    def _moment(self) -> Snapshot:
+    def _snapshot(self) -> Snapshot:
         parts: dict[str, Any] = {}
         for name, data in self._ticks.parts.items():
             try:
@@ -153,7 +162,7 @@ class ViewerNode(Node):
         self._is_present(state.episode)
         landed = state.touchdowns
         stone = self._previews.get(landed + 1) if state.previewed else None
-        return snapshot_of(state, details, self._episode.stones, stone, self._last_steps(landed))
+        return Snapshot(state, details, self._episode.stones, stone, self._last_steps(landed), self._limits.known)
 
     def _last_steps(self, landed: int) -> tuple[Step, ...]:
         """The landings up to `landed` without a gap, the newest last."""
