@@ -20,10 +20,9 @@ from cbf_clf_qp.model_error import model_error
 from cbf_clf_qp.tick import Terms
 from rabbit_description.state import Array, RobotState
 
-from rl_cbf_clf_controller import link_parameters as links
+from rl_cbf_clf_controller.generated_model import make_model
 from rl_cbf_clf_controller.identification import DAMPING, IDENTIFIED, MOTOR_GAIN, THETA, Identification
 from rl_cbf_clf_controller.joint_calibration import JointCalibration
-from rl_cbf_clf_controller.nominal_model import NominalModel
 from rl_cbf_clf_controller.scene import Scene
 
 KNOWN = (*IDENTIFIED, "hip_offset", "knee_offset")  # rad
@@ -85,7 +84,7 @@ class IdentifiedRobot:
     """The robot as identified so far."""
 
     def __init__(self, urdf: str | None = None) -> None:
-        self._robot = NominalModel(urdf)
+        self._robot = make_model(urdf)
         self._identification = Identification(self._robot.model)
         self._calibration = JointCalibration(self._robot.model)
         self.reset()
@@ -130,8 +129,7 @@ class IdentifiedRobot:
 
     def _believe(self) -> None:
         found = self._identification.value
-        links.write_links(self._robot.model, found[THETA])
-        self._robot.motor_gain, self._robot.joint_damping = found[MOTOR_GAIN], found[DAMPING]
+        self._robot.believe(found[THETA], found[MOTOR_GAIN], found[DAMPING])
 
 
 def is_pinned(last: int, measured: Measured) -> bool:

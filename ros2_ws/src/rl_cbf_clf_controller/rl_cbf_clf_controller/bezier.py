@@ -23,6 +23,11 @@ class Bezier:
         second = (degree - 1) * np.diff(first)
         self._orders = tuple(c @ _to_powers(c.shape[1] - 1) for c in (coeffs, first, second))
 
+    @property
+    def powers(self) -> Array:
+        """Coefficients (m, n + 1) of 1, s, s^2, ..."""
+        return self._orders[0]
+
     def __call__(self, s: float) -> tuple[Array, Array, Array]:
         """Value, first and second derivative in s, each (m,)."""
         inside = min(max(s, 0.0), 1.0)

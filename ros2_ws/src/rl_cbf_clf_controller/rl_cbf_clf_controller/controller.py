@@ -21,7 +21,8 @@ from rabbit_description.state import SWAP_STATE, SWAP_TORQUE, TICK_SECONDS, Arra
 
 from rl_cbf_clf_controller.adaptation import Measured
 from rl_cbf_clf_controller.adaptation_choice import make_adaptation
-from rl_cbf_clf_controller.nominal_model import Kinematics, NominalModel
+from rl_cbf_clf_controller.generated_model import make_model
+from rl_cbf_clf_controller.nominal_model import Kinematics
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import Policy
 from rl_cbf_clf_controller.policy_context import ModelContext
@@ -129,7 +130,7 @@ class Controller:
         self.clf = ResClf(4, parameters.eps, (parameters.kp, parameters.kd))
         self.recipe = make_recipe(parameters, self.clf, constraints)
         self._steps = make_steps(gait, parameters.stone_aim)
-        self._model = NominalModel(urdf)
+        self._model = make_model(urdf)
         self._solver = make_solver(parameters.qp_solver)
         self._adaptation = make_adaptation(parameters, self.clf, urdf)
         self.reset(0)
@@ -138,6 +139,11 @@ class Controller:
     def unanswered(self) -> int:
         """Ticks since construction that the chosen solver did not answer itself."""
         return self._solver.unanswered
+
+    @property
+    def model_terms(self) -> str:
+        """What computes them: `generated code` or `pinocchio`, see `generated_model.py`."""
+        return self._model.computed_by
 
     def reset(self, seed: int) -> None:
         """Begin an episode: left leg stands; the exploration noise starts from `seed`."""

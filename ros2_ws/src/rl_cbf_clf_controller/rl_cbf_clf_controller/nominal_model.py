@@ -17,6 +17,8 @@ from cbf_clf_qp.affine import Affine
 from rabbit_description import URDF_PATH
 from rabbit_description.state import Array
 
+from rl_cbf_clf_controller import link_parameters as links
+
 PLANE = [0, 2]  # x and z of a spatial vector
 NORMAL_TANGENTIAL = [1, 0]  # F = (F_T, F_N) to (F_N, F_T), the order of C1, C2
 
@@ -65,6 +67,8 @@ class NominalModel:
     1/s) are 1 and 0 in a nominal model; the oracle's model carries the plant's.
     """
 
+    computed_by = "pinocchio"
+
     def __init__(
         self,
         urdf: str | None = None,
@@ -77,6 +81,11 @@ class NominalModel:
         self._stance, self._swing = (self.model.getFrameId(foot) for foot in feet)
         self._no_acceleration = np.zeros(self.model.nv)
         self._input_map = input_map(self.model.nv)
+        self.motor_gain, self.joint_damping = motor_gain, joint_damping
+
+    def believe(self, theta: Array, motor_gain: float, joint_damping: float) -> None:
+        """Take over links theta (12,), as in `link_parameters.py`, motors and damping."""
+        links.write_links(self.model, theta)
         self.motor_gain, self.joint_damping = motor_gain, joint_damping
 
     def update(self, q_s: Array, dq_s: Array) -> Kinematics:

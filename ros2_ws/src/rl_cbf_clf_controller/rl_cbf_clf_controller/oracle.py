@@ -10,7 +10,7 @@ from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.io_linearization import precontrol
 from cbf_clf_qp.model_error import model_error
 
-from rl_cbf_clf_controller.nominal_model import NominalModel
+from rl_cbf_clf_controller.generated_model import make_model
 from rl_cbf_clf_controller.policy_context import ModelContext, PolicyContext
 
 
@@ -21,7 +21,7 @@ class OraclePolicy:
     adaptation = "none"  # it leaves nothing to find
 
     def __init__(self, urdf: str, motor_gain: float = 1.0, joint_damping: float = 0.0, io: bool = False) -> None:
-        self._model = NominalModel(urdf, motor_gain, joint_damping)
+        self._model = make_model(urdf, motor_gain, joint_damping)
         self._io = io
 
     def estimate(self, context: PolicyContext) -> Estimates:

@@ -21,6 +21,7 @@ from rabbit_description.gait import Gait
 from rabbit_description.gait_library import GaitLibrary, Gaits
 from rabbit_description.state import Array, StonePreview
 
+from rl_cbf_clf_controller.generated_outputs import generated_if_built
 from rl_cbf_clf_controller.virtual_constraints import Outputs, Path, VirtualConstraints
 
 FADED = 0.5  # phase at which the correction ends
@@ -46,6 +47,15 @@ class StepOutputs(VirtualConstraints):
         self._begin, self._width = begun.phase, max(FADED - begun.phase, LEAST_WIDTH)
         self._a = begun.y
         self._b = self._width * begun.dy / max(begun.phase_rate, LEAST_RATE) + 3 * begun.y
+
+    def parameters(self) -> dict[str, Array]:
+        """With the correction."""
+        correction = {
+            "correction": np.array([self._a, self._b]),
+            "correction_begin": np.array(self._begin),
+            "correction_width": np.array(self._width),
+        }
+        return super().parameters() | correction
 
     def evaluate(self, q_s: Array, dq_s: Array) -> Outputs:
         """Outputs at `q_s`, `dq_s` (7,), stance/swing order."""
@@ -73,6 +83,12 @@ class StepOutputs(VirtualConstraints):
         return value, slope, curvature
 
 
+class StateOutputs(Protocol):
+    """Outputs at any state."""
+
+    def evaluate(self, q_s: Array, dq_s: Array) -> Outputs: ...
+
+
 class Steps(Protocol):
     """Where the outputs of each step come from."""
 
@@ -80,10 +96,10 @@ class Steps(Protocol):
     def wanted(self) -> tuple[float, ...]:
         """The step length, m, that a policy may see; empty where there is one gait."""
 
-    def first(self) -> VirtualConstraints:
+    def first(self) -> StateOutputs:
         """Outputs before any step has begun."""
 
-    def begin(self, q_s: Array, dq_s: Array, taken: float, stone: StonePreview | None) -> VirtualConstraints:
+    def begin(self, q_s: Array, dq_s: Array, taken: float, stone: StonePreview | None) -> StateOutputs:
         """Outputs of the step that begins at this state, after one of `taken` m, towards `stone`."""
 
 
@@ -93,13 +109,13 @@ class SingleGait:
     wanted: tuple[float, ...] = ()
 
     def __init__(self, gait: Gait) -> None:
-        self._outputs = VirtualConstraints(gait)
+        self._outputs = generated_if_built(VirtualConstraints(gait))
 
-    def first(self) -> VirtualConstraints:
+    def first(self) -> StateOutputs:
         """The gait's."""
         return self._outputs
 
-    def begin(self, q_s: Array, dq_s: Array, taken: float, stone: StonePreview | None) -> VirtualConstraints:
+    def begin(self, q_s: Array, dq_s: Array, taken: float, stone: StonePreview | None) -> StateOutputs:
         """The gait's."""
         return self._outputs
 
@@ -111,17 +127,17 @@ class LibrarySteps:
         self._library, self._aim = library, aim
         self.wanted: tuple[float, ...] = (library.start_length,)
 
-    def first(self) -> VirtualConstraints:
+    def first(self) -> StateOutputs:
         """Of the gait that an episode begins with."""
         self.wanted = (self._library.start_length,)
-        return VirtualConstraints(step_path(self._library, *self.wanted, *self.wanted))
+        return generated_if_built(VirtualConstraints(step_path(self._library, *self.wanted, *self.wanted)))
 
-    def begin(self, q_s: Array, dq_s: Array, taken: float, stone: StonePreview | None) -> VirtualConstraints:
+    def begin(self, q_s: Array, dq_s: Array, taken: float, stone: StonePreview | None) -> StateOutputs:
         """Towards the stone; where there is none, steps of the start's length."""
         if stone is not None:
             wanted = stone.l_min + self._aim * (stone.l_max - stone.l_min)
             self.wanted = (within(self._library, wanted),)
-        return StepOutputs(step_path(self._library, taken, *self.wanted), q_s, dq_s)
+        return generated_if_built(StepOutputs(step_path(self._library, taken, *self.wanted), q_s, dq_s))
 
 
 def has_lengths(gaits: Gaits) -> TypeGuard[GaitLibrary]:

@@ -15,7 +15,7 @@ import numpy as np
 from cbf_clf_qp.affine import Affine
 from rabbit_description.state import Array
 
-from rl_cbf_clf_controller.bezier import Bezier
+from rl_cbf_clf_controller.bezier import FADING, Bezier
 
 
 @dataclass(frozen=True)
@@ -73,10 +73,20 @@ class VirtualConstraints:
 
     def __init__(self, path: Path, angles: Angles = RABBIT_ANGLES) -> None:
         self._desired = Bezier(path.coeffs)
-        self._controlled = angles.controlled
+        self.controlled = angles.controlled
         per_angle = 1.0 / (path.phase_angle_end - path.phase_angle_start)
         self._start = path.phase_angle_start * per_angle
         self._gradient = angles.phase_angle / (path.phase_angle_end - path.phase_angle_start)
+
+    def parameters(self) -> dict[str, Array]:
+        """What the generated code needs to know of them, as in `generated.layout.PATH`."""
+        return {
+            "gradient": self._gradient,
+            "phase_start": np.array(self._start),
+            "powers": self._desired.powers,
+            "fading": np.array(FADING),
+            "correction_width": np.ones(1),
+        }
 
     def evaluate(self, q_s: Array, dq_s: Array) -> Outputs:
         """Outputs at `q_s`, `dq_s` (n,), stance/swing order."""
@@ -84,9 +94,9 @@ class VirtualConstraints:
         phase_rate = float(self._gradient @ dq_s)
         desired, slope, curvature = self._desired(phase)
         return Outputs(
-            y=self._controlled @ q_s - desired,
-            dy=self._controlled @ dq_s - slope * phase_rate,
-            jacobian=self._controlled - np.outer(slope, self._gradient),
+            y=self.controlled @ q_s - desired,
+            dy=self.controlled @ dq_s - slope * phase_rate,
+            jacobian=self.controlled - np.outer(slope, self._gradient),
             bias=-curvature * phase_rate**2,
             phase=phase,
             phase_rate=phase_rate,
