@@ -1,7 +1,8 @@
 """The compiled model terms, found and called through ctypes: no CasADi at run time, 1 us a call.
 
 `make build` puts the library under the installed package; its name has a hash of the sources that it was generated
-from, so one that is out of date is not found. Without it the controller computes with pinocchio and numpy.
+from, so one that is out of date is not found. Without it, or with RABBIT_MODEL_TERMS=pinocchio in the environment, the
+controller computes with pinocchio and numpy.
 """
 
 import ctypes
@@ -30,6 +31,8 @@ def library_name() -> str:
 @cache
 def load_library() -> ctypes.CDLL | None:
     """The library of the sourced workspace, or None."""
+    if os.environ.get("RABBIT_MODEL_TERMS") == "pinocchio":
+        return None
     name = library_name()
     for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep):
         path = Path(prefix) / "lib" / PACKAGE / name
