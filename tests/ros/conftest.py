@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from rabbit_ros.network import choose_network
+from rabbit_ros.ros.network import choose_network
 
 DOMAINS = 100  # domain ids above 101 may meet the ephemeral ports
 SHORT = {"motor_lag": 0.004, "stones": 3}  # a plant for tests that need a walk, not a result
@@ -94,7 +94,7 @@ class World:
 
     def ask(self, kind: Any, name: str, **fields: Any) -> Any:
         """Call a service."""
-        from rabbit_ros.ros.service_call import call_service
+        from rabbit_ros.ros.services import call_service
 
         client = self.node.create_client(kind, name)
         answer = call_service(client, kind.Request(**fields), self.spin, 180.0)

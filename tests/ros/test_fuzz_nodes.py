@@ -20,9 +20,8 @@ from hypothesis import strategies as st
 from rabbit_description.gait import load_gait
 from rabbit_msgs.msg import Episode, EpisodePlan, PolicySwap, PolicyWeights
 from rabbit_recording.open_recording import opened
-from rabbit_recording.ros.recorder import RecorderNode
+from rabbit_recording.ros.recorder import NUMBER, SENT, RecorderNode
 from rabbit_ros.ros.conversions import preview_message, state_message
-from rabbit_ros.ros.message_info import NUMBER, SENT
 from rabbit_ros.ros.qos import EVENT
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.ros.node import SimulatorNode

@@ -20,7 +20,7 @@ from rabbit_cli.executables import LaunchError, find_executable
 from rabbit_cli.exit_codes import ExitCode
 from rabbit_cli.options import Given, described
 from rabbit_cli.threads import THREADS
-from rabbit_ros.priority import NotPermitted, take_listeners_priority
+from rabbit_ros.priority import take_listeners_priority
 
 ARGUMENTS = described(MODELS, DEFAULTS)
 FORMER = {"recording": "out", "storage": "record"}  # arguments of earlier versions, which launch itself would overlook
@@ -52,10 +52,7 @@ def start(context: LaunchContext) -> list[LaunchDescriptionEntity]:
     (walk.folder / "log").mkdir()
     asked = walk.folder / "log" / "walk.json"
     asked.write_text(walk.model_dump_json(), encoding="utf-8")
-    try:
-        take_listeners_priority(walk.options.priority)
-    except NotPermitted as error:
-        print(error, file=sys.stderr)
+    take_listeners_priority(walk.options.priority, warn=lambda line: print(line, file=sys.stderr))
     pids: dict[str, int] = {}
 
     def started(name: str, pid: int) -> list[LaunchDescriptionEntity]:

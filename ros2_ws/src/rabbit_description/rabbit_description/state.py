@@ -1,5 +1,6 @@
 """The layout of the robot's state and what the simulator measures of it at one tick."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 Array = NDArray[Any]  # float64 unless said otherwise
 
 TICK_SECONDS = 0.01  # s, the paper's T_s
+TICK_NANOSECONDS = round(TICK_SECONDS * 1e9)
 TORQUE_LIMIT = 200.0  # N m at each joint
 ROBOT_MASS = 32.0  # kg, nominal
 
@@ -39,6 +41,16 @@ class StonePreview:
     l_max: float
 
 
+def newest_preview(previews: Mapping[int, StonePreview], now: int, since: int = 0) -> StonePreview | None:
+    """Of the previews of one stone by stamp, ns: the newest from `since` to `now`.
+
+    The simulator previews a stone at the touchdown before it, so a preview belongs to the first state that needs it: it
+    is stamped after the state before, and not after this one.
+    """
+    stamps = [stamp for stamp in previews if since <= stamp <= now]
+    return previews[max(stamps)] if stamps else None
+
+
 def no_torque() -> Array:
     """NaN (4,): none was applied yet, or it is not known."""
     return np.full(4, np.nan)
@@ -66,6 +78,21 @@ class RobotState:
     preview: StonePreview | None
     running: bool = True
     applied: Array = field(default_factory=no_torque)
+
+    @classmethod
+    def of_message(cls, message: Any, preview: StonePreview | None) -> "RobotState":
+        """From an object with the fields of a `RabbitState` message."""
+        return cls(
+            tick=message.tick,
+            q=np.array(message.q),
+            dq=np.array(message.dq),
+            foot_force=np.array(message.foot_force).reshape(2, 2),
+            contact=np.array(message.contact, dtype=bool),
+            touchdowns=message.touchdowns,
+            preview=preview,
+            running=message.running,
+            applied=np.array(message.applied),
+        )
 
     @property
     def time(self) -> float:

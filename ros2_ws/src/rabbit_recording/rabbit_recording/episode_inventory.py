@@ -10,8 +10,10 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
 
+from rabbit_description.state import TICK_NANOSECONDS, StonePreview, newest_preview
+
 from rabbit_recording.message_header import policy_of
-from rabbit_recording.stored_messages import TICK_NANOSECONDS, StoredMessage
+from rabbit_recording.stored_messages import StoredMessage
 
 BY_TICK = ("state", "torque", "controller_state")
 OTHERS = ("preview", "landing", "episode", "timing")
@@ -64,7 +66,7 @@ class Gathered:
 
     def __init__(self, run: int, episode: int) -> None:
         self.run, self.episode = run, episode
-        self.previews: dict[int, dict[int, Any]] = defaultdict(dict)  # by index of the stone and stamp
+        self.previews: dict[int, dict[int, StonePreview]] = defaultdict(dict)  # by index of the stone and stamp
         self.landings: dict[int, Any] = {}
         self.announced: Any = None  # the newest announcement
         self._in_real_time = False
@@ -85,15 +87,15 @@ class Gathered:
         else:
             decoded = message.decode()
             if message.topic == "preview":
-                self.previews[decoded.index].setdefault(message.stamp, decoded)
+                stone = StonePreview(decoded.index, decoded.l_min, decoded.l_max)
+                self.previews[stone.index].setdefault(message.stamp, stone)
             else:
                 self.landings.setdefault(decoded.index, decoded)
 
-    def preview(self, index: int, now: int) -> Any:
+    def preview(self, index: int, now: int) -> StonePreview | None:
         """Of the stone that is first seen at a time (ns): the one announced then, or else the newest before, or any."""
         candidates = self.previews.get(index, {})
-        stamps = [stamp for stamp in candidates if stamp <= now] or list(candidates)[:1]
-        return candidates[max(stamps)] if stamps else None
+        return newest_preview(candidates, now) or next(iter(candidates.values()), None)
 
     @property
     def ticks(self) -> dict[str, dict[int, StoredMessage]]:

@@ -121,14 +121,15 @@ def _decoded(gathered: Gathered, account: EpisodeInventory, told: _Told) -> Reco
     if gathered.announced is not None:
         episode.sigma = gathered.announced.sigma
     ticks = gathered.ticks
-    seen: dict[int, Any] = {}  # previews, by index of the stone
+    seen: dict[int, StonePreview | None] = {}  # previews, by index of the stone
     for tick in gathered.full_ticks(ticks):
         state, torque, details = (ticks[topic][tick].decode() for topic in BY_TICK)
         stone = state.touchdowns + 1
         if stone not in seen:
             seen[stone] = gathered.preview(stone, ticks["state"][tick].stamp)
         output = output_of(details, np.array(torque.torque))
-        episode.records.append(Record(_state(state, seen[stone]), output))
+        preview = seen[stone] if state.previewed else None
+        episode.records.append(Record(RobotState.of_message(state, preview), output))
         if not episode.swaps or torque.policy_version != episode.swaps[-1].version:
             version = torque.policy_version
             episode.swaps.append(RecordedSwap(tick, version, told.policies.get(version)))
@@ -138,18 +139,3 @@ def _decoded(gathered: Gathered, account: EpisodeInventory, told: _Told) -> Reco
     if episode.swaps:
         told.policies.forget_before(episode.swaps[-1].version)
     return episode
-
-
-def _state(message: Any, preview: Any) -> RobotState:
-    stone = preview if message.previewed else None
-    return RobotState(
-        tick=message.tick,
-        q=message.q,
-        dq=message.dq,
-        foot_force=message.foot_force.reshape(2, 2),
-        contact=message.contact,
-        touchdowns=message.touchdowns,
-        preview=StonePreview(stone.index, stone.l_min, stone.l_max) if stone else None,
-        running=message.running,
-        applied=message.applied,
-    )

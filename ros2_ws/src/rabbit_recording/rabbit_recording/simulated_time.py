@@ -7,8 +7,10 @@ another simulator's if it was sent after anything of the present one.
 
 from dataclasses import dataclass
 
+from rabbit_description.state import TICK_NANOSECONDS
+
 from rabbit_recording.message_header import episode_and_phase_of, nanoseconds_of
-from rabbit_recording.stored_messages import FIRST_WORD, TICK_NANOSECONDS, goes_on
+from rabbit_recording.stored_messages import FIRST_WORD, goes_on
 
 
 @dataclass

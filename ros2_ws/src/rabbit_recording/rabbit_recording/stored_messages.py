@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rabbit_description.state import TICK_SECONDS
+from rabbit_description.state import TICK_NANOSECONDS
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Connection
 
@@ -20,7 +20,6 @@ from rabbit_recording.message_header import FIELDS, episode_and_phase_of, nanose
 from rabbit_recording.open_recording import last_name, one_line_errors, opened
 
 OWN_TYPES = "rabbit_msgs/"
-TICK_NANOSECONDS = round(TICK_SECONDS * 1e9)
 ANNOUNCED = ("episode", "preview", "landing")  # by the simulator, and latched
 FIRST_WORD = (0, 0)  # episode and phase with which a simulator begins: none, and WAITING in rabbit_msgs/Episode
 

@@ -6,30 +6,31 @@ whatever their priority; so all processes of a graph need one, those that only l
 
 import contextlib
 import os
+from collections.abc import Callable
 from pathlib import Path
 
 BENEATH = 10  # by so much the listeners are lower
 
 
-class NotPermitted(PermissionError):
-    """The machine does not let this process take the priority; one line that says what would."""
-
-
-def take_priority(priority: int) -> None:
+def take_priority(priority: int, warn: Callable[[str], object]) -> None:
     """Put all threads of this process, and those they will start, under SCHED_FIFO; 0 changes nothing.
 
-    Raises:
-        NotPermitted: neither CAP_SYS_NICE nor an rtprio limit as high as that.
+    Where the machine does not permit it, `warn` gets a line that says what would, and the process stays ordinary.
     """
     if priority == 0:
         return
     try:
         _set_all_threads(os.SCHED_FIFO, priority)
-    except PermissionError as error:
-        raise NotPermitted(
+    except PermissionError:
+        warn(
             f"SCHED_FIFO priority {priority}: not permitted, goes on as an ordinary process; it needs CAP_SYS_NICE, "
             f"or `ulimit -r {priority}` (rtprio in /etc/security/limits.conf)"
-        ) from error
+        )
+
+
+def take_listeners_priority(priority: int, warn: Callable[[str], object]) -> None:
+    """As `take_priority`, just beneath the nodes of that priority."""
+    take_priority(priority and max(1, priority - BENEATH), warn)
 
 
 def scheduling() -> str:
@@ -48,11 +49,6 @@ def step_back() -> None:
     if os.sched_getscheduler(0) == os.SCHED_FIFO:
         beneath = max(1, os.sched_getparam(0).sched_priority - 1)
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(beneath))
-
-
-def take_listeners_priority(priority: int) -> None:
-    """As `take_priority`, just beneath the nodes of that priority."""
-    take_priority(priority and max(1, priority - BENEATH))
 
 
 def leave_priority() -> None:

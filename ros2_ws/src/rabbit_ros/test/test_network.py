@@ -4,12 +4,12 @@ import os
 from xml.etree import ElementTree
 
 import pytest
-from rabbit_ros.network import (
+from rabbit_ros.ros.network import (
     FAST_DDS,
-    HERE,
     MIDDLEWARE,
     PEERS,
     PROFILE,
+    PROFILES,
     RANGE,
     WHOLE,
     StartError,
@@ -18,7 +18,7 @@ from rabbit_ros.network import (
 )
 
 NAMES = (RANGE, PEERS, PROFILE, WHOLE, MIDDLEWARE)
-ALONE, NETWORK = str(HERE / "fastdds.xml"), str(HERE / "fastdds_network.xml")
+ALONE, NETWORK = str(PROFILES / "fastdds.xml"), str(PROFILES / "fastdds_network.xml")
 SCHEMA = "{http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles}"
 
 

@@ -4,16 +4,13 @@ import contextlib
 import sys
 from collections.abc import Iterator
 
-from rabbit_ros.priority import NotPermitted, leave_priority, take_listeners_priority
+from rabbit_ros.priority import leave_priority, take_listeners_priority
 
 
 @contextlib.contextmanager
 def listening_to(priority: int) -> Iterator[None]:
     """Meanwhile be just beneath simulator and controller of this priority, where permitted; 0 changes nothing."""
-    try:
-        take_listeners_priority(priority)
-    except NotPermitted as error:
-        print(error, file=sys.stderr)
+    take_listeners_priority(priority, warn=lambda line: print(line, file=sys.stderr))
     try:
         yield
     finally:

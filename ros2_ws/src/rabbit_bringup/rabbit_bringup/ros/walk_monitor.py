@@ -16,9 +16,9 @@ from rabbit_description.state import TICK_SECONDS
 from rabbit_msgs.msg import ControllerState, Episode, EpisodePlan, Landing, RabbitState
 from rabbit_msgs.srv import Pause
 from rabbit_ros.ros.diagnostics import reader_counts
-from rabbit_ros.ros.initialise import initialise
+from rabbit_ros.ros.network import initialise
 from rabbit_ros.ros.qos import DIAGNOSTICS, EVENT
-from rabbit_ros.ros.service_call import call_service
+from rabbit_ros.ros.services import call_service
 from rabbit_ros.ros.topics import TOPICS, Topic, missing_readers
 from rclpy.experimental import EventsExecutor
 from rclpy.qos import QoSProfile, ReliabilityPolicy

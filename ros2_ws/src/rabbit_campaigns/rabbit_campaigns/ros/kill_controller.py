@@ -19,7 +19,7 @@ from rabbit_bringup.launching.walk import Graph, WalkOptions
 from rabbit_cli.executables import LaunchError
 from rabbit_description.state import TICK_SECONDS
 from rabbit_msgs.msg import Timing
-from rabbit_ros.ros.initialise import initialise
+from rabbit_ros.ros.network import initialise
 from rabbit_ros.ros.topics import TOPICS
 from rclpy.executors import SingleThreadedExecutor
 

@@ -16,7 +16,7 @@ from rabbit_bringup.launching.processes import NodeSpec, Processes
 from rabbit_msgs.msg import Episode, PolicySwap, PolicyWeights, RabbitState, TorqueCommand
 from rabbit_msgs.srv import LoadPolicy, Pause, ResetEpisode
 from rabbit_recording.message_header import turn_of
-from rabbit_ros.network import choose_network
+from rabbit_ros.ros.network import choose_network
 from rabbit_ros.ros.qos import DIAGNOSTICS, EVENT, WEIGHTS
 from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.experimental import EventsExecutor

@@ -4,8 +4,7 @@ import contextlib
 from collections.abc import Iterator
 
 import rclpy
-from rabbit_ros.network import StartError
-from rabbit_ros.ros.initialise import initialise
+from rabbit_ros.ros.network import StartError, initialise
 from rclpy.context import Context
 
 from rabbit_cli.executables import Refused

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import rclpy
 from rabbit_msgs.srv import LoadPolicy
-from rabbit_ros.ros.service_call import call_service
+from rabbit_ros.ros.services import call_service
 from rclpy.executors import SingleThreadedExecutor
 
 from rabbit_cli.executables import LaunchError

@@ -5,7 +5,7 @@ import time
 from collections.abc import Collection
 
 import rclpy
-from rabbit_ros.network import StartError, domain
+from rabbit_ros.ros.network import StartError, domain
 from rabbit_ros.ros.topics import TOPICS
 from rclpy.node import Node
 

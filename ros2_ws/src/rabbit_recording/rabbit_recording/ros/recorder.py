@@ -6,6 +6,7 @@ time at 0: what follows is stored behind what there is. A full disk ends the rec
 started again begins another recording beside the first.
 """
 
+import inspect
 import json
 import time
 from collections.abc import Callable
@@ -18,7 +19,6 @@ from ament_index_python.packages import get_package_share_directory
 from pydantic import BaseModel, ConfigDict, Field
 from rabbit_ros.message_checks import MessageCounter
 from rabbit_ros.ros.diagnostics import ERROR, OK, WARN, Diagnostics, Status
-from rabbit_ros.ros.message_info import NUMBER, SENT, with_info
 from rabbit_ros.ros.parameters import declare, refuse_unknown
 from rabbit_ros.ros.spin import run, steady_timer
 from rabbit_ros.ros.topics import TOPICS, Topic
@@ -35,6 +35,11 @@ from rabbit_recording.simulated_time import SimulatedTime
 IDLE_SECONDS = 0.3  # without a message, after which nothing more is on its way
 BACKLOG = 200  # messages of a topic that may wait: far more are announced at once only where somebody steps the robot
 FOREVER = QosTime(9223372036, 854775807)  # as `ros2 bag` writes it
+
+
+NUMBER = "publication_sequence_number"  # how many messages its publisher had sent with this one
+SENT = "source_timestamp"  # when, ns of the wall clock
+_TWO = [inspect.Parameter(name, inspect.Parameter.POSITIONAL_ONLY) for name in ("message", "info")]
 
 
 class NodeParameters(BaseModel):
@@ -129,6 +134,21 @@ class RecorderNode(Node):
 
     def _is_published(self, name: str) -> bool:
         return bool(self._readers[name].get_publisher_count())
+
+
+def with_info(callback: Callable[[Any, dict[str, Any]], None]) -> Callable[..., None]:
+    """Have rclpy call `callback(message, info)`, under any executor.
+
+    It reads from the signature whether a callback wants the middleware's information. Its EventsExecutor then hands
+    over both as one tuple, the other executors as two arguments.
+    """
+
+    def take(*got: Any) -> None:
+        message, info = got if len(got) == len(_TWO) else got[0]
+        callback(message, info)
+
+    take.__signature__ = inspect.Signature(_TWO)  # type: ignore[attr-defined]
+    return take
 
 
 def free_path(path: Path) -> Path:

@@ -9,7 +9,7 @@ from collections.abc import Collection
 
 import numpy as np
 from builtin_interfaces.msg import Time
-from rabbit_description.state import COORDINATES, TICK_SECONDS, Array, RobotState, StonePreview
+from rabbit_description.state import COORDINATES, TICK_NANOSECONDS, Array, RobotState, StonePreview
 from rabbit_msgs import msg
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
@@ -17,7 +17,6 @@ from std_msgs.msg import Header
 from rabbit_ros.message_checks import Refused, check_finite
 
 LARGEST_SIGMA = 1000.0  # rad/s^2, as the controller's parameter
-TICK_NANOSECONDS = round(TICK_SECONDS * 1e9)
 
 
 def stamp(ticks: int) -> Time:
@@ -55,17 +54,7 @@ def state_of(message: msg.RabbitState, preview: StonePreview | None, finite: boo
     """
     for name in ("q", "dq", "foot_force") if finite else ():
         check_finite(name, getattr(message, name))
-    return RobotState(
-        tick=message.tick,
-        q=np.array(message.q),
-        dq=np.array(message.dq),
-        foot_force=np.array(message.foot_force).reshape(2, 2),
-        contact=np.array(message.contact, dtype=bool),
-        touchdowns=message.touchdowns,
-        preview=preview,
-        running=message.running,
-        applied=np.array(message.applied),
-    )
+    return RobotState.of_message(message, preview)
 
 
 def preview_message(preview: StonePreview, episode: int, at: Time) -> msg.StonePreview:

@@ -13,8 +13,7 @@ from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.timer import Timer
 
-from rabbit_ros.network import StartError
-from rabbit_ros.ros.initialise import initialise
+from rabbit_ros.ros.network import StartError, initialise
 from rabbit_ros.ros.parameters import ParameterError
 
 _LOOK_UP = 0.1  # s between looks at the signals; without a time-out this executor's wait hears none

@@ -14,12 +14,11 @@ from rabbit_description.state import TICK_SECONDS, Array, RobotState
 from rabbit_msgs.msg import Episode, EpisodePlan, TorqueCommand
 from rabbit_msgs.srv import Pause, ResetEpisode
 from rabbit_ros.message_checks import MessageCounter, Refused, check_turn
-from rabbit_ros.priority import scheduling
+from rabbit_ros.priority import scheduling, take_priority
 from rabbit_ros.ros.checked_subscription import create_checked_subscription
 from rabbit_ros.ros.conversions import check_plan, stamp, torque_of
 from rabbit_ros.ros.diagnostics import OK, WARN, Diagnostics, Status
 from rabbit_ros.ros.parameters import declare, follow, refuse_unknown
-from rabbit_ros.ros.priority import take_or_warn
 from rabbit_ros.ros.qos import EVENT, TICK
 from rabbit_ros.ros.spin import run, steady_timer
 from rclpy.node import Node
@@ -48,7 +47,7 @@ class SimulatorNode(Node):
         self._own = declare(self, NodeParameters, dynamic=("pace",))
         plant = declare(self, SimulationParameters)
         refuse_unknown(self)
-        take_or_warn(self, self._own.priority)
+        take_priority(self._own.priority, self.get_logger().warning)
         self._simulation = Simulation(plant, load_gaits(self._own.gait))
         self._message_counter = MessageCounter()
         self._memory = RestartFile(Path(self._own.memory) if self._own.memory else None)

@@ -19,12 +19,11 @@ from rabbit_description.state import StonePreview
 from rabbit_msgs.msg import ControllerSettings, ControllerState, Episode, PolicySwap, RabbitState, TorqueCommand
 from rabbit_msgs.msg import StonePreview as PreviewMessage
 from rabbit_ros.message_checks import MessageCounter, Refused, check_turn
-from rabbit_ros.priority import scheduling
+from rabbit_ros.priority import scheduling, take_priority
 from rabbit_ros.ros.checked_subscription import create_checked_subscription
 from rabbit_ros.ros.conversions import check_episode, is_new_simulator, nanoseconds, preview_of, state_of
 from rabbit_ros.ros.diagnostics import OK, WARN, Diagnostics, Status
 from rabbit_ros.ros.parameters import declare, follow, refuse_unknown
-from rabbit_ros.ros.priority import take_or_warn
 from rabbit_ros.ros.qos import EVENT, TICK
 from rabbit_ros.ros.spin import run
 from rclpy.node import Node
@@ -64,7 +63,7 @@ class ControllerNode(Node):
         self._own = declare(self, NodeParameters)
         self._settings = declare(self, ControllerParameters, dynamic=("sigma",))
         refuse_unknown(self)
-        take_or_warn(self, self._own.priority)
+        take_priority(self._own.priority, self.get_logger().warning)
         self._gait = load_gaits(self._settings.gait)
         problem = self._settings.problem
         self._zero = Decided(ZERO, "built in", False, ZeroPolicy(problem))

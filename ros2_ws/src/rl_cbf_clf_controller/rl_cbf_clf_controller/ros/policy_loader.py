@@ -16,9 +16,9 @@ from rabbit_msgs.msg import PolicyWeights
 from rabbit_msgs.srv import LoadPolicy
 from rabbit_ros.message_checks import Refused
 from rabbit_ros.priority import step_back
-from rabbit_ros.ros.async_service import create_async_service
 from rabbit_ros.ros.checked_subscription import bounds, check_size, decoded
 from rabbit_ros.ros.qos import EVENT
+from rabbit_ros.ros.services import create_async_service
 from rclpy.node import Node
 from rclpy.task import Future
 

@@ -1,10 +1,9 @@
 """The previews that were received: one for each stone, of the present episode and of the one that may come next.
 
-The simulator previews a stone at the touchdown before it. So the preview that a state needs is stamped after the state
-that was decided before, and not after this one. By that a foreign copy of another stone's preview is told from it.
+By their stamps a foreign copy of another stone's preview is known, see `newest_preview`.
 """
 
-from rabbit_description.state import StonePreview
+from rabbit_description.state import StonePreview, newest_preview
 from rabbit_ros.message_checks import Refused
 
 NEWEST = 20  # of an episode, as many as are latched
@@ -45,9 +44,7 @@ class PreviewBuffer:
         """The stone that a state stamped `now` needs, where the last one was stamped `since`; None: not here yet."""
         if self._used is not None and (self._used[0], self._used[1].index) == (episode, index):
             return self._used[1]
-        candidates = self._episodes.get(episode, {}).get(index, {})
-        stamps = [stamp for stamp in candidates if since <= stamp <= now]
-        if not stamps:
-            return None
-        self._used = episode, candidates[max(stamps)]
-        return self._used[1]
+        preview = newest_preview(self._episodes.get(episode, {}).get(index, {}), now, since)
+        if preview is not None:
+            self._used = episode, preview
+        return preview

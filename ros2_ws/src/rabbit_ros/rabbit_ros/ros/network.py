@@ -1,18 +1,25 @@
-"""Who can hear and be heard by the nodes of a process: this machine alone, unless the environment says otherwise.
+"""`rclpy.init` as every process here calls it, and who can hear its nodes: this machine alone, unless the environment
+says otherwise.
 
 Under ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST Fast DDS asks nobody else, but it listens on every interface and answers
 whoever names this machine as a static peer. The profile `fastdds.xml` binds every socket to 127.0.0.1 instead.
 """
 
 import os
+import re
 from pathlib import Path
+
+import rclpy
+from rclpy.context import Context
+from rclpy.signals import SignalHandlerOptions
 
 RANGE, PEERS, MIDDLEWARE = "ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_STATIC_PEERS", "RMW_IMPLEMENTATION"
 PROFILE, WHOLE = "FASTRTPS_DEFAULT_PROFILES_FILE", "RMW_FASTRTPS_USE_QOS_FROM_XML"
 DOMAIN = "ROS_DOMAIN_ID"
 LAST_DOMAIN = 232  # beyond it there are no ports
 FAST_DDS = "rmw_fastrtps_cpp"
-HERE = Path(__file__).parent
+PROFILES = Path(__file__).parents[1]
+_HOMES_OF_LOGS = ("ROS_LOG_DIR", "ROS_HOME", "HOME")
 
 
 class StartError(RuntimeError):
@@ -38,8 +45,26 @@ def choose_network() -> None:
         os.environ.setdefault(RANGE, "LOCALHOST")  # as far as that middleware goes
     elif not os.environ.get(PROFILE):
         wider = os.environ.get(RANGE, "LOCALHOST") != "LOCALHOST" or os.environ.get(PEERS)
-        os.environ[PROFILE] = str(HERE / ("fastdds_network.xml" if wider else "fastdds.xml"))
+        os.environ[PROFILE] = str(PROFILES / ("fastdds_network.xml" if wider else "fastdds.xml"))
         if not wider:
             os.environ[RANGE] = "SYSTEM_DEFAULT"  # the profile's; LOCALHOST would add sockets of its own
         os.environ.setdefault(WHOLE, "1")  # without it, what the profile says of memory does not count
         os.environ.setdefault(RANGE, "LOCALHOST")
+
+
+def initialise(context: Context | None = None, args: list[str] | None = None) -> None:
+    """Initialise `context`, or the default one, with ROS arguments; `None`: those of the command line.
+
+    The network is chosen first; signals are left alone.
+
+    Raises:
+        StartError: the environment or an argument cannot be used.
+    """
+    choose_network()
+    if not any(map(os.environ.get, _HOMES_OF_LOGS)):
+        raise StartError(f"no folder for the logs: expected one of {', '.join(_HOMES_OF_LOGS)} in the environment")
+    try:
+        rclpy.init(args=args, context=context, signal_handler_options=SignalHandlerOptions.NO)
+    except RuntimeError as error:  # whatever rcl refuses; without the lines of its sources
+        text = re.sub(r", at \S+:\d+", "", str(error)).removeprefix("failed to initialize rcl: ")
+        raise StartError(f"unknown ROS arguments {text}" if text.startswith("[") else text) from error

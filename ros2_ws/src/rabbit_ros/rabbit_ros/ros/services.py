@@ -1,0 +1,48 @@
+"""Services both ways: one whose answer takes time, and a call that is put again while no answer comes."""
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+from rclpy.node import Node
+from rclpy.service import Service
+from rclpy.task import Future
+
+AGAIN_SECONDS = 3.0
+
+
+def create_async_service(node: Node, kind: Any, name: str, callback: Callable[[Any, Any], Future]) -> Service:
+    """A service whose `callback(request, response)` returns a future of the answer; the node goes on meanwhile.
+
+    A future made with the node's executor may be completed in any thread; the answer goes out in the executor's. That
+    executor runs no coroutines as callbacks; what a callback returns goes to `Service.send_response`.
+    """
+    service = node.create_service(kind, name, callback)
+    send = service.send_response
+
+    def send_when_done(answer: Future, header: Any) -> None:
+        answer.add_done_callback(lambda done: send(done.result(), header))
+
+    service.send_response = send_when_done  # type: ignore[method-assign, assignment]
+    return service
+
+
+def call_service(client: Any, request: Any, spin: Callable[[float], object], timeout: float) -> Any:
+    """The service's answer, or None where none comes within `timeout` s. `spin(seconds)` lets the client hear.
+
+    A server may hear a request before it knows the asker's reader: its answer is then lost, and `wait_for_service`
+    cannot tell. So a service of this graph must bear being asked twice.
+    """
+    end = time.monotonic() + timeout
+    if not client.wait_for_service(timeout_sec=timeout):
+        return None
+    answers = []
+    while (now := time.monotonic()) < end:
+        answers.append(client.call_async(request))
+        again = min(now + AGAIN_SECONDS, end)
+        while time.monotonic() < again:
+            spin(0.02)
+            for answer in answers:
+                if answer.done():
+                    return answer.result()
+    return None
