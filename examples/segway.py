@@ -9,9 +9,9 @@ The barrier therefore limits the speed of the body at HEIGHT plus what the lean 
 """
 
 import argparse
-from collections.abc import Callable
-from functools import partial
+from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 from cbf_clf_qp.affine import Affine, Array
@@ -23,11 +23,10 @@ from cbf_clf_qp.model_error import model_error
 from cbf_clf_qp.problem import Problem
 from cbf_clf_qp.res_clf import ResClf
 from cbf_clf_qp.solvers import make_solver
-from cbf_clf_qp.tick import Recipe, Terms, decide
+from cbf_clf_qp.tick import Estimator, Recipe, Terms, decide
 from matplotlib.figure import Figure
 from rabbit_experiments.summary import mean_interval, wilson
-from rl_cbf_clf_controller.policy import ActorPolicy, Policy, ZeroPolicy
-from rl_cbf_clf_controller.policy_context import PolicyContext
+from rl_cbf_clf_controller.policy import ActorPolicy, LearnedPolicy, ZeroPolicy
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.system_transitions import SystemTick, transition
 from rl_trainer.training import Trainer
@@ -57,9 +56,10 @@ def after_tick(x: Array, torque: Array) -> Array:
 
 
 def scene_of(x: Array, lean: float) -> SimpleNamespace:
-    """What the quantities read: the state, the output y = theta - lean."""
-    outputs = SimpleNamespace(eta=np.array([x[1] - lean, x[2]]), second_derivative=lambda ddq: ddq.mapped(LEAN))
-    return SimpleNamespace(x=x, outputs=outputs)
+    """What quantities and policies read: the state, the output y = theta - lean."""
+    eta = np.array([x[1] - lean, x[2]])
+    outputs = SimpleNamespace(eta=eta, second_derivative=lambda ddq: ddq.mapped(LEAN))
+    return SimpleNamespace(x=x, outputs=outputs, observation=x, LgV=CLF.derivative(eta).a[0])
 
 
 class SpeedLimit(Cbf):
@@ -78,34 +78,32 @@ class SpeedLimit(Cbf):
 
 
 BARRIER = SpeedLimit(RATE, 1e6)
-RECIPE = Recipe[SimpleNamespace]((Clf(ResClf(1, 0.3, (1.0, 2.0)), 10.0), BARRIER))
+CLF = ResClf(1, 0.3, (1.0, 2.0))
+RECIPE = Recipe[Any]((Clf(CLF, 10.0), BARRIER))
 UNITS = (("v", 1.5, 1.5), ("theta", 0.0, 0.2), ("omega", 0.0, 0.6))
 SCALES = (1.0, 1.0), (8.0, 8.0), (1.0, 1.0)  # of alpha, beta and their error
 PROBLEM = Problem("segway", 1, RECIPE.names, ("v", "theta", "omega"), UNITS, *SCALES, mu_unit=3.0)
-Estimator = Callable[[Terms[SimpleNamespace]], Estimates]
 
 
-def learned(policy: Policy, terms: Terms[SimpleNamespace]) -> Estimates:
-    """A policy's estimates."""
-    return policy.estimate(PolicyContext(terms.scene.x, terms.nominal.a[0]))
-
-
-nominal: Estimator = partial(learned, ZeroPolicy(PROBLEM))
-
-
-def oracle(terms: Terms[SimpleNamespace]) -> Estimates:
+class Oracle(Estimator[SimpleNamespace]):
     """The true ones."""
-    return model_error(terms, dynamics(TRUE, terms.scene.x))
+
+    def estimate(self, terms: Terms[SimpleNamespace], before: Estimates) -> Estimates:
+        return model_error(terms, dynamics(TRUE, terms.scene.x))
 
 
-def ride(seed: tuple[int, ...], estimate: Estimator, noise: float = 0.0, trainer: Trainer | None = None) -> Array:
+NOMINAL = ZeroPolicy(PROBLEM)
+
+
+def ride(seed: tuple[int, ...], estimator: Estimator[Any], noise: float = 0.0, trainer: Trainer | None = None) -> Array:
     """Look-ahead and wheels' speed (TICKS, 2) of a true ride, m/s; inf where it fell. The `trainer` takes its ticks."""
+    recipe = replace(RECIPE, estimators=(estimator,))
     rng, solver, last, speeds = np.random.default_rng(seed), make_solver("daqp"), None, np.full((TICKS, 2), np.inf)
     x, lean, turn = rng.uniform((0, -0.05, 0), (1.5, 0.05, 0)), rng.uniform(0.1, 0.2), rng.integers(300, 450)
     for k in range(TICKS):  # the rider leans forward, back for a second, and forward again
         scene, believed = scene_of(x, -lean if turn < k < turn + 100 else lean), dynamics(BELIEVED, x)
         terms = Terms.of(RECIPE.quantities, scene, believed, precontrol(believed.acceleration.mapped(LEAN)))
-        decided = decide(RECIPE, terms, estimate(terms), solver)
+        decided = decide(recipe, terms, solver)
         now = SystemTick(terms, decided, decided.mu + noise * rng.standard_normal(1), x)
         if trainer and last:
             trainer.take(transition(PROBLEM, k - 1, last, now, TICK))
@@ -115,15 +113,15 @@ def ride(seed: tuple[int, ...], estimate: Estimator, noise: float = 0.0, trainer
     return speeds
 
 
-def train(seed: int, learner: str = "regression", episodes: int = EPISODES) -> Estimator:
+def train(seed: int, learner: str = "regression", episodes: int = EPISODES) -> Estimator[Any]:
     """Ride with the present estimates and noise, learn from what was measured, repeat."""
     trainer = Trainer(TrainingParameters(problem=PROBLEM, seed=seed, learner=learner, hidden1=64, hidden2=64))
-    estimate: Estimator = nominal
+    estimator: LearnedPolicy = NOMINAL
     for episode in range(episodes):
-        ride((seed, 0, episode), estimate, NOISE, trainer)
+        ride((seed, 0, episode), estimator, NOISE, trainer)
         trainer.learn(UPDATES)
-        estimate = partial(learned, ActorPolicy(trainer.policy_file()))
-    return estimate
+        estimator = ActorPolicy(trainer.policy_file())
+    return estimator
 
 
 if __name__ == "__main__":
@@ -133,9 +131,9 @@ if __name__ == "__main__":
     parser.add_argument("--picture", help="file for a picture of the first test ride")
     asked = parser.parse_args()
     axes = (figure := Figure(figsize=(7, 3.2), layout="constrained")).subplots()
-    policies = [train(seed, asked.learner) for seed in asked.seeds]
+    policies: list[Estimator[Any]] = [train(seed, asked.learner) for seed in asked.seeds]
     print("over the limit, m/s: mean of the trainings' worst rides [95%], worst, wheels; rides that kept it [95%]")
-    rows: dict[str, list[Estimator]] = {"nominal": [nominal], "learned": policies, "oracle": [oracle]}
+    rows: dict[str, list[Estimator[Any]]] = {"nominal": [NOMINAL], "learned": policies, "oracle": [Oracle()]}
     for name, each in rows.items():
         tests = [[ride((s, 1, k), each[i % len(each)]) for k in range(RIDES)] for i, s in enumerate(asked.seeds)]
         over, wheels = np.moveaxis(np.max(tests, axis=2) - LIMIT, 2, 0)

@@ -30,7 +30,6 @@ from rabbit_sim.plant import PlantReading
 from rl_cbf_clf_controller.nominal_model import NominalModel
 from rl_cbf_clf_controller.oracle import OraclePolicy
 from rl_cbf_clf_controller.policy import Policy, ZeroPolicy
-from rl_cbf_clf_controller.policy_context import ModelContext
 from rl_cbf_clf_controller.scene import Scene
 from rl_cbf_clf_controller.virtual_constraints import Angles, VirtualConstraints
 from rl_trainer.parameters import TrainingParameters
@@ -62,8 +61,8 @@ class Controller:
     """The CLF-QP of the robot as it is believed to be, with a policy's alpha and beta in its row."""
 
     def __init__(self, policy: Policy) -> None:
-        self._policy, self._clf, self._solver = policy, ResClf(2, EPS, GAINS), make_solver("osqp")
-        self._recipe = Recipe((Clf(self._clf, SLACK_WEIGHT),), (Saturation(TORQUE_LIMIT),))
+        self._clf, self._solver = ResClf(2, EPS, GAINS), make_solver("osqp")
+        self._recipe = Recipe((Clf(self._clf, SLACK_WEIGHT),), (Saturation(TORQUE_LIMIT),), (policy,))
         self._model, self._constraints = NominalModel(URDF), VirtualConstraints(PATH, ANGLES)
 
     def tick(self, reading: PlantReading, noise: np.ndarray) -> SystemTick:
@@ -73,12 +72,11 @@ class Controller:
         feet, outputs = self._model.update(q, dq), self._constraints.evaluate(q, dq)
         observation = np.array([*outputs.eta, outputs.phase, outputs.phase_rate])
         LgV = self._clf.derivative(outputs.eta).a[0]
-        scene = Scene(q, dq, feet, outputs, None, reading.foot_force[stance], observation, LgV)
+        scene = Scene(q, dq, feet, outputs, None, reading.foot_force, observation, LgV)
         dynamics = self._model.pinned()
         control = precontrol(outputs.second_derivative(dynamics.acceleration))
         terms = Terms.of(self._recipe.quantities, scene, dynamics, control)
-        estimates = self._policy.estimate(ModelContext.of(terms))
-        decided = decide(self._recipe, terms, estimates, self._solver)
+        decided = decide(self._recipe, terms, self._solver)
         torque = control(decided.mu + noise).clip(-TORQUE_LIMIT, TORQUE_LIMIT)
         return SystemTick(terms, decided, control.inverse()(torque), observation)
 

@@ -43,7 +43,7 @@ def quantities(parameters: Any, clf: ResClf) -> Quantities:
 PROBLEM = replace(
     RL_CLF_QP, name=NAME, quantities=("V", "pitch"), alpha_scale=(1.5, 1.0), beta_scale=(250, 60), error_scale=(15, 10)
 )
-CONTROLLERS = {NAME: Kind(PROBLEM, quantities, learns=True)}
+CONTROLLER = Kind(PROBLEM, quantities, learns=True)
 
 if __name__ == "__main__":
     from rabbit_experiments.assembly import Assembly

@@ -14,7 +14,7 @@ MakeAssembly = Callable[..., Assembly]
 def assembly(controller: str = "clf-qp", policy: str = "zero", **plant: object) -> Assembly:
     """Our parameters; the terrain is the controller's own."""
     parameters = load_parameters("ours", controller=controller)
-    terrain = "stones" if parameters.on_stones else "flat"
+    terrain = parameters.terrain
     settings = {"motor_lag": EVALUATION_LAG, "terrain": terrain, "stones": 4, **plant}
     return Assembly(SimulationParameters.model_validate(settings), parameters, policy)
 

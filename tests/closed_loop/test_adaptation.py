@@ -9,7 +9,7 @@ import pytest
 from rabbit_description.state import Array
 from rabbit_experiments.assembly import Assembly
 from rabbit_experiments.evaluation import episode, walk
-from rl_cbf_clf_controller.adaptation import KNOWN
+from rl_cbf_clf_controller.identified_robot import KNOWN
 from rl_trainer.rollout import Record
 
 MakeAssembly = Callable[..., Assembly]

@@ -73,9 +73,9 @@ def test_segway_learns_to_keep_the_limit():
     def worst(estimate):
         return max(segway.ride((77, 1, k), estimate)[:, 0].max() for k in range(2)) - segway.LIMIT
 
-    nominal = worst(segway.nominal)
+    nominal = worst(segway.NOMINAL)
     assert nominal > 0.3
-    assert worst(segway.oracle) <= segway.KEPT
+    assert worst(segway.Oracle()) <= segway.KEPT
     assert worst(segway.train(77, episodes=2)) < 0.2 * nominal
 
 

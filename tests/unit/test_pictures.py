@@ -22,7 +22,7 @@ STATES = RNG.uniform(-1, 1, (20, 7))
 def walk_on(controller: str) -> WalkRecords:
     """Two steps."""
     parameters = load_parameters("ours", controller=controller)
-    terrain = "stones" if parameters.on_stones else "flat"
+    terrain = parameters.terrain
     plant = SimulationParameters.model_validate({"terrain": terrain, "stones": 2})
     return record_walk(Assembly(plant, parameters, "zero"), seed=1)
 

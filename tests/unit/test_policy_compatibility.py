@@ -13,7 +13,6 @@ from rabbit_sim.simulation import Outcome
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import ActorPolicy
 from rl_cbf_clf_controller.policy_compatibility import STONE_WIDTH, fitted
-from rl_cbf_clf_controller.policy_context import PolicyContext
 from rl_cbf_clf_controller.uncertainty import IO_RL_CLF_QP, RL_CBF_CLF_QP, RL_CLF_QP
 from rl_cbf_clf_controller.weights import (
     PolicyFile,
@@ -47,8 +46,8 @@ def test_on_flat_ground_a_policy_for_stones_sees_the_stone_under_the_gaits_own_s
     file, rng = make_file(RL_CBF_CLF_QP), np.random.default_rng(5)
     state, LgV = rng.standard_normal(14), rng.standard_normal(4)
     l_min = GAIT.step_length - STONE_WIDTH / 2
-    on_stones = ActorPolicy(file).estimate(PolicyContext(np.append(state, [l_min, GAIT.step_length]), LgV))
-    flat = fitted(file, FLAT, GAIT).estimate(PolicyContext(state, LgV))
+    on_stones = ActorPolicy(file).act(np.append(state, [l_min, GAIT.step_length]), LgV)
+    flat = fitted(file, FLAT, GAIT).act(state, LgV)
     np.testing.assert_array_equal(flat.alpha, on_stones.alpha[:1])
     np.testing.assert_array_equal(flat.beta, on_stones.beta[:1])
     assert flat.output_error
@@ -64,9 +63,9 @@ def test_it_has_the_same_version_on_both_terrains() -> None:
 
 def test_a_librarys_step_on_flat_ground_is_its_first() -> None:
     assert not isinstance(LIBRARY, type(GAIT))
-    file, context = make_file(RL_CBF_CLF_QP), PolicyContext(np.ones(14), np.ones(4))
+    file = make_file(RL_CBF_CLF_QP)
     first = LIBRARY.gaits[LIBRARY.lengths.index(LIBRARY.start_length)]
-    by_library, by_gait = (fitted(file, FLAT, gaits).estimate(context) for gaits in (LIBRARY, first))
+    by_library, by_gait = (fitted(file, FLAT, gaits).act(np.ones(14), np.ones(4)) for gaits in (LIBRARY, first))
     np.testing.assert_array_equal(by_library.flat, by_gait.flat)
 
 

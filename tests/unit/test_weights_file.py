@@ -9,7 +9,6 @@ import pytest
 from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.problem import Problem
 from rl_cbf_clf_controller.policy import ActorPolicy, ZeroPolicy, contract
-from rl_cbf_clf_controller.policy_context import PolicyContext
 from rl_cbf_clf_controller.uncertainty import PAPER, RL_CBF_CLF_QP, RL_CLF_QP, STEP_LENGTH
 from rl_cbf_clf_controller.weights import (
     PROBE,
@@ -141,7 +140,7 @@ def test_structured_row_is_LgV_times_the_matrix() -> None:
 
 
 def test_structured_clf_vanishes_with_LgV() -> None:
-    estimates = ActorPolicy(make_file()).estimate(PolicyContext(np.ones(15), np.zeros(4)))
+    estimates = ActorPolicy(make_file()).act(np.ones(15), np.zeros(4))
     assert not estimates.alpha[0].any()
     assert estimates.beta[0] == 0
 
@@ -149,7 +148,7 @@ def test_structured_clf_vanishes_with_LgV() -> None:
 def test_outputs_stay_within_the_scales() -> None:
     policy = ActorPolicy(make_file(structured=False))
     LgV = np.array([3.0, 0.0, 4.0, 0.0])
-    estimates = policy.estimate(PolicyContext(1e3 * np.ones(15), LgV))
+    estimates = policy.act(1e3 * np.ones(15), LgV)
     assert (np.abs(estimates.alpha) <= np.array([6.0, 2, 3, 4, 5])[:, None]).all()
     assert (np.abs(estimates.beta) <= np.array([60.0, 11, 12, 13, 14])).all()
 
@@ -159,8 +158,8 @@ def test_a_network_without_l_min_reads_the_first_fourteen() -> None:
     units = {"observation": observation, "observation_center": (0.1,) * 14, "observation_scale": (2.0,) * 14}
     policy = ActorPolicy(make_file(**units))
     LgV = np.ones(4)
-    with_stone = policy.estimate(PolicyContext(np.append(np.linspace(-1, 1, 14), 0.35), LgV))
-    without = policy.estimate(PolicyContext(np.linspace(-1, 1, 14), LgV))
+    with_stone = policy.act(np.append(np.linspace(-1, 1, 14), 0.35), LgV)
+    without = policy.act(np.linspace(-1, 1, 14), LgV)
     np.testing.assert_array_equal(with_stone.flat, without.flat)
 
 
@@ -168,9 +167,9 @@ def test_a_network_that_reads_the_step_length_needs_a_library() -> None:
     observation = (*RL_CBF_CLF_QP.observation, STEP_LENGTH)
     units = {"observation": observation, "observation_center": (0.1,) * 16, "observation_scale": (2.0,) * 16}
     policy = ActorPolicy(make_file(**units))
-    assert policy.estimate(PolicyContext(np.linspace(-1, 1, 16), np.ones(4))).alpha.shape == (5, 4)
+    assert policy.act(np.linspace(-1, 1, 16), np.ones(4)).alpha.shape == (5, 4)
     with pytest.raises(ValueError, match="reads step_length: expected a gait library"):
-        policy.estimate(PolicyContext(np.linspace(-1, 1, 15), np.ones(4)))
+        policy.act(np.linspace(-1, 1, 15), np.ones(4))
 
 
 def test_no_network_reads_the_step_length_without_the_stone() -> None:
@@ -194,5 +193,5 @@ def test_flat_vector_is_in_the_papers_order() -> None:
 
 @pytest.mark.parametrize("problem", PAPER)
 def test_zero_policy_corrects_nothing(problem: Problem) -> None:
-    estimates = ZeroPolicy(problem).estimate(PolicyContext(np.ones(len(problem.observation)), np.ones(4)))
+    estimates = ZeroPolicy(problem).act(np.ones(len(problem.observation)), np.ones(4))
     assert not estimates.error(np.ones(4)).any()

@@ -16,6 +16,14 @@ install(
     "safetensors",
     entry_points={
         "rabbit.nodes": ["controller = rl_cbf_clf_controller.ros.node:main"],
-        "rabbit.controllers": ["rabbit = rl_cbf_clf_controller.recipes:KINDS"],
+        "rabbit.controllers": [
+            "clf-qp = rl_cbf_clf_controller.recipes:CLF",
+            "rl-clf-qp = rl_cbf_clf_controller.recipes:RL_CLF",
+            "l1-clf-qp = rl_cbf_clf_controller.recipes:L1_CLF",
+            "io-rl-clf-qp = rl_cbf_clf_controller.recipes:IO_RL_CLF",
+            "cbf-clf-qp = rl_cbf_clf_controller.recipes:CBF_CLF",
+            "rl-cbf-clf-qp = rl_cbf_clf_controller.recipes:RL_CBF_CLF",
+            "robust-cbf-clf-qp = rl_cbf_clf_controller.recipes:ROBUST_CBF_CLF",
+        ],
     },
 )

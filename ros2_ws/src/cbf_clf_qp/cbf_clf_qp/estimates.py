@@ -17,6 +17,7 @@ class Estimates:
     """`alpha` (n, m) and `beta` (n,) of n quantities over mu (m,), in the quantities' units (alpha: per unit of mu).
 
     `output_error`: Delta_2 mu + Delta_1 (m,), the error of y^(r) = mu; None where the estimates do not give it.
+    `corners`: further errors (n,), affine in mu; every row is to hold at each of them.
 
     Raises:
         ValueError: shapes that do not fit together.
@@ -25,15 +26,16 @@ class Estimates:
     alpha: Array
     beta: Array
     output_error: Affine | None = None
+    corners: tuple[Affine, ...] = ()
 
     def __post_init__(self) -> None:
         if self.alpha.ndim != 2 or self.beta.ndim != 1 or len(self.alpha) != len(self.beta):
             raise ValueError(f"estimates: alpha {self.alpha.shape}, beta {self.beta.shape}; expected (n, m) and (n,)")
 
     def __add__(self, other: "Estimates") -> "Estimates":
-        """Both errors together; the output error is known if both know it."""
+        """Both errors together; the output error is known if both know it. Of the two at most one has corners."""
         known = self.output_error and other.output_error and self.output_error + other.output_error
-        return Estimates(self.alpha + other.alpha, self.beta + other.beta, known)
+        return Estimates(self.alpha + other.alpha, self.beta + other.beta, known, self.corners or other.corners)
 
     @classmethod
     def zero(cls, n: int, m: int) -> "Estimates":

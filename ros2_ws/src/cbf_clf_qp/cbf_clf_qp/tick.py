@@ -2,15 +2,16 @@
 
     u       = precontrol(mu)                              from the nominal model, see `io_linearization.py`
     nominal = quantities by the nominal model             affine in mu
-    value   = nominal + alpha mu + beta                   the estimates of a policy, an identified model, an oracle
+    value   = nominal + alpha mu + beta                   the sum of all estimators: policy, identified model, oracle
     measured = of two scenes, one tick apart              what a learner compares the nominal value with
     rows    = of each quantity, if it has that value, and of further constraints
     mu      = argmin objective  subject to rows           see `qp.py`
 
-A `Recipe` says which quantities, constraints and objective a controller has. The functions here know neither a robot
-nor how estimates come about, and keep nothing from tick to tick but what the solver keeps.
+A `Recipe` says which quantities, estimators, constraints and objective a controller has. The functions here know no
+robot, and keep nothing from tick to tick but what the solver and the estimators keep.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, Protocol, TypeVar
@@ -70,16 +71,22 @@ class Terms(Generic[Scene]):
         return predicted(self.quantities, self.scene, dynamics).after(self.precontrol)
 
 
+class Estimator(ABC, Generic[Scene]):
+    """What says how wrong the nominal quantities are: a policy, an identified model, bounds on the error."""
+
+    @abstractmethod
+    def estimate(self, terms: Terms[Scene], before: Estimates) -> Estimates:
+        """Alpha and beta of every quantity, to be added to those of the estimators `before`; called once a tick."""
+
+    def reset(self) -> None:
+        """Begin an episode: forget what the last one taught."""
+
+
 class Constraint(Protocol):
     """Rows on what is not estimated, such as the input itself."""
 
     def rows(self, terms: Terms[Any], control: Affine) -> list[Rows]:
         """The rows over mu, at u = `control`(mu)."""
-
-
-def no_corners(terms: Terms[Any]) -> Sequence[Affine]:
-    """The estimates are taken at their word."""
-    return ()
 
 
 def least_mu(terms: Terms[Any], estimates: Estimates) -> None:
@@ -90,16 +97,16 @@ def least_mu(terms: Terms[Any], estimates: Estimates) -> None:
 class Recipe(Generic[Scene]):
     """What a controller is made of.
 
+    `estimators`: their estimates are added. None: the nominal controller.
     `corrects_input`: the estimates are no errors of quantities but a part of the input, u = precontrol(mu + alpha mu +
     beta), as in the first approach [approach1_input].
-    `corners`: errors (n,), affine in mu, that are to be allowed for besides the estimates; a row holds at each of them.
     `objective`: None is the paper's, mu' mu.
     """
 
     quantities: tuple[Quantity[Scene], ...]
     constraints: tuple[Constraint, ...] = ()
+    estimators: tuple[Estimator[Scene], ...] = ()
     corrects_input: bool = False
-    corners: Callable[[Terms[Scene]], Sequence[Affine]] = no_corners
     objective: Callable[[Terms[Scene], Estimates], Objective | None] = least_mu
 
     @property
@@ -112,9 +119,10 @@ class Recipe(Generic[Scene]):
 class Decided:
     """All of a tick: `mu` (m,) of the QP, `slack` and `active` (k,) of its rows, and u = `control`(mu).
 
-    `mu` counts only if `solution.solved`.
+    `parts` are the estimates of each estimator, `estimates` their sum. `mu` counts only if `solution.solved`.
     """
 
+    parts: list[Estimates]
     estimates: Estimates
     control: Affine
     rows: list[Rows]
@@ -125,22 +133,27 @@ class Decided:
     active: Array
 
 
-def decide(recipe: Recipe[Scene], terms: Terms[Scene], estimates: Estimates, solver: Solver) -> Decided:
+def decide(recipe: Recipe[Scene], terms: Terms[Scene], solver: Solver) -> Decided:
     """The tick."""
     control = terms.precontrol
+    parts = list[Estimates]()
+    estimates = Estimates.zero(len(terms.nominal.b), len(control.b))
+    for estimator in recipe.estimators:
+        parts.append(estimator.estimate(terms, estimates))
+        estimates += parts[-1]
     if recipe.corrects_input:
         control = control.after(Affine.identity(len(control.b)) + estimates.affine)
     rows = rows_of(recipe, terms, estimates, control)
     qp = build_qp(rows, recipe.objective(terms, estimates))
     solution = solver.solve(qp)
     found = unpack(qp, solution.x)
-    return Decided(estimates, control, rows, qp, solution, found.mu, found.slack, found.active)
+    return Decided(parts, estimates, control, rows, qp, solution, found.mu, found.slack, found.active)
 
 
 def rows_of(recipe: Recipe[Scene], terms: Terms[Scene], estimates: Estimates, control: Affine) -> list[Rows]:
-    """Which QP has which rows: those of the quantities, at each corner, and of the further constraints."""
+    """Which QP has which rows: those of the quantities, at each corner of the estimates, and of the constraints."""
     value = terms.nominal if recipe.corrects_input else terms.nominal + estimates.affine
-    cases = [value + corner for corner in recipe.corners(terms)] or [value]
+    cases = [value + corner for corner in estimates.corners] or [value]
     return [
         *(block for case in cases for block in quantity_rows(recipe, terms.scene, case)),
         *(block for constraint in recipe.constraints for block in constraint.rows(terms, control)),

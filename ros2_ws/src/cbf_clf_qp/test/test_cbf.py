@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from cbf_clf_qp.affine import Affine, Array
 from cbf_clf_qp.cbf import Cbf
-from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.solvers import make_solver
 from cbf_clf_qp.tick import Recipe, Terms, decide
 
@@ -34,7 +33,7 @@ def test_the_tighter_row_decides(v: float) -> None:
     """-2 mu + RATE (LIMIT - 2 v) >= 0 at least; no input where that holds at mu = 0."""
     recipe = Recipe[float]((BARRIERS,))
     terms = Terms.of(recipe.quantities, v, FREE, Affine.identity(1))
-    decided = decide(recipe, terms, Estimates.zero(2, 1), make_solver("daqp"))
+    decided = decide(recipe, terms, make_solver("daqp"))
     assert decided.mu[0] == pytest.approx(min(0.0, RATE * (LIMIT - 2 * v) / 2), abs=1e-5)
 
 

@@ -12,12 +12,14 @@ from functools import partial
 from typing import Any, TypeVar
 
 import numpy as np
+from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.solvers import make_solver
-from cbf_clf_qp.tick import rows_of
+from cbf_clf_qp.tick import Terms, rows_of
 from rabbit_description.state import TICK_SECONDS
 from rabbit_experiments.assembly import Assembly
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.policy import Policy
+from rl_cbf_clf_controller.scene import Scene
 from rl_trainer.rollout import Observer, Record, rollout
 
 MEDIAN_LIMIT, P99_LIMIT, REAL_TIME_LIMIT = 0.5, 1.5, 12.0  # ms, ms, times real time
@@ -60,12 +62,16 @@ class WatchedPart:
         self.step = lambda given: watch.time(name, lambda: part.step(given))
 
 
-class WatchedPolicy:
+class WatchedPolicy(Policy):
     """A policy whose forward pass is timed."""
 
     def __init__(self, policy: Policy, watch: StopWatch) -> None:
         self.version, self.adaptation = policy.version, policy.adaptation
-        self.estimate = lambda context: watch.time(POLICY, lambda: policy.estimate(context))
+        self._policy, self._watch = policy, watch
+
+    def estimate(self, terms: Terms[Scene], before: Estimates) -> Estimates:
+        """The policy's own."""
+        return self._watch.time(POLICY, lambda: self._policy.estimate(terms, before))
 
 
 def watch_parts(controller: Controller, watch: StopWatch) -> None:

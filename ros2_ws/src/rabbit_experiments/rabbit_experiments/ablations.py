@@ -32,8 +32,8 @@ from pydantic import BaseModel, ConfigDict
 from rabbit_description.atomic_file import replacing
 from rabbit_sim.parameters import SimulationParameters
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-from rl_cbf_clf_controller.controller import ControllerError
 from rl_cbf_clf_controller.parameters import ControllerParameters, load_parameters
+from rl_cbf_clf_controller.scene import ControllerError
 from rl_cbf_clf_controller.uncertainty import RL_CBF_CLF_QP
 from rl_cbf_clf_controller.weights import PolicyFileError
 from rl_trainer.parameters import TrainingParameters, paper_literal

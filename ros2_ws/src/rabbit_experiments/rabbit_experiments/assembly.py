@@ -40,7 +40,7 @@ class Assembly:
     nominal: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        if self.controller.on_stones and self.simulation.terrain == "flat":
+        if self.controller.terrain == "stones" and self.simulation.terrain == "flat":
             raise AssemblyError("terrain", f"flat: expected stones, {self.controller.controller} steps on them")
         known = self.controller.problem.quantities
         for name in self.nominal:

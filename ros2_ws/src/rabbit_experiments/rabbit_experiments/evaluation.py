@@ -11,7 +11,8 @@ from typing import Generic, ParamSpec, TypeVar
 import numpy as np
 from rabbit_sim.simulation import Simulation
 from rabbit_viewer.walk_records import WalkRecords, about_walk
-from rl_cbf_clf_controller.controller import Controller, ControllerError
+from rl_cbf_clf_controller.controller import Controller
+from rl_cbf_clf_controller.scene import ControllerError
 from rl_trainer.rollout import Controller as AnyController
 from rl_trainer.rollout import Observer, Record, rollout
 from rl_trainer.rollout import Simulation as AnySimulation

@@ -18,9 +18,10 @@ from typing import Any
 import numpy as np
 from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.problem import Problem
+from cbf_clf_qp.tick import Terms
 from rabbit_description.state import Array
 from rl_cbf_clf_controller.controller import ControllerOutput
-from rl_cbf_clf_controller.policy_context import ModelContext
+from rl_cbf_clf_controller.scene import Scene
 from rl_trainer.rollout import Record
 
 from rabbit_experiments.assembly import Assembly
@@ -55,18 +56,19 @@ def compare(assembly: Assembly, walker: str, seeds: Iterable[int]) -> dict[str, 
         ticks += [tick for tick in seen if tick[0].step_time >= SETTLED]
     if not ticks:
         raise NoTicksError(f"no walk of the {walker} lasted {SETTLED} s")
-    outputs, contexts = zip(*ticks, strict=True)
+    outputs, terms = zip(*ticks, strict=True)
     law = assembly.controller
+    nothing = Estimates.zero(len(law.problem.quantities), law.problem.inputs)
     cone = ("C2+", "C2-") if law.cone == "two_rows" else ("C2",)
-    rows = ("CLF", "B1", "B2", "C1", *cone) if law.on_stones else ("CLF",)
+    rows = ("CLF", "B1", "B2", "C1", *cone) if law.terrain == "stones" else ("CLF",)
     return {
         "walks": walks,
         "ticks": len(ticks),
         "active_share": {row: sum(row in output.active for output in outputs) / len(ticks) for row in rows},
         "quantities": errors(
             law.problem,
-            [policy.estimate(context) for context in contexts],
-            [oracle.estimate(context) for context in contexts],
+            [policy.estimate(each, nothing) for each in terms],
+            [oracle.estimate(each, nothing) for each in terms],
             np.array([output.mu for output in outputs]),
             np.array([output.LgV for output in outputs]),
         ),
@@ -86,13 +88,13 @@ def errors(
     return found
 
 
-def _walk(assembly: Assembly, seed: int) -> tuple[dict[str, Any], list[tuple[ControllerOutput, ModelContext]]]:
+def _walk(assembly: Assembly, seed: int) -> tuple[dict[str, Any], list[tuple[ControllerOutput, Terms[Scene]]]]:
     """One run from fresh parts: how it went, and of each tick what the controller did and what it saw."""
     simulation, controller = assembly.build()
-    ticks: list[tuple[ControllerOutput, ModelContext]] = []
+    ticks: list[tuple[ControllerOutput, Terms[Scene]]] = []
 
     def look(record: Record) -> None:
-        ticks.append((record.output, ModelContext.of(controller.terms)))
+        ticks.append((record.output, controller.terms))
 
     try:
         fault = episode(simulation, controller, seed, look)

@@ -9,11 +9,11 @@ from rabbit_experiments.conditions import EVALUATION_LAG
 from rabbit_experiments.policy_errors import NoTicksError, compare, errors
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import load_parameters
-from rl_cbf_clf_controller.policy import PartlyNominal
-from rl_cbf_clf_controller.policy_context import PolicyContext
+from rl_cbf_clf_controller.policy import LearnedPolicy, PartlyNominal
 from rl_cbf_clf_controller.uncertainty import RL_CBF_CLF_QP
 
 STONES = RL_CBF_CLF_QP
+NONE = Estimates.zero(5, 4)
 WRONG = np.array([[3.0, 0, 4, 0], [6, 0, 0, 8], [5, 12, 0, 0], [0, 0, 0, 0], [0, 8, 15, 0]])  # rows of length
 LENGTH = {"V": 5.0, "B1": 10.0, "B2": 13.0, "C1": 0.0, "C2": 17.0}
 MU = np.tile(np.eye(4), (2, 1))  # each component by itself, twice
@@ -59,7 +59,7 @@ def test_no_error_of_a_truth_of_zero() -> None:
 def assembly(controller: str, policy: str, **plant: object) -> Assembly:
     """Two steps with a robot of twice the mass."""
     parameters = load_parameters("ours", controller=controller)
-    terrain = "stones" if parameters.on_stones else "flat"
+    terrain = parameters.terrain
     settings = {"mass_scale": 2, "motor_lag": EVALUATION_LAG, "terrain": terrain, "stones": 2, **plant}
     return Assembly(SimulationParameters.model_validate(settings), parameters, policy)
 
@@ -90,19 +90,21 @@ def test_the_first_ticks_after_an_impact_do_not_count() -> None:
         compare(assembly("rl-cbf-clf-qp", "oracle", fall_height=0.8), "policy", [1])
 
 
-class Ones:
+class Ones(LearnedPolicy):
     """A policy that says one to everything."""
 
     version = "ones"
-    adaptation = None
 
-    def estimate(self, context: PolicyContext) -> Estimates:
+    def act(self, observation: Array, LgV: Array) -> Estimates:
         return Estimates(np.ones((5, 4)), np.ones(5))
 
 
 def test_nominal_quantities_have_no_estimate_and_the_others_theirs() -> None:
     policy = PartlyNominal(Ones(), STONES, ("B2", "V"))
-    estimates = policy.estimate(PolicyContext(np.zeros(15), np.zeros(4)))
+    simulation, controller = assembly("rl-cbf-clf-qp", "zero").build()
+    controller.step(simulation.reset(1))
+    simulation.close()
+    estimates = policy.estimate(controller.terms, NONE)
     kept: Array = np.array([0.0, 1, 0, 1, 1])
     assert (estimates.alpha == kept[:, None]).all()
     assert (estimates.beta == kept).all()

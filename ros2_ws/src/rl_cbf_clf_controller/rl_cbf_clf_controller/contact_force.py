@@ -41,7 +41,7 @@ class ContactForce:
 
     def measure(self, before: Scene, after: Scene, seconds: float) -> Array:
         """The force sensor's, averaged over the tick."""
-        return after.force[::-1]
+        return after.force[0, ::-1]
 
     def rows(self, scene: Scene, value: Affine) -> list[Rows]:
         """C1 and the cone, if the force is `value`, affine in mu."""

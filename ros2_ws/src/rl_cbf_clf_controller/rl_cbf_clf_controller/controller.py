@@ -1,43 +1,34 @@
 """The controller of one tick: state in, torque out. Read `cbf_clf_qp.tick` first, then this, then `recipes.py`.
 
-    relabel to stance/swing -> scene, nominal dynamics -> terms -> policy's and adaptation's estimates
-    -> the tick of `cbf_clf_qp` -> mu -> exploration -> torque, saturated
+    relabel to stance/swing -> scene, nominal dynamics -> terms
+    -> the tick of `cbf_clf_qp`: estimates, rows, QP -> mu -> exploration -> torque, saturated
 
 Which leg stands, exploration and what is kept from tick to tick are here; what a controller constrains is its recipe.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
-from cbf_clf_qp.ecbf import Barriers
-from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.io_linearization import precontrol
 from cbf_clf_qp.res_clf import ResClf
 from cbf_clf_qp.solvers import make_solver
 from cbf_clf_qp.tick import Constraint, Decided, Terms, decide, measured
 from rabbit_description.gait_library import Gaits
-from rabbit_description.state import SWAP_STATE, SWAP_TORQUE, TICK_SECONDS, Array, Leg, RobotState, StonePreview
+from rabbit_description.state import SWAP_STATE, SWAP_TORQUE, TICK_SECONDS, Array, Leg, RobotState
 
-from rl_cbf_clf_controller.adaptation import Measured
-from rl_cbf_clf_controller.adaptation_choice import make_adaptation
 from rl_cbf_clf_controller.generated_model import make_model
-from rl_cbf_clf_controller.nominal_model import Kinematics
+from rl_cbf_clf_controller.identified_robot import IdentifiedRobot
+from rl_cbf_clf_controller.kinds import find_kind
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import Policy
-from rl_cbf_clf_controller.policy_context import ModelContext
 from rl_cbf_clf_controller.recipes import make_recipe
-from rl_cbf_clf_controller.scene import Scene
+from rl_cbf_clf_controller.scene import ControllerError, Scene
 from rl_cbf_clf_controller.step_outputs import make_steps
-from rl_cbf_clf_controller.stone_barriers import stone_barriers
 
 NO_BARRIERS = np.full(2, np.nan)
 NO_TORQUE = np.full(4, np.nan)
 NOTHING = np.zeros(0)
-
-
-class ControllerError(ValueError):
-    """A state that the controller refuses: names the field, its value and what was expected."""
 
 
 @dataclass(frozen=True)
@@ -52,8 +43,8 @@ class ControllerOutput:
     `observation` (14,), on stones (15,), there with a gait library (16,); `LgV` (4,); `clf_slack`, `rescue_slack`: the
     paper's d, the sum of the slacks of last resort; `active` names the rows that hold with equality; `answered` is
     False where the guard solver had to answer; `fault` is empty, or why the episode must end; `objective`, `adaptation`
-    name what was minimised and adapted; `identified` (17,) is the robot as in `adaptation.KNOWN`, `adapted` (5n + 20,)
-    its part of the estimates, as in `Estimates.packed`; both (0,) without adaptation.
+    name what was minimised and adapted; `identified` (17,) is the robot as in `identified_robot.KNOWN`,
+    `adapted` (5n + 20,) its part of the estimates, as in `Estimates.packed`; both (0,) without adaptation.
     """
 
     tick: int
@@ -126,14 +117,33 @@ class Controller:
         urdf: str | None = None,
     ) -> None:
         self.parameters = parameters
-        self.policy = policy
         self.clf = ResClf(4, parameters.eps, (parameters.kp, parameters.kd))
-        self.recipe = make_recipe(parameters, self.clf, constraints)
+        self._robot = IdentifiedRobot(urdf) if parameters.adaptation == "identification" else None
+        estimators = (policy, self._robot) if self._robot else (policy,)
+        self.recipe = make_recipe(parameters, self.clf, estimators, constraints)
+        self.policy = policy
+        self._terrain = find_kind(parameters.controller).terrain(parameters)
         self._steps = make_steps(gait, parameters.stone_aim)
         self._model = make_model(urdf)
         self._solver = make_solver(parameters.qp_solver)
-        self._adaptation = make_adaptation(parameters, self.clf, urdf)
         self.reset(0)
+
+    @property
+    def policy(self) -> Policy:
+        """The first of the recipe's estimators; another one may be set between two ticks.
+
+        Raises:
+            ControllerError: it was trained beside another adaptation.
+        """
+        return self._policy
+
+    @policy.setter
+    def policy(self, policy: Policy) -> None:
+        own, runs = policy.adaptation, self.parameters.adaptation
+        if own not in (None, runs):
+            raise ControllerError(f"policy {policy.version} adds to adaptation {own}: expected {runs}")
+        self._policy = policy
+        self.recipe = replace(self.recipe, estimators=(policy, *self.recipe.estimators[1:]))
 
     @property
     def unanswered(self) -> int:
@@ -150,29 +160,27 @@ class Controller:
         self._step = StepState(rng=np.random.default_rng(seed))
         self._constraints = self._steps.first()
         self._solver.reset()
-        self._adaptation.reset()
+        for estimator in self.recipe.estimators:
+            estimator.reset()
 
     def step(self, state: RobotState) -> ControllerOutput:
         """The torque for one tick.
 
         Raises:
             ControllerError: a state of the wrong shape, not finite, or without the preview of the next stone; a policy
-                that gives no output error where the objective or the adaptation needs it.
+                that gives no output error where the objective needs it.
         """
         self._check(state)
         if np.isfinite(state.applied).all():  # in real time it may be another than the one that this gave last
             self._step.torque = state.applied[SWAP_TORQUE] if self._step.stance is Leg.RIGHT else state.applied
-        state = self._adaptation.corrected(state)
+        if self._robot:
+            state = self._robot.corrected(state)
         fault = self._swap_legs(state)
         if not self._step.has_begun:
             self._begin_step(state)
         self.terms = self.look(state)
-        policy = self.policy.estimate(ModelContext.of(self.terms))
-        self._check_estimates(policy)
-        force = state.foot_force[[self._step.stance, self._step.stance.other]]
-        adapted = self._adaptation.estimate(self.terms, policy, Measured(state.tick, self._step.torque, force))
-        self.decided = decide(self.recipe, self.terms, policy + adapted if adapted else policy, self._solver)
-        output = self._output(state, adapted, fault)
+        self.decided = decide(self.recipe, self.terms, self._solver)
+        output = self._output(state, fault)
         self._step.last = state.tick, self.terms.scene
         return output
 
@@ -183,40 +191,24 @@ class Controller:
         dynamics = self._model.pinned()
         outputs = self._constraints.evaluate(q_s, dq_s)
         z = (*feet.hip, outputs.phase, *feet.hip_rate, outputs.phase_rate)
-        sees_stone = self.parameters.on_stones and state.preview is not None
-        stone = (state.preview.l_min, *self._steps.wanted) if sees_stone and state.preview else ()
+        stone = self._terrain.observed(state.preview, self._steps.wanted)
+        stance = self._step.stance
         scene = Scene(
             q_s=q_s,
             dq_s=dq_s,
             feet=feet,
             outputs=outputs,
-            barriers=self._barriers(feet, state.preview),
-            force=state.foot_force[self._step.stance],
+            barriers=self._terrain.barriers(feet, state.preview),
+            force=state.foot_force[[stance, stance.other]],
             observation=np.concatenate([outputs.eta, z, stone]),
             LgV=self.clf.derivative(outputs.eta).a[0],
+            tick=state.tick,
+            torque=self._step.torque,
         )
         control = precontrol(outputs.second_derivative(dynamics.acceleration))
         return Terms.of(self.recipe.quantities, scene, dynamics, control)
 
-    def _check_estimates(self, policy: Estimates) -> None:
-        p = self.parameters
-        if self.policy.adaptation not in (None, p.adaptation):
-            raise ControllerError(
-                f"policy {self.policy.version} adds to adaptation {self.policy.adaptation}: expected {p.adaptation}"
-            )
-        if policy.output_error or self.recipe.corrects_input or (p.objective, p.adaptation) == ("paper", "none"):
-            return
-        needs = f"objective {p.objective} and adaptation {p.adaptation}"
-        raise ControllerError(f"policy {self.policy.version} tells no output error: {needs} expect a structured policy")
-
-    def _barriers(self, feet: Kinematics, stone: StonePreview | None) -> Barriers | None:
-        p = self.parameters
-        if stone is None or not p.on_stones:
-            return None
-        inside = StonePreview(stone.index, stone.l_min + p.stone_margin, stone.l_max - p.stone_margin)
-        return stone_barriers(feet, inside, p.R1, p.R2)
-
-    def _output(self, state: RobotState, adapted: Estimates | None, fault: str) -> ControllerOutput:
+    def _output(self, state: RobotState, fault: str) -> ControllerOutput:
         p, step, scene, terms, decided = self.parameters, self._step, self.terms.scene, self.terms, self.decided
         solution, control, mu_qp = decided.solution, decided.control, decided.mu
         if not solution.solved:
@@ -264,8 +256,8 @@ class Controller:
             policy_version=self.policy.version,
             objective=p.objective,
             adaptation=p.adaptation,
-            identified=self._adaptation.known,
-            adapted=adapted.packed if adapted and not self.recipe.corrects_input else NOTHING,
+            identified=self._robot.known if self._robot else NOTHING,
+            adapted=decided.parts[1].packed if self._robot else NOTHING,
             fault=fault,
         )
 
@@ -302,10 +294,4 @@ class Controller:
         for name, value in (("q", state.q), ("dq", state.dq)):
             if value.shape != (7,) or not np.isfinite(value).all():
                 raise ControllerError(f"state.{name} = {value}: expected 7 finite values")
-        preview = state.preview
-        if not self.parameters.on_stones:
-            return
-        if preview is None or preview.index != state.touchdowns + 1:
-            raise ControllerError(f"state.preview = {preview}: expected stone {state.touchdowns + 1}")
-        if not 0 < preview.l_min < preview.l_max < 2:
-            raise ControllerError(f"state.preview = {preview}: expected 0 < l_min < l_max < 2 m")
+        self._terrain.check(state)

@@ -25,18 +25,17 @@ import numpy as np
 from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.res_clf import ResClf
-from cbf_clf_qp.tick import Terms
-from rabbit_description.state import TICK_SECONDS, Array, RobotState
+from cbf_clf_qp.tick import Estimator, Terms
+from rabbit_description.state import TICK_SECONDS, Array
 from scipy.linalg import expm
 
-from rl_cbf_clf_controller.adaptation import Measured
 from rl_cbf_clf_controller.parameters import L1Law
 from rl_cbf_clf_controller.scene import Scene
 
 DY, ESTIMATE, FILTERED = 1, 2, 3  # rows of the state: predictor's error in y and y-dot, estimate, filtered estimate
 
 
-class L1Adaptation:
+class L1Adaptation(Estimator[Scene]):
     """The adaptation's memory; `estimate` is called once a tick.
 
     Args:
@@ -47,8 +46,6 @@ class L1Adaptation:
         bounds: of |slope|, 1, and of |offset|, rad/s^2.
         substeps: of a tick.
     """
-
-    known = np.zeros(0)  # nothing of the robot itself
 
     def __init__(
         self, clf: ResClf, law: L1Law, gain: float, cutoff: float, bounds: tuple[float, float], substeps: int = 1
@@ -75,17 +72,13 @@ class L1Adaptation:
         """The estimated one (m,), rad/s^2, before the filter."""
         return self._state[ESTIMATE].copy()
 
-    def corrected(self, state: RobotState) -> RobotState:
-        """`state`."""
-        return state
-
-    def estimate(self, terms: Terms[Scene], policy: Estimates, measured: Measured) -> Estimates:
-        """What is added to the policy's input, so that the outputs get the compensation; not known of any row."""
-        whole = Affine.identity(self._outputs) + policy.affine
+    def estimate(self, terms: Terms[Scene], before: Estimates) -> Estimates:
+        """A part of the input [approach1_input]: the outputs get the compensation through the policy's part."""
+        whole = Affine.identity(self._outputs) + before.affine
         nominal = terms.scene.outputs.second_derivative(terms.dynamics.acceleration)
         belief = whole.inverse().after(nominal)
-        compensation = self.compensation(terms.scene.outputs.eta, belief, measured.torque)
-        return Estimates(np.zeros((self._outputs, self._outputs)), whole(compensation) - policy.beta)
+        compensation = self.compensation(terms.scene.outputs.eta, belief, terms.scene.torque)
+        return Estimates(np.zeros((self._outputs, self._outputs)), whole(compensation) - before.beta)
 
     def compensation(self, eta: Array, belief: Affine, torque: Array) -> Array:
         """mu_2 (m,), rad/s^2, at `eta` (2m,), after a tick under `torque` (m,), NaN where the step is new.

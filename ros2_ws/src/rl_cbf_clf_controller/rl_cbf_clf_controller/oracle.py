@@ -9,12 +9,14 @@ import numpy as np
 from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.io_linearization import precontrol
 from cbf_clf_qp.model_error import model_error
+from cbf_clf_qp.tick import Terms
 
 from rl_cbf_clf_controller.generated_model import make_model
-from rl_cbf_clf_controller.policy_context import ModelContext, PolicyContext
+from rl_cbf_clf_controller.policy import Policy
+from rl_cbf_clf_controller.scene import Scene
 
 
-class OraclePolicy:
+class OraclePolicy(Policy):
     """The plant's true errors; `urdf`, `motor_gain` and `joint_damping` are the plant's."""
 
     version = "oracle"
@@ -24,15 +26,8 @@ class OraclePolicy:
         self._model = make_model(urdf, motor_gain, joint_damping)
         self._io = io
 
-    def estimate(self, context: PolicyContext) -> Estimates:
-        """Exact estimates at this tick.
-
-        Raises:
-            TypeError: called with the context of an actor.
-        """
-        if not isinstance(context, ModelContext):
-            raise TypeError(f"oracle: expected a ModelContext, got {type(context).__name__}")
-        terms = context.terms
+    def estimate(self, terms: Terms[Scene], before: Estimates) -> Estimates:
+        """Exact estimates at this tick."""
         self._model.update(terms.scene.q_s, terms.scene.dq_s)
         dynamics = self._model.pinned()
         if self._io:

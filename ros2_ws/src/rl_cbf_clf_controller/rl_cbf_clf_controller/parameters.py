@@ -1,16 +1,15 @@
 """The controller's parameters: typed, bounded, described. One model serves files, the command line and ROS."""
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Literal
 
 from cbf_clf_qp.problem import Problem
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from rabbit_description.gait import DEFAULT_GAIT
 from rabbit_description.yaml_file import YamlFileError, read_yaml
 
-from rl_cbf_clf_controller.kinds import find_kind, known_name
+from rl_cbf_clf_controller.kinds import ControllerName, find_kind
 
-ControllerName = Annotated[str, AfterValidator(known_name)]
 L1Law = Literal["piecewise", "exact", "euler"]
 CONFIG = Path(__file__).parent / "config"
 
@@ -113,9 +112,9 @@ class ControllerParameters(BaseModel):
         return find_kind(self.controller).problem
 
     @property
-    def on_stones(self) -> bool:
-        """Whether the controller has barriers on the stone in sight."""
-        return find_kind(self.controller).sees_stones
+    def terrain(self) -> Literal["flat", "stones"]:
+        """What the controller walks on: with barriers on the stone in sight, or on flat ground."""
+        return find_kind(self.controller).terrain.name
 
     @property
     def learns(self) -> bool:

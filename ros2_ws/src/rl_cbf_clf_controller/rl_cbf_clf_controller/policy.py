@@ -9,49 +9,56 @@ expression Delta^v = 2 eta' P G Delta = LgV Delta [eq70] says:
 Plain, they are 5 outputs times (|LgV| + 1). Either way the action is the paper's (25 values on stones).
 """
 
+from abc import abstractmethod
 from collections.abc import Collection
-from typing import Protocol
 
 import numpy as np
 from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.problem import Problem
+from cbf_clf_qp.tick import Estimator, Terms
 from rabbit_description.state import Array
 
-from rl_cbf_clf_controller.policy_context import PolicyContext
+from rl_cbf_clf_controller.scene import Scene
 from rl_cbf_clf_controller.weights import PolicyFile, forward
 
 
-class Policy(Protocol):
-    """Gives the estimates of a tick; `version` is echoed with every torque.
+class Policy(Estimator[Scene]):
+    """An estimator that has a `version`, which is echoed with every torque.
 
     `adaptation` names the one that its estimates add to; None: they fit any.
     """
 
-    @property
-    def version(self) -> str: ...
-
-    @property
-    def adaptation(self) -> str | None: ...
-
-    def estimate(self, context: PolicyContext) -> Estimates: ...
+    version: str
+    adaptation: str | None = None
 
 
-class ZeroPolicy:
+class LearnedPolicy(Policy):
+    """A policy that sees of a tick only its observation and LgV, and nothing of a model."""
+
+    @abstractmethod
+    def act(self, observation: Array, LgV: Array) -> Estimates:
+        """The estimates at `observation` (m,), raw, see `Problem.observation`, and `LgV` (4,)."""
+
+    def estimate(self, terms: Terms[Scene], before: Estimates) -> Estimates:
+        """At a tick."""
+        return self.act(terms.scene.observation, terms.scene.LgV)
+
+
+class ZeroPolicy(LearnedPolicy):
     """No correction: the same controller becomes the nominal one."""
 
     version = "zero"
-    adaptation = None
 
     def __init__(self, problem: Problem) -> None:
         self._estimates = Estimates.zero(len(problem.quantities), problem.inputs)
 
-    def estimate(self, context: PolicyContext) -> Estimates:
-        """Zeros, whatever the context."""
+    def act(self, observation: Array, LgV: Array) -> Estimates:
+        """Zeros, wherever the robot is."""
         return self._estimates
 
 
-class ActorPolicy:
+class ActorPolicy(LearnedPolicy):
     """The actor's forward pass in numpy, from a checked policy file."""
 
     def __init__(self, file: PolicyFile) -> None:
@@ -64,23 +71,23 @@ class ActorPolicy:
         self._alpha_scale, self._beta_scale = np.array(form.alpha_scale), np.array(form.beta_scale)
         self._structured, self._inputs, self._has_clf = form.structured, form.m, "V" in form.names
 
-    def estimate(self, context: PolicyContext) -> Estimates:
+    def act(self, observation: Array, LgV: Array) -> Estimates:
         """Alpha and beta of every quantity. A network without `l_min` reads the first 14 observations.
 
         Raises:
             ValueError: it reads the step length of a gait library, and there is none.
         """
-        if context.observation.size < self._center.size:
+        if observation.size < self._center.size:
             raise ValueError(
                 f"policy {self.version} reads {self.file.metadata.observation[-1]}: expected a gait library"
             )
-        observation = (context.observation[: len(self._center)] - self._center) * self._inverse_scale
-        raw_outputs: Array = forward(self.file.arrays, observation.astype(np.float32)).astype(np.float64)
-        outputs = contract(raw_outputs, context.LgV) if self._structured else raw_outputs
+        scaled = (observation[: len(self._center)] - self._center) * self._inverse_scale
+        raw_outputs: Array = forward(self.file.arrays, scaled.astype(np.float32)).astype(np.float64)
+        outputs = contract(raw_outputs, LgV) if self._structured else raw_outputs
         raw = Estimates.from_flat(outputs, self._inputs)
         alpha, beta = raw.alpha * self._alpha_scale[:, None], raw.beta * self._beta_scale
         if self._has_clf and not self._structured:
-            size = np.linalg.norm(context.LgV) + 1
+            size = np.linalg.norm(LgV) + 1
             alpha[0] *= size
             beta[0] *= size
         return Estimates(alpha, beta, self._output_error(raw_outputs) if self._structured else None)
@@ -92,7 +99,7 @@ class ActorPolicy:
         return Affine(self._alpha_scale[0] * matrix[:, :m], self._beta_scale[0] * matrix[:, m])
 
 
-class PartlyNominal:
+class PartlyNominal(Policy):
     """`policy`, but for some quantities, `nominal` by name: their estimates are zero, so their rows are nominal."""
 
     def __init__(self, policy: Policy, problem: Problem, nominal: Collection[str]) -> None:
@@ -104,9 +111,9 @@ class PartlyNominal:
         self._inputs = problem.inputs
         self._kept = np.array([name not in zeroed for name in problem.quantities], dtype=float)
 
-    def estimate(self, context: PolicyContext) -> Estimates:
+    def estimate(self, terms: Terms[Scene], before: Estimates) -> Estimates:
         """The policy's estimates, zero in the rows of the nominal quantities; the outputs go with V."""
-        estimates = self._policy.estimate(context)
+        estimates = self._policy.estimate(terms, before)
         outputs = estimates.output_error if self._outputs_kept else Affine.zero(self._inputs, self._inputs)
         return Estimates(estimates.alpha * self._kept[:, None], estimates.beta * self._kept, outputs)
 

@@ -1,4 +1,4 @@
-"""The seven controllers: which QP has which quantities, constraints and objective. One table."""
+"""The seven controllers: which QP has which quantities, estimators, constraints and objective. One table."""
 
 from collections.abc import Callable, Sequence
 
@@ -11,13 +11,15 @@ from cbf_clf_qp.saturation import Saturation
 from cbf_clf_qp.tick import Constraint, Recipe, Terms, least_mu
 
 from rl_cbf_clf_controller.contact_force import ContactForce, NominalForce
-from rl_cbf_clf_controller.kinds import Kind, Quantities, find_kind
+from rl_cbf_clf_controller.kinds import Estimators, Kind, Quantities, find_kind
+from rl_cbf_clf_controller.l1_adaptation import L1Adaptation
 from rl_cbf_clf_controller.output_acceleration import OutputAcceleration, ReferenceClf
 from rl_cbf_clf_controller.parameters import ControllerParameters
-from rl_cbf_clf_controller.scene import Scene
+from rl_cbf_clf_controller.scene import ControllerError, Scene
 from rl_cbf_clf_controller.stone_barriers import StoneBarriers
+from rl_cbf_clf_controller.terrain import SteppingStones
 from rl_cbf_clf_controller.uncertainty import IO_RL_CLF_QP, RL_CBF_CLF_QP, RL_CLF_QP
-from rl_cbf_clf_controller.worst_case import worst_errors
+from rl_cbf_clf_controller.worst_case import WorstCase
 
 Parameters = ControllerParameters
 
@@ -39,27 +41,41 @@ def outputs(p: Parameters, clf: ResClf) -> Quantities:
     return (OutputAcceleration(),)
 
 
-KINDS = {
-    "clf-qp": Kind(RL_CLF_QP, flat),
-    "rl-clf-qp": Kind(RL_CLF_QP, flat, learns=True),
-    "l1-clf-qp": Kind(IO_RL_CLF_QP, outputs),
-    "io-rl-clf-qp": Kind(IO_RL_CLF_QP, outputs, learns=True),
-    "cbf-clf-qp": Kind(RL_CBF_CLF_QP, stones, sees_stones=True),
-    "rl-cbf-clf-qp": Kind(RL_CBF_CLF_QP, stones, sees_stones=True, learns=True),
-    "robust-cbf-clf-qp": Kind(RL_CBF_CLF_QP, stones, sees_stones=True, corners=worst_errors),
-}
+def l1(p: Parameters, clf: ResClf) -> Estimators:
+    """The L1 adaptation, whose input cancels the error of the outputs' accelerations."""
+    bounds = (p.l1_slope_bound, p.l1_offset_bound)
+    return (L1Adaptation(clf, p.l1_law, p.l1_gain, p.l1_cutoff, bounds, p.l1_substeps),)
 
 
-def make_recipe(p: Parameters, clf: ResClf, own: Sequence[Constraint] = ()) -> Recipe[Scene]:
-    """The recipe of the controller that the parameters name, on its `clf`, with constraints of one's `own`."""
+def worst_case(p: Parameters, clf: ResClf) -> Estimators:
+    """The corners of what the model error may be."""
+    return (WorstCase(p),)
+
+
+CLF = Kind(RL_CLF_QP, flat)
+RL_CLF = Kind(RL_CLF_QP, flat, learns=True)
+L1_CLF = Kind(IO_RL_CLF_QP, outputs, estimators=l1)
+IO_RL_CLF = Kind(IO_RL_CLF_QP, outputs, learns=True)
+CBF_CLF = Kind(RL_CBF_CLF_QP, stones, SteppingStones)
+RL_CBF_CLF = Kind(RL_CBF_CLF_QP, stones, SteppingStones, learns=True)
+ROBUST_CBF_CLF = Kind(RL_CBF_CLF_QP, stones, SteppingStones, estimators=worst_case)
+
+
+def make_recipe(
+    p: Parameters, clf: ResClf, estimators: Estimators, constraints: Sequence[Constraint] = ()
+) -> Recipe[Scene]:
+    """The recipe of the controller that the parameters name, on its `clf`.
+
+    `estimators`, `constraints`: further ones. The first estimator is the policy.
+    """
     kind = find_kind(p.controller)
     reference = [ReferenceClf(clf, hard_clf(p, clf))] if p.problem.corrects_input else []
-    forces = [NominalForce(contact_force(p))] if p.flat_force_rows and not p.on_stones else []
+    forces = [NominalForce(contact_force(p))] if p.flat_force_rows and kind.terrain is not SteppingStones else []
     return Recipe(
         quantities=kind.quantities(p, clf),
-        constraints=(*reference, *forces, Saturation(p.torque_limit), *own),
+        constraints=(*reference, *forces, Saturation(p.torque_limit), *constraints),
+        estimators=(*estimators, *kind.estimators(p, clf)),
         corrects_input=p.problem.corrects_input,
-        corners=kind.corners(p),
         objective=least_mu if p.objective == "paper" else pd_objective(p, p.problem.corrects_input),
     )
 
@@ -82,7 +98,7 @@ def pd_objective(p: Parameters, corrects_input: bool) -> Callable[[Terms[Scene],
         m = len(terms.precontrol.b)
         error = Affine.zero(m, m) if corrects_input else estimates.output_error
         if error is None:
-            raise ValueError("objective pd_centred: expected estimates that give the output error")
+            raise ControllerError("objective pd_centred: expected a structured policy, which gives the output error")
         return pd_centred(pd_input(terms.scene.outputs.y, terms.scene.outputs.dy, p.eps), error, p.mu_weight)
 
     return objective

@@ -1,7 +1,8 @@
-"""What the quantities read of a state: outputs, feet, the stone's barriers. Nothing here depends on masses."""
+"""What the quantities and estimators read of a state: outputs, feet, barriers, sensors. No mass enters here."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
+import numpy as np
 from cbf_clf_qp.ecbf import Barriers
 from rabbit_description.state import Array
 
@@ -9,12 +10,17 @@ from rl_cbf_clf_controller.nominal_model import Kinematics
 from rl_cbf_clf_controller.virtual_constraints import Outputs
 
 
+class ControllerError(ValueError):
+    """A state or policy that the controller refuses: names the field, its value and what was expected."""
+
+
 @dataclass(frozen=True)
 class Scene:
     """A state in stance/swing order, `q_s`, `dq_s` (7,), and its kinematics; `barriers` is None where no stone is.
 
-    `force` (2,) of the stance foot, tangential and normal, N, as the sensor averaged it over the last tick;
-    `observation` (14,), with a stone (15,), there with a gait library (16,), see `Problem.observation`; `LgV` (4,).
+    `force` (2, 2), N, as the sensors averaged it over the last tick: rows stance, swing foot; columns tangential,
+    normal; `observation` (14,), with a stone (15,), there with a gait library (16,), see `Problem.observation`;
+    `LgV` (4,); `tick` counts from the episode's start; `torque` (4,), N m, was applied in the last tick, NaN: unknown.
     """
 
     q_s: Array
@@ -25,3 +31,5 @@ class Scene:
     force: Array
     observation: Array
     LgV: Array
+    tick: int = 0
+    torque: Array = field(default_factory=lambda: np.full(4, np.nan))

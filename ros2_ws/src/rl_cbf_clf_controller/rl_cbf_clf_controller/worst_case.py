@@ -18,11 +18,12 @@ y'' = mu + Delta_1 + Delta_2 mu, |Delta_1| <= offset, and Delta_2 mu = r mu with
 and both corners +- are rows. The forces are left nominal.
 """
 
-from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from cbf_clf_qp.affine import Affine, Array
-from cbf_clf_qp.tick import Terms
+from cbf_clf_qp.estimates import Estimates
+from cbf_clf_qp.tick import Estimator, Terms
 
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.scene import Scene
@@ -30,18 +31,25 @@ from rl_cbf_clf_controller.scene import Scene
 FORCES = slice(3, 5)  # of the quantities V, B1, B2, F_N, F_T
 
 
-def worst_errors(parameters: ControllerParameters) -> Callable[[Terms[Scene]], list[Affine]]:
-    """The corners of a tick, by its terms: errors of the quantities (5), affine in mu (4)."""
-    p = parameters
-    if p.robust_bounds == "mass_scale":
-        return lambda terms: [_scale_error(terms, scale) for scale in (p.robust_scale_min, p.robust_scale_max)]
+class WorstCase(Estimator[Scene]):
+    """No estimate of the error, but the corners of the set that it lies in."""
 
-    def corners(terms: Terms[Scene]) -> list[Affine]:
+    def __init__(self, parameters: ControllerParameters) -> None:
+        self._parameters = parameters
+        self._zero = Estimates.zero(5, 4)
+
+    def estimate(self, terms: Terms[Scene], before: Estimates) -> Estimates:
+        """Zero, with the corners."""
+        return replace(self._zero, corners=tuple(self.corners(terms)))
+
+    def corners(self, terms: Terms[Scene]) -> list[Affine]:
+        """Errors of the quantities (5), affine in mu (4)."""
+        p = self._parameters
+        if p.robust_bounds == "mass_scale":
+            return [_scale_error(terms, scale) for scale in (p.robust_scale_min, p.robust_scale_max)]
         offset = np.array([np.linalg.norm(terms.scene.LgV) * p.robust_offset, *2 * [-p.robust_barrier_offset], 0, 0])
         slope = np.array([p.robust_slope, *2 * [p.robust_barrier_slope], 0, 0])
         return [_norm_error(terms.nominal, sign * slope, offset) for sign in (-1, 1)]
-
-    return corners
 
 
 def _scale_error(terms: Terms[Scene], scale: float) -> Affine:

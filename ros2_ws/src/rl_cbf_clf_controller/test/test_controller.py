@@ -4,12 +4,14 @@ import numpy as np
 import pytest
 from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.estimates import Estimates
-from cbf_clf_qp.tick import rows_of
+from cbf_clf_qp.solvers import make_solver
+from cbf_clf_qp.tick import decide, rows_of
 from rabbit_description.gait import DEFAULT_GAIT, load_gait
 from rabbit_description.state import SWAP_STATE, SWAP_TORQUE, Leg, RobotState, StonePreview
-from rl_cbf_clf_controller.controller import Controller, ControllerError
+from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.parameters import ControllerParameters, ParameterError, load_parameters
-from rl_cbf_clf_controller.policy import ZeroPolicy
+from rl_cbf_clf_controller.policy import Policy, ZeroPolicy
+from rl_cbf_clf_controller.scene import ControllerError
 
 GAIT = load_gait(DEFAULT_GAIT)
 
@@ -32,16 +34,15 @@ def nominal(built):
     return Estimates.zero(len(built.recipe.names), 4)
 
 
-class FixedPolicy:
+class FixedPolicy(Policy):
     """The same estimates at every tick."""
 
     version = "fixed"
-    adaptation = None
 
     def __init__(self, alpha, beta):
         self._estimates = Estimates(alpha, beta)
 
-    def estimate(self, context):
+    def estimate(self, terms, before):
         return self._estimates
 
 
@@ -65,7 +66,7 @@ class FixedPolicy:
 def test_which_qp_has_which_rows(controller, changes, names):
     built = make(controller, **changes)
     terms = built.look(state())
-    rows = rows_of(built.recipe, terms, nominal(built), terms.precontrol)
+    rows = decide(built.recipe, terms, make_solver("daqp")).rows
     assert [name for block in rows for name in block.names] == [*names, "u1", "u2", "u3", "u4"]
 
 

@@ -11,9 +11,10 @@ from cbf_clf_qp.rows import Rows
 from cbf_clf_qp.solvers import make_solver
 from rabbit_description.gait import DEFAULT_GAIT, load_gait
 from rabbit_description.state import RobotState, StonePreview
-from rl_cbf_clf_controller.controller import Controller, ControllerError
+from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.parameters import load_parameters
-from rl_cbf_clf_controller.policy import ZeroPolicy
+from rl_cbf_clf_controller.policy import Policy, ZeroPolicy
+from rl_cbf_clf_controller.scene import ControllerError
 
 GAIT = load_gait(DEFAULT_GAIT)
 NO_ROW = Rows.at_most(("CLF",), np.ones((1, 4)), np.array([1e6]), 5.0)
@@ -82,21 +83,20 @@ def test_the_papers_objective_is_the_default_and_is_told():
     assert built.recipe.objective(built.terms, built.decided.estimates) is None
 
 
-class Untold:
+class Untold(Policy):
     """Estimates of rows alone."""
 
     version = "untold"
-    adaptation = None
 
-    def estimate(self, context):
+    def estimate(self, terms, before):
         return Estimates(np.zeros((5, 4)), np.zeros(5))
 
 
-@pytest.mark.parametrize("changes", [{"objective": "pd_centred"}, {"adaptation": "identification"}])
-def test_a_policy_that_tells_no_output_error_is_refused(changes):
-    assert controller(Untold()).step(start()).policy_version == "untold"
-    with pytest.raises(ControllerError, match="policy untold tells no output error"):
-        controller(Untold(), **changes).step(start())
+def test_the_pd_centred_objective_needs_the_output_error():
+    for adaptation in ("none", "identification"):
+        assert controller(Untold(), adaptation=adaptation).step(start()).policy_version == "untold"
+        with pytest.raises(ControllerError, match="objective pd_centred: expected a structured policy"):
+            controller(Untold(), adaptation=adaptation, objective="pd_centred").step(start())
 
 
 def test_the_zero_policy_tells_no_error():

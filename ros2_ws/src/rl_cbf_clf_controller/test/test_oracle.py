@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from cbf_clf_qp.estimates import Estimates
 from rabbit_description import URDF_PATH
 from rabbit_description.gait import load_gait
 from rabbit_description.state import RobotState, StonePreview
@@ -10,9 +11,9 @@ from rl_cbf_clf_controller.nominal_model import NominalModel
 from rl_cbf_clf_controller.oracle import OraclePolicy
 from rl_cbf_clf_controller.parameters import load_parameters
 from rl_cbf_clf_controller.policy import ZeroPolicy
-from rl_cbf_clf_controller.policy_context import ModelContext, PolicyContext
 from rl_cbf_clf_controller.virtual_constraints import VirtualConstraints
 
+NONE = Estimates.zero(5, 4)
 GAIT = load_gait("authors_035")
 SCALE = 2.0
 
@@ -37,7 +38,7 @@ def tick(state, controller="cbf-clf-qp"):
 
 def test_closed_form_under_uniform_scale(state):
     terms = tick(state)
-    oracle = OraclePolicy(scaled_urdf(SCALE)).estimate(ModelContext.of(terms))
+    oracle = OraclePolicy(scaled_urdf(SCALE)).estimate(terms, NONE)
     model = NominalModel()
     model.update(*state)
     dynamics = model.pinned()
@@ -53,9 +54,7 @@ def test_closed_form_under_uniform_scale(state):
 
 def test_first_approach_makes_the_true_output_acceleration_mu(state):
     terms = tick(state, "io-rl-clf-qp")
-    oracle = OraclePolicy(scaled_urdf(SCALE), motor_gain=0.85, joint_damping=1.0, io=True).estimate(
-        ModelContext.of(terms)
-    )
+    oracle = OraclePolicy(scaled_urdf(SCALE), motor_gain=0.85, joint_damping=1.0, io=True).estimate(terms, NONE)
     plant = NominalModel(scaled_urdf(SCALE), motor_gain=0.85, joint_damping=1.0)
     plant.update(*state)
     mu = np.array([10.0, -20.0, 30.0, 5.0])
@@ -65,11 +64,6 @@ def test_first_approach_makes_the_true_output_acceleration_mu(state):
 
 
 def test_no_error_when_the_plant_is_nominal(state):
-    oracle = OraclePolicy(URDF_PATH.read_text()).estimate(ModelContext.of(tick(state)))
+    oracle = OraclePolicy(URDF_PATH.read_text()).estimate(tick(state), NONE)
     assert oracle.alpha == pytest.approx(0, abs=1e-9)
     assert oracle.beta == pytest.approx(0, abs=1e-9)
-
-
-def test_an_actors_context_is_not_enough():
-    with pytest.raises(TypeError, match="ModelContext"):
-        OraclePolicy(URDF_PATH.read_text()).estimate(PolicyContext(np.zeros(15), np.zeros(4)))

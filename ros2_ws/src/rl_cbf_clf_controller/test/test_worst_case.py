@@ -16,9 +16,9 @@ from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.oracle import OraclePolicy
 from rl_cbf_clf_controller.parameters import load_parameters
 from rl_cbf_clf_controller.policy import ZeroPolicy
-from rl_cbf_clf_controller.policy_context import ModelContext
-from rl_cbf_clf_controller.worst_case import worst_errors
+from rl_cbf_clf_controller.worst_case import WorstCase
 
+NONE = Estimates.zero(5, 4)
 GAIT = load_gait(DEFAULT_GAIT)
 CENTER = np.array([0.0, 0.75, 0.1, -0.3, 0.5, -0.3, 0.6])
 STATES = st.tuples(
@@ -48,7 +48,7 @@ def scaled_urdf(scale):
 
 def violations(controller, terms, mu, estimates=None):
     """By how much each row but saturation is exceeded at `mu` without slack; shape (cases, 6)."""
-    estimates = estimates or Estimates.zero(5, 4)
+    estimates = estimates or controller.recipe.estimators[-1].estimate(terms, NONE)
     *rows, _ = rows_of(controller.recipe, terms, estimates, terms.precontrol)
     return np.concatenate([block.A @ mu - block.upper for block in rows]).reshape(-1, 6)
 
@@ -58,7 +58,7 @@ def violations(controller, terms, mu, estimates=None):
 def test_rows_of_a_scale_range_imply_the_true_rows_of_every_scale_in_it(state, mu, where, low, width):
     robust = make(robust_scale_min=low, robust_scale_max=low + width)
     terms = tick(robust, state)
-    true = OraclePolicy(scaled_urdf(low + where * width)).estimate(ModelContext.of(terms))
+    true = OraclePolicy(scaled_urdf(low + where * width)).estimate(terms, NONE)
     parameters = load_parameters("ours", controller="rl-cbf-clf-qp")
     at_truth = violations(Controller(parameters, GAIT, ZeroPolicy(parameters.problem)), terms, mu, true)
     kept = (violations(robust, terms, mu) <= -1e-6).all(axis=0)
@@ -72,8 +72,8 @@ def test_the_truth_is_no_worse_than_the_worse_corner(state, mu, where):
     low, high = 0.7, 2.5
     robust = make(robust_scale_min=low, robust_scale_max=high)
     terms = tick(robust, state)
-    true = OraclePolicy(scaled_urdf(low + where * (high - low))).estimate(ModelContext.of(terms)).error(mu)
-    corners = np.array([error(mu) for error in worst_errors(robust.parameters)(terms)])
+    true = OraclePolicy(scaled_urdf(low + where * (high - low))).estimate(terms, NONE).error(mu)
+    corners = np.array([error(mu) for error in WorstCase(robust.parameters).corners(terms)])
     scale = 1e-7 * (1 + np.abs(corners).max())
     assert (BOUNDED_ABOVE * true[:3] <= (BOUNDED_ABOVE * corners[:, :3]).max(axis=0) + scale).all()
     assert (CONE @ true[3:] <= (corners[:, 3:] @ CONE.T).max(axis=0) + scale).all()
@@ -84,8 +84,8 @@ def test_the_truth_is_no_worse_than_the_worse_corner(state, mu, where):
 def test_the_corners_are_the_models_at_the_ends(state, mu):
     robust = make(robust_scale_min=0.5, robust_scale_max=3.0)
     terms = tick(robust, state)
-    for scale, error in zip((0.5, 3.0), worst_errors(robust.parameters)(terms), strict=True):
-        true = OraclePolicy(scaled_urdf(scale)).estimate(ModelContext.of(terms)).error(mu)
+    for scale, error in zip((0.5, 3.0), WorstCase(robust.parameters).corners(terms), strict=True):
+        true = OraclePolicy(scaled_urdf(scale)).estimate(terms, NONE).error(mu)
         assert error(mu) == pytest.approx(true, rel=1e-6, abs=1e-6 * (1 + np.abs(true).max()))
 
 
@@ -101,7 +101,7 @@ def test_norm_bounds_hold_for_every_error_within_them(state, mu, direction, r, b
             *(b * p.robust_barrier_offset + b_slope * p.robust_barrier_slope * nominal[1:3]),
         ]
     )
-    corners = np.array([error(mu) for error in worst_errors(robust.parameters)(terms)])
+    corners = np.array([error(mu) for error in WorstCase(robust.parameters).corners(terms)])
     scale = 1e-9 * (1 + np.abs(corners).max())
     assert (BOUNDED_ABOVE * true <= (BOUNDED_ABOVE * corners[:, :3]).max(axis=0) + scale).all()
     assert corners[:, 3:] == pytest.approx(0)

@@ -19,8 +19,7 @@ from gymnasium.spaces import Box
 from numpy.typing import NDArray
 from rabbit_description.state import Array, RobotState
 from rl_cbf_clf_controller.controller import ControllerOutput
-from rl_cbf_clf_controller.policy import Policy, ZeroPolicy
-from rl_cbf_clf_controller.policy_context import PolicyContext
+from rl_cbf_clf_controller.policy import LearnedPolicy, Policy, ZeroPolicy
 
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.reward import reward_terms
@@ -30,11 +29,10 @@ from rl_trainer.transitions import TransitionBuilder
 Float32 = NDArray[np.float32]
 
 
-class GivenAction:
+class GivenAction(LearnedPolicy):
     """A policy that answers with the action it was given."""
 
     version = "environment"
-    adaptation = None
 
     def __init__(self, parameters: TrainingParameters) -> None:
         self.action: Array = np.zeros((parameters.problem.inputs + 1) * parameters.n)
@@ -42,12 +40,12 @@ class GivenAction:
         self._alpha_scale, self._beta_scale = np.array(alpha)[:, None], np.array(beta)
         self._has_clf, self._inputs = parameters.problem.has_clf, parameters.problem.inputs
 
-    def estimate(self, context: PolicyContext) -> Estimates:
+    def act(self, observation: Array, LgV: Array) -> Estimates:
         """The action times its scales; that of V also times |LgV| + 1."""
         unit = Estimates.from_flat(self.action, self._inputs)
         size = np.ones(len(unit.beta))
         if self._has_clf:
-            size[0] += np.linalg.norm(context.LgV)
+            size[0] += np.linalg.norm(LgV)
         return Estimates(unit.alpha * self._alpha_scale * size[:, None], unit.beta * self._beta_scale * size)
 
 

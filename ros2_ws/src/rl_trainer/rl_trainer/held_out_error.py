@@ -10,15 +10,14 @@ from collections.abc import Sequence
 
 import numpy as np
 from rabbit_description.state import Array
-from rl_cbf_clf_controller.policy import Policy
-from rl_cbf_clf_controller.policy_context import PolicyContext
+from rl_cbf_clf_controller.policy import LearnedPolicy
 
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.reward import error_unit
 from rl_trainer.transitions import Doubt, Transition
 
 
-def estimation_error(policy: Policy, transitions: Sequence[Transition], parameters: TrainingParameters) -> Array:
+def estimation_error(policy: LearnedPolicy, transitions: Sequence[Transition], parameters: TrainingParameters) -> Array:
     """Normalised error of each quantity, (n,), over the transitions beyond doubt; NaN where there are none."""
     wrong, size = [], []
     for transition in transitions:
@@ -26,7 +25,7 @@ def estimation_error(policy: Policy, transitions: Sequence[Transition], paramete
             continue
         unit = error_unit(transition.LgV, parameters)
         mu = transition.measured if transition.problem.corrects_input else transition.mu
-        estimates = policy.estimate(PolicyContext(transition.observation, transition.LgV))
+        estimates = policy.act(transition.observation, transition.LgV)
         wrong.append((estimates.error(mu) - transition.target) / unit)
         size.append(transition.target / unit)
     if not wrong:

@@ -14,7 +14,7 @@ from typing import Any, Protocol
 
 from rabbit_description.state import RobotState
 from rl_cbf_clf_controller.controller import ControllerOutput
-from rl_cbf_clf_controller.policy import ActorPolicy, Policy
+from rl_cbf_clf_controller.policy import ActorPolicy, LearnedPolicy
 from rl_cbf_clf_controller.weights import PolicyFile
 
 from rl_trainer.actor import Actor
@@ -90,7 +90,7 @@ class _End:
 
 @dataclass(frozen=True)
 class _InForce:
-    policy: Policy
+    policy: LearnedPolicy
 
 
 _Item = _Tick | _End | _InForce
@@ -138,7 +138,7 @@ class LearningThread:
         """Episode `number` is over in `state` (None: lost); `tag` comes back with the transition into it."""
         self._queue.put(_End(state, number, tag))
 
-    def in_force(self, policy: Policy) -> None:
+    def in_force(self, policy: LearnedPolicy) -> None:
         """The controller walks with this policy now."""
         self._queue.put(_InForce(policy))
 

@@ -10,7 +10,7 @@ from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from rl_cbf_clf_controller.policy import Policy, ZeroPolicy
+from rl_cbf_clf_controller.policy import LearnedPolicy, ZeroPolicy
 
 from rl_trainer.held_out_error import estimation_error
 from rl_trainer.parameters import TrainingParameters
@@ -47,7 +47,7 @@ class PublicationGate:
     """Holds out transitions, knows the policy in force, and judges others."""
 
     def __init__(self, parameters: TrainingParameters) -> None:
-        self.in_force: Policy = ZeroPolicy(parameters.problem)
+        self.in_force: LearnedPolicy = ZeroPolicy(parameters.problem)
         self._parameters = parameters
         self._held_out: deque[Transition] = deque(maxlen=NEWEST)
         self._steps = 0
@@ -72,12 +72,12 @@ class PublicationGate:
         """Measure by these again, after a checkpoint."""
         self._held_out.extend(held_out)
 
-    def judge(self, policy: Policy) -> Verdict | None:
+    def judge(self, policy: LearnedPolicy) -> Verdict | None:
         """The policy against the one in force; None while too few ticks are held out."""
         if len(self._held_out) < LEAST:
             return None
         errors = (self._error(policy), self._error(self.in_force))
         return Verdict(policy.version, errors[0], self.in_force.version, errors[1], len(self._held_out))
 
-    def _error(self, policy: Policy) -> float:
+    def _error(self, policy: LearnedPolicy) -> float:
         return float(estimation_error(policy, self._held_out, self._parameters).mean())

@@ -10,8 +10,7 @@ from cbf_clf_qp.problem import Problem
 from cbf_clf_qp.res_clf import ResClf
 from rabbit_description.state import TICK_SECONDS, Array, Leg, RobotState
 from rl_cbf_clf_controller.controller import ControllerOutput
-from rl_cbf_clf_controller.policy import Policy
-from rl_cbf_clf_controller.policy_context import PolicyContext
+from rl_cbf_clf_controller.policy import LearnedPolicy
 from rl_cbf_clf_controller.uncertainty import RL_CBF_CLF_QP, RL_CLF_QP
 from rl_trainer.transitions import Doubt, Transition
 
@@ -159,7 +158,7 @@ class ToyWorld:
 class ToyController:
     """PD on the tiny world, in the clothes of the RL-CLF-QP."""
 
-    policy: Policy
+    policy: LearnedPolicy
     sigma: float
 
     def reset(self, seed: int) -> None:
@@ -170,7 +169,7 @@ class ToyController:
         eta = np.concatenate([state.q[3:], state.dq[3:]])
         LgV = CLF.derivative(eta).a[0]
         observation = np.concatenate([eta, np.zeros(6)])
-        estimates = self.policy.estimate(PolicyContext(observation, LgV))
+        estimates = self.policy.act(observation, LgV)
         mu = -20 * eta[:4] - 8 * eta[4:] + self.sigma * self._rng.standard_normal(4)
         changes = {"eta": eta, "V": CLF.value(eta), "LgV": LgV, "mu": mu, "torque": mu, "observation": observation}
         nominal = CLF.derivative(eta)
@@ -198,7 +197,7 @@ def toy_world() -> ToyWorld:
 
 
 @pytest.fixture
-def toy_controller() -> Callable[[Policy, float], ToyController]:
+def toy_controller() -> Callable[[LearnedPolicy, float], ToyController]:
     return ToyController
 
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.problem import Problem
-from rl_cbf_clf_controller.policy import ZeroPolicy
-from rl_cbf_clf_controller.policy_context import PolicyContext
+from rabbit_description.state import Array
+from rl_cbf_clf_controller.policy import LearnedPolicy, ZeroPolicy
 from rl_cbf_clf_controller.uncertainty import PAPER, RL_CBF_CLF_QP
 from rl_trainer.held_out_error import estimation_error
 from rl_trainer.parameters import TrainingParameters
@@ -16,17 +16,16 @@ from rl_trainer.publication_gate import EVERY, NEWEST, PublicationGate
 from rl_trainer.transitions import Doubt, Transition
 
 
-class Informed:
+class Informed(LearnedPolicy):
     """Knows a share of the truth."""
 
     version = "informed"
-    adaptation = None
 
     def __init__(self, problem: Problem, truth: Any, share: float) -> None:
         self._problem, self._truth, self._share = problem, truth, share
 
-    def estimate(self, context: PolicyContext) -> Estimates:
-        alpha, beta = self._truth(self._problem, context.observation, context.LgV)
+    def act(self, observation: Array, LgV: Array) -> Estimates:
+        alpha, beta = self._truth(self._problem, observation, LgV)
         return Estimates(self._share * alpha, self._share * beta)
 
 

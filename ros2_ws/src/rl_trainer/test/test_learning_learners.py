@@ -8,7 +8,6 @@ import pytest
 import torch
 from cbf_clf_qp.problem import Problem
 from rl_cbf_clf_controller.policy import ActorPolicy
-from rl_cbf_clf_controller.policy_context import PolicyContext
 from rl_cbf_clf_controller.uncertainty import IO_RL_CLF_QP, RL_CBF_CLF_QP, RL_CLF_QP
 from rl_trainer.ddpg import Ddpg
 from rl_trainer.parameters import TrainingParameters, paper_literal
@@ -49,7 +48,7 @@ def test_closed_form_errors_are_recovered(
     wrong, size = [], []
     for _ in range(300):
         fresh = random_transition(problem, rng)
-        estimates = policy.estimate(PolicyContext(fresh.observation, fresh.LgV))
+        estimates = policy.act(fresh.observation, fresh.LgV)
         alpha, beta = truth(problem, fresh.observation, fresh.LgV)
         wrong.append(estimates.error(fresh.mu) - (alpha @ fresh.mu + beta))
         size.append(alpha @ fresh.mu + beta)

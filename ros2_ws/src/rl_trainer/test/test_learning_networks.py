@@ -7,7 +7,6 @@ import pytest
 import torch
 from cbf_clf_qp.problem import Problem
 from rl_cbf_clf_controller.policy import ActorPolicy
-from rl_cbf_clf_controller.policy_context import PolicyContext
 from rl_cbf_clf_controller.uncertainty import PAPER
 from rl_cbf_clf_controller.weights import decode
 from rl_trainer.actor import Actor
@@ -35,7 +34,7 @@ def test_actor_and_its_numpy_twin(problem: Problem, structured: bool, shared: bo
     rng = np.random.default_rng(0)
     for _ in range(5):
         observation, LgV = 0.3 * rng.standard_normal(len(problem.observation)), 5 * rng.standard_normal(4)
-        estimates = policy.estimate(PolicyContext(observation, LgV))
+        estimates = policy.act(observation, LgV)
         inputs = torch.tensor(observation[: len(parameters.observation)][None], dtype=torch.float32)
         with torch.no_grad():
             alpha, beta = trainer.learner.acting(inputs, torch.tensor(LgV[None], dtype=torch.float32))

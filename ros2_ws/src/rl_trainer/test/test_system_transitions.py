@@ -8,13 +8,11 @@ import numpy as np
 import pytest
 from cbf_clf_qp.affine import Affine, Array
 from cbf_clf_qp.clf import Clf
-from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.problem import Problem
 from cbf_clf_qp.res_clf import ResClf
 from cbf_clf_qp.solvers import make_solver
 from cbf_clf_qp.tick import Recipe, Terms, decide
 from rl_cbf_clf_controller.policy import ActorPolicy
-from rl_cbf_clf_controller.policy_context import PolicyContext
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.system_transitions import SystemTick, transition
 from rl_trainer.training import Trainer
@@ -41,7 +39,7 @@ def tick(eta: Array, mu: float) -> SystemTick:
     acceleration = Affine(np.eye(1), np.zeros(1))
     scene: Any = SimpleNamespace(outputs=Outputs(eta))
     terms = Terms.of(RECIPE.quantities, scene, SimpleNamespace(acceleration=acceleration), acceleration.inverse())
-    decided = decide(RECIPE, terms, Estimates.zero(1, 1), make_solver("daqp"))
+    decided = decide(RECIPE, terms, make_solver("daqp"))
     return SystemTick(terms, decided, np.array([mu]), eta)
 
 
@@ -78,6 +76,6 @@ def test_a_trainer_learns_it() -> None:
     policy = ActorPolicy(trainer.policy_file())
     errors = []
     for each in held_out:
-        estimates = policy.estimate(PolicyContext(each.observation, each.LgV))
+        estimates = policy.act(each.observation, each.LgV)
         errors.append(estimates.error(each.mu) - each.target)
     assert np.linalg.norm(errors) < 0.2 * np.linalg.norm([each.target for each in held_out])

@@ -72,8 +72,7 @@ def given_assembly(
     given.build(ControllerParameters)  # told apart from what is wrong in the file
     with complaints(ParameterError):
         controller = load_parameters(parameters, **given.of(ControllerParameters))
-    terrain = "stones" if controller.on_stones else "flat"
-    simulation = given.build(SimulationParameters, terrain=terrain)
+    simulation = given.build(SimulationParameters, terrain=controller.terrain)
     with complaints(GaitError, CourseError, PolicyFileError):
         try:
             assembly = Assembly(simulation, controller, resolve_policy(policy, controller), nominal)

@@ -56,8 +56,7 @@ def train(given: Given) -> None:
     with complaints(ParameterError):
         values = given.of(ControllerParameters, but=("controller", "sigma"))
         controller = load_parameters(request.parameters, **values, controller=parameters.problem.name)
-    terrain = "stones" if controller.on_stones else "flat"
-    plant = given.build(SimulationParameters, terrain=terrain, stones=parameters.walking_steps)
+    plant = given.build(SimulationParameters, terrain=controller.terrain, stones=parameters.walking_steps)
     with (
         complaints(GaitError, CourseError, CheckpointError),
         training(request.out, parameters, controller, plant, random_plants=request.random_plants) as job,

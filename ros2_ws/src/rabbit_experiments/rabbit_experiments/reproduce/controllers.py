@@ -33,7 +33,7 @@ class Contender:
             AssemblyError: no policy is shipped for it.
         """
         controller = load_parameters("ours", controller=self.controller, **dict(self.law), **(law or {}))
-        terrain = "stones" if controller.on_stones else "flat"
+        terrain = controller.terrain
         simulation = SimulationParameters.model_validate({"motor_lag": EVALUATION_LAG, "terrain": terrain, **plant})
         return Assembly(simulation, controller, resolve_policy(self.policy, controller))
 

@@ -18,7 +18,7 @@ def evaluate_command(case: Case) -> str:
     """Every option that is not `rabbit evaluate`'s own default."""
     assembly = case.assembly
     law, plant = assembly.controller, assembly.simulation
-    terrain = "stones" if law.on_stones else "flat"
+    terrain = law.terrain
     usual_law = load_parameters("ours", controller=law.controller)
     usual_plant = SimulationParameters(motor_lag=EVALUATION_LAG, terrain=terrain)
     words = ["rabbit", "evaluate", "--controller", law.controller, *_policy(assembly)]

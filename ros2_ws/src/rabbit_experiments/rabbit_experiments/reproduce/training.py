@@ -67,7 +67,7 @@ class Recipe:
     @property
     def plant(self) -> SimulationParameters:
         """That it walks on."""
-        terrain = "stones" if self.controller.on_stones else "flat"
+        terrain = self.controller.terrain
         steps = self.parameters.walking_steps
         return SimulationParameters(mass_scale=self.mass_scale, terrain=terrain, stones=steps, stop_at_miss=False)
 

@@ -11,7 +11,7 @@ from rabbit_ros.message_checks import Refused
 from rabbit_ros.ros.conversions import state_of, torque_of
 from rl_cbf_clf_controller.kinds import find_problem
 from rl_cbf_clf_controller.message_fields import output_of
-from rl_cbf_clf_controller.policy import ActorPolicy, Policy, ZeroPolicy
+from rl_cbf_clf_controller.policy import ActorPolicy, LearnedPolicy, ZeroPolicy
 from rl_cbf_clf_controller.weights import PolicyFile, decode
 
 from rl_trainer.parameters import TrainingParameters
@@ -92,7 +92,7 @@ def checked_part(part: str, message: Any, problem: Problem) -> Any:
     return output
 
 
-def policy_of(message: msg.PolicySwap, problem: Problem) -> Policy | None:
+def policy_of(message: msg.PolicySwap, problem: Problem) -> LearnedPolicy | None:
     """The policy that a swap put in force; None of a refused one. Raises `PolicyFileError`."""
     if not message.accepted:
         return None

@@ -123,7 +123,7 @@ def trained_lines(size: Size) -> dict[Recipe, Line]:
 @cache
 def _assembly(recipe: Recipe, policy: Path) -> Assembly:
     controller = load_parameters("ours", controller=recipe.problem.name)
-    terrain = "stones" if controller.on_stones else "flat"
+    terrain = controller.terrain
     plant = SimulationParameters(mass_scale=recipe.mass_scale, motor_lag=EVALUATION_LAG, terrain=terrain)
     return Assembly(plant, controller, str(policy))
 

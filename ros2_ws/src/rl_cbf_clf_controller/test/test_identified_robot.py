@@ -7,13 +7,14 @@ import pytest
 from cbf_clf_qp.estimates import Estimates
 from rabbit_description.gait import load_gait
 from rabbit_description.state import RobotState, StonePreview
-from rl_cbf_clf_controller.adaptation import KNOWN, IdentifiedRobot, Measured, NoAdaptation, is_pinned
-from rl_cbf_clf_controller.controller import Controller, ControllerError
+from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.identification import SIZE
+from rl_cbf_clf_controller.identified_robot import KNOWN, IdentifiedRobot, is_pinned
 from rl_cbf_clf_controller.link_parameters import is_physical, read_links
 from rl_cbf_clf_controller.nominal_model import NominalModel
 from rl_cbf_clf_controller.parameters import ParameterError, load_parameters
-from rl_cbf_clf_controller.policy import ZeroPolicy
+from rl_cbf_clf_controller.policy import Policy, ZeroPolicy
+from rl_cbf_clf_controller.scene import ControllerError
 
 GAIT = load_gait("authors_035")
 STANDING = np.array([[0.0, 300.0], [0.0, 0.0]])
@@ -30,8 +31,13 @@ def state_of(q, dq):
     return RobotState(0, q, dq, np.zeros((2, 2)), np.zeros(2, bool), 0, StonePreview(1, 0.35, 0.40))
 
 
-def test_only_pinned_ticks_count():
-    good = Measured(7, TORQUE, STANDING)
+def measured(terms, tick, torque, force):
+    """The same state with other sensors."""
+    return replace(terms, scene=replace(terms.scene, tick=tick, torque=torque, force=force))
+
+
+def test_only_pinned_ticks_count(state):
+    good = measured(controller().look(state_of(*state)), 7, TORQUE, STANDING).scene
     assert is_pinned(6, good)
     bad = [
         replace(good, tick=8),  # a tick is missing
@@ -49,7 +55,7 @@ def test_after_a_bounce_it_waits_again(state):
     for tick in range(12):
         force = np.zeros((2, 2)) if tick == 6 else STANDING
         before = adaptation.known
-        adaptation.estimate(here, NONE, Measured(tick, TORQUE, force))
+        adaptation.estimate(measured(here, tick, TORQUE, force), NONE)
         learned.append(not np.array_equal(adaptation.known, before))
     assert [tick for tick in range(12) if learned[tick]] == [3, 4, 5, 9, 10, 11]
 
@@ -57,7 +63,7 @@ def test_after_a_bounce_it_waits_again(state):
 def test_at_first_the_robot_is_the_nominal_one(state):
     """So nothing is added to the policy's estimates."""
     here, adaptation = controller().look(state_of(*state)), IdentifiedRobot()
-    estimates = adaptation.estimate(here, NONE, Measured(0, np.full(4, np.nan), STANDING))
+    estimates = adaptation.estimate(measured(here, 0, np.full(4, np.nan), STANDING), NONE)
     assert estimates.alpha == pytest.approx(0, abs=1e-9)
     assert estimates.beta == pytest.approx(0, abs=1e-7)
     assert adaptation.known.shape == (len(KNOWN),)
@@ -72,7 +78,7 @@ def test_a_link_without_mass_is_no_robot(which):
         assert not is_physical(impossible)  # no mass; a CoM too far off for the inertia
 
 
-class Trained:
+class Trained(Policy):
     """A policy that was trained beside an adaptation."""
 
     version = "trained"
@@ -80,20 +86,20 @@ class Trained:
     def __init__(self, adaptation):
         self.adaptation = adaptation
 
-    def estimate(self, context):
+    def estimate(self, terms, before):
         return NONE
 
 
 @pytest.mark.parametrize(("trained", "runs"), [("none", "identification"), ("identification", "none")])
 def test_a_policy_that_adds_to_another_adaptation_is_refused(state, trained, runs):
     here = state_of(*state)
-    controller(Trained(runs), adaptation=runs).step(here)
+    walking = controller(Trained(runs), adaptation=runs)
+    walking.step(here)
     with pytest.raises(ControllerError, match=f"policy trained adds to adaptation {trained}: expected {runs}"):
-        controller(Trained(trained), adaptation=runs).step(here)
-
-
-def test_no_adaptation_knows_nothing():
-    assert NoAdaptation().known.size == 0
+        walking.policy = Trained(trained)
+    assert walking.policy.adaptation == runs
+    with pytest.raises(ControllerError):
+        controller(Trained(trained), adaptation=runs)
 
 
 @pytest.mark.parametrize("name", ["io-rl-clf-qp", "l1-clf-qp"])

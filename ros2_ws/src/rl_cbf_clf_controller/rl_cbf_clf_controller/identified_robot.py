@@ -1,0 +1,87 @@
+"""Online adaptation: the true robot is identified as it walks, and what that changes enters the QP as alpha and beta.
+
+`identification.py` finds what the robot weighs, how its joints are damped and what its motors give;
+`joint_calibration.py` where its joints' angles are zero. A second model carries what is found, and the estimates are
+the difference of the quantities by this and by the nominal model, as the oracle's are by the plant's own
+(`model_error.py`). The policy's are added to them. The angles are corrected before anything is computed from them.
+
+The identification uses a tick only if the stance foot was the only one on the ground, and had been for SETTLING ticks.
+So it leaves out the tick of a touchdown, flight, a swing foot on the ground, a missing tick, an unknown torque. (A foot
+that bounces lands twice.) It forgets nothing when the legs swap: the robot is the same from either leg. An episode
+begins with nothing known.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from cbf_clf_qp.estimates import Estimates
+from cbf_clf_qp.model_error import model_error
+from cbf_clf_qp.tick import Estimator, Terms
+from rabbit_description.state import Array, RobotState
+
+from rl_cbf_clf_controller.generated_model import make_model
+from rl_cbf_clf_controller.identification import DAMPING, IDENTIFIED, MOTOR_GAIN, THETA, Identification
+from rl_cbf_clf_controller.joint_calibration import JointCalibration
+from rl_cbf_clf_controller.scene import Scene
+
+KNOWN = (*IDENTIFIED, "hip_offset", "knee_offset")  # rad
+SETTLING = 2  # ticks on the ground before what is measured counts
+CONTACT_FORCE = 1.0  # N; a foot that carries less is in the air
+
+
+class IdentifiedRobot(Estimator[Scene]):
+    """The robot as identified so far."""
+
+    def __init__(self, urdf: str | None = None) -> None:
+        self._robot = make_model(urdf)
+        self._identification = Identification(self._robot.model)
+        self._calibration = JointCalibration(self._robot.model)
+        self.reset()
+
+    @property
+    def known(self) -> Array:
+        """(17,), as in `KNOWN`."""
+        return np.concatenate([self._identification.value, self._calibration.value])
+
+    def reset(self) -> None:
+        """Begin an episode: the nominal robot."""
+        self._identification.reset()
+        self._calibration.reset()
+        self._last: Scene | None = None
+        self._standing = 0  # ticks on end in which the stance foot alone stood
+        self._believe()
+
+    def corrected(self, state: RobotState) -> RobotState:
+        """The state with its angles set right."""
+        return replace(state, q=self._calibration.corrected(state.q))
+
+    def estimate(self, terms: Terms[Scene], before: Estimates) -> Estimates:
+        """Learn from the tick that ends now; then by how much the robot found differs from the nominal one."""
+        scene = terms.scene
+        self._learn(scene)
+        self._last = scene
+        self._robot.update(scene.q_s, scene.dq_s)
+        return model_error(terms, self._robot.pinned())
+
+    def _learn(self, now: Scene) -> None:
+        last = self._last
+        if last is None or not is_pinned(last.tick, now):
+            self._standing = 0
+            self._identification.interrupt()
+            return
+        self._standing += 1
+        if self._standing > SETTLING and np.isfinite(last.torque).all():
+            states, torques = ((last.q_s, last.dq_s), (now.q_s, now.dq_s)), (last.torque, now.torque)
+            self._calibration.learn(*states[1])
+            self._identification.learn(*states, torques, now.force)
+            self._believe()
+
+    def _believe(self) -> None:
+        found = self._identification.value
+        self._robot.believe(found[THETA], found[MOTOR_GAIN], found[DAMPING])
+
+
+def is_pinned(last: int, now: Scene) -> bool:
+    """Whether in the tick that ends now, after tick `last`, the stance foot alone stood, and the torque is known."""
+    stance, swing = now.force[:, 1]
+    return bool(last + 1 == now.tick and np.isfinite(now.torque).all() and swing < CONTACT_FORCE <= stance)
