@@ -15,8 +15,7 @@ from cbf_clf_qp.problem import Problem
 from numpy.typing import NDArray
 from rabbit_msgs.msg import Episode, EpisodePlan, PolicyWeights
 from rabbit_msgs.srv import LoadPolicy, ResetEpisode
-from rabbit_recording.reader import read_episodes
-from rabbit_recording.replay import differing_ticks
+from rabbit_recording.checking import check_episodes
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.uncertainty import RL_CBF_CLF_QP, RL_CLF_QP
 from rl_cbf_clf_controller.weights import PROBE, PolicyFile, forward, policy_path, probe_inputs, read
@@ -111,9 +110,9 @@ def test_a_hundred_swaps_in_one_walk(world: Any) -> None:
     for command in commands:
         version = by_tick.get(command.tick, version)
         assert command.policy_version == version
-    recorded = read_episodes(world.folder / "recording")[1]
-    assert len(recorded.records) == len(answered)
-    assert differing_ticks(recorded, LAW) == []
+    (checked,) = check_episodes(world.folder / "recording")
+    assert checked.replayed == len(checked.episode.records) == len(answered)
+    assert checked.differing == []
 
 
 def test_bad_policies_are_refused_with_a_reason_and_the_old_one_goes_on(world: Any, tmp_path: Path) -> None:

@@ -13,7 +13,6 @@ import torch
 from rabbit_description.gait import GaitError, load_gait
 from rabbit_experiments.results import ResultsError
 from rabbit_recording.bag_writer import RecordingError
-from rabbit_recording.checking import controller_parameters
 from rabbit_recording.open_recording import opened
 from rabbit_recording.recover import recover
 from rabbit_sim.stones import CourseError, read_course
@@ -117,7 +116,6 @@ def test_pickles_are_refused(
         load_gait,
         controller.load_parameters,
         training.load_parameters,
-        controller_parameters,
     ],
 )
 def test_yaml_makes_no_objects(read: Callable[[Path], object], tmp_path: Path, mark: Path) -> None:

@@ -8,11 +8,12 @@ import pytest
 from rabbit_experiments.assembly import Assembly
 from rabbit_experiments.evaluation import record_walk
 from rabbit_sim.parameters import SimulationParameters
-from rabbit_viewer.pictures import RECORDS, draw_rollout, draw_run, swing_foot
+from rabbit_viewer.pictures import swing_foot
 from rabbit_viewer.scene import SIZE, Scene, stone_spans
 from rabbit_viewer.skeleton import feet
 from rabbit_viewer.video import as_gif, film
-from rabbit_viewer.walk_records import ARRAYS, RecordsError, WalkRecords, load_records, save_records
+from rabbit_viewer.walk_pictures import draw_pictures
+from rabbit_viewer.walk_records import ARRAYS, RECORDS, RecordsError, WalkRecords, load_records, save_records
 from rl_cbf_clf_controller.parameters import load_parameters
 
 RNG = np.random.default_rng(0)
@@ -62,15 +63,15 @@ def test_other_files_are_refused(tmp_path: Path, content: bytes) -> None:
         load_records(tmp_path / RECORDS)
 
 
-def test_no_ticks_no_pictures(tmp_path: Path) -> None:
+def test_no_ticks_no_records() -> None:
     with pytest.raises(RecordsError, match="no ticks"):
-        draw_rollout([], [], tmp_path)
+        WalkRecords.from_ticks([], [], {})
 
 
 @pytest.mark.parametrize(("controller", "count"), [("cbf-clf-qp", 7), ("clf-qp", 6)])
 def test_every_picture_opens(controller: str, count: int, tmp_path: Path) -> None:
     save_records(walk_on(controller), tmp_path / RECORDS)
-    pictures = draw_run(tmp_path)
+    pictures = draw_pictures(tmp_path)
     assert len(pictures) == count
     for picture in pictures:
         assert imageio.imread(picture).std() > 1  # not blank

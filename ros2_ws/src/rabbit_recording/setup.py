@@ -10,7 +10,6 @@ from package_setup import install
 install(
     "numpy>=2",
     "pydantic>=2",
-    "pyyaml",
     "rich",
     "rosbags>=0.11.9,<0.12",
     "typer",

@@ -19,6 +19,6 @@ install(
     entry_points={
         "rabbit.nodes": ["viewer = rabbit_viewer.ros.viewer:main"],
         "rabbit.commands": ["video = rabbit_viewer.commands.video:app", "view = rabbit_viewer.commands.view:app"],
-        "rabbit.pictures": ["recording = rabbit_viewer.bag_pictures:draw_bag"],
+        "rabbit.pictures": ["recording = rabbit_viewer.walk_pictures:draw_pictures"],
     },
 )

@@ -1,18 +1,20 @@
 """Is a recording whole, and does it replay? Ticks that are not in it, and torques that do not come out again."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-import yaml
-from pydantic import ValidationError
+from rabbit_description.state import Array
+from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.parameters import ControllerParameters
-from rl_cbf_clf_controller.weights import PolicyFileError
+from rl_cbf_clf_controller.policy import ZeroPolicy
+from rl_cbf_clf_controller.policy_compatibility import fitted
+from rl_cbf_clf_controller.weights import PolicyFile, PolicyFileError, decode
 
 from rabbit_recording.bag_writer import RecordingError
-from rabbit_recording.reader import RecordedEpisode, iterate_episodes
-from rabbit_recording.replay import replay
+from rabbit_recording.reader import RecordedEpisode, RecordedSwap, iterate_episodes
 
 
 @dataclass(frozen=True)
@@ -28,48 +30,50 @@ class Checked:
     furthest: float
 
 
-def check_episodes(path: Path, law: ControllerParameters | None = None) -> Iterator[Checked]:
-    """Check one episode after another, by the recorded settings or by `law`; raises `RecordingError`."""
+def check_episodes(path: Path) -> Iterator[Checked]:
+    """Check one episode after another; raises `RecordingError`."""
     for episode in iterate_episodes(path):
-        beginning = up_to_gap(episode)
+        # up to the first gap: a controller remembers, and cannot be replayed from elsewhere
+        whole = [record for i, record in enumerate(episode.records) if record.state.tick == i]
         try:
-            again = np.array(list(replay(beginning, law)) if beginning.records else []).reshape(-1, 4)
+            again = np.array([*replay(replace(episode, records=whole))]).reshape(-1, 4)
         except (PolicyFileError, ValueError) as error:
             raise RecordingError(f"recording {path}: episode {episode.number} cannot be replayed: {error}") from error
-        torques = np.array([record.output.torque for record in beginning.records]).reshape(-1, 4)
-        off = np.abs(torques - again).max(axis=1, initial=0.0)
-        differing = np.flatnonzero((torques != again).any(axis=1)).tolist()
-        yield Checked(episode, len(torques), differing, float(off.max(initial=0.0)))
+        off = np.abs(np.array([record.output.torque for record in whole]).reshape(-1, 4) - again).max(axis=1)
+        yield Checked(episode, len(whole), np.flatnonzero(off != 0).tolist(), float(off.max(initial=0.0)))
 
 
-def up_to_gap(episode: RecordedEpisode) -> RecordedEpisode:
-    """The ticks from 0 to the first gap: a controller remembers, and cannot be replayed from elsewhere."""
-    whole = [record for i, record in enumerate(episode.records) if record.state.tick == i]
-    return replace(episode, records=whole)
+def replay(episode: RecordedEpisode) -> Iterator[Array]:
+    """The recorded states into a controller of one's own, under the recorded settings and policies.
 
-
-def controller_parameters(path: Path) -> ControllerParameters:
-    """The controller's, from the ROS parameter file that it was started with.
+    Returns:
+        Torques (4,), N m, for each recorded tick: the recorded ones must come out.
 
     Raises:
-        RecordingError: no such file, or none for a controller in it.
+        ValueError: nothing says what the controller went by at tick 0; a policy is not in the recording, or not for it.
     """
-    try:
-        nodes = yaml.safe_load(path.read_text(encoding="utf-8"))
-        (values,) = [body["ros__parameters"] for name, body in nodes.items() if name.split("/")[-1] == "controller"]
-        return ControllerParameters.model_validate(
-            {k: v for k, v in values.items() if k in ControllerParameters.model_fields}
-        )
-    except OSError as error:
-        raise RecordingError(f"parameters {path}: {error.strerror}") from error
-    except (
-        ValidationError,
-        yaml.YAMLError,
-        UnicodeDecodeError,
-        ValueError,
-        TypeError,
-        AttributeError,
-        KeyError,
-        RecursionError,
-    ) as error:
-        raise RecordingError(f"parameters {path}: expected those of one controller: {error}") from error
+    if not episode.records:
+        return
+    if not episode.settings or episode.settings[0].tick > 0:
+        raise ValueError("the controller's parameters are not in it")
+    laws = {each.tick: with_noise(each.parameters, episode.sigma) for each in episode.settings}
+    swaps = {swap.tick: swap for swap in episode.swaps}
+    gait, zero = episode.settings[0].gait, ZeroPolicy(laws[0].problem)
+    controller = Controller(laws[0], gait, zero)
+    controller.reset(episode.seed)
+    for record in episode.records:
+        controller.parameters = laws.get(record.state.tick, controller.parameters)
+        if (swap := swaps.get(record.state.tick)) is not None:
+            controller.policy = fitted(_policy_file(swap), laws[0], gait) if swap.data != b"" else zero
+        yield controller.step(record.state).torque
+
+
+def _policy_file(swap: RecordedSwap) -> PolicyFile:
+    if swap.data is None:
+        raise ValueError(f"policy {swap.version} is not in it")
+    return decode(swap.data)
+
+
+def with_noise(law: ControllerParameters, sigma: float) -> ControllerParameters:
+    """The episode's own exploration, where it has one, goes before the controller's."""
+    return law.model_copy(update={"sigma": sigma}) if math.isfinite(sigma) else law

@@ -1,9 +1,8 @@
 """What is in a recording: topics with counts and QoS, how long it is, what of each episode."""
 
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import ConnectionExtRosbag2, Qos
@@ -36,10 +35,6 @@ class Contents:
     messages: int
     topics: list[TopicContents]
     episodes: list[EpisodeInventory]
-
-    def as_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        return asdict(self)
 
 
 def contents(path: Path) -> Contents:

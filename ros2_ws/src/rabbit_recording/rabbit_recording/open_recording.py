@@ -16,7 +16,9 @@ MCAP_MAGIC = b"\x89MCAP0\r\n"  # the first and the last bytes of a finished file
 @contextlib.contextmanager
 def opened(path: Path) -> Iterator[AnyReader]:
     """The recording, open; raises `RecordingError`."""
-    if any(is_unfinished(file) for file in storage_files(path)) or (path.is_dir() and not has_metadata(path)):
+    if any(is_unfinished(file) for file in storage_files(path)) or (
+        path.is_dir() and not (path / "metadata.yaml").is_file()
+    ):
         raise RecordingError(
             f"recording {path}: not finished, its recorder was killed, ran out of disk or still runs; "
             f"`rabbit bag recover {path}` makes a whole one of it"
@@ -55,11 +57,6 @@ def storage_files(path: Path) -> list[Path]:
     return files
 
 
-def has_metadata(folder: Path) -> bool:
-    """Whether the writer came to its end."""
-    return (folder / "metadata.yaml").is_file()
-
-
 def is_unfinished(file: Path) -> bool:
     """An MCAP file without its end, or a database with a transaction under way."""
     if file.suffix != ".mcap":
@@ -88,12 +85,12 @@ def refuse_cut(file: Path) -> None:
 
 
 @contextlib.contextmanager
-def one_line_errors(path: Path) -> Iterator[None]:
-    """Whatever goes wrong with a file's bytes in a library, as `RecordingError`."""
+def one_line_errors(path: Path, found: str = "damaged, or of another kind") -> Iterator[None]:
+    """Whatever goes wrong with a file's bytes, as `RecordingError`; `found`: what that says of the recording."""
     try:
         yield
     except RecordingError:
         raise
     except Exception as error:  # a damaged file may raise anything
         text = " ".join(str(error).split()) or type(error).__name__
-        raise RecordingError(f"recording {path}: damaged, or of another kind: {text}") from error
+        raise RecordingError(f"recording {path}: {found}: {text}") from error

@@ -1,6 +1,5 @@
 """Reads a recording back into what a rollout in process gives: ticks and landings, by episode. No ROS needed."""
 
-import contextlib
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field, fields
@@ -14,9 +13,11 @@ from rl_cbf_clf_controller.message_fields import output_of
 from rl_trainer.rollout import Record
 
 from rabbit_recording.active_settings import Policies, RecordedSettings, Settings
-from rabbit_recording.bag_writer import RecordingError
 from rabbit_recording.episode_inventory import BY_TICK, OTHERS, EpisodeInventory, Gathered, Gathering, Presence
+from rabbit_recording.open_recording import one_line_errors
 from rabbit_recording.stored_messages import by_run, stored_messages
+
+UNDER_OTHERS = "recorded under other message definitions, or damaged"
 
 
 @dataclass(frozen=True)
@@ -66,7 +67,7 @@ def iterate_episodes(path: Path) -> Iterator[RecordedEpisode]:
         RecordingError: as `iterate_inventories`.
     """
     told = _Told()
-    with _own_definitions(path):
+    with one_line_errors(path, UNDER_OTHERS):
         for gathered, account in _finished(path, told):
             if account.presence is not Presence.ANNOUNCED:
                 yield _decoded(gathered, account, told)
@@ -78,18 +79,8 @@ def iterate_inventories(path: Path) -> Iterator[EpisodeInventory]:
     Raises:
         RecordingError: as `stored_messages`; or messages that are defined otherwise than this version's.
     """
-    with _own_definitions(path):
+    with one_line_errors(path, UNDER_OTHERS):
         yield from (account for _, account in _finished(path))
-
-
-@contextlib.contextmanager
-def _own_definitions(path: Path) -> Iterator[None]:
-    try:
-        yield
-    except (AttributeError, TypeError, ValueError) as error:
-        raise RecordingError(
-            f"recording {path}: recorded under other message definitions, or damaged: {error}"
-        ) from error
 
 
 @dataclass

@@ -70,7 +70,6 @@ BAD = (no_such, empty_folder, other_file, cut_mcap, empty_mcap, noise_in_mcap, m
 def test_refused_in_one_line(
     tmp_path: Path, write_bag: WriteBag, spoil: Callable[[Path, Path], str], command: str
 ) -> None:
-    (tmp_path / "parameters.yaml").write_text("/**/controller: {ros__parameters: {}}")
     expected = spoil(tmp_path / "bad", write_bag(tmp_path / "bag"))
     done = CliRunner().invoke(app, [command, str(tmp_path / "bad")])
     assert done.exit_code == 2, done.output
@@ -139,21 +138,6 @@ def test_two_graphs_in_one_recording_are_refused(tmp_path: Path) -> None:
     writer.close()
     with pytest.raises(RecordingError, match="/left/state, /right/state"):
         read_episodes(tmp_path / "bag")
-
-
-def test_parameters_of_somebody_else_are_refused(tmp_path: Path, write_bag: WriteBag) -> None:
-    bag, file = write_bag(tmp_path / "bag"), tmp_path / "parameters.yaml"
-    for text in (
-        None,
-        "- 1",
-        "/**/simulator: {ros__parameters: {seed: 1}}",
-        "/c/controller: {ros__parameters: {eps: -1}}",
-    ):
-        if text is not None:
-            file.write_text(text)
-        done = CliRunner().invoke(app, ["check", str(bag), "--parameters", str(file)])
-        assert (done.exit_code, done.stderr.count("\n")) == (2, 1), done.output
-        assert str(file) in done.stderr
 
 
 @settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])

@@ -2,17 +2,18 @@
 
 import json
 from collections.abc import Callable
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-import yaml
 from rabbit_recording.checking import check_episodes
 from rabbit_recording.commands.bag import app
 from rabbit_recording.contents import contents
 from rabbit_recording.reader import read_episodes
 from recorded_walk import SEED, TICK_NS, Walk
+from rl_cbf_clf_controller.parameters import ControllerParameters
 from typer.testing import CliRunner, Result
 
 WriteBag = Callable[..., Path]
@@ -23,10 +24,15 @@ def rabbit(*words: object) -> Result:
     return CliRunner().invoke(app, [*map(str, words)])
 
 
-def write_parameters(path: Path, **changes: Any) -> None:
-    """As `rabbit walk` leaves them."""
-    told = {"/**/controller": {"ros__parameters": {"policy": "zero", "swap_at": "never", **changes}}}
-    path.write_text(yaml.safe_dump(told))
+def settled(law: ControllerParameters) -> Callable[[str, Any], Any]:
+    """A change of a recording: it says that the controller went by other parameters."""
+
+    def change(topic: str, message: Any) -> Any:
+        if topic == "controller_settings":
+            message.parameters = law.model_dump_json()
+        return message
+
+    return change
 
 
 @pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
@@ -42,52 +48,51 @@ def test_ticks_come_back_bit_for_bit(tmp_path: Path, write_bag: WriteBag, walk: 
 
 
 def test_recorded_states_give_the_recorded_torques(tmp_path: Path, write_bag: WriteBag, walk: Walk) -> None:
-    bag = write_bag(tmp_path / "bag")
-    (checked,) = check_episodes(bag, walk.law)
+    (checked,) = check_episodes(write_bag(tmp_path / "bag"))
     n = len(walk.records)
     assert (checked.episode.recorded, checked.replayed, checked.episode.lost) == (n, n, 0)
     assert (checked.differing, checked.furthest) == ([], 0.0)
-    (other,) = check_episodes(bag, walk.law.model_copy(update={"eps": 2 * walk.law.eps}))
+    other_law = walk.law.model_copy(update={"eps": 2 * walk.law.eps})
+    (other,) = check_episodes(write_bag(tmp_path / "other", change=settled(other_law)))
     assert len(other.differing) > 0.9 * len(walk.records)
     assert other.furthest > 1.0
 
 
 def test_the_episodes_own_exploration_is_replayed(tmp_path: Path, write_bag: WriteBag, walk: Walk) -> None:
+    quiet = settled(walk.law.model_copy(update={"sigma": 0.0}))
+
     def announce(topic: str, message: Any) -> Any:
         if topic == "episode":
             message.sigma = walk.law.sigma
-        return message
+        return quiet(topic, message)
 
-    bag = write_bag(tmp_path / "bag", change=announce)
-    (checked,) = check_episodes(bag, walk.law.model_copy(update={"sigma": 0.0}))
+    (checked,) = check_episodes(write_bag(tmp_path / "bag", change=announce))
     assert checked.differing == []
 
 
 def test_lost_ticks_are_counted(tmp_path: Path, write_bag: WriteBag, walk: Walk) -> None:
     lost = {"torque": (5, 6), "controller_state": (6, 9), "state": (20,)}
     bag = write_bag(tmp_path / "bag", change=lambda t, m: None if t in lost and m.tick in lost[t] else m)
-    (checked,) = check_episodes(bag, walk.law)
+    (checked,) = check_episodes(bag)
     assert (checked.episode.lost, checked.replayed, checked.differing) == (4, 5, [])
 
 
-def test_check_takes_the_recorded_parameters_or_a_file(tmp_path: Path, write_bag: WriteBag, walk: Walk) -> None:
+def test_check_takes_the_recorded_parameters(tmp_path: Path, write_bag: WriteBag, walk: Walk) -> None:
     bag = write_bag(tmp_path / "bag")
     done = rabbit("check", bag)
     assert done.exit_code == 0, done.output
     assert f"{len(walk.records)} ticks, 0 lost, {len(walk.records)} replayed, torques identical" in done.output
-    write_parameters(tmp_path / "other.yaml", sigma=0.5)
-    done = rabbit("check", bag, "--parameters", tmp_path / "other.yaml")
+    other = settled(walk.law.model_copy(update={"sigma": 0.5}))
+    done = rabbit("check", write_bag(tmp_path / "other", change=other))
     assert done.exit_code == 1
     assert "torques differ" in done.output
 
 
-def test_without_recorded_parameters_a_file_is_asked_for(tmp_path: Path, write_bag: WriteBag, walk: Walk) -> None:
+def test_without_recorded_parameters_nothing_is_checked(tmp_path: Path, write_bag: WriteBag) -> None:
     bag = write_bag(tmp_path / "bag", change=lambda topic, m: None if topic == "controller_settings" else m)
     done = rabbit("check", bag)
     assert done.exit_code == 2
     assert "parameters are not in it" in done.output
-    write_parameters(tmp_path / "own.yaml", **walk.law.model_dump(mode="json"))
-    assert rabbit("check", bag, "--parameters", tmp_path / "own.yaml").exit_code == 0
 
 
 def test_info_counts(tmp_path: Path, write_bag: WriteBag, walk: Walk) -> None:
@@ -100,7 +105,7 @@ def test_info_counts(tmp_path: Path, write_bag: WriteBag, walk: Walk) -> None:
     assert {topic.qos for topic in found.topics} == {"reliable, transient local, last 20"}
     (episode,) = found.episodes
     assert (episode.seed, episode.recorded, episode.outcome, episode.policies) == (SEED, n, "walked", ["zero"])
-    assert json.loads(rabbit("info", bag, "--json").output) == found.as_dict()
+    assert json.loads(rabbit("info", bag, "--json").output) == asdict(found)
     assert "walked" in rabbit("info", bag).output
 
 

@@ -1,6 +1,5 @@
 """Pictures of one walk: the robot, swing foot against stones, barriers, CLF, ground force, torques."""
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -8,35 +7,16 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from rabbit_description.force_ratio import force_ratio
 from rabbit_description.state import TICK_SECONDS, Array
-from rabbit_sim.simulation import Landing
-from rl_trainer.rollout import Record
 
 from rabbit_viewer import style
 from rabbit_viewer.filmstrip import draw_walk
 from rabbit_viewer.skeleton import feet
-from rabbit_viewer.walk_records import RESCUE_NEEDED, WalkRecords, load_records
+from rabbit_viewer.walk_records import RESCUE_NEEDED, WalkRecords
 
-RECORDS = "records.npz"
 IMPACT = 0.04  # s: a mean over a tick that begins within 30 ms of impact
 MILLIMETRES = 1e3  # in a metre
 FAR_OFF = 50.0  # mm from a stone, drawn no farther
 NAMES = ("hip, stance leg", "knee, stance leg", "hip, swing leg", "knee, swing leg")
-
-
-def draw_run(folder: Path) -> list[Path]:
-    """Draw the run that left `records.npz` in `folder`, into `folder/pictures`.
-
-    Raises:
-        RecordsError: there are no records.
-    """
-    return draw(load_records(folder / RECORDS), folder / "pictures")
-
-
-def draw_rollout(
-    records: Sequence[Record], landings: Sequence[Landing], out: Path, about: dict[str, object] | None = None
-) -> list[Path]:
-    """Draw a rollout in process; `about` as in `WalkRecords`."""
-    return draw(WalkRecords.from_ticks(records, landings, about or {}), out)
 
 
 def draw(walk: WalkRecords, out: Path, suffix: str = ".png") -> list[Path]:

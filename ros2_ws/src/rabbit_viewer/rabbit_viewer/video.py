@@ -7,9 +7,8 @@ import imageio_ffmpeg  # type: ignore[import-untyped]
 import numpy as np
 from rabbit_description.state import TICK_SECONDS
 
-from rabbit_viewer.pictures import RECORDS
 from rabbit_viewer.scene import SIZE, Scene
-from rabbit_viewer.walk_records import WalkRecords, load_records
+from rabbit_viewer.walk_records import WalkRecords
 
 FRAME_RATE = 25  # 1/s
 LAST_FRAME = 0.8  # s, for which the last frame stays
@@ -18,13 +17,6 @@ GIF_RATE, GIF_WIDTH = 12.5, 480
 
 class VideoError(RuntimeError):
     """The encoder failed."""
-
-
-def film_run(folder: Path, gif: bool = True, speed: float = 1.0) -> list[Path]:
-    """Film the run that left `records.npz` in `folder`; returns the files."""
-    walk = load_records(folder / RECORDS)
-    made = [film(walk, folder / "walk.mp4", speed)]
-    return [*made, as_gif(made[0])] if gif else made
 
 
 def film(walk: WalkRecords, path: Path, speed: float = 1.0) -> Path:

@@ -13,30 +13,13 @@ from zipfile import BadZipFile
 
 import numpy as np
 from rabbit_description.atomic_file import replacing
-from rabbit_description.state import TICK_SECONDS, Array
+from rabbit_description.state import TICK_SECONDS, Array, RobotState
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.simulation import Landing
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_trainer.rollout import Record
 
-STATE = ("tick", "q", "dq", "foot_force", "contact", "touchdowns")
-OUTPUT = (
-    *("torque", "stance", "step_index", "phase", "eta", "V", "barriers", "barrier_rates"),
-    *(
-        "mu",
-        "mu_qp",
-        "omega",
-        "mu_held",
-        "nominal_a",
-        "nominal_b",
-        "measured",
-        "alpha",
-        "beta",
-        "LgV",
-        "clf_slack",
-        "rescue_slack",
-    ),
-)
+RECORDS = "records.npz"  # in a run's folder
 LANDING = ("index", "tick", "l", "l_min", "l_max", "on_stone")
 RESCUE_NEEDED = 0.01  # rad/s^2 of slack of last resort: a quadratic one gives way a little whenever its row is active
 
@@ -88,9 +71,10 @@ class WalkRecords:
         """From the ticks of a rollout."""
         if not records:
             raise RecordsError("no ticks: nothing to draw")
-        arrays = {name: np.array([getattr(record.state, name) for record in records]) for name in STATE}
-        arrays |= {name: np.array([getattr(record.output, name) for record in records]) for name in OUTPUT}
-        seen = [record.state.preview for record in records]
+        measured, chosen = [record.state for record in records], [record.output for record in records]
+        names = set(ARRAYS) - {"preview", "landings"}
+        arrays = {n: np.array([getattr(each, n) for each in (measured if n in STATE else chosen)]) for n in names}
+        seen = [state.preview for state in measured]
         preview = np.array([(stone.l_min, stone.l_max) if stone else (np.nan, np.nan) for stone in seen])
         rows = np.array([[float(getattr(landing, name)) for name in LANDING] for landing in landings])
         about = {"quantities": list(records[0].output.quantities), **about}
@@ -133,6 +117,7 @@ def drawn_parameters(controller: ControllerParameters) -> dict[str, Any]:
 
 
 ARRAYS = tuple(field.name for field in fields(WalkRecords) if field.name != "about")
+STATE = {field.name for field in fields(RobotState)}  # the others are of `ControllerOutput`
 
 
 def save_records(records: WalkRecords, path: Path) -> None:

@@ -8,9 +8,9 @@ from typing import Any
 import imageio.v3 as imageio
 import numpy as np
 import pytest
-from rabbit_viewer.bag_pictures import records_of_bag
 from rabbit_viewer.commands.video import app
 from rabbit_viewer.scene import SIZE
+from rabbit_viewer.walk_pictures import records_of_bag
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from typer.testing import CliRunner
 

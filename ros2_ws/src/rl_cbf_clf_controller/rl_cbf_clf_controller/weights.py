@@ -7,8 +7,6 @@ shapes, finite values, content hash, and a probe that repeats outputs the traine
 import hashlib
 import itertools
 import json
-import os
-import tempfile
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -18,6 +16,7 @@ import numpy as np
 from cbf_clf_qp.problem import Problem
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from rabbit_description.atomic_file import replacing
 from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
@@ -163,15 +162,8 @@ class PolicyFile:
     def write(self, path: Path) -> None:
         """Write the file at once or not at all."""
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, partial = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}")
-        try:
-            with os.fdopen(handle, "wb") as file:
-                file.write(self.encode())
-            Path(partial).chmod(0o644)
-            Path(partial).replace(path)
-        except BaseException:
-            Path(partial).unlink(missing_ok=True)
-            raise
+        with replacing(path) as partial:
+            partial.write_bytes(self.encode())
 
 
 def decode(data: bytes, problem: Problem | None = None) -> PolicyFile:

@@ -71,17 +71,14 @@ def _leave(walk: Walk, code: ExitCode, seconds: float) -> None:
 
 
 def _draw(walk: Walk) -> None:
+    from rabbit_viewer.walk_pictures import draw_pictures, film_walk
     from rich.console import Console
 
     with Console().status("drawing"):
         if walk.options.pictures:
-            from rabbit_viewer.pictures import draw_run
-
-            draw_run(walk.folder)
+            draw_pictures(walk.folder)
         if walk.options.video:
-            from rabbit_viewer.video import film_run
-
-            film_run(walk.folder)
+            film_walk(walk.folder)
 
 
 def _fail(walk: Walk, error: LaunchError) -> int:

@@ -151,14 +151,14 @@ def show(summary: dict[str, Any], out: Path) -> None:
 
 def draw_first(assembly: Any, request: EvaluationOptions) -> None:
     """Walk the first run again, the same, and leave its records and pictures."""
-    from rabbit_viewer.pictures import RECORDS, draw_run
-    from rabbit_viewer.walk_records import save_records
+    from rabbit_viewer.walk_pictures import draw_pictures
+    from rabbit_viewer.walk_records import RECORDS, save_records
 
     from rabbit_experiments.evaluation import episode_seeds, record_walk
 
     walk = record_walk(assembly, episode_seeds(request.seed, 1)[0])
     save_records(walk, request.out / RECORDS)
-    for path in draw_run(request.out):
+    for path in draw_pictures(request.out):
         print(f"drawn {path}")
 
 

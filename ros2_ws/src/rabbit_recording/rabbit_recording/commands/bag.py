@@ -2,6 +2,7 @@
 
 import json
 import os
+from dataclasses import asdict
 from datetime import datetime
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -55,7 +56,7 @@ def info(bag: Bag, as_json: Annotated[bool, typer.Option("--json", help="as JSON
     with complaints(RecordingError):
         found = contents(bag)
     if as_json:
-        print(json.dumps(found.as_dict(), indent=2))
+        print(json.dumps(asdict(found), indent=2))
     else:
         show(bag, found)
 
@@ -129,28 +130,22 @@ def plot(
     from rabbit_recording.bag_writer import RecordingError
 
     (pictures,) = entry_points(group="rabbit.pictures", name="recording") or fail("bag plot needs rabbit_viewer")
-    draw_bag = pictures.load()
+    draw = pictures.load()
     with complaints(RecordingError, OSError):
-        made = draw_bag(bag, out, episode)
+        made = draw(bag, out, episode)
     for path in made:
         print(path)
 
 
 @app.command()
-def check(
-    bag: Bag,
-    parameters: Annotated[
-        Path | None, typer.Option(help="the controller's ROS parameter file, in place of what is recorded")
-    ] = None,
-) -> None:
+def check(bag: Bag) -> None:
     """Count lost ticks, and replay the states through a controller. Exit code 0: what is there is whole and replays."""
     from rabbit_recording.bag_writer import RecordingError
-    from rabbit_recording.checking import check_episodes, controller_parameters
+    from rabbit_recording.checking import check_episodes
 
     faults = episodes = 0
     with complaints(RecordingError):
-        law = controller_parameters(parameters) if parameters else None
-        for e in check_episodes(bag, law):
+        for e in check_episodes(bag):
             episodes += 1
             of = e.episode
             faults += of.lost + len(e.differing)

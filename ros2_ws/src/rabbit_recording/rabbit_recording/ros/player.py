@@ -1,7 +1,7 @@
 """Publishes a recording's messages again: their bytes, at their pace, under the QoS they were offered with."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -56,8 +56,7 @@ def play(path: Path, how: Playing, show: Callable[[float, float], object]) -> in
             node = rclpy.create_node("player", namespace=how.namespace, context=context)
             publishers = {c.topic: _publisher(node, c, how.namespace) for c in reader.connections}
             _refuse_clash(path, node, publishers, how.delay)
-            with one_line_errors(path):
-                return _publish(reader, publishers, how, show)
+            return _publish(path, reader, publishers, how, show)
 
 
 def check_definitions(path: Path, reader: AnyReader) -> None:
@@ -103,13 +102,14 @@ def _refuse_clash(path: Path, node: Node, publishers: dict[str, Any], seconds: f
 
 
 def _publish(
-    reader: AnyReader, publishers: dict[str, Any], how: Playing, show: Callable[[float, float], object]
+    path: Path, reader: AnyReader, publishers: dict[str, Any], how: Playing, show: Callable[[float, float], object]
 ) -> int:
-    first = begin_of(reader)  # what was announced before goes out at once
+    with one_line_errors(path):
+        first = begin_of(reader)  # what was announced before goes out at once
     seconds = (reader.end_time - first) / 1e9
     begin = first + round(how.start * 1e9)
     began, shown, count = time.monotonic(), -SHOW_SECONDS, 0
-    for connection, nanoseconds, data in reader.messages(start=begin if how.start else None):
+    for connection, nanoseconds, data in _messages(path, reader, begin if how.start else None):
         at = max(0.0, (nanoseconds - begin) / 1e9 / how.rate)
         time.sleep(max(0.0, began + at - time.monotonic()))
         publishers[connection.topic].publish(data)
@@ -120,3 +120,8 @@ def _publish(
     for each in publishers.values():
         each.wait_for_all_acked(Duration(seconds=DELIVERY_SECONDS))
     return count
+
+
+def _messages(path: Path, reader: AnyReader, start: int | None) -> Iterator[tuple[Connection, int, bytes]]:
+    with one_line_errors(path):
+        yield from reader.messages(start=start)

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rabbit_cli.options import complaints, fail
+from rabbit_cli.options import complaints
 
 app = typer.Typer(add_completion=False)
 
@@ -20,17 +20,11 @@ def video(
     """Film a run, walk.mp4 and walk.gif in its folder; or a recording, BAG.mp4 and BAG.gif beside it."""
     from rabbit_recording.bag_writer import RecordingError
 
-    from rabbit_viewer.bag_pictures import draw_bag, film_bag
-    from rabbit_viewer.pictures import RECORDS, draw_run
-    from rabbit_viewer.video import VideoError, film_run
+    from rabbit_viewer.video import VideoError
+    from rabbit_viewer.walk_pictures import draw_pictures, film_walk
     from rabbit_viewer.walk_records import RecordsError
 
     with complaints(RecordsError, RecordingError, VideoError):
-        if (source / RECORDS).exists():
-            made = film_run(source, gif, speed) + (draw_run(source) if pictures else [])
-        elif source.exists():
-            made = film_bag(source, gif, speed, episode) + (draw_bag(source, None, episode) if pictures else [])
-        else:
-            fail(f"{source}: expected a run's folder or a recording")
+        made = film_walk(source, gif, speed, episode) + (draw_pictures(source, None, episode) if pictures else [])
     for path in made:
         print(path)

@@ -12,8 +12,7 @@ from rclpy.task import Future
 from rabbit_viewer.live.snapshot import Limits
 
 ASKED = {"controller": ("R1", "R2", "stone_margin", "friction_coeff"), "simulator": ("link_bend",)}
-TRY_SECONDS = 0.2
-ANSWER_SECONDS = 3.0  # after which a question is put again
+TRY_SECONDS = 0.5  # until there is an answer
 
 
 class GraphLimits:
@@ -23,22 +22,18 @@ class GraphLimits:
         self.known: Limits | None = None
         self._values: dict[str, float] = {}
         self._clients = {name: node.create_client(GetParameters, f"{name}/get_parameters") for name in ASKED}
-        self._waited: dict[str, float] = {}  # s since a question, by node
         self._open = set(ASKED)
         steady_timer(node, TRY_SECONDS, self._try)
 
     def ask_again(self) -> None:
         """Another graph may be walking; what is known holds until the answers."""
-        self._open, self._waited = set(ASKED), {}
+        self._open = set(ASKED)
 
     def _try(self) -> None:
         for name in self._open:
-            waited = self._waited.get(name, ANSWER_SECONDS) + TRY_SECONDS
-            if waited > ANSWER_SECONDS and self._clients[name].service_is_ready():
-                waited = 0.0
+            if self._clients[name].service_is_ready():
                 question = GetParameters.Request(names=list(ASKED[name]))
                 self._clients[name].call_async(question).add_done_callback(partial(self._on_answer, name))
-            self._waited[name] = waited
 
     def _on_answer(self, name: str, answer: Future) -> None:
         response: Any = answer.result()

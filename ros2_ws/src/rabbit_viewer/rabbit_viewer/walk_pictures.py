@@ -1,0 +1,63 @@
+"""Pictures and film of a walk from what it left: a run's folder with its records, or a recording."""
+
+from pathlib import Path
+
+from rabbit_recording.bag_writer import RecordingError
+from rabbit_recording.reader import RecordedEpisode, iterate_episodes
+
+from rabbit_viewer.pictures import draw
+from rabbit_viewer.video import as_gif, film
+from rabbit_viewer.walk_records import RECORDS, WalkRecords, drawn_parameters, load_records
+
+
+def draw_pictures(source: Path, out: Path | None = None, episode: int | None = None) -> list[Path]:
+    """Draw into the folder `out`, by default SOURCE/pictures of a run and SOURCE-pictures of a recording.
+
+    `episode`: of a recording, by default the last one with ticks.
+
+    Raises:
+        RecordsError, RecordingError: not readable, or no such episode in it.
+    """
+    return draw(records_of(source, episode), out or _place(source, "pictures", "-pictures"))
+
+
+def film_walk(source: Path, gif: bool = True, speed: float = 1.0, episode: int | None = None) -> list[Path]:
+    """Film into walk.mp4, and walk.gif, in a run's folder, or into SOURCE.mp4 next to a recording.
+
+    Raises:
+        RecordsError, RecordingError: as in `draw_pictures`.
+        VideoError: the encoder failed.
+    """
+    made = film(records_of(source, episode), _place(source, "walk.mp4", ".mp4"), speed)
+    return [made, as_gif(made)] if gif else [made]
+
+
+def records_of(source: Path, episode: int | None = None) -> WalkRecords:
+    """The records of a run, or the ticks of a recording's episode; raises as `draw_pictures`."""
+    return load_records(source / RECORDS) if _is_run(source) else records_of_bag(source, episode)
+
+
+def _is_run(source: Path) -> bool:
+    return (source / RECORDS).exists()
+
+
+def _place(source: Path, name: str, suffix: str) -> Path:
+    """In a run's folder, or next to a recording."""
+    return source / name if _is_run(source) else source.with_name(f"{source.resolve().stem}{suffix}")
+
+
+def records_of_bag(bag: Path, number: int | None = None) -> WalkRecords:
+    """The ticks of episode `number`, or of the last one that has some; raises `RecordingError`."""
+    chosen: RecordedEpisode | None = None
+    for episode in iterate_episodes(bag):
+        if episode.records and number in (None, episode.number):
+            chosen = episode
+    if chosen is None:
+        raise RecordingError(f"recording {bag}: no ticks of {f'episode {number}' if number else 'a walk'} in it")
+    policies = ", ".join(dict.fromkeys(record.output.policy_version for record in chosen.records))
+    outcome = chosen.outcome or "not recorded to its end"
+    title = f"episode {chosen.number}, policy {policies}, seed {chosen.seed}: {outcome}"
+    about = {"title": title, "outcome": chosen.outcome, "seed": chosen.seed}
+    if chosen.settings:
+        about |= drawn_parameters(chosen.settings[0].parameters)
+    return WalkRecords.from_ticks(chosen.records, chosen.landings, about)
