@@ -8,7 +8,8 @@ from cbf_clf_qp.affine import Affine
 from rabbit_description.state import Array
 
 from rl_cbf_clf_controller import link_parameters as links
-from rl_cbf_clf_controller.generated.layout import LINKS, PINNED
+from rl_cbf_clf_controller.foot_velocity import FootVelocity
+from rl_cbf_clf_controller.generated.layout import FOOT_VELOCITY, LINKS, PINNED, REGRESSOR
 from rl_cbf_clf_controller.generated.library import GeneratedFunction, load_library
 from rl_cbf_clf_controller.nominal_model import PLANE, Kinematics, NominalModel, PinnedDynamics
 
@@ -102,12 +103,57 @@ def leg_lengths(model: pin.Model) -> Array:
     return np.concatenate([point.translation[PLANE] for point in points])
 
 
+class GeneratedMotionTerms:
+    """`MotionTerms` of a robot with RABBIT's joints."""
+
+    def __init__(self, library: ctypes.CDLL, model: pin.Model) -> None:
+        self._function = GeneratedFunction(library, REGRESSOR)
+        self._function.arguments[self._function.argument_slices["legs"]] = leg_lengths(model)
+
+    def __call__(self, q: Array, dq: Array, ddq: Array, theta: Array) -> tuple[Array, Array, Array]:
+        """Y (7, 12), M (7, 7) of the links theta (12,), and the feet's Jacobians (2, 2, 7), stance and swing."""
+        arguments = self._function.arguments
+        arguments[:7], arguments[7:14], arguments[14:21], arguments[21:33] = q, dq, ddq, theta
+        found = self._function()
+        # as in layout.FUNCTIONS[REGRESSOR]; a test compares
+        return found[:84].reshape(7, 12), found[84:133].reshape(7, 7), found[133:].reshape(2, 2, 7)
+
+
+class GeneratedFootVelocity:
+    """`FootVelocity` of a robot with RABBIT's joints."""
+
+    def __init__(self, library: ctypes.CDLL, model: pin.Model) -> None:
+        self._function = GeneratedFunction(library, FOOT_VELOCITY)
+        self._function.arguments[self._function.argument_slices["legs"]] = leg_lengths(model)
+
+    def __call__(self, q_s: Array, dq_s: Array) -> tuple[Array, Array]:
+        """Velocity (2,), m/s, and its slope (2, 2) over the stance leg's hip and knee angle."""
+        self._function.arguments[:7], self._function.arguments[7:14] = q_s, dq_s
+        found = self._function()
+        return found[:2], found[2:].reshape(2, 2)
+
+
+def library_for(model: pin.Model) -> ctypes.CDLL | None:
+    """The generated code, if it is built and the model has RABBIT's joints; else pinocchio computes."""
+    return load_library() if has_layout(model) else None
+
+
+def make_motion_terms(model: pin.Model) -> GeneratedMotionTerms | links.MotionTerms:
+    """What the identification takes from a model."""
+    library = library_for(model)
+    return GeneratedMotionTerms(library, model) if library else links.MotionTerms(model)
+
+
+def make_foot_velocity(model: pin.Model) -> GeneratedFootVelocity | FootVelocity:
+    """The stance foot's velocity and its slope."""
+    library = library_for(model)
+    return GeneratedFootVelocity(library, model) if library else FootVelocity(model)
+
+
 def make_model(
     urdf: str | None = None, motor_gain: float = 1.0, joint_damping: float = 0.0
 ) -> GeneratedModel | NominalModel:
     """The model that a tick uses: generated code if it is built and `urdf` has RABBIT's joints, else pinocchio."""
     model = NominalModel(urdf, motor_gain, joint_damping)
-    library = load_library()
-    if library is None or not has_layout(model.model):
-        return model
-    return GeneratedModel(library, model.model, motor_gain, joint_damping)
+    library = library_for(model.model)
+    return GeneratedModel(library, model.model, motor_gain, joint_damping) if library else model

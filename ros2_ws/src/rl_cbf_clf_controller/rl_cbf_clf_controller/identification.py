@@ -25,8 +25,9 @@ import pinocchio as pin
 from rabbit_description.state import TICK_SECONDS, Array
 
 from rl_cbf_clf_controller import link_parameters as links
+from rl_cbf_clf_controller.generated_model import make_motion_terms
 from rl_cbf_clf_controller.least_squares import LeastSquares
-from rl_cbf_clf_controller.nominal_model import ACTUATED, INPUT_MAP, PLANE, symmetric
+from rl_cbf_clf_controller.nominal_model import ACTUATED, INPUT_MAP
 
 IDENTIFIED = (
     *(f"{link}_{name}" for link in ("torso", "thigh", "shin") for name in ("m", "mc_x", "mc_z", "I_yy")),
@@ -57,8 +58,7 @@ class Identification:
     """
 
     def __init__(self, model: pin.Model) -> None:
-        self._model, self._data = model.copy(), model.createData()
-        self._feet = [model.getFrameId(name) for name in ("left_foot", "right_foot")]
+        self._motion_terms = make_motion_terms(model)
         self._start = np.concatenate([links.read_links(model), [0.0, 1.0, 0.0]])
         self._prior = prior_covariance(self._start[THETA])
         self._noise = np.diag([FORCE_NOISE**2] * 2 + [MOMENT_NOISE**2] * (model.nv - 2))
@@ -100,17 +100,11 @@ class Identification:
         self, start: tuple[Array, Array], end: tuple[Array, Array], torques: tuple[Array, Array], force: Array
     ) -> tuple[Array, Array, Array]:
         """Regressor (7, 15), measured side (7,) and mass matrix (7, 7) of one tick; arguments as of `learn`."""
-        model, data = self._model, self._data
         q, dq, ddq = (start[0] + end[0]) / 2, (start[1] + end[1]) / 2, (end[1] - start[1]) / TICK_SECONDS
-        links.write_links(model, self.value[THETA])
-        mass = symmetric(pin.crba(model, data, q))
-        pin.computeJointJacobians(model, data, q)
-        pin.updateFramePlacements(model, data)
-        world = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-        jacobians = [pin.getFrameJacobian(model, data, foot, world)[PLANE] for foot in self._feet]
+        moved, mass, jacobians = self._motion_terms(q, dq, ddq, self.value[THETA])
         before, now = torques
         own = [ACTUATED * mass.diagonal() * dq, -INPUT_MAP @ now, -INPUT_MAP @ (before - now)]
-        regressor = np.column_stack([links.motion_regressor(model, data, q, dq, ddq), *own])
+        regressor = np.column_stack([moved, *own])
         return regressor, sum(J.T @ F for J, F in zip(jacobians, force, strict=True)), mass
 
 

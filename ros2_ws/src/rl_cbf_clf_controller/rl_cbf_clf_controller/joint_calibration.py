@@ -17,10 +17,9 @@ import numpy as np
 import pinocchio as pin
 from rabbit_description.state import Array
 
+from rl_cbf_clf_controller.generated_model import make_foot_velocity
 from rl_cbf_clf_controller.least_squares import LeastSquares
-from rl_cbf_clf_controller.nominal_model import PLANE
 
-QUARTER_TURN = np.array([[0.0, 1.0], [-1.0, 0.0]])  # about +y, of (x, z)
 OFFSETS = np.array([[0, 0, 0, 1, 0, 1, 0], [0, 0, 0, 0, 1, 0, 1]]).T  # (o_h, o_k) to q
 OFFSET_SPREAD = np.array([0.05, 0.01])  # rad
 VELOCITY_NOISE = 0.05  # m/s
@@ -31,9 +30,7 @@ class JointCalibration:
     """`value` (2,): offsets o of hips and knees, rad."""
 
     def __init__(self, model: pin.Model) -> None:
-        self._model, self._data = model, model.createData()
-        self._stance = model.getFrameId("left_foot")
-        self._joints = [model.getJointId(name) for name in ("left_hip", "left_knee")]
+        self.foot_velocity = make_foot_velocity(model)
         self.reset()
 
     @property
@@ -52,13 +49,3 @@ class JointCalibration:
         """From a corrected state (7,), stance/swing order, in which the stance foot stands."""
         velocity, slope = self.foot_velocity(q_s, dq_s)
         self._fit.update(slope, velocity + slope @ self.value, VELOCITY_NOISE**2 * np.eye(2))
-
-    def foot_velocity(self, q_s: Array, dq_s: Array) -> tuple[Array, Array]:
-        """Of the stance foot (2,), m/s, world frame, and its slope (2, 2) over the stance leg's hip and knee angle."""
-        model, data = self._model, self._data
-        pin.forwardKinematics(model, data, q_s, dq_s)
-        world = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-        foot = pin.getFrameVelocity(model, data, self._stance, world).linear[PLANE]
-        above = [pin.getVelocity(model, data, joint, world).linear[PLANE] for joint in self._joints]
-        # turning what hangs on a joint turns its velocity relative to the joint
-        return foot, np.column_stack([QUARTER_TURN @ (foot - joint) for joint in above])

@@ -45,6 +45,25 @@ def is_physical(theta: Array) -> bool:
     return bool((mass > 0).all() and (inertia * mass > mc_x**2 + mc_z**2).all())
 
 
+class MotionTerms:
+    """What the identification takes from a model, computed by pinocchio."""
+
+    def __init__(self, model: pin.Model) -> None:
+        self._model, self._data = model.copy(), model.createData()
+        self._feet = [model.getFrameId(name) for name in ("left_foot", "right_foot")]
+
+    def __call__(self, q: Array, dq: Array, ddq: Array, theta: Array) -> tuple[Array, Array, Array]:
+        """Y (7, 12), M (7, 7) of the links theta (12,), and the feet's Jacobians (2, 2, 7), stance and swing."""
+        model, data = self._model, self._data
+        write_links(model, theta)
+        upper = np.triu(pin.crba(model, data, q))
+        pin.computeJointJacobians(model, data, q)
+        pin.updateFramePlacements(model, data)
+        world = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        jacobians = np.array([pin.getFrameJacobian(model, data, foot, world)[[0, 2]] for foot in self._feet])
+        return motion_regressor(model, data, q, dq, ddq), upper + np.triu(upper, 1).T, jacobians
+
+
 def motion_regressor(model: pin.Model, data: pin.Data, q: Array, dq: Array, ddq: Array) -> Array:
     """Y (7, 12); none of the model's own inertias is in it."""
     whole = pin.computeJointTorqueRegressor(model, data, q, dq, ddq).reshape(model.nv, -1, 10)[:, :, PLANAR]

@@ -12,7 +12,7 @@ import numpy as np
 from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.ecbf import Barriers, Ecbf
 from cbf_clf_qp.rows import Rows
-from rabbit_description.state import Array, StonePreview
+from rabbit_description.state import StonePreview
 
 from rl_cbf_clf_controller.nominal_model import Kinematics
 from rl_cbf_clf_controller.scene import Scene
@@ -45,11 +45,11 @@ class StoneBarriers(Ecbf):
 def stone_barriers(feet: Kinematics, stone: StonePreview, R1: float, R2: float) -> Barriers:
     """B1 and B2 of the swing foot for a previewed stone; R1, R2 in m."""
     near = stone.l_min / 2
-    outer = feet.swing + (R1, 0.0)
-    inner = feet.swing + (-near, R2)
-    r_outer, slope_outer, curve_outer = _distance(outer, feet.swing_rate)
-    r_inner, slope_inner, curve_inner = _distance(inner, feet.swing_rate)
-    gradient = np.array([-slope_outer, slope_inner])
+    length, height = feet.swing.tolist()  # numbers: arrays of two take several times as long
+    velocity = feet.swing_rate.tolist()
+    r_outer, (outer_x, outer_z), curve_outer = _distance(length + R1, height, *velocity)
+    r_inner, (inner_x, inner_z), curve_inner = _distance(length - near, height + R2, *velocity)
+    gradient = np.array([[-outer_x, -outer_z], [inner_x, inner_z]])
     return Barriers(
         B=np.array([R1 + stone.l_max - r_outer, r_inner - np.hypot(near, R2)]),
         dB=gradient @ feet.swing_rate,
@@ -58,9 +58,9 @@ def stone_barriers(feet: Kinematics, stone: StonePreview, R1: float, R2: float) 
     )
 
 
-def _distance(point: Array, velocity: Array) -> tuple[float, Array, float]:
-    """|point|, its gradient (2,), and velocity' Hessian velocity."""
-    radius = float(np.hypot(point[0], point[1]))
-    normal = point / radius
-    across = float(normal[0] * velocity[1] - normal[1] * velocity[0])
-    return radius, normal, across**2 / radius
+def _distance(x: float, z: float, rate_x: float, rate_z: float) -> tuple[float, tuple[float, float], float]:
+    """|(x, z)|, its gradient, and velocity' Hessian velocity."""
+    radius = float(np.hypot(x, z))
+    normal_x, normal_z = x / radius, z / radius
+    across = normal_x * rate_z - normal_z * rate_x
+    return radius, (normal_x, normal_z), across**2 / radius

@@ -50,8 +50,22 @@ class Outputs:
         """(y, dy), shape (2 m,)."""
         return np.concatenate([self.y, self.dy])
 
+    @cached_property
+    def _known(self) -> list[tuple[Affine, Affine]]:
+        """Accelerations of which y-ddot has been asked, and the answers."""
+        return []
+
     def second_derivative(self, acceleration: Affine) -> Affine:
-        """y-ddot (m), affine in whatever `acceleration` (n) is affine in."""
+        """y-ddot (m), affine in whatever `acceleration` (n) is affine in; computed once for each."""
+        for known, answer in self._known:
+            if known is acceleration:
+                return answer
+        answer = self.derive(acceleration)
+        self._known.append((acceleration, answer))
+        return answer
+
+    def derive(self, acceleration: Affine) -> Affine:
+        """y-ddot, computed."""
         return acceleration.mapped(self.jacobian, self.bias)
 
 

@@ -5,16 +5,23 @@ import ctypes
 import numpy as np
 import pinocchio as pin
 import pytest
+from cbf_clf_qp.affine import Affine
 from rabbit_description import URDF_PATH
 from rabbit_description.gait import load_gait
 from rabbit_description.gait_library import load_gaits
 from rabbit_description.state import Array, StonePreview
 from rl_cbf_clf_controller import generated_model, generated_outputs
+from rl_cbf_clf_controller.foot_velocity import FootVelocity
 from rl_cbf_clf_controller.generated.build import build
-from rl_cbf_clf_controller.generated_model import GeneratedModel, make_model
+from rl_cbf_clf_controller.generated_model import (
+    GeneratedFootVelocity,
+    GeneratedModel,
+    GeneratedMotionTerms,
+    make_model,
+)
 from rl_cbf_clf_controller.generated_outputs import GeneratedOutputs
-from rl_cbf_clf_controller.link_parameters import read_links
-from rl_cbf_clf_controller.nominal_model import NominalModel
+from rl_cbf_clf_controller.link_parameters import MotionTerms, read_links
+from rl_cbf_clf_controller.nominal_model import INPUT_MAP, NominalModel
 from rl_cbf_clf_controller.step_outputs import LibrarySteps, StepOutputs, step_path
 from rl_cbf_clf_controller.virtual_constraints import VirtualConstraints
 
@@ -95,6 +102,31 @@ def test_results_are_not_overwritten_by_the_next_call(library):
     assert (dynamics.force.b == kept[1]).all()
 
 
+@pytest.mark.parametrize("robot", [NominalModel(), *(odd_robot(seed) for seed in range(2))])
+def test_terms_of_the_identification_are_pinocchios(library, robot):
+    rng = np.random.default_rng(5)
+    terms = (GeneratedMotionTerms(library, robot.model), MotionTerms(robot.model))
+    velocities = (GeneratedFootVelocity(library, robot.model), FootVelocity(robot.model))
+    for q, dq in STATES:
+        ddq, theta = rng.uniform(-50, 50, 7), read_links(robot.model) * rng.uniform(0.5, 2, 12)
+        found, expected = (dict(zip("YMJ", each(q, dq, ddq, theta), strict=True)) for each in terms)
+        assert_equal(found, expected)
+        found, expected = (dict(zip("vs", each(q, dq), strict=True)) for each in velocities)
+        assert_equal(found, expected)
+
+
+def test_the_regressor_says_the_same_as_the_pinned_dynamics(library):
+    """Y theta = B u + J' F at the acceleration and the force that the pinned model gives for u."""
+    robot = GeneratedModel(library, NominalModel().model)
+    regressor, u = GeneratedMotionTerms(library, robot.model), np.array([10.0, -20.0, 5.0, 30.0])
+    theta = read_links(robot.model)
+    for q, dq in STATES[:50]:
+        robot.update(q, dq)
+        dynamics = robot.pinned()
+        Y, _, jacobians = regressor(q, dq, dynamics.acceleration(u), theta)
+        assert Y @ theta == pytest.approx(INPUT_MAP @ u + jacobians[0].T @ dynamics.force(u), abs=1e-9)
+
+
 def with_phase(constraints, q, phase):
     """The state with its pitch such that the phase is `phase`."""
     q = q.copy()
@@ -119,7 +151,39 @@ def test_outputs_are_numpys_inside_the_phase_and_beyond_its_ends(library, make):
     phases = np.random.default_rng(2).uniform(-0.4, 1.4, len(STATES))
     for (q, dq), phase in zip(STATES, phases, strict=True):
         q = with_phase(constraints, q, phase)
-        assert_equal(vars(generated.evaluate(q, dq)), vars(constraints.evaluate(q, dq)))
+        found, expected = generated.evaluate(q, dq), constraints.evaluate(q, dq)
+        assert_equal({name: getattr(found, name) for name in vars(expected)}, vars(expected))
+
+
+@pytest.mark.parametrize("robot", [NominalModel(), odd_robot(0)])
+def test_output_dynamics_and_their_inverse_are_numpys(library, robot):
+    constraints = VirtualConstraints(load_gait("authors_035"))
+    generated = GeneratedOutputs(library, constraints)
+    for q, dq in STATES:
+        robot.update(q, dq)
+        acceleration = robot.pinned().acceleration
+        found, expected = (each.evaluate(q, dq).second_derivative(acceleration) for each in (generated, constraints))
+        inverse, condition = found.inverse(), np.linalg.cond(expected.a)
+        assert found.a == pytest.approx(expected.a, rel=0, abs=TOLERANCE * np.abs(expected.a).max())
+        assert found.b == pytest.approx(expected.b, rel=0, abs=TOLERANCE * np.abs(expected.b).max())
+        assert found.a @ inverse.a == pytest.approx(np.eye(4), abs=1e-14 * condition)
+        assert found(inverse.b) == pytest.approx(0, abs=1e-14 * condition * np.abs(expected.b).max())
+
+
+def test_outputs_that_no_torque_moves_have_no_inverse(library):
+    q, dq = STATES[0]
+    outputs = GeneratedOutputs(library, VirtualConstraints(load_gait("authors_035"))).evaluate(q, dq)
+    with pytest.raises(np.linalg.LinAlgError):
+        outputs.second_derivative(Affine.zero(7, 4)).inverse()
+
+
+def test_each_accelerations_answer_is_its_own(library):
+    q, dq = STATES[0]
+    outputs = GeneratedOutputs(library, VirtualConstraints(load_gait("authors_035"))).evaluate(q, dq)
+    first, second = Affine(np.eye(7, 4), np.ones(7)), Affine(2 * np.eye(7, 4), np.zeros(7))
+    answers = [outputs.second_derivative(each) for each in (first, second, first)]
+    assert answers[0] is answers[2]
+    assert answers[0].a * 2 == pytest.approx(answers[1].a)
 
 
 @pytest.fixture

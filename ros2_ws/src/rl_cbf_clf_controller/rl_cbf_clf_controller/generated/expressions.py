@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from rl_cbf_clf_controller.generated.layout import COORDINATES, MOTORS, POWERS
+from rl_cbf_clf_controller.generated.layout import COORDINATES, LINKS, MOTORS, POWERS
 
 GRAVITY = ca.DM([0, 9.81])
 SLIDES = 2  # of the base: the coordinates that the stance foot takes up
@@ -172,4 +172,34 @@ def fading_correction(a: ca.SX, b: ca.SX, since: ca.SX, width: ca.SX) -> tuple[c
     return left**3 * line + slope * before, slope, ca.if_else(since < 0, 0, curvature)
 
 
-EXPRESSIONS: dict[str, Callable[..., list[ca.SX]]] = {"pinned_dynamics": pinned_dynamics, "outputs": outputs}
+def output_dynamics(acceleration_a: ca.SX, acceleration_b: ca.SX, jacobian: ca.SX, bias: ca.SX) -> list[ca.SX]:
+    """y-ddot affine in the torque, and its inverse; as in `layout.OUTPUT_DYNAMICS`."""
+    rows = ca.reshape(jacobian, COORDINATES, MOTORS).T
+    a = rows @ ca.reshape(acceleration_a, MOTORS, COORDINATES).T
+    b = rows @ acceleration_b + bias
+    inverse = ca.inv_minor(a)
+    return [a, b, inverse, -inverse @ b, ca.det(a)]
+
+
+def motion_regressor(q: ca.SX, dq: ca.SX, ddq: ca.SX, theta: ca.SX, legs: ca.SX) -> list[ca.SX]:
+    """Y, M and the feet's Jacobians of a robot with two like legs; as in `layout.REGRESSOR`."""
+    torso, *leg = ca.vertsplit(theta, 4)
+    bodies, feet = kinematics(q, ca.vertcat(torso, *leg, *leg), legs)
+    tau = inverse_dynamics(bodies, q, dq, ddq)
+    return [ca.jacobian(tau, theta), ca.jacobian(tau, ddq), ca.vertcat(*(ca.jacobian(foot, q) for foot in feet))]
+
+
+def foot_velocity(q: ca.SX, dq: ca.SX, legs: ca.SX) -> list[ca.SX]:
+    """The stance foot's velocity and its slope; as in `layout.FOOT_VELOCITY`."""
+    _, (stance, _) = kinematics(q, ca.SX.zeros(4 * len(LINKS)), legs)
+    velocity = ca.jacobian(stance, q) @ dq
+    return [velocity, ca.jacobian(velocity, q[3:5])]
+
+
+EXPRESSIONS: dict[str, Callable[..., list[ca.SX]]] = {
+    "pinned_dynamics": pinned_dynamics,
+    "outputs": outputs,
+    "output_dynamics": output_dynamics,
+    "motion_regressor": motion_regressor,
+    "foot_velocity": foot_velocity,
+}

@@ -31,7 +31,9 @@ PATH: Layout = {
 
 PINNED = "pinned_dynamics"
 OUTPUTS = "outputs"
+OUTPUT_DYNAMICS = "output_dynamics"
 REGRESSOR = "motion_regressor"
+FOOT_VELOCITY = "foot_velocity"
 
 FUNCTIONS: dict[str, tuple[Layout, Layout]] = {
     PINNED: (
@@ -59,5 +61,32 @@ FUNCTIONS: dict[str, tuple[Layout, Layout]] = {
             "phase": (1,),
             "phase_rate": (1,),
         },
+    ),
+    OUTPUT_DYNAMICS: (
+        {
+            "acceleration_a": (COORDINATES, MOTORS),
+            "acceleration_b": (COORDINATES,),
+            "jacobian": (MOTORS, COORDINATES),
+            "bias": (MOTORS,),
+        },
+        {  # of y-ddot = a u + b: a, b and those of its inverse, u = a^-1 y-ddot - a^-1 b
+            "a": (MOTORS, MOTORS),
+            "b": (MOTORS,),
+            "inverse_a": (MOTORS, MOTORS),
+            "inverse_b": (MOTORS,),
+            "determinant": (1,),
+        },
+    ),
+    REGRESSOR: (
+        STATE | {"ddq": (COORDINATES,), "theta": (12,), "legs": ROBOT["legs"]},  # theta: of torso, thighs, shins
+        {
+            "regressor": (COORDINATES, 12),
+            "mass": (COORDINATES, COORDINATES),
+            "jacobians": (2, 2, COORDINATES),  # stance, swing
+        },
+    ),
+    FOOT_VELOCITY: (
+        STATE | {"legs": ROBOT["legs"]},
+        {"velocity": (2,), "slope": (2, 2)},  # of the stance foot; its slope over the stance leg's hip and knee
     ),
 }
