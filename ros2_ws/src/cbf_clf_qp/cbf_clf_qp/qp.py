@@ -10,6 +10,7 @@ the slacks back in the rows' own units.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -20,30 +21,52 @@ from cbf_clf_qp.rows import Rows
 ROUNDING = 1e-6  # less is the solver's tolerance
 
 
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """What of a programme is the same at every tick of a controller; one object, so that a solver knows it again.
+
+    `names`, `rescue` (k,) describe the rows over mu (`inputs`,); `slack_scale` (k,) is a row's slack over its variable,
+    0 for hard rows. `A` (k, n) has the slacks' columns, before rows are divided by their norms; `order`: where in
+    A.ravel() the entries are that may be non-zero, column by column.
+    """
+
+    names: tuple[str, ...]
+    rescue: Array
+    slack_scale: Array
+    inputs: int
+    A: Array
+    soft: Array
+    order: Array
+
+    @classmethod
+    @cache
+    def of(cls, blocks: tuple[tuple[tuple[str, ...], float, bool], ...], inputs: int) -> "Layout":
+        """Of blocks of rows: their names, slack weight, and whether the slack is one of last resort."""
+        weight, rescue = (np.concatenate([np.full(len(b[0]), b[i]) for b in blocks]) for i in (1, 2))
+        soft = np.isfinite(weight).nonzero()[0]
+        scale = np.zeros(len(weight))
+        scale[soft] = weight[soft] ** -0.5
+        A = np.hstack([np.zeros((len(weight), inputs)), np.diag(-scale)[:, soft]])
+        pattern = A != 0
+        pattern[:, :inputs] = True
+        columns, rows = pattern.T.nonzero()
+        names = tuple(name for block in blocks for name in block[0])
+        return cls(names, rescue.astype(bool), scale, inputs, A, soft, rows * A.shape[1] + columns)
+
+
 @dataclass(frozen=True)
 class QuadraticProgram:
     """min x'x + q'x subject to `lower <= A x <= upper`, over x = (root mu, scaled slacks), shape (n,).
 
-    `names`, `rescue` (k,) describe the rows; `slack_scale` (k,) is a row's slack over its variable, 0 for hard rows;
-    mu = `unroot` times the first `inputs` variables, or these themselves.
+    mu = `unroot` times the first variables, or these themselves.
     """
 
     q: Array
     A: Array
     lower: Array
     upper: Array
-    names: tuple[str, ...]
-    slack_scale: Array
-    rescue: Array
-    inputs: int
+    layout: Layout
     unroot: Array | None = None
-
-    @property
-    def pattern(self) -> Array:
-        """Where `A` may be non-zero, the same at every tick of a controller."""
-        pattern = self.A != 0
-        pattern[:, : self.inputs] = True
-        return pattern
 
 
 @dataclass(frozen=True)
@@ -57,40 +80,32 @@ class Decision:
 
 def build_qp(rows: Sequence[Rows], objective: Objective | None = None) -> QuadraticProgram:
     """Stack the rows of all constraints into one programme; the paper's objective if none is given."""
-    A = np.concatenate([block.A for block in rows])
-    inputs = A.shape[1]
-    unroot = np.linalg.inv(objective.root) if objective else None
-    if unroot is not None:
-        A = A @ unroot
-    weight = np.concatenate([block.slack_weight for block in rows])
-    soft = np.isfinite(weight)
-    scale = np.zeros(len(weight))
-    scale[soft] = weight[soft] ** -0.5
-    norms = np.sqrt((A * A).sum(axis=1) + scale * scale)
-    norms[norms == 0] = 1.0
-    q = np.zeros(inputs + int(soft.sum()))
+    of_mu = np.concatenate([block.A for block in rows])
+    inputs = of_mu.shape[1]
+    layout = Layout.of(tuple((block.names, block.slack_weight, block.rescue) for block in rows), inputs)
+    A = layout.A.copy()
+    q = np.zeros(A.shape[1])
+    unroot = None
     if objective:
+        unroot = np.linalg.inv(objective.root)
+        of_mu = of_mu @ unroot
         q[:inputs] = -2 * objective.center
-    return QuadraticProgram(
-        q=q,
-        A=np.hstack([A, np.diag(-scale)[:, soft]]) / norms[:, None],
-        lower=np.concatenate([block.lower for block in rows]) / norms,
-        upper=np.concatenate([block.upper for block in rows]) / norms,
-        names=tuple(name for block in rows for name in block.names),
-        slack_scale=scale,
-        rescue=np.concatenate([np.full(len(block.names), block.rescue) for block in rows]),
-        inputs=inputs,
-        unroot=unroot,
-    )
+    A[:, :inputs] = of_mu
+    norms = np.sqrt((of_mu * of_mu).sum(axis=1) + layout.slack_scale * layout.slack_scale)
+    norms[norms == 0] = 1.0
+    A /= norms[:, None]
+    lower = np.concatenate([block.lower for block in rows]) / norms
+    upper = np.concatenate([block.upper for block in rows]) / norms
+    return QuadraticProgram(q, A, lower, upper, layout, unroot)
 
 
 def unpack(qp: QuadraticProgram, x: Array) -> Decision:
     """mu, slacks and active rows of a solution."""
-    soft = qp.slack_scale > 0
-    slack = np.zeros(len(qp.names))
-    slack[soft] = qp.slack_scale[soft] * x[qp.inputs :]
+    layout = qp.layout
+    slack = np.zeros(len(layout.names))
+    slack[layout.soft] = layout.slack_scale[layout.soft] * x[layout.inputs :]
     slack[slack < ROUNDING] = 0.0
     value = qp.A @ x
     active = (value > qp.upper - ROUNDING) | (value < qp.lower + ROUNDING)
-    mu = x[: qp.inputs] if qp.unroot is None else qp.unroot @ x[: qp.inputs]
+    mu = x[: layout.inputs] if qp.unroot is None else qp.unroot @ x[: layout.inputs]
     return Decision(mu=mu, slack=slack, active=active)

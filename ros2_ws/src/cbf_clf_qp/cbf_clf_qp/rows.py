@@ -1,7 +1,7 @@
 """Rows of the QP: what every constraint yields at a tick, and the function that stacks them."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,7 +15,7 @@ TINY = 1e-9  # a row with no input in it stays as it is
 class Rows:
     """Named rows `lower <= A mu - slack <= upper`, k of them, over mu (m,).
 
-    `slack_weight` (k,): the cost w s^2 of violating a row by s, in the row's own units; inf makes the row hard.
+    `slack_weight`: the cost w s^2 of violating a row by s, in the row's own units; inf makes the rows hard.
     `rescue` tells a slack of last resort, whose use is published, from one the problem itself has (the paper's d).
     """
 
@@ -23,14 +23,13 @@ class Rows:
     A: Array
     upper: Array
     lower: Array
-    slack_weight: Array
+    slack_weight: float
     rescue: bool = True
 
     @classmethod
     def at_most(cls, names: Sequence[str], A: Array, upper: Array, slack_weight: float, rescue: bool = True) -> "Rows":
         """`A mu <= upper`, each row with the same slack weight."""
-        k = len(names)
-        return cls(tuple(names), A, upper, np.full(k, -np.inf), np.full(k, slack_weight), rescue)
+        return cls(tuple(names), A, upper, np.full(len(names), -np.inf), slack_weight, rescue)
 
     @classmethod
     def at_least(cls, names: Sequence[str], A: Array, lower: Array, slack_weight: float) -> "Rows":
@@ -40,9 +39,10 @@ class Rows:
     @classmethod
     def between(cls, names: Sequence[str], A: Array, lower: Array, upper: Array) -> "Rows":
         """`lower <= A mu <= upper`, hard."""
-        return cls(tuple(names), A, upper, lower, np.full(len(names), NO_SLACK), False)
+        return cls(tuple(names), A, upper, lower, NO_SLACK, False)
 
     def normalised(self) -> "Rows":
         """Each row divided by its norm, so that its slack is in units of mu."""
         norm = np.maximum(np.sqrt((self.A * self.A).sum(axis=1)), TINY)
-        return replace(self, A=self.A / norm[:, None], upper=self.upper / norm, lower=self.lower / norm)
+        A, upper, lower = self.A / norm[:, None], self.upper / norm, self.lower / norm
+        return Rows(self.names, A, upper, lower, self.slack_weight, self.rescue)

@@ -205,12 +205,13 @@ class Controller:
             tick=state.tick,
             torque=self._step.torque,
         )
-        control = precontrol(outputs.second_derivative(dynamics.acceleration))
-        return Terms.of(self.recipe.quantities, scene, dynamics, control)
+        self._output_acceleration = outputs.second_derivative(dynamics.acceleration)
+        return Terms.of(self.recipe.quantities, scene, dynamics, precontrol(self._output_acceleration))
 
     def _output(self, state: RobotState, fault: str) -> ControllerOutput:
         p, step, scene, terms, decided = self.parameters, self._step, self.terms.scene, self.terms, self.decided
         solution, control, mu_qp = decided.solution, decided.control, decided.mu
+        layout = decided.qp.layout
         if not solution.solved:
             fault, mu_qp = fault or f"no solver answered: {solution.status}", np.zeros(4)
         omega = p.sigma * step.rng.standard_normal(4) if p.sigma > 0 else np.zeros(4)
@@ -220,8 +221,7 @@ class Controller:
         saturated = bool((torque != wanted).any())
         if saturated:
             mu = np.linalg.solve(control.a, torque - control.b)
-        accelerations = scene.outputs.second_derivative(terms.dynamics.acceleration)
-        mu_held, step.torque = accelerations(step.torque), torque
+        mu_held, step.torque = self._output_acceleration(step.torque), torque
         return ControllerOutput(
             tick=state.tick,
             torque=torque[SWAP_TORQUE] if step.stance is Leg.RIGHT else torque,
@@ -245,9 +245,9 @@ class Controller:
             beta=decided.estimates.beta,
             observation=scene.observation,
             LgV=scene.LgV,
-            clf_slack=float(decided.slack[~decided.qp.rescue].sum()),
-            rescue_slack=float(decided.slack[decided.qp.rescue].sum()),
-            active=tuple(name for name, on in zip(decided.qp.names, decided.active, strict=True) if on),
+            clf_slack=float(decided.slack[~layout.rescue].sum()),
+            rescue_slack=float(decided.slack[layout.rescue].sum()),
+            active=tuple(name for name, on in zip(layout.names, decided.active, strict=True) if on),
             saturated=saturated,
             solver=solution.solver,
             status=solution.status,

@@ -127,7 +127,7 @@ def test_slack_of_last_resort_keeps_saturation_feasible():
     decision = unpack(qp, DaqpSolver().solve(qp).x)
     assert np.abs(control(decision.mu)).max() <= 200 + 1e-6
     assert decision.slack[0] > 0
-    assert qp.rescue.tolist() == [True] + 4 * [False]
+    assert qp.layout.rescue.tolist() == [True] + 4 * [False]
 
 
 @pytest.mark.parametrize(("force", "ok"), [((100, 79), True), ((100, -79), True), ((100, 81), False), ((10, 0), False)])
