@@ -1,4 +1,4 @@
-"""What a controller goes by at a tick: which policy, which settings. From what it has told so far, in the recording."""
+"""Which policy and which settings a controller goes by at a tick, by what it has announced in the recording so far."""
 
 import json
 from dataclasses import dataclass
@@ -20,30 +20,30 @@ class RecordedSettings:
 
 
 class Settings:
-    """The controller's settings, in the order in which it told them.
+    """The controller's settings, in the order in which it announced them.
 
     Each says from which episode and tick it holds. That of a controller that was just started says 0: it holds from the
-    next episode on. What was told before cannot hold later than what was told after.
+    next episode on. What was announced before cannot hold later than what was announced after.
     """
 
     def __init__(self) -> None:
-        self._told: list[tuple[Place, Any]] = []
+        self._announced: list[tuple[Place, Any]] = []
 
     def add(self, run: int, message: Any, newest: Place) -> None:
         """One more, while the newest state was this one."""
         place = (run, message.episode, message.tick)
-        if message.episode == 0 and self._told:
+        if message.episode == 0 and self._announced:
             _, episode, tick = newest
             place = (run, episode + (tick > 0), 0)
-        self._told = [(min(before, place), each) for before, each in self._told]
-        self._told.append((place, message))
+        self._announced = [(min(before, place), each) for before, each in self._announced]
+        self._announced.append((place, message))
 
     def of(self, run: int, episode: int) -> list[RecordedSettings]:
         """Those of an episode, the first from tick 0 on; later only those of later ones can be asked for."""
-        before = [i for i, (place, _) in enumerate(self._told) if place <= (run, episode, 0)]
-        self._told = self._told[before[-1] if before else 0 :]
-        begin = [self._told[0][1]] if before else []
-        here = [(place[2], each) for place, each in self._told[len(begin) :] if place[:2] == (run, episode)]
+        before = [i for i, (place, _) in enumerate(self._announced) if place <= (run, episode, 0)]
+        self._announced = self._announced[before[-1] if before else 0 :]
+        begin = [self._announced[0][1]] if before else []
+        here = [(place[2], each) for place, each in self._announced[len(begin) :] if place[:2] == (run, episode)]
         return [_settings(tick, each) for tick, each in [*((0, each) for each in begin), *here]]
 
 
@@ -53,24 +53,24 @@ def _settings(tick: int, message: Any) -> RecordedSettings:
 
 
 class Policies:
-    """The bytes of the policies that were told; each torque names the one that made it."""
+    """The bytes of the policies that were announced; each torque names the one that made it."""
 
     def __init__(self) -> None:
-        self._told: dict[str, bytes] = {}
+        self._announced: dict[str, bytes] = {}
         self._order: list[str] = []  # versions as they were announced; one may come twice
 
     def add(self, message: Any) -> None:
         """A `PolicySwap`."""
         if message.accepted:
-            self._told[message.version] = bytes(message.data)
+            self._announced[message.version] = bytes(message.data)
             self._order.append(message.version)
 
     def get(self, version: str) -> bytes | None:
-        """Empty for the built-in zero policy; None if it was not told."""
-        return self._told.get(version)
+        """Empty for the built-in zero policy; None if it was not announced."""
+        return self._announced.get(version)
 
     def forget_before(self, version: str) -> None:
         """Drop the policies that were announced before this one: no later episode needs them."""
-        if version in self._told:
+        if version in self._announced:
             self._order = self._order[self._order.index(version) :]
-            self._told = {each: self._told[each] for each in self._order}
+            self._announced = {each: self._announced[each] for each in self._order}

@@ -113,34 +113,34 @@ class Gathered:
         """Those of which there is all."""
         return sorted(set.intersection(*map(set, ticks.values())))
 
-    def account(self, number: int, presence: Presence, followed: Collection[str]) -> EpisodeInventory:
+    def inventory(self, number: int, presence: Presence, followed: Collection[str]) -> EpisodeInventory:
         """What there is. `followed`: topics that were heard in an earlier episode: the recorder was there."""
-        ticks, told = self.ticks, self.announced
+        ticks, announced = self.ticks, self.announced
         full = self.full_ticks(ticks)
-        versions = dict.fromkeys(policy_of(ticks["torque"][tick].data) for tick in full)
-        account = EpisodeInventory(number, self.run, presence, recorded=len(full), policies=list(versions))
-        for name in ANNOUNCED if told is not None else ():
-            setattr(account, name, getattr(told, name))
-        account.ends = bool(account.outcome)
+        made = EpisodeInventory(number, self.run, presence, recorded=len(full), begins=full[:1] == [0])
+        made.policies = [*dict.fromkeys(policy_of(ticks["torque"][tick].data) for tick in full)]
+        if announced is not None:
+            for name in ANNOUNCED:
+                setattr(made, name, getattr(announced, name))
+            made.ends = bool(made.outcome)
         if full:
-            account.first, account.last, account.begins = full[0], full[-1], full[0] == 0
+            made.first, made.last = full[0], full[-1]
         if presence is Presence.LOST:
-            account.lost = max(told.tick, 1) if account.ends else 1
+            made.lost = max(announced.tick, 1) if made.ends else 1
         elif presence is Presence.RECORDED:
-            account.lost = len(set().union(*(self._missing(name, ticks[name], name in followed) for name in BY_TICK)))
-        return account
+            made.lost = len(set().union(*(self._missing(name, ticks[name], name in followed) for name in BY_TICK)))
+        return made
 
     def _missing(self, topic: str, there: dict[int, StoredMessage], is_followed: bool) -> set[int]:
         """Ticks of a topic that were published while it was recorded and are not there."""
         end = max(there, default=-1) + 1
-        if self.announced is not None and self.announced.outcome and self._is_answered(topic):
-            end = max(end, self.announced.tick)
+        announced = self.announced
+        if announced is not None and announced.outcome:
+            # the controller may be silent before the announced end
+            is_answered = topic == "state" or not (self._in_real_time or announced.outcome in UNANSWERED)
+            end = max(end, announced.tick) if is_answered else end
         begin = 0 if is_followed else min(there, default=end)
         return set(range(begin, end)) - set(there)
-
-    def _is_answered(self, topic: str) -> bool:
-        """Whether a topic goes on to the episode's announced end; the controller may be silent before."""
-        return topic == "state" or not (self._in_real_time or self.announced.outcome in UNANSWERED)
 
 
 class Gathering:
@@ -182,7 +182,7 @@ class Gathering:
             self._run, self._before, self._recorded, self._followed = episode.run, self._highest, 0, set()
         if episode.is_recorded:
             yield from self._lost(episode.episode) if self._recorded else self._announced()
-            yield self._account(episode, Presence.RECORDED)
+            yield self._inventory(episode, Presence.RECORDED)
             self._recorded, self._unclear = episode.episode, {}
         elif episode.announced is not None and episode.episode:
             self._unclear[episode.episode] = episode
@@ -190,14 +190,14 @@ class Gathering:
 
     def _announced(self) -> Iterator[tuple[Gathered, EpisodeInventory]]:
         for episode in self._unclear.values():
-            yield self._account(episode, Presence.ANNOUNCED)
+            yield self._inventory(episode, Presence.ANNOUNCED)
         self._unclear = {}
 
     def _lost(self, before: int) -> Iterator[tuple[Gathered, EpisodeInventory]]:
         for number in range(self._recorded + 1, before)[:MOST_UNHEARD]:
-            yield self._account(self._unclear.get(number) or Gathered(self._run, number), Presence.LOST)
+            yield self._inventory(self._unclear.get(number) or Gathered(self._run, number), Presence.LOST)
 
-    def _account(self, episode: Gathered, presence: Presence) -> tuple[Gathered, EpisodeInventory]:
+    def _inventory(self, episode: Gathered, presence: Presence) -> tuple[Gathered, EpisodeInventory]:
         number = self._before + episode.episode
         self._highest = max(self._highest, number)
-        return episode, episode.account(number, presence, self._followed)
+        return episode, episode.inventory(number, presence, self._followed)

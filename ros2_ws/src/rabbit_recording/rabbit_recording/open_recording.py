@@ -1,4 +1,4 @@
-"""Opens a recording: a rosbag2 folder, or its MCAP or sqlite3 file. Whatever is wrong with it is told in one line."""
+"""Opens a recording: a rosbag2 folder, or its MCAP or sqlite3 file. Whatever is wrong with it becomes one line."""
 
 import contextlib
 from collections.abc import Iterator

@@ -66,11 +66,11 @@ def iterate_episodes(path: Path) -> Iterator[RecordedEpisode]:
     Raises:
         RecordingError: as `iterate_inventories`.
     """
-    told = _Told()
+    announced = _Announced()
     with one_line_errors(path, UNDER_OTHERS):
-        for gathered, account in _finished(path, told):
-            if account.presence is not Presence.ANNOUNCED:
-                yield _decoded(gathered, account, told)
+        for gathered, inventory in _finished(path, announced):
+            if inventory.presence is not Presence.ANNOUNCED:
+                yield _decoded(gathered, inventory, announced)
 
 
 def iterate_inventories(path: Path) -> Iterator[EpisodeInventory]:
@@ -80,35 +80,35 @@ def iterate_inventories(path: Path) -> Iterator[EpisodeInventory]:
         RecordingError: as `stored_messages`; or messages that are defined otherwise than this version's.
     """
     with one_line_errors(path, UNDER_OTHERS):
-        yield from (account for _, account in _finished(path))
+        yield from (inventory for _, inventory in _finished(path))
 
 
 @dataclass
-class _Told:
-    """By the controller."""
+class _Announced:
+    """By the controller, so far."""
 
     policies: Policies = field(default_factory=Policies)
     settings: Settings = field(default_factory=Settings)
 
 
-def _finished(path: Path, told: _Told | None = None) -> Iterator[tuple[Gathered, EpisodeInventory]]:
+def _finished(path: Path, announced: _Announced | None = None) -> Iterator[tuple[Gathered, EpisodeInventory]]:
     gathering = Gathering()
-    names = (*BY_TICK, *OTHERS, *(("policy_swap", "controller_settings") if told else ()))
+    names = (*BY_TICK, *OTHERS, *(("policy_swap", "controller_settings") if announced else ()))
     with stored_messages(path, *names) as found:
         for run, message in by_run(found):
-            if told and message.topic == "policy_swap":
-                told.policies.add(message.decode())
-            elif told and message.topic == "controller_settings":
-                told.settings.add(run, message.decode(), gathering.newest)
+            if announced and message.topic == "policy_swap":
+                announced.policies.add(message.decode())
+            elif announced and message.topic == "controller_settings":
+                announced.settings.add(run, message.decode(), gathering.newest)
             else:
                 gathering.add(run, message)
                 yield from gathering.finished()
         yield from gathering.finished(all_of_them=True)
 
 
-def _decoded(gathered: Gathered, account: EpisodeInventory, told: _Told) -> RecordedEpisode:
-    """The episode in full; what was told before is forgotten."""
-    episode = RecordedEpisode(**{each.name: getattr(account, each.name) for each in fields(account)})
+def _decoded(gathered: Gathered, inventory: EpisodeInventory, announced: _Announced) -> RecordedEpisode:
+    """The episode in full; what only it needed is forgotten."""
+    episode = RecordedEpisode(**{each.name: getattr(inventory, each.name) for each in fields(inventory)})
     if gathered.announced is not None:
         episode.sigma = gathered.announced.sigma
     ticks = gathered.ticks
@@ -123,10 +123,10 @@ def _decoded(gathered: Gathered, account: EpisodeInventory, told: _Told) -> Reco
         episode.records.append(Record(RobotState.of_message(state, preview), output))
         if not episode.swaps or torque.policy_version != episode.swaps[-1].version:
             version = torque.policy_version
-            episode.swaps.append(RecordedSwap(tick, version, told.policies.get(version)))
+            episode.swaps.append(RecordedSwap(tick, version, announced.policies.get(version)))
     for _, landing in sorted(gathered.landings.items()):
         episode.landings.append(Landing(**{name: getattr(landing, name) for name in Landing.__dataclass_fields__}))
-    episode.settings = told.settings.of(gathered.run, gathered.episode)
+    episode.settings = announced.settings.of(gathered.run, gathered.episode)
     if episode.swaps:
-        told.policies.forget_before(episode.swaps[-1].version)
+        announced.policies.forget_before(episode.swaps[-1].version)
     return episode

@@ -27,7 +27,7 @@ class MessageCounter:
         self.accepted[topic] += 1
 
     def refuse(self, topic: str, error: Refused) -> str:
-        """Count a refusal; returns the line that tells it."""
+        """Count a refusal; returns the line for the log."""
         self.refused[f"{topic}: {error.reason}"] += 1
         self.last_refusal = f"{topic} refused, {error}"
         return self.last_refusal

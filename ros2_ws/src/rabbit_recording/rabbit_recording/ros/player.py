@@ -40,7 +40,7 @@ class Playing:
 
 
 def play(path: Path, how: Playing, show: Callable[[float, float], object]) -> int:
-    """Publish what is in a recording; `show` is told of the seconds played and those there are.
+    """Publish what is in a recording; `show` gets the seconds played and those there are.
 
     Returns:
         How many messages were published.

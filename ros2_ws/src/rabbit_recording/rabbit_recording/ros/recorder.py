@@ -68,7 +68,7 @@ class RecorderNode(Node):
         self._loss = Loss()
         self._time = SimulatedTime()
         self._heard = time.monotonic()
-        self._sent = self._asked = 0  # when the newest message was sent; when the node was told to end; ns
+        self._sent = self._asked = 0  # when the newest message was sent; when the node was asked to end; ns
         self._failure = ""
         self._state = self.resolve_topic_name("state")
         self._newest_state = b""
@@ -77,7 +77,7 @@ class RecorderNode(Node):
         steady_timer(self, FLUSH_SECONDS, self._flush)
 
     def busy(self) -> bool:
-        """What was sent before it was told to end may still be on its way, the more so on a busy machine."""
+        """What was sent before it was asked to end may still be on its way, the more so on a busy machine."""
         self._asked = self._asked or time.time_ns()
         return time.monotonic() - self._heard < IDLE_SECONDS and self._sent < self._asked
 

@@ -1,4 +1,4 @@
-"""Subscriptions that tell what they cannot read: the middleware itself drops such bytes without a word."""
+"""Subscriptions that report what they cannot read: the middleware itself drops such bytes without a word."""
 
 import re
 from collections.abc import Callable

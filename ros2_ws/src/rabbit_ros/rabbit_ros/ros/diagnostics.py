@@ -28,7 +28,7 @@ class Diagnostics:
     def __init__(self, node: Node, counter: MessageCounter, status: Callable[[], Status]) -> None:
         self._node, self._counter, self._status = node, counter, status
         self._publisher = node.create_publisher(DiagnosticArray, "diagnostics", DIAGNOSTICS)
-        self._told = 0
+        self._reported = 0
         self._seen: tuple[bytes, dict[str, int]] = (b"", {})
         self._since = 0.0
         steady_timer(node, LOOK_SECONDS, self._look)
@@ -42,10 +42,10 @@ class Diagnostics:
 
     def _publish(self, level: bytes, line: str, figures: Mapping[str, object]) -> None:
         refused = sum(self._counter.refused.values())
-        if refused > self._told:
+        if refused > self._reported:
             line = self._counter.last_refusal if level == OK else f"{line}; {self._counter.last_refusal}"
             level = max(level, WARN)
-        self._told = refused
+        self._reported = refused
         counts = {f"accepted {topic}": n for topic, n in self._counter.accepted.items()}
         counts |= {f"refused {name}": n for name, n in self._counter.refused.items()}
         values = [KeyValue(key=key, value=str(value)) for key, value in {**figures, **counts}.items()]
@@ -57,5 +57,5 @@ class Diagnostics:
 
 def reader_counts(status: DiagnosticStatus) -> dict[str, int]:
     """How many readers a node says its topics have, by the topic's last name."""
-    told = [value for value in status.values if value.key.startswith(READERS)]
-    return {value.key.removeprefix(READERS): int(value.value) for value in told}
+    counts = [value for value in status.values if value.key.startswith(READERS)]
+    return {value.key.removeprefix(READERS): int(value.value) for value in counts}

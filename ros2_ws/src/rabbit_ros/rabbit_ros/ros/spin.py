@@ -1,4 +1,4 @@
-"""Runs one node until it is told to stop. Every node's `main` is a call of this."""
+"""Runs one node until a signal. Every node's `main` is a call of this."""
 
 import gc
 import signal

@@ -16,7 +16,7 @@ app = typer.Typer(add_completion=False)
 
 
 class ViewOptions(ViewerParameters):
-    """What `rabbit view` is told."""
+    """Of `rabbit view`."""
 
     namespace: str = Field("", pattern=NAMESPACE, description="of the graph")
     layout: Path | None = Field(None, description="write the layout for Foxglove to this file, and end")
@@ -26,11 +26,11 @@ class ViewOptions(ViewerParameters):
 @options(ViewOptions)
 def view(given: Given) -> None:
     """Serve a live view of a running graph: robot, stones, barriers, force and plots, to Foxglove and to RViz."""
-    told = given.build(ViewOptions)
-    if told.layout is not None:
-        write_layout(told.layout)
+    chosen = given.build(ViewOptions)
+    if chosen.layout is not None:
+        write_layout(chosen.layout)
     else:
-        become_viewer(told)
+        become_viewer(chosen)
 
 
 def write_layout(path: Path) -> None:
@@ -43,14 +43,14 @@ def write_layout(path: Path) -> None:
     print(path)
 
 
-def become_viewer(told: ViewOptions) -> None:
+def become_viewer(chosen: ViewOptions) -> None:
     """Hand this process over to the node."""
     try:
         path = find_executable("rabbit_viewer", "viewer")
     except LaunchError as error:
         fail(error)
     os.environ.setdefault("OMP_NUM_THREADS", "1")
-    own = told.model_dump(include=set(ViewerParameters.model_fields))
+    own = chosen.model_dump(include=set(ViewerParameters.model_fields))
     words = [word for name, value in own.items() for word in ("-p", f"{name}:={json.dumps(value)}")]
-    remaps = ("-r", f"__ns:=/{told.namespace.strip('/')}", "--enclave", "/rabbit/viewer", "--log-level", "warn")
+    remaps = ("-r", f"__ns:=/{chosen.namespace.strip('/')}", "--enclave", "/rabbit/viewer", "--log-level", "warn")
     os.execv(path, [str(path), "--ros-args", *words, *remaps])

@@ -83,12 +83,12 @@ class Listener:
                 return Message(self.channels[number].topic, nanoseconds, got[DATA.size :])
         return None
 
-    def _take(self, told: dict[str, Any]) -> None:
+    def _take(self, got: dict[str, Any]) -> None:
         """Subscribe to what is advertised, each channel under its own number."""
-        if told["op"] != "advertise":
+        if got["op"] != "advertise":
             return
         new = {}
-        for each in told["channels"]:
+        for each in got["channels"]:
             new[each["id"]] = Channel(each["topic"], each["encoding"], each["schemaName"], each["schema"])
         self.channels |= new
         subscriptions = [{"id": number, "channelId": number} for number in new]

@@ -1,4 +1,4 @@
-"""What the viewer is told: options of `rabbit view`, parameters of the node."""
+"""Options of `rabbit view` and parameters of the node."""
 
 from pydantic import BaseModel, ConfigDict, Field
 

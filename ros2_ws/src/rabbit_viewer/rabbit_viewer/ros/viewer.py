@@ -13,13 +13,14 @@ from typing import Any
 from rabbit_description import URDF_PATH
 from rabbit_msgs import msg
 from rabbit_ros.message_checks import MessageCounter, Refused, check_finite
+from rabbit_ros.ros.checked_subscription import decoded
 from rabbit_ros.ros.conversions import nanoseconds, preview_of
 from rabbit_ros.ros.diagnostics import OK, Diagnostics, Status
 from rabbit_ros.ros.parameters import declare, refuse_unknown
 from rabbit_ros.ros.qos import EVENT, WEIGHTS
 from rabbit_ros.ros.spin import run, steady_timer
 from rclpy.node import Node
-from rclpy.serialization import deserialize_message, serialize_message
+from rclpy.serialization import serialize_message
 from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import MarkerArray
@@ -128,33 +129,22 @@ class ViewerNode(Node):
         is_new = self._ticks.key != key
         if self._ticks.key is None or not (is_new or now - at > AGAIN_SECONDS):
             return
-        if self._server.is_watched or self._is_watched_in_rviz:
+        if self._server.is_watched or self._tf.get_subscription_count() or self._markers.get_subscription_count():
             self._shown = (self._ticks.key, now)
             with self._refusals("tick"):
                 self._show(self._snapshot())
 
-    @property
-    def _is_watched_in_rviz(self) -> bool:
-        return bool(self._tf.get_subscription_count() or self._markers.get_subscription_count())
-
     def _show(self, snapshot: Snapshot) -> None:
-        scene, tf = markers(snapshot), transforms(snapshot)
+        scene, tf = serialize_message(markers(snapshot)), serialize_message(transforms(snapshot))
         if self._server.is_watched:
-            messages = {"/scene": serialize_message(scene), "/tf": serialize_message(tf)}
-            self._server.show(nanoseconds(snapshot.state.stamp), plotted(snapshot), messages)
-        if self._is_watched_in_rviz:
-            self._tf.publish(tf)
-            self._markers.publish(scene)
+            at = nanoseconds(snapshot.state.stamp)
+            self._server.show(at, plotted(snapshot), {"/scene": scene, "/tf": tf})
+        self._tf.publish(tf)
+        self._markers.publish(scene)
         self._message_counter.accept("tick")
 
     def _snapshot(self) -> Snapshot:
-        parts: dict[str, Any] = {}
-        for name, data in self._ticks.parts.items():
-            try:
-                parts[name] = deserialize_message(data, TICK_TOPICS[name])
-            except RuntimeError as error:
-                raise Refused("not readable", f"{name}: {error}") from error
-        state, details = (parts[name] for name in TICK_TOPICS)
+        state, details = (decoded(self._ticks.parts[name], kind, {}) for name, kind in TICK_TOPICS.items())
         check_finite("q", state.q)
         check_finite("foot_force", state.foot_force)
         if details.stance not in (0, 1):
