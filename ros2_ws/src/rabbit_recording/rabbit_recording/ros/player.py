@@ -22,7 +22,6 @@ from rabbit_recording.bag_writer import RecordingError, graph_types
 from rabbit_recording.open_recording import begin_of, one_line_errors, opened
 
 DELIVERY_SECONDS = 3.0
-SHOW_SECONDS = 0.1
 LEAST_DEPTH = 10  # where a recording does not say
 
 
@@ -108,15 +107,13 @@ def _publish(
         first = begin_of(reader)  # what was announced before goes out at once
     seconds = (reader.end_time - first) / 1e9
     begin = first + round(how.start * 1e9)
-    began, shown, count = time.monotonic(), -SHOW_SECONDS, 0
+    began, count = time.monotonic(), 0
     for connection, nanoseconds, data in _messages(path, reader, begin if how.start else None):
         at = max(0.0, (nanoseconds - begin) / 1e9 / how.rate)
         time.sleep(max(0.0, began + at - time.monotonic()))
         publishers[connection.topic].publish(data)
         count += 1
-        if at - shown >= SHOW_SECONDS:
-            shown = at
-            show((nanoseconds - first) / 1e9, seconds)
+        show((nanoseconds - first) / 1e9, seconds)
     for each in publishers.values():
         each.wait_for_all_acked(Duration(seconds=DELIVERY_SECONDS))
     return count

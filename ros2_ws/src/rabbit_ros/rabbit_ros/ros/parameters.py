@@ -6,10 +6,8 @@ of a dynamic parameter is taken between two ticks.
 
 import sys
 from collections.abc import Callable, Collection
-from enum import Enum
-from typing import Any, Literal, TypeVar, get_args, get_origin
+from typing import Any, TypeVar, get_args
 
-from annotated_types import Ge, Gt, Le, Lt
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
@@ -19,7 +17,11 @@ from rclpy.parameter import Parameter
 
 Model = TypeVar("Model", bound=BaseModel)
 
-_INT64 = (-(2**63), 2**63 - 1)
+_LARGEST = sys.float_info.max
+_RANGES: dict[str, Any] = {  # by the JSON schema's type: ROS's own, the numbers in it, its least and its largest
+    "integer": (IntegerRange, int, (-(2**63), 2**63 - 1)),
+    "number": (FloatingPointRange, float, (-_LARGEST, _LARGEST)),
+}
 _OF_ROS = {"use_sim_time", "start_type_description_service"}  # rclpy declares these itself
 
 
@@ -33,10 +35,10 @@ def declare(node: Node, model: type[Model], dynamic: Collection[str] = ()) -> Mo
     Raises:
         ParameterError: a value of the wrong type or out of its range.
     """
-    values = {}
+    values, schemas = {}, model.model_json_schema()["properties"]
     for name, info in model.model_fields.items():
         try:
-            value = node.declare_parameter(name, _default(info), _descriptor(info, name in dynamic)).value
+            value = node.declare_parameter(name, _default(info), _descriptor(schemas[name], name in dynamic)).value
         except (InvalidParameterTypeException, InvalidParameterValueException) as error:
             raise ParameterError(f"parameter {name}: {str(error).strip()}") from error
         if value is not None:
@@ -87,41 +89,19 @@ def _default(info: FieldInfo) -> Any:
     if isinstance(info.default, tuple):
         numbers = float in get_args(info.annotation)
         return list(info.default) or (Parameter.Type.DOUBLE_ARRAY if numbers else Parameter.Type.STRING_ARRAY)
-    if isinstance(info.default, Enum):
-        return info.default.value
     return info.default if isinstance(info.default, bool | int | float | str) else str(info.default)
 
 
-def _descriptor(info: FieldInfo, dynamic: bool) -> ParameterDescriptor:
-    descriptor = ParameterDescriptor(description=info.description or "", read_only=not dynamic)
-    choices = _choices(info)
-    if choices:
+def _descriptor(schema: dict[str, Any], dynamic: bool) -> ParameterDescriptor:
+    """From a field's JSON schema; of open bounds the limit itself (the model's own check is the stricter one)."""
+    descriptor = ParameterDescriptor(description=schema.get("description", ""), read_only=not dynamic)
+    if choices := schema.get("enum"):
         descriptor.additional_constraints = f"one of {', '.join(choices)}"
-    low, high = _bounds(info)
-    if info.annotation is int and (low, high) != (None, None):
-        limits = (_INT64[0] if low is None else int(low), _INT64[1] if high is None else int(high))
-        descriptor.integer_range = [IntegerRange(from_value=limits[0], to_value=limits[1], step=0)]
-    if info.annotation is float and (low, high) != (None, None):
-        largest = sys.float_info.max
-        limits_f = (-largest if low is None else float(low), largest if high is None else float(high))
-        descriptor.floating_point_range = [FloatingPointRange(from_value=limits_f[0], to_value=limits_f[1], step=0.0)]
+    low = schema.get("minimum", schema.get("exclusiveMinimum"))
+    high = schema.get("maximum", schema.get("exclusiveMaximum"))
+    if (low, high) == (None, None) or schema.get("type") not in _RANGES:
+        return descriptor
+    kind, number, (least, most) = _RANGES[schema["type"]]
+    limits = kind(from_value=number(least if low is None else low), to_value=number(most if high is None else high))
+    setattr(descriptor, f"{'integer' if number is int else 'floating_point'}_range", [limits])
     return descriptor
-
-
-def _choices(info: FieldInfo) -> list[str]:
-    if get_origin(info.annotation) is Literal:
-        return [str(choice) for choice in get_args(info.annotation)]
-    if isinstance(info.annotation, type) and issubclass(info.annotation, Enum):
-        return [str(choice.value) for choice in info.annotation]
-    return []
-
-
-def _bounds(info: FieldInfo) -> tuple[Any, Any]:
-    """Least and largest value; of open bounds the limit itself (the model's own check is the stricter one)."""
-    low = high = None
-    for constraint in info.metadata:
-        if isinstance(constraint, Ge | Gt):
-            low = constraint.ge if isinstance(constraint, Ge) else constraint.gt
-        if isinstance(constraint, Le | Lt):
-            high = constraint.le if isinstance(constraint, Le) else constraint.lt
-    return low, high
