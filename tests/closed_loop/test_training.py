@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from rabbit_experiments.assembly import Assembly
 from rabbit_experiments.conditions import TRAINING_SCALE, TRAINING_SLACK_WEIGHT
-from rabbit_experiments.evaluation import episode_seeds, evaluate
+from rabbit_experiments.evaluation import episode_seeds, walk
 from rabbit_experiments.training_setup import training
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import load_parameters
@@ -31,7 +31,7 @@ def stones_walked(controller: str, policy: str) -> list[int]:
     """On each evaluation course of ten stones, at twice the mass."""
     plant = SimulationParameters(mass_scale=TRAINING_SCALE, motor_lag=0.004, stones=STONES)
     assembly = Assembly(plant, load_parameters("ours", controller=controller), policy)
-    return [result.row.stones for result in evaluate(assembly, episode_seeds(EVALUATION_SEED, COURSES))]
+    return [walk(assembly, run, seed).row.stones for run, seed in episode_seeds(EVALUATION_SEED, COURSES).items()]
 
 
 @pytest.mark.slow

@@ -7,8 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rabbit_experiments import engine
 from rabbit_experiments.assembly import Assembly, resolve_policy
-from rabbit_experiments.evaluation import episode_seeds, evaluate, record_walk, walk
+from rabbit_experiments.cache import Cache
+from rabbit_experiments.evaluation import Scenario, episode_seeds, record_walk, walk
 from rabbit_experiments.metrics import RunResult
 from rabbit_viewer.walk_records import ARRAYS
 from rl_cbf_clf_controller.parameters import load_parameters
@@ -76,11 +78,11 @@ def test_the_same_seed_walks_the_same_bit_for_bit(
         np.testing.assert_array_equal(getattr(one, name), getattr(again, name), err_msg=name)
 
 
-def test_processes_change_nothing(make_assembly: MakeAssembly) -> None:
-    parts, seeds = make_assembly("cbf-clf-qp", stones=3), episode_seeds(5, 3)
-    alone = [figures(result) for result in evaluate(parts, seeds, jobs=1)]
-    spread = sorted((figures(result) for result in evaluate(parts, seeds, jobs=2)), key=lambda row: row["run"])
-    assert spread == alone
+def test_processes_change_nothing(make_assembly: MakeAssembly, tmp_path: Path) -> None:
+    scenario = Scenario(make_assembly("cbf-clf-qp", stones=3), runs=3, seed=5)
+    alone, spread = Cache(tmp_path / "alone"), Cache(tmp_path / "spread")
+    assert engine.run(scenario.walks, alone, processes=1) == engine.run(scenario.walks, spread, processes=2) == 3
+    assert [figures(spread.get(job)) for job in scenario.walks] == [figures(alone.get(job)) for job in scenario.walks]
 
 
 def test_more_runs_leave_the_first_as_they_were() -> None:

@@ -62,7 +62,9 @@ def test_files_of_an_evaluation(tmp_path: Path) -> None:
 def test_runs_that_are_done_are_not_run_again(tmp_path: Path) -> None:
     assert evaluate(tmp_path, "--runs", 1).exit_code == 0
     first = rows(tmp_path)
-    assert evaluate(tmp_path, "--runs", 3).exit_code == 0
+    more = evaluate(tmp_path, "--runs", 3)
+    assert more.exit_code == 0
+    assert "2 runs made" in more.output
     assert rows(tmp_path)[:1] == first  # its wall times too
     assert len(rows(tmp_path)) == 3
     refused = evaluate(tmp_path, "--runs", 3, "--seed", 2)

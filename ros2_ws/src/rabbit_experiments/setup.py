@@ -14,7 +14,6 @@ install(
     "pydantic>=2",
     "rich",
     "scipy",
-    "tensorboard",
     "typer",
     entry_points={
         "rabbit.commands": [

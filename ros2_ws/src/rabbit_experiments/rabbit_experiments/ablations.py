@@ -6,57 +6,42 @@ python -m rabbit_experiments.ablations [VARIANT ...] --out DIR \\
 A variant trains as `rabbit train` does; its last policy walks courses of 20 stones at scale 2 with motor lag, the same
 courses for all. `--list` names the variants. A study that was stopped goes on with the same command.
 
-DIR/ablations.json    what all rows have in common, with its key; written first
-DIR/ablations.csv     a row a variant and training seed, as it is done
-DIR/ablations.md      a line a variant
-DIR/VARIANT/SEED/     the training session; episodes.jsonl has a report an episode
+DIR/ablations.csv      a row a variant and training seed
+DIR/ablations.md       a line a variant
+DIR/training/          the training sessions
+DIR/cache/             the trainings and walks that are done
 
 Reward terms are in a variant's own units; those of another norm, error unit or choice of ticks do not compare. Wilson's
 interval takes the courses of all seeds for independent.
 """
 
-import csv
-import io
-import json
 import math
-import time
-from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass, field
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
 
-import numpy as np
-import rl_trainer
 import typer
 from pydantic import BaseModel, ConfigDict
-from rabbit_description.atomic_file import replacing
 from rabbit_sim.parameters import SimulationParameters
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-from rl_cbf_clf_controller.parameters import ControllerParameters, load_parameters
-from rl_cbf_clf_controller.scene import ControllerError
+from rl_cbf_clf_controller.parameters import load_parameters
 from rl_cbf_clf_controller.uncertainty import RL_CBF_CLF_QP
-from rl_cbf_clf_controller.weights import PolicyFileError
 from rl_trainer.parameters import TrainingParameters, paper_literal
-from rl_trainer.session import CheckpointError
-from rl_trainer.training import Trainer
 
-from rabbit_experiments import provenance
 from rabbit_experiments.assembly import Assembly
-from rabbit_experiments.conditions import EVALUATION_LAG, TRAINING_SCALE, TRAINING_SLACK_WEIGHT
-from rabbit_experiments.evaluation import episode_seeds, evaluate
-from rabbit_experiments.markdown import markdown_table
-from rabbit_experiments.parallel import in_processes
-from rabbit_experiments.summary import falls, wilson
-from rabbit_experiments.training_setup import training
+from rabbit_experiments.cache import Cache, JobError
+from rabbit_experiments.conditions import EVALUATION_LAG, TRAINING_SCALE
+from rabbit_experiments.engine import run
+from rabbit_experiments.evaluation import Scenario
+from rabbit_experiments.recipes import POLICY, Recipe, TrainingReport
+from rabbit_experiments.summary import Walks, wilson
+from rabbit_experiments.tables import markdown_table, write_rows
 
 TRANSITIONS = 6500  # what `default` collects in its 18 episodes: 5,900 to 7,200
 MOST_EPISODES = 600  # of a variant that trains until it has as many: walks that fail at once give 10 to 16 each
 NEWEST = 5  # episodes whose reward terms a row has
-ABOUT, ROWS, TABLE, EPISODES = "ablations.json", "ablations.csv", "ablations.md", "episodes.jsonl"
-
-
-class StudyError(RuntimeError):
-    """A folder whose rows are of another study, or cannot be read."""
+ROWS, TABLE = "ablations.csv", "ablations.md"
 
 
 @dataclass(frozen=True)
@@ -158,114 +143,72 @@ class Study:
     episodes: int | None = None
 
     @property
-    def controller(self) -> ControllerParameters:
-        """Of the training, as `rabbit train` has it."""
-        return load_parameters("ours", controller=RL_CBF_CLF_QP.name, slack_weight=TRAINING_SLACK_WEIGHT)
+    def cache(self) -> Cache:
+        """What is done."""
+        return Cache(self.out / "cache")
 
-    @property
-    def plant(self) -> SimulationParameters:
-        """Of the training, as `rabbit train` has it."""
-        steps = TrainingParameters().walking_steps
-        return SimulationParameters(mass_scale=TRAINING_SCALE, stones=steps, stop_at_miss=False)
+    def recipe(self, name: str, seed: int) -> Recipe:
+        """The training of a row."""
+        variant = VARIANTS[name]
+        parameters, root = variant.parameters(seed, self.episodes), self.out / "training"
+        return Recipe(parameters, transitions=variant.transitions, root=root, title=f"{name}, seed {seed}")
 
-    def assembly(self, policy: str) -> Assembly:
-        """Of the courses that policies are judged on."""
+    def scenario(self, recipe: Recipe) -> Scenario:
+        """The courses that the policy of a training that is done is judged on."""
         simulation = SimulationParameters(mass_scale=TRAINING_SCALE, motor_lag=EVALUATION_LAG)
-        return Assembly(simulation, load_parameters("ours", controller=RL_CBF_CLF_QP.name), policy)
+        controller = load_parameters("ours", controller=RL_CBF_CLF_QP.name)
+        assembly = Assembly(simulation, controller, str(recipe.folder / POLICY))
+        return Scenario(assembly, self.runs, self.seed, recipe.title)
 
-    def about(self) -> dict[str, Any]:
-        """What decides every row, where it comes from, and the key that tells studies apart."""
-        decides = {
-            "runs": self.runs,
-            "seed": self.seed,
-            "episodes": self.episodes,
-            "training": {"controller": self.controller.model_dump(mode="json"), "plant": self.plant.model_dump()},
-            "judged": self.assembly("zero").identity(),
-            "code": provenance.code_hash((*provenance.PACKAGES, rl_trainer)),
-            "versions": provenance.versions(),
-        }
-        return {"key": provenance.content_key(decides), "commit": provenance.commit(), **decides}
+    def follow(self, wanted: Sequence[tuple[str, int]], processes: int) -> bool:
+        """Train and walk what is left, and write the rows that are whole; whether all are."""
+        recipes, cache = [self.recipe(*each) for each in wanted], self.cache
+        try:
+            with suppress(JobError):  # printed by the engine; the others can still be done
+                run(recipes, cache, processes)
+            trained = [recipe for recipe in recipes if cache.get(recipe)]
+            run([job for recipe in trained for job in self.scenario(recipe).walks], cache, processes)
+        finally:
+            rows = [self.row(name, recipe, cache) for (name, _), recipe in zip(wanted, recipes, strict=True)]
+            self.write([row for row in rows if row])
+        return None not in rows
 
-    def row(self, name: str, seed: int) -> Row:
-        """Train, or go on training, and walk with the last policy; raises what `training` and a walk raise."""
-        trainer, episodes = self._train(name, seed)
-        policy = self._folder(name, seed) / "policies" / f"{trainer.episode:03d}.safetensors"
-        walks = [walk.row for walk in evaluate(self.assembly(str(policy)), episode_seeds(self.seed, self.runs))]
+    def row(self, name: str, recipe: Recipe, cache: Cache) -> Row | None:
+        """A row, once its training and all of its walks are done."""
+        report = cache.get(recipe)
+        results = [cache.get(job) for job in self.scenario(recipe).walks] if report else [None]
+        if None in results:
+            return None
+        walks = Walks([result.row for result in results if result])
         return Row(
             variant=name,
-            training_seed=seed,
-            transitions=trainer.transitions,
-            episodes=trainer.episode,
-            training_seconds=round(sum(episode["seconds"] for episode in episodes), 1),
-            walked=sum(walk.success for walk in walks),
-            runs=self.runs,
-            mean_stones=float(np.mean([walk.stones for walk in walks])),
-            falls="; ".join(f"{kind} {count}" for kind, count in sorted(falls(walks).items())),
-            ticks_over_cone=sum(walk.ticks_over_cone for walk in walks),
-            ticks=sum(walk.ticks for walk in walks),
-            **{
-                f"reward_{quantity}": mean_reward(episodes[-NEWEST:], quantity) for quantity in RL_CBF_CLF_QP.quantities
-            },
+            training_seed=recipe.parameters.seed,
+            transitions=report.transitions,
+            episodes=len(report.episodes),
+            training_seconds=round(sum(episode["seconds"] for episode in report.episodes), 1),
+            walked=walks.walked,
+            runs=walks.runs,
+            mean_stones=walks.mean_stones,
+            falls="; ".join(f"{kind} {count}" for kind, count in sorted(walks.falls.items())),
+            ticks_over_cone=walks.total("ticks_over_cone"),
+            ticks=walks.total("ticks"),
+            **{f"reward_{name}": mean_reward(report, name) for name in RL_CBF_CLF_QP.quantities},
         )
 
-    def _folder(self, name: str, seed: int) -> Path:
-        return self.out / name / str(seed)
-
-    def _train(self, name: str, seed: int) -> tuple[Trainer, list[dict[str, Any]]]:
-        """The trainer when it is done, and the report and seconds of each episode."""
-        variant, folder = VARIANTS[name], self._folder(name, seed)
-        parameters = variant.parameters(seed, self.episodes)
-        with training(folder, parameters, self.controller, self.plant) as job, (folder / EPISODES).open("a+") as log:
-            trainer = job.session.trainer
-            while trainer.episode < parameters.episodes and trainer.transitions < variant.transitions:
-                start = time.perf_counter()
-                report = next(job.reports)
-                log.write(json.dumps({**asdict(report), "seconds": time.perf_counter() - start}) + "\n")
-                log.flush()
-            log.seek(0)
-            return trainer, [json.loads(line) for line in log]
+    def write(self, rows: Sequence[Row]) -> None:
+        """Both tables, in the order of `VARIANTS`."""
+        ordered = sorted(rows, key=lambda each: (list(VARIANTS).index(each.variant), each.training_seed))
+        self.out.mkdir(parents=True, exist_ok=True)
+        write_rows(self.out / ROWS, Row, ordered)
+        (self.out / TABLE).write_text(markdown(ordered), encoding="utf-8")
 
 
-def mean_reward(episodes: Sequence[dict[str, Any]], quantity: str) -> float:
-    """A term of the reward over all transitions kept of some episodes' reports."""
+def mean_reward(report: TrainingReport, quantity: str) -> float:
+    """A term of the reward over all transitions kept in the newest episodes."""
+    episodes = report.episodes[-NEWEST:]
     kept = sum(episode["kept"] for episode in episodes)
     total = sum(episode["reward"][quantity] * episode["kept"] for episode in episodes)
     return float(total / kept) if kept else math.nan
-
-
-class Rows:
-    """The rows of a folder, by variant and training seed; a stopped study finds its own again."""
-
-    def __init__(self, study: Study) -> None:
-        """Raises `StudyError` where the folder holds another study's rows, or what cannot be read."""
-        self._out, about = study.out, study.about()
-        self.done: dict[tuple[str, int], Row] = {}
-        study.out.mkdir(parents=True, exist_ok=True)
-        try:
-            if (study.out / ABOUT).exists() and json.loads((study.out / ABOUT).read_text())["key"] != about["key"]:
-                raise StudyError(f"{study.out}: holds another study (other parameters, seed, runs, code or versions)")
-            if (study.out / ROWS).exists():
-                with (study.out / ROWS).open(newline="") as file:
-                    rows = [Row.model_validate(row) for row in csv.DictReader(file)]
-                self.done = {(row.variant, row.training_seed): row for row in rows}
-        except (OSError, ValueError, KeyError, TypeError) as error:
-            raise StudyError(f"{study.out}: cannot be read: {error}") from error
-        self._write(ABOUT, json.dumps(about, indent=2))
-
-    def add(self, row: Row) -> None:
-        """Keep a row, and write the table anew."""
-        self.done[row.variant, row.training_seed] = row
-        rows = sorted(self.done.values(), key=lambda each: (list(VARIANTS).index(each.variant), each.training_seed))
-        text = io.StringIO(newline="")
-        writer = csv.DictWriter(text, fieldnames=list(Row.model_fields))
-        writer.writeheader()
-        writer.writerows(each.model_dump() for each in rows)
-        self._write(ROWS, text.getvalue())
-        self._write(TABLE, markdown(rows))
-
-    def _write(self, name: str, text: str) -> None:
-        with replacing(self._out / name) as path:
-            path.write_text(text, encoding="utf-8", newline="")
 
 
 def markdown(rows: Sequence[Row]) -> str:
@@ -291,44 +234,6 @@ def markdown(rows: Sequence[Row]) -> str:
     return markdown_table(heads, lines)
 
 
-Done = tuple[str, int, Row | str]  # variant, training seed, and its row or why there is none
-
-
-def study_rows(study: Study, left: Sequence[tuple[str, int]], jobs: int) -> Iterator[Done]:
-    """Rows in any order, as they are done."""
-    return in_processes(_done, [(study, *each) for each in left], jobs)
-
-
-def _done(study: Study, name: str, seed: int) -> Done:
-    try:
-        return name, seed, study.row(name, seed)
-    except (CheckpointError, ControllerError, PolicyFileError, np.linalg.LinAlgError) as error:
-        return name, seed, f"no row: {error}"  # the others can still be done
-
-
-def follow(study: Study, wanted: Sequence[tuple[str, int]], jobs: int) -> bool:
-    """Do what is left of the study, with a bar over its trainings; whether every row is there."""
-    rows = Rows(study)
-    left = [each for each in wanted if each not in rows.done]
-    columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("{task.description}"))
-    with Progress(*columns) as progress:
-        task = progress.add_task("training", total=len(wanted), completed=len(wanted) - len(left))
-        for name, seed, row in study_rows(study, left, jobs):
-            if isinstance(row, Row):
-                rows.add(row)
-            progress.update(task, advance=1)
-            progress.console.print(f"{name}, seed {seed}: {row_text(row)}", highlight=False, soft_wrap=True)
-    return all(each in rows.done for each in wanted)
-
-
-def row_text(row: Row | str) -> str:
-    """A row in a line."""
-    if isinstance(row, str):
-        return row
-    seconds = f"{row.training_seconds:.0f} s of training"
-    return f"{row.walked} of {row.runs} courses, {row.transitions} transitions, {seconds}"
-
-
 def main(
     variants: Annotated[list[str] | None, typer.Argument(help="by name; all of them")] = None,
     out: Annotated[Path, typer.Option(help="folder of the study; one that was stopped there goes on")] = Path(
@@ -352,10 +257,7 @@ def main(
         raise typer.Exit(2)
     wanted = [(name, each) for each in dict.fromkeys(seeds) for name in dict.fromkeys(names)]
     try:
-        complete = follow(Study(out, runs, seed, episodes), wanted, jobs)
-    except StudyError as error:
-        typer.echo(error, err=True)
-        raise typer.Exit(2) from error
+        complete = Study(out, runs, seed, episodes).follow(wanted, jobs)
     except KeyboardInterrupt as stop:
         typer.echo("stopped; the same command goes on from the last whole episodes", err=True)
         raise typer.Exit(130) from stop

@@ -1,58 +1,41 @@
-"""Many seeded runs of one assembly, in this process or spread over processes.
+"""Seeded runs of one assembly: a run, its figures, all its ticks; a scenario is many of them.
 
 Run i of seed s has the episode seed of the i-th child of SeedSequence(s), and parts of its own that have seen nothing
 yet; so it is the same whoever runs it, in whatever order.
 """
 
 import time
-from collections.abc import Callable, Iterator, Mapping
-from typing import Generic, ParamSpec, TypeVar
+from contextlib import closing
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from rabbit_sim.simulation import Simulation
-from rabbit_viewer.walk_records import WalkRecords, about_walk
-from rl_cbf_clf_controller.controller import Controller
+from rabbit_viewer.walk_records import WalkRecords, about_walk, load_records, save_records
 from rl_cbf_clf_controller.scene import ControllerError
 from rl_trainer.rollout import Controller as AnyController
 from rl_trainer.rollout import Observer, Record, rollout
 from rl_trainer.rollout import Simulation as AnySimulation
 
 from rabbit_experiments.assembly import Assembly
+from rabbit_experiments.cache import Job
 from rabbit_experiments.metrics import RunResult, RunTally
-from rabbit_experiments.parallel import in_processes
-
-P = ParamSpec("P")
-T = TypeVar("T")
 
 
-class Timed(Generic[P, T]):
-    """A function that notes how many seconds each call took."""
+class Timed:
+    """A plant or a controller; notes how many seconds each of its steps took."""
 
-    def __init__(self, function: Callable[P, T]) -> None:
-        self._function = function
+    def __init__(self, part: Any) -> None:
+        self.reset, self._step = part.reset, part.step
         self.seconds: list[float] = []
 
-    def __call__(self, *args: P.args, **kwargs: P.kwargs) -> T:
+    def step(self, argument: Any) -> Any:
+        """A step of the part."""
         start = time.perf_counter()
-        result = self._function(*args, **kwargs)
+        result = self._step(argument)
         self.seconds.append(time.perf_counter() - start)
         return result
-
-
-class TimedPlant:
-    """A simulation whose ticks are timed."""
-
-    def __init__(self, simulation: Simulation) -> None:
-        self.reset = simulation.reset
-        self.step = Timed(simulation.step)
-
-
-class TimedController:
-    """A controller whose ticks are timed."""
-
-    def __init__(self, controller: Controller) -> None:
-        self.reset = controller.reset
-        self.step = Timed(controller.step)
 
 
 def episode_seeds(seed: int, runs: int) -> dict[int, int]:
@@ -64,27 +47,22 @@ def episode_seeds(seed: int, runs: int) -> dict[int, int]:
 def walk(assembly: Assembly, run: int, seed: int, *observers: Observer) -> RunResult:
     """One run from fresh parts; `observers` see every tick."""
     simulation, controller = assembly.build()
-    plant, timed = TimedPlant(simulation), TimedController(controller)
+    plant, timed = Timed(simulation), Timed(controller)
     tally = RunTally(run, assembly.controller, lambda: simulation.reading.foot_force)
     start = time.perf_counter()
-    try:
+    with closing(simulation):
         tally.fault = episode(plant, timed, seed, tally, *observers) or tally.fault
-    finally:
-        simulation.close()
     wall = time.perf_counter() - start
-    return tally.result(seed, simulation.outcome, simulation.landings, timed.step.seconds, plant.step.seconds, wall)
+    return tally.result(seed, simulation.outcome, simulation.landings, timed.seconds, plant.seconds, wall)
 
 
 def record_walk(assembly: Assembly, seed: int) -> WalkRecords:
     """One run again, with all its ticks."""
     simulation, controller = assembly.build()
     ticks: list[Record] = []
-    try:
+    with closing(simulation):
         fault = episode(simulation, controller, seed, ticks.append)
-    finally:
-        simulation.close()
-    fault = fault or (ticks[-1].output.fault if ticks else "")
-    outcome, policy = fault.split(":")[0] or simulation.outcome.value, controller.policy.version
+    outcome, policy = ended(simulation, fault, ticks), controller.policy.version
     about = about_walk(assembly.controller, assembly.simulation, policy, seed, outcome)
     return WalkRecords.from_ticks(ticks, simulation.landings, about)
 
@@ -98,6 +76,68 @@ def episode(simulation: AnySimulation, controller: AnyController, seed: int, *ob
     return ""
 
 
-def evaluate(assembly: Assembly, seeds: Mapping[int, int], jobs: int = 1) -> Iterator[RunResult]:
-    """Walk each run of `seeds` (number to episode seed); yields as they end, in any order if `jobs` is not 1."""
-    return in_processes(walk, [(assembly, run, seed) for run, seed in seeds.items()], jobs)
+def ended(simulation: Simulation, fault: str, ticks: list[Record]) -> str:
+    """How an episode ended: by its fault or its last tick's, by the name before the colon, or as the plant says."""
+    fault = fault or (ticks[-1].output.fault if ticks else "")
+    return fault.split(":")[0] or simulation.outcome.value
+
+
+@dataclass(frozen=True)
+class SeededRun(Job):
+    """A run of an assembly from an episode seed."""
+
+    assembly: Assembly
+    seed: int
+
+    @property
+    def assemblies(self) -> tuple[Assembly, ...]:
+        """All that take part."""
+        return (self.assembly,)
+
+
+@dataclass(frozen=True)
+class Walk(SeededRun):
+    """A run in figures."""
+
+    run: int = field(default=0, compare=False)
+    model = RunResult
+
+    def do(self) -> RunResult:
+        return walk(self.assembly, self.run, self.seed)
+
+
+@dataclass(frozen=True)
+class RecordedWalk(SeededRun):
+    """A run with all its ticks."""
+
+    suffix = ".npz"
+
+    def do(self) -> WalkRecords:
+        return record_walk(self.assembly, self.seed)
+
+    def write(self, result: WalkRecords, path: Path) -> None:
+        save_records(result, path)
+
+    def read(self, path: Path) -> WalkRecords:
+        return load_records(path)
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """`runs` runs of an assembly, those of `rabbit evaluate --seed SEED`."""
+
+    assembly: Assembly
+    runs: int
+    seed: int
+    title: str = ""
+
+    @property
+    def walks(self) -> list[Walk]:
+        """A job for each run."""
+        seeds = episode_seeds(self.seed, self.runs)
+        return [Walk(self.assembly, seed, run, title=self.title) for run, seed in seeds.items()]
+
+    @property
+    def recorded(self) -> RecordedWalk:
+        """The first run, with all its ticks."""
+        return RecordedWalk(self.assembly, episode_seeds(self.seed, 1)[0], title=self.title)

@@ -12,7 +12,6 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict
 from rabbit_description.force_ratio import LOADED
 from rabbit_description.state import Array
@@ -89,13 +88,14 @@ class ForceTick(BaseModel):
     ratio: float
 
 
-@dataclass(frozen=True)
-class RunResult:
-    """What a run leaves behind: its row, its force violations, and the seconds each control tick took, float32."""
+class RunResult(BaseModel):
+    """What a run leaves behind: its row, its force violations, and the seconds each control tick took, to 0.1 us."""
+
+    model_config = ConfigDict(frozen=True)
 
     row: RunRow
     violations: list[ForceTick]
-    tick_seconds: NDArray[np.float32]
+    tick_seconds: list[float]
 
 
 @dataclass
@@ -230,7 +230,8 @@ class RunTally:
             walk_seconds=walk_seconds,
             **counted,
         )
-        return RunResult(row, forces.violations, np.array(ticks, dtype=np.float32))
+        seconds = [round(tick, 7) for tick in ticks]
+        return RunResult(row=row, violations=forces.violations, tick_seconds=seconds)
 
 
 _COUNTED = (

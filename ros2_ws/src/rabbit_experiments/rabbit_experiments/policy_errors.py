@@ -12,6 +12,7 @@ each tick; V_unscaled in 1/s.
 """
 
 from collections.abc import Iterable, Sequence
+from contextlib import closing
 from dataclasses import replace
 from typing import Any
 
@@ -25,7 +26,7 @@ from rl_cbf_clf_controller.scene import Scene
 from rl_trainer.rollout import Record
 
 from rabbit_experiments.assembly import Assembly
-from rabbit_experiments.evaluation import episode
+from rabbit_experiments.evaluation import ended, episode
 
 SETTLED = 0.05  # s after an impact, from which a tick counts
 ROUNDING = 1e-6  # what of a truth is no more than rounding, in the quantity's unit
@@ -91,18 +92,13 @@ def errors(
 def _walk(assembly: Assembly, seed: int) -> tuple[dict[str, Any], list[tuple[ControllerOutput, Terms[Scene]]]]:
     """One run from fresh parts: how it went, and of each tick what the controller did and what it saw."""
     simulation, controller = assembly.build()
-    ticks: list[tuple[ControllerOutput, Terms[Scene]]] = []
-
-    def look(record: Record) -> None:
-        ticks.append((record.output, controller.terms))
-
-    try:
-        fault = episode(simulation, controller, seed, look)
-    finally:
-        simulation.close()
-    fault = fault or (ticks[-1][0].fault if ticks else "")
-    outcome = fault.split(":")[0] or simulation.outcome.value
-    return {"seed": seed, "outcome": outcome, "landings": len(simulation.landings), "ticks": len(ticks)}, ticks
+    ticks: list[Record] = []
+    terms: list[Terms[Scene]] = []
+    with closing(simulation):
+        fault = episode(simulation, controller, seed, ticks.append, lambda _: terms.append(controller.terms))
+    outcome, landings = ended(simulation, fault, ticks), len(simulation.landings)
+    about = {"seed": seed, "outcome": outcome, "landings": landings, "ticks": len(ticks)}
+    return about, list(zip([tick.output for tick in ticks], terms, strict=True))
 
 
 def _stacked(estimates: Sequence[Estimates]) -> Array:

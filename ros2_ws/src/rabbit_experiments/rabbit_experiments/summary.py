@@ -1,8 +1,9 @@
-"""From rows to a summary: rates with Wilson's interval, means with Student's, counts and times."""
+"""From runs to figures: rates with Wilson's interval, means with Student's, counts and times."""
 
 import math
 from collections import Counter
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -27,34 +28,111 @@ SUMMED = (
     "ecbf_start_violations",
 )
 ENDED_WELL = "walked"
+ENOUGH = 0.9  # share of runs from which something "walks"
+
+
+@dataclass(frozen=True)
+class Walks:
+    """Rows of runs, one at least, and the figures over them."""
+
+    rows: Sequence[RunRow]
+
+    @property
+    def runs(self) -> int:
+        """How many."""
+        return len(self.rows)
+
+    @property
+    def walked(self) -> int:
+        """Runs to the end of the course, without a miss or a fall."""
+        return self.total("success")
+
+    @property
+    def with_forces(self) -> int:
+        """Of these, runs whose forces kept the cone and the ground's push, more than 30 ms after each impact."""
+        return self.total("success_with_forces")
+
+    @property
+    def passes(self) -> bool:
+        """Nine of ten walked."""
+        return self.walked >= ENOUGH * self.runs
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Wilson's 95% interval of the rate."""
+        return wilson(self.walked, self.runs)
+
+    @property
+    def stones(self) -> NDArray[np.float64]:
+        """Stones of each run, or steps on flat ground, before the first miss or fall."""
+        return np.array([row.stones for row in self.rows], dtype=float)
+
+    @property
+    def mean_stones(self) -> float:
+        """Of the runs."""
+        return float(self.stones.mean())
+
+    @property
+    def std_stones(self) -> float | None:
+        """Sample deviation; None of one run."""
+        return float(self.stones.std(ddof=1)) if self.runs > 1 else None
+
+    @property
+    def stones_interval(self) -> tuple[float, float] | None:
+        """Student's 95% interval of the mean; None of one run."""
+        return mean_interval(self.stones)
+
+    @property
+    def max_ratio(self) -> float:
+        """Largest |F_T| / F_N more than 30 ms after an impact."""
+        return max(row.max_force_ratio for row in self.rows)
+
+    @property
+    def falls(self) -> dict[str, int]:
+        """How many runs ended otherwise than walked, by kind."""
+        return dict(Counter(row.outcome for row in self.rows if row.outcome != ENDED_WELL))
+
+    def total(self, name: str) -> int:
+        """Sum of a count of `RunRow`."""
+        return sum(getattr(row, name) for row in self.rows)
+
+    def rms(self, name: str) -> float:
+        """Over all ticks, of a root mean square of `RunRow`."""
+        values, ticks = np.array([(getattr(row, name), row.ticks) for row in self.rows]).T
+        return float(np.sqrt((values**2 * ticks).sum() / max(ticks.sum(), 1)))
+
+    @property
+    def text(self) -> str:
+        """Walked of runs, interval, mean stones."""
+        low, high = self.interval
+        return f"{self.walked} of {self.runs} ({low:.2f} to {high:.2f}), {self.mean_stones:.1f}"
 
 
 def summarise(results: Sequence[RunResult], qp_solver: str) -> dict[str, Any]:
     """The figures of summary.json."""
     rows = [result.row for result in results]
-    ticks = sum(row.ticks for row in rows)
-    stones = np.array([row.stones for row in rows], dtype=float)
-    summed = {name: sum(getattr(row, name) for row in rows) for name in SUMMED}
+    walks = Walks(rows)
+    ticks = walks.total("ticks")
     return {
-        "runs": len(rows),
-        "success_rate": float(np.mean([row.success for row in rows])),
-        "success_rate_ci95": wilson(sum(row.success for row in rows), len(rows)),
-        "success_with_forces": float(np.mean([row.success_with_forces for row in rows])),
-        "mean_stones": float(stones.mean()),
-        "mean_stones_ci95": mean_interval(stones),
-        "std_stones": float(stones.std(ddof=1)) if len(rows) > 1 else None,
-        "falls": falls(rows),
-        "max_force_ratio": max(row.max_force_ratio for row in rows),
+        "runs": walks.runs,
+        "success_rate": walks.walked / walks.runs,
+        "success_rate_ci95": walks.interval,
+        "success_with_forces": walks.with_forces / walks.runs,
+        "mean_stones": walks.mean_stones,
+        "mean_stones_ci95": walks.stones_interval,
+        "std_stones": walks.std_stones,
+        "falls": walks.falls,
+        "max_force_ratio": walks.max_ratio,
         "min_normal_force": _least(row.min_normal_force for row in rows),
         "worst_margin": _least(row.worst_margin for row in rows),
         "ticks": ticks,
-        **summed,
+        **{name: walks.total(name) for name in SUMMED},
         "qp_solver": qp_solver,
-        "qp_solver_share": 1 - summed["qp_unanswered_ticks"] / max(ticks, 1),
-        "active_share": {name: sum(getattr(row, f"active_{name}") for row in rows) / max(ticks, 1) for name in ROWS},
-        "barrier_active_step_share": sum(row.barrier_active_steps for row in rows) / max(sum(r.steps for r in rows), 1),
-        "rms_y": _rms((row.rms_y, row.ticks) for row in rows),
-        "rms_dy": _rms((row.rms_dy, row.ticks) for row in rows),
+        "qp_solver_share": 1 - walks.total("qp_unanswered_ticks") / max(ticks, 1),
+        "active_share": {name: walks.total(f"active_{name}") / max(ticks, 1) for name in ROWS},
+        "barrier_active_step_share": walks.total("barrier_active_steps") / max(walks.total("steps"), 1),
+        "rms_y": walks.rms("rms_y"),
+        "rms_dy": walks.rms("rms_dy"),
         "max_torque": max(row.max_torque for row in rows),
         "max_slack": max(row.max_slack for row in rows),
         "max_rescue_slack": max(row.max_rescue_slack for row in rows),
@@ -64,7 +142,7 @@ def summarise(results: Sequence[RunResult], qp_solver: str) -> dict[str, Any]:
 
 def times(results: Sequence[RunResult]) -> dict[str, float | None]:
     """Of the control tick over all ticks, ms, and simulated over wall seconds of the walks, one process each."""
-    every: NDArray[np.float32] = np.concatenate([result.tick_seconds for result in results])
+    every = np.concatenate([result.tick_seconds for result in results])
     wall = sum(result.row.walk_seconds for result in results)
     low, high = np.percentile(every * 1e3, [50, 99]).tolist() if every.size else (None, None)
     return {
@@ -72,11 +150,6 @@ def times(results: Sequence[RunResult]) -> dict[str, float | None]:
         "tick_ms_p99": high,
         "real_time_factor": sum(result.row.ticks for result in results) * TICK_SECONDS / wall if wall else None,
     }
-
-
-def falls(rows: Sequence[RunRow]) -> dict[str, int]:
-    """How many runs ended otherwise than walked, by kind."""
-    return dict(Counter(row.outcome for row in rows if row.outcome != ENDED_WELL))
 
 
 def wilson(successes: int, runs: int) -> tuple[float, float]:
@@ -93,12 +166,5 @@ def mean_interval(values: NDArray[np.float64]) -> tuple[float, float] | None:
     return float(values.mean()) - half, float(values.mean()) + half
 
 
-def _rms(parts: Iterable[tuple[float, int]]) -> float:
-    """Root mean square over all ticks, from each run's own and its number of ticks."""
-    values, ticks = np.array(list(parts)).T
-    return float(np.sqrt((values**2 * ticks).sum() / max(ticks.sum(), 1)))
-
-
-def _least(values: Any) -> float | None:
-    finite = [value for value in values if math.isfinite(value)]
-    return min(finite) if finite else None
+def _least(values: Iterable[float]) -> float | None:
+    return min(filter(math.isfinite, values), default=None)

@@ -1,5 +1,6 @@
 """Variants that build and differ, a study that goes on where it stopped, and a table with known figures."""
 
+import csv
 import json
 from pathlib import Path
 from typing import Any
@@ -7,9 +8,16 @@ from typing import Any
 import pytest
 import typer
 from rabbit_experiments import ablations
-from rabbit_experiments.ablations import NEWEST, VARIANTS, Row, Rows, Study, StudyError, markdown
+from rabbit_experiments.ablations import NEWEST, VARIANTS, Row, Study, markdown
+from rabbit_experiments.assembly import Assembly
+from rabbit_experiments.cache import JobError
+from rabbit_experiments.evaluation import Walk
+from rabbit_experiments.metrics import RunResult, RunRow
+from rabbit_experiments.recipes import Recipe, TrainingReport
 from rl_trainer.parameters import TrainingParameters
 from typer.testing import CliRunner, Result
+
+EPISODE = {"kept": 5, "seconds": 1.0, "reward": dict.fromkeys(("V", "B1", "B2", "C1", "C2"), -1.0)}
 
 
 def row(variant: str, seed: int, **changes: Any) -> Row:
@@ -25,16 +33,30 @@ def run(*words: object) -> Result:
     return CliRunner().invoke(app, [str(word) for word in words])
 
 
+def table(out: Path) -> list[dict[str, str]]:
+    """The rows of a study."""
+    with (out / "ablations.csv").open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
 @pytest.fixture
-def trained(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, int]]:
-    """Trainings asked for, in place of trainings."""
-    asked: list[tuple[str, int]] = []
+def trained(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Trainings asked for, in place of trainings; no walk is walked."""
+    asked: list[str] = []
 
-    def instead(study: Study, name: str, seed: int) -> Row:
-        asked.append((name, seed))
-        return row(name, seed, runs=study.runs)
+    def instead(recipe: Recipe) -> TrainingReport:
+        asked.append(recipe.title)
+        if recipe.title.startswith("penalty"):
+            raise JobError(f"{recipe.title}: no such state")
+        return TrainingReport(commit="", transitions=5, episodes=[EPISODE])
 
-    monkeypatch.setattr(Study, "row", instead)
+    def no_walk(job: Walk) -> RunResult:
+        values = dict.fromkeys(RunRow.model_fields, 0) | {"outcome": "walked", "success": True, "stones": 20}
+        return RunResult(row=RunRow.model_validate(values), violations=[], tick_seconds=[])
+
+    monkeypatch.setattr(Recipe, "do", instead)
+    monkeypatch.setattr(Walk, "do", no_walk)
+    monkeypatch.setattr(Assembly, "identity", lambda assembly: {"policy_version": assembly.policy})
     return asked
 
 
@@ -55,63 +77,58 @@ def test_the_default_is_what_is_trained_without_a_word() -> None:
     assert VARIANTS["default"].parameters(seed=1) == TrainingParameters()
 
 
-def test_rows_that_are_done_are_not_done_again(tmp_path: Path, trained: list[tuple[str, int]]) -> None:
+def test_what_is_done_is_not_done_again(tmp_path: Path, trained: list[str]) -> None:
     first = ("default", "no-l-min", "--out", tmp_path, "--seeds", 1, "--runs", 3)
     assert run(*first).exit_code == 0
-    assert trained == [("default", 1), ("no-l-min", 1)]
-    assert run("no-l-min", "penalty", "--out", tmp_path, "--seeds", 1, "--seeds", 2, "--runs", 3).exit_code == 0
-    assert trained[2:] == [("penalty", 1), ("no-l-min", 2), ("penalty", 2)]
-    lines = (tmp_path / "ablations.csv").read_text().splitlines()
-    assert [line.split(",")[:2] for line in lines[1:]] == [
-        ["default", "1"],
-        ["penalty", "1"],
-        ["penalty", "2"],
-        ["no-l-min", "1"],
-        ["no-l-min", "2"],
-    ]
+    assert trained == ["default, seed 1", "no-l-min, seed 1"]
+    assert run("no-l-min", "one-head", "--out", tmp_path, "--seeds", 1, "--seeds", 2, "--runs", 4).exit_code == 0
+    assert trained[2:] == ["one-head, seed 1", "no-l-min, seed 2", "one-head, seed 2"]
+    rows = [(row["variant"], row["training_seed"], row["runs"]) for row in table(tmp_path)]
+    assert rows == [("one-head", "1", "4"), ("one-head", "2", "4"), ("no-l-min", "1", "4"), ("no-l-min", "2", "4")]
 
 
-def test_a_folder_of_another_study_is_refused(tmp_path: Path, trained: list[tuple[str, int]]) -> None:
-    assert run("default", "--out", tmp_path, "--seeds", 1, "--runs", 3).exit_code == 0
-    refused = run("default", "--out", tmp_path, "--seeds", 1, "--runs", 4)
-    assert (refused.exit_code, refused.stderr.count("\n")) == (2, 1)
-    assert "another study" in refused.stderr
-    assert len(trained) == 1
-    Rows(Study(tmp_path, runs=3))
-    (tmp_path / "ablations.csv").write_text("variant,runs\ndefault,x\n")
-    with pytest.raises(StudyError, match="cannot be read"):
-        Rows(Study(tmp_path, runs=3))
-
-
-def test_a_training_that_fails_leaves_the_others(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def instead(study: Study, name: str, seed: int) -> Row:
-        if name == "default":
-            raise ablations.ControllerError("no such state")
-        return row(name, seed)
-
-    monkeypatch.setattr(Study, "row", instead)
-    done = run("default", "penalty", "--out", tmp_path, "--seeds", 1)
+def test_a_training_that_fails_leaves_the_others(tmp_path: Path, trained: list[str]) -> None:
+    done = run("penalty", "default", "--out", tmp_path, "--seeds", 1)
     assert done.exit_code == 1
-    assert "default, seed 1: no row: no such state" in done.output
-    assert Rows(Study(tmp_path)).done.keys() == {("penalty", 1)}
+    assert "penalty, seed 1: no such state" in done.output
+    assert [(row["variant"], row["walked"]) for row in table(tmp_path)] == [("default", "20")]
+
+
+def test_what_was_stopped_leaves_the_rows_that_are_whole(
+    tmp_path: Path, trained: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert run("default", "--out", tmp_path, "--seeds", 1).exit_code == 0
+
+    def stop(_: Recipe) -> TrainingReport:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Recipe, "do", stop)
+    assert run("default", "no-l-min", "--out", tmp_path, "--seeds", 1).exit_code == 130
+    assert [row["variant"] for row in table(tmp_path)] == ["default"]
 
 
 def test_a_short_study_leaves_sessions_and_a_row(tmp_path: Path) -> None:
     words = ("paper-literal", "--out", tmp_path, "--seeds", 2, "--runs", 1)
     done = run(*words, "--episodes", 1)
     assert done.exit_code == 0, done.output
-    ((key, first),) = Rows(Study(tmp_path, runs=1, episodes=1)).done.items()
-    assert (*key, first.runs, first.episodes) == ("paper-literal", 2, 1, 1)
-    (episode,) = map(json.loads, (tmp_path / "paper-literal" / "2" / "episodes.jsonl").read_text().splitlines())
-    assert first.transitions == episode["kept"]
-    assert first.reward_V == episode["reward"]["V"]
+    (first,) = table(tmp_path)
+    assert [first[name] for name in ("variant", "training_seed", "runs", "episodes")] == [
+        "paper-literal",
+        "2",
+        "1",
+        "1",
+    ]
+    folder = Study(tmp_path, episodes=1).recipe("paper-literal", 2).folder
+    (episode,) = map(json.loads, (folder / "episodes.jsonl").read_text().splitlines())
+    assert int(first["transitions"]) == episode["kept"]
+    assert float(first["reward_V"]) == episode["reward"]["V"]
 
 
 def test_transitions_end_a_training(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     variant = ablations.Variant("one transition is enough", transitions=1, literal=True)
     monkeypatch.setitem(VARIANTS, "short", variant)
     assert variant.parameters(seed=1).episodes == ablations.MOST_EPISODES
-    assert Study(tmp_path, runs=1).row("short", 1).episodes == 1
+    assert len(Study(tmp_path, runs=1).recipe("short", 1).do().episodes) == 1
 
 
 def test_figures_of_the_table() -> None:
@@ -134,9 +151,10 @@ def test_reward_terms_count_by_transition() -> None:
     episodes = [
         {"kept": 3, "reward": {"V": -1.0}},
         {"kept": 1, "reward": {"V": -5.0}},
-        {"kept": 0, "reward": {"V": -9.0}},
+        *[{"kept": 0, "reward": {"V": -9.0}}] * (NEWEST - 2),
     ]
-    assert ablations.mean_reward(episodes[-NEWEST:], "V") == -2.0
+    report = TrainingReport(commit="", transitions=4, episodes=[{"kept": 9, "reward": {"V": -7.0}}, *episodes])
+    assert ablations.mean_reward(report, "V") == -2.0
 
 
 def test_an_unknown_variant_ends_in_one_line(tmp_path: Path) -> None:

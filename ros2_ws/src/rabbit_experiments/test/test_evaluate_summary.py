@@ -10,6 +10,7 @@ import pytest
 from rabbit_experiments.metrics import ForceTick, RunResult, RunRow
 from rabbit_experiments.results import ResultsError, ResultsFolder
 from rabbit_experiments.summary import mean_interval, summarise, wilson
+from rabbit_experiments.tables import read_rows
 
 
 def result(run: int, **changes: Any) -> RunResult:
@@ -17,7 +18,7 @@ def result(run: int, **changes: Any) -> RunResult:
     values: dict[str, Any] = dict.fromkeys(RunRow.model_fields, 0)
     values |= {"run": run, "outcome": "walked", "success": True, "success_with_forces": True, "stones": 20}
     values |= {"ticks": 4, "steps": 2, "walk_seconds": 0.01, **changes}
-    return RunResult(RunRow.model_validate(values), [], np.full(4, 0.002, dtype=np.float32))
+    return RunResult(row=RunRow.model_validate(values), violations=[], tick_seconds=[0.002] * 4)
 
 
 @pytest.mark.parametrize(("successes", "runs"), [(0, 10), (5, 10), (49, 50), (50, 50)])
@@ -58,8 +59,7 @@ def test_rms_is_over_all_ticks_not_over_runs() -> None:
     assert summary["rms_y"] == pytest.approx(math.sqrt(0.018))
 
 
-def test_a_folder_goes_on_where_it_stopped(tmp_path: Path) -> None:
-    about = {"key": "a"}
+def test_the_tables_of_a_folder(tmp_path: Path) -> None:
     slip = ForceTick(
         run=1,
         kind="over_cone",
@@ -71,26 +71,26 @@ def test_a_folder_goes_on_where_it_stopped(tmp_path: Path) -> None:
         normal_force=100.0,
         ratio=0.9,
     )
-    first = ResultsFolder(tmp_path, about)
-    first.add(RunResult(result(1).row, [slip], np.array([0.1, 0.2], dtype=np.float32)))
-    first.add(result(0, worst_margin=math.nan))
-    again = ResultsFolder(tmp_path, about)
-    assert again.results.keys() == {0, 1}
-    assert again.results[1].row == first.results[1].row
-    assert again.results[1].violations == [slip]
-    assert math.isnan(again.results[0].row.worst_margin)
-    np.testing.assert_array_equal(again.results[1].tick_seconds, np.array([0.1, 0.2], dtype=np.float32))
+    runs = [result(0, worst_margin=math.nan), result(1).model_copy(update={"violations": [slip]})]
+    ResultsFolder(tmp_path, {"key": "a"}).write_runs(runs)
+    rows = read_rows(tmp_path / "runs.csv", RunRow)
+    assert math.isnan(rows[0].worst_margin)
+    assert rows[1] == runs[1].row
+    assert read_rows(tmp_path / "violations.csv", ForceTick) == [slip]
 
 
 def test_a_folder_of_another_evaluation_is_refused(tmp_path: Path) -> None:
-    ResultsFolder(tmp_path, {"key": "a"}).add(result(0))
+    first = ResultsFolder(tmp_path, {"key": "a"})
+    first.cache.path.mkdir()
     with pytest.raises(ResultsError, match="another evaluation"):
         ResultsFolder(tmp_path, {"key": "b"})
-    assert not ResultsFolder(tmp_path, {"key": "b"}, overwrite=True).results
+    assert first.cache.path.exists()
+    ResultsFolder(tmp_path, {"key": "b"}, overwrite=True)
+    assert not first.cache.path.exists()
 
 
 def test_a_folder_that_cannot_be_read_is_refused(tmp_path: Path) -> None:
-    ResultsFolder(tmp_path, {"key": "a"}).add(result(0))
-    (tmp_path / "runs.csv").write_text("run,seed\nx,y\n")
+    ResultsFolder(tmp_path, {"key": "a"})
+    (tmp_path / "evaluation.json").write_text("{")
     with pytest.raises(ResultsError, match="cannot be read"):
         ResultsFolder(tmp_path, {"key": "a"})

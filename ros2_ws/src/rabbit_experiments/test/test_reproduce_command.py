@@ -3,16 +3,17 @@
 import csv
 import shlex
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
+from rabbit_experiments.cache import Cache
+from rabbit_experiments.command_lines import evaluate_command
 from rabbit_experiments.commands import evaluate as evaluate_module
 from rabbit_experiments.commands.reproduce import app
 from rabbit_experiments.reproduce import catalogue
-from rabbit_experiments.reproduce.cache import Cache
 from rabbit_experiments.reproduce.catalogue import EXPERIMENTS
-from rabbit_experiments.reproduce.evaluate_commands import evaluate_command
 from rabbit_experiments.reproduce.experiment import Experiment
 from rabbit_experiments.reproduce.make_experiments import make
 from rabbit_experiments.reproduce.page import PAGE
@@ -106,16 +107,15 @@ def test_list_names_every_experiment_once() -> None:
 @pytest.mark.parametrize("line", LINES[:: max(1, len(LINES) // 12)], ids=lambda line: line.what)
 def test_a_rows_command_makes_its_runs(line: Line, monkeypatch: pytest.MonkeyPatch) -> None:
     """`rabbit evaluate`, told the command, has the same plant, controller, policy, seed and number of runs."""
-    case = line.case(QUICK)
+    scenario = line.scenario(QUICK)
     seen: dict[str, Any] = {}
-    monkeypatch.setattr(evaluate_module, "run", lambda assembly, request, folder: seen.update(a=assembly, r=request))
+    monkeypatch.setattr(evaluate_module, "walk_all", lambda scenario, *_: (seen.update(scenario=scenario), 0))
     monkeypatch.setattr(evaluate_module, "conclude", lambda *_: {})
     monkeypatch.setattr(evaluate_module, "show", lambda *_: None)
-    words = shlex.split(evaluate_command(case).replace("--out DIR", "--out .never"))
+    words = shlex.split(evaluate_command(scenario).replace("--out DIR", "--out .never"))
     monkeypatch.setattr("rabbit_experiments.results.ResultsFolder", lambda *_: None)
     assert CliRunner().invoke(evaluate_module.app, words[2:]).exit_code == 0
-    assert seen["a"] == case.assembly
-    assert (seen["r"].runs, seen["r"].seed) == (case.runs, case.seed)
+    assert replace(seen["scenario"], title=line.what) == scenario
 
 
 @pytest.mark.parametrize("size", [FULL, QUICK], ids=["full", "quick"])
@@ -128,7 +128,7 @@ def test_every_experiment_names_its_runs(experiment: Any, size: Size) -> None:
 
 
 def test_a_missing_run_is_told(tmp_path: Path, one_stone: Maker, tiny: Size) -> None:
-    with pytest.raises(LookupError, match="nominal, seed"):
+    with pytest.raises(LookupError, match="nominal"):
         Found(Cache(tmp_path), tiny).walks(one_stone().lines()[0])
 
 

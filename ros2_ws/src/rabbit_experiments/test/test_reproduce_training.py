@@ -1,31 +1,27 @@
 """`--retrain`: trained once by content, in place of what is shipped; the log of episodes; episodes needed."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
+from rabbit_experiments import cache
 from rabbit_experiments.commands.reproduce import app
+from rabbit_experiments.recipes import POLICY, Recipe
 from rabbit_experiments.reproduce.catalogue import EXPERIMENTS
 from rabbit_experiments.reproduce.catalogue.learning_curves import first_whole, sessions, settled, span
 from rabbit_experiments.reproduce.controllers import CBF_CLF, RL_CBF_CLF, RL_CLF
 from rabbit_experiments.reproduce.experiment import Experiment
 from rabbit_experiments.reproduce.table_lines import FULL, QUICK, Line, Runs
-from rabbit_experiments.reproduce.training import POLICY, SHIPPED, Recipe, Trained, recipes, retrain
-from rabbit_experiments.reproduce.training_log import (
-    COMMITTED,
-    Episode,
-    LogError,
-    main,
-    read_log,
-    read_session,
-    write_log,
-)
+from rabbit_experiments.reproduce.training import SHIPPED, Episode, Trained, read_log, recipes, retrain
+from rabbit_experiments.tables import write_rows
 from rl_cbf_clf_controller.uncertainty import IO_RL_CLF_QP, PAPER, RL_CBF_CLF_QP, RL_CLF_QP
 from rl_cbf_clf_controller.weights import policy_path, read
+from rl_trainer.parameters import TrainingParameters
 from typer.testing import CliRunner
 
-ONE = Recipe(RL_CLF_QP, seed=4, episodes=1)  # nominal, so that nothing is learned yet
+PARAMETERS = TrainingParameters(problem=RL_CLF_QP, seed=4, episodes=1)
+ONE = Recipe(PARAMETERS)  # nominal, so that nothing is learned yet
 
 
 def session(*steps: int) -> tuple[Episode, ...]:
@@ -40,38 +36,40 @@ def session(*steps: int) -> tuple[Episode, ...]:
 def test_a_training_is_made_once_and_logged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     trained = retrain([ONE], tmp_path, 1)
     about = read(trained.policy(ONE)).metadata
-    assert (about.problem, about.training_seed, about.episodes) == (ONE.problem.name, 4, 1)
+    assert (about.problem, about.training_seed, about.episodes) == (RL_CLF_QP.name, 4, 1)
     assert about.command == ONE.command
     assert read(trained.policy(ONE, 1)).version == read(trained.policy(ONE)).version
     (row,) = trained.episodes()
-    assert (row.problem, row.seed, row.mass_scale, row.episode) == (ONE.problem.name, 4, 2.0, 1)
+    assert (row.problem, row.seed, row.mass_scale, row.episode) == (RL_CLF_QP.name, 4, 2.0, 1)
     assert 0 < row.kept <= row.ticks
     assert row.transitions == row.kept == about.transitions
     assert read_log(tmp_path / "episodes.csv") == [row]
-    monkeypatch.setattr(Recipe, "train", lambda *_: pytest.fail("trained again"))
+    monkeypatch.setattr(Recipe, "do", lambda *_: pytest.fail("trained again"))
     assert retrain([ONE], tmp_path, 1) == trained
 
 
 @pytest.mark.parametrize(
-    "other", [replace(ONE, seed=5), replace(ONE, mass_scale=0.7), replace(ONE, problem=IO_RL_CLF_QP)]
+    "changes", [{"seed": 5}, {"problem": IO_RL_CLF_QP}, {"episodes": 2}], ids=lambda changes: next(iter(changes))
 )
-def test_another_training_has_another_folder(tmp_path: Path, other: Recipe) -> None:
-    assert other.folder(tmp_path) != ONE.folder(tmp_path) == replace(ONE).folder(tmp_path)
+def test_another_training_has_another_folder(changes: dict[str, Any]) -> None:
+    other = replace(ONE, parameters=PARAMETERS.model_copy(update=changes))
+    assert other.folder != ONE.folder == replace(ONE, title="another title").folder
+    assert replace(ONE, mass_scale=0.7).folder != ONE.folder
 
 
-def test_changed_sources_train_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    before = ONE.folder(tmp_path)
-    monkeypatch.setattr("rabbit_experiments.reproduce.training.sources_hash", lambda *_: "changed")
-    assert ONE.folder(tmp_path) != before
+def test_another_version_trains_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    before = ONE.folder
+    monkeypatch.setattr(cache, "stamp", lambda _: {"results_version": cache.RESULTS_VERSION + 1})
+    assert before != ONE.folder
 
 
 def test_trained_policies_stand_in_for_the_shipped_ones(tmp_path: Path) -> None:
     made = SHIPPED["rl-cbf-clf-qp"]
     size = replace(QUICK, trained=Trained(tmp_path, (made,)))
     learned, other, nominal = (each.assembly() for each in (RL_CBF_CLF, RL_CLF, CBF_CLF))
-    assert size.own(learned) == replace(learned, policy=str(made.folder(tmp_path) / POLICY))
+    assert size.own(learned) == replace(learned, policy=str(replace(made, root=tmp_path).folder / POLICY))
     assert (size.own(other), size.own(nominal)) == (other, nominal)
-    assert Line("", learned).case(size).assembly.policy == size.own(learned).policy
+    assert Line("", learned).scenario(size).assembly.policy == size.own(learned).policy
     assert QUICK.own(learned) is learned
 
 
@@ -83,8 +81,8 @@ def test_what_is_shipped_is_trained_anew(quick: bool) -> None:
         assert recipe in made
         about = read(policy_path(name)).metadata
         assert (about.problem, about.training_seed, about.plant["mass_scale"], about.episodes) == (
-            *(recipe.problem.name, recipe.seed, recipe.mass_scale),
-            recipe.episodes,
+            *(recipe.parameters.problem.name, recipe.parameters.seed, recipe.mass_scale),
+            recipe.parameters.episodes,
         )
 
 
@@ -100,15 +98,15 @@ def test_an_experiment_trains_what_it_walks_with_and_no_more(each: Experiment) -
 def test_trainings_of_some_experiments() -> None:
     by_name = {each.name: each.trainings(FULL) for each in EXPERIMENTS}
     assert by_name["learning-curves"] == recipes(False)
-    assert [(each.problem, each.seed) for each in by_name["feasibility-by-episode"]] == [
+    assert [(each.parameters.problem, each.parameters.seed) for each in by_name["feasibility-by-episode"]] == [
         (RL_CBF_CLF_QP, seed) for seed in (1, 2, 3)
     ]
-    assert {each.problem for each in by_name["payload-flat"]} == {RL_CLF_QP, IO_RL_CLF_QP}
+    assert {each.parameters.problem for each in by_name["payload-flat"]} == {RL_CLF_QP, IO_RL_CLF_QP}
     assert by_name["wide-stones"] == []
 
 
 def test_the_committed_log_is_whole() -> None:
-    rows = read_log(COMMITTED)
+    rows = read_log()
     assert {row.problem for row in rows} == {problem.name for problem in PAPER}
     for each in sessions(FULL):
         assert [row.episode for row in each] == list(range(1, len(each) + 1))
@@ -118,24 +116,8 @@ def test_the_committed_log_is_whole() -> None:
 
 
 def test_a_log_is_read_as_it_was_written(tmp_path: Path) -> None:
-    write_log(session(3, 10), tmp_path / "log.csv")
+    write_rows(tmp_path / "log.csv", Episode, session(3, 10))
     assert read_log(tmp_path / "log.csv") == list(session(3, 10))
-
-
-@pytest.mark.parametrize("reader", [read_session, read_log])
-def test_what_is_no_log_is_told(tmp_path: Path, reader: Callable[[Path], object]) -> None:
-    (tmp_path / "x.csv").write_text("a,b\n1,2\n")
-    with pytest.raises(LogError, match="expected a"):
-        reader(tmp_path if reader is read_session else tmp_path / "x.csv")
-
-
-def test_the_log_command_tells_a_wrong_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    import typer
-
-    with pytest.raises(typer.Exit) as stopped:
-        main([tmp_path], tmp_path / "log.csv")
-    assert stopped.value.exit_code == 2
-    assert str(tmp_path) in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -155,9 +137,9 @@ def test_spans() -> None:
 
 def test_runs_of_its_own() -> None:
     line = Line("", CBF_CLF.assembly(), runs=Runs(7, 2))
-    assert (line.case(FULL).runs, line.case(QUICK).runs) == (7, 2)
+    assert (line.scenario(FULL).runs, line.scenario(QUICK).runs) == (7, 2)
     other = line.columns[1]
-    assert (line.case(FULL, other).runs, line.case(QUICK, other).runs) == (FULL.beside, QUICK.beside)
+    assert (line.scenario(FULL, other).runs, line.scenario(QUICK, other).runs) == (FULL.beside, QUICK.beside)
 
 
 def test_what_needs_training_says_so() -> None:

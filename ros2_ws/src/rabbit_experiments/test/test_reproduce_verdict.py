@@ -5,16 +5,16 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from rabbit_experiments.metrics import RunRow
+from rabbit_experiments.evaluation import SeededRun, Walk
+from rabbit_experiments.metrics import RunResult, RunRow
 from rabbit_experiments.reproduce.catalogue import EXPERIMENTS
 from rabbit_experiments.reproduce.controllers import CBF_CLF, CBF_CLF_ORACLE
 from rabbit_experiments.reproduce.experiment import Experiment
-from rabbit_experiments.reproduce.jobs import Job
 from rabbit_experiments.reproduce.sweep import largest, largest_text
 from rabbit_experiments.reproduce.table_lines import FULL, Found, Line
 from rabbit_experiments.reproduce.verdict import Verdict, judge, missing
 from rabbit_experiments.reproduce.walk_table import shows
-from rabbit_experiments.reproduce.walks import Walks
+from rabbit_experiments.summary import Walks
 
 COUNTS = {name: 0 for name, field in RunRow.model_fields.items() if field.annotation in (int, float)}
 
@@ -91,9 +91,10 @@ def test_a_row_that_nominal_passes_too_shows_nothing(learned: int, nominal: int,
 def test_claims_on_rigid_go_by_walks_on_rigid(experiment: Experiment) -> None:
     """Runs in PyBullet, recorded ones too, are not there."""
 
-    def get(job: Job) -> RunRow | None:
-        is_rigid = (job.kind, job.assembly.simulation.plant) == ("walk", "rigid")
-        return walks(20).rows[0] if is_rigid and job.assembly.simulation.motor_lag > 0 else None
+    def get(job: SeededRun) -> RunResult | None:
+        is_rigid = isinstance(job, Walk) and job.assembly.simulation.plant == "rigid"
+        found = RunResult(row=walks(20).rows[0], violations=[], tick_seconds=[])
+        return found if is_rigid and job.assembly.simulation.motor_lag > 0 else None
 
     cache: Any = type("Cache", (), {"get": staticmethod(get), "path": "-"})
     found = Found(cache, FULL)

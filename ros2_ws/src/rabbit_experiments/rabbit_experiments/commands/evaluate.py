@@ -43,19 +43,17 @@ def evaluate(given: Given) -> None:
     """Walk many seeded runs without ROS: success rate, stones, forces, solver and speed, in DIR/summary.json."""
     request = given.build(EvaluationOptions)
     assembly = given_assembly(given, request.policy, request.parameters, request.nominal)
+    from rabbit_experiments.evaluation import Scenario
     from rabbit_experiments.results import ResultsError, ResultsFolder
 
-    key, about = describe(assembly, request.seed)
+    scenario, about = Scenario(assembly, request.runs, request.seed), describe(assembly, request.seed)
     with complaints(ResultsError):
-        folder = ResultsFolder(request.out, {"key": key, **about}, request.overwrite)
-    try:
-        run(assembly, request, folder)
-    except KeyboardInterrupt:
-        fail(f"stopped after {len(folder.results)} runs; the same command goes on from there", code=130)
-    summary = conclude(assembly, request, folder, about)
-    show(summary, request.out)
+        folder = ResultsFolder(request.out, about, request.overwrite)
+    results, made = walk_all(scenario, folder, request.jobs)
+    show(conclude(scenario, folder, results, about))
+    print(f"{made} runs made; written {request.out}")
     if request.pictures:
-        draw_first(assembly, request)
+        draw_first(scenario, request.out)
 
 
 def given_assembly(
@@ -82,15 +80,17 @@ def given_assembly(
     return assembly
 
 
-def describe(assembly: Any, seed: int) -> tuple[str, dict[str, Any]]:
-    """The key that tells evaluations apart, and what goes into the summary with it."""
+def describe(assembly: Any, seed: int) -> dict[str, Any]:
+    """What is evaluated and by what, with the `key` that distinguishes evaluations."""
     from rabbit_experiments import provenance
+    from rabbit_experiments.cache import stamp
 
-    identity = {**assembly.identity(), "seed": seed}
-    about = {
+    identity = {**assembly.identity(), "seed": seed, **stamp()}
+    return {
+        "key": provenance.content_key(identity),
         "command": provenance.command(),
         "commit": provenance.commit(),
-        "code": provenance.code_hash(),
+        "results_version": identity["results_version"],
         "versions": provenance.versions(),
         "seed": seed,
         "policy": assembly.policy,
@@ -98,45 +98,40 @@ def describe(assembly: Any, seed: int) -> tuple[str, dict[str, Any]]:
         "gait": identity["gait"]["name"],
         "parameters": {"controller": identity["controller"], "simulation": identity["simulation"]},
     }
-    key = provenance.content_key({**identity, "code": about["code"], "versions": about["versions"]})
-    return key, about
 
 
-def run(assembly: Any, request: EvaluationOptions, folder: Any) -> None:
-    """Walk the runs that the folder does not have yet."""
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+def walk_all(scenario: Any, folder: Any, processes: int) -> tuple[list[Any], int]:
+    """Walk the runs that the folder lacks, its tables up to date after each; all results, and how many were made."""
+    from rabbit_experiments.engine import run
+    from rabbit_experiments.summary import Walks
 
-    from rabbit_experiments.evaluation import episode_seeds, evaluate
+    kept = {job.run: result for job in scenario.walks if (result := folder.cache.get(job))}
 
-    seeds = episode_seeds(request.seed, request.runs)
-    left = {number: seed for number, seed in seeds.items() if number not in folder.results}
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns) as progress:
-        task = progress.add_task(progress_text(folder), total=request.runs, completed=request.runs - len(left))
-        for result in evaluate(assembly, left, request.jobs):
-            folder.add(result)
-            progress.update(task, advance=1, description=progress_text(folder))
+    def note(job: Any, result: Any) -> str:
+        kept[job.run] = result
+        folder.write_runs([kept[number] for number in sorted(kept)])
+        walks = Walks([each.row for each in kept.values()])
+        return f"walked {walks.walked}, mean stones {walks.mean_stones:.1f}"
 
-
-def progress_text(folder: Any) -> str:
-    """What the bar says of the runs so far."""
-    rows = [result.row for result in folder.results.values()]
-    if not rows:
-        return "walking"
-    return f"walked {sum(row.success for row in rows)}, mean stones {sum(r.stones for r in rows) / len(rows):.1f}"
+    try:
+        made = run(scenario.walks, folder.cache, processes, note=note)
+    except KeyboardInterrupt:
+        fail(f"stopped after {len(kept)} runs; the same command goes on from there", code=130)
+    return [kept[number] for number in sorted(kept)], made
 
 
-def conclude(assembly: Any, request: EvaluationOptions, folder: Any, about: dict[str, Any]) -> dict[str, Any]:
-    """Write the summary."""
+def conclude(scenario: Any, folder: Any, results: list[Any], about: dict[str, Any]) -> dict[str, Any]:
+    """Write the tables and the summary."""
     from rabbit_experiments.summary import summarise
 
-    summary = summarise(folder.first(request.runs), assembly.controller.qp_solver)
-    summary = {"runs": request.runs, "stones": assembly.simulation.stones, **summary, **about}
+    figures = summarise(results, scenario.assembly.controller.qp_solver)
+    summary = {"runs": scenario.runs, "stones": scenario.assembly.simulation.stones, **figures, **about}
+    folder.write_runs(results)
     folder.write_summary(summary)
     return summary
 
 
-def show(summary: dict[str, Any], out: Path) -> None:
+def show(summary: dict[str, Any]) -> None:
     """The summary's head on the screen."""
     from rich.console import Console
     from rich.table import Table
@@ -144,21 +139,16 @@ def show(summary: dict[str, Any], out: Path) -> None:
     table = Table(show_header=False, title=f"{summary['runs']} runs of {summary['stones']}")
     for name in SHOWN:
         table.add_row(name, _text(summary[name]))
-    console = Console()
-    console.print(table)
-    console.print(f"written to {out}", highlight=False)
+    Console().print(table)
 
 
-def draw_first(assembly: Any, request: EvaluationOptions) -> None:
+def draw_first(scenario: Any, out: Path) -> None:
     """Walk the first run again, the same, and leave its records and pictures."""
     from rabbit_viewer.walk_pictures import draw_pictures
-    from rabbit_viewer.walk_records import RECORDS, save_records
+    from rabbit_viewer.walk_records import RECORDS
 
-    from rabbit_experiments.evaluation import episode_seeds, record_walk
-
-    walk = record_walk(assembly, episode_seeds(request.seed, 1)[0])
-    save_records(walk, request.out / RECORDS)
-    for path in draw_pictures(request.out):
+    scenario.recorded.write(scenario.recorded.do(), out / RECORDS)
+    for path in draw_pictures(out):
         print(f"drawn {path}")
 
 

@@ -70,7 +70,7 @@ def errors(given: Given, file: File) -> None:
     for walker, figures in found.items():
         show_errors(walker, figures)
     if request.out:
-        text = json.dumps({"on_walks_of": found, **describe(assembly, request.seed)[1]}, indent=2)
+        text = json.dumps({"on_walks_of": found, **describe(assembly, request.seed)}, indent=2)
         with complaints(OSError):
             request.out.parent.mkdir(parents=True, exist_ok=True)
             request.out.write_text(text, encoding="utf-8")

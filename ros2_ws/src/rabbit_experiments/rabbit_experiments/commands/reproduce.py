@@ -23,9 +23,9 @@ def reproduce(
     show: Annotated[bool, typer.Option("--list", help="the experiments, and nothing more")] = False,
 ) -> None:
     """Make the paper's figures and tables anew: DIR/results.md has its figures beside ours, with verdicts."""
+    from rabbit_experiments.engine import BackendError
     from rabbit_experiments.reproduce.catalogue import EXPERIMENTS
     from rabbit_experiments.reproduce.make_experiments import make
-    from rabbit_experiments.reproduce.runner import BackendError
     from rabbit_experiments.reproduce.table_lines import FULL, QUICK
 
     known = {each.name: each for each in EXPERIMENTS}
@@ -52,9 +52,8 @@ def reproduce(
 
 def trained_anew(wanted: Sequence[Any], out: Path, processes: int) -> Any:
     """These trainings in `out`, those that are missing made; a damaged one ends the command."""
-    from rl_trainer.session import CheckpointError
-
+    from rabbit_experiments.cache import JobError
     from rabbit_experiments.reproduce.training import retrain
 
-    with complaints(CheckpointError):
+    with complaints(JobError):
         return retrain(wanted, out / "training", processes)

@@ -10,11 +10,9 @@ from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_trainer.parameters import TrainingParameters
 
-from rabbit_experiments.conditions import TRAINING_SCALE, TRAINING_SLACK_WEIGHT
+from rabbit_experiments.conditions import TRAINING_PLANT, TRAINING_SLACK_WEIGHT
 
-POLICY = "policy.safetensors"
-PLANT = {"mass_scale": TRAINING_SCALE, "stop_at_miss": False}  # an episode ends by the robot's pose
-DEFAULTS = Defaults(always={"slack_weight": TRAINING_SLACK_WEIGHT, **PLANT})
+DEFAULTS = Defaults(always={"slack_weight": TRAINING_SLACK_WEIGHT, **TRAINING_PLANT})
 
 app = typer.Typer(add_completion=False)
 
@@ -48,6 +46,7 @@ def train(given: Given) -> None:
     from rl_trainer.parameters import paper_literal
     from rl_trainer.session import CheckpointError
 
+    from rabbit_experiments.recipes import POLICY
     from rabbit_experiments.training_setup import training
 
     parameters = given.build(TrainingParameters)
@@ -71,10 +70,9 @@ def train(given: Given) -> None:
 
 def follow(job: Any, episodes: int) -> None:
     """A bar with the newest episode's figures while the session runs."""
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+    from rabbit_experiments.engine import progress_bar
 
-    columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("{task.description}"))
-    with Progress(*columns) as progress:
+    with progress_bar() as progress:
         done = job.session.trainer.episode
         task = progress.add_task("walking", total=episodes, completed=done)
         for report in job.reports:

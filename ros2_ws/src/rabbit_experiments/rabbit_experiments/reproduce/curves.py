@@ -14,8 +14,7 @@ from rl_cbf_clf_controller.uncertainty import INPUTS
 
 from rabbit_experiments.metrics import IMPACT_TICKS
 from rabbit_experiments.reproduce.controllers import Contender
-from rabbit_experiments.reproduce.walks import Walks
-from rabbit_experiments.summary import wilson
+from rabbit_experiments.summary import Walks, wilson
 
 WIDTH = 7.2  # inches, both columns of a paper
 RATIO_TOP = (1.0, 2.0)  # of the panel, at least and at most

@@ -10,10 +10,11 @@ from rabbit_viewer import style
 
 from rabbit_experiments import provenance
 from rabbit_experiments.assembly import Assembly
-from rabbit_experiments.reproduce.jobs import Job
+from rabbit_experiments.evaluation import SeededRun
+from rabbit_experiments.recipes import POLICY, Recipe
 from rabbit_experiments.reproduce.report import Claim, Report, Table
 from rabbit_experiments.reproduce.table_lines import Found, Line, Size
-from rabbit_experiments.reproduce.training import POLICY, Recipe, that_made
+from rabbit_experiments.reproduce.training import that_made
 from rabbit_experiments.reproduce.walk_table import long_table, walk_table
 
 
@@ -47,20 +48,21 @@ class Experiment(ABC):
         """Caption and figure by name."""
         return {}
 
-    def jobs(self, size: Size) -> list[Job]:
+    def jobs(self, size: Size) -> list[SeededRun]:
         """Every run it needs."""
-        walks = [job for line in self.lines() for column in line.columns for job in line.case(size, column).jobs]
-        return walks + [line.case(size).records for line in self.recorded()]
+        scenarios = [line.scenario(size, column) for line in self.lines() for column in line.columns]
+        recorded = [line.scenario(size).recorded for line in self.recorded()]
+        return [*(job for scenario in scenarios for job in scenario.walks), *recorded]
 
     def trainings(self, size: Size) -> list[Recipe]:
         """What `--retrain` trains for it: the shipped policies that it uses."""
-        return that_made(each.policy for job in self.jobs(size) for each in (job.assembly, *job.judges))
+        return that_made(each.policy for job in self.jobs(size) for each in job.assemblies)
 
     def tables(self, found: Found) -> Sequence[Table]:
         """Of its lines."""
         return (walk_table(self.lines(), found), long_table(self.lines(), found))
 
-    def _learned(self, found: Found) -> list[Job]:
+    def _learned(self, found: Found) -> list[SeededRun]:
         """Jobs with a policy file."""
         return [job for job in self.jobs(found.size) if job.assembly.policy not in ("zero", "oracle")]
 

@@ -10,6 +10,9 @@ tick, so a judge that adapts has seen what the walker saw; its torque goes nowhe
 """
 
 from collections.abc import Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from cbf_clf_qp.rows import Rows
@@ -20,9 +23,11 @@ from rl_trainer.rollout import Record
 from scipy.optimize import linprog
 
 from rabbit_experiments.assembly import Assembly
-from rabbit_experiments.evaluation import episode
+from rabbit_experiments.evaluation import SeededRun, ended, episode
+from rabbit_experiments.summary import mean_interval
 
 INFEASIBLE = 2  # linprog's status
+RowSet = Literal["safety", "all"]
 
 
 class Feasibility(BaseModel):
@@ -34,6 +39,21 @@ class Feasibility(BaseModel):
     ticks: int
     safety: tuple[int, ...]
     all: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class JudgedWalk(SeededRun):
+    """A walk whose ticks the `judges` judge."""
+
+    judges: tuple[Assembly, ...]
+    model = Feasibility
+
+    @property
+    def assemblies(self) -> tuple[Assembly, ...]:
+        return (self.assembly, *self.judges)
+
+    def do(self) -> Feasibility:
+        return measure(self.assembly, self.judges, self.seed)
 
 
 def infeasible(rows: Sequence[Rows]) -> bool:
@@ -57,21 +77,18 @@ def measure(walker: Assembly, judges: Sequence[Assembly], seed: int) -> Feasibil
     simulation, controller = walker.build()
     asked = [_judge(assembly) for assembly in judges]
     counts = np.zeros((2, len(asked)), dtype=int)
-    ticks = 0
+    ticks: list[Record] = []
 
     def look(record: Record) -> None:
-        nonlocal ticks
-        ticks += 1
+        ticks.append(record)
         for i, judge in enumerate(asked):
             counts[:, i] += _verdicts(judge, record.state)
 
-    try:
+    with closing(simulation):
         fault = episode(simulation, controller, seed, look)
-    finally:
-        simulation.close()
-    outcome = fault.split(":")[0] or simulation.outcome.value
     safety, every = counts.tolist()
-    return Feasibility(outcome=outcome, ticks=ticks, safety=tuple(safety), all=tuple(every))
+    outcome = ended(simulation, fault, ticks)
+    return Feasibility(outcome=outcome, ticks=len(ticks), safety=tuple(safety), all=tuple(every))
 
 
 def _judge(assembly: Assembly) -> Controller:
@@ -89,3 +106,21 @@ def _verdicts(judge: Controller, state: RobotState) -> tuple[bool, bool]:
     every = infeasible(rows)
     without_clf = [block for block in rows if block.names != ("CLF",)]
     return every and infeasible(without_clf), every
+
+
+def total(walks: Sequence[Sequence[Feasibility]]) -> int:
+    """Ticks of the walks of several walkers."""
+    return sum(run.ticks for runs in walks for run in runs)
+
+
+def share(walks: Sequence[Sequence[Feasibility]], who: int, rows: RowSet) -> float:
+    """Of the ticks of these walks in which judge `who` finds its rows infeasible."""
+    return sum(getattr(run, rows)[who] for runs in walks for run in runs) / max(total(walks), 1)
+
+
+def share_text(walks: Sequence[Sequence[Feasibility]], who: int, rows: RowSet) -> str:
+    """With Student's 95% interval over the runs' own shares, where there are several."""
+    by_run = np.array([getattr(run, rows)[who] / max(run.ticks, 1) for runs in walks for run in runs])
+    interval = mean_interval(by_run)
+    text = f"{share(walks, who, rows):.2%}"
+    return text if interval is None else f"{text} ({max(0.0, interval[0]):.2%} to {min(1.0, interval[1]):.2%})"

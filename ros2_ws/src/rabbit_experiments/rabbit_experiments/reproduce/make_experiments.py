@@ -3,10 +3,10 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from rabbit_experiments.reproduce.cache import Cache
+from rabbit_experiments.cache import Cache
+from rabbit_experiments.engine import Backend, run
 from rabbit_experiments.reproduce.experiment import Experiment
 from rabbit_experiments.reproduce.page import write_page
-from rabbit_experiments.reproduce.runner import Backend, run
 from rabbit_experiments.reproduce.table_lines import Found, Size
 
 

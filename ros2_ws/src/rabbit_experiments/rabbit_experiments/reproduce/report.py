@@ -13,8 +13,8 @@ from matplotlib.figure import Figure
 from pydantic import BaseModel, ConfigDict, ValidationError
 from rabbit_viewer import style
 
-from rabbit_experiments.markdown import markdown_table
 from rabbit_experiments.reproduce.verdict import Verdict
+from rabbit_experiments.tables import markdown_table
 
 REPORT = "report.json"
 Cell = str | int | float | None

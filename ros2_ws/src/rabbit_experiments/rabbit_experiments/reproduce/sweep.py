@@ -10,7 +10,7 @@ from rabbit_experiments.reproduce.controllers import Contender
 from rabbit_experiments.reproduce.curves import rate_figure
 from rabbit_experiments.reproduce.experiment import Experiment
 from rabbit_experiments.reproduce.table_lines import Found, Line, Runs
-from rabbit_experiments.reproduce.walks import Walks
+from rabbit_experiments.summary import Walks
 
 RUNS = Runs(10, 1)  # there are many values
 

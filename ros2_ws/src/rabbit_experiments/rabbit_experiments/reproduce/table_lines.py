@@ -6,11 +6,13 @@ from typing import Any, Literal
 from rabbit_viewer.walk_records import WalkRecords
 
 from rabbit_experiments.assembly import Assembly
+from rabbit_experiments.cache import Cache, Job
 from rabbit_experiments.conditions import EVALUATION_LAG
-from rabbit_experiments.reproduce.cache import Cache
-from rabbit_experiments.reproduce.jobs import Job
+from rabbit_experiments.evaluation import Scenario
 from rabbit_experiments.reproduce.training import Trained
-from rabbit_experiments.reproduce.walks import SEED, Case, Walks
+from rabbit_experiments.summary import Walks
+
+SEED = 50001  # of every course and first state here, where a line has no other, and of nothing else
 
 
 @dataclass(frozen=True)
@@ -70,10 +72,11 @@ class Line:
     nominal: "Line | None" = None
     seed: int = SEED
 
-    def case(self, size: Size, column: Column = MAIN) -> Case:
+    def scenario(self, size: Size, column: Column = MAIN) -> Scenario:
         """Its runs on a plant."""
         plant = self.assembly.simulation.model_copy(update={"plant": column.plant, "motor_lag": column.lag})
-        return Case(size.own(replace(self.assembly, simulation=plant)), self._runs(size, column), self.what, self.seed)
+        assembly = size.own(replace(self.assembly, simulation=plant))
+        return Scenario(assembly, self._runs(size, column), self.seed, self.what)
 
     def _runs(self, size: Size, column: Column) -> int:
         if column is not MAIN:
@@ -99,18 +102,18 @@ class Found:
         """A run's; raises `LookupError` where it was not made."""
         result = self.cache.get(job)
         if result is None:
-            raise LookupError(f"{job.title}, seed {job.seed}: expected a result in {self.cache.path}")
+            raise LookupError(f"{job}: expected a result in {self.cache.path}")
         return result
 
     def policy(self, assembly: Assembly) -> str:
         """The version of its policy, a hash of the policy's bytes."""
-        return str(self.cache.identity(assembly)["policy_version"])
+        return self.cache.policy_version(assembly)
 
     def walks(self, line: Line, column: Column | None = None) -> Walks:
         """The runs of a line on a plant."""
-        return Walks([self.result(job) for job in line.case(self.size, column or self.column).jobs])
+        return Walks([self.result(job).row for job in line.scenario(self.size, column or self.column).walks])
 
     def records(self, line: Line) -> WalkRecords:
         """All ticks of a line's first run, on the main plant."""
-        records: WalkRecords = self.result(line.case(self.size).records)
+        records: WalkRecords = self.result(line.scenario(self.size).recorded)
         return records

@@ -1,10 +1,6 @@
-"""`--retrain`: the policies that experiments walk with, trained anew in `rabbit reproduce`'s folder.
+"""`--retrain`: the policies that experiments walk with, trained anew in `DIR/training`; and the log of their episodes.
 
-DIR/training/NAME-KEY/     a session of `rabbit train`, KEY the content that decides it
-DIR/training/episodes.csv  all their episodes
-
-A stopped training goes on at the episode it was in; one that is done is not made again, until its code, parameters,
-gait or libraries change.
+The log in the package, training_log.csv, is `DIR/training/episodes.csv` of the trainings that docs/results.md reports.
 """
 
 from collections.abc import Iterable, Sequence
@@ -13,100 +9,59 @@ from functools import cached_property
 from pathlib import Path
 
 from cbf_clf_qp.problem import Problem
-from rabbit_description.gait import load_gait
-from rabbit_description.plugins import modules
-from rabbit_sim.parameters import PLANTS, SimulationParameters
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-from rl_cbf_clf_controller.parameters import ControllerParameters, load_parameters
+from pydantic import BaseModel, ConfigDict
 from rl_cbf_clf_controller.uncertainty import PAPER, RL_CBF_CLF_QP
 from rl_cbf_clf_controller.weights import policy_path
-from rl_trainer.parameters import LEARNERS, TrainingParameters
+from rl_trainer.parameters import TrainingParameters
 
-from rabbit_experiments import provenance
 from rabbit_experiments.assembly import Assembly
-from rabbit_experiments.conditions import TRAINING_SCALE, TRAINING_SLACK_WEIGHT
-from rabbit_experiments.parallel import in_processes
-from rabbit_experiments.reproduce.source_files import sources_hash
-from rabbit_experiments.reproduce.training_log import Episode, read_session, write_log
+from rabbit_experiments.cache import Cache
+from rabbit_experiments.conditions import TRAINING_SCALE
+from rabbit_experiments.engine import run
+from rabbit_experiments.recipes import POLICY, Recipe
+from rabbit_experiments.tables import read_rows, write_rows
 
-SOURCES = ("rabbit_experiments.training_setup", *modules(PLANTS), *modules(LEARNERS))
-POLICY = "policy.safetensors"
-COLUMNS = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("{task.description}"))
+COMMITTED = Path(__file__).with_name("training_log.csv")
+DIGITS = 5  # of a reward
+SEEDS = (1, 2, 3)
 
 
-@dataclass(frozen=True)
-class Recipe:
-    """A training as `rabbit train` does it with these options."""
+class Episode(BaseModel):
+    """An episode, by its number from 1. `reward`: mean over the ticks kept of all terms but the penalty, zero or less.
 
-    problem: Problem
-    seed: int = 1
-    mass_scale: float = TRAINING_SCALE
-    episodes: int = TrainingParameters().episodes
+    `transitions` are all those kept so far; `sigma` in rad/s^2.
+    """
 
-    @property
-    def name(self) -> str:
-        """Of its folder, without the key."""
-        return f"{self.problem.name}-scale-{self.mass_scale:g}-seed-{self.seed}"
+    model_config = ConfigDict(frozen=True)
 
-    @property
-    def command(self) -> str:
-        """That makes the same policy."""
-        options = f"--problem {self.problem.name} --seed {self.seed} --mass-scale {self.mass_scale:g}"
-        return f"rabbit train {options} --episodes {self.episodes} --out DIR"
+    problem: str
+    mass_scale: float
+    seed: int
+    commit: str
+    episode: int
+    sigma: float
+    steps: int
+    ticks: int
+    kept: int
+    transitions: int
+    reward: float
 
-    @property
-    def parameters(self) -> TrainingParameters:
-        """Of the learner."""
-        return TrainingParameters(problem=self.problem, seed=self.seed, episodes=self.episodes)
 
-    @property
-    def controller(self) -> ControllerParameters:
-        """That walks while it learns."""
-        return load_parameters("ours", controller=self.problem.name, slack_weight=TRAINING_SLACK_WEIGHT)
-
-    @property
-    def plant(self) -> SimulationParameters:
-        """That it walks on."""
-        terrain = self.controller.terrain
-        steps = self.parameters.walking_steps
-        return SimulationParameters(mass_scale=self.mass_scale, terrain=terrain, stones=steps, stop_at_miss=False)
-
-    def folder(self, root: Path) -> Path:
-        """The session's."""
-        decides = {
-            "parameters": self.parameters.model_dump(mode="json"),
-            "controller": self.controller.model_dump(mode="json"),
-            "plant": self.plant.model_dump(mode="json"),
-            "gait": load_gait(self.controller.gait).model_dump(mode="json", exclude={"metadata"}),
-            "code": sources_hash(*SOURCES),
-            "versions": provenance.versions(),
-        }
-        return root / f"{self.name}-{provenance.content_key(decides)}"
-
-    def train(self, root: Path) -> None:
-        """Train, or go on training; raises what `training` raises."""
-        from rabbit_experiments.training_setup import training  # torch
-
-        folder = self.folder(root)
-        if (folder / POLICY).is_file():
-            return
-        with training(folder, self.parameters, self.controller, self.plant, self.command) as job:
-            for _ in job.reports:
-                pass
-            job.session.trainer.policy_file().write(folder / POLICY)
+def recipe_of(problem: Problem, seed: int = SEEDS[0], mass_scale: float = TRAINING_SCALE) -> Recipe:
+    """As the shipped policies were trained."""
+    return Recipe(TrainingParameters(problem=problem, seed=seed), mass_scale)
 
 
 SHIPPED = {  # by the name of the policy that they made
-    **{problem.name: Recipe(problem) for problem in PAPER},
-    f"{RL_CBF_CLF_QP}-scale-0.7": Recipe(RL_CBF_CLF_QP, mass_scale=0.7),
+    **{problem.name: recipe_of(problem) for problem in PAPER},
+    f"{RL_CBF_CLF_QP}-scale-0.7": recipe_of(RL_CBF_CLF_QP, mass_scale=0.7),
 }
-HALF = Recipe(RL_CBF_CLF_QP, mass_scale=0.5)  # where the paper's method fails
-SEEDS = (1, 2, 3)
+HALF = recipe_of(RL_CBF_CLF_QP, mass_scale=0.5)  # where the paper's method fails
 
 
 def recipes(quick: bool) -> list[Recipe]:
     """All that `--retrain` trains: the policies that are shipped, one at scale 0.5, and more seeds at scale 2."""
-    more = [replace(SHIPPED[problem.name], seed=seed) for seed in SEEDS[1:] for problem in PAPER]
+    more = [recipe_of(problem, seed) for seed in SEEDS[1:] for problem in PAPER]
     return [*SHIPPED.values(), HALF, *(() if quick else more)]
 
 
@@ -135,30 +90,35 @@ class Trained:
 
     def policy(self, recipe: Recipe, episode: int | None = None) -> Path:
         """The last policy's file, or the one after an episode."""
-        folder = recipe.folder(self.root)
+        folder = replace(recipe, root=self.root).folder
         return folder / POLICY if episode is None else folder / "policies" / f"{episode:03d}.safetensors"
 
     def episodes(self) -> list[Episode]:
         """Of all trainings."""
-        return [row for recipe in self.recipes for row in read_session(recipe.folder(self.root))]
+        return [row for recipe in self.recipes for row in episodes_of(recipe, Cache(self.root / "cache"))]
 
 
-def retrain(wanted: Sequence[Recipe], root: Path, jobs: int) -> Trained:
-    """Train what is not there yet, over processes of this machine, with a bar.
+def episodes_of(recipe: Recipe, cache: Cache) -> list[Episode]:
+    """The episodes of a training that is done."""
+    report, problem, transitions = cache.get(recipe), recipe.parameters.problem, 0
+    about = {"problem": problem.name, "mass_scale": recipe.mass_scale, "seed": recipe.parameters.seed}
+    rows = []
+    for number, episode in enumerate(report.episodes, start=1):
+        transitions += episode["kept"]
+        reward = round(sum(episode["reward"][name] for name in problem.quantities), DIGITS)
+        counted = {"episode": number, "transitions": transitions, "reward": reward, "commit": report.commit}
+        rows.append(Episode.model_validate({**episode, **about, **counted}))
+    return rows
 
-    Raises:
-        CheckpointError: a session's checkpoint is damaged.
-    """
-    left = [recipe for recipe in wanted if not (recipe.folder(root) / POLICY).is_file()]
-    with Progress(*COLUMNS) as progress:
-        task = progress.add_task("training", total=len(wanted), completed=len(wanted) - len(left))
-        for recipe in in_processes(_train, [(recipe, root) for recipe in left], jobs):
-            progress.update(task, advance=1, description=recipe.name)
+
+def retrain(wanted: Sequence[Recipe], root: Path, processes: int) -> Trained:
+    """Train what is not there yet, over processes of this machine; raises `JobError` where one cannot go on."""
+    run([replace(recipe, root=root, title=recipe.name) for recipe in wanted], Cache(root / "cache"), processes)
     trained = Trained(root, tuple(wanted))
-    write_log(trained.episodes(), root / "episodes.csv")
+    write_rows(root / "episodes.csv", Episode, trained.episodes())
     return trained
 
 
-def _train(recipe: Recipe, root: Path) -> Recipe:
-    recipe.train(root)
-    return recipe
+def read_log(path: Path = COMMITTED) -> list[Episode]:
+    """The episodes in a log."""
+    return read_rows(path, Episode)

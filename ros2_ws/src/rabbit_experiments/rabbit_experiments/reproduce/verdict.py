@@ -3,8 +3,6 @@
 from collections.abc import Mapping
 from enum import StrEnum
 
-ENOUGH = 0.9  # share of runs from which something "walks"
-
 
 class Verdict(StrEnum):
     """Of a claim."""

@@ -2,12 +2,10 @@
 
 from collections.abc import Sequence
 
-from rabbit_experiments.reproduce.evaluate_commands import evaluate_command
+from rabbit_experiments.command_lines import evaluate_command
 from rabbit_experiments.reproduce.report import Cell, Table
-from rabbit_experiments.reproduce.table_lines import COLUMNS, Found, Line
+from rabbit_experiments.reproduce.table_lines import COLUMNS, Column, Found, Line
 from rabbit_experiments.reproduce.verdict import Verdict
-from rabbit_experiments.reproduce.walks import Case, Walks
-from rabbit_experiments.summary import falls
 
 SUMMED = (
     *("ticks", "ticks_over_cone", "ticks_over_cone_at_impact", "ticks_lost", "ticks_lost_at_impact"),
@@ -29,7 +27,7 @@ def walk_table(lines: Sequence[Line], found: Found) -> Table:
         main = found.walks(line)
         forces = f"{main.total('ticks_over_cone')}, {main.total('ticks_lost')} of {main.total('ticks')}"
         cells = [found.walks(line, column).text if column in line.columns else None for column in plants]
-        command = f"`{evaluate_command(line.case(found.size))}`"
+        command = f"`{evaluate_command(line.scenario(found.size))}`"
         head = (line.what, *(line.paper,) * paper, *cells, *(shows(line, found),) * nominal)
         rows.append((*head, forces, f"{main.max_ratio:.2f}", command))
     return Table(name="walks", columns=columns, rows=tuple(rows))
@@ -49,18 +47,18 @@ def long_table(lines: Sequence[Line], found: Found) -> Table:
         *("mean_stones", "mean_low95", "mean_high95", "std_stones", "max_force_ratio", "rms_y", "rms_dy"),
         *(*SUMMED, "falls", "command"),
     )
-    cases = [(line, column, line.case(found.size, column)) for line in lines for column in line.columns]
-    rows = tuple(_long_row(line.what, case, found.walks(line, column), found) for line, column, case in cases)
+    rows = tuple(_long_row(line, column, found) for line in lines for column in line.columns)
     return Table(name="runs", columns=columns, rows=rows, long=True)
 
 
-def _long_row(what: str, case: Case, walks: Walks, found: Found) -> tuple[Cell, ...]:
-    plant, policy = case.assembly.simulation, found.policy(case.assembly)
+def _long_row(line: Line, column: Column, found: Found) -> tuple[Cell, ...]:
+    walks, scenario = found.walks(line, column), line.scenario(found.size, column)
+    policy = found.policy(scenario.assembly)
     return (
-        *(what, plant.plant, plant.motor_lag, policy, case.seed, walks.runs, walks.walked),
+        *(line.what, column.plant, column.lag, policy, scenario.seed, walks.runs, walks.walked),
         *(*walks.interval, walks.with_forces, walks.mean_stones, *(walks.stones_interval or (None, None))),
         *(walks.std_stones, walks.max_ratio, walks.rms("rms_y"), walks.rms("rms_dy")),
         *(walks.total(name) for name in SUMMED),
-        "; ".join(f"{kind} {count}" for kind, count in sorted(falls(walks.rows).items())),
-        evaluate_command(case),
+        "; ".join(f"{kind} {count}" for kind, count in sorted(walks.falls.items())),
+        evaluate_command(scenario),
     )

@@ -8,16 +8,13 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rabbit_experiments.assembly import Assembly
-from rabbit_experiments.evaluation import episode_seeds
+from rabbit_experiments.evaluation import SeededRun, episode_seeds
 from rabbit_experiments.reproduce.controllers import CBF_CLF, CBF_CLF_ORACLE, RL_CBF_CLF
 from rabbit_experiments.reproduce.experiment import Experiment
-from rabbit_experiments.reproduce.feasibility import Feasibility
-from rabbit_experiments.reproduce.infeasible_shares import share, total
-from rabbit_experiments.reproduce.jobs import Job
+from rabbit_experiments.reproduce.feasibility import Feasibility, JudgedWalk, share, total
 from rabbit_experiments.reproduce.report import Cell, Claim, Table
-from rabbit_experiments.reproduce.table_lines import Found, Line, Size
+from rabbit_experiments.reproduce.table_lines import SEED, Found, Line, Size
 from rabbit_experiments.reproduce.verdict import Verdict, judge
-from rabbit_experiments.reproduce.walks import SEED
 
 WALKERS = (CBF_CLF, RL_CBF_CLF, CBF_CLF_ORACLE)
 STEPS = 5  # a walk
@@ -52,7 +49,7 @@ class ClfAssumption(Experiment):
     def lines(self) -> Sequence[Line]:
         return ()
 
-    def jobs(self, size: Size) -> list[Job]:
+    def jobs(self, size: Size) -> list[SeededRun]:
         return [job for name in PLANTS for jobs in self._jobs(size, name) for job in jobs]
 
     def tables(self, found: Found) -> Sequence[Table]:
@@ -85,14 +82,14 @@ class ClfAssumption(Experiment):
             ),
         ]
 
-    def _jobs(self, size: Size, name: str) -> list[list[Job]]:
+    def _jobs(self, size: Size, name: str) -> list[list[SeededRun]]:
         """Jobs of each walker on a plant."""
         plant: dict[str, Any] = {**PLANTS[name], "stones": STEPS}
         judges: tuple[Assembly, ...] = tuple(CBF_CLF_ORACLE.assembly(rows, **plant) for rows in ROWS.values())
         seeds = episode_seeds(SEED, 1 if size.quick else 3).values()
         walkers = [size.own(each.assembly(**plant)) for each in WALKERS]
         return [
-            [Job("feasibility", walker, seed, judges, f"{self.name}, {name}") for seed in seeds] for walker in walkers
+            [JudgedWalk(walker, seed, judges, title=f"{self.name}, {name}") for seed in seeds] for walker in walkers
         ]
 
     def _walks(self, found: Found, name: str) -> list[list[Feasibility]]:

@@ -13,8 +13,9 @@ from rabbit_experiments.reproduce.controllers import Contender
 from rabbit_experiments.reproduce.experiment import Experiment
 from rabbit_experiments.reproduce.report import Claim, Table
 from rabbit_experiments.reproduce.table_lines import MAIN, Found, Line, Runs
-from rabbit_experiments.reproduce.verdict import ENOUGH, Verdict
+from rabbit_experiments.reproduce.verdict import Verdict
 from rabbit_experiments.reproduce.walk_table import long_table
+from rabbit_experiments.summary import ENOUGH
 
 LIBRARY = {"gait": "paper_stones"}  # presses on the ground under every payload (gaits.md), and so does this one:
 GAIT = {"gait": "stones_0350_084"}

@@ -10,18 +10,16 @@ from rabbit_viewer import style
 
 from rabbit_experiments.assembly import Assembly
 from rabbit_experiments.conditions import TRAINING_SCALE
-from rabbit_experiments.evaluation import episode_seeds
+from rabbit_experiments.evaluation import SeededRun, episode_seeds
+from rabbit_experiments.recipes import Recipe
 from rabbit_experiments.reproduce.controllers import CBF_CLF, CBF_CLF_ORACLE, RL_CBF_CLF
 from rabbit_experiments.reproduce.curves import WIDTH
 from rabbit_experiments.reproduce.experiment import Experiment
-from rabbit_experiments.reproduce.feasibility import Feasibility
-from rabbit_experiments.reproduce.infeasible_shares import RowSet, share
-from rabbit_experiments.reproduce.jobs import Job
+from rabbit_experiments.reproduce.feasibility import Feasibility, JudgedWalk, RowSet, share
 from rabbit_experiments.reproduce.report import Cell, Claim, Table
-from rabbit_experiments.reproduce.table_lines import Found, Line, Size
-from rabbit_experiments.reproduce.training import Recipe, Trained, recipes
+from rabbit_experiments.reproduce.table_lines import SEED, Found, Line, Size
+from rabbit_experiments.reproduce.training import Trained, recipes
 from rabbit_experiments.reproduce.verdict import Verdict, judge
-from rabbit_experiments.reproduce.walks import SEED
 
 EPISODES = (1, 2, 3, 4, 5, 6, 8, 10, 12, 15, 18)
 WALKERS = (CBF_CLF, RL_CBF_CLF, CBF_CLF_ORACLE)  # whose walks are the common states
@@ -57,7 +55,7 @@ class FeasibilityByEpisode(Experiment):
         """Those of the stepping stones' problem."""
         return _on_stones(recipes(size.quick))
 
-    def jobs(self, size: Size) -> list[Job]:
+    def jobs(self, size: Size) -> list[SeededRun]:
         """None without trainings."""
         if not size.trained:
             return []
@@ -65,10 +63,13 @@ class FeasibilityByEpisode(Experiment):
         judges = (CBF_CLF.assembly(**plant), CBF_CLF_ORACLE.assembly(**plant), *_judges(size.trained))
         walkers = [size.own(each.assembly(**plant)) for each in WALKERS]
         seeds = episode_seeds(SEED, 1 if size.quick else 3).values()
-        return [Job("feasibility", walker, seed, judges, self.name) for walker in walkers for seed in seeds]
+        return [JudgedWalk(walker, seed, judges, title=self.name) for walker in walkers for seed in seeds]
 
     def tables(self, found: Found) -> Sequence[Table]:
-        columns = ("rows of", *(f"{SETS[rows]}, seed {recipe.seed}" for rows in SETS for recipe in _recipes(found)))
+        columns = (
+            "rows of",
+            *(f"{SETS[rows]}, seed {recipe.parameters.seed}" for rows in SETS for recipe in _recipes(found)),
+        )
         baselines = [
             (each.title, *(f"{self._share(found, i, rows):.2%}" for rows in SETS for _ in _recipes(found)))
             for i, each in enumerate((CBF_CLF, CBF_CLF_ORACLE))
@@ -139,7 +140,7 @@ def _recipes(found: Found) -> list[Recipe]:
 
 def _on_stones(trainings: Sequence[Recipe]) -> list[Recipe]:
     """Those of the stepping stones' problem at scale 2."""
-    own = [recipe for recipe in trainings if recipe.problem.name == RL_CBF_CLF.controller]
+    own = [recipe for recipe in trainings if recipe.parameters.problem.name == RL_CBF_CLF.controller]
     return [recipe for recipe in own if recipe.mass_scale == TRAINING_SCALE]
 
 

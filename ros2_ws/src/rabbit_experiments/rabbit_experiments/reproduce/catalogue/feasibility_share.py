@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from rabbit_experiments.evaluation import episode_seeds
+from rabbit_experiments.evaluation import SeededRun, episode_seeds
 from rabbit_experiments.reproduce.controllers import (
     CBF_CLF,
     CBF_CLF_ORACLE,
@@ -14,13 +14,10 @@ from rabbit_experiments.reproduce.controllers import (
     Contender,
 )
 from rabbit_experiments.reproduce.experiment import Experiment
-from rabbit_experiments.reproduce.feasibility import Feasibility
-from rabbit_experiments.reproduce.infeasible_shares import RowSet, share, share_text, total
-from rabbit_experiments.reproduce.jobs import Job
+from rabbit_experiments.reproduce.feasibility import Feasibility, JudgedWalk, RowSet, share, share_text, total
 from rabbit_experiments.reproduce.report import Cell, Claim, Table
-from rabbit_experiments.reproduce.table_lines import COLUMNS, Column, Found, Line, Size
+from rabbit_experiments.reproduce.table_lines import COLUMNS, SEED, Column, Found, Line, Size
 from rabbit_experiments.reproduce.verdict import judge
-from rabbit_experiments.reproduce.walks import SEED
 
 GROUPS = {"stones": (RL_CBF_CLF, CBF_CLF, ROBUST, CBF_CLF_ORACLE), "flat": (RL_CLF, CLF, CLF_ORACLE)}
 STEPS = 10  # a walk
@@ -45,7 +42,7 @@ class FeasibilityShare(Experiment):
     def lines(self) -> Sequence[Line]:
         return ()
 
-    def jobs(self, size: Size) -> list[Job]:
+    def jobs(self, size: Size) -> list[SeededRun]:
         return [
             job for group in GROUPS for column in COLUMNS for jobs in self._jobs(size, group, column) for job in jobs
         ]
@@ -83,13 +80,13 @@ class FeasibilityShare(Experiment):
             )
         ]
 
-    def _jobs(self, size: Size, group: str, column: Column) -> list[list[Job]]:
+    def _jobs(self, size: Size, group: str, column: Column) -> list[list[SeededRun]]:
         """Jobs of each walker of a group."""
         plant = {"mass_scale": 2.0, "stones": STEPS, "plant": column.plant, "motor_lag": column.lag}
         assemblies = tuple(size.own(each.assembly(**plant)) for each in GROUPS[group])
         seeds = episode_seeds(SEED, max(1, size.runs // 2)).values()
         return [
-            [Job("feasibility", assembly, seed, assemblies, f"feasibility, {column.title}") for seed in seeds]
+            [JudgedWalk(assembly, seed, assemblies, title=f"feasibility, {column.title}") for seed in seeds]
             for assembly in assemblies
         ]
 

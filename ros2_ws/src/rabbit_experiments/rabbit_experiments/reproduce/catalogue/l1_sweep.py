@@ -19,7 +19,7 @@ from rabbit_experiments.reproduce.table_lines import MAIN, Found, Line, Runs
 from rabbit_experiments.reproduce.ten_steps import STEPS
 from rabbit_experiments.reproduce.verdict import Verdict, judge
 from rabbit_experiments.reproduce.walk_table import long_table, walk_table
-from rabbit_experiments.reproduce.walks import Walks
+from rabbit_experiments.summary import Walks
 
 SCALES = (1.2, 2.0)
 GAINS = (0.01, 0.1, 1.0, 100.0, 1e4)

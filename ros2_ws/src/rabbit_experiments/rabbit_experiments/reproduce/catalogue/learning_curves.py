@@ -18,14 +18,14 @@ from rl_trainer.parameters import TrainingParameters
 
 from rabbit_experiments.assembly import Assembly
 from rabbit_experiments.conditions import EVALUATION_LAG, TRAINING_SCALE
+from rabbit_experiments.evaluation import SeededRun
+from rabbit_experiments.recipes import Recipe
 from rabbit_experiments.reproduce.controllers import IO_RL, RL_CBF_CLF, RL_CLF, Contender
 from rabbit_experiments.reproduce.curves import WIDTH
 from rabbit_experiments.reproduce.experiment import Experiment
-from rabbit_experiments.reproduce.jobs import Job
 from rabbit_experiments.reproduce.report import Cell, Claim, Table
 from rabbit_experiments.reproduce.table_lines import MAIN, Found, Line, Size
-from rabbit_experiments.reproduce.training import Recipe, recipes
-from rabbit_experiments.reproduce.training_log import COMMITTED, Episode, read_log
+from rabbit_experiments.reproduce.training import Episode, read_log, recipe_of, recipes
 from rabbit_experiments.reproduce.verdict import judge
 
 PAPER = {IO_RL: 110, RL_CLF: 79, RL_CBF_CLF: 133}  # episodes of the final agent
@@ -57,8 +57,8 @@ class LearningCurves(Experiment):
         """All."""
         return recipes(size.quick)
 
-    def jobs(self, size: Size) -> list[Job]:
-        return [job for line in trained_lines(size).values() for job in line.case(size).jobs]
+    def jobs(self, size: Size) -> list[SeededRun]:
+        return [job for line in trained_lines(size).values() for job in line.scenario(size).walks]
 
     def tables(self, found: Found) -> Sequence[Table]:
         walks = {recipe: found.walks(line).text for recipe, line in trained_lines(found.size).items()}
@@ -98,7 +98,7 @@ class LearningCurves(Experiment):
 
 def sessions(size: Size) -> list[Session]:
     """Every training, in the order of the log."""
-    rows = size.trained.episodes() if size.trained else read_log(COMMITTED)
+    rows = size.trained.episodes() if size.trained else read_log()
     return [tuple(group) for _, group in groupby(rows, key=lambda row: (row.problem, row.mass_scale, row.seed))]
 
 
@@ -122,7 +122,7 @@ def trained_lines(size: Size) -> dict[Recipe, Line]:
 
 @cache
 def _assembly(recipe: Recipe, policy: Path) -> Assembly:
-    controller = load_parameters("ours", controller=recipe.problem.name)
+    controller = load_parameters("ours", controller=recipe.parameters.problem.name)
     terrain = controller.terrain
     plant = SimulationParameters(mass_scale=recipe.mass_scale, motor_lag=EVALUATION_LAG, terrain=terrain)
     return Assembly(plant, controller, str(policy))
@@ -151,7 +151,7 @@ def span(values: Sequence[int | None]) -> str:
 
 def _row(session: Session, walks: dict[Recipe, str]) -> tuple[Cell, ...]:
     end = session[-1]
-    recipe = Recipe(find_problem(end.problem), end.seed, end.mass_scale)
+    recipe = recipe_of(find_problem(end.problem), end.seed, end.mass_scale)
     marks = (first_whole(session), settled(session))
     head = (end.problem, f"{end.mass_scale:g}", end.seed, end.episode, end.transitions)
     return (*head, *marks, walks.get(recipe), end.commit[:12] + "+" * end.commit.endswith("+"))

@@ -8,7 +8,7 @@ from rabbit_experiments.reproduce.experiment import Experiment
 from rabbit_experiments.reproduce.report import Claim
 from rabbit_experiments.reproduce.table_lines import Found, Line, Runs
 from rabbit_experiments.reproduce.verdict import judge
-from rabbit_experiments.reproduce.walks import Walks
+from rabbit_experiments.summary import Walks
 
 PAPER_MEAN, PAPER_STD = 5.6, 4.64
 PAPER_RUNS = Runs(10, 10)

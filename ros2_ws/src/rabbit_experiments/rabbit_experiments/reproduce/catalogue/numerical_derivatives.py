@@ -14,9 +14,8 @@ from rabbit_experiments.reproduce.curves import WIDTH
 from rabbit_experiments.reproduce.differentiation import METHODS, QUANTITIES, relative_errors, steps
 from rabbit_experiments.reproduce.experiment import Experiment
 from rabbit_experiments.reproduce.report import Cell, Claim, Table
-from rabbit_experiments.reproduce.table_lines import MAIN, Found, Line
+from rabbit_experiments.reproduce.table_lines import MAIN, SEED, Found, Line
 from rabbit_experiments.reproduce.verdict import Verdict
-from rabbit_experiments.reproduce.walks import SEED
 
 NOISE = (0.0, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.4)  # rad/s
 USUAL = 0.15  # the error that an estimate may have, docs/results.md

@@ -7,7 +7,8 @@ from rabbit_experiments.reproduce.controllers import CBF_CLF, CBF_CLF_ORACLE, RL
 from rabbit_experiments.reproduce.report import Claim
 from rabbit_experiments.reproduce.sweep import Sweep, largest_text
 from rabbit_experiments.reproduce.table_lines import Found
-from rabbit_experiments.reproduce.verdict import ENOUGH, judge, missing
+from rabbit_experiments.reproduce.verdict import judge, missing
+from rabbit_experiments.summary import ENOUGH
 
 RANGE = (43.0, 72.0)  # kg
 

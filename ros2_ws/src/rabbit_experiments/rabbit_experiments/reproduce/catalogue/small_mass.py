@@ -20,7 +20,7 @@ from rabbit_experiments.reproduce.experiment import Experiment
 from rabbit_experiments.reproduce.report import Claim
 from rabbit_experiments.reproduce.table_lines import MAIN, Found, Line, Runs
 from rabbit_experiments.reproduce.verdict import Verdict, judge
-from rabbit_experiments.reproduce.walks import Walks
+from rabbit_experiments.summary import Walks
 
 WHO = {"flat": (RL_CLF, CLF, CLF_ORACLE), "stones": (RL_CBF_CLF, CBF_CLF, CBF_CLF_ORACLE)}
 NOMINAL = {each: row[1] for row in WHO.values() for each in row}

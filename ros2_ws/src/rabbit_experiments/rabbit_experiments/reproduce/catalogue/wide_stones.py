@@ -18,7 +18,7 @@ from rabbit_experiments.reproduce.experiment import Experiment
 from rabbit_experiments.reproduce.report import Claim, Table
 from rabbit_experiments.reproduce.table_lines import MAIN, Found, Line, Runs
 from rabbit_experiments.reproduce.verdict import Verdict
-from rabbit_experiments.reproduce.walks import Walks
+from rabbit_experiments.summary import Walks
 
 LIBRARY, SINGLE = "wide", "stones_0350_084"
 RUNS = Runs(10, 3)

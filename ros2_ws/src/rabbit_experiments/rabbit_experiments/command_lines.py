@@ -1,4 +1,4 @@
-"""The `rabbit evaluate` command that makes the runs of a case by themselves."""
+"""The command of a user that does the same: `rabbit evaluate` for a scenario; options for what differs in a model."""
 
 import shlex
 from pathlib import Path
@@ -11,31 +11,23 @@ from rl_cbf_clf_controller.weights import policy_path
 
 from rabbit_experiments.assembly import Assembly, resolve_policy, shipped_policies
 from rabbit_experiments.conditions import EVALUATION_LAG
-from rabbit_experiments.reproduce.walks import Case
+from rabbit_experiments.evaluation import Scenario
 
 
-def evaluate_command(case: Case) -> str:
+def evaluate_command(scenario: Scenario) -> str:
     """Every option that is not `rabbit evaluate`'s own default."""
-    assembly = case.assembly
+    assembly = scenario.assembly
     law, plant = assembly.controller, assembly.simulation
     terrain = law.terrain
     usual_law = load_parameters("ours", controller=law.controller)
     usual_plant = SimulationParameters(motor_lag=EVALUATION_LAG, terrain=terrain)
     words = ["rabbit", "evaluate", "--controller", law.controller, *_policy(assembly)]
     words += ["--nominal", ",".join(assembly.nominal)] if assembly.nominal else []
-    words += _changes(plant, usual_plant) + _changes(law, usual_law, but=SimulationParameters)
-    return shlex.join([*words, "--runs", str(case.runs), "--seed", str(case.seed), "--out", "DIR"])
+    words += changed_options(plant, usual_plant) + changed_options(law, usual_law, but=SimulationParameters)
+    return shlex.join([*words, "--runs", str(scenario.runs), "--seed", str(scenario.seed), "--out", "DIR"])
 
 
-def _policy(assembly: Assembly) -> list[str]:
-    own = assembly.controller.controller in shipped_policies() or not assembly.controller.learns
-    if own and assembly.policy == resolve_policy(None, assembly.controller):
-        return []
-    name = Path(assembly.policy).stem
-    return ["--policy", name if assembly.policy == str(policy_path(name)) else assembly.policy]
-
-
-def _changes(model: BaseModel, usual: BaseModel, but: type[BaseModel] | None = None) -> list[str]:
+def changed_options(model: BaseModel, usual: BaseModel, but: type[BaseModel] | None = None) -> list[str]:
     """Options of the fields that differ, `but` those another model has as well."""
     words: list[str] = []
     for name in type(model).model_fields:
@@ -46,5 +38,19 @@ def _changes(model: BaseModel, usual: BaseModel, but: type[BaseModel] | None = N
         if isinstance(value, bool):
             words.append(f"--{option}" if value else f"--no-{option}")
         else:
-            words += [f"--{option}", f"{value:g}" if isinstance(value, float) else str(value)]
+            words += [f"--{option}", _text(value)]
     return words
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, tuple):
+        return ",".join(map(_text, value))
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _policy(assembly: Assembly) -> list[str]:
+    own = assembly.controller.controller in shipped_policies() or not assembly.controller.learns
+    if own and assembly.policy == resolve_policy(None, assembly.controller):
+        return []
+    name = Path(assembly.policy).stem
+    return ["--policy", name if assembly.policy == str(policy_path(name)) else assembly.policy]

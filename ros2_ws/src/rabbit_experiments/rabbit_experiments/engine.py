@@ -1,0 +1,96 @@
+"""The engine of all seeded runs: does the jobs that a cache lacks, over processes or machines, and keeps each result.
+
+run(Scenario(assembly, runs=50, seed=9001).walks, Cache(Path("runs/nominal/cache")), processes=2)
+"""
+
+import signal
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, Literal
+
+import joblib
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+from rabbit_experiments.cache import Cache, Job, JobError
+
+Backend = Literal["loky", "ray"]
+ROUND = 8  # jobs a process between two returns of Ray, which hands nothing back before a round is over
+
+
+class BackendError(RuntimeError):
+    """A joblib backend that is not there."""
+
+
+def run(
+    jobs: Sequence[Job],
+    cache: Cache,
+    processes: int = 1,
+    backend: Backend = "loky",
+    note: Callable[[Any, Any], str] = lambda job, _: str(job.title),
+) -> int:
+    """Do what the cache lacks, with a bar; returns how many were done. Ctrl-C loses only jobs under way.
+
+    One process does them here and in order. `note(job, result)` is called once a result is kept; it returns what the
+    bar says.
+
+    Raises:
+        BackendError: Ray is asked for and not installed.
+        JobError: of the first job that had no result, when the others are done.
+    """
+    unique = list({cache.key(job): job for job in jobs}.values())
+    left = [job for job in unique if cache.get(job) is None]
+    errors: list[JobError] = []
+    with progress_bar() as bar:
+        task = bar.add_task("", total=len(unique), completed=len(unique) - len(left))
+        for job, result in _results(left, processes, backend):
+            if isinstance(result, JobError):
+                errors.append(result)
+                bar.console.print(result, highlight=False, soft_wrap=True)
+                continue
+            cache.put(job, result)
+            bar.update(task, advance=1, description=note(job, result))
+    if errors:
+        raise errors[0]
+    return len(left)
+
+
+def progress_bar() -> Progress:
+    """Done, of all, times, and a text."""
+    times = TimeElapsedColumn(), TimeRemainingColumn()
+    return Progress(BarColumn(), MofNCompleteColumn(), *times, TextColumn("{task.description}"))
+
+
+def _results(left: Sequence[Job], processes: int, backend: Backend) -> Iterator[tuple[Job, Any]]:
+    """Jobs with their results, in the order in which they end."""
+    if backend == "ray":
+        yield from _through_ray(left, processes)
+    elif processes == 1 or len(left) <= 1:
+        yield from map(_do, left)
+    else:
+        with joblib.parallel_config(backend="loky", n_jobs=processes, inner_max_num_threads=1):
+            parallel = joblib.Parallel(return_as="generator_unordered", batch_size=1, pre_dispatch="n_jobs")
+            yield from parallel(joblib.delayed(_in_worker)(job) for job in left)
+
+
+def _through_ray(left: Sequence[Job], processes: int) -> Iterator[tuple[Job, Any]]:
+    """The cluster that RAY_ADDRESS names, or one on this machine; every machine has the same installation."""
+    try:
+        from ray.util.joblib import register_ray
+    except ImportError as error:
+        raise BackendError("--backend ray: expected Ray: pip install 'rabbit_experiments[ray]'") from error
+    register_ray()
+    with joblib.parallel_config(backend="ray", n_jobs=processes):
+        for first in range(0, len(left), ROUND * processes):
+            some = left[first : first + ROUND * processes]
+            yield from joblib.Parallel(batch_size=1)(joblib.delayed(_do)(job) for job in some)
+
+
+def _do(job: Job) -> tuple[Job, Any]:
+    try:
+        return job, job.do()
+    except JobError as error:
+        return job, error
+
+
+def _in_worker(job: Job) -> tuple[Job, Any]:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole group; the parent ends the workers
+    return _do(job)

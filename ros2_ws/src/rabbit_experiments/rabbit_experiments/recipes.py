@@ -1,0 +1,109 @@
+"""Trainings as jobs of the engine: each in a folder of its own, where one that was stopped goes on.
+
+ROOT/NAME-KEY/                 a session of `rabbit train`, KEY the hash of all that decides it
+ROOT/NAME-KEY/episodes.jsonl   a report an episode
+"""
+
+import json
+import math
+import shlex
+import time
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import BaseModel
+from rabbit_description.gait_library import load_gaits
+from rabbit_sim.parameters import SimulationParameters
+from rl_cbf_clf_controller.parameters import ControllerParameters, load_parameters
+from rl_cbf_clf_controller.scene import ControllerError
+from rl_trainer.parameters import TrainingParameters
+
+from rabbit_experiments import provenance
+from rabbit_experiments.assembly import UNWALKED
+from rabbit_experiments.cache import COMPUTING, Job, JobError, job_key
+from rabbit_experiments.command_lines import changed_options
+from rabbit_experiments.conditions import TRAINING_PLANT, TRAINING_SCALE, TRAINING_SLACK_WEIGHT
+
+POLICY, EPISODES = "policy.safetensors", "episodes.jsonl"
+
+
+class TrainingReport(BaseModel):
+    """`episodes` has the `EpisodeReport` of each, and the `seconds` that it took."""
+
+    commit: str
+    transitions: int
+    episodes: list[dict[str, Any]]
+
+
+@dataclass(frozen=True)
+class Recipe(Job):
+    """A training as `rabbit train` does it; it ends with its number of episodes, or once it has `transitions`."""
+
+    parameters: TrainingParameters
+    mass_scale: float = TRAINING_SCALE
+    transitions: float = math.inf
+    root: Path = field(default=Path("runs/training"), compare=False)
+    model = TrainingReport
+    libraries = (*COMPUTING, "torch")
+
+    @property
+    def name(self) -> str:
+        """Of its folder, without the key."""
+        return f"{self.parameters.problem}-scale-{self.mass_scale:g}-seed-{self.parameters.seed}"
+
+    @property
+    def command(self) -> str:
+        """That makes the same policy."""
+        changes = changed_options(self.parameters, TrainingParameters())
+        return shlex.join(["rabbit", "train", *changes, "--mass-scale", f"{self.mass_scale:g}", "--out", "DIR"])
+
+    @property
+    def controller(self) -> ControllerParameters:
+        """That walks while it learns."""
+        return load_parameters("ours", controller=self.parameters.problem.name, slack_weight=TRAINING_SLACK_WEIGHT)
+
+    @property
+    def plant(self) -> SimulationParameters:
+        """That it walks on."""
+        course = {"terrain": self.controller.terrain, "stones": self.parameters.walking_steps}
+        return SimulationParameters.model_validate({**TRAINING_PLANT, **course, "mass_scale": self.mass_scale})
+
+    @property
+    def folder(self) -> Path:
+        """The session's."""
+        return self.root / f"{self.name}-{job_key(self)}"
+
+    def identity(self) -> dict[str, Any]:
+        gait = load_gaits(self.controller.gait).model_dump(mode="json", exclude=UNWALKED)
+        return {**super().identity(), "controller": self.controller, "plant": self.plant, "gait": gait}
+
+    def do(self) -> TrainingReport:
+        from rl_trainer.session import CheckpointError  # torch
+
+        try:
+            episodes = list(self._train())
+        except (CheckpointError, ControllerError, np.linalg.LinAlgError) as error:
+            raise JobError(f"{self.title or self.name}: {error}") from error
+        transitions = sum(episode["kept"] for episode in episodes)
+        return TrainingReport(commit=provenance.commit(), transitions=transitions, episodes=episodes)
+
+    def _train(self) -> Iterator[dict[str, Any]]:
+        """Train, or go on training; the reports of all episodes."""
+        from rabbit_experiments.training_setup import training  # torch
+
+        with (
+            training(self.folder, self.parameters, self.controller, self.plant, self.command) as job,
+            (self.folder / EPISODES).open("a+") as log,
+        ):
+            trainer = job.session.trainer
+            while trainer.episode < self.parameters.episodes and trainer.transitions < self.transitions:
+                start = time.perf_counter()
+                report = next(job.reports)
+                log.write(json.dumps({**asdict(report), "seconds": time.perf_counter() - start}) + "\n")
+                log.flush()
+            trainer.policy_file().write(self.folder / POLICY)
+            log.seek(0)
+            yield from map(json.loads, log)

@@ -1,0 +1,31 @@
+"""Tables: CSV with a row for each object of a model, and Markdown."""
+
+import csv
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import TypeVar
+
+from pydantic import BaseModel
+from rabbit_description.atomic_file import replacing
+
+Model = TypeVar("Model", bound=BaseModel)
+
+
+def write_rows(path: Path, model: type[BaseModel], rows: Iterable[BaseModel]) -> None:
+    """Write a CSV file, at once or not at all, with a column for each field of `model`."""
+    with replacing(path) as partial, partial.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.DictWriter(file, fieldnames=list(model.model_fields))
+        writer.writeheader()
+        writer.writerows(row.model_dump() for row in rows)
+
+
+def read_rows(path: Path, model: type[Model]) -> list[Model]:
+    """The rows of such a file; raises `OSError` or `ValueError` where it is none."""
+    with path.open(encoding="utf-8", newline="") as file:
+        return [model.model_validate(row) for row in csv.DictReader(file)]
+
+
+def markdown_table(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A line for the columns, a rule, and a line for each row."""
+    lines = [columns, ("---",) * len(columns), *rows]
+    return "".join(f"| {' | '.join(line)} |\n" for line in lines)

@@ -1,0 +1,64 @@
+"""Results that are kept are found again by `RESULTS_VERSION`; so it has to be raised when the numbers move.
+
+reference_walks.json has the figures of three short walks, and the version they were made with. When they move on
+purpose, raise RESULTS_VERSION and write the file again:
+
+    python ros2_ws/src/rabbit_experiments/test/test_results_version.py
+"""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rabbit_experiments.assembly import Assembly
+from rabbit_experiments.cache import RESULTS_VERSION
+from rabbit_experiments.evaluation import walk
+from rabbit_experiments.reproduce.controllers import CBF_CLF, L1_CLF, RL_CBF_CLF
+
+REFERENCE = Path(__file__).with_name("reference_walks.json")
+SEED = 7301
+WALKS = {
+    "nominal, twice the mass": CBF_CLF.assembly(mass_scale=2.0, stones=3),
+    "learned, identified, twice the mass": RL_CBF_CLF.with_policy("universal").assembly(
+        {"adaptation": "identification", "objective": "pd_centred"}, mass_scale=2.0, stones=2
+    ),
+    "L1, flat ground, rigid plant": L1_CLF.assembly(mass_scale=1.5, stones=2, plant="rigid"),
+}
+FIGURES = {"outcome", "stones", "ticks", "worst_margin", "max_force_ratio", "min_normal_force", "rms_y", "max_torque"}
+AGAIN = f"run `python {Path(__file__).name}`"
+ADVICE = (
+    "The numbers of seeded walks moved. If that was not meant, find out why. If it was: raise RESULTS_VERSION in "
+    f"rabbit_experiments/cache.py, so that no result of the old numbers is found again, and {AGAIN}."
+)
+
+
+def figures(assembly: Assembly) -> dict[str, Any]:
+    """Of the reference run; JSON has no NaN."""
+    row = walk(assembly, 0, SEED).row.model_dump(include=FIGURES)
+    return {name: None if value != value else value for name, value in row.items()}
+
+
+def test_the_reference_walks_are_of_this_version() -> None:
+    held = json.loads(REFERENCE.read_text())["results_version"]
+    assert held == RESULTS_VERSION, f"{REFERENCE.name} is of version {held}: {AGAIN}"
+
+
+@pytest.mark.parametrize("name", WALKS)
+def test_numbers_move_only_with_the_version(name: str) -> None:
+    held = json.loads(REFERENCE.read_text())["walks"][name]
+    for figure, value in figures(WALKS[name]).items():
+        expected = pytest.approx(held[figure], rel=1e-6) if isinstance(value, float) else held[figure]
+        assert value == expected, f"{name}: {figure} = {value}, was {held[figure]}. {ADVICE}"
+
+
+def write() -> None:
+    """Write the file again; only for another version."""
+    if REFERENCE.exists() and json.loads(REFERENCE.read_text())["results_version"] == RESULTS_VERSION:
+        raise SystemExit(f"{REFERENCE.name} is of version {RESULTS_VERSION} already: raise RESULTS_VERSION first")
+    content = {"results_version": RESULTS_VERSION, "walks": {name: figures(each) for name, each in WALKS.items()}}
+    REFERENCE.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    write()
