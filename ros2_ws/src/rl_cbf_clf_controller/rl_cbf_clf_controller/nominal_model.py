@@ -20,7 +20,6 @@ from rabbit_description.state import Array
 from rl_cbf_clf_controller import link_parameters as links
 
 PLANE = [0, 2]  # x and z of a spatial vector
-NORMAL_TANGENTIAL = [1, 0]  # F = (F_T, F_N) to (F_N, F_T), the order of C1, C2
 
 
 def input_map(coordinates: int) -> Array:
@@ -57,7 +56,7 @@ class PinnedDynamics:
     @property
     def normal_tangential(self) -> Affine:
         """The force as (F_N, F_T), the order of C1, C2."""
-        return Affine(self.force.a[NORMAL_TANGENTIAL], self.force.b[NORMAL_TANGENTIAL])
+        return Affine(self.force.a[::-1].copy(), self.force.b[::-1].copy())
 
 
 class NominalModel:

@@ -13,6 +13,7 @@ from rabbit_description.state import Array, StonePreview
 from rl_cbf_clf_controller import generated_model, generated_outputs
 from rl_cbf_clf_controller.foot_velocity import FootVelocity
 from rl_cbf_clf_controller.generated.build import build
+from rl_cbf_clf_controller.generated_barriers import GeneratedStoneBarriers
 from rl_cbf_clf_controller.generated_model import (
     GeneratedFootVelocity,
     GeneratedModel,
@@ -23,6 +24,7 @@ from rl_cbf_clf_controller.generated_outputs import GeneratedOutputs
 from rl_cbf_clf_controller.link_parameters import MotionTerms, read_links
 from rl_cbf_clf_controller.nominal_model import INPUT_MAP, NominalModel
 from rl_cbf_clf_controller.step_outputs import LibrarySteps, StepOutputs, step_path
+from rl_cbf_clf_controller.stone_barriers import stone_barriers
 from rl_cbf_clf_controller.virtual_constraints import VirtualConstraints
 
 
@@ -168,6 +170,16 @@ def test_output_dynamics_and_their_inverse_are_numpys(library, robot):
         assert found.b == pytest.approx(expected.b, rel=0, abs=TOLERANCE * np.abs(expected.b).max())
         assert found.a @ inverse.a == pytest.approx(np.eye(4), abs=1e-14 * condition)
         assert found(inverse.b) == pytest.approx(0, abs=1e-14 * condition * np.abs(expected.b).max())
+
+
+def test_barriers_are_numpys(library):
+    robot, rng = NominalModel(), np.random.default_rng(3)
+    for q, dq in STATES:
+        feet = robot.update(q, dq)
+        (R1, R2), l_min = rng.uniform(0.3, 3, 2), rng.uniform(0.2, 0.5)
+        stone = StonePreview(1, l_min, l_min + 0.08)
+        found = GeneratedStoneBarriers(library, R1, R2)(feet, stone.l_min, stone.l_max)
+        assert_equal(vars(found), vars(stone_barriers(feet, stone, R1, R2)))
 
 
 def test_outputs_that_no_torque_moves_have_no_inverse(library):

@@ -32,6 +32,7 @@ PATH: Layout = {
 PINNED = "pinned_dynamics"
 OUTPUTS = "outputs"
 OUTPUT_DYNAMICS = "output_dynamics"
+BARRIERS = "stone_barriers"
 REGRESSOR = "motion_regressor"
 FOOT_VELOCITY = "foot_velocity"
 
@@ -76,6 +77,17 @@ FUNCTIONS: dict[str, tuple[Layout, Layout]] = {
             "inverse_b": (MOTORS,),
             "determinant": (1,),
         },
+    ),
+    BARRIERS: (
+        {
+            "swing": (2,),
+            "swing_rate": (2,),
+            "swing_jacobian": (2, COORDINATES),
+            "swing_bias": (2,),
+            "edges": (2,),  # l_min, l_max, m
+            "radii": (2,),  # R1, R2, m
+        },
+        {"B": (2,), "dB": (2,), "jacobian": (2, COORDINATES), "bias": (2,)},
     ),
     REGRESSOR: (
         STATE | {"ddq": (COORDINATES,), "theta": (12,), "legs": ROBOT["legs"]},  # theta: of torso, thighs, shins
