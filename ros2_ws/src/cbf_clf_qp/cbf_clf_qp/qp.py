@@ -5,7 +5,7 @@
 
 The solver's variable is root mu, so that its Hessian is 2 I whatever the objective. For conditioning each slack is
 scaled to unit cost and every row then divided by its norm, so the solver sees rows of norm one; `unpack` gives mu and
-the slacks back in the rows' own units.
+the slacks back in their own units.
 """
 
 from collections.abc import Sequence
@@ -19,20 +19,23 @@ from cbf_clf_qp.objective import Objective
 from cbf_clf_qp.rows import Rows
 
 ROUNDING = 1e-6  # less is the solver's tolerance
+TINY = 1e-9  # norm of a row with no input in it
 
 
 @dataclass(frozen=True, eq=False)
 class Layout:
     """What of a programme is the same at every tick of a controller; one object, so that a solver knows it again.
 
-    `names`, `rescue` (k,) describe the rows over mu (`inputs`,); `slack_scale` (k,) is a row's slack over its variable,
-    0 for hard rows. `A` (k, n) has the slacks' columns, before rows are divided by their norms; `order`: where in
-    A.ravel() the entries are that may be non-zero, column by column.
+    `names` (k,) of the rows over mu (`inputs`,); `slack_scale` (k,) is a row's slack over its variable, 0: a hard row;
+    `soft`: the other rows; `slack_kinds` (2, k): 1 where it is the problem's own, 1 where it is of last resort.
+    `is_normalised` (k,): the slack is in units of mu. `A` (k, n) has the slacks' columns; `order`: where in A.ravel()
+    the entries are that may be non-zero, column by column.
     """
 
     names: tuple[str, ...]
-    rescue: Array
+    slack_kinds: Array
     slack_scale: Array
+    is_normalised: Array
     inputs: int
     A: Array
     soft: Array
@@ -40,9 +43,9 @@ class Layout:
 
     @classmethod
     @cache
-    def of(cls, blocks: tuple[tuple[tuple[str, ...], float, bool], ...], inputs: int) -> "Layout":
-        """Of blocks of rows: their names, slack weight, and whether the slack is one of last resort."""
-        weight, rescue = (np.concatenate([np.full(len(b[0]), b[i]) for b in blocks]) for i in (1, 2))
+    def of(cls, blocks: tuple[tuple[tuple[str, ...], float, bool, bool], ...], inputs: int) -> "Layout":
+        """Of blocks of rows: names, slack weight, whether the slack is of last resort, whether it is in units of mu."""
+        weight, rescue, in_mu = (np.concatenate([np.full(len(b[0]), b[i]) for b in blocks]) for i in (1, 2, 3))
         soft = np.isfinite(weight).nonzero()[0]
         scale = np.zeros(len(weight))
         scale[soft] = weight[soft] ** -0.5
@@ -51,7 +54,8 @@ class Layout:
         pattern[:, :inputs] = True
         columns, rows = pattern.T.nonzero()
         names = tuple(name for block in blocks for name in block[0])
-        return cls(names, rescue.astype(bool), scale, inputs, A, soft, rows * A.shape[1] + columns)
+        kinds = np.array([~rescue, rescue], dtype=float)
+        return cls(names, kinds, scale, in_mu, inputs, A, soft, rows * A.shape[1] + columns)
 
 
 @dataclass(frozen=True)
@@ -82,16 +86,21 @@ def build_qp(rows: Sequence[Rows], objective: Objective | None = None) -> Quadra
     """Stack the rows of all constraints into one programme; the paper's objective if none is given."""
     of_mu = np.concatenate([block.A for block in rows])
     inputs = of_mu.shape[1]
-    layout = Layout.of(tuple((block.names, block.slack_weight, block.rescue) for block in rows), inputs)
+    blocks = tuple((block.names, block.slack_weight, block.rescue, block.is_normalised) for block in rows)
+    layout = Layout.of(blocks, inputs)
     A = layout.A.copy()
     q = np.zeros(A.shape[1])
+    norms = np.sqrt(np.einsum("ij,ij->i", of_mu, of_mu))
+    units = np.where(layout.is_normalised, np.maximum(norms, TINY), 1.0)  # of the slacks, in units of the row
     unroot = None
     if objective:
         unroot = np.linalg.inv(objective.root)
         of_mu = of_mu @ unroot
         q[:inputs] = -2 * objective.center
+        norms = np.sqrt(np.einsum("ij,ij->i", of_mu, of_mu))
+    A *= units[:, None]
     A[:, :inputs] = of_mu
-    norms = np.sqrt((of_mu * of_mu).sum(axis=1) + layout.slack_scale * layout.slack_scale)
+    norms = np.hypot(norms, units * layout.slack_scale)
     norms[norms == 0] = 1.0
     A /= norms[:, None]
     lower = np.concatenate([block.lower for block in rows]) / norms

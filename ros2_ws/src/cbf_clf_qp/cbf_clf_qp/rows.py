@@ -8,14 +8,14 @@ import numpy as np
 from cbf_clf_qp.affine import Array
 
 NO_SLACK = np.inf
-TINY = 1e-9  # a row with no input in it stays as it is
 
 
 @dataclass(frozen=True)
 class Rows:
     """Named rows `lower <= A mu - slack <= upper`, k of them, over mu (m,).
 
-    `slack_weight`: the cost w s^2 of violating a row by s, in the row's own units; inf makes the rows hard.
+    `slack_weight`: the cost w s^2 of violating a row by s; inf makes the rows hard. s is in the row's own units, or
+    where the rows are `normalised` in units of mu: s times the norm of the row of A is its violation.
     `rescue` tells a slack of last resort, whose use is published, from one the problem itself has (the paper's d).
     """
 
@@ -25,6 +25,7 @@ class Rows:
     lower: Array
     slack_weight: float
     rescue: bool = True
+    is_normalised: bool = False
 
     @classmethod
     def at_most(cls, names: Sequence[str], A: Array, upper: Array, slack_weight: float, rescue: bool = True) -> "Rows":
@@ -42,7 +43,5 @@ class Rows:
         return cls(tuple(names), A, upper, lower, NO_SLACK, False)
 
     def normalised(self) -> "Rows":
-        """Each row divided by its norm, so that its slack is in units of mu."""
-        norm = np.maximum(np.sqrt((self.A * self.A).sum(axis=1)), TINY)
-        A, upper, lower = self.A / norm[:, None], self.upper / norm, self.lower / norm
-        return Rows(self.names, A, upper, lower, self.slack_weight, self.rescue)
+        """The same rows with slacks in units of mu."""
+        return Rows(self.names, self.A, self.upper, self.lower, self.slack_weight, self.rescue, is_normalised=True)

@@ -212,12 +212,13 @@ class Controller:
         p, step, scene, terms, decided = self.parameters, self._step, self.terms.scene, self.terms, self.decided
         solution, control, mu_qp = decided.solution, decided.control, decided.mu
         layout = decided.qp.layout
+        clf_slack, rescue_slack = layout.slack_kinds @ decided.slack
         if not solution.solved:
             fault, mu_qp = fault or f"no solver answered: {solution.status}", np.zeros(4)
         omega = p.sigma * step.rng.standard_normal(4) if p.sigma > 0 else np.zeros(4)
         mu = mu_qp + omega
         wanted = control(mu)
-        torque = np.clip(wanted, -p.torque_limit, p.torque_limit)
+        torque = np.minimum(np.maximum(wanted, -p.torque_limit), p.torque_limit)
         saturated = bool((torque != wanted).any())
         if saturated:
             mu = np.linalg.solve(control.a, torque - control.b)
@@ -245,8 +246,8 @@ class Controller:
             beta=decided.estimates.beta,
             observation=scene.observation,
             LgV=scene.LgV,
-            clf_slack=float(decided.slack[~layout.rescue].sum()),
-            rescue_slack=float(decided.slack[layout.rescue].sum()),
+            clf_slack=float(clf_slack),
+            rescue_slack=float(rescue_slack),
             active=tuple(name for name, on in zip(layout.names, decided.active, strict=True) if on),
             saturated=saturated,
             solver=solution.solver,
