@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from rabbit_description import URDF_PATH
+from rabbit_description.state import StonePreview
 from rabbit_experiments.assembly import Assembly
 from rabbit_experiments.evaluation import record_walk
 from rabbit_msgs import msg
@@ -20,7 +21,7 @@ from rabbit_sim.parameters import SimulationParameters
 from rabbit_viewer.live.client import Listener
 from rabbit_viewer.live.plots import PLOTTED, plotted
 from rabbit_viewer.live.server import LiveServer, ViewError
-from rabbit_viewer.live.snapshot import Edges, Limits, Snapshot, Step
+from rabbit_viewer.live.snapshot import Limits, Snapshot
 from rabbit_viewer.ros.markers import WORLD, markers, transforms
 from rabbit_viewer.ros.newest_ticks import KEPT, TickMessages
 from rabbit_viewer.scene import stone_spans
@@ -62,8 +63,9 @@ def snapshot_at(walk: WalkRecords, row: int) -> Snapshot:
         rescue_slack=float(walk.rescue_slack[row]),
         policy_version="zero",
     )
-    stone = Edges(*walk.preview[row]) if np.isfinite(walk.preview[row, 0]) else None
-    return Snapshot(state, details, 3, stone, tuple(Step(row[2], Edges(row[3], row[4])) for row in landed), LIMITS)
+    stone = StonePreview(0, *walk.preview[row]) if np.isfinite(walk.preview[row, 0]) else None
+    landings = tuple(msg.Landing(l=row[2], l_min=row[3], l_max=row[4]) for row in landed)
+    return Snapshot(state, details, 3, stone, landings, LIMITS)
 
 
 def drawn(snapshot: Snapshot, group: str) -> list[Marker]:
@@ -94,12 +96,12 @@ def test_stones_lie_where_the_film_has_them(walk: WalkRecords) -> None:
 def test_a_viewer_that_came_late_draws_the_stones_it_knows_of(walk: WalkRecords) -> None:
     row = int(walk.step_starts[2])
     snapshot = snapshot_at(walk, row)
-    late = replace(snapshot, steps=snapshot.steps[-1:])
+    late = replace(snapshot, landings=snapshot.landings[-1:])
     assert [*map(edges, drawn(late, "stones"))] == [*map(edges, drawn(snapshot, "stones"))][-2:]
 
 
 def test_flat_ground_lies_under_the_foot(walk: WalkRecords) -> None:
-    (ground,) = drawn(replace(snapshot_at(walk, 3), stone=None, steps=()), "stones")
+    (ground,) = drawn(replace(snapshot_at(walk, 3), stone=None, landings=()), "stones")
     near, far = edges(ground)
     assert near < feet(walk.q[3:4])[0, 0, 0] < far
 

@@ -10,7 +10,7 @@ from matplotlib.patches import Rectangle
 from rabbit_description.state import Array, Leg
 
 from rabbit_viewer import style
-from rabbit_viewer.geometry import ARC, allowed_area
+from rabbit_viewer.geometry import ARC
 from rabbit_viewer.scene import stone_spans
 from rabbit_viewer.skeleton import leg_points, torso_points
 from rabbit_viewer.walk_records import WalkRecords
@@ -66,11 +66,8 @@ def _draw_path(axes: Axes, walk: WalkRecords, feet: Array, first: int, last: int
     stance = Leg(walk.stance[first])
     swing = stance.other
     axes.plot(*feet[first:last, swing].T, color=COLOURS[swing])
-    near, far = walk.preview[first]
-    if np.isfinite(near):
-        about = walk.about
-        margin, R1, R2 = (float(about.get(name, d)) for name, d in (("stone_margin", 0.0), ("R1", 1.0), ("R2", 0.5)))
-        area = allowed_area(near + margin, far - margin, R1, R2) + (feet[first, stance, 0], 0.0)
+    if (area := walk.allowed_area(first)) is not None:
+        area = area + (feet[first, stance, 0], 0.0)
         axes.plot(*area[:ARC].T, color=style.RED, linestyle="--", linewidth=1)
         axes.plot(*area[ARC:-2].T, color=style.RED, linestyle=":", linewidth=1)
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from rabbit_description.state import TICK_SECONDS, Array, Leg
 
 from rabbit_viewer import style
-from rabbit_viewer.geometry import DEPTH, PLATFORM, allowed_area, force_arrow
+from rabbit_viewer.geometry import DEPTH, PLATFORM, force_arrow
 from rabbit_viewer.skeleton import leg_points, torso_points
 from rabbit_viewer.walk_records import WalkRecords
 
@@ -117,14 +117,8 @@ class Scene:
         self._next.set_verts([_box(near - camera, far - camera) for near, far in placed[-1:] if seen])
 
     def _move_area(self, row: int, camera: float, foot: Array) -> None:
-        near, far = self._walk.preview[row]
-        if not np.isfinite(near):
-            self._area.set_verts([])
-            return
-        about = self._walk.about
-        margin = float(about.get("stone_margin", 0.0))
-        shape = allowed_area(near + margin, far - margin, float(about.get("R1", 1.0)), float(about.get("R2", 0.5)))
-        self._area.set_verts([shape + (foot[0] - camera, 0.0)])
+        area = self._walk.allowed_area(row)
+        self._area.set_verts([] if area is None else [area + (foot[0] - camera, 0.0)])
 
     def _move_force(self, row: int, camera: float, foot: Array) -> None:
         arrow = force_arrow(self._walk.stance_force[row])

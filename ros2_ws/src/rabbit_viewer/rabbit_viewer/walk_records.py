@@ -19,6 +19,8 @@ from rabbit_sim.simulation import Landing
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_trainer.rollout import Record
 
+from rabbit_viewer.geometry import allowed_area
+
 RECORDS = "records.npz"  # in a run's folder
 LANDING = ("index", "tick", "l", "l_min", "l_max", "on_stone")
 RESCUE_NEEDED = 0.01  # rad/s^2 of slack of last resort: a quadratic one gives way a little whenever its row is active
@@ -91,6 +93,14 @@ class WalkRecords:
         """On the foot that stands, mean over the tick before: tangential, normal, (n, 2), N."""
         force: Array = self.foot_force[np.arange(len(self.tick)), self.stance]
         return force
+
+    def allowed_area(self, row: int) -> Array | None:
+        """Where both barriers are positive, from the stance foot, m, see `geometry`; None without a stone in sight."""
+        near, far = self.preview[row]
+        if not np.isfinite(near):
+            return None
+        margin, R1, R2 = (float(self.about.get(n, d)) for n, d in (("stone_margin", 0.0), ("R1", 1.0), ("R2", 0.5)))
+        return allowed_area(near + margin, far - margin, R1, R2)
 
     @property
     def step_starts(self) -> Array:

@@ -1,24 +1,10 @@
 """What is shown of one tick, and what is drawn around it that parameters decide."""
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from rabbit_description.state import TICK_SECONDS, Array, Leg
-
-
-class Edges(NamedTuple):
-    """A stone's near and far edge, m."""
-
-    near: float
-    far: float
-
-
-class Step(NamedTuple):
-    """A landing: where the foot came down and the stone it was meant for, m from the stance foot before."""
-
-    l: float  # noqa: E741, the paper's name
-    stone: Edges
+from rabbit_description.state import TICK_SECONDS, Array, Leg, StonePreview
 
 
 @dataclass(frozen=True)
@@ -36,15 +22,15 @@ class Limits:
 class Snapshot:
     """One tick: its `state` and `details`, objects with the fields of `RabbitState` and `ControllerState`.
 
-    `stones`: to be walked. `stone`: the one ahead, from the stance foot. `steps`: the last landings, the newest last;
-    its foot is the stance foot. `limits`: None until the graph has answered.
+    `stones`: to be walked. `stone`: the one ahead. `landings`: the last ones, the newest last; its foot is the stance
+    foot; objects with the fields of `Landing`. `limits`: None until the graph has answered.
     """
 
     state: Any
     details: Any
     stones: int
-    stone: Edges | None = None
-    steps: tuple[Step, ...] = ()
+    stone: StonePreview | None = None
+    landings: tuple[Any, ...] = ()
     limits: Limits | None = None
 
     @property

@@ -10,7 +10,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from rabbit_viewer.colours import AREA, BLACK, BLUE, GREEN, ORANGE, RED, SKY, STONE, rgb
 from rabbit_viewer.geometry import DEPTH, PLATFORM, allowed_area, area_triangles, force_arrow, friction_cone
-from rabbit_viewer.live.snapshot import Edges, Snapshot
+from rabbit_viewer.live.snapshot import Snapshot
 from rabbit_viewer.skeleton import LEG_LINK, leg_points, torso_points
 
 WORLD = "world"
@@ -57,23 +57,23 @@ def caption(snapshot: Snapshot) -> str:
     return f"episode {state.episode}   t {snapshot.seconds:.2f} s   {where}   policy {policy}"
 
 
-def world_stones(snapshot: Snapshot, foot: float) -> list[Edges]:
+def world_stones(snapshot: Snapshot, foot: float) -> list[tuple[float, float]]:
     """World edges of the platform, if the landings reach back to it, of the stones landed on and the one ahead, m.
 
     They are laid out backwards from the stance foot at `foot`, so that a viewer may come late.
     """
-    stone, steps = snapshot.stone, snapshot.steps
-    if stone is None and not any(np.isfinite(step.stone.near) for step in steps):
+    ahead, landings = snapshot.stone, snapshot.landings
+    if ahead is None and not any(np.isfinite(landing.l_min) for landing in landings):
         return []
-    behind: list[Edges] = []
+    stones = [] if ahead is None else [(foot + ahead.l_min, foot + ahead.l_max)]
     start = foot
-    for step in reversed(steps):
-        start -= step.l
-        behind.append(Edges(start + step.stone.near, start + step.stone.far))
-    if len(steps) == snapshot.state.touchdowns:
-        width = stone or steps[0].stone
-        behind.append(Edges(start + PLATFORM, start + (width.far - width.near) / 2))
-    return behind[::-1] + ([Edges(foot + stone.near, foot + stone.far)] if stone else [])
+    for landing in reversed(landings):
+        start -= landing.l
+        stones.insert(0, (start + landing.l_min, start + landing.l_max))
+    if len(landings) == snapshot.state.touchdowns:
+        first = stones[0]
+        stones.insert(0, (start + PLATFORM, start + (first[1] - first[0]) / 2))
+    return stones
 
 
 def transforms(snapshot: Snapshot) -> TFMessage:
@@ -115,7 +115,7 @@ def _area(snapshot: Snapshot, foot: float) -> list[Marker]:
     if stone is None or limits is None:
         return []
     margin = limits.stone_margin
-    corners = allowed_area(stone.near + margin, stone.far - margin, limits.R1, limits.R2)
+    corners = allowed_area(stone.l_min + margin, stone.l_max - margin, limits.R1, limits.R2)
     return [_sheet((area_triangles(corners) + (foot, 0.0)).reshape(-1, 2), AREA)]
 
 

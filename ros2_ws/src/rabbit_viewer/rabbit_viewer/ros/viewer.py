@@ -8,9 +8,11 @@ import os
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from itertools import takewhile
 from typing import Any
 
 from rabbit_description import URDF_PATH
+from rabbit_description.state import StonePreview
 from rabbit_msgs import msg
 from rabbit_ros.message_checks import MessageCounter, Refused, check_finite
 from rabbit_ros.ros.checked_subscription import decoded
@@ -28,7 +30,7 @@ from visualization_msgs.msg import MarkerArray
 from rabbit_viewer.live.parameters import ViewerParameters
 from rabbit_viewer.live.plots import plotted
 from rabbit_viewer.live.server import LiveServer, ViewError
-from rabbit_viewer.live.snapshot import Edges, Snapshot, Step
+from rabbit_viewer.live.snapshot import Snapshot
 from rabbit_viewer.ros.graph_limits import GraphLimits
 from rabbit_viewer.ros.markers import markers, transforms
 from rabbit_viewer.ros.newest_ticks import NewestTicks
@@ -58,8 +60,8 @@ class ViewerNode(Node):
         self._limits = GraphLimits(self)
         self._message_counter = MessageCounter()
         self._episode = msg.Episode()
-        self._previews: dict[int, Edges] = {}  # of this episode, by stone
-        self._steps: dict[int, Step] = {}
+        self._previews: dict[int, StonePreview] = {}  # of this episode, by stone
+        self._landings: dict[int, msg.Landing] = {}
         self._shown: tuple[Any, float] = (None, 0.0)
         self._patience = (time.monotonic() + own.wait, own.wait)
         self.create_subscription(msg.Episode, "episode", self._on_episode, EVENT)
@@ -84,20 +86,20 @@ class ViewerNode(Node):
 
     def _begin(self, episode: int) -> None:
         self._episode = msg.Episode(episode=episode)
-        self._previews, self._steps = {}, {}
+        self._previews, self._landings = {}, {}
         self._limits.ask_again()
 
     def _on_preview(self, message: msg.StonePreview) -> None:
         with self._refusals("preview"):
             stone = preview_of(message)
             if self._is_present(message.episode):
-                self._previews[stone.index] = Edges(stone.l_min, stone.l_max)
+                self._previews[stone.index] = stone
 
     def _on_landing(self, message: msg.Landing) -> None:
         with self._refusals("landing"):
             check_finite("l", (message.l,))
             if self._is_present(message.episode):
-                self._steps[message.index] = Step(message.l, Edges(message.l_min, message.l_max))
+                self._landings[message.index] = message
 
     @contextmanager
     def _refusals(self, topic: str) -> Iterator[None]:
@@ -152,14 +154,12 @@ class ViewerNode(Node):
         self._is_present(state.episode)
         landed = state.touchdowns
         stone = self._previews.get(landed + 1) if state.previewed else None
-        return Snapshot(state, details, self._episode.stones, stone, self._last_steps(landed), self._limits.known)
+        return Snapshot(state, details, self._episode.stones, stone, self._last_landings(landed), self._limits.known)
 
-    def _last_steps(self, landed: int) -> tuple[Step, ...]:
-        """The landings up to `landed` without a gap, the newest last."""
-        steps: list[Step] = []
-        while len(steps) < SHOWN_STEPS and (step := self._steps.get(landed - len(steps))):
-            steps.append(step)
-        return tuple(reversed(steps))
+    def _last_landings(self, landed: int) -> tuple[msg.Landing, ...]:
+        """Those up to `landed` without a gap, the newest last."""
+        indices = takewhile(self._landings.__contains__, range(landed, landed - SHOWN_STEPS, -1))
+        return tuple(self._landings[index] for index in indices)[::-1]
 
     def _status(self) -> Status:
         return OK, "serving", {"address": self._server.address, "watched": self._server.is_watched}
