@@ -12,8 +12,7 @@ import yaml
 from hypothesis import example, given
 from hypothesis import strategies as st
 from rabbit_description import GAITS
-from rabbit_description.gait import GaitError, load_gait
-from rabbit_description.gait_library import load_gaits
+from rabbit_description.gait import GaitError, load_gait, load_gaits
 from rabbit_recording.bag_writer import BagWriter, RecordingError, Storage, graph_types
 from rabbit_recording.contents import contents
 from rabbit_recording.open_recording import one_line_errors, opened

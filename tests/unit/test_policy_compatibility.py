@@ -5,8 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from cbf_clf_qp.problem import Problem
-from rabbit_description.gait import load_gait
-from rabbit_description.gait_library import load_gaits
+from rabbit_description.gait import load_gait, load_gaits
 from rabbit_experiments.assembly import Assembly
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.simulation import Outcome

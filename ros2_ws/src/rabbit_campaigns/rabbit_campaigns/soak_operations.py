@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rabbit_description.gait_library import load_gaits
+from rabbit_description.gait import load_gaits
 from rabbit_recording.reader import RecordedEpisode, iterate_episodes
 from rabbit_recording.stored_messages import recorded_turns
 from rl_cbf_clf_controller.parameters import ControllerParameters

@@ -1,13 +1,18 @@
-"""Gait files: a periodic walk as Bézier outputs of the phase variable, with what made it."""
+"""Gait files: periodic walks as Bézier outputs of the phase variable, with what made them.
 
+A file holds one gait (`Gait`), or a library (`GaitLibrary`): gaits in the order of their step lengths, between which a
+step of any length is found. `load_gaits` reads either.
+"""
+
+from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
 import numpy as np
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from rabbit_description import GAITS
+from rabbit_description import GAITS, LIBRARIES
 from rabbit_description.state import Array
 from rabbit_description.yaml_file import YamlFileError, read_yaml
 
@@ -22,16 +27,25 @@ class GaitError(ValueError):
     """A gait file that cannot be used: names the file, the field and what was expected."""
 
 
-class Gait(BaseModel):
+class GaitFile(BaseModel):
+    """What a gait and a library have in common."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    name: str
+
+    def save(self, path: Path) -> None:
+        """Write it as YAML."""
+        path.write_text(yaml.safe_dump(self.model_dump(), sort_keys=False, default_flow_style=None, width=120))
+
+
+class Gait(GaitFile):
     """A periodic gait in stance/swing coordinates `(x, z, pitch, stance hip, knee, swing hip, knee)`.
 
     `bezier_coeffs` (4, 6): desired stance hip, stance knee, swing hip, swing knee over the phase, rad.
     `q_start`, `dq_start` (7,): the post-impact state, stance foot at the origin.
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    name: str
     step_length: float = Field(gt=0, le=1, description="nominal step length, m")
     step_time: float = Field(gt=0, le=5, description="nominal step time, s")
     phase_angle_start: Finite = Field(description="phase angle after impact, rad")
@@ -42,7 +56,7 @@ class Gait(BaseModel):
     metadata: dict[str, Any] = Field(default_factory=dict, description="command, version, cost, margins, peaks")
 
     @model_validator(mode="after")
-    def _phase_grows(self) -> "Gait":
+    def _phase_grows(self) -> Self:
         if self.phase_angle_end <= self.phase_angle_start:
             raise ValueError(
                 f"phase_angle_end = {self.phase_angle_end} must exceed phase_angle_start = {self.phase_angle_start}"
@@ -59,9 +73,39 @@ class Gait(BaseModel):
         """Post-impact `(q, dq)`, each of shape (7,), stance/swing order."""
         return np.array(self.q_start), np.array(self.dq_start)
 
-    def save(self, path: Path) -> None:
-        """Write the gait as YAML."""
-        path.write_text(yaml.safe_dump(self.model_dump(), sort_keys=False, default_flow_style=None, width=120))
+
+class GaitLibrary(GaitFile):
+    """Gaits of increasing step length, of one degree; an episode begins with the one of `start_length`, m."""
+
+    start_length: float = Field(gt=0, le=1, description="step length of the gait that an episode begins with, m")
+    gaits: Annotated[list[Gait], Field(min_length=1, max_length=100)]
+    metadata: dict[str, Any] = Field(default_factory=dict, description="what made it")
+
+    @model_validator(mode="after")
+    def _gaits_fit_together(self) -> Self:
+        for left, right in pairwise(self.gaits):
+            here = f"gaits {left.name} and {right.name}"
+            if not left.step_length < right.step_length:
+                lengths = f"step_length = {left.step_length:g}, {right.step_length:g}"
+                raise ValueError(f"{here}: {lengths}: expected increasing step lengths")
+            if right.phase_angle_start > left.phase_angle_end or left.phase_angle_start > right.phase_angle_end:
+                raise ValueError(f"{here}: expected ranges of the phase angle that overlap")
+        if self.start_length not in self.lengths:
+            raise ValueError(f"start_length = {self.start_length:g}: expected one of {self.lengths}")
+        return self
+
+    @property
+    def lengths(self) -> list[float]:
+        """Step lengths, m, increasing."""
+        return [gait.step_length for gait in self.gaits]
+
+    @property
+    def x_start(self) -> tuple[Array, Array]:
+        """Post-impact `(q, dq)` of the gait that an episode begins with, each (7,), stance/swing order."""
+        return self.gaits[self.lengths.index(self.start_length)].x_start
+
+
+Gaits = Gait | GaitLibrary
 
 
 def shipped_gaits() -> list[str]:
@@ -69,18 +113,39 @@ def shipped_gaits() -> list[str]:
     return sorted(path.stem for path in GAITS.glob("*.yaml"))
 
 
-def load_gait(name_or_path: str | Path) -> Gait:
-    """Read a shipped gait by name, or any gait by path.
+def shipped_libraries() -> list[str]:
+    """Names of the libraries that come with the package."""
+    return sorted(path.stem for path in LIBRARIES.glob("*.yaml"))
+
+
+def parse_gaits(content: Any) -> Gaits:
+    """A library if there is a key `gaits`, else a gait; raises pydantic's `ValidationError`."""
+    is_library = isinstance(content, dict) and "gaits" in content
+    return GaitLibrary.model_validate(content) if is_library else Gait.model_validate(content)
+
+
+def load_gaits(name_or_path: str | Path) -> Gaits:
+    """Read a shipped gait or library by name, or any by path.
 
     Raises:
-        GaitError: no such gait, not YAML, or a field missing, of the wrong size or not finite.
+        GaitError: no such file, not YAML, a field missing, of the wrong size or not finite, or gaits that do not fit.
     """
     path = Path(name_or_path)
     if path.suffix != ".yaml":
-        path = GAITS / f"{name_or_path}.yaml"
+        shipped = (folder / f"{name_or_path}.yaml" for folder in (GAITS, LIBRARIES))
+        path = next((each for each in shipped if each.is_file()), path)
     if not path.is_file():
-        raise GaitError(f"gait: no file {path}; shipped gaits are {', '.join(shipped_gaits())}")
+        names = f"gaits are {', '.join(shipped_gaits())}; libraries are {', '.join(shipped_libraries())}"
+        raise GaitError(f"gait: no file {path}; shipped {names}")
     try:
-        return Gait.model_validate(read_yaml(path))
+        return parse_gaits(read_yaml(path))
     except (ValidationError, YamlFileError) as error:
         raise GaitError(f"gait {path}: {error}") from error
+
+
+def load_gait(name_or_path: str | Path) -> Gait:
+    """The same for a single gait; raises `GaitError` at a library too."""
+    gait = load_gaits(name_or_path)
+    if isinstance(gait, GaitLibrary):
+        raise GaitError(f"gait {name_or_path}: is a library of {len(gait.gaits)} gaits; expected a single gait")
+    return gait

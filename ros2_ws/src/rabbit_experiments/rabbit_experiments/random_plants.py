@@ -3,7 +3,7 @@
 import math
 
 import numpy as np
-from rabbit_description.gait_library import Gaits
+from rabbit_description.gait import Gaits
 from rabbit_description.state import Array, RobotState
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.simulation import Simulation

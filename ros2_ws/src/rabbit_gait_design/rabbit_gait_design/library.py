@@ -4,8 +4,7 @@ from collections.abc import Callable, Sequence
 from math import hypot
 
 from pydantic import ValidationError
-from rabbit_description.gait import Gait
-from rabbit_description.gait_library import GaitLibrary
+from rabbit_description.gait import Gait, GaitLibrary
 
 from rabbit_gait_design.design import Progress, design_gait
 from rabbit_gait_design.specification import GaitSpecification

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import Colormap
 from matplotlib.figure import Figure
-from rabbit_description.gait_library import GaitLibrary
+from rabbit_description.gait import GaitLibrary
 
 from rabbit_gait_design.orbit import GaitFigures, Orbit
 from rabbit_gait_design.plots import JOINTS, LOOK, draw_stick_figures

@@ -6,8 +6,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from matplotlib.figure import Figure
-from rabbit_description.gait import Gait
-from rabbit_description.gait_library import GaitLibrary
+from rabbit_description.gait import Gait, GaitLibrary
 
 from rabbit_gait_design.analysis import PAYLOADS, PayloadReport, over_payloads
 from rabbit_gait_design.design import Progress, design_gait

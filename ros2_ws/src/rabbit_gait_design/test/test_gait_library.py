@@ -9,8 +9,7 @@ import yaml
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from rabbit_description import LIBRARIES
-from rabbit_description.gait import DEFAULT_GAIT, Gait, GaitError, load_gait
-from rabbit_description.gait_library import GaitLibrary, load_gaits, shipped_libraries
+from rabbit_description.gait import DEFAULT_GAIT, Gait, GaitError, GaitLibrary, load_gait, load_gaits, shipped_libraries
 from rabbit_description.state import Array, StonePreview
 from rabbit_gait_design import GaitSpecification
 from rabbit_gait_design.library import library_specifications

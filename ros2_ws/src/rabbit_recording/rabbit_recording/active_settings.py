@@ -4,7 +4,7 @@ import json
 from dataclasses import dataclass
 from typing import Any
 
-from rabbit_description.gait_library import Gaits, parse_gaits
+from rabbit_description.gait import Gaits, parse_gaits
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
 Place = tuple[int, int, int]  # run, episode, tick

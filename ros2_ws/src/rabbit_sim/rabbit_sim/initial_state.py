@@ -8,7 +8,7 @@ raised to it by its knee.
 from math import acos, atan, hypot
 
 import numpy as np
-from rabbit_description.gait_library import Gaits
+from rabbit_description.gait import Gaits
 from rabbit_description.state import Array, Leg
 
 from rabbit_sim.kinematics import LINK_LENGTH, foot_jacobian, foot_positions

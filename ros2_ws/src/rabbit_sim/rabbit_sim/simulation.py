@@ -5,7 +5,7 @@ from enum import Enum
 from pathlib import Path
 
 import numpy as np
-from rabbit_description.gait_library import Gaits
+from rabbit_description.gait import Gaits
 from rabbit_description.plugins import load
 from rabbit_description.state import Array, Leg, RobotState, StonePreview, no_torque
 

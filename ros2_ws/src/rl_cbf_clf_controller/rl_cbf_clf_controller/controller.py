@@ -14,7 +14,7 @@ from cbf_clf_qp.io_linearization import precontrol
 from cbf_clf_qp.res_clf import ResClf
 from cbf_clf_qp.solvers import make_solver
 from cbf_clf_qp.tick import Constraint, Decided, Terms, decide, measured
-from rabbit_description.gait_library import Gaits
+from rabbit_description.gait import Gaits
 from rabbit_description.state import SWAP_STATE, SWAP_TORQUE, TICK_SECONDS, Array, Leg, RobotState
 
 from rl_cbf_clf_controller.generated_model import make_model

@@ -7,8 +7,7 @@ all that a controller without barriers and force rows has a use for.
 
 import numpy as np
 from cbf_clf_qp.estimates import Estimates
-from rabbit_description.gait import Gait
-from rabbit_description.gait_library import Gaits
+from rabbit_description.gait import Gait, Gaits
 from rabbit_description.state import Array
 
 from rl_cbf_clf_controller.parameters import ControllerParameters

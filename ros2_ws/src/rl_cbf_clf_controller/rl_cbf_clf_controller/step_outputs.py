@@ -17,8 +17,7 @@ from dataclasses import dataclass
 from typing import Protocol, TypeGuard
 
 import numpy as np
-from rabbit_description.gait import Gait
-from rabbit_description.gait_library import GaitLibrary, Gaits
+from rabbit_description.gait import Gait, GaitLibrary, Gaits
 from rabbit_description.state import Array, StonePreview
 
 from rl_cbf_clf_controller.generated_outputs import generated_if_built

@@ -7,8 +7,7 @@ import pinocchio as pin
 import pytest
 from cbf_clf_qp.affine import Affine
 from rabbit_description import URDF_PATH
-from rabbit_description.gait import load_gait
-from rabbit_description.gait_library import load_gaits
+from rabbit_description.gait import load_gait, load_gaits
 from rabbit_description.state import Array, StonePreview
 from rl_cbf_clf_controller import generated_model, generated_outputs
 from rl_cbf_clf_controller.foot_velocity import FootVelocity

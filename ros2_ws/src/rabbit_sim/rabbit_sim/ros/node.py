@@ -8,8 +8,7 @@ import math
 import time
 from pathlib import Path
 
-from rabbit_description.gait import GaitError
-from rabbit_description.gait_library import load_gaits
+from rabbit_description.gait import GaitError, load_gaits
 from rabbit_description.state import TICK_SECONDS, Array, RobotState
 from rabbit_msgs.msg import Episode, EpisodePlan, TorqueCommand
 from rabbit_msgs.srv import Pause, ResetEpisode

@@ -13,8 +13,7 @@ from collections import deque
 from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
-from rabbit_description.gait import GaitError
-from rabbit_description.gait_library import Gaits, load_gaits
+from rabbit_description.gait import GaitError, Gaits, load_gaits
 from rabbit_description.state import StonePreview
 from rabbit_msgs.msg import ControllerSettings, ControllerState, Episode, PolicySwap, RabbitState, TorqueCommand
 from rabbit_msgs.msg import StonePreview as PreviewMessage

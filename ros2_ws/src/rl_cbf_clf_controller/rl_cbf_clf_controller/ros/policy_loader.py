@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from rabbit_description.gait_library import Gaits
+from rabbit_description.gait import Gaits
 from rabbit_msgs.msg import PolicyWeights
 from rabbit_msgs.srv import LoadPolicy
 from rabbit_ros.message_checks import Refused
