@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from rl_cbf_clf_controller.oracle import OraclePolicy
 from rl_cbf_clf_controller.policy import ZeroPolicy
-from rl_trainer.held_out_error import estimation_error
 from rl_trainer.parameters import TrainingParameters
+from rl_trainer.publication_gate import estimation_error
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 STEPS = 12

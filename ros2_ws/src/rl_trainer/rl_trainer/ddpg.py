@@ -18,7 +18,7 @@ from torch import Tensor, nn
 
 from rl_trainer.actor import Actor
 from rl_trainer.critic import Action, AffineCritic, make_critic
-from rl_trainer.learner import AveragedActor, Optimizer, follow
+from rl_trainer.learner import AveragedActor, ClippedAdam, follow
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.replay import Batch
 from rl_trainer.reward import norm
@@ -26,33 +26,27 @@ from rl_trainer.reward import norm
 RELABEL_MU = 0.4  # of a typical mu: deviation of the mu that another action is asked for in the first approach
 
 
-class Ddpg:
+class Ddpg(AveragedActor):
     """Actor and critic with their averages; see `TrainingParameters` for its options."""
 
     def __init__(self, parameters: TrainingParameters) -> None:
-        self._parameters = parameters
-        self._average = AveragedActor(parameters)
+        super().__init__(parameters)
         self._critic = make_critic(parameters)
         self._target_critic = copy.deepcopy(self._critic).requires_grad_(False)
-        self._optimizer = Optimizer(self._critic, parameters.critic_rate, parameters.gradient_clip)
+        self._critic_optimizer = ClippedAdam(self._critic, parameters.critic_rate, parameters.gradient_clip)
         self._generator = torch.Generator().manual_seed(parameters.seed + 1)
         self._weights = torch.tensor(parameters.weights)
 
-    @property
-    def acting(self) -> Actor:
-        """The actor to walk with."""
-        return self._average.acting
-
     def update(self, batch: Batch, rate: float) -> dict[str, float]:
         """One step of the critic, then one of the actor."""
-        action = self._act(self._average.actor, batch.observation, batch.LgV)
+        action = self._act(self.actor, batch.observation, batch.LgV)
         critic_loss = self._critic_loss(batch, action)
-        self._optimizer.step(critic_loss, rate)
+        self._critic_optimizer.descend(critic_loss, rate)
         if isinstance(self._critic, AffineCritic):
             self._critic.steady_slopes(self._parameters.alpha_decay * self._parameters.critic_rate * rate)
         self._critic.requires_grad_(False)
         actor_loss = -self._critic(batch, self._probe(batch), action).sum(1).mean()
-        self._average.descend(actor_loss, rate)
+        self.descend(actor_loss, rate)
         self._critic.requires_grad_(True)
         if self._parameters.discount > 0:
             follow(self._target_critic, self._critic, self._parameters.polyak)
@@ -61,19 +55,19 @@ class Ddpg:
     def state_dict(self) -> dict[str, Any]:
         """All that a checkpoint must hold."""
         return {
-            "actor": self._average.state_dict(),
+            "actor": super().state_dict(),
             "critic": self._critic.state_dict(),
             "target_critic": self._target_critic.state_dict(),
-            "optimizer": self._optimizer.state_dict(),
+            "optimizer": self._critic_optimizer.state_dict(),
             "generator": self._generator.get_state(),
         }
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
         """Go on from a checkpoint."""
-        self._average.load_state_dict(state["actor"])
+        super().load_state_dict(state["actor"])
         self._critic.load_state_dict(state["critic"])
         self._target_critic.load_state_dict(state["target_critic"])
-        self._optimizer.load_state_dict(state["optimizer"])
+        self._critic_optimizer.load_state_dict(state["optimizer"])
         self._generator.set_state(state["generator"])
 
     def _critic_loss(self, batch: Batch, acted: Action) -> Tensor:
@@ -91,7 +85,7 @@ class Ddpg:
 
     @torch.no_grad()
     def _next_value(self, batch: Batch) -> Tensor:
-        action = self._act(self._average.average, batch.next_observation, batch.next_LgV)
+        action = self._act(self.average, batch.next_observation, batch.next_LgV)
         following = replace(batch, observation=batch.next_observation, LgV=batch.next_LgV)
         q: Tensor = self._target_critic(following, batch.next_mu, action)
         return q
@@ -114,7 +108,7 @@ class Ddpg:
         return Action(batch.alpha, batch.beta, flat)
 
     def _action_scales(self, LgV: Tensor) -> tuple[Tensor, Tensor]:
-        actor = self._average.actor
+        actor = self.actor
         size = actor.clf_size(LgV)
         return actor.alpha_scale[:, None] * size[..., None], actor.beta_scale * size
 

@@ -1,4 +1,4 @@
-"""Transitions on disk in the moment they are taken in: a trainer that is killed loses none that it told of.
+"""Transitions on disk in the moment they are taken in: a trainer that is killed loses none that it published.
 
 A file for each episode of the training, from its first transition to the checkpoint after it, in which all are. One
 line says of which training it is; then come records of one size. A record cut at the end is left out. What is written
@@ -15,13 +15,10 @@ import numpy as np
 from rabbit_description.state import Array
 
 from rl_trainer.parameters import TrainingParameters
+from rl_trainer.session import CheckpointError
 from rl_trainer.transitions import Doubt, Transition
 
 NUMBERS = {"tick": "<i8", "step_index": "<i8", "failed": "?", "doubt": "<i8"}
-
-
-class JournalError(RuntimeError):
-    """A journal that cannot be read, or is of another training; one line."""
 
 
 def record_type(parameters: TrainingParameters) -> np.dtype[Any]:
@@ -69,7 +66,7 @@ class Journal:
     """The journal of a training in its folder."""
 
     def __init__(self, folder: Path, parameters: TrainingParameters) -> None:
-        self._folder, self._parameters = folder, parameters
+        self.folder, self._parameters = folder, parameters
         self._file: BinaryIO | None = None
 
     def begin(self, episode: int) -> list[Transition]:
@@ -79,30 +76,29 @@ class Journal:
             The transitions that it holds already.
 
         Raises:
-            JournalError: of another training, or no journal.
+            CheckpointError: of another training, or no journal.
             OSError: the disk is full, or cannot be written.
         """
         self.close()
         path = self._path(episode)
-        for other in self._folder.glob("journal-*.bin"):
+        for other in self.folder.glob("journal-*.bin"):
             if other != path:
                 other.unlink()
         whole, held = self.read(episode)
-        self._file = path.open("r+b" if whole else "wb", buffering=0)
+        self._file = path.open("ab", buffering=0)
         self._file.truncate(whole)
-        self._file.seek(whole)
         if not whole:
             self._write(self._head())
         return held
 
     def read(self, episode: int) -> tuple[int, list[Transition]]:
-        """How many bytes of an episode's journal are whole, and the transitions in them; raises `JournalError`."""
+        """How many bytes of an episode's journal are whole, and the transitions in them; raises `CheckpointError`."""
         path, head = self._path(episode), self._head()
         data = path.read_bytes() if path.exists() else b""
         if head.startswith(data) and len(data) < len(head):
             return 0, []
         if not data.startswith(head):
-            raise JournalError(f"journal {path}: made with other parameters, or damaged; use another folder")
+            raise CheckpointError(f"journal {path}: made with other parameters, or damaged; use another folder")
         kind = record_type(self._parameters)
         count = (len(data) - len(head)) // kind.itemsize
         records = np.frombuffer(data, kind, count, len(head))
@@ -124,8 +120,8 @@ class Journal:
             data = data[self._file.write(data) :]
 
     def _head(self) -> bytes:
-        told = {"record": record_type(self._parameters).itemsize, "parameters": self._parameters.key}
-        return json.dumps(told).encode() + b"\n"
+        head = {"record": record_type(self._parameters).itemsize, "parameters": self._parameters.key}
+        return json.dumps(head).encode() + b"\n"
 
     def _path(self, episode: int) -> Path:
-        return self._folder / f"journal-{episode:06d}.bin"
+        return self.folder / f"journal-{episode:06d}.bin"

@@ -37,17 +37,17 @@ class AveragedActor:
         self._parameters = parameters
         self.actor = Actor(parameters)
         self.average = copy.deepcopy(self.actor).requires_grad_(False)
-        self.optimizer = Optimizer(self.actor, parameters.actor_rate, parameters.gradient_clip)
+        self._optimizer = ClippedAdam(self.actor, parameters.actor_rate, parameters.gradient_clip)
         self._updates = 0
 
     @property
     def acting(self) -> Actor:
-        """The average, or the actor itself."""
+        """The actor to walk with: the average, or the actor itself."""
         return self.average if self._parameters.act_with_average else self.actor
 
     def descend(self, loss: Tensor, rate: float) -> None:
         """One step down the loss, then move the average."""
-        self.optimizer.step(loss, rate)
+        self._optimizer.descend(loss, rate)
         self.actor.steady_alphas(self._parameters.alpha_decay * self._parameters.actor_rate * rate)
         self._updates += 1
         share = self._parameters.polyak
@@ -60,7 +60,7 @@ class AveragedActor:
         return {
             "actor": self.actor.state_dict(),
             "average": self.average.state_dict(),
-            "optimizer": self.optimizer.state_dict(),
+            "optimizer": self._optimizer.state_dict(),
             "updates": self._updates,
         }
 
@@ -68,33 +68,25 @@ class AveragedActor:
         """The inverse of `state_dict`."""
         self.actor.load_state_dict(state["actor"])
         self.average.load_state_dict(state["average"])
-        self.optimizer.load_state_dict(state["optimizer"])
+        self._optimizer.load_state_dict(state["optimizer"])
         self._updates = state["updates"]
 
 
-class Optimizer:
+class ClippedAdam(torch.optim.Adam):
     """Adam with a clipped gradient and a rate that can be scaled at each step."""
 
     def __init__(self, network: nn.Module, rate: float, clip: float) -> None:
-        self._parameters = list(network.parameters())
+        super().__init__(network.parameters(), lr=rate, fused=True)
         self._rate, self._clip = rate, clip
-        self._adam = torch.optim.Adam(self._parameters, lr=rate, fused=True)
 
-    def step(self, loss: Tensor, rate: float) -> None:
+    def descend(self, loss: Tensor, rate: float) -> None:
         """One step down `loss` with the learning rate times `rate`."""
-        self._adam.param_groups[0]["lr"] = self._rate * rate
-        self._adam.zero_grad()
+        (group,) = self.param_groups
+        group["lr"] = self._rate * rate
+        self.zero_grad()
         loss.backward()
-        nn.utils.clip_grad_norm_(self._parameters, self._clip)
-        self._adam.step()
-
-    def state_dict(self) -> dict[str, Any]:
-        """Adam's moments."""
-        return self._adam.state_dict()
-
-    def load_state_dict(self, state: dict[str, Any]) -> None:
-        """The inverse of `state_dict`."""
-        self._adam.load_state_dict(state)
+        nn.utils.clip_grad_norm_(group["params"], self._clip)
+        self.step()
 
 
 @torch.no_grad()

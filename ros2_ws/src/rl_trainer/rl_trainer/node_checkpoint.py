@@ -1,22 +1,22 @@
 """What a learning node keeps in its folder, so that it can be killed at any time.
 
 DIR/checkpoint.pt               all of the trainer after an episode, and what its gate measures by
-DIR/journal-NNNNNN.bin          the transitions since then, each on disk before it is told
+DIR/journal-NNNNNN.bin          the transitions since then, each on disk before it is published
 DIR/policies/NNN.safetensors    the policy after episode NNN
 
 Where the disk is full nothing more is kept, which `error` says, and learning goes on.
 """
 
-import contextlib
-from collections.abc import Iterator
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
 
-from rl_trainer.journal import Journal, JournalError, from_records, record_type, to_records
+from rl_trainer.journal import Journal, from_records, record_type, to_records
 from rl_trainer.publication_gate import PublicationGate
-from rl_trainer.session import CHECKPOINT, CheckpointError, load_checkpoint, save_checkpoint
+from rl_trainer.session import CheckpointError, open_folder, save_episode
 from rl_trainer.training import Trainer
 from rl_trainer.transitions import Transition
 
@@ -30,17 +30,11 @@ class NodeCheckpoint:
         Raises:
             CheckpointError: a training of other parameters, damaged, or a folder that cannot be made.
         """
-        self._folder, self._trainer, self._gate = folder, trainer, gate
+        self._trainer, self._gate = trainer, gate
         self._journal = Journal(folder, trainer.parameters) if folder else None
         self.error, self.taken = "", 0
-        if folder is None:
-            return
-        try:
-            (folder / "policies").mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise CheckpointError(f"folder {folder}: {error.strerror}") from error
-        if (folder / CHECKPOINT).exists():
-            self._restore(folder / CHECKPOINT)
+        if folder and (more := open_folder(folder, trainer)) is not None:
+            self._restore(folder, more)
 
     def begin(self) -> list[Transition]:
         """Begin the journal of the trainer's episode; returns what it holds from before a kill.
@@ -48,57 +42,52 @@ class NodeCheckpoint:
         Raises:
             CheckpointError: the journal is of another training.
         """
-        held: list[Transition] = []
-        with self._stops_at_errors():
-            try:
-                held = self._journal.begin(self._trainer.episode) if self._journal else []
-            except JournalError as error:
-                raise CheckpointError(str(error)) from error
+        held: list[Transition] = self._keep(lambda journal: journal.begin(self._trainer.episode)) or []
         self.taken += len(held)
         return held
 
     def add(self, transition: Transition) -> bool:
-        """Keep a transition; returns whether it may be told: it is on disk, or nothing was to be kept."""
+        """Keep a transition; returns whether it may be published: it is on disk, or nothing was to be kept."""
         self.taken += 1
-        with self._stops_at_errors():
-            if self._journal:
-                self._journal.append(transition)
+        self._keep(lambda journal: journal.append(transition))
         return not self.error
 
     def save(self) -> None:
         """After an episode: checkpoint and policy, and the next episode's journal."""
-        with self._stops_at_errors():
-            if self._folder and self._journal:
-                policy = self._trainer.policy_file()
-                policy.write(self._folder / "policies" / f"{self._trainer.episode:03d}.safetensors")
-                records = to_records(self._gate.held_out, self._trainer.parameters)
-                held_out = torch.from_numpy(records.view(np.uint8).copy())
-                more = {"taken": self.taken, "held_out": held_out, "record": records.itemsize}
-                save_checkpoint(self._folder / CHECKPOINT, self._trainer, more)
-                self._journal.begin(self._trainer.episode)
+        self._keep(self._save)
 
     def close(self) -> None:
         """Let go of the journal."""
         if self._journal:
             self._journal.close()
 
-    def _restore(self, path: Path) -> None:
-        more = load_checkpoint(path, self._trainer)
+    def _save(self, journal: Journal) -> None:
+        records = to_records(self._gate.held_out, self._trainer.parameters)
+        held_out = torch.from_numpy(records.view(np.uint8).copy())
+        more = {"taken": self.taken, "held_out": held_out, "record": records.itemsize}
+        save_episode(journal.folder, self._trainer, more)
+        journal.begin(self._trainer.episode)
+
+    def _restore(self, folder: Path, more: dict[str, Any]) -> None:
         self.taken = int(more.get("taken", self._trainer.replay.added))
         if "held_out" in more:  # not in those of `rabbit train`
             kind = record_type(self._trainer.parameters)
             if more.get("record") != kind.itemsize:
-                raise CheckpointError(f"checkpoint {path}: its transitions are of another version; use another folder")
+                raise CheckpointError(f"folder {folder}: its transitions are of another version; use another folder")
             records = more["held_out"].numpy().view(kind)
-            self._gate.restore(from_records(records, self._trainer.parameters))
+            self._gate.held_out.extend(from_records(records, self._trainer.parameters))
 
-    @contextlib.contextmanager
-    def _stops_at_errors(self) -> Iterator[None]:
+    def _keep(self, action: Callable[[Journal], Any]) -> Any:
+        """What the action returns; None where nothing is kept, or not any more."""
+        if self._journal is None:
+            return None
         try:
-            yield
-        except (OSError, RuntimeError) as error:  # torch tells a full disk by a RuntimeError
-            if isinstance(error, CheckpointError):
-                raise
-            self.error = f"folder {self._folder}: {error}; transitions, checkpoints and policies are not kept any more"
+            return action(self._journal)
+        except CheckpointError:
+            raise
+        except (OSError, RuntimeError) as error:  # torch reports a full disk by a RuntimeError
+            folder = self._journal.folder
+            self.error = f"folder {folder}: {error}; transitions, checkpoints and policies are not kept any more"
             self.close()
             self._journal = None
+            return None

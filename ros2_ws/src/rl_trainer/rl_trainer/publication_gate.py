@@ -1,24 +1,49 @@
 """Which weights are published while the robot walks: those that are no worse than the ones in force.
 
-    e = mean over the quantities of `held_out_error.estimation_error` on the newest held-out ticks
+    e_i = rms(correction_i - target_i) / rms(target_i)      0: exact, 1: no better than the zero policy
+    e   = mean of e_i over the quantities, on the newest held-out ticks
 
 One walking step in five is held out: its transitions are measured by and never learned from. Whole steps, because the
 ticks of one step resemble each other.
 """
 
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+from rabbit_description.state import Array
 from rl_cbf_clf_controller.policy import LearnedPolicy, ZeroPolicy
 
-from rl_trainer.held_out_error import estimation_error
 from rl_trainer.parameters import TrainingParameters
+from rl_trainer.reward import error_unit
 from rl_trainer.transitions import Doubt, Transition
 
 EVERY = 5  # walking steps, of which one is held out
 NEWEST = 200  # held-out ticks kept, five steps
 LEAST = 30  # on fewer nothing is decided
+
+
+def estimation_error(policy: LearnedPolicy, transitions: Sequence[Transition], parameters: TrainingParameters) -> Array:
+    """e_i of each quantity, (n,), over the transitions beyond doubt; NaN where there are none.
+
+    Measured errors only, in units of `error_unit`. In the first approach the target at mu is not known for another
+    policy than the one that walked; but the executed v is the right input for the measured y'', so it is asked at
+    mu = y''.
+    """
+    wrong, size = [], []
+    for transition in transitions:
+        if transition.doubt & ~Doubt.SATURATED:
+            continue
+        unit = error_unit(transition.LgV, parameters)
+        mu = transition.measured if transition.problem.corrects_input else transition.mu
+        estimates = policy.act(transition.observation, transition.LgV)
+        wrong.append((estimates.error(mu) - transition.target) / unit)
+        size.append(transition.target / unit)
+    if not wrong:
+        return np.full(parameters.n, np.nan)
+    ratio: Array = np.sqrt(np.square(wrong).sum(axis=0) / np.square(size).sum(axis=0))
+    return ratio
 
 
 @dataclass(frozen=True)
@@ -44,12 +69,12 @@ class Verdict:
 
 
 class PublicationGate:
-    """Holds out transitions, knows the policy in force, and judges others."""
+    """Holds out transitions, knows the policy in force, and judges others. `held_out`: it judges by, oldest first."""
 
     def __init__(self, parameters: TrainingParameters) -> None:
         self.in_force: LearnedPolicy = ZeroPolicy(parameters.problem)
+        self.held_out: deque[Transition] = deque(maxlen=NEWEST)
         self._parameters = parameters
-        self._held_out: deque[Transition] = deque(maxlen=NEWEST)
         self._steps = 0
         self._newest = (-1, -1)  # step index and tick
 
@@ -60,24 +85,15 @@ class PublicationGate:
         self._newest = transition.step_index, transition.tick
         if self._steps % EVERY or transition.doubt & ~Doubt.SATURATED:
             return False
-        self._held_out.append(transition)
+        self.held_out.append(transition)
         return True
-
-    @property
-    def held_out(self) -> list[Transition]:
-        """What it measures by, oldest first."""
-        return list(self._held_out)
-
-    def restore(self, held_out: Iterable[Transition]) -> None:
-        """Measure by these again, after a checkpoint."""
-        self._held_out.extend(held_out)
 
     def judge(self, policy: LearnedPolicy) -> Verdict | None:
         """The policy against the one in force; None while too few ticks are held out."""
-        if len(self._held_out) < LEAST:
+        if len(self.held_out) < LEAST:
             return None
         errors = (self._error(policy), self._error(self.in_force))
-        return Verdict(policy.version, errors[0], self.in_force.version, errors[1], len(self._held_out))
+        return Verdict(policy.version, errors[0], self.in_force.version, errors[1], len(self.held_out))
 
     def _error(self, policy: LearnedPolicy) -> float:
-        return float(estimation_error(policy, self._held_out, self._parameters).mean())
+        return float(estimation_error(policy, self.held_out, self._parameters).mean())

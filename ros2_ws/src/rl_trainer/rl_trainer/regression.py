@@ -6,45 +6,28 @@ In the first approach the executed v and the measured y'' say what the input sho
 v = y'' + alpha y'' + beta, an inverse model without a critic.
 """
 
-from typing import Any
-
 import torch
 
-from rl_trainer.actor import Actor
 from rl_trainer.learner import AveragedActor
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.replay import Batch
 from rl_trainer.reward import norm
 
 
-class Regression:
+class Regression(AveragedActor):
     """The actor alone, with the same average and optimiser as in DDPG."""
 
     def __init__(self, parameters: TrainingParameters) -> None:
-        self._parameters = parameters
-        self._average = AveragedActor(parameters)
+        super().__init__(parameters)
         self._weights = torch.tensor(parameters.weights)
-
-    @property
-    def acting(self) -> Actor:
-        """The actor to walk with."""
-        return self._average.acting
 
     def update(self, batch: Batch, rate: float) -> dict[str, float]:
         """One step down the estimation errors."""
         mu, target = batch.mu, batch.target * batch.unit
         if self._parameters.problem.corrects_input:
             mu = mu + torch.einsum("bij,bj->bi", batch.alpha, mu) + batch.beta - target
-        alpha, beta = self._average.actor(batch.observation, batch.LgV)
+        alpha, beta = self.actor(batch.observation, batch.LgV)
         error = (torch.einsum("bij,bj->bi", alpha, mu) + beta - target) / batch.unit
         loss = (self._weights * norm(error, self._parameters.error_norm)).sum(1).mean()
-        self._average.descend(loss, rate)
+        self.descend(loss, rate)
         return {"actor": loss.item()}
-
-    def state_dict(self) -> dict[str, Any]:
-        """All that a checkpoint must hold."""
-        return self._average.state_dict()
-
-    def load_state_dict(self, state: dict[str, Any]) -> None:
-        """Go on from a checkpoint."""
-        self._average.load_state_dict(state)

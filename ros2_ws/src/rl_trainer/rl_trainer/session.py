@@ -48,10 +48,7 @@ class Session:
     def __init__(self, folder: Path, trainer: Trainer) -> None:
         """Raises `CheckpointError` where the folder holds a session of other parameters."""
         self.folder, self.trainer = folder, trainer
-        self.resumed = (folder / CHECKPOINT).exists()
-        if self.resumed:
-            load_checkpoint(folder / CHECKPOINT, trainer)
-        (folder / "policies").mkdir(parents=True, exist_ok=True)
+        self.resumed = open_folder(folder, trainer) is not None
         text = yaml.safe_dump(trainer.parameters.model_dump(mode="json"), sort_keys=False)
         (folder / "parameters.yaml").write_text(text, encoding="utf-8")
 
@@ -62,8 +59,7 @@ class Session:
         writer = SummaryWriter(self.folder / "tensorboard", purge_step=self.trainer.episode)
         try:
             for report in train(self.trainer, simulation, make_controller):
-                self.trainer.policy_file().write(self.folder / "policies" / f"{self.trainer.episode:03d}.safetensors")
-                save_checkpoint(self.folder / CHECKPOINT, self.trainer)
+                save_episode(self.folder, self.trainer)
                 for name, value in scalars(report).items():
                     writer.add_scalar(name, value, report.episode)
                 writer.flush()
@@ -80,10 +76,25 @@ def scalars(report: EpisodeReport) -> dict[str, float]:
     return walk | groups
 
 
-def save_checkpoint(path: Path, trainer: Trainer, more: dict[str, Any] | None = None) -> None:
-    """Write all of the trainer's state, and what else is to be kept, at once or not at all."""
+def open_folder(folder: Path, trainer: Trainer) -> dict[str, Any] | None:
+    """Make the folder, or go on from its checkpoint; returns what else was kept there, None without a checkpoint.
+
+    Raises:
+        CheckpointError: see `load_checkpoint`; or a folder that cannot be made.
+    """
+    try:
+        (folder / "policies").mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise CheckpointError(f"folder {folder}: {error.strerror}") from error
+    path = folder / CHECKPOINT
+    return load_checkpoint(path, trainer) if path.exists() else None
+
+
+def save_episode(folder: Path, trainer: Trainer, more: dict[str, Any] | None = None) -> None:
+    """Write the policy, then all of the trainer's state and what else is to be kept; each at once or not at all."""
+    trainer.policy_file().write(folder / "policies" / f"{trainer.episode:03d}.safetensors")
     state = {"parameters": trainer.parameters.key, **trainer.state_dict(), "more": more or {}}
-    with replacing(path) as partial:
+    with replacing(folder / CHECKPOINT) as partial:
         torch.save(state, partial)
 
 
@@ -91,19 +102,16 @@ def load_checkpoint(path: Path, trainer: Trainer) -> dict[str, Any]:
     """Bring the trainer to where the checkpoint was taken; returns what else was kept.
 
     Raises:
-        CheckpointError: unreadable, or of other parameters (the number of episodes may differ).
+        CheckpointError: damaged, or of other parameters (the number of episodes may differ).
     """
     try:
         state: dict[str, Any] = torch.load(path, weights_only=True)
-        parameters = state.pop("parameters")
+        is_ours = state.pop("parameters") == trainer.parameters.key
+        if is_ours:
+            trainer.load_state_dict(state)
     except Exception as error:  # a damaged file may raise anything
         text = " ".join(str(error).split())
         raise CheckpointError(f"checkpoint {path}: {type(error).__name__}: {text[:200]}") from error
-    if parameters != trainer.parameters.key:
+    if not is_ours:
         raise CheckpointError(f"checkpoint {path}: made with other parameters; use another folder, or the same ones")
-    try:
-        trainer.load_state_dict(state)
-    except Exception as error:
-        text = " ".join(str(error).split())
-        raise CheckpointError(f"checkpoint {path}: not of this training: {text[:200]}") from error
     return state.get("more", {})

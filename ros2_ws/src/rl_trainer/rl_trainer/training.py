@@ -8,6 +8,7 @@ The updates wait for the episode's end, so the weights depend on the seed and no
 while the robot walks on may call `learn` in between.
 """
 
+import threading
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
@@ -39,6 +40,10 @@ FORM = (  # of a policy file, that a training must share to go on from it
     "alpha_scale",
     "beta_scale",
 )
+
+
+class Stopped(Exception):
+    """Another thread has set `Trainer.stop`."""
 
 
 @dataclass(frozen=True)
@@ -93,6 +98,7 @@ class Trainer:
         self.learner = learner or make_learner(parameters)
         self.replay = Replay(parameters)
         self.holds_out: Callable[[Transition], bool] = lambda _: False
+        self.stop = threading.Event()  # set by another thread: the next update raises `Stopped`
         self._builder = TransitionBuilder(parameters)
         self._start: dict[str, Any] | None = None  # weights to set the actor back to
         self._adaptation: str | None = None  # that the controller walks with
@@ -120,11 +126,6 @@ class Trainer:
         self.episode, self._earlier, self._updates = policy.metadata.episodes, policy.metadata.transitions, 0
         self._start = actor.state_dict()
         self._set_actor(self._start)
-
-    @property
-    def gaps(self) -> int:
-        """Ticks that never came."""
-        return self._builder.gaps
 
     def begin_episode(self) -> EpisodePlan:
         """Seed, noise and policy of the next episode, from the seed and the episode's number alone."""
@@ -172,6 +173,8 @@ class Trainer:
             return {}
         total: dict[str, float] = {}
         for _ in range(updates):
+            if self.stop.is_set():
+                raise Stopped
             for name, loss in self.learner.update(self.replay.sample(), self.rate).items():
                 total[name] = total.get(name, 0.0) + loss / updates
             self._updates += 1

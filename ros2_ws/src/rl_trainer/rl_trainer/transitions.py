@@ -92,10 +92,9 @@ class Transition:
 
 
 class TransitionBuilder:
-    """Puts transitions together from the ticks of a walk, in order; `gaps` counts ticks that never came."""
+    """Puts transitions together from the ticks of a walk, in order; a tick that never came has none."""
 
     def __init__(self, parameters: TrainingParameters) -> None:
-        self.gaps = 0
         self._parameters = parameters
         self.reset()
 
@@ -108,10 +107,7 @@ class TransitionBuilder:
         if output.quantities != self._parameters.problem.quantities:
             raise ValueError(f"quantities = {output.quantities}; expected {self._parameters.problem.quantities}")
         last, self._last = self._last, output
-        if last is None:
-            return None
-        if output.tick != last.tick + 1:
-            self.gaps += 1
+        if last is None or output.tick != last.tick + 1:
             return None
         return self._transition(last, state, output)
 

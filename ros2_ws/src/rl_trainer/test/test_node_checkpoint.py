@@ -52,18 +52,13 @@ def walk(learning: LearningThread, world: Any, make_controller: Any, episode: in
     """An episode, handed over in this thread; `ends`: to its end."""
 
     def observe(record: Record) -> None:
-        learning._take(item(learning, record.state, record.output))
+        learning.tick(record.state, record.output)
+        learning._queue.get()()
 
     last = rollout(world, make_controller(ZeroPolicy(PARAMETERS.problem), 1.0), episode, observe)
     if ends:
         learning.end(last, episode)
-        learning._take(learning._queue.get())
-
-
-def item(learning: LearningThread, state: Any, output: Any) -> Any:
-    """A tick as the queue holds it."""
-    learning.tick(state, output)
-    return learning._queue.get()
+        learning._queue.get()()
 
 
 def begun(folder: Path, told: Told) -> LearningThread:
@@ -117,7 +112,7 @@ def test_a_kill_between_checkpoint_and_journal_doubles_nothing(
     walk(learning, toy_world, toy_controller, 1, ends=False)
     old = (tmp_path / "journal-000000.bin").read_bytes()
     learning.end(None, 1)
-    learning._take(learning._queue.get())
+    learning._queue.get()()
     (tmp_path / "journal-000001.bin").unlink()
     (tmp_path / "journal-000000.bin").write_bytes(old)
     again = begun(tmp_path, Told())
@@ -129,7 +124,7 @@ def test_what_is_held_out_comes_back(tmp_path: Path, toy_world: Any, toy_control
     gate, trainer = PublicationGate(PARAMETERS), Trainer(PARAMETERS)
     told = Told()
     walk(begun(tmp_path / "other", told), toy_world, toy_controller, 1, ends=False)
-    gate.restore(told.transitions)
+    gate.held_out.extend(told.transitions)
     kept = NodeCheckpoint(tmp_path, trainer, gate)
     kept.begin()
     kept.save()

@@ -10,9 +10,8 @@ from cbf_clf_qp.problem import Problem
 from rabbit_description.state import Array
 from rl_cbf_clf_controller.policy import LearnedPolicy, ZeroPolicy
 from rl_cbf_clf_controller.uncertainty import PAPER, RL_CBF_CLF_QP
-from rl_trainer.held_out_error import estimation_error
 from rl_trainer.parameters import TrainingParameters
-from rl_trainer.publication_gate import EVERY, NEWEST, PublicationGate
+from rl_trainer.publication_gate import EVERY, NEWEST, PublicationGate, estimation_error
 from rl_trainer.transitions import Doubt, Transition
 
 
