@@ -155,13 +155,22 @@ def test_rviz_hears_the_same(world: Any) -> None:
     world.wait(lambda: len(arrays) > 20)
     world.wait(lambda: bool(urdf))
     assert 'robot name="rabbit"' in urdf[0].data
-    known = {(state.stamp.sec, state.stamp.nanosec): state for state in states}
-    for message in transforms:
+    frames, last = list(transforms), arrays[-1].markers
+    stamps = {
+        (each.sec, each.nanosec) for each in (last[1].header.stamp, *(f.transforms[0].header.stamp for f in frames))
+    }
+    known: dict[tuple[int, int], Any] = {}
+
+    def states_are_heard() -> bool:  # a state may come after what was drawn of it
+        known.update({(state.stamp.sec, state.stamp.nanosec): state for state in states})
+        return stamps <= known.keys()
+
+    world.wait(states_are_heard)
+    for message in frames:
         moved = {each.child_frame_id: each for each in message.transforms}
         stamp = message.transforms[0].header.stamp
         q = known[stamp.sec, stamp.nanosec].q
         assert (moved["slide_x"].transform.translation.x, moved["slide_z"].transform.translation.z) == (q[0], q[1])
-    last = arrays[-1].markers
     assert last[0].action == Marker.DELETEALL
     assert {marker.ns for marker in last[1:]} >= {"robot", "stones", "area", "cone", "words"}
     stamp = last[1].header.stamp

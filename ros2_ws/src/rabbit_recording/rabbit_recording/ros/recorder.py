@@ -70,11 +70,10 @@ class RecorderNode(Node):
         self._heard = time.monotonic()
         self._sent = self._asked = 0  # when the newest message was sent; when the node was asked to end; ns
         self._failure = ""
-        self._state = self.resolve_topic_name("state")
         self._newest_state = b""
         self._readers = {topic.name: self._subscribe(topic) for topic in TOPICS}
         self._diagnostics = Diagnostics(self, self._message_counter, self._status)
-        steady_timer(self, FLUSH_SECONDS, self._flush)
+        steady_timer(self, FLUSH_SECONDS, lambda: self._ends_at_errors(self._writer.flush))
 
     def busy(self) -> bool:
         """What was sent before it was asked to end may still be on its way, the more so on a busy machine."""
@@ -106,10 +105,6 @@ class RecorderNode(Node):
         if self._ends_at_errors(partial(self._writer.write, name, at, data)):
             self._message_counter.accept(name)
 
-    def _flush(self) -> None:
-        """What a killed recorder has written by now is not lost."""
-        self._ends_at_errors(self._writer.flush)
-
     def _ends_at_errors(self, write: Callable[[], None]) -> bool:
         """A full disk ends the recording, not the walk: the node says so and goes on hearing."""
         if self._failure:
@@ -127,13 +122,11 @@ class RecorderNode(Node):
         figures = {"path": str(self._path), "episode, tick": "{} {}".format(*turn_of(self._newest_state)), **lost}
         if self._failure:
             return ERROR, self._failure, figures
-        absent = [t.name for t in TOPICS if t.publisher in self._own.expect and not self._is_published(t.name)]
+        expected = [topic.name for topic in TOPICS if topic.publisher in self._own.expect]
+        absent = [name for name in expected if not self._readers[name].get_publisher_count()]
         if absent or lost:
             return WARN, f"waiting for {', '.join(absent)}" if absent else f"messages were lost: {lost}", figures
         return OK, "recording", figures
-
-    def _is_published(self, name: str) -> bool:
-        return bool(self._readers[name].get_publisher_count())
 
 
 def with_info(callback: Callable[[Any, dict[str, Any]], None]) -> Callable[..., None]:

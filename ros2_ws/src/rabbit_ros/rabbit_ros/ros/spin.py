@@ -69,6 +69,6 @@ def _deliver(node: Node) -> None:
         publisher.wait_for_all_acked(Duration(seconds=max(0.0, deadline - time.monotonic())))
 
 
-def steady_timer(node: Node, period: float, callback: Callable[[], None]) -> Timer:
+def steady_timer(node: Node, period: float, callback: Callable[[], object]) -> Timer:
     """A timer by the wall clock, in s, whatever the simulated time is."""
     return node.create_timer(period, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))

@@ -8,7 +8,7 @@ from pathlib import Path
 import typer
 from pydantic import Field
 from rabbit_cli.executables import NAMESPACE, LaunchError, find_executable
-from rabbit_cli.options import Given, fail, options
+from rabbit_cli.options import Given, complaints, fail, options
 
 from rabbit_viewer.live.parameters import ViewerParameters
 
@@ -45,10 +45,8 @@ def write_layout(path: Path) -> None:
 
 def become_viewer(chosen: ViewOptions) -> None:
     """Hand this process over to the node."""
-    try:
+    with complaints(LaunchError):
         path = find_executable("rabbit_viewer", "viewer")
-    except LaunchError as error:
-        fail(error)
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     own = chosen.model_dump(include=set(ViewerParameters.model_fields))
     words = [word for name, value in own.items() for word in ("-p", f"{name}:={json.dumps(value)}")]

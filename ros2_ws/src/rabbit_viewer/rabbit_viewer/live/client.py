@@ -8,7 +8,6 @@ import json
 import struct
 import time
 from contextlib import ExitStack
-from dataclasses import dataclass
 from typing import Any, NamedTuple, Self
 
 from websockets.exceptions import WebSocketException
@@ -21,8 +20,7 @@ MESSAGE = 1
 TRY_SECONDS = 0.02
 
 
-@dataclass(frozen=True)
-class Channel:
+class Channel(NamedTuple):
     """What the server advertises: schema and encoding of a topic."""
 
     topic: str
@@ -87,9 +85,7 @@ class Listener:
         """Subscribe to what is advertised, each channel under its own number."""
         if got["op"] != "advertise":
             return
-        new = {}
-        for each in got["channels"]:
-            new[each["id"]] = Channel(each["topic"], each["encoding"], each["schemaName"], each["schema"])
+        new = {c["id"]: Channel(c["topic"], c["encoding"], c["schemaName"], c["schema"]) for c in got["channels"]}
         self.channels |= new
         subscriptions = [{"id": number, "channelId": number} for number in new]
         self._connection.send(json.dumps({"op": "subscribe", "subscriptions": subscriptions}))
