@@ -7,9 +7,8 @@ from matplotlib.figure import Figure
 from rabbit_experiments.reproduce.controllers import CBF_CLF, CBF_CLF_ORACLE
 from rabbit_experiments.reproduce.curves import tracking_figure
 from rabbit_experiments.reproduce.experiment import Experiment
-from rabbit_experiments.reproduce.report import Claim
+from rabbit_experiments.reproduce.report import Claim, judge
 from rabbit_experiments.reproduce.table_lines import Found, Line, Size
-from rabbit_experiments.reproduce.verdict import judge
 
 
 class OneStone(Experiment):

@@ -15,8 +15,7 @@ from rabbit_experiments.commands.reproduce import app
 from rabbit_experiments.reproduce import catalogue
 from rabbit_experiments.reproduce.catalogue import EXPERIMENTS
 from rabbit_experiments.reproduce.experiment import Experiment
-from rabbit_experiments.reproduce.make_experiments import make
-from rabbit_experiments.reproduce.page import PAGE
+from rabbit_experiments.reproduce.page import PAGE, make
 from rabbit_experiments.reproduce.report import Table, read_report
 from rabbit_experiments.reproduce.table_lines import COLUMNS, FULL, QUICK, Found, Line, Size
 from typer.testing import CliRunner, Result
@@ -66,7 +65,7 @@ def test_what_was_stopped_leaves_what_is_whole(
     def stopped(*_: Any) -> int:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("rabbit_experiments.reproduce.make_experiments.run", stopped)
+    monkeypatch.setattr("rabbit_experiments.reproduce.page.run", stopped)
     with pytest.raises(KeyboardInterrupt):
         make([whole, other], tiny, tmp_path, ["one-stone", "other"])
     assert "## one-stone" in (tmp_path / PAGE).read_text()

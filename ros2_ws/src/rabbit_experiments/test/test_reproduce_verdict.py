@@ -10,10 +10,9 @@ from rabbit_experiments.metrics import RunResult, RunRow
 from rabbit_experiments.reproduce.catalogue import EXPERIMENTS
 from rabbit_experiments.reproduce.controllers import CBF_CLF, CBF_CLF_ORACLE
 from rabbit_experiments.reproduce.experiment import Experiment
+from rabbit_experiments.reproduce.report import Verdict, judge, missing
 from rabbit_experiments.reproduce.sweep import largest, largest_text
-from rabbit_experiments.reproduce.table_lines import FULL, Found, Line
-from rabbit_experiments.reproduce.verdict import Verdict, judge, missing
-from rabbit_experiments.reproduce.walk_table import shows
+from rabbit_experiments.reproduce.table_lines import FULL, Found, Line, shows
 from rabbit_experiments.summary import Walks
 
 COUNTS = {name: 0 for name, field in RunRow.model_fields.items() if field.annotation in (int, float)}

@@ -25,7 +25,7 @@ def reproduce(
     """Make the paper's figures and tables anew: DIR/results.md has its figures beside ours, with verdicts."""
     from rabbit_experiments.engine import BackendError
     from rabbit_experiments.reproduce.catalogue import EXPERIMENTS
-    from rabbit_experiments.reproduce.make_experiments import make
+    from rabbit_experiments.reproduce.page import make
     from rabbit_experiments.reproduce.table_lines import FULL, QUICK
 
     known = {each.name: each for each in EXPERIMENTS}

@@ -13,9 +13,8 @@ from rabbit_experiments.assembly import Assembly
 from rabbit_experiments.evaluation import SeededRun
 from rabbit_experiments.recipes import POLICY, Recipe
 from rabbit_experiments.reproduce.report import Claim, Report, Table
-from rabbit_experiments.reproduce.table_lines import Found, Line, Size
+from rabbit_experiments.reproduce.table_lines import Found, Line, Size, long_table, walk_table
 from rabbit_experiments.reproduce.training import that_made
-from rabbit_experiments.reproduce.walk_table import long_table, walk_table
 
 
 class Experiment(ABC):

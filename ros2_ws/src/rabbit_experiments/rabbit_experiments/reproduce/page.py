@@ -1,11 +1,14 @@
-"""The page over all experiments of a folder: every claim with its verdict, then each experiment."""
+"""Make experiments: their runs, their reports, and the page over all: every claim with its verdict, then each."""
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from rabbit_experiments.reproduce.report import Report, Table, read_report
-from rabbit_experiments.reproduce.verdict import Verdict
+from rabbit_experiments.cache import Cache
+from rabbit_experiments.engine import Backend, run
+from rabbit_experiments.reproduce.experiment import Experiment
+from rabbit_experiments.reproduce.report import Report, Table, Verdict, read_report
+from rabbit_experiments.reproduce.table_lines import Found, Size
 
 PAGE = "results.md"
 HEAD = """# The paper, reproduced
@@ -29,6 +32,41 @@ FOOT = """## How to read it
 - **Learned controllers** have the policies that a section names: shipped ones, or, where its command has `--retrain`,
   those that it trained. They were trained at mass scale 2, without lag, where nothing else is said.
 """
+
+
+def make(
+    experiments: Sequence[Experiment],
+    size: Size,
+    out: Path,
+    names: Sequence[str],
+    jobs: int = 1,
+    backend: Backend = "loky",
+) -> tuple[Path, int]:
+    """Run what the cache in `out` lacks, then write; the page has all of `names` that `out` holds.
+
+    What is stopped by Ctrl-C leaves the experiments whose runs are complete.
+
+    Returns:
+        The page, and how many runs were made.
+
+    Raises:
+        BackendError: see `run`.
+    """
+    cache = Cache(out / "cache")
+    try:
+        done = run([job for each in experiments for job in each.jobs(size)], cache, jobs, backend)
+    except KeyboardInterrupt:
+        _write([each for each in experiments if all(cache.get(job) for job in each.jobs(size))], cache, size, out)
+        write_page(out, names)
+        raise
+    _write(experiments, cache, size, out)
+    return write_page(out, names), done
+
+
+def _write(experiments: Sequence[Experiment], cache: Cache, size: Size, out: Path) -> None:
+    for experiment in experiments:
+        report, figures = experiment.report(Found(cache, size))
+        report.write(out, figures)
 
 
 def write_page(out: Path, names: Sequence[str]) -> Path:

@@ -1,8 +1,7 @@
 """All experiments, in the order of the page."""
 
 from rabbit_experiments.reproduce.catalogue.clf_assumption import ClfAssumption
-from rabbit_experiments.reproduce.catalogue.clf_results import ClfResults
-from rabbit_experiments.reproduce.catalogue.clf_torso_results import ClfTorsoResults
+from rabbit_experiments.reproduce.catalogue.clf_results import ClfResults, ClfTorsoResults
 from rabbit_experiments.reproduce.catalogue.discussion import (
     DELAY,
     JOINT_DAMPING,
@@ -17,8 +16,7 @@ from rabbit_experiments.reproduce.catalogue.l1_sweep import L1Sweep
 from rabbit_experiments.reproduce.catalogue.learning_curves import LearningCurves
 from rabbit_experiments.reproduce.catalogue.nominal_stones import NominalStones
 from rabbit_experiments.reproduce.catalogue.numerical_derivatives import NumericalDerivatives
-from rabbit_experiments.reproduce.catalogue.payload_flat import PayloadFlat
-from rabbit_experiments.reproduce.catalogue.payload_stones import PayloadStones
+from rabbit_experiments.reproduce.catalogue.payloads import PayloadFlat, PayloadStones
 from rabbit_experiments.reproduce.catalogue.rl_cbf_clf_results import RlCbfClfResults
 from rabbit_experiments.reproduce.catalogue.small_mass import SmallMass
 from rabbit_experiments.reproduce.catalogue.stepping_stone import SteppingStone

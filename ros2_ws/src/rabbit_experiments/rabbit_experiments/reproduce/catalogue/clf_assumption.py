@@ -12,9 +12,8 @@ from rabbit_experiments.evaluation import SeededRun, episode_seeds
 from rabbit_experiments.reproduce.controllers import CBF_CLF, CBF_CLF_ORACLE, RL_CBF_CLF
 from rabbit_experiments.reproduce.experiment import Experiment
 from rabbit_experiments.reproduce.feasibility import Feasibility, JudgedWalk, share, total
-from rabbit_experiments.reproduce.report import Cell, Claim, Table
+from rabbit_experiments.reproduce.report import Cell, Claim, Table, judge
 from rabbit_experiments.reproduce.table_lines import SEED, Found, Line, Size
-from rabbit_experiments.reproduce.verdict import Verdict, judge
 
 WALKERS = (CBF_CLF, RL_CBF_CLF, CBF_CLF_ORACLE)
 STEPS = 5  # a walk
@@ -76,9 +75,7 @@ class ClfAssumption(Experiment):
             ),
             Claim(
                 claim="and with 72 kg on the torso",
-                paper="-",
                 ours=ours["payload 72 kg"],
-                verdict=Verdict.OPEN,
             ),
         ]
 

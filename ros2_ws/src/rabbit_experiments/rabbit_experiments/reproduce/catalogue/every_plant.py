@@ -12,9 +12,7 @@ from rabbit_viewer import style
 from rabbit_experiments.reproduce.controllers import Contender
 from rabbit_experiments.reproduce.experiment import Experiment
 from rabbit_experiments.reproduce.report import Claim, Table
-from rabbit_experiments.reproduce.table_lines import MAIN, Found, Line, Runs
-from rabbit_experiments.reproduce.verdict import Verdict
-from rabbit_experiments.reproduce.walk_table import long_table
+from rabbit_experiments.reproduce.table_lines import MAIN, Found, Line, Runs, long_table
 from rabbit_experiments.summary import ENOUGH
 
 LIBRARY = {"gait": "paper_stones"}  # presses on the ground under every payload (gaits.md), and so does this one:
@@ -121,9 +119,7 @@ class EveryPlant(Experiment):
         titles = ", ".join(plant.title for plant in plants)
         return Claim(
             claim=f"{self.ours.title}, {self.terrain}: {ENOUGH:.0%} of the courses at {group} {titles}",
-            paper="-",
             ours=ours,
-            verdict=Verdict.OPEN,
         )
 
     def _line(self, row: Contender, plant: Plant) -> Line:

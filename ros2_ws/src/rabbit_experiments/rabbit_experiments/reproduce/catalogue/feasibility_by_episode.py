@@ -16,10 +16,9 @@ from rabbit_experiments.reproduce.controllers import CBF_CLF, CBF_CLF_ORACLE, RL
 from rabbit_experiments.reproduce.curves import WIDTH
 from rabbit_experiments.reproduce.experiment import Experiment
 from rabbit_experiments.reproduce.feasibility import Feasibility, JudgedWalk, RowSet, share
-from rabbit_experiments.reproduce.report import Cell, Claim, Table
+from rabbit_experiments.reproduce.report import Cell, Claim, Table, judge
 from rabbit_experiments.reproduce.table_lines import SEED, Found, Line, Size
 from rabbit_experiments.reproduce.training import Trained, recipes
-from rabbit_experiments.reproduce.verdict import Verdict, judge
 
 EPISODES = (1, 2, 3, 4, 5, 6, 8, 10, 12, 15, 18)
 WALKERS = (CBF_CLF, RL_CBF_CLF, CBF_CLF_ORACLE)  # whose walks are the common states
@@ -115,9 +114,7 @@ class FeasibilityByEpisode(Experiment):
         )
         return Claim(
             claim="the share of infeasible ticks comes to that of the true rows (oracle)",
-            paper="-",
             ours="; ".join(text),
-            verdict=Verdict.OPEN,
         )
 
     def _walks(self, found: Found) -> list[list[Feasibility]]:

@@ -23,10 +23,9 @@ from rabbit_experiments.recipes import Recipe
 from rabbit_experiments.reproduce.controllers import IO_RL, RL_CBF_CLF, RL_CLF, Contender
 from rabbit_experiments.reproduce.curves import WIDTH
 from rabbit_experiments.reproduce.experiment import Experiment
-from rabbit_experiments.reproduce.report import Cell, Claim, Table
+from rabbit_experiments.reproduce.report import Cell, Claim, Table, judge
 from rabbit_experiments.reproduce.table_lines import MAIN, Found, Line, Size
 from rabbit_experiments.reproduce.training import Episode, read_log, recipe_of, recipes
-from rabbit_experiments.reproduce.verdict import judge
 
 PAPER = {IO_RL: 110, RL_CLF: 79, RL_CBF_CLF: 133}  # episodes of the final agent
 COLOURS = {IO_RL: style.ORANGE, RL_CLF: style.BLUE, RL_CBF_CLF: style.GREEN}

@@ -5,9 +5,8 @@ from functools import cached_property
 
 from rabbit_experiments.reproduce.controllers import CBF_CLF, RL_CBF_CLF
 from rabbit_experiments.reproduce.experiment import Experiment
-from rabbit_experiments.reproduce.report import Claim
+from rabbit_experiments.reproduce.report import Claim, judge
 from rabbit_experiments.reproduce.table_lines import Found, Line, Runs
-from rabbit_experiments.reproduce.verdict import judge
 from rabbit_experiments.summary import Walks
 
 PAPER_MEAN, PAPER_STD = 5.6, 4.64

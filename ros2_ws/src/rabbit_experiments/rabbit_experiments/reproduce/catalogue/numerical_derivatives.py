@@ -15,7 +15,6 @@ from rabbit_experiments.reproduce.differentiation import METHODS, QUANTITIES, re
 from rabbit_experiments.reproduce.experiment import Experiment
 from rabbit_experiments.reproduce.report import Cell, Claim, Table
 from rabbit_experiments.reproduce.table_lines import MAIN, SEED, Found, Line
-from rabbit_experiments.reproduce.verdict import Verdict
 
 NOISE = (0.0, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.4)  # rad/s
 USUAL = 0.15  # the error that an estimate may have, docs/results.md
@@ -67,7 +66,6 @@ class NumericalDerivatives(Experiment):
                 claim=f"noise up to which {name} is measured within {USUAL:g} of the model's error",
                 paper="could be noisy",
                 ours="; ".join(f"{method} {_most(errors[method][:, i])}" for method in METHODS),
-                verdict=Verdict.OPEN,
             )
             for i, name in enumerate(QUANTITIES)
         ]

@@ -13,9 +13,8 @@ from rabbit_viewer.walk_records import WalkRecords
 from rabbit_experiments.reproduce.controllers import CBF_CLF, CBF_CLF_ORACLE, RL_CBF_CLF, ROBUST, Contender
 from rabbit_experiments.reproduce.curves import WIDTH, finish_ratio, late_and_impact_ratio
 from rabbit_experiments.reproduce.experiment import Experiment
-from rabbit_experiments.reproduce.report import Claim
+from rabbit_experiments.reproduce.report import Claim, judge
 from rabbit_experiments.reproduce.table_lines import HEADLINE, Found, Line
-from rabbit_experiments.reproduce.verdict import judge
 
 CAPTION = (
     "First run of RL-CBF-CLF-QP over 20 stones at mass scale 2. Top: swing foot against the stones' edges; dots are "

@@ -17,9 +17,8 @@ from rabbit_experiments.reproduce.controllers import (
     Contender,
 )
 from rabbit_experiments.reproduce.experiment import Experiment
-from rabbit_experiments.reproduce.report import Claim
+from rabbit_experiments.reproduce.report import Claim, judge
 from rabbit_experiments.reproduce.table_lines import MAIN, Found, Line, Runs
-from rabbit_experiments.reproduce.verdict import Verdict, judge
 from rabbit_experiments.summary import Walks
 
 WHO = {"flat": (RL_CLF, CLF, CLF_ORACLE), "stones": (RL_CBF_CLF, CBF_CLF, CBF_CLF_ORACLE)}
@@ -131,7 +130,5 @@ class SmallMass(Experiment):
         learned, nominal, oracle = (walks[scale, each] for each in WHO[terrain])
         return Claim(
             claim=f"{WHO[terrain][0].title} trained at scale 2 walks at {scale:g}",
-            paper="-",
             ours=f"{learned.text}; nominal {nominal.text}, oracle {oracle.text}",
-            verdict=Verdict.OPEN,
         )

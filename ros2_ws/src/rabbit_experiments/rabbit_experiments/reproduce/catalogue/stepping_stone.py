@@ -15,9 +15,8 @@ from rabbit_viewer.walk_records import WalkRecords
 from rabbit_experiments.reproduce.controllers import RL_CBF_CLF
 from rabbit_experiments.reproduce.curves import WIDTH
 from rabbit_experiments.reproduce.experiment import Experiment
-from rabbit_experiments.reproduce.report import Claim
+from rabbit_experiments.reproduce.report import Claim, judge
 from rabbit_experiments.reproduce.table_lines import HEADLINE, Found, Line
-from rabbit_experiments.reproduce.verdict import judge
 
 SHOWN = 3  # steps: with the nearest stone, the middle one, the farthest
 DEPTH, TOP = 0.02, 0.15  # m, of a drawn stone, and of the panel

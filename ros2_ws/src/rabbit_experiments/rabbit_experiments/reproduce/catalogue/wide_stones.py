@@ -17,7 +17,6 @@ from rabbit_experiments.reproduce.curves import WIDTH
 from rabbit_experiments.reproduce.experiment import Experiment
 from rabbit_experiments.reproduce.report import Claim, Table
 from rabbit_experiments.reproduce.table_lines import MAIN, Found, Line, Runs
-from rabbit_experiments.reproduce.verdict import Verdict
 from rabbit_experiments.summary import Walks
 
 LIBRARY, SINGLE = "wide", "stones_0350_084"
@@ -96,9 +95,7 @@ class WideStones(Experiment):
             Claim(
                 claim=f"{OURS.title}: the library walks wide stones, barriers acting in three of ten steps or more; "
                 f"not without barriers, nor with the single gait: {'so it is' if holds else 'not so'}",
-                paper="-",
                 ours=f"{on.text}, active in {active_share(on):.0%} of steps; off {off.text}; single gait {single.text}",
-                verdict=Verdict.OPEN,
             )
         ]
 
