@@ -23,6 +23,20 @@ from rl_trainer.rollout import Record
 
 IMPACT_TICKS = 4  # of a step's beginning, whose mean force may hold some of the 30 ms after impact
 ROWS = ("CLF", "B1", "B2", "C1", "C2", "u")  # of the QP, both cone rows as C2 and all saturation rows as u
+EVENTS = (  # ticks and steps of a run that are counted
+    "ticks_over_cone",
+    "ticks_over_cone_at_impact",
+    "ticks_normal_force_negative",
+    "ticks_lost",
+    "ticks_lost_at_impact",
+    "qp_unanswered_ticks",
+    "qp_unconstrained_ticks",
+    "slack_ticks",
+    "rescue_ticks",
+    "saturated_ticks",
+    "ecbf_start_violations",
+)
+COUNTED = (*EVENTS, *(f"active_{name}" for name in ROWS))
 
 
 class RunRow(BaseModel):
@@ -100,14 +114,14 @@ class RunResult(BaseModel):
 
 @dataclass
 class ForceTally:
-    """Stance forces against the unilateral constraint and the cone of `friction_coeff`."""
+    """Stance forces against the unilateral constraint and the cone of `friction_coeff`; `counts` as in `RunRow`."""
 
     run: int
     friction_coeff: float
     violations: list[ForceTick] = field(default_factory=list)
+    counts: Counter[str] = field(default_factory=Counter)
     max_ratio: float = 0.0
     min_normal: float = np.inf
-    negative: int = 0
 
     def add(self, output: ControllerOutput, age: int, force: Array) -> None:
         """Take in a tick, `age` ticks after the legs swapped, with the `force` (2,) on the foot that stands, N."""
@@ -115,28 +129,28 @@ class ForceTally:
             return  # no tick before it, no force yet
         tangential, normal = force.tolist()
         ratio = abs(tangential) / normal if normal > LOADED else 0.0
-        if age >= IMPACT_TICKS:
+        at_impact = age < IMPACT_TICKS
+        if not at_impact:
             self.min_normal = min(self.min_normal, normal)
             self.max_ratio = max(self.max_ratio, ratio)
-        self.negative += normal < 0
-        if ratio > self.friction_coeff or normal <= 0:
-            self.violations.append(
-                ForceTick(
-                    run=self.run,
-                    kind="lost" if normal <= 0 else "over_cone",
-                    tick=output.tick,
-                    step=output.step_index,
-                    ticks_since_landing=age,
-                    at_impact=age < IMPACT_TICKS,
-                    tangential_force=tangential,
-                    normal_force=normal,
-                    ratio=ratio,
-                )
+        self.counts["ticks_normal_force_negative"] += normal < 0
+        if ratio <= self.friction_coeff and normal > 0:
+            return
+        kind: Literal["lost", "over_cone"] = "lost" if normal <= 0 else "over_cone"
+        self.counts[f"ticks_{kind}" + "_at_impact" * at_impact] += 1
+        self.violations.append(
+            ForceTick(
+                run=self.run,
+                kind=kind,
+                tick=output.tick,
+                step=output.step_index,
+                ticks_since_landing=age,
+                at_impact=at_impact,
+                tangential_force=tangential,
+                normal_force=normal,
+                ratio=ratio,
             )
-
-    def count(self, kind: str, at_impact: bool) -> int:
-        """Violations of a kind, within the time of impact or after it."""
-        return sum(tick.kind == kind and tick.at_impact == at_impact for tick in self.violations)
+        )
 
 
 class RunTally:
@@ -201,14 +215,14 @@ class RunTally:
         stones = missed.index(True) if True in missed else len(missed)
         success = outcome is Outcome.WALKED and not self.fault and not any(missed)
         forces, milliseconds = self._forces, np.array(ticks) * 1e3
-        counted: dict[str, Any] = {**self._most, **{name: self._counts[name] for name in _COUNTED}}
-        over, lost = forces.count("over_cone", at_impact=False), forces.count("lost", at_impact=False)
+        counts = self._counts + forces.counts
+        counted: dict[str, Any] = {**self._most, **{name: counts[name] for name in COUNTED}}
         row = RunRow(
             run=self.run,
             seed=seed,
             outcome=self.fault.split(":")[0] or outcome.value,
             success=success,
-            success_with_forces=success and not over and not lost,
+            success_with_forces=success and not counts["ticks_over_cone"] and not counts["ticks_lost"],
             stones=stones,
             missed_stones=sum(missed),
             steps=self._step + 1,
@@ -216,11 +230,6 @@ class RunTally:
             worst_margin=min((min(step.l - step.l_min, step.l_max - step.l) for step in landings), default=np.nan),
             max_force_ratio=forces.max_ratio,
             min_normal_force=forces.min_normal if np.isfinite(forces.min_normal) else np.nan,
-            ticks_over_cone=over,
-            ticks_over_cone_at_impact=forces.count("over_cone", at_impact=True),
-            ticks_normal_force_negative=forces.negative,
-            ticks_lost=lost,
-            ticks_lost_at_impact=forces.count("lost", at_impact=True),
             barrier_active_steps=len(self._barrier_steps),
             rms_y=self._rms(self._squares[:4]),
             rms_dy=self._rms(self._squares[4:]),
@@ -232,14 +241,3 @@ class RunTally:
         )
         seconds = [round(tick, 7) for tick in ticks]
         return RunResult(row=row, violations=forces.violations, tick_seconds=seconds)
-
-
-_COUNTED = (
-    "qp_unanswered_ticks",
-    "qp_unconstrained_ticks",
-    "slack_ticks",
-    "rescue_ticks",
-    "saturated_ticks",
-    "ecbf_start_violations",
-    *(f"active_{name}" for name in ROWS),
-)

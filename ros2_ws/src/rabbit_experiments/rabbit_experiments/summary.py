@@ -11,22 +11,8 @@ from numpy.typing import NDArray
 from rabbit_description.state import TICK_SECONDS
 from scipy import stats
 
-from rabbit_experiments.metrics import ROWS, RunResult, RunRow
+from rabbit_experiments.metrics import EVENTS, ROWS, RunResult, RunRow
 
-SUMMED = (
-    "missed_stones",
-    "ticks_over_cone",
-    "ticks_over_cone_at_impact",
-    "ticks_normal_force_negative",
-    "ticks_lost",
-    "ticks_lost_at_impact",
-    "qp_unanswered_ticks",
-    "qp_unconstrained_ticks",
-    "slack_ticks",
-    "rescue_ticks",
-    "saturated_ticks",
-    "ecbf_start_violations",
-)
 ENDED_WELL = "walked"
 ENOUGH = 0.9  # share of runs from which something "walks"
 
@@ -126,7 +112,7 @@ def summarise(results: Sequence[RunResult], qp_solver: str) -> dict[str, Any]:
         "min_normal_force": _least(row.min_normal_force for row in rows),
         "worst_margin": _least(row.worst_margin for row in rows),
         "ticks": ticks,
-        **{name: walks.total(name) for name in SUMMED},
+        **{name: walks.total(name) for name in ("missed_stones", *EVENTS)},
         "qp_solver": qp_solver,
         "qp_solver_share": 1 - walks.total("qp_unanswered_ticks") / max(ticks, 1),
         "active_share": {name: walks.total(f"active_{name}") / max(ticks, 1) for name in ROWS},

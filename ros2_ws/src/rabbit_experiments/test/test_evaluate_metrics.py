@@ -53,9 +53,9 @@ def tally_of(record: Record, forces: list[tuple[float, float]], age: int = LATE)
 )
 def test_violations(record: Record, force: tuple[float, float], over: int, lost: int) -> None:
     late, early = tally_of(record, [force]), tally_of(record, [force], age=LATE - 1)
-    assert (late.count("over_cone", at_impact=False), late.count("lost", at_impact=False)) == (over, lost)
-    assert (early.count("over_cone", at_impact=True), early.count("lost", at_impact=True)) == (over, lost)
-    assert early.count("over_cone", at_impact=False) == early.count("lost", at_impact=False) == 0
+    assert (late.counts["ticks_over_cone"], late.counts["ticks_lost"]) == (over, lost)
+    assert (early.counts["ticks_over_cone_at_impact"], early.counts["ticks_lost_at_impact"]) == (over, lost)
+    assert early.counts["ticks_over_cone"] == early.counts["ticks_lost"] == 0
 
 
 def test_largest_ratio_is_taken_of_loaded_ticks_after_the_impact(record: Record) -> None:

@@ -9,6 +9,7 @@ point is one of this whole map, found by walking, and its eigenvalue that of the
 The least phase rate is the manifold's own (`ZeroDynamics.least_phase_rate`): slower post-impact starts fall backwards.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -183,6 +184,6 @@ def under_payload(gait: Gait, payload: float, eps: float = 0.05) -> PayloadRepor
     )
 
 
-def over_payloads(gait: Gait, payloads: tuple[float, ...] = PAYLOADS) -> list[PayloadReport]:
+def over_payloads(gait: Gait, payloads: Sequence[float] = PAYLOADS) -> list[PayloadReport]:
     """`under_payload` at each payload, kg."""
     return [under_payload(gait, payload) for payload in payloads]

@@ -1,4 +1,4 @@
-"""Pictures of a gait: what the joints do, what it asks of motors and ground, and the walk as stick figures."""
+"""Pictures of a gait and of a gait library: joints, what they ask of motors and ground, the walk as stick figures."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -6,14 +6,17 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import Colormap
 from matplotlib.figure import Figure
 from matplotlib.rcsetup import cycler
-from rabbit_description.gait import Gait
+from rabbit_description.gait import Gait, GaitLibrary
 from rabbit_description.state import Array
 
 from rabbit_gait_design.analysis import PayloadReport
-from rabbit_gait_design.orbit import Orbit, Stone
+from rabbit_gait_design.orbit import GaitFigures, Orbit, Stone
 
+COLOURS: Colormap = mpl.colormaps["viridis"]  # of the step lengths
+JOINT_PANELS = ((0, 0), (0, 1), (0, 2), (1, 0))
 JOINTS = ("stance hip", "stance knee", "swing hip", "swing knee")
 TORSO_LENGTH, LEG_SEGMENT = 0.63, 0.4  # m
 # Okabe and Ito's colours, which colour-blind people can tell apart
@@ -59,6 +62,26 @@ def draw_stick_figures(axes: Axes, orbit: Orbit, width: float = 6.6) -> None:
     axes.axhline(0.0, color="black", linewidth=0.8)
     axes.set_aspect("equal", adjustable="datalim")
     axes.set(xlabel="x (m)", ylabel="z (m)")
+
+
+@mpl.rc_context(LOOK)
+def plot_library(library: GaitLibrary) -> Figure:
+    """Desired joints over the phase angle, swing foot, figures over the step length, and the walk of both ends."""
+    orbits = [Orbit(gait, 201) for gait in library.gaits]
+    figure = Figure(figsize=(11, 9.5), layout="constrained")
+    grid = figure.add_gridspec(4, 3, height_ratios=(1, 1, 0.9, 0.9))
+    for joint, (row, column) in enumerate(JOINT_PANELS):
+        _plot_joint(figure.add_subplot(grid[row, column]), orbits, joint)
+    _plot_feet(figure.add_subplot(grid[1, 1]), orbits)
+    _plot_figures(figure.add_subplot(grid[1, 2]), library.lengths, [orbit.figures() for orbit in orbits])
+    for row, orbit in ((2, orbits[0]), (3, orbits[-1])):
+        axes = figure.add_subplot(grid[row, :])
+        draw_stick_figures(axes, orbit)
+        axes.set_title(f"steps of {orbit.gait.step_length:g} m")
+    lengths = mpl.cm.ScalarMappable(mpl.colors.Normalize(library.lengths[0], library.lengths[-1]), COLOURS)
+    figure.colorbar(lengths, ax=figure.axes[:5], label="step length (m)", shrink=0.7, location="right")
+    figure.suptitle(f"{library.name}: {len(library.gaits)} gaits")
+    return figure
 
 
 @mpl.rc_context(LOOK)
@@ -139,3 +162,30 @@ def _draw_robot(
 def _up(angle: float) -> Array:
     """Unit vector (x, z) of a link turned by `angle` about +y."""
     return np.array([np.sin(angle), np.cos(angle)])
+
+
+def _colours(orbits: Sequence[Orbit]) -> Sequence[Any]:
+    lengths = np.array([orbit.gait.step_length for orbit in orbits])
+    return list(COLOURS((lengths - lengths[0]) / (lengths[-1] - lengths[0])))
+
+
+def _plot_joint(axes: Axes, orbits: Sequence[Orbit], joint: int) -> None:
+    for orbit, colour in zip(orbits, _colours(orbits), strict=True):
+        span = orbit.gait.phase_angle_end - orbit.gait.phase_angle_start
+        axes.plot(orbit.gait.phase_angle_start + span * orbit.phases, orbit.series("q")[:, 3 + joint], color=colour)
+    axes.set(xlabel="phase angle (rad)", ylabel=f"{JOINTS[joint]} (rad)")
+
+
+def _plot_feet(axes: Axes, orbits: Sequence[Orbit]) -> None:
+    for orbit, colour in zip(orbits, _colours(orbits), strict=True):
+        axes.plot(*orbit.series("swing").T, color=colour)
+    axes.set(xlabel="from the stance foot (m)", ylabel="swing foot's height (m)")
+
+
+def _plot_figures(axes: Axes, lengths: Sequence[float], figures: Sequence[GaitFigures]) -> None:
+    axes.plot(lengths, [each.speed for each in figures], marker="o", markersize=3, label="speed (m/s)")
+    axes.plot(lengths, [each.eigenvalue for each in figures], marker="s", markersize=3, label="eigenvalue")
+    share = [each.least_phase_rate / each.start_phase_rate for each in figures]
+    axes.plot(lengths, share, marker="^", markersize=3, label="least over own phase rate")
+    axes.set(xlabel="step length (m)", ylim=(0, None))
+    axes.legend()

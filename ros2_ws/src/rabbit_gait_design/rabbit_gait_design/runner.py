@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 
 from matplotlib.figure import Figure
@@ -11,63 +11,42 @@ from rabbit_description.gait import Gait, GaitLibrary
 from rabbit_gait_design.analysis import PAYLOADS, PayloadReport, over_payloads
 from rabbit_gait_design.design import Progress, design_gait
 from rabbit_gait_design.library import design_library
-from rabbit_gait_design.library_plots import plot_library
 from rabbit_gait_design.orbit import Stone
-from rabbit_gait_design.plots import plot_gait, plot_payloads
+from rabbit_gait_design.plots import plot_gait, plot_library, plot_payloads
 from rabbit_gait_design.specification import GaitSpecification
-
-
-@dataclass(frozen=True)
-class GaitFolder:
-    """What `run` wrote: the gait, its file, its picture, and the reports over the payload (empty if not asked for)."""
-
-    gait: Gait
-    file: Path
-    picture: Path
-    reports: tuple[PayloadReport, ...]
 
 
 def run(
     specification: GaitSpecification,
-    out_dir: Path,
+    out: Path,
     progress: Progress | None = None,
-    payloads: tuple[float, ...] = PAYLOADS,
-) -> GaitFolder:
+    payloads: Sequence[float] = PAYLOADS,
+) -> tuple[Gait, list[PayloadReport]]:
     """Design a gait and write `NAME.yaml`, `NAME.png` and, for `payloads` in kg, `NAME_payload.json` and `.png`.
 
     Raises:
         GaitDesignError: IPOPT did not converge.
         OSError: the folder cannot be written.
     """
-    out_dir.mkdir(parents=True, exist_ok=True)
+    out.mkdir(parents=True, exist_ok=True)
     gait = design_gait(specification, progress)
-    file, picture = out_dir / f"{gait.name}.yaml", out_dir / f"{gait.name}.png"
-    gait.save(file)
-    _write(plot_gait(gait, designed_stone(specification)), picture)
-    reports = tuple(over_payloads(gait, payloads))
+    gait.save(out / f"{gait.name}.yaml")
+    _write(plot_gait(gait, designed_stone(specification)), out / f"{gait.name}.png")
+    reports = over_payloads(gait, payloads)
     if reports:
         table = json.dumps([asdict(report) for report in reports], indent=1)
-        (out_dir / f"{gait.name}_payload.json").write_text(table, encoding="utf-8")
-        _write(plot_payloads({gait.name: reports}), out_dir / f"{gait.name}_payload.png")
-    return GaitFolder(gait, file, picture, reports)
-
-
-@dataclass(frozen=True)
-class LibraryFolder:
-    """What `run_library` wrote."""
-
-    library: GaitLibrary
-    file: Path
-    picture: Path
+        (out / f"{gait.name}_payload.json").write_text(table, encoding="utf-8")
+        _write(plot_payloads({gait.name: reports}), out / f"{gait.name}_payload.png")
+    return gait, reports
 
 
 def run_library(
     base: GaitSpecification,
     lengths: Sequence[float],
-    out_dir: Path,
+    out: Path,
     speed_slope: float = 0.0,
     progress: Callable[[str], Progress] | None = None,
-) -> LibraryFolder:
+) -> GaitLibrary:
     """Design a library around `base`, whose step length it starts with; write `NAME.yaml` and `NAME.png`.
 
     Raises:
@@ -75,12 +54,11 @@ def run_library(
         GaitDesignError: IPOPT did not converge at one of them.
         OSError: the folder cannot be written.
     """
-    out_dir.mkdir(parents=True, exist_ok=True)
+    out.mkdir(parents=True, exist_ok=True)
     library = design_library(base, lengths, base.step_length, speed_slope, progress)
-    file, picture = out_dir / f"{library.name}.yaml", out_dir / f"{library.name}.png"
-    library.save(file)
-    _write(plot_library(library), picture)
-    return LibraryFolder(library, file, picture)
+    library.save(out / f"{library.name}.yaml")
+    _write(plot_library(library), out / f"{library.name}.png")
+    return library
 
 
 def designed_stone(specification: GaitSpecification) -> Stone | None:

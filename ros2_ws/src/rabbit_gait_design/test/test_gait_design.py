@@ -105,11 +105,11 @@ def test_file_tells_how_it_was_made(designed: Designed, tmp_path: Path) -> None:
 
 
 def test_run_writes_gait_and_pictures(tmp_path: Path) -> None:
-    folder = run(SPECIFICATION, tmp_path, payloads=(0.0,))
-    assert load_gait(folder.file) == folder.gait
-    assert folder.picture.stat().st_size > 10_000
+    gait, (report,) = run(SPECIFICATION, tmp_path, payloads=(0.0,))
+    assert load_gait(tmp_path / "test.yaml") == gait
+    assert (tmp_path / "test.png").stat().st_size > 10_000
     assert (tmp_path / "test_payload.json").is_file()
-    assert folder.reports[0].has_fixed_point
+    assert report.has_fixed_point
 
 
 def test_a_payload_in_the_specification_keeps_its_fixed_point() -> None:

@@ -1,7 +1,7 @@
 """Find a gait: periodic, within the limits of robot and ground, both stone barriers kept."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -49,23 +49,19 @@ def gait(given: Given) -> None:
                 return lambda *at: status.update(of + progress_text(*at))
 
             if folder.library:
-                library = run_library(
-                    specification,
-                    folder.library,
-                    folder.out,
-                    folder.speed_slope,
-                    lambda name: progress(f"{name}: "),
-                )
-                show_library(library, console)
-                return
-            made = run(specification, folder.out, progress(), folder.payload_table)
+                slope, lengths = folder.speed_slope, folder.library
+                made = run_library(specification, lengths, folder.out, slope, lambda name: progress(f"{name}: "))
+                show_library(made, console)
+            else:
+                show(*run(specification, folder.out, progress(), folder.payload_table), console)
     except ValueError as error:
         fail(f"--library: {error}")
     except GaitDesignError as error:
         fail(error, NOT_FOUND)
     except OSError as error:
         fail(f"--out {folder.out}: {error.strerror}")
-    show(made, console)
+    for suffix in ("yaml", "png"):
+        print(f"written {folder.out / specification.name}.{suffix}")
 
 
 def progress_text(iteration: int, cost: float, violation: float) -> str:
@@ -79,24 +75,20 @@ def show_library(made: Any, console: Any) -> None:
 
     columns = ("speed", "step_time", "peak_torque", "friction_used", "least_normal_force", "foot_height", "eigenvalue")
     table = Table("step (m)", *columns)
-    for gait in made.library.gaits:
+    for gait in made.gaits:
         table.add_row(f"{gait.step_length:g}", *(f"{gait.metadata['figures'][name]:.3g}" for name in columns))
     console.print(table)
-    for path in (made.file, made.picture):
-        console.print(f"written {path}", highlight=False, soft_wrap=True)
 
 
-def show(made: Any, console: Any) -> None:
+def show(made: Any, reports: Sequence[Any], console: Any) -> None:
     """Figures of the gait, and under payload."""
     from rich.table import Table
 
-    for name, value in made.gait.metadata["figures"].items():
+    for name, value in made.metadata["figures"].items():
         console.print(f"{name:>24} {value:.4g}", highlight=False)
-    if made.reports:
+    if reports:
         table = Table("payload (kg)", "phase rate (1/s)", "least (1/s)", "eigenvalue", "peak torque (N m)")
-        for report in made.reports:
+        for report in reports:
             figures = (report.phase_rate, report.least_phase_rate, report.eigenvalue, report.peak_torque)
             table.add_row(f"{report.payload:g}", *(f"{f:.3g}" if math.isfinite(f) else "-" for f in figures))
         console.print(table)
-    for path in (made.file, made.picture):
-        console.print(f"written {path}", highlight=False, soft_wrap=True)

@@ -13,7 +13,7 @@ from rabbit_experiments.reproduce.controllers import CBF_CLF, CBF_CLF_ORACLE, RL
 from rabbit_experiments.reproduce.experiment import Experiment
 from rabbit_experiments.reproduce.feasibility import Feasibility, JudgedWalk, share, total
 from rabbit_experiments.reproduce.report import Cell, Claim, Table, judge
-from rabbit_experiments.reproduce.table_lines import SEED, Found, Line, Size
+from rabbit_experiments.reproduce.table_lines import SEED, Found, Size
 
 WALKERS = (CBF_CLF, RL_CBF_CLF, CBF_CLF_ORACLE)
 STEPS = 5  # a walk
@@ -44,9 +44,6 @@ class ClfAssumption(Experiment):
         "library paper_stones the same exact rows walk nearly all courses, and all with an objective centred on "
         "the PD input (every-plant-stones)."
     )
-
-    def lines(self) -> Sequence[Line]:
-        return ()
 
     def jobs(self, size: Size) -> list[SeededRun]:
         return [job for name in PLANTS for jobs in self._jobs(size, name) for job in jobs]

@@ -17,7 +17,7 @@ from rabbit_experiments.reproduce.curves import WIDTH
 from rabbit_experiments.reproduce.experiment import Experiment
 from rabbit_experiments.reproduce.feasibility import Feasibility, JudgedWalk, RowSet, share
 from rabbit_experiments.reproduce.report import Cell, Claim, Table, judge
-from rabbit_experiments.reproduce.table_lines import SEED, Found, Line, Size
+from rabbit_experiments.reproduce.table_lines import SEED, Found, Size
 from rabbit_experiments.reproduce.training import Trained, recipes
 
 EPISODES = (1, 2, 3, 4, 5, 6, 8, 10, 12, 15, 18)
@@ -46,9 +46,6 @@ class FeasibilityByEpisode(Experiment):
         "near the true one."
     )
     needs_training = True
-
-    def lines(self) -> Sequence[Line]:
-        return ()
 
     def trainings(self, size: Size) -> list[Recipe]:
         """Those of the stepping stones' problem."""

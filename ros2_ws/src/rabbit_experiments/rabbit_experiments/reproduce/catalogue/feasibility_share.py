@@ -16,7 +16,7 @@ from rabbit_experiments.reproduce.controllers import (
 from rabbit_experiments.reproduce.experiment import Experiment
 from rabbit_experiments.reproduce.feasibility import Feasibility, JudgedWalk, RowSet, share, share_text, total
 from rabbit_experiments.reproduce.report import Cell, Claim, Table, judge
-from rabbit_experiments.reproduce.table_lines import COLUMNS, SEED, Column, Found, Line, Size
+from rabbit_experiments.reproduce.table_lines import COLUMNS, SEED, Column, Found, Size
 
 GROUPS = {"stones": (RL_CBF_CLF, CBF_CLF, ROBUST, CBF_CLF_ORACLE), "flat": (RL_CLF, CLF, CLF_ORACLE)}
 STEPS = 10  # a walk
@@ -37,9 +37,6 @@ class FeasibilityShare(Experiment):
     )
 
     judged_on_rigid = True
-
-    def lines(self) -> Sequence[Line]:
-        return ()
 
     def jobs(self, size: Size) -> list[SeededRun]:
         return [

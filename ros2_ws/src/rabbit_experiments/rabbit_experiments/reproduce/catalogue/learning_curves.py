@@ -49,9 +49,6 @@ class LearningCurves(Experiment):
         "The final agents were obtained after 110 (IO-RL + CLF-QP), 79 (RL-CLF-QP) and 133 (RL-CBF-CLF-QP) episodes."
     )
 
-    def lines(self) -> Sequence[Line]:
-        return ()
-
     def trainings(self, size: Size) -> list[Recipe]:
         """All."""
         return recipes(size.quick)
