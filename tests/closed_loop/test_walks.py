@@ -25,7 +25,7 @@ def figures(result: RunResult) -> dict[str, Any]:
     return result.row.model_dump(exclude=WALL_TIMES)
 
 
-@pytest.mark.parametrize("plant", ["pybullet", "rigid"])
+@pytest.mark.parametrize("plant", ["mujoco", "pybullet", "rigid"])
 def test_nominal_controller_walks_on_flat_ground(make_assembly: MakeAssembly, plant: str) -> None:
     row = walk(make_assembly("clf-qp", stones=8, plant=plant), 0, seed=1).row
     assert (row.outcome, row.steps, row.success) == ("walked", 8, True)
@@ -67,7 +67,7 @@ def test_two_seeds_walk_differently_on_flat_ground(make_assembly: MakeAssembly) 
     assert np.abs(one.torque[:20] - other.torque[:20]).max() > 1
 
 
-@pytest.mark.parametrize("plant", ["pybullet", "rigid"])
+@pytest.mark.parametrize("plant", ["mujoco", "pybullet", "rigid"])
 @pytest.mark.parametrize(("controller", "policy"), [("clf-qp", "zero"), ("rl-cbf-clf-qp", "oracle")])
 def test_the_same_seed_walks_the_same_bit_for_bit(
     make_assembly: MakeAssembly, plant: str, controller: str, policy: str

@@ -70,7 +70,7 @@ def test_another_packages_learner_trains(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("command", "option", "known"),
-    [("evaluate", "--plant", ("pybullet", "rigid")), ("train", "--learner", ("ddpg", "regression"))],
+    [("evaluate", "--plant", ("mujoco", "pybullet", "rigid")), ("train", "--learner", ("ddpg", "regression"))],
 )
 def test_an_unknown_name_is_refused_with_those_that_are_known(
     tmp_path: Path, command: str, option: str, known: tuple[str, ...]
@@ -83,7 +83,7 @@ def test_an_unknown_name_is_refused_with_those_that_are_known(
 
 
 def test_load_names_what_is_there() -> None:
-    with pytest.raises(LookupError, match="nobody: expected one of pybullet, rigid"):
+    with pytest.raises(LookupError, match="nobody: expected one of mujoco, pybullet, rigid"):
         load("rabbit.plants", "nobody")
 
 

@@ -15,9 +15,11 @@ install(
     "pydantic>=2",
     entry_points={
         "rabbit.plants": [
+            "mujoco = rabbit_sim.mujoco_plant:MujocoPlant",
             "pybullet = rabbit_sim.pybullet_plant:PybulletPlant",
             "rigid = rabbit_sim.rigid_plant:RigidPlant",
         ],
         "rabbit.nodes": ["simulator = rabbit_sim.ros.node:main"],
     },
+    extras={"mujoco": ["mujoco>=3.3"]},
 )

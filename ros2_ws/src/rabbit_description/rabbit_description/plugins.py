@@ -19,12 +19,15 @@ def load(group: str, name: str) -> Any:
     """The class or function of this name.
 
     Raises:
-        LookupError: no installed package brings it.
+        LookupError: no installed package brings it, or a library that it needs is not installed.
     """
     found = _found(group)
     if name not in found:
         raise LookupError(f"{group} {name}: expected one of {', '.join(names(group))}")
-    return found[name].load()
+    try:
+        return found[name].load()
+    except ModuleNotFoundError as error:
+        raise LookupError(f"{group} {name}: it needs the library {error.name}, which is not installed") from error
 
 
 def modules(group: str) -> tuple[str, ...]:

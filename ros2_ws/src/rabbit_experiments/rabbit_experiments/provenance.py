@@ -11,7 +11,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-LIBRARIES = ("numpy", "scipy", "pin", "pybullet", "osqp", "daqp", "torch", "casadi", "safetensors", "joblib")
+LIBRARIES = ("numpy", "scipy", "pin", "pybullet", "mujoco", "osqp", "daqp", "torch", "casadi", "safetensors", "joblib")
 
 
 def versions() -> dict[str, str]:

@@ -23,7 +23,7 @@ class SimulationParameters(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    plant: PlantName = Field("pybullet", description="physics engine, or the paper's hybrid model")
+    plant: PlantName = Field("pybullet", description="physics engine, or rigid: the paper's hybrid model")
 
     mass_scale: Number = Field(1.0, ge=0.1, le=10, description="factor on every true mass and inertia")
     payload: Number = Field(0.0, ge=0, le=200, description="point mass on the torso, kg")

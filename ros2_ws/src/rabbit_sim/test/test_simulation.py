@@ -206,7 +206,7 @@ def episode(seed, ticks=15, **changes):
 NOISY = {"velocity_noise": 0.1, "force_noise": 3.0, "motor_lag": 0.004}
 
 
-@pytest.mark.parametrize("plant", ["pybullet", "rigid"])
+@pytest.mark.parametrize("plant", ["mujoco", "pybullet", "rigid"])
 @pytest.mark.parametrize("terrain", ["flat", "stones"])
 def test_an_episode_is_its_seed(plant, terrain):
     first, again, other = (episode(seed, plant=plant, terrain=terrain, **NOISY) for seed in (5, 5, 6))
@@ -219,7 +219,7 @@ def test_an_episode_is_its_seed(plant, terrain):
     assert np.abs(first[-1].q[2:] - other[-1].q[2:]).max() > 1e-3
 
 
-@pytest.mark.parametrize("plant", ["pybullet", "rigid"])
+@pytest.mark.parametrize("plant", ["mujoco", "pybullet", "rigid"])
 def test_an_episode_does_not_depend_on_the_one_before(plant):
     simulation = Simulation(SimulationParameters(plant=plant), GAIT)
     ends = []
@@ -258,8 +258,8 @@ def test_course_and_first_state_are_drawn_apart():
     assert wide.preview.l_min != narrow.preview.l_min
 
 
-def test_a_collapsing_robot_falls_on_both_plants():
-    for plant in ("pybullet", "rigid"):
+def test_a_collapsing_robot_falls_on_all_plants():
+    for plant in ("mujoco", "pybullet", "rigid"):
         simulation = Simulation(SimulationParameters(plant=plant, terrain="flat", x0_spread=0.0), GAIT)
         state = simulation.reset(0)
         while state.running:
@@ -280,9 +280,10 @@ def step_short(plant):
     return simulation
 
 
-def test_a_short_step_falls_into_the_real_gap_and_misses_on_the_rigid_plant():
+@pytest.mark.parametrize("engine", ["mujoco", "pybullet"])
+def test_a_short_step_falls_into_the_real_gap_and_misses_on_the_rigid_plant(engine):
     """Both plants agree on where it came down, to a few mm after 0.4 s."""
-    bullet, rigid = step_short("pybullet"), step_short("rigid")
+    bullet, rigid = step_short(engine), step_short("rigid")
     assert bullet.outcome is Outcome.GAP_FALL
     assert rigid.outcome is Outcome.MISS
     (short,), (missed,) = bullet.landings, rigid.landings

@@ -127,7 +127,7 @@ def test_no_stone_beyond_the_last_and_none_on_flat_ground():
         ({"payload": -1}, ("payload", "input_value=-1", "greater than or equal to 0")),
         ({"motor_loss": 1.0}, ("motor_loss", "input_value=1.0", "less than 1")),
         ({"ground_friction": float("nan")}, ("ground_friction", "input_value=nan", "finite")),
-        ({"plant": "mujoco"}, ("plant", "mujoco", "'pybullet' or 'rigid'")),
+        ({"plant": "gazebo"}, ("plant", "gazebo", "'pybullet' or 'rigid'")),
         ({"stones": 2.5}, ("stones", "input_value=2.5", "valid integer")),
         ({"stone": 3}, ("stone", "input_value=3", "not permitted")),
         ({"torque_delay": 0.0015}, ("torque_delay = 0.0015", "multiple of 0.001")),

@@ -1,12 +1,14 @@
-"""PyBullet against pinocchio, momentum, Coulomb's law and the pinned model."""
+"""PyBullet and MuJoCo against pinocchio, momentum, Coulomb's law and the pinned model."""
 
 from contextlib import contextmanager
 
+import mujoco
 import numpy as np
 import pytest
 from rabbit_description.state import TICK_SECONDS, Leg
 from rabbit_sim.initial_state import project
 from rabbit_sim.kinematics import foot_positions
+from rabbit_sim.mujoco_plant import MujocoPlant
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.pybullet_plant import CONTACT_DAMPING, CONTACT_STIFFNESS, FOOT_RADIUS, PybulletPlant
 from rabbit_sim.quiet_pybullet import pybullet
@@ -20,14 +22,19 @@ PRESSING = np.array([-10.0, -25.0, 10.0, -10.0])  # keeps the left foot on the g
 
 
 @contextmanager
-def bullet(parameters, q, dq, spans=()):
-    plant = PybulletPlant(parameters)
+def world(engine, parameters, q, dq, spans=()):
+    plant = engine(parameters)
     try:
         plant.reset(q, dq, Leg.LEFT)
         plant.set_stones(spans)
         yield plant
     finally:
         plant.close()
+
+
+@pytest.fixture(params=[PybulletPlant, MujocoPlant], ids=["pybullet", "mujoco"])
+def engine(request):
+    return request.param
 
 
 def standing(robot):
@@ -41,7 +48,7 @@ def test_pybullet_accelerates_as_pinocchio_in_free_flight(random_state, truth, c
     """Bullet's new velocity is v + dt a(q, v): one short step gives `a` up to rounding in v / dt."""
     robot, dt = truth(**changes), 1e-5
     q, dq = random_state(seed)
-    with bullet(robot.parameters, q, dq) as plant:
+    with world(PybulletPlant, robot.parameters, q, dq) as plant:
         pybullet.setTimeStep(dt, physicsClientId=plant._client)
         plant._apply(TORQUE)
         pybullet.stepSimulation(physicsClientId=plant._client)
@@ -50,11 +57,24 @@ def test_pybullet_accelerates_as_pinocchio_in_free_flight(random_state, truth, c
     assert np.abs(measured - expected).max() <= 1e-9 * np.abs(expected).max()
 
 
-def test_a_robot_without_stones_falls_freely_and_the_torque_lasts_the_whole_tick(random_state, truth):
+@pytest.mark.parametrize("changes", [{}, PERTURBED, {"mass_scale": 0.5}, {"link_bend": -0.1}])
+@pytest.mark.parametrize("seed", range(3))
+def test_mujoco_accelerates_as_pinocchio_in_free_flight(random_state, truth, changes, seed):
+    robot = truth(**changes)
+    q, dq = random_state(seed)
+    with world(MujocoPlant, robot.parameters, q, dq) as plant:
+        plant._data.qfrc_applied[3:] = plant.damped(TORQUE)
+        mujoco.mj_forward(plant._model, plant._data)
+        measured = plant._data.qacc
+    expected = robot.free_acceleration(q, dq, TORQUE)
+    assert np.abs(measured - expected).max() <= 1e-9 * np.abs(expected).max()
+
+
+def test_a_robot_without_stones_falls_freely_and_the_torque_lasts_the_whole_tick(engine, random_state, truth):
     """Momentum falls by gravity alone; joint rates change by ten substeps' torque, not one's."""
     robot = truth()
     q = random_state(4)[0]
-    with bullet(robot.parameters, q, np.zeros(7)) as plant:
+    with world(engine, robot.parameters, q, np.zeros(7)) as plant:
         plant.advance(np.zeros(4))
         free = plant.observe()
         plant.reset(q, np.zeros(7), Leg.LEFT)
@@ -69,10 +89,10 @@ def test_a_robot_without_stones_falls_freely_and_the_torque_lasts_the_whole_tick
     assert not driven.contact.any()
 
 
-def test_robot_parts_but_feet_collide_with_nothing():
+def test_robot_parts_but_feet_collide_with_nothing(engine):
     """With its hips below the ground's top and its feet above any ground there is no force."""
     q = np.array([0, -0.3, 0, np.pi - 0.3, 0.2, np.pi + 0.3, -0.2])
-    with bullet(SimulationParameters(), q, np.zeros(7), [(-0.05, 0.05)]) as plant:
+    with world(engine, SimulationParameters(), q, np.zeros(7), [(-0.05, 0.05)]) as plant:
         assert plant.observe().foot_position[:, 1].min() > 0.2
         plant.advance(np.zeros(4))
         assert not plant.observe().foot_force.any()
@@ -80,7 +100,7 @@ def test_robot_parts_but_feet_collide_with_nothing():
 
 @pytest.mark.parametrize("changes", [{}, PERTURBED])
 @pytest.mark.parametrize("seed", range(3))
-def test_pybullet_in_stance_follows_the_pinned_model(truth, changes, seed):
+def test_stance_follows_the_pinned_model(engine, truth, changes, seed):
     """Over one tick once the rubber has settled, to 2%: the true foot rolls on its sphere and its rubber creeps on."""
     robot = truth(**changes)
     q, dq = robot.start(seed)
@@ -88,7 +108,7 @@ def test_pybullet_in_stance_follows_the_pinned_model(truth, changes, seed):
     q, dq = project(q, dq, robot.parameters.link_bend)
     torque = PRESSING * robot.mass / 32
     rigid = RigidPlant(robot.parameters)
-    with bullet(robot.parameters, q, dq, GROUND) as plant:
+    with world(engine, robot.parameters, q, dq, GROUND) as plant:
         for _ in range(SETTLING_TICKS):
             plant.advance(torque)
         settled = plant.observe()
@@ -106,7 +126,7 @@ def test_pybullet_in_stance_follows_the_pinned_model(truth, changes, seed):
 def test_a_standing_foot_sinks_by_its_weight_over_its_stiffness(truth):
     robot = truth()
     q, dq = standing(robot)
-    with bullet(robot.parameters, q, dq, GROUND) as plant:
+    with world(PybulletPlant, robot.parameters, q, dq, GROUND) as plant:
         for _ in range(SETTLING_TICKS):
             plant.advance(PRESSING)
         reading = plant.observe()
@@ -114,11 +134,11 @@ def test_a_standing_foot_sinks_by_its_weight_over_its_stiffness(truth):
     assert reading.foot_position[Leg.LEFT, 1] == pytest.approx(-sunk, rel=0.1)
 
 
-def test_measured_forces_are_the_momentum_that_the_ground_gives(truth):
+def test_measured_forces_are_the_momentum_that_the_ground_gives(engine, truth):
     """Sum of forces - m g = dp/dt over a tick with a landing in it; 1% for Bullet's first-order steps."""
     robot = truth()
     q, dq = robot.start()
-    with bullet(robot.parameters, q, dq, GROUND) as plant:
+    with world(engine, robot.parameters, q, dq, GROUND) as plant:
         touched = False
         for _ in range(120):
             before = robot.momentum(plant.observe().q, plant.observe().dq)
@@ -134,10 +154,10 @@ def test_measured_forces_are_the_momentum_that_the_ground_gives(truth):
 
 
 @pytest.mark.parametrize("friction", [0.3, 0.8])
-def test_pybullet_keeps_coulombs_cone_and_slides_on_it(truth, friction):
+def test_the_ground_keeps_coulombs_cone_and_a_foot_slides_on_it(engine, truth, friction):
     robot = truth(ground_friction=friction)
     q, dq = standing(robot)
-    with bullet(robot.parameters, q, dq, GROUND) as plant:
+    with world(engine, robot.parameters, q, dq, GROUND) as plant:
         for _ in range(8):
             plant.advance(np.array([-150.0, 0.0, 0.0, 0.0]))  # the leg pushes the ground backward
         reading = plant.observe()
@@ -147,21 +167,21 @@ def test_pybullet_keeps_coulombs_cone_and_slides_on_it(truth, friction):
 
 
 @pytest.mark.parametrize(("edge", "stands"), [(0.0, True), (-0.0005, True), (-2.5 * FOOT_RADIUS, False)])
-def test_a_foot_stands_up_to_the_edge_of_a_real_stone(truth, edge, stands):
+def test_a_foot_stands_up_to_the_edge_of_a_real_stone(engine, truth, edge, stands):
     """The stone ends at x = edge under a foot at 0: boxes reach a foot's radius further."""
     q, dq = standing(truth())
-    with bullet(SimulationParameters(), q, dq, [(edge - 0.05, edge)]) as plant:
+    with world(engine, SimulationParameters(), q, dq, [(edge - 0.05, edge)]) as plant:
         for _ in range(3):
             plant.advance(np.zeros(4))
         assert plant.observe().contact[Leg.LEFT] == stands
 
 
-def test_a_foot_falls_into_a_real_gap_and_the_other_finds_its_stone():
+def test_a_foot_falls_into_a_real_gap_and_the_other_finds_its_stone(engine):
     q = np.array([0.0, 0.0, 0.0, 0.3, 0.0, -0.3, 0.0])
     q[1] = 0.03 - foot_positions(q)[0, 1]
     left, right = foot_positions(q)[:, 0]
     stones = [(left - 0.03, left + 0.03), (right + 0.02, right + 0.1)]
-    with bullet(SimulationParameters(), q, np.zeros(7), stones) as plant:
+    with world(engine, SimulationParameters(), q, np.zeros(7), stones) as plant:
         touches = []
         for _ in range(12):
             plant.advance(np.zeros(4))
@@ -174,20 +194,23 @@ def test_a_foot_falls_into_a_real_gap_and_the_other_finds_its_stone():
     assert by_leg[Leg.RIGHT].other_x == pytest.approx(left, abs=0.01)
 
 
-def test_a_foot_on_the_ground_is_no_touch(truth):
+def test_a_foot_on_the_ground_is_no_touch(engine, truth):
     q, dq = truth().start()
-    with bullet(SimulationParameters(), q, dq, GROUND) as plant:
+    with world(engine, SimulationParameters(), q, dq, GROUND) as plant:
         for _ in range(3):
             plant.advance(np.zeros(4))
             assert plant.observe().touches == ()
 
 
-def test_pybullet_repeats_itself_bit_for_bit(truth):
+def test_an_engine_repeats_itself_bit_for_bit(engine, truth):
     """After another episode in the same plant, and in a second plant beside it."""
     robot = truth()
     q, dq = robot.start()
     runs = []
-    with bullet(robot.parameters, q, dq, GROUND) as first, bullet(robot.parameters, q, dq, GROUND) as second:
+    with (
+        world(engine, robot.parameters, q, dq, GROUND) as first,
+        world(engine, robot.parameters, q, dq, GROUND) as second,
+    ):
         for plant, again in ((first, False), (first, True), (second, False)):
             if again:
                 plant.reset(q, dq, Leg.LEFT)
@@ -199,7 +222,7 @@ def test_pybullet_repeats_itself_bit_for_bit(truth):
     assert (runs[0] == runs[2]).all()
 
 
-def test_closing_twice_is_harmless():
-    plant = PybulletPlant(SimulationParameters())
+def test_closing_twice_is_harmless(engine):
+    plant = engine(SimulationParameters())
     plant.close()
     plant.close()
