@@ -85,12 +85,14 @@ def refuse_cut(file: Path) -> None:
 
 
 @contextlib.contextmanager
-def one_line_errors(path: Path, found: str = "damaged, or of another kind") -> Iterator[None]:
-    """Whatever goes wrong with a file's bytes, as `RecordingError`; `found`: what that says of the recording."""
+def one_line_errors(
+    path: Path, found: str = "damaged, or of another kind", errors: tuple[type[Exception], ...] = (Exception,)
+) -> Iterator[None]:
+    """Errors as one line, a `RecordingError`; `found` is what they mean. A damaged file may raise anything."""
     try:
         yield
     except RecordingError:
         raise
-    except Exception as error:  # a damaged file may raise anything
+    except errors as error:
         text = " ".join(str(error).split()) or type(error).__name__
         raise RecordingError(f"recording {path}: {found}: {text}") from error
