@@ -41,7 +41,6 @@ class World:
     def start(self, name: str, arguments: tuple[str, ...] = (), **parameters: Any) -> None:
         """Start a node under these parameters, and further ROS arguments. The simulator is paused until `go`."""
         from rabbit_bringup.launching.parameter_file import write_parameters
-        from rabbit_bringup.launching.processes import PACKAGES, NodeSpec
 
         if name == "simulator":
             parameters = {"start_paused": True, **parameters}
@@ -49,7 +48,7 @@ class World:
         path = self.folder / f"{name}.yaml"
         write_parameters(path, {name: parameters})
         options = ("--ros-args", "--params-file", str(path), "-r", f"__ns:=/{self.namespace}", "-r", "/clock:=clock")
-        self.processes.start(NodeSpec(PACKAGES[name], name, (*options, *arguments)))
+        self.processes.start(name, (*options, *arguments))
 
     def hear(self, name: str) -> list[Any]:
         """All messages of a topic from now on, and those that are latched."""

@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from rabbit_campaigns.faults.campaign import RESULTS, draws, read_results, run_session
-from rabbit_campaigns.faults.plan import KINDS, NODES, SECOND, Fault
+from rabbit_campaigns.faults.plan import KINDS, NODES, RESULTS, SECOND, Fault, draw, read_results
+from rabbit_campaigns.ros.fault_campaign import run_session
 
 HANG_AFTER = 180.0  # s
 FAULTS = [
@@ -39,9 +39,9 @@ def test_every_fault_is_survived(tmp_path: Path) -> None:
 
 
 def test_a_campaign_is_drawn_from_its_seed() -> None:
-    faults = draws(5, 0, 300)
-    assert faults == draws(5, 0, 100) + draws(5, 100, 300)
-    assert faults != draws(6, 0, 300)
+    faults = [draw(5, number) for number in range(300)]
+    assert faults == [draw(5, number) for number in reversed(range(300))][::-1]
+    assert faults != [draw(6, number) for number in range(300)]
     assert {fault.kind for fault in faults} == set(KINDS)
     assert {fault.node for fault in faults if fault.kind == "kill"} == {*NODES, SECOND}
 

@@ -5,9 +5,7 @@ nodes, and the `launcher` with their process ids.
 """
 
 import json
-import os
 import re
-import signal
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -50,14 +48,14 @@ needs_launch = pytest.mark.skipif(
 @contextmanager
 def launched(folder: Path, **asked: str) -> Iterator[tuple[Processes, "subprocess.Popen[str]"]]:
     """The nodes of a walk, and the launcher that sees them through it."""
-    walk, graph = prepare(Given({**SMALL, **asked, "out": str(folder)}, DEFAULTS))
-    write_parameters(folder / "parameters.yaml", graph.parameters)
+    walk = prepare(Given({**SMALL, **asked, "out": str(folder)}, DEFAULTS))
+    write_parameters(walk.parameter_file, walk.parameters())
     processes = Processes(folder / "log")
-    for spec in graph.nodes.values():
-        processes.start(spec)
+    for name in walk.names:
+        processes.start(name, walk.arguments(name))
     (folder / "log" / "walk.json").write_text(walk.model_dump_json())
     command = [find_executable("rabbit_bringup", "launcher"), folder / "log" / "walk.json"]
-    pids = [f"{name}={processes.pid(name)}" for name in graph.names]
+    pids = [f"{name}={processes.pid(name)}" for name in walk.names]
     launcher = subprocess.Popen([*map(str, command), *pids], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     try:
         yield processes, launcher
@@ -175,14 +173,3 @@ def test_a_node_with_use_sim_time_follows_the_graphs_clock(root_world: Any) -> N
         root_world.wait(lambda: any(s.stamp.sec + s.stamp.nanosec / 1e9 >= there for s in states))
     finally:
         rclpy.try_shutdown(context=context)
-
-
-def test_processes_of_others_are_known_by_their_end(tmp_path: Path) -> None:
-    sleeper = subprocess.Popen(["sleep", "600"])
-    processes = Processes(tmp_path)
-    processes.adopt("sleeper", sleeper.pid)
-    processes.check()
-    processes.stop()
-    assert sleeper.wait(PATIENCE) == -signal.SIGTERM
-    with pytest.raises(ProcessLookupError):
-        os.kill(sleeper.pid, 0)

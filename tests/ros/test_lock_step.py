@@ -5,7 +5,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rabbit_bringup.launching.walk import WalkOptions, make_graph, run_graph
+from rabbit_bringup.launching.walk import Walk, WalkOptions
+from rabbit_bringup.ros.walking import walk_through
 from rabbit_description.gait import load_gait
 from rabbit_recording.reader import RecordedEpisode, read_episodes
 from rabbit_sim.parameters import SimulationParameters
@@ -35,8 +36,8 @@ def walk_in_process(
 def walk_through_nodes(folder: Path, plant: SimulationParameters, law: ControllerParameters, **options: Any) -> Any:
     """Simulator, controller and recorder."""
     request = WalkOptions(seed=SEED, trainer=False, **options)
-    ended, _ = run_graph(make_graph(folder, request, plant, law, "zero"), request, lambda _: None)
-    return ended
+    walk = Walk(folder=folder, options=request, simulation=plant, controller=law, policy="zero")
+    return list(walk_through(walk).ended.values())
 
 
 def assert_same(through: list[Record], inside: list[Record]) -> None:

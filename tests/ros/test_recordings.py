@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
-from rabbit_bringup.launching.walk import WalkOptions, make_graph, run_graph
+from rabbit_bringup.launching.walk import Walk, WalkOptions
+from rabbit_bringup.ros.walking import walk_through
 from rabbit_msgs.msg import Episode
 from rabbit_msgs.srv import Pause
 from rabbit_recording.bag_writer import BagWriter, RecordingError, graph_types
@@ -100,8 +101,8 @@ def test_a_full_disk_stops_the_recording_not_the_walk(world: Any) -> None:
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Of a short walk."""
     folder = tmp_path_factory.mktemp("walk")
-    request = WalkOptions(trainer=False)
-    run_graph(make_graph(folder, request, SimulationParameters(stones=1), LAW, "zero"), request, lambda _: None)
+    options, plant = WalkOptions(trainer=False), SimulationParameters(stones=1)
+    walk_through(Walk(folder=folder, options=options, simulation=plant, controller=LAW, policy="zero"))
     return folder / "recording"
 
 

@@ -7,7 +7,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 import pytest
-from rabbit_bringup.launching.walk import WalkOptions, make_graph
+from rabbit_bringup.launching.walk import Walk, WalkOptions
 from rabbit_bringup.ros.walk_monitor import WalkMonitor
 from rabbit_sim.parameters import SimulationParameters
 from rclpy.node import NodeNameNonExistentError
@@ -64,7 +64,7 @@ def graph(root_world: Any, tmp_path: Path) -> Iterator[Any]:
     for name in NODES:
         own = {"viewer": {"port": 0}, "recorder": {"path": str(tmp_path / "recording")}}
         root_world.start(name, **own.get(name, {}))
-    watch = WalkMonitor("")
+    watch = WalkMonitor(WalkOptions(), root_world.processes)
     yield root_world
     watch.close()
 
@@ -93,8 +93,9 @@ def test_the_operator_may_ask_only_for_what_there_is() -> None:
 
 
 def test_a_walk_puts_each_node_into_its_enclave(tmp_path: Path) -> None:
-    options = WalkOptions(view=True)
-    graph = make_graph(tmp_path, options, SimulationParameters(), ControllerParameters(), "zero")
-    for name, node in graph.nodes.items():
-        assert node.arguments[node.arguments.index("--enclave") + 1] == f"/rabbit/{name}"
+    plant, law = SimulationParameters(), ControllerParameters()
+    walk = Walk(folder=tmp_path, options=WalkOptions(view=True), simulation=plant, controller=law, policy="zero")
+    for name in walk.names:
+        words = walk.arguments(name)
+        assert words[words.index("--enclave") + 1] == f"/rabbit/{name}"
         assert f"/rabbit/{name}" in enclaves()

@@ -10,12 +10,13 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from importlib.metadata import entry_points
 from multiprocessing import forkserver
 from multiprocessing.context import ForkServerProcess
 from pathlib import Path
 
-from rabbit_bringup.launching.processes import POLL_SECONDS, NodeSpec, Processes
+from rabbit_bringup.launching.processes import PACKAGES, POLL_SECONDS, Processes
 from rabbit_cli.executables import find_executable
 
 GROUP = "rabbit.nodes"
@@ -28,15 +29,11 @@ _context = multiprocessing.get_context("forkserver")
 class ForkedProcesses(Processes):
     """Starts nodes by forking the server."""
 
-    @property
-    def names(self) -> list[str]:
-        """Of the nodes that run."""
-        return list(self._running)
-
-    def start(self, node: NodeSpec, name: str = "") -> None:
-        """Start a node, known under a name of its own; raises `LaunchError` if there is none."""
-        name = name or node.executable
-        command = (str(find_executable(node.package, node.executable)), *node.arguments)
+    def start(self, name: str, arguments: Sequence[str] = (), kind: str = "") -> None:
+        """Start a node, one of `kind` under a name of its own if that is given; raises `LaunchError`."""
+        kind = kind or name
+        command = (str(find_executable(PACKAGES[kind], kind)), *arguments)
+        self._logs.mkdir(parents=True, exist_ok=True)
         _context.set_forkserver_preload([IMPORTED])
         child = _context.Process(target=_run, args=(command, str(self._logs / f"{name}.log")), daemon=True)
         child.start()
@@ -48,7 +45,7 @@ class Child(subprocess.Popen[bytes]):
 
     def __init__(self, process: ForkServerProcess) -> None:
         self._child_created = False  # by Popen: there is nothing to wait for where this object is collected
-        self._process, self.pid = process, process.pid or 0
+        self._process, self.pid, self.returncode = process, process.pid or 0, None
         while self.poll() is None and os.getsid(self.pid) != self.pid:  # until it can be sent signals
             time.sleep(POLL_SECONDS)
 

@@ -3,40 +3,52 @@
 The robot is held by the service `pause`; a step lets it go on for one tick.
 """
 
-import os
-import resource
 import signal
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from rabbit_bringup.launching.parameter_file import write_parameters
-from rabbit_bringup.launching.processes import PACKAGES, PATIENCE, NodeSpec
-from rabbit_campaigns.faults.checks import check_recording, check_transitions
-from rabbit_campaigns.faults.graph import TRAINING
+from rabbit_campaigns.faults.checks import TRAINING, check_recording, check_transitions
+from rabbit_campaigns.ros.graph import CampaignGraph, ros_arguments
+from rabbit_cli.ros.client import TOPIC
 from rabbit_msgs.msg import Episode
 from rabbit_msgs.srv import Pause
 
-from .ears import KINDS, Ears, Hang
 from .forked import ForkedProcesses
 from .policies import LAW, PLANT, SEEDS, write_all
 
 NODES = ("simulator", "controller", "trainer", "recorder")
 ASKED_AGAIN = 2.0  # s
+HANG_AFTER = 120.0  # s: a guard against hangs, no bar
 
 
-class HeldGraph(Ears):
+class HeldGraph(CampaignGraph):
     """Simulator, controller, trainer and recorder in a namespace of their own, and a node that hears and asks them."""
 
     def __init__(self, folder: Path) -> None:
         folder.mkdir(parents=True)
-        self.folder, self.namespace = folder, f"held_{time.time_ns()}"
-        self.training = folder / "training"
         write_all(folder / "policies")
-        self._own, self._elsewhere = ForkedProcesses(folder / "log"), ForkedProcesses(folder / "elsewhere")
-        super().__init__(self.namespace, self._own)
+        self.torques: dict[tuple[int, int], Any] = {}
+        self.swaps: list[Any] = []  # of the controller that is there
+        self._elsewhere = ForkedProcesses(folder / "elsewhere")
+        super().__init__(folder, f"held_{time.time_ns()}", ForkedProcesses(folder / "log"), HANG_AFTER)
         for name in NODES:
             self.start(name)
+
+    def further_topics(self) -> dict[str, Callable[[Any], object]]:
+        """Torques by turn, and swaps."""
+        return {"torque": lambda m: self.torques.__setitem__((m.episode, m.tick), m), "policy_swap": self.swaps.append}
+
+    def count(self, key: str) -> int:
+        """What the controller counts under names that begin so."""
+        return self.counted("controller", key)
+
+    @property
+    def refused_policies(self) -> list[str]:
+        """The reasons that the controller has told."""
+        return [swap.reason for swap in self.swaps if not swap.accepted]
 
     def note(self, rule: str, arguments: dict[str, Any]) -> None:
         """Write down what begins now: a graph that hangs leaves the rules that led there in `rules.txt`."""
@@ -45,7 +57,7 @@ class HeldGraph(Ears):
 
     def close(self) -> None:
         """End all."""
-        self._own.kill()
+        self.processes.kill()
         self._elsewhere.kill()
         super().close()
 
@@ -53,20 +65,12 @@ class HeldGraph(Ears):
 
     def start(self, name: str, **changes: Any) -> None:
         """Start a node, again or for the first time; the simulator is held."""
-        path = self.folder / f"{name}.yaml"
-        write_parameters(path, {name: {**self._parameters(name), **changes}})
-        self.said.pop(name, None)
-        self.recordings.pop(name, None)
         if name == "controller":
             self.swaps.clear()
-        self._own.start(spec(name, path, self.namespace), name)
+        super().start(name, **changes)
 
-    @property
-    def nodes(self) -> list[str]:
-        """Those that run."""
-        return self._own.names
-
-    def _parameters(self, name: str) -> dict[str, Any]:
+    def parameters(self, name: str) -> dict[str, Any]:
+        """What a node is told."""
         own = {
             "simulator": {"episodes": 1_000_000, "readers": 1 + len(NODES[1:]), "trainer": "wait", "start_paused": True}
             | {"memory": str(self.folder / "simulator.memory"), "answer_timeout": 600.0, **PLANT.model_dump()},
@@ -76,34 +80,15 @@ class HeldGraph(Ears):
         }
         return own[name.removesuffix("2")]
 
-    def kill(self, name: str) -> None:
-        """SIGKILL."""
-        self._own.kill((name,))
-
-    def terminate(self, name: str) -> None:
-        """SIGTERM, and wait."""
-        began = time.monotonic()
-        self._own.stop((name,))
-        if time.monotonic() - began > PATIENCE:
-            raise Hang(f"the {name} does not end within {PATIENCE:g} s of a SIGTERM")
-
-    def send(self, name: str, number: signal.Signals) -> None:
-        """A signal."""
-        os.kill(self._own.pid(name), number)
-
-    def limit_files(self, name: str, size: int) -> None:
-        """No file of the node may grow beyond `size`; RLIM_INFINITY frees the disk again."""
-        resource.prlimit(self._own.pid(name), resource.RLIMIT_FSIZE, (size, resource.RLIM_INFINITY))
-
     # Ticks
 
     def pause(self, paused: bool) -> None:
         """Hold the robot, or let it go."""
-        assert self.ask("pause", paused=paused).accepted
+        assert self.answer("pause", paused=paused).accepted
 
     def let_go(self) -> None:
         """The same, and not wait until it is done."""
-        self.client("pause", Pause).call_async(Pause.Request(paused=False))
+        self.client("pause").call_async(Pause.Request(paused=False))
 
     @property
     def is_running(self) -> bool:
@@ -115,27 +100,27 @@ class HeldGraph(Ears):
         answers: list[Any] = []
 
         def accepted() -> bool:
-            answers.append(self.ask("reset_episode", seed=seed))
+            answers.append(self.answer("reset_episode", seed=seed))
             if not answers[-1].accepted:
                 self.spin(0.05)
             return bool(answers[-1].accepted)
 
         self.wait("an episode that the simulator accepts", accepted)
         number = int(answers[-1].episode)
-        self.wait(f"tick 0 of episode {number}", lambda: (number, 0) in self.ticks)
+        self.wait(f"tick 0 of episode {number}", lambda: (number, 0) in self.heard["state"])
         return number
 
     def step(self) -> None:
         """One tick: the controller is stopped meanwhile, so that there is no torque for another."""
         now = self.turn
         self.wait(f"the torque of tick {now}", lambda: now in self.torques or not self.is_running)
-        self.send("controller", signal.SIGSTOP)
+        self.processes.send("controller", signal.SIGSTOP)
         self.pause(False)
         if not self.comes(lambda: self.turn != now or not self.is_running, ASKED_AGAIN):
-            self.send("controller", signal.SIGCONT)  # the simulator has not heard the torque, and asks for it again
+            self.processes.send("controller", signal.SIGCONT)  # the simulator asks for the torque again
         self.wait(f"the tick after {now}", lambda: self.turn != now or not self.is_running)
         self.pause(True)
-        self.send("controller", signal.SIGCONT)
+        self.processes.send("controller", signal.SIGCONT)
 
     def forget(self, before: int) -> None:
         """The ticks and torques of older episodes; how they ended stays known."""
@@ -145,13 +130,13 @@ class HeldGraph(Ears):
 
     def lost_transitions(self) -> int:
         """Of the acknowledged ones those that are nowhere on disk; the trainer must not be running."""
-        return check_transitions(self.acknowledged, self.training, TRAINING).lost
+        return check_transitions(self.acknowledged, self.training)["lost"]
 
     def missing_ticks(self, path: Path, since: float, until: float) -> tuple[int, str]:
         """Ticks heard in a time that are not in a recording, which must be readable; or why it is not."""
-        wanted = [turn for turn, at in self.ticks.items() if since <= at < until]
+        wanted = [turn for turn, at in self.heard["state"].items() if since <= at < until]
         found = check_recording(path, wanted, said=None)  # strangers may be in it
-        return found.missing if found.readable else len(wanted), ", ".join(found.misread)
+        return found["missing"] if found["readable"] else len(wanted), ", ".join(found["misread"])
 
     # Another graph
 
@@ -163,21 +148,14 @@ class HeldGraph(Ears):
         hears = {"episode": lambda m: m.phase == Episode.ENDED and ended.append(m)}
         hears |= {"torque": lambda m: torques.__setitem__(m.tick, m.torque.tobytes())}
         for name, hear in hears.items():
-            self.node.create_subscription(KINDS[name].type, f"/{namespace}/{name}", hear, KINDS[name].qos)
+            self.node.create_subscription(TOPIC[name].type, f"/{namespace}/{name}", hear, TOPIC[name].qos)
         own = {"simulator": PLANT.model_dump() | {"seed": SEEDS[0]}, "controller": LAW.model_dump(mode="json")}
         path = self.folder / "elsewhere.yaml"
         write_parameters(path, own)
         for name in own:
-            self._elsewhere.start(spec(name, path, namespace), name)
+            self._elsewhere.start(name, ros_arguments(name, path, namespace))
         self.wait("the end of the walk elsewhere", lambda: bool(ended))
         self._elsewhere.stop()
         for subscription in [each for each in self.node.subscriptions if namespace in each.topic_name]:
             self.node.destroy_subscription(subscription)
         return ended[0].outcome, torques
-
-
-def spec(name: str, path: Path, namespace: str) -> NodeSpec:
-    """A node with a parameter file; a second one of its kind has a 2 behind its name."""
-    executable = name.removesuffix("2")
-    ros = ("--ros-args", "--params-file", str(path), "-r", f"__ns:=/{namespace}", "-r", f"{executable}:__node:={name}")
-    return NodeSpec(PACKAGES[executable], executable, (*ros, "-r", "/clock:=clock"))

@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 from hypothesis.stateful import precondition, rule
 from rabbit_campaigns.ros import wrong_messages as wrong
 from rabbit_cli.exit_codes import ExitCode
+from rabbit_cli.ros.client import TOPIC
 from rabbit_msgs.msg import PolicyWeights
 from rabbit_ros.ros.topics import TOPICS
 
-from .ears import HANG_AFTER, KINDS
-from .graph import NODES
+from .graph import HANG_AFTER, NODES
 from .policies import SEEDS, SIGMAS, ZERO, bad, good, torques_of, version_of
 from .sequence import DYNAMIC, RECORDING_END, SECOND, Sequence, acts
 
@@ -95,7 +95,7 @@ class GraphMachine(Sequence):
     def load_by_service(self, name: str, ticks: int) -> None:
         """A good, an unfit or a forged policy, by an operator."""
         self.at(ticks)
-        answer = self.graph.ask("load_policy", path=str(self.graph.folder / "policies" / name))
+        answer = self.graph.answer("load_policy", path=str(self.graph.folder / "policies" / name))
         assert answer.accepted == (name in good()), answer
         if answer.accepted:
             assert answer.version == version_of(name)
@@ -138,7 +138,7 @@ class GraphMachine(Sequence):
         moving = moving and graph.is_running and not self.model.is_spoiled
         if moving:
             graph.pause(False)
-        assert graph.set_parameters(DYNAMIC[name], {name: value})
+        assert not graph.refusals(DYNAMIC[name], {name: value}, HANG_AFTER)
         self.model.values[name] = value
         if moving:
             self.model.is_spoiled = True
@@ -155,7 +155,7 @@ class GraphMachine(Sequence):
         node, name, value = what
         own = [each for each, owner in DYNAMIC.items() if owner == node and each != name]
         together = {own[0]: 2.0} if beside and own else {}
-        assert not self.graph.set_parameters(node, {**together, name: value}, atomically=bool(together))
+        assert self.graph.refusals(node, {**together, name: value}, HANG_AFTER, atomically=bool(together))
 
     # Nodes
 
@@ -166,7 +166,7 @@ class GraphMachine(Sequence):
         if node in self.model.away:
             return
         self.at(ticks)
-        self._away(node, lambda: self.graph.kill(node), moving, RECORDING_END)
+        self._away(node, lambda: self.graph.processes.kill((node,)), moving, RECORDING_END)
 
     @rule(node=st.sampled_from((*NODES, SECOND)), ticks=TICKS, moving=st.booleans())
     @acts
@@ -220,7 +220,7 @@ class GraphMachine(Sequence):
             return
         self.at(ticks)
         self.model.stopped.add(node)
-        self._as_it_moves(lambda: self.graph.send(node, signal.SIGSTOP), moving)
+        self._as_it_moves(lambda: self.graph.processes.send(node, signal.SIGSTOP), moving)
 
     @rule(node=st.sampled_from(NODES))
     @acts
@@ -265,7 +265,7 @@ class GraphMachine(Sequence):
         newest = self.graph.newest.get(topic)
         if newest is None or (topic == "policy" and how != "cut"):  # a sound policy is none of these
             return
-        self.graph.lie(topic, LIES[how](random.Random(seed), newest, KINDS[topic].type), stays)
+        self.graph.lie(topic, LIES[how](random.Random(seed), newest, TOPIC[topic].type), stays)
         self.model.is_spoiled = True
 
     @rule()

@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize
 from rabbit_ros.ros.diagnostics import OK
 
-from .graph import NODES, HeldGraph
+from .graph import HANG_AFTER, NODES, HeldGraph
 from .policies import SEEDS, ZERO, digest, torques_of
 
 EVERY = 5  # rules between two looks
@@ -133,13 +133,13 @@ class Sequence(RuleBasedStateMachine):
         graph, self.model = self.graph, Model(swap_at)
         graph.silence()
         self._wait_until_well()
-        if SECOND in graph.nodes:
+        if SECOND in graph.processes.names:
             graph.terminate(SECOND)
         graph.terminate("controller")
         self.start("controller")
         self._wait_until_well()
         for name, node in DYNAMIC.items():
-            assert graph.set_parameters(node, {name: self.model.values[name]})
+            assert not graph.refusals(node, {name: self.model.values[name]}, HANG_AFTER)
         self.reset_to(SEEDS[0])
 
     def start(self, node: str) -> None:
@@ -203,13 +203,13 @@ class Sequence(RuleBasedStateMachine):
         self._bring_back()
         self._wait_until_well()
         for name, node in DYNAMIC.items():
-            assert graph.parameter(node, name) == model.values[name], name
+            assert graph.parameter(node, name, HANG_AFTER) == model.values[name], name
         number = self.reset_to(seed)
         graph.pause(False)
         graph.wait(f"the end of episode {number}", lambda: number in graph.ended)
         graph.wait("the next episode by itself", lambda: graph.turn[0] > number)
         graph.pause(True)
-        ended = graph.ended[number]
+        ended, _ = graph.ended[number]
         assert ended.outcome == "walked", f"{ended.outcome}: {ended.reason}"
         answers = [graph.torques[number, tick] for tick in range(ended.tick)]
         assert {answer.policy_version for answer in answers} == {model.in_force}
@@ -238,7 +238,7 @@ class Sequence(RuleBasedStateMachine):
 
     def let_go(self, node: str) -> None:
         """SIGCONT; a simulator that was stopped as it moved is held."""
-        self.graph.send(node, signal.SIGCONT)
+        self.graph.processes.send(node, signal.SIGCONT)
         self.model.stopped.discard(node)
         self.model.missed.add(node)
         if node == "simulator":

@@ -15,7 +15,7 @@ from launch.events import Shutdown
 from launch_ros.actions import Node
 from rabbit_bringup.commands.walk import DEFAULTS, MODELS, prepare
 from rabbit_bringup.launching.parameter_file import write_parameters
-from rabbit_bringup.launching.processes import PATIENCE
+from rabbit_bringup.launching.processes import PACKAGES, PATIENCE
 from rabbit_cli.executables import LaunchError, find_executable
 from rabbit_cli.exit_codes import ExitCode
 from rabbit_cli.options import Given, described
@@ -39,16 +39,16 @@ def start(context: LaunchContext) -> list[LaunchDescriptionEntity]:
     from rabbit_cli.ros.namespace_check import NamespaceCheck
 
     try:
-        walk, graph = prepare(given(context.launch_configurations))
+        walk = prepare(given(context.launch_configurations))
     except typer.Exit as error:  # which has said why
         raise RuntimeError("nothing was started") from error
     try:
-        claim = NamespaceCheck(graph.namespace)
-        claim.look(graph.names)
+        claim = NamespaceCheck(walk.options.namespace)
+        claim.look(walk.names)
     except LaunchError:
         walk.folder.rmdir()  # nothing is in it
         raise
-    write_parameters(walk.folder / "parameters.yaml", graph.parameters)
+    write_parameters(walk.parameter_file, walk.parameters())
     (walk.folder / "log").mkdir()
     asked = walk.folder / "log" / "walk.json"
     asked.write_text(walk.model_dump_json(), encoding="utf-8")
@@ -57,7 +57,7 @@ def start(context: LaunchContext) -> list[LaunchDescriptionEntity]:
 
     def started(name: str, pid: int) -> list[LaunchDescriptionEntity]:
         pids[name] = pid
-        if len(pids) < len(graph.nodes):
+        if len(pids) < len(walk.names):
             return []
         words = [f"{node}={number}" for node, number in pids.items()]
         command = [str(find_executable("rabbit_bringup", "launcher")), str(asked), *words]
@@ -73,12 +73,12 @@ def start(context: LaunchContext) -> list[LaunchDescriptionEntity]:
         raise RuntimeError(f"the walk ended with exit code {event.returncode}")  # which makes launch's own 1
 
     actions: list[LaunchDescriptionEntity] = []
-    for name, spec in graph.nodes.items():
+    for name in walk.names:
         node = Node(
-            package=spec.package,
-            executable=spec.executable,
-            namespace=f"/{graph.namespace.strip('/')}",
-            arguments=list(spec.arguments),
+            package=PACKAGES[name],
+            executable=name,
+            namespace=f"/{walk.options.namespace.strip('/')}",
+            arguments=walk.arguments(name),
             additional_env=dict.fromkeys(THREADS, "1"),
             output="screen",
             **ENDING,

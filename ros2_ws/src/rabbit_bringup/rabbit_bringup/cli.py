@@ -79,6 +79,13 @@ class LazyGroup(TyperGroup):
             signal.signal(signal.SIGINT, signal.default_int_handler)
         return name, command, rest
 
+    def invoke(self, ctx: Any) -> Any:
+        """Run the command; a Ctrl-C that it does not answer ends with the shell's code."""
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:
+            ctx.exit(128 + signal.SIGINT)
+
 
 app = typer.Typer(cls=LazyGroup, add_completion=False, no_args_is_help=True, pretty_exceptions_show_locals=False)
 

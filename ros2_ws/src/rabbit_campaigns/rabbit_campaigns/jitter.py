@@ -11,21 +11,22 @@ import os
 import random
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rabbit_bringup.launching.walk import Graph, WalkOptions, make_graph
+from rabbit_bringup.launching.walk import Walk, WalkOptions
 from rabbit_experiments import provenance
 from rabbit_experiments.assembly import Assembly
 from rabbit_recording.contents import contents
 from rabbit_recording.open_recording import opened
 from rabbit_recording.timing import real_time_figures
 
-from rabbit_campaigns.timed_walk import EPISODES, walk_for
 from rabbit_campaigns.wakeup_latency import sleeper
 
+EPISODES = 10_000  # more than there is time for
 LATE_LIMIT = 0.001  # share of ticks
 CUT_OFF = "reset"  # outcome of the episode in which the time was up
 BUSY = "while True: pass"
@@ -59,17 +60,16 @@ class Jitter:
 
     def walk(self, case: Case, seconds: float) -> None:
         """Walk a case for so many s."""
-        graph, request = self._graph(case.name, case.priority)
-        load = os.getloadavg()[0]
+        from rabbit_bringup.ros.walking import walking
 
-        def glance(now: Any, so_far: float) -> None:
-            self._tell(f"{case.name}: {so_far:.0f} of {seconds:.0f} s, episode {now.episode}")
-
-        with busy(case.neighbours), sleeper(case.priority) as machine:
-            walk_for(graph, request, seconds, glance)
-        found = figures(graph.folder / "recording")
-        loads = {"load_before": load, "load_after": os.getloadavg()[0]}
-        self.cases.append({**vars(case), **loads, "sleeper_late_share": machine.late_share, **found})
+        walk, load = self._prepared(case.name, case.priority), os.getloadavg()[0]
+        with busy(case.neighbours), sleeper(case.priority) as late_share, walking(walk) as monitor:
+            began = time.monotonic()
+            while (so_far := time.monotonic() - began) < seconds:
+                self._tell(f"{case.name}: {so_far:.0f} of {seconds:.0f} s, episode {monitor.glance().episode}")
+            machine = late_share()
+        loads = {"load_before": load, "load_after": os.getloadavg()[0], "sleeper_late_share": machine}
+        self.cases.append({**vars(case), **loads, **figures(walk.folder / "recording")})
         self._keep()
 
     def kill(self, number: int, priority: int) -> None:
@@ -78,16 +78,14 @@ class Jitter:
 
         name = f"kill-{number}-priority-{priority}"
         self._tell(name)
-        death = die(*self._graph(name, priority), random.Random(number))
+        death = die(self._prepared(name, priority), random.Random(number))
         self.deaths.append({"priority": priority, **vars(death)})
         self._keep()
 
-    def _graph(self, name: str, priority: int) -> tuple[Graph, WalkOptions]:
+    def _prepared(self, name: str, priority: int) -> Walk:
         told = {"seed": self._seed, "episodes": EPISODES, "trainer": False, "real_time": True, "priority": priority}
-        request = WalkOptions.model_validate(told)
         (self._folder / name).mkdir(parents=True)
-        its = self._assembly
-        return make_graph(self._folder / name, request, its.simulation, its.controller, its.policy), request
+        return Walk.of(self._assembly, self._folder / name, WalkOptions.model_validate(told))
 
     def _keep(self) -> None:
         about = {"command": provenance.command(), "commit": provenance.commit(), "versions": provenance.versions()}

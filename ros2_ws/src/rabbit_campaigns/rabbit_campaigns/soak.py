@@ -1,7 +1,7 @@
 """A long walk with learning, swapping, recording and an operator on: does anything grow, leak, slow down or fall?
 
 FOLDER/samples.csv       every few seconds: ticks so far, load, and of each node memory, descriptors, threads, CPU time
-FOLDER/operations.csv    what the operator did (`operations`)
+FOLDER/operations.csv    what the operator did (`soak_operations`)
 FOLDER/soak.json         what follows from them, with the bars
 FOLDER/soak.png          the samples as a picture
 
@@ -13,20 +13,20 @@ work on the machine moves single stretches by more than the bar.
 import csv
 import json
 import os
+import time
 from collections.abc import Callable, Mapping
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rabbit_bringup.launching.walk import Graph, WalkOptions
+from rabbit_bringup.launching.walk import Walk
 from rabbit_experiments import provenance
 from scipy.optimize import nnls
 from scipy.stats import theilslopes
 
-from rabbit_campaigns.node_usage import Usage, node_processes, usage
 from rabbit_campaigns.soak_operations import Operations
-from rabbit_campaigns.timed_walk import walk_for
 
 WARM_UP = 300.0  # s, a third of shorter soaks
 WINDOWS, STRETCHES = 10, 30
@@ -34,57 +34,52 @@ GROWTH_LIMIT, DRIFT_LIMIT = 0.02, 0.05
 LAUNCHER = "launcher"  # this process
 WALKERS = ("simulator", "controller")
 SAMPLES = "samples.csv"
-FIELDS = tuple(Usage.__dataclass_fields__)
+USAGE = ("memory", "descriptors", "threads", "cpu")  # of each node: MB, numbers, s of processor time since it began
+KILOBYTES_PER_MB = 1024
 
+MakeOperations = Callable[[Callable[[], object]], Operations]  # of what a wait calls to see that all nodes run
 Samples = Mapping[str, NDArray[np.float64]]
 
 
-class Sampler:
-    """Called at every glance at the walk; writes a row every few seconds."""
+def soak(
+    walk: Walk, seconds: float, every: float, tell: Callable[[str], object], make_operations: MakeOperations | None
+) -> None:
+    """Walk for so many s and leave a sample `every` few; `make_operations` gives what else to do at each glance.
 
-    def __init__(self, graph: Graph, seconds: float, every: float, tell: Callable[[str], object]) -> None:
-        self._graph, self._seconds, self._every, self._tell = graph, seconds, every, tell
-        self._names = [*graph.names, LAUNCHER]
-        self._file = (graph.folder / SAMPLES).open("w", newline="", encoding="utf-8")
-        self._rows = csv.writer(self._file)
-        self._rows.writerow(["seconds", "ticks", "episode", "load", *(f"{n}_{f}" for n in self._names for f in FIELDS)])
-        self._processes: dict[str, int] = {}
-        self._next = 0.0
+    Raises:
+        LaunchError: a node cannot be started, ended by itself, or is not ready in time.
+        Interrupted: by a signal.
+    """
+    from rabbit_bringup.ros.walking import walking
 
-    def __call__(self, now: Any, seconds: float) -> None:
-        """Look at the walk; `now` is the watch's `Progress`."""
-        if not self._processes:
-            self._processes = {**node_processes(self._graph.folder, self._graph.names), LAUNCHER: os.getpid()}
-        if seconds >= self._next:
-            self._next += self._every
-            self._sample(now, seconds)
-
-    def close(self) -> None:
-        """No more samples."""
-        self._file.close()
-
-    def _sample(self, now: Any, seconds: float) -> None:
-        used = [usage(self._processes[name]) for name in self._names]
-        row = [f"{seconds:.3f}", now.ticks, now.episode, os.getloadavg()[0]]
-        self._rows.writerow([*row, *(getattr(each, name) for each in used for name in FIELDS)])
-        self._file.flush()
-        self._tell(f"{seconds / 60:.1f} of {self._seconds / 60:g} min, {now.ticks} ticks, episode {now.episode}")
+    names = [*walk.names, LAUNCHER]
+    with ExitStack() as stack:
+        file = stack.enter_context((walk.folder / SAMPLES).open("w", newline="", encoding="utf-8", buffering=1))
+        rows = csv.writer(file)
+        rows.writerow(["seconds", "ticks", "episode", "load", *(f"{name}_{what}" for name in names for what in USAGE)])
+        monitor = stack.enter_context(walking(walk))
+        operations = stack.enter_context(make_operations(monitor.check)) if make_operations else None
+        pids = {name: monitor.processes.pid(name) for name in walk.names} | {LAUNCHER: os.getpid()}
+        began, due = time.monotonic(), 0.0
+        while (so_far := time.monotonic() - began) < seconds:
+            now = monitor.glance()
+            if so_far >= due:
+                due += every
+                used = [number for name in names for number in usage(pids[name])]
+                rows.writerow([f"{so_far:.3f}", now.ticks, now.episode, os.getloadavg()[0], *used])
+                tell(f"{so_far / 60:.1f} of {seconds / 60:g} min, {now.ticks} ticks, episode {now.episode}")
+            if operations:
+                operations(so_far)
 
 
-def soak(graph: Graph, request: WalkOptions, seconds: float, sampler: Sampler, operations: Operations | None) -> None:
-    """Walk for so many s and leave the samples, and what came of `operations`, if any; raises as `walk_for`."""
-
-    def glance(now: Any, so_far: float) -> None:
-        sampler(now, so_far)
-        if operations:
-            operations(now, so_far)
-
-    try:
-        walk_for(graph, request, seconds, glance)
-    finally:
-        sampler.close()
-        if operations:
-            operations.close()
+def usage(process: int) -> tuple[float, int, int, float]:
+    """What a process takes now, as in `USAGE`."""
+    home = Path("/proc") / str(process)
+    status = dict(line.split(":", 1) for line in (home / "status").read_text().splitlines())
+    user, system = (home / "stat").read_text().rpartition(")")[2].split()[11:13]
+    memory = int(status["VmRSS"].split()[0]) / KILOBYTES_PER_MB
+    cpu = (int(user) + int(system)) / os.sysconf("SC_CLK_TCK")
+    return memory, len(list((home / "fd").iterdir())), int(status["Threads"]), cpu
 
 
 def read_samples(path: Path) -> Samples:
@@ -106,7 +101,7 @@ def judge(samples: Samples) -> dict[str, Any]:
     nodes: dict[str, dict[str, Any]] = {}
     for node in nodes_in(samples):
         memory, descriptors, threads = (
-            [float(np.median(samples[f"{node}_{what}"][part])) for part in (first, last)] for what in FIELDS[:3]
+            [float(np.median(samples[f"{node}_{what}"][part])) for part in (first, last)] for what in USAGE[:3]
         )
         growth = memory[1] / memory[0] - 1
         nodes[node] = {"memory_mb": memory, "growth": growth, "descriptors": descriptors, "threads": threads}

@@ -1,21 +1,20 @@
 """Operations beside a soak: what an operator does to a walking graph, drawn from a seed, and what came of it.
 
 FOLDER/operations.csv    a row an operation: when, what, the graph's answer, whether it was the expected one
-FOLDER/second/           what a second recorder wrote, which is started and ended in the middle of episodes
 """
 
 import csv
 import random
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import astuple, dataclass, fields, replace
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydantic import BaseModel
 from rabbit_description.gait import load_gaits
 from rabbit_recording.reader import RecordedEpisode, iterate_episodes
-from rabbit_recording.stored_messages import recorded_turns
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy_compatibility import fitted
 from rl_cbf_clf_controller.weights import PROBE, SHIPPED, PolicyFile, PolicyFileError, forward, probe_inputs, read
@@ -25,25 +24,16 @@ KINDS = (
     "good policy",
     "published policy",
     "unfit policy",
-    "junk file",
-    "junk message",
     "good parameter",
     "refused parameter",
     "pause",
     "reset",
-    "recorder started",
 )
 LATCHED, LATCH_SECONDS = 20, 3.0  # swaps that the controller keeps for late readers: put there first, one so often
-RECORDED = 2  # operations that a second recorder stays for
-SECOND = "second"
 RESET = ("reset", "by service")  # how an episode ends that an operator ends
-WHOLE = ("state", "torque", "controller_state")  # topics with a message a tick
-
-Turns = Mapping[str, set[tuple[int, int]]]  # by topic
 
 
-@dataclass(frozen=True)
-class Operation:
+class Operation(BaseModel):
     """One operation: `seconds` since the soak began, where the walk stood, and the answer."""
 
     seconds: float
@@ -87,37 +77,36 @@ class Operations:
         self._operator, self._every = operator, every
         self._first = LATCHED  # policies yet to come before all else, so that what is latched does not grow later
         self._kinds = draw_kinds(random.Random(seed))
-        self._file = (folder / OPERATIONS).open("w", newline="", encoding="utf-8")
-        self._rows = csv.writer(self._file)
-        self._rows.writerow([field.name for field in fields(Operation)])
-        self._next, self._recorded = min(every, LATCH_SECONDS), 0
+        self._file = (folder / OPERATIONS).open("w", newline="", encoding="utf-8", buffering=1)
+        self._rows = csv.DictWriter(self._file, Operation.model_fields)
+        self._rows.writeheader()
+        self._next = min(every, LATCH_SECONDS)
 
-    def __call__(self, now: Any, seconds: float) -> None:
-        """Look at the clock; `now` is the watch's `Progress`."""
+    def __enter__(self) -> "Operations":
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        """No more operations."""
+        self._operator.close()
+        self._file.close()
+
+    def __call__(self, seconds: float) -> None:
+        """Look at the clock, s since the soak began."""
         self._operator.spin(0.0)
         if seconds < self._next:
             return
         self._next = seconds + (min(self._every, LATCH_SECONDS) if self._first else self._every)
-        episode, tick = self._operator.newest
-        kind = self._kind()
+        (episode, tick), kind = self._operator.newest, self._kind()
         what, answer, expected = self._operator.do(kind)
-        row = Operation(round(seconds, 3), episode, tick, kind, what, " ".join(answer.split())[:200], expected)
-        self._rows.writerow(astuple(row))
-        self._file.flush()
-
-    def close(self) -> None:
-        """No more operations."""
-        self._operator.close()
-        self._file.close()
+        answer = " ".join(answer.split())[:200]
+        row = (round(seconds, 3), episode, tick, kind, what, answer, expected)
+        self._rows.writerow(dict(zip(Operation.model_fields, row, strict=True)))
 
     def _kind(self) -> str:
         if self._first:
             self._first -= 1
             return "good policy"
-        self._recorded = self._recorded + 1 if self._operator.records else 0
-        if self._recorded > RECORDED:
-            return "recorder ended"
-        return next(kind for kind in self._kinds if not (self._recorded and kind == "recorder started"))
+        return next(self._kinds)
 
 
 def read_operations(path: Path) -> list[Operation]:
@@ -125,23 +114,11 @@ def read_operations(path: Path) -> list[Operation]:
     if not path.exists():
         return []
     with path.open(encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
-    return [
-        Operation(
-            float(row["seconds"]),
-            int(row["episode"]),
-            int(row["tick"]),
-            row["kind"],
-            row["what"],
-            row["answer"],
-            row["expected"] == "True",
-        )
-        for row in rows
-    ]
+        return [Operation.model_validate(row) for row in csv.DictReader(file)]
 
 
 def judge_operations(folder: Path) -> tuple[dict[str, Any], dict[str, bool]]:
-    """How a soak walked, how its operations were answered and what the second recorder missed; the bars of all three.
+    """How a soak walked and how its operations were answered; the bars of both.
 
     Raises:
         RecordingError: a recording cannot be read.
@@ -149,16 +126,13 @@ def judge_operations(folder: Path) -> tuple[dict[str, Any], dict[str, bool]]:
     operations = read_operations(folder / OPERATIONS)
     asked, right = Counter(each.kind for each in operations), Counter(e.kind for e in operations if e.expected)
     walk = judge_walk(iterate_episodes(folder / "recording"), asked["reset"])
-    main = turns_in(folder / "recording") if operations else {}
-    seconds = [{"name": path.name, **compare(turns_in(path), main)} for path in second_recordings(folder)]
     bars = {
         "recording": walk["ticks_not_recorded"] == 0,
         "walks": not walk["walks"]["fell"],
         "operations": all(each.expected for each in operations),
-        "second recordings": all(each["ticks"] and not each["missing"] for each in seconds),
     }
     counts = {kind: [asked[kind], right[kind]] for kind in sorted(asked)}
-    return {**walk, "operations": counts, "second_recordings": seconds}, bars
+    return {**walk, "operations": counts}, bars
 
 
 def judge_walk(episodes: Iterable[RecordedEpisode], resets: int) -> dict[str, Any]:
@@ -178,23 +152,3 @@ def judge_walk(episodes: Iterable[RecordedEpisode], resets: int) -> dict[str, An
             fell.append([before.number, before.seed, before.outcome, before.reason])
     walks = {"ended": walked + reset + len(fell), "walked": walked, "reset": reset, "fell": fell}
     return {"walks": walks, "policies_put_in_force": swaps, "ticks_not_recorded": lost}
-
-
-def second_recordings(folder: Path) -> list[Path]:
-    """What the second recorder left, the oldest first."""
-    return sorted((folder / SECOND).glob("recording*"), key=lambda path: int(path.name.partition("-")[2] or 1))
-
-
-def turns_in(recording: Path) -> Turns:
-    """Episode and tick of all that comes once a tick, by topic."""
-    return {topic: set(recorded_turns(recording, topic)) for topic in WHOLE}
-
-
-def compare(second: Turns, main: Turns) -> dict[str, int]:
-    """How many messages the `main` recording has, while the `second` one has all topics, that this has not."""
-    if not all(second.values()):
-        return {"ticks": 0, "missing": 0}
-    first = max(min(turns) for turns in second.values())  # a recorder that comes hears one topic a little after another
-    last = min(max(turns) for turns in second.values())
-    missing = sum(first <= turn <= last for topic in WHOLE for turn in main[topic] - second[topic])
-    return {"ticks": len(second["state"]), "missing": missing}

@@ -4,35 +4,25 @@ import contextlib
 import multiprocessing
 import os
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 from rabbit_description.state import TICK_SECONDS
 from rabbit_sim.real_time import LATE_SECONDS
 
 
-class Counts:
-    """Ticks slept so far, and those that it was woken late for."""
-
-    def __init__(self, shared: Any) -> None:
-        self._shared = shared
-
-    @property
-    def late_share(self) -> float:
-        """Share of late ticks; nan before the first."""
-        ticks, late = self._shared
-        return late / ticks if ticks else float("nan")
-
-
 @contextlib.contextmanager
-def sleeper(priority: int) -> Iterator[Counts]:
-    """Beside what follows, under SCHED_FIFO `priority` where that is permitted; 0: an ordinary process."""
+def sleeper(priority: int) -> Iterator[Callable[[], float]]:
+    """Beside what follows, under SCHED_FIFO `priority` where that is permitted; 0: an ordinary process.
+
+    Gives a function that returns the share of its ticks so far that it was woken late for; nan before the first.
+    """
     context = multiprocessing.get_context("spawn")
-    shared = context.RawArray("q", 2)
-    process = context.Process(target=_sleep, args=(priority, shared), daemon=True)
+    counts = context.RawArray("q", 2)  # ticks, late ones
+    process = context.Process(target=_sleep, args=(priority, counts), daemon=True)
     process.start()
     try:
-        yield Counts(shared)
+        yield lambda: counts[1] / counts[0] if counts[0] else float("nan")
     finally:
         process.kill()
         process.join()

@@ -4,7 +4,6 @@ import json
 import random
 from collections import Counter
 from itertools import islice
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,13 +11,8 @@ import pytest
 from rabbit_campaigns.soak import LAUNCHER, WARM_UP, judge
 from rabbit_campaigns.soak_operations import (
     KINDS,
-    OPERATIONS,
-    RECORDED,
-    Operations,
-    compare,
     draw_kinds,
     judge_walk,
-    read_operations,
     unfit_policy,
 )
 from rabbit_recording.reader import RecordedEpisode
@@ -111,41 +105,6 @@ def test_operations_are_drawn_from_the_seed_all_kinds_alike() -> None:
     drawn = list(islice(draw_kinds(random.Random(1)), 10 * len(KINDS)))
     assert drawn == list(islice(draw_kinds(random.Random(1)), 10 * len(KINDS)))
     assert set(Counter(drawn).values()) == {10}
-
-
-class Desk:
-    """An operator who does nothing but keep a second recorder."""
-
-    records, newest = False, (1, 0)
-
-    def do(self, kind: str) -> tuple[str, str, bool]:
-        assert not (self.records and kind == "recorder started")
-        self.records = (self.records or kind == "recorder started") and kind != "recorder ended"
-        return "", "", True
-
-    def spin(self, seconds: float) -> None: ...
-
-    def close(self) -> None: ...
-
-
-def test_a_second_recorder_is_never_started_twice_and_stays_for_two_operations(tmp_path: Path) -> None:
-    operations = Operations(Desk(), tmp_path, every=1.0, seed=12)
-    for second in range(400):
-        operations(None, float(second))
-    operations.close()
-    kinds = [each.kind for each in read_operations(tmp_path / OPERATIONS)]
-    starts = [i for i, kind in enumerate(kinds[:-RECORDED]) if kind == "recorder started"]
-    assert len(starts) > 20
-    assert all(kinds[i + 1 + RECORDED] == "recorder ended" for i in starts if i + 1 + RECORDED < len(kinds))
-
-
-def test_a_second_recording_is_held_against_the_first_between_its_ends() -> None:
-    main = {topic: {(1, tick) for tick in range(100)} for topic in ("state", "torque", "controller_state")}
-    second = {topic: {turn for turn in turns if 20 <= turn[1] < 50} for topic, turns in main.items()}
-    second["torque"] -= {(1, 20), (1, 49)}  # one topic is heard before another, and the last torque may be missing
-    assert compare(second, main) == {"ticks": 30, "missing": 0}
-    second["torque"].remove((1, 30))
-    assert compare(second, main) == {"ticks": 30, "missing": 1}
 
 
 def test_there_is_a_shipped_policy_that_does_not_fit() -> None:

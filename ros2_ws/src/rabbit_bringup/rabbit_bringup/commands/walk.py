@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from datetime import datetime
+from functools import partial
 from itertools import count
 from pathlib import Path
 from types import MappingProxyType
@@ -15,7 +16,7 @@ from rabbit_experiments.conditions import EVALUATION_LAG, TRAINING_SCALE
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
-from rabbit_bringup.launching.walk import Graph, Walk, WalkOptions, make_graph, run_graph
+from rabbit_bringup.launching.walk import Walk, WalkOptions
 from rabbit_bringup.launching.walk_report import Ended, carry_out
 
 MODELS = (WalkOptions, ControllerParameters, SimulationParameters)
@@ -42,26 +43,30 @@ app = typer.Typer(add_completion=False)
 @options(*MODELS, defaults=DEFAULTS)
 def walk(given: Given) -> None:
     """Walk through the node graph: simulator, controller, trainer, recorder."""
-    walk, graph = prepare(given)
-    raise typer.Exit(carry_out(walk, lambda ended: walk_with_progress(graph, walk.options, ended)))
+    walk = prepare(given)
+    raise typer.Exit(carry_out(walk, partial(walk_with_progress, walk)))
 
 
-def prepare(given: Given) -> tuple[Walk, Graph]:
-    """The walk that is asked for, and the graph that walks it; makes its folder. Ends the command if it cannot be."""
+def prepare(given: Given) -> Walk:
+    """The walk that is asked for; makes its folder. Ends the command if it cannot be."""
     given, further = with_file(given)
-    request = given.build(WalkOptions)
-    assembly = given_assembly(given, request.policy, request.parameters)
+    options = given.build(WalkOptions)
+    assembly = assembly_of_nodes(given, options.policy, options.parameters)
+    told = further.get("trainer", {})
+    training = given_training(options, assembly.controller, assembly.policy, told) if options.trainer else {}
+    walk = Walk.of(assembly, make_folder(options), options, training=training, further=further)
+    if options.view:
+        port = options.view_port
+        print(f"live view at ws://127.0.0.1:{port}" if port else "live view: see log/viewer.log")
+    return walk
+
+
+def assembly_of_nodes(given: Given, policy: str | None, parameters: str) -> Any:
+    """As `given_assembly`, but without the oracle."""
+    assembly = given_assembly(given, policy, parameters)
     if assembly.policy == "oracle":
         fail("--policy oracle: expected zero, a shipped policy or a file; the nodes never see the true plant")
-    controller, trainer = assembly.controller, further.get("trainer", {})
-    training = given_training(request, controller, assembly.policy, trainer) if request.trainer else None
-    walk = Walk(folder=make_folder(request), options=request, simulation=assembly.simulation, controller=controller)
-    graph = make_graph(walk.folder, request, walk.simulation, controller, assembly.policy, training, further)
-    if request.view:
-        print(
-            f"live view at ws://127.0.0.1:{request.view_port}" if request.view_port else "live view: see log/viewer.log"
-        )
-    return walk, graph
+    return assembly
 
 
 def with_file(given: Given) -> tuple[Given, Mapping[str, dict[str, Any]]]:
@@ -133,19 +138,21 @@ def new_folder(path: Path) -> Path:
     return folder
 
 
-def walk_with_progress(graph: Graph, request: WalkOptions, ended: Ended) -> tuple[list[Any], float]:
-    """How each episode ended, and the wall seconds of all."""
+def walk_with_progress(walk: Walk, ended: Ended) -> float:
+    """Walk under a bar that says how it goes; returns the wall seconds of all episodes."""
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    from rabbit_bringup.ros.walking import walking
 
     text = TextColumn("{task.description} {task.fields[text]}")
     columns = (BarColumn(bar_width=12), text, TimeElapsedColumn())
     with Progress(*columns) as bar:
-        task = bar.add_task("starting", total=None, text=" ".join(graph.names))
-
-        def glance(now: Any) -> None:
-            episode = f"episode {now.episode}, " if request.episodes > 1 else ""
-            text = f"margin {now.margin * 1e3:.0f} mm, slack {now.slack:.2f}, force ratio {now.ratio:.2f}"
-            description = f"{episode}stone {now.stone} of {now.stones},"
-            bar.update(task, description=description, total=now.stones, completed=now.stone, text=text)
-
-        return run_graph(graph, request, glance, ended)
+        task = bar.add_task("starting", total=None, text=" ".join(walk.names))
+        with walking(walk, ended) as monitor:
+            while not monitor.is_over:
+                now = monitor.glance()
+                episode = f"episode {now.episode}, " if walk.options.episodes > 1 else ""
+                said = f"margin {now.margin * 1e3:.0f} mm, slack {now.slack:.2f}, force ratio {now.ratio:.2f}"
+                description = f"{episode}stone {now.stone} of {now.stones},"
+                bar.update(task, description=description, total=now.stones, completed=now.stone, text=said)
+        return monitor.seconds

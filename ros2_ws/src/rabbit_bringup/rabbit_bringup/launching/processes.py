@@ -11,15 +11,16 @@ import select
 import signal
 import subprocess
 import time
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from rabbit_cli import exit_codes
 from rabbit_cli.executables import LaunchError, find_executable
 from rabbit_cli.exit_codes import ExitCode
 
 PATIENCE = 12.0  # s for a node to end after SIGTERM: a recorder drains, a trainer ends its update
 POLL_SECONDS = 0.02
+ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 PACKAGES = {  # of each node
     "simulator": "rabbit_sim",
     "controller": "rl_cbf_clf_controller",
@@ -32,28 +33,29 @@ _PR_SET_PDEATHSIG = 1
 _libc = ctypes.CDLL(None)
 
 
-@dataclass(frozen=True)
-class NodeSpec:
-    """A node to start."""
-
-    package: str
-    executable: str
-    arguments: tuple[str, ...] = ()
-
-
 class NodeEnded(LaunchError):
     """A node ended by itself; with exit code 2 it refused an argument or a parameter."""
 
     def __init__(self, name: str, returncode: int, last_words: str) -> None:
-        super().__init__(f"the {name} ended by itself{_how(returncode)}{last_words and f': {last_words}'}")
+        how = f" (signal {signal.Signals(-returncode).name})" if returncode < 0 else f" (exit code {returncode})"
+        how = "" if returncode == UNKNOWN else how
+        super().__init__(f"the {name} ended by itself{how}{last_words and f': {last_words}'}")
         self.code = ExitCode.REFUSED if returncode == ExitCode.REFUSED else ExitCode.NODE_DIED
+
+
+class Interrupted(BaseException):
+    """A signal asked the launcher to end."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__(signal.Signals(number).name)
+        self.code = exit_codes.of_signal(number)
 
 
 class Foreign:
     """A process that somebody else has started; what `Processes` needs of `subprocess.Popen`."""
 
     def __init__(self, pid: int) -> None:
-        self.pid, self.returncode = pid, UNKNOWN
+        self.pid = pid
         try:
             self._handle = os.pidfd_open(pid)
         except ProcessLookupError:
@@ -62,32 +64,39 @@ class Foreign:
     def poll(self) -> int | None:
         """None while it runs."""
         has_ended = self._handle < 0 or select.select([self._handle], [], [], 0)[0]
-        return self.returncode if has_ended else None
+        return UNKNOWN if has_ended else None
 
     def send_signal(self, number: int) -> None:
         """Nobody else can have its number meanwhile."""
         with contextlib.suppress(ProcessLookupError):
-            signal.pidfd_send_signal(self._handle, number)
+            if self._handle >= 0:
+                signal.pidfd_send_signal(self._handle, number)
 
 
 class Processes:
-    """The running nodes, by executable."""
+    """The running nodes, by name."""
 
     def __init__(self, logs: Path) -> None:
         self._logs = logs
         self._running: dict[str, subprocess.Popen[bytes] | Foreign] = {}
-        self.hurry = False
-        logs.mkdir(parents=True, exist_ok=True)
+        self._signal, self._hurry = 0, False
+
+    @property
+    def names(self) -> list[str]:
+        """The nodes that were started and not yet ended or waited for."""
+        return list(self._running)
 
     def adopt(self, name: str, pid: int) -> None:
         """Look after a node that somebody else has started, and shows what it prints."""
         self._running[name] = Foreign(pid)
 
-    def start(self, node: NodeSpec) -> None:
-        """Start a node; raises `LaunchError` if there is none."""
-        command = [str(find_executable(node.package, node.executable)), *node.arguments]
-        with (self._logs / f"{node.executable}.log").open("ab") as log:
-            self._running[node.executable] = subprocess.Popen(
+    def start(self, name: str, arguments: Sequence[str] = (), kind: str = "") -> None:
+        """Start a node, one of `kind` under a name of its own if that is given; raises `LaunchError`."""
+        kind = kind or name
+        command = [str(find_executable(PACKAGES[kind], kind)), *arguments]
+        self._logs.mkdir(parents=True, exist_ok=True)
+        with (self._logs / f"{name}.log").open("ab") as log:
+            self._running[name] = subprocess.Popen(
                 command,
                 stdin=subprocess.DEVNULL,
                 stdout=log,
@@ -97,48 +106,68 @@ class Processes:
             )
 
     def check(self) -> None:
-        """Raises `NodeEnded` with the last line of its log if a node has ended by itself."""
+        """Raises `NodeEnded`, with the last line of its log, if a node has ended by itself; or `Interrupted`."""
+        if self._signal:
+            raise Interrupted(self._signal)
         for name, process in self._running.items():
             if (code := process.poll()) is not None:
                 raise NodeEnded(name, code, self._last_words(name))
 
+    @contextlib.contextmanager
+    def ended_at_last(self, may_hurry: bool = True) -> Iterator[None]:
+        """At the end all nodes end, those that others listen to first. A signal before makes `check` raise.
+
+        A further one, or one while they end, ends them at once if it `may_hurry`. No signal raises by itself: an
+        exception out of the middle of a callback or a destructor may be lost.
+        """
+
+        def note(number: int, frame: object) -> None:
+            self._hurry, self._signal = may_hurry and bool(self._signal), number
+
+        before = {number: signal.signal(number, note) for number in ENDING}
+        try:
+            yield
+        finally:
+            self._signal = self._signal or ENDING[0]
+            for names in (("simulator", "controller"), ("trainer",), ()):
+                self.stop(names)
+            for number, handler in before.items():
+                signal.signal(number, handler)
+
     def stop(self, names: Sequence[str] = ()) -> None:
-        """End the named nodes, or all: politely, and when they or the user (`hurry`) lose patience, not."""
-        chosen = [process for name, process in self._running.items() if name in (names or self._running)]
-        for process in chosen:
-            _send(process, signal.SIGTERM)
+        """End the named nodes, or all: politely, and when they or the user lose patience, not."""
+        chosen = {name: process for name, process in self._running.items() if name in (names or self._running)}
+        for process in chosen.values():
+            process.send_signal(signal.SIGTERM)
         deadline = time.monotonic() + PATIENCE
-        while any(process.poll() is None for process in chosen):
-            if self.hurry or time.monotonic() > deadline:
-                for process in chosen:
-                    _send(process, signal.SIGKILL)
+        while any(process.poll() is None for process in chosen.values()):
+            if self._hurry or time.monotonic() > deadline:
+                for process in chosen.values():
+                    process.send_signal(signal.SIGKILL)
             time.sleep(POLL_SECONDS)
-        self._running = {name: process for name, process in self._running.items() if process not in chosen}
+        self._running = {name: process for name, process in self._running.items() if name not in chosen}
 
     def kill(self, names: Sequence[str] = ()) -> None:
         """End the named nodes, or all, at once."""
-        for name in names or list(self._running):
-            process = self._started(name)
-            _send(process, signal.SIGKILL)
-            process.wait()
+        for name in names or self.names:
+            self._running[name].send_signal(signal.SIGKILL)
+            self.wait(name, PATIENCE)
 
-    def runs(self, name: str) -> bool:
-        """Whether it was started and not yet ended or waited for."""
-        return name in self._running
+    def send(self, name: str, number: signal.Signals) -> None:
+        """Send a node a signal."""
+        self._running[name].send_signal(number)
 
     def pid(self, name: str) -> int:
         """Process of a running node."""
         return self._running[name].pid
 
     def wait(self, name: str, timeout: float) -> int:
-        """Exit code of a node that ends by itself; raises `subprocess.TimeoutExpired`."""
-        return self._started(name).wait(timeout)
-
-    def _started(self, name: str) -> subprocess.Popen[bytes]:
-        """Take out a node that this process has started."""
-        process = self._running.pop(name)
+        """Exit code of a node that was started here and ends; raises `subprocess.TimeoutExpired`."""
+        process = self._running[name]
         assert isinstance(process, subprocess.Popen)
-        return process
+        code = process.wait(timeout)
+        del self._running[name]
+        return code
 
     def _last_words(self, name: str) -> str:
         log = self._logs / f"{name}.log"
@@ -146,21 +175,6 @@ class Processes:
             return ""
         lines = log.read_text(encoding="utf-8", errors="replace").split("\n")
         return f"{next(filter(None, reversed(lines)), 'without a word')} ({log})"
-
-
-def _send(process: subprocess.Popen[bytes] | Foreign, number: int) -> None:
-    if process.poll() is not None:
-        return
-    if isinstance(process, Foreign):
-        process.send_signal(number)
-    else:
-        os.killpg(process.pid, number)
-
-
-def _how(code: int) -> str:
-    if code == UNKNOWN:
-        return ""
-    return f" (signal {signal.Signals(-code).name})" if code < 0 else f" (exit code {code})"
 
 
 def end_with_parent() -> None:

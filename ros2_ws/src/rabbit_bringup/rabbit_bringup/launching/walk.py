@@ -1,6 +1,4 @@
-"""One walk through the node graph: start the nodes, wait until they are matched, let them walk, end them.
-
-`make_graph` says who walks, with which parameters; `rabbit walk` and walk.launch.py start the nodes that it names.
+"""A walk through the node graph, before it begins: who walks, with which parameters, and what it leaves.
 
 FOLDER/parameters.yaml   what every node was told (a ROS parameter file)
 FOLDER/recording/        the recording
@@ -8,29 +6,16 @@ FOLDER/log/              what each node printed, unless `ros2 launch` shows it
 FOLDER/summary.json, records.npz, pictures/, walk.mp4, walk.gif    made from the recording afterwards
 """
 
-import contextlib
 import json
-import signal
-import time
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
-from types import MappingProxyType
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
-from rabbit_cli import exit_codes
-from rabbit_cli.executables import NAMESPACE, LaunchError
-from rabbit_cli.threads import use_one_thread
+from rabbit_cli.executables import NAMESPACE
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_viewer.live.parameters import PORT
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
-from rabbit_bringup.launching.parameter_file import write_parameters
-from rabbit_bringup.launching.processes import PACKAGES, NodeSpec, Processes
-
-GLANCE_SECONDS = 0.2  # between two looks at the walk
-ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 STORAGES = {"true": "mcap", "1": "mcap", "false": "none", "0": "none"}
 
 
@@ -81,9 +66,17 @@ class WalkOptions(BaseModel):
         None, description="ROS parameter file; its values count where no option says otherwise"
     )
 
+    @property
+    def learns_between(self) -> bool:
+        """Whether the trainer plans each episode."""
+        return self.trainer and self.swap_at == "episode"
+
 
 class Walk(BaseModel):
-    """What is known of a walk before it begins."""
+    """Who walks, and where it leaves what.
+
+    `policy`: zero or a file; `training`: of the trainer; `further`: parameters by node that nothing else decides.
+    """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -91,184 +84,67 @@ class Walk(BaseModel):
     options: WalkOptions
     simulation: SimulationParameters
     controller: ControllerParameters
+    policy: str
+    training: dict[str, Any] = Field(default_factory=dict)
+    further: dict[str, dict[str, Any]] = Field(default_factory=dict)
 
-
-@dataclass(frozen=True)
-class Graph:
-    """The nodes of a walk and what each is told."""
-
-    folder: Path
-    namespace: str
-    nodes: dict[str, NodeSpec]
-    parameters: dict[str, dict[str, Any]]
+    @classmethod
+    def of(cls, assembly: Any, folder: Path, options: WalkOptions, **more: Any) -> "Walk":
+        """The walk of an `Assembly`."""
+        its = {name: getattr(assembly, name) for name in ("simulation", "controller", "policy")}
+        return cls(folder=folder, options=options, **its, **more)
 
     @property
     def names(self) -> list[str]:
-        """The nodes by name."""
-        return list(self.nodes)
+        """The nodes: simulator and controller; trainer, recorder and viewer if wanted."""
+        options = self.options
+        wanted = {"trainer": options.trainer, "recorder": options.record != "none", "viewer": options.view}
+        return ["simulator", "controller", *(name for name, is_wanted in wanted.items() if is_wanted)]
 
+    @property
+    def parameter_file(self) -> Path:
+        """From which the nodes take their parameters."""
+        return self.folder / "parameters.yaml"
 
-class Interrupted(BaseException):
-    """A signal asked the launcher to end."""
+    def arguments(self, name: str) -> list[str]:
+        """The command line of a node."""
+        remaps = ("-r", "/clock:=clock", "-r", f"__ns:=/{self.options.namespace.strip('/')}")
+        own = ("--log-level", self.options.log_level, "--enclave", f"/rabbit/{name}")
+        return ["--ros-args", "--params-file", str(self.parameter_file), *remaps, *own]
 
-    def __init__(self, number: int) -> None:
-        super().__init__(signal.Signals(number).name)
-        self.code = exit_codes.of_signal(number)
-
-
-class Stuck(LaunchError):
-    """The graph runs, and cannot go on."""
-
-    code = exit_codes.ExitCode.FAULT
-
-
-def make_graph(
-    folder: Path,
-    options: WalkOptions,
-    simulation: SimulationParameters,
-    controller: ControllerParameters,
-    policy: str,
-    training: dict[str, Any] | None = None,
-    further: Mapping[str, dict[str, Any]] = MappingProxyType({}),
-) -> Graph:
-    """Who walks: simulator and controller; the trainer, under the parameters `training`, and the recorder if wanted.
-
-    `further`: parameters by node that none of the others decides.
-    """
-    learns_between = options.trainer and options.swap_at == "episode"
-    plant = simulation.model_dump()
-    auto = "tick" if controller.learns else "never"
-    swap_at = auto if options.swap_at == "auto" else options.swap_at
-    learner = {"plan_episodes": learns_between, "folder": str(folder / "training"), "plant": json.dumps(plant)}
-    learner |= {"policy": policy, "problem": str(controller.problem), "seed": options.seed}
-    trainer = "ignore" if not options.trainer else "follow" if learns_between else "wait"
-    own = {"seed": options.seed, "episodes": options.episodes, "start_paused": True, "trainer": trainer}
-    own["memory"] = str(folder / "simulator.memory")
-    pace = {"real_time": options.real_time, "pace": float(options.view) if options.pace is None else options.pace}
-    told = {
-        "simulator": {**own, **pace, "priority": options.priority, "gait": controller.gait, **simulation.model_dump()},
-        "controller": {"policy": policy, "swap_at": swap_at, "priority": options.priority, **controller.model_dump()},
-        "trainer": {**learner, **(training or {})},
-        "recorder": {"path": str(folder / "recording"), "storage": options.record},
-        "viewer": {"port": options.view_port, "wait": 0.0},
-    }
-    wanted = ["simulator", "controller", *["trainer"] * options.trainer, *["recorder"] * (options.record != "none")]
-    wanted += ["viewer"] * options.view
-    remaps = ["-r", "/clock:=clock", "-r", f"__ns:=/{options.namespace.strip('/')}", "--log-level", options.log_level]
-    arguments = ("--ros-args", "--params-file", str(folder / "parameters.yaml"), *remaps, "--enclave")
-    nodes = {name: NodeSpec(PACKAGES[name], name, (*arguments, f"/rabbit/{name}")) for name in wanted}
-    parameters = {name: {**further.get(name, {}), **told[name]} for name in wanted}
-    return Graph(folder, options.namespace, nodes, parameters)
-
-
-def run_graph(
-    graph: Graph, options: WalkOptions, show: Callable[[Any], None], ended: Callable[[Any], None] = lambda _: None
-) -> tuple[list[Any], float]:
-    """Walk all episodes; returns their last `Episode` messages and the wall seconds that they took.
-
-    All nodes have ended when this returns or raises.
-
-    Args:
-        graph: who walks.
-        options: how.
-        show: gets the watch's `Progress` now and then.
-        ended: gets the `Episode` message of each episode that has ended.
-
-    Raises:
-        LaunchError: another graph is there; a node cannot be started, ended by itself, or is not ready in time.
-        Interrupted: by a signal.
-    """
-    use_one_thread()
-    from rabbit_cli.ros.namespace_check import NamespaceCheck
-
-    from rabbit_bringup.ros.priority import listening_to
-
-    with _signals_raise(), contextlib.closing(NamespaceCheck(graph.namespace)) as claim, listening_to(options.priority):
-        claim.look(graph.names)
-        write_parameters(graph.folder / "parameters.yaml", graph.parameters)
-        processes = Processes(graph.folder / "log")
-        try:
-            for node in graph.nodes.values():
-                processes.start(node)
-            return _follow(graph.names, options, processes, show, ended)
-        finally:
-            _end(processes)
-
-
-def follow_launched(
-    folder: Path, pids: Mapping[str, int], options: WalkOptions, ended: Callable[[Any], None]
-) -> tuple[list[Any], float]:
-    """As `run_graph`, with nodes that another process has started: their process ids, by name."""
-    with _signals_raise():
-        processes = Processes(folder / "log")
-        try:
-            for name, pid in pids.items():
-                processes.adopt(name, pid)
-            return _follow(list(pids), options, processes, lambda _: None, ended)
-        finally:
-            _end(processes, may_hurry=False)  # `ros2 launch` has a patience of its own, and sends SIGINT twice
-
-
-def _follow(
-    names: list[str],
-    options: WalkOptions,
-    processes: Processes,
-    show: Callable[[Any], None],
-    ended: Callable[[Any], None],
-) -> tuple[list[Any], float]:
-    """See a graph through its walk."""
-    from rabbit_bringup.ros.walk_monitor import WalkMonitor
-
-    with contextlib.closing(WalkMonitor(options.namespace, ended)) as watch:
-        _wait_until_ready(names, watch, processes, options.ready_timeout)
-        _walk(watch, processes, options, show)
-        return list(watch.ended.values()), watch.seconds
-
-
-def _wait_until_ready(names: list[str], watch: Any, processes: Processes, timeout: float) -> None:
-    deadline = time.monotonic() + timeout
-    while missing := watch.not_ready(names):
-        processes.check()
-        if time.monotonic() > deadline:
-            lines = "; ".join(f"{name}: {line}" for name, line in missing.items())
-            raise LaunchError(f"not ready after {timeout:g} s: {lines}")
-        watch.spin(0.05)
-    if not watch.begin():
-        raise LaunchError("the simulator does not answer its pause service")
-
-
-def _walk(watch: Any, processes: Processes, options: WalkOptions, show: Callable[[Any], None]) -> None:
-    """An episode that an operator asks for takes the place of the one that it cuts short."""
-    learns_between = options.trainer and options.swap_at == "episode"
-    while not watch.is_over(options.episodes) or (learns_between and watch.digested < watch.episode.episode):
-        watch.spin(GLANCE_SECONDS)
-        show(watch.progress())
-        processes.check()
-        if watch.complaint:
-            raise Stuck(watch.complaint)
-
-
-def _end(processes: Processes, may_hurry: bool = True) -> None:
-    """End all nodes, those that others listen to first; a further signal ends them at once."""
-
-    def hurry(number: int, frame: object) -> None:
-        processes.hurry = may_hurry
-
-    for number in ENDING:
-        signal.signal(number, hurry)
-    processes.stop(("simulator", "controller"))
-    processes.stop(("trainer",))
-    processes.stop()
-
-
-@contextlib.contextmanager
-def _signals_raise() -> Iterator[None]:
-    def stop(number: int, frame: object) -> None:
-        raise Interrupted(number)
-
-    before = {number: signal.signal(number, stop) for number in ENDING}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+    def parameters(self) -> dict[str, dict[str, Any]]:
+        """What each node is told."""
+        options, simulation, controller = self.options, self.simulation.model_dump(), self.controller.model_dump()
+        auto = "tick" if self.controller.learns else "never"
+        told: dict[str, dict[str, Any]] = {
+            "simulator": {
+                "seed": options.seed,
+                "episodes": options.episodes,
+                "start_paused": True,
+                "trainer": "ignore" if not options.trainer else "follow" if options.learns_between else "wait",
+                "memory": str(self.folder / "simulator.memory"),
+                "real_time": options.real_time,
+                "pace": float(options.view) if options.pace is None else options.pace,
+                "priority": options.priority,
+                "gait": self.controller.gait,
+                **simulation,
+            },
+            "controller": {
+                "policy": self.policy,
+                "swap_at": auto if options.swap_at == "auto" else options.swap_at,
+                "priority": options.priority,
+                **controller,
+            },
+            "trainer": {
+                "plan_episodes": options.learns_between,
+                "folder": str(self.folder / "training"),
+                "plant": json.dumps(simulation),
+                "policy": self.policy,
+                "problem": str(self.controller.problem),
+                "seed": options.seed,
+                **self.training,
+            },
+            "recorder": {"path": str(self.folder / "recording"), "storage": options.record},
+            "viewer": {"port": options.view_port, "wait": 0.0},
+        }
+        return {name: {**self.further.get(name, {}), **told[name]} for name in self.names}

@@ -3,20 +3,28 @@
 import contextlib
 import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
+from pydantic_core import to_json
 from rabbit_cli import exit_codes
 from rabbit_cli.executables import LaunchError
 from rabbit_cli.exit_codes import ExitCode
 from rabbit_recording.bag_writer import RecordingError
 
-from rabbit_bringup.launching.walk import Interrupted, Walk
+from rabbit_bringup.launching.processes import Interrupted
+from rabbit_bringup.launching.walk import Walk
 
 Ended = Callable[[Any], None]  # gets the `Episode` message of an episode that has ended
+UNTIMED = {"tick_ms_p50", "tick_ms_p99", "plant_ms_p50", "walk_seconds"}  # figures that no recording has
 
 
-def carry_out(walk: Walk, run: Callable[[Ended], tuple[list[Any], float]]) -> int:
-    """Walk as `run` does, say how it went, and leave the summary; returns the exit code."""
+def carry_out(walk: Walk, run: Callable[[Ended], float]) -> int:
+    """Walk as `run` does, which returns the episodes' wall seconds; say how it went; leave the summary.
+
+    Returns:
+        The exit code.
+    """
     outcomes: list[str] = []
 
     def tell(episode: Any) -> None:
@@ -24,7 +32,7 @@ def carry_out(walk: Walk, run: Callable[[Ended], tuple[list[Any], float]]) -> in
         print(line(episode), flush=True)
 
     try:
-        seconds = run(tell)[1]
+        seconds = run(tell)
     except Interrupted as error:
         complain(f"stopped by {error}; what was recorded is in {walk.folder}")
         return error.code
@@ -53,7 +61,7 @@ def complain(text: object) -> None:
 
 def _leave(walk: Walk, code: ExitCode, seconds: float) -> None:
     """Summary, pictures and film from the recording."""
-    from rabbit_bringup.launching.walk_results import write_summary
+    from rich.console import Console
 
     try:
         summary = write_summary(walk, walk.folder / "recording", code, seconds)
@@ -67,18 +75,13 @@ def _leave(walk: Walk, code: ExitCode, seconds: float) -> None:
             f"time; age of the torque {timing['age_ms']['p99']:.1f} ms (p99)"
         )
     if summary["ticks"]:
-        _draw(walk)
+        from rabbit_viewer.walk_pictures import draw_pictures, film_walk
 
-
-def _draw(walk: Walk) -> None:
-    from rabbit_viewer.walk_pictures import draw_pictures, film_walk
-    from rich.console import Console
-
-    with Console().status("drawing"):
-        if walk.options.pictures:
-            draw_pictures(walk.folder)
-        if walk.options.video:
-            film_walk(walk.folder)
+        with Console().status("drawing"):
+            if walk.options.pictures:
+                draw_pictures(walk.folder)
+            if walk.options.video:
+                film_walk(walk.folder)
 
 
 def _fail(walk: Walk, error: LaunchError) -> int:
@@ -91,8 +94,6 @@ def _fail(walk: Walk, error: LaunchError) -> int:
         return error.code
     from rabbit_recording.open_recording import opened
     from rabbit_recording.recover import recover
-
-    from rabbit_bringup.launching.walk_results import write_summary
 
     note = ""
     try:
@@ -107,3 +108,76 @@ def _fail(walk: Walk, error: LaunchError) -> int:
         note = note or str(unreadable)
     complain(f"{error}; {note}")
     return error.code
+
+
+def write_summary(
+    walk: Walk, recording: Path, code: ExitCode, seconds: float | None, failure: str = ""
+) -> dict[str, Any]:
+    """Write `summary.json`, a row an episode as in `rabbit evaluate`, and `records.npz` of the last one with ticks.
+
+    Args:
+        walk: what was to be walked, in which folder.
+        recording: of the walk.
+        code: how it ended.
+        seconds: by the wall clock, that its episodes took, where that is known.
+        failure: why the graph did not come to its end, if it did not.
+
+    Raises:
+        RecordingError: the recording cannot be read.
+    """
+    from rabbit_description.state import TICK_SECONDS
+    from rabbit_experiments import provenance
+    from rabbit_recording.reader import iterate_episodes
+    from rabbit_recording.timing import real_time_figures
+    from rabbit_viewer.walk_records import WalkRecords, about_walk, save_records
+
+    rows: list[dict[str, Any]] = []
+    ticks, last = 0, None
+    for episode in iterate_episodes(recording):
+        rows.append(describe(walk, episode))
+        ticks += len(episode.records)
+        last = episode if episode.records else last
+    summary = {
+        "walked": code is ExitCode.WALKED,
+        "exit_code": int(code),
+        "failure": failure,
+        "episodes": rows,
+        "ticks": ticks,
+        "wall_seconds": seconds,
+        "real_time_factor": ticks * TICK_SECONDS / seconds if seconds else None,
+        "real_time": real_time_figures(recording),
+        "command": provenance.command(),
+        "commit": provenance.commit(),
+        "versions": provenance.versions(),
+        "controller": walk.controller,
+        "simulation": walk.simulation,
+    }
+    (walk.folder / "summary.json").write_bytes(to_json(summary, indent=2, inf_nan_mode="null") + b"\n")
+    if last is not None:
+        version = last.records[-1].output.policy_version
+        about = about_walk(walk.controller, walk.simulation, version, last.seed, last.outcome)
+        save_records(WalkRecords.from_ticks(last.records, last.landings, about), walk.folder / "records.npz")
+    return summary
+
+
+def describe(walk: Walk, episode: Any) -> dict[str, Any]:
+    """A `RecordedEpisode` in figures."""
+    from rabbit_experiments.metrics import RunTally
+    from rabbit_sim.simulation import Outcome
+
+    present: list[Any] = []
+    tally = RunTally(episode.number, walk.controller, lambda: present[-1].state.foot_force)
+    for record in episode.records:
+        present[:] = [record]
+        tally(record)
+    try:
+        outcome = Outcome(episode.outcome)
+    except ValueError:  # it did not end by the simulator
+        outcome = Outcome.IDLE
+        tally.fault = tally.fault or f"{episode.outcome}: {episode.reason}"
+    return {
+        **tally.result(episode.seed, outcome, episode.landings, [0.0], []).row.model_dump(exclude=UNTIMED),
+        "reason": episode.reason,
+        "ticks_not_recorded": episode.lost,
+        "policies": list(dict.fromkeys(record.output.policy_version for record in episode.records)),
+    }

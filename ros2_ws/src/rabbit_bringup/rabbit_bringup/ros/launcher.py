@@ -4,14 +4,14 @@ launcher WALK.json simulator=PID controller=PID ...
 """
 
 import sys
-from functools import partial
 from pathlib import Path
 
 from rabbit_cli.exit_codes import ExitCode
 
 from rabbit_bringup.launching.processes import end_with_parent
-from rabbit_bringup.launching.walk import Walk, follow_launched
-from rabbit_bringup.launching.walk_report import carry_out, complain
+from rabbit_bringup.launching.walk import Walk
+from rabbit_bringup.launching.walk_report import Ended, carry_out, complain
+from rabbit_bringup.ros.walking import walking
 
 
 def main() -> None:
@@ -19,9 +19,16 @@ def main() -> None:
     try:
         file, *nodes = sys.argv[1:]
         walk = Walk.model_validate_json(Path(file).read_bytes())
-        pids = {name: int(pid) for name, _, pid in (node.partition("=") for node in nodes)}
+        launched = {name: int(pid) for name, _, pid in (node.partition("=") for node in nodes)}
     except (ValueError, OSError):
         complain("expected a walk and the nodes' process ids; it is walk.launch.py that calls this")
         sys.exit(ExitCode.REFUSED)
     end_with_parent()
-    sys.exit(carry_out(walk, partial(follow_launched, walk.folder, pids, walk.options)))
+
+    def run(ended: Ended) -> float:
+        with walking(walk, ended, launched) as monitor:
+            while not monitor.is_over:
+                monitor.glance()
+        return monitor.seconds
+
+    sys.exit(carry_out(walk, run))

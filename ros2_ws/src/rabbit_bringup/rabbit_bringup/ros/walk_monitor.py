@@ -8,23 +8,30 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from rabbit_cli.exit_codes import CUT_SHORT
+from rabbit_cli.executables import LaunchError
+from rabbit_cli.exit_codes import CUT_SHORT, ExitCode
+from rabbit_cli.ros.client import GraphClient
 from rabbit_description.force_ratio import force_ratio
 from rabbit_description.state import TICK_SECONDS
 from rabbit_msgs.msg import ControllerState, Episode, EpisodePlan, Landing, RabbitState
-from rabbit_msgs.srv import Pause
 from rabbit_ros.ros.diagnostics import reader_counts
-from rabbit_ros.ros.network import initialise
-from rabbit_ros.ros.qos import DIAGNOSTICS, EVENT
-from rabbit_ros.ros.services import call_service
-from rabbit_ros.ros.topics import TOPICS, Topic, missing_readers
-from rclpy.experimental import EventsExecutor
+from rabbit_ros.ros.topics import TOPICS, missing_readers
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 
+from rabbit_bringup.launching.processes import Processes
+from rabbit_bringup.launching.walk import WalkOptions
+
 GLANCE = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+GLANCE_SECONDS, READY_SECONDS = 0.2, 0.05  # between two looks at the walk, and at nodes that begin
+ANSWER_SECONDS = 10.0
+
+
+class Stuck(LaunchError):
+    """The graph runs, and cannot go on."""
+
+    code = ExitCode.FAULT
 
 
 @dataclass(frozen=True)
@@ -40,46 +47,57 @@ class Progress:
     ticks: int  # of all episodes so far
 
 
-class WalkMonitor:
-    """Hears the graph in a namespace; `tell` gets the message of each episode that has ended."""
+class WalkMonitor(GraphClient):
+    """Sees `processes` through a walk; `tell` gets the message of each episode that has ended."""
 
-    def __init__(self, namespace: str, tell: Callable[[Episode], object] = lambda _: None) -> None:
-        self._context = rclpy.Context()
-        initialise(self._context, ["--ros-args", "--enclave", "/rabbit/launcher"])
-        self._node = rclpy.create_node("launcher", namespace=namespace, context=self._context)
-        self._executor = EventsExecutor(context=self._context)
-        self._executor.add_node(self._node)
-        self._tell = tell
+    def __init__(
+        self, options: WalkOptions, processes: Processes, tell: Callable[[Episode], object] = lambda _: None
+    ) -> None:
+        super().__init__("launcher", options.namespace, "/rabbit/launcher", processes.check)
+        self.processes = processes
+        self._options, self._tell = options, tell
         self._said: dict[str, DiagnosticStatus] = {}
         self._newest: dict[str, bytes] = {}
         self.episode = Episode()
         self.ended: dict[int, Episode] = {}
-        self.complaint = ""  # of a simulator that cannot go on
-        self.digested = 0  # episodes that the trainer has learned from
+        self._complaint = ""  # of a simulator that cannot go on
+        self._digested = 0  # episodes that the trainer has learned from
         self.seconds = 0.0  # of the ended episodes
         self._began = time.monotonic()
         self._margin = math.nan
-        subscribe = self._node.create_subscription
-        subscribe(DiagnosticArray, "diagnostics", self._on_diagnostics, DIAGNOSTICS)
-        subscribe(Episode, "episode", self._on_episode, EVENT)
-        subscribe(EpisodePlan, "episode_plan", self._on_plan, EVENT)
-        subscribe(Landing, "landing", self._on_landing, EVENT)
-        for name, kind in (("state", RabbitState), ("controller_state", ControllerState)):
-            subscribe(kind, name, partial(self._newest.__setitem__, name), GLANCE, raw=True)
-        self._pause = self._node.create_client(Pause, "pause")
+        self.hear("diagnostics", self._on_diagnostics)
+        self.hear("episode", self._on_episode)
+        self.hear("episode_plan", self._on_plan)
+        self.hear("landing", self._on_landing)
+        for name in ("state", "controller_state"):
+            self.hear(name, partial(self._newest.__setitem__, name), GLANCE, raw=True)
+        self.client("pause")  # so that the simulator knows it in time
 
-    def close(self) -> None:
-        """Leave the graph."""
-        self._executor.remove_node(self._node)
-        self._executor.shutdown()
-        self._node.destroy_node()
-        rclpy.try_shutdown(context=self._context)
+    def begin(self) -> None:
+        """Let the simulator go on, once all nodes are ready; raises `LaunchError`."""
+        timeout, began = self._options.ready_timeout, time.monotonic()
+        while missing := self.not_ready(self.processes.names):
+            self.check()
+            if time.monotonic() - began > timeout:
+                lines = "; ".join(f"{name}: {line}" for name, line in missing.items())
+                raise LaunchError(f"not ready after {timeout:g} s: {lines}")
+            self.spin(READY_SECONDS)
+        answer = self.ask("pause", ANSWER_SECONDS, paused=False)
+        if not (answer and answer.accepted):
+            raise LaunchError("the simulator does not answer its pause service")
 
-    def spin(self, seconds: float) -> None:
-        """Hear what comes for so long."""
-        end = time.monotonic() + seconds
-        while (left := end - time.monotonic()) > 0:
-            self._executor.spin_once(left)
+    def glance(self) -> Progress:
+        """Hear for a moment how it goes.
+
+        Raises:
+            LaunchError: a node ended by itself, or the simulator cannot go on.
+            Interrupted: by a signal.
+        """
+        self.spin(GLANCE_SECONDS)
+        self.check()
+        if self._complaint:
+            raise Stuck(self._complaint)
+        return self.progress()
 
     def not_ready(self, nodes: list[str]) -> dict[str, str]:
         """Which of the nodes are not ready, and what they say; and topics that do not reach all who need them."""
@@ -94,25 +112,21 @@ class WalkMonitor:
     def _others(self, nodes: list[str]) -> dict[str, int]:
         """Readers of each topic that belong to nobody we started, as a viewer that was there before."""
         known = (*nodes, "launcher")
-        found = {topic.name: self._node.get_subscriptions_info_by_topic(self._full_name(topic)) for topic in TOPICS}
 
         def is_ours(end: Any) -> bool:
             return bool(end.node_name.removeprefix("_").startswith(known))  # the viewer's hidden node is the viewer's
 
-        return {name: sum(not is_ours(end) for end in ends) for name, ends in found.items()}
+        def ends(name: str) -> Any:
+            return self.node.get_subscriptions_info_by_topic(self.node.resolve_topic_name(name))
 
-    def _full_name(self, topic: Topic) -> str:
-        return self._node.resolve_topic_name(topic.name)
+        return {topic.name: sum(not is_ours(end) for end in ends(topic.name)) for topic in TOPICS}
 
-    def is_over(self, episodes: int) -> bool:
-        """Whether so many episodes have ended, the last of them not cut short: another one takes its place."""
-        e = self.episode
-        return e.phase == Episode.ENDED and e.episode >= episodes and e.outcome != CUT_SHORT
-
-    def begin(self, timeout: float = 10.0) -> bool:
-        """Let the simulator go on; False if it does not answer."""
-        answer = call_service(self._pause, Pause.Request(paused=False), self.spin, timeout)
-        return bool(answer and answer.accepted)
+    @property
+    def is_over(self) -> bool:
+        """Whether all episodes have ended, the last of them not cut short: another one takes its place."""
+        e, options = self.episode, self._options
+        ended = e.phase == Episode.ENDED and e.episode >= options.episodes and e.outcome != CUT_SHORT
+        return ended and not (options.learns_between and self._digested < e.episode)
 
     def progress(self) -> Progress:
         """How it goes, from the newest messages."""
@@ -135,7 +149,7 @@ class WalkMonitor:
         if message.phase == Episode.RUNNING and message.tick == 0:
             self._began = time.monotonic()
         if message.phase == Episode.ENDED and message.episode in self.ended:
-            self.complaint = message.reason
+            self._complaint = message.reason
         elif message.phase == Episode.ENDED:
             self.seconds += time.monotonic() - self._began
             self.ended[message.episode] = message
@@ -143,7 +157,7 @@ class WalkMonitor:
         self.episode = message
 
     def _on_plan(self, message: EpisodePlan) -> None:
-        self.digested = message.after_episode
+        self._digested = message.after_episode
 
     def _on_landing(self, message: Landing) -> None:
         self._margin = min(message.l - message.l_min, message.l_max - message.l)

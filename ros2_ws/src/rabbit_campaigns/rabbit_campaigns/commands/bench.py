@@ -24,9 +24,6 @@ class BenchOptions(BaseModel):
     policy: str | None = Field(None, description="zero, oracle, a shipped policy or a file")
     parameters: str = Field("ours", description="of the controller: ours, authors or a YAML file")
     nodes: bool = Field(True, description="also walk through the nodes, where there is ROS")
-    view_pairs: int = Field(
-        0, ge=0, le=100, description="pairs of walks without and with a live view, through the nodes, and its start"
-    )
 
 
 @app.command()
@@ -39,14 +36,11 @@ def bench(given: Given) -> None:
     from rabbit_experiments import provenance
 
     from rabbit_campaigns.bench import bench as measure
-    from rabbit_campaigns.bench_nodes import bench_nodes
-    from rabbit_campaigns.bench_view import bench_view
+    from rabbit_campaigns.bench import bench_nodes
 
     with complaints(LaunchError):
         figures = measure(assembly, request.seed)
         figures["nodes"] = bench_nodes(assembly, request.seed) if request.nodes else None
-        if request.view_pairs:
-            figures["view"] = bench_view(assembly, request.seed, request.view_pairs)
     about = {"command": provenance.command(), "commit": provenance.commit(), "versions": provenance.versions()}
     show(figures)
     request.out.parent.mkdir(parents=True, exist_ok=True)
@@ -76,9 +70,3 @@ def show(figures: dict[str, Any]) -> None:
     if figures["nodes"]:
         nodes = figures["nodes"]
         print(f"through the nodes: {nodes['real_time_factor']:.1f} times real time, / limit: {nodes['ratio']:.2f}")
-    if view := figures.get("view"):
-        for name, costs in (("wall clock", view["costs"]), ("CPU time of simulator and controller", view["costs_cpu"])):
-            told = ", ".join(f"{cost:.1%}" for cost in costs)
-            print(f"live view, {name}: takes {told} of the rate; limit {view['limit']:.0%}")
-        told = ", ".join(f"{seconds:.2f}" for seconds in view["start_seconds"])
-        print(f"live view: {told} s from its start to a client's first message; limit {view['start_limit']:g} s")

@@ -24,7 +24,8 @@ def faults(
     from rabbit_cli.executables import LaunchError
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-    from rabbit_campaigns.faults.campaign import read_results, run_campaign
+    from rabbit_campaigns.faults.plan import read_results
+    from rabbit_campaigns.ros.fault_campaign import run_campaign
 
     columns = (BarColumn(bar_width=20), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("{task.description}"))
     with Progress(*columns) as bar, complaints(LaunchError, OSError):

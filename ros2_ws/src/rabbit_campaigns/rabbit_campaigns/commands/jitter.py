@@ -8,10 +8,9 @@ from typing import Annotated, Any
 
 import typer
 from pydantic import BaseModel, ConfigDict, Field
-from rabbit_bringup.commands.walk import DEFAULTS, new_folder
-from rabbit_bringup.launching.walk import Interrupted
+from rabbit_bringup.commands.walk import DEFAULTS, assembly_of_nodes, new_folder
+from rabbit_bringup.launching.processes import Interrupted
 from rabbit_cli.options import Given, complaints, fail, options
-from rabbit_experiments.commands.evaluate import given_assembly
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
@@ -47,9 +46,7 @@ def jitter(given: Given) -> None:
     Exit code 1 if this machine is not fit.
     """
     told = given.build(JitterOptions)
-    assembly = given_assembly(given, told.policy, told.parameters)
-    if assembly.policy == "oracle":
-        fail("--policy oracle: expected zero, a shipped policy or a file; the nodes never see the true plant")
+    assembly = assembly_of_nodes(given, told.policy, told.parameters)
     folder = new_folder(told.out or Path("runs") / f"{datetime.now():%Y%m%d-%H%M%S}-jitter")
     from rabbit_cli.executables import LaunchError
     from rabbit_recording.bag_writer import RecordingError

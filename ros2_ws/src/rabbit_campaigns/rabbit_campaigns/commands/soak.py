@@ -1,19 +1,20 @@
 """Walk for an hour with learning, recording and an operator on: does anything grow or fall?"""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import typer
 from pydantic import BaseModel, ConfigDict, Field
-from rabbit_bringup.commands.walk import given_training, make_folder
-from rabbit_bringup.launching.walk import Graph, Interrupted, WalkOptions, make_graph
+from rabbit_bringup.commands.walk import assembly_of_nodes, given_training, make_folder
+from rabbit_bringup.launching.processes import Interrupted
+from rabbit_bringup.launching.walk import Walk, WalkOptions
 from rabbit_cli.options import Defaults, Given, complaints, fail, options
-from rabbit_experiments.commands.evaluate import given_assembly
 from rabbit_experiments.conditions import EVALUATION_LAG
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
-from rabbit_campaigns.timed_walk import EPISODES
+from rabbit_campaigns.jitter import EPISODES
 
 OVER = 1  # exit code where a bar is not kept
 READY = 600.0  # s for the nodes to find each other: a soak may begin on a busy machine
@@ -57,51 +58,45 @@ class SoakOptions(BaseModel):
 def soak(given: Given) -> None:
     """Walk for an hour with learning, swapping, recording and an operator on; exit code 1 if a bar is not kept."""
     told = given.build(SoakOptions)
-    assembly = given_assembly(given, told.policy, told.parameters)
-    if assembly.policy == "oracle" or (told.operate_every and assembly.policy == "zero"):
-        fail(f"--policy {assembly.policy}: expected a shipped policy or a file; zero with --operate-every 0")
-    request = WalkOptions(**told.model_dump(include=OF_WALK), episodes=EPISODES, ready_timeout=READY)
-    folder = make_folder(request)
-    training = given_training(request, assembly.controller, assembly.policy)
+    assembly = assembly_of_nodes(given, told.policy, told.parameters)
+    if told.operate_every and assembly.policy == "zero":
+        fail("--policy zero: expected a shipped policy or a file; zero with --operate-every 0")
+    options = WalkOptions(**told.model_dump(include=OF_WALK), episodes=EPISODES, ready_timeout=READY)
+    training = given_training(options, assembly.controller, assembly.policy)
     if not told.training:
         training["capacity"] = CAPACITY
-    graph = make_graph(folder, request, assembly.simulation, assembly.controller, assembly.policy, training)
-    graph.parameters["simulator"]["trainer_timeout"] = TRAINER_TIMEOUT
-    walk(graph, request, told, assembly)
+    further = {"simulator": {"trainer_timeout": TRAINER_TIMEOUT}}
+    walk = Walk.of(assembly, make_folder(options), options, training=training, further=further)
+    walk_beside_operator(walk, told)
     from rabbit_recording.bag_writer import RecordingError
 
     with complaints(RecordingError):
-        figures = judged(folder)
+        figures = judged(walk.folder)
     show(figures)
-    print(f"written to {folder}")
+    print(f"written to {walk.folder}")
     if not all(figures["bars_kept"].values()):
         raise typer.Exit(OVER)
 
 
-def walk(graph: Graph, request: WalkOptions, told: SoakOptions, assembly: Any) -> None:
+def walk_beside_operator(walk: Walk, told: SoakOptions) -> None:
     """Walk for as long as `told`, with an operator if it is to; a line on the screen says how it goes."""
     from rabbit_cli.executables import LaunchError
     from rich.console import Console
 
-    from rabbit_campaigns import soak as experiment
+    from rabbit_campaigns.ros.operator import Operator
+    from rabbit_campaigns.soak import soak
+    from rabbit_campaigns.soak_operations import Operations, unfit_policy
+
+    def operations(check: Callable[[], object]) -> Operations:
+        policies = Path(walk.policy).absolute(), unfit_policy(walk.controller)
+        operator = Operator("", walk.folder, policies, told.pace or 0.0, told.seed, check)
+        return Operations(operator, walk.folder, told.operate_every, told.seed)
 
     with complaints(LaunchError, ValueError), Console().status("starting") as status:
-        sampler = experiment.Sampler(graph, told.minutes * 60, told.every, status.update)
-        operations = make_operations(graph.folder, told, assembly) if told.operate_every else None
         try:
-            experiment.soak(graph, request, told.minutes * 60, sampler, operations)
+            soak(walk, told.minutes * 60, told.every, status.update, operations if told.operate_every else None)
         except Interrupted as error:
-            fail(f"stopped by {error}; what was sampled is in {graph.folder}", code=error.code)
-
-
-def make_operations(folder: Path, told: SoakOptions, assembly: Any) -> Any:
-    """An operator for this controller and its policy."""
-    from rabbit_campaigns.ros.operator import Operator
-    from rabbit_campaigns.soak_operations import SECOND, Operations, unfit_policy
-
-    policies = Path(assembly.policy).absolute(), unfit_policy(assembly.controller)
-    operator = Operator("", folder / SECOND, policies, told.pace or 0.0, told.seed)
-    return Operations(operator, folder, told.operate_every, told.seed)
+            fail(f"stopped by {error}; what was sampled is in {walk.folder}", code=error.code)
 
 
 def judged(folder: Path) -> dict[str, Any]:
@@ -140,11 +135,6 @@ def show(figures: dict[str, Any]) -> None:
         print("  episode {}, seed {}: {} {}".format(*each))
     if operations := figures["operations"]:
         print("as expected: " + ", ".join(f"{kind} {right} of {asked}" for kind, (asked, right) in operations.items()))
-        seconds = figures["second_recordings"]
-        print(
-            f"{len(seconds)} second recordings, {sum(each['ticks'] for each in seconds)} ticks, "
-            f"{sum(each['missing'] for each in seconds)} messages missing"
-        )
     for bar, kept in figures["bars_kept"].items():
         print(f"{bar}: {'kept' if kept else 'NOT KEPT'}")
 

@@ -1,8 +1,8 @@
 """What must hold after a fault: of the trainer's folder and of a recording."""
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from rabbit_recording.bag_writer import RecordingError
@@ -17,70 +17,56 @@ from rl_trainer.transitions import Transition
 
 from rabbit_campaigns.faults.recording_checks import MonitorRecord, misreadings
 
-
-@dataclass(frozen=True)
-class TransitionsCheck:
-    """Of the transitions told: how many are nowhere on disk, and how many the trainer counts in all."""
-
-    told: int
-    kept: int
-    lost: int
+TRAINING = TrainingParameters(
+    hidden1=16, hidden2=16, batch=16, updates_least=5, updates_per_tick=0.05, capacity=60_000, nominal_episodes=1
+)
 
 
-def check_transitions(told: Iterable[Transition], folder: Path, parameters: TrainingParameters) -> TransitionsCheck:
-    """Look for every transition told in checkpoint and journal; the trainer must not be running.
+def check_transitions(told: Sequence[Transition], folder: Path) -> dict[str, int]:
+    """Look for every transition told in checkpoint and journal of a training under `TRAINING`, whose trainer is away.
 
     Those that the trainer leaves out by rule are only counted, once they are in a checkpoint. For a trainer that plans
     episodes: one that learns beside the walk holds out one step in five (its gate), which would be taken for lost.
+
+    Returns:
+        How many are nowhere on disk, `lost`; how many the trainer counts in all, `kept`; and `told_transitions`.
     """
-    told = list(told)
-    trainer = Trainer(parameters)
-    kept = NodeCheckpoint(folder, trainer, PublicationGate(parameters))
-    _, in_journal = Journal(folder, parameters).read(trainer.episode)
+    trainer = Trainer(TRAINING)
+    kept = NodeCheckpoint(folder, trainer, PublicationGate(TRAINING))
+    _, in_journal = Journal(folder, TRAINING).read(trainer.episode)
     learned = trainer.replay.rows(slice(0, len(trainer.replay)))
     columns = (learned.observation, learned.mu, learned.LgV, learned.next_mu)
     there = {row.tobytes() for row in np.hstack([column.numpy() for column in columns])}
-    there |= {_key(transition, parameters) for transition in in_journal}
-    lost = sum(trainer.replay.accepts(each) and _key(each, parameters) not in there for each in told)
+    there |= {_key(transition) for transition in in_journal}
+    lost = sum(trainer.replay.accepts(each) and _key(each) not in there for each in told)
     total = kept.taken + len(in_journal)
-    return TransitionsCheck(len(told), total, max(lost, len(told) - total))
+    return {"lost": max(lost, len(told) - total), "kept": total, "told_transitions": len(told)}
 
 
-def _key(transition: Transition, parameters: TrainingParameters) -> bytes:
+def _key(transition: Transition) -> bytes:
     """A row of the replay buffer, as it is held there."""
-    m = len(parameters.observation)
+    m = len(TRAINING.observation)
     values = (transition.observation[:m], transition.mu, transition.LgV, transition.next_mu)
     return np.concatenate(values).astype(np.float32).tobytes()
 
 
-@dataclass(frozen=True)
-class RecordingCheck:
-    """Whether it can be read, perhaps after `recover`; how many of the wanted ticks are not in it; what is misread."""
-
-    readable: bool
-    ticks: int
-    missing: int
-    misread: tuple[str, ...] = ()
-
-
-def check_recording(path: Path, wanted: Iterable[tuple[int, int]], said: MonitorRecord | None) -> RecordingCheck:
+def check_recording(path: Path, wanted: Iterable[tuple[int, int]], said: MonitorRecord | None) -> dict[str, Any]:
     """Read a recording, as it is or recovered, and look for the `wanted` states from the first that is in it.
 
     What is read of it is held against what a witness `said`; None: strangers were in it, which say what they like.
+
+    Returns:
+        Whether it is `readable`, perhaps after `recover`; its `recorded_ticks`; how many of the wanted are `missing`;
+        what is `misread`.
     """
     whole = path
     try:
         if not (path / "metadata.yaml").is_file():
             whole = recover(path).path
-        there = set(recorded_ticks(whole))
+        there = set(recorded_turns(whole, "state"))
         misread = misreadings(whole, said) if said else []
     except RecordingError as error:
-        return RecordingCheck(False, 0, 0, (str(error),))
+        return {"readable": False, "recorded_ticks": 0, "missing": 0, "misread": [str(error)]}
     first = min(there, default=(2**32, 0))
     missing = sum(turn >= first and turn not in there for turn in wanted)
-    return RecordingCheck(True, len(there), missing, tuple(misread))
-
-
-def recorded_ticks(path: Path) -> list[tuple[int, int]]:
-    """Episode and tick of each state in a recording."""
-    return recorded_turns(path, "state")
+    return {"readable": True, "recorded_ticks": len(there), "missing": missing, "misread": misread}

@@ -1,29 +1,17 @@
 """An operator at a walking graph: asks for this and that, good and bad, and judges what comes of it."""
 
-import os
 import random
-import signal
-import time
 from array import array
 from collections import deque
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import rclpy
-from diagnostic_msgs.msg import DiagnosticArray
-from rabbit_bringup.launching.processes import NodeSpec, Processes
-from rabbit_msgs.msg import Episode, PolicySwap, PolicyWeights, RabbitState, TorqueCommand
-from rabbit_msgs.srv import LoadPolicy, Pause, ResetEpisode
+from rabbit_cli.ros.client import GraphClient
+from rabbit_msgs.msg import Episode, PolicySwap, PolicyWeights, TorqueCommand
 from rabbit_recording.message_header import turn_of
-from rabbit_ros.ros.network import choose_network
-from rabbit_ros.ros.qos import DIAGNOSTICS, EVENT, WEIGHTS
-from rcl_interfaces.srv import GetParameters, SetParameters
-from rclpy.experimental import EventsExecutor
-from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
-from rclpy.signals import SignalHandlerOptions
 from rl_cbf_clf_controller.weights import PolicyFile
 
 from rabbit_campaigns.soak_operations import near_policy
@@ -42,111 +30,68 @@ REFUSED = (  # out of its range, of another type, read-only, unknown
     ("simulator", "stones", 3),
     ("simulator", "no_such_parameter", 1),
 )
-RECORDER = "recorder"
 
 Answer = tuple[str, str, bool]  # what was asked, what came back, whether that was expected
 
 
-class Operator:
-    """Its operations by name; each waits for what comes of it. `newest`: where the walk is."""
+class Operator(GraphClient):
+    """A method for each kind of operation; each waits for what comes of it. `newest`: where the walk is."""
 
-    def __init__(self, namespace: str, folder: Path, policies: tuple[Path, Path], pace: float, seed: int) -> None:
-        """`policies`: one that fits the controller and one that does not; `folder` gets the second recordings."""
-        choose_network()
-        self._namespace, self._folder, self._pace = namespace, folder, pace
+    def __init__(
+        self,
+        namespace: str,
+        folder: Path,
+        policies: tuple[Path, Path],
+        pace: float,
+        seed: int,
+        check: Callable[[], object] = lambda: None,
+    ) -> None:
+        """`policies`: one that fits the controller and one that does not; `folder`: for files that are loaded."""
+        super().__init__("operator", namespace, "/", check)
+        self._folder, self._pace = folder, pace
         self._good, self._unfit = policies
         self._rng = random.Random(seed)
-        self._context = rclpy.Context()
-        rclpy.init(args=[], context=self._context, signal_handler_options=SignalHandlerOptions.NO)
-        self._node = rclpy.create_node("operator", namespace=namespace, context=self._context)
-        self._executor = EventsExecutor(context=self._context)
-        self._executor.add_node(self._node)
         self.newest, self.patience = (0, -1), PATIENCE
         self._episode = Episode()
         self._versions: deque[str] = deque(maxlen=100)  # in force, by the newest torques
         self._accepted: set[str] = set()
         self._published: set[str] = set()  # versions, since something was asked for last
         self._refusals: deque[PolicySwap] = deque(maxlen=20)
-        self._said: dict[str, str] = {}
-        self._hear()
-        self._clients = {
-            name: self._node.create_client(kind, name)
-            for name, kind in (("load_policy", LoadPolicy), ("reset_episode", ResetEpisode), ("pause", Pause))
-        }
-        for node in ("controller", "simulator"):
-            for what, kind in (("set_parameters", SetParameters), ("get_parameters", GetParameters)):
-                self._clients[f"{node}/{what}"] = self._node.create_client(kind, f"{node}/{what}")
-        self._processes = Processes(folder / "log")
-
-    def _hear(self) -> None:
-        subscribe = self._node.create_subscription
-        subscribe(RabbitState, "state", self._on_state, GLANCE, raw=True)
-        subscribe(TorqueCommand, "torque", self._on_torque, GLANCE, raw=True)
-        subscribe(Episode, "episode", self._on_episode, EVENT)
-        subscribe(PolicySwap, "policy_swap", self._on_swap, EVENT)
-        subscribe(PolicyWeights, "policy", self._on_policy, WEIGHTS)
-        subscribe(DiagnosticArray, "diagnostics", self._on_diagnostics, DIAGNOSTICS)
-
-    def close(self) -> None:
-        """Leave the graph; a second recorder ends."""
-        self._processes.stop()
-        self._executor.remove_node(self._node)
-        self._executor.shutdown()
-        self._node.destroy_node()
-        rclpy.try_shutdown(context=self._context)
-
-    @property
-    def records(self) -> bool:
-        """Whether the second recorder runs."""
-        return self._processes.runs(RECORDER)
-
-    def spin(self, seconds: float) -> None:
-        """Hear what has come, and what comes for so long."""
-        end = time.monotonic() + seconds
-        self._executor.spin_once(0.0)
-        while (left := end - time.monotonic()) > 0:
-            self._executor.spin_once(left)
+        self.hear("state", self._on_state, GLANCE, raw=True)
+        self.hear("torque", self._on_torque, GLANCE, raw=True)
+        self.hear("episode", self._on_episode)
+        self.hear("policy_swap", self._on_swap)
+        self.hear("policy", self._on_policy)
 
     def do(self, kind: str) -> Answer:
-        """One operation, by its name."""
-        doing: dict[str, Callable[[], Answer]] = {
-            "good policy": self._load_good,
-            "published policy": self._publish_good,
-            "unfit policy": lambda: self._load_bad(self._unfit),
-            "junk file": self._load_junk,
-            "junk message": self._publish_junk,
-            "good parameter": self._set_good,
-            "refused parameter": self._set_refused,
-            "pause": self._pause_and_go_on,
-            "reset": self._reset,
-            "recorder started": self._start_recorder,
-            "recorder ended": self._end_recorder,
-        }
+        """One operation, by the name of its method: `good policy` is `good_policy`."""
         try:
-            return doing[kind]()
+            answer: Answer = getattr(self, kind.replace(" ", "_"))()
         except TimeoutError as error:
             return "", str(error), False
+        return answer
 
     # Policies
 
-    def _load_good(self) -> Answer:
+    def good_policy(self) -> Answer:
+        """Load one that acts as the first."""
         policy = self._near()
         path = self._folder / f"{policy.version}.safetensors"
         path.write_bytes(policy.encode())
         self._published.clear()
-        answer = self._ask("load_policy", LoadPolicy.Request(path=str(path)))
+        answer = self._answer("load_policy", path=str(path))
         path.unlink()
         return (policy.version, *self._comes_in_force(policy.version, answer.message))
 
-    def _publish_good(self) -> Answer:
+    def published_policy(self) -> Answer:
+        """Publish one that acts as the first."""
         policy = self._near()
-        publisher = self._node.create_publisher(PolicyWeights, "policy", WEIGHTS)
-        message = PolicyWeights(version=policy.version, source="operator", data=array("B", policy.encode()))
         self._published.clear()
-        publisher.publish(message)
-        answer = (policy.version, *self._comes_in_force(policy.version))
-        self._node.destroy_publisher(publisher)
-        return answer
+        with self.publishing("policy") as publisher:
+            publisher.publish(
+                PolicyWeights(version=policy.version, source="operator", data=array("B", policy.encode()))
+            )
+            return (policy.version, *self._comes_in_force(policy.version))
 
     def _near(self) -> PolicyFile:
         return near_policy(self._good, self._rng.getrandbits(31))
@@ -162,11 +107,12 @@ class Operator:
         """Whether torques come of a policy that was published after what was asked last."""
         return not self._published.isdisjoint(self._versions)
 
-    def _load_bad(self, path: Path) -> Answer:
+    def unfit_policy(self) -> Answer:
+        """Load one that the controller must refuse."""
         self._refusals.clear()
-        answer = self._ask("load_policy", LoadPolicy.Request(path=str(path)))
-        is_refused = not answer.accepted and bool(answer.message) and self._is_told(path.name)
-        return path.name, answer.message, is_refused and self._walks_with_accepted()
+        answer = self._answer("load_policy", path=str(self._unfit))
+        is_refused = not answer.accepted and bool(answer.message) and self._is_told(self._unfit.name)
+        return self._unfit.name, answer.message, is_refused and self._walks_with_accepted()
 
     def _is_told(self, source: str) -> bool:
         """Whether the controller says that it has refused this, and why."""
@@ -177,119 +123,63 @@ class Operator:
         self._versions.clear()
         return self._wait(lambda: bool(self._versions) and self._accepted.issuperset(self._versions))
 
-    def _load_junk(self) -> Answer:
-        path = self._folder / f"junk-{self._rng.getrandbits(32):08x}"
-        path.write_bytes(self._junk())
-        try:
-            return self._load_bad(path)
-        finally:
-            path.unlink()
-
-    def _publish_junk(self) -> Answer:
-        """As a stranger with `ros2 topic pub --once` does."""
-        self._refusals.clear()
-        source = f"stranger-{self._rng.getrandbits(32):08x}"
-        publisher = self._node.create_publisher(PolicyWeights, "policy", WEIGHTS)
-        publisher.publish(PolicyWeights(version="x", source=source, data=array("B", self._junk())))
-        is_refused = self._is_told(source)
-        self._node.destroy_publisher(publisher)
-        reasons = [swap.reason for swap in self._refusals if swap.source == source]
-        return source, reasons[0] if reasons else "nothing", is_refused and self._walks_with_accepted()
-
-    def _junk(self) -> bytes:
-        """Nothing, some random bytes, or a good file with one other byte or without its end."""
-        good = self._good.read_bytes()
-        at = self._rng.randrange(len(good))
-        other = bytes([good[at] ^ self._rng.randint(1, 255)])
-        return self._rng.choice((b"", self._rng.randbytes(1000), good[:at] + other + good[at + 1 :], good[:at]))
-
     # Parameters
 
-    def _set_good(self) -> Answer:
+    def good_parameter(self) -> Answer:
+        """Set the noise, or the pace."""
         node, name, value = "controller", "sigma", self._rng.choice(SIGMAS)
         if self._pace and self._rng.random() < 0.5:
             node, name, value = "simulator", "pace", self._pace * self._rng.choice(PACES)
-        accepted, reason = self._set(node, name, value)
-        now = self._get(node, name)
-        answer = f"{'accepted' if accepted else reason}; is {now}"
-        return f"{node} {name} = {value:g}", answer, accepted and now == value
+        what, reason, now = self._set(node, name, value)
+        return what, f"{reason or 'accepted'}; is {now}", not reason and now == value
 
-    def _set_refused(self) -> Answer:
+    def refused_parameter(self) -> Answer:
+        """Set what must be refused."""
         node, name, value = self._rng.choice(REFUSED)
-        before = self._get(node, name)
-        accepted, reason = self._set(node, name, value)
-        now = self._get(node, name)
-        right = not accepted and bool(reason) and now == before
-        return f"{node} {name} = {value}", f"{'accepted' if accepted else reason}; is {now}", right
+        before = self.parameter(node, name, self.patience)
+        what, reason, now = self._set(node, name, value)
+        return what, f"{reason or 'accepted'}; is {now}", bool(reason) and now == before
 
-    def _set(self, node: str, name: str, value: Any) -> tuple[bool, str]:
-        request = SetParameters.Request(parameters=[Parameter(name, value=value).to_parameter_msg()])
-        (result,) = self._ask(f"{node}/set_parameters", request).results
-        return result.successful, result.reason
-
-    def _get(self, node: str, name: str) -> Any:
-        values = self._ask(f"{node}/get_parameters", GetParameters.Request(names=[name])).values
-        return parameter_value_to_python(values[0]) if values else None
+    def _set(self, node: str, name: str, value: Any) -> tuple[str, str, Any]:
+        """What is set, why it is refused, if it is, and what is in force afterwards."""
+        reasons = self.refusals(node, {name: value}, self.patience)
+        return f"{node} {name} = {value}", "".join(reasons), self.parameter(node, name, self.patience)
 
     # The walk
 
-    def _pause_and_go_on(self) -> Answer:
+    def pause(self) -> Answer:
+        """Hold the robot for a while."""
         until_still, still = PAUSED_SECONDS
-        accepted = self._ask("pause", Pause.Request(paused=True)).accepted
+        accepted = self._answer("pause", paused=True).accepted
         self.spin(until_still)
         before = self.newest
         self.spin(still)
         stood = self.newest == before
-        accepted &= self._ask("pause", Pause.Request(paused=False)).accepted
+        accepted &= self._answer("pause", paused=False).accepted
         goes_on = self._wait(lambda: self.newest != before)
         told = f"{'stood' if stood else 'walked on'}, {'goes on' if goes_on else 'does not go on'}"
         return f"{still:g} s", told, accepted and stood and goes_on
 
-    def _reset(self) -> Answer:
-        seed = self._rng.getrandbits(32)
-        before = self.newest[0]
-        answer = self._ask("reset_episode", ResetEpisode.Request(seed=seed))
+    def reset(self) -> Answer:
+        """Begin another episode."""
+        seed, before = self._rng.getrandbits(32), self.newest[0]
+        answer = self._answer("reset_episode", seed=seed)
         begins = answer.accepted and self._wait(lambda: self.newest[0] == answer.episode)
         begins = begins and self._wait(lambda: self._episode.episode == answer.episode)
         right = begins and answer.episode > before and self._episode.seed == seed
         return f"seed {seed}", answer.message or f"episode {answer.episode}", right
 
-    # A second recorder
-
-    def _start_recorder(self) -> Answer:
-        path = self._folder / "recording"
-        remaps = (f"__ns:=/{self._namespace.strip('/')}", "__node:=second_recorder", "/clock:=clock")
-        words = ("-p", f"path:={path}", *(word for each in remaps for word in ("-r", each)), "--log-level", "warn")
-        self._said.pop("second_recorder", None)
-        self._processes.start(NodeSpec("rabbit_recording", RECORDER, ("--ros-args", *words)))
-        records = self._wait(lambda: self._said.get("second_recorder") == "recording")
-        return path.name, self._said.get("second_recorder", "not heard of"), records
-
-    def _end_recorder(self) -> Answer:
-        os.kill(self._processes.pid(RECORDER), signal.SIGTERM)
-        code = self._processes.wait(RECORDER, PATIENCE)
-        return "SIGTERM", f"exit code {code}", code == 0
-
     # Questions and what is heard
 
-    def _ask(self, name: str, request: Any) -> Any:
+    def _answer(self, name: str, **fields: Any) -> Any:
         """Asked once: a reset must not be asked for twice. Raises `TimeoutError`."""
-        client = self._clients[name]
-        if not client.wait_for_service(timeout_sec=self.patience):
-            raise TimeoutError(f"no service {name}")
-        answer = client.call_async(request)
-        if not self._wait(answer.done):
+        answer = self.ask(name, self.patience, again=self.patience, **fields)
+        if answer is None:
             raise TimeoutError(f"no answer from {name} in {self.patience:g} s")
-        return answer.result()
+        return answer
 
     def _wait(self, until: Callable[[], bool]) -> bool:
-        """Hear until something holds; False if it does not within `patience`."""
-        end = time.monotonic() + self.patience
-        while not until():
-            if time.monotonic() > end:
-                return False
-            self.spin(0.02)
-        return True
+        return self.comes(until, self.patience)
 
     def _on_state(self, data: bytes) -> None:
         self.newest = turn_of(data)
@@ -308,7 +198,3 @@ class Operator:
             self._accepted.add(message.version)
         else:
             self._refusals.append(message)
-
-    def _on_diagnostics(self, message: DiagnosticArray) -> None:
-        for status in message.status:
-            self._said[status.name.split("/")[-1]] = status.message

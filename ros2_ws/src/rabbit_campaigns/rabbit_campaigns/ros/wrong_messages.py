@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from rabbit_cli.ros.client import TOPIC
 from rabbit_msgs.msg import TorqueCommand
 from rclpy.serialization import deserialize_message, serialize_message
 
@@ -17,14 +18,14 @@ HEARD = {  # by the node that hears them
 HEADER = 4  # bytes before a message's own
 
 
-def wrong_message(rng: random.Random, node: str, newest: Mapping[str, bytes], kinds: Mapping[str, Any]) -> Any:
+def wrong_message(rng: random.Random, node: str, newest: Mapping[str, bytes]) -> Any:
     """Topic and bytes, made of the newest that went over a topic that `node` hears; None if none did."""
     topics = [topic for topic in HEARD[node] if topic in newest]
     if not topics:
         return None
     topic = rng.choice(topics)
     make = rng.choice((repeated, cut, garbled, misplaced, not_finite))
-    return topic, make(rng, newest[topic], kinds[topic])
+    return topic, make(rng, newest[topic], TOPIC[topic].type)
 
 
 def repeated(rng: random.Random, data: bytes, kind: Any) -> bytes:

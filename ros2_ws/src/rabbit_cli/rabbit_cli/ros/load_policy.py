@@ -1,14 +1,12 @@
 """One question to a running graph: `rabbit policy load FILE` asks the controller."""
 
+from contextlib import closing
 from pathlib import Path
 
-import rclpy
 from rabbit_msgs.srv import LoadPolicy
-from rabbit_ros.ros.services import call_service
-from rclpy.executors import SingleThreadedExecutor
 
 from rabbit_cli.executables import LaunchError
-from rabbit_cli.ros.context import joined
+from rabbit_cli.ros.client import GraphClient
 
 
 def load_policy(path: Path, namespace: str = "", timeout: float = 5.0) -> LoadPolicy.Response:
@@ -21,12 +19,9 @@ def load_policy(path: Path, namespace: str = "", timeout: float = 5.0) -> LoadPo
         LaunchError: no controller answers within `timeout` s.
         Refused: the environment cannot be used.
     """
-    with joined("/rabbit/operator") as context:
-        node = rclpy.create_node("question", namespace=namespace, context=context)
-        client = node.create_client(LoadPolicy, "load_policy")
-        executor = SingleThreadedExecutor(context=context)
-        executor.add_node(node)
-        answer = call_service(client, LoadPolicy.Request(path=str(path.absolute())), executor.spin_once, timeout)
+    with closing(GraphClient("question", namespace)) as client:
+        answer = client.ask("load_policy", timeout, path=str(path.absolute()))
         if answer is None:
-            raise LaunchError(f"no answer from {client.service_name} after {timeout:g} s: is the graph running?")
+            name = client.node.resolve_service_name("load_policy")
+            raise LaunchError(f"no answer from {name} after {timeout:g} s: is the graph running?")
         return answer

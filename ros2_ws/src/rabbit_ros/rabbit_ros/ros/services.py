@@ -27,9 +27,12 @@ def create_async_service(node: Node, kind: Any, name: str, callback: Callable[[A
     return service
 
 
-def call_service(client: Any, request: Any, spin: Callable[[float], object], timeout: float) -> Any:
+def call_service(
+    client: Any, request: Any, spin: Callable[[float], object], timeout: float, again: float = AGAIN_SECONDS
+) -> Any:
     """The service's answer, or None where none comes within `timeout` s. `spin(seconds)` lets the client hear.
 
+    After `again` s without an answer the service is asked once more.
     A server may hear a request before it knows the asker's reader: its answer is then lost, and `wait_for_service`
     cannot tell. So a service of this graph must bear being asked twice.
     """
@@ -39,8 +42,8 @@ def call_service(client: Any, request: Any, spin: Callable[[float], object], tim
     answers = []
     while (now := time.monotonic()) < end:
         answers.append(client.call_async(request))
-        again = min(now + AGAIN_SECONDS, end)
-        while time.monotonic() < again:
+        pause = min(now + again, end)
+        while time.monotonic() < pause:
             spin(0.02)
             for answer in answers:
                 if answer.done():

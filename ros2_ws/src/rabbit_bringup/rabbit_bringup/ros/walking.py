@@ -1,0 +1,67 @@
+"""One walk through the node graph: start the nodes, wait until they are matched, let them walk, end them."""
+
+import contextlib
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
+
+from rabbit_cli.ros.namespace_check import NamespaceCheck
+from rabbit_ros.priority import leave_priority, take_listeners_priority
+
+from rabbit_bringup.launching.parameter_file import write_parameters
+from rabbit_bringup.launching.processes import Processes
+from rabbit_bringup.launching.walk import Walk
+from rabbit_bringup.ros.walk_monitor import WalkMonitor
+
+Tell = Callable[[Any], object]  # gets the `Episode` message of an episode that has ended
+
+
+def walk_through(walk: Walk, show: Callable[[Any], object] = lambda _: None) -> WalkMonitor:
+    """Walk all episodes; `show` gets the `Progress` now and then. Raises as `walking`."""
+    with walking(walk) as monitor:
+        while not monitor.is_over:
+            show(monitor.glance())
+    return monitor
+
+
+@contextlib.contextmanager
+def walking(
+    walk: Walk, tell: Tell = lambda _: None, launched: Mapping[str, int] | None = None
+) -> Iterator[WalkMonitor]:
+    """A graph that walks, seen by the monitor, as long as that is called now and then; all nodes have ended at the end.
+
+    `launched`: process ids by name where somebody else has started the nodes.
+
+    Raises:
+        LaunchError: another graph is there; a node cannot be started, ended by itself, or is not ready in time.
+        Interrupted: by a signal.
+    """
+    processes = Processes(walk.folder / "log")
+    with contextlib.ExitStack() as stack:
+        if launched is None:
+            check = stack.enter_context(contextlib.closing(NamespaceCheck(walk.options.namespace)))
+            stack.enter_context(listening_to(walk.options.priority))
+        # `ros2 launch` has a patience of its own, and sends SIGINT twice
+        stack.enter_context(processes.ended_at_last(may_hurry=launched is None))
+        if launched is None:
+            check.look(walk.names)
+            write_parameters(walk.parameter_file, walk.parameters())
+            for name in walk.names:
+                processes.check()
+                processes.start(name, walk.arguments(name))
+        for name, pid in (launched or {}).items():
+            processes.adopt(name, pid)
+        with contextlib.closing(WalkMonitor(walk.options, processes, tell)) as monitor:
+            monitor.begin()
+            yield monitor
+
+
+@contextlib.contextmanager
+def listening_to(priority: int) -> Iterator[None]:
+    """Meanwhile be just beneath simulator and controller of this priority, and so all that is started; 0: nothing."""
+    take_listeners_priority(priority, warn=lambda line: print(line, file=sys.stderr))
+    try:
+        yield
+    finally:
+        if priority:
+            leave_priority()

@@ -1,0 +1,59 @@
+"""The processes of a walk: no signal is lost, wherever it comes; processes of others are known by their end."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from rabbit_bringup.launching.processes import ENDING, Interrupted, Processes
+
+PATIENCE = 180.0  # s
+DEAF = "import signal; signal.signal(signal.SIGTERM, signal.SIG_IGN); print('deaf', flush=True); signal.pause()"
+
+
+class Last:
+    """Sends a signal from its destructor, whose exceptions Python drops."""
+
+    def __init__(self, number: int) -> None:
+        self.number = number
+
+    def __del__(self) -> None:
+        os.kill(os.getpid(), self.number)
+
+
+@pytest.mark.parametrize("number", ENDING)
+def test_a_signal_that_comes_in_a_destructor_is_not_lost(tmp_path: Path, number: int) -> None:
+    processes = Processes(tmp_path)
+    before = signal.getsignal(number)
+    with processes.ended_at_last():
+        processes.check()
+        Last(number)
+        with pytest.raises(Interrupted) as raised:
+            processes.check()
+    assert raised.value.code == 128 + number
+    assert signal.getsignal(number) is before
+
+
+def test_a_second_signal_ends_at_once_what_does_not_end_politely(tmp_path: Path) -> None:
+    deaf = subprocess.Popen([sys.executable, "-c", DEAF], stdout=subprocess.PIPE, text=True)
+    assert deaf.stdout is not None
+    assert deaf.stdout.readline() == "deaf\n"
+    processes = Processes(tmp_path)
+    with processes.ended_at_last():
+        processes.adopt("deaf", deaf.pid)
+        for _ in range(2):
+            os.kill(os.getpid(), signal.SIGINT)
+    assert deaf.wait(PATIENCE) == -signal.SIGKILL
+
+
+def test_processes_of_others_are_known_by_their_end(tmp_path: Path) -> None:
+    sleeper = subprocess.Popen(["sleep", "600"])
+    processes = Processes(tmp_path)
+    processes.adopt("sleeper", sleeper.pid)
+    processes.check()
+    processes.stop()
+    assert sleeper.wait(PATIENCE) == -signal.SIGTERM
+    with pytest.raises(ProcessLookupError):
+        os.kill(sleeper.pid, 0)
