@@ -126,7 +126,7 @@ def test_both_launchers_start_the_same_nodes_and_say_the_same(tmp_path: Path, tr
 @needs_launch
 @pytest.mark.parametrize(
     ("word", "said"),
-    [("record:=maybe", "--record maybe"), ("mass_scale:=99", "--mass-scale 99"), ("storage:=mcap", "it is now record")],
+    [("record:=maybe", "--record maybe"), ("mass_scale:=99", "--mass-scale 99")],
 )
 def test_a_launch_refuses_in_one_line_and_starts_nothing(word: str, said: str, tmp_path: Path) -> None:
     done = launch(word, f"out:={tmp_path / 'walk'}")

@@ -23,7 +23,6 @@ from rabbit_cli.threads import THREADS
 from rabbit_ros.priority import take_listeners_priority
 
 ARGUMENTS = described(MODELS, DEFAULTS)
-FORMER = {"recording": "out", "storage": "record"}  # arguments of earlier versions, which launch itself would overlook
 ENDING = {"sigterm_timeout": str(PATIENCE), "sigkill_timeout": str(PATIENCE)}
 LAUNCHERS_ENDING = {name: str(4 * PATIENCE) for name in ENDING}  # it waits for three groups of nodes in turn
 
@@ -90,9 +89,6 @@ def start(context: LaunchContext) -> list[LaunchDescriptionEntity]:
 
 def given(configurations: dict[str, str]) -> Given:
     """The arguments that were given, as options; before the namespace what an including launch file pushed."""
-    if former := FORMER.keys() & configurations.keys():
-        name = former.pop()
-        raise RuntimeError(f"argument {name}: it is now {FORMER[name]}; --show-args describes all")
     values = {name: configurations[name] for name in ARGUMENTS if configurations[name]}
     spaces = (configurations.get("ros_namespace", ""), values.get("namespace", ""))
     is_absolute = spaces[1].startswith("/")

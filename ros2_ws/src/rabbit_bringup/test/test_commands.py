@@ -83,6 +83,12 @@ def test_a_command_without_a_module_hurts_nobody_else(stranger: Callable[[str], 
     assert "dance cannot be called: there is no module nowhere.at_all" in refused.stderr
 
 
+def test_a_command_that_ctrl_c_ends_has_the_shells_code(stranger: Callable[[str], None], tmp_path: Path) -> None:
+    stranger("interrupted_by_ctrl_c")
+    (tmp_path / "interrupted_by_ctrl_c.py").write_text(COMMAND.replace('print("it dances")', "raise KeyboardInterrupt"))
+    assert CliRunner().invoke(app, ["dance"]).exit_code == 130
+
+
 def test_an_unknown_command_is_named() -> None:
     refused = CliRunner().invoke(app, ["dance"])
     assert refused.exit_code == 2

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rabbit_bringup.launching.walk import Walk, WalkOptions
+from rabbit_bringup.launching.walk import MOST_EPISODES, Walk, WalkOptions
 from rabbit_experiments import provenance
 from rabbit_experiments.assembly import Assembly
 from rabbit_recording.contents import contents
@@ -26,7 +26,6 @@ from rabbit_recording.timing import real_time_figures
 
 from rabbit_campaigns.wakeup_latency import sleeper
 
-EPISODES = 10_000  # more than there is time for
 LATE_LIMIT = 0.001  # share of ticks
 CUT_OFF = "reset"  # outcome of the episode in which the time was up
 BUSY = "while True: pass"
@@ -83,9 +82,10 @@ class Jitter:
         self._keep()
 
     def _prepared(self, name: str, priority: int) -> Walk:
-        told = {"seed": self._seed, "episodes": EPISODES, "trainer": False, "real_time": True, "priority": priority}
         (self._folder / name).mkdir(parents=True)
-        return Walk.of(self._assembly, self._folder / name, WalkOptions.model_validate(told))
+        many = {"seed": self._seed, "episodes": MOST_EPISODES}
+        options = WalkOptions(**many, trainer=False, real_time=True, priority=priority)
+        return Walk.of(self._assembly, self._folder / name, options)
 
     def _keep(self) -> None:
         about = {"command": provenance.command(), "commit": provenance.commit(), "versions": provenance.versions()}

@@ -20,18 +20,14 @@ from rabbit_bringup.launching.walk import Walk, WalkOptions
 from rabbit_bringup.launching.walk_report import Ended, carry_out
 
 MODELS = (WalkOptions, ControllerParameters, SimulationParameters)
-SAME = {model: {name: name for name in model.model_fields} for model in (SimulationParameters, ControllerParameters)}
-# of a node's parameters, those that an option decides
-OPTIONS: dict[str, dict[str, str]] = {
-    "simulator": {
-        **{name: name for name in ("seed", "episodes", "real_time", "priority", "pace")},
-        **SAME[SimulationParameters],
-    },
-    "controller": {"policy": "policy", "swap_at": "swap_at", **SAME[ControllerParameters]},
-    "trainer": {},
-    "recorder": {"storage": "record"},
-    "viewer": {"port": "view_port"},
+OPTIONS = {  # of each node's parameters those that an option decides
+    "simulator": {"seed", "episodes", "real_time", "priority", "pace", *SimulationParameters.model_fields},
+    "controller": {"policy", "swap_at", *ControllerParameters.model_fields},
+    "trainer": set(),
+    "recorder": {"storage"},
+    "viewer": {"port"},
 }
+RENAMED = {"storage": "record", "port": "view_port"}  # options of other names than their parameters
 DEFAULTS = Defaults(
     always={"motor_lag": EVALUATION_LAG}, bare={"controller": "rl-cbf-clf-qp", "mass_scale": TRAINING_SCALE}
 )
@@ -80,7 +76,7 @@ def with_file(given: Given) -> tuple[Given, Mapping[str, dict[str, Any]]]:
         told = read_parameters(request.params_file, request.namespace, tuple(OPTIONS))
     found: dict[str, Any] = {}
     for node, options_of in OPTIONS.items():
-        found |= {options_of[name]: told[node].pop(name) for name in list(told[node]) if name in options_of}
+        found |= {RENAMED.get(name, name): told[node].pop(name) for name in options_of & told[node].keys()}
     return given.over(found), told
 
 
@@ -138,21 +134,19 @@ def new_folder(path: Path) -> Path:
     return folder
 
 
-def walk_with_progress(walk: Walk, ended: Ended) -> float:
-    """Walk under a bar that says how it goes; returns the wall seconds of all episodes."""
+def walk_with_progress(walk: Walk, ended: Ended) -> Any:
+    """Walk under a bar that says how it goes; returns the monitor."""
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-    from rabbit_bringup.ros.walking import walking
+    from rabbit_bringup.ros.walking import walk_through
 
-    text = TextColumn("{task.description} {task.fields[text]}")
-    columns = (BarColumn(bar_width=12), text, TimeElapsedColumn())
-    with Progress(*columns) as bar:
+    def show(now: Any) -> None:
+        episode = f"episode {now.episode}, " if walk.options.episodes > 1 else ""
+        text = f"margin {now.margin * 1e3:.0f} mm, slack {now.slack:.2f}, force ratio {now.ratio:.2f}"
+        description = f"{episode}stone {now.stone} of {now.stones},"
+        bar.update(task, description=description, total=now.stones, completed=now.stone, text=text)
+
+    said = TextColumn("{task.description} {task.fields[text]}")
+    with Progress(BarColumn(bar_width=12), said, TimeElapsedColumn()) as bar:
         task = bar.add_task("starting", total=None, text=" ".join(walk.names))
-        with walking(walk, ended) as monitor:
-            while not monitor.is_over:
-                now = monitor.glance()
-                episode = f"episode {now.episode}, " if walk.options.episodes > 1 else ""
-                said = f"margin {now.margin * 1e3:.0f} mm, slack {now.slack:.2f}, force ratio {now.ratio:.2f}"
-                description = f"{episode}stone {now.stone} of {now.stones},"
-                bar.update(task, description=description, total=now.stones, completed=now.stone, text=said)
-        return monitor.seconds
+        return walk_through(walk, ended, show)

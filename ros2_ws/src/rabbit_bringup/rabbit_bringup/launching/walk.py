@@ -16,6 +16,7 @@ from rabbit_sim.parameters import SimulationParameters
 from rabbit_viewer.live.parameters import PORT
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
+MOST_EPISODES = 10_000
 STORAGES = {"true": "mcap", "1": "mcap", "false": "none", "0": "none"}
 
 
@@ -32,7 +33,7 @@ class WalkOptions(BaseModel):
 
     out: Path | None = Field(None, description="folder for all that the walk leaves (default: runs/DATE-seed-SEED)")
     seed: int = Field(1, ge=0, le=2**63 - 1, description="of course, first state and noise")
-    episodes: int = Field(1, ge=1, le=10_000, description="episodes, their seeds counting up")
+    episodes: int = Field(1, ge=1, le=MOST_EPISODES, description="episodes, their seeds counting up")
     policy: str | None = Field(None, description="zero, a shipped policy or a file")
     parameters: str = Field("ours", description="of the controller: ours, authors or a YAML file")
     trainer: bool = Field(True, description="the trainer learns beside the walk")

@@ -19,8 +19,8 @@ Ended = Callable[[Any], None]  # gets the `Episode` message of an episode that h
 UNTIMED = {"tick_ms_p50", "tick_ms_p99", "plant_ms_p50", "walk_seconds"}  # figures that no recording has
 
 
-def carry_out(walk: Walk, run: Callable[[Ended], float]) -> int:
-    """Walk as `run` does, which returns the episodes' wall seconds; say how it went; leave the summary.
+def carry_out(walk: Walk, run: Callable[[Ended], Any]) -> int:
+    """Walk as `run` does, which returns the monitor; say how it went; leave the summary.
 
     Returns:
         The exit code.
@@ -32,7 +32,7 @@ def carry_out(walk: Walk, run: Callable[[Ended], float]) -> int:
         print(line(episode), flush=True)
 
     try:
-        seconds = run(tell)
+        seconds = run(tell).seconds
     except Interrupted as error:
         complain(f"stopped by {error}; what was recorded is in {walk.folder}")
         return error.code

@@ -4,14 +4,15 @@ launcher WALK.json simulator=PID controller=PID ...
 """
 
 import sys
+from functools import partial
 from pathlib import Path
 
 from rabbit_cli.exit_codes import ExitCode
 
 from rabbit_bringup.launching.processes import end_with_parent
 from rabbit_bringup.launching.walk import Walk
-from rabbit_bringup.launching.walk_report import Ended, carry_out, complain
-from rabbit_bringup.ros.walking import walking
+from rabbit_bringup.launching.walk_report import carry_out, complain
+from rabbit_bringup.ros.walking import walk_through
 
 
 def main() -> None:
@@ -24,11 +25,4 @@ def main() -> None:
         complain("expected a walk and the nodes' process ids; it is walk.launch.py that calls this")
         sys.exit(ExitCode.REFUSED)
     end_with_parent()
-
-    def run(ended: Ended) -> float:
-        with walking(walk, ended, launched) as monitor:
-            while not monitor.is_over:
-                monitor.glance()
-        return monitor.seconds
-
-    sys.exit(carry_out(walk, run))
+    sys.exit(carry_out(walk, partial(walk_through, walk, launched=launched)))

@@ -11,14 +11,19 @@ from rabbit_ros.priority import leave_priority, take_listeners_priority
 from rabbit_bringup.launching.parameter_file import write_parameters
 from rabbit_bringup.launching.processes import Processes
 from rabbit_bringup.launching.walk import Walk
-from rabbit_bringup.ros.walk_monitor import WalkMonitor
+from rabbit_bringup.ros.walk_monitor import Progress, WalkMonitor
 
 Tell = Callable[[Any], object]  # gets the `Episode` message of an episode that has ended
 
 
-def walk_through(walk: Walk, show: Callable[[Any], object] = lambda _: None) -> WalkMonitor:
-    """Walk all episodes; `show` gets the `Progress` now and then. Raises as `walking`."""
-    with walking(walk) as monitor:
+def walk_through(
+    walk: Walk,
+    tell: Tell = lambda _: None,
+    show: Callable[[Progress], object] = lambda _: None,
+    launched: Mapping[str, int] | None = None,
+) -> WalkMonitor:
+    """Walk all episodes, as `walking` says; `show` gets the walk's progress now and then."""
+    with walking(walk, tell, launched) as monitor:
         while not monitor.is_over:
             show(monitor.glance())
     return monitor

@@ -8,13 +8,11 @@ import typer
 from pydantic import BaseModel, ConfigDict, Field
 from rabbit_bringup.commands.walk import assembly_of_nodes, given_training, make_folder
 from rabbit_bringup.launching.processes import Interrupted
-from rabbit_bringup.launching.walk import Walk, WalkOptions
+from rabbit_bringup.launching.walk import MOST_EPISODES, Walk, WalkOptions
 from rabbit_cli.options import Defaults, Given, complaints, fail, options
 from rabbit_experiments.conditions import EVALUATION_LAG
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
-
-from rabbit_campaigns.jitter import EPISODES
 
 OVER = 1  # exit code where a bar is not kept
 READY = 600.0  # s for the nodes to find each other: a soak may begin on a busy machine
@@ -61,7 +59,7 @@ def soak(given: Given) -> None:
     assembly = assembly_of_nodes(given, told.policy, told.parameters)
     if told.operate_every and assembly.policy == "zero":
         fail("--policy zero: expected a shipped policy or a file; zero with --operate-every 0")
-    options = WalkOptions(**told.model_dump(include=OF_WALK), episodes=EPISODES, ready_timeout=READY)
+    options = WalkOptions(**told.model_dump(include=OF_WALK), episodes=MOST_EPISODES, ready_timeout=READY)
     training = given_training(options, assembly.controller, assembly.policy)
     if not told.training:
         training["capacity"] = CAPACITY

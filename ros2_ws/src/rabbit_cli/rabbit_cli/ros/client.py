@@ -57,8 +57,10 @@ class GraphClient:
     def publishing(self, name: str) -> Iterator[Any]:
         """A publisher on a topic."""
         publisher = self.node.create_publisher(TOPIC[name].type, name, TOPIC[name].qos)
-        yield publisher
-        self.node.destroy_publisher(publisher)
+        try:
+            yield publisher
+        finally:
+            self.node.destroy_publisher(publisher)
 
     def spin(self, seconds: float) -> None:
         """Hear what comes for so long."""

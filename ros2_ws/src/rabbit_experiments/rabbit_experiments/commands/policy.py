@@ -1,12 +1,13 @@
 """Policy files: show, verify, errors of the estimates, load."""
 
 import json
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from pydantic import BaseModel, ConfigDict, Field
-from rabbit_cli.executables import LaunchError, Refused
+from rabbit_cli.executables import Refused
 from rabbit_cli.options import Defaults, Given, check_namespace, complaints, fail, options
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
@@ -103,13 +104,14 @@ def load(
 
     check_namespace(namespace)
     try:
-        from rabbit_cli.ros.load_policy import load_policy
-
-        answer = load_policy(policy_path(str(file)), namespace, timeout)
+        from rabbit_cli.ros.client import GraphClient
     except ModuleNotFoundError:
         fail("no ROS 2 workspace is sourced: source ros2_ws/install/setup.bash", NOBODY)
-    except LaunchError as error:
-        fail(error, error.code if isinstance(error, Refused) else NOBODY)
+    with complaints(Refused), closing(GraphClient("question", namespace)) as client:
+        answer = client.ask("load_policy", timeout, path=str(policy_path(str(file)).absolute()))
+        if answer is None:
+            service = client.client("load_policy").service_name
+            fail(f"no answer from {service} after {timeout:g} s: is the graph running?", NOBODY)
     if not answer.accepted:
         fail(f"the controller refused {file}: {answer.message}")
     print(f"{file}: loaded, version {answer.version}")
