@@ -43,6 +43,11 @@ def test_a_steady_hour_keeps_every_bar() -> None:
     assert json.loads(json.dumps(figures)) == figures
 
 
+def test_a_soak_of_a_few_samples_is_judged() -> None:
+    few = {name: values[[0, 300, 600, 719]] for name, values in samples().items()}
+    assert judge(few)["bars_kept"]["memory"]
+
+
 def test_a_start_that_takes_memory_does_not_count() -> None:
     assert judge(samples(memory=np.where(SECONDS < WARM_UP, 50.0, 100.0)))["bars_kept"]["memory"]
 
