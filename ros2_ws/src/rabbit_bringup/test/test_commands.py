@@ -1,6 +1,7 @@
 """`rabbit` finds its subcommands by entry points: those of these packages, and a stranger's."""
 
 import ast
+import runpy
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -87,6 +88,12 @@ def test_a_command_that_ctrl_c_ends_has_the_shells_code(stranger: Callable[[str]
     stranger("interrupted_by_ctrl_c")
     (tmp_path / "interrupted_by_ctrl_c.py").write_text(COMMAND.replace('print("it dances")', "raise KeyboardInterrupt"))
     assert CliRunner().invoke(app, ["dance"]).exit_code == 130
+
+
+def test_a_process_that_a_command_spawns_is_not_the_command_again() -> None:
+    """As `multiprocessing` imports it there, by the name `__mp_main__`."""
+    script = runpy.run_path(str(SOURCES / "rabbit_bringup" / "bin" / "rabbit"), run_name="__mp_main__")
+    assert "main" in script
 
 
 def test_an_unknown_command_is_named() -> None:
