@@ -80,11 +80,11 @@ class LazyGroup(TyperGroup):
         return name, command, rest
 
     def invoke(self, ctx: Any) -> Any:
-        """Run the command; a Ctrl-C that it does not answer ends with the shell's code."""
+        """Run the command; a signal that it does not answer ends it with the shell's code."""
         try:
             return super().invoke(ctx)
-        except KeyboardInterrupt:
-            ctx.exit(128 + signal.SIGINT)
+        except KeyboardInterrupt as error:
+            ctx.exit(getattr(error, "code", 128 + signal.SIGINT))
 
 
 app = typer.Typer(cls=LazyGroup, add_completion=False, no_args_is_help=True, pretty_exceptions_show_locals=False)

@@ -2,6 +2,7 @@
 
 import ast
 import runpy
+import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -9,6 +10,7 @@ from pathlib import Path
 
 import pytest
 from rabbit_bringup.cli import GROUP, ORDER, app, commands, summary
+from rabbit_bringup.launching.processes import Interrupted
 from typer.testing import CliRunner
 
 SOURCES = Path(__file__).resolve().parents[2]
@@ -84,10 +86,16 @@ def test_a_command_without_a_module_hurts_nobody_else(stranger: Callable[[str], 
     assert "dance cannot be called: there is no module nowhere.at_all" in refused.stderr
 
 
-def test_a_command_that_ctrl_c_ends_has_the_shells_code(stranger: Callable[[str], None], tmp_path: Path) -> None:
-    stranger("interrupted_by_ctrl_c")
-    (tmp_path / "interrupted_by_ctrl_c.py").write_text(COMMAND.replace('print("it dances")', "raise KeyboardInterrupt"))
-    assert CliRunner().invoke(app, ["dance"]).exit_code == 130
+@pytest.mark.parametrize(("error", "code"), [(KeyboardInterrupt(), 130), (Interrupted(signal.SIGTERM), 143)])
+def test_a_command_that_a_signal_ends_has_the_shells_code(
+    stranger: Callable[[str], None], monkeypatch: pytest.MonkeyPatch, error: BaseException, code: int
+) -> None:
+    def dance(*_: object, **__: object) -> None:
+        raise error
+
+    stranger("stranger_of_rabbit")
+    monkeypatch.setattr("typer.core.TyperCommand.invoke", dance)
+    assert CliRunner().invoke(app, ["dance"]).exit_code == code
 
 
 def test_a_process_that_a_command_spawns_is_not_the_command_again() -> None:

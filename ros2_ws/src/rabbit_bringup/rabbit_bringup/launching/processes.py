@@ -43,7 +43,7 @@ class NodeEnded(LaunchError):
         self.code = ExitCode.REFUSED if returncode == ExitCode.REFUSED else ExitCode.NODE_DIED
 
 
-class Interrupted(BaseException):
+class Interrupted(KeyboardInterrupt):
     """A signal asked the launcher to end."""
 
     def __init__(self, number: int) -> None:
