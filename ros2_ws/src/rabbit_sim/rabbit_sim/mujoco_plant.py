@@ -1,8 +1,14 @@
 """The true plant in MuJoCo: a second engine, whose contacts share no code and no model with PyBullet's.
 
 The hip's three planar joints, the legs and their inertias come from the same perturbed URDF. A foot is a sphere; a
-stone is a box. MuJoCo's contact is soft: the contact point's acceleration follows a critically damped spring towards
-no penetration, within an elliptic friction cone, and the solver finds the one force that agrees with it.
+stone is a box. MuJoCo lets the contact point accelerate as a damped spring on the penetration r would,
+
+    r'' = -2 r' / T - r / (T zeta)^2,    T = CONTACT_TIME, zeta = CONTACT_DAMPING_RATIO,
+
+within an elliptic friction cone. At a leg of apparent mass m that is a spring of stiffness m / (T zeta)^2 and damping
+2 m / T. With m = 22 kg at mass scale 1 and 43 kg at 2 (medians of walks) these are 0.6e6 and 1.2e6 N/m, 2.2e4 and
+4.3e4 N s/m: about the rubber of `pybullet_plant.py`, which a foot needs here too. With zeta = 1, MuJoCo's default, a
+standing foot sinks by some um and lets go where friction carries the leg (Painleve).
 """
 
 from collections.abc import Sequence
@@ -24,14 +30,15 @@ from rabbit_sim.touchdown_detector import TouchdownDetector
 
 FOOT_RADIUS = 0.002  # m, of the URDF's foot sphere: a foot's centre at z = 0 stands on a top at -FOOT_RADIUS
 STONE_DEPTH = 1.0  # m
-CONTACT_TIME = 0.002  # s, of the critically damped contact; MuJoCo asks for two substeps at least
+CONTACT_TIME, CONTACT_DAMPING_RATIO = 0.002, 3.0  # s, two substeps at least; 1
 AWAY = -100.0  # m, where unused stones lie
 FOOT = {  # its friction and softness count, not the stone's
     "type": "sphere",
     "size": repr(FOOT_RADIUS),
     "priority": "1",
     "condim": "3",
-    "solref": f"{CONTACT_TIME} 1",
+    "solref": f"{CONTACT_TIME} {CONTACT_DAMPING_RATIO}",
+    "solimp": "0.99 0.99 0.001",
     "contype": "1",
     "conaffinity": "0",
 }
