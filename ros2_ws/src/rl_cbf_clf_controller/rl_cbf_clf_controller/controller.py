@@ -27,6 +27,7 @@ from rl_cbf_clf_controller.scene import ControllerError, Scene
 from rl_cbf_clf_controller.step_outputs import make_steps
 
 NO_BARRIERS = np.full(2, np.nan)
+ROUNDING = 1e-6  # N m, by which the QP may be over the limit
 NO_TORQUE = np.full(4, np.nan)
 NOTHING = np.zeros(0)
 
@@ -219,7 +220,7 @@ class Controller:
         mu = mu_qp + omega
         wanted = control(mu)
         torque = np.minimum(np.maximum(wanted, -p.torque_limit), p.torque_limit)
-        saturated = bool((torque != wanted).any())
+        saturated = bool(np.abs(torque - wanted).max() > ROUNDING)
         if saturated:
             mu = np.linalg.solve(control.a, torque - control.b)
         mu_held, step.torque = self._output_acceleration(step.torque), torque
