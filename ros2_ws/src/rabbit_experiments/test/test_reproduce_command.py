@@ -127,7 +127,7 @@ def test_every_experiment_names_its_runs(experiment: Any, size: Size) -> None:
 
 
 def test_a_missing_run_is_told(tmp_path: Path, one_stone: Maker, tiny: Size) -> None:
-    with pytest.raises(LookupError, match="nominal"):
+    with pytest.raises(LookupError, match="nominal, seed"):
         Found(Cache(tmp_path), tiny).walks(one_stone().lines()[0])
 
 

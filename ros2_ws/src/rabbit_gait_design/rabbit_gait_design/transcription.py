@@ -10,6 +10,7 @@
 `orbit_point` says why the phase, not time, is the independent variable: outputs are zero exactly, everywhere.
 """
 
+from dataclasses import dataclass, field
 from typing import Any
 
 import casadi as ca
@@ -18,14 +19,45 @@ from rabbit_description.gait import Gait
 from rabbit_description.state import ROBOT_MASS, Array
 
 from rabbit_gait_design import orbit_point, symbolic_robot
-from rabbit_gait_design.constraint_rows import UNBOUNDED, ConstraintRows
 from rabbit_gait_design.guess import initial_guess
 from rabbit_gait_design.orbit_point import DEGREE, SWAP
 from rabbit_gait_design.specification import GaitSpecification
 
 IMPULSE_FRICTION = 0.8
 UNBOUNDED_STONE = 1.0  # m, a far edge out of reach
+UNBOUNDED = np.inf
 LEAST_SIGMA = 1e-3  # 1/s^2; the phase never stops
+
+
+@dataclass
+class ConstraintRows:
+    """Rows lower <= value <= upper in the order they were added, each under a name for error messages."""
+
+    values: list[ca.SX] = field(default_factory=list)
+    lower: list[float] = field(default_factory=list)
+    upper: list[float] = field(default_factory=list)
+    names: list[str] = field(default_factory=list)
+
+    def add(self, name: str, value: ca.SX, lower: float = 0.0, upper: float = UNBOUNDED) -> None:
+        """Append `lower <= value <= upper`, element by element."""
+        size = value.numel()
+        self.values.append(ca.vec(value))
+        self.lower += [lower] * size
+        self.upper += [upper] * size
+        self.names += [name] * size
+
+    def equal(self, name: str, value: ca.SX) -> None:
+        """Append `value = 0`."""
+        self.add(name, value, 0.0, 0.0)
+
+    def broken(self, rows: Array, tolerance: float = 1e-6) -> dict[str, float]:
+        """Largest violation above `tolerance` of each name at the rows' values (n,), worst first."""
+        excess = np.maximum(np.array(self.lower) - rows, rows - np.array(self.upper))
+        worst: dict[str, float] = {}
+        for name, value in zip(self.names, excess, strict=True):
+            if not value <= tolerance:
+                worst[name] = max(worst.get(name, 0.0), float(value))
+        return dict(sorted(worst.items(), key=lambda item: -item[1]))
 
 
 class Path:

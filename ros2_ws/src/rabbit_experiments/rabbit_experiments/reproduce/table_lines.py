@@ -7,10 +7,10 @@ from typing import Any, Literal
 from rabbit_viewer.walk_records import WalkRecords
 
 from rabbit_experiments.assembly import Assembly
-from rabbit_experiments.cache import Cache, Job
+from rabbit_experiments.cache import Cache
 from rabbit_experiments.command_lines import evaluate_command
 from rabbit_experiments.conditions import EVALUATION_LAG
-from rabbit_experiments.evaluation import Scenario
+from rabbit_experiments.evaluation import Scenario, SeededRun
 from rabbit_experiments.reproduce.report import Cell, Table, Verdict
 from rabbit_experiments.reproduce.training import Trained
 from rabbit_experiments.summary import Walks
@@ -106,11 +106,11 @@ class Found:
         """The same runs on the paper's own kind of plant."""
         return replace(self, column=RIGID)
 
-    def result(self, job: Job) -> Any:
+    def result(self, job: SeededRun) -> Any:
         """A run's; raises `LookupError` where it was not made."""
         result = self.cache.get(job)
         if result is None:
-            raise LookupError(f"{job}: expected a result in {self.cache.path}")
+            raise LookupError(f"{job.title}, seed {job.seed}: expected a result in {self.cache.path}")
         return result
 
     def policy(self, assembly: Assembly) -> str:

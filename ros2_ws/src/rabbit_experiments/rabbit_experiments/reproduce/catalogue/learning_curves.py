@@ -1,23 +1,18 @@
 """How many episodes the learning takes [sec: Reinforcement Learning Settings], and its curves."""
 
 from collections.abc import Sequence
-from functools import cache
 from itertools import groupby
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
-from rabbit_sim.parameters import SimulationParameters
 from rabbit_viewer import style
 from rl_cbf_clf_controller.kinds import find_problem
-from rl_cbf_clf_controller.parameters import load_parameters
 from rl_trainer.parameters import TrainingParameters
 
-from rabbit_experiments.assembly import Assembly
-from rabbit_experiments.conditions import EVALUATION_LAG, TRAINING_SCALE
+from rabbit_experiments.conditions import TRAINING_SCALE
 from rabbit_experiments.evaluation import SeededRun
 from rabbit_experiments.recipes import Recipe
 from rabbit_experiments.reproduce.controllers import IO_RL, RL_CBF_CLF, RL_CLF, Contender
@@ -63,9 +58,7 @@ class LearningCurves(Experiment):
             *("last policy, at its scale", "commit"),
         )
         rows = [_row(session, walks) for session in sessions(found.size)]
-        episodes = tuple(
-            tuple(_plain(value) for _, value in row) for session in sessions(found.size) for row in session
-        )
+        episodes = tuple(tuple(row.model_dump().values()) for session in sessions(found.size) for row in session)
         every = Table(name="episodes", columns=tuple(Episode.model_fields), rows=episodes, long=True)
         return Table(name="trainings", columns=columns, rows=tuple(rows)), every
 
@@ -112,16 +105,14 @@ def trained_lines(size: Size) -> dict[Recipe, Line]:
     """A line for the last policy of each training of `--retrain`, at the scale that it was trained at."""
     if not size.trained:
         return {}
-    policies = {recipe: size.trained.policy(recipe) for recipe in size.trained.recipes}
-    return {recipe: Line(recipe.name, _assembly(recipe, path), columns=(MAIN,)) for recipe, path in policies.items()}
-
-
-@cache
-def _assembly(recipe: Recipe, policy: Path) -> Assembly:
-    controller = load_parameters("ours", controller=recipe.parameters.problem.name)
-    terrain = controller.terrain
-    plant = SimulationParameters(mass_scale=recipe.mass_scale, motor_lag=EVALUATION_LAG, terrain=terrain)
-    return Assembly(plant, controller, str(policy))
+    contenders, trained = {each.controller: each for each in PAPER}, size.trained
+    assemblies = {
+        recipe: contenders[recipe.parameters.problem.name]
+        .with_policy(str(trained.policy(recipe)))
+        .assembly(mass_scale=recipe.mass_scale)
+        for recipe in trained.recipes
+    }
+    return {recipe: Line(recipe.name, assembly, columns=(MAIN,)) for recipe, assembly in assemblies.items()}
 
 
 def first_whole(session: Session) -> int | None:
@@ -151,10 +142,6 @@ def _row(session: Session, walks: dict[Recipe, str]) -> tuple[Cell, ...]:
     marks = (first_whole(session), settled(session))
     head = (end.problem, f"{end.mass_scale:g}", end.seed, end.episode, end.transitions)
     return (*head, *marks, walks.get(recipe), end.commit[:12] + "+" * end.commit.endswith("+"))
-
-
-def _plain(value: Any) -> Cell:
-    return value if isinstance(value, int | float) else str(getattr(value, "value", value))
 
 
 def learning_figure(trainings: dict[Contender, list[Session]]) -> Figure:
