@@ -26,6 +26,7 @@ WALKS = {
     "L1, flat ground, rigid plant": L1_CLF.assembly(mass_scale=1.5, stones=2, plant="rigid"),
 }
 FIGURES = {"outcome", "stones", "ticks", "worst_margin", "max_force_ratio", "min_normal_force", "rms_y", "max_torque"}
+FIGURES |= {"saturated_ticks", "slack_ticks", "rescue_ticks", "qp_unanswered_ticks"}
 AGAIN = f"run `python {Path(__file__).name}`"
 ADVICE = (
     "The numbers of seeded walks moved. If that was not meant, find out why. If it was: raise RESULTS_VERSION in "
