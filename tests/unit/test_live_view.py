@@ -16,7 +16,7 @@ from rabbit_experiments.assembly import Assembly
 from rabbit_experiments.evaluation import record_walk
 from rabbit_msgs import msg
 from rabbit_ros.ros.conversions import stamp
-from rabbit_sim.kinematics import foot_positions
+from rabbit_sim.kinematics import RabbitFeet
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_viewer.live.client import Listener
 from rabbit_viewer.live.plots import PLOTTED, plotted
@@ -111,7 +111,7 @@ def test_force_begins_in_the_stance_foot_and_lies_in_the_cone(walk: WalkRecords)
         snapshot = snapshot_at(walk, row)
         (arrow,), (cone,) = drawn(snapshot, "force"), drawn(snapshot, "cone")
         start, tip = points(arrow)
-        foot = foot_positions(snapshot.q)[snapshot.stance]
+        foot = RabbitFeet().positions(snapshot.q)[snapshot.stance]
         np.testing.assert_allclose([start, points(cone)[0]], [foot, foot], atol=1e-12)
         x, z = tip - start
         assert x * snapshot.force[1] == pytest.approx(z * snapshot.force[0])
@@ -137,7 +137,7 @@ def test_frames_carry_the_links_to_where_the_feet_are(walk: WalkRecords) -> None
             place = origin + turned.apply([moved.x, moved.y, moved.z])
             at[frame.child_frame_id] = (place, turned * Rotation.from_quat([turn.x, turn.y, turn.z, turn.w]))
         placed = [at[name][0][[0, 2]] for name in ("left_foot", "right_foot")]
-        np.testing.assert_allclose(placed, foot_positions(q), atol=1e-12)
+        np.testing.assert_allclose(placed, RabbitFeet().positions(q), atol=1e-12)
     links = {line.split('"')[1] for line in URDF_PATH.read_text().splitlines() if "<link name=" in line}
     assert set(at) == links
 

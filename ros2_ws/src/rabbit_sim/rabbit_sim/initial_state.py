@@ -11,7 +11,7 @@ import numpy as np
 from rabbit_description.gait import Gaits
 from rabbit_description.state import Array, Leg
 
-from rabbit_sim.kinematics import LINK_LENGTH, foot_jacobian, foot_positions
+from rabbit_sim.kinematics import LINK_LENGTH, RabbitFeet
 from rabbit_sim.parameters import SimulationParameters
 
 SWING_KNEE = 6  # in q, while the left leg stands
@@ -28,18 +28,17 @@ def initial_state(parameters: SimulationParameters, gait: Gaits, rng: np.random.
 
 def project(q: Array, dq: Array, bend: float) -> tuple[Array, Array]:
     """The nearest base to hold the left foot at rest at (0, 0); the right foot not below it. Copies, shape (7,)."""
-    q, dq = q.copy(), dq.copy()
-    q[:2] -= foot_positions(q, bend)[Leg.LEFT]
-    _raise_swing_foot(q, bend)
-    dq[:2] -= foot_jacobian(q, Leg.LEFT, bend) @ dq
+    q, dq, feet = q.copy(), dq.copy(), RabbitFeet(bend)
+    q[:2] -= feet.positions(q)[Leg.LEFT]
+    depth = -float(feet.positions(q)[Leg.RIGHT, 1])
+    if depth > 1e-12:  # rounding apart
+        _raise_swing_foot(q, bend, depth)
+    dq[:2] -= feet.jacobian(q, Leg.LEFT) @ dq
     return q, dq
 
 
-def _raise_swing_foot(q: Array, bend: float) -> None:
-    """Flex the right knee until its foot is no lower than z = 0, or as high as the knee can bring it."""
-    depth = -float(foot_positions(q, bend)[Leg.RIGHT, 1])
-    if depth <= 1e-12:  # rounding apart, the foot is not below
-        return
+def _raise_swing_foot(q: Array, bend: float, depth: float) -> None:
+    """Flex the right knee until its foot is higher by `depth`, m, or as high as the knee can bring it."""
     # the shin hangs L sqrt(1 + bend^2) cos(a - atan(bend)) below the knee at the angle a
     length, lean = LINK_LENGTH * hypot(1.0, bend), atan(bend)
     upper = float(q[2] + q[5])

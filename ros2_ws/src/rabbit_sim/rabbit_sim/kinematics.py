@@ -18,52 +18,37 @@ def _link(angle: float, bend: float) -> tuple[float, float]:
     return LINK_LENGTH * (bend * c - s), -LINK_LENGTH * (bend * s + c)
 
 
-def foot_positions(q: Array, bend: float = 0.0) -> Array:
-    """Centres of the feet, world, shape (2, 2): rows left, right; columns x, z; m."""
-    x, z, pitch, left_hip, left_knee, right_hip, right_knee = q.tolist()
-    feet = []
-    for hip, knee in ((left_hip, left_knee), (right_hip, right_knee)):
-        thigh, shin = _link(pitch + hip, bend), _link(pitch + hip + knee, bend)
-        feet.append((x + thigh[0] + shin[0], z + thigh[1] + shin[1]))
-    return np.array(feet)
-
-
-def foot_jacobian(q: Array, leg: Leg, bend: float = 0.0) -> Array:
-    """Foot velocity over `dq`, shape (2, 7): rows x, z."""
-    hip = 3 + 2 * leg
-    upper_angle = float(q[2] + q[hip])
-    thigh, shin = _link(upper_angle, bend), _link(upper_angle + float(q[hip + 1]), bend)
-    jacobian = np.zeros((2, 7))
-    jacobian[0, 0] = jacobian[1, 1] = 1.0
-    whole = thigh[1] + shin[1], -thigh[0] - shin[0]
-    jacobian[:, 2] = jacobian[:, hip] = whole
-    jacobian[:, hip + 1] = shin[1], -shin[0]
-    return jacobian
-
-
-def centripetal_acceleration(q: Array, dq: Array, leg: Leg, bend: float = 0.0) -> Array:
-    """dJ/dt dq: the foot's acceleration (x, z) at constant joint rates, shape (2,), m/s^2."""
-    pitch, hip, knee = float(q[2]), float(q[3 + 2 * leg]), float(q[4 + 2 * leg])
-    rate = float(dq[2] + dq[3 + 2 * leg])
-    upper, lower = rate**2, (rate + float(dq[4 + 2 * leg])) ** 2
-    thigh, shin = _link(pitch + hip, bend), _link(pitch + hip + knee, bend)
-    return np.array([-upper * thigh[0] - lower * shin[0], -upper * thigh[1] - lower * shin[1]])
-
-
 class RabbitFeet:
-    """The feet of RABBIT with bent links; see `pinned_dynamics.Feet`."""
+    """The feet of RABBIT with links bent by `bend`; see `pinned_dynamics.Feet`."""
 
     def __init__(self, bend: float = 0.0) -> None:
         self._bend = bend
 
     def positions(self, q: Array) -> Array:
-        """Centres, world, shape (2, 2)."""
-        return foot_positions(q, self._bend)
+        """Centres of the feet, world, shape (2, 2): rows left, right; columns x, z; m."""
+        x, z, pitch, left_hip, left_knee, right_hip, right_knee = q.tolist()
+        feet = []
+        for hip, knee in ((left_hip, left_knee), (right_hip, right_knee)):
+            thigh, shin = _link(pitch + hip, self._bend), _link(pitch + hip + knee, self._bend)
+            feet.append((x + thigh[0] + shin[0], z + thigh[1] + shin[1]))
+        return np.array(feet)
 
     def jacobian(self, q: Array, leg: Leg) -> Array:
-        """Foot velocity over `dq`, shape (2, 7)."""
-        return foot_jacobian(q, leg, self._bend)
+        """Foot velocity over `dq`, shape (2, 7): rows x, z."""
+        hip = 3 + 2 * leg
+        upper_angle = float(q[2] + q[hip])
+        thigh, shin = _link(upper_angle, self._bend), _link(upper_angle + float(q[hip + 1]), self._bend)
+        jacobian = np.zeros((2, 7))
+        jacobian[0, 0] = jacobian[1, 1] = 1.0
+        whole = thigh[1] + shin[1], -thigh[0] - shin[0]
+        jacobian[:, 2] = jacobian[:, hip] = whole
+        jacobian[:, hip + 1] = shin[1], -shin[0]
+        return jacobian
 
     def drift(self, q: Array, dq: Array, leg: Leg) -> Array:
-        """dJ/dt dq, shape (2,)."""
-        return centripetal_acceleration(q, dq, leg, self._bend)
+        """dJ/dt dq: the foot's acceleration (x, z) at constant joint rates, shape (2,), m/s^2."""
+        pitch, hip, knee = float(q[2]), float(q[3 + 2 * leg]), float(q[4 + 2 * leg])
+        rate = float(dq[2] + dq[3 + 2 * leg])
+        upper, lower = rate**2, (rate + float(dq[4 + 2 * leg])) ** 2
+        thigh, shin = _link(pitch + hip, self._bend), _link(pitch + hip + knee, self._bend)
+        return np.array([-upper * thigh[0] - lower * shin[0], -upper * thigh[1] - lower * shin[1]])

@@ -21,7 +21,7 @@ import pinocchio
 from rabbit_description.state import Array, Leg
 
 from rabbit_sim.actuation import Actuation, JointDamping
-from rabbit_sim.kinematics import foot_positions
+from rabbit_sim.kinematics import RabbitFeet
 from rabbit_sim.parameters import SUBSTEP_SECONDS, SimulationParameters
 from rabbit_sim.plant import CONTACT_FORCE, SUBSTEPS, PlantReading, Span
 from rabbit_sim.robot_urdf import perturbed_urdf
@@ -50,7 +50,7 @@ class MujocoPlant:
     """RABBIT on boxes. See `Plant` for the methods."""
 
     def __init__(self, parameters: SimulationParameters) -> None:
-        self._parameters = parameters
+        self._kinematics = RabbitFeet(parameters.link_bend)
         urdf = perturbed_urdf(parameters)
         self._model = mujoco.MjModel.from_xml_string(robot_mjcf(urdf, parameters.ground_friction))
         self._data = mujoco.MjData(self._model)
@@ -104,7 +104,7 @@ class MujocoPlant:
         return PlantReading(q, dq, self._force, self._locate_feet(), self._contact, tuple(self._watch.touches))
 
     def _locate_feet(self) -> Array:
-        return foot_positions(self._data.qpos, self._parameters.link_bend)
+        return self._kinematics.positions(self._data.qpos)
 
     def _contact_forces(self) -> list[list[float]]:
         """Force on each foot in the last substep, rows left, right; columns x, z; N."""

@@ -9,7 +9,7 @@ import numpy as np
 from rabbit_description.state import ACTUATED, COORDINATES, Array, Leg
 
 from rabbit_sim.actuation import Actuation, JointDamping
-from rabbit_sim.kinematics import foot_positions
+from rabbit_sim.kinematics import RabbitFeet
 from rabbit_sim.parameters import SUBSTEP_SECONDS, SimulationParameters
 from rabbit_sim.plant import CONTACT_FORCE, SUBSTEPS, PlantReading, Span
 from rabbit_sim.quiet_pybullet import pybullet
@@ -33,6 +33,7 @@ class PybulletPlant:
     def __init__(self, parameters: SimulationParameters) -> None:
         self._parameters = parameters
         self._actuation = Actuation(parameters)
+        self._kinematics = RabbitFeet(parameters.link_bend)
         urdf = perturbed_urdf(parameters)
         self._damping = JointDamping(urdf, parameters.joint_damping) if parameters.joint_damping else None
         self._folder = tempfile.TemporaryDirectory(prefix="rabbit_sim_")
@@ -141,14 +142,14 @@ class PybulletPlant:
         self._force = impulse / SUBSTEPS
         self._contact = peak[:, 1] > CONTACT_FORCE  # at any moment of the tick: a foot may bounce within it
         self._q, self._dq = self._joint_states()
-        self._feet = foot_positions(self._q, self._parameters.link_bend)
+        self._feet = self._kinematics.positions(self._q)
 
     def observe(self) -> PlantReading:
         """The truth after the last tick."""
         return PlantReading(self._q, self._dq, self._force, self._feet, self._contact, tuple(self._watch.touches))
 
     def _locate_feet(self) -> Array:
-        return foot_positions(self._joint_states()[0], self._parameters.link_bend)
+        return self._kinematics.positions(self._joint_states()[0])
 
     def _apply(self, torque: Array) -> None:
         if self._damping is not None:

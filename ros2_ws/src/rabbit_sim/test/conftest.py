@@ -6,7 +6,7 @@ import pytest
 from rabbit_description.gait import load_gait
 from rabbit_description.state import Array
 from rabbit_sim.initial_state import initial_state
-from rabbit_sim.kinematics import RabbitFeet, foot_jacobian
+from rabbit_sim.kinematics import RabbitFeet
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.pinned_dynamics import PinnedDynamics
 from rabbit_sim.robot_urdf import perturbed_urdf
@@ -32,7 +32,7 @@ class Truth:
 
     def jacobian(self, q, leg):
         """Of a foot, (2, 7)."""
-        return foot_jacobian(q, leg, self.parameters.link_bend)
+        return RabbitFeet(self.parameters.link_bend).jacobian(q, leg)
 
     def mass_matrix(self, q):
         return pinocchio.crba(self._model, self._data, q)

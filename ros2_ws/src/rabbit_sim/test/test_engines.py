@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from rabbit_description.state import TICK_SECONDS, Leg
 from rabbit_sim.initial_state import project
-from rabbit_sim.kinematics import foot_positions
+from rabbit_sim.kinematics import RabbitFeet
 from rabbit_sim.mujoco_plant import MujocoPlant
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.pybullet_plant import CONTACT_DAMPING, CONTACT_STIFFNESS, FOOT_RADIUS, PybulletPlant
@@ -178,8 +178,8 @@ def test_a_foot_stands_up_to_the_edge_of_a_real_stone(engine, truth, edge, stand
 
 def test_a_foot_falls_into_a_real_gap_and_the_other_finds_its_stone(engine):
     q = np.array([0.0, 0.0, 0.0, 0.3, 0.0, -0.3, 0.0])
-    q[1] = 0.03 - foot_positions(q)[0, 1]
-    left, right = foot_positions(q)[:, 0]
+    q[1] = 0.03 - RabbitFeet().positions(q)[0, 1]
+    left, right = RabbitFeet().positions(q)[:, 0]
     stones = [(left - 0.03, left + 0.03), (right + 0.02, right + 0.1)]
     with world(engine, SimulationParameters(), q, np.zeros(7), stones) as plant:
         touches = []

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from rabbit_description.state import TICK_SECONDS, Leg
-from rabbit_sim.kinematics import foot_positions
+from rabbit_sim.kinematics import RabbitFeet
 from rabbit_sim.rigid_plant import RigidPlant
 
 PERTURBED = {"mass_scale": 1.7, "payload": 11.0, "payload_height": 0.4, "link_bend": 0.06, "joint_damping": 2.5}
@@ -46,7 +46,7 @@ def test_impact_identities(random_state, truth, changes, leg, seed):
     assert robot.jacobian(q, leg) @ after == pytest.approx([0, 0], abs=1e-12)
     assert robot.energy(q, after) <= robot.energy(q, dq)
     assert robot.momentum(q, after) - robot.momentum(q, dq) == pytest.approx(impulse, rel=1e-9, abs=1e-9)
-    contact = foot_positions(q, robot.parameters.link_bend)[leg]
+    contact = RabbitFeet(robot.parameters.link_bend).positions(q)[leg]
     before = robot.angular_momentum(q, dq, contact)
     assert robot.angular_momentum(q, after, contact) == pytest.approx(before, rel=1e-9, abs=1e-9)
 

@@ -9,7 +9,7 @@ from rabbit_description.gait import load_gait
 from rabbit_description.state import Leg
 from rabbit_sim.actuation import Actuation
 from rabbit_sim.initial_state import initial_state, project
-from rabbit_sim.kinematics import RabbitFeet, centripetal_acceleration, foot_jacobian, foot_positions
+from rabbit_sim.kinematics import RabbitFeet
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.pinned_dynamics import PinnedDynamics
 from rabbit_sim.robot_urdf import perturbed_urdf
@@ -51,9 +51,9 @@ def test_own_kinematics_are_those_of_the_urdf(p, q, dq, leg):
     place = data.oMf[frames[leg]].translation[[0, 2]]
     velocity = pinocchio.getFrameVelocity(model, data, frames[leg], axes).linear[[0, 2]]
     acceleration = pinocchio.getFrameClassicalAcceleration(model, data, frames[leg], axes).linear[[0, 2]]
-    np.testing.assert_allclose(foot_positions(q, p.link_bend)[leg], place, atol=1e-12)
-    np.testing.assert_allclose(foot_jacobian(q, leg, p.link_bend) @ dq, velocity, atol=1e-11)
-    np.testing.assert_allclose(centripetal_acceleration(q, dq, leg, p.link_bend), acceleration, atol=1e-10)
+    np.testing.assert_allclose(RabbitFeet(p.link_bend).positions(q)[leg], place, atol=1e-12)
+    np.testing.assert_allclose(RabbitFeet(p.link_bend).jacobian(q, leg) @ dq, velocity, atol=1e-11)
+    np.testing.assert_allclose(RabbitFeet(p.link_bend).drift(q, dq, leg), acceleration, atol=1e-10)
 
 
 @settings(max_examples=50, deadline=None)
@@ -137,9 +137,9 @@ def test_absolute_stones_do_not_depend_on_where_the_feet_land(seed, errors):
 def test_the_first_state_stands_whatever_the_noise(seed, spread, bend):
     p = SimulationParameters(x0_spread=spread, link_bend=bend)
     q, dq = initial_state(p, GAIT, np.random.default_rng(seed))
-    feet = foot_positions(q, bend)
+    feet = RabbitFeet(bend).positions(q)
     np.testing.assert_allclose(feet[Leg.LEFT], 0, atol=1e-12)
-    np.testing.assert_allclose(foot_jacobian(q, Leg.LEFT, bend) @ dq, 0, atol=1e-11)
+    np.testing.assert_allclose(RabbitFeet(bend).jacobian(q, Leg.LEFT) @ dq, 0, atol=1e-11)
     assert feet[Leg.RIGHT, 1] >= -1e-12
 
 
@@ -159,5 +159,5 @@ def test_an_impact_stops_the_foot_and_makes_no_energy(p, q, dq, leg):
     after, impulse = PinnedDynamics(perturbed_urdf(p), RabbitFeet(p.link_bend)).impact(q, dq, leg)
     before = pinocchio.computeKineticEnergy(model, data, q, dq)
     assert pinocchio.computeKineticEnergy(model, data, q, after) <= before * (1 + 1e-9) + 1e-9
-    np.testing.assert_allclose(foot_jacobian(q, leg, p.link_bend) @ after, 0, atol=1e-9)
-    assert impulse @ (foot_jacobian(q, leg, p.link_bend) @ dq) <= 1e-9
+    np.testing.assert_allclose(RabbitFeet(p.link_bend).jacobian(q, leg) @ after, 0, atol=1e-9)
+    assert impulse @ (RabbitFeet(p.link_bend).jacobian(q, leg) @ dq) <= 1e-9

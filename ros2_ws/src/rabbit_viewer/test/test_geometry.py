@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from rabbit_description.state import Array, Leg, StonePreview
-from rabbit_sim.kinematics import foot_positions
+from rabbit_sim.kinematics import RabbitFeet
 from rabbit_viewer.geometry import ARC, allowed_area, area_triangles, force_arrow, friction_cone
 from rabbit_viewer.skeleton import feet, leg_points, torso_points
 from rl_cbf_clf_controller.nominal_model import Kinematics
@@ -15,7 +15,7 @@ STATES = RNG.uniform(-1, 1, (20, 7))
 
 @pytest.mark.parametrize("bend", [0.0, 0.05])
 def test_feet_are_where_the_plant_has_them(bend: float) -> None:
-    expected = [foot_positions(q, bend) for q in STATES]
+    expected = [RabbitFeet(bend).positions(q) for q in STATES]
     assert feet(STATES, bend) == pytest.approx(np.array(expected))
 
 

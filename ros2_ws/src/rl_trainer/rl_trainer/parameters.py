@@ -33,86 +33,80 @@ class TrainingParameters(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    problem: NamedProblem = Field(default=RL_CBF_CLF_QP, description="what is learned: the controller's name")
-    learner: LearnerName = Field(default="ddpg", description="how the actor is trained")
-    seed: int = Field(default=1, ge=0, description="of weights, noise, courses and minibatches")
-    episodes: int = Field(default=18, ge=1, le=10_000, description="episodes to train")
-    walking_steps: int = Field(default=10, ge=1, le=1000, description="walking steps an episode")
+    problem: NamedProblem = Field(RL_CBF_CLF_QP, description="what is learned: the controller's name")
+    learner: LearnerName = Field("ddpg", description="how the actor is trained")
+    seed: int = Field(1, ge=0, description="of weights, noise, courses and minibatches")
+    episodes: int = Field(18, ge=1, le=10_000, description="episodes to train")
+    walking_steps: int = Field(10, ge=1, le=1000, description="walking steps an episode")
 
     # actor
-    structured: bool = Field(default=True, description="CLF outputs are a 4x5 matrix contracted with LgV")
-    observe_l_min: bool = Field(default=True, description="l_min is part of the observation (contribution 3)")
-    observe_step_length: bool = Field(default=False, description="so is what a gait library steps at, m")
-    shared: bool = Field(default=True, description="one network for all quantities (Remark 1), or one each")
+    structured: bool = Field(True, description="CLF outputs are a 4x5 matrix contracted with LgV")
+    observe_l_min: bool = Field(True, description="l_min is part of the observation (contribution 3)")
+    observe_step_length: bool = Field(False, description="so is what a gait library steps at, m")
+    shared: bool = Field(True, description="one network for all quantities (Remark 1), or one each")
     alpha_decay: float = Field(
-        default=10.0, ge=0, le=1000, description="decay of the weights that let alpha vary with the state"
+        10.0, ge=0, le=1000, description="decay of the weights that let alpha vary with the state"
     )
-    hidden1: int = Field(default=400, ge=1, le=4096, description="width of the first hidden layer")
-    hidden2: int = Field(default=300, ge=1, le=4096, description="width of the second hidden layer")
-    alpha_scale: Scales = Field(default=(), description="alpha at an output of 1, one a quantity; empty: the default")
-    beta_scale: Scales = Field(default=(), description="beta at an output of 1, one a quantity; empty: the default")
+    hidden1: int = Field(400, ge=1, le=4096, description="width of the first hidden layer")
+    hidden2: int = Field(300, ge=1, le=4096, description="width of the second hidden layer")
+    alpha_scale: Scales = Field((), description="alpha at an output of 1, one a quantity; empty: the default")
+    beta_scale: Scales = Field((), description="beta at an output of 1, one a quantity; empty: the default")
 
     # reward: -sum of weight * norm(error / error_scale) - failure_penalty
-    error_scale: Scales = Field(default=(), description="unit of each quantity's error; empty: the default")
-    weight: Scales = Field(default=(), description="weight of each quantity's term; empty: 1 each")
-    relative_clf: bool = Field(default=True, description="the error of V-dot is measured in units of |LgV| + 1")
-    error_norm: Literal["squared", "absolute"] = Field(default="squared", description="norm of the scaled error")
-    failure_penalty: float = Field(default=0.0, ge=0, le=1e6, description="l_e, subtracted when the pose failed")
+    error_scale: Scales = Field((), description="unit of each quantity's error; empty: the default")
+    weight: Scales = Field((), description="weight of each quantity's term; empty: 1 each")
+    relative_clf: bool = Field(True, description="the error of V-dot is measured in units of |LgV| + 1")
+    error_norm: Literal["squared", "absolute"] = Field("squared", description="norm of the scaled error")
+    failure_penalty: float = Field(0.0, ge=0, le=1e6, description="l_e, subtracted when the pose failed")
 
     # DDPG
-    critic: Literal["reward", "plain"] = Field(
-        default="reward", description="critic of the reward's form, or a network"
-    )
-    heads: Literal["one", "each"] = Field(default="each", description="one Q, or one for each quantity")
-    affine: bool = Field(default=True, description="the reward's form knows that the error is affine in mu")
+    critic: Literal["reward", "plain"] = Field("reward", description="critic of the reward's form, or a network")
+    heads: Literal["one", "each"] = Field("each", description="one Q, or one for each quantity")
+    affine: bool = Field(True, description="the reward's form knows that the error is affine in mu")
     probe_noise: float = Field(
-        default=30.0,
-        ge=0,
-        le=1000,
-        description="deviation of the mu that an affine critic judges the actor at, rad/s^2",
+        30.0, ge=0, le=1000, description="deviation of the mu that an affine critic judges the actor at, rad/s^2"
     )
-    critic_sees_mu: bool = Field(default=True, description="mu is part of the critic's state")
-    relabel: bool = Field(default=True, description="recompute the reward for sampled actions in each minibatch")
-    relabel_noise: float = Field(default=0.3, gt=0, le=2, description="their deviation from the actor's, outputs' unit")
-    critic_loss: Literal["huber", "squared"] = Field(default="huber", description="of Q against its target")
-    discount: float = Field(default=0.0, ge=0, lt=1, description="gamma")
-    polyak: float = Field(default=5e-4, gt=0, le=1, description="tau of target networks and of the actor's average")
-    act_with_average: bool = Field(default=True, description="walk with the actor's average, not the actor itself")
+    critic_sees_mu: bool = Field(True, description="mu is part of the critic's state")
+    relabel: bool = Field(True, description="recompute the reward for sampled actions in each minibatch")
+    relabel_noise: float = Field(0.3, gt=0, le=2, description="their deviation from the actor's, outputs' unit")
+    critic_loss: Literal["huber", "squared"] = Field("huber", description="of Q against its target")
+    discount: float = Field(0.0, ge=0, lt=1, description="gamma")
+    polyak: float = Field(5e-4, gt=0, le=1, description="tau of target networks and of the actor's average")
+    act_with_average: bool = Field(True, description="walk with the actor's average, not the actor itself")
 
     # optimisation
-    actor_rate: float = Field(default=6e-4, gt=0, le=1, description="Adam's learning rate, actor")
-    critic_rate: float = Field(default=1e-3, gt=0, le=1, description="Adam's learning rate, critic")
-    rate_half_life: float = Field(default=4000.0, gt=0, description="transitions in which both rates halve")
-    rate_floor: float = Field(default=0.05, ge=0, le=1, description="the least share of both rates")
-    gradient_clip: float = Field(default=1.0, gt=0, description="largest norm of a gradient")
-    batch: int = Field(default=160, ge=1, le=65_536, description="transitions a minibatch")
-    updates_per_tick: float = Field(default=2.0, ge=0, le=100, description="updates for each tick walked")
-    updates_least: int = Field(default=400, ge=0, description="least number of updates an episode")
-    capacity: int = Field(default=100_000, ge=1, le=5_000_000, description="transitions kept, the oldest go first")
+    actor_rate: float = Field(6e-4, gt=0, le=1, description="Adam's learning rate, actor")
+    critic_rate: float = Field(1e-3, gt=0, le=1, description="Adam's learning rate, critic")
+    rate_half_life: float = Field(4000.0, gt=0, description="transitions in which both rates halve")
+    rate_floor: float = Field(0.05, ge=0, le=1, description="the least share of both rates")
+    gradient_clip: float = Field(1.0, gt=0, description="largest norm of a gradient")
+    batch: int = Field(160, ge=1, le=65_536, description="transitions a minibatch")
+    updates_per_tick: float = Field(2.0, ge=0, le=100, description="updates for each tick walked")
+    updates_least: int = Field(400, ge=0, description="least number of updates an episode")
+    capacity: int = Field(100_000, ge=1, le=5_000_000, description="transitions kept, the oldest go first")
 
     # schedule
-    nominal_episodes: int = Field(default=3, ge=0, description="first episodes under the nominal QP, with noise")
-    sigma: float = Field(default=8.0, ge=0, le=1000, description="exploration noise on mu, rad/s^2")
+    nominal_episodes: int = Field(3, ge=0, description="first episodes under the nominal QP, with noise")
+    sigma: float = Field(8.0, ge=0, le=1000, description="exploration noise on mu, rad/s^2")
     sigma_factors: tuple[float, ...] = Field(
-        default=(0.0, 0.5, 1.0, 2.0), min_length=1, description="sigma's factor, drawn anew each episode"
+        (0.0, 0.5, 1.0, 2.0), min_length=1, description="sigma's factor, drawn anew each episode"
     )
 
     # transitions: how they are measured, which are left out
     clf_difference: Literal["rates", "value"] = Field(
-        default="rates", description="V-dot from the difference of dy and the gradient of V, or of V itself"
+        "rates", description="V-dot from the difference of dy and the gradient of V, or of V itself"
     )
     nominal_value: Literal["mean", "start"] = Field(
-        default="mean", description="nominal value of a tick: the mean of its ends under the held torque, or its start"
+        "mean", description="nominal value of a tick: the mean of its ends under the held torque, or its start"
     )
-    settle_time: float = Field(default=0.04, ge=0, le=1, description="s after an impact")
-    far_position: float = Field(default=0.6, gt=0, description="abs(y) beyond this is far off the gait, rad")
-    far_velocity: float = Field(default=12.0, gt=0, description="abs(dy) beyond this is far off the gait, rad/s")
+    settle_time: float = Field(0.04, ge=0, le=1, description="s after an impact")
+    far_position: float = Field(0.6, gt=0, description="abs(y) beyond this is far off the gait, rad")
+    far_velocity: float = Field(12.0, gt=0, description="abs(dy) beyond this is far off the gait, rad/s")
     leave_out: tuple[Literal["settling", "flight", "scuff", "saturated", "far", "edge"], ...] = Field(
-        default=("settling", "flight", "scuff", "saturated", "far", "edge"),
-        description="kinds of ticks not learned from",
+        ("settling", "flight", "scuff", "saturated", "far", "edge"), description="kinds of ticks not learned from"
     )
-    fall_height: float = Field(default=0.70, ge=0, le=2, description="base below this has failed, m")
-    fall_pitch: float = Field(default=1.0472, gt=0, le=3.15, description="pitch beyond this has failed, rad")
+    fall_height: float = Field(0.70, ge=0, le=2, description="base below this has failed, m")
+    fall_pitch: float = Field(1.0472, gt=0, le=3.15, description="pitch beyond this has failed, rad")
 
     @model_validator(mode="after")
     def _fits(self) -> "TrainingParameters":

@@ -5,11 +5,10 @@ the wall clock, and `real_time` says what acts in place of a torque that comes l
 """
 
 import math
-import time
 from pathlib import Path
 
 from rabbit_description.gait import GaitError, load_gaits
-from rabbit_description.state import TICK_SECONDS, Array, RobotState
+from rabbit_description.state import Array, RobotState
 from rabbit_msgs.msg import Episode, EpisodePlan, TorqueCommand
 from rabbit_msgs.srv import Pause, ResetEpisode
 from rabbit_ros.message_checks import MessageCounter, Refused, check_turn
@@ -21,21 +20,18 @@ from rabbit_ros.ros.parameters import declare, follow, refuse_unknown
 from rabbit_ros.ros.qos import EVENT, TICK
 from rabbit_ros.ros.spin import run, steady_timer
 from rclpy.node import Node
-from rclpy.timer import Timer
 
 from rabbit_sim.node_parameters import NodeParameters
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.real_time import Source, StandIn
-from rabbit_sim.restart_file import RestartFile, RestartFileError, RestartPoint
-from rabbit_sim.ros.live_controllers import LiveControllers
-from rabbit_sim.ros.publishers import SimulatorPublishers, beginning, ending
+from rabbit_sim.restart_file import RestartFile, RestartFileError
+from rabbit_sim.ros.live_controllers import LOOK_SECONDS, REPEAT_SECONDS, LiveControllers, Wait
+from rabbit_sim.ros.publishers import SimulatorPublishers, episode_of, restart_point
 from rabbit_sim.ros.tick_clock import TickClock
 from rabbit_sim.simulation import Simulation
 from rabbit_sim.stones import CourseError
 
-LOOK_SECONDS = 0.02  # between looks at who is there and what is late
 BY_SERVICE = "by service"  # reason of a reset after which another episode begins at once
-REPEAT_SECONDS = 0.5  # without an answer, after which a state is sent again: its reader may just have come
 
 
 class SimulatorNode(Node):
@@ -57,13 +53,12 @@ class SimulatorNode(Node):
         self._torque: Array | None = None
         self._plan: EpisodePlan | None = None
         self._paused = self._own.start_paused
-        self._due = True  # a torque may be used at once; with a pace, once a tick
-        self._pacer: Timer | None = None
         self._stand_in = StandIn(self._own.held_ticks, self._own.damped_ticks, self._own.damping)
-        self._since: float | None = time.monotonic()  # when the wait began for what is awaited
-        self._reminders, self._looked = 0, time.monotonic()
+        self._wait = Wait()
         self._connect()
-        self._begin_anew(before)
+        if before.running:
+            self.get_logger().warning(f"episode {before.episode}, tick {before.tick}: {self._episode.reason}")
+        self._announce(self._episode.phase)
         self._set_pace(self._own)
         follow(self, self._own, self._set_pace)
         self.get_logger().info(
@@ -76,22 +71,15 @@ class SimulatorNode(Node):
         self._simulation.close()
 
     def _connect(self) -> None:
-        self._told = SimulatorPublishers(self)
+        self._topics = SimulatorPublishers(self)
         torques = create_checked_subscription(self, TorqueCommand, "torque", self._on_torque, TICK, self._refuse)
         self._live_controllers = LiveControllers(self, torques)
         create_checked_subscription(self, EpisodePlan, "episode_plan", self._on_plan, EVENT, self._refuse)
         self.create_service(ResetEpisode, "reset_episode", self._on_reset)
         self.create_service(Pause, "pause", self._on_pause)
-        self._ticks = TickClock(self, self._own.late_limit)
+        self._ticks = TickClock(self, self._own.late_limit, self._on_due)
         self._diagnostics = Diagnostics(self, self._message_counter, self._status)
         steady_timer(self, LOOK_SECONDS, self._look)
-
-    def _begin_anew(self, before: RestartPoint) -> None:
-        """Say where it stands; an episode in whose middle another simulator was killed is over."""
-        if before.running:
-            self._episode.outcome, self._episode.reason = "reset", "the simulator was started again"
-            self.get_logger().warning(f"episode {before.episode}, tick {before.tick}: {self._episode.reason}")
-        self._tell(Episode.ENDED if before.running else Episode.WAITING)
 
     # What comes in
 
@@ -132,17 +120,17 @@ class SimulatorNode(Node):
         if not self._answered_by_someone():
             response.message = "there is no controller"
             return response
-        if self._state is not None:
-            self._end("reset", BY_SERVICE)
+        self._end("reset", BY_SERVICE)
         self._begin(request.seed)
         response.accepted, response.episode = True, self._episode.episode
         return response
 
     def _on_pause(self, request: Pause.Request, response: Pause.Response) -> Pause.Response:
-        self._paused, self._since, self._reminders = request.paused, time.monotonic(), 0
+        self._paused = request.paused
+        self._wait.begin()
         self._ticks.sent()  # a pause makes nothing older
         if self._state is not None:
-            self._tell(Episode.PAUSED if self._paused else Episode.RUNNING)
+            self._announce(Episode.PAUSED if self._paused else Episode.RUNNING)
         self._go_on()
         response.accepted = True
         return response
@@ -152,29 +140,28 @@ class SimulatorNode(Node):
     def _begin(self, seed: int, sigma: float = math.nan, policy: str = "") -> None:
         """Reset the plant; tick 0 goes out at once."""
         self._torque = None
-        self._told.begin()
         self._stand_in.begin()
-        state = self._simulation.reset(seed)
+        self._state = state = self._simulation.reset(seed)
         number = self._episode.episode + 1
         self._episode = Episode(
             episode=number, seed=seed, sigma=sigma, policy_version=policy, stones=self._simulation.parameters.stones
         )
-        self._state = state
-        self.get_logger().info(beginning(self._episode))
-        self._tell(Episode.RUNNING)
+        self._topics.begin(self._episode)
+        self._announce(Episode.RUNNING)
         self._publish(state)
 
     def _go_on(self) -> None:
         """Step, if the torque is there, nobody paused and the pace allows it."""
-        if self._torque is not None and self._due and not self._paused:
+        if self._torque is not None and self._ticks.due and not self._paused:
             self._stand_in.answered(self._torque)
             self._step(self._torque, Source.ANSWER)
 
     def _step(self, torque: Array, source: Source) -> None:
-        before = stamp(self._clock_ticks), self._episode.episode, self._state.tick if self._state else 0
+        before = stamp(self._clock_ticks), self._episode.episode, self._episode.tick
         self._state, self._torque = self._simulation.step(torque), None
+        self._episode.tick, self._episode.touchdowns = self._state.tick, self._state.touchdowns
         self._clock_ticks += 1
-        self._due = self._pacer is None
+        self._ticks.wait()
         if self._own.real_time:
             self._ticks.simulated(*before, source)
         self._publish(self._state)
@@ -185,123 +172,95 @@ class SimulatorNode(Node):
         if self._state is None:
             return
         self._episode.outcome, self._episode.reason = outcome, reason[:128]
-        self._tell(Episode.ENDED)
-        if reason:
-            self.get_logger().warning(ending(self._episode))
-        else:
-            self.get_logger().info(ending(self._episode))
+        self._announce(Episode.ENDED)
+        self._topics.end(self._episode)
         if 0 < self._own.episodes <= self._episode.episode and reason != BY_SERVICE:
             self.get_logger().info("all episodes are done")
         self._state = self._torque = None
-        self._since, self._reminders = time.monotonic(), 0
+        self._wait.begin()
 
     def _publish(self, state: RobotState) -> None:
         """A tick's messages."""
-        self._note()
-        self._told.tick(state, self._episode.episode, stamp(self._clock_ticks), self._simulation.landings)
+        self._memory.note(restart_point(self._episode, self._clock_ticks))
+        self._topics.tick(state, self._episode.episode, stamp(self._clock_ticks), self._simulation.landings)
         self._ticks.sent()
-        if self._reminders:
+        if self._wait.reminders:
             self.get_logger().warning(f"goes on with tick {state.tick} of episode {self._episode.episode}")
-        self._since, self._reminders = time.monotonic(), 0
+        self._wait.begin()
 
-    def _note(self) -> None:
-        e = self._episode
-        tick = self._state.tick if self._state is not None else e.tick
-        running = e.phase in (Episode.RUNNING, Episode.PAUSED)
-        touchdowns = self._state.touchdowns if self._state is not None else e.touchdowns
-        begun = (e.seed, e.sigma, e.policy_version)
-        self._memory.note(RestartPoint(e.episode, tick, self._clock_ticks, running, touchdowns, *begun))
-
-    def _tell(self, phase: int) -> None:
+    def _announce(self, phase: int) -> None:
         """Publish where the episode stands."""
         self._episode.phase, self._episode.stamp = phase, stamp(self._clock_ticks)
-        if self._state is not None:
-            self._episode.tick, self._episode.touchdowns = self._state.tick, self._state.touchdowns
-        self._note()
-        self._told.episode(self._episode)
+        self._memory.note(restart_point(self._episode, self._clock_ticks))
+        self._topics.episode(self._episode)
 
     def _look(self) -> None:
         """Begin what can begin; end what nobody answers."""
-        self._forgive()
+        self._wait.look()
         if self._paused:
             return
         if self._state is None:
             self._begin_next()
-        elif self._torque is None and self._since is not None:
-            self._remind(self._state, time.monotonic() - self._since)
+        elif self._torque is None:
+            self._remind(self._state)
 
-    def _forgive(self) -> None:
-        """While this process itself stood still, nobody was late."""
-        stood_still = time.monotonic() - self._looked - LOOK_SECONDS
-        self._looked += stood_still + LOOK_SECONDS
-        if self._since is not None and stood_still > REPEAT_SECONDS:
-            self._since += stood_still
-
-    def _remind(self, state: RobotState, silence: float) -> None:
-        """Nobody has answered for so many seconds."""
-        if silence > self._own.answer_timeout:
+    def _remind(self, state: RobotState) -> None:
+        """Ask for a torque again, or end the episode."""
+        if self._wait.seconds > self._own.answer_timeout:
             self._live_controllers.said_nothing()
             self._end("silent", f"no torque for tick {state.tick} came in {self._own.answer_timeout:g} s")
-        elif silence > (self._reminders + 1) * REPEAT_SECONDS:
-            self._reminders += 1
+        elif self._wait.is_reminder_due():
             self._live_controllers.asked_again()
-            if self._reminders == 1:
+            if self._wait.reminders == 1:
                 self.get_logger().warning(f"waits for {self._missing()}")
-            self._tell(Episode.RUNNING)
-            self._told.again(state, self._episode.episode, stamp(self._clock_ticks))
+            self._announce(Episode.RUNNING)
+            self._topics.again(state, self._episode.episode, stamp(self._clock_ticks))
+
+    def _is_planned(self) -> bool:
+        """Whether the trainer has planned the next episode, where that matters."""
+        if self._own.trainer == "ignore":
+            return True
+        return self._plan is not None and self._plan.after_episode == self._episode.episode
 
     def _begin_next(self) -> None:
-        done = self._episode.episode
+        done, plan = self._episode.episode, self._plan
         if done >= self._own.episodes or not self._answered_by_someone():
             return
-        plan = self._plan
-        if self._own.trainer != "ignore" and (plan is None or plan.after_episode != done):
+        if not self._is_planned():
             self._wait_for_trainer()
-            return
-        if self._own.trainer == "follow" and plan is not None:
+        elif self._own.trainer == "follow" and plan is not None:
             self._begin(plan.seed, plan.sigma, plan.policy_version)
         else:
             self._begin(self._own.seed + done)
 
     def _wait_for_trainer(self) -> None:
-        if self._since is not None and time.monotonic() - self._since > self._own.trainer_timeout:
+        if self._wait.seconds > self._own.trainer_timeout:
             self._episode.outcome = "silent"
             self._episode.reason = f"the trainer has planned nothing in {self._own.trainer_timeout:g} s"
             self.get_logger().warning(self._episode.reason)
-            self._tell(Episode.ENDED)
-            self._since = None  # told once
+            self._announce(Episode.ENDED)
+            self._wait.give_up()  # said once
 
     def _answered_by_someone(self) -> bool:
-        return self._told.readers >= self._own.readers and self._live_controllers.any
+        return self._topics.readers >= self._own.readers and self._live_controllers.any
 
     def _set_pace(self, own: NodeParameters) -> None:
         """Follow a new pace between two ticks."""
         self._own = own
-        if self._pacer is not None:
-            self.destroy_timer(self._pacer)
-            self._pacer = None
-        pace = own.pace or float(own.real_time)
-        if pace > 0:
-            self._pacer = steady_timer(self, TICK_SECONDS / pace, self._on_pace)
-            self._ticks.start(TICK_SECONDS / pace)
-        self._due = self._pacer is None
+        self._ticks.set_pace(own.pace or float(own.real_time))
         self._go_on()  # with the torque that waited for its time
 
-    def _on_pace(self) -> None:
-        """A tick is due."""
-        self._due = True
-        if self._ticks.due() and self._pacer is not None:
-            self._pacer.reset()
+    def _on_due(self) -> None:
         self._go_on()
-        if self._due and self._own.real_time and self.executor is not None:
+        if self._ticks.due and self._own.real_time and self.executor is not None:
             self.executor.create_task(self._do_without)  # behind what has come in already
 
     def _do_without(self) -> None:
         """Real time does not wait for a torque, but for an episode's first."""
-        if self._state is None or not self._due or self._paused:
+        if self._state is None or not self._ticks.due or self._paused:
             return
         if self._state.tick == 0:
-            self._due = False  # the first tick begins at the next pace after its torque
+            self._ticks.due = False  # the first tick begins at the next pace after its torque
             return
         torque, source = self._stand_in.missed(self._state.dq)
         if source is Source.HELD and self._stand_in.gave_up:
@@ -311,15 +270,12 @@ class SimulatorNode(Node):
     def _missing(self) -> str:
         """What the simulator waits for; empty when it goes on."""
         if self._state is not None:
-            is_late = self._torque is None and self._since is not None
-            seconds = time.monotonic() - (self._since or 0.0) if is_late else 0.0
-            if self._paused or seconds <= REPEAT_SECONDS:
+            if self._paused or self._torque is not None or self._wait.seconds <= REPEAT_SECONDS:
                 return ""
             return f"the controller: no torque for tick {self._state.tick} of episode {self._episode.episode}"
         missing = [] if self._answered_by_someone() else ["a controller, or more readers"]
-        done, plan = self._episode.episode, self._plan
-        is_planned = self._own.trainer == "ignore" or (plan is not None and plan.after_episode == done)
-        missing += [] if is_planned else [f"the trainer: no plan after episode {done}"]
+        if not self._is_planned():
+            missing.append(f"the trainer: no plan after episode {self._episode.episode}")
         return " and ".join(missing)
 
     def _status(self) -> Status:
@@ -332,19 +288,6 @@ class SimulatorNode(Node):
         if not punctuality.is_fit:
             return WARN, f"this machine is not fit for real time: {punctuality}", figures
         return OK, f"episode {e.episode}" if self._state is not None else "between episodes", figures
-
-
-def episode_of(before: RestartPoint, stones: int) -> Episode:
-    """The newest episode of the simulator before this one."""
-    return Episode(
-        episode=before.episode,
-        tick=before.tick,
-        touchdowns=before.touchdowns,
-        seed=before.seed,
-        sigma=before.sigma if before.episode else math.nan,
-        policy_version=before.policy_version,
-        stones=stones,
-    )
 
 
 def main() -> None:

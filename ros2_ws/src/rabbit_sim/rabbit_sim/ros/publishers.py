@@ -1,5 +1,6 @@
-"""What the simulator tells: the messages of a tick, and where the episode stands."""
+"""What the simulator publishes and logs: the messages of a tick, and where the episode stands."""
 
+import math
 from collections.abc import Sequence
 
 from builtin_interfaces.msg import Time
@@ -13,6 +14,7 @@ from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 
+from rabbit_sim.restart_file import RestartPoint
 from rabbit_sim.simulation import Landing
 
 
@@ -20,23 +22,35 @@ class SimulatorPublishers:
     """The simulator's publishers."""
 
     def __init__(self, node: Node) -> None:
+        self._log = node.get_logger()
         self._states = node.create_publisher(RabbitState, "state", TICK)
         self._joints = node.create_publisher(JointState, "joint_states", TICK)
         self._clock = node.create_publisher(Clock, "clock", TICK)
         self._previews = node.create_publisher(PreviewMessage, "preview", EVENT)
         self._landings = node.create_publisher(LandingMessage, "landing", EVENT)
         self._episodes = node.create_publisher(Episode, "episode", EVENT)
-        self.begin()
+        self._preview: StonePreview | None = None
+        self._landings_sent = 0
 
     @property
     def readers(self) -> int:
         """Nodes that hear the state."""
         return int(self._states.get_subscription_count())
 
-    def begin(self) -> None:
-        """Another episode begins."""
-        self._preview: StonePreview | None = None
-        self._landings_told = 0
+    def begin(self, e: Episode) -> None:
+        """Another episode begins; logs it as in `episode 2 begins: seed 8, 20 stones, policy 1f2e3d4c5b6a`."""
+        self._preview, self._landings_sent = None, 0
+        policy = f", policy {e.policy_version}" if e.policy_version else ""
+        self._log.info(f"episode {e.episode} begins: seed {e.seed}, {e.stones} stones{policy}")
+
+    def end(self, e: Episode) -> None:
+        """Logs it as in `episode 2 ends, fall: 7 of 20 stones, 341 ticks`; an episode with a reason is a warning."""
+        walked = e.touchdowns - (e.outcome == "miss")
+        line = f"episode {e.episode} ends, {e.outcome}: {walked} of {e.stones} stones, {e.tick} ticks"
+        if e.reason:
+            self._log.warning(f"{line}: {e.reason}")
+        else:
+            self._log.info(line)
 
     def episode(self, message: Episode) -> None:
         """Where the episode stands."""
@@ -50,10 +64,10 @@ class SimulatorPublishers:
         self._states.publish(state_message(state, episode, at))
         self._clock.publish(Clock(clock=at))  # while the controller works
         self._joints.publish(joint_state(state, at))
-        for landing in landings[self._landings_told :]:
+        for landing in landings[self._landings_sent :]:
             fields = {name: getattr(landing, name) for name in ("tick", "index", "l", "l_min", "l_max", "on_stone")}
             self._landings.publish(LandingMessage(stamp=at, episode=episode, **fields))
-        self._landings_told = len(landings)
+        self._landings_sent = len(landings)
 
     def again(self, state: RobotState, episode: int, at: Time) -> None:
         """What the answer to a tick needs: its reader may just have come, or have heard something else."""
@@ -62,14 +76,21 @@ class SimulatorPublishers:
         self._states.publish(state_message(state, episode, at))
 
 
-def beginning(e: Episode) -> str:
-    """The log's line, as in `episode 2 begins: seed 8, 20 stones, policy 1f2e3d4c5b6a`."""
-    policy = f", policy {e.policy_version}" if e.policy_version else ""
-    return f"episode {e.episode} begins: seed {e.seed}, {e.stones} stones{policy}"
+KEPT = ("episode", "tick", "touchdowns", "seed", "sigma", "policy_version")  # of an episode, in the restart file
 
 
-def ending(e: Episode) -> str:
-    """The log's line, as in `episode 2 ends, fall: 7 of 20 stones, 341 ticks`; a reason goes last."""
-    walked = e.touchdowns - (e.outcome == "miss")
-    reason = f": {e.reason}" if e.reason else ""
-    return f"episode {e.episode} ends, {e.outcome}: {walked} of {e.stones} stones, {e.tick} ticks{reason}"
+def restart_point(e: Episode, clock_ticks: int) -> RestartPoint:
+    """What the restart file holds of an episode."""
+    running = e.phase in (Episode.RUNNING, Episode.PAUSED)
+    return RestartPoint(clock_ticks=clock_ticks, running=running, **{name: getattr(e, name) for name in KEPT})
+
+
+def episode_of(before: RestartPoint, stones: int) -> Episode:
+    """The newest episode of the simulator before this one; where that was killed in its middle, it is over."""
+    episode = Episode(stones=stones, **{name: getattr(before, name) for name in KEPT})
+    if not before.episode:
+        episode.sigma = math.nan
+    if before.running:
+        episode.outcome, episode.reason = "reset", "the simulator was started again"
+        episode.phase = Episode.ENDED
+    return episode

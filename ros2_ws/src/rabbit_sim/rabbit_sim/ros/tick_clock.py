@@ -1,13 +1,16 @@
-"""The clock of real time: when ticks are due and were simulated, how long torques took; told on `timing`."""
+"""The pace of ticks: says when one is due, measures how punctual it was and how long torques took (topic `timing`)."""
 
 import math
+from collections.abc import Callable
 
 from builtin_interfaces.msg import Time
 from rabbit_description.state import TICK_SECONDS
 from rabbit_msgs.msg import Timing
 from rabbit_ros.ros.qos import TICK
+from rabbit_ros.ros.spin import steady_timer
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
+from rclpy.timer import Timer
 
 from rabbit_sim.real_time import LATE_SECONDS, Punctuality, Source
 
@@ -15,26 +18,36 @@ NANOSECOND = 1e-9
 
 
 class TickClock:
-    """Times by the clock that the node's timers go by."""
+    """Times by the clock that the node's timers go by. `due`: the next tick may be simulated."""
 
-    def __init__(self, node: Node, late_limit: float) -> None:
-        self.punctuality = Punctuality(late_limit)
+    def __init__(self, node: Node, late_limit: float, on_due: Callable[[], None]) -> None:
+        self.punctuality, self.due = Punctuality(late_limit), True
+        self._node, self._on_due = node, on_due
+        self._timer: Timer | None = None
         self._clock = Clock(clock_type=ClockType.STEADY_TIME)
         self._publisher = node.create_publisher(Timing, "timing", TICK)
-        self._sent = self._acting_sent = self._response = math.nan
-        self.start(TICK_SECONDS)
+        self._late, self._sent, self._acting_sent, self._response = 0.0, math.nan, math.nan, math.nan
 
-    def start(self, period: float) -> None:
-        """Ticks are due every `period` s from now on; call it beside the timer's start."""
-        self._period, self._due, self._late = period, self._now(), 0.0
+    def set_pace(self, pace: float) -> None:
+        """Ticks are due `pace` times as often as in real time, from now on; 0: at any time."""
+        if self._timer is not None:
+            self._node.destroy_timer(self._timer)
+            self._timer = None
+        if pace > 0:
+            self._period = TICK_SECONDS / pace
+            self._timer = steady_timer(self._node, self._period, self._tick_is_due)
+            self._due_at, self._late = self._now(), 0.0
+        self.due = self._timer is None
 
-    def due(self) -> bool:
-        """A tick is due: the timer says so. True: that late that the timer is to begin anew, for a whole next tick."""
-        now = self._now()
-        self._late = max(0.0, now - self._due - self._period)
-        is_late = self._late > LATE_SECONDS
-        self._due = now if is_late else self._due + self._period
-        return is_late
+    def _tick_is_due(self) -> None:
+        """One that comes too late is followed by a whole next one."""
+        now, self.due = self._now(), True
+        self._late = max(0.0, now - self._due_at - self._period)
+        self._due_at += self._period
+        if self._late > LATE_SECONDS and self._timer is not None:
+            self._due_at = now
+            self._timer.reset()
+        self._on_due()
 
     def sent(self) -> None:
         """A state went out."""
@@ -45,13 +58,17 @@ class TickClock:
         self._response = self._now() - self._sent
 
     def simulated(self, at: Time, episode: int, tick: int, source: Source) -> None:
-        """A tick that began `at` this simulated time was simulated under what `source` says."""
+        """A tick of real time that began `at` this simulated time was simulated under what `source` says."""
         if source is Source.ANSWER:
             self._acting_sent = self._sent
         self.punctuality.add(self._late, source)
         age = math.nan if source is Source.DAMPING else self._now() - self._acting_sent
-        told = {"source": int(source), "late": self._late, "response": self._response, "age": age}
-        self._publisher.publish(Timing(stamp=at, episode=episode, tick=tick, **told))
+        measured = {"source": int(source), "late": self._late, "response": self._response, "age": age}
+        self._publisher.publish(Timing(stamp=at, episode=episode, tick=tick, **measured))
+
+    def wait(self) -> None:
+        """A tick was simulated: the next one is due in its time."""
+        self.due = self._timer is None
 
     def _now(self) -> float:
         return float(self._clock.now().nanoseconds) * NANOSECOND

@@ -1,6 +1,7 @@
 """The trainer's messages from its dataclasses, and what it hears, checked."""
 
 from array import array
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,8 @@ from rl_trainer.reward import reward_terms
 from rl_trainer.training import EpisodePlan
 from rl_trainer.transitions import Doubt, Transition
 
-SEQUENCES = ("observation", "alpha", "beta", "nominal", "measured", "next_observation")
+NUMBERS = ("tick", "step_index", "failed")
+ARRAYS = tuple(field.name for field in fields(Transition) if field.name not in (*NUMBERS, "problem", "doubt"))
 ZERO = "zero"
 
 
@@ -31,37 +33,23 @@ def transition_message(
     message = msg.Transition(
         stamp=at,
         episode=episode,
-        tick=transition.tick,
-        step_index=transition.step_index,
         problem=str(transition.problem),
-        lgv=transition.LgV,
-        mu=transition.mu,
-        next_lgv=transition.next_LgV,
-        mu_qp=transition.mu_qp,
-        next_mu=transition.next_mu,
         reward_terms=array("d", terms.estimation.tobytes()),
         reward=terms.total,
-        failed=transition.failed,
         doubt=int(transition.doubt),
+        **{name: getattr(transition, name) for name in NUMBERS},
     )
-    for name in SEQUENCES:
-        setattr(message, name, array("d", getattr(transition, name).tobytes()))
+    for name in ARRAYS:
+        setattr(message, name.lower(), array("d", getattr(transition, name).tobytes()))
     return message
 
 
 def transition_of(message: msg.Transition) -> Transition:
     """A transition from its message."""
-    values: dict[str, Any] = {name: np.array(getattr(message, name)) for name in (*SEQUENCES, "mu", "mu_qp", "next_mu")}
-    return Transition(
-        problem=find_problem(message.problem),
-        tick=message.tick,
-        step_index=message.step_index,
-        LgV=np.array(message.lgv),
-        next_LgV=np.array(message.next_lgv),
-        failed=message.failed,
-        doubt=Doubt(message.doubt),
-        **{**values, "alpha": values["alpha"].reshape(len(message.beta), -1)},
-    )
+    values: dict[str, Any] = {name: np.array(getattr(message, name.lower())) for name in ARRAYS}
+    values["alpha"] = values["alpha"].reshape(len(message.beta), -1)
+    values |= {name: getattr(message, name) for name in NUMBERS}
+    return Transition(problem=find_problem(message.problem), doubt=Doubt(message.doubt), **values)
 
 
 def weights_message(policy: PolicyFile, source: str, at: Time) -> msg.PolicyWeights:
