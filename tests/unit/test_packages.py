@@ -26,7 +26,12 @@ NEVER_LOADED = {
     for each in LINTER["contracts"]
     if len(each.get("source_modules", ())) == 1
 }
-BROUGHT_BY = {"pydantic_core": "pydantic", "annotated_types": "pydantic", "mpl_toolkits": "matplotlib"}
+BROUGHT_BY = {
+    "pydantic_core": "pydantic",
+    "pybullet_utils": "pybullet",
+    "annotated_types": "pydantic",
+    "mpl_toolkits": "matplotlib",
+}
 BROUGHT_BY |= {"foxglove": "foxglove_sdk", "torch.utils.tensorboard": "tensorboard"}
 DISTRIBUTIONS = {"yaml": "pyyaml", "pinocchio": "pin"}  # what pip calls them
 IMPORT_ALL = """

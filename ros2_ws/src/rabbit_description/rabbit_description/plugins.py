@@ -30,11 +30,6 @@ def load(group: str, name: str) -> Any:
         raise LookupError(f"{group} {name}: it needs the library {error.name}, which is not installed") from error
 
 
-def modules(group: str) -> tuple[str, ...]:
-    """The modules that the parts are in."""
-    return tuple(sorted({entry.module for entry in _found(group).values()}))
-
-
 def _found(group: str) -> dict[str, EntryPoint]:
     """By name; raises `LookupError` where two packages bring different parts under one name."""
     found: dict[str, EntryPoint] = {}

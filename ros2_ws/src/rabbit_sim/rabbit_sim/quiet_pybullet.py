@@ -24,5 +24,6 @@ def _silenced_stderr() -> Iterator[None]:
 
 with _silenced_stderr():
     import pybullet
+    from pybullet_utils.bullet_client import BulletClient
 
-__all__ = ["pybullet"]
+__all__ = ["BulletClient", "pybullet"]

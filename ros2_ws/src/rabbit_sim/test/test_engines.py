@@ -11,7 +11,6 @@ from rabbit_sim.kinematics import RabbitFeet
 from rabbit_sim.mujoco_plant import MujocoPlant
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.pybullet_plant import CONTACT_DAMPING, CONTACT_STIFFNESS, FOOT_RADIUS, PybulletPlant
-from rabbit_sim.quiet_pybullet import pybullet
 from rabbit_sim.rigid_plant import RigidPlant
 
 PERTURBED = {"mass_scale": 1.7, "payload": 11.0, "payload_height": 0.4, "link_bend": 0.06, "joint_damping": 2.5}
@@ -49,9 +48,9 @@ def test_pybullet_accelerates_as_pinocchio_in_free_flight(random_state, truth, c
     robot, dt = truth(**changes), 1e-5
     q, dq = random_state(seed)
     with world(PybulletPlant, robot.parameters, q, dq) as plant:
-        pybullet.setTimeStep(dt, physicsClientId=plant._client)
+        plant._client.setTimeStep(dt)
         plant._apply(TORQUE)
-        pybullet.stepSimulation(physicsClientId=plant._client)
+        plant._client.stepSimulation()
         measured = (plant._joint_states()[1] - dq) / dt
     expected = robot.free_acceleration(q, dq, TORQUE)
     assert np.abs(measured - expected).max() <= 1e-9 * np.abs(expected).max()

@@ -24,7 +24,7 @@ from rl_trainer.actor import Actor
 from rl_trainer.learner import Learner
 from rl_trainer.parameters import LEARNERS, TrainingParameters
 from rl_trainer.replay import Replay
-from rl_trainer.reward import reward_terms
+from rl_trainer.reward import RewardTerms, reward_terms
 from rl_trainer.transitions import Doubt, Transition, TransitionBuilder
 
 CRITIC_FIRST = 1000  # updates with a critic that knows nothing yet, which take an actor away from where it began
@@ -255,7 +255,7 @@ class Trainer:
             kept=self._kept,
             failed=bool(episode and episode[-1].failed),
             fault=self._fault,
-            reward={**dict(zip(p.problem.quantities, mean.tolist(), strict=True)), "failure": failure},
+            reward=RewardTerms(mean, failure).named(p.problem.quantities),
             losses=losses,
             left_out={f.name.lower(): sum(f in t.doubt for t in episode) for f in Doubt if f.name},
         )

@@ -85,7 +85,6 @@ class TrainerNode(Node):
         self._report: EpisodeReport | None = None
         self._verdict: Verdict | None = None
         self._kept_back = 0
-        self._is_disk_told = False
         self._connect()
         self.get_logger().info(f"ready: learns {training.problem}, begins with policy {own.policy}")
 
@@ -194,12 +193,11 @@ class TrainerNode(Node):
                 self._learning.end(state, episode, (episode, stamp))
 
     def _look(self) -> None:
-        """Begin, when the latched episodes are heard; give up what an ended one still owes; tell of a full disk."""
+        """Begin, when the latched episodes are heard; give up what an ended one still owes; log a full disk."""
         if not self._started and self._newest:
             self._start(self._newest)
-        if self._learning.kept.error and not self._is_disk_told:
-            self._is_disk_told = True
-            self.get_logger().error(self._learning.kept.error)
+        if self._learning.kept.error:
+            self.get_logger().error(self._learning.kept.error, once=True)
         now = time.monotonic()
         if not self._walk.is_held_up:
             self._held_up_since = None
