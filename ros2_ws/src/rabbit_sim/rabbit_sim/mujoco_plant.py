@@ -20,16 +20,11 @@ import numpy as np
 import pinocchio
 from rabbit_description.state import Array, Leg
 
-from rabbit_sim.actuation import Actuation, JointDamping
-from rabbit_sim.kinematics import RabbitFeet
+from rabbit_sim.engine_plant import FOOT_RADIUS, STONE_DEPTH, EnginePlant
 from rabbit_sim.parameters import SUBSTEP_SECONDS, SimulationParameters
-from rabbit_sim.plant import CONTACT_FORCE, SUBSTEPS, PlantReading, Span
-from rabbit_sim.robot_urdf import perturbed_urdf
+from rabbit_sim.plant import Span
 from rabbit_sim.terrain import KEPT_STONES
-from rabbit_sim.touchdown_detector import TouchdownDetector
 
-FOOT_RADIUS = 0.002  # m, of the URDF's foot sphere: a foot's centre at z = 0 stands on a top at -FOOT_RADIUS
-STONE_DEPTH = 1.0  # m
 CONTACT_TIME, CONTACT_DAMPING_RATIO = 0.002, 3.0  # s, two substeps at least; 1
 AWAY = -100.0  # m, where unused stones lie
 FOOT = {  # its friction and softness count, not the stone's
@@ -46,35 +41,24 @@ JOINTS = {"JointModelPX": ("slide", "1 0 0"), "JointModelPZ": ("slide", "0 0 1")
 FEET = ("left_foot", "right_foot")
 
 
-class MujocoPlant:
-    """RABBIT on boxes. See `Plant` for the methods."""
+class MujocoPlant(EnginePlant):
+    """RABBIT in a model that is compiled once; the stones are moved and resized."""
 
     def __init__(self, parameters: SimulationParameters) -> None:
-        self._kinematics = RabbitFeet(parameters.link_bend)
-        urdf = perturbed_urdf(parameters)
-        self._model = mujoco.MjModel.from_xml_string(robot_mjcf(urdf, parameters.ground_friction))
+        super().__init__(parameters)
+        self._model = mujoco.MjModel.from_xml_string(robot_mjcf(self._robot_urdf, parameters.ground_friction))
         self._data = mujoco.MjData(self._model)
-        self._actuation = Actuation(parameters)
-        self._damping = JointDamping(urdf, parameters.joint_damping) if parameters.joint_damping else None
         names = [self._model.geom(i).name for i in range(self._model.ngeom)]
         self._foot_of_geom = {names.index(foot): leg for foot, leg in zip(FEET, Leg, strict=True)}
         self._stone_geoms = [i for i, name in enumerate(names) if name.startswith("stone")]
 
-    def close(self) -> None:
-        """Nothing to give back."""
-
-    def reset(self, q: Array, dq: Array, stance: Leg) -> None:
-        """A new world, so that nothing (motors, warm starts, stones) is left of the last episode."""
+    def _make_world(self, q: Array, dq: Array) -> None:
         mujoco.mj_resetData(self._model, self._data)
         self._data.qpos, self._data.qvel = q, dq
-        self._actuation.reset()
         self.set_stones([])
-        self._force = np.zeros((2, 2))
-        self._contact = np.array([stance is Leg.LEFT, stance is Leg.RIGHT])
-        self._watch = TouchdownDetector(self._locate_feet)
 
     def set_stones(self, spans: Sequence[Span]) -> None:
-        """Have exactly these boxes. Wider by the foot's radius, so that a foot's centre on the edge still stands."""
+        """Place and resize boxes; those that are not needed lie far away."""
         for i, geom in enumerate(self._stone_geoms):
             near, far = spans[i] if i < len(spans) else (AWAY, AWAY)
             half = np.array([(far - near) / 2 + FOOT_RADIUS, 0.5, STONE_DEPTH / 2])
@@ -82,32 +66,14 @@ class MujocoPlant:
             self._model.geom_rbound[geom] = np.linalg.norm(half)
             self._data.mocap_pos[i] = (near + far) / 2, 0.0, -FOOT_RADIUS - STONE_DEPTH / 2
 
-    def advance(self, command: Array) -> None:
-        """Ten substeps, each under its torque."""
-        self._watch.begin_tick(self._locate_feet())
-        forces = []
-        for torque in self._actuation.advance(command):
-            self._data.qfrc_applied[3:] = self.damped(torque)
-            mujoco.mj_step(self._model, self._data)
-            forces.append(self._contact_forces())
-            self._watch.substep(forces[-1])
-        self._force = np.add.reduce(forces) / SUBSTEPS
-        self._contact = np.maximum.reduce(forces)[:, 1] > CONTACT_FORCE  # at any moment: a foot may bounce within it
+    def _substep(self, torque: Array) -> None:
+        self._data.qfrc_applied[3:] = torque
+        mujoco.mj_step(self._model, self._data)
 
-    def damped(self, torque: Array) -> Array:
-        """`torque` (4,) of the motors with the joints' damping at the present state, N m."""
-        return torque + self._damping.torque(self._data.qpos, self._data.qvel) if self._damping else torque
-
-    def observe(self) -> PlantReading:
-        """The truth after the last tick."""
-        q, dq = self._data.qpos.copy(), self._data.qvel.copy()
-        return PlantReading(q, dq, self._force, self._locate_feet(), self._contact, tuple(self._watch.touches))
-
-    def _locate_feet(self) -> Array:
-        return self._kinematics.positions(self._data.qpos)
+    def _joint_states(self) -> tuple[Array, Array]:
+        return self._data.qpos.copy(), self._data.qvel.copy()
 
     def _contact_forces(self) -> list[list[float]]:
-        """Force on each foot in the last substep, rows left, right; columns x, z; N."""
         force = [[0.0, 0.0], [0.0, 0.0]]
         contact = self._data.contact
         for (geom, _), frame, start in zip(contact.geom, contact.frame, contact.efc_address, strict=True):

@@ -8,13 +8,10 @@ from typing import Any
 import numpy as np
 from rabbit_description.state import ACTUATED, COORDINATES, Array, Leg
 
-from rabbit_sim.actuation import Actuation, JointDamping
-from rabbit_sim.kinematics import RabbitFeet
+from rabbit_sim.engine_plant import FOOT_RADIUS, STONE_DEPTH, EnginePlant
 from rabbit_sim.parameters import SUBSTEP_SECONDS, SimulationParameters
-from rabbit_sim.plant import CONTACT_FORCE, SUBSTEPS, PlantReading, Span
+from rabbit_sim.plant import Span
 from rabbit_sim.quiet_pybullet import BulletClient, pybullet
-from rabbit_sim.robot_urdf import perturbed_urdf
-from rabbit_sim.touchdown_detector import TouchdownDetector
 
 GRAVITY = 9.81
 SOLVER_ITERATIONS = 50
@@ -23,22 +20,16 @@ ERP = 0.1  # share of a contact's or joint's position error mended per substep
 # starts at no force and may stay there, so a standing foot lets go. Compliance leaves the one that presses.
 CONTACT_STIFFNESS = 1e6  # N/m
 CONTACT_DAMPING = 3e4  # N s/m; impacts are inelastic: with less the rubber throws the foot back
-FOOT_RADIUS = 0.002  # m, of the URDF's foot sphere: a foot's centre at z = 0 stands on a top at -FOOT_RADIUS
-STONE_DEPTH = 1.0  # m
 
 
-class PybulletPlant:
-    """RABBIT in a physics client of its own, without graphics. See `Plant` for the methods."""
+class PybulletPlant(EnginePlant):
+    """RABBIT in a physics client of its own, without graphics."""
 
     def __init__(self, parameters: SimulationParameters) -> None:
-        self._parameters = parameters
-        self._actuation = Actuation(parameters)
-        self._kinematics = RabbitFeet(parameters.link_bend)
-        urdf = perturbed_urdf(parameters)
-        self._damping = JointDamping(urdf, parameters.joint_damping) if parameters.joint_damping else None
+        super().__init__(parameters)
         self._folder = tempfile.TemporaryDirectory(prefix="rabbit_sim_")
         self._urdf = Path(self._folder.name) / "rabbit.urdf"
-        self._urdf.write_text(urdf, encoding="utf-8")
+        self._urdf.write_text(self._robot_urdf, encoding="utf-8")
         self._client = BulletClient(pybullet.DIRECT)
 
     def close(self) -> None:
@@ -47,20 +38,13 @@ class PybulletPlant:
             self._client.disconnect()
             self._folder.cleanup()
 
-    def reset(self, q: Array, dq: Array, stance: Leg) -> None:
-        """A new world, so that nothing (motors, warm starts, stones) is left of the last episode."""
+    def _make_world(self, q: Array, dq: Array) -> None:
         self._client.resetSimulation()
         self._configure_engine()
         self._load_robot()
         for joint, position, velocity in zip(self._joints, q.tolist(), dq.tolist(), strict=True):
             self._client.resetJointState(self._robot, joint, position, velocity)
-        self._actuation.reset()
         self._stones: dict[Span, int] = {}
-        self._q, self._dq = q.copy(), dq.copy()
-        self._force = np.zeros((2, 2))
-        self._contact = np.array([stance is Leg.LEFT, stance is Leg.RIGHT])
-        self._feet = self._locate_feet()
-        self._watch = TouchdownDetector(self._locate_feet)
 
     def _configure_engine(self) -> None:
         self._client.setGravity(0, 0, -GRAVITY)
@@ -98,7 +82,7 @@ class PybulletPlant:
             raise RuntimeError(f"PyBullet kept friction {info[1]}, restitution {info[5]}: expected {friction}, 0")
 
     def set_stones(self, spans: Sequence[Span]) -> None:
-        """Have exactly these boxes. Wider by the foot's radius, so that a foot's centre on the edge still stands."""
+        """Add and remove boxes."""
         for span in set(self._stones) - set(spans):
             self._client.removeBody(self._stones.pop(span))
         for span in spans:
@@ -113,32 +97,12 @@ class PybulletPlant:
         self._set_surface(body, -1, 1.0)
         return body
 
-    def advance(self, command: Array) -> None:
-        """Ten substeps; the torque is given anew at each, as PyBullet forgets it."""
-        self._watch.begin_tick(self._feet)
-        impulse, peak = np.zeros((2, 2)), np.zeros((2, 2))
-        for torque in self._actuation.advance(command):
-            self._apply(torque)
-            self._client.stepSimulation()
-            force = self._contact_forces()
-            self._watch.substep(force)
-            impulse += force
-            peak = np.maximum(peak, force)
-        self._force = impulse / SUBSTEPS
-        self._contact = peak[:, 1] > CONTACT_FORCE  # at any moment of the tick: a foot may bounce within it
-        self._q, self._dq = self._joint_states()
-        self._feet = self._kinematics.positions(self._q)
-
-    def observe(self) -> PlantReading:
-        """The truth after the last tick."""
-        return PlantReading(self._q, self._dq, self._force, self._feet, self._contact, tuple(self._watch.touches))
-
-    def _locate_feet(self) -> Array:
-        return self._kinematics.positions(self._joint_states()[0])
+    def _substep(self, torque: Array) -> None:
+        self._apply(torque)
+        self._client.stepSimulation()
 
     def _apply(self, torque: Array) -> None:
-        if self._damping is not None:
-            torque = torque + self._damping.torque(*self._joint_states())
+        """For the next substep alone, as PyBullet forgets it."""
         self._client.setJointMotorControlArray(
             self._robot, self._motors, pybullet.TORQUE_CONTROL, forces=torque.tolist()
         )
@@ -148,7 +112,6 @@ class PybulletPlant:
         return np.array([s[0] for s in states]), np.array([s[1] for s in states])
 
     def _contact_forces(self) -> list[list[float]]:
-        """Force on each foot in the last substep, rows left, right; columns x, z; N."""
         force = [[0.0, 0.0], [0.0, 0.0]]
         for point in self._client.getContactPoints(bodyA=self._robot):
             foot = force[self._foot_of_link[point[3]]]

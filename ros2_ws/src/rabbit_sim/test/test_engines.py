@@ -6,11 +6,12 @@ import mujoco
 import numpy as np
 import pytest
 from rabbit_description.state import TICK_SECONDS, Leg
+from rabbit_sim.engine_plant import FOOT_RADIUS
 from rabbit_sim.initial_state import project
 from rabbit_sim.kinematics import RabbitFeet
 from rabbit_sim.mujoco_plant import MujocoPlant
 from rabbit_sim.parameters import SimulationParameters
-from rabbit_sim.pybullet_plant import CONTACT_DAMPING, CONTACT_STIFFNESS, FOOT_RADIUS, PybulletPlant
+from rabbit_sim.pybullet_plant import CONTACT_DAMPING, CONTACT_STIFFNESS, PybulletPlant
 from rabbit_sim.rigid_plant import RigidPlant
 
 PERTURBED = {"mass_scale": 1.7, "payload": 11.0, "payload_height": 0.4, "link_bend": 0.06, "joint_damping": 2.5}
@@ -49,7 +50,7 @@ def test_pybullet_accelerates_as_pinocchio_in_free_flight(random_state, truth, c
     q, dq = random_state(seed)
     with world(PybulletPlant, robot.parameters, q, dq) as plant:
         plant._client.setTimeStep(dt)
-        plant._apply(TORQUE)
+        plant._apply(plant.damped(TORQUE))
         plant._client.stepSimulation()
         measured = (plant._joint_states()[1] - dq) / dt
     expected = robot.free_acceleration(q, dq, TORQUE)

@@ -1,0 +1,91 @@
+"""What a plant in a physics engine does whatever the engine: ten substeps a tick, each under its own torque.
+
+An engine says how it takes a substep, where the joints are, and with what force each foot stands.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+
+import numpy as np
+from rabbit_description.state import Array, Leg
+
+from rabbit_sim.actuation import Actuation, JointDamping
+from rabbit_sim.kinematics import RabbitFeet
+from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.plant import CONTACT_FORCE, SUBSTEPS, PlantReading, Span
+from rabbit_sim.robot_urdf import perturbed_urdf
+from rabbit_sim.touchdown_detector import TouchdownDetector
+
+FOOT_RADIUS = 0.002  # m, of the URDF's foot sphere: a foot's centre at z = 0 stands on a top at -FOOT_RADIUS
+STONE_DEPTH = 1.0  # m
+
+
+class EnginePlant(ABC):
+    """RABBIT on stones that are boxes. See `Plant` for the methods."""
+
+    def __init__(self, parameters: SimulationParameters) -> None:
+        self._parameters = parameters
+        self._robot_urdf = perturbed_urdf(parameters)
+        self._actuation = Actuation(parameters)
+        self._kinematics = RabbitFeet(parameters.link_bend)
+        damping = parameters.joint_damping
+        self._damping = JointDamping(self._robot_urdf, damping) if damping else None
+
+    def close(self) -> None:  # noqa: B027  MuJoCo has nothing
+        """Nothing to give back, unless the engine has something."""
+
+    def reset(self, q: Array, dq: Array, stance: Leg) -> None:
+        """A new world, so that nothing (motors, warm starts, stones) is left of the last episode."""
+        self._make_world(q, dq)
+        self._actuation.reset()
+        self._force = np.zeros((2, 2))
+        self._contact = np.array([stance is Leg.LEFT, stance is Leg.RIGHT])
+        self._watch = TouchdownDetector(self._locate_feet)
+        self._look()
+
+    def advance(self, command: Array) -> None:
+        """One tick under `command` (4,), N m."""
+        self._watch.begin_tick(self._feet)
+        forces = []
+        for torque in self._actuation.advance(command):
+            self._substep(self.damped(torque))
+            forces.append(self._contact_forces())
+            self._watch.substep(forces[-1])
+        self._force = np.add.reduce(forces) / SUBSTEPS
+        self._contact = np.maximum.reduce(forces)[:, 1] > CONTACT_FORCE  # at any moment: a foot may bounce within it
+        self._look()
+
+    def observe(self) -> PlantReading:
+        """The truth after the last tick."""
+        return PlantReading(self._q, self._dq, self._force, self._feet, self._contact, tuple(self._watch.touches))
+
+    def damped(self, torque: Array) -> Array:
+        """`torque` (4,) of the motors with the joints' damping at the present state, N m."""
+        return torque + self._damping.torque(*self._joint_states()) if self._damping else torque
+
+    def _look(self) -> None:
+        self._q, self._dq = self._joint_states()
+        self._feet = self._kinematics.positions(self._q)
+
+    def _locate_feet(self) -> Array:
+        return self._kinematics.positions(self._joint_states()[0])
+
+    @abstractmethod
+    def set_stones(self, spans: Sequence[Span]) -> None:
+        """Have exactly these boxes. Wider by the foot's radius, so that a foot's centre on the edge still stands."""
+
+    @abstractmethod
+    def _make_world(self, q: Array, dq: Array) -> None:
+        """The robot in a state, and no stone."""
+
+    @abstractmethod
+    def _substep(self, torque: Array) -> None:
+        """Go on `SUBSTEP_SECONDS` under `torque` (4,), N m, at the joints."""
+
+    @abstractmethod
+    def _joint_states(self) -> tuple[Array, Array]:
+        """`q`, `dq` (7,), new arrays."""
+
+    @abstractmethod
+    def _contact_forces(self) -> list[list[float]]:
+        """Force on each foot in the last substep, rows left, right; columns x, z; N."""
