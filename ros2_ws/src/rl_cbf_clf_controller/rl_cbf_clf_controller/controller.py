@@ -206,8 +206,8 @@ class Controller:
             tick=state.tick,
             torque=self._step.torque,
         )
-        self._output_acceleration = outputs.second_derivative(dynamics.acceleration)
-        return Terms.of(self.recipe.quantities, scene, dynamics, precontrol(self._output_acceleration))
+        control = precontrol(outputs.second_derivative(dynamics.acceleration))
+        return Terms.of(self.recipe.quantities, scene, dynamics, control)
 
     def _output(self, state: RobotState, fault: str) -> ControllerOutput:
         p, step, scene, terms, decided = self.parameters, self._step, self.terms.scene, self.terms, self.decided
@@ -223,7 +223,8 @@ class Controller:
         saturated = bool(np.abs(torque - wanted).max() > ROUNDING)
         if saturated:
             mu = np.linalg.solve(control.a, torque - control.b)
-        mu_held, step.torque = self._output_acceleration(step.torque), torque
+        mu_held = scene.outputs.second_derivative(terms.dynamics.acceleration)(step.torque)
+        step.torque = torque
         return ControllerOutput(
             tick=state.tick,
             torque=torque[SWAP_TORQUE] if step.stance is Leg.RIGHT else torque,
