@@ -18,6 +18,10 @@ from rabbit_sim.touchdown_detector import TouchdownDetector
 
 FOOT_RADIUS = 0.002  # m, of the URDF's foot sphere: a foot's centre at z = 0 stands on a top at -FOOT_RADIUS
 STONE_DEPTH = 1.0  # m
+# A foot's rubber. A rigid contact has two answers where friction carries the leg (Painleve): an engine's iteration
+# starts at no force and may stay there, so a standing foot lets go. Compliance leaves the one that presses.
+CONTACT_STIFFNESS = 1e6  # N/m
+CONTACT_DAMPING = 3e4  # N s/m; impacts are inelastic: with less the rubber throws the foot back
 
 
 class EnginePlant(ABC):

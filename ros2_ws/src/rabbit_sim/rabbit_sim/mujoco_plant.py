@@ -1,14 +1,14 @@
 """The true plant in MuJoCo: a second engine, whose contacts share no code and no model with PyBullet's.
 
 The hip's three planar joints, the legs and their inertias come from the same perturbed URDF. A foot is a sphere; a
-stone is a box. MuJoCo lets the contact point accelerate as a damped spring on the penetration r would,
+stone is a box. A contact's force and acceleration obey, inside an elliptic friction cone, with the penetration -r,
 
-    r'' = -2 r' / T - r / (T zeta)^2,    T = CONTACT_TIME, zeta = CONTACT_DAMPING_RATIO,
+    r'' + R force = -b r' - k r,    R = 1 / m    where the impedance is 1/2; m: MuJoCo's estimate of the leg's mass
 
-within an elliptic friction cone. At a leg of apparent mass m that is a spring of stiffness m / (T zeta)^2 and damping
-2 m / T. With m = 22 kg at mass scale 1 and 43 kg at 2 (medians of walks) these are 0.6e6 and 1.2e6 N/m, 2.2e4 and
-4.3e4 N s/m: about the rubber of `pybullet_plant.py`, which a foot needs here too. With zeta = 1, MuJoCo's default, a
-standing foot sinks by some um and lets go where friction carries the leg (Painleve).
+so a resting foot stands on a rubber of stiffness m k and damping m b. They are those of `engine_plant.py`, but that b
+is at most 1 / substep: friction has the same b, and would swing with a larger one. (So the damping is 1.3e4 N s/m at
+mass scale 1.) MuJoCo's default impedance, near 1, is over a hundred times as stiff: a standing foot sinks by some um,
+and lets go where friction carries the leg (Painleve).
 """
 
 from collections.abc import Sequence
@@ -20,20 +20,18 @@ import numpy as np
 import pinocchio
 from rabbit_description.state import Array, Leg
 
-from rabbit_sim.engine_plant import FOOT_RADIUS, STONE_DEPTH, EnginePlant
+from rabbit_sim.engine_plant import CONTACT_DAMPING, CONTACT_STIFFNESS, FOOT_RADIUS, STONE_DEPTH, EnginePlant
 from rabbit_sim.parameters import SUBSTEP_SECONDS, SimulationParameters
 from rabbit_sim.plant import Span
 from rabbit_sim.terrain import KEPT_STONES
 
-CONTACT_TIME, CONTACT_DAMPING_RATIO = 0.002, 3.0  # s, two substeps at least; 1
+IMPEDANCE = (0.5, 0.5, 0.001, 0.5, 2.0)  # 1/2, whatever the penetration
 AWAY = -100.0  # m, where unused stones lie
-FOOT = {  # its friction and softness count, not the stone's
+FOOT = {  # priority: its friction and softness count, not the stone's
     "type": "sphere",
     "size": repr(FOOT_RADIUS),
     "priority": "1",
     "condim": "3",
-    "solref": f"{CONTACT_TIME} {CONTACT_DAMPING_RATIO}",
-    "solimp": "0.99 0.99 0.001",
     "contype": "1",
     "conaffinity": "0",
 }
@@ -50,6 +48,11 @@ class MujocoPlant(EnginePlant):
         self._data = mujoco.MjData(self._model)
         names = [self._model.geom(i).name for i in range(self._model.ngeom)]
         self._foot_of_geom = {names.index(foot): leg for foot, leg in zip(FEET, Leg, strict=True)}
+        for foot in self._foot_of_geom:
+            inverse_mass = self._model.body_invweight0[self._model.geom_bodyid[foot], 0]
+            k, b = CONTACT_STIFFNESS * inverse_mass, min(CONTACT_DAMPING * inverse_mass, 1 / SUBSTEP_SECONDS)
+            self._model.geom_solref[foot] = -k / 2, -b / 2  # MuJoCo divides by the impedance
+            self._model.geom_solimp[foot] = IMPEDANCE
         self._stone_geoms = [i for i, name in enumerate(names) if name.startswith("stone")]
 
     def _make_world(self, q: Array, dq: Array) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from rabbit_description.state import ACTUATED, COORDINATES, Array, Leg
 
-from rabbit_sim.engine_plant import FOOT_RADIUS, STONE_DEPTH, EnginePlant
+from rabbit_sim.engine_plant import CONTACT_DAMPING, CONTACT_STIFFNESS, FOOT_RADIUS, STONE_DEPTH, EnginePlant
 from rabbit_sim.parameters import SUBSTEP_SECONDS, SimulationParameters
 from rabbit_sim.plant import Span
 from rabbit_sim.quiet_pybullet import BulletClient, pybullet
@@ -16,10 +16,6 @@ from rabbit_sim.quiet_pybullet import BulletClient, pybullet
 GRAVITY = 9.81
 SOLVER_ITERATIONS = 50
 ERP = 0.1  # share of a contact's or joint's position error mended per substep
-# A foot's rubber. A rigid contact has two answers where friction carries the leg (Painleve): the engine's iteration
-# starts at no force and may stay there, so a standing foot lets go. Compliance leaves the one that presses.
-CONTACT_STIFFNESS = 1e6  # N/m
-CONTACT_DAMPING = 3e4  # N s/m; impacts are inelastic: with less the rubber throws the foot back
 
 
 class PybulletPlant(EnginePlant):

@@ -6,12 +6,12 @@ import mujoco
 import numpy as np
 import pytest
 from rabbit_description.state import TICK_SECONDS, Leg
-from rabbit_sim.engine_plant import FOOT_RADIUS
+from rabbit_sim.engine_plant import CONTACT_DAMPING, CONTACT_STIFFNESS, FOOT_RADIUS
 from rabbit_sim.initial_state import project
 from rabbit_sim.kinematics import RabbitFeet
 from rabbit_sim.mujoco_plant import MujocoPlant
 from rabbit_sim.parameters import SimulationParameters
-from rabbit_sim.pybullet_plant import CONTACT_DAMPING, CONTACT_STIFFNESS, PybulletPlant
+from rabbit_sim.pybullet_plant import PybulletPlant
 from rabbit_sim.rigid_plant import RigidPlant
 
 PERTURBED = {"mass_scale": 1.7, "payload": 11.0, "payload_height": 0.4, "link_bend": 0.06, "joint_damping": 2.5}
@@ -123,10 +123,10 @@ def test_stance_follows_the_pinned_model(engine, truth, changes, seed):
     assert measured.contact.tolist() == expected.contact.tolist() == [True, False]
 
 
-def test_a_standing_foot_sinks_by_its_weight_over_its_stiffness(truth):
+def test_a_standing_foot_sinks_by_its_weight_over_its_stiffness(engine, truth):
     robot = truth()
     q, dq = standing(robot)
-    with world(PybulletPlant, robot.parameters, q, dq, GROUND) as plant:
+    with world(engine, robot.parameters, q, dq, GROUND) as plant:
         for _ in range(SETTLING_TICKS):
             plant.advance(PRESSING)
         reading = plant.observe()
