@@ -28,7 +28,6 @@ NEVER_LOADED = {
 }
 BROUGHT_BY = {
     "pydantic_core": "pydantic",
-    "pybullet_utils": "pybullet",
     "annotated_types": "pydantic",
     "mpl_toolkits": "matplotlib",
 }

@@ -11,7 +11,7 @@ from rabbit_description.state import ACTUATED, COORDINATES, Array, Leg
 from rabbit_sim.engine_plant import CONTACT_DAMPING, CONTACT_STIFFNESS, FOOT_RADIUS, STONE_DEPTH, EnginePlant
 from rabbit_sim.parameters import SUBSTEP_SECONDS, SimulationParameters
 from rabbit_sim.plant import Span
-from rabbit_sim.quiet_pybullet import BulletClient, pybullet
+from rabbit_sim.quiet_pybullet import PhysicsClient, pybullet
 
 GRAVITY = 9.81
 SOLVER_ITERATIONS = 50
@@ -26,7 +26,7 @@ class PybulletPlant(EnginePlant):
         self._folder = tempfile.TemporaryDirectory(prefix="rabbit_sim_")
         self._urdf = Path(self._folder.name) / "rabbit.urdf"
         self._urdf.write_text(self._robot_urdf, encoding="utf-8")
-        self._client = BulletClient(pybullet.DIRECT)
+        self._client = PhysicsClient()
 
     def close(self) -> None:
         """Disconnect; twice does no harm."""

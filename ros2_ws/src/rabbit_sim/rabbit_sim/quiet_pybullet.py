@@ -4,6 +4,8 @@ import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
+from typing import Any
 
 STDERR = 2
 
@@ -24,6 +26,17 @@ def _silenced_stderr() -> Iterator[None]:
 
 with _silenced_stderr():
     import pybullet
-    from pybullet_utils.bullet_client import BulletClient
 
-__all__ = ["BulletClient", "pybullet"]
+__all__ = ["PhysicsClient", "pybullet"]
+
+
+class PhysicsClient:
+    """PyBullet's functions in a physics world of one's own, without graphics. (`pybullet_utils`' own client prints.)"""
+
+    def __init__(self) -> None:
+        self._client: int = pybullet.connect(pybullet.DIRECT)
+
+    def __getattr__(self, name: str) -> Any:
+        function = partial(getattr(pybullet, name), physicsClientId=self._client)
+        setattr(self, name, function)  # so that it is made once
+        return function

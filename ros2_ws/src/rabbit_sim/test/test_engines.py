@@ -1,5 +1,7 @@
 """PyBullet and MuJoCo against pinocchio, momentum, Coulomb's law and the pinned model."""
 
+import subprocess
+import sys
 from contextlib import contextmanager
 
 import mujoco
@@ -220,6 +222,14 @@ def test_an_engine_repeats_itself_bit_for_bit(engine, truth):
             runs.append(np.r_[plant.observe().q, plant.observe().dq, plant.observe().foot_force.ravel()])
     assert (runs[0] == runs[1]).all()
     assert (runs[0] == runs[2]).all()
+
+
+def test_an_engine_prints_nothing(engine):
+    """A walk's stdout is the walk's."""
+    make = f"from {engine.__module__} import {engine.__name__} as Plant\nplant = Plant(SimulationParameters())"
+    code = f"from rabbit_sim.parameters import SimulationParameters\n{make}\nplant.close()"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=120)
+    assert (done.stdout, done.stderr) == ("", "")
 
 
 def test_closing_twice_is_harmless(engine):
