@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from live_client import Channel, Listener
 from rabbit_description.force_ratio import LOADED
 from rabbit_description.state import Leg
 from rabbit_recording.reader import read_episodes
-from rabbit_viewer.live.client import Channel, Listener
 from rabbit_viewer.live.plots import JOINTS
 from rabbit_viewer.skeleton import feet, torso_points
 from rl_trainer.rollout import Record

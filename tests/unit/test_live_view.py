@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from live_client import Listener
 from rabbit_description import URDF_PATH
 from rabbit_description.state import StonePreview
 from rabbit_experiments.assembly import Assembly
@@ -18,7 +19,6 @@ from rabbit_msgs import msg
 from rabbit_ros.ros.conversions import stamp
 from rabbit_sim.kinematics import RabbitFeet
 from rabbit_sim.parameters import SimulationParameters
-from rabbit_viewer.live.client import Listener
 from rabbit_viewer.live.plots import PLOTTED, plotted
 from rabbit_viewer.live.server import LiveServer, ViewError
 from rabbit_viewer.live.snapshot import Limits, Snapshot

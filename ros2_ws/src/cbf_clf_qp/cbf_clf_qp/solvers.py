@@ -76,7 +76,7 @@ class OsqpSolver:
         self._layout: Layout | None = None
 
     def solve(self, qp: QuadraticProgram) -> Solution:
-        """Solve; a programme of another layout sets the solver up anew."""
+        """Solve. If the programme has another layout than the last one, set the solver up first."""
         start = time.perf_counter()
         if qp.layout is self._layout:
             self._solver.update_data_vec(q=qp.q, l=np.maximum(qp.lower, -UNBOUNDED), u=np.minimum(qp.upper, UNBOUNDED))

@@ -48,8 +48,8 @@ def prepare(given: Given) -> Walk:
     given, further = with_file(given)
     options = given.build(WalkOptions)
     assembly = assembly_of_nodes(given, options.policy, options.parameters)
-    told = further.get("trainer", {})
-    training = given_training(options, assembly.controller, assembly.policy, told) if options.trainer else {}
+    own = further.get("trainer", {})
+    training = given_training(options, assembly.controller, assembly.policy, own) if options.trainer else {}
     walk = Walk.of(assembly, make_folder(options), options, training=training, further=further)
     if options.view:
         port = options.view_port
@@ -73,22 +73,22 @@ def with_file(given: Given) -> tuple[Given, Mapping[str, dict[str, Any]]]:
     if request.params_file is None:
         return given, {}
     with complaints(ParameterFileError):
-        told = read_parameters(request.params_file, request.namespace, tuple(OPTIONS))
+        by_node = read_parameters(request.params_file, request.namespace, tuple(OPTIONS))
     found: dict[str, Any] = {}
     for node, options_of in OPTIONS.items():
-        found |= {RENAMED.get(name, name): told[node].pop(name) for name in options_of & told[node].keys()}
-    return given.over(found), told
+        found |= {RENAMED.get(name, name): by_node[node].pop(name) for name in options_of & by_node[node].keys()}
+    return given.over(found), by_node
 
 
 def given_training(
-    request: WalkOptions, controller: ControllerParameters, policy: str, told: Mapping[str, Any] = MappingProxyType({})
+    request: WalkOptions, controller: ControllerParameters, policy: str, own: Mapping[str, Any] = MappingProxyType({})
 ) -> dict[str, Any]:
-    """The trainer's parameters: the file's, or those `told` and those that fit the policy, for this problem."""
+    """The trainer's parameters: the file's, or the trainer's `own` and those that fit the policy, for this problem."""
     from rl_trainer.parameters import ParameterError, TrainingParameters, load_parameters
 
     known: dict[str, Any] = {"problem": controller.problem, "seed": request.seed}
     if not request.training:
-        known = {name: value for name, value in told.items() if name in TrainingParameters.model_fields} | known
+        known = {name: value for name, value in own.items() if name in TrainingParameters.model_fields} | known
         known |= form_of(Path(policy)) if policy != "zero" else {}
     with complaints(ParameterError):
         training = load_parameters(request.training, **known) if request.training else TrainingParameters(**known)

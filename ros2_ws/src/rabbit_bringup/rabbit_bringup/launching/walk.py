@@ -1,6 +1,6 @@
 """A walk through the node graph, before it begins: who walks, with which parameters, and what it leaves.
 
-FOLDER/parameters.yaml   what every node was told (a ROS parameter file)
+FOLDER/parameters.yaml   the parameters of every node (a ROS parameter file)
 FOLDER/recording/        the recording
 FOLDER/log/              what each node printed, unless `ros2 launch` shows it
 FOLDER/summary.json, records.npz, pictures/, walk.mp4, walk.gif    made from the recording afterwards
@@ -27,7 +27,7 @@ def _storage(value: object) -> str:
 
 
 class WalkOptions(BaseModel):
-    """What `rabbit walk` is told besides plant and controller."""
+    """The options of `rabbit walk` besides plant and controller."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -114,10 +114,10 @@ class Walk(BaseModel):
         return ["--ros-args", "--params-file", str(self.parameter_file), *remaps, *own]
 
     def parameters(self) -> dict[str, dict[str, Any]]:
-        """What each node is told."""
+        """Of each node."""
         options, simulation, controller = self.options, self.simulation.model_dump(), self.controller.model_dump()
         auto = "tick" if self.controller.learns else "never"
-        told: dict[str, dict[str, Any]] = {
+        by_node: dict[str, dict[str, Any]] = {
             "simulator": {
                 "seed": options.seed,
                 "episodes": options.episodes,
@@ -148,4 +148,4 @@ class Walk(BaseModel):
             "recorder": {"path": str(self.folder / "recording"), "storage": options.record},
             "viewer": {"port": options.view_port, "wait": 0.0},
         }
-        return {name: {**self.further.get(name, {}), **told[name]} for name in self.names}
+        return {name: {**self.further.get(name, {}), **by_node[name]} for name in self.names}

@@ -15,7 +15,7 @@ app = typer.Typer(add_completion=False)
 
 
 class BenchOptions(BaseModel):
-    """What `rabbit bench` is told besides plant and controller."""
+    """The options of `rabbit bench` besides plant and controller."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 

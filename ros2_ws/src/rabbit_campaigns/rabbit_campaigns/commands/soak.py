@@ -34,7 +34,7 @@ app = typer.Typer(add_completion=False)
 
 
 class SoakOptions(BaseModel):
-    """What `rabbit soak` is told besides plant and controller."""
+    """The options of `rabbit soak` besides plant and controller."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -55,17 +55,17 @@ class SoakOptions(BaseModel):
 @options(SoakOptions, ControllerParameters, SimulationParameters, defaults=DEFAULTS)
 def soak(given: Given) -> None:
     """Walk for an hour with learning, swapping, recording and an operator on; exit code 1 if a bar is not kept."""
-    told = given.build(SoakOptions)
-    assembly = assembly_of_nodes(given, told.policy, told.parameters)
-    if told.operate_every and assembly.policy == "zero":
+    asked = given.build(SoakOptions)
+    assembly = assembly_of_nodes(given, asked.policy, asked.parameters)
+    if asked.operate_every and assembly.policy == "zero":
         fail("--policy zero: expected a shipped policy or a file; zero with --operate-every 0")
-    options = WalkOptions(**told.model_dump(include=OF_WALK), episodes=MOST_EPISODES, ready_timeout=READY)
+    options = WalkOptions(**asked.model_dump(include=OF_WALK), episodes=MOST_EPISODES, ready_timeout=READY)
     training = given_training(options, assembly.controller, assembly.policy)
-    if not told.training:
+    if not asked.training:
         training["capacity"] = CAPACITY
     further = {"simulator": {"trainer_timeout": TRAINER_TIMEOUT}}
     walk = Walk.of(assembly, make_folder(options), options, training=training, further=further)
-    walk_beside_operator(walk, told)
+    walk_beside_operator(walk, asked)
     from rabbit_recording.bag_writer import RecordingError
 
     with complaints(RecordingError):
@@ -76,8 +76,8 @@ def soak(given: Given) -> None:
         raise typer.Exit(OVER)
 
 
-def walk_beside_operator(walk: Walk, told: SoakOptions) -> None:
-    """Walk for as long as `told`, with an operator if it is to; a line on the screen says how it goes."""
+def walk_beside_operator(walk: Walk, asked: SoakOptions) -> None:
+    """Walk for as long as `asked`, with an operator if it is to; a line on the screen says how it goes."""
     from rabbit_cli.executables import LaunchError
     from rich.console import Console
 
@@ -87,12 +87,12 @@ def walk_beside_operator(walk: Walk, told: SoakOptions) -> None:
 
     def operations(check: Callable[[], object]) -> Operations:
         policies = Path(walk.policy).absolute(), unfit_policy(walk.controller)
-        operator = Operator("", walk.folder, policies, told.pace or 0.0, told.seed, check)
-        return Operations(operator, walk.folder, told.operate_every, told.seed)
+        operator = Operator("", walk.folder, policies, asked.pace or 0.0, asked.seed, check)
+        return Operations(operator, walk.folder, asked.operate_every, asked.seed)
 
     with complaints(LaunchError, ValueError), Console().status("starting") as status:
         try:
-            soak(walk, told.minutes * 60, told.every, status.update, operations if told.operate_every else None)
+            soak(walk, asked.minutes * 60, asked.every, status.update, operations if asked.operate_every else None)
         except Interrupted as error:
             fail(f"stopped by {error}; what was sampled is in {walk.folder}", code=error.code)
 

@@ -1,4 +1,4 @@
-"""A client of the live view without a browser: what tests and `rabbit bench` look through.
+"""A client of the live view without a browser: what the tests look through.
 
 The protocol is Foxglove's: the server advertises channels in JSON; a subscribed channel's messages come as bytes:
 opcode 1, subscription (uint32), time (uint64, ns), then the message in the channel's encoding.
