@@ -284,6 +284,22 @@ def test_a_recorder_that_is_busy_with_its_disk_misses_nothing(ros: None) -> None
             assert not any(recorder._loss.lost.values())
 
 
+def test_a_recorder_that_ends_waits_for_what_was_sent_before(ros: None) -> None:
+    """The state comes last: behind a message that another node sent after the recorder was asked to end."""
+    with closing_node(RecorderNode()) as recorder:
+        hears = callbacks(recorder)
+        assert recorder.busy()  # asked; nothing was heard for long
+        before = time.time_ns() - 1
+        hears["torque"](bytes(serialize_message(SOUND["torque"][0])), {NUMBER: 1, SENT: time.time_ns()})
+        assert recorder.busy()
+        hears["state"](bytes(serialize_message(SOUND["state"][0])), {NUMBER: 1, SENT: before})
+        end = time.monotonic() + 60
+        while recorder.busy() and time.monotonic() < end:
+            time.sleep(0.01)
+        assert not recorder.busy()
+        assert recorder._writer.messages == 2
+
+
 @given(data=st.data())
 def test_recorder(recorder: RecorderNode, data: st.DataObject) -> None:
     """Whatever comes is recorded as it came."""

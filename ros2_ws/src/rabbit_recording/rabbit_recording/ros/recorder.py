@@ -76,8 +76,11 @@ class RecorderNode(Node):
         steady_timer(self, FLUSH_SECONDS, lambda: self._ends_at_errors(self._writer.flush))
 
     def busy(self) -> bool:
-        """What was sent before it was asked to end may still be on its way, the more so on a busy machine."""
-        self._asked = self._asked or time.time_ns()
+        """What was sent before it was asked to end may still be on its way, behind what another node sent later."""
+        now = time.time_ns()
+        self._asked = self._asked or now
+        if now - self._asked < IDLE_SECONDS * 1e9:
+            return True
         return time.monotonic() - self._heard < IDLE_SECONDS and self._sent < self._asked
 
     def close(self) -> None:
