@@ -11,7 +11,7 @@ from rabbit_description.state import Array, Leg
 
 from rabbit_sim.actuation import Actuation, JointDamping
 from rabbit_sim.kinematics import RabbitFeet
-from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.parameters import SUBSTEP_SECONDS, SimulationParameters
 from rabbit_sim.plant import CONTACT_FORCE, SUBSTEPS, PlantReading, Span
 from rabbit_sim.robot_urdf import perturbed_urdf
 from rabbit_sim.touchdown_detector import TouchdownDetector
@@ -42,6 +42,7 @@ class EnginePlant(ABC):
         """A new world, so that nothing (motors, warm starts, stones) is left of the last episode."""
         self._make_world(q, dq)
         self._actuation.reset()
+        self._push = np.zeros(0)
         self._force = np.zeros((2, 2))
         self._contact = np.array([stance is Leg.LEFT, stance is Leg.RIGHT])
         self._watch = TouchdownDetector(self._locate_feet)
@@ -51,13 +52,19 @@ class EnginePlant(ABC):
         """One tick under `command` (4,), N m."""
         self._watch.begin_tick(self._feet)
         forces = []
-        for torque in self._actuation.advance(command):
-            self._substep(self.damped(torque))
+        pushes, self._push = self._push[:SUBSTEPS].tolist(), self._push[SUBSTEPS:]
+        pushes += [0.0] * (SUBSTEPS - len(pushes))
+        for torque, push in zip(self._actuation.advance(command), pushes, strict=True):
+            self._substep(self.damped(torque), push)
             forces.append(self._contact_forces())
             self._watch.substep(forces[-1])
         self._force = np.add.reduce(forces) / SUBSTEPS
         self._contact = np.maximum.reduce(forces)[:, 1] > CONTACT_FORCE  # at any moment: a foot may bounce within it
         self._look()
+
+    def push(self, force: float, seconds: float) -> None:
+        """See `Plant`; `seconds` are rounded to whole substeps, and a reset ends it."""
+        self._push = np.full(round(seconds / SUBSTEP_SECONDS), force)
 
     def observe(self) -> PlantReading:
         """The truth after the last tick."""
@@ -83,8 +90,8 @@ class EnginePlant(ABC):
         """The robot in a state, and no stone."""
 
     @abstractmethod
-    def _substep(self, torque: Array) -> None:
-        """Go on `SUBSTEP_SECONDS` under `torque` (4,), N m, at the joints."""
+    def _substep(self, torque: Array, push: float = 0.0) -> None:
+        """Go on `SUBSTEP_SECONDS` under `torque` (4,), N m, at the joints, and `push`, N, on the torso."""
 
     @abstractmethod
     def _joint_states(self) -> tuple[Array, Array]:

@@ -53,6 +53,7 @@ class MujocoPlant(EnginePlant):
             k, b = CONTACT_STIFFNESS * inverse_mass, min(CONTACT_DAMPING * inverse_mass, 1 / SUBSTEP_SECONDS)
             self._model.geom_solref[foot] = -k / 2, -b / 2  # MuJoCo divides by the impedance
             self._model.geom_solimp[foot] = IMPEDANCE
+        self._torso: int = self._model.body("torso").id
         self._stone_geoms = [i for i, name in enumerate(names) if name.startswith("stone")]
 
     def _make_world(self, q: Array, dq: Array) -> None:
@@ -69,8 +70,9 @@ class MujocoPlant(EnginePlant):
             self._model.geom_rbound[geom] = np.linalg.norm(half)
             self._data.mocap_pos[i] = (near + far) / 2, 0.0, -FOOT_RADIUS - STONE_DEPTH / 2
 
-    def _substep(self, torque: Array) -> None:
+    def _substep(self, torque: Array, push: float = 0.0) -> None:
         self._data.qfrc_applied[3:] = torque
+        self._data.xfrc_applied[self._torso, 0] = push
         mujoco.mj_step(self._model, self._data)
 
     def _joint_states(self) -> tuple[Array, Array]:

@@ -72,6 +72,10 @@ class PlanarPlant:
             raise ValueError(f"torque of shape {command.shape}; expected ({self._dynamics.inputs},)")
         self._hold(np.broadcast_to(command.clip(-self._limit, self._limit), (SUBSTEPS, self._dynamics.inputs)))
 
+    def push(self, force: float, seconds: float) -> None:
+        """Raises: ValueError: the rigid model has no other force than the ground's."""
+        raise ValueError("push: expected the plant pybullet or mujoco, the rigid one cannot be pushed")
+
     def observe(self) -> PlantReading:
         """The truth after the last tick; an impact's impulse is part of the tick's mean force."""
         contact = np.array([self._stance is Leg.LEFT, self._stance is Leg.RIGHT])

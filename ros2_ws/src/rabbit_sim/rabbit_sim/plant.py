@@ -59,6 +59,13 @@ class Plant(Protocol):
     def advance(self, command: Array) -> None:
         """Go on one tick under the commanded joint torques, shape (4,), N m."""
 
+    def push(self, force: float, seconds: float) -> None:
+        """From now on push the torso's centre of mass forward with `force`, N, in place of any push under way.
+
+        Raises:
+            ValueError: this plant cannot be pushed.
+        """
+
     def observe(self) -> PlantReading:
         """The truth after the last tick."""
 

@@ -56,6 +56,7 @@ class PybulletPlant(EnginePlant):
         infos = [self._client.getJointInfo(self._robot, j) for j in range(self._client.getNumJoints(self._robot))]
         index = {info[1].decode(): info[0] for info in infos}
         self._joints = [index[name] for name in COORDINATES]
+        self._torso = index["base_pitch"]  # a link has its joint's number
         self._motors = [index[name] for name in ACTUATED]
         self._foot_of_link = {index["left_ankle"]: Leg.LEFT, index["right_ankle"]: Leg.RIGHT}
         self._client.setJointMotorControlArray(self._robot, self._joints, pybullet.VELOCITY_CONTROL, forces=[0.0] * 7)
@@ -93,8 +94,11 @@ class PybulletPlant(EnginePlant):
         self._set_surface(body, -1, 1.0)
         return body
 
-    def _substep(self, torque: Array) -> None:
+    def _substep(self, torque: Array, push: float = 0.0) -> None:
         self._apply(torque)
+        if push:
+            centre = self._client.getLinkState(self._robot, self._torso)[0]
+            self._client.applyExternalForce(self._robot, self._torso, [push, 0, 0], centre, pybullet.WORLD_FRAME)
         self._client.stepSimulation()
 
     def _apply(self, torque: Array) -> None:

@@ -118,6 +118,10 @@ class Simulation:
             self.outcome = self._judge(self.reading)
         return self._state()
 
+    def push(self, force: float, seconds: float) -> None:
+        """Push the torso; raises `ValueError` where the plant cannot be pushed."""
+        self._plant.push(force, seconds)
+
     def _stand_on(self, leg: Leg, x: float) -> None:
         """The stance foot is at world x: place and preview the next stone from there."""
         self._stance, self._stance_x, self._landed = leg, x, False

@@ -91,6 +91,49 @@ def test_a_robot_without_stones_falls_freely_and_the_torque_lasts_the_whole_tick
     assert not driven.contact.any()
 
 
+@pytest.mark.parametrize(("force", "seconds", "ticks"), [(300.0, 0.025, 4), (-120.0, 0.1, 12)])
+def test_a_push_gives_its_whole_impulse_and_then_ends(engine, random_state, truth, force, seconds, ticks):
+    robot = truth(**PERTURBED)
+    with world(engine, robot.parameters, random_state(4)[0], np.zeros(7)) as plant:
+        plant.push(force, seconds)
+        for _ in range(ticks):
+            plant.advance(np.zeros(4))
+        pushed = plant.observe()
+    fall = -9.81 * robot.mass * ticks * TICK_SECONDS
+    assert robot.momentum(pushed.q, pushed.dq) == pytest.approx([force * seconds, fall], rel=2e-3)
+
+
+def test_a_push_acts_at_the_torsos_centre_of_mass(engine, random_state, truth):
+    """Generalised impulse J' F t, to the 2% that a tick moves the robot."""
+    robot = truth()
+    q, arm = random_state(4)[0], 0.24
+    ended = []
+    for force in (0.0, 200.0):
+        with world(engine, robot.parameters, q, np.zeros(7)) as plant:
+            plant.push(force, TICK_SECONDS)
+            plant.advance(np.zeros(4))
+            ended.append(plant.observe().dq)
+    impulse = robot.mass_matrix(q) @ (ended[1] - ended[0])
+    expected = np.array([1.0, 0, arm * np.cos(q[2]), 0, 0, 0, 0]) * 200.0 * TICK_SECONDS
+    assert np.abs(impulse - expected).max() < 0.02 * expected[0]
+
+
+def test_a_reset_ends_a_push(engine, random_state, truth):
+    robot = truth()
+    q = random_state(4)[0]
+    with world(engine, robot.parameters, q, np.zeros(7)) as plant:
+        plant.push(300.0, 0.1)
+        plant.reset(q, np.zeros(7), Leg.LEFT)
+        plant.advance(np.zeros(4))
+        after = plant.observe()
+    assert robot.momentum(after.q, after.dq)[0] == pytest.approx(0, abs=1e-6)
+
+
+def test_the_rigid_plant_cannot_be_pushed():
+    with pytest.raises(ValueError, match="expected the plant pybullet or mujoco"):
+        RigidPlant(SimulationParameters()).push(100.0, 0.1)
+
+
 def test_robot_parts_but_feet_collide_with_nothing(engine):
     """With its hips below the ground's top and its feet above any ground there is no force."""
     q = np.array([0, -0.3, 0, np.pi - 0.3, 0.2, np.pi + 0.3, -0.2])
