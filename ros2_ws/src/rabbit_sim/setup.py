@@ -21,5 +21,5 @@ install(
         ],
         "rabbit.nodes": ["simulator = rabbit_sim.ros.node:main"],
     },
-    extras={"mujoco": ["mujoco>=3.3"]},
+    extras={"mujoco": ["mujoco>=3.3.6"]},
 )

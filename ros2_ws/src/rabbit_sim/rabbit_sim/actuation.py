@@ -31,15 +31,19 @@ class Actuation:
     def reset(self) -> None:
         """Motors at rest, no command on its way."""
         self.torque = np.zeros(4)
-        self._pending = np.zeros((self._delay, 4))
+        self._drives = np.zeros((self._delay + SUBSTEPS, 4))  # of this tick's substeps, and those on their way
 
     def advance(self, command: Array) -> Array:
         """Torques held over the substeps of one tick, shape (SUBSTEPS, 4), N m, for a command of shape (4,)."""
-        queue = np.vstack([self._pending, np.broadcast_to(command, (SUBSTEPS, 4))])
-        self._pending = queue[SUBSTEPS:]
-        drive = self._efficiency * queue[:SUBSTEPS].clip(-self._limit, self._limit)
-        ends = np.outer(self._from_torque, self.torque) + self._from_drive @ drive
-        starts = np.vstack([self.torque, ends[:-1]])
+        self._drives[self._delay :] = self._efficiency * command.clip(-self._limit, self._limit)
+        drive = self._drives[:SUBSTEPS].copy()
+        self._drives[: self._delay] = self._drives[SUBSTEPS:]
+        if not self._mean:
+            self.torque = drive[-1]
+            return drive
+        ends = self._from_torque[:, None] * self.torque + self._from_drive @ drive
+        starts = np.empty_like(ends)
+        starts[0], starts[1:] = self.torque, ends[:-1]
         self.torque = ends[-1]
         return drive + self._mean * (starts - drive)
 

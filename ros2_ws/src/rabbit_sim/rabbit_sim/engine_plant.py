@@ -14,7 +14,7 @@ from rabbit_sim.kinematics import RabbitFeet
 from rabbit_sim.parameters import SUBSTEP_SECONDS, SimulationParameters
 from rabbit_sim.plant import CONTACT_FORCE, SUBSTEPS, PlantReading, Span
 from rabbit_sim.robot_urdf import perturbed_urdf
-from rabbit_sim.touchdown_detector import TouchdownDetector
+from rabbit_sim.touchdown_detector import Feet, TouchdownDetector
 
 FOOT_RADIUS = 0.002  # m, of the URDF's foot sphere: a foot's centre at z = 0 stands on a top at -FOOT_RADIUS
 STONE_DEPTH = 1.0  # m
@@ -22,6 +22,8 @@ STONE_DEPTH = 1.0  # m
 # starts at no force and may stay there, so a standing foot lets go. Compliance leaves the one that presses.
 CONTACT_STIFFNESS = 1e6  # N/m
 CONTACT_DAMPING = 3e4  # N s/m; impacts are inelastic: with less the rubber throws the foot back
+
+JointStates = tuple[list[float], list[float]]  # q, dq: seven each
 
 
 class EnginePlant(ABC):
@@ -41,26 +43,32 @@ class EnginePlant(ABC):
     def reset(self, q: Array, dq: Array, stance: Leg) -> None:
         """A new world, so that nothing (motors, warm starts, stones) is left of the last episode."""
         self._make_world(q, dq)
+        self._states: JointStates | None = None
         self._actuation.reset()
         self._push = np.zeros(0)
         self._force = np.zeros((2, 2))
         self._contact = np.array([stance is Leg.LEFT, stance is Leg.RIGHT])
         self._watch = TouchdownDetector(self._locate_feet)
-        self._look()
+        self._feet = self._locate_feet()
 
     def advance(self, command: Array) -> None:
         """One tick under `command` (4,), N m."""
         self._watch.begin_tick(self._feet)
-        forces = []
         pushes, self._push = self._push[:SUBSTEPS].tolist(), self._push[SUBSTEPS:]
         pushes += [0.0] * (SUBSTEPS - len(pushes))
+        left_x = left_z = right_x = right_z = 0.0
+        left, right = False, False  # in contact at any moment: a foot may bounce within the tick
         for torque, push in zip(self._actuation.advance(command), pushes, strict=True):
             self._substep(self.damped(torque), push)
-            forces.append(self._contact_forces())
-            self._watch.substep(forces[-1])
-        self._force = np.add.reduce(forces) / SUBSTEPS
-        self._contact = np.maximum.reduce(forces)[:, 1] > CONTACT_FORCE  # at any moment: a foot may bounce within it
-        self._look()
+            self._states = None
+            forces = self._contact_forces()
+            (x, z), (other_x, other_z) = forces
+            left_x, left_z, right_x, right_z = left_x + x, left_z + z, right_x + other_x, right_z + other_z
+            left, right = left or z > CONTACT_FORCE, right or other_z > CONTACT_FORCE
+            self._watch.substep(forces)
+        self._force = np.array([[left_x, left_z], [right_x, right_z]]) / SUBSTEPS
+        self._contact = np.array([left, right])
+        self._feet = self._locate_feet()
 
     def push(self, force: float, seconds: float) -> None:
         """See `Plant`; `seconds` are rounded to whole substeps, and a reset ends it."""
@@ -68,18 +76,22 @@ class EnginePlant(ABC):
 
     def observe(self) -> PlantReading:
         """The truth after the last tick."""
-        return PlantReading(self._q, self._dq, self._force, self._feet, self._contact, tuple(self._watch.touches))
+        q, dq = self._now()
+        feet, touches = np.array(self._feet), tuple(self._watch.touches)
+        return PlantReading(np.array(q), np.array(dq), self._force, feet, self._contact, touches)
 
     def damped(self, torque: Array) -> Array:
         """`torque` (4,) of the motors with the joints' damping at the present state, N m."""
-        return torque + self._damping.torque(*self._joint_states()) if self._damping else torque
+        return torque + self._damping.torque(*map(np.array, self._now())) if self._damping else torque
 
-    def _look(self) -> None:
-        self._q, self._dq = self._joint_states()
-        self._feet = self._kinematics.positions(self._q)
+    def _locate_feet(self) -> Feet:
+        return self._kinematics.points(self._now()[0])
 
-    def _locate_feet(self) -> Array:
-        return self._kinematics.positions(self._joint_states()[0])
+    def _now(self) -> JointStates:
+        """The joints' states, read from the engine once after each substep at most."""
+        if self._states is None:
+            self._states = self._joint_states()
+        return self._states
 
     @abstractmethod
     def set_stones(self, spans: Sequence[Span]) -> None:
@@ -94,8 +106,8 @@ class EnginePlant(ABC):
         """Go on `SUBSTEP_SECONDS` under `torque` (4,), N m, at the joints, and `push`, N, on the torso."""
 
     @abstractmethod
-    def _joint_states(self) -> tuple[Array, Array]:
-        """`q`, `dq` (7,), new arrays."""
+    def _joint_states(self) -> JointStates:
+        """Read from the engine."""
 
     @abstractmethod
     def _contact_forces(self) -> list[list[float]]:

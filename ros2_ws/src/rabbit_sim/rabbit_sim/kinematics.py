@@ -4,12 +4,15 @@ A leg's foot is base + R(a1) l + R(a2) l with a1 = pitch + hip, a2 = a1 + knee, 
 R a rotation about +y, so R(a) (x, z) = (x cos a + z sin a, z cos a - x sin a) and dR(a)v/da = (z, -x) of R(a) v.
 """
 
+from collections.abc import Sequence
 from math import cos, sin
 
 import numpy as np
 from rabbit_description.state import Array, Leg
 
 LINK_LENGTH = 0.4  # m, thigh and shin of the URDF
+
+Point = tuple[float, float]  # x, z; m
 
 
 def _link(angle: float, bend: float) -> tuple[float, float]:
@@ -26,12 +29,16 @@ class RabbitFeet:
 
     def positions(self, q: Array) -> Array:
         """Centres of the feet, world, shape (2, 2): rows left, right; columns x, z; m."""
-        x, z, pitch, left_hip, left_knee, right_hip, right_knee = q.tolist()
-        feet = []
-        for hip, knee in ((left_hip, left_knee), (right_hip, right_knee)):
-            thigh, shin = _link(pitch + hip, self._bend), _link(pitch + hip + knee, self._bend)
-            feet.append((x + thigh[0] + shin[0], z + thigh[1] + shin[1]))
-        return np.array(feet)
+        return np.array(self.points(q.tolist()))
+
+    def points(self, q: Sequence[float]) -> tuple[Point, Point]:
+        """The same of plain numbers, for what is asked many times a tick."""
+        x, z, pitch, left_hip, left_knee, right_hip, right_knee = q
+        return self._foot(x, z, pitch + left_hip, left_knee), self._foot(x, z, pitch + right_hip, right_knee)
+
+    def _foot(self, x: float, z: float, upper: float, knee: float) -> Point:
+        thigh, shin = _link(upper, self._bend), _link(upper + knee, self._bend)
+        return x + thigh[0] + shin[0], z + thigh[1] + shin[1]
 
     def jacobian(self, q: Array, leg: Leg) -> Array:
         """Foot velocity over `dq`, shape (2, 7): rows x, z."""

@@ -18,9 +18,16 @@ from xml.etree.ElementTree import Element, SubElement
 import mujoco
 import numpy as np
 import pinocchio
-from rabbit_description.state import Array, Leg
+from rabbit_description.state import Array
 
-from rabbit_sim.engine_plant import CONTACT_DAMPING, CONTACT_STIFFNESS, FOOT_RADIUS, STONE_DEPTH, EnginePlant
+from rabbit_sim.engine_plant import (
+    CONTACT_DAMPING,
+    CONTACT_STIFFNESS,
+    FOOT_RADIUS,
+    STONE_DEPTH,
+    EnginePlant,
+    JointStates,
+)
 from rabbit_sim.parameters import SUBSTEP_SECONDS, SimulationParameters
 from rabbit_sim.plant import Span
 from rabbit_sim.terrain import KEPT_STONES
@@ -47,13 +54,13 @@ class MujocoPlant(EnginePlant):
         self._model = mujoco.MjModel.from_xml_string(robot_mjcf(self._robot_urdf, parameters.ground_friction))
         self._data = mujoco.MjData(self._model)
         names = [self._model.geom(i).name for i in range(self._model.ngeom)]
-        self._foot_of_geom = {names.index(foot): leg for foot, leg in zip(FEET, Leg, strict=True)}
-        for foot in self._foot_of_geom:
+        self._torque, self._pressing = self._data.qfrc_applied[3:], self._data.sensordata  # views
+        for foot in map(names.index, FEET):
             inverse_mass = self._model.body_invweight0[self._model.geom_bodyid[foot], 0]
             k, b = CONTACT_STIFFNESS * inverse_mass, min(CONTACT_DAMPING * inverse_mass, 1 / SUBSTEP_SECONDS)
             self._model.geom_solref[foot] = -k / 2, -b / 2  # MuJoCo divides by the impedance
             self._model.geom_solimp[foot] = IMPEDANCE
-        self._torso: int = self._model.body("torso").id
+        self._torso_force = self._data.xfrc_applied[self._model.body("torso").id]
         self._stone_geoms = [i for i, name in enumerate(names) if name.startswith("stone")]
 
     def _make_world(self, q: Array, dq: Array) -> None:
@@ -71,23 +78,16 @@ class MujocoPlant(EnginePlant):
             self._data.mocap_pos[i] = (near + far) / 2, 0.0, -FOOT_RADIUS - STONE_DEPTH / 2
 
     def _substep(self, torque: Array, push: float = 0.0) -> None:
-        self._data.qfrc_applied[3:] = torque
-        self._data.xfrc_applied[self._torso, 0] = push
+        self._torque[:] = torque
+        self._torso_force[0] = push
         mujoco.mj_step(self._model, self._data)
 
-    def _joint_states(self) -> tuple[Array, Array]:
-        return self._data.qpos.copy(), self._data.qvel.copy()
+    def _joint_states(self) -> JointStates:
+        return self._data.qpos.tolist(), self._data.qvel.tolist()
 
     def _contact_forces(self) -> list[list[float]]:
-        force = [[0.0, 0.0], [0.0, 0.0]]
-        contact = self._data.contact
-        for (geom, _), frame, start in zip(contact.geom, contact.frame, contact.efc_address, strict=True):
-            if start >= 0:  # a sphere comes before a box, and the force is that on the box
-                on_stone = self._data.efc_force[start : start + 3] @ frame.reshape(3, 3)
-                foot = force[self._foot_of_geom[geom]]
-                foot[0] -= on_stone[0]
-                foot[1] -= on_stone[2]
-        return force
+        left_x, _, left_z, right_x, _, right_z = self._pressing.tolist()
+        return [[-left_x, -left_z], [-right_x, -right_z]]
 
 
 def robot_mjcf(urdf: str, friction: float) -> str:
@@ -113,7 +113,9 @@ def robot_mjcf(urdf: str, friction: float) -> str:
         if inertia.mass > 0:
             diagonal = text(inertia.inertia.diagonal())
             SubElement(bodies[j], "inertial", pos=text(inertia.lever), mass=repr(inertia.mass), diaginertia=diagonal)
+    sensors = SubElement(scene, "sensor")
     for foot in FEET:
+        SubElement(sensors, "contact", geom1=foot, data="force", reduce="netforce")  # the foot's on stones
         frame = model.frames[model.getFrameId(foot)]
         at, rubber = text(frame.placement.translation), f"{friction!r} 0 0"
         SubElement(bodies[frame.parentJoint], "geom", FOOT, name=foot, pos=at, friction=rubber)

@@ -5,10 +5,16 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from rabbit_description.state import ACTUATED, COORDINATES, Array, Leg
 
-from rabbit_sim.engine_plant import CONTACT_DAMPING, CONTACT_STIFFNESS, FOOT_RADIUS, STONE_DEPTH, EnginePlant
+from rabbit_sim.engine_plant import (
+    CONTACT_DAMPING,
+    CONTACT_STIFFNESS,
+    FOOT_RADIUS,
+    STONE_DEPTH,
+    EnginePlant,
+    JointStates,
+)
 from rabbit_sim.parameters import SUBSTEP_SECONDS, SimulationParameters
 from rabbit_sim.plant import Span
 from rabbit_sim.quiet_pybullet import PhysicsClient, pybullet
@@ -107,9 +113,9 @@ class PybulletPlant(EnginePlant):
             self._robot, self._motors, pybullet.TORQUE_CONTROL, forces=torque.tolist()
         )
 
-    def _joint_states(self) -> tuple[Array, Array]:
+    def _joint_states(self) -> JointStates:
         states: Any = self._client.getJointStates(self._robot, self._joints)
-        return np.array([s[0] for s in states]), np.array([s[1] for s in states])
+        return [s[0] for s in states], [s[1] for s in states]
 
     def _contact_forces(self) -> list[list[float]]:
         force = [[0.0, 0.0], [0.0, 0.0]]

@@ -1,55 +1,65 @@
 """When and where a foot comes down: by its force on a stone, or by falling below the ground's height over a gap."""
 
 from collections.abc import Callable, Sequence
+from math import ceil, inf
 
-from rabbit_description.state import Array, Leg
+from rabbit_description.state import Leg
 
+from rabbit_sim.kinematics import Point
 from rabbit_sim.plant import CLEAR_HEIGHT, CONTACT_FORCE, Touch
 
-NEAR_HEIGHT = 0.05  # m, a foot below it may reach the ground within the tick
+FASTEST_FALL = 0.005  # m a substep, 5 m/s; while a foot is high enough for it, nobody looks
 EDGE_DEPTH = 0.005  # m, a first contact deeper than this is with a stone's side
+LEGS = Leg.LEFT, Leg.RIGHT
+
+Feet = tuple[Point, Point]  # left, right
 
 
 class TouchdownDetector:
-    """Watches both feet substep by substep. `locate` gives their true positions, (2, 2): rows left, right; x, z."""
+    """Watches both feet substep by substep. `locate` gives their true positions."""
 
-    def __init__(self, locate: Callable[[], Array]) -> None:
+    def __init__(self, locate: Callable[[], Feet]) -> None:
         self._locate = locate
         self._clear = [False, False]
         self._crossings: list[Touch | None] = [None, None]  # of feet that have just gone below the ground
         self.touches: list[Touch] = []
 
-    def begin_tick(self, feet: Array) -> None:
+    def begin_tick(self, feet: Feet) -> None:
         """Forget the last tick's touches; `feet` are where they are now."""
         self.touches = []
-        heights = feet[:, 1].tolist()
-        for leg in Leg:
-            self._clear[leg] |= heights[leg] > CLEAR_HEIGHT
-        self._near = any(self._clear[leg] and heights[leg] < NEAR_HEIGHT for leg in Leg)
-        self._last = feet
+        for leg in LEGS:
+            self._clear[leg] |= feet[leg][1] > CLEAR_HEIGHT
+        self._see(feet)
 
     def substep(self, forces: Sequence[Sequence[float]]) -> None:
         """Take in the forces (rows left, right; columns x, z; N) of the substep that has just ended."""
-        for leg in Leg:
+        for leg in LEGS:
             if forces[leg][1] > CONTACT_FORCE:
                 if self._clear[leg]:
                     feet = self._locate()
-                    self._touch(_touch(leg, feet, hold=bool(feet[leg, 1] > -EDGE_DEPTH)))
+                    self._touch(_touch(leg, feet, hold=feet[leg][1] > -EDGE_DEPTH))
                 self._clear[leg] = False
-        if self._near:
+        self._unseen -= 1
+        if self._unseen <= 0:
             self._watch_heights()
 
     def _watch_heights(self) -> None:
         """The engine stops a foot only once it is below the ground: one that stays there has no stone."""
         feet = self._locate()
-        for leg in Leg:
+        for leg in LEGS:
             crossing = self._crossings[leg]
             if crossing is not None and self._clear[leg]:
                 self._touch(crossing)
-            if self._clear[leg] and feet[leg, 1] < 0:
-                share = self._last[leg, 1] / (self._last[leg, 1] - feet[leg, 1])
-                self._crossings[leg] = _touch(leg, self._last + share * (feet - self._last), hold=False)
+            if self._clear[leg] and feet[leg][1] < 0:
+                share = self._last[leg][1] / (self._last[leg][1] - feet[leg][1])
+                self._crossings[leg] = _touch(leg, _between(self._last, feet, share), hold=False)
+        self._see(feet)
+
+    def _see(self, feet: Feet) -> None:
+        """Look again in the substep before the first in which a clear foot may be below the ground."""
         self._last = feet
+        height = min(feet[leg][1] if self._clear[leg] else inf for leg in LEGS)
+        self._unseen = max(ceil(height / FASTEST_FALL) - 1, 1) if height < inf else inf
 
     def _touch(self, touch: Touch) -> None:
         self.touches.append(touch)
@@ -57,5 +67,15 @@ class TouchdownDetector:
         self._crossings[touch.leg] = None
 
 
-def _touch(leg: Leg, feet: Array, hold: bool) -> Touch:
-    return Touch(leg, float(feet[leg, 0]), float(feet[leg.other, 0]), hold)
+def _between(first: Feet, last: Feet, share: float) -> Feet:
+    """Where the feet were after a share of the way."""
+    (left, right), (left_end, right_end) = first, last
+    return _along(left, left_end, share), _along(right, right_end, share)
+
+
+def _along(start: Point, end: Point, share: float) -> Point:
+    return start[0] + share * (end[0] - start[0]), start[1] + share * (end[1] - start[1])
+
+
+def _touch(leg: Leg, feet: Feet, hold: bool) -> Touch:
+    return Touch(leg, feet[leg][0], feet[leg.other][0], hold)
