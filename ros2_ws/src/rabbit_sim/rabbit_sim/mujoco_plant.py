@@ -55,12 +55,12 @@ class MujocoPlant(EnginePlant):
         self._data = mujoco.MjData(self._model)
         names = [self._model.geom(i).name for i in range(self._model.ngeom)]
         self._torque, self._pressing = self._data.qfrc_applied[3:], self._data.sensordata  # views
+        self._torso_force = self._data.xfrc_applied[self._model.body("torso").id]
         for foot in map(names.index, FEET):
             inverse_mass = self._model.body_invweight0[self._model.geom_bodyid[foot], 0]
             k, b = CONTACT_STIFFNESS * inverse_mass, min(CONTACT_DAMPING * inverse_mass, 1 / SUBSTEP_SECONDS)
             self._model.geom_solref[foot] = -k / 2, -b / 2  # MuJoCo divides by the impedance
             self._model.geom_solimp[foot] = IMPEDANCE
-        self._torso_force = self._data.xfrc_applied[self._model.body("torso").id]
         self._stone_geoms = [i for i, name in enumerate(names) if name.startswith("stone")]
 
     def _make_world(self, q: Array, dq: Array) -> None:
