@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 from setuptools import find_packages, setup
 
 SOURCES = Path(__file__).resolve().parent
-DATA = ("csv", "json", "safetensors", "urdf", "xml", "yaml")  # kinds of files among the modules
+DATA = ("css", "csv", "html", "js", "json", "safetensors", "txt", "urdf", "xml", "yaml")  # kinds of files packed
 SHARED = ("config", "gait_libraries", "gaits", "launch", "urdf")  # folders that ROS users find under share/
 
 EntryPoints = Mapping[str, Sequence[str]]

@@ -15,6 +15,7 @@ install(
     "pydantic>=2",
     "rosbags>=0.11.9,<0.12",
     "typer",
+    "websockets>=14",
     entry_points={
         "rabbit.nodes": ["viewer = rabbit_viewer.ros.viewer:main"],
         "rabbit.commands": ["video = rabbit_viewer.commands.video:app", "view = rabbit_viewer.commands.view:app"],

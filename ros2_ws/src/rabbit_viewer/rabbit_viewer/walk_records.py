@@ -23,6 +23,7 @@ from rabbit_viewer.geometry import allowed_area
 
 RECORDS = "records.npz"  # in a run's folder
 LANDING = ("index", "tick", "l", "l_min", "l_max", "on_stone")
+DRAWN = ("friction_coeff", "friction_margin", "torque_limit", "R1", "R2", "stone_margin", "eps", "kp", "kd")
 RESCUE_NEEDED = 0.01  # rad/s^2 of slack of last resort: a quadratic one gives way a little whenever its row is active
 
 
@@ -123,7 +124,7 @@ def about_walk(
 
 def drawn_parameters(controller: ControllerParameters) -> dict[str, Any]:
     """Those of the controller that pictures draw."""
-    return {name: getattr(controller, name) for name in ("friction_coeff", "torque_limit", "R1", "R2", "stone_margin")}
+    return {name: getattr(controller, name) for name in DRAWN}
 
 
 ARRAYS = tuple(field.name for field in fields(WalkRecords) if field.name != "about")

@@ -1,0 +1,48 @@
+"""Play with a walk in the browser: push it, load it, change its course and controller."""
+
+import typer
+from pydantic import BaseModel, ConfigDict, Field
+from rabbit_cli.options import Defaults, Given, complaints, options
+from rabbit_sim.parameters import SimulationParameters
+from rl_cbf_clf_controller.parameters import ControllerParameters
+
+from rabbit_play.settings import Choice, OtherChoice
+
+DEFAULTS = Defaults(
+    always={"motor_lag": 0.004, "mass_scale": 2.0, "stop_at_miss": False, "fall_height": 0.35},
+)
+CHOSEN = ("controller", "adaptation")  # by --first and --second
+
+app = typer.Typer(add_completion=False)
+
+
+class PlayOptions(BaseModel):
+    """Of `rabbit play`."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    port: int = Field(8080, ge=0, le=65535, description="of the page, on this machine alone; 0: any free one")
+    browser: bool = Field(True, description="open the page in a browser")
+    first: Choice = Field("learned", description="controller")
+    second: OtherChoice = Field("nominal", description="controller of another robot on the same course")
+    seed: int = Field(1, ge=0, le=2**31 - 1, description="of course, first state and noise")
+
+
+@app.command()
+@options(PlayOptions, ControllerParameters, SimulationParameters, without=CHOSEN, defaults=DEFAULTS)
+def play(given: Given) -> None:
+    """Play with a walk in the browser: push it, load it, change its course and controller."""
+    import asyncio
+
+    from rabbit_viewer.page.server import PageError
+
+    from rabbit_play.serving import serve_play
+    from rabbit_play.settings import Start, settings_of
+
+    chosen = given.build(PlayOptions)
+    plant, controller = given.build(SimulationParameters), given.build(ControllerParameters)
+    with complaints():
+        settings = settings_of(plant, first=chosen.first, second=chosen.second, seed=chosen.seed)
+    with complaints(PageError):
+        start = Start(settings=settings, plant=plant, controller=controller)
+        asyncio.run(serve_play(start, chosen.port, chosen.browser))

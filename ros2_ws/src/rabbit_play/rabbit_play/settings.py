@@ -1,0 +1,120 @@
+"""What a person can choose while RABBIT walks: a few of the plant's and controller's parameters, within bounds.
+
+The parameters of the command line are beneath them: `plant_of(base, settings)` and `controller_of(base, name)` are what
+walks. A field's `when` says whether a change acts at once or from the next reset.
+"""
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+from rabbit_sim.parameters import SUBSTEP_SECONDS, SimulationParameters
+from rl_cbf_clf_controller.parameters import ControllerParameters
+
+Choice = Literal["nominal", "learned", "identified", "oracle", "l1"]
+OtherChoice = Literal["none", "nominal", "learned", "identified", "oracle", "l1"]
+NOBODY = "none"
+LEARNED_ROWS: dict[str, Any] = {"controller": "rl-cbf-clf-qp", "adaptation": "none"}
+CONTROLLERS: dict[str, tuple[dict[str, Any], str]] = {  # changed parameters, policy
+    "nominal": (LEARNED_ROWS, "zero"),
+    "learned": (LEARNED_ROWS, "rl-cbf-clf-qp"),
+    "oracle": (LEARNED_ROWS, "oracle"),
+    "identified": (
+        {
+            "controller": "rl-cbf-clf-qp",
+            "adaptation": "identification",
+            "objective": "pd_centred",
+            "gait": "paper_stones",
+        },
+        "zero",
+    ),
+    "l1": ({"controller": "l1-clf-qp"}, "zero"),
+}
+SWAPPED_AT_ONCE = {"nominal", "learned", "oracle"}  # the same controller with another policy
+MOST_PUSHES = 50
+NOW: dict[str, Any] = {"when": "now"}
+NEXT: dict[str, Any] = {"when": "reset"}
+Number = Annotated[float, Field(allow_inf_nan=False)]
+
+
+class Push(BaseModel):
+    """On the torso from tick `tick` on."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    tick: int = Field(ge=0, le=1_000_000)
+    force: Number = Field(ge=-1000, le=1000)  # N
+    seconds: Number = Field(ge=0.001, le=1)
+
+
+class PlaySettings(BaseModel):
+    """Flat and checked; `title`, unit and step are for the page."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    first: Choice = Field("learned", title="controller", json_schema_extra=NOW)
+    second: OtherChoice = Field("nominal", title="on the same course", json_schema_extra=NOW)
+    mass_scale: Number = Field(2.0, ge=0.5, le=3, title="mass scale", json_schema_extra={**NEXT, "step": 0.05})
+    payload: Number = Field(0.0, ge=0, le=80, title="payload", json_schema_extra={**NEXT, "step": 1, "unit": "kg"})
+    ground_friction: Number = Field(1.5, ge=0.2, le=2, title="friction", json_schema_extra={**NEXT, "step": 0.05})
+    motor_power: Number = Field(1.0, ge=0.3, le=1, title="motor power", json_schema_extra={**NEXT, "step": 0.05})
+    motor_lag: Number = Field(
+        0.004, ge=0, le=0.05, title="motor lag", json_schema_extra={**NEXT, "step": 0.001, "unit": "s"}
+    )
+    torque_delay: Number = Field(
+        0.0, ge=0, le=0.03, title="delay", json_schema_extra={**NEXT, "step": 0.001, "unit": "s"}
+    )
+    velocity_noise: Number = Field(
+        0.0, ge=0, le=2, title="noise", json_schema_extra={**NEXT, "step": 0.05, "unit": "rad/s"}
+    )
+    l_min_std: Number = Field(
+        0.02, ge=0, le=0.08, title="stone spread", json_schema_extra={**NEXT, "step": 0.005, "unit": "m"}
+    )
+    stone_width: Number = Field(
+        0.05, ge=0.01, le=0.3, title="stone width", json_schema_extra={**NEXT, "step": 0.005, "unit": "m"}
+    )
+    stones: int = Field(20, ge=1, le=200, title="stones", json_schema_extra=NEXT)
+    seed: int = Field(1, ge=0, le=2**31 - 1, title="course", json_schema_extra=NEXT)
+    again: Literal["wait", "same course", "next course"] = Field("wait", title="at the end", json_schema_extra=NOW)
+    pushes: tuple[Push, ...] = Field((), max_length=MOST_PUSHES)
+
+
+class Start(BaseModel):
+    """What is played: the settings, and the parameters beneath them."""
+
+    settings: PlaySettings
+    plant: SimulationParameters
+    controller: ControllerParameters
+    learns: bool = False
+
+
+def plant_of(base: SimulationParameters, settings: PlaySettings) -> SimulationParameters:
+    """The plant that walks; raises `ValidationError`."""
+    delay = round(settings.torque_delay / SUBSTEP_SECONDS) * SUBSTEP_SECONDS
+    shared = SimulationParameters.model_fields.keys() & PlaySettings.model_fields.keys()
+    changes = {name: getattr(settings, name) for name in shared}
+    changes |= {"motor_loss": 1 - settings.motor_power, "torque_delay": delay}
+    return SimulationParameters.model_validate({**base.model_dump(), **changes})
+
+
+def settings_of(base: SimulationParameters, **others: Any) -> PlaySettings:
+    """The settings that a plant amounts to; raises `ValidationError` where it is beyond what can be played with."""
+    shared = SimulationParameters.model_fields.keys() & PlaySettings.model_fields.keys()
+    plant = {name: getattr(base, name) for name in shared}
+    return PlaySettings.model_validate({**plant, "motor_power": 1 - base.motor_loss, **others})
+
+
+def controller_of(base: ControllerParameters, name: str) -> tuple[ControllerParameters, str]:
+    """Parameters and policy of one of `CONTROLLERS`."""
+    changes, policy = CONTROLLERS[name]
+    return ControllerParameters.model_validate({**base.model_dump(), **changes}), policy
+
+
+def controls() -> list[dict[str, Any]]:
+    """What the page shows of each field but `pushes`: name, title, choices or bounds, step, unit, when it acts."""
+    fields = PlaySettings.model_json_schema()["properties"]
+    shown = ("title", "enum", "minimum", "maximum", "step", "unit", "when", "type", "default")
+    return [
+        {"name": name, **{key: schema[key] for key in shown if key in schema}}
+        for name, schema in fields.items()
+        if name != "pushes"
+    ]

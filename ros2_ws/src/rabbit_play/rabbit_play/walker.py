@@ -1,0 +1,117 @@
+"""One robot of a played walk: plant and controller, tick by tick, as rows for the page. It goes limp where it fails."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rabbit_description.gait import load_gaits
+from rabbit_experiments.assembly import Assembly, resolve_policy
+from rabbit_sim.parameters import SimulationParameters
+from rabbit_viewer.page.rows import EVENTS, RowMaker
+from rabbit_viewer.walk_records import about_walk
+from rl_cbf_clf_controller.controller import ControllerOutput
+from rl_cbf_clf_controller.parameters import ControllerParameters
+from rl_cbf_clf_controller.policy import Policy
+from rl_cbf_clf_controller.policy_compatibility import fitted
+from rl_cbf_clf_controller.scene import ControllerError
+from rl_cbf_clf_controller.weights import read
+
+from rabbit_play.settings import SWAPPED_AT_ONCE, controller_of
+
+LIMP_TICKS = 150  # of a robot that no controller moves any more, at most
+NOTHING = np.full(2, np.nan)
+RUNNING = 1  # column of a row
+
+
+class Walker:
+    """`name`: of its controller, see `settings.CONTROLLERS`. `row`: the last one. `outcome`: empty while it walks."""
+
+    def __init__(self, name: str, plant: SimulationParameters, base: ControllerParameters, seed: int) -> None:
+        """Raises `GaitError`, `CourseError`, `PolicyFileError`, `AssemblyError`."""
+        self.name, self._base = name, base
+        parameters, policy = controller_of(base, name)
+        self._assembly = Assembly(plant, parameters, resolve_policy(policy, parameters))
+        self._simulation, self._controller = self._assembly.build()
+        self._quantities = self._controller.recipe.names
+        self._about = about_walk(parameters, plant, policy, seed, "")
+        self._maker = RowMaker(self._about, self._quantities)
+        self._controller.reset(seed)
+        self._state = self._simulation.reset(seed)
+        self._output: ControllerOutput
+        self._pushed_until = self._limp = 0
+        self._swapped = False
+        self.fault = self.outcome = ""
+        self.row: list[float] = []
+
+    @property
+    def about(self) -> dict[str, Any]:
+        """What the page needs to draw its rows."""
+        return {
+            **self._about,
+            "name": self.name,
+            "columns": self._maker.columns,
+            "quantities": self._quantities,
+        }
+
+    @property
+    def stones(self) -> int:
+        """Walked so far."""
+        return self._state.touchdowns
+
+    def close(self) -> None:
+        """Give back the plant."""
+        self._simulation.close()
+
+    def push(self, force: float, seconds: float) -> None:
+        """Push the torso; raises `ValueError` where the plant cannot be pushed."""
+        if not self.outcome:
+            self._simulation.push(force, seconds)
+            self._pushed_until = self._state.tick + round(seconds * 100)
+
+    def become(self, name: str) -> bool:
+        """Walk on with another controller; False where that needs a reset."""
+        if not {name, self.name} <= SWAPPED_AT_ONCE:
+            return name == self.name
+        _, policy = controller_of(self._base, name)
+        parameters = self._assembly.controller
+        self._swap(replace(self._assembly, policy=resolve_policy(policy, parameters)).make_policy())
+        self.name = name
+        return True
+
+    def load(self, path: Path) -> str:
+        """Swap the policy in the file in; returns its version. Raises `PolicyFileError`."""
+        parameters = self._assembly.controller
+        self._swap(fitted(read(path), parameters, load_gaits(parameters.gait)))
+        return self._controller.policy.version
+
+    def tick(self) -> None:
+        """Go on one tick; nothing, once the walk has ended."""
+        if self.outcome:
+            return
+        events = EVENTS["pushed"] * (self._state.tick < self._pushed_until) | EVENTS["swapped"] * self._swapped
+        self._swapped = False
+        if not self.fault:
+            self._control()
+        self.row = self._maker.row(self._state, self._output, events)
+        self.row[RUNNING] = float(not self.fault)
+        self._state = self._simulation.step(self._output.torque)
+        self._limp += bool(self.fault)
+        if not self._state.running or self._limp > LIMP_TICKS:
+            self.outcome = self.fault or self._simulation.outcome.value
+            self.row[RUNNING] = 0.0
+
+    def _control(self) -> None:
+        try:
+            self._output = self._controller.step(self._state)
+            self.fault = self._output.fault
+        except (ControllerError, np.linalg.LinAlgError) as error:
+            self.fault = f"controller error: {error}"
+        if self.fault:
+            self._output = replace(
+                self._output, torque=np.zeros(4), V=np.nan, barriers=NOTHING, clf_slack=np.nan, rescue_slack=np.nan
+            )
+
+    def _swap(self, policy: Policy) -> None:
+        self._controller.policy = policy
+        self._swapped = True

@@ -1,0 +1,75 @@
+"""What all browsers of a page are to know: one episode's rows so far, and the newest word of each kind.
+
+A browser that comes late, or was slow, gets what it lacks in one piece. So nobody waits for anybody.
+"""
+
+import asyncio
+import json
+from collections.abc import AsyncGenerator
+from typing import Any
+
+KEPT_BYTES = 64_000_000  # of an episode's rows; the older half goes when there are more
+
+
+class Broadcast:
+    """Belongs to one event loop. `followers` counts who reads."""
+
+    def __init__(self) -> None:
+        self.followers = 0
+        self._episode = 0
+        self._words: dict[str, tuple[int, str]] = {}  # by kind: number, JSON
+        self._spoken = 0
+        self._rows = bytearray()
+        self._left_out = 0  # bytes of this episode that are no longer kept
+        self._changed = asyncio.Event()
+
+    def begin(self, about: dict[str, Any]) -> None:
+        """Another episode: `about` says what its rows are."""
+        self._episode += 1
+        self._rows, self._left_out = bytearray(), 0
+        self._words.pop("ended", None)
+        self.say("about", about)
+
+    def say(self, kind: str, word: dict[str, Any]) -> None:
+        """The newest of its kind. Raises: ValueError: NaN, for which JSON has no word."""
+        self._spoken += 1
+        self._words[kind] = self._spoken, json.dumps({"type": kind, **word}, allow_nan=False)
+        self._wake()
+
+    def add(self, rows: bytes) -> None:
+        """Further rows, float32."""
+        self._rows += rows
+        if len(self._rows) > KEPT_BYTES:
+            gone = len(self._rows) // 2 // self._row_bytes * self._row_bytes
+            del self._rows[:gone]
+            self._left_out += gone
+        self._wake()
+
+    async def follow(self) -> AsyncGenerator[str | bytes]:
+        """All from now on, what is known first: words are text, rows are bytes."""
+        episode, heard, at = -1, 0, 0
+        self.followers += 1
+        try:
+            while True:
+                changed = self._changed
+                if episode != self._episode:
+                    episode, at = self._episode, 0
+                for number, word in sorted(self._words.values()):
+                    if number > heard:
+                        heard = number
+                        yield word
+                if episode == self._episode and (rows := bytes(self._rows[max(at - self._left_out, 0) :])):
+                    at = self._left_out + len(self._rows)
+                    yield rows
+                await changed.wait()
+        finally:
+            self.followers -= 1
+
+    @property
+    def _row_bytes(self) -> int:
+        about = json.loads(self._words["about"][1])
+        return 4 * sum(len(walker["columns"]) for walker in about["walkers"])
+
+    def _wake(self) -> None:
+        self._changed.set()
+        self._changed = asyncio.Event()

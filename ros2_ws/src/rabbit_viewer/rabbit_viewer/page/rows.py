@@ -1,0 +1,109 @@
+"""A tick as a row of numbers: all that the page draws and plots. The layout is the same live, recorded and exported.
+
+    maker = RowMaker(about)                  about: parameters that are drawn, see `walk_records.drawn_parameters`
+    maker.columns                            the names, in the order of
+    maker.row(record.state, record.output)   numbers, NaN where there is none
+
+Lengths in m and in the world frame, forces in N, torques in N m, quantities and slacks in their own units.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from cbf_clf_qp.res_clf import ResClf
+from rabbit_description.force_ratio import force_ratio
+from rabbit_description.state import ACTUATED, TICK_SECONDS, Array, Leg
+
+from rabbit_viewer.skeleton import leg_points, torso_points
+from rabbit_viewer.walk_records import RESCUE_NEEDED
+
+POINTS = ("hip", "head", "left_knee", "left_foot", "right_knee", "right_foot")
+FIXED = (
+    *("tick", "running", "events", "stance", "step", "touchdowns"),
+    *(f"{point}_{axis}" for point in POINTS for axis in "xz"),
+    *("stone_near", "stone_far", "F_T", "F_N", "force_ratio"),
+    *("V", "V_bound", "B1", "B2", "clf_slack", "rescue_slack"),
+    *(f"torque_{joint}" for joint in ACTUATED),
+)
+EVENTS = {"saturated": 1, "rescued": 2, "over_cone": 4, "pushed": 8, "swapped": 16}  # bits of the column `events`
+IMPACT_TICKS = 4  # of a step's beginning, whose mean force holds some of the impact
+ROUNDING = 1e-6  # N m
+JOINTS = 4  # outputs of the CLF
+
+
+class RowMaker:
+    """Makes the rows of one walker's ticks, in order; `quantities` are the names of those that are estimated."""
+
+    def __init__(self, about: Mapping[str, Any], quantities: Sequence[str]) -> None:
+        self.columns = (*FIXED, *(f"{kind}_{name}" for kind in ("estimated", "measured") for name in quantities))
+        self._bend = float(about.get("link_bend", 0.0))
+        self._limits = tuple(float(about.get(name, math.nan)) for name in ("torque_limit", "friction_coeff"))
+        self._decay = clf_decay(about)
+        self._unknown = np.full(len(quantities), np.nan)
+        self.begin()
+
+    def begin(self) -> None:
+        """Forget the ticks before: another episode."""
+        self._step = self._touchdowns = -1
+        self._start = (0, math.nan)  # of the step: tick, V
+        self._stone = (math.nan, math.nan)
+        self._last: tuple[int, Array, Array] | None = None  # tick, nominal, estimated
+
+    def row(self, state: Any, output: Any, events: int = 0) -> list[float]:
+        """Of a tick; `state` and `output` have the fields of `RobotState` and `ControllerOutput`.
+
+        `estimated_*` and `measured_*` are the errors of the nominal quantities over the tick before.
+        """
+        points = body_points(state.q, self._bend)
+        foot = points[3 + 2 * output.stance]
+        self._begin_step(state, output, float(foot[0]))
+        force = state.foot_force[output.stance]
+        ratio = float(force_ratio(force))
+        bound = self._start[1] * math.exp(-self._decay * (state.tick - self._start[0]) * TICK_SECONDS)
+        events |= self._events(state.tick, output, ratio)
+        return [
+            *(float(state.tick), 1.0, float(events)),
+            *(float(output.stance), float(output.step_index), float(state.touchdowns)),
+            *points.ravel().tolist(),
+            *(*self._stone, *force.tolist(), ratio),
+            *(output.V, bound, *output.barriers.tolist(), output.clf_slack, output.rescue_slack),
+            *output.torque.tolist(),
+            *self._errors(state.tick, output),
+        ]
+
+    def _begin_step(self, state: Any, output: Any, foot: float) -> None:
+        if output.step_index != self._step:
+            self._step, self._start = output.step_index, (state.tick, output.V)
+        if state.touchdowns != self._touchdowns:  # a stone lies where it was seen first: the standing foot rolls
+            self._touchdowns = state.touchdowns
+            seen = state.preview
+            self._stone = (foot + seen.l_min, foot + seen.l_max) if seen else (math.nan, math.nan)
+
+    def _events(self, tick: int, output: Any, ratio: float) -> int:
+        limit, cone = self._limits
+        is_over = ratio > cone and tick - self._start[0] >= IMPACT_TICKS
+        saturated = EVENTS["saturated"] * bool(np.abs(output.torque).max() > limit - ROUNDING)
+        return saturated | EVENTS["rescued"] * bool(output.rescue_slack > RESCUE_NEEDED) | EVENTS["over_cone"] * is_over
+
+    def _errors(self, tick: int, output: Any) -> list[float]:
+        nominal = output.nominal_a @ output.mu + output.nominal_b
+        estimated = output.alpha @ output.mu + output.beta
+        last, self._last = self._last, (tick, nominal, estimated)
+        if last is None or last[0] != tick - 1:
+            return [*self._unknown, *self._unknown]
+        return [*last[2].tolist(), *(output.measured - last[1]).tolist()]
+
+
+def body_points(q: Array, bend: float = 0.0) -> Array:
+    """`POINTS` (6, 2), m, of the robot at `q` (7,)."""
+    legs = [leg_points(q[None], leg, bend)[0, 1:] for leg in Leg]
+    return np.concatenate([torso_points(q[None])[0], *legs])
+
+
+def clf_decay(about: Mapping[str, Any]) -> float:
+    """The rate at which V must fall where no slack is used, 1/s; NaN where the gains are not known."""
+    if not {"eps", "kp", "kd"} <= about.keys():
+        return math.nan
+    return ResClf(JOINTS, about["eps"], (about["kp"], about["kd"])).clf_rate / float(about["eps"])

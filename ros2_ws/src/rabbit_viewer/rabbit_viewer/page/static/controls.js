@@ -1,0 +1,127 @@
+// What a person chooses of a played walk, made of the server's description; and the link that holds it.
+
+export class Controls {
+  constructor(section, send) {
+    this.section = section;
+    this.send = send;
+    this.fields = new Map();
+    this.state = null;
+    this.isLinked = false;
+  }
+
+  build(description) {
+    if (this.fields.size) return;
+    this.section.hidden = false;
+    this.section.append(this.actions());
+    for (const control of description) this.section.append(this.field(control));
+  }
+
+  actions() {
+    const box = Object.assign(document.createElement("div"), {className: "wide"});
+    const button = (id, text, title, message) => {
+      const made = Object.assign(document.createElement("button"), {id, textContent: text, title});
+      made.onclick = () => this.send(message());
+      box.append(made);
+      return made;
+    };
+    this.pause = button("pause", "Pause", "hold, go on (space)", () => ({do: "pause", paused: !this.state.paused}));
+    button("tick", "Tick", "one tick (.)", () => ({do: "tick"}));
+    button("reset", "Reset", "again, without pushes (r)", () => ({do: "reset"}));
+    button("next", "Next course", "another course (n)", () => this.another());
+    button("push-back", "Push back", "(left)", () => ({do: "push", force: -this.force, seconds: 0.1}));
+    button("push-on", "Push on", "(right)", () => ({do: "push", force: this.force, seconds: 0.1}));
+    box.append(this.slider("force", "push", 20, 600, 20, 200, "N", () => {}));
+    box.append(this.slider("speed", "speed", 0.05, 2, 0.05, 1, "x", (value) => this.send({do: "speed", speed: value})));
+    return box;
+  }
+
+  get force() {
+    return Number(this.section.querySelector("#force").value);
+  }
+
+  another() {
+    return {do: "set", settings: {...this.state.settings, pushes: [], seed: (this.state.settings.seed + 1) % 2 ** 31}, reset: true};
+  }
+
+  slider(name, title, min, max, step, value, unit, onchange) {
+    const label = document.createElement("label"), output = document.createElement("output");
+    const input = Object.assign(document.createElement("input"), {type: "range", id: name, min, max, step, value});
+    const show = () => { output.textContent = `${Number(input.value)} ${unit}`.trim(); };
+    input.oninput = show;
+    input.onchange = () => onchange(Number(input.value));
+    label.append(title, output, input);
+    show();
+    return Object.assign(label, {show, input});
+  }
+
+  field({name, title, enum: choices, minimum, maximum, step = 1, unit = "", when}) {
+    const change = (value) => this.set(name, value);
+    let label;
+    if (choices) {
+      label = document.createElement("label");
+      const input = Object.assign(document.createElement("select"), {id: name});
+      input.append(...choices.map((choice) => new Option(choice, choice)));
+      input.onchange = () => change(input.value);
+      label.append(title, document.createElement("output"), input);
+      Object.assign(label, {show() {}, input});
+    } else if (maximum > 1000) {
+      label = document.createElement("label");
+      const input = Object.assign(document.createElement("input"), {type: "number", id: name, min: minimum, max: maximum, step});
+      input.onchange = () => change(Number(input.value));
+      label.append(title, document.createElement("output"), input);
+      Object.assign(label, {show() {}, input});
+    } else {
+      label = this.slider(name, title, minimum, maximum, step, minimum, unit, change);
+    }
+    label.title = when === "now" ? "acts at once" : "acts from the next reset";
+    this.fields.set(name, label);
+    return label;
+  }
+
+  set(name, value) {
+    this.send({do: "set", settings: {...this.state.settings, [name]: value}});
+  }
+
+  show(state) {
+    this.state = state;
+    this.pause.textContent = state.paused ? "Go on" : "Pause";
+    this.pause.setAttribute("aria-pressed", state.paused);
+    const speed = this.section.querySelector("#speed");
+    if (document.activeElement !== speed) { speed.value = state.speed; speed.oninput(); }
+    for (const [name, label] of this.fields) {
+      label.input.value = state.settings[name];
+      label.show();
+      label.classList.toggle("waiting", state.waiting.includes(name));
+    }
+    if (this.isLinked) history.replaceState(null, "", this.link());
+  }
+
+  // a link sets all that it names, once, and begins again
+  follow() {
+    const wanted = fromLink(location.hash, this.state.settings);
+    this.isLinked = true;
+    const differs = Object.keys(wanted).some((name) => JSON.stringify(wanted[name]) !== JSON.stringify(this.state.settings[name]));
+    if (differs) this.send({do: "set", settings: {...this.state.settings, pushes: [], ...wanted}, reset: true});
+    else history.replaceState(null, "", this.link());
+  }
+
+  link() {
+    const {pushes, ...rest} = this.state.settings;
+    const words = new URLSearchParams(rest);
+    if (pushes.length) words.set("pushes", pushes.map(({tick, force, seconds}) => `${tick}_${force}_${seconds}`).join("~"));
+    return `${location.pathname}#${words}`;
+  }
+}
+
+export function fromLink(hash, known) {
+  const wanted = {};
+  for (const [name, text] of new URLSearchParams(hash.slice(1))) {
+    if (name === "pushes") {
+      wanted.pushes = text.split("~").map((push) => {
+        const [tick, force, seconds] = push.split("_").map(Number);
+        return {tick, force, seconds};
+      });
+    } else wanted[name] = typeof known[name] === "number" ? Number(text) : text;
+  }
+  return wanted;
+}

@@ -1,0 +1,145 @@
+// The page: words and rows come in, pictures go out. Read this file first.
+
+import {Clock} from "clock";
+import {Controls} from "controls";
+import {showLearning} from "learning";
+import {Plots} from "plots";
+import {Scene} from "scene";
+import {open} from "source";
+import {onTheme, toggle} from "theme";
+import {Timeline} from "timeline";
+import {Walk} from "walk";
+
+const PLOTS_EVERY = 100; // ms
+const KEYS = {
+  " ": ["hold or go on", "pause", "play"], ".": ["one tick", "tick", "on"], r: ["reset", "reset"], n: ["next course", "next"],
+  ArrowLeft: ["push back; a tick back", "push-back", "back"], ArrowRight: ["push on; a tick on", "push-on", "on"],
+  f: ["follow the walk", "live"], "+": ["faster", null], "-": ["slower", null], l: ["copy the link", "link"], d: ["dark or light", "theme"], "?": ["keys", "help"],
+};
+const by = (id) => document.getElementById(id);
+
+const state = {walk: null, scenes: [], ended: {}, isDirty: false, plotted: 0, last: 0, pictures: 0, refused: 0, pace: null, words: {}};
+
+const source = open({word, rows, connected});
+const clock = new Clock(source.isLive);
+const plots = new Plots(by("plots"), clock);
+const timeline = new Timeline(by("timeline"), clock);
+const controls = new Controls(by("controls"), (message) => source.send(message));
+
+function word(message) {
+  state.words[message.type] = message;
+  queueMicrotask(() => (HANDLERS[message.type] ?? (() => {}))(message)); // after what is made below
+}
+
+const HANDLERS = {
+  about: begin,
+  state(message) {
+    controls.show(message);
+    by("link").hidden = false;
+    if (!controls.isLinked) controls.follow();
+  },
+  ended(message) {
+    state.ended = message.walkers;
+    state.isDirty = true;
+  },
+  refused({text}) {
+    state.refused += 1;
+    notice(text);
+  },
+  pace({pace}) {
+    state.pace = pace;
+  },
+  learning: (message) => showLearning(by("learning"), message),
+  note: ({text}) => notice(text),
+};
+
+function begin(about) {
+  state.walk = new Walk(about);
+  state.ended = {};
+  by("title").textContent = about.title ?? "";
+  document.title = `RABBIT ${about.title ?? ""}`;
+  by("scenes").replaceChildren();
+  state.scenes = state.walk.walkers.map((walker) => new Scene(by("scenes"), walker));
+  clock.begin(state.walk);
+  plots.begin(state.walk);
+  if (about.controls) controls.build(about.controls);
+}
+
+function rows(buffer) {
+  queueMicrotask(() => state.walk?.add(buffer));
+}
+
+function connected(is) {
+  by("status").textContent = is ? "" : "no connection";
+  if (is) by("notice").hidden = true;
+}
+
+function notice(text) {
+  Object.assign(by("notice"), {textContent: text, hidden: false});
+  clearTimeout(state.timer);
+  state.timer = setTimeout(() => { by("notice").hidden = true; }, 6000);
+}
+
+function picture(now) {
+  requestAnimationFrame(picture);
+  const moved = clock.advance(now - state.last);
+  state.last = now;
+  if (clock.row < 0 || !(moved || state.isDirty || clock.row !== state.drawn)) return;
+  const isLast = clock.row === state.walk.length - 1;
+  state.scenes.forEach((scene, i) => scene.draw(clock.row, isLast ? ending(i) : null));
+  timeline.draw();
+  if (now - state.plotted > PLOTS_EVERY || state.isDirty || !moved) {
+    plots.draw();
+    state.plotted = now;
+  }
+  state.drawn = clock.row;
+  state.isDirty = false;
+  state.pictures += 1;
+}
+
+function ending(i) {
+  const ended = state.ended[i];
+  return ended?.outcome ? ended : null;
+}
+
+function legend() {
+  const items = [["stance", "stance leg, thick"], ["swing", "swing leg, dashed"], ["next", "next stone"], ["area", "both barriers allow the swing foot"], ["cone", "friction cone"], ["force", "ground force"]];
+  by("legend").replaceChildren(...items.map(([name, text]) => {
+    const item = document.createElement("span"), box = document.createElement("i");
+    box.style.background = `var(--${name})`;
+    item.append(box, text);
+    return item;
+  }));
+}
+
+function key(event) {
+  if (event.ctrlKey || event.altKey || event.metaKey || !(event.key in KEYS)) return;
+  if (/^(SELECT|TEXTAREA)$/.test(event.target.tagName) || event.target.type === "number") return;
+  if (event.target.type === "range" && event.key.startsWith("Arrow")) return;
+  event.preventDefault();
+  if (event.key === "+" || event.key === "-") return faster(event.key === "+" ? 2 : 0.5);
+  const [, ...ids] = KEYS[event.key];
+  ids.map(by).find((button) => button)?.click();
+}
+
+function faster(factor) {
+  const speed = controls.state?.speed;
+  if (speed) source.send({do: "speed", speed: Math.min(Math.max(speed * factor, 0.0625), 4)});
+  else clock.rate *= factor;
+}
+
+by("theme").onclick = toggle;
+by("help").onclick = () => by("keys").showModal();
+by("link").onclick = () => navigator.clipboard?.writeText(location.href).then(() => notice("the link is copied"), () => notice(location.href));
+by("keys").querySelector("table").append(...Object.entries(KEYS).map(([name, [text]]) => {
+  const line = document.createElement("tr"), cell = document.createElement("td"), letter = Object.assign(document.createElement("kbd"), {textContent: name === " " ? "space" : name});
+  cell.append(letter);
+  line.append(cell, Object.assign(document.createElement("td"), {textContent: text}));
+  return line;
+}));
+addEventListener("keydown", key);
+addEventListener("resize", () => { state.isDirty = true; });
+onTheme(() => { state.isDirty = true; });
+legend();
+requestAnimationFrame(picture);
+window.rabbit = {state, clock, controls, plots, source}; // for tests, and for the curious

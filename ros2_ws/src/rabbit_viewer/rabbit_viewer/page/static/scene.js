@@ -1,0 +1,162 @@
+// The robot at one row: stones, the area that both barriers allow, friction cone, force, legs. x, z in m.
+
+import {colour} from "theme";
+
+const VIEW = {left: -0.95, right: 1.25, bottom: -0.2, top: 1.55}; // around the hip; the ground is at 0
+const DEPTH = 0.12, AREA_HEIGHT = 0.2, AREA_LEFT = -0.45, CONE_HEIGHT = 0.3; // m, as in geometry.py
+const FORCE_SCALE = 1e-3, LONGEST_ARROW = 0.9; // m per N, m
+
+export class Scene {
+  constructor(parent, walker) {
+    this.walker = walker;
+    this.canvas = document.createElement("canvas");
+    this.canvas.setAttribute("role", "img");
+    this.canvas.setAttribute("aria-label", `walk of the ${walker.about.name} controller`);
+    parent.append(this.canvas);
+    this.pen = this.canvas.getContext("2d");
+  }
+
+  draw(row, ended) {
+    const {canvas, pen, walker} = this;
+    const ratio = devicePixelRatio || 1;
+    const width = Math.round(canvas.clientWidth * ratio), height = Math.round(canvas.clientHeight * ratio);
+    if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, {width, height});
+    const scale = Math.min(width / (VIEW.right - VIEW.left), height / (VIEW.top - VIEW.bottom));
+    const [hip] = walker.point(row, "hip");
+    pen.setTransform(1, 0, 0, 1, 0, 0);
+    pen.clearRect(0, 0, width, height);
+    pen.setTransform(scale, 0, 0, -scale, width / 2 - (hip + (VIEW.left + VIEW.right) / 2) * scale, height + VIEW.bottom * scale);
+    this.pixel = ratio / scale; // a pixel of the page, in m
+    this.span = [hip - width / scale, hip + width / scale];
+    const stance = walker.get(row, "stance") ? "right" : "left", swing = stance === "left" ? "right" : "left";
+    const foot = walker.point(row, stance + "_foot");
+    this.area(row, foot);
+    this.ground(row);
+    this.cone(foot);
+    this.trace(row, swing);
+    this.leg(row, swing, "swing");
+    this.leg(row, stance, "stance");
+    this.torso(row);
+    this.force(row, foot);
+    pen.setTransform(ratio, 0, 0, ratio, 0, 0);
+    this.words(row, ended);
+  }
+
+  path(points, closed = false) {
+    this.pen.beginPath();
+    points.forEach(([x, z], i) => (i ? this.pen.lineTo(x, z) : this.pen.moveTo(x, z)));
+    if (closed) this.pen.closePath();
+  }
+
+  stroke(name, pixels, dash = []) {
+    const {pen} = this;
+    Object.assign(pen, {strokeStyle: colour(name), lineWidth: pixels * this.pixel, lineCap: "round", lineJoin: "round"});
+    pen.setLineDash(dash.map((length) => length * this.pixel));
+    pen.stroke();
+    pen.setLineDash([]);
+  }
+
+  fill(name) {
+    this.pen.fillStyle = colour(name);
+    this.pen.fill();
+  }
+
+  area(row, [x]) {
+    const {R1, R2, stone_margin: margin = 0} = this.walker.about;
+    const near = this.walker.get(row, "stone_near") - x + margin, far = this.walker.get(row, "stone_far") - x - margin;
+    if (!Number.isFinite(near) || R1 === undefined || !this.walker.get(row, "running")) return;
+    const points = [];
+    for (let i = 0; i < 20; i++) {
+      const along = (near * i) / 19;
+      points.push([along, Math.sqrt((near / 2) ** 2 + R2 ** 2 - (along - near / 2) ** 2) - R2]);
+    }
+    for (let i = 0; i < 8; i++) {
+      const z = (AREA_HEIGHT * i) / 7;
+      points.push([Math.sqrt((R1 + far) ** 2 - z ** 2) - R1, z]);
+    }
+    points.push([AREA_LEFT, AREA_HEIGHT], [AREA_LEFT, 0]);
+    this.path(points.map(([a, z]) => [a + x, z]), true);
+    this.fill("area");
+  }
+
+  ground(row) {
+    const {pen, walker} = this;
+    const isFlat = !walker.stones.length;
+    const stones = isFlat ? [{row: 0, near: this.span[0], far: this.span[1]}] : walker.stones.filter((stone) => stone.row <= row);
+    stones.forEach(({near, far}, i) => {
+      if (far < this.span[0] || near > this.span[1]) return;
+      const isNext = !isFlat && i === stones.length - 1;
+      pen.beginPath();
+      pen.rect(near, -DEPTH, far - near, DEPTH);
+      this.fill(isNext ? "next" : "stone");
+      for (const edge of [near, far]) {
+        this.path([[edge, -DEPTH], [edge, 0.012]]);
+        this.stroke("text", 1.5);
+      }
+    });
+  }
+
+  cone([x, z]) {
+    const reach = this.walker.about.friction_coeff * CONE_HEIGHT;
+    if (!Number.isFinite(reach)) return;
+    this.path([[x + reach, z + CONE_HEIGHT], [x, z], [x - reach, z + CONE_HEIGHT]]);
+    this.stroke("cone", 1.5, [5, 4]);
+  }
+
+  trace(row, swing) {
+    const step = this.walker.get(row, "step");
+    const points = [];
+    for (let i = row; i >= 0 && this.walker.get(i, "step") === step; i--) points.push(this.walker.point(i, swing + "_foot"));
+    this.path(points);
+    this.stroke("swing", 1.5, [1, 4]);
+  }
+
+  leg(row, side, role) {
+    const {pen} = this;
+    const points = ["hip", side + "_knee", side + "_foot"].map((name) => this.walker.point(row, name));
+    this.path(points);
+    this.stroke(role, role === "stance" ? 7 : 4, role === "stance" ? [] : [9, 6]);
+    for (const [x, z] of points.slice(1)) {
+      pen.beginPath();
+      pen.arc(x, z, (role === "stance" ? 5 : 3.5) * this.pixel, 0, 2 * Math.PI);
+      this.fill(role);
+    }
+  }
+
+  torso(row) {
+    this.path([this.walker.point(row, "hip"), this.walker.point(row, "head")]);
+    this.stroke("torso", 9);
+  }
+
+  force(row, [x, z]) {
+    const force = [this.walker.get(row, "F_T") * FORCE_SCALE, this.walker.get(row, "F_N") * FORCE_SCALE];
+    const size = Math.hypot(...force);
+    if (!(size > 0.01)) return;
+    const shown = Math.min(1, LONGEST_ARROW / size);
+    const [a, b] = force.map((part) => part * shown);
+    const [ux, uz] = [a / Math.hypot(a, b), b / Math.hypot(a, b)], head = 10 * this.pixel;
+    this.path([[x, z], [x + a, z + b]]);
+    this.stroke("force", 2.5);
+    this.path([[x + a, z + b], [x + a - head * (ux + uz / 2), z + b - head * (uz - ux / 2)], [x + a - head * (ux - uz / 2), z + b - head * (uz + ux / 2)]], true);
+    this.fill("force");
+  }
+
+  words(row, ended) {
+    const {pen, walker} = this;
+    const total = walker.walk.about.stones;
+    const stones = `${walker.get(row, "touchdowns")}${total ? ` of ${total}` : ""} stones`;
+    pen.textBaseline = "top";
+    pen.fillStyle = colour("text");
+    pen.font = "600 15px system-ui, sans-serif";
+    pen.fillText(walker.about.name, 10, 8);
+    pen.font = "13px system-ui, sans-serif";
+    pen.fillText(stones, 10, 28);
+    if (walker.get(row, "events") & 8) pen.fillText("pushed", 10, 46);
+    if (!ended) return;
+    pen.font = "600 15px system-ui, sans-serif";
+    pen.textAlign = "right";
+    pen.fillStyle = colour(ended.outcome === "walked" ? "next" : "force");
+    pen.fillText(ended.outcome === "walked" ? "walked the course" : ended.outcome.replaceAll("_", " "), this.canvas.clientWidth - 10, 8);
+    pen.textAlign = "left";
+  }
+}

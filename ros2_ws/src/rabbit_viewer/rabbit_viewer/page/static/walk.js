@@ -1,0 +1,82 @@
+// One episode as it is known here: rows of numbers, and what they say of stones and faults. See rows.py for the columns.
+
+const EVENTS = {saturated: 1, rescued: 2, over_cone: 4, pushed: 8, swapped: 16};
+const PLATFORM = -1; // m, where the first platform begins
+
+export class Walk {
+  constructor(about) {
+    this.about = about;
+    this.width = about.walkers.reduce((sum, walker) => sum + walker.columns.length, 0);
+    this.data = new Float32Array(this.width * 1024);
+    this.length = 0;
+    let offset = 0;
+    this.walkers = about.walkers.map((walker) => {
+      const one = new Walker(this, walker, offset);
+      offset += walker.columns.length;
+      return one;
+    });
+  }
+
+  add(buffer) {
+    const rows = new Float32Array(buffer);
+    const size = this.length * this.width + rows.length;
+    if (size > this.data.length) {
+      const larger = new Float32Array(Math.max(size, 2 * this.data.length));
+      larger.set(this.data.subarray(0, this.length * this.width));
+      this.data = larger;
+    }
+    this.data.set(rows, this.length * this.width);
+    const from = this.length;
+    this.length += rows.length / this.width;
+    for (const walker of this.walkers) walker.note(from, this.length);
+  }
+
+  // seconds since the reset
+  time(row) {
+    return Math.max(...this.walkers.map((walker) => walker.get(row, "tick"))) * this.about.tick_seconds;
+  }
+}
+
+class Walker {
+  constructor(walk, about, offset) {
+    this.walk = walk;
+    this.about = about;
+    this.column = Object.fromEntries(about.columns.map((name, i) => [name, offset + i]));
+    this.stones = []; // {row, near, far}; seen from `row` on
+    this.marks = []; // {row, kind}
+    this.touchdowns = -1;
+    this.was = 0;
+  }
+
+  get(row, name) {
+    return this.walk.data[row * this.walk.width + this.column[name]];
+  }
+
+  has(name) {
+    return name in this.column;
+  }
+
+  point(row, name) {
+    return [this.get(row, name + "_x"), this.get(row, name + "_z")];
+  }
+
+  // find stones and faults in new rows
+  note(from, to) {
+    for (let row = from; row < to; row++) {
+      const touchdowns = this.get(row, "touchdowns");
+      if (touchdowns !== this.touchdowns) {
+        const [near, far] = [this.get(row, "stone_near"), this.get(row, "stone_far")];
+        if (Number.isFinite(near)) {
+          if (!this.stones.length) this.stones.push({row: 0, near: Math.min(PLATFORM, near - 1.3), far: touchdowns ? near - 0.3 : (far - near) / 2});
+          this.stones.push({row, near, far});
+        }
+        if (this.touchdowns >= 0) this.marks.push({row, kind: "stone", number: touchdowns});
+        this.touchdowns = touchdowns;
+      }
+      const events = this.get(row, "events");
+      const begun = events & ~this.was;
+      for (const [kind, bit] of Object.entries(EVENTS)) if (begun & bit) this.marks.push({row, kind});
+      this.was = events;
+    }
+  }
+}

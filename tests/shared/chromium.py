@@ -1,0 +1,183 @@
+"""A headless Chromium, driven by its own DevTools protocol: what the browser tests look through.
+
+with Chromium() as chromium:
+    page = chromium.open("http://127.0.0.1:8080")
+    page.wait("window.rabbit.state.pictures > 3")
+"""
+
+import base64
+import itertools
+import json
+import shutil
+import subprocess
+import tempfile
+import time
+from collections import defaultdict
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any, Self
+from urllib.request import Request, urlopen
+
+from websockets.sync.client import ClientConnection, connect
+
+NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
+OPTIONS = (
+    *("--headless=new", "--no-sandbox", "--remote-debugging-port=0", "--no-first-run", "--disable-gpu"),
+    *("--disable-background-networking", "--disable-component-update", "--disable-sync", "--disable-default-apps"),
+)
+PATIENCE = 180.0  # s, a guard against hangs
+
+
+def find_chromium() -> str | None:
+    """The browser's path; None where there is none."""
+    return next(filter(None, map(shutil.which, NAMES)), None)
+
+
+class Chromium:
+    """A browser with a profile of its own."""
+
+    def __enter__(self) -> Self:
+        self._stack = ExitStack()
+        profile = Path(self._stack.enter_context(tempfile.TemporaryDirectory(ignore_cleanup_errors=True)))
+        command = [str(find_chromium()), *OPTIONS, f"--user-data-dir={profile}", "about:blank"]
+        self._process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        self._stack.callback(self._end)
+        known = profile / "DevToolsActivePort"
+        wait(lambda: known.exists() and known.read_text().count("\n") == 1)
+        self._port = int(known.read_text().split()[0])
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stack.close()
+
+    def _end(self) -> None:
+        self._process.terminate()
+        self._process.wait(timeout=30)
+
+    def open(self, address: str, width: int = 1280, height: int = 800, dark: bool = False) -> "Page":
+        """A new page at `address`."""
+        with urlopen(Request(f"http://127.0.0.1:{self._port}/json/new?about:blank", method="PUT")) as answer:
+            target = json.load(answer)
+        socket = self._stack.enter_context(connect(target["webSocketDebuggerUrl"], max_size=None, compression=None))
+        return Page(socket, address, width, height, dark)
+
+
+class Page:
+    """`requests`: addresses of all that it asked for; `errors`: what went wrong in its scripts."""
+
+    def __init__(self, socket: ClientConnection, address: str, width: int, height: int, dark: bool) -> None:
+        self._socket = socket
+        self._numbers = itertools.count(1)
+        self.requests: list[str] = []
+        self.errors: list[str] = []
+        for domain in ("Page", "Network", "Runtime"):
+            self.call(f"{domain}.enable")
+        self.resize(width, height)
+        self.call("Emulation.setFocusEmulationEnabled", enabled=True)
+        look = [{"name": "prefers-color-scheme", "value": "dark" if dark else "light"}]
+        self.call("Emulation.setEmulatedMedia", features=look)
+        self.call("Page.navigate", url=address)
+
+    def resize(self, width: int, height: int) -> None:
+        """Of the window, in pixels."""
+        self.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
+
+    def call(self, method: str, **parameters: Any) -> Any:
+        """A command of the protocol; its result."""
+        number = next(self._numbers)
+        self._socket.send(json.dumps({"id": number, "method": method, "params": parameters}))
+        while True:
+            message = json.loads(self._socket.recv(timeout=PATIENCE))
+            if message.get("id") == number:
+                if "error" in message:
+                    raise RuntimeError(f"{method}: {message['error']}")
+                return message["result"]
+            self._note(message)
+
+    def look(self, expression: str) -> Any:
+        """The value of a JavaScript expression."""
+        answer = self.call("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
+        if "exceptionDetails" in answer:
+            raise RuntimeError(f"{expression}: {answer['exceptionDetails']}")
+        return answer["result"].get("value")
+
+    def wait(self, expression: str) -> Any:
+        """Until the expression is true; its value."""
+        found: list[Any] = []
+
+        def is_true() -> bool:
+            found[:] = [self.look(f"(() => {{ try {{ return {expression} }} catch {{ return false }} }})()")]
+            return bool(found[0])
+
+        wait(is_true, expression)
+        return found[0]
+
+    def click(self, selector: str) -> None:
+        """The middle of an element, with the mouse."""
+        x, y = self._middle(selector)
+        for kind in ("mousePressed", "mouseReleased"):
+            self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1)
+
+    def drag(self, selector: str, share: float) -> None:
+        """A slider's thumb, with the mouse, from where it is to a share of its width."""
+        box = self._box(selector)
+        inside = 8 + (box["width"] - 16) * share
+        now = self.look(f"(s => (s.value - s.min) / (s.max - s.min || 1))({element(selector)})")
+        start, y = box["x"] + 8 + (box["width"] - 16) * now, box["y"] + box["height"] / 2
+        self.call("Input.dispatchMouseEvent", type="mousePressed", x=start, y=y, button="left", clickCount=1)
+        for i in range(1, 6):
+            x = start + (box["x"] + inside - start) * i / 5
+            self.call("Input.dispatchMouseEvent", type="mouseMoved", x=x, y=y, button="left", buttons=1)
+        x = box["x"] + inside
+        self.call("Input.dispatchMouseEvent", type="mouseReleased", x=x, y=y, button="left", clickCount=1)
+
+    def choose(self, selector: str, value: str) -> None:
+        """An option of a list, as a person's choice."""
+        set_value = f"s.value = {json.dumps(value)}; s.dispatchEvent(new Event('change'))"
+        self.look(f"(s => {{ {set_value} }})({element(selector)})")
+
+    def press(self, key: str) -> None:
+        """A key."""
+        text = key if len(key) == 1 else ""
+        self.call("Input.dispatchKeyEvent", type="keyDown", key=key, text=text)
+        self.call("Input.dispatchKeyEvent", type="keyUp", key=key)
+
+    def screenshot(self, path: Path) -> None:
+        """Of the window, PNG."""
+        path.write_bytes(base64.b64decode(self.call("Page.captureScreenshot", format="png")["data"]))
+
+    def _middle(self, selector: str) -> tuple[float, float]:
+        box = self._box(selector)
+        return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+
+    def _box(self, selector: str) -> dict[str, float]:
+        self.look(f"{element(selector)}.scrollIntoView({{block: 'center'}})")
+        box: dict[str, float] = self.look(f"{element(selector)}.getBoundingClientRect().toJSON()")
+        assert box["width"] * box["height"], f"{selector} is not to be seen"
+        return box
+
+    def _note(self, message: dict[str, Any]) -> None:
+        what: dict[str, Any] = defaultdict(dict, message.get("params", {}))
+        match message.get("method"):
+            case "Network.requestWillBeSent":
+                self.requests.append(what["request"]["url"])
+            case "Network.webSocketCreated":
+                self.requests.append(what["url"])
+            case "Runtime.exceptionThrown":
+                self.errors.append(json.dumps(what["exceptionDetails"]))
+            case "Runtime.consoleAPICalled" if what["type"] == "error":
+                self.errors.append(json.dumps(what["args"]))
+
+
+def element(selector: str) -> str:
+    """The JavaScript for it."""
+    return f"document.querySelector({json.dumps(selector)})"
+
+
+def wait(is_done: Any, what: str = "") -> None:
+    """Until `is_done()`; raises `TimeoutError`."""
+    end = time.monotonic() + PATIENCE
+    while not is_done():
+        if time.monotonic() > end:
+            raise TimeoutError(f"not within {PATIENCE} s: {what}")
+        time.sleep(0.02)
