@@ -12,7 +12,7 @@ While the CLF row alone is active its answer is mu = (-rate/(2 eps) y - beta) / 
 
 import numpy as np
 from cbf_clf_qp.affine import Affine
-from cbf_clf_qp.qp import build_qp, unpack
+from cbf_clf_qp.qp import Decision, build_qp
 from cbf_clf_qp.res_clf import ResClf
 from cbf_clf_qp.rows import Rows
 from cbf_clf_qp.solvers import make_solver
@@ -36,7 +36,7 @@ class CruiseControl:
         clf = Rows.at_most(("CLF",), V_dot.a, self.clf.bound(y) - V_dot.b, slack_weight=10.0, rescue=False)
         cbf = Rows.at_least(("CBF",), -dy.a, dy.b - BARRIER_RATE * (V_LIMIT - v), slack_weight=np.inf)
         qp = build_qp([clf.normalised(), cbf])
-        return float(unpack(qp, self._solver.solve(qp).x).mu[0])
+        return float(Decision(qp, self._solver.solve(qp).x).mu[0])
 
 
 def true_error(v: float, scale: float) -> Affine:

@@ -11,7 +11,7 @@ import pinocchio as pin
 from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.ecbf import Barriers, ecbf_bound, ecbf_gains
 from cbf_clf_qp.io_linearization import precontrol
-from cbf_clf_qp.qp import build_qp, unpack
+from cbf_clf_qp.qp import Decision, build_qp
 from cbf_clf_qp.res_clf import ResClf
 from cbf_clf_qp.rows import Rows
 from cbf_clf_qp.solvers import make_solver
@@ -63,7 +63,7 @@ def reach(oracle: bool, seconds: float = 2.0) -> float:
             Rows.at_least(("CBF",), ddB.a, ecbf_bound(barrier, K_b) - ddB.b, 1e6).normalised(),
         ]
         qp = build_qp(rows)
-        torque = control(unpack(qp, solver.solve(qp).x).mu)
+        torque = control(Decision(qp, solver.solve(qp).x).mu)
         dq = dq + DT * true.acceleration(q, dq)(torque)
         q = q + DT * dq
         highest = max(highest, SHELF - shelf_barrier(q, dq).B[0])

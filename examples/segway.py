@@ -19,7 +19,7 @@ from cbf_clf_qp.cbf import Cbf
 from cbf_clf_qp.clf import Clf
 from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.io_linearization import precontrol
-from cbf_clf_qp.model_error import model_error
+from cbf_clf_qp.model_error import ModelError
 from cbf_clf_qp.problem import Problem
 from cbf_clf_qp.res_clf import ResClf
 from cbf_clf_qp.solvers import make_solver
@@ -89,7 +89,7 @@ class Oracle(Estimator[SimpleNamespace]):
     """The true ones."""
 
     def estimate(self, terms: Terms[SimpleNamespace], before: Estimates) -> Estimates:
-        return model_error(terms, dynamics(TRUE, terms.scene.x))
+        return ModelError()(terms, dynamics(TRUE, terms.scene.x))
 
 
 NOMINAL = ZeroPolicy(PROBLEM)

@@ -22,5 +22,5 @@ setup(
         "osqp>=1.1,<2",
         "daqp>=0.11",
     ],
-    extras_require={"test": ["pytest"]},
+    extras_require={"fast": ["casadi"], "test": ["pytest"]},
 )

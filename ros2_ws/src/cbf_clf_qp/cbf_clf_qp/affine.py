@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cbf_clf_qp.symbols import inverse
+
 Array = NDArray[Any]  # float64 unless said otherwise
 
 
@@ -46,7 +48,7 @@ class Affine:
 
     def inverse(self) -> "Affine":
         """The inverse map of a square one; raises numpy.linalg.LinAlgError where `a` is singular."""
-        a_inverse = np.linalg.inv(self.a)
+        a_inverse = inverse(self.a)
         return Affine(a_inverse, -a_inverse @ self.b)
 
     def mapped(self, matrix: Array, offset: Array | float = 0.0) -> "Affine":

@@ -6,6 +6,7 @@ A policy learns them, an identified model computes them, an oracle has them; the
 """
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -38,6 +39,7 @@ class Estimates:
         return Estimates(self.alpha + other.alpha, self.beta + other.beta, known, self.corners or other.corners)
 
     @classmethod
+    @cache
     def zero(cls, n: int, m: int) -> "Estimates":
         """No error anywhere: the nominal controller."""
         return cls(np.zeros((n, m)), np.zeros(n), Affine.zero(m, m))

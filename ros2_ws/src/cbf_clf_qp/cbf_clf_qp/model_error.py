@@ -4,15 +4,38 @@ Both give every quantity as an affine function of mu at the same state; their di
 second model is the plant's own, that of an adaptation the one it has identified.
 """
 
+from functools import lru_cache
 from typing import Any
 
-from cbf_clf_qp.affine import Affine
+import numpy as np
+
+from cbf_clf_qp.affine import Affine, Array
 from cbf_clf_qp.estimates import Estimates
-from cbf_clf_qp.tick import Terms
+from cbf_clf_qp.tick import Quantity, Terms, predicted
+from cbf_clf_qp.tracing import Traced
 
 
-def model_error(terms: Terms[Any], dynamics: Any) -> Estimates:
-    """The estimates that make the nominal quantities those of `dynamics`, at the state of `terms`."""
-    error = terms.under(dynamics) - terms.nominal
-    outputs = terms.scene.outputs.second_derivative(dynamics.acceleration).after(terms.precontrol)
-    return Estimates(error.a, error.b, outputs - Affine.identity(len(outputs.b)))
+class ModelError:
+    """By how much a second model differs, tick after tick."""
+
+    def __init__(self) -> None:
+        self._quantities: tuple[Quantity[Any], ...] | None = None
+
+    def __call__(self, terms: Terms[Any], dynamics: Any) -> Estimates:
+        """The estimates that make the nominal quantities those of `dynamics`, at the state of `terms`."""
+        if self._quantities is not terms.quantities:
+            self._quantities, self._error = terms.quantities, traced_error(terms.quantities).twin()
+        alpha, beta, a, b = self._error(terms.scene, terms.precontrol, terms.nominal, dynamics)
+        return Estimates(alpha, beta, Affine(a, b))
+
+
+@lru_cache(maxsize=64)
+def traced_error(quantities: tuple[Quantity[Any], ...]) -> Traced:
+    """Alpha, beta, Delta_2 and Delta_1."""
+
+    def error(scene: Any, precontrol: Affine, nominal: Affine, dynamics: Any) -> list[Array]:
+        quantity = predicted(quantities, scene, dynamics).after(precontrol) - nominal
+        outputs = scene.outputs.second_derivative(dynamics.acceleration).after(precontrol)
+        return [quantity.a, quantity.b, outputs.a - np.eye(len(outputs.b)), outputs.b]
+
+    return Traced(error)

@@ -11,8 +11,8 @@ policy, the oracle or the adaptation. The PD law is that of the CLF's own Riccat
 mu' mu asks for the smallest mu, whatever it does to the outputs: where the model is wrong and eta near 0, the smallest
 mu lets the error Delta_1 drive the outputs away until the CLF row holds them, and the torque jumps from tick to tick.
 
-Both are |root mu - center|^2 and a constant: with E stacked on sqrt(mu_weight) I and QR = that, root = R (upper
-triangular, regular as mu_weight > 0) and center = Q' (v_PD - Delta, 0).
+Both are |root mu - center|^2 and a constant: root is upper triangular with root' root = E'E + mu_weight I, regular as
+mu_weight > 0, and root' center = E' (v_PD - Delta).
 """
 
 from dataclasses import dataclass
@@ -20,6 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cbf_clf_qp.affine import Affine, Array
+from cbf_clf_qp.symbols import cholesky, inverse
 
 
 @dataclass(frozen=True)
@@ -38,5 +39,6 @@ def pd_input(y: Array, dy: Array, eps: float) -> Array:
 def pd_centred(wanted: Array, output_error: Affine, mu_weight: float) -> Objective:
     """|E mu + Delta - wanted|^2 + mu_weight |mu|^2 with E = I + `output_error.a`, Delta = `output_error.b`, rad/s^2."""
     m = len(wanted)
-    q, root = np.linalg.qr(np.vstack([np.eye(m) + output_error.a, np.sqrt(mu_weight) * np.eye(m)]))
-    return Objective(root, q[:m].T @ (wanted - output_error.b))
+    E = np.eye(m) + output_error.a
+    root = cholesky(E.T @ E + mu_weight * np.eye(m))
+    return Objective(root, inverse(root).T @ (E.T @ (wanted - output_error.b)))

@@ -4,19 +4,21 @@
     subject to lower_i <= A_i mu - s_i <= upper_i          s_i = 0 where row i is hard
 
 The solver's variable is root mu, so that its Hessian is 2 I whatever the objective. For conditioning each slack is
-scaled to unit cost and every row then divided by its norm, so the solver sees rows of norm one; `unpack` gives mu and
-the slacks back in their own units.
+scaled to unit cost and every row then divided by its norm, so the solver sees rows of norm one; `Decision` gives mu
+and the slacks back in their own units.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
+from itertools import compress
 
 import numpy as np
 
 from cbf_clf_qp.affine import Array
 from cbf_clf_qp.objective import Objective
 from cbf_clf_qp.rows import Rows
+from cbf_clf_qp.symbols import at_least, inverse
 
 ROUNDING = 1e-6  # less is the solver's tolerance
 TINY = 1e-9  # norm of a row with no input in it
@@ -75,11 +77,37 @@ class QuadraticProgram:
 
 @dataclass(frozen=True)
 class Decision:
-    """`mu` (m,), the slack of each row in its own units (k,), and which rows hold with equality (k,)."""
+    """What a solution `x` of a programme says."""
 
-    mu: Array
-    slack: Array
-    active: Array
+    qp: QuadraticProgram
+    x: Array
+
+    @cached_property
+    def mu(self) -> Array:
+        """The input (m,)."""
+        rooted = self.x[: self.qp.layout.inputs]
+        return rooted if self.qp.unroot is None else self.qp.unroot @ rooted
+
+    @cached_property
+    def slack(self) -> Array:
+        """Of each row in its own units (k,), 0 for a hard one."""
+        layout = self.qp.layout
+        slack = np.zeros(len(layout.names))
+        slack[layout.soft] = layout.slack_scale[layout.soft] * self.x[layout.inputs :]
+        slack[slack < ROUNDING] = 0.0
+        return slack
+
+    @cached_property
+    def slack_sums(self) -> Array:
+        """(2,): of the problem's own slacks, and of those of last resort."""
+        return self.qp.layout.slack_kinds @ self.slack
+
+    @property
+    def active(self) -> tuple[str, ...]:
+        """Names of the rows that hold with equality."""
+        value = self.qp.A @ self.x
+        active = (value > self.qp.upper - ROUNDING) | (value < self.qp.lower + ROUNDING)
+        return tuple(compress(self.qp.layout.names, active.tolist()))
 
 
 def build_qp(rows: Sequence[Rows], objective: Objective | None = None) -> QuadraticProgram:
@@ -88,33 +116,16 @@ def build_qp(rows: Sequence[Rows], objective: Objective | None = None) -> Quadra
     inputs = of_mu.shape[1]
     blocks = tuple((block.names, block.slack_weight, block.rescue, block.is_normalised) for block in rows)
     layout = Layout.of(blocks, inputs)
-    A = layout.A.copy()
-    q = np.zeros(A.shape[1])
+    q, unroot = np.zeros(layout.A.shape[1]), None
     norms = np.sqrt(np.einsum("ij,ij->i", of_mu, of_mu))
-    units = np.where(layout.is_normalised, np.maximum(norms, TINY), 1.0)  # of the slacks, in units of the row
-    unroot = None
+    units = np.where(layout.is_normalised, at_least(norms, TINY), 1.0)  # of the slacks, in units of the row
     if objective:
-        unroot = np.linalg.inv(objective.root)
+        unroot = inverse(objective.root)
         of_mu = of_mu @ unroot
-        q[:inputs] = -2 * objective.center
+        q = np.concatenate([-2 * objective.center, q[inputs:]])
         norms = np.sqrt(np.einsum("ij,ij->i", of_mu, of_mu))
-    A *= units[:, None]
-    A[:, :inputs] = of_mu
-    norms = np.hypot(norms, units * layout.slack_scale)
-    norms[norms == 0] = 1.0
-    A /= norms[:, None]
+    norms = at_least(np.sqrt(norms**2 + (units * layout.slack_scale) ** 2), TINY)
+    A = np.hstack([of_mu, layout.A[:, inputs:] * units[:, None]]) / norms[:, None]
     lower = np.concatenate([block.lower for block in rows]) / norms
     upper = np.concatenate([block.upper for block in rows]) / norms
     return QuadraticProgram(q, A, lower, upper, layout, unroot)
-
-
-def unpack(qp: QuadraticProgram, x: Array) -> Decision:
-    """mu, slacks and active rows of a solution."""
-    layout = qp.layout
-    slack = np.zeros(len(layout.names))
-    slack[layout.soft] = layout.slack_scale[layout.soft] * x[layout.inputs :]
-    slack[slack < ROUNDING] = 0.0
-    value = qp.A @ x
-    active = (value > qp.upper - ROUNDING) | (value < qp.lower + ROUNDING)
-    mu = x[: layout.inputs] if qp.unroot is None else qp.unroot @ x[: layout.inputs]
-    return Decision(mu=mu, slack=slack, active=active)

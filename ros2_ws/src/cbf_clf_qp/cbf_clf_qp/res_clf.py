@@ -50,11 +50,16 @@ class ResClf:
 
     def value(self, eta: Array) -> float:
         """V at `eta` (m r,)."""
-        return float(eta @ self.P_eps @ eta)
+        return cast(float, eta @ self.P_eps @ eta)  # float() would not do for symbols, see `symbols.py`
+
+    def LgV(self, eta: Array) -> Array:
+        """LgV (m,), the slope of V-dot in y^(r)."""
+        slope: Array = eta @ self._input
+        return slope
 
     def derivative(self, eta: Array) -> Affine:
         """V-dot, affine in y^(r): `a` = LgV (1, m), `b` = LfV (1,)."""
-        return Affine((eta @ self._input)[None], np.array([eta @ self._drift @ eta]))
+        return Affine(self.LgV(eta)[None], np.array([eta @ self._drift @ eta]))
 
     def bound(self, eta: Array) -> float:
         """What V-dot must not exceed: -(clf_rate / eps) V."""

@@ -3,9 +3,9 @@
 For min x'x + q'x, lower <= A x <= upper with multipliers y:  2 x + q + A'y = 0, lower <= A x <= upper.
 """
 
-import contextlib
 import io
 import math
+import sys
 import time
 from dataclasses import dataclass
 from typing import ClassVar, Protocol
@@ -83,8 +83,11 @@ class OsqpSolver:
             self._solver.update_data_mat(P_x=None, P_i=None, A_x=qp.A.ravel()[qp.layout.order], A_i=None)
         else:
             self._set_up(qp)
-        with contextlib.redirect_stdout(self._nowhere):  # "Polishing not needed", also when not verbose
+        stdout, sys.stdout = sys.stdout, self._nowhere  # "Polishing not needed", also when not verbose
+        try:
             self._solver.solve()
+        finally:
+            sys.stdout = stdout
         status, x = str(self._solver.info.status), self._solver.solution.x.copy()
         residual = kkt_residual(qp, x, self._solver.solution.y) if status == "solved" else np.inf
         elapsed = time.perf_counter() - start
@@ -140,12 +143,11 @@ class GuardedSolver:
         """The first solver's answer, or the guard's."""
         free = qp.q * -0.5
         value = qp.A @ free
-        margin = np.minimum(qp.upper - value, value - qp.lower).min()  # NaN where anything is
+        margin = np.minimum.reduce(np.minimum(qp.upper - value, value - qp.lower))  # NaN where anything is
         if margin >= 0:
             return Solution(free, True, "unconstrained", self._first.name, 0.0, 0.0)
-        is_consistent = (qp.lower <= qp.upper).all()
-        in_reach = qp.upper.min() >= -UNBOUNDED and qp.lower.max() <= UNBOUNDED
-        if not (is_consistent and in_reach and math.isfinite(margin)):
+        is_consistent = np.minimum.reduce(qp.upper - qp.lower) >= 0
+        if not (margin >= -UNBOUNDED and is_consistent):
             return Solution(free, False, "bad data", self._first.name, np.inf, 0.0)
         solution = self._first.solve(qp)
         if solution.solved:
@@ -155,11 +157,11 @@ class GuardedSolver:
 
 
 def kkt_residual(qp: QuadraticProgram, x: Array, y: Array) -> float:
-    """Largest violation of stationarity and of the rows, over 1 + max |x|; NaN where `x` is not finite."""
+    """The norm of what is violated, stationarity and rows, over 1 + |x|; NaN where `x` is not finite."""
     value = qp.A @ x
-    stationarity = np.abs(2 * x + qp.q + y @ qp.A).max()
-    violation = np.maximum(value - qp.upper, qp.lower - value).max()
-    return float(np.maximum(stationarity, violation) / (1 + np.abs(x).max()))
+    violation = np.maximum(np.maximum(value - qp.upper, qp.lower - value), 0.0)
+    gradient = y @ qp.A + qp.q + 2 * x
+    return math.sqrt(gradient @ gradient + violation @ violation) / (1 + math.sqrt(x @ x))
 
 
 def make_solver(name: str) -> GuardedSolver:

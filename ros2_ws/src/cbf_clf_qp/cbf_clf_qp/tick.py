@@ -14,6 +14,7 @@ robot, and keep nothing from tick to tick but what the solver and the estimators
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property, lru_cache
 from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
@@ -21,9 +22,10 @@ import numpy as np
 from cbf_clf_qp.affine import Affine, Array
 from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.objective import Objective
-from cbf_clf_qp.qp import QuadraticProgram, build_qp, unpack
+from cbf_clf_qp.qp import Decision, QuadraticProgram, build_qp
 from cbf_clf_qp.rows import Rows
 from cbf_clf_qp.solvers import Solution, Solver
+from cbf_clf_qp.tracing import Traced
 
 Scene = TypeVar("Scene")  # what the quantities read of a state: outputs, feet, obstacles
 SceneRead = TypeVar("SceneRead", contravariant=True)
@@ -109,15 +111,20 @@ class Recipe(Generic[Scene]):
     corrects_input: bool = False
     objective: Callable[[Terms[Scene], Estimates], Objective | None] = least_mu
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """Of all quantities, in the order of every array over them."""
         return tuple(name for quantity in self.quantities for name in quantity.names)
 
+    @cached_property
+    def programme(self) -> Traced:
+        """The QP of a tick, as `traced_programme` has it."""
+        return traced_programme(self.quantities, self.constraints, self.corrects_input, self.objective).twin()
+
 
 @dataclass(frozen=True)
-class Decided:
-    """All of a tick: `mu` (m,) of the QP, `slack` and `active` (k,) of its rows, and u = `control`(mu).
+class Decided(Decision):
+    """All of a tick: what the solver's `solution` of the `qp` says, and u = `control`(mu).
 
     `parts` are the estimates of each estimator, `estimates` their sum. `mu` counts only if `solution.solved`.
     """
@@ -125,29 +132,44 @@ class Decided:
     parts: list[Estimates]
     estimates: Estimates
     control: Affine
-    rows: list[Rows]
-    qp: QuadraticProgram
     solution: Solution
-    mu: Array
-    slack: Array
-    active: Array
 
 
 def decide(recipe: Recipe[Scene], terms: Terms[Scene], solver: Solver) -> Decided:
     """The tick."""
-    control = terms.precontrol
     parts = list[Estimates]()
-    estimates = Estimates.zero(len(terms.nominal.b), len(control.b))
+    estimates = none = Estimates.zero(*terms.nominal.a.shape)
     for estimator in recipe.estimators:
         parts.append(estimator.estimate(terms, estimates))
-        estimates += parts[-1]
-    if recipe.corrects_input:
-        control = control.after(Affine.identity(len(control.b)) + estimates.affine)
-    rows = rows_of(recipe, terms, estimates, control)
-    qp = build_qp(rows, recipe.objective(terms, estimates))
+        estimates = parts[-1] if estimates is none else estimates + parts[-1]
+    *of_control, q, A, lower, upper, layout, unroot = recipe.programme(
+        terms.scene, terms.dynamics, terms.precontrol, terms.nominal, estimates
+    )
+    control = Affine(*of_control) if recipe.corrects_input else terms.precontrol
+    qp = QuadraticProgram(q, A, lower, upper, layout, unroot)
     solution = solver.solve(qp)
-    found = unpack(qp, solution.x)
-    return Decided(parts, estimates, control, rows, qp, solution, found.mu, found.slack, found.active)
+    return Decided(qp, solution.x, parts, estimates, control, solution)
+
+
+@lru_cache(maxsize=64)
+def traced_programme(
+    quantities: tuple[Quantity[Any], ...],
+    constraints: tuple[Constraint, ...],
+    corrects_input: bool,
+    objective: Callable[[Terms[Any], Estimates], Objective | None],
+) -> Traced:
+    """The corrected control, where there is one, and the QP, of recipes with these parts."""
+    recipe = Recipe(quantities, constraints, (), corrects_input, objective)
+
+    def programme(scene: Any, dynamics: Any, precontrol: Affine, nominal: Affine, estimates: Estimates) -> list[Any]:
+        terms, control = Terms(quantities, scene, dynamics, precontrol, nominal), precontrol
+        if corrects_input:
+            control = control.after(Affine.identity(len(control.b)) + estimates.affine)
+        qp = build_qp(rows_of(recipe, terms, estimates, control), objective(terms, estimates))
+        of_control = [control.a, control.b] if corrects_input else []
+        return [*of_control, qp.q, qp.A, qp.lower, qp.upper, qp.layout, qp.unroot]
+
+    return Traced(programme)
 
 
 def rows_of(recipe: Recipe[Scene], terms: Terms[Scene], estimates: Estimates, control: Affine) -> list[Rows]:

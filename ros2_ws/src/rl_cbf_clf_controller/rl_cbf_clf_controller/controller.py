@@ -6,33 +6,39 @@
 Which leg stands, exploration and what is kept from tick to tick are here; what a controller constrains is its recipe.
 """
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
+from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.io_linearization import precontrol
-from cbf_clf_qp.res_clf import ResClf
 from cbf_clf_qp.solvers import make_solver
-from cbf_clf_qp.tick import Constraint, Decided, Terms, decide, measured
+from cbf_clf_qp.tick import Constraint, Decided, Quantity, Terms, decide, measured, predicted
+from cbf_clf_qp.tracing import Traced
 from rabbit_description.gait import Gaits
 from rabbit_description.state import SWAP_STATE, SWAP_TORQUE, TICK_SECONDS, Array, Leg, RobotState
 
 from rl_cbf_clf_controller.generated_model import make_model
 from rl_cbf_clf_controller.identified_robot import IdentifiedRobot
 from rl_cbf_clf_controller.kinds import find_kind
+from rl_cbf_clf_controller.nominal_model import PinnedDynamics
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import Policy
-from rl_cbf_clf_controller.recipes import make_recipe
+from rl_cbf_clf_controller.recipes import make_clf, make_recipe
 from rl_cbf_clf_controller.scene import ControllerError, Scene
 from rl_cbf_clf_controller.step_outputs import make_steps
 
 NO_BARRIERS = np.full(2, np.nan)
 ROUNDING = 1e-6  # N m, by which the QP may be over the limit
 NO_TORQUE = np.full(4, np.nan)
+NO_NOISE = np.zeros(4)
 NOTHING = np.zeros(0)
 
 
-@dataclass(frozen=True)
+@dataclass  # not frozen: that would take a tick 5 us
 class ControllerOutput:
     """All of one tick that a person debugging, a recorder or the trainer wants.
 
@@ -85,6 +91,21 @@ class ControllerOutput:
     identified: Array = field(default_factory=lambda: NOTHING)
     adapted: Array = field(default_factory=lambda: NOTHING)
 
+    @classmethod
+    def deferring(cls, later: Mapping[str, Callable[[], Any]], **known: Any) -> "ControllerOutput":
+        """An output of which the fields in `later` are computed when they are first read: the torque is out by then."""
+        output = cls.__new__(cls)
+        output.__dict__ |= known
+        output.__dict__["_later"] = later
+        return output
+
+    def __getattr__(self, name: str) -> Any:
+        """A field that nobody has read yet."""
+        if name.startswith("_") or name not in self._later:
+            raise AttributeError(f"ControllerOutput has no {name}")
+        value = self.__dict__[name] = self._later[name]()
+        return value
+
 
 @dataclass
 class StepState:
@@ -95,7 +116,7 @@ class StepState:
     start_tick: int = 0
     has_begun: bool = False
     torque: Array = field(default_factory=lambda: NO_TORQUE)
-    last: tuple[int, Scene] | None = None
+    last: Scene | None = None
     rng: np.random.Generator = field(default_factory=lambda: np.random.default_rng(0))
 
 
@@ -118,7 +139,7 @@ class Controller:
         urdf: str | None = None,
     ) -> None:
         self.parameters = parameters
-        self.clf = ResClf(4, parameters.eps, (parameters.kp, parameters.kd))
+        self.clf = make_clf(parameters)
         self._robot = IdentifiedRobot(urdf) if parameters.adaptation == "identification" else None
         estimators = (policy, self._robot) if self._robot else (policy,)
         self.recipe = make_recipe(parameters, self.clf, estimators, constraints)
@@ -127,6 +148,8 @@ class Controller:
         self._steps = make_steps(gait, parameters.stone_aim)
         self._model = make_model(urdf)
         self._solver = make_solver(parameters.qp_solver)
+        self._terms = traced_terms(self.recipe.quantities).twin()
+        self._measure = traced_measurement(self.recipe.quantities).twin()
         self.reset(0)
 
     @property
@@ -172,7 +195,9 @@ class Controller:
                 that gives no output error where the objective needs it.
         """
         self._check(state)
-        if np.isfinite(state.applied).all():  # in real time it may be another than the one that this gave last
+        if math.isfinite(
+            state.applied @ state.applied
+        ):  # in real time it may be another than the one that this gave last
             self._step.torque = state.applied[SWAP_TORQUE] if self._step.stance is Leg.RIGHT else state.applied
         if self._robot:
             state = self._robot.corrected(state)
@@ -182,7 +207,7 @@ class Controller:
         self.terms = self.look(state)
         self.decided = decide(self.recipe, self.terms, self._solver)
         output = self._output(state, fault)
-        self._step.last = state.tick, self.terms.scene
+        self._step.last = self.terms.scene
         return output
 
     def look(self, state: RobotState) -> Terms[Scene]:
@@ -191,7 +216,7 @@ class Controller:
         feet = self._model.update(q_s, dq_s)
         dynamics = self._model.pinned()
         outputs = self._constraints.evaluate(q_s, dq_s)
-        z = (*feet.hip, outputs.phase, *feet.hip_rate, outputs.phase_rate)
+        z = (feet.hip, (outputs.phase,), feet.hip_rate, (outputs.phase_rate,))
         stone = self._terrain.observed(state.preview, self._steps.wanted)
         stance = self._step.stance
         scene = Scene(
@@ -200,32 +225,32 @@ class Controller:
             feet=feet,
             outputs=outputs,
             barriers=self._terrain.barriers(feet, state.preview),
-            force=state.foot_force[[stance, stance.other]],
-            observation=np.concatenate([outputs.eta, z, stone]),
-            LgV=self.clf.derivative(outputs.eta).a[0],
+            force=state.foot_force if stance is Leg.LEFT else state.foot_force[::-1],
+            observation=np.concatenate([outputs.eta, *z, stone]),
+            LgV=self.clf.LgV(outputs.eta),
             tick=state.tick,
             torque=self._step.torque,
         )
-        control = precontrol(outputs.second_derivative(dynamics.acceleration))
-        return Terms.of(self.recipe.quantities, scene, dynamics, control)
+        a, b, nominal_a, nominal_b = self._terms(scene, dynamics)
+        return Terms(self.recipe.quantities, scene, dynamics, Affine(a, b), Affine(nominal_a, nominal_b))
 
     def _output(self, state: RobotState, fault: str) -> ControllerOutput:
-        p, step, scene, terms, decided = self.parameters, self._step, self.terms.scene, self.terms, self.decided
-        solution, control, mu_qp = decided.solution, decided.control, decided.mu
-        layout = decided.qp.layout
-        clf_slack, rescue_slack = layout.slack_kinds @ decided.slack
+        p, step, terms, decided = self.parameters, self._step, self.terms, self.decided
+        scene, solution, control, mu_qp = terms.scene, decided.solution, decided.control, decided.mu
         if not solution.solved:
             fault, mu_qp = fault or f"no solver answered: {solution.status}", np.zeros(4)
-        omega = p.sigma * step.rng.standard_normal(4) if p.sigma > 0 else np.zeros(4)
-        mu = mu_qp + omega
+        mu, omega = mu_qp, NO_NOISE
+        if p.sigma > 0:
+            omega = p.sigma * step.rng.standard_normal(4)
+            mu = mu_qp + omega
         wanted = control(mu)
         torque = np.minimum(np.maximum(wanted, -p.torque_limit), p.torque_limit)
         saturated = bool(np.abs(torque - wanted).max() > ROUNDING)
         if saturated:
             mu = np.linalg.solve(control.a, torque - control.b)
-        mu_held = scene.outputs.second_derivative(terms.dynamics.acceleration)(step.torque)
         step.torque = torque
-        return ControllerOutput(
+        return ControllerOutput.deferring(
+            self._later(),
             tick=state.tick,
             torque=torque[SWAP_TORQUE] if step.stance is Leg.RIGHT else torque,
             stance=step.stance,
@@ -233,24 +258,18 @@ class Controller:
             step_time=(state.tick - step.start_tick) * TICK_SECONDS,
             phase=scene.outputs.phase,
             eta=scene.outputs.eta,
-            V=self.clf.value(scene.outputs.eta),
             barriers=NO_BARRIERS if scene.barriers is None else scene.barriers.B,
             barrier_rates=NO_BARRIERS if scene.barriers is None else scene.barriers.dB,
             mu=mu,
             mu_qp=mu_qp,
             omega=omega,
-            mu_held=mu_held,
             quantities=self.recipe.names,
             nominal_a=terms.nominal.a,
             nominal_b=terms.nominal.b,
-            measured=self._measured(state.tick),
             alpha=decided.estimates.alpha,
             beta=decided.estimates.beta,
             observation=scene.observation,
             LgV=scene.LgV,
-            clf_slack=float(clf_slack),
-            rescue_slack=float(rescue_slack),
-            active=tuple(name for name, on in zip(layout.names, decided.active, strict=True) if on),
             saturated=saturated,
             solver=solution.solver,
             status=solution.status,
@@ -260,15 +279,28 @@ class Controller:
             objective=p.objective,
             adaptation=p.adaptation,
             identified=self._robot.known if self._robot else NOTHING,
-            adapted=decided.parts[1].packed if self._robot else NOTHING,
             fault=fault,
         )
 
-    def _measured(self, tick: int) -> Array:
+    def _later(self) -> dict[str, Callable[[], Any]]:
+        """What of this tick's output does not decide the torque."""
+        terms, decided, last = self.terms, self.decided, self._step.last
+        scene = terms.scene
+        return {
+            "V": lambda: self.clf.value(scene.outputs.eta),
+            "mu_held": lambda: scene.outputs.second_derivative(terms.dynamics.acceleration)(scene.torque),
+            "measured": lambda: self._measured(last, scene),
+            "clf_slack": lambda: float(decided.slack_sums[0]),
+            "rescue_slack": lambda: float(decided.slack_sums[1]),
+            "active": lambda: decided.active,
+            "adapted": lambda: decided.parts[1].packed if self._robot else NOTHING,
+        }
+
+    def _measured(self, last: Scene | None, now: Scene) -> Array:
         """The quantities (n,) over the last tick, NaN where this or the step began with it."""
-        if self._step.last is None or self._step.last[0] != tick - 1:
+        if last is None or last.tick != now.tick - 1:
             return np.full(len(self.recipe.names), np.nan)
-        return measured(self.recipe.quantities, self._step.last[1], self.terms.scene, TICK_SECONDS)
+        return self._measure(last, now, TICK_SECONDS)[0]
 
     def _relabel(self, values: Array) -> Array:
         return values[SWAP_STATE] if self._step.stance is Leg.RIGHT else values
@@ -295,6 +327,24 @@ class Controller:
 
     def _check(self, state: RobotState) -> None:
         for name, value in (("q", state.q), ("dq", state.dq)):
-            if value.shape != (7,) or not np.isfinite(value).all():
+            if value.shape != (7,) or not math.isfinite(value @ value):
                 raise ControllerError(f"state.{name} = {value}: expected 7 finite values")
         self._terrain.check(state)
+
+
+@lru_cache(maxsize=64)
+def traced_terms(quantities: tuple[Quantity[Scene], ...]) -> Traced:
+    """The pre-control and the nominal quantities, affine in mu: a and b of each."""
+
+    def terms(scene: Scene, dynamics: PinnedDynamics) -> tuple[Array, ...]:
+        control = precontrol(scene.outputs.second_derivative(dynamics.acceleration))
+        nominal = predicted(quantities, scene, dynamics).after(control)
+        return control.a, control.b, nominal.a, nominal.b
+
+    return Traced(terms)
+
+
+@lru_cache(maxsize=64)
+def traced_measurement(quantities: tuple[Quantity[Scene], ...]) -> Traced:
+    """All quantities over the seconds between two scenes."""
+    return Traced(lambda before, after, seconds: [measured(quantities, before, after, seconds)])

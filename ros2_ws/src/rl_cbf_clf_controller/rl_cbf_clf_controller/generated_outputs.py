@@ -1,50 +1,15 @@
 """The outputs of `virtual_constraints.py` and `step_outputs.py`, computed by generated C."""
 
 import ctypes
-from dataclasses import dataclass
 
 import numpy as np
-from cbf_clf_qp.affine import Affine
 from rabbit_description.state import Array
 
-from rl_cbf_clf_controller.generated.layout import COORDINATES, OUTPUT_DYNAMICS, OUTPUTS, POWERS
+from rl_cbf_clf_controller.generated.layout import COORDINATES, OUTPUTS, POWERS
 from rl_cbf_clf_controller.generated.library import GeneratedFunction, load_library
 from rl_cbf_clf_controller.virtual_constraints import Outputs, VirtualConstraints
 
 JOINTS = np.eye(COORDINATES)[3:]  # what the generated outputs control
-
-
-@dataclass(frozen=True)
-class OutputDynamics(Affine):
-    """y-ddot, affine in the torque, whose inverse `inverted` is computed already; `determinant` of its `a`."""
-
-    inverted: Affine
-    determinant: float
-
-    def inverse(self) -> Affine:
-        """The torque, affine in y-ddot; raises numpy.linalg.LinAlgError where there is none."""
-        if self.determinant == 0:
-            raise np.linalg.LinAlgError("Singular matrix")
-        return self.inverted
-
-
-@dataclass(frozen=True)
-class OutputsInC(Outputs):
-    """Outputs whose second derivative and its inverse are computed by `function`."""
-
-    function: GeneratedFunction
-
-    def derive(self, acceleration: Affine) -> Affine:
-        """y-ddot, computed."""
-        arguments = self.function.arguments
-        arguments[:28] = acceleration.a.ravel()
-        arguments[28:35] = acceleration.b
-        arguments[35:63] = self.jacobian.ravel()
-        arguments[63:] = self.bias
-        found = self.function()
-        # as in layout.FUNCTIONS[OUTPUT_DYNAMICS]; a test compares
-        inverse = Affine(found[20:36].reshape(4, 4), found[36:40])
-        return OutputDynamics(found[:16].reshape(4, 4), found[16:20], inverse, found[40])
 
 
 class GeneratedOutputs:
@@ -52,7 +17,6 @@ class GeneratedOutputs:
 
     def __init__(self, library: ctypes.CDLL, constraints: VirtualConstraints) -> None:
         self._function = GeneratedFunction(library, OUTPUTS)
-        self._output_dynamics = GeneratedFunction(library, OUTPUT_DYNAMICS)
         self._arguments, at = self._function.arguments, self._function.argument_slices
         self._q, self._dq = at["q"], at["dq"]
         for name, values in constraints.parameters().items():
@@ -65,14 +29,12 @@ class GeneratedOutputs:
         self._arguments[self._q], self._arguments[self._dq] = q_s, dq_s
         found = self._function()
         # as in layout.FUNCTIONS[OUTPUTS]; a test compares
-        return OutputsInC(
-            y=found[:4],
-            dy=found[4:8],
+        return Outputs(
+            eta=found[:8],
             jacobian=found[8:36].reshape(4, 7),
             bias=found[36:40],
             phase=float(found[40]),
             phase_rate=float(found[41]),
-            function=self._output_dynamics,
         )
 
 

@@ -15,7 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 from cbf_clf_qp.estimates import Estimates
-from cbf_clf_qp.model_error import model_error
+from cbf_clf_qp.model_error import ModelError
 from cbf_clf_qp.tick import Estimator, Terms
 from rabbit_description.state import Array, RobotState
 
@@ -34,6 +34,7 @@ class IdentifiedRobot(Estimator[Scene]):
 
     def __init__(self, urdf: str | None = None) -> None:
         self._robot = make_model(urdf)
+        self._error = ModelError()
         self._identification = Identification(self._robot.model)
         self._calibration = JointCalibration(self._robot.model)
         self.reset()
@@ -61,7 +62,7 @@ class IdentifiedRobot(Estimator[Scene]):
         self._learn(scene)
         self._last = scene
         self._robot.update(scene.q_s, scene.dq_s)
-        return model_error(terms, self._robot.pinned())
+        return self._error(terms, self._robot.pinned())
 
     def _learn(self, now: Scene) -> None:
         last = self._last

@@ -8,7 +8,7 @@ u_nominal*).
 import numpy as np
 from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.io_linearization import precontrol
-from cbf_clf_qp.model_error import model_error
+from cbf_clf_qp.model_error import ModelError
 from cbf_clf_qp.tick import Terms
 
 from rl_cbf_clf_controller.generated_model import make_model
@@ -25,6 +25,7 @@ class OraclePolicy(Policy):
     def __init__(self, urdf: str, motor_gain: float = 1.0, joint_damping: float = 0.0, io: bool = False) -> None:
         self._model = make_model(urdf, motor_gain, joint_damping)
         self._io = io
+        self._error = ModelError()
 
     def estimate(self, terms: Terms[Scene], before: Estimates) -> Estimates:
         """Exact estimates at this tick."""
@@ -34,4 +35,4 @@ class OraclePolicy(Policy):
             true_control = precontrol(terms.scene.outputs.second_derivative(dynamics.acceleration))
             error = terms.precontrol.inverse().after(true_control)
             return Estimates(error.a - np.eye(len(error.b)), error.b)
-        return model_error(terms, dynamics)
+        return self._error(terms, dynamics)

@@ -17,6 +17,7 @@ from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.problem import Problem
 from cbf_clf_qp.tick import Estimator, Terms
+from cbf_clf_qp.tracing import Traced
 from rabbit_description.state import Array
 
 from rl_cbf_clf_controller.scene import Scene
@@ -70,6 +71,7 @@ class ActorPolicy(LearnedPolicy):
         self._inverse_scale = 1 / np.array(form.observation_scale)
         self._alpha_scale, self._beta_scale = np.array(form.alpha_scale), np.array(form.beta_scale)
         self._structured, self._inputs, self._has_clf = form.structured, form.m, "V" in form.names
+        self._estimates = Traced(self._scaled)
 
     def act(self, observation: Array, LgV: Array) -> Estimates:
         """Alpha and beta of every quantity. A network without `l_min` reads the first 14 observations.
@@ -82,21 +84,22 @@ class ActorPolicy(LearnedPolicy):
                 f"policy {self.version} reads {self.file.metadata.observation[-1]}: expected a gait library"
             )
         scaled = (observation[: len(self._center)] - self._center) * self._inverse_scale
-        raw_outputs: Array = forward(self.file.arrays, scaled.astype(np.float32)).astype(np.float64)
-        outputs = contract(raw_outputs, LgV) if self._structured else raw_outputs
-        raw = Estimates.from_flat(outputs, self._inputs)
-        alpha, beta = raw.alpha * self._alpha_scale[:, None], raw.beta * self._beta_scale
-        if self._has_clf and not self._structured:
-            size = np.linalg.norm(LgV) + 1
-            alpha[0] *= size
-            beta[0] *= size
-        return Estimates(alpha, beta, self._output_error(raw_outputs) if self._structured else None)
+        outputs = forward(self.file.arrays, scaled.astype(np.float32))
+        alpha, beta, *error = self._estimates(outputs, LgV)
+        return Estimates(alpha, beta, Affine(*error) if error else None)
 
-    def _output_error(self, outputs: Array) -> Affine:
-        """[Delta_2 | Delta_1] of the structured form."""
-        m = self._inputs
-        matrix = outputs[: m * (m + 1)].reshape(m, m + 1)
-        return Affine(self._alpha_scale[0] * matrix[:, :m], self._beta_scale[0] * matrix[:, m])
+    def _scaled(self, outputs: Array, LgV: Array) -> list[Array]:
+        """The network's outputs as alpha, beta and, of the structured form, [Delta_2 | Delta_1]."""
+        raw = Estimates.from_flat(contract(outputs, LgV) if self._structured else outputs, self._inputs)
+        alpha, beta = raw.alpha * self._alpha_scale[:, None], raw.beta * self._beta_scale
+        if self._structured:
+            m = self._inputs
+            matrix = outputs[: m * (m + 1)].reshape(m, m + 1)
+            return [alpha, beta, self._alpha_scale[0] * matrix[:, :m], self._beta_scale[0] * matrix[:, m]]
+        if self._has_clf:
+            size = np.sqrt(LgV @ LgV) + 1
+            alpha[0], beta[0] = alpha[0] * size, beta[0] * size
+        return [alpha, beta]
 
 
 class PartlyNominal(Policy):

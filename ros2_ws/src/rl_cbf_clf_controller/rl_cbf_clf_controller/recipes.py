@@ -1,6 +1,8 @@
 """The seven controllers: which QP has which quantities, estimators, constraints and objective. One table."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import lru_cache
 
 from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.clf import Clf
@@ -68,16 +70,31 @@ def make_recipe(
 
     `estimators`, `constraints`: further ones. The first estimator is the policy.
     """
-    kind = find_kind(p.controller)
+    fixed = _fixed_part(p)
+    return replace(
+        fixed,
+        constraints=(*fixed.constraints, *constraints),
+        estimators=(*estimators, *find_kind(p.controller).estimators(p, clf)),
+    )
+
+
+@lru_cache(maxsize=64)
+def _fixed_part(p: ControllerParameters) -> Recipe[Scene]:
+    """What keeps nothing from tick to tick; the same objects for the same parameters, so that a trace serves all."""
+    kind, clf = find_kind(p.controller), make_clf(p)
     reference = [ReferenceClf(clf, hard_clf(p, clf))] if p.problem.corrects_input else []
     forces = [NominalForce(contact_force(p))] if p.flat_force_rows and kind.terrain is not SteppingStones else []
     return Recipe(
         quantities=kind.quantities(p, clf),
-        constraints=(*reference, *forces, Saturation(p.torque_limit), *constraints),
-        estimators=(*estimators, *kind.estimators(p, clf)),
+        constraints=(*reference, *forces, Saturation(p.torque_limit)),
         corrects_input=p.problem.corrects_input,
         objective=least_mu if p.objective == "paper" else pd_objective(p, p.problem.corrects_input),
     )
+
+
+def make_clf(p: ControllerParameters) -> ResClf:
+    """Of RABBIT's four outputs."""
+    return ResClf(4, p.eps, (p.kp, p.kd))
 
 
 def hard_clf(p: Parameters, clf: ResClf) -> Clf:

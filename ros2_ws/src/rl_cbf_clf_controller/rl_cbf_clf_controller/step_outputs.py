@@ -61,8 +61,7 @@ class StepOutputs(VirtualConstraints):
         path = super().evaluate(q_s, dq_s)
         value, slope, curvature = self._correction(path.phase)
         return Outputs(
-            y=path.y - value,
-            dy=path.dy - slope * path.phase_rate,
+            eta=path.eta - np.concatenate([value, slope * path.phase_rate]),
             jacobian=path.jacobian - np.outer(slope, self._gradient),
             bias=path.bias - curvature * path.phase_rate**2,
             phase=path.phase,

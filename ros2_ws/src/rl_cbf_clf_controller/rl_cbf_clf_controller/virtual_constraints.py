@@ -8,7 +8,6 @@ pitch + stance hip + stance knee / 2.
 """
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -36,36 +35,26 @@ RABBIT_ANGLES = Angles(np.eye(7)[3:], np.array([0.0, 0.0, 1.0, 1.0, 0.5, 0.0, 0.
 
 @dataclass(frozen=True)
 class Outputs:
-    """`y`, `dy` (m,), `jacobian` (m, n) and `bias` (m,) of y-ddot, `phase` and `phase_rate` (1/s)."""
+    """`eta` = (y, dy) (2 m,), `jacobian` (m, n) and `bias` (m,) of y-ddot, `phase` and `phase_rate` (1/s)."""
 
-    y: Array
-    dy: Array
+    eta: Array
     jacobian: Array
     bias: Array
     phase: float
     phase_rate: float
 
-    @cached_property
-    def eta(self) -> Array:
-        """(y, dy), shape (2 m,)."""
-        return np.concatenate([self.y, self.dy])
+    @property
+    def y(self) -> Array:
+        """The outputs (m,), rad."""
+        return self.eta[: len(self.bias)]
 
-    @cached_property
-    def _known(self) -> list[tuple[Affine, Affine]]:
-        """Accelerations of which y-ddot has been asked, and the answers."""
-        return []
+    @property
+    def dy(self) -> Array:
+        """Their rates (m,), rad/s."""
+        return self.eta[len(self.bias) :]
 
     def second_derivative(self, acceleration: Affine) -> Affine:
-        """y-ddot (m), affine in whatever `acceleration` (n) is affine in; computed once for each."""
-        for known, answer in self._known:
-            if known is acceleration:
-                return answer
-        answer = self.derive(acceleration)
-        self._known.append((acceleration, answer))
-        return answer
-
-    def derive(self, acceleration: Affine) -> Affine:
-        """y-ddot, computed."""
+        """y-ddot (m), affine in whatever `acceleration` (n) is affine in."""
         return acceleration.mapped(self.jacobian, self.bias)
 
 
@@ -108,8 +97,7 @@ class VirtualConstraints:
         phase_rate = float(self._gradient @ dq_s)
         desired, slope, curvature = self._desired(phase)
         return Outputs(
-            y=self.controlled @ q_s - desired,
-            dy=self.controlled @ dq_s - slope * phase_rate,
+            eta=np.concatenate([self.controlled @ q_s - desired, self.controlled @ dq_s - slope * phase_rate]),
             jacobian=self.controlled - np.outer(slope, self._gradient),
             bias=-curvature * phase_rate**2,
             phase=phase,

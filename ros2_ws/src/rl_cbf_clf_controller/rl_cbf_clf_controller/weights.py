@@ -213,8 +213,11 @@ def policy_path(name: str) -> Path:
 
 def forward(arrays: Arrays, scaled: Float32) -> Float32:
     """The actor: scaled observation (m,) to outputs in [-1, 1]."""
-    hidden = np.maximum(arrays["0.weight"] @ scaled + arrays["0.bias"], np.float32(0))
-    hidden = np.maximum(arrays["1.weight"] @ hidden + arrays["1.bias"], np.float32(0))
+    hidden = scaled
+    for layer in ("0", "1"):
+        hidden = arrays[f"{layer}.weight"] @ hidden
+        hidden += arrays[f"{layer}.bias"]
+        np.maximum(hidden, 0, out=hidden)
     outputs: Float32 = np.tanh(arrays["2.weight"] @ hidden + arrays["2.bias"])
     return outputs
 

@@ -66,7 +66,8 @@ class FixedPolicy(Policy):
 def test_which_qp_has_which_rows(controller, changes, names):
     built = make(controller, **changes)
     terms = built.look(state())
-    rows = decide(built.recipe, terms, make_solver("daqp")).rows
+    decided = decide(built.recipe, terms, make_solver("daqp"))
+    rows = rows_of(built.recipe, terms, decided.estimates, decided.control)
     assert [name for block in rows for name in block.names] == [*names, "u1", "u2", "u3", "u4"]
 
 

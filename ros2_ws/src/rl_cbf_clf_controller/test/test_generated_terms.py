@@ -5,7 +5,6 @@ import ctypes
 import numpy as np
 import pinocchio as pin
 import pytest
-from cbf_clf_qp.affine import Affine
 from rabbit_description import URDF_PATH
 from rabbit_description.gait import load_gait, load_gaits
 from rabbit_description.state import Array, StonePreview
@@ -156,21 +155,6 @@ def test_outputs_are_numpys_inside_the_phase_and_beyond_its_ends(library, make):
         assert_equal({name: getattr(found, name) for name in vars(expected)}, vars(expected))
 
 
-@pytest.mark.parametrize("robot", [NominalModel(), odd_robot(0)])
-def test_output_dynamics_and_their_inverse_are_numpys(library, robot):
-    constraints = VirtualConstraints(load_gait("authors_035"))
-    generated = GeneratedOutputs(library, constraints)
-    for q, dq in STATES:
-        robot.update(q, dq)
-        acceleration = robot.pinned().acceleration
-        found, expected = (each.evaluate(q, dq).second_derivative(acceleration) for each in (generated, constraints))
-        inverse, condition = found.inverse(), np.linalg.cond(expected.a)
-        assert found.a == pytest.approx(expected.a, rel=0, abs=TOLERANCE * np.abs(expected.a).max())
-        assert found.b == pytest.approx(expected.b, rel=0, abs=TOLERANCE * np.abs(expected.b).max())
-        assert found.a @ inverse.a == pytest.approx(np.eye(4), abs=1e-14 * condition)
-        assert found(inverse.b) == pytest.approx(0, abs=1e-14 * condition * np.abs(expected.b).max())
-
-
 def test_barriers_are_numpys(library):
     robot, rng = NominalModel(), np.random.default_rng(3)
     for q, dq in STATES:
@@ -179,22 +163,6 @@ def test_barriers_are_numpys(library):
         stone = StonePreview(1, l_min, l_min + 0.08)
         found = GeneratedStoneBarriers(library, R1, R2)(feet, stone.l_min, stone.l_max)
         assert_equal(vars(found), vars(stone_barriers(feet, stone, R1, R2)))
-
-
-def test_outputs_that_no_torque_moves_have_no_inverse(library):
-    q, dq = STATES[0]
-    outputs = GeneratedOutputs(library, VirtualConstraints(load_gait("authors_035"))).evaluate(q, dq)
-    with pytest.raises(np.linalg.LinAlgError):
-        outputs.second_derivative(Affine.zero(7, 4)).inverse()
-
-
-def test_each_accelerations_answer_is_its_own(library):
-    q, dq = STATES[0]
-    outputs = GeneratedOutputs(library, VirtualConstraints(load_gait("authors_035"))).evaluate(q, dq)
-    first, second = Affine(np.eye(7, 4), np.ones(7)), Affine(2 * np.eye(7, 4), np.zeros(7))
-    answers = [outputs.second_derivative(each) for each in (first, second, first)]
-    assert answers[0] is answers[2]
-    assert answers[0].a * 2 == pytest.approx(answers[1].a)
 
 
 @pytest.fixture

@@ -5,7 +5,7 @@ import pytest
 from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.objective import pd_centred, pd_input
-from cbf_clf_qp.qp import build_qp, unpack
+from cbf_clf_qp.qp import Decision, build_qp
 from cbf_clf_qp.res_clf import ResClf
 from cbf_clf_qp.rows import Rows
 from cbf_clf_qp.solvers import make_solver
@@ -32,7 +32,7 @@ def start():
 
 def solved(rows, objective):
     qp = build_qp(rows, objective)
-    return unpack(qp, make_solver("osqp").solve(qp).x).mu
+    return Decision(qp, make_solver("osqp").solve(qp).x).mu
 
 
 def random_problem():

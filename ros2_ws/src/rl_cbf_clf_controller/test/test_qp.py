@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.objective import Objective
-from cbf_clf_qp.qp import build_qp, unpack
+from cbf_clf_qp.qp import Decision, build_qp
 from cbf_clf_qp.rows import Rows
 from cbf_clf_qp.saturation import Saturation
 from cbf_clf_qp.solvers import DaqpSolver, GuardedSolver, OsqpSolver, Solution, kkt_residual, make_solver
@@ -35,11 +35,11 @@ def test_one_row_has_the_closed_form(solver):
 def test_one_soft_row_has_the_closed_form(solver, p):
     a, b = np.array([3.0, 0, -4.0, 0]), -10.0
     qp = build_qp([Rows.at_most(("CLF",), a[None], np.array([b]), p, rescue=False)])
-    decision = unpack(qp, solver().solve(qp).x)
+    decision = Decision(qp, solver().solve(qp).x)
     multiplier = -b / (25 + 1 / p)  # mu = -l a, s = l / p, a mu - s = b
     assert decision.mu == pytest.approx(-multiplier * a, rel=1e-5, abs=1e-7)
     assert decision.slack == pytest.approx([multiplier / p], rel=1e-5, abs=1e-6)
-    assert decision.active.all()
+    assert decision.active == ("CLF",)
 
 
 def test_nothing_is_printed_where_no_row_is_active(capfd):
@@ -54,7 +54,7 @@ def test_nothing_is_printed_where_no_row_is_active(capfd):
 def test_center_moves_the_free_minimum():
     center = np.array([1.0, 2.0, -3.0, 0.5])
     qp = build_qp([Rows.at_most(("CLF",), np.ones((1, 4)), np.array([100.0]), 5.0)], Objective(np.eye(4), center))
-    assert unpack(qp, make_solver("osqp").solve(qp).x).mu == pytest.approx(center)
+    assert Decision(qp, make_solver("osqp").solve(qp).x).mu == pytest.approx(center)
 
 
 def test_solvers_agree_and_meet_kkt_on_random_ticks():
@@ -124,7 +124,7 @@ def test_slack_of_last_resort_keeps_saturation_feasible():
     impossible = Rows.at_least(("B1",), np.ones((1, 4)), np.array([1e6]), 1e6)
     control = Affine(np.eye(4), rng.normal(0, 10, 4))
     qp = build_qp([impossible, *Saturation(200.0).rows(None, control)])
-    decision = unpack(qp, DaqpSolver().solve(qp).x)
+    decision = Decision(qp, DaqpSolver().solve(qp).x)
     assert np.abs(control(decision.mu)).max() <= 200 + 1e-6
     assert decision.slack[0] > 0
     assert qp.layout.slack_kinds.tolist() == [[0.0] + 4 * [1.0], [1.0] + 4 * [0.0]]

@@ -16,6 +16,7 @@ from typing import Literal
 
 import numpy as np
 from cbf_clf_qp.rows import Rows
+from cbf_clf_qp.tick import rows_of
 from pydantic import BaseModel, ConfigDict
 from rabbit_description.state import RobotState
 from rl_cbf_clf_controller.controller import Controller
@@ -102,7 +103,8 @@ def _judge(assembly: Assembly) -> Controller:
 def _verdicts(judge: Controller, state: RobotState) -> tuple[bool, bool]:
     """Whether the safety rows, and all rows, are infeasible for a judge at a state."""
     judge.step(state)
-    rows = judge.decided.rows
+    decided = judge.decided
+    rows = rows_of(judge.recipe, judge.terms, decided.estimates, decided.control)
     every = infeasible(rows)
     without_clf = [block for block in rows if block.names != ("CLF",)]
     return every and infeasible(without_clf), every

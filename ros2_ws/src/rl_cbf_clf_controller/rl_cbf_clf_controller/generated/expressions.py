@@ -139,8 +139,7 @@ def outputs(
     value, slope, curvature = (a + b for a, b in zip(path, faded, strict=True))
     controlled = ca.horzcat(ca.SX.zeros(MOTORS, COORDINATES - MOTORS), ca.SX.eye(MOTORS))
     return [
-        q[3:] - value,
-        dq[3:] - slope * phase_rate,
+        ca.horzcat(q[3:] - value, dq[3:] - slope * phase_rate).T,
         controlled - slope @ gradient.T,
         -curvature * phase_rate**2,
         phase,
@@ -170,15 +169,6 @@ def fading_correction(a: ca.SX, b: ca.SX, since: ca.SX, width: ca.SX) -> tuple[c
     curvature = 6 * left * (line - left * b) / width**2
     before = ca.fmin(since, 0)
     return left**3 * line + slope * before, slope, ca.if_else(since < 0, 0, curvature)
-
-
-def output_dynamics(acceleration_a: ca.SX, acceleration_b: ca.SX, jacobian: ca.SX, bias: ca.SX) -> list[ca.SX]:
-    """y-ddot affine in the torque, and its inverse; as in `layout.OUTPUT_DYNAMICS`."""
-    rows = ca.reshape(jacobian, COORDINATES, MOTORS).T
-    a = rows @ ca.reshape(acceleration_a, MOTORS, COORDINATES).T
-    b = rows @ acceleration_b + bias
-    inverse = ca.inv_minor(a)
-    return [a, b, inverse, -inverse @ b, ca.det(a)]
 
 
 def stone_barriers(
@@ -215,7 +205,6 @@ def foot_velocity(q: ca.SX, dq: ca.SX, legs: ca.SX) -> list[ca.SX]:
 EXPRESSIONS: dict[str, Callable[..., list[ca.SX]]] = {
     "pinned_dynamics": pinned_dynamics,
     "outputs": outputs,
-    "output_dynamics": output_dynamics,
     "stone_barriers": stone_barriers,
     "motion_regressor": motion_regressor,
     "foot_velocity": foot_velocity,

@@ -31,7 +31,6 @@ PATH: Layout = {
 
 PINNED = "pinned_dynamics"
 OUTPUTS = "outputs"
-OUTPUT_DYNAMICS = "output_dynamics"
 BARRIERS = "stone_barriers"
 REGRESSOR = "motion_regressor"
 FOOT_VELOCITY = "foot_velocity"
@@ -55,27 +54,11 @@ FUNCTIONS: dict[str, tuple[Layout, Layout]] = {
     OUTPUTS: (
         STATE | PATH,
         {
-            "y": (MOTORS,),
-            "dy": (MOTORS,),
+            "eta": (2, MOTORS),  # y, dy
             "jacobian": (MOTORS, COORDINATES),
             "bias": (MOTORS,),
             "phase": (1,),
             "phase_rate": (1,),
-        },
-    ),
-    OUTPUT_DYNAMICS: (
-        {
-            "acceleration_a": (COORDINATES, MOTORS),
-            "acceleration_b": (COORDINATES,),
-            "jacobian": (MOTORS, COORDINATES),
-            "bias": (MOTORS,),
-        },
-        {  # of y-ddot = a u + b: a, b and those of its inverse, u = a^-1 y-ddot - a^-1 b
-            "a": (MOTORS, MOTORS),
-            "b": (MOTORS,),
-            "inverse_a": (MOTORS, MOTORS),
-            "inverse_b": (MOTORS,),
-            "determinant": (1,),
         },
     ),
     BARRIERS: (

@@ -1,0 +1,159 @@
+"""A traced function says what the function says, or the function is asked."""
+
+from dataclasses import dataclass, replace
+from enum import Enum
+from typing import Any
+
+import numpy as np
+import pytest
+from cbf_clf_qp.affine import Affine
+from cbf_clf_qp.objective import pd_centred
+from cbf_clf_qp.qp import build_qp
+from cbf_clf_qp.rows import Rows
+from cbf_clf_qp.tracing import Traced
+
+pytest.importorskip("casadi")
+RNG = np.random.default_rng(0)
+
+
+@dataclass(frozen=True)
+class Body:
+    """A state with parts of all kinds."""
+
+    position: np.ndarray
+    mass: float
+    number: int
+    name: str = "body"
+    parent: Any = None
+
+
+def body(**changes: Any) -> Body:
+    return replace(Body(RNG.normal(size=3), float(RNG.uniform(1, 2)), int(RNG.integers(5))), **changes)
+
+
+def moved(each: Body, force: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Elementwise, products of matrices, slices, constants, numbers."""
+    grown = np.outer(each.position, force)
+    return (
+        np.sqrt(each.position**2 + 1) / each.mass - force * each.number,
+        grown @ np.eye(3)[:, :2] + np.array([1.0, -np.inf]),
+        np.concatenate([grown[0], np.array([each.mass, each.position @ force]), [np.hypot(force[0], 1.0)]]),
+        np.full(2, 7.0),
+    )
+
+
+def test_results_are_the_functions():
+    traced = Traced(moved)
+    for _ in range(20):
+        arguments = body(), RNG.normal(size=3)
+        for found, expected in zip(traced(*arguments), moved(*arguments), strict=True):
+            np.testing.assert_allclose(found, expected, rtol=1e-13, atol=1e-13)
+    assert traced.reason == ""
+
+
+def test_results_stay_when_the_function_is_called_again():
+    traced = Traced(lambda x: [2 * x])
+    traced(np.ones(2))
+    (first,), (second,) = traced(np.ones(2)), traced(np.zeros(2))
+    assert (first.tolist(), second.tolist()) == ([2, 2], [0, 0])
+
+
+def test_a_twin_has_the_trace_and_its_own_memory():
+    calls = []
+    traced = Traced(lambda x: (calls.append(1), [2 * x])[1])
+    traced(np.ones(2))
+    twin = traced.twin()
+    assert twin(np.ones(2))[0].tolist() == [2, 2]
+    before = len(calls)
+    assert twin(np.full(2, 4.0))[0].tolist() == [8, 8]
+    assert len(calls) == before
+
+
+def branching(x: np.ndarray) -> list[np.ndarray]:
+    return [x if x[0] > 0 else -x]
+
+
+def as_number(x: np.ndarray) -> list[np.ndarray]:
+    return [np.array([float(x[0])])]
+
+
+def with_memory(x: np.ndarray) -> list[Any]:
+    return [2 * x, object()]
+
+
+@pytest.mark.parametrize("function", [branching, as_number, with_memory])
+def test_what_cannot_be_traced_is_computed_as_before(function):
+    traced = Traced(function)
+    for x in (np.array([1.0, 2.0]), np.array([-3.0, 1.0])):
+        np.testing.assert_array_equal(traced(x)[0], function(x)[0])
+    assert traced.reason
+
+
+def test_a_class_that_says_nothing_of_its_parts_cannot_be_traced():
+    class Hidden:
+        value = np.ones(2)
+
+    traced = Traced(lambda hidden: [2 * hidden.value])
+    assert traced(Hidden())[0].tolist() == [2, 2]
+    assert "Hidden" in traced.reason
+
+
+class Side(Enum):
+    """Of a body."""
+
+    NEAR = 1
+    FAR = 2
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"name": "other"}, {"parent": Side.FAR}, {"parent": 1.0}, {"position": None}, {"mass": None}],
+)
+def test_other_arguments_than_those_traced_go_to_the_function(change):
+    def described(each: Body) -> list[np.ndarray]:
+        mass = 0.0 if each.mass is None else each.mass
+        named = len(each.name) + (each.parent is Side.FAR) + 10 * (each.parent == 1.0)
+        return [np.array([mass + named]) if each.position is None else each.position + mass + named]
+
+    traced = Traced(described)
+    first = body(parent=Side.NEAR)
+    traced(first)
+    changed = replace(first, **change)
+    np.testing.assert_array_equal(traced(changed)[0], described(changed)[0])
+    assert traced.reason == ""
+
+
+def test_an_error_of_the_function_is_raised_at_every_call():
+    def refusing(each: Body) -> list[np.ndarray]:
+        if each.parent is None:
+            raise ValueError("expected a parent")
+        return [each.position]
+
+    traced = Traced(refusing)
+    for _ in range(2):
+        with pytest.raises(ValueError, match="expected a parent"):
+            traced(body())
+    assert traced(body(parent="it"))[0].shape == (3,)
+
+
+def test_a_programme_is_traced_with_inverse_and_root():
+    """Rows hard and soft, in both units, and an objective with a root."""
+
+    def programme(a: np.ndarray, error: Affine) -> list[Any]:
+        rows = [
+            Rows.at_most(("soft",), a[:1], np.ones(1), 5.0).normalised(),
+            Rows.at_least(("raw",), a[1:2], np.zeros(1), 100.0),
+            Rows.between(("u1", "u2"), a[2:], -np.ones(2), np.ones(2)),
+        ]
+        qp = build_qp(rows, pd_centred(np.array([1.0, -2.0]), error, 0.1))
+        return [qp.q, qp.A, qp.lower, qp.upper, qp.layout, qp.unroot]
+
+    traced = Traced(programme)
+    for _ in range(5):
+        arguments = RNG.normal(size=(4, 2)), Affine(0.1 * RNG.normal(size=(2, 2)), RNG.normal(size=2))
+        for found, expected in zip(traced(*arguments), programme(*arguments), strict=True):
+            if isinstance(expected, np.ndarray):
+                np.testing.assert_allclose(found, expected, rtol=1e-11, atol=1e-11)
+            else:
+                assert found is expected
+    assert traced.reason == ""
