@@ -10,6 +10,7 @@ mu = K eta for every eta.
 """
 
 from collections.abc import Sequence
+from typing import cast
 
 import numpy as np
 from scipy.linalg import solve_continuous_lyapunov
