@@ -19,6 +19,9 @@ install(
     entry_points={
         "rabbit.nodes": ["viewer = rabbit_viewer.ros.viewer:main"],
         "rabbit.commands": ["video = rabbit_viewer.commands.video:app", "view = rabbit_viewer.commands.view:app"],
-        "rabbit.pictures": ["recording = rabbit_viewer.walk_pictures:draw_pictures"],
+        "rabbit.pictures": [
+            "recording = rabbit_viewer.walk_pictures:draw_pictures",
+            "page = rabbit_viewer.page.recording:show_recording",
+        ],
     },
 )

@@ -42,14 +42,18 @@ class Player:
         return not self.is_paused and (self._after_end == 0 or self._chosen.again != "wait")
 
     @property
+    def has_ended(self) -> bool:
+        """Nobody walks any more."""
+        return self._after_end > 0
+
+    @property
     def seconds(self) -> float:
         """From one tick to the next."""
         return TICK_SECONDS / self.speed
 
     def reset(self) -> None:
         """Begin again with what is chosen."""
-        for walker in self._walkers:
-            walker.close()
+        self.close()
         settings = self._settings = self._chosen
         plant = plant_of(self._start.plant, settings)
         names = [name for name in (settings.first, settings.second) if name != NOBODY]
@@ -69,6 +73,11 @@ class Player:
         }
         self._send(b"A" + json.dumps(about).encode())
         self._say_state()
+
+    def close(self) -> None:
+        """Give back the plants."""
+        for walker in self._walkers:
+            walker.close()
 
     def take(self, message: bytes) -> None:
         """Do what the server passes on; it has checked it."""

@@ -3,16 +3,17 @@
 import asyncio
 import json
 import multiprocessing
-import signal
-import webbrowser
 from collections.abc import Callable
+from functools import partial
 from multiprocessing.connection import Connection
+from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
 from rabbit_cli.options import fault
 from rabbit_viewer.page.broadcast import Broadcast
-from rabbit_viewer.page.server import PageServer, refused
+from rabbit_viewer.page.export import write_page
+from rabbit_viewer.page.server import refused, serve_until
 
 from rabbit_play.messages import ASKED, PushNow, Set
 from rabbit_play.settings import Start, plant_of
@@ -38,25 +39,18 @@ class Door:
         return ""
 
 
-async def serve_play(start: Start, port: int, opens_browser: bool, say: Callable[[str], Any] = print) -> None:
+async def serve_play(start: Start, port: int, opens_browser: bool) -> None:
     """Play and serve until Ctrl-C, or until the player has ended.
 
     Raises:
         PageError: the port is taken.
     """
     here, process = begin(start)
-    ended = asyncio.Event()
-    broadcast = Broadcast()
+    ended, broadcast = asyncio.Event(), Broadcast()
     loop = asyncio.get_running_loop()
     loop.add_reader(here.fileno(), pass_on, here, broadcast, ended)
-    for name in (signal.SIGINT, signal.SIGTERM):
-        loop.add_signal_handler(name, ended.set)
     try:
-        async with PageServer(broadcast, Door(start, here.send_bytes)).serving(port) as address:
-            say(f"open {address} in a browser; Ctrl-C ends")
-            if opens_browser:
-                loop.run_in_executor(None, webbrowser.open, address)
-            await ended.wait()
+        await serve_until(ended, broadcast, Door(start, here.send_bytes), port, opens_browser)
     finally:
         loop.remove_reader(here.fileno())
         here.close()
@@ -84,13 +78,29 @@ def pass_on(connection: Connection, broadcast: Broadcast, ended: asyncio.Event) 
     """Take what the player sent."""
     try:
         while connection.poll():
-            message = connection.recv_bytes()
-            kind, rest = message[:1], message[1:]
-            if kind == b"R":
-                broadcast.add(rest)
-            elif kind == b"A":
-                broadcast.begin(json.loads(rest))
-            else:
-                broadcast.say(*json.loads(rest))
+            tell(broadcast, connection.recv_bytes())
     except (EOFError, ConnectionResetError):
         ended.set()
+
+
+def tell(broadcast: Broadcast, message: bytes) -> None:
+    """Tell what a message of the player says, see `player`."""
+    kind, rest = message[:1], message[1:]
+    if kind == b"R":
+        broadcast.add(rest)
+    elif kind == b"A":
+        broadcast.begin(json.loads(rest))
+    else:
+        broadcast.say(*json.loads(rest))
+
+
+def write_play(start: Start, path: Path) -> Path:
+    """Walk one episode as fast as it goes, and write it; raises `PageError`."""
+    from rabbit_play.player import Player
+
+    broadcast = Broadcast()
+    player = Player(start, partial(tell, broadcast))
+    while not player.has_ended:
+        player.tick()
+    player.close()
+    return write_page(path, broadcast)

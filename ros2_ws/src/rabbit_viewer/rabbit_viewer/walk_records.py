@@ -23,7 +23,10 @@ from rabbit_viewer.geometry import allowed_area
 
 RECORDS = "records.npz"  # in a run's folder
 LANDING = ("index", "tick", "l", "l_min", "l_max", "on_stone")
-DRAWN = ("friction_coeff", "friction_margin", "torque_limit", "R1", "R2", "stone_margin", "eps", "kp", "kd")
+DRAWN = (
+    *("controller", "friction_coeff", "friction_margin", "torque_limit"),
+    *("R1", "R2", "stone_margin", "eps", "kp", "kd"),
+)
 RESCUE_NEEDED = 0.01  # rad/s^2 of slack of last resort: a quadratic one gives way a little whenever its row is active
 
 

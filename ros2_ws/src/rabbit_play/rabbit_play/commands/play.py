@@ -1,9 +1,12 @@
 """Play with a walk in the browser: push it, load it, change its course and controller."""
 
+from pathlib import Path
+
 import typer
 from pydantic import BaseModel, ConfigDict, Field
 from rabbit_cli.options import Defaults, Given, complaints, options
 from rabbit_sim.parameters import SimulationParameters
+from rabbit_viewer.live.parameters import PORT
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
 from rabbit_play.settings import Choice, OtherChoice
@@ -21,8 +24,9 @@ class PlayOptions(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    port: int = Field(8080, ge=0, le=65535, description="of the page, on this machine alone; 0: any free one")
+    port: int = Field(PORT, ge=0, le=65535, description="of the page, on this machine alone; 0: any free one")
     browser: bool = Field(True, description="open the page in a browser")
+    export: Path | None = Field(None, description="walk one episode without a page, and write it to this HTML file")
     first: Choice = Field("learned", description="controller")
     second: OtherChoice = Field("nominal", description="controller of another robot on the same course")
     seed: int = Field(1, ge=0, le=2**31 - 1, description="of course, first state and noise")
@@ -34,15 +38,19 @@ def play(given: Given) -> None:
     """Play with a walk in the browser: push it, load it, change its course and controller."""
     import asyncio
 
-    from rabbit_viewer.page.server import PageError
+    from rabbit_description.gait import GaitError
+    from rabbit_sim.stones import CourseError
+    from rabbit_viewer.page.errors import PageError
 
-    from rabbit_play.serving import serve_play
+    from rabbit_play.serving import serve_play, write_play
     from rabbit_play.settings import Start, settings_of
 
     chosen = given.build(PlayOptions)
     plant, controller = given.build(SimulationParameters), given.build(ControllerParameters)
-    with complaints():
+    with complaints(PageError, GaitError, CourseError):
         settings = settings_of(plant, first=chosen.first, second=chosen.second, seed=chosen.seed)
-    with complaints(PageError):
         start = Start(settings=settings, plant=plant, controller=controller)
-        asyncio.run(serve_play(start, chosen.port, chosen.browser))
+        if chosen.export:
+            print(write_play(start, chosen.export))
+        else:
+            asyncio.run(serve_play(start, chosen.port, chosen.browser))

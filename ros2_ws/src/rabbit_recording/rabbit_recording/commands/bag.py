@@ -1,4 +1,4 @@
-"""Recordings: record, info, play, plot, check, recover."""
+"""Recordings: record, info, show, play, plot, check, recover."""
 
 import json
 import os
@@ -6,7 +6,7 @@ from dataclasses import asdict
 from datetime import datetime
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 from rabbit_cli.executables import LaunchError, find_executable
@@ -22,7 +22,7 @@ INTERRUPTED = 130
 SHOWN_TICKS = 5  # of those that differ
 
 app = typer.Typer(
-    help="Recordings: record, info, play, plot, check, recover.", no_args_is_help=True, add_completion=False
+    help="Recordings: record, info, show, play, plot, check, recover.", no_args_is_help=True, add_completion=False
 )
 Bag = Annotated[Path, typer.Argument(help="a recording's folder, or its .mcap or .db3 file", metavar="BAG")]
 
@@ -58,10 +58,10 @@ def info(bag: Bag, as_json: Annotated[bool, typer.Option("--json", help="as JSON
     if as_json:
         print(json.dumps(asdict(found), indent=2))
     else:
-        show(bag, found)
+        print_tables(bag, found)
 
 
-def show(bag: Path, found: "Contents") -> None:
+def print_tables(bag: Path, found: "Contents") -> None:
     """Tables on the screen."""
     from rich.console import Console
     from rich.table import Table
@@ -90,6 +90,26 @@ def show(bag: Path, found: "Contents") -> None:
 def _ticks(e: "EpisodeInventory") -> str:
     """As in `225 (0 to 224)`."""
     return f"{e.recorded} ({e.first} to {e.last})" if e.recorded else "0"
+
+
+@app.command()
+def show(
+    source: Annotated[Path, typer.Argument(help="a run's folder, or a recording: folder, .mcap or .db3 file")],
+    port: Annotated[int, typer.Option(help="of the page; 0: any free one", min=0, max=65535)] = 8765,
+    browser: Annotated[bool, typer.Option(help="open the page in a browser")] = True,
+    export: Annotated[Path | None, typer.Option(help="write the page and the walk to this HTML file")] = None,
+    episode: Annotated[int | None, typer.Option(help="of a recording (default: the last with ticks)", min=1)] = None,
+) -> None:
+    """Show a run or a recording in the browser, with a time line to drag."""
+    show_recording = from_viewer("page")
+    with complaints(ValueError, RuntimeError):
+        show_recording(source, port, browser, export, episode)
+
+
+def from_viewer(name: str) -> Any:
+    """A function that `rabbit_viewer` brings, since this package does not import it."""
+    (found,) = entry_points(group="rabbit.pictures", name=name) or fail("expected rabbit_viewer, which draws")
+    return found.load()
 
 
 @app.command()
@@ -129,8 +149,7 @@ def plot(
     """Draw the pictures of a walk."""
     from rabbit_recording.bag_writer import RecordingError
 
-    (pictures,) = entry_points(group="rabbit.pictures", name="recording") or fail("bag plot needs rabbit_viewer")
-    draw = pictures.load()
+    draw = from_viewer("recording")
     with complaints(RecordingError, OSError):
         made = draw(bag, out, episode)
     for path in made:

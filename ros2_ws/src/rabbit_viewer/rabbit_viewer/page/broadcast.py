@@ -66,6 +66,11 @@ class Broadcast:
             self.followers -= 1
 
     @property
+    def known(self) -> tuple[list[dict[str, Any]], bytes]:
+        """All words in the order in which they were said, and the rows."""
+        return [json.loads(word) for _, word in sorted(self._words.values())], bytes(self._rows)
+
+    @property
     def _row_bytes(self) -> int:
         about = json.loads(self._words["about"][1])
         return 4 * sum(len(walker["columns"]) for walker in about["walkers"])

@@ -4,6 +4,7 @@ from functools import cache
 from importlib.resources import files
 
 SOCKET = "/walk"  # path of the websocket
+SAVED = "/walk.html"  # the page and its walk in one file
 KINDS = {
     "html": "text/html; charset=utf-8",
     "css": "text/css; charset=utf-8",

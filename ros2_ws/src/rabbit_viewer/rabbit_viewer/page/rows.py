@@ -17,7 +17,6 @@ from rabbit_description.force_ratio import force_ratio
 from rabbit_description.state import ACTUATED, TICK_SECONDS, Array, Leg
 
 from rabbit_viewer.skeleton import leg_points, torso_points
-from rabbit_viewer.walk_records import RESCUE_NEEDED
 
 POINTS = ("hip", "head", "left_knee", "left_foot", "right_knee", "right_foot")
 FIXED = (
@@ -27,7 +26,7 @@ FIXED = (
     *("V", "V_bound", "B1", "B2", "clf_slack", "rescue_slack"),
     *(f"torque_{joint}" for joint in ACTUATED),
 )
-EVENTS = {"saturated": 1, "rescued": 2, "over_cone": 4, "pushed": 8, "swapped": 16}  # bits of the column `events`
+EVENTS = {"saturated": 1, "over_cone": 2, "pushed": 4, "swapped": 8}  # bits of the column `events`
 IMPACT_TICKS = 4  # of a step's beginning, whose mean force holds some of the impact
 ROUNDING = 1e-6  # N m
 JOINTS = 4  # outputs of the CLF
@@ -84,8 +83,8 @@ class RowMaker:
     def _events(self, tick: int, output: Any, ratio: float) -> int:
         limit, cone = self._limits
         is_over = ratio > cone and tick - self._start[0] >= IMPACT_TICKS
-        saturated = EVENTS["saturated"] * bool(np.abs(output.torque).max() > limit - ROUNDING)
-        return saturated | EVENTS["rescued"] * bool(output.rescue_slack > RESCUE_NEEDED) | EVENTS["over_cone"] * is_over
+        is_saturated = bool(np.abs(output.torque).max() > limit - ROUNDING)
+        return EVENTS["saturated"] * is_saturated | EVENTS["over_cone"] * is_over
 
     def _errors(self, tick: int, output: Any) -> list[float]:
         nominal = output.nominal_a @ output.mu + output.nominal_b

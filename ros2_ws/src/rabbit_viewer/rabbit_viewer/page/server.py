@@ -7,6 +7,8 @@ only from a page of this very server, only so long, and checked before anything 
 import asyncio
 import contextlib
 import json
+import signal
+import webbrowser
 from collections.abc import AsyncIterator, Callable
 from http import HTTPStatus
 from typing import Any
@@ -17,11 +19,14 @@ from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
 from rabbit_viewer.page.broadcast import Broadcast
-from rabbit_viewer.page.files import SOCKET, find_file
+from rabbit_viewer.page.errors import PageError
+from rabbit_viewer.page.export import page_with
+from rabbit_viewer.page.files import SAVED, SOCKET, find_file
 
 HOST = "127.0.0.1"
 LONGEST_MESSAGE = 4096  # bytes, from a browser
 MOST_BROWSERS = 32
+MOST_MESSAGES = 50  # of a browser in a second
 SEND_SECONDS = 0.02  # between two messages to a browser, at least
 SAFE = {  # the page can reach nothing else, and nobody can put it into another page
     "Content-Security-Policy": "default-src 'self' data:; script-src 'self' 'unsafe-inline'; style-src 'self' "
@@ -32,10 +37,6 @@ SAFE = {  # the page can reach nothing else, and nobody can put it into another 
 }
 
 Answer = Callable[[str], str]  # of a message: empty, or one line that says why it is refused
-
-
-class PageError(RuntimeError):
-    """The page cannot be served; one line that says why."""
 
 
 class PageServer:
@@ -83,7 +84,7 @@ class PageServer:
         if path == SOCKET:
             full = len(self._server.connections) > MOST_BROWSERS
             return connection.respond(HTTPStatus.SERVICE_UNAVAILABLE, "too many browsers\n") if full else None
-        found = find_file(path)
+        found = ("text/html; charset=utf-8", page_with(self._broadcast).encode()) if path == SAVED else find_file(path)
         if found is None:
             return connection.respond(HTTPStatus.NOT_FOUND, "no such file\n")
         kind, body = found
@@ -93,9 +94,12 @@ class PageServer:
 
     async def _on_browser(self, connection: ServerConnection) -> None:
         show = asyncio.create_task(self._show(connection))
+        since, count = 0.0, 0
         try:
             async for message in connection:
-                refusal = self._answer(message) if isinstance(message, str) else "bytes: expected JSON"
+                now = asyncio.get_running_loop().time()
+                since, count = (since, count + 1) if now - since < 1 else (now, 1)
+                refusal = self._answered(message, count)
                 if refusal:
                     await connection.send(json.dumps({"type": "refused", "text": refusal}))
         except ConnectionClosed:
@@ -105,12 +109,40 @@ class PageServer:
             with contextlib.suppress(asyncio.CancelledError, ConnectionClosed):
                 await show
 
+    def _answered(self, message: str | bytes, count: int) -> str:
+        if count > MOST_MESSAGES:
+            return f"more than {MOST_MESSAGES} messages in a second"
+        return self._answer(message) if isinstance(message, str) else "bytes: expected JSON"
+
     async def _show(self, connection: ServerConnection) -> None:
         async with contextlib.aclosing(self._broadcast.follow()) as words:
             async for word in words:
                 await connection.send(word)
                 if isinstance(word, bytes):
                     await asyncio.sleep(SEND_SECONDS)
+
+
+def serve_page(broadcast: Broadcast, answer: Answer, port: int, opens_browser: bool) -> None:
+    """Serve until Ctrl-C; raises `PageError`."""
+
+    async def serve_it() -> None:
+        await serve_until(asyncio.Event(), broadcast, answer, port, opens_browser)
+
+    asyncio.run(serve_it())
+
+
+async def serve_until(
+    ended: asyncio.Event, broadcast: Broadcast, answer: Answer, port: int, opens_browser: bool
+) -> None:
+    """Serve until Ctrl-C or until `ended`; raises `PageError`."""
+    loop = asyncio.get_running_loop()
+    for name in (signal.SIGINT, signal.SIGTERM):
+        loop.add_signal_handler(name, ended.set)
+    async with PageServer(broadcast, answer).serving(port) as address:
+        print(f"open {address} in a browser; Ctrl-C ends", flush=True)
+        if opens_browser:
+            loop.run_in_executor(None, webbrowser.open, address)
+        await ended.wait()
 
 
 def refused(text: Any) -> str:

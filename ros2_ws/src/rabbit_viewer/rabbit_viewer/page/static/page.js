@@ -7,7 +7,7 @@ import {Plots} from "plots";
 import {Scene} from "scene";
 import {open} from "source";
 import {onTheme, toggle} from "theme";
-import {Timeline} from "timeline";
+import {MARKS, Timeline} from "timeline";
 import {Walk} from "walk";
 
 const PLOTS_EVERY = 100; // ms
@@ -34,6 +34,7 @@ function word(message) {
 const HANDLERS = {
   about: begin,
   state(message) {
+    if (!source.isLive) return;
     controls.show(message);
     by("link").hidden = false;
     if (!controls.isLinked) controls.follow();
@@ -62,7 +63,7 @@ function begin(about) {
   state.scenes = state.walk.walkers.map((walker) => new Scene(by("scenes"), walker));
   clock.begin(state.walk);
   plots.begin(state.walk);
-  if (about.controls) controls.build(about.controls);
+  if (about.controls && source.isLive) controls.build(about.controls);
 }
 
 function rows(buffer) {
@@ -104,8 +105,10 @@ function ending(i) {
 
 function legend() {
   const items = [["stance", "stance leg, thick"], ["swing", "swing leg, dashed"], ["next", "next stone"], ["area", "both barriers allow the swing foot"], ["cone", "friction cone"], ["force", "ground force"]];
-  by("legend").replaceChildren(...items.map(([name, text]) => {
+  const marks = Object.values(MARKS).map(([name, text]) => [name, text, "mark"]);
+  by("legend").replaceChildren(...[...items, ...marks].map(([name, text, kind = ""]) => {
     const item = document.createElement("span"), box = document.createElement("i");
+    box.className = kind;
     box.style.background = `var(--${name})`;
     item.append(box, text);
     return item;
@@ -128,6 +131,7 @@ function faster(factor) {
   else clock.rate *= factor;
 }
 
+by("save").hidden = !source.isLive;
 by("theme").onclick = toggle;
 by("help").onclick = () => by("keys").showModal();
 by("link").onclick = () => navigator.clipboard?.writeText(location.href).then(() => notice("the link is copied"), () => notice(location.href));

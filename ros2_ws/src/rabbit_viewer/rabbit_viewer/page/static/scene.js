@@ -5,6 +5,7 @@ import {colour} from "theme";
 const VIEW = {left: -0.95, right: 1.25, bottom: -0.2, top: 1.55}; // around the hip; the ground is at 0
 const DEPTH = 0.12, AREA_HEIGHT = 0.2, AREA_LEFT = -0.45, CONE_HEIGHT = 0.3; // m, as in geometry.py
 const FORCE_SCALE = 1e-3, LONGEST_ARROW = 0.9; // m per N, m
+const PUSHED = 4; // see EVENTS in rows.py
 
 export class Scene {
   constructor(parent, walker) {
@@ -151,7 +152,7 @@ export class Scene {
     pen.fillText(walker.about.name, 10, 8);
     pen.font = "13px system-ui, sans-serif";
     pen.fillText(stones, 10, 28);
-    if (walker.get(row, "events") & 8) pen.fillText("pushed", 10, 46);
+    if (walker.get(row, "events") & PUSHED) pen.fillText("pushed", 10, 46);
     if (!ended) return;
     pen.font = "600 15px system-ui, sans-serif";
     pen.textAlign = "right";

@@ -2,8 +2,8 @@
 
 import {colour} from "theme";
 
-const NAMES = {saturated: "torque limit", rescued: "slack of last resort", over_cone: "over the cone", pushed: "pushed", swapped: "policy swapped"};
-const COLOURS = {saturated: "swing", rescued: "plot4", over_cone: "force", pushed: "text", swapped: "next"};
+export const MARKS = {saturated: ["plot4", "torque limit"], over_cone: ["force", "over the cone"], pushed: ["text", "pushed"], swapped: ["next", "policy swapped"]};
+const LANE = 12; // px, of a walker
 
 export class Timeline {
   constructor(element, clock) {
@@ -57,19 +57,22 @@ export class Timeline {
     const along = (row) => 8 + (canvas.clientWidth - 16) * (last ? row / last : 0);
     this.clock.walk.walkers.forEach((walker, i) => {
       for (const {row, kind} of walker.marks) {
-        pen.fillStyle = colour(kind === "stone" ? "faint" : COLOURS[kind]);
-        if (kind === "stone") pen.fillRect(along(row), 7 * i, 1.5, 6);
-        else triangle(pen, along(row), 7 * i);
+        if (kind === "stone") {
+          pen.fillStyle = colour("faint");
+          pen.fillRect(along(row), LANE * i, 1, LANE - 2);
+        } else {
+          pen.fillStyle = colour(MARKS[kind][0]);
+          triangle(pen, along(row), LANE * i + LANE - 8);
+        }
       }
     });
-    canvas.title = Object.values(NAMES).join(", ");
   }
 }
 
 function triangle(pen, x, y) {
   pen.beginPath();
-  pen.moveTo(x - 3, y + 6);
-  pen.lineTo(x + 3, y + 6);
+  pen.moveTo(x - 4, y + 6);
+  pen.lineTo(x + 4, y + 6);
   pen.lineTo(x, y);
   pen.fill();
 }

@@ -1,6 +1,6 @@
 // One episode as it is known here: rows of numbers, and what they say of stones and faults. See rows.py for the columns.
 
-const EVENTS = {saturated: 1, rescued: 2, over_cone: 4, pushed: 8, swapped: 16};
+const EVENTS = {saturated: 1, over_cone: 2, pushed: 4, swapped: 8};
 const PLATFORM = -1; // m, where the first platform begins
 
 export class Walk {

@@ -1,0 +1,61 @@
+"""A run or a recording on the page: all rows at once, and a time line to drag."""
+
+import struct
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from rabbit_description.state import TICK_SECONDS, StonePreview
+
+from rabbit_viewer.page.broadcast import Broadcast
+from rabbit_viewer.page.export import write_page
+from rabbit_viewer.page.rows import RowMaker
+from rabbit_viewer.page.server import serve_page
+from rabbit_viewer.walk_pictures import records_of
+from rabbit_viewer.walk_records import ARRAYS, WalkRecords
+
+
+def show_recording(source: Path, port: int, opens_browser: bool, export: Path | None, episode: int | None) -> None:
+    """Serve a run's folder or a recording until Ctrl-C, or write it to the file `export`.
+
+    Raises:
+        RecordsError, RecordingError: not readable, or no such episode in it.
+        PageError: the port is taken, or the file cannot be written.
+    """
+    broadcast = Broadcast()
+    fill(broadcast, records_of(source, episode), source.name)
+    if export:
+        print(write_page(export, broadcast))
+    else:
+        serve_page(broadcast, refuse, port, opens_browser)
+
+
+def refuse(message: str) -> str:
+    """Nothing can be asked of a recording."""
+    return "a recording takes no messages"
+
+
+def fill(broadcast: Broadcast, walk: WalkRecords, name: str) -> None:
+    """Tell all of a walk."""
+    quantities = walk.about.get("quantities", [f"quantity {i + 1}" for i in range(walk.nominal_b.shape[1])])
+    maker = RowMaker(walk.about, quantities)
+    walker = {**walk.about, "name": str(walk.about.get("controller", name))}
+    about = {"mode": "recording", "title": str(walk.about.get("title", name)), "tick_seconds": TICK_SECONDS}
+    columns = {"columns": maker.columns, "quantities": list(quantities)}
+    broadcast.begin({**about, "stones": walk.about.get("stones"), "walkers": [{**walker, **columns}]})
+    rows = [number for tick in ticks(walk) for number in maker.row(tick, tick)]
+    broadcast.add(struct.pack(f"<{len(rows)}f", *rows))
+    ended = {"outcome": str(walk.about.get("outcome") or "not recorded to its end"), "stones": int(walk.touchdowns[-1])}
+    broadcast.say("ended", {"walkers": [ended]})
+
+
+def ticks(walk: WalkRecords) -> list[Any]:
+    """Each tick with the fields of `RobotState` and `ControllerOutput` that a row needs."""
+    names = [name for name in ARRAYS if name not in ("preview", "landings")]
+    found = []
+    for row, (near, far) in enumerate(walk.preview.tolist()):
+        tick = SimpleNamespace(**{name: getattr(walk, name)[row] for name in names})
+        tick.preview = StonePreview(tick.touchdowns + 1, near, far) if np.isfinite(near) else None
+        found.append(tick)
+    return found
