@@ -1,16 +1,11 @@
-"""The live view: what is drawn lies where the walk's records have it, and a client gets it."""
+"""The live view for RViz: what is drawn lies where the walk's records have it."""
 
-import json
-import math
-import socket
 import struct
 from dataclasses import replace
-from importlib.resources import files
 from typing import Any
 
 import numpy as np
 import pytest
-from live_client import Listener
 from rabbit_description import URDF_PATH
 from rabbit_description.state import StonePreview
 from rabbit_experiments.assembly import Assembly
@@ -19,8 +14,6 @@ from rabbit_msgs import msg
 from rabbit_ros.ros.conversions import stamp
 from rabbit_sim.kinematics import RabbitFeet
 from rabbit_sim.parameters import SimulationParameters
-from rabbit_viewer.live.plots import PLOTTED, plotted
-from rabbit_viewer.live.server import LiveServer, ViewError
 from rabbit_viewer.live.snapshot import Limits, Snapshot
 from rabbit_viewer.ros.markers import WORLD, markers, transforms
 from rabbit_viewer.ros.newest_ticks import KEPT, TickMessages
@@ -31,7 +24,10 @@ from rl_cbf_clf_controller.parameters import load_parameters
 from scipy.spatial.transform import Rotation
 from visualization_msgs.msg import Marker
 
-LIMITS = Limits(R1=1.0, R2=0.5, stone_margin=0.005, friction_coeff=0.8, link_bend=0.0)
+LIMITS = Limits(
+    **{"R1": 1.0, "R2": 0.5, "stone_margin": 0.005, "friction_coeff": 0.8, "link_bend": 0.0, "friction_margin": 0.2},
+    **{"torque_limit": 200.0, "eps": 0.04, "kp": 0.5, "kd": 0.87},
+)
 RNG = np.random.default_rng(0)
 
 
@@ -142,32 +138,6 @@ def test_frames_carry_the_links_to_where_the_feet_are(walk: WalkRecords) -> None
     assert set(at) == links
 
 
-def test_values_that_are_not_there_are_left_out(walk: WalkRecords) -> None:
-    snapshot = snapshot_at(walk, 3)
-    assert set(plotted(snapshot)) == set(PLOTTED)
-    snapshot.details.barriers = np.full(2, np.nan)
-    snapshot.state.foot_force = np.zeros(4)
-    assert set(PLOTTED) - set(plotted(replace(snapshot, limits=None))) == {"B1", "B2", "force_ratio", "friction_coeff"}
-
-
-def test_layout_names_what_is_served(walk: WalkRecords) -> None:
-    layout = json.loads((files("rabbit_viewer.live") / "layout.json").read_text())
-    panels = layout["configById"]
-    paths = {path["value"] for panel in panels.values() for path in panel.get("paths", ())}
-    assert paths <= {f"/plots.{name}" for name in PLOTTED}
-    wanted = {"V", "B1", "B2", "clf_slack", "force_ratio", "torque_left_hip", "torque_right_knee"}
-    assert paths >= {f"/plots.{name}" for name in wanted}
-    assert placed(layout["layout"]) == set(panels)
-    assert panels["3D!rabbit"]["followTf"] in {
-        frame.child_frame_id for frame in transforms(snapshot_at(walk, 3)).transforms
-    }
-
-
-def placed(node: Any) -> set[str]:
-    """Panels that a layout's tree places."""
-    return {node} if isinstance(node, str) else placed(node["first"]) | placed(node["second"])
-
-
 def message(episode: int, tick: int) -> bytes:
     """The beginning that all of a tick's messages have: CDR header, stamp, episode, tick."""
     return b"\0\1\0\0" + struct.pack("<iIII", 0, 0, episode, tick) + b"rest"
@@ -181,42 +151,17 @@ def test_parts_of_different_ticks_are_not_mixed() -> None:
     ticks.add("a", message(1, 8))
     assert ticks.key == (1, 8)
     assert ticks.parts == {"a": message(1, 8), "b": message(1, 8)}
+    assert not ticks.earlier
+    for part in "ab":
+        ticks.add(part, message(1, 9))
+    assert ticks.earlier == [{"a": message(1, 8), "b": message(1, 8)}]
     ticks.add("a", b"short")
     for tick in range(100, 110 + KEPT):
         ticks.add("a", message(1, tick))
     ticks.add("b", message(1, 100))  # forgotten by then
-    assert ticks.key == (1, 8)
+    assert ticks.key == (1, 9)
     ticks.clear()
     assert ticks.key is None
-
-
-def test_a_client_gets_what_was_shown(walk: WalkRecords) -> None:
-    values = plotted(snapshot_at(walk, 3))
-    server = LiveServer("127.0.0.1", 0)
-    try:
-        with Listener(server.address) as listener:
-            while not server.is_watched:
-                assert listener.hear(0.05) is None
-            server.show(30_000_000, values, {"/tf": b"frames", "/scene": b"markers"})
-            heard = [listener.hear(5.0) for _ in range(3)]
-        got = {each.topic: each.data for each in heard if each}
-        assert (got["/tf"], got["/scene"]) == (b"frames", b"markers")
-        assert {each.nanoseconds for each in heard if each} == {30_000_000}
-        assert json.loads(got["/plots"]) == values
-        assert not any(math.isnan(value) for value in json.loads(got["/plots"]).values())
-    finally:
-        server.close()
-
-
-def test_a_taken_port_and_a_strange_address_are_one_line() -> None:
-    with socket.socket() as taken:
-        taken.bind(("127.0.0.1", 0))
-        taken.listen()
-        port = taken.getsockname()[1]
-        with pytest.raises(ViewError, match=rf"^view at 127.0.0.1:{port}: Address already in use.*free port$"):
-            LiveServer("127.0.0.1", port)
-    with pytest.raises(ViewError, match=r"^view at nowhere.invalid:0: "):
-        LiveServer("nowhere.invalid", 0)
 
 
 def test_lines_of_the_robot_meet_in_the_hip(walk: WalkRecords) -> None:

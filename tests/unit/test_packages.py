@@ -31,7 +31,7 @@ BROUGHT_BY = {
     "annotated_types": "pydantic",
     "mpl_toolkits": "matplotlib",
 }
-BROUGHT_BY |= {"foxglove": "foxglove_sdk", "torch.utils.tensorboard": "tensorboard"}
+BROUGHT_BY |= {"torch.utils.tensorboard": "tensorboard"}
 DISTRIBUTIONS = {"yaml": "pyyaml", "pinocchio": "pin"}  # what pip calls them
 IMPORT_ALL = """
 import importlib, pkgutil, sys

@@ -8,12 +8,10 @@ sys.path.append(str(Path(__file__).resolve().parents[1]))
 from package_setup import install
 
 install(
-    "foxglove-sdk>=0.30.3,<0.31",
     "imageio-ffmpeg",
     "matplotlib",
     "numpy>=2",
     "pydantic>=2",
-    "rosbags>=0.11.9,<0.12",
     "typer",
     "websockets>=14",
     entry_points={

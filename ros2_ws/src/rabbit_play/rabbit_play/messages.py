@@ -6,6 +6,8 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
 from rabbit_play.settings import Number, PlaySettings
 
+LOAD = b"load "  # not from a browser: the path of a policy that was learned follows
+
 
 class Message(BaseModel):
     """Exactly these fields."""

@@ -8,20 +8,18 @@ import struct
 import time
 from collections.abc import Callable
 from multiprocessing.connection import Connection
-from pathlib import Path
 from typing import Any
 
 from rabbit_description.state import TICK_SECONDS
 
-from rabbit_play.messages import ASKED, Asked, Pause, PushNow, Reset, Set, Speed, Tick
-from rabbit_play.settings import MOST_PUSHES, NOBODY, PlaySettings, Push, Start, controls, plant_of
+from rabbit_play.messages import ASKED, LOAD, Asked, Pause, PushNow, Reset, Set, Speed, Tick
+from rabbit_play.settings import MOST_PUSHES, NOBODY, SHIPPED, PlaySettings, Push, Start, controls, plant_of
 from rabbit_play.walker import Walker
 
 SENT_TICKS = 3  # together
 BEHIND = 0.25  # s, after which lost time is not caught up with
 PACE_TICKS = 100  # over which the pace is measured
 AGAIN_TICKS = 200  # after the end, before the next episode
-LOAD = b"load "  # a policy's path follows, from the learner
 Send = Callable[[bytes], None]
 
 
@@ -32,7 +30,7 @@ class Player:
         self._start, self._send = start, send
         self._chosen = start.settings
         self._walkers: list[Walker] = []
-        self._policy: Path | None = None  # learned meanwhile
+        self._learned = "zero" if start.learns else SHIPPED
         self.is_paused, self.speed = False, 1.0
         self.reset()
 
@@ -57,11 +55,11 @@ class Player:
         settings = self._settings = self._chosen
         plant = plant_of(self._start.plant, settings)
         names = [name for name in (settings.first, settings.second) if name != NOBODY]
-        self._walkers = [Walker(name, plant, self._start.controller, settings.seed) for name in names]
+        base, seed = self._start.controller, settings.seed
+        self._walkers = [Walker(name, plant, base, seed, self._learned) for name in names]
         self._tick = self._after_end = 0
         self._rows: list[float] = []
         self._wants_reset = False
-        self._load_policy()
         about = {
             "mode": "play",
             "title": f"course {settings.seed}",
@@ -82,8 +80,7 @@ class Player:
     def take(self, message: bytes) -> None:
         """Do what the server passes on; it has checked it."""
         if message.startswith(LOAD):
-            self._policy = Path(message.removeprefix(LOAD).decode())
-            self._load_policy()
+            self._load(message.removeprefix(LOAD).decode())
         else:
             self._do(ASKED.validate_json(message))
             self._say_state()
@@ -160,11 +157,13 @@ class Player:
         for walker in self._walkers:
             walker.push(push.force, push.seconds)
 
-    def _load_policy(self) -> None:
+    def _load(self, path: str) -> None:
+        """Walk on with what was learned."""
+        self._learned = path
         for walker in self._walkers:
-            if self._policy and walker.name == "learned":
-                version = walker.load(self._policy)
-                self.say("swap", {"tick": self._tick, "version": version})
+            walker.learned = path
+            if walker.name == "learned" and walker.become("learned"):
+                self.say("swap", {"tick": self._tick, "version": walker.policy_version})
 
     def _changed(self, **changes: Any) -> PlaySettings:
         return self._chosen.model_copy(update=changes)

@@ -3,10 +3,12 @@
 import asyncio
 import json
 import multiprocessing
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from functools import partial
 from multiprocessing.connection import Connection
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from pydantic import ValidationError
@@ -15,8 +17,13 @@ from rabbit_viewer.page.broadcast import Broadcast
 from rabbit_viewer.page.export import write_page
 from rabbit_viewer.page.server import refused, serve_until
 
-from rabbit_play.messages import ASKED, PushNow, Set
+from rabbit_play.learning import learn
+from rabbit_play.messages import ASKED, LOAD, PushNow, Set
 from rabbit_play.settings import Start, plant_of
+
+ENDING_SECONDS = 2.0
+SHOWN = ("episode", "steps", "ticks", "reward", "losses")  # of an episode's report
+KEPT_EPISODES = 20
 
 
 class Door:
@@ -45,26 +52,69 @@ async def serve_play(start: Start, port: int, opens_browser: bool) -> None:
     Raises:
         PageError: the port is taken.
     """
-    here, process = begin(start)
     ended, broadcast = asyncio.Event(), Broadcast()
-    loop = asyncio.get_running_loop()
-    loop.add_reader(here.fileno(), pass_on, here, broadcast, ended)
-    try:
-        await serve_until(ended, broadcast, Door(start, here.send_bytes), port, opens_browser)
-    finally:
-        loop.remove_reader(here.fileno())
-        here.close()
-        process.join(timeout=5)
+    with ExitStack() as stack:
+        player = stack.enter_context(process(play, start))
+        hear(player, partial(tell, broadcast), ended.set)
+        if start.learns:
+            folder = Path(stack.enter_context(TemporaryDirectory(prefix="rabbit_play_")))
+            lessons = Lessons(broadcast, player.send_bytes)
+            hear(stack.enter_context(process(learn, start, folder)), lessons.take, lessons.end)
+        await serve_until(ended, broadcast, Door(start, player.send_bytes), port, opens_browser)
 
 
-def begin(start: Start) -> tuple[Connection, Any]:
-    """The player's process and the connection to it."""
+@contextmanager
+def process(target: Callable[..., None], *arguments: Any) -> Iterator[Connection]:
+    """A process that calls `target(connection, *arguments)`; this end of the connection."""
     context = multiprocessing.get_context("spawn")
     here, there = context.Pipe()
-    process = context.Process(target=play, args=(there, start), daemon=True)
-    process.start()
+    started = context.Process(target=target, args=(there, *arguments), daemon=True)
+    started.start()
     there.close()
-    return here, process
+    try:
+        yield here
+    finally:
+        asyncio.get_running_loop().remove_reader(here.fileno())
+        here.close()
+        started.join(timeout=ENDING_SECONDS)
+        started.terminate()
+
+
+def hear(connection: Connection, take: Callable[[bytes], object], end: Callable[[], object]) -> None:
+    """Call `take` with each message from now on, `end` when there will be no more."""
+
+    def on_message() -> None:
+        try:
+            while connection.poll():
+                take(connection.recv_bytes())
+        except (EOFError, ConnectionResetError):
+            asyncio.get_running_loop().remove_reader(connection.fileno())
+            end()
+
+    asyncio.get_running_loop().add_reader(connection.fileno(), on_message)
+
+
+class Lessons:
+    """Tells of the training's episodes, and has the player walk with each policy."""
+
+    def __init__(self, broadcast: Broadcast, send: Callable[[bytes], None]) -> None:
+        self._broadcast, self._send = broadcast, send
+        self._episodes: list[dict[str, Any]] = []
+        self._say("the first episode begins")
+
+    def take(self, message: bytes) -> None:
+        """An episode's report."""
+        report = json.loads(message)
+        self._episodes.append({name: report[name] for name in SHOWN})
+        self._say(f"{len(self._episodes)} of {report['of']} episodes")
+        self._send(LOAD + report["policy"].encode())
+
+    def end(self) -> None:
+        """The training is over."""
+        self._say(f"ended after {len(self._episodes)} episodes")
+
+    def _say(self, text: str) -> None:
+        self._broadcast.say("learning", {"text": text, "episodes": self._episodes[-KEPT_EPISODES:]})
 
 
 def play(connection: Connection, start: Start) -> None:
@@ -72,15 +122,6 @@ def play(connection: Connection, start: Start) -> None:
     from rabbit_play.player import play
 
     play(connection, start)
-
-
-def pass_on(connection: Connection, broadcast: Broadcast, ended: asyncio.Event) -> None:
-    """Take what the player sent."""
-    try:
-        while connection.poll():
-            tell(broadcast, connection.recv_bytes())
-    except (EOFError, ConnectionResetError):
-        ended.set()
 
 
 def tell(broadcast: Broadcast, message: bytes) -> None:

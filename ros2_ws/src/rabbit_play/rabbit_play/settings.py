@@ -14,9 +14,10 @@ Choice = Literal["nominal", "learned", "identified", "oracle", "l1"]
 OtherChoice = Literal["none", "nominal", "learned", "identified", "oracle", "l1"]
 NOBODY = "none"
 LEARNED_ROWS: dict[str, Any] = {"controller": "rl-cbf-clf-qp", "adaptation": "none"}
+SHIPPED = "rl-cbf-clf-qp"  # policy
 CONTROLLERS: dict[str, tuple[dict[str, Any], str]] = {  # changed parameters, policy
     "nominal": (LEARNED_ROWS, "zero"),
-    "learned": (LEARNED_ROWS, "rl-cbf-clf-qp"),
+    "learned": (LEARNED_ROWS, SHIPPED),
     "oracle": (LEARNED_ROWS, "oracle"),
     "identified": (
         {

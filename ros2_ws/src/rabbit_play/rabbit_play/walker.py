@@ -1,23 +1,18 @@
 """One robot of a played walk: plant and controller, tick by tick, as rows for the page. It goes limp where it fails."""
 
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rabbit_description.gait import load_gaits
 from rabbit_experiments.assembly import Assembly, resolve_policy
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_viewer.page.rows import EVENTS, RowMaker
 from rabbit_viewer.walk_records import about_walk
 from rl_cbf_clf_controller.controller import ControllerOutput
 from rl_cbf_clf_controller.parameters import ControllerParameters
-from rl_cbf_clf_controller.policy import Policy
-from rl_cbf_clf_controller.policy_compatibility import fitted
 from rl_cbf_clf_controller.scene import ControllerError
-from rl_cbf_clf_controller.weights import read
 
-from rabbit_play.settings import SWAPPED_AT_ONCE, controller_of
+from rabbit_play.settings import SHIPPED, SWAPPED_AT_ONCE, controller_of
 
 LIMP_TICKS = 150  # of a robot that no controller moves any more, at most
 NOTHING = np.full(2, np.nan)
@@ -27,10 +22,12 @@ RUNNING = 1  # column of a row
 class Walker:
     """`name`: of its controller, see `settings.CONTROLLERS`. `row`: the last one. `outcome`: empty while it walks."""
 
-    def __init__(self, name: str, plant: SimulationParameters, base: ControllerParameters, seed: int) -> None:
-        """Raises `GaitError`, `CourseError`, `PolicyFileError`, `AssemblyError`."""
-        self.name, self._base = name, base
-        parameters, policy = controller_of(base, name)
+    def __init__(
+        self, name: str, plant: SimulationParameters, base: ControllerParameters, seed: int, learned: str = SHIPPED
+    ) -> None:
+        """`learned`: the policy that this name means. Raises `GaitError`, `CourseError`, `PolicyFileError`."""
+        self.name, self._base, self.learned = name, base, learned
+        parameters, policy = self._choice(name)
         self._assembly = Assembly(plant, parameters, resolve_policy(policy, parameters))
         self._simulation, self._controller = self._assembly.build()
         self._quantities = self._controller.recipe.names
@@ -73,16 +70,16 @@ class Walker:
         """Walk on with another controller; False where that needs a reset."""
         if not {name, self.name} <= SWAPPED_AT_ONCE:
             return name == self.name
-        _, policy = controller_of(self._base, name)
-        parameters = self._assembly.controller
-        self._swap(replace(self._assembly, policy=resolve_policy(policy, parameters)).make_policy())
-        self.name = name
+        parameters, policy = self._choice(name)
+        self._controller.policy = replace(
+            self._assembly, policy=resolve_policy(policy, parameters)
+        ).make_policy()  # between two ticks
+        self.name, self._swapped = name, True
         return True
 
-    def load(self, path: Path) -> str:
-        """Swap the policy in the file in; returns its version. Raises `PolicyFileError`."""
-        parameters = self._assembly.controller
-        self._swap(fitted(read(path), parameters, load_gaits(parameters.gait)))
+    @property
+    def policy_version(self) -> str:
+        """Of the policy that it walks with."""
         return self._controller.policy.version
 
     def tick(self) -> None:
@@ -112,6 +109,6 @@ class Walker:
                 self._output, torque=np.zeros(4), V=np.nan, barriers=NOTHING, clf_slack=np.nan, rescue_slack=np.nan
             )
 
-    def _swap(self, policy: Policy) -> None:
-        self._controller.policy = policy
-        self._swapped = True
+    def _choice(self, name: str) -> tuple[ControllerParameters, str]:
+        parameters, policy = controller_of(self._base, name)
+        return parameters, self.learned if name == "learned" else policy

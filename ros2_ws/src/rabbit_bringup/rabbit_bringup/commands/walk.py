@@ -53,7 +53,7 @@ def prepare(given: Given) -> Walk:
     walk = Walk.of(assembly, make_folder(options), options, training=training, further=further)
     if options.view:
         port = options.view_port
-        print(f"live view at ws://127.0.0.1:{port}" if port else "live view: see log/viewer.log")
+        print(f"open http://127.0.0.1:{port} in a browser" if port else "the page: see log/viewer.log")
     return walk
 
 

@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 from rabbit_cli.executables import NAMESPACE
 from rabbit_sim.parameters import SimulationParameters
-from rabbit_viewer.live.parameters import PORT
+from rabbit_viewer.page.address import PORT
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
 MOST_EPISODES = 10_000

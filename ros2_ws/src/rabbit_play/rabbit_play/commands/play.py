@@ -6,7 +6,7 @@ import typer
 from pydantic import BaseModel, ConfigDict, Field
 from rabbit_cli.options import Defaults, Given, complaints, options
 from rabbit_sim.parameters import SimulationParameters
-from rabbit_viewer.live.parameters import PORT
+from rabbit_viewer.page.address import PORT
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
 from rabbit_play.settings import Choice, OtherChoice
@@ -27,6 +27,7 @@ class PlayOptions(BaseModel):
     port: int = Field(PORT, ge=0, le=65535, description="of the page, on this machine alone; 0: any free one")
     browser: bool = Field(True, description="open the page in a browser")
     export: Path | None = Field(None, description="walk one episode without a page, and write it to this HTML file")
+    learn: bool = Field(False, description="train next to the walk, and walk with each policy")
     first: Choice = Field("learned", description="controller")
     second: OtherChoice = Field("nominal", description="controller of another robot on the same course")
     seed: int = Field(1, ge=0, le=2**31 - 1, description="of course, first state and noise")
@@ -40,7 +41,7 @@ def play(given: Given) -> None:
 
     from rabbit_description.gait import GaitError
     from rabbit_sim.stones import CourseError
-    from rabbit_viewer.page.errors import PageError
+    from rabbit_viewer.page.address import PageError
 
     from rabbit_play.serving import serve_play, write_play
     from rabbit_play.settings import Start, settings_of
@@ -48,8 +49,9 @@ def play(given: Given) -> None:
     chosen = given.build(PlayOptions)
     plant, controller = given.build(SimulationParameters), given.build(ControllerParameters)
     with complaints(PageError, GaitError, CourseError):
-        settings = settings_of(plant, first=chosen.first, second=chosen.second, seed=chosen.seed)
-        start = Start(settings=settings, plant=plant, controller=controller)
+        again = "same course" if chosen.learn else "wait"
+        settings = settings_of(plant, first=chosen.first, second=chosen.second, seed=chosen.seed, again=again)
+        start = Start(settings=settings, plant=plant, controller=controller, learns=chosen.learn)
         if chosen.export:
             print(write_play(start, chosen.export))
         else:

@@ -1,14 +1,12 @@
-"""Live view of a running graph, in the browser by Foxglove or in RViz."""
+"""A running graph in the browser, and in RViz."""
 
 import json
 import os
-from importlib.resources import files
-from pathlib import Path
 
 import typer
 from pydantic import Field
 from rabbit_cli.executables import NAMESPACE, LaunchError, find_executable
-from rabbit_cli.options import Given, complaints, fail, options
+from rabbit_cli.options import Given, complaints, options
 
 from rabbit_viewer.live.parameters import ViewerParameters
 
@@ -19,28 +17,13 @@ class ViewOptions(ViewerParameters):
     """Of `rabbit view`."""
 
     namespace: str = Field("", pattern=NAMESPACE, description="of the graph")
-    layout: Path | None = Field(None, description="write the layout for Foxglove to this file, and end")
 
 
 @app.command()
 @options(ViewOptions)
 def view(given: Given) -> None:
-    """Serve a live view of a running graph: robot, stones, barriers, force and plots, to Foxglove and to RViz."""
-    chosen = given.build(ViewOptions)
-    if chosen.layout is not None:
-        write_layout(chosen.layout)
-    else:
-        become_viewer(chosen)
-
-
-def write_layout(path: Path) -> None:
-    """Copy the layout that is shipped."""
-    shipped = files("rabbit_viewer.live") / "layout.json"
-    try:
-        path.write_text(shipped.read_text(encoding="utf-8"), encoding="utf-8")
-    except OSError as error:
-        fail(f"--layout {path}: {error.strerror}")
-    print(path)
+    """Show a running graph in the browser: robot, stones, barriers, force and plots; the same as topics for RViz."""
+    become_viewer(given.build(ViewOptions))
 
 
 def become_viewer(chosen: ViewOptions) -> None:

@@ -1,1 +1,1 @@
-"""A walk while it happens: what of one tick is shown, as shapes, to Foxglove over a websocket and to RViz as topics."""
+"""A walk while it happens: what of one tick is shown, on the page and as topics for RViz."""

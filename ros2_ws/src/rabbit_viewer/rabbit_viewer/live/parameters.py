@@ -2,7 +2,7 @@
 
 from pydantic import BaseModel, ConfigDict, Field
 
-PORT = 8765
+from rabbit_viewer.page.address import HOST, PORT
 
 
 class ViewerParameters(BaseModel):
@@ -10,7 +10,11 @@ class ViewerParameters(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    port: int = Field(PORT, ge=0, le=65535, description="of the websocket; 0: any free one")
-    host: str = Field("127.0.0.1", min_length=1, description="address to listen on; 0.0.0.0: all, for other machines")
+    port: int = Field(PORT, ge=0, le=65535, description="of the page; 0: any free one")
+    host: str = Field(
+        HOST, min_length=1, description="address to listen on; browsers ask for 127.0.0.1 or localhost in any case"
+    )
     rate: float = Field(30.0, gt=0, le=100, description="pictures per second of the wall clock, at most")
+    control: bool = Field(False, description="the page may pause, reset and load policies")
+    export: str = Field("", description="write the first episode that ends to this HTML file, and end")
     wait: float = Field(60.0, ge=0, le=86400, description="s to wait for a graph before giving up; 0: for ever")

@@ -16,6 +16,11 @@ class Limits:
     stone_margin: float
     friction_coeff: float
     link_bend: float
+    friction_margin: float
+    torque_limit: float
+    eps: float
+    kp: float
+    kd: float
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ import json
 from collections.abc import AsyncGenerator
 from typing import Any
 
+OF_AN_EPISODE = ("ended", "swap", "note")  # words that the next one makes void
 KEPT_BYTES = 64_000_000  # of an episode's rows; the older half goes when there are more
 
 
@@ -27,7 +28,7 @@ class Broadcast:
         """Another episode: `about` says what its rows are."""
         self._episode += 1
         self._rows, self._left_out = bytearray(), 0
-        self._words.pop("ended", None)
+        self._words = {kind: word for kind, word in self._words.items() if kind not in OF_AN_EPISODE}
         self.say("about", about)
 
     def say(self, kind: str, word: dict[str, Any]) -> None:

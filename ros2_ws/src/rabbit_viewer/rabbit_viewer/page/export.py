@@ -5,8 +5,8 @@ import json
 import re
 from pathlib import Path
 
+from rabbit_viewer.page.address import PageError
 from rabbit_viewer.page.broadcast import Broadcast
-from rabbit_viewer.page.errors import PageError
 from rabbit_viewer.page.files import INDEX, contents
 
 ALONE = (

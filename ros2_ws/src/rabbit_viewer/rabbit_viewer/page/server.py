@@ -7,6 +7,7 @@ only from a page of this very server, only so long, and checked before anything 
 import asyncio
 import contextlib
 import json
+import os
 import signal
 import webbrowser
 from collections.abc import AsyncIterator, Callable
@@ -18,12 +19,11 @@ from websockets.datastructures import Headers
 from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
+from rabbit_viewer.page.address import HOST, NAMES, PageError
 from rabbit_viewer.page.broadcast import Broadcast
-from rabbit_viewer.page.errors import PageError
 from rabbit_viewer.page.export import page_with
 from rabbit_viewer.page.files import SAVED, SOCKET, find_file
 
-HOST = "127.0.0.1"
 LONGEST_MESSAGE = 4096  # bytes, from a browser
 MOST_BROWSERS = 32
 MOST_MESSAGES = 50  # of a browser in a second
@@ -44,20 +44,19 @@ class PageServer:
 
     def __init__(self, broadcast: Broadcast, answer: Answer) -> None:
         self._broadcast, self._answer = broadcast, answer
-        self._hosts: set[str] = set()
         self._server: Server
 
     @contextlib.asynccontextmanager
-    async def serving(self, port: int) -> AsyncIterator[str]:
+    async def serving(self, port: int, host: str = HOST) -> AsyncIterator[str]:
         """Serve at `port`, 0: any free one; gives the page's address.
 
         Raises:
-            PageError: the port is taken.
+            PageError: the port is taken, or `host` is no address of this machine.
         """
         try:
             self._server = await serve(
                 self._on_browser,
-                HOST,
+                host,
                 port,
                 process_request=self._on_request,
                 compression=None,
@@ -65,10 +64,9 @@ class PageServer:
                 server_header=None,
             )
         except OSError as error:
-            reason = error.strerror or error
-            raise PageError(f"--port {port}: {reason}; expected a free port, or 0 for any") from error
+            reason = os.strerror(error.errno) if error.errno and error.errno > 0 else error.strerror
+            raise PageError(f"page at {host}:{port}: {reason}; expected this machine's address, a free port") from error
         port = self._server.sockets[0].getsockname()[1]
-        self._hosts = {f"{name}:{port}" for name in (HOST, "localhost")}
         try:
             yield f"http://{HOST}:{port}"
         finally:
@@ -76,9 +74,12 @@ class PageServer:
             await self._server.wait_closed()
 
     def _on_request(self, connection: ServerConnection, request: Request) -> Response | None:
-        """A file of the page; None for the websocket. Another host's name in it means another site's page."""
+        """A file of the page; None for the websocket.
+
+        A page of another site says so as the origin, or asks for a name that it has made this machine's.
+        """
         host, origin = request.headers.get("Host", ""), request.headers.get("Origin")
-        if host not in self._hosts or origin not in (None, *(f"http://{name}" for name in self._hosts)):
+        if host.rpartition(":")[0] not in NAMES or origin not in (None, f"http://{host}"):
             return connection.respond(HTTPStatus.FORBIDDEN, "this page is for browsers on this machine\n")
         path = request.path.partition("?")[0]
         if path == SOCKET:

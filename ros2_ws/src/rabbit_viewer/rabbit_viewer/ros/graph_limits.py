@@ -1,5 +1,6 @@
 """Asks the graph's controller and simulator for the parameters that the drawing needs, at each episode's start."""
 
+from dataclasses import fields
 from functools import partial
 from typing import Any
 
@@ -11,7 +12,10 @@ from rclpy.task import Future
 
 from rabbit_viewer.live.snapshot import Limits
 
-ASKED = {"controller": ("R1", "R2", "stone_margin", "friction_coeff"), "simulator": ("link_bend",)}
+ASKED = {
+    "controller": tuple(each.name for each in fields(Limits) if each.name != "link_bend"),
+    "simulator": ("link_bend",),
+}
 TRY_SECONDS = 0.5  # until there is an answer
 
 

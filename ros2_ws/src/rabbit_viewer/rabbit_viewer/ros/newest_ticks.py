@@ -15,7 +15,10 @@ KEPT = 16  # ticks that wait for their last part
 
 
 class TickMessages:
-    """The newest tick of which there is a message on each of `topics`; all begin with stamp, episode, tick."""
+    """The newest ticks of which there is a message on each of `topics`; all begin with stamp, episode, tick.
+
+    `parts`: of tick `key` (episode, tick), the newest; `earlier`: of the ticks since the last `take`, the oldest first.
+    """
 
     def __init__(self, *topics: str) -> None:
         self._topics = frozenset(topics)
@@ -26,6 +29,7 @@ class TickMessages:
         self._waiting: dict[tuple[int, int], dict[str, bytes]] = {}
         self.key: tuple[int, int] | None = None  # episode, tick
         self.parts: dict[str, bytes] = {}
+        self.earlier: list[dict[str, bytes]] = []
 
     def add(self, topic: str, data: bytes) -> None:
         """Take a serialised message."""
@@ -33,6 +37,8 @@ class TickMessages:
         parts = self._waiting.setdefault(key, {})
         parts[topic] = data
         if parts.keys() == self._topics:
+            if self.parts:
+                self.earlier.append(self.parts)
             self.key, self.parts = key, self._waiting.pop(key)
         elif len(self._waiting) > KEPT:
             del self._waiting[next(iter(self._waiting))]
@@ -61,10 +67,13 @@ class NewestTicks(TickMessages):
 
     def take(self) -> None:
         """Take what waits."""
+        self.earlier, shown = [], self.key
         for name, heard in self._heard.items():
             with heard.handle:
                 while taken := heard.handle.take_message(heard.msg_type, True):
                     self.add(name, taken[0])
+        if shown is not None and self.earlier:
+            self.earlier.pop(0)  # the newest of the last time
 
     def close(self) -> None:
         """Hear no more."""

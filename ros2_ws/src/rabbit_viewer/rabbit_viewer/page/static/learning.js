@@ -1,16 +1,24 @@
-// Episodes of a training next to the walk: reward, losses, and which policy walks.
+// Episodes of a training next to the walk: stones, reward terms, losses.
 
-export function showLearning(section, word) {
+const SHOWN = 10;
+
+export function showLearning(section, {text, episodes}) {
   section.hidden = false;
-  const title = Object.assign(document.createElement("h2"), {textContent: `learning: ${word.text}`});
+  const title = Object.assign(document.createElement("h2"), {textContent: `learning: ${text}`});
   const table = document.createElement("table");
-  const names = Object.keys(word.episodes[0]?.reward ?? {});
   const row = (kind, cells) => {
     const line = table.insertRow();
     for (const cell of cells) line.append(Object.assign(document.createElement(kind), {textContent: cell}));
   };
-  if (word.episodes.length) row("th", ["episode", "stones", "ticks", ...names.map((name) => `reward ${name}`), "critic loss", "swapped at"]);
-  for (const episode of word.episodes.slice(-12).reverse())
-    row("td", [episode.episode, episode.steps, episode.ticks, ...names.map((name) => episode.reward[name].toPrecision(3)), episode.critic?.toPrecision(3) ?? "", episode.swapped ?? ""]);
+  if (episodes.length) {
+    const [rewards, losses] = ["reward", "losses"].map((group) => [...new Set(episodes.flatMap((each) => Object.keys(each[group])))]);
+    row("th", ["episode", "stones", "ticks", ...rewards.map((name) => `reward ${name}`), ...losses.map((name) => `loss ${name}`)]);
+    for (const each of episodes.slice(-SHOWN).reverse())
+      row("td", [each.episode + 1, each.steps, each.ticks, ...rewards.map((name) => short(each.reward[name])), ...losses.map((name) => short(each.losses[name]))]);
+  }
   section.replaceChildren(title, table);
+}
+
+function short(value) {
+  return value === undefined ? "" : Number(value).toPrecision(3);
 }

@@ -45,12 +45,13 @@ const HANDLERS = {
   },
   refused({text}) {
     state.refused += 1;
-    notice(text);
+    notice(text, "alert");
   },
   pace({pace}) {
     state.pace = pace;
   },
   learning: (message) => showLearning(by("learning"), message),
+  swap: ({tick, version}) => notice(`policy ${version} from tick ${tick} on`),
   note: ({text}) => notice(text),
 };
 
@@ -75,8 +76,8 @@ function connected(is) {
   if (is) by("notice").hidden = true;
 }
 
-function notice(text) {
-  Object.assign(by("notice"), {textContent: text, hidden: false});
+function notice(text, role = "status") {
+  Object.assign(by("notice"), {textContent: text, hidden: false, role});
   clearTimeout(state.timer);
   state.timer = setTimeout(() => { by("notice").hidden = true; }, 6000);
 }
