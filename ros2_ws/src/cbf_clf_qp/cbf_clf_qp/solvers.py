@@ -108,16 +108,21 @@ class DaqpSolver:
 
     name = "daqp"
 
+    def __init__(self) -> None:
+        self.reset()
+
     def reset(self) -> None:
-        """Nothing is kept between programmes."""
+        """The next programme is of a new layout."""
+        self._layout: Layout | None = None
 
     def solve(self, qp: QuadraticProgram) -> Solution:
         """Solve from scratch."""
         start = time.perf_counter()
-        upper = np.minimum(qp.upper, UNBOUNDED)
-        lower = np.maximum(qp.lower, -UNBOUNDED)
-        sense = np.zeros(len(upper), dtype=np.int32)
-        x, _, flag, info = daqp.solve(2 * np.eye(qp.q.size), qp.q, qp.A, upper, lower, sense)
+        if qp.layout is not self._layout:
+            self._layout, self._hessian = qp.layout, 2 * np.eye(qp.q.size)
+            self._sense = np.zeros(len(qp.upper), dtype=np.int32)
+        upper, lower = np.minimum(qp.upper, UNBOUNDED), np.maximum(qp.lower, -UNBOUNDED)
+        x, _, flag, info = daqp.solve(self._hessian, qp.q, qp.A, upper, lower, self._sense)
         residual = kkt_residual(qp, x, info["lam"]) if flag > 0 else np.inf
         elapsed = time.perf_counter() - start
         return Solution(x, residual < TOLERANCE, f"exit {flag}", self.name, residual, elapsed)
@@ -160,7 +165,10 @@ def kkt_residual(qp: QuadraticProgram, x: Array, y: Array) -> float:
     """The norm of what is violated, stationarity and rows, over 1 + |x|; NaN where `x` is not finite."""
     value = qp.A @ x
     violation = np.maximum(np.maximum(value - qp.upper, qp.lower - value), 0.0)
-    gradient = y @ qp.A + qp.q + 2 * x
+    gradient = y @ qp.A
+    gradient += qp.q
+    gradient += x
+    gradient += x
     return math.sqrt(gradient @ gradient + violation @ violation) / (1 + math.sqrt(x @ x))
 
 

@@ -13,10 +13,8 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from cbf_clf_qp.affine import Affine
-from cbf_clf_qp.io_linearization import precontrol
 from cbf_clf_qp.solvers import make_solver
-from cbf_clf_qp.tick import Constraint, Decided, Quantity, Terms, decide, measured, predicted
+from cbf_clf_qp.tick import Constraint, Decided, Quantity, Terms, decide, measured
 from cbf_clf_qp.tracing import Traced
 from rabbit_description.gait import Gaits
 from rabbit_description.state import SWAP_STATE, SWAP_TORQUE, TICK_SECONDS, Array, Leg, RobotState
@@ -24,7 +22,7 @@ from rabbit_description.state import SWAP_STATE, SWAP_TORQUE, TICK_SECONDS, Arra
 from rl_cbf_clf_controller.generated_model import make_model
 from rl_cbf_clf_controller.identified_robot import IdentifiedRobot
 from rl_cbf_clf_controller.kinds import find_kind
-from rl_cbf_clf_controller.nominal_model import PinnedDynamics
+from rl_cbf_clf_controller.nominal_terms import NominalTerms
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import Policy
 from rl_cbf_clf_controller.recipes import make_clf, make_recipe
@@ -148,7 +146,7 @@ class Controller:
         self._steps = make_steps(gait, parameters.stone_aim)
         self._model = make_model(urdf)
         self._solver = make_solver(parameters.qp_solver)
-        self._terms = traced_terms(self.recipe.quantities).twin()
+        self._terms = NominalTerms(parameters, self.recipe.quantities)
         self._measure = traced_measurement(self.recipe.quantities).twin()
         self.reset(0)
 
@@ -213,26 +211,17 @@ class Controller:
     def look(self, state: RobotState) -> Terms[Scene]:
         """The nominal terms at a state, with the present stance leg."""
         q_s, dq_s = self._relabel(state.q), self._relabel(state.dq)
-        feet = self._model.update(q_s, dq_s)
-        dynamics = self._model.pinned()
-        outputs = self._constraints.evaluate(q_s, dq_s)
-        z = (feet.hip, (outputs.phase,), feet.hip_rate, (outputs.phase_rate,))
-        stone = self._terrain.observed(state.preview, self._steps.wanted)
-        stance = self._step.stance
-        scene = Scene(
-            q_s=q_s,
-            dq_s=dq_s,
-            feet=feet,
-            outputs=outputs,
-            barriers=self._terrain.barriers(feet, state.preview),
-            force=state.foot_force if stance is Leg.LEFT else state.foot_force[::-1],
-            observation=np.concatenate([outputs.eta, *z, stone]),
-            LgV=self.clf.LgV(outputs.eta),
-            tick=state.tick,
-            torque=self._step.torque,
+        feet, stance = self._model.update(q_s, dq_s), self._step.stance
+        force = state.foot_force if stance is Leg.LEFT else state.foot_force[::-1]
+        return self._terms(
+            (q_s, dq_s),
+            feet,
+            self._constraints.evaluate(q_s, dq_s),
+            self._model.pinned(),
+            (force, state.tick, self._step.torque),
+            state.preview,
+            self._steps.wanted,
         )
-        a, b, nominal_a, nominal_b = self._terms(scene, dynamics)
-        return Terms(self.recipe.quantities, scene, dynamics, Affine(a, b), Affine(nominal_a, nominal_b))
 
     def _output(self, state: RobotState, fault: str) -> ControllerOutput:
         p, step, terms, decided = self.parameters, self._step, self.terms, self.decided
@@ -330,18 +319,6 @@ class Controller:
             if value.shape != (7,) or not math.isfinite(value @ value):
                 raise ControllerError(f"state.{name} = {value}: expected 7 finite values")
         self._terrain.check(state)
-
-
-@lru_cache(maxsize=64)
-def traced_terms(quantities: tuple[Quantity[Scene], ...]) -> Traced:
-    """The pre-control and the nominal quantities, affine in mu: a and b of each."""
-
-    def terms(scene: Scene, dynamics: PinnedDynamics) -> tuple[Array, ...]:
-        control = precontrol(scene.outputs.second_derivative(dynamics.acceleration))
-        nominal = predicted(quantities, scene, dynamics).after(control)
-        return control.a, control.b, nominal.a, nominal.b
-
-    return Traced(terms)
 
 
 @lru_cache(maxsize=64)

@@ -60,7 +60,7 @@ def stone_barriers(feet: Kinematics, stone: StonePreview, R1: float, R2: float) 
 
 def _distance(x: float, z: float, rate_x: float, rate_z: float) -> tuple[float, tuple[float, float], float]:
     """|(x, z)|, its gradient, and velocity' Hessian velocity."""
-    radius = float(np.hypot(x, z))
+    radius = np.hypot(x, z)
     normal_x, normal_z = x / radius, z / radius
     across = normal_x * rate_z - normal_z * rate_x
     return radius, (normal_x, normal_z), across**2 / radius

@@ -5,9 +5,9 @@ from typing import Any, Literal
 from cbf_clf_qp.ecbf import Barriers
 from rabbit_description.state import RobotState, StonePreview
 
-from rl_cbf_clf_controller.generated_barriers import make_stone_barriers
 from rl_cbf_clf_controller.nominal_model import Kinematics
 from rl_cbf_clf_controller.scene import ControllerError
+from rl_cbf_clf_controller.stone_barriers import stone_barriers
 
 FARTHEST_STONE = 2.0  # m
 
@@ -38,7 +38,7 @@ class SteppingStones(FlatGround):
 
     def __init__(self, parameters: Any) -> None:
         super().__init__(parameters)
-        self._barriers = make_stone_barriers(parameters.R1, parameters.R2)
+        self._radii = parameters.R1, parameters.R2
 
     def check(self, state: RobotState) -> None:
         """Raises `ControllerError` where the state comes without the next stone's preview."""
@@ -53,7 +53,8 @@ class SteppingStones(FlatGround):
         if stone is None:
             return None
         margin = self._parameters.stone_margin
-        return self._barriers(feet, stone.l_min + margin, stone.l_max - margin)
+        narrowed = StonePreview(stone.index, stone.l_min + margin, stone.l_max - margin)
+        return stone_barriers(feet, narrowed, *self._radii)
 
     def observed(self, stone: StonePreview | None, step_length: tuple[float, ...]) -> tuple[float, ...]:
         """What a policy reads of it: the near edge, m, then the `step_length` that a gait library chose for it."""

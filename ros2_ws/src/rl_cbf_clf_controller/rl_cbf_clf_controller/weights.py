@@ -19,6 +19,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from rabbit_description.atomic_file import replacing
 from safetensors import SafetensorError
 from safetensors.numpy import load, save
+from scipy.linalg.blas import sgemv
 
 from rl_cbf_clf_controller.uncertainty import PAPER
 
@@ -213,12 +214,12 @@ def policy_path(name: str) -> Path:
 
 def forward(arrays: Arrays, scaled: Float32) -> Float32:
     """The actor: scaled observation (m,) to outputs in [-1, 1]."""
-    hidden = scaled
-    for layer in ("0", "1"):
-        hidden = arrays[f"{layer}.weight"] @ hidden
-        hidden += arrays[f"{layer}.bias"]
-        np.maximum(hidden, 0, out=hidden)
-    outputs: Float32 = np.tanh(arrays["2.weight"] @ hidden + arrays["2.bias"])
+    layer = scaled
+    for number in "012":
+        layer = sgemv(1, arrays[f"{number}.weight"].T, layer, 1, arrays[f"{number}.bias"], trans=1)
+        if number != "2":
+            np.maximum(layer, 0, out=layer)
+    outputs: Float32 = np.tanh(layer)
     return outputs
 
 

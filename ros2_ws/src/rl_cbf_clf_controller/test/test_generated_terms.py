@@ -11,7 +11,6 @@ from rabbit_description.state import Array, StonePreview
 from rl_cbf_clf_controller import generated_model, generated_outputs
 from rl_cbf_clf_controller.foot_velocity import FootVelocity
 from rl_cbf_clf_controller.generated.build import build
-from rl_cbf_clf_controller.generated_barriers import GeneratedStoneBarriers
 from rl_cbf_clf_controller.generated_model import (
     GeneratedFootVelocity,
     GeneratedModel,
@@ -22,7 +21,6 @@ from rl_cbf_clf_controller.generated_outputs import GeneratedOutputs
 from rl_cbf_clf_controller.link_parameters import MotionTerms, read_links
 from rl_cbf_clf_controller.nominal_model import INPUT_MAP, NominalModel
 from rl_cbf_clf_controller.step_outputs import LibrarySteps, StepOutputs, step_path
-from rl_cbf_clf_controller.stone_barriers import stone_barriers
 from rl_cbf_clf_controller.virtual_constraints import VirtualConstraints
 
 
@@ -153,16 +151,6 @@ def test_outputs_are_numpys_inside_the_phase_and_beyond_its_ends(library, make):
         q = with_phase(constraints, q, phase)
         found, expected = generated.evaluate(q, dq), constraints.evaluate(q, dq)
         assert_equal({name: getattr(found, name) for name in vars(expected)}, vars(expected))
-
-
-def test_barriers_are_numpys(library):
-    robot, rng = NominalModel(), np.random.default_rng(3)
-    for q, dq in STATES:
-        feet = robot.update(q, dq)
-        (R1, R2), l_min = rng.uniform(0.3, 3, 2), rng.uniform(0.2, 0.5)
-        stone = StonePreview(1, l_min, l_min + 0.08)
-        found = GeneratedStoneBarriers(library, R1, R2)(feet, stone.l_min, stone.l_max)
-        assert_equal(vars(found), vars(stone_barriers(feet, stone, R1, R2)))
 
 
 @pytest.fixture

@@ -171,22 +171,6 @@ def fading_correction(a: ca.SX, b: ca.SX, since: ca.SX, width: ca.SX) -> tuple[c
     return left**3 * line + slope * before, slope, ca.if_else(since < 0, 0, curvature)
 
 
-def stone_barriers(
-    swing: ca.SX, swing_rate: ca.SX, swing_jacobian: ca.SX, swing_bias: ca.SX, edges: ca.SX, radii: ca.SX
-) -> list[ca.SX]:
-    """B1 and B2 and their derivatives, as in `stone_barriers.py`; see `layout.BARRIERS`."""
-    (near, far), (R1, R2) = (edges[0] / 2, edges[1]), (radii[0], radii[1])
-    foot = ca.SX.sym("foot", 2)
-    outer = ca.norm_2(ca.vertcat(foot[0] + R1, foot[1]))
-    inner = ca.norm_2(ca.vertcat(foot[0] - near, foot[1] + R2))
-    value = ca.vertcat(R1 + far - outer, inner - ca.sqrt(near**2 + R2**2))
-    gradient = ca.jacobian(value, foot)
-    curvature = ca.jtimes(gradient @ swing_rate, foot, swing_rate)
-    value, gradient, curvature = (ca.substitute(x, foot, swing) for x in (value, gradient, curvature))
-    rows = ca.reshape(swing_jacobian, COORDINATES, 2).T
-    return [value, gradient @ swing_rate, gradient @ rows, gradient @ swing_bias + curvature]
-
-
 def motion_regressor(q: ca.SX, dq: ca.SX, ddq: ca.SX, theta: ca.SX, legs: ca.SX) -> list[ca.SX]:
     """Y, M and the feet's Jacobians of a robot with two like legs; as in `layout.REGRESSOR`."""
     torso, *leg = ca.vertsplit(theta, 4)
@@ -205,7 +189,6 @@ def foot_velocity(q: ca.SX, dq: ca.SX, legs: ca.SX) -> list[ca.SX]:
 EXPRESSIONS: dict[str, Callable[..., list[ca.SX]]] = {
     "pinned_dynamics": pinned_dynamics,
     "outputs": outputs,
-    "stone_barriers": stone_barriers,
     "motion_regressor": motion_regressor,
     "foot_velocity": foot_velocity,
 }

@@ -31,7 +31,6 @@ PATH: Layout = {
 
 PINNED = "pinned_dynamics"
 OUTPUTS = "outputs"
-BARRIERS = "stone_barriers"
 REGRESSOR = "motion_regressor"
 FOOT_VELOCITY = "foot_velocity"
 
@@ -60,17 +59,6 @@ FUNCTIONS: dict[str, tuple[Layout, Layout]] = {
             "phase": (1,),
             "phase_rate": (1,),
         },
-    ),
-    BARRIERS: (
-        {
-            "swing": (2,),
-            "swing_rate": (2,),
-            "swing_jacobian": (2, COORDINATES),
-            "swing_bias": (2,),
-            "edges": (2,),  # l_min, l_max, m
-            "radii": (2,),  # R1, R2, m
-        },
-        {"B": (2,), "dB": (2,), "jacobian": (2, COORDINATES), "bias": (2,)},
     ),
     REGRESSOR: (
         STATE | {"ddq": (COORDINATES,), "theta": (12,), "legs": ROBOT["legs"]},  # theta: of torso, thighs, shins
