@@ -33,25 +33,32 @@ class Actor(nn.Module):
         self.beta_scale: Tensor
         self.register_buffer("alpha_scale", torch.tensor(alpha))
         self.register_buffer("beta_scale", torch.tensor(beta))
+        self._alphas = [rows[:, None] for rows in self._alpha_rows()]
 
     def forward(self, observation: Tensor, LgV: Tensor) -> tuple[Tensor, Tensor]:
         """Raw observation (b, m), LgV (b, p) to alpha (b, n, p) and beta (b, n), in the quantities' units."""
-        alpha, beta = self.unit_action(observation, LgV)
         size = self.clf_size(LgV)
-        return alpha * self.alpha_scale[:, None] * size[..., None], beta * self.beta_scale * size
+        return self.in_units(self.unit_action(observation, LgV, size), size)
 
-    def unit_action(self, observation: Tensor, LgV: Tensor) -> tuple[Tensor, Tensor]:
-        """Alpha (b, n, p) and beta (b, n) over their scales and, for V, over |LgV| + 1."""
+    def unit_action(self, observation: Tensor, LgV: Tensor, size: Tensor) -> Tensor:
+        """All alphas, then all betas, (b, (p + 1) n), over their `units`; `size` is that of `clf_size`."""
         outputs, m = self.outputs(self.scaling(observation)), self._m
         if not self.structured:
-            return outputs[:, : m * self.n].reshape(-1, self.n, m), outputs[:, m * self.n :]
-        direction = LgV / self.clf_size(LgV)[:, :1]
+            return outputs
         matrix = outputs[:, : m * (m + 1)].reshape(-1, m, m + 1)
-        clf = torch.einsum("bi,bij->bj", direction, matrix)
+        clf = torch.bmm((LgV / size[:, :1])[:, None], matrix)[:, 0]
         others = outputs[:, m * (m + 1) :]
         alphas = m * (self.n - 1)
-        alpha = torch.cat([clf[:, :m], others[:, :alphas]], 1).reshape(-1, self.n, m)
-        return alpha, torch.cat([clf[:, m:], others[:, alphas:]], 1)
+        return torch.cat([clf[:, :m], others[:, :alphas], clf[:, m:], others[:, alphas:]], 1)
+
+    def in_units(self, flat: Tensor, size: Tensor) -> tuple[Tensor, Tensor]:
+        """Alpha (b, n, p) and beta (b, n) of a `unit_action`, in the quantities' units."""
+        alphas, (alpha_unit, beta_unit) = self._m * self.n, self.units(size)
+        return flat[:, :alphas].reshape(-1, self.n, self._m) * alpha_unit, flat[:, alphas:] * beta_unit
+
+    def units(self, size: Tensor) -> tuple[Tensor, Tensor]:
+        """The scales of alpha (b, n, 1) and beta (b, n), for V times |LgV| + 1."""
+        return self.alpha_scale[:, None] * size[..., None], self.beta_scale * size
 
     def clf_size(self, LgV: Tensor) -> Tensor:
         """|LgV| + 1 for V and 1 for all else, (b, n)."""
@@ -62,14 +69,16 @@ class Actor(nn.Module):
 
     def outputs(self, scaled: Tensor) -> Tensor:
         """The tanh outputs in the order of the policy file, (b, outputs)."""
+        if len(self.networks) == 1:
+            return torch.tanh(self.networks[0](scaled))
         outputs = torch.cat([network(scaled) for network in self.networks], 1)
         return torch.tanh(outputs[:, self._order()])
 
     @torch.no_grad()
     def steady_alphas(self, share: float) -> None:
         """Take `share` off the last layer's weights, not biases, of every alpha: what varies with the state decays."""
-        for network, rows in zip(self._linears(), self._alpha_rows(), strict=True):
-            network[-1].weight.mul_(1 - share * rows[:, None])
+        for network, rows in zip(self._linears(), self._alphas, strict=True):
+            network[-1].weight.mul_(1 - share * rows)
 
     def arrays(self) -> Arrays:
         """Weights as one network, with the probe's outputs, for a `PolicyFile`."""

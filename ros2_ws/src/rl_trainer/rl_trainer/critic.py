@@ -11,6 +11,8 @@ state and is small beside mu; with a slope of its own it counts.
 
 In the first approach t depends on the whole input instead, t(s, v), v = mu + alpha mu + beta, and the gradient goes
 through it.
+
+What a critic makes of the states alone (`see`) serves every mu and action that it is asked about.
 """
 
 from dataclasses import dataclass
@@ -25,6 +27,8 @@ from rl_trainer.reward import norm
 
 NOISE = 0.2  # of a typical mu: makes exploration a factor of about one
 
+Seen = tuple[Tensor, ...]
+
 
 @dataclass(frozen=True)
 class Action:
@@ -36,7 +40,7 @@ class Action:
 
     def correction(self, mu: Tensor) -> Tensor:
         """alpha mu + beta, (b, n), in the quantities' units."""
-        return torch.einsum("bij,bj->bi", self.alpha, mu) + self.beta
+        return torch.bmm(self.alpha, mu[..., None])[..., 0] + self.beta
 
 
 class PlainCritic(nn.Module):
@@ -51,9 +55,13 @@ class PlainCritic(nn.Module):
         outputs = 1 if parameters.heads == "one" else parameters.n
         self.network = hidden_layers(inputs, (parameters.hidden1, parameters.hidden2), outputs)
 
-    def forward(self, batch: Batch, mu: Tensor, action: Action) -> Tensor:
+    def see(self, batch: Batch) -> Seen:
+        """The scaled observations."""
+        return (self.scaling(batch.observation),)
+
+    def forward(self, batch: Batch, seen: Seen, mu: Tensor, action: Action) -> Tensor:
         """Q, shape (b, 1) or (b, n)."""
-        known = [self.scaling(batch.observation), *([mu / self.mu_unit] if self.sees_mu else [])]
+        known = [*seen, *([mu / self.mu_unit] if self.sees_mu else [])]
         q: Tensor = self.network(torch.cat([*known, action.flat], 1))
         return q
 
@@ -77,16 +85,20 @@ class RewardCritic(nn.Module):
         """Outputs of the network for n quantities and m inputs."""
         return n
 
-    def forward(self, batch: Batch, mu: Tensor, action: Action) -> Tensor:
+    def see(self, batch: Batch) -> Seen:
+        """The scaled observations."""
+        return (self.scaling(batch.observation),)
+
+    def forward(self, batch: Batch, seen: Seen, mu: Tensor, action: Action) -> Tensor:
         """Q_i, shape (b, n)."""
         correction = action.correction(mu)
-        q: Tensor = -self.weight * norm(correction / batch.unit - self.target(batch, mu, correction), self.norm)
+        q: Tensor = -self.weight * norm(correction / batch.unit - self.target(batch, seen, mu, correction), self.norm)
         return q
 
-    def target(self, batch: Batch, mu: Tensor, correction: Tensor) -> Tensor:
+    def target(self, batch: Batch, seen: Seen, mu: Tensor, correction: Tensor) -> Tensor:
         """t(s, x), the error expected where x is the input, (b, n)."""
         x = mu + correction if self.first_approach else mu
-        t: Tensor = self.network(torch.cat([self.scaling(batch.observation), x / self.mu_unit], 1))
+        t: Tensor = self.network(torch.cat([*seen, x / self.mu_unit], 1))
         return t
 
 
@@ -103,15 +115,19 @@ class AffineCritic(RewardCritic):
         *_, last_weight, _ = self.network.parameters()
         last_weight[: -len(self.weight)].mul_(1 - share)
 
-    def target(self, batch: Batch, mu: Tensor, correction: Tensor) -> Tensor:
-        """t(s, mu), (b, n)."""
+    def see(self, batch: Batch) -> Seen:
+        """The offset b_i (b, n) and the slope a_i (b, n, m)."""
         n, m = len(self.weight), batch.mu.shape[1]
-        out: Tensor = self.network(torch.cat([self.scaling(batch.observation), batch.mu_qp / self.mu_unit], 1))
+        out: Tensor = self.network(torch.cat([*super().see(batch), batch.mu_qp / self.mu_unit], 1))
         direction = batch.LgV / (torch.linalg.vector_norm(batch.LgV, dim=1, keepdim=True) + 1)
         matrix, others, offset = out.split([m * m, m * (n - 1), n], 1)
-        clf = torch.einsum("bi,bij->bj", direction, matrix.reshape(-1, m, m))
-        slope = torch.cat([clf[:, None], others.reshape(len(out), n - 1, m)], 1)
-        return offset + torch.einsum("bij,bj->bi", slope, (mu - batch.mu_qp) / (NOISE * self.mu_unit))
+        clf = torch.bmm(direction[:, None], matrix.reshape(-1, m, m))
+        return offset, torch.cat([clf, others.reshape(len(out), n - 1, m)], 1)
+
+    def target(self, batch: Batch, seen: Seen, mu: Tensor, correction: Tensor) -> Tensor:
+        """t(s, mu), (b, n)."""
+        offset, slope = seen
+        return offset + torch.bmm(slope, ((mu - batch.mu_qp) / (NOISE * self.mu_unit))[..., None])[..., 0]
 
 
 Critic = PlainCritic | RewardCritic

@@ -17,8 +17,8 @@ import torch
 from torch import Tensor, nn
 
 from rl_trainer.actor import Actor
-from rl_trainer.critic import Action, AffineCritic, make_critic
-from rl_trainer.learner import AveragedActor, ClippedAdam, follow
+from rl_trainer.critic import Action, AffineCritic, Seen, make_critic
+from rl_trainer.learner import AveragedActor, ClippedAdam, follow, weights_of
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.replay import Batch
 from rl_trainer.reward import norm
@@ -39,17 +39,18 @@ class Ddpg(AveragedActor):
 
     def update(self, batch: Batch, rate: float) -> dict[str, float]:
         """One step of the critic, then one of the actor."""
-        action = self._act(self.actor, batch.observation, batch.LgV)
-        critic_loss = self._critic_loss(batch, action)
+        size = self.actor.clf_size(batch.LgV)
+        action = self._act(self.actor, batch.observation, batch.LgV, size)
+        seen = self._critic.see(batch)
+        critic_loss = self._critic_loss(batch, seen, size, action)
         self._critic_optimizer.descend(critic_loss, rate)
         if isinstance(self._critic, AffineCritic):
             self._critic.steady_slopes(self._parameters.alpha_decay * self._parameters.critic_rate * rate)
-        self._critic.requires_grad_(False)
-        actor_loss = -self._critic(batch, self._probe(batch), action).sum(1).mean()
+        seen = tuple(each.detach() for each in seen)  # an affine critic has said it all before this step
+        actor_loss = -self._critic(batch, seen, self._probe(batch), action).sum(1).mean()
         self.descend(actor_loss, rate)
-        self._critic.requires_grad_(True)
         if self._parameters.discount > 0:
-            follow(self._target_critic, self._critic, self._parameters.polyak)
+            follow(weights_of(self._target_critic), weights_of(self._critic), self._parameters.polyak)
         return {"critic": critic_loss.item(), "actor": actor_loss.item()}
 
     def state_dict(self) -> dict[str, Any]:
@@ -70,50 +71,40 @@ class Ddpg(AveragedActor):
         self._critic_optimizer.load_state_dict(state["optimizer"])
         self._generator.set_state(state["generator"])
 
-    def _critic_loss(self, batch: Batch, acted: Action) -> Tensor:
+    def _critic_loss(self, batch: Batch, seen: Seen, size: Tensor, acted: Action) -> Tensor:
         p = self._parameters
-        mu, action, reward = batch.mu, self._stored(batch), batch.reward
         if p.relabel:
-            mu, action, reward = self._relabelled(batch, acted)
+            mu, action, reward = self._relabelled(batch, size, acted)
+        else:
+            mu, action, reward = batch.mu, self._stored(batch, size), batch.reward
         wanted = reward + batch.penalty[:, None] / p.n
         if p.heads == "one":
             wanted = wanted.sum(1, keepdim=True)
         if p.discount > 0:
             wanted = wanted + p.discount * (1 - batch.failed[:, None]) * self._next_value(batch)
         loss = nn.functional.smooth_l1_loss if p.critic_loss == "huber" else nn.functional.mse_loss
-        return loss(self._critic(batch, mu, action), wanted)
+        return loss(self._critic(batch, seen, mu, action), wanted)
 
     @torch.no_grad()
     def _next_value(self, batch: Batch) -> Tensor:
-        action = self._act(self.average, batch.next_observation, batch.next_LgV)
+        size = self.actor.clf_size(batch.next_LgV)
+        action = self._act(self.average, batch.next_observation, batch.next_LgV, size)
         following = replace(batch, observation=batch.next_observation, LgV=batch.next_LgV)
-        q: Tensor = self._target_critic(following, batch.next_mu, action)
+        q: Tensor = self._target_critic(following, self._target_critic.see(following), batch.next_mu, action)
         return q
 
-    def _act(self, actor: Actor, observation: Tensor, LgV: Tensor) -> Action:
-        alpha, beta = actor.unit_action(observation, LgV)
-        return self._action(torch.cat([alpha.flatten(1), beta], 1), LgV)
+    def _act(self, actor: Actor, observation: Tensor, LgV: Tensor, size: Tensor) -> Action:
+        flat = actor.unit_action(observation, LgV, size)
+        return Action(*actor.in_units(flat, size), flat)
 
-    def _action(self, flat: Tensor, LgV: Tensor) -> Action:
-        """From alphas and betas (b, (m + 1) n) over their scales."""
-        alpha_scale, beta_scale = self._action_scales(LgV)
-        n, m = self._parameters.n, self._parameters.problem.inputs
-        alpha = flat[:, : m * n].reshape(-1, n, m)
-        return Action(alpha * alpha_scale, flat[:, m * n :] * beta_scale, flat)
-
-    def _stored(self, batch: Batch) -> Action:
+    def _stored(self, batch: Batch, size: Tensor) -> Action:
         """The action that was taken."""
-        alpha_scale, beta_scale = self._action_scales(batch.LgV)
+        alpha_scale, beta_scale = self.actor.units(size)
         flat = torch.cat([(batch.alpha / alpha_scale).flatten(1), batch.beta / beta_scale], 1)
         return Action(batch.alpha, batch.beta, flat)
 
-    def _action_scales(self, LgV: Tensor) -> tuple[Tensor, Tensor]:
-        actor = self.actor
-        size = actor.clf_size(LgV)
-        return actor.alpha_scale[:, None] * size[..., None], actor.beta_scale * size
-
     @torch.no_grad()
-    def _relabelled(self, batch: Batch, acted: Action) -> tuple[Tensor, Action, Tensor]:
+    def _relabelled(self, batch: Batch, size: Tensor, acted: Action) -> tuple[Tensor, Action, Tensor]:
         """Another action, the mu it is asked for, and the reward it would have had: -w norm(correction - target).
 
         In the first approach the same input v was measured; it is what another action makes of another mu.
@@ -121,9 +112,9 @@ class Ddpg(AveragedActor):
         p = self._parameters
         flat = acted.flat.detach()
         flat = flat + p.relabel_noise * self._noise(flat)
-        mu, action = batch.mu, self._action(flat, batch.LgV)
+        mu, action = batch.mu, Action(*self.actor.in_units(flat, size), flat)
         if p.problem.corrects_input:
-            v = batch.mu + self._stored(batch).correction(batch.mu)
+            v = batch.mu + self._stored(batch, size).correction(batch.mu)
             mu = batch.mu + RELABEL_MU * p.problem.mu_unit * self._noise(batch.mu)
             beta = v - mu - torch.einsum("bij,bj->bi", action.alpha, mu)
             action = Action(action.alpha, beta, torch.empty(0))

@@ -1,6 +1,7 @@
 """The replay buffer: what the learner needs of each transition, as float32 columns; the oldest go first."""
 
 from dataclasses import dataclass, fields
+from math import prod
 from typing import Any
 
 import numpy as np
@@ -49,7 +50,9 @@ class Replay:
         self._doubts = sum((Doubt[name.upper()] for name in parameters.leave_out), Doubt.NONE)
         self._generator = torch.Generator().manual_seed(parameters.seed)
         self._added = 0
-        self._columns = {name: torch.zeros(parameters.capacity, *shape) for name, shape in _shapes(parameters).items()}
+        self._shapes = _shapes(parameters)
+        self._table = torch.zeros(parameters.capacity, sum(map(prod, self._shapes.values())))
+        self._columns = self._by_name(self._table)
 
     @property
     def added(self) -> int:
@@ -82,7 +85,15 @@ class Replay:
 
     def rows(self, rows: Tensor | slice) -> Batch:
         """Chosen transitions; the newest has the index `len(self) - 1` until the ring is full."""
-        return Batch(**{name: column[rows] for name, column in self._columns.items()})
+        return Batch(**self._by_name(self._table[rows]))
+
+    def _by_name(self, table: Tensor) -> dict[str, Tensor]:
+        """The columns of a table, as views."""
+        parts = table.split([prod(shape) for shape in self._shapes.values()], 1)
+        return {
+            name: part.unflatten(1, shape) if shape else part[:, 0]
+            for (name, shape), part in zip(self._shapes.items(), parts, strict=True)
+        }
 
     def state_dict(self) -> dict[str, Any]:
         """All that is kept, for a checkpoint."""

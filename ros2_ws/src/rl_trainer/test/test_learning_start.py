@@ -54,7 +54,9 @@ def test_counts_go_on_and_all_else_begins_as_from_scratch() -> None:
     for network in ("critic", "target_critic"):
         assert all(torch.equal(value, scratch[network][name]) for name, value in begun[network].items())
     assert all(torch.equal(value, begun["actor"]["average"][name]) for name, value in begun["actor"]["actor"].items())
-    assert (begun["actor"]["updates"], begun["optimizer"]) == (0, scratch["optimizer"])
+    assert begun["actor"]["updates"] == 0
+    for optimizer in (begun["optimizer"], begun["actor"]["optimizer"]):
+        assert not any(tensor.any() for tensors in optimizer.values() for tensor in tensors)
 
 
 def test_the_actor_is_set_back_once_the_critic_has_learned(
