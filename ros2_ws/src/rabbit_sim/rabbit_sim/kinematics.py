@@ -24,6 +24,8 @@ def _link(angle: float, bend: float) -> tuple[float, float]:
 class RabbitFeet:
     """The feet of RABBIT with links bent by `bend`; see `pinned_dynamics.Feet`."""
 
+    links = "left_foot", "right_foot"
+
     def __init__(self, bend: float = 0.0) -> None:
         self._bend = bend
 

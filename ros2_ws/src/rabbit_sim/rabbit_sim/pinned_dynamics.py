@@ -5,15 +5,19 @@ At impact of the other foot:  M (dq+ - dq-) = J' L,       J dq+ = 0
 
 M mass matrix, h bias forces, B tau joint torques on the coordinates after the base's three, J Jacobian (2, n) of the
 pinned foot, F its ground force, L its impulse (both x, z). Inelastic impact, no slip, the old stance foot free at once
-(Grizzle, Abba, Plestan 2001). Both are one linear system in the acceleration or velocity and the force.
+(Grizzle, Abba, Plestan 2001). In stance the robot is a tree that grows from its foot (`pinned_chain.py`), which knows
+no F; the first two rows of M ddq + h, those of the base's slides, are F.
 """
 
+from collections.abc import Callable, Sequence
 from typing import Protocol
 
 import numpy as np
 import pinocchio
 from rabbit_description.planar_urdf import BASE, UrdfError
 from rabbit_description.state import Array, Leg
+
+from rabbit_sim.pinned_chain import SLIDES, PinnedChain
 
 PLANE = [0, 2]  # x and z of a spatial vector
 OUT_OF_PLANE = [1, 3, 5]  # y, and the turns about x and z
@@ -23,8 +27,13 @@ BASE_COORDINATES = len(BASE)
 class Feet(Protocol):
     """Where the two feet of a robot with n coordinates are, world frame, columns or entries x, z; m."""
 
+    links: tuple[str, str]  # of the URDF, left and right, in whose origins the feet are
+
     def positions(self, q: Array) -> Array:
         """Of both, shape (2, 2): rows left, right."""
+
+    def points(self, q: Sequence[float]) -> Sequence[Sequence[float]]:
+        """The same of plain numbers."""
 
     def jacobian(self, q: Array, leg: Leg) -> Array:
         """Foot velocity over `dq`, shape (2, n)."""
@@ -46,12 +55,18 @@ class UrdfFeet:
         missing = [link for link in links if not self._model.existFrame(link)]
         if missing:
             raise UrdfError(f"URDF {self._model.name}: no link {', '.join(missing)} for a foot")
+        self.links = links
         self._frames = [self._model.getFrameId(link) for link in links]
 
     def positions(self, q: Array) -> Array:
         """Of both, shape (2, 2): rows left, right."""
         pinocchio.framesForwardKinematics(self._model, self._data, q)
         return np.array([self._data.oMf[frame].translation[PLANE] for frame in self._frames])
+
+    def points(self, q: Sequence[float]) -> Sequence[Sequence[float]]:
+        """The same of plain numbers."""
+        points: list[list[float]] = self.positions(np.array(q)).tolist()
+        return points
 
     def jacobian(self, q: Array, leg: Leg) -> Array:
         """Foot velocity over `dq`, shape (2, n)."""
@@ -95,7 +110,10 @@ def planar_model(urdf: str) -> pinocchio.Model:
 
 
 class PinnedDynamics:
-    """Of the robot that `urdf` describes, its feet where `feet` says, its joints damped by `damping` (1/s)."""
+    """Of the robot that `urdf` describes, its feet where `feet` says, its joints damped by `damping` (1/s).
+
+    `chains`: the robot grown from its left and from its right foot.
+    """
 
     def __init__(self, urdf: str, feet: Feet, damping: float = 0.0) -> None:
         self.feet = feet
@@ -104,36 +122,46 @@ class PinnedDynamics:
         self._damping = damping
         self.coordinates: int = self._model.nv
         self.inputs = self.coordinates - BASE_COORDINATES
-        self._system = np.zeros((self.coordinates + 2, self.coordinates + 2))
-        self._right_side = np.zeros(self.coordinates + 2)
+        self.chains = [PinnedChain(self._model, self._model.getFrameId(link)) for link in feet.links]
+        self.weight = np.array([0.0, pinocchio.computeTotalMass(self._model) * -self._model.gravity.linear[2]])
 
     def accelerations(self, q: Array, dq: Array, torque: Array, stance: Leg) -> tuple[Array, Array]:
         """`ddq` (n,) and the ground force (2,) on the stance foot, x and z, N, under joint torques (n - 3,), N m."""
-        n, joints = self.coordinates, slice(BASE_COORDINATES, self.coordinates)
-        inertia = self._fill_system(q, stance)
-        right = self._right_side
-        right[:n] = -pinocchio.nle(self._model, self._data, q, dq)
-        right[joints] += torque - self._damping * inertia[joints] * dq[joints]
-        right[n:] = -self.feet.drift(q, dq, stance)
-        solution = np.linalg.solve(self._system, right)
-        return solution[:n], -solution[n:]
+        chain = self.chains[stance]
+        forces = chain.forces(torque + self.damping(q, dq))
+        ddq = np.zeros(self.coordinates)
+        ddq[SLIDES:] = chain.out @ chain.acceleration(chain.into @ q[SLIDES:], chain.into @ dq[SLIDES:], forces)
+        ddq[:SLIDES] = -self.feet.jacobian(q, stance) @ ddq - self.feet.drift(q, dq, stance)
+        return ddq, pinocchio.rnea(self._model, self._data, q, dq, ddq)[:SLIDES]
+
+    def in_chain(self, stance: Leg, torque: Array) -> Callable[[Array, Array], Array]:
+        """z-ddot of the stance foot's chain as a function of z and z-dot, under joint torques (n - 3,), N m."""
+        chain = self.chains[stance]
+        if not self._damping:
+            return chain.acceleration_under(chain.forces(torque))
+        q, dq = np.zeros((2, self.coordinates))
+
+        def acceleration(z: Array, dz: Array) -> Array:
+            q[SLIDES:], dq[SLIDES:] = chain.out @ z, chain.out @ dz
+            return chain.acceleration(z, dz, chain.forces(torque + self.damping(q, dq)))
+
+        return acceleration
+
+    def damping(self, q: Array, dq: Array) -> Array:
+        """-d M_jj(q) dq_j of each joint, shape (n - 3,), N m."""
+        if not self._damping:
+            return np.zeros(self.inputs)
+        inertia: Array = pinocchio.crba(self._model, self._data, q).diagonal()
+        return -self._damping * inertia[BASE_COORDINATES:] * dq[BASE_COORDINATES:]
+
+    def momentum(self, q: Array, dq: Array) -> Array:
+        """Linear, x and z, N s."""
+        momentum: Array = pinocchio.computeCentroidalMomentum(self._model, self._data, q, dq).linear[PLANE]
+        return momentum
 
     def impact(self, q: Array, dq: Array, landing: Leg) -> tuple[Array, Array]:
         """`dq` (n,) after the foot `landing` has come to rest, and the impulse (2,) on it, x and z, N s."""
-        n = self.coordinates
-        self._fill_system(q, landing)
-        right = self._right_side
-        right[:n] = self._system[:n, :n] @ dq
-        right[n:] = 0.0
-        solution = np.linalg.solve(self._system, right)
+        n, mass, jacobian = self.coordinates, pinocchio.crba(self._model, self._data, q), self.feet.jacobian(q, landing)
+        system = np.block([[mass, jacobian.T], [jacobian, np.zeros((2, 2))]])  # the second unknown is minus the impulse
+        solution = np.linalg.solve(system, np.append(mass @ dq, [0.0, 0.0]))
         return solution[:n], -solution[n:]
-
-    def _fill_system(self, q: Array, leg: Leg) -> Array:
-        """The matrix [[M, J'], [J, 0]], whose second unknown is minus the force; returns M's diagonal, shape (n,)."""
-        n = self.coordinates
-        mass: Array = pinocchio.crba(self._model, self._data, q)
-        self._system[:n, :n] = mass
-        jacobian = self.feet.jacobian(q, leg)
-        self._system[n:, :n] = jacobian
-        self._system[:n, n:] = jacobian.T
-        return mass.diagonal()

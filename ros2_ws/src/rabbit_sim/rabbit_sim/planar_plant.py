@@ -6,19 +6,19 @@ legs of a robot without knees pass through the ground in mid-swing, and only the
 """
 
 from collections.abc import Callable
-from functools import partial
+from functools import lru_cache
 
 import numpy as np
 from rabbit_description.state import TICK_SECONDS, Array, Leg
 from scipy.optimize import brentq
 
 from rabbit_sim.parameters import SUBSTEP_SECONDS
+from rabbit_sim.pinned_chain import SLIDES
 from rabbit_sim.pinned_dynamics import PinnedDynamics
 from rabbit_sim.plant import CLEAR_HEIGHT, SUBSTEPS, PlantReading, Touch
 
 EVENT_TOLERANCE = 1e-13  # s
 
-Motion = tuple[Array, Array, Array]  # q, dq, impulse of the ground on the stance foot
 Guard = Callable[[Array, Leg], bool]  # may the swing foot land? from the feet's positions (2, 2), m, and the stance leg
 
 
@@ -57,10 +57,11 @@ class PlanarPlant:
 
     def reset(self, q: Array, dq: Array, stance: Leg) -> None:
         """`q`, `dq` (n,) must have the stance foot at rest: it stays where it is."""
-        self._q, self._dq, self._stance = q.copy(), dq.copy(), stance
-        self._clear = False
+        self._q, self._dq = q.copy(), dq.copy()
         self._impulse = np.zeros((2, 2))
         self._touches: list[Touch] = []
+        self._clear, self._pinned_for = False, 0.0
+        self._pin(stance)
 
     def advance(self, command: Array) -> None:
         """Go on one tick under joint torques (n - 3,), N m, held.
@@ -88,47 +89,89 @@ class PlanarPlant:
         self._touches = []
         for torque in torques:
             self._substep(torque, SUBSTEP_SECONDS)
+        self._settle()
 
     def _substep(self, torque: Array, duration: float) -> None:
         motion = self._integrate(torque, duration)
-        feet = self._dynamics.feet.positions(motion[0])
-        height, may_land = feet[self._stance.other, 1], self._may_land(feet, self._stance)
-        if self._clear and height < 0 and may_land:
-            until = brentq(partial(self._swing_height, torque), 0, duration, xtol=EVENT_TOLERANCE)
-            self._accept(self._integrate(torque, until))
+        height = self._swing_height(motion)
+        if self._clear and height < 0 and self._lands(motion):
+            until = brentq(lambda h: self._swing_height(self._integrate(torque, h)), 0, duration, xtol=EVENT_TOLERANCE)
+            self._accept(self._integrate(torque, until), until)
             self._strike()
-            self._accept(self._integrate(torque, duration - until))
+            self._accept(self._integrate(torque, duration - until), duration - until)
         else:
-            self._accept(motion)
-            self._clear = self._clear or bool(may_land and height > self._clear_height)
+            self._accept(motion, duration)
+            self._clear = self._clear or (height > self._clear_height and self._lands(motion))
 
-    def _accept(self, motion: Motion) -> None:
-        self._q, self._dq, impulse = motion
-        self._impulse[self._stance] += impulse
+    def _integrate(self, torque: Array, h: float) -> Array:
+        """The motion `h` s on from the present one."""
+        return runge_kutta(self._dynamics.in_chain(self._stance, torque), self._motion, h)
 
-    def _swing_height(self, torque: Array, duration: float) -> float:
-        return float(self._dynamics.feet.positions(self._integrate(torque, duration)[0])[self._stance.other, 1])
+    def _accept(self, motion: Array, duration: float) -> None:
+        self._motion = motion
+        self._pinned_for += duration  # since `_settle`
+
+    def _swing_height(self, motion: Array) -> float:
+        feet = self._dynamics.feet.points([0.0, 0.0, *self._chain.out.dot(motion[0]).tolist()])
+        return feet[self._stance.other][1] - feet[self._stance][1] + self._foot_height
+
+    def _lands(self, motion: Array) -> bool:
+        """Whether the guard allows a landing."""
+        feet = self._dynamics.feet.positions(np.concatenate([np.zeros(SLIDES), self._chain.out @ motion[0]]))
+        return self._may_land(feet + (self._foot - feet[self._stance]), self._stance)
+
+    def _pin(self, stance: Leg) -> None:
+        """Go on with this foot pinned where it is."""
+        self._stance = stance
+        self._chain = self._dynamics.chains[stance]
+        self._foot = self._dynamics.feet.positions(self._q)[stance]
+        self._foot_height = float(self._foot[1])
+        self._motion = np.array([self._chain.into @ self._q[SLIDES:], self._chain.into @ self._dq[SLIDES:]])
+        self._q, self._dq = self._state()
+
+    def _state(self) -> tuple[Array, Array]:
+        """`q`, `dq` (n,) of the motion."""
+        q, dq = np.zeros((2, self._dynamics.coordinates))
+        q[SLIDES:], dq[SLIDES:] = (self._chain.out @ each for each in self._motion)
+        q[:SLIDES] = self._foot - self._dynamics.feet.positions(q)[self._stance]
+        dq[:SLIDES] = -self._dynamics.feet.jacobian(q, self._stance) @ dq
+        return q, dq
+
+    def _settle(self) -> None:
+        """`q`, `dq` of now; since they were of now, the ground gave what the momentum gained and the weight took."""
+        before = self._dynamics.momentum(self._q, self._dq)
+        self._q, self._dq = self._state()
+        gained = self._dynamics.momentum(self._q, self._dq) - before
+        self._impulse[self._stance] += gained + self._pinned_for * self._dynamics.weight
+        self._pinned_for = 0.0
 
     def _strike(self) -> None:
         """The swing foot lands and is pinned; the old stance foot is free."""
-        self._stance, self._clear = self._stance.other, False
-        self._dq, impulse = self._dynamics.impact(self._q, self._dq, self._stance)
-        self._impulse[self._stance] += impulse
+        self._settle()
+        landing, self._clear = self._stance.other, False
+        self._dq, impulse = self._dynamics.impact(self._q, self._dq, landing)
+        self._impulse[landing] += impulse
+        self._pin(landing)
         x = self._dynamics.feet.positions(self._q)[:, 0].tolist()
-        self._touches.append(Touch(self._stance, x[self._stance], x[self._stance.other], hold=True))
+        self._touches.append(Touch(landing, x[landing], x[landing.other], hold=True))
 
-    def _integrate(self, torque: Array, h: float) -> Motion:
-        """One classical Runge-Kutta step of length `h`, s, from the present state; the force is integrated with it."""
-        q, v1 = self._q, self._dq
-        a1, f1 = self._dynamics.accelerations(q, v1, torque, self._stance)
-        v2 = v1 + h / 2 * a1
-        a2, f2 = self._dynamics.accelerations(q + h / 2 * v1, v2, torque, self._stance)
-        v3 = v1 + h / 2 * a2
-        a3, f3 = self._dynamics.accelerations(q + h / 2 * v2, v3, torque, self._stance)
-        v4 = v1 + h * a3
-        a4, f4 = self._dynamics.accelerations(q + h * v3, v4, torque, self._stance)
-        return (
-            q + h / 6 * (v1 + 2 * v2 + 2 * v3 + v4),
-            v1 + h / 6 * (a1 + 2 * a2 + 2 * a3 + a4),
-            h / 6 * (f1 + 2 * f2 + 2 * f3 + f4),
-        )
+
+def runge_kutta(acceleration: Callable[[Array, Array], Array], motion: Array, h: float) -> Array:
+    """One classical step of length `h`, s, of z-ddot = acceleration(z, z-dot); `motion` (2, k) has z and z-dot."""
+    known = np.zeros((6, motion.shape[1]))  # z, z-dot, and the accelerations at the four stages
+    known[:2] = motion
+    for stage, weights in enumerate(stages(h), start=2):
+        known[stage] = acceleration(motion[0], motion[1])
+        motion = weights.dot(known)
+    return motion
+
+
+@lru_cache(maxsize=2)
+def stages(h: float) -> tuple[Array, ...]:
+    """What of `known` makes z and z-dot of the second to the fourth stage, and at the end; (2, 6) each."""
+    return (
+        np.array([[1, h / 2, 0, 0, 0, 0], [0, 1, h / 2, 0, 0, 0]]),
+        np.array([[1, h / 2, h**2 / 4, 0, 0, 0], [0, 1, 0, h / 2, 0, 0]]),
+        np.array([[1, h, 0, h**2 / 2, 0, 0], [0, 1, 0, 0, h, 0]]),
+        np.array([[1, h, h**2 / 6, h**2 / 6, h**2 / 6, 0], [0, 1, h / 6, h / 3, h / 3, h / 6]]),
+    )

@@ -165,6 +165,9 @@ def test_a_robot_that_is_not_planar_is_refused():
         dynamics(turned)
     with pytest.raises(UrdfError, match="expected base_x, base_z, base_pitch first"):
         dynamics((Path(__file__).resolve().parents[4] / "examples" / "three_link_walker.urdf").read_text())
+    mass = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
+    with pytest.raises(UrdfError, match="expected massless slides"):
+        dynamics(URDF.replace('<link name="slide_z" />', f'<link name="slide_z">{mass}</link>'))
     with pytest.raises(UrdfError, match="not XML"):
         with_planar_base("<robot>")
     with pytest.raises(UrdfError, match="root links"):

@@ -82,6 +82,20 @@ def test_damping_takes_the_energy_that_its_power_says(truth):
     assert rate == pytest.approx(power, rel=1e-5)
 
 
+@pytest.mark.parametrize("changes", [{}, PERTURBED])
+def test_the_mean_force_is_that_of_the_equation_of_motion(truth, changes):
+    """Over a tick in which forces change little: the mean of those at its ends, to 1%."""
+    robot = truth(plant="rigid", **changes)
+    q, dq = robot.start()
+    plant = RigidPlant(robot.parameters)
+    plant.reset(q, dq, Leg.LEFT)
+    plant.advance(PRESSING)
+    reading = plant.observe()
+    ends = [robot.pinned().accelerations(*at, PRESSING, Leg.LEFT)[1] for at in ((q, dq), (reading.q, reading.dq))]
+    size = np.abs(ends).max()
+    assert reading.foot_force[Leg.LEFT] == pytest.approx(np.mean(ends, axis=0), abs=0.01 * size)
+
+
 def fall_until_touch(robot):
     q, dq = robot.start()
     plant = RigidPlant(robot.parameters)
