@@ -18,9 +18,18 @@ from builtin_interfaces.msg import Time
 from hypothesis import given
 from hypothesis import strategies as st
 from rabbit_description.gait import load_gait
-from rabbit_msgs.msg import Episode, EpisodePlan, PolicySwap, PolicyWeights
+from rabbit_msgs.msg import (
+    ControllerState,
+    Episode,
+    EpisodePlan,
+    PolicySwap,
+    PolicyWeights,
+    RabbitState,
+    TorqueCommand,
+)
 from rabbit_recording.open_recording import opened
 from rabbit_recording.ros.recorder import NUMBER, SENT, RecorderNode
+from rabbit_ros.ros.cdr import Encoder
 from rabbit_ros.ros.conversions import preview_message, state_message
 from rabbit_ros.ros.qos import EVENT
 from rabbit_sim.parameters import SimulationParameters
@@ -68,9 +77,10 @@ def sound_messages() -> dict[str, list[Any]]:
     }
     for _ in range(4):
         output = controller.step(state)
-        made.setdefault("state", []).append(state_message(state, 1, Time()))
-        made.setdefault("torque", []).append(torque_message(output, 1, Time()))
-        made.setdefault("controller_state", []).append(controller_state(output, 1, Time()))
+        answers = (torque_message(output, 1, Time()), controller_state(output, 1, Time()))
+        kinds = {"state": RabbitState, "torque": TorqueCommand, "controller_state": ControllerState}
+        for (name, kind), fields in zip(kinds.items(), (state_message(state, 1, Time()), *answers), strict=True):
+            made.setdefault(name, []).append(deserialize_message(Encoder(kind).encode(fields), kind))
         state = simulation.step(output.torque)
     simulation.close()
     return made

@@ -4,7 +4,7 @@ So episode numbers and simulated time are unique in a graph and in its recording
 is mapped into memory: noting a tick costs nothing, and what a killed process has noted is there.
 """
 
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -65,4 +65,4 @@ class RestartFile:
 
     def note(self, stand: RestartPoint) -> None:
         """Keep where the simulator stands."""
-        self._kept[:] = np.array([astuple(stand)], _LAYOUT)
+        self._kept[0] = tuple(vars(stand).values())

@@ -4,15 +4,13 @@ Numbers travel as float64 in arrays of fixed size, so a value arrives with the s
 """
 
 import math
-from array import array
 from collections.abc import Collection
+from types import SimpleNamespace
 
 import numpy as np
 from builtin_interfaces.msg import Time
 from rabbit_description.state import COORDINATES, TICK_NANOSECONDS, Array, RobotState, StonePreview
 from rabbit_msgs import msg
-from sensor_msgs.msg import JointState
-from std_msgs.msg import Header
 
 from rabbit_ros.message_checks import Refused, check_finite
 
@@ -30,16 +28,16 @@ def nanoseconds(time: Time) -> int:
     return int(time.sec) * 1_000_000_000 + int(time.nanosec)
 
 
-def state_message(state: RobotState, episode: int, at: Time) -> msg.RabbitState:
-    """A measured state as its message; the preview travels on its own topic."""
-    return msg.RabbitState(
+def state_message(state: RobotState, episode: int, at: Time) -> SimpleNamespace:
+    """A measured state with the fields of a `RabbitState`; the preview travels on its own topic."""
+    return SimpleNamespace(
         stamp=at,
         episode=episode,
         tick=state.tick,
         q=state.q,
         dq=state.dq,
         foot_force=state.foot_force.ravel(),
-        contact=state.contact.tolist(),  # of numpy's own booleans rosidl writes False
+        contact=state.contact,
         applied=state.applied,
         touchdowns=state.touchdowns,
         previewed=state.preview is not None,
@@ -48,13 +46,15 @@ def state_message(state: RobotState, episode: int, at: Time) -> msg.RabbitState:
 
 
 def state_of(message: msg.RabbitState, preview: StonePreview | None, finite: bool = True) -> RobotState:
-    """A state from its message and the preview of stone `touchdowns + 1`; None on flat ground.
+    """A checked state from its message and the preview of stone `touchdowns + 1`; None on flat ground."""
+    check_state(message, finite)
+    return RobotState.of_message(message, preview)
 
-    An episode's last state may be anything (`finite` False): the plant may have diverged.
-    """
+
+def check_state(message: msg.RabbitState, finite: bool = True) -> None:
+    """Refuse what is not finite; an episode's last state may be anything (`finite` False): the plant may diverge."""
     for name in ("q", "dq", "foot_force") if finite else ():
         check_finite(name, getattr(message, name))
-    return RobotState.of_message(message, preview)
 
 
 def preview_message(preview: StonePreview, episode: int, at: Time) -> msg.StonePreview:
@@ -103,7 +103,7 @@ def torque_of(message: msg.TorqueCommand) -> Array:
     return np.array(message.torque)
 
 
-def joint_state(state: RobotState, at: Time) -> JointState:
-    """Positions and velocities under the URDF's joint names, the planar base's among them."""
-    position, velocity = array("d", state.q.tobytes()), array("d", state.dq.tobytes())
-    return JointState(header=Header(stamp=at), name=list(COORDINATES), position=position, velocity=velocity)
+def joint_state(state: RobotState, at: Time) -> SimpleNamespace:
+    """The fields of a `JointState`: positions and velocities by the URDF's joint names, the planar base's included."""
+    header = SimpleNamespace(stamp=at, frame_id="")
+    return SimpleNamespace(header=header, name=COORDINATES, position=state.q, velocity=state.dq, effort=())

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from types import SimpleNamespace
 
 from builtin_interfaces.msg import Time
 from rabbit_description.state import RobotState, StonePreview
@@ -9,7 +10,8 @@ from rabbit_msgs.msg import Episode, RabbitState
 from rabbit_msgs.msg import Landing as LandingMessage
 from rabbit_msgs.msg import StonePreview as PreviewMessage
 from rabbit_ros.ros.conversions import joint_state, preview_message, state_message
-from rabbit_ros.ros.qos import EVENT, TICK
+from rabbit_ros.ros.qos import EVENT
+from rabbit_ros.ros.tick_publisher import TickPublisher
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
@@ -23,9 +25,9 @@ class SimulatorPublishers:
 
     def __init__(self, node: Node) -> None:
         self._log = node.get_logger()
-        self._states = node.create_publisher(RabbitState, "state", TICK)
-        self._joints = node.create_publisher(JointState, "joint_states", TICK)
-        self._clock = node.create_publisher(Clock, "clock", TICK)
+        self._states = TickPublisher(node, RabbitState, "state")
+        self._joints = TickPublisher(node, JointState, "joint_states")
+        self._clock = TickPublisher(node, Clock, "clock")
         self._previews = node.create_publisher(PreviewMessage, "preview", EVENT)
         self._landings = node.create_publisher(LandingMessage, "landing", EVENT)
         self._episodes = node.create_publisher(Episode, "episode", EVENT)
@@ -35,7 +37,7 @@ class SimulatorPublishers:
     @property
     def readers(self) -> int:
         """Nodes that hear the state."""
-        return int(self._states.get_subscription_count())
+        return self._states.readers
 
     def begin(self, e: Episode) -> None:
         """Another episode begins; logs it as in `episode 2 begins: seed 8, 20 stones, policy 1f2e3d4c5b6a`."""
@@ -62,7 +64,7 @@ class SimulatorPublishers:
             self._previews.publish(preview_message(state.preview, episode, at))
         self._preview = state.preview
         self._states.publish(state_message(state, episode, at))
-        self._clock.publish(Clock(clock=at))  # while the controller works
+        self._clock.publish(SimpleNamespace(clock=at))  # while the controller works
         self._joints.publish(joint_state(state, at))
         for landing in landings[self._landings_sent :]:
             fields = {name: getattr(landing, name) for name in ("tick", "index", "l", "l_min", "l_max", "on_stone")}

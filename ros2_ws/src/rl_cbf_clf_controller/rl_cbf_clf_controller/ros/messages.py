@@ -1,17 +1,19 @@
-"""`ControllerOutput` as the messages `TorqueCommand` and `ControllerState`; the way back is in message_fields."""
+"""`ControllerOutput` with the fields of `TorqueCommand` and `ControllerState`; the way back is in message_fields."""
 
-from array import array
+from types import SimpleNamespace
+from typing import Any
 
 from builtin_interfaces.msg import Time
-from rabbit_msgs.msg import ControllerState, TorqueCommand
 
 from rl_cbf_clf_controller.controller import ControllerOutput
 from rl_cbf_clf_controller.message_fields import SAME, SEQUENCES
 
+_AS_THEY_ARE = {*SAME, *SEQUENCES, "quantities", "measured", "policy_version"} - {"fault", "status"}
 
-def torque_message(output: ControllerOutput, episode: int, at: Time) -> TorqueCommand:
+
+def torque_message(output: ControllerOutput, episode: int, at: Time) -> SimpleNamespace:
     """What the simulator needs."""
-    return TorqueCommand(
+    return SimpleNamespace(
         stamp=at,
         episode=episode,
         tick=output.tick,
@@ -21,17 +23,17 @@ def torque_message(output: ControllerOutput, episode: int, at: Time) -> TorqueCo
     )
 
 
-def controller_state(output: ControllerOutput, episode: int, at: Time) -> ControllerState:
-    """All but the torque."""
-    message = ControllerState(stamp=at, episode=episode, stance=int(output.stance), clf=output.V, lgv=output.LgV)
-    for name in set(SAME) - {"fault", "status"}:  # texts may be too long for the message
-        setattr(message, name, getattr(output, name))
-    for name in (*SEQUENCES, "measured"):
-        setattr(message, name, array("d", getattr(output, name).tobytes()))
-    message.quantities, message.active = list(output.quantities), [name[:32] for name in output.active[:64]]
-    message.policy_version, message.fault, message.status = (
-        output.policy_version,
-        output.fault[:128],
-        output.status[:64],
+def controller_state(output: ControllerOutput, episode: int, at: Time) -> SimpleNamespace:
+    """All but the torque; texts that may be too long for the message are cut."""
+    same: dict[str, Any] = {name: getattr(output, name) for name in _AS_THEY_ARE}
+    return SimpleNamespace(
+        stamp=at,
+        episode=episode,
+        stance=int(output.stance),
+        clf=output.V,
+        lgv=output.LgV,
+        active=[name[:32] for name in output.active[:64]],
+        fault=output.fault[:128],
+        status=output.status[:64],
+        **same,
     )
-    return message

@@ -10,21 +10,24 @@ force between two ticks; every torque says which policy made it.
 import math
 from array import array
 from collections import deque
+from types import SimpleNamespace
 from typing import Literal
 
+import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 from rabbit_description.gait import GaitError, Gaits, load_gaits
-from rabbit_description.state import StonePreview
+from rabbit_description.state import RobotState, StonePreview
 from rabbit_msgs.msg import ControllerSettings, ControllerState, Episode, PolicySwap, RabbitState, TorqueCommand
 from rabbit_msgs.msg import StonePreview as PreviewMessage
 from rabbit_ros.message_checks import MessageCounter, Refused, check_turn
 from rabbit_ros.priority import scheduling, take_priority
 from rabbit_ros.ros.checked_subscription import create_checked_subscription
-from rabbit_ros.ros.conversions import check_episode, is_new_simulator, nanoseconds, preview_of, state_of
+from rabbit_ros.ros.conversions import check_episode, check_state, is_new_simulator, nanoseconds, preview_of
 from rabbit_ros.ros.diagnostics import OK, WARN, Diagnostics, Status
 from rabbit_ros.ros.parameters import declare, follow, refuse_unknown
 from rabbit_ros.ros.qos import EVENT, TICK
 from rabbit_ros.ros.spin import run
+from rabbit_ros.ros.tick_publisher import TickPublisher
 from rclpy.node import Node
 
 from rl_cbf_clf_controller.controller import Controller
@@ -79,7 +82,7 @@ class ControllerNode(Node):
         self._held: RabbitState | None = None
         self._early: RabbitState | None = None  # of an episode that is not announced yet
         self._turn = (0, -1)  # episode and tick of the newest state
-        self._answer: TorqueCommand | None = None  # to it
+        self._answer: SimpleNamespace | None = None  # to it, a `TorqueCommand`
         self._connect()
         follow(self, self._settings, self._on_parameters)
         law = f"{self._settings.controller}, gait {self._gait.name}"
@@ -91,8 +94,8 @@ class ControllerNode(Node):
         self._intake.close()
 
     def _connect(self) -> None:
-        self._torques = self.create_publisher(TorqueCommand, "torque", TICK)
-        self._details = self.create_publisher(ControllerState, "controller_state", TICK)
+        self._torques = TickPublisher(self, TorqueCommand, "torque")
+        self._details = TickPublisher(self, ControllerState, "controller_state")
         self._swaps = self.create_publisher(PolicySwap, "policy_swap", EVENT)
         self._told_settings = self.create_publisher(ControllerSettings, "controller_settings", EVENT)
         self._states = create_checked_subscription(self, RabbitState, "state", self._on_state, TICK, self._refuse)
@@ -112,7 +115,7 @@ class ControllerNode(Node):
             self._repeat()
             return
         try:
-            state_of(message, None, finite=message.running)
+            check_state(message, finite=message.running)
             if message.episode > self._episode.episode:
                 self._early = message
                 return
@@ -189,7 +192,7 @@ class ControllerNode(Node):
                 self._give_up(message, refusal)
             return
         self._held = None
-        state = state_of(message, self._preview(message))
+        state = RobotState.of_message(message, self._preview(message))
         self._since = nanoseconds(message.stamp)
         self._message_counter.accept("state")
         if message.tick == 0:
@@ -201,9 +204,10 @@ class ControllerNode(Node):
             self._give_up(message, str(error))
             return
         self._say(torque_message(output, message.episode, message.stamp))
-        self._details.publish(controller_state(output, message.episode, message.stamp))
+        if self._details.readers:
+            self._details.publish(controller_state(output, message.episode, message.stamp))
 
-    def _say(self, answer: TorqueCommand) -> None:
+    def _say(self, answer: SimpleNamespace) -> None:
         self._answer = answer
         self._torques.publish(answer)
 
@@ -235,10 +239,11 @@ class ControllerNode(Node):
         """Answer with a fault: the simulator ends the episode under this reason."""
         self.get_logger().error(reason)
         self._say(
-            TorqueCommand(
+            SimpleNamespace(
                 stamp=message.stamp,
                 episode=message.episode,
                 tick=message.tick,
+                torque=np.zeros(4),
                 policy_version=self._in_force.version,
                 fault=reason[:128],
             )

@@ -2,6 +2,7 @@
 
 from array import array
 from dataclasses import fields
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -27,21 +28,18 @@ ZERO = "zero"
 
 def transition_message(
     transition: Transition, parameters: TrainingParameters, episode: int, at: Time
-) -> msg.Transition:
-    """A transition with its reward, term by term."""
+) -> SimpleNamespace:
+    """The fields of a `Transition` message: with its reward, term by term."""
     terms = reward_terms(transition, parameters)
-    message = msg.Transition(
+    return SimpleNamespace(
         stamp=at,
         episode=episode,
         problem=str(transition.problem),
-        reward_terms=array("d", terms.estimation.tobytes()),
+        reward_terms=terms.estimation,
         reward=terms.total,
         doubt=int(transition.doubt),
-        **{name: getattr(transition, name) for name in NUMBERS},
+        **{name.lower(): getattr(transition, name) for name in (*NUMBERS, *ARRAYS)},
     )
-    for name in ARRAYS:
-        setattr(message, name.lower(), array("d", getattr(transition, name).tobytes()))
-    return message
 
 
 def transition_of(message: msg.Transition) -> Transition:

@@ -22,6 +22,7 @@ from rabbit_ros.ros.diagnostics import ERROR, OK, WARN, Diagnostics, Status
 from rabbit_ros.ros.parameters import ParameterError, declare, refuse_unknown
 from rabbit_ros.ros.qos import EVENT, TICK, WEIGHTS
 from rabbit_ros.ros.spin import run, steady_timer
+from rabbit_ros.ros.tick_publisher import TickPublisher
 from rclpy.node import Node
 from rl_cbf_clf_controller.weights import PolicyFile, PolicyFileError, policy_path, read
 
@@ -93,7 +94,7 @@ class TrainerNode(Node):
         self._learning.close()
 
     def _connect(self) -> None:
-        self._transitions = self.create_publisher(TransitionMessage, "transition", TICK)
+        self._transitions = TickPublisher(self, TransitionMessage, "transition")
         self._weights = self.create_publisher(PolicyWeights, "policy", WEIGHTS)
         self._plan = self.create_publisher(EpisodePlan, "episode_plan", EVENT)
         kinds = (RabbitState, TorqueCommand, ControllerState)
@@ -220,7 +221,8 @@ class TrainerNode(Node):
 
     def on_transition(self, transition: Transition, tag: tuple[int, Time]) -> None:
         """A transition was taken in."""
-        self._transitions.publish(transition_message(transition, self._training, *tag))
+        if self._transitions.readers:
+            self._transitions.publish(transition_message(transition, self._training, *tag))
 
     def on_policy(self, policy: PolicyFile) -> None:
         """New weights."""
