@@ -1,6 +1,7 @@
 """Plays a walk: the robots on one course, in real time, as a person asks. Runs in a process of its own.
 
-It sends to the server: `b"R"` and rows; `b"A"` and JSON, another episode; `b"W"`, a word (its kind, JSON).
+It sends to the server: `b"R"` and rows; `b"A"` and JSON, another episode; `b"W"`, a word (its kind, JSON); `b"E"`, a
+line, if it cannot begin.
 """
 
 import json
@@ -10,7 +11,11 @@ from collections.abc import Callable
 from multiprocessing.connection import Connection
 from typing import Any
 
+from rabbit_description.gait import GaitError
 from rabbit_description.state import TICK_SECONDS
+from rabbit_experiments.assembly import AssemblyError
+from rabbit_sim.stones import CourseError
+from rl_cbf_clf_controller.weights import PolicyFileError
 
 from rabbit_play.messages import ASKED, LOAD, Asked, Pause, PushNow, Reset, Set, Speed, Tick
 from rabbit_play.settings import MOST_PUSHES, NOBODY, SHIPPED, PlaySettings, Push, Start, controls, plant_of
@@ -20,6 +25,7 @@ SENT_TICKS = 3  # together
 BEHIND = 0.25  # s, after which lost time is not caught up with
 PACE_TICKS = 100  # over which the pace is measured
 AGAIN_TICKS = 200  # after the end, before the next episode
+UNUSABLE = (GaitError, CourseError, PolicyFileError, AssemblyError)
 Send = Callable[[bytes], None]
 
 
@@ -32,6 +38,7 @@ class Player:
         self._walkers: list[Walker] = []
         self._learned = "zero" if start.learns else SHIPPED
         self.is_paused, self.speed = False, 1.0
+        self._wants_reset = False
         self.reset()
 
     @property
@@ -50,16 +57,16 @@ class Player:
         return TICK_SECONDS / self.speed
 
     def reset(self) -> None:
-        """Begin again with what is chosen."""
-        self.close()
-        settings = self._settings = self._chosen
+        """Begin again with what is chosen; raises one of `UNUSABLE` where that cannot walk, and nothing changes."""
+        settings = self._chosen
         plant = plant_of(self._start.plant, settings)
         names = [name for name in (settings.first, settings.second) if name != NOBODY]
         base, seed = self._start.controller, settings.seed
-        self._walkers = [Walker(name, plant, base, seed, self._learned) for name in names]
+        walkers = [Walker(name, plant, base, seed, self._learned) for name in names]
+        self.close()
+        self._walkers, self._settings = walkers, settings
         self._tick = self._after_end = 0
         self._rows: list[float] = []
-        self._wants_reset = False
         about = {
             "mode": "play",
             "title": f"course {settings.seed}",
@@ -87,10 +94,12 @@ class Player:
 
     def tick(self) -> None:
         """Go on one tick, or to the next episode."""
-        if self._wants_reset or self._after_end > AGAIN_TICKS:
-            if self._after_end > AGAIN_TICKS and self._chosen.again == "next course":
+        if self._after_end > AGAIN_TICKS:
+            self._wants_reset = True
+            if self._chosen.again == "next course":
                 self._chosen = self._changed(seed=(self._chosen.seed + 1) % 2**31)
-            self.reset()
+        if self._wants_reset:
+            self._try_reset()
         if self._after_end:
             self._after_end += 1
             return
@@ -135,8 +144,17 @@ class Player:
             case PushNow():
                 self._push_now(Push(tick=self._tick, force=asked.force, seconds=asked.seconds))
         if self._wants_reset and not self.is_moving:
-            self.reset()
+            self._try_reset()
         self.flush()
+
+    def _try_reset(self) -> None:
+        self._wants_reset = False
+        try:
+            self.reset()
+        except UNUSABLE as error:
+            self._chosen = self._settings
+            self.say("note", {"text": " ".join(str(error).split())})
+            self._say_state()
 
     def _set(self, settings: PlaySettings) -> None:
         self._chosen = settings
@@ -181,7 +199,11 @@ class Player:
 
 def play(connection: Connection, start: Start) -> None:
     """Play until the other end closes."""
-    player = Player(start, connection.send_bytes)
+    try:
+        player = Player(start, connection.send_bytes)
+    except UNUSABLE as error:
+        connection.send_bytes(b"E" + str(error).encode())
+        return
     due = time.monotonic()
     pace = (due, 0)
     try:

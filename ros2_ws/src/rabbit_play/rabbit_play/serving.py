@@ -26,6 +26,10 @@ SHOWN = ("episode", "steps", "ticks", "reward", "losses")  # of an episode's rep
 KEPT_EPISODES = 20
 
 
+class PlayError(ValueError):
+    """What is given cannot walk."""
+
+
 class Door:
     """Checks what browsers ask of a walk, and passes it on."""
 
@@ -51,16 +55,27 @@ async def serve_play(start: Start, port: int, opens_browser: bool) -> None:
 
     Raises:
         PageError: the port is taken.
+        PlayError: what is given cannot walk.
     """
     ended, broadcast = asyncio.Event(), Broadcast()
+    errors: list[str] = []
+
+    def take(message: bytes) -> None:
+        if message[:1] == b"E":
+            errors.append(message[1:].decode())
+        else:
+            tell(broadcast, message)
+
     with ExitStack() as stack:
         player = stack.enter_context(process(play, start))
-        hear(player, partial(tell, broadcast), ended.set)
+        hear(player, take, ended.set)
         if start.learns:
             folder = Path(stack.enter_context(TemporaryDirectory(prefix="rabbit_play_")))
             lessons = Lessons(broadcast, player.send_bytes)
             hear(stack.enter_context(process(learn, start, folder)), lessons.take, lessons.end)
         await serve_until(ended, broadcast, Door(start, player.send_bytes), port, opens_browser)
+    if errors:
+        raise PlayError(errors[0])
 
 
 @contextmanager

@@ -43,12 +43,12 @@ def play(given: Given) -> None:
     from rabbit_sim.stones import CourseError
     from rabbit_viewer.page.address import PageError
 
-    from rabbit_play.serving import serve_play, write_play
+    from rabbit_play.serving import PlayError, serve_play, write_play
     from rabbit_play.settings import Start, settings_of
 
     chosen = given.build(PlayOptions)
     plant, controller = given.build(SimulationParameters), given.build(ControllerParameters)
-    with complaints(PageError, GaitError, CourseError):
+    with complaints(PageError, PlayError, GaitError, CourseError):
         again = "same course" if chosen.learn else "wait"
         settings = settings_of(plant, first=chosen.first, second=chosen.second, seed=chosen.seed, again=again)
         start = Start(settings=settings, plant=plant, controller=controller, learns=chosen.learn)

@@ -2,6 +2,7 @@
 
 import {Clock} from "clock";
 import {Controls} from "controls";
+import {GraphControls} from "graph";
 import {showLearning} from "learning";
 import {Plots} from "plots";
 import {Scene} from "scene";
@@ -25,6 +26,7 @@ const clock = new Clock(source.isLive);
 const plots = new Plots(by("plots"), clock);
 const timeline = new Timeline(by("timeline"), clock);
 const controls = new Controls(by("controls"), (message) => source.send(message));
+const graph = new GraphControls(by("controls"), (message) => source.send(message));
 
 function word(message) {
   state.words[message.type] = message;
@@ -51,6 +53,10 @@ const HANDLERS = {
     state.pace = pace;
   },
   learning: (message) => showLearning(by("learning"), message),
+  graph(message) {
+    graph.show(message);
+    by("status").textContent = message.phase;
+  },
   swap: ({tick, version}) => notice(`policy ${version} from tick ${tick} on`),
   note: ({text}) => notice(text),
 };
@@ -65,6 +71,7 @@ function begin(about) {
   clock.begin(state.walk);
   plots.begin(state.walk);
   if (about.controls && source.isLive) controls.build(about.controls);
+  if (about.control && source.isLive) graph.build();
 }
 
 function rows(buffer) {
@@ -118,7 +125,7 @@ function legend() {
 
 function key(event) {
   if (event.ctrlKey || event.altKey || event.metaKey || !(event.key in KEYS)) return;
-  if (/^(SELECT|TEXTAREA)$/.test(event.target.tagName) || event.target.type === "number") return;
+  if (/^(SELECT|TEXTAREA)$/.test(event.target.tagName) || /^(number|text)$/.test(event.target.type)) return;
   if (event.target.type === "range" && event.key.startsWith("Arrow")) return;
   event.preventDefault();
   if (event.key === "+" || event.key === "-") return faster(event.key === "+" ? 2 : 0.5);

@@ -1,0 +1,223 @@
+"""A played walk is as repeatable as any other, whatever is asked of it and however badly."""
+
+import json
+import random
+import struct
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rabbit_description.state import Array
+from rabbit_play.player import Player
+from rabbit_play.serving import Door, tell, write_play
+from rabbit_play.settings import PlaySettings, Start
+from rabbit_sim.parameters import SimulationParameters
+from rabbit_viewer.page.broadcast import Broadcast
+from rl_cbf_clf_controller.parameters import ControllerParameters
+
+BASE = SimulationParameters(stop_at_miss=False, fall_height=0.35)
+LARGEST_FILE = 1_000_000  # bytes, of 20 stones
+BAD_MESSAGES = 5_000
+
+
+def start_of(**changes: Any) -> Start:
+    """What is played, one robot unless `changes` name a second."""
+    settings = PlaySettings.model_validate({"second": "none", "stones": 3, **changes})
+    return Start(settings=settings, plant=BASE, controller=ControllerParameters())
+
+
+class Played:
+    """A player without a clock, and what it told."""
+
+    def __init__(self, **changes: Any) -> None:
+        self.broadcast = Broadcast()
+        self.player = Player(start_of(**changes), partial(tell, self.broadcast))
+
+    def ask(self, **message: Any) -> None:
+        """As the server passes it on."""
+        self.player.take(json.dumps(message).encode())
+
+    def walk(self, ticks: int = 10_000) -> "Played":
+        """So many ticks, or to the end."""
+        for _ in range(ticks):
+            if self.player.has_ended:
+                break
+            self.player.tick()
+        self.player.flush()
+        return self
+
+    @property
+    def words(self) -> dict[str, Any]:
+        """The newest of each kind."""
+        return {word["type"]: word for word in self.broadcast.known[0]}
+
+    def rows(self, walker: int = 0) -> dict[str, Array]:
+        """Of one robot by column."""
+        columns = [each["columns"] for each in self.words["about"]["walkers"]]
+        data = self.broadcast.known[1]
+        table = np.array(struct.unpack(f"<{len(data) // 4}f", data)).reshape(-1, sum(map(len, columns)))
+        first = sum(map(len, columns[:walker]))
+        return dict(zip(columns[walker], table[:, first:].T, strict=False))
+
+    @property
+    def outcomes(self) -> list[tuple[str, int]]:
+        """How each robot's walk ended, and its stones."""
+        return [(each["outcome"], each["stones"]) for each in self.words["ended"]["walkers"]]
+
+
+@pytest.fixture
+def played() -> Iterator[Callable[..., Played]]:
+    """Makes players, and closes them."""
+    made: list[Played] = []
+
+    def make(**changes: Any) -> Played:
+        made.append(Played(**changes))
+        return made[-1]
+
+    yield make
+    for each in made:
+        each.player.close()
+
+
+def test_one_falls_and_the_other_walks_on(played: Callable[..., Played]) -> None:
+    both = played(first="learned", second="nominal", stones=5).walk()
+    (learned, stones), (nominal, fewer) = both.outcomes
+    assert (learned, stones) == ("walked", 5)
+    assert nominal != "walked"
+    assert fewer < 5
+    assert both.rows(1)["hip_z"][-1] < 0.5  # it is seen to fall
+    assert both.rows(0)["running"][:-1].all()
+
+
+def test_the_same_settings_are_the_same_fall(played: Callable[..., Played]) -> None:
+    one, two = (played(first="nominal", stones=5, seed=3).walk() for _ in range(2))
+    assert one.broadcast.known == two.broadcast.known
+
+
+def test_a_link_with_pushes_is_the_same_walk(played: Callable[..., Played]) -> None:
+    pushed = played().walk(30)
+    pushed.ask(do="push", force=250, seconds=0.1)
+    pushed.walk()
+    link = pushed.words["state"]["settings"]
+    assert link["pushes"] == [{"tick": 30, "force": 250, "seconds": 0.1}]
+    again, still = played(**link).walk(), played().walk()
+    np.testing.assert_array_equal(again.rows()["hip_x"], pushed.rows()["hip_x"])
+    assert not np.array_equal(still.rows()["hip_x"], pushed.rows()["hip_x"])
+    events = pushed.rows()["events"].astype(int)
+    assert np.flatnonzero(events & 4).tolist() == list(range(30, 40))
+    pushed.ask(do="reset")
+    pushed.walk()
+    np.testing.assert_array_equal(pushed.rows()["hip_x"], still.rows()["hip_x"])
+
+
+def test_a_policy_changes_at_once_and_a_mass_from_the_next_reset(played: Callable[..., Played]) -> None:
+    one = played().walk(30)
+    settings = {**one.words["state"]["settings"], "first": "nominal", "mass_scale": 1.0}
+    one.ask(do="set", settings=settings)
+    assert one.words["state"]["waiting"] == ["mass_scale"]
+    one.walk(2)
+    assert one.rows()["events"].astype(int)[30] & 8
+    assert not one.rows()["estimated_V"][-1]  # over the tick before, by the zero policy
+    one.ask(do="reset")
+    one.walk(1)
+    assert one.words["state"]["waiting"] == []
+    assert one.words["about"]["walkers"][0]["mass_scale"] == 1.0
+
+
+def test_another_kind_of_controller_waits_for_the_reset(played: Callable[..., Played]) -> None:
+    one = played().walk(5)
+    one.ask(do="set", settings={**one.words["state"]["settings"], "first": "identified", "second": "l1"}, reset=True)
+    one.walk(1)
+    assert [walker["name"] for walker in one.words["about"]["walkers"]] == ["identified", "l1"]
+
+
+@pytest.mark.parametrize("name", ["oracle", "identified", "l1"])
+def test_every_controller_plays(played: Callable[..., Played], name: str) -> None:
+    one = played(first=name, stones=2).walk()
+    assert one.outcomes[0][0]
+    assert len(one.rows()["V"]) > 20
+
+
+def test_pause_holds_and_a_tick_is_one(played: Callable[..., Played]) -> None:
+    one = played().walk(6)
+    one.ask(do="pause", paused=True)
+    assert not one.player.is_moving
+    one.ask(do="tick")
+    assert len(one.rows()["tick"]) == 7
+    one.ask(do="pause", paused=False)
+    assert one.player.is_moving
+    one.ask(do="speed", speed=0.5)
+    assert one.player.seconds == pytest.approx(0.02)
+
+
+def test_the_next_course_comes_by_itself(played: Callable[..., Played]) -> None:
+    one = played(first="nominal", again="next course", seed=5).walk()
+    while one.player.has_ended:
+        one.player.tick()
+    assert one.words["about"]["title"] == "course 6"
+    assert "ended" not in one.words
+
+
+def test_a_file_of_20_stones_is_small(tmp_path: Path) -> None:
+    path = write_play(start_of(second="nominal", stones=20), tmp_path / "walk.html")
+    assert path.stat().st_size <= LARGEST_FILE
+
+
+def bad_message(rng: random.Random, good: list[str]) -> str:
+    """JSON gone wrong, of any kind."""
+    kind = rng.randrange(5)
+    text = rng.choice(good)
+    if kind == 0:
+        return "".join(chr(rng.randrange(1, 0xD800)) for _ in range(rng.randrange(60)))
+    if kind == 1:
+        return text[: rng.randrange(len(text))]
+    values = [None, -1, 1e308, "x" * rng.randrange(200), [], {}, [[[]]], True, float("nan"), -(10**30), "\0"]
+    message = json.loads(text)
+    where = message
+    if kind == 2 and "settings" in message:
+        where = message["settings"]
+    name = rng.choice([*where, "do", "extra", "__class__", ""])
+    where[name] = rng.choice(values)
+    return json.dumps(message) if kind < 4 else json.dumps([message] * rng.randrange(1, 4))
+
+
+GOOD = [
+    json.dumps({"do": "set", "settings": PlaySettings().model_dump(mode="json")}),
+    json.dumps({"do": "push", "force": 100, "seconds": 0.1}),
+    json.dumps({"do": "speed", "speed": 1}),
+    json.dumps({"do": "pause", "paused": True}),
+]
+
+
+def test_bad_messages_do_no_harm(played: Callable[..., Played]) -> None:
+    """Each is refused with a line, or was good after all; a player takes what passes, and walks as if nothing was."""
+    rng, one = random.Random(7), played()
+    passed: list[bytes] = []
+    door = Door(start_of(), passed.append)
+    refused = 0
+    while refused < BAD_MESSAGES:
+        count = len(passed)
+        line = door(bad_message(rng, GOOD))
+        assert "\n" not in line
+        assert len(line) <= 300
+        assert bool(line) == (len(passed) == count)
+        refused += bool(line)
+        if refused % 50 == 0 and not one.player.has_ended:
+            one.player.tick()
+    assert len(passed) < refused / 4
+    np.testing.assert_array_equal(one.walk().rows()["hip_x"], played().walk().rows()["hip_x"])
+    for message in passed[:200]:
+        one.player.take(message)
+
+
+def test_what_the_plant_refuses_is_refused_at_the_door() -> None:
+    wide = {"do": "set", "settings": {"l_min_std": 0.08, "stone_width": 0.3}}
+    far = start_of().model_copy(update={"plant": BASE.model_copy(update={"l_min_mean": 0.5})})
+    assert "expected at most 0.9 m" in Door(far, lambda _: None)(json.dumps(wide))
+    push = '{"do": "push", "force": 10}'
+    rigid = start_of().model_copy(update={"plant": BASE.model_copy(update={"plant": "rigid"})})
+    assert "expected the plant pybullet or mujoco" in Door(rigid, lambda _: None)(push)
+    assert not Door(start_of(), lambda _: None)(push)

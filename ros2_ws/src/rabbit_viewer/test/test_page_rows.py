@@ -1,0 +1,104 @@
+"""A row of the page is the tick it is made of, and what it draws lies where the plant has it."""
+
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rabbit_description.gait import load_gaits
+from rabbit_description.state import Array, Leg
+from rabbit_sim.kinematics import RabbitFeet
+from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.simulation import Simulation
+from rabbit_viewer.page.broadcast import Broadcast
+from rabbit_viewer.page.recording import fill
+from rabbit_viewer.page.rows import POINTS, RowMaker, body_points, clf_decay
+from rabbit_viewer.walk_records import WalkRecords, about_walk
+from rl_cbf_clf_controller.controller import Controller
+from rl_cbf_clf_controller.parameters import ControllerParameters
+from rl_cbf_clf_controller.policy import ZeroPolicy
+from rl_trainer.rollout import Record, rollout
+
+CONTROLLER = ControllerParameters(controller="cbf-clf-qp")
+PLANT = SimulationParameters(stones=3)
+Walked = tuple[list[Record], Simulation]
+
+
+@pytest.fixture(scope="module")
+def walked() -> Walked:
+    """Three stones."""
+    gait = load_gaits(CONTROLLER.gait)
+    simulation = Simulation(PLANT, gait)
+    records: list[Record] = []
+    rollout(simulation, Controller(CONTROLLER, gait, ZeroPolicy(CONTROLLER.problem)), 1, records.append)
+    simulation.close()
+    return records, simulation
+
+
+def rows_of(records: list[Record]) -> tuple[Array, tuple[str, ...]]:
+    """All rows (n, columns), and the columns."""
+    maker = RowMaker(about_walk(CONTROLLER, PLANT, "zero", 1, "walked"), records[0].output.quantities)
+    return np.array([maker.row(record.state, record.output) for record in records]), maker.columns
+
+
+@pytest.mark.parametrize("bend", [0.0, 0.05])
+def test_points_of_the_body_are_where_the_plant_has_them(bend: float) -> None:
+    for q in np.random.default_rng(0).uniform(-1, 1, (20, 7)):
+        points = dict(zip(POINTS, body_points(q, bend), strict=True))
+        np.testing.assert_allclose([points["left_foot"], points["right_foot"]], RabbitFeet(bend).positions(q))
+        np.testing.assert_allclose(points["hip"], q[:2])
+
+
+def test_stones_lie_where_the_plant_placed_them(walked: Walked) -> None:
+    records, simulation = walked
+    rows, columns = rows_of(records)
+    edges = rows[:, [columns.index(name) for name in ("stone_near", "stone_far")]]
+    seen = np.unique(edges[np.isfinite(edges[:, 0])], axis=0)
+    np.testing.assert_allclose(seen, simulation.stones[1:], atol=5e-4)  # the foot goes on within its touchdown's tick
+
+
+def test_values_are_the_ticks(walked: Walked) -> None:
+    records, _ = walked
+    rows, columns = rows_of(records)
+    column = dict(zip(columns, rows.T, strict=True))
+    np.testing.assert_array_equal(column["V"], [record.output.V for record in records])
+    np.testing.assert_array_equal(column["F_N"], [r.state.foot_force[r.output.stance, 1] for r in records])
+    np.testing.assert_array_equal(column["torque_left_knee"], [record.output.torque[1] for record in records])
+    assert set(column["stance"]) == {float(leg) for leg in Leg}
+
+
+def test_errors_are_those_of_the_tick_before(walked: Walked) -> None:
+    records, _ = walked
+    rows, columns = rows_of(records)
+    estimated, measured = (rows[:, columns.index(f"{kind}_B1")] for kind in ("estimated", "measured"))
+    assert np.isnan([estimated[0], measured[0]]).all()
+    np.testing.assert_array_equal(estimated[1:], 0)  # of the zero policy
+    before, after = records[4].output, records[5].output
+    nominal = before.nominal_a[1] @ before.mu + before.nominal_b[1]
+    assert measured[5] == pytest.approx(after.measured[1] - nominal)
+
+
+def test_the_bound_of_V_begins_with_each_step_and_falls(walked: Walked) -> None:
+    records, _ = walked
+    rows, columns = rows_of(records)
+    V, bound, step = (rows[:, columns.index(name)] for name in ("V", "V_bound", "step"))
+    starts = np.flatnonzero(np.diff(step, prepend=-1))
+    np.testing.assert_array_equal(bound[starts], V[starts])
+    within = np.diff(step) == 0
+    rate = clf_decay(about_walk(CONTROLLER, PLANT, "zero", 1, ""))
+    np.testing.assert_allclose((bound[1:] / bound[:-1])[within], np.exp(-rate * 0.01))
+
+
+def test_a_recording_has_the_same_rows(walked: Walked, tmp_path: Path) -> None:
+    records, simulation = walked
+    about = about_walk(CONTROLLER, PLANT, "zero", 1, "walked")
+    broadcast = Broadcast()
+    fill(broadcast, WalkRecords.from_ticks(records, simulation.landings, about), "run")
+    words, rows = broadcast.known
+    expected, columns = rows_of(records)
+    shown = np.array(struct.unpack(f"<{len(rows) // 4}f", rows)).reshape(-1, len(columns))
+    np.testing.assert_array_equal(shown, expected.astype(np.float32))
+    assert [word["type"] for word in words] == ["about", "ended"]
+    assert words[0]["walkers"][0]["columns"] == list(columns)
+    (ended,) = words[1]["walkers"]
+    assert (ended["outcome"], ended["stones"]) == ("walked", records[-1].state.touchdowns)

@@ -1,0 +1,105 @@
+"""`rabbit play` as a process: the walk that its browsers see, whatever they send, and how it ends."""
+
+import random
+import re
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+
+import pytest
+from page_client import PageClient
+
+RABBIT = (sys.executable, "-c", "from rabbit_bringup.cli import app; app()")
+ALONE = ("--second", "none", "--stones", "4", "--seed", "2")
+BAD = (
+    "",
+    "{",
+    "[]",
+    "null",
+    '{"do": "fly"}',
+    '{"do": "push", "force": 1e999}',
+    '{"do": "set", "settings": 7}',
+    "\0" * 50,
+)
+FLOOD = 5_000
+
+
+class Play:
+    """The command, its address."""
+
+    def __init__(self, *words: str) -> None:
+        command = [*RABBIT, "play", "--no-browser", "--port", "0", *words]
+        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        assert self.process.stdout
+        self.address = re.findall(r"http://[\d.:]+", self.process.stdout.readline())[0]
+
+    def end(self) -> tuple[int, str]:
+        """By Ctrl-C; the exit code and what it said on stderr."""
+        self.process.send_signal(signal.SIGINT)
+        _, errors = self.process.communicate(timeout=180)
+        return self.process.returncode, errors
+
+
+@pytest.fixture
+def play() -> Iterator[Play]:
+    """One robot, four stones."""
+    played = Play(*ALONE)
+    yield played
+    if played.process.poll() is None:
+        played.process.kill()
+        played.process.wait()
+
+
+def ended(client: PageClient) -> bool:
+    """The walk is over, and all of it has come."""
+    return "ended" in client.words and bool(client.rows) and client.rows[-1][0]["running"] == 0
+
+
+def test_a_flood_of_bad_messages_changes_nothing(play: Play) -> None:
+    rng = random.Random(3)
+    with PageClient(play.address) as bad, PageClient(play.address) as other:
+        for _ in range(FLOOD):
+            bad.say(rng.choice(BAD))
+        bad.wait(lambda client: sum(word["type"] == "refused" for word in client.said) == FLOOD)
+        other.say({"do": "reset"})
+        other.wait(lambda client: sum(word["type"] == "about" for word in client.said) == 2)
+        other.wait(ended)
+        bad.wait(ended)
+        assert str(bad.rows) == str(other.rows)  # some are NaN
+        assert other.words["ended"]["walkers"] == [{"outcome": "walked", "stones": 4}]
+        assert "refused" not in other.words
+        with PageClient(play.address) as late:
+            late.wait(ended)
+            assert str(late.rows) == str(other.rows)
+    assert play.end() == (0, "")
+
+
+def test_a_browsers_wish_is_done(play: Play) -> None:
+    with PageClient(play.address) as client:
+        client.wait(lambda client: "state" in client.words)
+        client.say({"do": "pause", "paused": True})
+        client.wait(lambda client: client.words["state"]["paused"])
+        settings = client.words["state"]["settings"]
+        client.say({"do": "set", "settings": {**settings, "mass_scale": 1.0, "second": "nominal"}, "reset": True})
+        client.wait(lambda client: len(client.words["about"]["walkers"]) == 2)
+        assert [walker["mass_scale"] for walker in client.words["about"]["walkers"]] == [1.0, 1.0]
+    assert play.end() == (0, "")
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        (("--mass-scale", "9"), "rabbit: --mass-scale 9"),
+        (("--first", "nobody"), "rabbit: --first nobody: expected"),
+        (("--gait", "nowhere"), "rabbit: gait: no file nowhere; "),
+        (("--export", "/nowhere/walk.html", *ALONE), "rabbit: --export /nowhere/walk.html: No such file"),
+    ],
+)
+def test_bad_values_are_one_line(words: tuple[str, ...], line: str) -> None:
+    done = subprocess.run(
+        [*RABBIT, "play", "--no-browser", *words], capture_output=True, text=True, timeout=300, check=False
+    )
+    assert done.returncode == 2
+    assert done.stderr.startswith(line)
+    assert done.stderr.count("\n") == 1
