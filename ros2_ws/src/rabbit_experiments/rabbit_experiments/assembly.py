@@ -1,5 +1,6 @@
 """Plant, controller and policy of one in-process run, put together. The oracle is wired here and nowhere else."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -52,6 +53,12 @@ class Assembly:
         gait = load_gaits(self.controller.gait)
         return Simulation(self.simulation, gait), Controller(self.controller, gait, self.make_policy())
 
+    def files(self) -> Iterator[tuple[str, int]]:
+        """The files of one's own that it is made of, each with the time of its last change, ns."""
+        for name in (self.policy, self.controller.gait, self.simulation.course):
+            if Path(name).is_file():
+                yield name, Path(name).stat().st_mtime_ns
+
     def make_policy(self) -> Policy:
         """The policy object."""
         policy = self._whole_policy()
@@ -72,7 +79,8 @@ class Assembly:
         if self.policy == "oracle":
             return self._oracle()
         try:
-            return fitted(_policy_file(self.policy), self.controller, load_gaits(self.controller.gait))
+            changed = dict(self.files()).get(self.policy, 0)
+            return fitted(_policy_file(self.policy, changed), self.controller, load_gaits(self.controller.gait))
         except PolicyFileError as error:
             raise PolicyFileError(f"{self.policy}: {error}") from error
 
@@ -107,5 +115,5 @@ def shipped_policies() -> list[str]:
 
 
 @lru_cache(maxsize=1)
-def _policy_file(path: str) -> PolicyFile:
+def _policy_file(path: str, changed: int) -> PolicyFile:
     return read(Path(path))

@@ -1,11 +1,13 @@
 """Seeded runs of one assembly: a run, its figures, all its ticks; a scenario is many of them.
 
-Run i of seed s has the episode seed of the i-th child of SeedSequence(s), and parts of its own that have seen nothing
-yet; so it is the same whoever runs it, in whatever order.
+Run i of seed s has the episode seed of the i-th child of SeedSequence(s). A reset brings plant and controller to where
+they began, so a run is the same whoever runs it, in whatever order, and a process keeps the last assembly's parts.
 """
 
+import atexit
 import time
-from contextlib import closing
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -13,6 +15,7 @@ from typing import Any
 import numpy as np
 from rabbit_sim.simulation import Simulation
 from rabbit_viewer.walk_records import WalkRecords, about_walk, load_records, save_records
+from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.scene import ControllerError
 from rl_trainer.rollout import Controller as AnyController
 from rl_trainer.rollout import Observer, Record, rollout
@@ -44,27 +47,54 @@ def episode_seeds(seed: int, runs: int) -> dict[int, int]:
     return {run: int(child.generate_state(1)[0]) for run, child in enumerate(children)}
 
 
+Key = tuple[Assembly, tuple[tuple[str, int], ...]]
+_kept: dict[Key, tuple[Simulation, Controller]] = {}  # one at most
+
+
+@contextmanager
+def parts(assembly: Assembly) -> Iterator[tuple[Simulation, Controller]]:
+    """Plant and controller to reset and walk with; those of the last run if that was of this assembly and its files."""
+    key = assembly, tuple(assembly.files())
+    if key in _kept:
+        simulation, controller = _kept.pop(key)
+    else:
+        forget_parts()
+        simulation, controller = assembly.build()
+    try:
+        yield simulation, controller
+    except BaseException:
+        simulation.close()
+        raise
+    forget_parts()  # of a run within this one
+    _kept[key] = simulation, controller
+
+
+@atexit.register
+def forget_parts() -> None:
+    """Close what is kept for the next run."""
+    while _kept:
+        _kept.popitem()[1][0].close()
+
+
 def walk(assembly: Assembly, run: int, seed: int, *observers: Observer) -> RunResult:
-    """One run from fresh parts; `observers` see every tick."""
-    simulation, controller = assembly.build()
-    plant, timed = Timed(simulation), Timed(controller)
-    tally = RunTally(run, assembly.controller, lambda: simulation.reading.foot_force)
-    start = time.perf_counter()
-    with closing(simulation):
+    """One run; `observers` see every tick."""
+    with parts(assembly) as (simulation, controller):
+        plant, timed = Timed(simulation), Timed(controller)
+        tally = RunTally(run, assembly.controller, lambda: simulation.reading.foot_force)
+        start = time.perf_counter()
         tally.fault = episode(plant, timed, seed, tally, *observers) or tally.fault
-    wall = time.perf_counter() - start
-    return tally.result(seed, simulation.outcome, simulation.landings, timed.seconds, plant.seconds, wall)
+        wall = time.perf_counter() - start
+        return tally.result(seed, simulation.outcome, simulation.landings, timed.seconds, plant.seconds, wall)
 
 
 def record_walk(assembly: Assembly, seed: int) -> WalkRecords:
     """One run again, with all its ticks."""
-    simulation, controller = assembly.build()
     ticks: list[Record] = []
-    with closing(simulation):
+    with parts(assembly) as (simulation, controller):
         fault = episode(simulation, controller, seed, ticks.append)
-    outcome, policy = ended(simulation, fault, ticks), controller.policy.version
-    about = about_walk(assembly.controller, assembly.simulation, policy, seed, outcome)
-    return WalkRecords.from_ticks(ticks, simulation.landings, about)
+        outcome, policy = ended(simulation, fault, ticks), controller.policy.version
+        about = about_walk(assembly.controller, assembly.simulation, policy, seed, outcome)
+        return WalkRecords.from_ticks(ticks, simulation.landings, about)
 
 
 def episode(simulation: AnySimulation, controller: AnyController, seed: int, *observers: Observer) -> str:

@@ -36,6 +36,7 @@ EVENTS = (  # ticks and steps of a run that are counted
     "saturated_ticks",
     "ecbf_start_violations",
 )
+LARGEST = ("max_torque", "max_clf", "max_slack", "max_rescue_slack")
 COUNTED = (*EVENTS, *(f"active_{name}" for name in ROWS))
 
 
@@ -163,43 +164,61 @@ class RunTally:
         self.fault = ""
         self._forces = ForceTally(run, parameters.friction_coeff)
         self._pole = parameters.barrier_pole_1
-        self._squares = np.zeros(8)  # of eta, summed
+        self._eta: list[Array] = []
+        self._torque: list[Array] = []
+        self._sizes: list[tuple[float, ...]] = []  # V, CLF slack, rescue slack
+        self._active: Counter[tuple[str, ...]] = Counter()
         self._counts: Counter[str] = Counter()
         self._barrier_steps: set[int] = set()
         self._step, self._step_tick = -1, 0
-        self._most: dict[str, float] = {"max_torque": 0.0, "max_clf": 0.0, "max_slack": 0.0, "max_rescue_slack": 0.0}
 
     def __call__(self, record: Record) -> None:
         """Take in a tick."""
         state, output = record.state, record.output
         self.ticks += 1
         self.fault = output.fault
-        self._squares += output.eta**2
+        self._eta.append(output.eta)
+        self._torque.append(output.torque)
+        self._sizes.append((output.V, output.clf_slack, output.rescue_slack))
+        self._active[output.active] += 1
         if output.step_index != self._step:
             self._step, self._step_tick = output.step_index, state.tick
             self._counts["ecbf_start_violations"] += self._starts_outside(output)
         self._forces.add(output, state.tick - self._step_tick, self._foot_force()[output.stance])
         self._count(output)
-        values = (float(np.abs(output.torque).max()), output.V, output.clf_slack, output.rescue_slack)
-        self._most = {name: max(most, value) for (name, most), value in zip(self._most.items(), values, strict=True)}
 
     def _starts_outside(self, output: ControllerOutput) -> bool:
         """Whether a barrier's B' + p1 B is negative where the step begins: from there an ECBF promises nothing."""
         return bool((output.barrier_rates + self._pole * output.barriers < 0).any())
 
     def _count(self, output: ControllerOutput) -> None:
-        active = {name if name in ROWS else name[: 1 if name[0] == "u" else 2] for name in output.active}
-        if active & {"B1", "B2"}:
+        if "B1" in output.active or "B2" in output.active:
             self._barrier_steps.add(output.step_index)
-        self._counts.update(f"active_{name}" for name in active & set(ROWS))
         self._counts["qp_unanswered_ticks"] += not output.answered
         self._counts["qp_unconstrained_ticks"] += output.status == "unconstrained"
         self._counts["slack_ticks"] += output.clf_slack > 0
         self._counts["rescue_ticks"] += output.rescue_slack > RESCUE_NEEDED
         self._counts["saturated_ticks"] += output.saturated
 
-    def _rms(self, squares: Array) -> float:
-        return float(np.sqrt(squares.mean() / max(self.ticks, 1)))
+    def _counted(self) -> dict[str, int]:
+        """`COUNTED`, of all ticks."""
+        counts = self._counts + self._forces.counts
+        for active, ticks in self._active.items():
+            rows = {name if name in ROWS else name[: 1 if name[0] == "u" else 2] for name in active}
+            counts.update({f"active_{name}": ticks for name in rows & set(ROWS)})
+        return {name: counts[name] for name in COUNTED}
+
+    def _most(self) -> dict[str, float]:
+        """The largest of all ticks, 0 at least."""
+        if not self.ticks:
+            return dict.fromkeys(LARGEST, 0.0)
+        sizes = np.column_stack([np.abs(self._torque).max(axis=1), self._sizes])
+        return dict(zip(LARGEST, np.fmax.reduce(sizes, axis=0, initial=0.0).tolist(), strict=True))
+
+    def _rms(self, of: slice) -> float:
+        """Of the columns of eta."""
+        squares = np.square(np.array(self._eta).reshape(-1, 8)).sum(axis=0)
+        return float(np.sqrt(squares[of].mean() / max(self.ticks, 1)))
 
     def result(
         self,
@@ -215,8 +234,8 @@ class RunTally:
         stones = missed.index(True) if True in missed else len(missed)
         success = outcome is Outcome.WALKED and not self.fault and not any(missed)
         forces, milliseconds = self._forces, np.array(ticks) * 1e3
-        counts = self._counts + forces.counts
-        counted: dict[str, Any] = {**self._most, **{name: counts[name] for name in COUNTED}}
+        counts = self._counted()
+        counted: dict[str, Any] = self._most() | counts
         row = RunRow(
             run=self.run,
             seed=seed,
@@ -231,8 +250,8 @@ class RunTally:
             max_force_ratio=forces.max_ratio,
             min_normal_force=forces.min_normal if np.isfinite(forces.min_normal) else np.nan,
             barrier_active_steps=len(self._barrier_steps),
-            rms_y=self._rms(self._squares[:4]),
-            rms_dy=self._rms(self._squares[4:]),
+            rms_y=self._rms(slice(4)),
+            rms_dy=self._rms(slice(4, 8)),
             tick_ms_p50=float(np.percentile(milliseconds, 50)),
             tick_ms_p99=float(np.percentile(milliseconds, 99)),
             plant_ms_p50=float(np.median(plant_ticks)) * 1e3 if plant_ticks else np.nan,
