@@ -8,11 +8,13 @@
 
 An operation on a small array costs numpy a microsecond, and a tick has hundreds. The trace has the same operations, so
 the results are the same but for rounding. What cannot be traced is computed by numpy as before: a function that
-branches on a value, an argument of an unknown class, a machine without CasADi. `Traced.reason` says why.
+branches on a value, an argument of an unknown class, a machine without CasADi. `Traced.reason` says why. With
+CBF_CLF_QP_TRACING=off in the environment numpy computes everything: so a debugger stops in your rows at every tick.
 
 Arguments are dataclasses, tuples, arrays and numbers. The function must depend on nothing else that changes.
 """
 
+import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from enum import Enum
@@ -27,6 +29,7 @@ import numpy as np
 from cbf_clf_qp.symbols import Array, Untraceable, ca, new_symbols, to_casadi
 
 TOLERANCE = 1e-9  # by which trace and function may differ, relative to the largest number of a result
+ENABLED = ca is not None and os.environ.get("CBF_CLF_QP_TRACING") != "off"
 CONSTANTS = (type(None), bool, str, Enum)
 
 Path = tuple[Any, ...]  # an argument's number, then attributes and indices
@@ -43,7 +46,7 @@ class Traced:
         self._function = function
         self._traces: list[_Trace] = []  # of this and its twins: none, or the one
         self._evaluation: _Evaluation | None = None
-        self.reason = "" if ca else "CasADi is not installed"
+        self.reason = "" if ENABLED else "CasADi is not installed, or CBF_CLF_QP_TRACING=off"
 
     def twin(self) -> "Traced":
         """The same function, for another thread."""

@@ -6,7 +6,7 @@ from rabbit_description.state import Array, Leg, StonePreview
 from rabbit_sim.kinematics import RabbitFeet
 from rabbit_viewer.geometry import ARC, allowed_area, area_triangles, force_arrow, friction_cone
 from rabbit_viewer.skeleton import feet, leg_points, torso_points
-from rl_cbf_clf_controller.nominal_model import Kinematics
+from rl_cbf_clf_controller.pinned_robot import Kinematics
 from rl_cbf_clf_controller.stone_barriers import stone_barriers
 
 RNG = np.random.default_rng(0)

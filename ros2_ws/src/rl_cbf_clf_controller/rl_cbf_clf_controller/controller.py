@@ -17,9 +17,9 @@ from cbf_clf_qp.solvers import make_solver
 from cbf_clf_qp.tick import Constraint, Decided, Quantity, Terms, decide, measured
 from cbf_clf_qp.tracing import Traced
 from rabbit_description.gait import Gaits
-from rabbit_description.state import SWAP_STATE, SWAP_TORQUE, TICK_SECONDS, Array, Leg, RobotState
+from rabbit_description.state import SWAP_STATE, SWAP_TORQUE, TICK_SECONDS, Array, Leg, RobotState, StonePreview
 
-from rl_cbf_clf_controller.generated_model import make_model
+from rl_cbf_clf_controller.generated_model import arithmetic, make_model
 from rl_cbf_clf_controller.identified_robot import IdentifiedRobot
 from rl_cbf_clf_controller.kinds import find_kind
 from rl_cbf_clf_controller.nominal_terms import NominalTerms
@@ -143,7 +143,7 @@ class Controller:
         self.recipe = make_recipe(parameters, self.clf, estimators, constraints)
         self.policy = policy
         self._terrain = find_kind(parameters.controller).terrain(parameters)
-        self._steps = make_steps(gait, parameters.stone_aim)
+        self._start, self._steps = gait.x_start, make_steps(gait, parameters.stone_aim)
         self._model = make_model(urdf)
         self._solver = make_solver(parameters.qp_solver)
         self._terms = NominalTerms(parameters, self.recipe.quantities)
@@ -174,8 +174,8 @@ class Controller:
 
     @property
     def model_terms(self) -> str:
-        """What computes them: `generated code` or `pinocchio`, see `generated_model.py`."""
-        return self._model.computed_by
+        """What computes them, see `generated_model.arithmetic`."""
+        return arithmetic(self._model)
 
     def reset(self, seed: int) -> None:
         """Begin an episode: left leg stands; the exploration noise starts from `seed`."""
@@ -184,6 +184,17 @@ class Controller:
         self._solver.reset()
         for estimator in self.recipe.estimators:
             estimator.reset()
+
+    def rehearse(self) -> None:
+        """Compute two ticks that nobody walks, so that the first one that counts finds its functions traced.
+
+        For a controller that walks in real time. An episode begins with `reset`.
+        """
+        stone = StonePreview(1, 0.3, 0.4) if self.parameters.terrain == "stones" else None
+        for tick in range(2):
+            state = RobotState(tick, *self._start, np.zeros((2, 2)), np.zeros(2, dtype=bool), 0, stone)
+            self.step(state).measured  # noqa: B018  what is computed when it is read is traced then
+        self.reset(0)
 
     def step(self, state: RobotState) -> ControllerOutput:
         """The torque for one tick.

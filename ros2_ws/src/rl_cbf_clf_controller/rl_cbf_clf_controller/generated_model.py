@@ -4,6 +4,7 @@ import ctypes
 
 import numpy as np
 import pinocchio as pin
+from cbf_clf_qp import tracing
 from cbf_clf_qp.affine import Affine
 from rabbit_description.state import Array
 
@@ -11,7 +12,8 @@ from rl_cbf_clf_controller import link_parameters as links
 from rl_cbf_clf_controller.foot_velocity import FootVelocity
 from rl_cbf_clf_controller.generated.layout import FOOT_VELOCITY, LINKS, PINNED, REGRESSOR
 from rl_cbf_clf_controller.generated.library import GeneratedFunction, load_library
-from rl_cbf_clf_controller.nominal_model import PLANE, Kinematics, NominalModel, PinnedDynamics
+from rl_cbf_clf_controller.nominal_model import PLANE, NominalModel
+from rl_cbf_clf_controller.pinned_robot import Kinematics, PinnedDynamics
 
 JOINTS = ("base_x", "base_z", "base_pitch", "left_hip", "left_knee", "right_hip", "right_knee")
 CARRIERS = (JOINTS[2], *JOINTS[3:])  # of LINKS
@@ -157,3 +159,8 @@ def make_model(
     model = NominalModel(urdf, motor_gain, joint_damping)
     library = library_for(model.model)
     return GeneratedModel(library, model.model, motor_gain, joint_damping) if library else model
+
+
+def arithmetic(model: GeneratedModel | NominalModel) -> str:
+    """What computes a tick; two of these differ by rounding."""
+    return f"{model.computed_by}, {'traced by CasADi' if tracing.ENABLED else 'numpy'}"

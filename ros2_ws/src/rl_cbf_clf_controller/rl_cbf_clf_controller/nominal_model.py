@@ -9,8 +9,6 @@ F = (F_T, F_N) being the ground's force on the stance foot and J its Jacobian. B
 relabelled to stance/swing, so the model's left leg is always the stance leg. Impact: inelastic, the swing foot stays.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 import pinocchio as pin
 from cbf_clf_qp.affine import Affine
@@ -18,6 +16,7 @@ from rabbit_description import URDF_PATH
 from rabbit_description.state import Array
 
 from rl_cbf_clf_controller import link_parameters as links
+from rl_cbf_clf_controller.pinned_robot import Kinematics, PinnedDynamics
 
 PLANE = [0, 2]  # x and z of a spatial vector
 
@@ -29,34 +28,6 @@ def input_map(coordinates: int) -> Array:
 
 INPUT_MAP = input_map(7)
 ACTUATED = INPUT_MAP.sum(axis=1)  # 1 where a motor acts
-
-
-@dataclass(frozen=True)
-class Kinematics:
-    """Swing foot from the stance foot and hip (the base) from the stance foot, world frame; m, m/s, m/s^2.
-
-    `swing`, `swing_rate`, `hip`, `hip_rate` (2,); `swing_jacobian` (2, n); `swing_bias` (2,) its J-dot q-dot.
-    """
-
-    swing: Array
-    swing_rate: Array
-    swing_jacobian: Array
-    swing_bias: Array
-    hip: Array
-    hip_rate: Array
-
-
-@dataclass(frozen=True)
-class PinnedDynamics:
-    """`acceleration` (n) and stance-foot `force` (F_T, F_N), both affine in the torque u (m,), stance/swing order."""
-
-    acceleration: Affine
-    force: Affine
-
-    @property
-    def normal_tangential(self) -> Affine:
-        """The force as (F_N, F_T), the order of C1, C2."""
-        return Affine(self.force.a[::-1].copy(), self.force.b[::-1].copy())
 
 
 class NominalModel:

@@ -11,8 +11,8 @@ from cbf_clf_qp.tracing import Traced
 from rabbit_description.state import Array, StonePreview
 
 from rl_cbf_clf_controller.kinds import find_kind
-from rl_cbf_clf_controller.nominal_model import Kinematics, PinnedDynamics
 from rl_cbf_clf_controller.parameters import ControllerParameters
+from rl_cbf_clf_controller.pinned_robot import Kinematics, PinnedDynamics
 from rl_cbf_clf_controller.recipes import make_clf
 from rl_cbf_clf_controller.scene import Scene
 from rl_cbf_clf_controller.virtual_constraints import Outputs

@@ -7,7 +7,7 @@ from cbf_clf_qp.rows import Rows
 from cbf_clf_qp.tick import Terms
 from rabbit_description.state import Array
 
-from rl_cbf_clf_controller.nominal_model import PinnedDynamics
+from rl_cbf_clf_controller.pinned_robot import PinnedDynamics
 from rl_cbf_clf_controller.scene import Scene
 
 

@@ -11,6 +11,7 @@ Plain, they are 5 outputs times (|LgV| + 1). Either way the action is the paper'
 
 from abc import abstractmethod
 from collections.abc import Collection
+from functools import cache
 
 import numpy as np
 from cbf_clf_qp.affine import Affine
@@ -70,8 +71,8 @@ class ActorPolicy(LearnedPolicy):
         self._center = np.array(form.observation_center)
         self._inverse_scale = 1 / np.array(form.observation_scale)
         self._alpha_scale, self._beta_scale = np.array(form.alpha_scale), np.array(form.beta_scale)
-        self._structured, self._inputs, self._has_clf = form.structured, form.m, "V" in form.names
-        self._estimates = Traced(self._scaled)
+        self._estimates = traced_estimates(form.structured, "V" in form.names, form.m).twin()
+        self.act(np.zeros(len(self._center)), np.zeros(form.m))  # traced now, not in the tick that takes it over
 
     def act(self, observation: Array, LgV: Array) -> Estimates:
         """Alpha and beta of every quantity. A network without `l_min` reads the first 14 observations.
@@ -85,21 +86,8 @@ class ActorPolicy(LearnedPolicy):
             )
         scaled = (observation[: len(self._center)] - self._center) * self._inverse_scale
         outputs = forward(self.file.arrays, scaled.astype(np.float32))
-        alpha, beta, *error = self._estimates(outputs, LgV)
+        alpha, beta, *error = self._estimates(outputs, LgV, self._alpha_scale, self._beta_scale)
         return Estimates(alpha, beta, Affine(*error) if error else None)
-
-    def _scaled(self, outputs: Array, LgV: Array) -> list[Array]:
-        """The network's outputs as alpha, beta and, of the structured form, [Delta_2 | Delta_1]."""
-        raw = Estimates.from_flat(contract(outputs, LgV) if self._structured else outputs, self._inputs)
-        alpha, beta = raw.alpha * self._alpha_scale[:, None], raw.beta * self._beta_scale
-        if self._structured:
-            m = self._inputs
-            matrix = outputs[: m * (m + 1)].reshape(m, m + 1)
-            return [alpha, beta, self._alpha_scale[0] * matrix[:, :m], self._beta_scale[0] * matrix[:, m]]
-        if self._has_clf:
-            size = np.sqrt(LgV @ LgV) + 1
-            alpha[0], beta[0] = alpha[0] * size, beta[0] * size
-        return [alpha, beta]
 
 
 class PartlyNominal(Policy):
@@ -119,6 +107,24 @@ class PartlyNominal(Policy):
         estimates = self._policy.estimate(terms, before)
         outputs = estimates.output_error if self._outputs_kept else Affine.zero(self._inputs, self._inputs)
         return Estimates(estimates.alpha * self._kept[:, None], estimates.beta * self._kept, outputs)
+
+
+@cache
+def traced_estimates(structured: bool, has_clf: bool, inputs: int) -> Traced:
+    """From a network's outputs to alpha, beta and, of the structured form, [Delta_2 | Delta_1]."""
+
+    def estimates(outputs: Array, LgV: Array, alpha_scale: Array, beta_scale: Array) -> list[Array]:
+        raw = Estimates.from_flat(contract(outputs, LgV) if structured else outputs, inputs)
+        alpha, beta = raw.alpha * alpha_scale[:, None], raw.beta * beta_scale
+        if structured:
+            matrix = outputs[: inputs * (inputs + 1)].reshape(inputs, inputs + 1)
+            return [alpha, beta, alpha_scale[0] * matrix[:, :inputs], beta_scale[0] * matrix[:, inputs]]
+        if has_clf:
+            size = np.sqrt(LgV @ LgV) + 1
+            alpha[0], beta[0] = alpha[0] * size, beta[0] * size
+        return [alpha, beta]
+
+    return Traced(estimates)
 
 
 def contract(outputs: Array, LgV: Array) -> Array:

@@ -6,7 +6,7 @@ import numpy as np
 from cbf_clf_qp.ecbf import Barriers
 from rabbit_description.state import Array
 
-from rl_cbf_clf_controller.nominal_model import Kinematics
+from rl_cbf_clf_controller.pinned_robot import Kinematics
 from rl_cbf_clf_controller.virtual_constraints import Outputs
 
 

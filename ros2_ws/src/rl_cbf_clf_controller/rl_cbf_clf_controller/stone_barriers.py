@@ -14,7 +14,7 @@ from cbf_clf_qp.ecbf import Barriers, Ecbf
 from cbf_clf_qp.rows import Rows
 from rabbit_description.state import StonePreview
 
-from rl_cbf_clf_controller.nominal_model import Kinematics
+from rl_cbf_clf_controller.pinned_robot import Kinematics
 from rl_cbf_clf_controller.scene import Scene
 
 

@@ -5,7 +5,7 @@ from typing import Any, Literal
 from cbf_clf_qp.ecbf import Barriers
 from rabbit_description.state import RobotState, StonePreview
 
-from rl_cbf_clf_controller.nominal_model import Kinematics
+from rl_cbf_clf_controller.pinned_robot import Kinematics
 from rl_cbf_clf_controller.scene import ControllerError
 from rl_cbf_clf_controller.stone_barriers import stone_barriers
 

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from cbf_clf_qp.ecbf import ecbf_bound, ecbf_gains
 from rabbit_description.state import StonePreview
-from rl_cbf_clf_controller.nominal_model import Kinematics, NominalModel
+from rl_cbf_clf_controller.nominal_model import NominalModel
+from rl_cbf_clf_controller.pinned_robot import Kinematics
 from rl_cbf_clf_controller.stone_barriers import stone_barriers
 
 STONE, R1, R2 = StonePreview(1, 0.33, 0.38), 1.0, 0.36

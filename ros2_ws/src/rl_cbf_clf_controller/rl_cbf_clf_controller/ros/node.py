@@ -76,6 +76,7 @@ class ControllerNode(Node):
         self._refused: deque[Decided] = deque(maxlen=REFUSED)
         self._decided: deque[Decided] = deque()  # from the other thread
         self._controller = Controller(self._settings, self._gait, self._in_force.policy or ZeroPolicy(problem))
+        self._controller.rehearse()
         self._message_counter = MessageCounter()
         self._episode = Episode(sigma=math.nan)
         self._previews, self._since = PreviewBuffer(), -1  # ns: when the newest state was decided
