@@ -18,7 +18,7 @@ from rabbit_sim.stones import CourseError
 from rl_cbf_clf_controller.weights import PolicyFileError
 
 from rabbit_play.messages import ASKED, LOAD, Asked, Pause, PushNow, Reset, Set, Speed, Tick
-from rabbit_play.settings import MOST_PUSHES, NOBODY, SHIPPED, PlaySettings, Push, Start, controls, plant_of
+from rabbit_play.settings import COURSE, MOST_PUSHES, NOBODY, SHIPPED, PlaySettings, Push, Start, controls, plant_of
 from rabbit_play.walker import Walker
 
 SENT_TICKS = 3  # together
@@ -158,12 +158,17 @@ class Player:
 
     def _set(self, settings: PlaySettings) -> None:
         self._chosen = settings
-        in_force: dict[str, Any] = {"again": settings.again}
+        at_once = PlaySettings.model_fields.keys() - {"first", "second", "pushes", *COURSE}
+        in_force = {name: getattr(settings, name) for name in at_once}
         for field, walker in zip(("first", "second"), self._walkers, strict=False):
             name = getattr(settings, field)
             if name != NOBODY and walker.become(name):
                 in_force[field] = name
-        self._settings = self._settings.model_copy(update=in_force)
+        before, self._settings = self._settings, self._settings.model_copy(update=in_force)
+        plants = [plant_of(self._start.plant, each) for each in (before, self._settings)]
+        if plants[0] != plants[1]:
+            for walker in self._walkers:
+                walker.change(plants[1])
 
     def _push_now(self, push: Push) -> None:
         if self._after_end or len(self._settings.pushes) == MOST_PUSHES:

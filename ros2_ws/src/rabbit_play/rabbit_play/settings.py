@@ -31,6 +31,7 @@ CONTROLLERS: dict[str, tuple[dict[str, Any], str]] = {  # changed parameters, po
     "l1": ({"controller": "l1-clf-qp"}, "zero"),
 }
 SWAPPED_AT_ONCE = {"nominal", "learned", "oracle"}  # the same controller with another policy
+COURSE = {"l_min_std", "stone_width", "stones", "seed"}  # drawn at a reset
 MOST_PUSHES = 50
 NOW: dict[str, Any] = {"when": "now"}
 NEXT: dict[str, Any] = {"when": "reset"}
@@ -54,18 +55,18 @@ class PlaySettings(BaseModel):
 
     first: Choice = Field("learned", title="controller", json_schema_extra=NOW)
     second: OtherChoice = Field("nominal", title="on the same course", json_schema_extra=NOW)
-    mass_scale: Number = Field(2.0, ge=0.5, le=3, title="mass scale", json_schema_extra={**NEXT, "step": 0.05})
-    payload: Number = Field(0.0, ge=0, le=80, title="payload", json_schema_extra={**NEXT, "step": 1, "unit": "kg"})
-    ground_friction: Number = Field(1.5, ge=0.2, le=2, title="friction", json_schema_extra={**NEXT, "step": 0.05})
-    motor_power: Number = Field(1.0, ge=0.3, le=1, title="motor power", json_schema_extra={**NEXT, "step": 0.05})
+    mass_scale: Number = Field(2.0, ge=0.5, le=3, title="mass scale", json_schema_extra={**NOW, "step": 0.05})
+    payload: Number = Field(0.0, ge=0, le=80, title="payload", json_schema_extra={**NOW, "step": 1, "unit": "kg"})
+    ground_friction: Number = Field(1.5, ge=0.2, le=2, title="friction", json_schema_extra={**NOW, "step": 0.05})
+    motor_power: Number = Field(1.0, ge=0.3, le=1, title="motor power", json_schema_extra={**NOW, "step": 0.05})
     motor_lag: Number = Field(
-        0.004, ge=0, le=0.05, title="motor lag", json_schema_extra={**NEXT, "step": 0.001, "unit": "s"}
+        0.004, ge=0, le=0.05, title="motor lag", json_schema_extra={**NOW, "step": 0.001, "unit": "s"}
     )
     torque_delay: Number = Field(
-        0.0, ge=0, le=0.03, title="delay", json_schema_extra={**NEXT, "step": 0.001, "unit": "s"}
+        0.0, ge=0, le=0.03, title="delay", json_schema_extra={**NOW, "step": 0.001, "unit": "s"}
     )
     velocity_noise: Number = Field(
-        0.0, ge=0, le=2, title="noise", json_schema_extra={**NEXT, "step": 0.05, "unit": "rad/s"}
+        0.0, ge=0, le=2, title="noise", json_schema_extra={**NOW, "step": 0.05, "unit": "rad/s"}
     )
     l_min_std: Number = Field(
         0.02, ge=0, le=0.08, title="stone spread", json_schema_extra={**NEXT, "step": 0.005, "unit": "m"}

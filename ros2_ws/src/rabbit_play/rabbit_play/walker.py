@@ -14,6 +14,7 @@ from rl_cbf_clf_controller.scene import ControllerError
 
 from rabbit_play.settings import SHIPPED, SWAPPED_AT_ONCE, controller_of
 
+CLEAR_HEIGHT = 0.01  # m, of a swing foot that is well in the air
 LIMP_TICKS = 150  # of a robot that no controller moves any more, at most
 NOTHING = np.full(2, np.nan)
 RUNNING = 1  # column of a row
@@ -38,6 +39,7 @@ class Walker:
         self._output: ControllerOutput
         self._pushed_until = self._limp = 0
         self._swapped = False
+        self._next_plant: SimulationParameters | None = None
         self.fault = self.outcome = ""
         self.row: list[float] = []
 
@@ -71,11 +73,14 @@ class Walker:
         if not {name, self.name} <= SWAPPED_AT_ONCE:
             return name == self.name
         parameters, policy = self._choice(name)
-        self._controller.policy = replace(
-            self._assembly, policy=resolve_policy(policy, parameters)
-        ).make_policy()  # between two ticks
+        self._assembly = replace(self._assembly, policy=resolve_policy(policy, parameters))
+        self._controller.policy = self._assembly.make_policy()  # between two ticks
         self.name, self._swapped = name, True
         return True
+
+    def change(self, plant: SimulationParameters) -> None:
+        """Walk on with another robot, once its swing foot is in the air."""
+        self._next_plant = plant
 
     @property
     def policy_version(self) -> str:
@@ -88,6 +93,8 @@ class Walker:
             return
         events = EVENTS["pushed"] * (self._state.tick < self._pushed_until) | EVENTS["swapped"] * self._swapped
         self._swapped = False
+        if self._next_plant:
+            self._change(self._next_plant)
         if not self.fault:
             self._control()
         self.row = self._maker.row(self._state, self._output, events)
@@ -108,6 +115,16 @@ class Walker:
             self._output = replace(
                 self._output, torque=np.zeros(4), V=np.nan, barriers=NOTHING, clf_slack=np.nan, rescue_slack=np.nan
             )
+
+    def _change(self, plant: SimulationParameters) -> None:
+        reading = self._simulation.reading
+        if reading.contact.all() or reading.foot_position[:, 1].max() < CLEAR_HEIGHT:
+            return
+        self._simulation.change(plant)
+        self._next_plant = None
+        self._assembly = replace(self._assembly, simulation=plant)
+        if self.name == "oracle":  # it knows the robot that it was made for
+            self._controller.policy = self._assembly.make_policy()
 
     def _choice(self, name: str) -> tuple[ControllerParameters, str]:
         parameters, policy = controller_of(self._base, name)

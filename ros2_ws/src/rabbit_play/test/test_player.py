@@ -113,18 +113,26 @@ def test_a_link_with_pushes_is_the_same_walk(played: Callable[..., Played]) -> N
     np.testing.assert_array_equal(pushed.rows()["hip_x"], still.rows()["hip_x"])
 
 
-def test_a_policy_changes_at_once_and_a_mass_from_the_next_reset(played: Callable[..., Played]) -> None:
-    one = played().walk(30)
-    settings = {**one.words["state"]["settings"], "first": "nominal", "mass_scale": 1.0}
+def test_policy_and_robot_change_at_once_and_the_course_from_the_next_reset(played: Callable[..., Played]) -> None:
+    one = played(mass_scale=1.0).walk(30)
+    settings = {**one.words["state"]["settings"], "first": "nominal", "mass_scale": 2.0, "stone_width": 0.1}
     one.ask(do="set", settings=settings)
-    assert one.words["state"]["waiting"] == ["mass_scale"]
+    assert one.words["state"]["waiting"] == ["stone_width"]
     one.walk(2)
     assert one.rows()["events"].astype(int)[30] & 8
     assert not one.rows()["estimated_V"][-1]  # over the tick before, by the zero policy
+    assert one.walk().rows()["F_N"].max() > 1.5 * played(mass_scale=1.0).walk().rows()["F_N"][30:].max()
     one.ask(do="reset")
     one.walk(1)
     assert one.words["state"]["waiting"] == []
-    assert one.words["about"]["walkers"][0]["mass_scale"] == 1.0
+    width = one.rows()["stone_far"] - one.rows()["stone_near"]
+    assert width[0] == pytest.approx(0.1, abs=1e-6)
+
+
+def test_the_oracle_knows_the_robot_that_it_becomes(played: Callable[..., Played]) -> None:
+    one = played(first="oracle", mass_scale=1.0, stones=8).walk(60)
+    one.ask(do="set", settings={**one.words["state"]["settings"], "mass_scale": 2.0})
+    assert one.walk().outcomes == [("walked", 8)]
 
 
 def test_another_kind_of_controller_waits_for_the_reset(played: Callable[..., Played]) -> None:

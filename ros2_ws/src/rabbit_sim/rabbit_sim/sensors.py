@@ -12,7 +12,7 @@ class Sensors:
 
     def __init__(self, parameters: SimulationParameters, rng: np.random.Generator) -> None:
         self._parameters = parameters
-        self._rng = rng
+        self.rng = rng
 
     def measure(self, reading: PlantReading) -> tuple[Array, Array, Array]:
         """`q` (7,), `dq` (7,), `foot_force` (2, 2) as the controller gets them: new arrays."""
@@ -21,7 +21,7 @@ class Sensors:
         if step > 0:
             q[2:] = step * np.round(q[2:] / step)
         if self._parameters.velocity_noise > 0:
-            dq[2:] += self._parameters.velocity_noise * self._rng.standard_normal(5)
+            dq[2:] += self._parameters.velocity_noise * self.rng.standard_normal(5)
         if self._parameters.force_noise > 0:
-            force += self._parameters.force_noise * self._rng.standard_normal((2, 2))
+            force += self._parameters.force_noise * self.rng.standard_normal((2, 2))
         return q, dq, force

@@ -122,6 +122,18 @@ class Simulation:
         """Push the torso; raises `ValueError` where the plant cannot be pushed."""
         self._plant.push(force, seconds)
 
+    def change(self, parameters: SimulationParameters) -> None:
+        """Go on from the present state with another robot, ground and sensors; the course stays until the reset.
+
+        The motors begin at rest, and a swing foot must be seen clear of the ground again before it can come down.
+        """
+        plant: Plant = load(PLANTS, parameters.plant)(parameters)
+        plant.reset(self.reading.q, self.reading.dq, self._stance)
+        plant.set_stones(self._terrain.present)
+        self._plant.close()
+        self._plant, self.parameters = plant, parameters
+        self._sensors = Sensors(parameters, self._sensors.rng)
+
     def _stand_on(self, leg: Leg, x: float) -> None:
         """The stance foot is at world x: place and preview the next stone from there."""
         self._stance, self._stance_x, self._landed = leg, x, False
