@@ -15,10 +15,12 @@ NOISY = {"mass_scale": 2.0, "stones": 3, "motor_lag": 0.004, "torque_delay": 0.0
 IDENTIFIED = {"adaptation": "identification", "objective": "pd_centred"}
 
 
-def assembly(law: str = "rl-cbf-clf-qp", policy: str | None = None, plant: str = "pybullet", **changes: str) -> Assembly:
-    parameters = ControllerParameters.model_validate({"controller": law, **changes})
-    simulation = SimulationParameters.model_validate({**NOISY, "plant": plant, "terrain": parameters.terrain})
-    return Assembly(simulation, parameters, resolve_policy(policy, parameters))
+def assembly(
+    controller: str = "rl-cbf-clf-qp", policy: str | None = None, plant: str = "pybullet", **changes: str
+) -> Assembly:
+    law = ControllerParameters.model_validate({"controller": controller, **changes})
+    simulation = SimulationParameters.model_validate({**NOISY, "plant": plant, "terrain": law.terrain})
+    return Assembly(simulation, law, resolve_policy(policy, law))
 
 
 def figures(result: RunResult) -> dict[str, object]:
