@@ -1,7 +1,7 @@
 # make help lists what there is. PYTHON chooses the interpreter for the environment: make setup PYTHON=python3.12
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help setup build walk test test-all fuzz check format bench lock clean
+.PHONY: help setup build walk test test-all test-browser fuzz check format bench lock clean
 
 ifneq ($(words $(CURDIR)),1)
 $(error The path "$(CURDIR)" has a space in it: move the project to a path without one)
@@ -13,7 +13,7 @@ WITH_WORKSPACE := unset PYTHONPATH AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PR
 CODE := ros2_ws/src scripts examples
 
 help: ## list the targets
-	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F':.*## ' '{printf "make %-8s %s\n", $$1, $$2}'
+	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F':.*## ' '{printf "make %-12s %s\n", $$1, $$2}'
 
 setup: ## create the environment from the locks, once
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info[:2] not in ((3, 11), (3, 12)))' 2>/dev/null || \
@@ -33,6 +33,10 @@ test: build ## all tests but slow ones; fails under 90 % coverage of the control
 
 test-all: ## all tests, with a training of some minutes
 	@$(MAKE) --no-print-directory test SLOW=1
+
+test-browser: build ## the page in a headless Chromium, if there is one: apt install chromium
+	@$(WITH_WORKSPACE) export OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 PYTEST_DISABLE_PLUGIN_AUTOLOAD=1 && \
+	  python -m pytest -p pytest_timeout -rs tests/browser $(ARGS)
 
 fuzz: build ## fuzz every entrance, 1,500 cases a test, and the running graph: hours
 	@$(WITH_WORKSPACE) export OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 PYTEST_DISABLE_PLUGIN_AUTOLOAD=1 && \

@@ -141,7 +141,7 @@ def rabbit(*words: str) -> subprocess.CompletedProcess[str]:
 
 
 def test_no_graph_is_one_line() -> None:
-    done = rabbit("view", "--port", "0", "--wait", "0.5", "--namespace", "nobody_here")
+    done = rabbit("view", "--no-browser", "--port", "0", "--wait", "0.5", "--namespace", "nobody_here")
     assert done.returncode == 2
     assert done.stderr == "error: no graph in namespace /nobody_here after 0.5 s; start one with `rabbit walk`\n"
 
@@ -150,7 +150,7 @@ def test_a_taken_port_is_one_line() -> None:
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
-        done = rabbit("view", "--port", str(taken.getsockname()[1]))
+        done = rabbit("view", "--no-browser", "--port", str(taken.getsockname()[1]))
     assert done.returncode == 2
     (line,) = done.stderr.splitlines()
     assert "Address already in use" in line
@@ -158,7 +158,7 @@ def test_a_taken_port_is_one_line() -> None:
 
 @pytest.mark.parametrize("words", [("--port", "70000"), ("--rate", "0"), ("--namespace", "a b")])
 def test_bad_values_are_one_line(words: tuple[str, str]) -> None:
-    done = rabbit("view", *words)
+    done = rabbit("view", "--no-browser", *words)
     assert done.returncode == 2
     (line,) = done.stderr.splitlines()
     assert " ".join(words) in line

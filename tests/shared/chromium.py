@@ -16,7 +16,7 @@ from collections import defaultdict
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, Self
-from urllib.request import Request, urlopen
+from urllib.request import urlopen
 
 from websockets.sync.client import ClientConnection, connect
 
@@ -37,7 +37,7 @@ class Chromium:
     """A browser with a profile of its own."""
 
     def __enter__(self) -> Self:
-        self._stack = ExitStack()
+        self._stack, self._windows = ExitStack(), ExitStack()
         profile = Path(self._stack.enter_context(tempfile.TemporaryDirectory(ignore_cleanup_errors=True)))
         command = [str(find_chromium()), *OPTIONS, f"--user-data-dir={profile}", "about:blank"]
         self._process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
@@ -54,18 +54,33 @@ class Chromium:
         self._process.terminate()
         self._process.wait(timeout=30)
 
-    def open(self, address: str, width: int = 1280, height: int = 800, dark: bool = False) -> "Page":
-        """A new page at `address`."""
-        with urlopen(Request(f"http://127.0.0.1:{self._port}/json/new?about:blank", method="PUT")) as answer:
-            target = json.load(answer)
-        socket = self._stack.enter_context(connect(target["webSocketDebuggerUrl"], max_size=None, compression=None))
-        return Page(socket, address, width, height, dark)
+    def open(
+        self, address: str, width: int = 1280, height: int = 800, dark: bool = False, offline: bool = False
+    ) -> "Page":
+        """A new page at `address`, with the network off if `offline`."""
+        address_of = f"http://127.0.0.1:{self._port}/json"
+        with urlopen(f"{address_of}/version") as answer:
+            browser = json.load(answer)["webSocketDebuggerUrl"]
+        with attach(browser) as socket:  # a window of its own, since what is hidden is not drawn
+            wish = {"url": "about:blank", "newWindow": True, "width": width, "height": height}
+            socket.send(json.dumps({"id": 1, "method": "Target.createTarget", "params": wish}))
+            target = json.loads(socket.recv(timeout=PATIENCE))["result"]["targetId"]
+        socket = self._windows.enter_context(attach(f"ws://127.0.0.1:{self._port}/devtools/page/{target}"))
+        page = Page(socket, address, width, height, dark, offline)
+        self._windows.callback(page.close)
+        return page
+
+    def close_windows(self) -> None:
+        """All that were opened."""
+        self._windows.close()
 
 
 class Page:
     """`requests`: addresses of all that it asked for; `errors`: what went wrong in its scripts."""
 
-    def __init__(self, socket: ClientConnection, address: str, width: int, height: int, dark: bool) -> None:
+    def __init__(
+        self, socket: ClientConnection, address: str, width: int, height: int, dark: bool, offline: bool
+    ) -> None:
         self._socket = socket
         self._numbers = itertools.count(1)
         self.requests: list[str] = []
@@ -76,7 +91,16 @@ class Page:
         self.call("Emulation.setFocusEmulationEnabled", enabled=True)
         look = [{"name": "prefers-color-scheme", "value": "dark" if dark else "light"}]
         self.call("Emulation.setEmulatedMedia", features=look)
+        if offline:
+            self.call(
+                "Network.emulateNetworkConditions",
+                **{"offline": True, "latency": 0, "downloadThroughput": 0, "uploadThroughput": 0},
+            )
         self.call("Page.navigate", url=address)
+
+    def close(self) -> None:
+        """Its window."""
+        self.call("Page.close")
 
     def resize(self, width: int, height: int) -> None:
         """Of the window, in pixels."""
@@ -167,6 +191,11 @@ class Page:
                 self.errors.append(json.dumps(what["exceptionDetails"]))
             case "Runtime.consoleAPICalled" if what["type"] == "error":
                 self.errors.append(json.dumps(what["args"]))
+
+
+def attach(address: str) -> ClientConnection:
+    """To a browser or a page."""
+    return connect(address, max_size=None, compression=None, ping_interval=None)
 
 
 def element(selector: str) -> str:

@@ -16,6 +16,7 @@ app = typer.Typer(add_completion=False)
 class ViewOptions(ViewerParameters):
     """Of `rabbit view`."""
 
+    browser: bool = Field(True, description="open the page in a browser")
     namespace: str = Field("", pattern=NAMESPACE, description="of the graph")
 
 

@@ -8,7 +8,9 @@ is hardly slower for it. A viewer may come late, and stay while graphs come and 
 
 import os
 import signal
+import threading
 import time
+import webbrowser
 from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import takewhile
@@ -66,6 +68,8 @@ class ViewerNode(Node):
         self._page = GraphPage(own.port, own.control, own.host)
         self._export = Path(own.export) if own.export else None
         print(f"open {self._page.page.address} in a browser", flush=True)
+        if own.browser:
+            threading.Thread(target=webbrowser.open, args=(self._page.page.address,), daemon=True).start()
         self.failure = ""  # what ends the node
         self._tf = self.create_publisher(TFMessage, "tf", RVIZ_DEPTH)
         self._markers = self.create_publisher(MarkerArray, "markers", RVIZ_DEPTH)

@@ -1,0 +1,22 @@
+"""What the browser tests look through: `make test-browser`. Without a Chromium they are skipped, and say so."""
+
+from collections.abc import Iterator
+
+import pytest
+from chromium import Chromium, find_chromium
+
+
+@pytest.fixture
+def chromium(browser: Chromium) -> Iterator[Chromium]:
+    """It has no window when a test begins."""
+    yield browser
+    browser.close_windows()
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Chromium]:
+    """A browser for all tests."""
+    if find_chromium() is None:
+        pytest.skip("no Chromium on this machine: apt install chromium")
+    with Chromium() as started:
+        yield started

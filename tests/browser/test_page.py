@@ -1,0 +1,256 @@
+"""The page in a real browser: every control is clicked, and what is drawn and the numbers behind it are looked at."""
+
+import json
+import re
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from chromium import Chromium, Page
+from served import RABBIT, Served
+
+DRAWN = "rabbit.state.pictures > 5 && rabbit.controls.state"
+SLIDERS = (  # name, share of the slider's width
+    *(("mass_scale", 0.2), ("payload", 0.1), ("ground_friction", 0.9), ("motor_power", 0.95), ("motor_lag", 0.05)),
+    *(("torque_delay", 0.05), ("velocity_noise", 0.03), ("l_min_std", 0.1), ("stone_width", 0.3), ("stones", 0.04)),
+)
+CHOICES = {
+    "first": ("nominal", "oracle", "identified", "l1", "learned"),
+    "second": ("learned", "none", "nominal"),
+    "again": ("same course", "next course", "wait"),
+}
+
+
+@pytest.fixture
+def played() -> Iterator[str]:
+    """The address of a played walk."""
+    served = Served("play", "--stones", "40")
+    yield served.address
+    assert served.end() == 0
+
+
+def settings(page: Page) -> dict[str, Any]:
+    """As the server has told them."""
+    return dict(page.look("rabbit.controls.state.settings"))
+
+
+def colours(page: Page, index: int = 0) -> int:
+    """How many colours a scene's canvas shows."""
+    script = f"""(() => {{
+      const canvas = document.querySelectorAll('#scenes canvas')[{index}];
+      const data = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data;
+      return new Set(new Uint32Array(data.buffer)).size;
+    }})()"""
+    return int(page.look(script))
+
+
+def check_requests(page: Page) -> None:
+    """No error in a script, and nothing was asked of another host."""
+    assert page.errors == []
+    assert page.requests
+    assert not [url for url in page.requests if not re.match(r"(http|ws)://127\.0\.0\.1:\d+/|data:|file:", url)]
+
+
+def test_a_walk_is_drawn_as_it_happens(chromium: Chromium, played: str) -> None:
+    page = chromium.open(played)
+    page.wait(DRAWN)
+    assert page.look("document.querySelectorAll('#scenes canvas').length") == 2
+    assert colours(page) > 20
+    row = page.look("rabbit.clock.row")
+    page.wait(f"rabbit.clock.row > {row} + 20")
+    hip, stones = page.look("(w => [w.get(rabbit.clock.row, 'hip_z'), w.stones.length])(rabbit.state.walk.walkers[0])")
+    assert 0.6 < hip < 0.9
+    assert stones >= 2
+    plots = page.look("[...rabbit.plots.plots].map(({plot}) => plot.data[0].length)")
+    assert len(plots) == 6
+    assert min(plots) > 10
+    check_requests(page)
+
+
+def test_every_button_does_what_it_says(chromium: Chromium, played: str) -> None:
+    page = chromium.open(played)
+    page.wait(DRAWN)
+    page.click("#pause")
+    page.wait("rabbit.controls.state.paused")
+    held = page.look("rabbit.state.walk.length")
+    page.click("#tick")
+    page.wait(f"rabbit.state.walk.length === {held + 1}")
+    page.drag("#force", 0.9)
+    force = page.look("rabbit.controls.force")
+    assert force > 400
+    page.click("#push-on")
+    page.click("#push-back")
+    page.wait("rabbit.controls.state.settings.pushes.length === 2")
+    assert [push["force"] for push in settings(page)["pushes"]] == [force, -force]
+    page.click("#pause")
+    page.wait("!rabbit.controls.state.paused")
+    page.wait("rabbit.state.walk.walkers[0].marks.some(({kind}) => kind === 'pushed')")
+    page.drag("#speed", 0.3)
+    page.wait("rabbit.controls.state.speed < 0.8")
+    page.click("#reset")
+    page.wait("rabbit.controls.state.settings.pushes.length === 0")
+    seed = settings(page)["seed"]
+    page.click("#next")
+    page.wait(f"rabbit.state.walk.about.title === 'course {seed + 1}'")
+    page.click("#link")
+    page.wait("!document.querySelector('#notice').hidden")
+    theme = page.look("document.documentElement.dataset.theme")
+    page.click("#theme")
+    assert page.look("document.documentElement.dataset.theme") != theme
+    page.click("#help")
+    page.wait("document.querySelector('#keys').open")
+    page.click("#keys button")
+    page.wait("!document.querySelector('#keys').open")
+    page.click("#which button:nth-child(2)")
+    page.wait("rabbit.plots.chosen === 1")
+    page.choose("#quantity", "2")
+    page.wait("rabbit.plots.plots.at(-1).columns[0] === 'measured_B2'")
+    unclicked = "[...document.querySelectorAll('button, a')].map((each) => each.id || each.textContent)"
+    assert set(page.look(unclicked)) == {
+        *("pause", "tick", "reset", "next", "push-back", "push-on", "link", "save", "theme", "help", "live", "Close"),
+        *("plots: learned", "plots: nominal"),
+    }
+    check_requests(page)
+
+
+def test_every_setting_reaches_the_walk(chromium: Chromium, played: str) -> None:
+    page = chromium.open(played)
+    page.wait(DRAWN)
+    for name, share in SLIDERS:
+        before = settings(page)[name]
+        page.drag(f"#{name}", share)
+        page.wait(f"rabbit.controls.state.settings.{name} !== {json.dumps(before)}")
+        shown = float(page.look(f"document.querySelector('#{name}').value"))
+        assert settings(page)[name] == pytest.approx(shown)
+    waiting = set(page.look("rabbit.controls.state.waiting"))
+    assert waiting == {"l_min_std", "stone_width", "stones"}
+    assert page.look("document.querySelectorAll('label.waiting').length") == len(waiting)
+    for name, choices in CHOICES.items():
+        for choice in choices:
+            page.choose(f"#{name}", choice)
+            page.wait(f"rabbit.controls.state.settings.{name} === {json.dumps(choice)}")
+    page.choose("#seed", "77")
+    page.click("#reset")
+    page.wait("rabbit.state.walk.about.title === 'course 77' && rabbit.controls.state.waiting.length === 0")
+    fields = set(page.look("[...rabbit.controls.fields.keys()]"))
+    assert fields == {name for name, _ in SLIDERS} | CHOICES.keys() | {"seed"}
+    check_requests(page)
+
+
+def test_keys_do_what_the_buttons_do(chromium: Chromium, played: str) -> None:
+    page = chromium.open(played)
+    page.wait(DRAWN)
+    page.press(" ")
+    page.wait("rabbit.controls.state.paused")
+    held = page.look("rabbit.state.walk.length")
+    page.press(".")
+    page.wait(f"rabbit.state.walk.length === {held + 1}")
+    page.press("ArrowRight")
+    page.wait("rabbit.controls.state.settings.pushes.length === 1")
+    page.press("ArrowLeft")
+    page.wait("rabbit.controls.state.settings.pushes.length === 2")
+    page.press("-")
+    page.wait("rabbit.controls.state.speed === 0.5")
+    page.press("+")
+    page.wait("rabbit.controls.state.speed === 1")
+    page.press("r")
+    page.wait("rabbit.controls.state.settings.pushes.length === 0")
+    page.press("n")
+    page.wait("rabbit.state.walk.about.title === 'course 2'")
+    page.press("d")
+    page.press("?")
+    page.wait("document.querySelector('#keys').open")
+    check_requests(page)
+
+
+def test_three_browsers_see_the_same_and_a_link_brings_the_same_walk(chromium: Chromium, played: str) -> None:
+    one, two = (chromium.open(played) for _ in range(2))
+    for page in (one, two):
+        page.wait(DRAWN)
+    one.drag("#force", 0.1)
+    one.click("#push-on")
+    one.wait("rabbit.controls.state.settings.pushes.length === 1")
+    one.wait("rabbit.state.walk.walkers[0].stones.length > 5")
+    one.click("#pause")
+    two.wait("rabbit.controls.state.paused")
+    three = chromium.open(played)
+    three.wait("rabbit.state.pictures && rabbit.controls.state")
+    rows = one.look("rabbit.state.walk.length")
+    hips = "Array.from({length: rabbit.state.walk.length}, (_, i) => rabbit.state.walk.walkers[0].get(i, 'hip_x'))"
+    for page in (two, three):
+        page.wait(f"rabbit.state.walk.length === {rows}")
+        assert page.look(hips) == one.look(hips)
+    link, walked = one.look("location.href"), one.look(hips)
+    assert "pushes=" in link
+    served = Served("play", "--seed", "5", "--first", "oracle")
+    try:
+        there = chromium.open(served.address + "/" + link[link.index("#") :])
+        there.wait(f"rabbit.state.walk.about.title === 'course 1' && rabbit.state.walk.length >= {rows}")
+        assert there.look(hips)[:rows] == walked
+    finally:
+        assert served.end() == 0
+    for page in (one, two, three, there):
+        check_requests(page)
+
+
+def test_what_is_refused_is_said(chromium: Chromium, played: str) -> None:
+    page = chromium.open(played)
+    page.wait(DRAWN)
+    page.look("rabbit.source.send({do: 'speed', speed: 1000})")
+    page.wait("rabbit.state.refused === 1 && !document.querySelector('#notice').hidden")
+    assert "expected less than or equal to 4" in page.look("document.querySelector('#notice').textContent")
+    check_requests(page)
+
+
+def test_a_live_walk_can_be_looked_back_at(chromium: Chromium, played: str) -> None:
+    page = chromium.open(played)
+    page.wait("rabbit.state.walk.length > 150")
+    page.drag("#time", 0.2)
+    page.wait("!rabbit.clock.isFollowing")
+    row = page.look("rabbit.clock.row")
+    assert row < page.look("rabbit.state.walk.length") / 2
+    page.wait(f"rabbit.state.walk.length > {row} + 200")
+    assert page.look("rabbit.clock.row") == row
+    page.click("#live")
+    page.wait(f"rabbit.clock.row > {row} + 100")
+    check_requests(page)
+
+
+def test_a_saved_walk_opens_from_disk_without_a_network(chromium: Chromium, tmp_path: Path) -> None:
+    path = tmp_path / "walk.html"
+    subprocess.run([*RABBIT, "play", "--stones", "6", "--export", str(path)], check=True, timeout=300)
+    page = chromium.open(f"file://{path}", offline=True)
+    page.wait("rabbit.state.pictures > 5")
+    assert colours(page) > 20
+    page.click("#play")
+    page.wait("!rabbit.clock.isPlaying")
+    page.drag("#time", 0.5)
+    row, length = page.look("[rabbit.clock.row, rabbit.state.walk.length]")
+    assert row == pytest.approx(length / 2, abs=0.02 * length)
+    page.click("#on")
+    page.wait(f"rabbit.clock.row === {row + 1}")
+    page.click("#back")
+    page.wait(f"rabbit.clock.row === {row}")
+    page.choose("#rate", "4")
+    page.click("#play")
+    page.wait("rabbit.clock.row === rabbit.state.walk.length - 1 && !rabbit.clock.isPlaying")
+    marks = page.look("rabbit.state.walk.walkers[0].marks.filter(({kind}) => kind === 'stone').length")
+    assert marks == page.look("rabbit.state.ended[0].stones") - 1 or marks == 6
+    assert page.look("document.querySelector('#controls').hidden")
+    check_requests(page)
+
+
+def test_a_small_window_shows_everything_below_one_another(chromium: Chromium, played: str) -> None:
+    page = chromium.open(played, width=400, height=700, dark=True)
+    page.wait(DRAWN)
+    assert page.look("document.documentElement.dataset.theme") == "dark"
+    assert page.look("document.documentElement.scrollWidth") <= 400
+    lefts = page.look(
+        "['stage', 'controls', 'plots'].map((id) => document.getElementById(id).getBoundingClientRect().x)"
+    )
+    assert len(set(lefts)) == 1
+    page.drag("#mass_scale", 0.9)
+    page.wait("rabbit.controls.state.settings.mass_scale > 2.5")
+    check_requests(page)
