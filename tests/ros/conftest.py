@@ -39,14 +39,18 @@ class World:
         self.hear("diagnostics")
 
     def start(self, name: str, arguments: tuple[str, ...] = (), **parameters: Any) -> None:
-        """Start a node under these parameters, and further ROS arguments. The simulator is paused until `go`."""
+        """Start a node under these parameters, and further ROS arguments. The simulator is paused until `go`.
+
+        Of `one_process` the parameters are those of its two nodes, by name.
+        """
         from rabbit_bringup.launching.parameter_file import write_parameters
 
-        if name == "simulator":
-            parameters = {"start_paused": True, **parameters}
-        self._nodes.append(name)
+        by_node = parameters if name == "one_process" else {name: parameters}
+        if "simulator" in by_node:
+            by_node = {**by_node, "simulator": {"start_paused": True, **by_node["simulator"]}}
+        self._nodes += by_node
         path = self.folder / f"{name}.yaml"
-        write_parameters(path, {name: parameters})
+        write_parameters(path, by_node)
         options = ("--ros-args", "--params-file", str(path), "-r", f"__ns:=/{self.namespace}", "-r", "/clock:=clock")
         self.processes.start(name, (*options, *arguments))
 

@@ -12,6 +12,7 @@ from rclpy.node import Node
 from std_msgs.msg import Header
 
 from rabbit_ros.message_checks import MessageCounter
+from rabbit_ros.ros.direct import direct_of
 from rabbit_ros.ros.qos import DIAGNOSTICS
 from rabbit_ros.ros.spin import steady_timer
 
@@ -35,10 +36,15 @@ class Diagnostics:
 
     def _look(self) -> None:
         level, line, figures = self._status()
-        readers = {f"{READERS}{p.topic_name.split('/')[-1]}": p.get_subscription_count() for p in self._node.publishers}
+        readers = {f"{READERS}{name}": count for name, count in self._readers().items()}
         if self._seen != (level, readers) or time.monotonic() - self._since >= PERIOD_SECONDS:
             self._seen, self._since = (level, readers), time.monotonic()
             self._publish(level, line, {**figures, **readers})
+
+    def _readers(self) -> dict[str, int]:
+        """Of each topic that the node publishes."""
+        counts = {p.topic_name.split("/")[-1]: p.get_subscription_count() for p in self._node.publishers}
+        return {name: n + (d.readers(name) if (d := direct_of(self._node, name)) else 0) for name, n in counts.items()}
 
     def _publish(self, level: bytes, line: str, figures: Mapping[str, object]) -> None:
         refused = sum(self._counter.refused.values())

@@ -1,4 +1,4 @@
-"""Runs one node until a signal. Every node's `main` is a call of this."""
+"""Runs a node, or several in one process, until a signal. Every node's `main` is a call of this."""
 
 import gc
 import signal
@@ -21,14 +21,16 @@ _LAST_WORK = 10.0  # s
 _DELIVERY = 3.0  # s
 
 
-def run(make: Callable[[], Node], errors: tuple[type[Exception], ...] = ()) -> None:
-    """Make the node, spin it, close it; exit code 2 with one line if arguments or parameters cannot be used.
+def run(make: Callable[[], Node | tuple[Node, ...]], errors: tuple[type[Exception], ...] = ()) -> None:
+    """Make one node or several, spin, close them in this order.
 
-    SIGINT and SIGTERM end it between two callbacks; more of them change nothing.
+    SIGINT and SIGTERM end it between two callbacks; more of them change nothing. If arguments or parameters cannot be
+    used, it ends with one line and exit code 2.
 
     Args:
-        make: the node's class. If it has `busy()`, it is spun until that is False (10 s at most); if it has
-            `close()`, that is called at the end. If its `failure` becomes a line, it ends with that and exit code 2.
+        make: the node's class, or what makes several nodes. If one has `busy()`, all are spun until that is False
+            (10 s at most); if it has `close()`, that is called at the end. If its `failure` becomes a line, all end
+            with that and exit code 2.
         errors: besides `ParameterError`, what the constructor raises when a file or value cannot be used.
     """
     signals: list[int] = []
@@ -37,29 +39,38 @@ def run(make: Callable[[], Node], errors: tuple[type[Exception], ...] = ()) -> N
     unusable: tuple[type[Exception], ...] = (StartError, ParameterError, *errors)
     try:
         initialise()
-        node = make()
+        made = make()
     except unusable as error:
         print("error:", " ".join(str(error).split()), file=sys.stderr)
         sys.exit(2)
     gc.freeze()  # what is there by now stays: looking through it again would hold up a tick
+    nodes = made if isinstance(made, tuple) else (made,)
     executor = EventsExecutor()
-    executor.add_node(node)
+    for node in nodes:
+        executor.add_node(node)
     try:
-        while not signals and not getattr(node, "failure", ""):
+        while not signals and not _failure(nodes):
             executor.spin_once(_LOOK_UP)
         deadline = time.monotonic() + _LAST_WORK
-        while getattr(node, "busy", lambda: False)() and time.monotonic() < deadline:
+        while any(getattr(node, "busy", bool)() for node in nodes) and time.monotonic() < deadline:
             executor.spin_once(_LOOK_UP)
     finally:
-        getattr(node, "close", lambda: None)()
-        _deliver(node)
-        node.destroy_node()
+        for node in nodes:
+            getattr(node, "close", lambda: None)()
+            _deliver(node)
+        for node in nodes:
+            node.destroy_node()
         rclpy.try_shutdown()
         for number in (signal.SIGINT, signal.SIGTERM):  # as the interpreter ends it undoes handlers
             signal.signal(number, signal.SIG_IGN)
-    if failure := getattr(node, "failure", ""):
+    if failure := _failure(nodes):
         print(f"error: {failure}", file=sys.stderr)
         sys.exit(2)
+
+
+def _failure(nodes: tuple[Node, ...]) -> str:
+    """Why one of them cannot go on, or empty."""
+    return next(filter(None, (getattr(node, "failure", "") for node in nodes)), "")
 
 
 def _deliver(node: Node) -> None:

@@ -16,6 +16,7 @@ from rabbit_ros.priority import scheduling, take_priority
 from rabbit_ros.ros.checked_subscription import create_checked_subscription
 from rabbit_ros.ros.conversions import check_plan, stamp, torque_of
 from rabbit_ros.ros.diagnostics import OK, WARN, Diagnostics, Status
+from rabbit_ros.ros.direct import Direct
 from rabbit_ros.ros.parameters import declare, follow, refuse_unknown
 from rabbit_ros.ros.qos import EVENT, TICK
 from rabbit_ros.ros.spin import run, steady_timer
@@ -31,14 +32,17 @@ from rabbit_sim.ros.tick_clock import TickClock
 from rabbit_sim.simulation import Simulation
 from rabbit_sim.stones import CourseError
 
+ERRORS = (GaitError, CourseError, RestartFileError)  # of the constructor, when a file or value cannot be used
 BY_SERVICE = "by service"  # reason of a reset after which another episode begins at once
 
 
 class SimulatorNode(Node):
     """Plays episodes with whoever answers its states."""
 
-    def __init__(self) -> None:
+    def __init__(self, direct: Direct | None = None) -> None:
+        """`direct`: hands topics over to a controller in the same process."""
         super().__init__("simulator")
+        self.direct = direct
         self._own = declare(self, NodeParameters, dynamic=("pace",))
         plant = declare(self, SimulationParameters)
         refuse_unknown(self)
@@ -292,7 +296,7 @@ class SimulatorNode(Node):
 
 def main() -> None:
     """The executable `simulator`."""
-    run(SimulatorNode, errors=(GaitError, CourseError, RestartFileError))
+    run(SimulatorNode, errors=ERRORS)
 
 
 if __name__ == "__main__":

@@ -10,6 +10,7 @@ from rabbit_msgs.msg import Episode, RabbitState
 from rabbit_msgs.msg import Landing as LandingMessage
 from rabbit_msgs.msg import StonePreview as PreviewMessage
 from rabbit_ros.ros.conversions import joint_state, preview_message, state_message
+from rabbit_ros.ros.direct import create_publisher
 from rabbit_ros.ros.qos import EVENT
 from rabbit_ros.ros.tick_publisher import TickPublisher
 from rclpy.node import Node
@@ -28,9 +29,9 @@ class SimulatorPublishers:
         self._states = TickPublisher(node, RabbitState, "state")
         self._joints = TickPublisher(node, JointState, "joint_states")
         self._clock = TickPublisher(node, Clock, "clock")
-        self._previews = node.create_publisher(PreviewMessage, "preview", EVENT)
+        self._previews = create_publisher(node, PreviewMessage, "preview", EVENT)
         self._landings = node.create_publisher(LandingMessage, "landing", EVENT)
-        self._episodes = node.create_publisher(Episode, "episode", EVENT)
+        self._episodes = create_publisher(node, Episode, "episode", EVENT)
         self._preview: StonePreview | None = None
         self._landings_sent = 0
 

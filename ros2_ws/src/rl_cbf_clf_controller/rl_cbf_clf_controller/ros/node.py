@@ -24,6 +24,7 @@ from rabbit_ros.priority import scheduling, take_priority
 from rabbit_ros.ros.checked_subscription import create_checked_subscription
 from rabbit_ros.ros.conversions import check_episode, check_state, is_new_simulator, nanoseconds, preview_of
 from rabbit_ros.ros.diagnostics import OK, WARN, Diagnostics, Status
+from rabbit_ros.ros.direct import Direct
 from rabbit_ros.ros.parameters import declare, follow, refuse_unknown
 from rabbit_ros.ros.qos import EVENT, TICK
 from rabbit_ros.ros.spin import run
@@ -38,6 +39,7 @@ from rl_cbf_clf_controller.ros.policy_loader import Decided, PolicyLoader, check
 from rl_cbf_clf_controller.ros.preview_buffer import PreviewBuffer
 from rl_cbf_clf_controller.weights import PolicyFileError, policy_path
 
+ERRORS = (GaitError, PolicyFileError)  # of the constructor, when a file cannot be used
 ZERO = "zero"
 WAITING = 4  # policies kept until they are due; an episode may name an older one than the newest
 REFUSED = 20  # refusals of policies kept: an episode may name one of them
@@ -60,8 +62,10 @@ class NodeParameters(BaseModel):
 class ControllerNode(Node):
     """Answers states with torques."""
 
-    def __init__(self) -> None:
+    def __init__(self, direct: Direct | None = None) -> None:
+        """`direct`: hands topics over to a simulator in the same process."""
         super().__init__("controller")
+        self.direct = direct
         self._own = declare(self, NodeParameters)
         self._settings = declare(self, ControllerParameters, dynamic=("sigma",))
         refuse_unknown(self)
@@ -348,7 +352,7 @@ def first_policy(name: str, law: ControllerParameters, gaits: Gaits) -> Decided:
 
 def main() -> None:
     """The executable `controller`."""
-    run(ControllerNode, errors=(GaitError, PolicyFileError))
+    run(ControllerNode, errors=ERRORS)
 
 
 if __name__ == "__main__":
