@@ -1,12 +1,16 @@
-"""How long a tick takes, as a whole and in parts, on one walk in one process; and the same walk through the nodes.
+"""How fast a walk is, each figure against its floor, measured in the same run: only ratios count on a busy machine.
 
-Two walks, the same: one free, one with the controller's parts timed, in which the rows are made and OSQP and DAQP solve
-each programme once more. Wall time says what this machine gives now; CPU time leaves out what it had to wait for.
+tick                    the generated terms' calls, the solver's own run time and the actor's three products
+plant tick              ten bare steps of the engine, in the same world
+evaluation              the engine alone, which would take only these ten steps a tick
+a tick through nodes    plant tick, tick, and a lock-step round trip of two nodes that do nothing else
 """
 
 import time
 from collections import defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
+from copy import copy
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
@@ -14,110 +18,172 @@ from tempfile import TemporaryDirectory
 from typing import Any, TypeVar
 
 import numpy as np
-from cbf_clf_qp.solvers import make_solver
-from cbf_clf_qp.tick import rows_of
+from cbf_clf_qp import solvers
 from rabbit_bringup.launching.walk import Walk, WalkOptions
 from rabbit_description.state import TICK_SECONDS
 from rabbit_experiments.assembly import Assembly
-from rl_cbf_clf_controller.controller import Controller
-from rl_trainer.rollout import Observer, Record, rollout
+from rabbit_sim.plant import SUBSTEPS
+from rl_cbf_clf_controller.generated.library import GeneratedFunction
+from rl_trainer.rollout import Record, rollout
+from scipy.linalg.blas import sgemv
 
-MEDIAN_LIMIT, P99_LIMIT, REAL_TIME_LIMIT = 0.5, 1.5, 12.0  # ms, ms, times real time
-NODES_LIMIT = 5.0  # times real time, through the nodes
 TICK, PLANT = "tick: observation to torque", "plant tick"
-MODEL, POLICY, ROWS = "model, outputs, quantities", "policy", "rows of the QP"
-SOLVE, REST = "solver (wall)", "QP build, checks, output"
+TERMS, SOLVER, PRODUCTS = "generated terms", "solver's own run time", "the actor's three products"
+ENGINE = "ten bare steps of the engine"
 WARM_UP = 20  # ticks not counted
+BARE_EVERY = 10  # ticks between two measures of the bare engine
 T = TypeVar("T")
 
 
 class StopWatch:
-    """Wall and CPU seconds of each call, by name."""
+    """Seconds by the wall clock, by name; those of one tick are summed up."""
 
     def __init__(self) -> None:
-        self.wall: dict[str, list[float]] = defaultdict(list)
-        self.cpu: dict[str, list[float]] = defaultdict(list)
+        self.seconds: dict[str, list[float]] = defaultdict(list)
+        self._tick: dict[str, float] = defaultdict(float)
 
     def time(self, name: str, function: Callable[..., T], *arguments: Any) -> T:
         """Call and time."""
-        wall, cpu = time.perf_counter(), time.thread_time()
+        start = time.perf_counter()
         result = function(*arguments)
-        self.cpu[name].append(time.thread_time() - cpu)
-        self.wall[name].append(time.perf_counter() - wall)
+        self._tick[name] += time.perf_counter() - start
         return result
 
-    def watch(self, owner: Any, method: str, name: str) -> None:
-        """Time a method where it is called: caches are as they are in a walk."""
-        setattr(owner, method, partial(self.time, name, getattr(owner, method)))
+    def add(self, name: str, seconds: float) -> None:
+        """What something else has timed."""
+        self._tick[name] += seconds
 
-    def figures(self, name: str) -> dict[str, float]:
-        """Median and p99, ms."""
-        figures: dict[str, float] = {}
-        for kind, seconds in (("wall", self.wall[name]), ("cpu", self.cpu[name])):
-            median, high = np.percentile(np.array(seconds[WARM_UP:] or seconds) * 1e3, [50, 99])
-            figures |= {f"{kind}_ms_p50": float(median), f"{kind}_ms_p99": float(high)}
-        return figures
+    def end_tick(self) -> None:
+        """What follows belongs to the next tick."""
+        for name, seconds in self._tick.items():
+            self.seconds[name].append(seconds)
+        self._tick.clear()
+
+    @property
+    def figures(self) -> dict[str, dict[str, float]]:
+        """Median and p99 of each, microseconds."""
+        return {name: quantiles(seconds[WARM_UP:] or seconds) for name, seconds in self.seconds.items()}
+
+
+def quantiles(seconds: list[float]) -> dict[str, float]:
+    """Median and p99, microseconds."""
+    median, high = np.percentile(np.array(seconds) * 1e6, [50, 99])
+    return {"p50": float(median), "p99": float(high)}
 
 
 def bench(assembly: Assembly, seed: int) -> dict[str, Any]:
-    """Times of one walk (`seed`), of its parts, and of the solvers on its programmes."""
-    free, parts, solvers = StopWatch(), StopWatch(), StopWatch()
+    """One walk of this seed in process, free; the same with the floors timed; then the ratios of the two."""
+    free, floors = StopWatch(), StopWatch()
     start = time.perf_counter()
-    ticks = _walk(assembly, seed, free, lambda controller: ())
+    ticks = walk(assembly, seed, free)
     wall = time.perf_counter() - start
-    _walk(assembly, seed, parts, partial(watch_parts, parts, solvers))
-    whole = free.figures(TICK)
-    factor = ticks * TICK_SECONDS / wall
-    return {
-        "ticks": ticks,
-        TICK: whole,
-        PLANT: free.figures(PLANT),
-        "parts": {name: parts.figures(name) for name in (MODEL, POLICY, ROWS, SOLVE, REST)},
-        "solvers": {name: solvers.figures(name) for name in solvers.wall},
-        "real_time_factor": factor,
-        "real_time_factor_cpu": ticks * TICK_SECONDS / sum(sum(free.cpu[name]) for name in (TICK, PLANT)),
-        "ratios": {
-            "tick median / limit": whole["wall_ms_p50"] / MEDIAN_LIMIT,
-            "tick p99 / limit": whole["wall_ms_p99"] / P99_LIMIT,
-            "real time / limit": factor / REAL_TIME_LIMIT,
-        },
-        "limits": {"tick_ms_p50": MEDIAN_LIMIT, "tick_ms_p99": P99_LIMIT, "real_time_factor": REAL_TIME_LIMIT},
-    }
+    with floors_timed(floors):
+        walk(assembly, seed, floors, with_floors=True)
+    figures = {**free.figures, **floors.figures}
+    parts = [figures[name]["p50"] for name in (TERMS, SOLVER, PRODUCTS) if name in figures]
+    tick = figures[TICK]
+    ratios = {"tick / its floor": tick["p50"] / sum(parts), "tick, p99 / median": tick["p99"] / tick["p50"]}
+    if ENGINE in figures:
+        bare = figures[ENGINE]["p50"]
+        ratios["plant tick / ten bare steps"] = figures[PLANT]["p50"] / bare
+        ratios["evaluation / the bare engine's rate"] = ticks * bare * 1e-6 / wall
+    return {"ticks": ticks, "us": figures, "real_time_factor": ticks * TICK_SECONDS / wall, "ratios": ratios}
 
 
-def _walk(
-    assembly: Assembly, seed: int, watch: StopWatch, observers: Callable[[Controller], tuple[Observer, ...]]
-) -> int:
+def walk(assembly: Assembly, seed: int, watch: StopWatch, with_floors: bool = False) -> int:
     """A walk from fresh parts; returns its ticks."""
     simulation, controller = assembly.build()
-    watch.watch(simulation, "step", PLANT)
-    watch.watch(controller, "step", TICK)
-    try:
-        return rollout(simulation, controller, seed, *observers(controller)).tick
-    finally:
-        simulation.close()
-
-
-def watch_parts(parts: StopWatch, solvers: StopWatch, controller: Controller) -> tuple[Observer, ...]:
-    """Time what a tick consists of; after each tick make its rows once more, and let both solvers answer it."""
-    parts.watch(controller, "look", MODEL)
-    parts.watch(controller.policy, "estimate", POLICY)
-    both = {name: make_solver(name) for name in ("osqp", "daqp")}
+    layers = actor_layers(controller.policy) if with_floors else []
+    steps = bare_steps(simulation._plant) if with_floors else None
 
     def observe(record: Record) -> None:
-        decided = controller.decided
-        parts.time(ROWS, rows_of, controller.recipe, controller.terms, decided.estimates, decided.control)
-        for name, solver in both.items():
-            solvers.time(f"solve by {name.upper()}", solver.solve, decided.qp)
-        for seconds in (parts.wall, parts.cpu):  # by the controller's own clock; what is left of the tick
-            seconds[SOLVE].append(record.output.solve_seconds)
-            seconds[REST].append(seconds[TICK][-1] - sum(seconds[name][-1] for name in (MODEL, POLICY, ROWS, SOLVE)))
+        for weights, given in layers:
+            watch.time(PRODUCTS, sgemv, 1.0, weights, given, 0.0, None, 0, 1, 0, 1, 1)  # transposed
+        if steps is not None and record.state.tick % BARE_EVERY == 0:
+            steps(watch)
+        watch.end_tick()
 
-    return (observe,)
+    if not with_floors:
+        parts: tuple[tuple[Any, str], ...] = ((simulation, PLANT), (controller, TICK))
+        for part, name in parts:
+            part.step = partial(watch.time, name, part.step)
+    with closing(simulation):
+        return rollout(simulation, controller, seed, observe).tick
 
 
-def bench_nodes(assembly: Assembly, seed: int) -> dict[str, Any] | None:
-    """Ticks and wall seconds of a walk of simulator and controller; None without ROS, or with the oracle.
+@contextmanager
+def floors_timed(watch: StopWatch) -> Iterator[None]:
+    """Meanwhile the generated functions and the solvers' own code are timed where they are called."""
+
+    qp_solvers: Any = solvers  # whose import of DAQP is no part of it
+
+    def timed_solve(solve: Any) -> Any:
+        def solve_and_ask(solver: Any, qp: Any) -> Any:
+            solution = solve(solver, qp)
+            watch.add(SOLVER, solver._solver.info.run_time)
+            return solution
+
+        return solve_and_ask
+
+    with (
+        replaced(GeneratedFunction, "__call__", lambda call: lambda function: watch.time(TERMS, call, function)),
+        replaced(solvers.OsqpSolver, "solve", timed_solve),
+        replaced(qp_solvers.daqp, "solve", lambda solve: lambda *given: watch.time(SOLVER, solve, *given)),
+    ):
+        yield
+
+
+@contextmanager
+def replaced(owner: Any, name: str, make: Callable[[Any], Any]) -> Iterator[None]:
+    """Meanwhile `owner` has under this name what `make` makes of what it had."""
+    before = getattr(owner, name)
+    setattr(owner, name, make(before))
+    try:
+        yield
+    finally:
+        setattr(owner, name, before)
+
+
+def actor_layers(policy: Any) -> list[tuple[Any, Any]]:
+    """The weights of a policy's three layers, each with something to multiply; none without an actor."""
+    arrays = getattr(getattr(policy, "file", None), "arrays", {})
+    weights = [arrays[f"{layer}.weight"].T for layer in "012"] if arrays else []
+    return [(each, np.ones(each.shape[0], dtype=np.float32)) for each in weights]
+
+
+def bare_steps(plant: Any) -> Callable[[StopWatch], None] | None:
+    """What times ten steps of the engine from where the plant stands, and puts it back; None without an engine."""
+    client = getattr(plant, "_client", None)
+    if client is not None:
+
+        def step_bullet(watch: StopWatch) -> None:
+            state = client.saveState()
+            watch.time(ENGINE, repeat, client.stepSimulation)
+            client.restoreState(state)
+            client.removeState(state)
+
+        return step_bullet
+    if find_spec("mujoco") is None or not hasattr(plant, "_data"):
+        return None
+    import mujoco
+
+    def step_mujoco(watch: StopWatch) -> None:
+        data = copy(plant._data)
+        watch.time(ENGINE, repeat, lambda: mujoco.mj_step(plant._model, data))
+
+    return step_mujoco
+
+
+def repeat(step: Callable[[], object]) -> None:
+    """As often as a plant does in a tick."""
+    for _ in range(SUBSTEPS):
+        step()
+
+
+def bench_nodes(assembly: Assembly, seed: int, us: dict[str, dict[str, float]]) -> dict[str, Any] | None:
+    """A tick through the nodes, microseconds, and in one process; None without ROS, or with the oracle.
+
+    `us`: what `bench` has measured.
 
     Raises:
         LaunchError: a node cannot be started, ended by itself, or is not ready in time.
@@ -126,9 +192,18 @@ def bench_nodes(assembly: Assembly, seed: int) -> dict[str, Any] | None:
         return None
     from rabbit_bringup.ros.walking import walk_through
 
-    options = WalkOptions.model_validate({"seed": seed, "trainer": False, "record": "none"})
-    with TemporaryDirectory() as folder:
-        walked = walk_through(Walk.of(assembly, Path(folder), options))
-    ticks = sum(int(episode.tick) for episode in walked.ended.values())
-    factor = ticks * TICK_SECONDS / walked.seconds
-    return {"ticks": ticks, "wall_seconds": walked.seconds, "real_time_factor": factor, "ratio": factor / NODES_LIMIT}
+    from rabbit_campaigns.ros.round_trip import measure_round_trips
+
+    measured = {"a bare round trip": quantiles(measure_round_trips())["p50"]}
+    for name, one_process in (("a tick through nodes", False), ("a tick in one process", True)):
+        options = WalkOptions(seed=seed, trainer=False, record="none", one_process=one_process)
+        with TemporaryDirectory() as folder:
+            walked = walk_through(Walk.of(assembly, Path(folder), options))
+        measured[name] = walked.seconds / sum(int(episode.tick) for episode in walked.ended.values()) * 1e6
+    work = us[PLANT]["p50"] + us[TICK]["p50"]
+    ratios = {
+        "a tick through nodes / plant tick, tick and bare round trip": measured["a tick through nodes"]
+        / (work + measured["a bare round trip"]),
+        "a tick in one process / plant tick and tick": measured["a tick in one process"] / work,
+    }
+    return {"us": measured, "ratios": ratios}

@@ -1,4 +1,4 @@
-"""Time a tick, its parts and a walk against their limits."""
+"""Time a tick, the plant, an evaluation and the nodes against their floors, or against another commit."""
 
 import json
 from pathlib import Path
@@ -6,8 +6,9 @@ from typing import Any
 
 import typer
 from pydantic import BaseModel, ConfigDict, Field
+from rabbit_bringup.commands.walk import DEFAULTS
 from rabbit_cli.options import Given, complaints, options
-from rabbit_experiments.commands.evaluate import DEFAULTS, given_assembly
+from rabbit_experiments.commands.evaluate import given_assembly
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
@@ -24,49 +25,64 @@ class BenchOptions(BaseModel):
     policy: str | None = Field(None, description="zero, oracle, a shipped policy or a file")
     parameters: str = Field("ours", description="of the controller: ours, authors or a YAML file")
     nodes: bool = Field(True, description="also walk through the nodes, where there is ROS")
+    against: Path | None = Field(None, description="another checkout that is built: compare with it, in pairs")
+    pairs: int = Field(7, ge=1, le=1000, description="of walks here and there, for --against")
 
 
 @app.command()
 @options(BenchOptions, ControllerParameters, SimulationParameters, defaults=DEFAULTS)
 def bench(given: Given) -> None:
-    """Time a tick, its parts, both QP solvers, the plant and a whole walk, in one process and through the nodes."""
+    """Time a tick, the plant, an evaluation and the nodes: each against its floor, in the same run.
+
+    With `--against PATH`: how many times as long each takes there, by pairs of walks there and here.
+    """
     request = given.build(BenchOptions)
     assembly = given_assembly(given, request.policy, request.parameters)
     from rabbit_cli.executables import LaunchError
     from rabbit_experiments import provenance
 
-    from rabbit_campaigns.bench import bench as measure
-    from rabbit_campaigns.bench import bench_nodes
+    from rabbit_campaigns import bench, compare
 
     with complaints(LaunchError):
-        figures = measure(assembly, request.seed)
-        figures["nodes"] = bench_nodes(assembly, request.seed) if request.nodes else None
+        if request.against is not None:
+            figures: dict[str, Any] = {"against": compare.compare(request.against, request.pairs, request.seed, print)}
+            show_pairs(figures["against"], request)
+        else:
+            figures = bench.bench(assembly, request.seed)
+            nodes = bench.bench_nodes(assembly, request.seed, figures["us"]) if request.nodes else None
+            figures["nodes"] = nodes
+            show(figures)
     about = {"command": provenance.command(), "commit": provenance.commit(), "versions": provenance.versions()}
-    show(figures)
     request.out.parent.mkdir(parents=True, exist_ok=True)
     request.out.write_text(json.dumps({**figures, **about}, indent=2), encoding="utf-8")
     print(f"written to {request.out}")
 
 
 def show(figures: dict[str, Any]) -> None:
-    """Tables on the screen."""
+    """Times and ratios on the screen."""
     from rich.console import Console
     from rich.table import Table
 
-    table = Table("ms", "median", "p99", "CPU median", "CPU p99", title=f"{figures['ticks']} ticks")
-    whole = {name: value for name, value in figures.items() if isinstance(value, dict) and "wall_ms_p50" in value}
-    parts = {f"  {part}": times for part, times in figures["parts"].items()}
-    for name, times in {**whole, **parts, **figures["solvers"]}.items():
-        table.add_row(
-            name, *(f"{times[key]:.3f}" for key in ("wall_ms_p50", "wall_ms_p99", "cpu_ms_p50", "cpu_ms_p99"))
-        )
+    nodes = figures["nodes"] or {"us": {}, "ratios": {}}
+    times = Table("microseconds", "median", "p99", title=f"{figures['ticks']} ticks")
+    for name, us in figures["us"].items():
+        times.add_row(name, f"{us['p50']:.1f}", f"{us['p99']:.1f}")
+    for name, median in nodes["us"].items():
+        times.add_row(name, f"{median:.1f}", "")
+    ratios = Table("ratio", "")
+    for name, ratio in {**figures["ratios"], **nodes["ratios"]}.items():
+        ratios.add_row(name, f"{ratio:.2f}")
     console = Console()
-    console.print(table)
-    print(
-        f"walk: {figures['real_time_factor']:.1f} times real time (by CPU time {figures['real_time_factor_cpu']:.1f})"
-    )
-    for name, ratio in figures["ratios"].items():
-        print(f"{name}: {ratio:.2f}")
-    if figures["nodes"]:
-        nodes = figures["nodes"]
-        print(f"through the nodes: {nodes['real_time_factor']:.1f} times real time, / limit: {nodes['ratio']:.2f}")
+    console.print(times, ratios)
+    print(f"a walk in process: {figures['real_time_factor']:.1f} times real time")
+
+
+def show_pairs(ratios: dict[str, dict[str, float]], request: BenchOptions) -> None:
+    """How many times as fast it is here."""
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table("times as fast", "median", "least", "most", title=f"{request.pairs} pairs, against {request.against}")
+    for name, of in ratios.items():
+        table.add_row(name, *(f"{of[key]:.2f}" for key in ("median", "least", "most")))
+    Console().print(table)
