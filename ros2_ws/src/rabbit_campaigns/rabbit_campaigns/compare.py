@@ -11,7 +11,6 @@ import shlex
 import signal
 import statistics
 import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -21,7 +20,7 @@ from typing import Any
 import numpy as np
 from rabbit_bringup.launching.parameter_file import write_parameters
 from rabbit_bringup.launching.processes import ONE_PROCESS, WALKERS
-from rabbit_cli.executables import LaunchError
+from rabbit_cli.executables import LaunchError, find_executable
 
 WALKED = {"motor_lag": 0.004, "mass_scale": 2.0}  # the plant; controller and policy are rl-cbf-clf-qp
 LAW = "rl-cbf-clf-qp"
@@ -72,7 +71,7 @@ def compare(other: Path, pairs: int, seed: int, say: Callable[[str], object]) ->
     Raises:
         LaunchError: it is not built, or a walk fails.
     """
-    theirs, ours = Workspace(other), Workspace(Path(sys.prefix).parent)
+    theirs, ours = Workspace(other), Workspace(find_executable("rabbit_bringup", "rabbit").parents[5])
     ratios: dict[str, list[float]] = {}
     for number in range(pairs):
         say(f"pair {number + 1} of {pairs}")
