@@ -10,7 +10,6 @@ import time
 from collections import defaultdict
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
-from copy import copy
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
@@ -152,26 +151,18 @@ def actor_layers(policy: Any) -> list[tuple[Any, Any]]:
 
 
 def bare_steps(plant: Any) -> Callable[[StopWatch], None] | None:
-    """What times ten steps of the engine from where the plant stands, and puts it back; None without an engine."""
+    """What times ten bare steps from where the plant stands, and puts it back; None but for PyBullet."""
     client = getattr(plant, "_client", None)
-    if client is not None:
-
-        def step_bullet(watch: StopWatch) -> None:
-            state = client.saveState()
-            watch.time(ENGINE, repeat, client.stepSimulation)
-            client.restoreState(state)
-            client.removeState(state)
-
-        return step_bullet
-    if find_spec("mujoco") is None or not hasattr(plant, "_data"):
+    if client is None:
         return None
-    import mujoco
 
-    def step_mujoco(watch: StopWatch) -> None:
-        data = copy(plant._data)
-        watch.time(ENGINE, repeat, lambda: mujoco.mj_step(plant._model, data))
+    def steps(watch: StopWatch) -> None:
+        state = client.saveState()
+        watch.time(ENGINE, repeat, client.stepSimulation)
+        client.restoreState(state)
+        client.removeState(state)
 
-    return step_mujoco
+    return steps
 
 
 def repeat(step: Callable[[], object]) -> None:

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from rabbit_bringup.launching.parameter_file import write_parameters
 from rabbit_bringup.launching.processes import ONE_PROCESS, WALKERS
-from rabbit_cli.executables import LaunchError, find_executable
+from rabbit_cli.executables import LaunchError, Refused, find_executable
 
 WALKED = {"motor_lag": 0.004, "mass_scale": 2.0}  # the plant; controller and policy are rl-cbf-clf-qp
 LAW = "rl-cbf-clf-qp"
@@ -40,10 +40,10 @@ class Workspace:
     """A built checkout: its `ros2_ws/install` is sourced for each process."""
 
     def __init__(self, root: Path) -> None:
-        """Raises `LaunchError` where none is built."""
+        """Raises `Refused` where none is built."""
         self._install = root.absolute() / "ros2_ws" / "install"
         if not (self._install / "setup.bash").is_file():
-            raise LaunchError(f"--against {root}: expected a checkout that is built, with ros2_ws/install/setup.bash")
+            raise Refused(f"--against {root}: expected a checkout that is built, with ros2_ws/install/setup.bash")
 
     def start(self, name: str, *words: object, log: Path) -> "subprocess.Popen[bytes]":
         """Start one of its executables; raises `LaunchError` where it has none of this name."""
