@@ -1,7 +1,7 @@
 # make help lists what there is. PYTHON chooses the interpreter for the environment: make setup PYTHON=python3.12
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help setup build walk test test-all test-browser fuzz check format bench lock clean
+.PHONY: help setup build walk test test-all test-browser fuzz check format bench docs lock clean
 
 ifneq ($(words $(CURDIR)),1)
 $(error The path "$(CURDIR)" has a space in it: move the project to a path without one)
@@ -54,8 +54,11 @@ format: setup ## let ruff format and mend
 bench: build ## time a tick, an evaluation and the way through the nodes
 	@$(WITH_WORKSPACE) rabbit bench $(ARGS)
 
+docs: build ## the site in docs/build/index.html
+	@$(WITH_WORKSPACE) python -B scripts/build_docs.py
+
 lock: ## write the locks anew (needs uv)
 	@python3 scripts/lock.py
 
 clean: ## remove the environment and all that was built
-	@rm -rf .venv .setup ros2_ws/build ros2_ws/install ros2_ws/log .pytest_cache .mypy_cache .ruff_cache .coverage .coverage.*
+	@rm -rf .venv .setup docs/build ros2_ws/build ros2_ws/install ros2_ws/log .pytest_cache .mypy_cache .ruff_cache .coverage .coverage.*

@@ -91,15 +91,15 @@ def say(text: str) -> None:
     print(text, flush=True)
 
 
-def main(work: Callable[[], None]) -> None:
-    """Run a script's work under the lock; an error becomes one line and exit code 1."""
+def main(work: Callable[[], None], name: str = "set-up") -> None:
+    """Run a script's work under the lock; an error becomes one line, which `name` begins, and exit code 1."""
     try:
         with one_at_a_time():
             work()
     except SetUpError as error:
-        sys.exit(f"set-up: {error}")
+        sys.exit(f"{name}: {error}")
     except OSError as error:
         advice = "make room on the disk" if error.errno == ENOSPC else "mend that"
-        sys.exit(f"set-up: {error}; {advice}, then call make again")
+        sys.exit(f"{name}: {error}; {advice}, then call make again")
     except KeyboardInterrupt:
-        sys.exit("set-up: interrupted; the next call goes on from here")
+        sys.exit(f"{name}: interrupted; the next call goes on from here")

@@ -32,6 +32,7 @@ def main() -> None:
     write("build.txt", compile_lock("build.in"))
     write("python.txt", compile_lock("python.in", "build.txt"))
     write("ros.txt", compile_lock("ros.in", "build.txt", "python.txt"))
+    write("docs.txt", compile_lock("docs.in", "build.txt", "python.txt"))
     packages = compile_lock("torch.in", "build.txt", "python.txt")
     write("torch.txt", [package for package in packages if package.startswith("torch==")])
     write("torch_cuda.txt", [package for package in packages if CUDA.match(package)])

@@ -33,8 +33,10 @@ def cause(output: str) -> str:
     return "pip failed for another reason"
 
 
-def pip_install(*locks: str, first: bool = False) -> None:
-    """Install locked packages. `first` marks the first thing asked of the registry: it waits less.
+def pip_install(*locks: str, first: bool = False, target: Path | None = None) -> None:
+    """Install locked packages, in .venv or in the folder `target`.
+
+    `first` marks the first thing asked of the registry: it waits less.
 
     Raises:
         SetUpError: pip failed; the line says why as far as pip's output shows it.
@@ -45,6 +47,7 @@ def pip_install(*locks: str, first: bool = False) -> None:
     )
     files = [part for lock in locks for part in ("-r", str(REQUIREMENTS / lock))]
     options = ["--disable-pip-version-check", "--no-input", "--no-deps", "--no-build-isolation", "--require-hashes"]
+    options += ["--target", str(target)] if target else []
     command = [str(VENV / "bin" / "python"), "-I", "-m", "pip", "install", *options, *patience, *files]
     if logged(command, log):
         advice = cause(log.read_text(encoding="utf-8"))

@@ -1,0 +1,79 @@
+"""`make docs`: the site in docs/build, with the walk of its first page. It opens from disk, without a network.
+
+Sphinx and what it needs lie in .setup/sphinx, apart from .venv: the ROS wheels pin a docutils that is too new for it.
+"""
+
+import os
+import shutil
+import subprocess
+import sys
+from html.parser import HTMLParser
+from pathlib import Path
+
+from common import ROOT, STATE, SetUpError, digest, is_done, logged, main, mark_done, say
+from pip_install import REQUIREMENTS, pip_install
+
+SPHINX = STATE / "sphinx"
+WALK = STATE / "docs" / "walk.html"
+SITE = ROOT / "docs" / "build"
+
+
+class Requests(HTMLParser):
+    """The addresses on other hosts that a page asks for as it opens."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.found: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        """Links that a reader follows (`a`) are not asked for."""
+        for name, value in attrs:
+            if tag != "a" and name in ("src", "href", "srcset", "data") and (value or "").startswith(("http", "//")):
+                self.found.append(f"{tag} {value}")
+
+
+def outside_requests(site: Path) -> list[str]:
+    """What the pages of a folder ask of other hosts, as `page: tag address`."""
+    found = []
+    for path in sorted(site.rglob("*.html")):
+        page = Requests()
+        page.feed(path.read_text(encoding="utf-8"))
+        found += [f"{path.relative_to(site)}: {request}" for request in page.found]
+    return found
+
+
+def install_sphinx() -> None:
+    """Install Sphinx in its folder, once for each lock."""
+    key = digest([REQUIREMENTS / "docs.txt"], sys.version)
+    if not (SPHINX.is_dir() and is_done("docs", key)):
+        say("docs: Sphinx")
+        shutil.rmtree(SPHINX, ignore_errors=True)
+        pip_install("docs.txt", target=SPHINX)
+        mark_done("docs", key)
+
+
+def build() -> None:
+    """Build the site anew.
+
+    Raises:
+        SetUpError: a command failed, Sphinx warned, or a page asks something of another host.
+    """
+    install_sphinx()
+    WALK.parent.mkdir(exist_ok=True)
+    if logged(["rabbit", "play", "--export", str(WALK)], STATE / "walk.log"):
+        raise SetUpError("`rabbit play --export` failed (log: .setup/walk.log)")
+    say("docs: pages")
+    shutil.rmtree(SITE, ignore_errors=True)
+    paths = [str(SPHINX), *filter(None, [os.environ.get("PYTHONPATH")])]
+    options = ["--quiet", "--fail-on-warning", "--nitpicky", "--conf-dir", "docs", "--doctree-dir", str(STATE / "docs")]
+    command = [sys.executable, "-m", "sphinx", *options, str(ROOT), str(SITE)]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(paths)}
+    if subprocess.run(command, cwd=ROOT, env=environment, check=False).returncode:
+        raise SetUpError("Sphinx warned or failed: see the lines above")
+    if found := outside_requests(SITE):
+        raise SetUpError(f"pages that ask something of another host: {'; '.join(found)}")
+    say(f"docs: {SITE.relative_to(ROOT)}/index.html")
+
+
+if __name__ == "__main__":
+    main(build, "docs")

@@ -1,0 +1,87 @@
+"""The pages: links and anchors lead somewhere, the site has every page, commands on them have these options."""
+
+import re
+import shlex
+import subprocess
+from functools import cache
+from pathlib import Path
+
+import pytest
+import typer
+from rabbit_bringup.cli import commands
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGES = sorted(
+    ROOT / name
+    for name in subprocess.run(
+        ["git", "ls-files", "-co", "--exclude-standard", "*.md"], cwd=ROOT, capture_output=True, text=True, check=True
+    ).stdout.split()
+    if not re.match(r"docs/reproduced/.+/", name) and (ROOT / name).is_file()
+)
+CONTENTS = (ROOT / "docs" / "site" / "contents.md").read_text(encoding="utf-8")
+FENCE = re.compile(r"^( *)(```+|:::+)(.*?)\n(.*?)^\1\2 *$", re.MULTILINE | re.DOTALL)
+LINK = re.compile(r"\]\(([^)\s]+)\)")
+
+
+def name_of(path: Path) -> str:
+    """Path in the repository."""
+    return path.relative_to(ROOT).as_posix()
+
+
+@cache
+def anchors(path: Path) -> set[str]:
+    """Anchors of a page's headings, made as hosting sites make them."""
+    text = FENCE.sub("", path.read_text(encoding="utf-8"))
+    found: list[str] = []
+    for title in re.findall(r"^#+ (.+)$", text, re.MULTILINE):
+        plain = re.sub(r"\[([^]]*)\]\([^)]*\)", r"\1", title).strip().lower()
+        anchor = re.sub(r"[^\w\- ]", "", plain).replace(" ", "-")
+        found.append(f"{anchor}-{found.count(anchor)}" if anchor in found else anchor)
+    return set(found)
+
+
+@pytest.mark.parametrize("path", PAGES, ids=name_of)
+def test_links_lead_somewhere(path: Path) -> None:
+    text = re.sub(r"`[^`\n]*`", "", FENCE.sub("", path.read_text(encoding="utf-8")))
+    for link in LINK.findall(text):
+        if link.startswith(("http://", "https://", "mailto:")):
+            continue
+        file, _, anchor = link.partition("#")
+        target = (path.parent / file).resolve() if file else path
+        assert target.exists(), link
+        assert not anchor or anchor in anchors(target), link
+
+
+def test_the_site_has_every_page_once() -> None:
+    listed = re.findall(r"^(?!:|```)(\S+)$", CONTENTS, re.MULTILINE)
+    pages = [
+        name_of(path).removesuffix(".md") for path in PAGES if not name_of(path).startswith(("docs/site/", "README.md"))
+    ]
+    assert sorted(listed) == sorted(pages)
+
+
+def command_lines() -> list[str]:
+    """Each `rabbit ...` that stands on a line of its own in a code block of a page, with the lines that go on."""
+    found: set[str] = set()
+    for path in PAGES:
+        if not name_of(path).startswith(("docs/history/", "CHANGELOG")):
+            text = path.read_text(encoding="utf-8").replace("\\\n", " ")
+            found |= set(re.findall(r"^(?:    |```\w*\n)?(?:\$ )?(rabbit (?:[a-z]+ )?.*)$", text, re.MULTILINE))
+    return sorted(line for line in found if line.split()[1] in commands())
+
+
+@cache
+def options(words: tuple[str, ...]) -> set[str]:
+    """The options of a subcommand, or of a subcommand's own."""
+    command = typer.main.get_command(commands()[words[0]].load())
+    for word in words[1:]:
+        command = getattr(command, "commands", {}).get(word, command)
+    return {name for parameter in command.params for name in (*parameter.opts, *parameter.secondary_opts)} | {"--help"}
+
+
+@pytest.mark.parametrize("line", command_lines())
+def test_a_command_on_a_page_has_its_options(line: str) -> None:
+    words = shlex.split(re.sub(r"\s[|>&;].*", "", line.split(" ## ")[0]), comments=True)[1:]
+    ours = words[: words.index("--")] if "--" in words else words
+    known = options(tuple(words[:2]))
+    assert {word.split("=")[0] for word in ours if word.startswith("--")} <= known
