@@ -1,5 +1,7 @@
 """A walking graph on the page and through RViz's topics, against the recording."""
 
+import json
+import re
 import socket
 import subprocess
 import sys
@@ -162,3 +164,20 @@ def test_bad_values_are_one_line(words: tuple[str, str]) -> None:
     assert done.returncode == 2
     (line,) = done.stderr.splitlines()
     assert " ".join(words) in line
+
+
+def test_an_episode_of_a_graph_becomes_one_file(tmp_path: Path) -> None:
+    path, where = tmp_path / "walk.html", ("--namespace", "exported")
+    view = subprocess.Popen(
+        [*RABBIT, "view", "--no-browser", "--port", "0", *where, "--export", str(path)],
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    assert view.stdout
+    assert "in a browser" in view.stdout.readline()
+    done = rabbit("walk", "--out", str(tmp_path / "walk"), *WALK[:-1], *where, "--pace", "1")
+    assert done.returncode == 0, done.stderr
+    said, _ = view.communicate(timeout=180)
+    assert (view.returncode, said) == (0, f"{path}\n")
+    words = json.loads(re.findall(r'id="walk-data">(.*?)</script>', path.read_text(), re.DOTALL)[0])["words"]
+    assert {word["type"]: word for word in words}["ended"]["walkers"] == [{"outcome": "walked", "stones": 4}]

@@ -94,8 +94,7 @@ function picture(now) {
   const moved = clock.advance(now - state.last);
   state.last = now;
   if (clock.row < 0 || !(moved || state.isDirty || clock.row !== state.drawn)) return;
-  const isLast = clock.row === state.walk.length - 1;
-  state.scenes.forEach((scene, i) => scene.draw(clock.row, isLast ? ending(i) : null));
+  state.scenes.forEach((scene, i) => scene.draw(clock.row, ending(i, clock.row)));
   timeline.draw();
   if (now - state.plotted > PLOTS_EVERY || state.isDirty || !moved) {
     plots.draw();
@@ -106,9 +105,11 @@ function picture(now) {
   state.pictures += 1;
 }
 
-function ending(i) {
-  const ended = state.ended[i];
-  return ended?.outcome ? ended : null;
+// how a walker ended, from its last tick on
+function ending(i, row) {
+  const walker = state.walk.walkers[i], ended = state.ended[i];
+  const isOver = row === state.walk.length - 1 || walker.get(row + 1, "tick") === walker.get(row, "tick");
+  return isOver && ended?.outcome ? ended : null;
 }
 
 function legend() {

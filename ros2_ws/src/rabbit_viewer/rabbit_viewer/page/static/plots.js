@@ -97,7 +97,10 @@ export class Plots {
         x: {time: false, range: () => this.window()},
         y: panel.log ? {distr: 3, range: (_, low, high) => logarithmic(low, high)} : {range: (_, low, high) => linear(low, high, limits)},
       },
-      axes: [{...axis, size: isLast ? 22 : 4, values: isLast ? (_, ticks) => ticks.map((tick) => `${tick} s`) : () => []}, {...axis, size: 46}],
+      axes: [
+        {...axis, size: isLast ? 22 : 4, values: isLast ? (_, ticks) => ticks.map((tick) => `${tick} s`) : () => []},
+        {...axis, size: 46, grid: {...axis.grid, ...(panel.log && {filter: decades})}},
+      ],
       series: [{}, ...columns.map((_, i) => ({stroke: () => colour(`plot${i + 1}`), width: 1.3, dash: DASHES[i], points: {show: false}, spanGaps: false}))],
       hooks: {draw: [(plot) => this.lines(plot, limits)]},
     };
@@ -168,6 +171,10 @@ function linear(low, high, limits) {
   high = Math.max(high, ...limits);
   const margin = (high - low || 1) * 0.06;
   return [low - margin, high + margin];
+}
+
+function decades(_, values) {
+  return values.map((value) => (Number.isInteger(Math.round(Math.log10(value) * 1e6) / 1e6) ? value : null));
 }
 
 function logarithmic(low, high) {
