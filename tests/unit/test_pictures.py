@@ -11,7 +11,7 @@ from rabbit_sim.parameters import SimulationParameters
 from rabbit_viewer.pictures import swing_foot
 from rabbit_viewer.scene import SIZE, Scene, stone_spans
 from rabbit_viewer.skeleton import feet
-from rabbit_viewer.video import as_gif, film
+from rabbit_viewer.video import film
 from rabbit_viewer.walk_pictures import draw_pictures
 from rabbit_viewer.walk_records import ARRAYS, RECORDS, RecordsError, WalkRecords, load_records, save_records
 from rl_cbf_clf_controller.parameters import load_parameters
@@ -78,12 +78,12 @@ def test_every_picture_opens(controller: str, count: int, tmp_path: Path) -> Non
 
 
 def test_film_and_gif_show_the_walk(walk: WalkRecords, tmp_path: Path) -> None:
-    video = film(walk, tmp_path / "walk.mp4", speed=4.0)
+    video, gif = film(walk, tmp_path / "walk.mp4", speed=4.0, gif=True)
     frames = imageio.imread(video, plugin="FFMPEG")
     assert frames.shape[1:] == (SIZE[1], SIZE[0], 3)
     assert frames.shape[0] >= len(walk.tick) / 16  # 25 frames a second at four times real time, then the last one
     assert np.abs(frames[0].astype(int) - frames[-1]).max() > 100
-    assert len(imageio.imread(as_gif(video), index=None)) > 1
+    assert len(imageio.imread(gif, index=None)) > 1
 
 
 def test_a_scene_draws_any_tick(walk: WalkRecords) -> None:

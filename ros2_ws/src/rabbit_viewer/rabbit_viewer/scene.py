@@ -18,11 +18,13 @@ from rabbit_description.state import TICK_SECONDS, Array, Leg
 
 from rabbit_viewer import style
 from rabbit_viewer.geometry import DEPTH, PLATFORM, force_arrow
+from rabbit_viewer.lettering import Lettering
 from rabbit_viewer.skeleton import leg_points, torso_points
 from rabbit_viewer.walk_records import WalkRecords
 
 VIEW = (-1.2, 1.2, -0.25, 1.6)  # m: left, right, bottom, top, from below the hip
 SIZE = (960, 740)  # pixels, the view's own shape
+CAPTION = (19, 22)  # pixels of its left top corner
 LOOKS: dict[str, dict[str, Any]] = {
     "trail": {"color": style.ORANGE, "linewidth": 1, "linestyle": ":"},
     "swing": {"color": style.ORANGE, "linewidth": 5, "marker": "o", "markersize": 6},
@@ -49,6 +51,7 @@ class Scene:
         axes.set_axis_off()
         self._make_artists(axes)
         self._add_legend(axes)
+        self._lettering = Lettering()
         self._background = self._draw_background()
 
     def frame(self, row: int) -> NDArray[np.uint8]:
@@ -68,11 +71,12 @@ class Scene:
         first = self._starts[self._starts <= row][-1]
         trail = self._legs[1 - stance][first : row + 1, 2]
         self._lines["trail"].set_data(trail[:, 0] - camera, trail[:, 1])
-        self._text.set_text(self._caption(row))
         self._canvas.restore_region(self._background)
         for artist in self._moving:
             artist.draw(self._canvas.get_renderer())
-        return np.asarray(self._canvas.buffer_rgba())
+        picture = np.array(self._canvas.buffer_rgba())
+        self._lettering.write(picture, self._caption(row), *CAPTION)
+        return picture
 
     def _make_artists(self, axes: Axes) -> None:
         """All that moves."""
@@ -83,8 +87,7 @@ class Scene:
             axes.add_collection(boxes)
         self._lines = {name: axes.plot([], [], **look)[0] for name, look in LOOKS.items()}
         self._tip = axes.plot([], [], marker="^", color=style.RED, markersize=7)[0]
-        self._text = axes.text(0.02, 0.97, "", transform=axes.transAxes, va="top", fontsize=11, family="monospace")
-        self._moving = [self._area, self._ground, self._next, *self._lines.values(), self._tip, self._text]
+        self._moving = [self._area, self._ground, self._next, *self._lines.values(), self._tip]
 
     def _add_legend(self, axes: Axes) -> None:
         handles: list[Artist] = [

@@ -6,7 +6,7 @@ from rabbit_recording.bag_writer import RecordingError
 from rabbit_recording.reader import RecordedEpisode, iterate_episodes
 
 from rabbit_viewer.pictures import draw
-from rabbit_viewer.video import as_gif, film
+from rabbit_viewer.video import film
 from rabbit_viewer.walk_records import RECORDS, WalkRecords, drawn_parameters, load_records
 
 
@@ -28,8 +28,7 @@ def film_walk(source: Path, gif: bool = True, speed: float = 1.0, episode: int |
         RecordsError, RecordingError: as in `draw_pictures`.
         VideoError: the encoder failed.
     """
-    made = film(records_of(source, episode), _place(source, "walk.mp4", ".mp4"), speed)
-    return [made, as_gif(made)] if gif else [made]
+    return film(records_of(source, episode), _place(source, "walk.mp4", ".mp4"), speed, gif)
 
 
 def records_of(source: Path, episode: int | None = None) -> WalkRecords:
