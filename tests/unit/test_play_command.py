@@ -87,6 +87,18 @@ def test_a_browsers_wish_is_done(play: Play) -> None:
     assert play.end() == (0, "")
 
 
+def test_what_is_learned_next_to_the_walk_walks_at_once() -> None:
+    play = Play("--learn", "--second", "none", "--stones", "4", "--seed", "2")
+    with PageClient(play.address) as client:
+        client.wait(lambda client: any(word["type"] == "swap" for word in client.said))
+        (first, *_) = client.words["learning"]["episodes"]
+        assert (first["episode"], set(first["reward"])) == (0, {"V", "B1", "B2", "C1", "C2", "failure"})
+        assert client.words["about"]["learns"]
+        swapped = client.words["swap"]["version"]
+        assert swapped not in ("zero", "rl-cbf-clf-qp")
+    assert play.end() == (0, "")
+
+
 @pytest.mark.parametrize(
     ("words", "line"),
     [

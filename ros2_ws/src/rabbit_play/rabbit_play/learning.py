@@ -29,5 +29,5 @@ def learn(connection: Connection, start: Start, folder: Path) -> None:
                 policy = folder / "policies" / f"{report.episode + 1:03d}.safetensors"
                 word = {**asdict(report), "policy": str(policy), "of": parameters.episodes}
                 connection.send_bytes(json.dumps(word).encode())
-    except (BrokenPipeError, KeyboardInterrupt):
+    except ConnectionError:
         return

@@ -224,8 +224,8 @@ def play(connection: Connection, start: Start) -> None:
                 player.tick()
                 due += player.seconds
                 pace = _measured(pace, player)
-    except (EOFError, BrokenPipeError, KeyboardInterrupt):
-        return
+    except (EOFError, ConnectionError):
+        player.close()
 
 
 def _measured(pace: tuple[float, int], player: Player) -> tuple[float, int]:

@@ -3,6 +3,7 @@
 import asyncio
 import json
 import multiprocessing
+import signal
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from functools import partial
@@ -83,7 +84,7 @@ def process(target: Callable[..., None], *arguments: Any) -> Iterator[Connection
     """A process that calls `target(connection, *arguments)`; this end of the connection."""
     context = multiprocessing.get_context("spawn")
     here, there = context.Pipe()
-    started = context.Process(target=target, args=(there, *arguments), daemon=True)
+    started = context.Process(target=until_closed, args=(target, there, *arguments), daemon=True)
     started.start()
     there.close()
     try:
@@ -93,6 +94,12 @@ def process(target: Callable[..., None], *arguments: Any) -> Iterator[Connection
         here.close()
         started.join(timeout=ENDING_SECONDS)
         started.terminate()
+
+
+def until_closed(target: Callable[..., None], *arguments: Any) -> None:
+    """A process ends when its connection does; a Ctrl-C at the terminal is for the one that serves."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    target(*arguments)
 
 
 def hear(connection: Connection, take: Callable[[bytes], object], end: Callable[[], object]) -> None:
