@@ -242,6 +242,29 @@ def test_a_saved_walk_opens_from_disk_without_a_network(chromium: Chromium, tmp_
     check_requests(page)
 
 
+def test_a_run_is_served_with_a_time_line(chromium: Chromium, tmp_path: Path) -> None:
+    run = tmp_path / "run"
+    evaluate = [*RABBIT, "evaluate", "--runs", "1", "--stones", "3", "--pictures", "--out", str(run)]
+    subprocess.run(evaluate, check=True, timeout=300, stdout=subprocess.DEVNULL)
+    served = Served("bag", "show", str(run))
+    try:
+        page = chromium.open(served.address)
+        page.wait("rabbit.state.pictures > 5")
+        page.press(" ")
+        page.wait("!rabbit.clock.isPlaying")
+        page.drag("#time", 0.5)
+        row = page.look("rabbit.clock.row")
+        assert row == pytest.approx(page.look("rabbit.state.walk.length") / 2, abs=5)
+        page.press("ArrowRight")
+        page.wait(f"rabbit.clock.row === {row + 1}")
+        assert colours(page) > 20
+        page.look("rabbit.source.send({do: 'reset'})")
+        page.wait("rabbit.state.words.refused?.text === 'a recording takes no messages'")
+        check_requests(page)
+    finally:
+        assert served.end() == 0
+
+
 def test_a_small_window_shows_everything_below_one_another(chromium: Chromium, played: str) -> None:
     page = chromium.open(played, width=400, height=700, dark=True)
     page.wait(DRAWN)

@@ -1,6 +1,9 @@
 """A row of the page is the tick it is made of, and what it draws lies where the plant has it."""
 
+import json
+import re
 import struct
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +14,7 @@ from rabbit_sim.kinematics import RabbitFeet
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.simulation import Simulation
 from rabbit_viewer.page.broadcast import Broadcast
-from rabbit_viewer.page.recording import fill
+from rabbit_viewer.page.recording import fill, show_recording
 from rabbit_viewer.page.rows import POINTS, RowMaker, body_points, clf_decay
 from rabbit_viewer.walk_records import WalkRecords, about_walk
 from rl_cbf_clf_controller.controller import Controller
@@ -102,3 +105,13 @@ def test_a_recording_has_the_same_rows(walked: Walked, tmp_path: Path) -> None:
     assert words[0]["walkers"][0]["columns"] == list(columns)
     (ended,) = words[1]["walkers"]
     assert (ended["outcome"], ended["stones"]) == ("walked", records[-1].state.touchdowns)
+
+
+def test_a_bag_becomes_one_file(write_bag: Callable[..., Path], tmp_path: Path) -> None:
+    path = tmp_path / "walk.html"
+    show_recording(write_bag(tmp_path / "bag"), 0, False, path, None)
+    inside = json.loads(re.findall(r'id="walk-data">(.*?)</script>', path.read_text(), re.DOTALL)[0])
+    about, ended = inside["words"]
+    assert about["mode"] == "recording"
+    assert about["walkers"][0]["R1"] == 1.0
+    assert ended["walkers"][0]["stones"] > 0

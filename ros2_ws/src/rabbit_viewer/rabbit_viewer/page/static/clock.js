@@ -1,15 +1,14 @@
 // Which row is shown. It follows the newest one, or stands where it was put, or plays on from there.
 
 export class Clock {
-  constructor(isLive) {
-    this.isLive = isLive;
-    this.walk = null;
-    this.begin(null);
+  constructor() {
     this.rate = 1;
+    this.begin(null, false);
   }
 
-  begin(walk) {
+  begin(walk, isLive) {
     this.walk = walk;
+    this.isLive = isLive;
     this.row = -1;
     this.isFollowing = this.isLive;
     this.isPlaying = !this.isLive;

@@ -22,7 +22,7 @@ const by = (id) => document.getElementById(id);
 const state = {walk: null, scenes: [], ended: {}, isDirty: false, plotted: 0, last: 0, pictures: 0, refused: 0, pace: null, words: {}};
 
 const source = open({word, rows, connected});
-const clock = new Clock(source.isLive);
+const clock = new Clock();
 const plots = new Plots(by("plots"), clock);
 const timeline = new Timeline(by("timeline"), clock);
 const controls = new Controls(by("controls"), (message) => source.send(message));
@@ -68,7 +68,8 @@ function begin(about) {
   document.title = `RABBIT ${about.title ?? ""}`;
   by("scenes").replaceChildren();
   state.scenes = state.walk.walkers.map((walker) => new Scene(by("scenes"), walker));
-  clock.begin(state.walk);
+  clock.begin(state.walk, source.isLive && about.mode !== "recording");
+  timeline.begin();
   plots.begin(state.walk);
   if (about.controls && source.isLive) controls.build(about.controls);
   if (about.control && source.isLive) graph.build();

@@ -13,7 +13,13 @@ export class Timeline {
     this.canvas = element.querySelector("canvas");
     this.output = element.querySelector("output");
     this.range.oninput = () => clock.walk && clock.seek(Number(this.range.value));
-    clock.isLive ? this.liveButtons() : this.recordingButtons();
+  }
+
+  begin() {
+    if (this.isLive === this.clock.isLive) return;
+    this.isLive = this.clock.isLive;
+    this.buttons.replaceChildren();
+    this.isLive ? this.liveButtons() : this.recordingButtons();
   }
 
   liveButtons() {
@@ -44,8 +50,8 @@ export class Timeline {
     this.range.max = last;
     if (clock.row >= 0) this.range.value = clock.row;
     this.output.textContent = clock.row >= 0 ? `${clock.walk.time(clock.row).toFixed(2)} s` : "";
-    this.follow?.setAttribute("aria-pressed", clock.isFollowing);
-    if (this.play) this.play.textContent = clock.isPlaying ? "Hold" : "Play";
+    if (this.isLive) this.follow.setAttribute("aria-pressed", clock.isFollowing);
+    else this.play.textContent = clock.isPlaying ? "Hold" : "Play";
     this.marks(last);
   }
 
