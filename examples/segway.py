@@ -115,7 +115,9 @@ def ride(seed: tuple[int, ...], estimator: Estimator[Any], noise: float = 0.0, t
 
 def train(seed: int, learner: str = "regression", episodes: int = EPISODES) -> Estimator[Any]:
     """Ride with the present estimates and noise, learn from what was measured, repeat."""
-    trainer = Trainer(TrainingParameters(problem=PROBLEM, seed=seed, learner=learner, hidden1=64, hidden2=64))
+    slow = {"actor_rate": 6e-4, "critic_rate": 1e-3, "polyak": 5e-4, "batch": 160}
+    p = TrainingParameters(problem=PROBLEM, seed=seed, learner=learner, hidden1=64, hidden2=64, **slow)
+    trainer = Trainer(p)
     estimator: LearnedPolicy = NOMINAL
     for episode in range(episodes):
         ride((seed, 0, episode), estimator, NOISE, trainer)

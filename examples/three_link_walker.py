@@ -54,6 +54,8 @@ EVALUATION = 2**32  # no training has such a seed
 OBSERVATION = ("y1", "y2", "dy1", "dy2", "phase", "dphase")
 UNITS = tuple(zip(OBSERVATION, (0.0, 0.0, 0.0, 0.0, 0.5, 2.0), (0.1, 0.1, 0.5, 0.5, 0.4, 0.7), strict=True))  # walked
 SCALES = (1.5,), (60.0,), (4.0,)  # of alpha, beta and their error in V-dot, over |LgV| + 1
+UPDATES = {"updates_per_tick": 2.0, "updates_least": 400, "batch": 160}  # slower ones than by default, and more
+LEARNER = {"sigma": 2.0, "probe_noise": 6.0, "actor_rate": 6e-4, "critic_rate": 1e-3, "polyak": 5e-4} | UPDATES
 PROBLEM = Problem("three-link", 2, ("V",), OBSERVATION, UNITS, *SCALES)
 
 
@@ -105,7 +107,7 @@ def walk(policy: Policy, urdf: str, seed: int, steps: int, sigma: float = 0.0) -
 
 def train(seed: int, episodes: int) -> Policy:
     """A policy learned on the heavy robot, from nothing and by the reward alone."""
-    p = TrainingParameters(problem=PROBLEM, seed=seed, hidden1=64, hidden2=64, probe_noise=6.0, sigma=2.0)
+    p = TrainingParameters(problem=PROBLEM, seed=seed, hidden1=64, hidden2=64, **LEARNER)
     trainer = Trainer(p)
     for episode in range(episodes):
         plan = trainer.begin_episode()

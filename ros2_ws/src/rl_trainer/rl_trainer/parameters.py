@@ -71,18 +71,18 @@ class TrainingParameters(BaseModel):
     relabel_noise: float = Field(0.3, gt=0, le=2, description="their deviation from the actor's, outputs' unit")
     critic_loss: Literal["huber", "squared"] = Field("huber", description="of Q against its target")
     discount: float = Field(0.0, ge=0, lt=1, description="gamma")
-    polyak: float = Field(5e-4, gt=0, le=1, description="tau of target networks and of the actor's average")
+    polyak: float = Field(1e-3, gt=0, le=1, description="tau of target networks and of the actor's average")
     act_with_average: bool = Field(True, description="walk with the actor's average, not the actor itself")
 
     # optimisation
-    actor_rate: float = Field(6e-4, gt=0, le=1, description="Adam's learning rate, actor")
-    critic_rate: float = Field(1e-3, gt=0, le=1, description="Adam's learning rate, critic")
+    actor_rate: float = Field(1e-3, gt=0, le=1, description="Adam's learning rate, actor")
+    critic_rate: float = Field(1.6e-3, gt=0, le=1, description="Adam's learning rate, critic")
     rate_half_life: float = Field(4000.0, gt=0, description="transitions in which both rates halve")
     rate_floor: float = Field(0.05, ge=0, le=1, description="the least share of both rates")
     gradient_clip: float = Field(1.0, gt=0, description="largest norm of a gradient")
-    batch: int = Field(160, ge=1, le=65_536, description="transitions a minibatch")
-    updates_per_tick: float = Field(2.0, ge=0, le=100, description="updates for each tick walked")
-    updates_least: int = Field(400, ge=0, description="least number of updates an episode")
+    batch: int = Field(128, ge=1, le=65_536, description="transitions a minibatch")
+    updates_per_tick: float = Field(1.0, ge=0, le=100, description="updates for each tick walked")
+    updates_least: int = Field(200, ge=0, description="least number of updates an episode")
     capacity: int = Field(100_000, ge=1, le=5_000_000, description="transitions kept, the oldest go first")
 
     # schedule
