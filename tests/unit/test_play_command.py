@@ -3,6 +3,7 @@
 import random
 import re
 import signal
+import socket
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -104,6 +105,7 @@ def test_what_is_learned_next_to_the_walk_walks_at_once() -> None:
     [
         (("--mass-scale", "9"), "rabbit: --mass-scale 9"),
         (("--first", "nobody"), "rabbit: --first nobody: expected"),
+        (("--terrain", "flat"), "rabbit: --terrain flat: expected stones"),
         (("--gait", "nowhere"), "rabbit: gait: no file nowhere; "),
         (("--export", "/nowhere/walk.html", *ALONE), "rabbit: --export /nowhere/walk.html: No such file"),
     ],
@@ -115,3 +117,13 @@ def test_bad_values_are_one_line(words: tuple[str, ...], line: str) -> None:
     assert done.returncode == 2
     assert done.stderr.startswith(line)
     assert done.stderr.count("\n") == 1
+
+
+def test_a_taken_port_is_one_line() -> None:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        command = [*RABBIT, "play", "--no-browser", "--port", str(taken.getsockname()[1])]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1), done.stderr
+    assert "Address already in use" in done.stderr

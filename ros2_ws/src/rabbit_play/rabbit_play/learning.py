@@ -23,11 +23,8 @@ def learn(connection: Connection, start: Start, folder: Path) -> None:
     course = {"terrain": controller.terrain, "stones": parameters.walking_steps}
     masses = {"mass_scale": start.settings.mass_scale, "payload": start.settings.payload}
     plant = SimulationParameters.model_validate({**TRAINING_PLANT, **course, **masses})
-    try:
-        with training(folder, parameters, controller, plant) as job:
-            for report in job.reports:
-                policy = folder / "policies" / f"{report.episode + 1:03d}.safetensors"
-                word = {**asdict(report), "policy": str(policy), "of": parameters.episodes}
-                connection.send_bytes(json.dumps(word).encode())
-    except ConnectionError:
-        return
+    with training(folder, parameters, controller, plant) as job:
+        for report in job.reports:
+            policy = folder / "policies" / f"{report.episode + 1:03d}.safetensors"
+            word = {**asdict(report), "policy": str(policy), "of": parameters.episodes}
+            connection.send_bytes(json.dumps(word).encode())

@@ -8,6 +8,7 @@ import json
 import struct
 import time
 from collections.abc import Callable
+from contextlib import closing
 from multiprocessing.connection import Connection
 from typing import Any
 
@@ -203,29 +204,32 @@ class Player:
 
 
 def play(connection: Connection, start: Start) -> None:
-    """Play until the other end closes."""
+    """Play until the other end closes: raises `EOFError` or `ConnectionError` then."""
     try:
         player = Player(start, connection.send_bytes)
     except UNUSABLE as error:
-        connection.send_bytes(b"E" + str(error).encode())
+        option = f"--{error.option} " if isinstance(error, AssemblyError) else ""
+        connection.send_bytes(b"E" + f"{option}{error}".encode())
         return
+    with closing(player):
+        _play(connection, player)
+
+
+def _play(connection: Connection, player: Player) -> None:
     due = time.monotonic()
     pace = (due, 0)
-    try:
-        while True:
-            wait = max(due - time.monotonic(), 0) if player.is_moving else None
-            while connection.poll(wait):
-                player.take(connection.recv_bytes())
-                wait = 0
-            now = time.monotonic()
-            if not player.is_moving or now - due > BEHIND:
-                due, pace = now, (now, 0)
-            if player.is_moving and now >= due:
-                player.tick()
-                due += player.seconds
-                pace = _measured(pace, player)
-    except (EOFError, ConnectionError):
-        player.close()
+    while True:
+        wait = max(due - time.monotonic(), 0) if player.is_moving else None
+        while connection.poll(wait):
+            player.take(connection.recv_bytes())
+            wait = 0
+        now = time.monotonic()
+        if not player.is_moving or now - due > BEHIND:
+            due, pace = now, (now, 0)
+        if player.is_moving and now >= due:
+            player.tick()
+            due += player.seconds
+            pace = _measured(pace, player)
 
 
 def _measured(pace: tuple[float, int], player: Player) -> tuple[float, int]:

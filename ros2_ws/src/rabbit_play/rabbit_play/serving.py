@@ -5,7 +5,7 @@ import json
 import multiprocessing
 import signal
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -99,7 +99,8 @@ def process(target: Callable[..., None], *arguments: Any) -> Iterator[Connection
 def until_closed(target: Callable[..., None], *arguments: Any) -> None:
     """A process ends when its connection does; a Ctrl-C at the terminal is for the one that serves."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    target(*arguments)
+    with suppress(EOFError, ConnectionError):
+        target(*arguments)
 
 
 def hear(connection: Connection, take: Callable[[bytes], object], end: Callable[[], object]) -> None:
