@@ -5,11 +5,16 @@ first page is the README; its table of contents is `docs/site/contents.md`.
 """
 
 import re
+import sys
+from itertools import groupby
 from pathlib import Path
 
+from docutils import nodes
 from sphinx.application import Sphinx
+from sphinx.util.docutils import SphinxDirective
 
 HERE = Path(__file__).parent
+sys.path.insert(0, str(HERE.parent / "scripts"))
 
 project = "RABBIT on stepping stones"
 author = "the contributors"
@@ -27,7 +32,10 @@ exclude_patterns = [
     "runs",
 ]
 
-extensions = ["myst_parser", "sphinx.ext.autodoc"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+autodoc_typehints = "none"  # they are in the signatures
+autodoc_member_order = "bysource"
+nitpick_ignore_regex = [("py:.*", ".*")]  # types of other projects have no pages here
 myst_heading_anchors = 4
 
 html_theme = "furo"
@@ -50,6 +58,43 @@ def make_first_page(_app: Sphinx, page: str, source: list[str]) -> None:
         source[0] = text + "\n" + (HERE / "site" / "contents.md").read_text(encoding="utf-8")
 
 
+class Reference(SphinxDirective):
+    """`{reference} NAME ...`: what the function of that name in `reference_text` makes of its arguments."""
+
+    required_arguments = 1
+    optional_arguments = 1
+
+    def run(self) -> list[nodes.Node]:
+        """Its Markdown, parsed."""
+        import reference_text
+
+        name, *arguments = self.arguments
+        return self.parse_text_to_nodes(getattr(reference_text, name)(*arguments), allow_section_headings=True)
+
+
+def as_rst(_app: Sphinx, _what: str, _name: str, _obj: object, _options: object, lines: list[str]) -> None:
+    """Docstrings are plain text: code stands in single backticks, and indented lines stay as they are."""
+    blocks: list[str] = []
+    for indented, block in groupby(lines, lambda line: line.startswith("    ")):
+        text = "\n".join(block)
+        is_section = bool(blocks) and re.search(
+            r"^(Args|Attributes|Raises|Returns|Yields):$", blocks[-1].split("\n")[-1]
+        )
+        blocks.append(f"\n::\n\n{text}\n" if indented and not is_section else escaped(text))
+    lines[:] = "\n".join(blocks).split("\n")
+
+
+def escaped(text: str) -> str:
+    """Plain text with code in backticks as reStructuredText."""
+    parts = re.split(r"`([^`]+)`", text)
+    parts[::2] = [re.sub(r"([\\*|]|(?<=\w)_(?!\w))", r"\\\1", part) for part in parts[::2]]
+    ends = [r"\ " if part[:1].strip() else "" for part in parts[2::2]]  # what follows a literal at once
+    parts[1::2] = [f"``{part}``{end}" for part, end in zip(parts[1::2], ends, strict=True)]
+    return "".join(parts)
+
+
 def setup(app: Sphinx) -> None:
     """Register what is ours."""
     app.connect("source-read", make_first_page)
+    app.connect("autodoc-process-docstring", as_rst, priority=400)  # before napoleon
+    app.add_directive("reference", Reference)

@@ -1,0 +1,115 @@
+"""The reference pages of the site as Markdown, from the code: commands, parameters, messages, modules.
+
+Needs the built workspace. `docs/conf.py` puts the texts into the pages of docs/reference.
+"""
+
+import importlib
+import pkgutil
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import rl_cbf_clf_controller.ros.node
+import rl_trainer.ros.node
+import typer
+from common import WORKSPACE
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+from rabbit_bringup.cli import commands as subcommands
+from rabbit_bringup.cli import summary
+from rabbit_recording.ros import recorder
+from rabbit_sim.node_parameters import NodeParameters as SimulatorParameters
+from rabbit_sim.parameters import SimulationParameters
+from rabbit_viewer.live.parameters import ViewerParameters
+from rl_cbf_clf_controller.parameters import ControllerParameters
+from rl_trainer.parameters import TrainingParameters
+
+SOURCES = WORKSPACE / "src"
+NODES: Mapping[str, tuple[type[BaseModel], ...]] = {
+    "simulator": (SimulatorParameters, SimulationParameters),
+    "controller": (rl_cbf_clf_controller.ros.node.NodeParameters, ControllerParameters),
+    "trainer": (rl_trainer.ros.node.NodeParameters, TrainingParameters),
+    "recorder": (recorder.NodeParameters,),
+    "viewer": (ViewerParameters,),
+}
+
+
+def table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
+    """A Markdown table; a bar within a cell is escaped."""
+    lines = [head, tuple("---" for _ in head), *rows]
+    cells = ((" ".join(cell.split()).replace("|", "\\|") for cell in line) for line in lines)
+    return "\n".join(f"| {' | '.join(line)} |" for line in cells)
+
+
+def code(text: object) -> str:
+    """Text in backticks; nothing where there is none."""
+    return f"`{text}`" if str(text) else ""
+
+
+def commands() -> str:
+    """Each subcommand of `rabbit` with its arguments and options."""
+    parts = []
+    for name, entry in subcommands().items():
+        command = typer.main.get_command(entry.load())
+        parts.append(f"## rabbit {name}\n\n{summary(entry)}\n")
+        nested = getattr(command, "commands", {})
+        parts += [one_command(f"{name} {inner}", each, "###") for inner, each in nested.items()]
+        if not nested:
+            parts.append(one_command(name, command))
+    return "\n".join(parts)
+
+
+def one_command(name: str, command: Any, heading: str = "") -> str:
+    """Its help text and the table of what it takes."""
+    context = command.make_context(name, [], resilient_parsing=True)
+    records = [each.get_help_record(context) for each in command.params]
+    rows: list[tuple[str, ...]] = [(code(record[0]), record[1]) for record in records if record]
+    title = f"{heading} rabbit {name}\n\n" if heading else ""
+    return f"{title}{(command.help or '').strip()}\n\n{table(('option', 'meaning'), rows)}\n"
+
+
+def parameters() -> str:
+    """Each node's parameters: its own, then those of its models."""
+    parts = []
+    for node, models in NODES.items():
+        rows = [parameter(name, field) for model in models for name, field in model.model_fields.items()]
+        parts.append(f"## {node}\n\n{table(('parameter', 'type', 'default', 'range', 'meaning'), rows)}\n")
+    return "\n".join(parts)
+
+
+def parameter(name: str, field: FieldInfo) -> tuple[str, ...]:
+    """The row of a field."""
+    kind = field.annotation.__name__ if isinstance(field.annotation, type) else str(field.annotation)
+    default = field.get_default(call_default_factory=True, validated_data={})
+    signs = {"ge": ">=", "gt": ">", "le": "<=", "lt": "<"}
+    bounds = [
+        f"{sign} {getattr(each, name)}"
+        for each in field.metadata
+        for name, sign in signs.items()
+        if hasattr(each, name)
+    ]
+    short = kind.replace("typing.", "").replace("Literal", "")
+    return code(name), code(short), code(repr(default)), code(", ".join(bounds)), field.description or ""
+
+
+def messages() -> str:
+    """The messages and services as their files define them."""
+    files = sorted((SOURCES / "rabbit_msgs").glob("*/*.[ms][sr][gv]"))
+    return "\n".join(f"## {path.stem}\n\n```\n{path.read_text(encoding='utf-8').strip()}\n```\n" for path in files)
+
+
+def modules(package: str) -> Iterator[str]:
+    """Names of a package's modules, without those of its commands and nodes."""
+    yield package
+    found = importlib.import_module(package)
+    for each in pkgutil.walk_packages(found.__path__, f"{package}."):
+        parts = each.name.split(".")
+        if not {"ros", "commands"} & set(parts) and not any(part.startswith("_") for part in parts):
+            yield each.name
+
+
+def api(package: str) -> str:
+    """What autodoc makes of each module."""
+    directive = "```{{eval-rst}}\n.. automodule:: {0}\n{1}```\n"
+    members = "   :members:\n   :show-inheritance:\n"
+    found = [(name, "" if hasattr(importlib.import_module(name), "__path__") else members) for name in modules(package)]
+    return "\n".join(f"## {name}\n\n{directive.format(name, part)}" for name, part in found)
