@@ -17,7 +17,8 @@ from rabbit_sim.kinematics import RabbitFeet
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.pinned_dynamics import PinnedDynamics
 from rabbit_sim.robot_urdf import perturbed_urdf
-from rl_cbf_clf_controller.controller import Controller, ControllerOutput
+from rl_cbf_clf_controller.controller import Controller
+from rl_cbf_clf_controller.controller_output import ControllerOutput
 from rl_cbf_clf_controller.scene import Scene
 from rl_trainer.rollout import Record
 

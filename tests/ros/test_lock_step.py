@@ -11,7 +11,8 @@ from rabbit_description.gait import load_gait
 from rabbit_recording.reader import RecordedEpisode, read_episodes
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.simulation import Simulation
-from rl_cbf_clf_controller.controller import Controller, ControllerOutput
+from rl_cbf_clf_controller.controller import Controller
+from rl_cbf_clf_controller.controller_output import ControllerOutput
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import ZeroPolicy
 from rl_trainer.rollout import Record, rollout

@@ -17,7 +17,7 @@ from rabbit_description.force_ratio import LOADED
 from rabbit_description.state import Array
 from rabbit_sim.simulation import Landing, Outcome
 from rabbit_viewer.walk_records import RESCUE_NEEDED
-from rl_cbf_clf_controller.controller import ControllerOutput
+from rl_cbf_clf_controller.controller_output import ControllerOutput
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_trainer.rollout import Record
 

@@ -21,7 +21,7 @@ from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.problem import Problem
 from cbf_clf_qp.tick import Terms
 from rabbit_description.state import Array
-from rl_cbf_clf_controller.controller import ControllerOutput
+from rl_cbf_clf_controller.controller_output import ControllerOutput
 from rl_cbf_clf_controller.scene import Scene
 from rl_trainer.rollout import Record
 

@@ -9,7 +9,8 @@ from rabbit_description.gait import load_gait
 from rabbit_description.state import Array, Leg, RobotState, StonePreview
 from rabbit_experiments.metrics import IMPACT_TICKS, ForceTally, RunResult, RunTally
 from rabbit_sim.simulation import Landing, Outcome
-from rl_cbf_clf_controller.controller import Controller, ControllerOutput
+from rl_cbf_clf_controller.controller import Controller
+from rl_cbf_clf_controller.controller_output import ControllerOutput
 from rl_cbf_clf_controller.parameters import load_parameters
 from rl_cbf_clf_controller.policy import ZeroPolicy
 from rl_trainer.rollout import Record

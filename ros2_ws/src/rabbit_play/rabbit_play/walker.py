@@ -8,7 +8,7 @@ from rabbit_experiments.assembly import Assembly, resolve_policy
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_viewer.page.rows import EVENTS, RowMaker
 from rabbit_viewer.walk_records import about_walk
-from rl_cbf_clf_controller.controller import ControllerOutput
+from rl_cbf_clf_controller.controller_output import ControllerOutput
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.scene import ControllerError
 

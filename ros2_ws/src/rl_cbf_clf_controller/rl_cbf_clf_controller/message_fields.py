@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from rabbit_description.state import Array, Leg
 
-from rl_cbf_clf_controller.controller import ControllerOutput
+from rl_cbf_clf_controller.controller_output import ControllerOutput
 
 ARRAYS = ("eta", "barriers", "barrier_rates", "mu", "mu_qp", "omega", "mu_held")
 SCALARS = ("tick", "step_index", "step_time", "phase", "clf_slack", "rescue_slack", "saturated", "answered")

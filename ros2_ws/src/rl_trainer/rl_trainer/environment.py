@@ -18,7 +18,7 @@ from cbf_clf_qp.estimates import Estimates
 from gymnasium.spaces import Box
 from numpy.typing import NDArray
 from rabbit_description.state import Array, RobotState
-from rl_cbf_clf_controller.controller import ControllerOutput
+from rl_cbf_clf_controller.controller_output import ControllerOutput
 from rl_cbf_clf_controller.policy import LearnedPolicy, Policy, ZeroPolicy
 
 from rl_trainer.parameters import TrainingParameters

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from rabbit_description.state import RobotState
-from rl_cbf_clf_controller.controller import ControllerOutput
+from rl_cbf_clf_controller.controller_output import ControllerOutput
 from rl_cbf_clf_controller.policy import ActorPolicy, LearnedPolicy
 from rl_cbf_clf_controller.weights import PolicyFile
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from rabbit_description.state import Array, RobotState
-from rl_cbf_clf_controller.controller import ControllerOutput
+from rl_cbf_clf_controller.controller_output import ControllerOutput
 
 
 class Simulation(Protocol):

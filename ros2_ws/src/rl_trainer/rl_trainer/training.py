@@ -17,7 +17,7 @@ import numpy as np
 import torch
 from rabbit_description.plugins import load
 from rabbit_description.state import RobotState
-from rl_cbf_clf_controller.controller import ControllerOutput
+from rl_cbf_clf_controller.controller_output import ControllerOutput
 from rl_cbf_clf_controller.weights import PolicyFile, PolicyFileError, PolicyMetadata, problem_fields
 
 from rl_trainer.actor import Actor

@@ -21,7 +21,7 @@ from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.problem import Problem
 from rabbit_description.state import TICK_SECONDS, Array, RobotState
-from rl_cbf_clf_controller.controller import ControllerOutput
+from rl_cbf_clf_controller.controller_output import ControllerOutput
 
 from rl_trainer.parameters import TrainingParameters
 

@@ -9,7 +9,7 @@ import pytest
 from cbf_clf_qp.problem import Problem
 from cbf_clf_qp.res_clf import ResClf
 from rabbit_description.state import TICK_SECONDS, Array, Leg, RobotState
-from rl_cbf_clf_controller.controller import ControllerOutput
+from rl_cbf_clf_controller.controller_output import ControllerOutput
 from rl_cbf_clf_controller.policy import LearnedPolicy
 from rl_cbf_clf_controller.uncertainty import RL_CBF_CLF_QP, RL_CLF_QP
 from rl_trainer.transitions import Doubt, Transition

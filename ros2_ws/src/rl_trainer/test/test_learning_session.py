@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from rabbit_description.state import RobotState
-from rl_cbf_clf_controller.controller import ControllerOutput
+from rl_cbf_clf_controller.controller_output import ControllerOutput
 from rl_cbf_clf_controller.policy import ZeroPolicy
 from rl_cbf_clf_controller.uncertainty import RL_CLF_QP
 from rl_cbf_clf_controller.weights import read

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 from rabbit_description.state import Leg, RobotState
-from rl_cbf_clf_controller.controller import ControllerOutput
+from rl_cbf_clf_controller.controller_output import ControllerOutput
 from rl_cbf_clf_controller.uncertainty import IO_RL_CLF_QP, RL_CBF_CLF_QP, RL_CLF_QP
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.replay import Replay

@@ -7,7 +7,7 @@ from queue import SimpleQueue
 from typing import Any
 
 from rabbit_description.state import TICK_SECONDS, RobotState
-from rl_cbf_clf_controller.controller import ControllerOutput
+from rl_cbf_clf_controller.controller_output import ControllerOutput
 
 from rabbit_viewer.live.messages import Asked, checked
 from rabbit_viewer.live.snapshot import Limits

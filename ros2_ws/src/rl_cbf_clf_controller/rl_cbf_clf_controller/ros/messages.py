@@ -5,7 +5,7 @@ from typing import Any
 
 from builtin_interfaces.msg import Time
 
-from rl_cbf_clf_controller.controller import ControllerOutput
+from rl_cbf_clf_controller.controller_output import ControllerOutput
 from rl_cbf_clf_controller.message_fields import SAME, SEQUENCES
 
 _AS_THEY_ARE = {*SAME, *SEQUENCES, "quantities", "measured", "policy_version"} - {"fault", "status"}

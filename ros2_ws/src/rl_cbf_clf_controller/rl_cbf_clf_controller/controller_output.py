@@ -1,0 +1,79 @@
+"""All of a controller's tick that others read: recorders, the trainer, the page, you."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from rabbit_description.state import Array, Leg
+
+NOTHING = np.zeros(0)
+
+
+@dataclass  # not frozen: that would take a tick 5 us
+class ControllerOutput:
+    """All of one tick that a person debugging, a recorder or the trainer wants.
+
+    `torque` (4,) N m, left/right order, saturated; `eta` (8,); `barriers`, `barrier_rates` (2,), NaN on flat ground;
+    `mu` (4,) as executed after exploration and saturation, `mu_qp` the QP's, `omega` the noise; `mu_held` (4,) what the
+    last tick's torque amounts to at this state, that is y-ddot by the nominal model, NaN where the step is new; nominal
+    value of the quantities = `nominal_a` mu + `nominal_b`, (n, 4) and (n,); `measured` (n,) theirs over the last tick,
+    NaN where the step is new; `alpha`, `beta` the estimates in all;
+    `observation` (14,), on stones (15,), there with a gait library (16,); `LgV` (4,); `clf_slack`, `rescue_slack`: the
+    paper's d, the sum of the slacks of last resort; `active` names the rows that hold with equality; `answered` is
+    False where the guard solver had to answer; `fault` is empty, or why the episode must end; `objective`, `adaptation`
+    name what was minimised and adapted; `identified` (17,) is the robot as in `identified_robot.KNOWN`,
+    `adapted` (5n + 20,) its part of the estimates, as in `Estimates.packed`; both (0,) without adaptation.
+    """
+
+    tick: int
+    torque: Array
+    stance: Leg
+    step_index: int
+    step_time: float
+    phase: float
+    eta: Array
+    V: float
+    barriers: Array
+    barrier_rates: Array
+    mu: Array
+    mu_qp: Array
+    omega: Array
+    mu_held: Array
+    quantities: tuple[str, ...]
+    nominal_a: Array
+    nominal_b: Array
+    measured: Array
+    alpha: Array
+    beta: Array
+    observation: Array
+    LgV: Array
+    clf_slack: float
+    rescue_slack: float
+    active: tuple[str, ...]
+    saturated: bool
+    solver: str
+    status: str
+    answered: bool
+    solve_seconds: float
+    policy_version: str
+    fault: str = ""
+    objective: str = "paper"
+    adaptation: str = "none"
+    identified: Array = field(default_factory=lambda: NOTHING)
+    adapted: Array = field(default_factory=lambda: NOTHING)
+
+    @classmethod
+    def deferring(cls, later: Mapping[str, Callable[[], Any]], **known: Any) -> "ControllerOutput":
+        """An output of which the fields in `later` are computed when they are first read: the torque is out by then."""
+        output = cls.__new__(cls)
+        output.__dict__ |= known
+        output.__dict__["_later"] = later
+        return output
+
+    def __getattr__(self, name: str) -> Any:
+        """A field that nobody has read yet."""
+        if name.startswith("_") or name not in self._later:
+            raise AttributeError(f"ControllerOutput has no {name}")
+        value = self.__dict__[name] = self._later[name]()
+        return value
