@@ -1,6 +1,7 @@
 """The examples run as they stand, for a few steps, and show what they claim."""
 
 import importlib.util
+import re
 import sys
 from pathlib import Path
 
@@ -94,6 +95,17 @@ def test_own_barrier_lowers_the_swing_foot():
     free = barrier.highest_step(None, steps=3)
     ceiling = free - 0.01
     assert barrier.highest_step(ceiling, steps=3) <= ceiling + 1e-3
+
+
+def test_notebook_goes_from_a_policy_to_the_figures(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", ["notebook.py", "--runs", "3", "--stones", "4", "--out", str(tmp_path)])
+    notebook = load("notebook")
+    assert len(re.findall(r"^# %% \d+", (EXAMPLES / "notebook.py").read_text(), re.MULTILINE)) == 10
+    assert all(row.success for row in notebook.rows["learned"])
+    assert [row.seed for row in notebook.rows["learned"]] == [row.seed for row in notebook.rows["nominal"]]
+    assert notebook.only == [sum(not row.success for row in notebook.rows["nominal"]), 0]
+    assert notebook.errors["V"]["error"] < 0.5
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["estimates.pdf", "walk.pdf", "walk.png"]
 
 
 def test_own_learner_learns():
