@@ -13,7 +13,7 @@ import pytest
 from rabbit_description.state import Array
 from rabbit_play.player import Player
 from rabbit_play.serving import Door, tell, write_play
-from rabbit_play.settings import PlaySettings, Start
+from rabbit_play.settings import PlaySettings, Start, controls
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_viewer.page.broadcast import Broadcast
 from rl_cbf_clf_controller.parameters import ControllerParameters
@@ -229,3 +229,29 @@ def test_what_the_plant_refuses_is_refused_at_the_door() -> None:
     rigid = start_of().model_copy(update={"plant": BASE.model_copy(update={"plant": "rigid"})})
     assert "expected the plant pybullet or mujoco" in Door(rigid, lambda _: None)(push)
     assert not Door(start_of(), lambda _: None)(push)
+
+
+def any_settings(rng: random.Random) -> dict[str, Any]:
+    """Half of them anywhere within their bounds."""
+    chosen: dict[str, Any] = {}
+    for control in controls():
+        name = control["name"]
+        if "enum" in control:
+            chosen[name] = rng.choice(control["enum"])
+        elif control["type"] == "integer":
+            chosen[name] = rng.randint(1, 9)
+        elif rng.random() < 0.5:
+            chosen[name] = rng.uniform(control["minimum"], control["maximum"])
+    return chosen
+
+
+def test_whatever_is_chosen_the_player_goes_on(played: Callable[..., Played]) -> None:
+    rng, one = random.Random(5), played()
+    for _ in range(15):
+        one.ask(do="set", settings=any_settings(rng), reset=True)
+        for tick in range(60):
+            one.player.tick()
+            if tick % 20 == 10:
+                one.ask(do="push", force=rng.uniform(-1000, 1000), seconds=rng.uniform(0.01, 1))
+                one.ask(do="set", settings=any_settings(rng))
+        assert len(one.rows()["tick"]) > 5
