@@ -29,7 +29,7 @@ from rabbit_msgs.msg import (
 )
 from rabbit_recording.open_recording import opened
 from rabbit_recording.ros.recorder import NUMBER, SENT, RecorderNode
-from rabbit_ros.ros.cdr import Codec
+from rabbit_ros.ros.cdr import Encoder
 from rabbit_ros.ros.conversions import preview_message, state_message
 from rabbit_ros.ros.qos import EVENT
 from rabbit_sim.parameters import SimulationParameters
@@ -80,7 +80,7 @@ def sound_messages() -> dict[str, list[Any]]:
         answers = (torque_message(output, 1, Time()), controller_state(output, 1, Time()))
         kinds = {"state": RabbitState, "torque": TorqueCommand, "controller_state": ControllerState}
         for (name, kind), fields in zip(kinds.items(), (state_message(state, 1, Time()), *answers), strict=True):
-            made.setdefault(name, []).append(deserialize_message(Codec(kind).encode(fields), kind))
+            made.setdefault(name, []).append(deserialize_message(Encoder(kind).encode(fields), kind))
         state = simulation.step(output.torque)
     simulation.close()
     return made

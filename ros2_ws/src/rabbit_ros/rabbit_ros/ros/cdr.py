@@ -1,8 +1,8 @@
-"""Messages as the bytes that travel (CDR, little endian), made and read without rclpy's message objects.
+"""Messages as the bytes that travel (CDR, little endian), made without rclpy's message objects.
 
 rclpy checks and converts each field of a message in Python, which for a large one takes longer than the tick that it
-reports. `Codec(RabbitState)` makes the same bytes from any object with the message's fields, and reads them back into
-one; arrays go from numpy into the bytes as a whole. It reads no bytes that it would not have made: those are rclpy's.
+reports. `Encoder(RabbitState)` makes the same bytes from any object with the message's fields; its arrays go from numpy
+into the bytes as a whole.
 """
 
 import re
@@ -11,14 +11,12 @@ from collections.abc import Iterator
 from functools import lru_cache
 from importlib import import_module
 from operator import attrgetter
-from types import SimpleNamespace
 from typing import Any, Protocol
 
 import numpy as np
 
 HEADER = b"\x00\x01\x00\x00"  # little endian, no options
 WORD = 8  # bytes; no number is aligned to more
-PADDING = 4  # bytes, to which the middleware fills up a message
 _TYPES = {"boolean": "?", "octet": "u1", "uint8": "u1", "int8": "i1", "uint16": "<u2", "int16": "<i2", "uint32": "<u4"}
 _TYPES |= {"int32": "<i4", "uint64": "<u8", "int64": "<i8", "float": "<f4", "double": "<f8"}
 _OTHER, _ARRAY = re.compile(r"(\w+)/(\w+)"), re.compile(r"(\w+)\[(\d+)\]")
@@ -28,10 +26,10 @@ _ANY = 2**32 - 2  # the most of what is not bounded
 
 
 class CdrError(ValueError):
-    """A value that does not fit its field, or bytes that are not read here."""
+    """A value that does not fit its field."""
 
 
-class Codec:
+class Encoder:
     """The fields of one kind of message, which may hold others, but no sequence of others."""
 
     def __init__(self, kind: Any) -> None:
@@ -48,28 +46,11 @@ class Codec:
             raise CdrError(str(error)) from error
         return HEADER + bytes(out)
 
-    def decode(self, data: bytes) -> SimpleNamespace:
-        """The message in these bytes, arrays as read-only views; raises `CdrError` where rclpy has to look at them."""
-        if data[: len(HEADER)] != HEADER:
-            raise CdrError(f"header {data[: len(HEADER)]!r}")
-        body, at, values = memoryview(data)[len(HEADER) :], 0, dict[str, Any]()
-        try:
-            for part in self._parts:
-                at = part.read(body, at, values)
-        except (struct.error, ValueError) as error:
-            raise CdrError(str(error)) from error
-        if not 0 <= len(body) - at < PADDING:
-            raise CdrError(f"{len(body)} bytes, of which the message has {at}")
-        return _nested(values)
-
 
 class _Part(Protocol):
-    """Fields that are written and read together."""
+    """Fields that are written together."""
 
     def write(self, out: bytearray, message: Any) -> None: ...
-
-    def read(self, data: memoryview, at: int, values: dict[str, Any]) -> int:
-        """Put them into `values`, from position `at` behind the header on; returns the position after them."""
 
 
 class _Block:
@@ -83,11 +64,6 @@ class _Block:
         self._buffers = [np.zeros((), _layout(fields, start)) for start in range(WORD)]
         self._views = [[buffer[name] for name in self._names] for buffer in self._buffers]
         self._lengths = [(i, length) for i, (_, _, length) in enumerate(fields) if length is not None]
-        booleans = [(name, length or 1) for name, type_, length in fields if type_ == "?"]
-        self._booleans = [
-            [buffer.dtype.fields[name][1] + i for name, length in booleans for i in range(length)]
-            for buffer in self._buffers
-        ]
 
     def write(self, out: bytearray, message: Any) -> None:
         start = len(out) % WORD
@@ -98,15 +74,6 @@ class _Block:
         for view, value in zip(self._views[start], values, strict=True):
             view[...] = value
         out += self._buffers[start].tobytes()
-
-    def read(self, data: memoryview, at: int, values: dict[str, Any]) -> int:
-        layout = self._buffers[at % WORD].dtype
-        end = at + layout.itemsize
-        row: Any = np.frombuffer(data[at:end], layout, 1).item()
-        values.update(zip(self._names, row, strict=True))
-        if any(data[at + offset] > 1 for offset in self._booleans[at % WORD]):
-            raise CdrError("a boolean above 1")
-        return end
 
 
 class _Sequence:
@@ -122,15 +89,6 @@ class _Sequence:
         if values.size:
             out += bytes(-len(out) % self._type.itemsize)
             out += values.tobytes()
-
-    def read(self, data: memoryview, at: int, values: dict[str, Any]) -> int:
-        length, at = _read_length(data, at)
-        at += -at % self._type.itemsize if length else 0
-        end = at + length * self._type.itemsize
-        found = values[self._name] = np.frombuffer(data[at:end], self._type)
-        if len(found) != length or length > self._most or (self._type.kind == "b" and max(data[at:end], default=0) > 1):
-            raise CdrError(f"{self._name} has {length} values")
-        return end
 
 
 class _Text:
@@ -149,23 +107,6 @@ class _Text:
                 raise CdrError(f"{self._name} {text!r}: expected at most {self._most} characters, none of them 0")
             out += bytes(-len(out) % _LENGTH.size)
             out += _text_bytes(text)
-
-    def read(self, data: memoryview, at: int, values: dict[str, Any]) -> int:
-        number, at = (1, at) if self._texts is None else _read_length(data, at)
-        if number > (self._texts or 1):
-            raise CdrError(f"{self._name} has {number} texts")
-        texts = []
-        for _ in range(number):
-            length, at = _read_length(data, at)
-            text = bytes(data[at : at + length])
-            if len(text) != length or text.find(b"\0") != length - 1 or length > 4 * self._most + 1:
-                raise CdrError(f"{self._name} has {length} bytes")
-            texts.append(text[:-1].decode())
-            if len(texts[-1]) > self._most:
-                raise CdrError(f"{self._name} has {len(texts[-1])} characters")
-            at += length
-        values[self._name] = texts[0] if self._texts is None else texts
-        return at
 
 
 def _leaves(kind: Any, above: str = "") -> Iterator[tuple[str, str]]:
@@ -222,22 +163,8 @@ def _text_bytes(text: str) -> bytes:
     return _LENGTH.pack(len(data) + 1) + data + b"\0"
 
 
-def _nested(values: dict[str, Any]) -> SimpleNamespace:
-    """Fields by names as `stamp.sec`, in a message in the message."""
-    inner: dict[str, dict[str, Any]] = {}
-    for name in [name for name in values if "." in name]:
-        outer, _, rest = name.partition(".")
-        inner.setdefault(outer, {})[rest] = values.pop(name)
-    return SimpleNamespace(**values, **{name: _nested(fields) for name, fields in inner.items()})
-
-
 def _write_length(out: bytearray, length: int, most: int, name: str) -> None:
     if length > most:
         raise CdrError(f"{name} has {length}; expected at most {most}")
     out += bytes(-len(out) % _LENGTH.size)
     out += _LENGTH.pack(length)
-
-
-def _read_length(data: memoryview, at: int) -> tuple[int, int]:
-    at += -at % _LENGTH.size
-    return _LENGTH.unpack_from(data, at)[0], at + _LENGTH.size

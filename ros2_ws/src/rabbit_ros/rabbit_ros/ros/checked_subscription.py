@@ -1,6 +1,5 @@
 """Subscriptions that report what they cannot read: the middleware itself drops such bytes without a word."""
 
-import contextlib
 import re
 from collections.abc import Callable
 from typing import Any
@@ -12,9 +11,7 @@ from rclpy.serialization import deserialize_message
 from rclpy.subscription import Subscription
 
 from rabbit_ros.message_checks import Refused
-from rabbit_ros.ros.cdr import CdrError, Codec
 from rabbit_ros.ros.direct import DirectSubscription, direct_of
-from rabbit_ros.ros.qos import TICK
 
 MOST_BYTES = 10_000_000  # of a message; the largest carries a policy file, of which 8 MB are read
 
@@ -35,11 +32,11 @@ def create_checked_subscription(
     """
     if direct := direct_of(node, topic):
         return direct.subscribe(node, topic, callback)
-    limits, codec = bounds(kind), Codec(kind) if qos is TICK else None
+    limits = bounds(kind)
 
     def take(data: bytes) -> None:
         try:
-            message = decoded(data, kind, limits, codec)
+            message = decoded(data, kind, limits)
         except Refused as error:
             refuse(topic, error)
             return
@@ -48,12 +45,9 @@ def create_checked_subscription(
     return node.create_subscription(kind, topic, take, qos, raw=True)
 
 
-def decoded(data: bytes, kind: Any, limits: dict[str, int], codec: Codec | None = None) -> Any:
-    """The message in these bytes, or what `codec` makes of it, if that reads them; raises `Refused`."""
+def decoded(data: bytes, kind: Any, limits: dict[str, int]) -> Any:
+    """The message in these bytes; raises `Refused`."""
     check_size(data)
-    if codec is not None:
-        with contextlib.suppress(CdrError):
-            return codec.decode(data)
     try:
         message = deserialize_message(data, kind)
     except (rclpy_implementation.RMWError, rclpy_implementation.RCLError, ValueError, MemoryError) as error:

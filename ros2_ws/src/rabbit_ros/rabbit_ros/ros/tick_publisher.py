@@ -4,7 +4,7 @@ from typing import Any
 
 from rclpy.node import Node
 
-from rabbit_ros.ros.cdr import Codec
+from rabbit_ros.ros.cdr import Encoder
 from rabbit_ros.ros.direct import direct_of
 from rabbit_ros.ros.qos import TICK
 
@@ -13,7 +13,7 @@ class TickPublisher:
     """A publisher with the QoS `TICK`, which nobody who comes later would hear."""
 
     def __init__(self, node: Node, kind: Any, topic: str) -> None:
-        self._publisher, self._codec = node.create_publisher(kind, topic, TICK), Codec(kind)
+        self._publisher, self._encoder = node.create_publisher(kind, topic, TICK), Encoder(kind)
         self._topic, self._direct = topic, direct_of(node, topic)
 
     @property
@@ -27,4 +27,4 @@ class TickPublisher:
         if self._direct:
             self._direct.hand_over(self._topic, message)
         if self._publisher.get_subscription_count():
-            self._publisher.publish(self._codec.encode(message))
+            self._publisher.publish(self._encoder.encode(message))
