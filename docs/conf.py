@@ -33,7 +33,7 @@ exclude_patterns = [
 ]
 
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
-autodoc_typehints = "none"  # they are in the signatures
+python_maximum_signature_line_length = 90
 autodoc_member_order = "bysource"
 nitpick_ignore_regex = [("py:.*", ".*")]  # types of other projects have no pages here
 myst_heading_anchors = 4

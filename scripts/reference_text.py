@@ -50,10 +50,12 @@ def commands() -> str:
     parts = []
     for name, entry in subcommands().items():
         command = typer.main.get_command(entry.load())
-        parts.append(f"## rabbit {name}\n\n{summary(entry)}\n")
         nested = getattr(command, "commands", {})
-        parts += [one_command(f"{name} {inner}", each, "###") for inner, each in nested.items()]
-        if not nested:
+        parts.append(f"## rabbit {name}\n")
+        if nested:
+            parts.append(f"{summary(entry)}\n")
+            parts += [one_command(f"{name} {inner}", each, "###") for inner, each in nested.items()]
+        else:
             parts.append(one_command(name, command))
     return "\n".join(parts)
 
@@ -72,7 +74,7 @@ def parameters() -> str:
     parts = []
     for node, models in NODES.items():
         rows = [parameter(name, field) for model in models for name, field in model.model_fields.items()]
-        parts.append(f"## {node}\n\n{table(('parameter', 'type', 'default', 'range', 'meaning'), rows)}\n")
+        parts.append(f"## {node}\n\n{table(('parameter', 'type, default, range', 'meaning'), rows)}\n")
     return "\n".join(parts)
 
 
@@ -88,7 +90,8 @@ def parameter(name: str, field: FieldInfo) -> tuple[str, ...]:
         if hasattr(each, name)
     ]
     short = kind.replace("typing.", "").replace("Literal", "")
-    return code(name), code(short), code(repr(default)), code(", ".join(bounds)), field.description or ""
+    about = ", ".join(code(text) for text in (short, repr(default), *bounds))
+    return code(name), about, field.description or ""
 
 
 def messages() -> str:
