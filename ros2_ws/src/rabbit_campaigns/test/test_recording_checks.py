@@ -42,6 +42,15 @@ def test_a_gap_is_seen(walk: Walk, write_bag: WriteBag, tmp_path: Path, topic: s
     assert any("lost 1 ticks" in text for text in found)
 
 
+def test_a_killed_sender_may_take_one_tick_with_it(walk: Walk, write_bag: WriteBag, tmp_path: Path) -> None:
+    """It had sent the torque to the simulator, and not to the recorder."""
+    cut = write_bag(tmp_path / "bag", change=without("torque", 30))
+    heard = heard_of(walk)
+    killed = replace(heard, wanted=heard.wanted - {(1, 30)}, kills={1: 1})
+    assert misreadings(cut, killed) == []
+    assert any("lost 1 ticks" in text for text in misreadings(cut, replace(killed, kills={2: 1})))
+
+
 def test_ticks_that_nobody_heard_are_seen(walk: Walk, write_bag: WriteBag, tmp_path: Path) -> None:
     heard = replace(heard_of(walk), wanted=frozenset(), ever=frozenset())
     assert any("never heard" in text for text in misreadings(write_bag(tmp_path / "bag"), heard))

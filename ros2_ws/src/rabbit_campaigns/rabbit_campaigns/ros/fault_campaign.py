@@ -14,6 +14,7 @@ import random
 import shutil
 import signal
 import time
+from collections import Counter
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, closing
 from pathlib import Path
@@ -34,6 +35,7 @@ RECORDING_END = 1.0  # s of which a killed recorder may lose all
 NEW_TICKS = 3  # after which a graph has recovered
 DELIVERY = 0.3  # s in which the witness hears what was told before a node ended
 KNOWN_SECONDS, SEND_SECONDS = 0.5, 0.05  # until a new publisher is known to its readers; between wrong messages
+SENDERS = ("simulator", "controller")  # of a tick's messages; one that is killed may have sent to some readers only
 FULL = {"recorder": "recording stopped", "trainer": "not kept any more"}  # what a node says of a full disk
 PLANT = {"motor_lag": 0.004, "mass_scale": 1.2, "stones": 3, "stop_at_miss": False}
 WALK = {
@@ -89,6 +91,8 @@ class FaultyGraph(CampaignGraph):
     def __init__(self, folder: Path, seed: int, hang_after: float) -> None:
         folder.mkdir(parents=True)
         self._seed = seed
+        self._kills = Counter[int]()  # of simulator and controller, by episode
+        self._halved = set[Turn]()  # ticks in which that was
         self._has_strangers = False  # in the present recording: messages of nobody's, which say what they like
         super().__init__(folder, f"faults_{time.time_ns()}", Processes(folder / "log"), hang_after)
 
@@ -173,7 +177,11 @@ class FaultyGraph(CampaignGraph):
                 )
                 self._walk(10)  # on
             self.processes.kill((name,))
+            if name in SENDERS:
+                self._kills[self.turn[0]] += 1
         self.spin(max(0.0 if name == SECOND else fault.seconds, DELIVERY))
+        if name in SENDERS:
+            self._halved.add(self.turn)
         found = {}
         if name == "trainer":
             found = self._check_disk()
@@ -232,9 +240,13 @@ class FaultyGraph(CampaignGraph):
         path, since = self.recordings.pop(fault.node)
         is_cut = fault.kind != "terminate"
         before = end - RECORDING_END * is_cut
-        wanted = [turn for turn, at in self.heard["state"].items() if since <= at < before]
+        wanted = [turn for turn, at in self.heard["state"].items() if since <= at < before and turn not in self._halved]
         has_strangers = self._has_strangers and fault.node != SECOND
         ended = {n: message.outcome for n, (message, at) in self.ended.items() if since <= at < before}
         seen = frozenset(self.heard["state"])
-        said = None if has_strangers else MonitorRecord(self.answered(since, before), seen, ended, is_cut)
+        said = (
+            None
+            if has_strangers
+            else MonitorRecord(self.answered(since, before) - self._halved, seen, ended, is_cut, self._kills)
+        )
         return {**check_recording(path, wanted, said), "strangers": has_strangers}
