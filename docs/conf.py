@@ -38,6 +38,8 @@ autodoc_member_order = "bysource"
 nitpick_ignore_regex = [("py:.*", ".*")]  # types of other projects have no pages here
 myst_heading_anchors = 4
 
+smartquotes = False  # B'' is a second derivative
+
 html_theme = "furo"
 html_title = project
 html_copy_source = False
