@@ -44,19 +44,14 @@ html_theme = "furo"
 html_title = project
 html_copy_source = False
 html_show_sourcelink = False
-html_extra_path = ["site/index.html"]  # opens the first page
-WALK = HERE.parent / ".setup" / "docs" / "walk.html"  # by scripts/build_docs.py
-if WALK.is_file():
-    html_extra_path.append(str(WALK))
-PICTURE = re.compile(r"^!\[[^]]*\]\(docs/pictures/walk.png\)\n\n\*[^*]*\*\n", re.MULTILINE)
+html_extra_path = ["site/index.html", "pictures/walk.html"]  # the first opens the first page, the second is on it
+PICTURE = re.compile(r"^\[!\[[^]]*\]\([^)]*walk.png\)\]\([^)]*walk.html\)\n\n\*[^*]*\*\n", re.MULTILINE)
 
 
 def make_first_page(_app: Sphinx, page: str, source: list[str]) -> None:
     """The README with a walk to drag in place of its picture, and with the table of contents."""
     if page == root_doc:
-        text = source[0]
-        if WALK.is_file():
-            text = PICTURE.sub((HERE / "site" / "walk.md").read_text(encoding="utf-8"), text, count=1)
+        text = PICTURE.sub((HERE / "site" / "walk.md").read_text(encoding="utf-8"), source[0], count=1)
         source[0] = text + "\n" + (HERE / "site" / "contents.md").read_text(encoding="utf-8")
 
 

@@ -1,4 +1,4 @@
-"""`make docs`: the site in docs/build, with the walk of its first page. It opens from disk, without a network.
+"""`make docs`: the site in docs/build. It opens from disk, without a network.
 
 Sphinx and what it needs lie in .setup/sphinx, apart from .venv: the ROS wheels pin a docutils that is too new for it.
 """
@@ -10,11 +10,10 @@ import sys
 from html.parser import HTMLParser
 from pathlib import Path
 
-from common import ROOT, STATE, SetUpError, digest, is_done, logged, main, mark_done, say
+from common import ROOT, STATE, SetUpError, digest, is_done, main, mark_done, say
 from pip_install import REQUIREMENTS, pip_install
 
 SPHINX = STATE / "sphinx"
-WALK = STATE / "docs" / "walk.html"
 SITE = ROOT / "docs" / "build"
 
 
@@ -59,9 +58,6 @@ def build() -> None:
         SetUpError: a command failed, Sphinx warned, or a page asks something of another host.
     """
     install_sphinx()
-    WALK.parent.mkdir(exist_ok=True)
-    if logged(["rabbit", "play", "--export", str(WALK)], STATE / "walk.log"):
-        raise SetUpError("`rabbit play --export` failed (log: .setup/walk.log)")
     say("docs: pages")
     shutil.rmtree(SITE, ignore_errors=True)
     paths = [str(SPHINX), *filter(None, [os.environ.get("PYTHONPATH")])]

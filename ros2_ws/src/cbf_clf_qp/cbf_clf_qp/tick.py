@@ -142,8 +142,11 @@ def decide(recipe: Recipe[Scene], terms: Terms[Scene], solver: Solver) -> Decide
     for estimator in recipe.estimators:
         parts.append(estimator.estimate(terms, estimates))
         estimates = parts[-1] if estimates is none else estimates + parts[-1]
+    known = estimates
+    if recipe.objective is least_mu:  # which has no use for the outputs' error, be it known or not
+        known = Estimates(estimates.alpha, estimates.beta, None, estimates.corners)
     *of_control, q, A, lower, upper, layout, unroot = recipe.programme(
-        terms.scene, terms.dynamics, terms.precontrol, terms.nominal, estimates
+        terms.scene, terms.dynamics, terms.precontrol, terms.nominal, known
     )
     control = Affine(*of_control) if recipe.corrects_input else terms.precontrol
     qp = QuadraticProgram(q, A, lower, upper, layout, unroot)

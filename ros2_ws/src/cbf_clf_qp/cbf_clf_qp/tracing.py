@@ -31,6 +31,8 @@ from cbf_clf_qp.symbols import Array, Untraceable, ca, new_symbols, to_casadi
 TOLERANCE = 1e-9  # by which trace and function may differ, relative to the largest number of a result
 ENABLED = ca is not None and os.environ.get("CBF_CLF_QP_TRACING") != "off"
 CONSTANTS = (type(None), bool, str, Enum)
+MISFITS = (AttributeError, IndexError, TypeError, ValueError)  # of a trace to arguments
+MOST_TRACES = 8
 
 Path = tuple[Any, ...]  # an argument's number, then attributes and indices
 Function = Callable[..., Sequence[Any]]
@@ -39,12 +41,14 @@ Function = Callable[..., Sequence[Any]]
 class Traced:
     """A `function` that returns arrays, and other things that are the same at every call.
 
-    One object serves one thread; `twin` makes another with the same trace.
+    There is a trace for each structure of the arguments: what of them is None, a word, how long the tuples are. So the
+    digits do not depend on what was computed before. One object serves one thread; `twin` makes another with the same
+    traces.
     """
 
     def __init__(self, function: Function) -> None:
         self._function = function
-        self._traces: list[_Trace] = []  # of this and its twins: none, or the one
+        self._traces: list[_Trace] = []  # of this and its twins
         self._evaluation: _Evaluation | None = None
         self.reason = "" if ENABLED else "CasADi is not installed, or CBF_CLF_QP_TRACING=off"
 
@@ -55,55 +59,73 @@ class Traced:
         return twin
 
     def __call__(self, *arguments: Any) -> Sequence[Any]:
-        if self._evaluation is None:
-            return self._first(arguments)
-        try:
-            return self._evaluation(arguments)
-        except (AttributeError, IndexError, TypeError, ValueError):  # not the arguments of which there is a trace
-            return self._function(*arguments)
+        if self._evaluation is not None:
+            try:
+                return self._evaluation(arguments)
+            except MISFITS:
+                pass
+        return self._first(arguments)
 
     def _first(self, arguments: tuple[Any, ...]) -> Sequence[Any]:
+        """The first call with arguments of a structure."""
         results = self._function(*arguments)
-        if not self.reason:
+        if self.reason:
+            return results
+        try:
+            evaluation, traced = self._fitting(arguments)
+            _compare(results, traced)
+        except Exception as error:  # whatever somebody's function does with symbols
+            self.reason, self._evaluation = f"{type(error).__name__}: {error}", None
+            return results
+        self._evaluation = evaluation
+        return traced
+
+    def _fitting(self, arguments: tuple[Any, ...]) -> "tuple[_Evaluation, Sequence[Any]]":
+        """The trace for these arguments, with its results; a new one where none fits."""
+        for trace in self._traces:
+            evaluation = _Evaluation(trace)
             try:
-                if not self._traces:
-                    self._traces.append(_Trace.of(self._function, arguments))
-                evaluation = _Evaluation(self._traces[0])
-                traced = evaluation(arguments)
-                _compare(results, traced)
-                self._evaluation, results = evaluation, traced  # from the first call on the same digits
-            except Exception as error:  # whatever somebody's function does with symbols
-                self.reason = f"{type(error).__name__}: {error}"
-        return results
+                return evaluation, evaluation(arguments)
+            except MISFITS:
+                continue
+        if len(self._traces) == MOST_TRACES:
+            raise Untraceable(f"arguments of more than {MOST_TRACES} structures")
+        self._traces.append(_Trace.of(self._function, arguments))
+        evaluation = _Evaluation(self._traces[-1])
+        return evaluation, evaluation(arguments)
 
 
 @dataclass(frozen=True)
 class _Trace:
-    """CasADi's `function` of one row of numbers.
+    """CasADi's `function` of one row of numbers, for calls with `count` arguments.
 
-    `inputs`: where in the arguments these numbers are; `constants`: what else was there, and has to be; `results`: the
-    shape of each, or what is returned as it is.
+    `inputs`: where in the arguments these numbers are; `constants`: what else was there, and has to be; `lengths`: of
+    the tuples; `results`: the shape of each, or what is returned as it is.
     """
 
     function: Any
+    count: int
     inputs: list[tuple[Path, tuple[int, ...]]]
     constants: list[tuple[Path, Any]]
+    lengths: list[tuple[Path, int]]
     results: list[tuple[tuple[int, ...] | None, Any]]
 
     @classmethod
     def of(cls, function: Function, arguments: tuple[Any, ...]) -> "_Trace":
-        symbols, constants = list[tuple[Path, Array]](), list[tuple[Path, Any]]()
-        symbolic = [_symbolic((i,), value, symbols, constants) for i, value in enumerate(arguments)]
+        copier = _Copier()
+        symbolic = [copier.symbolic((i,), value) for i, value in enumerate(arguments)]
         outcome = list(function(*symbolic))
         arrays = [value for value in outcome if isinstance(value, np.ndarray)]
         row = to_casadi(np.concatenate([array.ravel() for array in arrays]))
         read = {symbol.name() for symbol in ca.symvar(row)}
-        inputs = [(path, array) for path, array in symbols if any(s.sx.name() in read for s in array.ravel())]
+        inputs = [(path, array) for path, array in copier.symbols if any(s.sx.name() in read for s in array.ravel())]
         flat = to_casadi(np.concatenate([array.ravel() for _, array in inputs]))
         return cls(
             ca.Function("traced", [flat], [row], {"cse": True}),
+            len(arguments),
             [(path, array.shape) for path, array in inputs],
-            constants,
+            copier.constants,
+            copier.lengths,
             [(value.shape, None) if isinstance(value, np.ndarray) else (None, value) for value in outcome],
         )
 
@@ -115,11 +137,13 @@ class _Evaluation:
         sizes = [int(np.prod(shape)) for _, shape in trace.inputs]
         numbers = np.zeros(sum(sizes))
         self._results = np.zeros(trace.function.numel_out())
+        self._count = trace.count
         self._inputs = [
             (path[0], _getter(path[1:]), numbers[start:end].reshape(shape), shape)
             for (path, shape), (start, end) in zip(trace.inputs, pairwise(accumulate(sizes, initial=0)), strict=True)
         ]
         self._constants = [(path[0], _getter(path[1:]), value) for path, value in trace.constants]
+        self._lengths = [(path[0], _getter(path[1:]), length) for path, length in trace.lengths]
         self._outcome, start = list[tuple[slice | None, tuple[int, ...], Any]](), 0
         for shape, value in trace.results:
             end = start + int(np.prod(shape or (0,)))
@@ -130,9 +154,14 @@ class _Evaluation:
         self._buffer.set_res(0, self._results.data)
 
     def __call__(self, arguments: tuple[Any, ...]) -> Sequence[Any]:
+        if len(arguments) != self._count:
+            raise Untraceable(f"expected {self._count} arguments")
         for number, get, value in self._constants:
             if get(arguments[number]) != value:
                 raise Untraceable(f"{value} has changed")
+        for number, get, length in self._lengths:
+            if len(get(arguments[number])) != length:
+                raise Untraceable(f"expected {length} parts")
         for number, get, place, shape in self._inputs:
             value = get(arguments[number])
             if value is None or (shape and value.shape != shape):
@@ -143,22 +172,30 @@ class _Evaluation:
         return [value if where is None else found[where].reshape(shape) for where, shape, value in self._outcome]
 
 
-def _symbolic(path: Path, value: Any, symbols: list[tuple[Path, Array]], constants: list[tuple[Path, Any]]) -> Any:
-    """A copy of `value` with symbols for all its numbers, which are noted with their paths."""
-    if isinstance(value, np.ndarray | np.number | int | float) and not isinstance(value, bool):
-        array = new_symbols(f"s{len(symbols)}", np.shape(value))
-        symbols.append((path, array))
-        return array if isinstance(value, np.ndarray) else array[()]
-    if isinstance(value, CONSTANTS):
-        constants.append((path, value))
-        return value
-    parts = dict(_parts(value))
-    copies = {key: _symbolic((*path, key), part, symbols, constants) for key, part in parts.items()}
-    if isinstance(value, tuple | list):
-        return type(value)(copies.values())
-    copy = object.__new__(type(value))
-    copy.__dict__.update(copies)
-    return copy
+class _Copier:
+    """Copies arguments with symbols for all their numbers; notes where these are, and what else there is."""
+
+    def __init__(self) -> None:
+        self.symbols: list[tuple[Path, Array]] = []
+        self.constants: list[tuple[Path, Any]] = []
+        self.lengths: list[tuple[Path, int]] = []
+
+    def symbolic(self, path: Path, value: Any) -> Any:
+        """The copy of what lies at a path."""
+        if isinstance(value, np.ndarray | np.number | int | float) and not isinstance(value, bool):
+            array = new_symbols(f"s{len(self.symbols)}", np.shape(value))
+            self.symbols.append((path, array))
+            return array if isinstance(value, np.ndarray) else array[()]
+        if isinstance(value, CONSTANTS):
+            self.constants.append((path, value))
+            return value
+        copies = {key: self.symbolic((*path, key), part) for key, part in _parts(value)}
+        if isinstance(value, tuple | list):
+            self.lengths.append((path, len(value)))
+            return type(value)(copies.values())
+        copy = object.__new__(type(value))
+        copy.__dict__.update(copies)
+        return copy
 
 
 def _parts(value: Any) -> Iterator[tuple[int | str, Any]]:

@@ -4,12 +4,14 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from cbf_clf_qp.estimates import Estimates
 from rabbit_experiments.assembly import Assembly, resolve_policy
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_viewer.page.rows import EVENTS, RowMaker
 from rabbit_viewer.walk_records import about_walk
 from rl_cbf_clf_controller.controller_output import ControllerOutput
 from rl_cbf_clf_controller.parameters import ControllerParameters
+from rl_cbf_clf_controller.policy import Policy
 from rl_cbf_clf_controller.scene import ControllerError
 
 from rabbit_play.settings import SHIPPED, SWAPPED_AT_ONCE, controller_of
@@ -17,6 +19,7 @@ from rabbit_play.settings import SHIPPED, SWAPPED_AT_ONCE, controller_of
 CLEAR_HEIGHT = 0.01  # m, of a swing foot that is well in the air
 LIMP_TICKS = 150  # of a robot that no controller moves any more, at most
 NOTHING = np.full(2, np.nan)
+NONE = Estimates.zero(1, 4)  # before the oracle nobody has estimated
 RUNNING = 1  # column of a row
 
 
@@ -33,7 +36,9 @@ class Walker:
         self._simulation, self._controller = self._assembly.build()
         self._quantities = self._controller.recipe.names
         self._about = about_walk(parameters, plant, policy, seed, "")
-        self._maker = RowMaker(self._about, self._quantities)
+        self._maker = RowMaker(self._about, self._quantities, knows_plant=True)
+        self._oracle = self._make_oracle()
+        self._true = np.full(len(self._quantities), np.nan)
         self._controller.reset(seed)
         self._state = self._simulation.reset(seed)
         self._output: ControllerOutput
@@ -97,7 +102,7 @@ class Walker:
             self._change(self._next_plant)
         if not self.fault:
             self._control()
-        self.row = self._maker.row(self._state, self._output, events)
+        self.row = self._maker.row(self._state, self._output, events, self._true)
         self.row[RUNNING] = float(not self.fault)
         self._state = self._simulation.step(self._output.torque)
         self._limp += bool(self.fault)
@@ -109,6 +114,7 @@ class Walker:
         try:
             self._output = self._controller.step(self._state)
             self.fault = self._output.fault
+            self._true = self._oracle.estimate(self._controller.terms, NONE).error(self._output.mu)
         except (ControllerError, np.linalg.LinAlgError) as error:
             self.fault = f"controller error: {error}"
         if self.fault:
@@ -123,8 +129,13 @@ class Walker:
         self._simulation.change(plant)
         self._next_plant = None
         self._assembly = replace(self._assembly, simulation=plant)
+        self._oracle = self._make_oracle()
         if self.name == "oracle":  # it knows the robot that it was made for
             self._controller.policy = self._assembly.make_policy()
+
+    def _make_oracle(self) -> Policy:
+        """What says how wrong the nominal model is, whoever controls."""
+        return replace(self._assembly, policy="oracle").make_policy()
 
     def _choice(self, name: str) -> tuple[ControllerParameters, str]:
         parameters, policy = controller_of(self._base, name)

@@ -135,6 +135,15 @@ def test_the_oracle_knows_the_robot_that_it_becomes(played: Callable[..., Played
     assert one.walk().outcomes == [("walked", 8)]
 
 
+def test_the_true_error_is_drawn_whoever_controls(played: Callable[..., Played]) -> None:
+    """It is the oracle's estimate, and not the nominal robot's, which is zero."""
+    oracle, nominal = (played(first=name, mass_scale=1.5).walk(60).rows() for name in ("oracle", "nominal"))
+    np.testing.assert_allclose(oracle["true_V"], oracle["estimated_V"], rtol=1e-5)
+    assert not np.nan_to_num(nominal["estimated_V"]).any()
+    known = np.isfinite(nominal["true_B1"]) & np.isfinite(nominal["measured_B1"])
+    assert np.corrcoef(nominal["true_B1"][known], nominal["measured_B1"][known])[0, 1] > 0.9
+
+
 def test_another_kind_of_controller_waits_for_the_reset(played: Callable[..., Played]) -> None:
     one = played().walk(5)
     one.ask(do="set", settings={**one.words["state"]["settings"], "first": "identified", "second": "l1"}, reset=True)

@@ -12,12 +12,14 @@ from rabbit_description.gait import load_gaits
 from rabbit_description.state import Array, Leg
 from rabbit_sim.kinematics import RabbitFeet
 from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.robot_urdf import perturbed_urdf
 from rabbit_sim.simulation import Simulation
 from rabbit_viewer.page.broadcast import Broadcast
 from rabbit_viewer.page.recording import fill, show_recording
 from rabbit_viewer.page.rows import POINTS, RowMaker, body_points, clf_decay
 from rabbit_viewer.walk_records import WalkRecords, about_walk
 from rl_cbf_clf_controller.controller import Controller
+from rl_cbf_clf_controller.oracle import OraclePolicy
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import ZeroPolicy
 from rl_trainer.rollout import Record, rollout
@@ -115,3 +117,20 @@ def test_a_bag_becomes_one_file(write_bag: Callable[..., Path], tmp_path: Path) 
     assert about["mode"] == "recording"
     assert about["walkers"][0]["R1"] == 1.0
     assert ended["walkers"][0]["stones"] > 0
+
+
+def test_with_exact_estimates_the_true_error_is_the_estimated_one() -> None:
+    """Of the tick before, as everything that a tick says of the model's error."""
+    gait = load_gaits(CONTROLLER.gait)
+    plant = PLANT.model_copy(update={"mass_scale": 1.5})
+    simulation, records = Simulation(plant, gait), list[Record]()
+    oracle = OraclePolicy(perturbed_urdf(plant))
+    rollout(simulation, Controller(CONTROLLER, gait, oracle), 1, records.append)
+    simulation.close()
+    maker = RowMaker(about_walk(CONTROLLER, plant, "oracle", 1, "walked"), records[0].output.quantities, True)
+    errors = [each.output.alpha @ each.output.mu + each.output.beta for each in records]
+    rows = np.array([maker.row(r.state, r.output, true=error) for r, error in zip(records, errors, strict=True)])
+    column = dict(zip(maker.columns, rows.T, strict=True))
+    for name in records[0].output.quantities:
+        np.testing.assert_array_equal(column[f"true_{name}"], column[f"estimated_{name}"])
+    assert np.isfinite(column["true_V"]).mean() > 0.9

@@ -35,8 +35,11 @@ JOINTS = 4  # outputs of the CLF
 class RowMaker:
     """Makes the rows of one walker's ticks, in order; `quantities` are the names of those that are estimated."""
 
-    def __init__(self, about: Mapping[str, Any], quantities: Sequence[str]) -> None:
-        self.columns = (*FIXED, *(f"{kind}_{name}" for kind in ("estimated", "measured") for name in quantities))
+    def __init__(self, about: Mapping[str, Any], quantities: Sequence[str], knows_plant: bool = False) -> None:
+        """`knows_plant`: `row` is given the true errors."""
+        kinds = ("estimated", "measured", "true") if knows_plant else ("estimated", "measured")
+        self.columns = (*FIXED, *(f"{kind}_{name}" for kind in kinds for name in quantities))
+        self._kinds = len(kinds)
         self._bend = float(about.get("link_bend", 0.0))
         self._limits = tuple(float(about.get(name, math.nan)) for name in ("torque_limit", "friction_coeff"))
         self._decay = clf_decay(about)
@@ -48,12 +51,13 @@ class RowMaker:
         self._step = self._touchdowns = -1
         self._start = (0, math.nan)  # of the step: tick, V
         self._stone = (math.nan, math.nan)
-        self._last: tuple[int, Array, Array] | None = None  # tick, nominal, estimated
+        self._last: tuple[int, Array, list[Array]] | None = None  # tick, nominal, errors
 
-    def row(self, state: Any, output: Any, events: int = 0) -> list[float]:
+    def row(self, state: Any, output: Any, events: int = 0, true: Array | None = None) -> list[float]:
         """Of a tick; `state` and `output` have the fields of `RobotState` and `ControllerOutput`.
 
-        `estimated_*` and `measured_*` are the errors of the nominal quantities over the tick before.
+        `true`: the errors (n,) of the nominal quantities at this tick, by the plant's own model. `estimated_*`,
+        `measured_*` and `true_*` are the errors over the tick before.
         """
         points = body_points(state.q, self._bend)
         foot = points[3 + 2 * output.stance]
@@ -69,7 +73,7 @@ class RowMaker:
             *(*self._stone, *force.tolist(), ratio),
             *(output.V, bound, *output.barriers.tolist(), output.clf_slack, output.rescue_slack),
             *output.torque.tolist(),
-            *self._errors(state.tick, output),
+            *self._errors(state.tick, output, [] if true is None else [true]),
         ]
 
     def _begin_step(self, state: Any, output: Any, foot: float) -> None:
@@ -86,13 +90,14 @@ class RowMaker:
         is_saturated = bool(np.abs(output.torque).max() > limit - ROUNDING)
         return EVENTS["saturated"] * is_saturated | EVENTS["over_cone"] * is_over
 
-    def _errors(self, tick: int, output: Any) -> list[float]:
+    def _errors(self, tick: int, output: Any, true: list[Array]) -> list[float]:
         nominal = output.nominal_a @ output.mu + output.nominal_b
         estimated = output.alpha @ output.mu + output.beta
-        last, self._last = self._last, (tick, nominal, estimated)
+        last, self._last = self._last, (tick, nominal, [estimated, *true])
         if last is None or last[0] != tick - 1:
-            return [*self._unknown, *self._unknown]
-        return [*last[2].tolist(), *(output.measured - last[1]).tolist()]
+            return self._unknown.tolist() * self._kinds
+        estimated, *true = last[2]
+        return np.concatenate([estimated, output.measured - last[1], *true]).tolist()
 
 
 def body_points(q: Array, bend: float = 0.0) -> Array:

@@ -12,7 +12,7 @@ const PANELS = [
   {title: "torque (N m)", columns: ["torque_left_hip", "torque_left_knee", "torque_right_hip", "torque_right_knee"],
     limits: (about) => [-about.torque_limit, about.torque_limit]},
   {title: "slack d, of last resort", columns: ["clf_slack", "rescue_slack"]},
-  {title: "model error", columns: ["measured", "estimated"], isError: true},
+  {title: "model error", columns: ["measured", "estimated", "true"], isError: true},
 ];
 const DASHES = [[], [6, 3], [2, 3], [8, 3, 2, 3]];
 const WORDS = {V_bound: "bound", clf_slack: "d", rescue_slack: "last resort", force_ratio: "ratio"};
@@ -60,6 +60,8 @@ export class Plots {
   }
 
   panel(panel, isLast) {
+    const quantity = this.walker.about.quantities[this.quantity];
+    if (panel.isError) panel = {...panel, columns: panel.columns.filter((kind) => this.walker.has(`${kind}_${quantity}`))};
     const box = Object.assign(document.createElement("div"), {className: "panel"});
     const title = Object.assign(document.createElement("h2"), {textContent: panel.title});
     const names = panel.columns.map((name, i) => {
@@ -72,7 +74,7 @@ export class Plots {
     title.append(...(panel.isError ? [this.quantityChooser(), ...names] : names));
     box.append(title);
     this.panels.append(box);
-    const columns = panel.isError ? panel.columns.map((kind) => `${kind}_${this.walker.about.quantities[this.quantity]}`) : panel.columns;
+    const columns = panel.isError ? panel.columns.map((kind) => `${kind}_${quantity}`) : panel.columns;
     const limits = (panel.limits?.(this.walker.about) ?? []).filter(Number.isFinite);
     const plot = new uPlot(this.options(panel, columns, limits, isLast), columns.map(() => []).concat([[]]), box);
     plot.over.addEventListener("click", () => this.clock.seek(this.clock.rowAt(plot.posToVal(plot.cursor.left, "x"))));
