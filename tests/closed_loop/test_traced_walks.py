@@ -22,7 +22,8 @@ CONTROLLERS = {
     "cbf-clf-qp": {"adaptation": "identification", "objective": "pd_centred"},
     "rl-clf-qp": {},
     "l1-clf-qp": {},
-    "robust-cbf-clf-qp": {"clf_row": "literal", "cone": "literal"},
+    "io-rl-clf-qp": {},
+    "robust-cbf-clf-qp": {},
 }
 
 
@@ -38,6 +39,7 @@ def make(name: str) -> Controller:
 def test_torques_are_the_reference_paths(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     walked: list[Record] = []
     fast = make(name)
+    fast.rehearse()  # at the gait's start, where all outputs are 0
     assert fast.model_terms == "generated code, traced by CasADi"
     terrain = fast.parameters.terrain
     plant = SimulationParameters.model_validate(
@@ -58,3 +60,19 @@ def test_torques_are_the_reference_paths(name: str, monkeypatch: pytest.MonkeyPa
             compared += 1
             np.testing.assert_allclose(found.torque, expected.torque, rtol=0, atol=1e-6)
     assert compared > 0.9 * len(walked) > 50
+
+
+@pytest.mark.parametrize("name", ["rl-cbf-clf-qp", "rl-clf-qp", "l1-clf-qp", "io-rl-clf-qp", "robust-cbf-clf-qp"])
+def test_a_rehearsed_controller_is_traced_and_walks_as_another(name: str) -> None:
+    """Bit for bit: a recording replays whatever its controller has computed before."""
+    rehearsed, other = make(name), make(name)
+    rehearsed.rehearse()
+    assert not any(traced.reason for traced in (rehearsed._terms._derived, rehearsed.recipe.programme))
+    plant = SimulationParameters.model_validate({"mass_scale": 1.2, "stones": 2, "terrain": other.parameters.terrain})
+    with closing(Simulation(plant, load_gaits(other.parameters.gait))) as simulation:
+        walked: list[Record] = []
+        rollout(simulation, other, SEED, walked.append)
+    rehearsed.reset(SEED)
+    assert len(walked) > 30
+    for record in walked:
+        assert rehearsed.step(record.state).torque.tolist() == record.output.torque.tolist()

@@ -28,7 +28,7 @@ import numpy as np
 
 from cbf_clf_qp.symbols import Array, Untraceable, ca, new_symbols, to_casadi
 
-TOLERANCE = 1e-9  # by which trace and function may differ, relative to the largest number of a result
+TOLERANCE = 1e-9  # by which trace and function may differ, relative to the largest number of all results
 ENABLED = ca is not None and os.environ.get("CBF_CLF_QP_TRACING") != "off"
 CONSTANTS = (type(None), bool, str, Enum)
 MISFITS = (AttributeError, IndexError, TypeError, ValueError)  # of a trace to arguments
@@ -223,16 +223,14 @@ def _compare(results: Sequence[Any], traced: Sequence[Any]) -> None:
     """Raise `Untraceable` where a trace gives other results."""
     if len(results) != len(traced):
         raise Untraceable("another number of results")
+    arrays = [result for result in results if isinstance(result, np.ndarray)]
+    # a result that is 0 but for rounding is as inexact as the others are large
+    scale = max((float(np.abs(each[np.isfinite(each)]).max(initial=0.0)) for each in arrays), default=0.0)
     for i, (result, found) in enumerate(zip(results, traced, strict=True)):
         if not isinstance(result, np.ndarray):
             if result is not found:
                 raise Untraceable(f"result {i} is not the same at every call: {result}")
         elif result.shape != found.shape or not np.allclose(
-            found, result, TOLERANCE, TOLERANCE * _size(result), equal_nan=True
+            found, result, TOLERANCE, TOLERANCE * scale, equal_nan=True
         ):
             raise Untraceable(f"result {i} by symbols {found}, by numbers {result}")
-
-
-def _size(values: Array) -> float:
-    """The largest finite number of an array."""
-    return float(np.abs(values[np.isfinite(values)]).max(initial=0.0))

@@ -89,6 +89,18 @@ def test_what_cannot_be_traced_is_computed_as_before(function):
     assert traced.reason
 
 
+def test_a_result_that_cancels_is_traced():
+    """0 but for rounding, which the trace need not repeat."""
+
+    def cancelling(x: np.ndarray) -> list[np.ndarray]:
+        return [x, np.array([(x @ x - x[0] * x[0]) - x[1] * x[1]])]
+
+    traced = Traced(cancelling)
+    for x in RNG.normal(size=(50, 2)) * 1e3:
+        traced(x)
+    assert traced.reason == ""
+
+
 def test_a_class_that_says_nothing_of_its_parts_cannot_be_traced():
     class Hidden:
         value = np.ones(2)

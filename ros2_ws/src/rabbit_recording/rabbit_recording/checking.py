@@ -60,6 +60,7 @@ def replay(episode: RecordedEpisode) -> Iterator[Array]:
     swaps = {swap.tick: swap for swap in episode.swaps}
     gait, zero = episode.settings[0].gait, ZeroPolicy(laws[0].problem)
     controller = Controller(laws[0], gait, zero)
+    controller.rehearse()  # as the node does
     controller.reset(episode.seed)
     for record in episode.records:
         controller.parameters = laws.get(record.state.tick, controller.parameters)
