@@ -79,7 +79,7 @@ class SpeedLimit(Cbf):
 
 BARRIER = SpeedLimit(RATE, 1e6)
 CLF = ResClf(1, 0.3, (1.0, 2.0))
-RECIPE = Recipe[Any]((Clf(CLF, 10.0), BARRIER))
+RECIPE, ERROR = Recipe[Any]((Clf(CLF, 10.0), BARRIER)), ModelError()
 UNITS = (("v", 1.5, 1.5), ("theta", 0.0, 0.2), ("omega", 0.0, 0.6))
 SCALES = (1.0, 1.0), (8.0, 8.0), (1.0, 1.0)  # of alpha, beta and their error
 PROBLEM = Problem("segway", 1, RECIPE.names, ("v", "theta", "omega"), UNITS, *SCALES, mu_unit=3.0)
@@ -89,7 +89,7 @@ class Oracle(Estimator[SimpleNamespace]):
     """The true ones."""
 
     def estimate(self, terms: Terms[SimpleNamespace], before: Estimates) -> Estimates:
-        return ModelError()(terms, dynamics(TRUE, terms.scene.x))
+        return ERROR(terms, dynamics(TRUE, terms.scene.x))
 
 
 NOMINAL = ZeroPolicy(PROBLEM)

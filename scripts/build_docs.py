@@ -52,7 +52,7 @@ def install_sphinx() -> None:
 
 
 def build() -> None:
-    """Build the site anew.
+    """Build the whole site.
 
     Raises:
         SetUpError: a command failed, Sphinx warned, or a page asks something of another host.

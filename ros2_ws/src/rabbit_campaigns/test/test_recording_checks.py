@@ -46,9 +46,9 @@ def test_a_killed_sender_may_take_one_tick_with_it(walk: Walk, write_bag: WriteB
     """It had sent the torque to the simulator, and not to the recorder."""
     cut = write_bag(tmp_path / "bag", change=without("torque", 30))
     heard = heard_of(walk)
-    killed = replace(heard, wanted=heard.wanted - {(1, 30)}, kills={1: 1})
+    killed = replace(heard, wanted=heard.wanted - {(1, 30)}, halved=frozenset({(1, 30)}))
     assert misreadings(cut, killed) == []
-    assert any("lost 1 ticks" in text for text in misreadings(cut, replace(killed, kills={2: 1})))
+    assert any("lost 1 ticks" in text for text in misreadings(cut, replace(killed, halved=frozenset({(2, 30)}))))
 
 
 def test_ticks_that_nobody_heard_are_seen(walk: Walk, write_bag: WriteBag, tmp_path: Path) -> None:

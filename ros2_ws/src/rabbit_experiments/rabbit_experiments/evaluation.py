@@ -1,7 +1,7 @@
 """Seeded runs of one assembly: a run, its figures, all its ticks; a scenario is many of them.
 
 Run i of seed s has the episode seed of the i-th child of SeedSequence(s). A reset brings plant and controller to where
-they began, so a run is the same whoever runs it, in whatever order, and a process keeps the last assembly's parts.
+they began, so a run does not depend on its process or on the runs before it. A process keeps the last assembly's parts.
 """
 
 import atexit

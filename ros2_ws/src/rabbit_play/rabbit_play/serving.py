@@ -118,7 +118,7 @@ def hear(connection: Connection, take: Callable[[bytes], object], end: Callable[
 
 
 class Lessons:
-    """Tells of the training's episodes, and has the player walk with each policy."""
+    """Shows the training's episodes on the page, and hands each policy to the player."""
 
     def __init__(self, broadcast: Broadcast, send: Callable[[bytes], None]) -> None:
         self._broadcast, self._send = broadcast, send

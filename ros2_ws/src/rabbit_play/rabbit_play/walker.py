@@ -134,7 +134,7 @@ class Walker:
             self._controller.policy = self._assembly.make_policy()
 
     def _make_oracle(self) -> Policy:
-        """What says how wrong the nominal model is, whoever controls."""
+        """Gives the true error of the nominal model under any controller."""
         return replace(self._assembly, policy="oracle").make_policy()
 
     def _choice(self, name: str) -> tuple[ControllerParameters, str]:

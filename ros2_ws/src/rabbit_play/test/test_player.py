@@ -30,7 +30,7 @@ def start_of(**changes: Any) -> Start:
 
 
 class Played:
-    """A player without a clock, and what it told."""
+    """A player without a clock, and what it has sent."""
 
     def __init__(self, **changes: Any) -> None:
         self.broadcast = Broadcast()

@@ -60,7 +60,7 @@ class Plant(Protocol):
         """Go on one tick under the commanded joint torques, shape (4,), N m."""
 
     def push(self, force: float, seconds: float) -> None:
-        """From now on push the torso's centre of mass forward with `force`, N, in place of any push under way.
+        """Push the torso's centre of mass forward with `force`, N, from now on; a push under way ends.
 
         Raises:
             ValueError: this plant cannot be pushed.

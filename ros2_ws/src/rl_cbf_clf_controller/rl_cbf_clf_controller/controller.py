@@ -71,7 +71,7 @@ class Controller:
         self.clf = make_clf(parameters)
         self._robot = IdentifiedRobot(urdf) if parameters.adaptation == "identification" else None
         estimators = (policy, self._robot) if self._robot else (policy,)
-        self.recipe = make_recipe(parameters, self.clf, estimators, constraints)
+        self.recipe = make_recipe(parameters, estimators, constraints)
         self.policy = policy
         self._terrain = find_kind(parameters.controller).terrain(parameters)
         self._start, self._steps = gait.x_start, make_steps(gait, parameters.stone_aim)

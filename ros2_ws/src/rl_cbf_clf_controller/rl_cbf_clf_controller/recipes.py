@@ -63,10 +63,8 @@ RL_CBF_CLF = Kind(RL_CBF_CLF_QP, stones, SteppingStones, learns=True)
 ROBUST_CBF_CLF = Kind(RL_CBF_CLF_QP, stones, SteppingStones, estimators=worst_case)
 
 
-def make_recipe(
-    p: Parameters, clf: ResClf, estimators: Estimators, constraints: Sequence[Constraint] = ()
-) -> Recipe[Scene]:
-    """The recipe of the controller that the parameters name, on its `clf`.
+def make_recipe(p: Parameters, estimators: Estimators, constraints: Sequence[Constraint] = ()) -> Recipe[Scene]:
+    """The recipe of the controller that the parameters name.
 
     `estimators`, `constraints`: further ones. The first estimator is the policy.
     """
@@ -74,7 +72,7 @@ def make_recipe(
     return replace(
         fixed,
         constraints=(*fixed.constraints, *constraints),
-        estimators=(*estimators, *find_kind(p.controller).estimators(p, clf)),
+        estimators=(*estimators, *find_kind(p.controller).estimators(p, make_clf(p))),
     )
 
 
@@ -92,8 +90,9 @@ def _fixed_part(p: ControllerParameters) -> Recipe[Scene]:
     )
 
 
+@lru_cache(maxsize=64)
 def make_clf(p: ControllerParameters) -> ResClf:
-    """Of RABBIT's four outputs."""
+    """Of RABBIT's four outputs; it keeps nothing from tick to tick, so one serves all who ask."""
     return ResClf(4, p.eps, (p.kp, p.kd))
 
 

@@ -1,7 +1,7 @@
 """Is a recording read rightly? `rabbit bag info` and `check` must say what a witness heard meanwhile."""
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 from rabbit_recording.bag_writer import RecordingError
@@ -20,15 +20,14 @@ class MonitorRecord:
     one's last second. `ever`: all of which it heard the state since the graph began; a controller that has just been
     started may not know of the witness yet.
     `ended`: the episodes that ended meanwhile, with their outcomes. `is_cut`: the recorder was killed.
-    `kills`: how many senders were killed in an episode, by its number. A tick may go with each: its sender has sent it
-    to one reader and not to the next.
+    `halved`: ticks in which a sender was killed. It may have sent such a tick to one reader and not to the next.
     """
 
     wanted: frozenset[Turn]
     ever: frozenset[Turn]
     ended: dict[int, str]
     is_cut: bool
-    kills: Mapping[int, int] = field(default_factory=dict)
+    halved: frozenset[Turn] = frozenset()
 
 
 def misreadings(path: Path, heard: MonitorRecord) -> list[str]:
@@ -68,7 +67,8 @@ def _of_info(listed: list[EpisodeInventory], checked: list[Checked], heard: Moni
 def _of_check(each: Checked, checked: list[Checked], heard: MonitorRecord) -> Iterator[str]:
     """Nothing is lost but with a killed sender, and at a killed recorder's end; from tick 0 on all ticks replay."""
     episode = each.episode
-    if episode.lost > heard.kills.get(episode.number, 0) and not (heard.is_cut and each is checked[-1]):
+    halved = sum(number == episode.number for number, _ in heard.halved)
+    if episode.lost > halved and not (heard.is_cut and each is checked[-1]):
         yield f"check: episode {episode.number} has lost {episode.lost} ticks"
     if each.differing:
         yield f"check: episode {episode.number} does not replay at ticks {each.differing[:3]}"

@@ -14,7 +14,6 @@ import random
 import shutil
 import signal
 import time
-from collections import Counter
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, closing
 from pathlib import Path
@@ -91,8 +90,7 @@ class FaultyGraph(CampaignGraph):
     def __init__(self, folder: Path, seed: int, hang_after: float) -> None:
         folder.mkdir(parents=True)
         self._seed = seed
-        self._kills = Counter[int]()  # of simulator and controller, by episode
-        self._halved = set[Turn]()  # ticks in which that was
+        self._halved = frozenset[Turn]()  # ticks in which simulator or controller was killed
         self._has_strangers = False  # in the present recording: messages of nobody's, which say what they like
         super().__init__(folder, f"faults_{time.time_ns()}", Processes(folder / "log"), hang_after)
 
@@ -177,11 +175,9 @@ class FaultyGraph(CampaignGraph):
                 )
                 self._walk(10)  # on
             self.processes.kill((name,))
-            if name in SENDERS:
-                self._kills[self.turn[0]] += 1
         self.spin(max(0.0 if name == SECOND else fault.seconds, DELIVERY))
-        if name in SENDERS:
-            self._halved.add(self.turn)
+        if fault.kind == "kill" and name in SENDERS:
+            self._halved |= {self.turn}  # the newest, now that all is heard that was sent
         found = {}
         if name == "trainer":
             found = self._check_disk()
@@ -247,6 +243,6 @@ class FaultyGraph(CampaignGraph):
         said = (
             None
             if has_strangers
-            else MonitorRecord(self.answered(since, before) - self._halved, seen, ended, is_cut, self._kills)
+            else MonitorRecord(self.answered(since, before) - self._halved, seen, ended, is_cut, self._halved)
         )
         return {**check_recording(path, wanted, said), "strangers": has_strangers}
