@@ -82,15 +82,15 @@ def test_every_button_does_what_it_says(chromium: Chromium, played: str) -> None
     assert force > 400
     page.click("#push-on")
     page.click("#push-back")
-    page.wait("rabbit.controls.state.settings.pushes.length === 2")
-    assert [push["force"] for push in settings(page)["pushes"]] == [force, -force]
+    page.wait("rabbit.controls.state.script.pushes.length === 2")
+    assert [push["force"] for push in page.look("rabbit.controls.state.script.pushes")] == [force, -force]
     page.click("#pause")
     page.wait("!rabbit.controls.state.paused")
     page.wait("rabbit.state.walk.walkers[0].marks.some(({kind}) => kind === 'pushed')")
     page.drag("#speed", 0.3)
     page.wait("rabbit.controls.state.speed < 0.8")
     page.click("#reset")
-    page.wait("rabbit.controls.state.settings.pushes.length === 0")
+    page.wait("rabbit.controls.state.script.pushes.length === 0")
     seed = settings(page)["seed"]
     page.click("#next")
     page.wait(f"rabbit.state.walk.about.title === 'course {seed + 1}'")
@@ -148,15 +148,15 @@ def test_keys_do_what_the_buttons_do(chromium: Chromium, played: str) -> None:
     page.press(".")
     page.wait(f"rabbit.state.walk.length === {held + 1}")
     page.press("ArrowRight")
-    page.wait("rabbit.controls.state.settings.pushes.length === 1")
+    page.wait("rabbit.controls.state.script.pushes.length === 1")
     page.press("ArrowLeft")
-    page.wait("rabbit.controls.state.settings.pushes.length === 2")
+    page.wait("rabbit.controls.state.script.pushes.length === 2")
     page.press("-")
     page.wait("rabbit.controls.state.speed === 0.5")
     page.press("+")
     page.wait("rabbit.controls.state.speed === 1")
     page.press("r")
-    page.wait("rabbit.controls.state.settings.pushes.length === 0")
+    page.wait("rabbit.controls.state.script.pushes.length === 0")
     page.press("n")
     page.wait("rabbit.state.walk.about.title === 'course 2'")
     page.press("d")
@@ -171,7 +171,10 @@ def test_three_browsers_see_the_same_and_a_link_brings_the_same_walk(chromium: C
         page.wait(DRAWN)
     one.drag("#force", 0.1)
     one.click("#push-on")
-    one.wait("rabbit.controls.state.settings.pushes.length === 1")
+    one.wait("rabbit.controls.state.script.pushes.length === 1")
+    one.wait("rabbit.state.walk.walkers[0].stones.length > 2")
+    one.drag("#payload", 0.1)
+    one.wait("rabbit.controls.state.script.changes.length === 1")
     one.wait("rabbit.state.walk.walkers[0].stones.length > 5")
     one.click("#pause")
     two.wait("rabbit.controls.state.paused")
@@ -183,12 +186,16 @@ def test_three_browsers_see_the_same_and_a_link_brings_the_same_walk(chromium: C
         page.wait(f"rabbit.state.walk.length === {rows}")
         assert page.look(hips) == one.look(hips)
     link, walked = one.look("location.href"), one.look(hips)
-    assert "pushes=" in link
+    assert "push." in link
+    assert "payload." in link
     served = Served("play", "--seed", "5", "--first", "oracle")
     try:
         there = chromium.open(served.address + "/" + link[link.index("#") :])
         there.wait(f"rabbit.state.walk.about.title === 'course 1' && rabbit.state.walk.length >= {rows}")
         assert there.look(hips)[:rows] == walked
+        there.look("location.hash = '#seed=7&options=--plant+mujoco'")  # another link, pasted
+        there.wait("rabbit.state.walk.about.title === 'course 7'")
+        assert "--plant mujoco" in there.look("document.querySelector('#notice').textContent")
     finally:
         assert served.end() == 0
     for page in (one, two, three, there):

@@ -82,7 +82,7 @@ def test_a_browsers_wish_is_done(play: Play) -> None:
         client.say({"do": "pause", "paused": True})
         client.wait(lambda client: client.words["state"]["paused"])
         settings = client.words["state"]["settings"]
-        client.say({"do": "set", "settings": {**settings, "mass_scale": 1.0, "second": "nominal"}, "reset": True})
+        client.say({"do": "begin", "script": {"settings": {**settings, "mass_scale": 1.0, "second": "nominal"}}})
         client.wait(lambda client: len(client.words["about"]["walkers"]) == 2)
         assert [walker["mass_scale"] for walker in client.words["about"]["walkers"]] == [1.0, 1.0]
     assert play.end() == (0, "")

@@ -12,6 +12,7 @@ exit code 2.
 import functools
 import inspect
 import re
+import shlex
 import sys
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
@@ -66,6 +67,15 @@ class Given:
         values = self.defaults.beneath(self.values)
         chosen = {name: info for name, info in model.model_fields.items() if name in values and name not in but}
         return {name: _split(info, values[name]) for name, info in chosen.items()}
+
+    def typed(self, but: Collection[str]) -> str:
+        """The options that were given, `but` some, as one types them."""
+        words = []
+        for name, value in sorted(self.values.items()):
+            if name not in but:
+                words += [option_name(name if value else f"no_{name}")] if isinstance(value, bool) else []
+                words += [] if isinstance(value, bool) else [option_name(name), str(value)]
+        return shlex.join(words)
 
     def over(self, values: Mapping[str, Any]) -> "Given":
         """The same, and `values` for what was not given."""

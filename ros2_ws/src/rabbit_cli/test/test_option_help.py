@@ -43,3 +43,8 @@ def test_a_commands_own_defaults_are_those_that_its_help_names() -> None:
 def test_what_a_file_says_counts_beneath_what_is_given() -> None:
     given = Given({"scale": "3"}, OWN).over({"controller": "other", "scale": 4.0})
     assert given.build(Robot) == Robot(controller="other", lag=0.004, scale=3.0)
+
+
+def test_what_was_typed_can_be_typed_again() -> None:
+    given = Given({"scale": "3", "lag": "0.1", "browser": False, "learn": True, "course": "my stones.csv"})
+    assert given.typed(but=("scale",)) == "--no-browser --course 'my stones.csv' --lag 0.1 --learn"

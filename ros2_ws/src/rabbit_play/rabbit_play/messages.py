@@ -2,54 +2,54 @@
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
+from pydantic import Field, TypeAdapter
 
-from rabbit_play.settings import Number, PlaySettings
+from rabbit_play.settings import Checked, Number, PlaySettings, Script
 
 LOAD = b"load "  # not from a browser: the path of a policy that was learned follows
 
 
-class Message(BaseModel):
-    """Exactly these fields."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class Set(Message):
+class Set(Checked):
     """Choose settings; those that need it act from the next reset."""
 
     do: Literal["set"]
     settings: PlaySettings
-    reset: bool = False
 
 
-class Reset(Message):
-    """Begin again, with the chosen settings and without pushes."""
+class Reset(Checked):
+    """Begin again, with the chosen settings."""
 
     do: Literal["reset"]
 
 
-class Pause(Message):
+class Begin(Checked):
+    """Begin again as a script says, and do what it says at its ticks."""
+
+    do: Literal["begin"]
+    script: Script
+
+
+class Pause(Checked):
     """Hold the walk, or let it go on."""
 
     do: Literal["pause"]
     paused: bool
 
 
-class Tick(Message):
+class Tick(Checked):
     """Hold the walk after one more tick."""
 
     do: Literal["tick"]
 
 
-class Speed(Message):
+class Speed(Checked):
     """Times real time."""
 
     do: Literal["speed"]
     speed: Number = Field(ge=0.05, le=4)
 
 
-class PushNow(Message):
+class PushNow(Checked):
     """Push the torsos from the next tick on."""
 
     do: Literal["push"]
@@ -57,5 +57,5 @@ class PushNow(Message):
     seconds: Number = Field(0.1, ge=0.001, le=1)
 
 
-Asked = Annotated[Set | Reset | Pause | Tick | Speed | PushNow, Field(discriminator="do")]
+Asked = Annotated[Set | Reset | Begin | Pause | Tick | Speed | PushNow, Field(discriminator="do")]
 ASKED: TypeAdapter[Asked] = TypeAdapter(Asked)

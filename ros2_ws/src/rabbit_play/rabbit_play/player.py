@@ -7,19 +7,32 @@ line, if it cannot begin.
 import json
 import struct
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import closing
 from multiprocessing.connection import Connection
 from typing import Any
 
+from pydantic import ValidationError
 from rabbit_description.gait import GaitError
 from rabbit_description.state import TICK_SECONDS
 from rabbit_experiments.assembly import AssemblyError
 from rabbit_sim.stones import CourseError
 from rl_cbf_clf_controller.weights import PolicyFileError
 
-from rabbit_play.messages import ASKED, LOAD, Asked, Pause, PushNow, Reset, Set, Speed, Tick
-from rabbit_play.settings import COURSE, MOST_PUSHES, NOBODY, SHIPPED, PlaySettings, Push, Start, controls, plant_of
+from rabbit_play.messages import ASKED, LOAD, Asked, Begin, Pause, PushNow, Reset, Set, Speed, Tick
+from rabbit_play.settings import (
+    MOST_DEEDS,
+    NOBODY,
+    PLANT_AT_ONCE,
+    ROBOTS,
+    SHIPPED,
+    PlaySettings,
+    Push,
+    Script,
+    Start,
+    controls,
+    plant_of,
+)
 from rabbit_play.walker import Walker
 
 SENT_TICKS = 3  # together
@@ -39,8 +52,8 @@ class Player:
         self._walkers: list[Walker] = []
         self._learned = "zero" if start.learns else SHIPPED
         self.is_paused, self.speed = False, 1.0
-        self._wants_reset = False
-        self.reset()
+        self._next: Script | None = None  # wanted; its settings are those chosen
+        self.reset(Script(settings=start.settings))
 
     @property
     def is_moving(self) -> bool:
@@ -57,15 +70,15 @@ class Player:
         """From one tick to the next."""
         return TICK_SECONDS / self.speed
 
-    def reset(self) -> None:
-        """Begin again with what is chosen; raises one of `UNUSABLE` where that cannot walk, and nothing changes."""
-        settings = self._chosen
+    def reset(self, script: Script) -> None:
+        """Begin again; raises one of `UNUSABLE` where that cannot walk, and nothing changes."""
+        settings = script.settings
         plant = plant_of(self._start.plant, settings)
         names = [name for name in (settings.first, settings.second) if name != NOBODY]
         base, seed = self._start.controller, settings.seed
         walkers = [Walker(name, plant, base, seed, self._learned) for name in names]
         self.close()
-        self._walkers, self._settings = walkers, settings
+        self._walkers, self._settings, self._script = walkers, settings, script
         self._tick = self._after_end = 0
         self._rows: list[float] = []
         about = {
@@ -76,6 +89,7 @@ class Player:
             "walkers": [walker.about for walker in self._walkers],
             "controls": controls(),
             "learns": self._start.learns,
+            "options": self._start.options,
         }
         self._send(b"A" + json.dumps(about).encode())
         self._say_state()
@@ -96,17 +110,15 @@ class Player:
     def tick(self) -> None:
         """Go on one tick, or to the next episode."""
         if self._after_end > AGAIN_TICKS:
-            self._wants_reset = True
             if self._chosen.again == "next course":
-                self._chosen = self._changed(seed=(self._chosen.seed + 1) % 2**31)
-        if self._wants_reset:
-            self._try_reset()
+                self._chosen = self._chosen.model_copy(update={"seed": (self._chosen.seed + 1) % 2**31})
+            self._next = Script(settings=self._chosen)
+        if self._next:
+            self._try_reset(self._next)
         if self._after_end:
             self._after_end += 1
             return
-        for push in self._settings.pushes:
-            if push.tick == self._tick:
-                self._push(push)
+        self._do_what_the_script_says()
         walking = [walker for walker in self._walkers if not walker.outcome]
         for walker in walking:
             walker.tick()
@@ -131,10 +143,10 @@ class Player:
         match asked:
             case Set():
                 self._set(asked.settings)
-                self._wants_reset |= asked.reset
             case Reset():
-                self._chosen = self._changed(pushes=())
-                self._wants_reset = True
+                self._next = Script(settings=self._chosen)
+            case Begin():
+                self._chosen, self._next = asked.script.settings, asked.script
             case Pause():
                 self.is_paused = asked.paused
             case Tick():
@@ -144,58 +156,85 @@ class Player:
                 self.speed = asked.speed
             case PushNow():
                 self._push_now(Push(tick=self._tick, force=asked.force, seconds=asked.seconds))
-        if self._wants_reset and not self.is_moving:
-            self._try_reset()
+        if self._next and not self.is_moving:
+            self._try_reset(self._next)
         self.flush()
 
-    def _try_reset(self) -> None:
-        self._wants_reset = False
+    def _try_reset(self, script: Script) -> None:
+        self._next = None
         try:
-            self.reset()
+            self.reset(script.model_copy(update={"settings": self._chosen}))
         except UNUSABLE as error:
             self._chosen = self._settings
             self.say("note", {"text": " ".join(str(error).split())})
             self._say_state()
 
     def _set(self, settings: PlaySettings) -> None:
-        self._chosen = settings
-        at_once = PlaySettings.model_fields.keys() - {"first", "second", "pushes", *COURSE}
-        in_force = {name: getattr(settings, name) for name in at_once}
-        for field, walker in zip(("first", "second"), self._walkers, strict=False):
-            name = getattr(settings, field)
-            if name != NOBODY and walker.become(name):
-                in_force[field] = name
-        before, self._settings = self._settings, self._settings.model_copy(update=in_force)
-        plants = [plant_of(self._start.plant, each) for each in (before, self._settings)]
-        if plants[0] != plants[1]:
+        """What acts at once becomes part of the script, so that the link is this walk."""
+        changes = self._act_at_once(settings)
+        try:
+            script = self._script if self._after_end else self._script.with_changes(self._tick, changes)
+        except ValidationError:
+            self.say("note", {"text": f"{MOST_DEEDS} changes are the most of one walk: reset first"})
+            return
+        again = {"again": settings.again}  # the walk is the same
+        self._script = script.model_copy(update={"settings": script.settings.model_copy(update=again)})
+        self._chosen, self._settings = settings, self._settings.model_copy(update=again)
+        self._change(changes)
+
+    def _act_at_once(self, settings: PlaySettings) -> dict[str, Any]:
+        """What of `settings` is not yet in force, and needs no reset."""
+        robots = [name for name, walker in self._robots() if walker.may_become(getattr(settings, name))]
+        wanted = {name: getattr(settings, name) for name in (*robots, *PLANT_AT_ONCE)}
+        return {name: value for name, value in wanted.items() if value != getattr(self._settings, name)}
+
+    def _change(self, changes: dict[str, Any]) -> None:
+        for name, walker in self._robots():
+            if name in changes:
+                walker.become(changes[name])
+        self._settings = self._settings.model_copy(update=changes)
+        if changes.keys() - set(ROBOTS):
             for walker in self._walkers:
-                walker.change(plants[1])
+                walker.change(plant_of(self._start.plant, self._settings))
+
+    def _robots(self) -> Iterator[tuple[str, Walker]]:
+        return zip(ROBOTS, self._walkers, strict=False)
 
     def _push_now(self, push: Push) -> None:
-        if self._after_end or len(self._settings.pushes) == MOST_PUSHES:
+        if self._after_end:
             return
-        pushes = (*self._settings.pushes, push)
-        self._settings, self._chosen = (s.model_copy(update={"pushes": pushes}) for s in (self._settings, self._chosen))
+        try:
+            self._script = self._script.with_push(push)
+        except ValidationError:
+            self.say("note", {"text": f"{MOST_DEEDS} pushes are the most of one walk: reset first"})
 
-    def _push(self, push: Push) -> None:
-        for walker in self._walkers:
-            walker.push(push.force, push.seconds)
+    def _do_what_the_script_says(self) -> None:
+        """At this tick. What a person changed before it is in force already."""
+        changes = self._act_at_once(self._settings.model_copy(update=self._script.changed_at(self._tick)))
+        if changes:
+            self._chosen = self._chosen.model_copy(update=changes)
+            self._change(changes)
+            self._say_state()
+        for push in self._script.pushes:
+            if push.tick == self._tick:
+                for walker in self._walkers:
+                    walker.push(push.force, push.seconds)
 
     def _load(self, path: str) -> None:
         """Walk on with what was learned."""
         self._learned = path
         for walker in self._walkers:
             walker.learned = path
-            if walker.name == "learned" and walker.become("learned"):
+            if walker.name == "learned":
+                walker.become("learned")
                 self.say("swap", {"tick": self._tick, "version": walker.policy_version})
-
-    def _changed(self, **changes: Any) -> PlaySettings:
-        return self._chosen.model_copy(update=changes)
 
     def _say_state(self) -> None:
         chosen, in_force = (settings.model_dump(mode="json") for settings in (self._chosen, self._settings))
-        waiting = [name for name in chosen if chosen[name] != in_force[name] and name != "pushes"]
-        self.say("state", {"settings": chosen, "waiting": waiting, "paused": self.is_paused, "speed": self.speed})
+        waiting = [name for name in chosen if chosen[name] != in_force[name]]
+        script = self._script.model_dump(mode="json")
+        word = {"settings": chosen, "waiting": waiting, "paused": self.is_paused, "speed": self.speed}
+        self.say("state", {**word, "script": script})
 
     def _say_ended(self) -> None:
         ended = [{"outcome": walker.outcome, "stones": walker.stones} for walker in self._walkers]

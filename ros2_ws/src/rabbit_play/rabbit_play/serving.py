@@ -19,7 +19,7 @@ from rabbit_viewer.page.export import write_page
 from rabbit_viewer.page.server import refused, serve_until
 
 from rabbit_play.learning import learn
-from rabbit_play.messages import ASKED, LOAD, PushNow, Set
+from rabbit_play.messages import ASKED, LOAD, Begin, PushNow, Set
 from rabbit_play.settings import Start, plant_of
 
 ENDING_SECONDS = 2.0
@@ -41,11 +41,13 @@ class Door:
         """Empty, or why the message is refused."""
         try:
             asked = ASKED.validate_json(message)
-            if isinstance(asked, Set):
-                plant_of(self._start.plant, asked.settings)
+            if isinstance(asked, Set | Begin):
+                settings = asked.settings if isinstance(asked, Set) else asked.script.settings
+                plant_of(self._start.plant, settings)
         except ValidationError as error:
             return refused(fault(error))
-        if isinstance(asked, PushNow) and self._start.plant.plant == "rigid":
+        pushes = isinstance(asked, PushNow) or (isinstance(asked, Begin) and asked.script.pushes)
+        if pushes and self._start.plant.plant == "rigid":
             return "push: expected the plant pybullet or mujoco"
         self._send(asked.model_dump_json().encode())
         return ""

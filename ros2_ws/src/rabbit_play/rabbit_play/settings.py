@@ -4,9 +4,11 @@ The parameters of the command line are beneath them: `plant_of(base, settings)` 
 walks. A field's `when` says whether a change acts at once or from the next reset.
 """
 
+from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, field_validator
+from rabbit_cli.options import fault
 from rabbit_sim.parameters import SUBSTEP_SECONDS, SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
@@ -31,27 +33,30 @@ CONTROLLERS: dict[str, tuple[dict[str, Any], str]] = {  # changed parameters, po
     "l1": ({"controller": "l1-clf-qp"}, "zero"),
 }
 SWAPPED_AT_ONCE = {"nominal", "learned", "oracle"}  # the same controller with another policy
-COURSE = {"l_min_std", "stone_width", "stones", "seed"}  # drawn at a reset
-MOST_PUSHES = 50
+ROBOTS = ("first", "second")
+PLANT_AT_ONCE = (  # the other settings of the plant are its course, drawn at a reset
+    "mass_scale",
+    "payload",
+    "ground_friction",
+    "motor_power",
+    "motor_lag",
+    "torque_delay",
+    "velocity_noise",
+)
+MOST_DEEDS = 50  # pushes of a walk, and as many changes
 NOW: dict[str, Any] = {"when": "now"}
 NEXT: dict[str, Any] = {"when": "reset"}
 Number = Annotated[float, Field(allow_inf_nan=False)]
 
 
-class Push(BaseModel):
-    """On the torso from tick `tick` on."""
+class Checked(BaseModel):
+    """Exactly these fields."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    tick: int = Field(ge=0, le=1_000_000)
-    force: Number = Field(ge=-1000, le=1000)  # N
-    seconds: Number = Field(ge=0.001, le=1)
 
-
-class PlaySettings(BaseModel):
-    """Flat and checked; `title`, unit and step are for the page."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
+class PlaySettings(Checked):
+    """Flat; `title`, unit and step are for the page."""
 
     first: Choice = Field("learned", title="controller", json_schema_extra=NOW)
     second: OtherChoice = Field("nominal", title="on the same course", json_schema_extra=NOW)
@@ -77,16 +82,65 @@ class PlaySettings(BaseModel):
     stones: int = Field(20, ge=1, le=200, title="stones", json_schema_extra=NEXT)
     seed: int = Field(1, ge=0, le=2**31 - 1, title="course", json_schema_extra=NEXT)
     again: Literal["wait", "same course", "next course"] = Field("wait", title="at the end", json_schema_extra=NOW)
-    pushes: tuple[Push, ...] = Field((), max_length=MOST_PUSHES)
+
+
+class Push(Checked):
+    """On the torso from tick `tick` on."""
+
+    tick: int = Field(ge=0, le=1_000_000)
+    force: Number = Field(ge=-1000, le=1000)  # N
+    seconds: Number = Field(ge=0.001, le=1)
+
+
+class Change(Checked):
+    """A setting that has another value from tick `tick` on."""
+
+    tick: int = Field(ge=0, le=1_000_000)
+    name: Literal[*ROBOTS, *PLANT_AT_ONCE]  # type: ignore[valid-type]
+    value: float | str
+
+    @field_validator("value")
+    @classmethod
+    def _is_one_of_its_setting(cls, value: float | str, info: ValidationInfo) -> Any:
+        if "name" not in info.data:
+            return value
+        name = info.data["name"]
+        try:
+            return getattr(PlaySettings.model_validate({name: value}), name)
+        except ValidationError as error:
+            raise ValueError(fault(error)) from error
+
+
+class Script(Checked):
+    """All that makes a played walk: the settings at its start, and what is done at which tick."""
+
+    settings: PlaySettings
+    pushes: tuple[Push, ...] = Field((), max_length=MOST_DEEDS)
+    changes: tuple[Change, ...] = Field((), max_length=MOST_DEEDS)
+
+    def changed_at(self, tick: int) -> dict[str, Any]:
+        """What changes at a tick, by name."""
+        return {change.name: change.value for change in self.changes if change.tick == tick}
+
+    def with_changes(self, tick: int, values: Mapping[str, Any]) -> "Script":
+        """The same, and `values` from `tick` on; raises `ValidationError` where these are too many."""
+        kept = [change for change in self.changes if change.tick != tick or change.name not in values]
+        new = [Change(tick=tick, name=name, value=value) for name, value in values.items()]
+        return Script(settings=self.settings, pushes=self.pushes, changes=(*kept, *new))
+
+    def with_push(self, push: Push) -> "Script":
+        """The same, and a push; raises `ValidationError` where these are too many."""
+        return Script(settings=self.settings, pushes=(*self.pushes, push), changes=self.changes)
 
 
 class Start(BaseModel):
-    """What is played: the settings, and the parameters beneath them."""
+    """What is played: the settings, and the parameters beneath them; `options` as they were typed."""
 
     settings: PlaySettings
     plant: SimulationParameters
     controller: ControllerParameters
     learns: bool = False
+    options: str = ""
 
 
 def plant_of(base: SimulationParameters, settings: PlaySettings) -> SimulationParameters:
@@ -112,11 +166,7 @@ def controller_of(base: ControllerParameters, name: str) -> tuple[ControllerPara
 
 
 def controls() -> list[dict[str, Any]]:
-    """What the page shows of each field but `pushes`: name, title, choices or bounds, step, unit, when it acts."""
+    """What the page shows of each setting: name, title, choices or bounds, step, unit, when it acts."""
     fields = PlaySettings.model_json_schema()["properties"]
     shown = ("title", "enum", "minimum", "maximum", "step", "unit", "when", "type", "default")
-    return [
-        {"name": name, **{key: schema[key] for key in shown if key in schema}}
-        for name, schema in fields.items()
-        if name != "pushes"
-    ]
+    return [{"name": name, **{key: schema[key] for key in shown if key in schema}} for name, schema in fields.items()]

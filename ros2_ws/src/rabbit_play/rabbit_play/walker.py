@@ -73,15 +73,16 @@ class Walker:
             self._simulation.push(force, seconds)
             self._pushed_until = self._state.tick + round(seconds * 100)
 
-    def become(self, name: str) -> bool:
-        """Walk on with another controller; False where that needs a reset."""
-        if not {name, self.name} <= SWAPPED_AT_ONCE:
-            return name == self.name
+    def may_become(self, name: str) -> bool:
+        """Whether it can walk on with that controller, or needs a reset."""
+        return {name, self.name} <= SWAPPED_AT_ONCE
+
+    def become(self, name: str) -> None:
+        """Walk on with another controller, see `may_become`."""
         parameters, policy = self._choice(name)
         self._assembly = replace(self._assembly, policy=resolve_policy(policy, parameters))
         self._controller.policy = self._assembly.make_policy()  # between two ticks
         self.name, self._swapped = name, True
-        return True
 
     def change(self, plant: SimulationParameters) -> None:
         """Walk on with another robot, once its swing foot is in the air."""

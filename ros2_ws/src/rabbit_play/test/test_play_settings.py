@@ -5,7 +5,16 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 from rabbit_play.messages import ASKED
-from rabbit_play.settings import CONTROLLERS, PlaySettings, controller_of, controls, plant_of, settings_of
+from rabbit_play.settings import (
+    CONTROLLERS,
+    PLANT_AT_ONCE,
+    ROBOTS,
+    PlaySettings,
+    controller_of,
+    controls,
+    plant_of,
+    settings_of,
+)
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
@@ -37,7 +46,9 @@ def test_every_choice_is_a_controller(name: str) -> None:
 
 def test_the_page_gets_each_field_with_bounds_or_choices() -> None:
     described = {control["name"]: control for control in controls()}
-    assert described.keys() == PlaySettings.model_fields.keys() - {"pushes"}
+    assert described.keys() == PlaySettings.model_fields.keys()
+    at_once = {name for name, control in described.items() if control["when"] == "now"}
+    assert at_once == {*ROBOTS, *PLANT_AT_ONCE, "again"}
     for control in described.values():
         assert control["title"]
         assert control["when"] in ("now", "reset")
@@ -50,7 +61,11 @@ def test_the_page_gets_each_field_with_bounds_or_choices() -> None:
         {"do": "set", "settings": {"mass_scale": 99}},
         {"do": "set", "settings": {"first": "none"}},
         {"do": "set", "settings": {"colour": "red"}},
-        {"do": "set", "settings": {"pushes": [{"tick": 0, "force": 1, "seconds": 0.1}] * 51}},
+        {"do": "begin", "script": {"settings": {}, "pushes": [{"tick": 0, "force": 1, "seconds": 0.1}] * 51}},
+        {"do": "begin", "script": {"settings": {}, "changes": [{"tick": 0, "name": "payload", "value": 1}] * 51}},
+        {"do": "begin", "script": {"settings": {}, "changes": [{"tick": 0, "name": "payload", "value": -1}]}},
+        {"do": "begin", "script": {"settings": {}, "changes": [{"tick": 0, "name": "first", "value": "none"}]}},
+        {"do": "begin", "script": {"settings": {}, "changes": [{"tick": 0, "name": "stones", "value": 3}]}},
         {"do": "push", "force": 1e9},
         {"do": "push", "force": "nan"},
         {"do": "speed", "speed": 0},

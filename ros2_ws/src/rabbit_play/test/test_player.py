@@ -13,9 +13,10 @@ import pytest
 from rabbit_description.state import Array
 from rabbit_play.player import Player
 from rabbit_play.serving import Door, tell, write_play
-from rabbit_play.settings import PlaySettings, Start, controls
+from rabbit_play.settings import MOST_DEEDS, Change, PlaySettings, Push, Script, Start, controls
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_viewer.page.broadcast import Broadcast
+from rabbit_viewer.page.server import LONGEST_MESSAGE
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
 BASE = SimulationParameters(stop_at_miss=False, fall_height=0.35)
@@ -39,6 +40,10 @@ class Played:
     def ask(self, **message: Any) -> None:
         """As the server passes it on."""
         self.player.take(json.dumps(message).encode())
+
+    def choose(self, **settings: Any) -> None:
+        """As a person does, on the page."""
+        self.ask(do="set", settings={**self.words["state"]["settings"], **settings})
 
     def walk(self, ticks: int = 10_000) -> "Played":
         """So many ticks, or to the end."""
@@ -97,26 +102,69 @@ def test_the_same_settings_are_the_same_fall(played: Callable[..., Played]) -> N
     assert one.broadcast.known == two.broadcast.known
 
 
-def test_a_link_with_pushes_is_the_same_walk(played: Callable[..., Played]) -> None:
-    pushed = played().walk(30)
-    pushed.ask(do="push", force=250, seconds=0.1)
-    pushed.walk()
-    link = pushed.words["state"]["settings"]
-    assert link["pushes"] == [{"tick": 30, "force": 250, "seconds": 0.1}]
-    again, still = played(**link).walk(), played().walk()
-    np.testing.assert_array_equal(again.rows()["hip_x"], pushed.rows()["hip_x"])
-    assert not np.array_equal(still.rows()["hip_x"], pushed.rows()["hip_x"])
-    events = pushed.rows()["events"].astype(int)
+def test_a_link_is_the_same_walk_with_all_that_was_done_to_it(played: Callable[..., Played]) -> None:
+    """In a second player, started with other settings, every number of every tick is the same."""
+    one = played(second="oracle", stones=6).walk(30)
+    one.ask(do="push", force=120, seconds=0.1)
+    one.walk(20)
+    one.choose(mass_scale=1.7, payload=4, stone_width=0.2, again="same course")
+    one.walk(25)
+    one.choose(first="nominal", velocity_noise=0.1)
+    one.walk()
+    script = one.words["state"]["script"]
+    assert script["pushes"] == [{"tick": 30, "force": 120, "seconds": 0.1}]
+    assert [(change["tick"], change["name"], change["value"]) for change in script["changes"]] == [
+        (50, "mass_scale", 1.7),
+        (50, "payload", 4),
+        (75, "first", "nominal"),
+        (75, "velocity_noise", 0.1),
+    ]
+    two = played(mass_scale=1.0, seed=9).walk(10)
+    two.ask(do="begin", script=script)
+    two.walk()
+    assert two.broadcast.known[1] == one.broadcast.known[1]
+    assert two.words["state"]["script"] == script
+    events = one.rows()["events"].astype(int)
     assert np.flatnonzero(events & 4).tolist() == list(range(30, 40))
-    pushed.ask(do="reset")
-    pushed.walk()
-    np.testing.assert_array_equal(pushed.rows()["hip_x"], still.rows()["hip_x"])
+    assert np.flatnonzero(events & 8).tolist() == [75]
+
+
+def test_a_reset_begins_with_the_settings_and_without_what_was_done(played: Callable[..., Played]) -> None:
+    one = played().walk(30)
+    one.ask(do="push", force=250, seconds=0.1)
+    one.choose(mass_scale=1.5)
+    one.walk()
+    one.ask(do="reset")
+    one.walk()
+    script = one.words["state"]["script"]
+    assert (script["settings"]["mass_scale"], script["pushes"], script["changes"]) == (1.5, [], [])
+    np.testing.assert_array_equal(one.rows()["hip_x"], played(mass_scale=1.5).walk().rows()["hip_x"])
+
+
+def test_the_newest_of_several_choices_between_two_ticks_is_in_the_link(played: Callable[..., Played]) -> None:
+    one = played().walk(10)
+    for payload in (5, 10, 0, 20):
+        one.choose(payload=payload)
+    assert one.words["state"]["script"]["changes"] == [{"tick": 10, "name": "payload", "value": 20}]
+
+
+def test_a_walk_takes_no_more_changes_and_pushes_than_its_link(played: Callable[..., Played]) -> None:
+    one = played()
+    for _ in range(MOST_DEEDS + 1):
+        one.ask(do="push", force=1, seconds=0.1)
+    assert "50 pushes" in one.words["note"]["text"]
+    for payload in range(1, MOST_DEEDS + 2):
+        one.choose(payload=payload)
+        one.player.tick()
+    assert "50 changes" in one.words["note"]["text"]
+    state = one.words["state"]
+    assert state["settings"]["payload"] == MOST_DEEDS
+    assert len(json.dumps({"do": "begin", "script": state["script"]})) < LONGEST_MESSAGE
 
 
 def test_policy_and_robot_change_at_once_and_the_course_from_the_next_reset(played: Callable[..., Played]) -> None:
     one = played(mass_scale=1.0).walk(30)
-    settings = {**one.words["state"]["settings"], "first": "nominal", "mass_scale": 2.0, "stone_width": 0.1}
-    one.ask(do="set", settings=settings)
+    one.choose(first="nominal", mass_scale=2.0, stone_width=0.1)
     assert one.words["state"]["waiting"] == ["stone_width"]
     one.walk(2)
     assert one.rows()["events"].astype(int)[30] & 8
@@ -131,7 +179,7 @@ def test_policy_and_robot_change_at_once_and_the_course_from_the_next_reset(play
 
 def test_the_oracle_knows_the_robot_that_it_becomes(played: Callable[..., Played]) -> None:
     one = played(first="oracle", mass_scale=1.0, stones=8).walk(60)
-    one.ask(do="set", settings={**one.words["state"]["settings"], "mass_scale": 2.0})
+    one.choose(mass_scale=2.0)
     assert one.walk().outcomes == [("walked", 8)]
 
 
@@ -146,7 +194,9 @@ def test_the_true_error_is_drawn_whoever_controls(played: Callable[..., Played])
 
 def test_another_kind_of_controller_waits_for_the_reset(played: Callable[..., Played]) -> None:
     one = played().walk(5)
-    one.ask(do="set", settings={**one.words["state"]["settings"], "first": "identified", "second": "l1"}, reset=True)
+    one.choose(first="identified", second="l1")
+    assert one.words["state"]["waiting"] == ["first", "second"]
+    one.ask(do="reset")
     one.walk(1)
     assert [walker["name"] for walker in one.words["about"]["walkers"]] == ["identified", "l1"]
 
@@ -196,13 +246,22 @@ def bad_message(rng: random.Random, good: list[str]) -> str:
     where = message
     if kind == 2 and "settings" in message:
         where = message["settings"]
+    if kind == 2 and "script" in message:
+        script = message["script"]
+        where = rng.choice([script, script["settings"], script["pushes"][0], script["changes"][0]])
     name = rng.choice([*where, "do", "extra", "__class__", ""])
     where[name] = rng.choice(values)
     return json.dumps(message) if kind < 4 else json.dumps([message] * rng.randrange(1, 4))
 
 
+SCRIPT = Script(
+    settings=PlaySettings(),
+    pushes=(Push(tick=5, force=100, seconds=0.1),),
+    changes=(Change(tick=9, name="payload", value=3),),
+)
 GOOD = [
     json.dumps({"do": "set", "settings": PlaySettings().model_dump(mode="json")}),
+    json.dumps({"do": "begin", "script": SCRIPT.model_dump(mode="json")}),
     json.dumps({"do": "push", "force": 100, "seconds": 0.1}),
     json.dumps({"do": "speed", "speed": 1}),
     json.dumps({"do": "pause", "paused": True}),
@@ -236,7 +295,8 @@ def test_what_the_plant_refuses_is_refused_at_the_door() -> None:
     assert "expected at most 0.9 m" in Door(far, lambda _: None)(json.dumps(wide))
     push = '{"do": "push", "force": 10}'
     rigid = start_of().model_copy(update={"plant": BASE.model_copy(update={"plant": "rigid"})})
-    assert "expected the plant pybullet or mujoco" in Door(rigid, lambda _: None)(push)
+    for pushed in (push, json.dumps({"do": "begin", "script": SCRIPT.model_dump(mode="json")})):
+        assert "expected the plant pybullet or mujoco" in Door(rigid, lambda _: None)(pushed)
     assert not Door(start_of(), lambda _: None)(push)
 
 
@@ -257,7 +317,7 @@ def any_settings(rng: random.Random) -> dict[str, Any]:
 def test_whatever_is_chosen_the_player_goes_on(played: Callable[..., Played]) -> None:
     rng, one = random.Random(5), played()
     for _ in range(15):
-        one.ask(do="set", settings=any_settings(rng), reset=True)
+        one.ask(do="begin", script={"settings": any_settings(rng)})
         for tick in range(60):
             one.player.tick()
             if tick % 20 == 10:

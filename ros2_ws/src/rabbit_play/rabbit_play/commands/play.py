@@ -9,12 +9,14 @@ from rabbit_sim.parameters import SimulationParameters
 from rabbit_viewer.page.address import PORT
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
-from rabbit_play.settings import Choice, OtherChoice
+from rabbit_play.settings import Choice, OtherChoice, PlaySettings
 
 DEFAULTS = Defaults(
     always={"motor_lag": 0.004, "mass_scale": 2.0, "stop_at_miss": False, "fall_height": 0.35},
 )
 CHOSEN = ("controller", "adaptation")  # by --first and --second
+IN_THE_LINK = (*PlaySettings.model_fields, "motor_loss")
+UNIMPORTANT = ("port", "browser", "export")  # for the walk
 
 app = typer.Typer(add_completion=False)
 
@@ -51,7 +53,8 @@ def play(given: Given) -> None:
     with complaints(PageError, PlayError, GaitError, CourseError):
         again = "same course" if chosen.learn else "wait"
         settings = settings_of(plant, first=chosen.first, second=chosen.second, seed=chosen.seed, again=again)
-        start = Start(settings=settings, plant=plant, controller=controller, learns=chosen.learn)
+        options = given.typed(but={*IN_THE_LINK, *UNIMPORTANT})
+        start = Start(settings=settings, plant=plant, controller=controller, learns=chosen.learn, options=options)
         if chosen.export:
             print(write_play(start, chosen.export))
         else:

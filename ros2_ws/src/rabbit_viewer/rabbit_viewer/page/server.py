@@ -24,7 +24,7 @@ from rabbit_viewer.page.broadcast import Broadcast
 from rabbit_viewer.page.export import page_with
 from rabbit_viewer.page.files import SAVED, SOCKET, find_file
 
-LONGEST_MESSAGE = 4096  # bytes, from a browser
+LONGEST_MESSAGE = 8192  # bytes, from a browser
 MOST_BROWSERS = 32
 MOST_MESSAGES = 50  # of a browser in a second
 SEND_SECONDS = 0.02  # between two messages to a browser, at least

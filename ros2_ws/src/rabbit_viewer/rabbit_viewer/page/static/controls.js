@@ -9,7 +9,8 @@ export class Controls {
     this.isLinked = false;
   }
 
-  build(description) {
+  build(description, options) {
+    this.options = options;
     if (this.fields.size) return;
     this.section.hidden = false;
     this.section.append(this.actions());
@@ -26,7 +27,7 @@ export class Controls {
     };
     this.pause = button("pause", "Pause", "hold, go on (space)", () => ({do: "pause", paused: !this.state.paused}));
     button("tick", "Tick", "one tick (.)", () => ({do: "tick"}));
-    button("reset", "Reset", "again, without pushes (r)", () => ({do: "reset"}));
+    button("reset", "Reset", "again, with these settings (r)", () => ({do: "reset"}));
     button("next", "Next course", "another course (n)", () => this.another());
     button("push-back", "Push back", "(left)", () => ({do: "push", force: -this.force, seconds: 0.1}));
     button("push-on", "Push on", "(right)", () => ({do: "push", force: this.force, seconds: 0.1}));
@@ -40,7 +41,7 @@ export class Controls {
   }
 
   another() {
-    return {do: "set", settings: {...this.state.settings, pushes: [], seed: (this.state.settings.seed + 1) % 2 ** 31}, reset: true};
+    return {do: "begin", script: {settings: {...this.state.settings, seed: (this.state.settings.seed + 1) % 2 ** 31}}};
   }
 
   slider(name, title, min, max, step, value, unit, onchange) {
@@ -96,32 +97,43 @@ export class Controls {
     if (this.isLinked) history.replaceState(null, "", this.link());
   }
 
-  // a link sets all that it names, once, and begins again
+  // begins again as the link in the address bar says, if this is another walk; what the link alone cannot bring
   follow() {
-    const wanted = fromLink(location.hash, this.state.settings);
+    const {script: known} = this.state, {settings, pushes, changes, options} = fromLink(location.hash, known.settings);
+    const wanted = {settings: {...known.settings, ...settings}, pushes, changes};
     this.isLinked = true;
-    const differs = Object.keys(wanted).some((name) => JSON.stringify(wanted[name]) !== JSON.stringify(this.state.settings[name]));
-    if (differs) this.send({do: "set", settings: {...this.state.settings, pushes: [], ...wanted}, reset: true});
+    if (location.hash && toLink(wanted, "") !== toLink(known, "")) this.send({do: "begin", script: wanted});
     else history.replaceState(null, "", this.link());
+    if (!location.hash || (options === this.options && !options.includes("--learn"))) return "";
+    const command = (words) => `"rabbit play${words && ` ${words}`}"`;
+    const policy = options.includes("--learn") ? "; what was learned there is not in it" : "";
+    return `this link is of ${command(options)}, this page of ${command(this.options)}${policy}: the walk may differ`;
   }
 
   link() {
-    const {pushes, ...rest} = this.state.settings;
-    const words = new URLSearchParams(rest);
-    if (pushes.length) words.set("pushes", pushes.map(({tick, force, seconds}) => `${tick}_${force}_${seconds}`).join("~"));
-    return `${location.pathname}#${words}`;
+    return `${location.pathname}#${toLink(this.state.script, this.options)}`;
   }
 }
 
-export function fromLink(hash, known) {
-  const wanted = {};
-  for (const [name, text] of new URLSearchParams(hash.slice(1))) {
-    if (name === "pushes") {
-      wanted.pushes = text.split("~").map((push) => {
-        const [tick, force, seconds] = push.split("_").map(Number);
-        return {tick, force, seconds};
-      });
-    } else wanted[name] = typeof known[name] === "number" ? Number(text) : text;
+// mass_scale=2, of the start; mass_scale.30=2.5 and push.30=200_0.1, at tick 30
+function toLink({settings, pushes, changes}, options) {
+  const words = new URLSearchParams(settings);
+  for (const {tick, force, seconds} of pushes) words.append(`push.${tick}`, `${force}_${seconds}`);
+  for (const {tick, name, value} of changes) words.append(`${name}.${tick}`, value);
+  if (options) words.set("options", options);
+  return words.toString();
+}
+
+function fromLink(hash, known) {
+  const wanted = {settings: {}, pushes: [], changes: [], options: ""};
+  for (const [key, text] of new URLSearchParams(hash.slice(1))) {
+    const [name, tick] = key.split("."), value = typeof known[name] === "number" ? Number(text) : text;
+    if (key === "options") wanted.options = text;
+    else if (tick === undefined) wanted.settings[name] = value;
+    else if (name === "push") {
+      const [force, seconds] = text.split("_").map(Number);
+      wanted.pushes.push({tick: Number(tick), force, seconds});
+    } else wanted.changes.push({tick: Number(tick), name, value});
   }
   return wanted;
 }

@@ -39,7 +39,7 @@ const HANDLERS = {
     if (!source.isLive) return;
     controls.show(message);
     by("link").hidden = false;
-    if (!controls.isLinked) controls.follow();
+    if (!controls.isLinked) follow();
   },
   ended(message) {
     state.ended = message.walkers;
@@ -71,7 +71,7 @@ function begin(about) {
   clock.begin(state.walk, source.isLive && about.mode !== "recording");
   timeline.begin();
   plots.begin(state.walk);
-  if (about.controls && source.isLive) controls.build(about.controls);
+  if (about.controls && source.isLive) controls.build(about.controls, about.options);
   if (about.control && source.isLive) graph.build();
 }
 
@@ -84,10 +84,15 @@ function connected(is) {
   if (is) by("notice").hidden = true;
 }
 
-function notice(text, role = "status") {
+function notice(text, role = "status", seconds = 6) {
   Object.assign(by("notice"), {textContent: text, hidden: false, role});
   clearTimeout(state.timer);
-  state.timer = setTimeout(() => { by("notice").hidden = true; }, 6000);
+  state.timer = setTimeout(() => { by("notice").hidden = true; }, 1000 * seconds);
+}
+
+function follow() {
+  const missing = controls.follow();
+  if (missing) notice(missing, "alert", 60);
 }
 
 function picture(now) {
@@ -152,6 +157,7 @@ by("keys").querySelector("table").append(...Object.entries(KEYS).map(([name, [te
   return line;
 }));
 addEventListener("keydown", key);
+addEventListener("hashchange", () => controls.state && follow()); // another link in the address bar
 addEventListener("resize", () => { state.isDirty = true; });
 onTheme(() => { state.isDirty = true; });
 legend();
