@@ -10,18 +10,14 @@ import numpy as np
 from rabbit_description.state import Array, Leg
 
 from rabbit_sim.actuation import Actuation, JointDamping
+from rabbit_sim.ground import Ground
 from rabbit_sim.kinematics import RabbitFeet
 from rabbit_sim.parameters import SUBSTEP_SECONDS, SimulationParameters
 from rabbit_sim.plant import CONTACT_FORCE, SUBSTEPS, PlantReading, Span
 from rabbit_sim.robot_urdf import perturbed_urdf
 from rabbit_sim.touchdown_detector import Feet, TouchdownDetector
 
-FOOT_RADIUS = 0.002  # m, of the URDF's foot sphere: a foot's centre at z = 0 stands on a top at -FOOT_RADIUS
 STONE_DEPTH = 1.0  # m
-# A foot's rubber. A rigid contact has two answers where friction carries the leg (Painleve): an engine's iteration
-# starts at no force and may stay there, so a standing foot lets go. Compliance leaves the one that presses.
-CONTACT_STIFFNESS = 1e6  # N/m
-CONTACT_DAMPING = 3e4  # N s/m; impacts are inelastic: with less the rubber throws the foot back
 
 JointStates = tuple[list[float], list[float]]  # q, dq: seven each
 
@@ -50,6 +46,11 @@ class EnginePlant(ABC):
         self._contact = np.array([stance is Leg.LEFT, stance is Leg.RIGHT])
         self._watch = TouchdownDetector(self._locate_feet)
         self._feet = self._locate_feet()
+
+    def set_stones(self, spans: Sequence[Span]) -> None:
+        """See `Plant`."""
+        self._place(spans)
+        self._watch.ground = Ground(spans)
 
     def advance(self, command: Array) -> None:
         """One tick under `command` (4,), N m."""
@@ -94,7 +95,7 @@ class EnginePlant(ABC):
         return self._states
 
     @abstractmethod
-    def set_stones(self, spans: Sequence[Span]) -> None:
+    def _place(self, spans: Sequence[Span]) -> None:
         """Have exactly these boxes. Wider by the foot's radius, so that a foot's centre on the edge still stands."""
 
     @abstractmethod

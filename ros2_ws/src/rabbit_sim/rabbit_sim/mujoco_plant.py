@@ -5,8 +5,8 @@ stone is a box. A contact's force and acceleration obey, inside an elliptic fric
 
     r'' + R force = -b r' - k r,    R = 1 / m    where the impedance is 1/2; m: MuJoCo's estimate of the leg's mass
 
-so a resting foot stands on a rubber of stiffness m k and damping m b. They are those of `engine_plant.py`, but that b
-is at most 1 / substep: friction has the same b, and would swing with a larger one. (So the damping is 1.3e4 N s/m at
+so a resting foot stands on a spring of stiffness m k and damping m b. They are the parameters', but that b is at most
+1 / substep: friction has the same b, and would swing with a larger one. (So the damping is 1.3e4 N s/m at
 mass scale 1.) MuJoCo's default impedance, near 1, is over a hundred times as stiff: a standing foot sinks by some um,
 and lets go where friction carries the leg (Painleve).
 """
@@ -20,16 +20,9 @@ import numpy as np
 import pinocchio
 from rabbit_description.state import Array
 
-from rabbit_sim.engine_plant import (
-    CONTACT_DAMPING,
-    CONTACT_STIFFNESS,
-    FOOT_RADIUS,
-    STONE_DEPTH,
-    EnginePlant,
-    JointStates,
-)
+from rabbit_sim.engine_plant import STONE_DEPTH, EnginePlant, JointStates
 from rabbit_sim.parameters import SUBSTEP_SECONDS, SimulationParameters
-from rabbit_sim.plant import Span
+from rabbit_sim.plant import FOOT_RADIUS, Span, gravity
 from rabbit_sim.terrain import KEPT_STONES
 
 IMPEDANCE = (0.5, 0.5, 0.001, 0.5, 2.0)  # 1/2, whatever the penetration
@@ -52,13 +45,15 @@ class MujocoPlant(EnginePlant):
     def __init__(self, parameters: SimulationParameters) -> None:
         super().__init__(parameters)
         self._model = mujoco.MjModel.from_xml_string(robot_mjcf(self._robot_urdf, parameters.ground_friction))
+        self._model.opt.gravity[::2] = gravity(parameters.slope)
         self._data = mujoco.MjData(self._model)
         names = [self._model.geom(i).name for i in range(self._model.ngeom)]
         self._torque, self._pressing = self._data.qfrc_applied[3:], self._data.sensordata  # views
         self._torso_force = self._data.xfrc_applied[self._model.body("torso").id]
         for foot in map(names.index, FEET):
             inverse_mass = self._model.body_invweight0[self._model.geom_bodyid[foot], 0]
-            k, b = CONTACT_STIFFNESS * inverse_mass, min(CONTACT_DAMPING * inverse_mass, 1 / SUBSTEP_SECONDS)
+            k, b = parameters.ground_stiffness * inverse_mass, parameters.ground_damping * inverse_mass
+            b = min(b, 1 / SUBSTEP_SECONDS)
             self._model.geom_solref[foot] = -k / 2, -b / 2  # MuJoCo divides by the impedance
             self._model.geom_solimp[foot] = IMPEDANCE
         self._stone_geoms = [i for i, name in enumerate(names) if name.startswith("stone")]
@@ -66,16 +61,16 @@ class MujocoPlant(EnginePlant):
     def _make_world(self, q: Array, dq: Array) -> None:
         mujoco.mj_resetData(self._model, self._data)
         self._data.qpos, self._data.qvel = q, dq
-        self.set_stones([])
+        self._place([])
 
-    def set_stones(self, spans: Sequence[Span]) -> None:
+    def _place(self, spans: Sequence[Span]) -> None:
         """Place and resize boxes; those that are not needed lie far away."""
         for i, geom in enumerate(self._stone_geoms):
-            near, far = spans[i] if i < len(spans) else (AWAY, AWAY)
+            near, far, top = spans[i] if i < len(spans) else Span(AWAY, AWAY)
             half = np.array([(far - near) / 2 + FOOT_RADIUS, 0.5, STONE_DEPTH / 2])
             self._model.geom_size[geom], self._model.geom_aabb[geom, 3:] = half, half
             self._model.geom_rbound[geom] = np.linalg.norm(half)
-            self._data.mocap_pos[i] = (near + far) / 2, 0.0, -FOOT_RADIUS - STONE_DEPTH / 2
+            self._data.mocap_pos[i] = (near + far) / 2, 0.0, top - FOOT_RADIUS - STONE_DEPTH / 2
 
     def _substep(self, torque: Array, push: float = 0.0) -> None:
         self._torque[:] = torque

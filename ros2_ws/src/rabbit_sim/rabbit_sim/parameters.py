@@ -9,6 +9,11 @@ from rabbit_description.state import TORQUE_LIMIT
 
 SUBSTEP_SECONDS = 0.001
 FARTHEST_EDGE = 0.9  # m from the stance foot, of any stone
+# A foot's rubber. A rigid contact has two answers where friction carries the leg (Painleve): an engine's iteration
+# starts at no force and may stay there, so a standing foot lets go. Compliance leaves the one that presses.
+RUBBER_STIFFNESS = 1e6  # N/m
+RUBBER_DAMPING = 3e4  # N s/m; impacts are inelastic: with less the rubber throws the foot back
+NEEDS_ENGINE = ("ground_stiffness", "ground_damping")  # `rigid` has not
 
 PLANTS = "rabbit.plants"  # entry points; see rabbit_description.plugins
 if TYPE_CHECKING:
@@ -33,6 +38,13 @@ class SimulationParameters(BaseModel):
     joint_damping: Number = Field(0.0, ge=0, le=100, description="d in the joint torque -d M_jj dq_j, 1/s")
     link_bend: Number = Field(0.0, ge=-0.3, le=0.3, description="forward shift of knee and foot over link length")
     ground_friction: Number = Field(1.5, ge=1e-6, le=5, description="Coulomb coefficient of the true ground")
+    ground_stiffness: Number = Field(
+        RUBBER_STIFFNESS, ge=1e4, le=RUBBER_STIFFNESS, description="of ground and foot together, N/m"
+    )
+    ground_damping: Number = Field(
+        RUBBER_DAMPING, ge=0, le=RUBBER_DAMPING, description="of ground and foot together, N s/m"
+    )
+    slope: Number = Field(0.0, ge=-20, le=20, description="rise of the ground, unknown to the controller, degrees")
 
     encoder_resolution: Number = Field(0.0, ge=0, le=0.1, description="step of the measured angles, rad")
     velocity_noise: Number = Field(0.0, ge=0, le=10, description="std of the measured angle rates, rad/s")
@@ -71,6 +83,13 @@ class SimulationParameters(BaseModel):
         if not self.course and farthest > FARTHEST_EDGE:
             names = "l_min_mean + l_min_truncation * l_min_std + stone_width"
             raise ValueError(f"{names} = {farthest:g}: expected at most {FARTHEST_EDGE} m")
+        return self
+
+    @model_validator(mode="after")
+    def _plant_can(self) -> "SimulationParameters":
+        for name in NEEDS_ENGINE if self.plant == "rigid" else ():
+            if (value := getattr(self, name)) != (default := type(self).model_fields[name].default):
+                raise ValueError(f"{name} = {value:g} with plant rigid: expected {default:g}, pybullet or mujoco")
         return self
 
     @model_validator(mode="after")

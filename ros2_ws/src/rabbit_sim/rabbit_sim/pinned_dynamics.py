@@ -18,6 +18,7 @@ from rabbit_description.planar_urdf import BASE, UrdfError
 from rabbit_description.state import Array, Leg
 
 from rabbit_sim.pinned_chain import SLIDES, PinnedChain
+from rabbit_sim.plant import gravity
 
 PLANE = [0, 2]  # x and z of a spatial vector
 OUT_OF_PLANE = [1, 3, 5]  # y, and the turns about x and z
@@ -112,18 +113,20 @@ def planar_model(urdf: str) -> pinocchio.Model:
 class PinnedDynamics:
     """Of the robot that `urdf` describes, its feet where `feet` says, its joints damped by `damping` (1/s).
 
+    `slope`: rise of the ground, in whose frame all is, degrees. `weight` (2,): what the ground carries at rest, N.
     `chains`: the robot grown from its left and from its right foot.
     """
 
-    def __init__(self, urdf: str, feet: Feet, damping: float = 0.0) -> None:
+    def __init__(self, urdf: str, feet: Feet, damping: float = 0.0, slope: float = 0.0) -> None:
         self.feet = feet
         self._model = planar_model(urdf)
+        self._model.gravity.linear[PLANE] = gravity(slope)
         self._data = self._model.createData()
         self._damping = damping
         self.coordinates: int = self._model.nv
         self.inputs = self.coordinates - BASE_COORDINATES
         self.chains = [PinnedChain(self._model, self._model.getFrameId(link)) for link in feet.links]
-        self.weight = np.array([0.0, pinocchio.computeTotalMass(self._model) * -self._model.gravity.linear[2]])
+        self.weight = pinocchio.computeTotalMass(self._model) * -np.array(gravity(slope))
 
     def accelerations(self, q: Array, dq: Array, torque: Array, stance: Leg) -> tuple[Array, Array]:
         """`ddq` (n,) and the ground force (2,) on the stance foot, x and z, N, under joint torques (n - 3,), N m."""

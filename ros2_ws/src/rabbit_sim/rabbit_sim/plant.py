@@ -2,7 +2,8 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from math import cos, radians, sin
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,23 @@ SUBSTEPS = round(TICK_SECONDS / SUBSTEP_SECONDS)
 CONTACT_FORCE = 1.0  # N, a foot that carries more is in contact
 CLEAR_HEIGHT = 0.005  # m, a foot that has been higher since its last contact is clear, and can come down
 
-Span = tuple[float, float]  # near and far edge of a stone's top, world x, m
+FOOT_RADIUS = 0.002  # m, of the URDF's foot sphere: a foot's centre at z = 0 stands on a top at -FOOT_RADIUS
+
+
+GRAVITY = 9.81  # m/s^2
+
+
+def gravity(slope: float) -> tuple[float, float]:
+    """Along and normal to ground that rises by `slope` degrees, in whose frame the plant is; m/s^2."""
+    return -GRAVITY * sin(radians(slope)) + 0.0, -GRAVITY * cos(radians(slope))  # no negative zero
+
+
+class Span(NamedTuple):
+    """Near and far edge of a stone's top, world x, m; `top`: height of a foot's centre that touches it, world z, m."""
+
+    near: float
+    far: float
+    top: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -54,7 +71,7 @@ class Plant(Protocol):
         """Put the robot into a state, its motors at rest, and take away every stone."""
 
     def set_stones(self, spans: Sequence[Span]) -> None:
-        """Have exactly these stones, tops at z = 0 for a foot's centre."""
+        """Have exactly these stones."""
 
     def advance(self, command: Array) -> None:
         """Go on one tick under the commanded joint torques, shape (4,), N m."""

@@ -7,19 +7,11 @@ from typing import Any
 
 from rabbit_description.state import ACTUATED, COORDINATES, Array, Leg
 
-from rabbit_sim.engine_plant import (
-    CONTACT_DAMPING,
-    CONTACT_STIFFNESS,
-    FOOT_RADIUS,
-    STONE_DEPTH,
-    EnginePlant,
-    JointStates,
-)
+from rabbit_sim.engine_plant import STONE_DEPTH, EnginePlant, JointStates
 from rabbit_sim.parameters import SUBSTEP_SECONDS, SimulationParameters
-from rabbit_sim.plant import Span
+from rabbit_sim.plant import FOOT_RADIUS, Span, gravity
 from rabbit_sim.quiet_pybullet import PhysicsClient, pybullet
 
-GRAVITY = 9.81
 SOLVER_ITERATIONS = 50
 ERP = 0.1  # share of a contact's or joint's position error mended per substep
 
@@ -49,7 +41,8 @@ class PybulletPlant(EnginePlant):
         self._stones: dict[Span, int] = {}
 
     def _configure_engine(self) -> None:
-        self._client.setGravity(0, 0, -GRAVITY)
+        along, normal = gravity(self._parameters.slope)
+        self._client.setGravity(along, 0, normal)
         self._client.setTimeStep(SUBSTEP_SECONDS)
         self._client.setPhysicsEngineParameter(
             numSolverIterations=SOLVER_ITERATIONS, numSubSteps=0, erp=ERP, contactERP=ERP, enableFileCaching=0
@@ -72,9 +65,8 @@ class PybulletPlant(EnginePlant):
             self._client.changeDynamics(self._robot, link, jointDamping=0.0)
         for link in self._foot_of_link:
             self._set_surface(self._robot, link, self._parameters.ground_friction)
-            self._client.changeDynamics(
-                self._robot, link, contactStiffness=CONTACT_STIFFNESS, contactDamping=CONTACT_DAMPING
-            )
+            stiffness, damping = self._parameters.ground_stiffness, self._parameters.ground_damping
+            self._client.changeDynamics(self._robot, link, contactStiffness=stiffness, contactDamping=damping)
 
     def _set_surface(self, body: int, link: int, friction: float) -> None:
         """PyBullet multiplies the friction of the two bodies, so a stone's is 1."""
@@ -84,18 +76,19 @@ class PybulletPlant(EnginePlant):
         if info[1] != friction or info[5] != 0.0:
             raise RuntimeError(f"PyBullet kept friction {info[1]}, restitution {info[5]}: expected {friction}, 0")
 
-    def set_stones(self, spans: Sequence[Span]) -> None:
+    def _place(self, spans: Sequence[Span]) -> None:
         """Add and remove boxes."""
         for span in set(self._stones) - set(spans):
             self._client.removeBody(self._stones.pop(span))
         for span in spans:
             if span not in self._stones:
-                self._stones[span] = self._add_box(*span)
+                self._stones[span] = self._add_box(span)
 
-    def _add_box(self, near: float, far: float) -> int:
+    def _add_box(self, span: Span) -> int:
+        near, far, top = span
         half = [(far - near) / 2 + FOOT_RADIUS, 0.5, STONE_DEPTH / 2]
         shape = self._client.createCollisionShape(pybullet.GEOM_BOX, halfExtents=half)
-        centre = [(near + far) / 2, 0.0, -FOOT_RADIUS - STONE_DEPTH / 2]
+        centre = [(near + far) / 2, 0.0, top - FOOT_RADIUS - STONE_DEPTH / 2]
         body: int = self._client.createMultiBody(0, shape, basePosition=centre)
         self._set_surface(body, -1, 1.0)
         return body

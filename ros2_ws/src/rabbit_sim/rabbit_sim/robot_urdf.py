@@ -5,6 +5,7 @@ from xml.etree.ElementTree import Element
 
 from rabbit_description import URDF_PATH
 from rabbit_description.planar_urdf import scale_inertials
+from rabbit_description.state import ROBOT_MASS
 
 from rabbit_sim.parameters import SimulationParameters
 
@@ -19,6 +20,11 @@ def perturbed_urdf(parameters: SimulationParameters) -> str:
     for name in DISTAL_JOINTS:
         _bend(_child(robot, f"joint[@name='{name}']/origin"), parameters.link_bend)
     return ElementTree.tostring(robot, encoding="unicode")
+
+
+def true_mass(parameters: SimulationParameters) -> float:
+    """Of the robot with all that it carries, kg."""
+    return ROBOT_MASS * parameters.mass_scale + parameters.payload
 
 
 def _child(element: Element, path: str) -> Element:

@@ -2,21 +2,24 @@
 
 from dataclasses import dataclass
 from enum import Enum
+from math import ceil, pi, sqrt
 from pathlib import Path
 
 import numpy as np
 from rabbit_description.gait import Gaits
 from rabbit_description.plugins import load
-from rabbit_description.state import Array, Leg, RobotState, StonePreview, no_torque
+from rabbit_description.state import TICK_SECONDS, Array, Leg, RobotState, StonePreview, no_torque
 
+from rabbit_sim.ground import Ground
 from rabbit_sim.initial_state import initial_state
-from rabbit_sim.parameters import PLANTS, SimulationParameters
+from rabbit_sim.parameters import PLANTS, RUBBER_STIFFNESS, SimulationParameters
 from rabbit_sim.plant import Plant, PlantReading, Span, Touch
+from rabbit_sim.robot_urdf import true_mass
 from rabbit_sim.sensors import Sensors
 from rabbit_sim.stones import draw_course, read_course
 from rabbit_sim.terrain import Terrain
 
-FLIGHT_TICKS = 5  # without a foot on the ground
+FLIGHT_TICKS = 5  # without a foot on the ground; on ground that throws the robot back, longer
 SLIP_FRICTION = 0.8  # ground no better than this counts slips
 SLIP_DISTANCE = 0.005  # m
 
@@ -139,6 +142,7 @@ class Simulation:
         self._stance, self._stance_x, self._landed = leg, x, False
         self._preview = self._terrain.place_next(self._touchdowns + 1, x)
         self._plant.set_stones(self._terrain.present)
+        self._ground = Ground(self._terrain.present)
 
     def _count_landings(self) -> None:
         for touch in self.reading.touches:
@@ -167,17 +171,35 @@ class Simulation:
         """What else may have ended the episode in this tick."""
         if not (np.isfinite(reading.q).all() and np.isfinite(reading.dq).all()):
             return Outcome.DIVERGED
-        if reading.q[1] < self.parameters.fall_height or abs(reading.q[2]) > self.parameters.fall_pitch:
+        hip = reading.q[1] - self._support(reading)
+        if hip < self.parameters.fall_height or abs(reading.q[2]) > self.parameters.fall_pitch:
             return Outcome.GAP_FALL if self._fell_into_gap else Outcome.FALL
         self._airborne_ticks = 0 if reading.contact.any() else self._airborne_ticks + 1
-        if self._airborne_ticks >= FLIGHT_TICKS and not self._fell_into_gap:
+        if self._airborne_ticks >= flight_ticks(self.parameters) and not self._fell_into_gap:
             return Outcome.FLIGHT
         travel = abs(reading.foot_position[self._stance, 0] - self._stance_x)
         if self.parameters.ground_friction <= SLIP_FRICTION and travel > SLIP_DISTANCE:
             return Outcome.SLIP
         return Outcome.RUNNING
 
+    def _support(self, reading: PlantReading) -> float:
+        """From where the hip's height counts, m: the top under the stance foot, or that foot, sunk into soft ground."""
+        x, z = reading.foot_position[self._stance].tolist()
+        top = self._ground.top(x)
+        gives = self.parameters.ground_stiffness < RUBBER_STIFFNESS and self._ground.is_under(x)
+        return min(top, z) if gives else top
+
     def _state(self) -> RobotState:
         q, dq, force = self._sensors.measure(self.reading)
         contact, running = self.reading.contact.copy(), self.outcome is Outcome.RUNNING
         return RobotState(self._tick, q, dq, force, contact, self._touchdowns, self._preview, running, self._applied)
+
+
+def flight_ticks(parameters: SimulationParameters) -> int:
+    """Without a foot on the ground, so many are a flight: five, or half a period of the robot on its ground.
+
+    Ground of stiffness k that has carried nearly three times the weight of the mass m throws it back for 0.55 of a
+    period 2 pi sqrt(m / k); it comes down again.
+    """
+    half_period = pi * sqrt(true_mass(parameters) / parameters.ground_stiffness)
+    return max(FLIGHT_TICKS, ceil(half_period / TICK_SECONDS))

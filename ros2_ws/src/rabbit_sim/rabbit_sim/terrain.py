@@ -6,7 +6,7 @@ from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.plant import Span
 from rabbit_sim.stones import Stone
 
-GROUND: Span = (-10.0, 4000.0)  # m, all the ground there is on flat terrain
+GROUND = Span(-10.0, 4000.0)  # m, all the ground there is on flat terrain
 PLATFORM_START = -1.0  # m, the platform behind the first stance foot
 KEPT_STONES = 3  # one under the trailing foot, one under the stance foot, the next
 
@@ -19,7 +19,7 @@ class Terrain:
         self._flat = parameters.terrain == "flat"
         self._course = course
         half = parameters.stone_width / 2
-        self.placed: list[Span] = [GROUND if self._flat else (PLATFORM_START, half)]
+        self.placed: list[Span] = [GROUND if self._flat else Span(PLATFORM_START, half)]
         self._middle = 0.0  # of the last stone placed, m
 
     @property
@@ -35,5 +35,5 @@ class Terrain:
         origin = self._middle if self._absolute else foot
         near, far = origin + stone.l_min, origin + stone.l_max
         self._middle = (near + far) / 2
-        self.placed.append((near, far))
+        self.placed.append(Span(near, far))
         return StonePreview(index, near - foot, far - foot)

@@ -1,25 +1,30 @@
-"""When and where a foot comes down: by its force on a stone, or by falling below the ground's height over a gap."""
+"""When and where a foot comes down: by its force on a stone's top, or by falling into a gap.
+
+A foot over a stone is never in a gap, however deep it sinks and however little it carries: the stone is under it.
+"""
 
 from collections.abc import Callable, Sequence
 from math import ceil, inf
 
 from rabbit_description.state import Leg
 
+from rabbit_sim.ground import Ground
 from rabbit_sim.kinematics import Point
 from rabbit_sim.plant import CLEAR_HEIGHT, CONTACT_FORCE, Touch
 
 FASTEST_FALL = 0.005  # m a substep, 5 m/s; while a foot is high enough for it, nobody looks
-EDGE_DEPTH = 0.005  # m, a first contact deeper than this is with a stone's side
+EDGE_DEPTH = 0.005  # m, a first contact deeper below the top than this is with a stone's side
 LEGS = Leg.LEFT, Leg.RIGHT
 
 Feet = tuple[Point, Point]  # left, right
 
 
 class TouchdownDetector:
-    """Watches both feet substep by substep. `locate` gives their true positions."""
+    """Watches both feet substep by substep. `locate` gives their true positions; `ground` is what is under them."""
 
     def __init__(self, locate: Callable[[], Feet]) -> None:
         self._locate = locate
+        self.ground = Ground()
         self._clear = [False, False]
         self._crossings: list[Touch | None] = [None, None]  # of feet that have just gone below the ground
         self.touches: list[Touch] = []
@@ -28,7 +33,7 @@ class TouchdownDetector:
         """Forget the last tick's touches; `feet` are where they are now."""
         self.touches = []
         for leg in LEGS:
-            self._clear[leg] |= feet[leg][1] > CLEAR_HEIGHT
+            self._clear[leg] = self._clear[leg] or self._height(feet[leg]) > CLEAR_HEIGHT
         self._see(feet)
 
     def substep(self, forces: Sequence[Sequence[float]]) -> None:
@@ -37,29 +42,36 @@ class TouchdownDetector:
             if forces[leg][1] > CONTACT_FORCE:
                 if self._clear[leg]:
                     feet = self._locate()
-                    self._touch(_touch(leg, feet, hold=feet[leg][1] > -EDGE_DEPTH))
+                    x, z = feet[leg]
+                    self._touch(_touch(leg, feet, hold=z - self.ground.top(x) > -EDGE_DEPTH))
                 self._clear[leg] = False
         self._unseen -= 1
         if self._unseen <= 0:
             self._watch_heights()
 
     def _watch_heights(self) -> None:
-        """The engine stops a foot only once it is below the ground: one that stays there has no stone."""
+        """Over a gap an engine may stop a foot at an edge once it is below the mouth: one that goes on has no stone."""
         feet = self._locate()
         for leg in LEGS:
             crossing = self._crossings[leg]
             if crossing is not None and self._clear[leg]:
                 self._touch(crossing)
-            if self._clear[leg] and feet[leg][1] < 0:
-                share = self._last[leg][1] / (self._last[leg][1] - feet[leg][1])
+            x, z = feet[leg]
+            if self._clear[leg] and not self.ground.is_under(x) and z < (mouth := self.ground.mouth(x)):
+                above = self._last[leg][1] - mouth
+                share = above / (above - (z - mouth)) if above > 0 else 0.0
                 self._crossings[leg] = _touch(leg, _between(self._last, feet, share), hold=False)
         self._see(feet)
 
     def _see(self, feet: Feet) -> None:
-        """Look again in the substep before the first in which a clear foot may be below the ground."""
+        """Look again in the substep before the first in which a clear foot may be below the highest top."""
         self._last = feet
-        height = min(feet[leg][1] if self._clear[leg] else inf for leg in LEGS)
+        height = min(feet[leg][1] - self.ground.highest if self._clear[leg] else inf for leg in LEGS)
         self._unseen = max(ceil(height / FASTEST_FALL) - 1, 1) if height < inf else inf
+
+    def _height(self, foot: Point) -> float:
+        """Above the stone, or the gap's mouth, below it, m."""
+        return foot[1] - self.ground.level(foot[0])
 
     def _touch(self, touch: Touch) -> None:
         self.touches.append(touch)

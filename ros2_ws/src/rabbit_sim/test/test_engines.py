@@ -8,18 +8,18 @@ import mujoco
 import numpy as np
 import pytest
 from rabbit_description.state import TICK_SECONDS, Leg
-from rabbit_sim.engine_plant import CONTACT_DAMPING, CONTACT_STIFFNESS, FOOT_RADIUS
 from rabbit_sim.initial_state import project
 from rabbit_sim.kinematics import RabbitFeet
 from rabbit_sim.mujoco_plant import MujocoPlant
-from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.parameters import RUBBER_DAMPING, RUBBER_STIFFNESS, SimulationParameters
+from rabbit_sim.plant import FOOT_RADIUS, GRAVITY, Span
 from rabbit_sim.pybullet_plant import PybulletPlant
 from rabbit_sim.rigid_plant import RigidPlant
 
 PERTURBED = {"mass_scale": 1.7, "payload": 11.0, "payload_height": 0.4, "link_bend": 0.06, "joint_damping": 2.5}
-GROUND = [(-5.0, 5.0)]
+GROUND = [Span(-5.0, 5.0)]
 TORQUE = np.array([12.0, 25.0, -20.0, 8.0])
-SETTLING_TICKS = round(5 * CONTACT_DAMPING / CONTACT_STIFFNESS / TICK_SECONDS)
+SETTLING_TICKS = round(5 * RUBBER_DAMPING / RUBBER_STIFFNESS / TICK_SECONDS)
 PRESSING = np.array([-10.0, -25.0, 10.0, -10.0])  # keeps the left foot on the ground
 
 
@@ -137,7 +137,7 @@ def test_the_rigid_plant_cannot_be_pushed():
 def test_robot_parts_but_feet_collide_with_nothing(engine):
     """With its hips below the ground's top and its feet above any ground there is no force."""
     q = np.array([0, -0.3, 0, np.pi - 0.3, 0.2, np.pi + 0.3, -0.2])
-    with world(engine, SimulationParameters(), q, np.zeros(7), [(-0.05, 0.05)]) as plant:
+    with world(engine, SimulationParameters(), q, np.zeros(7), [Span(-0.05, 0.05)]) as plant:
         assert plant.observe().foot_position[:, 1].min() > 0.2
         plant.advance(np.zeros(4))
         assert not plant.observe().foot_force.any()
@@ -175,8 +175,51 @@ def test_a_standing_foot_sinks_by_its_weight_over_its_stiffness(engine, truth):
         for _ in range(SETTLING_TICKS):
             plant.advance(PRESSING)
         reading = plant.observe()
-    sunk = reading.foot_force[Leg.LEFT, 1] / CONTACT_STIFFNESS
+    sunk = reading.foot_force[Leg.LEFT, 1] / RUBBER_STIFFNESS
     assert reading.foot_position[Leg.LEFT, 1] == pytest.approx(-sunk, rel=0.1)
+
+
+def column():
+    """Upright on straight legs: forces pass through the joints, so the robot is a block on two feet."""
+    q = np.zeros(7)
+    q[1] = -RabbitFeet().positions(q)[0, 1]
+    return q
+
+
+@pytest.mark.parametrize("damping", [0.0, 2e3])
+def test_the_robot_on_soft_ground_swings_as_a_block_on_a_spring(engine, damping):
+    """m z'' = -2 k z - 2 c z' - m g from rest: static sinkage m g / 2 k, damped period; 6% for steps of 1 ms.
+
+    MuJoCo's contact equation has an acceleration: as if each foot carried 1 / R more.
+    """
+    parameters = SimulationParameters(ground_stiffness=5e4, ground_damping=damping, mass_scale=2.0)
+    with world(engine, parameters, column(), np.zeros(7), GROUND) as plant:
+        inertia = 64.0
+        if engine is MujocoPlant:
+            foot = plant._model.geom("left_foot").bodyid[0]
+            inertia += 2 / plant._model.body_invweight0[foot, 0]
+        heights = [0.0]
+        for _ in range(25):
+            plant.advance(np.zeros(4))
+            heights.append(plant.observe().foot_position[Leg.LEFT, 1])
+    t = TICK_SECONDS * np.arange(26)
+    static, decay = 64.0 * GRAVITY / 1e5, damping / inertia
+    ringing = np.sqrt(1e5 / inertia - decay**2)
+    swing = np.exp(-decay * t) * (np.cos(ringing * t) + decay / ringing * np.sin(ringing * t))
+    numerical = 0.06 if damping else 0.25  # an undamped swing has only the engine's own damping
+    np.testing.assert_allclose(heights, -static * (1 - swing), atol=numerical * static)
+
+
+@pytest.mark.parametrize("slope", [-5.0, 2.0])
+def test_a_slope_turns_gravity(engine, random_state, truth, slope):
+    """In the ground's frame: uphill it pulls backward."""
+    robot = truth(slope=slope)
+    with world(engine, robot.parameters, random_state(4)[0], np.zeros(7)) as plant:
+        plant.advance(np.zeros(4))
+        fallen = plant.observe()
+    angle = np.deg2rad(slope)
+    expected = -robot.mass * GRAVITY * TICK_SECONDS * np.array([np.sin(angle), np.cos(angle)])
+    assert robot.momentum(fallen.q, fallen.dq) == pytest.approx(expected, rel=2e-3)
 
 
 def test_measured_forces_are_the_momentum_that_the_ground_gives(engine, truth):
@@ -215,7 +258,7 @@ def test_the_ground_keeps_coulombs_cone_and_a_foot_slides_on_it(engine, truth, f
 def test_a_foot_stands_up_to_the_edge_of_a_real_stone(engine, truth, edge, stands):
     """The stone ends at x = edge under a foot at 0: boxes reach a foot's radius further."""
     q, dq = standing(truth())
-    with world(engine, SimulationParameters(), q, dq, [(edge - 0.05, edge)]) as plant:
+    with world(engine, SimulationParameters(), q, dq, [Span(edge - 0.05, edge)]) as plant:
         for _ in range(3):
             plant.advance(np.zeros(4))
         assert plant.observe().contact[Leg.LEFT] == stands
@@ -225,7 +268,7 @@ def test_a_foot_falls_into_a_real_gap_and_the_other_finds_its_stone(engine):
     q = np.array([0.0, 0.0, 0.0, 0.3, 0.0, -0.3, 0.0])
     q[1] = 0.03 - RabbitFeet().positions(q)[0, 1]
     left, right = RabbitFeet().positions(q)[:, 0]
-    stones = [(left - 0.03, left + 0.03), (right + 0.02, right + 0.1)]
+    stones = [Span(left - 0.03, left + 0.03), Span(right + 0.02, right + 0.1)]
     with world(engine, SimulationParameters(), q, np.zeros(7), stones) as plant:
         touches = []
         for _ in range(12):

@@ -134,3 +134,21 @@ def test_rigid_mean_force_is_the_momentum_over_the_tick(truth):
     weight = [0, robot.mass * 9.81 * TICK_SECONDS]
     assert reading.foot_force[Leg.LEFT] * TICK_SECONDS == pytest.approx(gained + weight, rel=1e-8)
     assert not reading.foot_force[Leg.RIGHT].any()
+
+
+@pytest.mark.parametrize("slope", [4.0, -7.0])
+def test_a_slope_is_a_turned_world(truth, slope):
+    """In the ground's frame and in the level one the robot does the same; the pinned foot knows no ground."""
+    robot, angle = truth(slope=slope, plant="rigid", motor_lag=0.004), np.deg2rad(slope)
+    uphill = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])  # from the ground's frame
+    q, dq = robot.start()
+    tilted, level = RigidPlant(robot.parameters), RigidPlant(truth(plant="rigid", motor_lag=0.004).parameters)
+    tilted.reset(q, dq, Leg.LEFT)
+    level.reset(np.r_[uphill @ q[:2], q[2] - angle, q[3:]], np.r_[uphill @ dq[:2], dq[2:]], Leg.LEFT)
+    for _ in range(5):
+        tilted.advance(PRESSING)
+        level.advance(PRESSING)
+    seen, turned = tilted.observe(), level.observe()
+    np.testing.assert_allclose(turned.q, np.r_[uphill @ seen.q[:2], seen.q[2] - angle, seen.q[3:]], atol=1e-9)
+    np.testing.assert_allclose(turned.dq, np.r_[uphill @ seen.dq[:2], seen.dq[2:]], atol=1e-9)
+    np.testing.assert_allclose(turned.foot_force, seen.foot_force @ uphill.T, atol=1e-6)

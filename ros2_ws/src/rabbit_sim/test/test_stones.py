@@ -97,7 +97,7 @@ def test_relative_stones_follow_the_foot():
     terrain.place_next(1, 0.0)
     seen = terrain.place_next(2, 0.31)
     assert (seen.index, seen.l_min, seen.l_max) == pytest.approx((2, 0.4, 0.44))
-    assert terrain.placed[-1] == pytest.approx((0.71, 0.75))
+    assert terrain.placed[-1] == pytest.approx((0.71, 0.75, 0.0))
 
 
 def test_absolute_stones_stay_where_they_are():
@@ -106,7 +106,7 @@ def test_absolute_stones_stay_where_they_are():
         terrain = Terrain(SimulationParameters(stones=2, stone_placement="absolute"), COURSE)
         terrain.place_next(1, 0.0)
         seen = terrain.place_next(2, foot)
-        assert terrain.placed[-1] == pytest.approx((0.73, 0.77))
+        assert terrain.placed[-1] == pytest.approx((0.73, 0.77, 0.0))
         assert (seen.l_min, seen.l_max) == pytest.approx((0.73 - foot, 0.77 - foot))
 
 
@@ -127,6 +127,9 @@ def test_no_stone_beyond_the_last_and_none_on_flat_ground():
         ({"payload": -1}, ("payload", "input_value=-1", "greater than or equal to 0")),
         ({"motor_loss": 1.0}, ("motor_loss", "input_value=1.0", "less than 1")),
         ({"ground_friction": float("nan")}, ("ground_friction", "input_value=nan", "finite")),
+        ({"ground_stiffness": 9e3}, ("ground_stiffness", "input_value=9000", "greater than or equal to 10000")),
+        ({"slope": 21}, ("slope", "input_value=21", "less than or equal to 20")),
+        ({"ground_damping": 2e3, "plant": "rigid"}, ("ground_damping = 2000 with plant rigid", "pybullet or mujoco")),
         ({"plant": "gazebo"}, ("plant", "gazebo", "'pybullet' or 'rigid'")),
         ({"stones": 2.5}, ("stones", "input_value=2.5", "valid integer")),
         ({"stone": 3}, ("stone", "input_value=3", "not permitted")),

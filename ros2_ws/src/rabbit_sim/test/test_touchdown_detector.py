@@ -2,7 +2,8 @@
 
 import pytest
 from rabbit_description.state import Leg
-from rabbit_sim.plant import SUBSTEPS
+from rabbit_sim.ground import Ground
+from rabbit_sim.plant import FOOT_RADIUS, SUBSTEPS, Span
 from rabbit_sim.touchdown_detector import TouchdownDetector
 
 STANDS = (0.0, 0.0)
@@ -12,9 +13,10 @@ NO_FORCE, ON_LEFT = [0.0, 0.0], [[0.0, 300.0], [0.0, 0.0]]
 class Fall:
     """The left foot stands; the right one moves at (0.3, -speed) mm a substep from (0.1, height), m."""
 
-    def __init__(self, height: float, speed: float) -> None:
+    def __init__(self, height: float, speed: float, *stones: Span) -> None:
         self.height, self.speed, self.now, self.looks = height, speed, 0, 0
         self.detector = TouchdownDetector(self.look)
+        self.detector.ground = Ground(stones)
 
     def feet(self):
         return STANDS, (0.1 + 3e-4 * self.now, self.height - 1e-3 * self.speed * self.now)
@@ -59,3 +61,53 @@ def test_a_high_foot_is_not_looked_at():
     fall.height = 0.2
     fall.tick()
     assert fall.looks == 1
+
+
+PLATFORM = Span(-1.0, 0.025)
+
+
+def touches_of(fall, ticks, right=lambda: NO_FORCE):
+    return [touch for _ in range(ticks) for touch in fall.tick(right)]
+
+
+def test_a_foot_that_sinks_into_the_stone_under_it_is_not_in_a_gap():
+    """Ground that gives carries next to nothing at first; once it carries, the foot has come down on the stone."""
+    fall = Fall(0.006, 0.25, PLATFORM, Span(0.09, 0.14))
+    pressing = touches_of(fall, 6, lambda: [0.0, 50.0] if fall.now >= 30 else NO_FORCE)
+    (touch,) = pressing
+    assert touch.hold
+    assert fall.now == 60
+    assert fall.feet()[1][1] < -0.008  # below by more than an edge's depth: sunk, still on its stone
+
+
+@pytest.mark.parametrize(("top", "mouth"), [(0.03, 0.0), (-0.03, -0.03)])
+def test_a_gap_begins_at_the_lower_of_the_tops_beside_it(top, mouth):
+    """The right foot falls at x = 0.1 to 0.13, between the platform and the stone."""
+    fall = Fall(0.05, 1.0, PLATFORM, Span(0.2, 0.25, top))
+    (touch,) = touches_of(fall, 12)
+    assert not touch.hold
+    assert touch.x == pytest.approx(0.1 + 0.3 * (0.05 - mouth), abs=1e-12)
+
+
+@pytest.mark.parametrize(("top", "substep", "hold"), [(0.02, 30, True), (-0.02, 70, True), (0.04, 30, False)])
+def test_a_foot_holds_on_a_top_and_not_at_a_side(top, substep, hold):
+    """Pressed first at a height of 50 - substep mm beside or on a stone with this top."""
+    fall = Fall(0.05, 1.0, PLATFORM, Span(0.1, 0.15, top))
+    (touch,) = touches_of(fall, 8, lambda: [0.0, 50.0] if fall.now >= substep else NO_FORCE)
+    assert touch.hold is hold
+
+
+def test_clear_is_above_the_stone_below():
+    """At rest on a stone 2 cm up, and again 4 mm above it: the foot has not left it."""
+    fall = Fall(0.024, 0.0, PLATFORM, Span(0.09, 0.2, 0.02))
+    assert not touches_of(fall, 2, lambda: [0.0, 50.0])
+    fall.height = 0.026
+    assert touches_of(fall, 1) == []
+    fall.height = 0.02
+    (touch,) = touches_of(fall, 1, lambda: [0.0, 50.0])
+    assert touch.hold
+
+
+@pytest.mark.parametrize(("x", "under"), [(0.09 - FOOT_RADIUS / 2, True), (0.09 - 2 * FOOT_RADIUS, False), (0.1, True)])
+def test_a_stone_reaches_a_foots_radius_further(x, under):
+    assert Ground([PLATFORM, Span(0.09, 0.14)]).is_under(x) is under

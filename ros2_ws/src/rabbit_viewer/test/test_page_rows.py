@@ -59,7 +59,8 @@ def test_stones_lie_where_the_plant_placed_them(walked: Walked) -> None:
     rows, columns = rows_of(records)
     edges = rows[:, [columns.index(name) for name in ("stone_near", "stone_far")]]
     seen = np.unique(edges[np.isfinite(edges[:, 0])], axis=0)
-    np.testing.assert_allclose(seen, simulation.stones[1:], atol=5e-4)  # the foot goes on within its touchdown's tick
+    placed = [stone[:2] for stone in simulation.stones[1:]]
+    np.testing.assert_allclose(seen, placed, atol=5e-4)  # the foot goes on within its touchdown's tick
 
 
 def test_values_are_the_ticks(walked: Walked) -> None:
