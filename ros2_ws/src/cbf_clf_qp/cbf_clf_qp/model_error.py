@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from cbf_clf_qp.affine import Affine, Array
+from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.tick import Quantity, Terms, predicted
 from cbf_clf_qp.tracing import Traced
@@ -25,17 +25,17 @@ class ModelError:
         """The estimates that make the nominal quantities those of `dynamics`, at the state of `terms`."""
         if self._quantities is not terms.quantities:
             self._quantities, self._error = terms.quantities, traced_error(terms.quantities).twin()
-        alpha, beta, a, b = self._error(terms.scene, terms.precontrol, terms.nominal, dynamics)
-        return Estimates(alpha, beta, Affine(a, b))
+        estimates: Estimates = self._error(terms.scene, terms.precontrol, terms.nominal, dynamics)[0]
+        return estimates
 
 
 @lru_cache(maxsize=64)
 def traced_error(quantities: tuple[Quantity[Any], ...]) -> Traced:
-    """Alpha, beta, Delta_2 and Delta_1."""
+    """The estimates, with the outputs' error."""
 
-    def error(scene: Any, precontrol: Affine, nominal: Affine, dynamics: Any) -> list[Array]:
+    def error(scene: Any, precontrol: Affine, nominal: Affine, dynamics: Any) -> list[Estimates]:
         quantity = predicted(quantities, scene, dynamics).after(precontrol) - nominal
         outputs = scene.outputs.second_derivative(dynamics.acceleration).after(precontrol)
-        return [quantity.a, quantity.b, outputs.a - np.eye(len(outputs.b)), outputs.b]
+        return [Estimates(quantity.a, quantity.b, Affine(outputs.a - np.eye(len(outputs.b)), outputs.b))]
 
     return Traced(error)

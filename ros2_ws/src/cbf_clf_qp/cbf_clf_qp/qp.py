@@ -18,9 +18,10 @@ import numpy as np
 from cbf_clf_qp.affine import Array
 from cbf_clf_qp.objective import Objective
 from cbf_clf_qp.rows import Rows
-from cbf_clf_qp.symbols import at_least, inverse
+from cbf_clf_qp.symbols import at_least, inverse, smaller
 
 ROUNDING = 1e-6  # less is the solver's tolerance
+UNBOUNDED = 1e30  # what the solvers take for infinity
 TINY = 1e-9  # norm of a row with no input in it
 
 
@@ -64,6 +65,8 @@ class Layout:
 class QuadraticProgram:
     """min x'x + q'x subject to `lower <= A x <= upper`, over x = (root mu, scaled slacks), shape (n,).
 
+    No bound is beyond `UNBOUNDED`. `margins` (2, k): by how much x = -q/2, the minimum without rows, meets each row,
+    and how far its bounds are apart; NaN where the data are.
     mu = `unroot` times the first variables, or these themselves.
     """
 
@@ -71,8 +74,14 @@ class QuadraticProgram:
     A: Array
     lower: Array
     upper: Array
+    margins: Array
     layout: Layout
     unroot: Array | None = None
+
+    @property
+    def free(self) -> Array:
+        """The minimum without rows (n,)."""
+        return self.q * -0.5
 
 
 @dataclass(frozen=True)
@@ -128,4 +137,7 @@ def build_qp(rows: Sequence[Rows], objective: Objective | None = None) -> Quadra
     A = np.hstack([of_mu, layout.A[:, inputs:] * units[:, None]]) / norms[:, None]
     lower = np.concatenate([block.lower for block in rows]) / norms
     upper = np.concatenate([block.upper for block in rows]) / norms
-    return QuadraticProgram(q, A, lower, upper, layout, unroot)
+    value = A @ (q * -0.5)
+    margins = np.stack([smaller(upper - value, value - lower), upper - lower])
+    lower, upper = at_least(lower, -UNBOUNDED), -at_least(-upper, -UNBOUNDED)
+    return QuadraticProgram(q, A, lower, upper, margins, layout, unroot)

@@ -7,8 +7,7 @@ import io
 import math
 import sys
 import time
-from dataclasses import dataclass
-from typing import ClassVar, Protocol
+from typing import ClassVar, NamedTuple, Protocol
 
 import daqp
 import numpy as np
@@ -16,14 +15,12 @@ import osqp
 from scipy import sparse
 
 from cbf_clf_qp.affine import Array
-from cbf_clf_qp.qp import Layout, QuadraticProgram
+from cbf_clf_qp.qp import UNBOUNDED, Layout, QuadraticProgram
 
 TOLERANCE = 1e-4  # KKT residual that is let pass, relative to the size of x
-UNBOUNDED = 1e30  # what both take for infinity
 
 
-@dataclass(frozen=True)
-class Solution:
+class Solution(NamedTuple):
     """`x` (n,), trustworthy only if `solved`; the solver's own `status`; `residual`, the larger KKT residual."""
 
     x: Array
@@ -79,7 +76,7 @@ class OsqpSolver:
         """Solve. If the programme has another layout than the last one, set the solver up first."""
         start = time.perf_counter()
         if qp.layout is self._layout:
-            self._solver.update_data_vec(q=qp.q, l=np.maximum(qp.lower, -UNBOUNDED), u=np.minimum(qp.upper, UNBOUNDED))
+            self._solver.update_data_vec(q=qp.q, l=qp.lower, u=qp.upper)
             self._solver.update_data_mat(P_x=None, P_i=None, A_x=qp.A.ravel()[qp.layout.order], A_i=None)
         else:
             self._set_up(qp)
@@ -88,8 +85,9 @@ class OsqpSolver:
             self._solver.solve()
         finally:
             sys.stdout = stdout
-        status, x = str(self._solver.info.status), self._solver.solution.x.copy()
-        residual = kkt_residual(qp, x, self._solver.solution.y) if status == "solved" else np.inf
+        solution, status = self._solver.solution, self._solver.info.status
+        x = solution.x  # a copy
+        residual = kkt_residual(qp, x, solution.y) if status == "solved" else np.inf
         elapsed = time.perf_counter() - start
         return Solution(x, residual < TOLERANCE, status, self.name, residual, elapsed)
 
@@ -121,8 +119,7 @@ class DaqpSolver:
         if qp.layout is not self._layout:
             self._layout, self._hessian = qp.layout, 2 * np.eye(qp.q.size)
             self._sense = np.zeros(len(qp.upper), dtype=np.int32)
-        upper, lower = np.minimum(qp.upper, UNBOUNDED), np.maximum(qp.lower, -UNBOUNDED)
-        x, _, flag, info = daqp.solve(self._hessian, qp.q, qp.A, upper, lower, self._sense)
+        x, _, flag, info = daqp.solve(self._hessian, qp.q, qp.A, qp.upper, qp.lower, self._sense)
         residual = kkt_residual(qp, x, info["lam"]) if flag > 0 else np.inf
         elapsed = time.perf_counter() - start
         return Solution(x, residual < TOLERANCE, f"exit {flag}", self.name, residual, elapsed)
@@ -146,14 +143,11 @@ class GuardedSolver:
 
     def solve(self, qp: QuadraticProgram) -> Solution:
         """The first solver's answer, or the guard's."""
-        free = qp.q * -0.5
-        value = qp.A @ free
-        margin = np.minimum.reduce(np.minimum(qp.upper - value, value - qp.lower))  # NaN where anything is
+        margin, width = np.minimum.reduce(qp.margins, 1).tolist()  # NaN where anything is
+        if not (margin >= -UNBOUNDED and width >= 0):
+            return Solution(qp.free, False, "bad data", self._first.name, np.inf, 0.0)
         if margin >= 0:
-            return Solution(free, True, "unconstrained", self._first.name, 0.0, 0.0)
-        is_consistent = np.minimum.reduce(qp.upper - qp.lower) >= 0
-        if not (margin >= -UNBOUNDED and is_consistent):
-            return Solution(free, False, "bad data", self._first.name, np.inf, 0.0)
+            return Solution(qp.free, True, "unconstrained", self._first.name, 0.0, 0.0)
         solution = self._first.solve(qp)
         if solution.solved:
             return solution
@@ -163,13 +157,12 @@ class GuardedSolver:
 
 def kkt_residual(qp: QuadraticProgram, x: Array, y: Array) -> float:
     """The norm of what is violated, stationarity and rows, over 1 + |x|; NaN where `x` is not finite."""
-    value = qp.A @ x
-    violation = np.maximum(np.maximum(value - qp.upper, qp.lower - value), 0.0)
-    gradient = y @ qp.A
+    value, gradient = qp.A.dot(x), y.dot(qp.A)  # of such size `dot` takes half as long as `@`
+    violation = value - np.minimum(np.maximum(value, qp.lower), qp.upper)
     gradient += qp.q
     gradient += x
     gradient += x
-    return math.sqrt(gradient @ gradient + violation @ violation) / (1 + math.sqrt(x @ x))
+    return math.sqrt(gradient.dot(gradient) + violation.dot(violation)) / (1 + math.sqrt(x.dot(x)))
 
 
 def make_solver(name: str) -> GuardedSolver:

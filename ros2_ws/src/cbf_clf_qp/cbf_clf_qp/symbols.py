@@ -2,6 +2,7 @@
 
 import operator
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -75,6 +76,13 @@ def at_least(values: Array, least: float) -> Array:
     )
 
 
+def smaller(first: Array, second: Array) -> Array:
+    """The smaller of each two values; of a number and NaN, either."""
+    if is_symbolic(first) or is_symbolic(second):
+        return from_casadi(ca.fmin(to_casadi(first), to_casadi(second)), first.shape)
+    return np.minimum(first, second)
+
+
 def inverse(matrix: Array) -> Array:
     """`matrix`^-1 (m, m); raises numpy.linalg.LinAlgError where numbers have none."""
     if is_symbolic(matrix):
@@ -87,6 +95,17 @@ def cholesky(matrix: Array) -> Array:
     if is_symbolic(matrix):
         return from_casadi(ca.chol(to_casadi(matrix)), matrix.shape)
     return np.linalg.cholesky(matrix, upper=True)
+
+
+def call_of_symbols(name: str, library: str, row: Array) -> Array:
+    """What the compiled function of this name, which CasADi has generated, makes of a `row` of symbols."""
+    results = _compiled(name, library)(to_casadi(row))
+    return from_casadi(results, (results.numel(),))
+
+
+@cache
+def _compiled(name: str, library: str) -> Any:
+    return ca.external(name, library)
 
 
 def new_symbols(name: str, shape: tuple[int, ...]) -> Array:

@@ -22,7 +22,7 @@ import numpy as np
 from cbf_clf_qp.affine import Affine, Array
 from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.objective import Objective
-from cbf_clf_qp.qp import Decision, QuadraticProgram, build_qp
+from cbf_clf_qp.qp import Decision, build_qp
 from cbf_clf_qp.rows import Rows
 from cbf_clf_qp.solvers import Solution, Solver
 from cbf_clf_qp.tracing import Traced
@@ -145,11 +145,7 @@ def decide(recipe: Recipe[Scene], terms: Terms[Scene], solver: Solver) -> Decide
     known = estimates
     if recipe.objective is least_mu:  # which has no use for the outputs' error, be it known or not
         known = Estimates(estimates.alpha, estimates.beta, None, estimates.corners)
-    *of_control, q, A, lower, upper, layout, unroot = recipe.programme(
-        terms.scene, terms.dynamics, terms.precontrol, terms.nominal, known
-    )
-    control = Affine(*of_control) if recipe.corrects_input else terms.precontrol
-    qp = QuadraticProgram(q, A, lower, upper, layout, unroot)
+    control, qp = recipe.programme(terms.scene, terms.dynamics, terms.precontrol, terms.nominal, known)
     solution = solver.solve(qp)
     return Decided(qp, solution.x, parts, estimates, control, solution)
 
@@ -161,7 +157,7 @@ def traced_programme(
     corrects_input: bool,
     objective: Callable[[Terms[Any], Estimates], Objective | None],
 ) -> Traced:
-    """The corrected control, where there is one, and the QP, of recipes with these parts."""
+    """The control as it is corrected, and the QP, of recipes with these parts."""
     recipe = Recipe(quantities, constraints, (), corrects_input, objective)
 
     def programme(scene: Any, dynamics: Any, precontrol: Affine, nominal: Affine, estimates: Estimates) -> list[Any]:
@@ -169,8 +165,7 @@ def traced_programme(
         if corrects_input:
             control = control.after(Affine.identity(len(control.b)) + estimates.affine)
         qp = build_qp(rows_of(recipe, terms, estimates, control), objective(terms, estimates))
-        of_control = [control.a, control.b] if corrects_input else []
-        return [*of_control, qp.q, qp.A, qp.lower, qp.upper, qp.layout, qp.unroot]
+        return [control, qp]
 
     return Traced(programme)
 

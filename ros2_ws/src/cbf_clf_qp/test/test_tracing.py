@@ -165,6 +165,42 @@ def test_an_error_of_the_function_is_raised_at_every_call():
     assert traced(body(parent="it"))[0].shape == (3,)
 
 
+def halves(x: np.ndarray, of: Body) -> list[Any]:
+    return [Body(x / 2, x[0] + 1, of.number, parent=of), Affine(np.outer(x, x), x - 1), "word"]
+
+
+def joined(first: Body, second: Affine, scale: float) -> list[np.ndarray]:
+    return [scale * second(first.position) * first.mass + first.number, first.parent.position + second.b]
+
+
+def test_results_are_made_of_arrays_numbers_and_parts_of_the_arguments():
+    traced, given = Traced(halves), body()
+    for x in RNG.normal(size=(5, 3)):
+        first, second, word = traced(x, given)
+        assert first.position.tolist() == (x / 2).tolist()
+        assert (first.mass, first.number, word) == (x[0] + 1, given.number, "word")
+        assert first.parent is given
+        assert isinstance(first.mass, float)
+        np.testing.assert_allclose(second.a, np.outer(x, x), rtol=1e-15)
+    assert traced.reason == ""
+
+
+def test_results_of_a_trace_go_into_another_whole_changed_or_mixed():
+    makes, takes, given = Traced(halves), Traced(joined), body()
+    before = makes(RNG.normal(size=3), given)
+    for x in RNG.normal(size=(5, 3)):
+        first, second, _ = makes(x, given)
+        for pair in (
+            (first, second),
+            (replace(first, position=np.ones(3)), second),
+            (first, before[1]),
+            (before[0], Affine(second.a, second.b)),
+        ):
+            for found, expected in zip(takes(*pair, 2.0), joined(*pair, 2.0), strict=True):
+                np.testing.assert_allclose(found, expected, rtol=1e-13, atol=1e-13)
+    assert makes.reason == takes.reason == ""
+
+
 def test_a_programme_is_traced_with_inverse_and_root():
     """Rows hard and soft, in both units, and an objective with a root."""
 

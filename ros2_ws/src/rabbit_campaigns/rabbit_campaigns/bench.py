@@ -22,7 +22,8 @@ from rabbit_bringup.launching.walk import Walk, WalkOptions
 from rabbit_description.state import TICK_SECONDS
 from rabbit_experiments.assembly import Assembly
 from rabbit_sim.plant import SUBSTEPS
-from rl_cbf_clf_controller.generated.library import GeneratedFunction
+from rl_cbf_clf_controller.generated.layout import OUTPUTS, PINNED
+from rl_cbf_clf_controller.generated.library import GeneratedFunction, load_library
 from rl_trainer.rollout import Record, rollout
 from scipy.linalg.blas import sgemv
 
@@ -93,11 +94,14 @@ def walk(assembly: Assembly, seed: int, watch: StopWatch, with_floors: bool = Fa
     """A walk from fresh parts; returns its ticks."""
     simulation, controller = assembly.build()
     layers = actor_layers(controller.policy) if with_floors else []
+    terms = bare_terms() if with_floors else []
     steps = bare_steps(simulation._plant) if with_floors else None
 
     def observe(record: Record) -> None:
         for weights, given in layers:
             watch.time(PRODUCTS, sgemv, 1.0, weights, given, 0.0, None, 0, 1, 0, 1, 1)  # transposed
+        for function in terms:
+            function()
         if steps is not None and record.state.tick % BARE_EVERY == 0:
             steps(watch)
         watch.end_tick()
@@ -112,7 +116,7 @@ def walk(assembly: Assembly, seed: int, watch: StopWatch, with_floors: bool = Fa
 
 @contextmanager
 def floors_timed(watch: StopWatch) -> Iterator[None]:
-    """Meanwhile the generated functions and the solvers' own code are timed where they are called."""
+    """Meanwhile the generated functions and the solvers' own code are timed where Python calls them."""
 
     qp_solvers: Any = solvers  # whose import of DAQP is no part of it
 
@@ -141,6 +145,15 @@ def replaced(owner: Any, name: str, make: Callable[[Any], Any]) -> Iterator[None
         yield
     finally:
         setattr(owner, name, before)
+
+
+def bare_terms() -> list[GeneratedFunction]:
+    """The generated functions that the trace of a tick calls; none that are not built."""
+    library = load_library()
+    functions = [GeneratedFunction(library, name) for name in (PINNED, OUTPUTS)] if library else []
+    for function in functions:
+        function.arguments[:] = 1.0  # any will do
+    return functions
 
 
 def actor_layers(policy: Any) -> list[tuple[Any, Any]]:

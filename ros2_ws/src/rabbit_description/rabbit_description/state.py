@@ -29,7 +29,7 @@ class Leg(IntEnum):
 
     @property
     def other(self) -> "Leg":
-        return Leg(1 - self)
+        return Leg.LEFT if self is Leg.RIGHT else Leg.RIGHT
 
 
 @dataclass(frozen=True)

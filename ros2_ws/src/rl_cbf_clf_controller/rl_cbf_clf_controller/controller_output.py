@@ -67,8 +67,8 @@ class ControllerOutput:
     def deferring(cls, later: Mapping[str, Callable[[], Any]], **known: Any) -> "ControllerOutput":
         """An output of which the fields in `later` are computed when they are first read: the torque is out by then."""
         output = cls.__new__(cls)
-        output.__dict__ |= known
-        output.__dict__["_later"] = later
+        known["_later"] = later
+        output.__dict__ = known
         return output
 
     def __getattr__(self, name: str) -> Any:

@@ -1,6 +1,7 @@
 """The robot as `nominal_model.py` has it, computed by generated C; and the one place that chooses between the two."""
 
 import ctypes
+from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
@@ -10,6 +11,7 @@ from rabbit_description.state import Array
 
 from rl_cbf_clf_controller import link_parameters as links
 from rl_cbf_clf_controller.foot_velocity import FootVelocity
+from rl_cbf_clf_controller.generated.calls import generated
 from rl_cbf_clf_controller.generated.layout import FOOT_VELOCITY, LINKS, PINNED, REGRESSOR
 from rl_cbf_clf_controller.generated.library import GeneratedFunction, load_library
 from rl_cbf_clf_controller.nominal_model import PLANE, NominalModel
@@ -42,6 +44,7 @@ class GeneratedModel:
         self._arguments, at = self._function.arguments, self._function.argument_slices
         self._q, self._dq, self._links = at["q"], at["dq"], at["links"]
         self._motor_gain, self._joint_damping = at["motor_gain"], at["joint_damping"]
+        self._robot = GeneratedRobot(self._arguments[at["links"].start :])  # a view: what is believed is seen there
         self._arguments[at["legs"]] = leg_lengths(model)
         self._arguments[self._links] = link_parameters(model)
         self._arguments[self._motor_gain], self._arguments[self._joint_damping] = motor_gain, joint_damping
@@ -56,23 +59,50 @@ class GeneratedModel:
         """Compute all terms at a state `q_s`, `dq_s` (7,), stance/swing order, and return the feet's kinematics."""
         self._arguments[self._q], self._arguments[self._dq] = q_s, dq_s
         self._results = found = self._function()
-        # as in layout.FUNCTIONS[PINNED]; a test compares
-        return Kinematics(
-            swing=found[:2],
-            swing_rate=found[2:4],
-            swing_jacobian=found[4:18].reshape(2, 7),
-            swing_bias=found[18:20],
-            hip=found[20:22],
-            hip_rate=found[22:24],
-        )
+        return feet_of(found)
 
     def pinned(self) -> PinnedDynamics:
         """Acceleration and contact force at the state of the last `update`."""
-        found = self._results
-        return PinnedDynamics(
-            acceleration=Affine(found[24:52].reshape(7, 4), found[52:59]),
-            force=Affine(found[59:67].reshape(2, 4), found[67:69]),
-        )
+        return dynamics_of(self._results)
+
+    def robot_at(self, q_s: Array, dq_s: Array) -> "GeneratedRobot":
+        """For a trace, which computes all of it."""
+        return self._robot
+
+
+@dataclass(frozen=True)
+class GeneratedRobot:
+    """The `numbers` of a robot as in `layout.ROBOT`, of which a trace computes all the rest."""
+
+    numbers: Array
+
+    def at(self, q_s: Array, dq_s: Array) -> tuple[Kinematics, PinnedDynamics]:
+        """At a state `q_s`, `dq_s` (7,), stance/swing order."""
+        found = generated(PINNED, q_s, dq_s, self.numbers)
+        return feet_of(found), dynamics_of(found)
+
+
+# as in layout.FUNCTIONS[PINNED]; a test compares
+
+
+def feet_of(found: Array) -> Kinematics:
+    """In the results."""
+    return Kinematics(
+        swing=found[:2],
+        swing_rate=found[2:4],
+        swing_jacobian=found[4:18].reshape(2, 7),
+        swing_bias=found[18:20],
+        hip=found[20:22],
+        hip_rate=found[22:24],
+    )
+
+
+def dynamics_of(found: Array) -> PinnedDynamics:
+    """In the results."""
+    return PinnedDynamics(
+        acceleration=Affine(found[24:52].reshape(7, 4), found[52:59]),
+        force=Affine(found[59:67].reshape(2, 4), found[67:69]),
+    )
 
 
 def has_layout(model: pin.Model) -> bool:

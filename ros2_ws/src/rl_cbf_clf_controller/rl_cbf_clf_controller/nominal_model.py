@@ -16,7 +16,7 @@ from rabbit_description import URDF_PATH
 from rabbit_description.state import Array
 
 from rl_cbf_clf_controller import link_parameters as links
-from rl_cbf_clf_controller.pinned_robot import Kinematics, PinnedDynamics
+from rl_cbf_clf_controller.pinned_robot import Kinematics, KnownRobot, PinnedDynamics
 
 PLANE = [0, 2]  # x and z of a spatial vector
 
@@ -91,6 +91,10 @@ class NominalModel:
         return PinnedDynamics(
             acceleration=Affine(solution[:n, :m], solution[:n, m]), force=Affine(solution[n:, :m], solution[n:, m])
         )
+
+    def robot_at(self, q_s: Array, dq_s: Array) -> KnownRobot:
+        """All of it at a state, for a trace."""
+        return KnownRobot(self.update(q_s, dq_s), self.pinned())
 
     def mass_matrix(self) -> Array:
         """M (n, n) at the state of the last `update`."""

@@ -1,6 +1,7 @@
 """What a model says of a robot that stands on one foot: its feet's kinematics, its dynamics. No model here."""
 
 from dataclasses import dataclass
+from typing import Protocol
 
 from cbf_clf_qp.affine import Affine
 from rabbit_description.state import Array
@@ -32,3 +33,22 @@ class PinnedDynamics:
     def normal_tangential(self) -> Affine:
         """The force as (F_N, F_T), the order of C1, C2."""
         return Affine(self.force.a[::-1].copy(), self.force.b[::-1].copy())
+
+
+class PinnedRobot(Protocol):
+    """A robot that a trace can ask."""
+
+    def at(self, q_s: Array, dq_s: Array) -> tuple[Kinematics, PinnedDynamics]:
+        """At a state `q_s`, `dq_s` (n,), stance/swing order."""
+
+
+@dataclass(frozen=True)
+class KnownRobot:
+    """A robot at a state at which all has been computed."""
+
+    feet: Kinematics
+    dynamics: PinnedDynamics
+
+    def at(self, q_s: Array, dq_s: Array) -> tuple[Kinematics, PinnedDynamics]:
+        """At that state."""
+        return self.feet, self.dynamics

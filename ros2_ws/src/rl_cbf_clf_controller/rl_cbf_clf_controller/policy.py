@@ -86,8 +86,8 @@ class ActorPolicy(LearnedPolicy):
             )
         scaled = (observation[: len(self._center)] - self._center) * self._inverse_scale
         outputs = forward(self.file.arrays, scaled.astype(np.float32))
-        alpha, beta, *error = self._estimates(outputs, LgV, self._alpha_scale, self._beta_scale)
-        return Estimates(alpha, beta, Affine(*error) if error else None)
+        estimates: Estimates = self._estimates(outputs, LgV, self._alpha_scale, self._beta_scale)[0]
+        return estimates
 
 
 class PartlyNominal(Policy):
@@ -111,18 +111,19 @@ class PartlyNominal(Policy):
 
 @cache
 def traced_estimates(structured: bool, has_clf: bool, inputs: int) -> Traced:
-    """From a network's outputs to alpha, beta and, of the structured form, [Delta_2 | Delta_1]."""
+    """From a network's outputs to alpha, beta and, of the structured form, the outputs' error."""
 
-    def estimates(outputs: Array, LgV: Array, alpha_scale: Array, beta_scale: Array) -> list[Array]:
+    def estimates(outputs: Array, LgV: Array, alpha_scale: Array, beta_scale: Array) -> list[Estimates]:
         raw = Estimates.from_flat(contract(outputs, LgV) if structured else outputs, inputs)
         alpha, beta = raw.alpha * alpha_scale[:, None], raw.beta * beta_scale
         if structured:
             matrix = outputs[: inputs * (inputs + 1)].reshape(inputs, inputs + 1)
-            return [alpha, beta, alpha_scale[0] * matrix[:, :inputs], beta_scale[0] * matrix[:, inputs]]
+            error = Affine(alpha_scale[0] * matrix[:, :inputs], beta_scale[0] * matrix[:, inputs])
+            return [Estimates(alpha, beta, error)]
         if has_clf:
             size = np.sqrt(LgV @ LgV) + 1
             alpha[0], beta[0] = alpha[0] * size, beta[0] * size
-        return [alpha, beta]
+        return [Estimates(alpha, beta)]
 
     return Traced(estimates)
 

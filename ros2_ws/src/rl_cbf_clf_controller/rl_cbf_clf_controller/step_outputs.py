@@ -81,10 +81,18 @@ class StepOutputs(VirtualConstraints):
         return value, slope, curvature
 
 
+class OutputPath(Protocol):
+    """Outputs that a trace can ask for."""
+
+    def at(self, q_s: Array, dq_s: Array) -> Outputs: ...
+
+
 class StateOutputs(Protocol):
     """Outputs at any state."""
 
     def evaluate(self, q_s: Array, dq_s: Array) -> Outputs: ...
+
+    def path_at(self, q_s: Array, dq_s: Array) -> OutputPath: ...
 
 
 class Steps(Protocol):

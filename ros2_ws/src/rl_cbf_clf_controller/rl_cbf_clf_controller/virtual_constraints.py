@@ -71,6 +71,17 @@ class Path(Protocol):
     def phase_angle_end(self) -> float: ...
 
 
+@dataclass(frozen=True)
+class KnownPath:
+    """A path at a state at which the outputs have been computed."""
+
+    outputs: Outputs
+
+    def at(self, q_s: Array, dq_s: Array) -> Outputs:
+        """At that state."""
+        return self.outputs
+
+
 class VirtualConstraints:
     """The outputs of a gait, or of another path."""
 
@@ -103,3 +114,7 @@ class VirtualConstraints:
             phase=phase,
             phase_rate=phase_rate,
         )
+
+    def path_at(self, q_s: Array, dq_s: Array) -> KnownPath:
+        """The outputs at a state, for a trace."""
+        return KnownPath(self.evaluate(q_s, dq_s))

@@ -214,12 +214,11 @@ def policy_path(name: str) -> Path:
 
 def forward(arrays: Arrays, scaled: Float32) -> Float32:
     """The actor: scaled observation (m,) to outputs in [-1, 1]."""
-    layer = scaled
-    for number in "012":
-        layer = sgemv(1, arrays[f"{number}.weight"].T, layer, 1, arrays[f"{number}.bias"], trans=1)
-        if number != "2":
-            np.maximum(layer, 0, out=layer)
-    outputs: Float32 = np.tanh(layer)
+    first = sgemv(1, arrays["0.weight"].T, scaled, 1, arrays["0.bias"], trans=1)
+    np.maximum(first, 0, out=first)
+    second = sgemv(1, arrays["1.weight"].T, first, 1, arrays["1.bias"], trans=1)
+    np.maximum(second, 0, out=second)
+    outputs: Float32 = np.tanh(sgemv(1, arrays["2.weight"].T, second, 1, arrays["2.bias"], trans=1))
     return outputs
 
 
