@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -107,7 +107,7 @@ def told(walk: Walk) -> Iterator[tuple[str, int, Any]]:
         state, tick = record.state, record.state.tick
         if state.preview is not None and state.preview != seen:
             seen = state.preview
-            yield "preview", tick, message("preview", tick, index=seen.index, l_min=seen.l_min, l_max=seen.l_max)
+            yield "preview", tick, message("preview", tick, **asdict(seen))
         yield "state", tick, state_message(state)
         torque = record.output.torque.copy()  # a test may change a message, but not the walk
         yield "torque", tick, message("torque", tick, torque=torque, policy_version="zero", fault="")

@@ -34,11 +34,15 @@ class Leg(IntEnum):
 
 @dataclass(frozen=True)
 class StonePreview:
-    """Stone `index` (the first is 1), seen one step ahead: `l_k` must end in [l_min, l_max], m from the stance foot."""
+    """Stone `index` (the first is 1), seen one step ahead: `l_k` must end in [l_min, l_max], m from the stance foot.
+
+    `height`: of its top above that of the stone before, m; 0 if heights are not previewed.
+    """
 
     index: int
     l_min: float
     l_max: float
+    height: float = 0.0
 
 
 def newest_preview(previews: Mapping[int, StonePreview], now: int, since: int = 0) -> StonePreview | None:

@@ -87,7 +87,8 @@ class Gathered:
         else:
             decoded = message.decode()
             if message.topic == "preview":
-                stone = StonePreview(decoded.index, decoded.l_min, decoded.l_max)
+                height = getattr(decoded, "height", 0.0)  # older recordings have none
+                stone = StonePreview(decoded.index, decoded.l_min, decoded.l_max, height)
                 self.previews[stone.index].setdefault(message.stamp, stone)
             else:
                 self.landings.setdefault(decoded.index, decoded)

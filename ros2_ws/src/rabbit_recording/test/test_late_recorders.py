@@ -82,7 +82,7 @@ class Graph:
         self.announce(RUNNING)
         for tick in range(ticks):
             if tick % 3 == 0:
-                self.send("preview", tick, message("preview", 0, index=tick // 3 + 1, l_min=0.3, l_max=0.4))
+                self.send("preview", tick, message("preview", 0, index=tick // 3 + 1, l_min=0.3, l_max=0.4, height=0.0))
             for topic in BY_TICK:
                 self.send(topic, tick)
             self.clock += 1

@@ -13,7 +13,8 @@ FARTHEST_EDGE = 0.9  # m from the stance foot, of any stone
 # starts at no force and may stay there, so a standing foot lets go. Compliance leaves the one that presses.
 RUBBER_STIFFNESS = 1e6  # N/m
 RUBBER_DAMPING = 3e4  # N s/m; impacts are inelastic: with less the rubber throws the foot back
-NEEDS_ENGINE = ("ground_stiffness", "ground_damping")  # `rigid` has not
+HIGHEST_TOP = 0.2  # m above or below the first platform, of any stone
+NEEDS_ENGINE = ("ground_stiffness", "ground_damping", "stone_height", "push")  # `rigid` has not
 
 PLANTS = "rabbit.plants"  # entry points; see rabbit_description.plugins
 if TYPE_CHECKING:
@@ -44,6 +45,8 @@ class SimulationParameters(BaseModel):
     ground_damping: Number = Field(
         RUBBER_DAMPING, ge=0, le=RUBBER_DAMPING, description="of ground and foot together, N s/m"
     )
+    push: Number = Field(0.0, ge=0, le=100, description="on the torso in 100 ms, forward and backward in turn, N s")
+    push_interval: Number = Field(1.5, ge=0.1, le=60, description="from the beginning of a push to the next, s")
     slope: Number = Field(0.0, ge=-20, le=20, description="rise of the ground, unknown to the controller, degrees")
 
     encoder_resolution: Number = Field(0.0, ge=0, le=0.1, description="step of the measured angles, rad")
@@ -64,6 +67,10 @@ class SimulationParameters(BaseModel):
     stone_placement: Literal["relative", "absolute"] = Field(
         "relative", description="from where the foot landed, or from the middle of the stone before"
     )
+    stone_height: Number = Field(
+        0.0, ge=0, le=HIGHEST_TOP, description="largest deviation of a stone's top from the first platform's, m"
+    )
+    height_preview: bool = Field(True, description="the preview of a stone tells its height")
     course: str = Field("", description="file of stones (.yaml or .csv); empty: drawn")
 
     x0_position_std: Number = Field(0.02, ge=0, le=0.5, description="noise of the first angles, rad")

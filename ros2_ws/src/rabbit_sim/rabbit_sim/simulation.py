@@ -16,12 +16,13 @@ from rabbit_sim.parameters import PLANTS, RUBBER_STIFFNESS, SimulationParameters
 from rabbit_sim.plant import Plant, PlantReading, Span, Touch
 from rabbit_sim.robot_urdf import true_mass
 from rabbit_sim.sensors import Sensors
-from rabbit_sim.stones import draw_course, read_course
+from rabbit_sim.stones import CourseError, draw_course, read_course
 from rabbit_sim.terrain import Terrain
 
 FLIGHT_TICKS = 5  # without a foot on the ground; on ground that throws the robot back, longer
 SLIP_FRICTION = 0.8  # ground no better than this counts slips
 SLIP_DISTANCE = 0.005  # m
+PUSH_SECONDS = 0.1
 
 
 class Outcome(Enum):
@@ -71,6 +72,8 @@ class Simulation:
         self._gait = gait
         course = parameters.course
         self._file_course = read_course(Path(course), parameters.stones, parameters.stone_width) if course else None
+        if parameters.plant == "rigid" and any(stone.height for stone in self._file_course or ()):
+            raise CourseError(f"course {course}: a stone with a height, plant rigid: expected pybullet or mujoco")
         self._plant: Plant = load(PLANTS, parameters.plant)(parameters)
         self.outcome = Outcome.IDLE
         self.landings: list[Landing] = []
@@ -112,6 +115,7 @@ class Simulation:
             raise ValueError(f"torque = {torque}: expected four finite numbers, N m")
         if self.outcome is not Outcome.RUNNING:
             raise RuntimeError(f"outcome = {self.outcome}: expected a running episode, call reset first")
+        self._push_in_turn()
         self._plant.advance(torque)
         self._applied = torque.copy()
         self._tick += 1
@@ -124,6 +128,13 @@ class Simulation:
     def push(self, force: float, seconds: float) -> None:
         """Push the torso; raises `ValueError` where the plant cannot be pushed."""
         self._plant.push(force, seconds)
+
+    def _push_in_turn(self) -> None:
+        """Begin a push of the parameters' where one is due: forward first, then in turn."""
+        turn, since = divmod(self._tick, max(round(self.parameters.push_interval / TICK_SECONDS), 1))
+        if self.parameters.push and turn and not since:
+            force = self.parameters.push / PUSH_SECONDS
+            self._plant.push(force if turn % 2 else -force, PUSH_SECONDS)
 
     def change(self, parameters: SimulationParameters) -> None:
         """Go on from the present state with another robot, ground and sensors; the course stays until the reset.

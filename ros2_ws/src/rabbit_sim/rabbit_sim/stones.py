@@ -10,7 +10,7 @@ from rabbit_description.state import Array
 from rabbit_description.yaml_file import YamlFileError, read_yaml
 from scipy.special import ndtr, ndtri
 
-from rabbit_sim.parameters import FARTHEST_EDGE, SimulationParameters
+from rabbit_sim.parameters import FARTHEST_EDGE, HIGHEST_TOP, SimulationParameters
 
 Edge = Annotated[float, Field(gt=0, le=FARTHEST_EDGE, allow_inf_nan=False)]
 
@@ -20,12 +20,16 @@ class CourseError(ValueError):
 
 
 class Stone(BaseModel):
-    """Near and far edge, m, from the stance foot (relative) or the middle of the stone before (absolute placement)."""
+    """Near and far edge, m, from the stance foot (relative) or the middle of the stone before (absolute placement).
+
+    `height`: of its top above the first platform, m.
+    """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     l_min: Edge
     l_max: Edge
+    height: Annotated[float, Field(ge=-HIGHEST_TOP, le=HIGHEST_TOP, allow_inf_nan=False)] = 0.0
 
     @model_validator(mode="after")
     def _has_width(self) -> "Stone":
@@ -42,14 +46,20 @@ def draw_course(parameters: SimulationParameters, rng: np.random.Generator) -> l
         deviation: Array = ndtri(ndtr(-reach) + share * (ndtr(reach) - ndtr(-reach))).clip(-reach, reach)
     else:
         deviation = reach * (2 * share - 1)
-    near = parameters.l_min_mean + parameters.l_min_std * deviation
-    return [Stone(l_min=edge, l_max=min(edge + parameters.stone_width, FARTHEST_EDGE)) for edge in near.tolist()]
+    near = (parameters.l_min_mean + parameters.l_min_std * deviation).tolist()
+    highest = parameters.stone_height
+    tops = rng.uniform(-highest, highest, parameters.stones).tolist()  # the last that is drawn: it changes no edge
+    return [
+        Stone(l_min=edge, l_max=min(edge + parameters.stone_width, FARTHEST_EDGE), height=top)
+        for edge, top in zip(near, tops, strict=True)
+    ]
 
 
 def read_course(path: Path, stones: int, width: float) -> list[Stone]:
     """The first `stones` stones of a file; one without `l_max` is `width` wide.
 
     YAML: `stones:` with a list of `{l_min: 0.35, l_max: 0.40}`. CSV: a header `l_min` or `l_min,l_max`, a row a stone.
+    Either may have a `height`.
 
     Raises:
         CourseError: no such file, not readable as its kind, too few stones, or an edge out of bounds.

@@ -18,6 +18,7 @@ class Terrain:
         self._absolute = parameters.stone_placement == "absolute"
         self._flat = parameters.terrain == "flat"
         self._course = course
+        self._previews_height = parameters.height_preview
         half = parameters.stone_width / 2
         self.placed: list[Span] = [GROUND if self._flat else Span(PLATFORM_START, half)]
         self._middle = 0.0  # of the last stone placed, m
@@ -35,5 +36,6 @@ class Terrain:
         origin = self._middle if self._absolute else foot
         near, far = origin + stone.l_min, origin + stone.l_max
         self._middle = (near + far) / 2
-        self.placed.append(Span(near, far))
-        return StonePreview(index, near - foot, far - foot)
+        height = stone.height - self.placed[-1].top if self._previews_height else 0.0
+        self.placed.append(Span(near, far, stone.height))
+        return StonePreview(index, near - foot, far - foot, height)

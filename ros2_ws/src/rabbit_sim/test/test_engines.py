@@ -264,6 +264,19 @@ def test_a_foot_stands_up_to_the_edge_of_a_real_stone(engine, truth, edge, stand
         assert plant.observe().contact[Leg.LEFT] == stands
 
 
+@pytest.mark.parametrize("top", [0.04, -0.03])
+def test_a_foot_stands_on_a_stone_of_any_height(engine, truth, top):
+    q, dq = standing(truth())
+    q[1] += top
+    with world(engine, SimulationParameters(), q, dq, [Span(-0.05, 0.05, top)]) as plant:
+        for _ in range(SETTLING_TICKS):
+            plant.advance(PRESSING)
+        reading = plant.observe()
+    assert reading.contact[Leg.LEFT]
+    sunk = reading.foot_force[Leg.LEFT, 1] / RUBBER_STIFFNESS
+    assert top - reading.foot_position[Leg.LEFT, 1] == pytest.approx(sunk, rel=0.1)
+
+
 def test_a_foot_falls_into_a_real_gap_and_the_other_finds_its_stone(engine):
     q = np.array([0.0, 0.0, 0.0, 0.3, 0.0, -0.3, 0.0])
     q[1] = 0.03 - RabbitFeet().positions(q)[0, 1]

@@ -211,6 +211,27 @@ def test_the_course_file_is_read_at_the_door(tmp_path):
     assert simulation.reset(1).preview.l_max == pytest.approx(0.35)
 
 
+def test_pushes_come_in_turn(play):
+    """Each 0.3 s, from the 30th tick on: 5 N s in 100 ms are 50 N, forward first."""
+    pushes = []
+    _, simulation = play([up()], push=5.0, push_interval=0.3)
+    plant = simulation._plant
+    plant.push = lambda force, seconds: pushes.append((simulation._tick, force, seconds))
+    plant.readings = [up()] * 100
+    while len(plant.readings) > 1:
+        simulation.step(np.zeros(4))
+    assert pushes == [(30, pytest.approx(50), 0.1), (60, pytest.approx(-50), 0.1), (90, pytest.approx(50), 0.1)]
+
+
+@pytest.mark.parametrize(("height", "outcome"), [(0.05, Outcome.FALL), (0.0, Outcome.RUNNING)])
+def test_the_hip_counts_from_the_stone_that_the_foot_stands_on(play, tmp_path, height, outcome):
+    course = tmp_path / "course.csv"
+    course.write_text(f"l_min,height\n0.35,{height}\n0.35,0\n0.35,0\n")
+    feet = ((0, 0), (0.37, height))
+    script = [up([right(0.37)], feet=feet), up(q=np.array([0.3, 0.71, 0.1, 0, 0, 0, 0]), feet=feet)]
+    assert play(script, course=str(course))[1].outcome is outcome
+
+
 # ---- real plants -----------------------------------------------------------------------------------------------------
 
 

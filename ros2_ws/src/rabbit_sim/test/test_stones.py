@@ -110,6 +110,28 @@ def test_absolute_stones_stay_where_they_are():
         assert (seen.l_min, seen.l_max) == pytest.approx((0.73 - foot, 0.77 - foot))
 
 
+@pytest.mark.parametrize("previewed", [True, False])
+def test_heights_are_absolute_and_previewed_from_the_stone_before(previewed):
+    course = [Stone(l_min=0.3, l_max=0.36, height=0.02), Stone(l_min=0.4, l_max=0.44, height=-0.03)]
+    terrain = Terrain(SimulationParameters(stones=2, height_preview=previewed), course)
+    seen = [terrain.place_next(1, 0.0).height, terrain.place_next(2, 0.31).height]
+    assert [span.top for span in terrain.placed] == [0.0, 0.02, -0.03]
+    assert seen == pytest.approx([0.02, -0.05] if previewed else [0.0, 0.0])
+
+
+def test_heights_are_drawn_within_their_bound_and_change_no_edge():
+    level, uneven = (
+        draw_course(SimulationParameters(stones=500, stone_height=height), np.random.default_rng(3))
+        for height in (0.0, 0.04)
+    )
+    heights = np.array([stone.height for stone in uneven])
+    assert [(stone.l_min, stone.l_max) for stone in uneven] == [(stone.l_min, stone.l_max) for stone in level]
+    assert {stone.height for stone in level} == {0.0}
+    assert 0.038 < heights.max() <= 0.04
+    assert -0.04 <= heights.min() < -0.038
+    assert abs(heights.mean()) < 4 * 0.04 / np.sqrt(3 * 500)  # four standard deviations of a uniform mean
+
+
 def test_no_stone_beyond_the_last_and_none_on_flat_ground():
     assert Terrain(SimulationParameters(stones=2), COURSE).place_next(3, 0.7) is None
     flat = Terrain(SimulationParameters(terrain="flat"), COURSE)
@@ -130,6 +152,8 @@ def test_no_stone_beyond_the_last_and_none_on_flat_ground():
         ({"ground_stiffness": 9e3}, ("ground_stiffness", "input_value=9000", "greater than or equal to 10000")),
         ({"slope": 21}, ("slope", "input_value=21", "less than or equal to 20")),
         ({"ground_damping": 2e3, "plant": "rigid"}, ("ground_damping = 2000 with plant rigid", "pybullet or mujoco")),
+        ({"stone_height": 0.01, "plant": "rigid"}, ("stone_height = 0.01 with plant rigid", "pybullet or mujoco")),
+        ({"push": 5.0, "plant": "rigid"}, ("push = 5 with plant rigid", "pybullet or mujoco")),
         ({"plant": "gazebo"}, ("plant", "gazebo", "'pybullet' or 'rigid'")),
         ({"stones": 2.5}, ("stones", "input_value=2.5", "valid integer")),
         ({"stone": 3}, ("stone", "input_value=3", "not permitted")),

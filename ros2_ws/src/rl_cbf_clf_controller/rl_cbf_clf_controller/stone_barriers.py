@@ -5,7 +5,8 @@ Swing foot (l, h) from the stance foot, stone [l_min, l_max]:
     B1 = R1 + l_max - |(R1 + l, h)|                         inside the circle about (-R1, 0): before the far edge
     B2 = |(l - l_min/2, h + R2)| - |(l_min/2, R2)|          outside the circle about (l_min/2, -R2): past the near edge
 
-so at touchdown (h = 0, l > 0) both together mean l_min <= l <= l_max [eq:steprange].
+so at touchdown (h = 0, l > 0) both together mean l_min <= l <= l_max [eq:steprange]. Of a stone that is previewed
+higher or lower than the stance foot's, h counts from it: both circles move with it.
 """
 
 import numpy as np
@@ -46,6 +47,7 @@ def stone_barriers(feet: Kinematics, stone: StonePreview, R1: float, R2: float) 
     """B1 and B2 of the swing foot for a previewed stone; R1, R2 in m."""
     near = stone.l_min / 2
     length, height = feet.swing.tolist()  # numbers: arrays of two take several times as long
+    height -= stone.height
     velocity = feet.swing_rate.tolist()
     r_outer, (outer_x, outer_z), curve_outer = _distance(length + R1, height, *velocity)
     r_inner, (inner_x, inner_z), curve_inner = _distance(length - near, height + R2, *velocity)

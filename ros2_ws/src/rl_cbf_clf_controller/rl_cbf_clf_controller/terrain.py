@@ -1,5 +1,6 @@
 """What a controller knows of the ground ahead: nothing, or the one stone in sight, as barriers and observations."""
 
+from dataclasses import replace
 from typing import Any, Literal
 
 from cbf_clf_qp.ecbf import Barriers
@@ -10,6 +11,7 @@ from rl_cbf_clf_controller.scene import ControllerError
 from rl_cbf_clf_controller.stone_barriers import stone_barriers
 
 FARTHEST_STONE = 2.0  # m
+HIGHEST_STONE = 0.5  # m, up or down
 
 
 class FlatGround:
@@ -47,13 +49,15 @@ class SteppingStones(FlatGround):
             raise ControllerError(f"state.preview = {stone}: expected stone {state.touchdowns + 1}")
         if not 0 < stone.l_min < stone.l_max < FARTHEST_STONE:
             raise ControllerError(f"state.preview = {stone}: expected 0 < l_min < l_max < {FARTHEST_STONE:g} m")
+        if not abs(stone.height) <= HIGHEST_STONE:
+            raise ControllerError(f"state.preview = {stone}: expected a height of at most {HIGHEST_STONE:g} m")
 
     def barriers(self, feet: Kinematics, stone: StonePreview | None) -> Barriers | None:
         """Of the stone less the margin at both edges; None where no stone is seen."""
         if stone is None:
             return None
         margin = self._parameters.stone_margin
-        narrowed = StonePreview(stone.index, stone.l_min + margin, stone.l_max - margin)
+        narrowed = replace(stone, l_min=stone.l_min + margin, l_max=stone.l_max - margin)
         return stone_barriers(feet, narrowed, *self._radii)
 
     def observed(self, stone: StonePreview | None, step_length: tuple[float, ...]) -> tuple[float, ...]:

@@ -1,5 +1,7 @@
 """Stone barriers against geometry and differences; ECBF gains against their closed loop."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from cbf_clf_qp.ecbf import ecbf_bound, ecbf_gains
@@ -12,9 +14,9 @@ STONE, R1, R2 = StonePreview(1, 0.33, 0.38), 1.0, 0.36
 H = 1e-6
 
 
-def at(swing, rate=(0.0, 0.0)):
+def at(swing, rate=(0.0, 0.0), stone=STONE):
     swing, rate = np.array(swing, float), np.array(rate, float)
-    return stone_barriers(Kinematics(swing, rate, np.eye(2, 7), np.zeros(2), swing, rate), STONE, R1, R2)
+    return stone_barriers(Kinematics(swing, rate, np.eye(2, 7), np.zeros(2), swing, rate), stone, R1, R2)
 
 
 @pytest.mark.parametrize(("length", "signs"), [(0.32, (1, -1)), (0.35, (1, 1)), (0.39, (-1, 1))])
@@ -27,6 +29,15 @@ def test_zero_on_the_edges_and_the_foot_may_start_behind():
     assert at((STONE.l_min, 0)).B[1] == pytest.approx(0, abs=1e-12)
     assert at((0, 0)).B[1] == pytest.approx(0, abs=1e-12)
     assert (at((-0.35, 0)).B > 0).all()
+
+
+@pytest.mark.parametrize("height", [0.04, -0.04])
+def test_of_a_stone_that_is_previewed_higher_the_foots_height_counts_from_it(height):
+    uneven, rate = replace(STONE, height=height), (0.4, -0.3)
+    there, level = at((0.2, 0.1 + height), rate, uneven), at((0.2, 0.1), rate)
+    assert pytest.approx(level.B) == there.B
+    assert there.dB == pytest.approx(level.dB)
+    assert (at((-0.35, 0), stone=uneven).B > 0).all()
 
 
 def test_outer_and_inner_radii():

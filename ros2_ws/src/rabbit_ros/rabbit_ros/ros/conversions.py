@@ -5,6 +5,7 @@ Numbers travel as float64 in arrays of fixed size, so a value arrives with the s
 
 import math
 from collections.abc import Collection
+from dataclasses import asdict
 from types import SimpleNamespace
 
 import numpy as np
@@ -59,15 +60,15 @@ def check_state(message: msg.RabbitState, finite: bool = True) -> None:
 
 def preview_message(preview: StonePreview, episode: int, at: Time) -> msg.StonePreview:
     """A preview as its message."""
-    return msg.StonePreview(stamp=at, episode=episode, index=preview.index, l_min=preview.l_min, l_max=preview.l_max)
+    return msg.StonePreview(stamp=at, episode=episode, **asdict(preview))
 
 
 def preview_of(message: msg.StonePreview) -> StonePreview:
     """A preview from its message."""
-    check_finite("l_min, l_max", (message.l_min, message.l_max))
+    check_finite("l_min, l_max, height", (message.l_min, message.l_max, message.height))
     if not 0 <= message.l_min < message.l_max:
         raise Refused("no stone", f"l_min = {message.l_min}, l_max = {message.l_max}; expected 0 <= l_min < l_max")
-    return StonePreview(message.index, message.l_min, message.l_max)
+    return StonePreview(message.index, message.l_min, message.l_max, message.height)
 
 
 def check_episode(message: msg.Episode, after: int) -> None:
