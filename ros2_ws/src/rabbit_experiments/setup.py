@@ -17,6 +17,7 @@ install(
     "typer",
     entry_points={
         "rabbit.commands": [
+            "estimator = rabbit_experiments.commands.estimator:app",
             "evaluate = rabbit_experiments.commands.evaluate:app",
             "policy = rabbit_experiments.commands.policy:app",
             "reproduce = rabbit_experiments.commands.reproduce:app",

@@ -61,6 +61,22 @@ def no_torque() -> Array:
 
 
 @dataclass(frozen=True)
+class BodySensors:
+    """What the robot's own sensors say at the end of a tick, with their errors.
+
+    `joint_angles`, `joint_rates` (4,): encoders and their drives, `ACTUATED` order; rad, rad/s. The IMU sits in the
+    torso at the hip: `attitude` is the gyro integrated since the reset, rad; `pitch_rate` the gyro, rad/s;
+    `specific_force` (2,) the accelerometer's mean over the tick, torso frame (forward, up), m/s^2; NaN at tick 0.
+    """
+
+    joint_angles: Array
+    joint_rates: Array
+    attitude: float
+    pitch_rate: float
+    specific_force: Array
+
+
+@dataclass(frozen=True)
 class RobotState:
     """What is measured at one tick, all in the world frame (x forward, z up).
 
@@ -70,7 +86,8 @@ class RobotState:
     `touchdowns` counts landings since the reset, so stone `touchdowns + 1` is the one previewed; `preview` is None on
     flat ground. `running` is False once the episode has ended (fall, miss, all stones walked). `applied` (4,), N m,
     left/right order: the command over the tick that ended now, which in real time may be another than the controller's
-    last; NaN at tick 0.
+    last; NaN at tick 0. `sensors`: where only the robot's own sensors measure; `q` and `dq` are NaN until a state
+    estimator has filled them in.
     """
 
     tick: int
@@ -82,6 +99,7 @@ class RobotState:
     preview: StonePreview | None
     running: bool = True
     applied: Array = field(default_factory=no_torque)
+    sensors: BodySensors | None = None
 
     @classmethod
     def of_message(cls, message: Any, preview: StonePreview | None) -> "RobotState":

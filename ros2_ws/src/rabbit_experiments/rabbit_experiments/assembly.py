@@ -6,7 +6,9 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from rabbit_description.gait import load_gaits
+from rabbit_description.gait import Gaits, load_gaits
+from rabbit_estimator.contact_aided_filter import ContactAidedFilter
+from rabbit_estimator.parameters import EstimatorParameters
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.robot_urdf import perturbed_urdf
 from rabbit_sim.simulation import Simulation
@@ -17,6 +19,7 @@ from rl_cbf_clf_controller.policy import PartlyNominal, Policy, ZeroPolicy
 from rl_cbf_clf_controller.policy_compatibility import fitted
 from rl_cbf_clf_controller.weights import SHIPPED, PolicyFile, PolicyFileError, policy_path, read
 
+SENSOR_ERRORS = SimulationParameters.model_fields.keys() & EstimatorParameters.model_fields.keys()
 UNWALKED: Any = {"metadata": True, "gaits": {"__all__": {"metadata"}}}  # what of gaits does not decide a walk
 
 
@@ -51,7 +54,7 @@ class Assembly:
     def build(self) -> tuple[Simulation, Controller]:
         """A plant and a controller that have seen nothing yet; raises `GaitError`, `CourseError`, `PolicyFileError`."""
         gait = load_gaits(self.controller.gait)
-        return Simulation(self.simulation, gait), Controller(self.controller, gait, self.make_policy())
+        return make_simulation(self.simulation, gait), Controller(self.controller, gait, self.make_policy())
 
     def files(self) -> Iterator[tuple[str, int]]:
         """The files of one's own that it is made of, each with the time of its last change, ns."""
@@ -112,6 +115,19 @@ def resolve_policy(name: str | None, controller: ControllerParameters) -> str:
 def shipped_policies() -> list[str]:
     """Names of the policies that come with the controller; each learning controller's own has its name."""
     return sorted(path.stem for path in SHIPPED.glob("*.safetensors"))
+
+
+def make_simulation(parameters: SimulationParameters, gait: Gaits) -> Simulation:
+    """A plant; where it has a lab's sensors, with a state estimator."""
+    if parameters.sensors == "exact":
+        return Simulation(parameters, gait)
+    return Simulation(parameters, gait, make_estimator(parameters).update)
+
+
+def make_estimator(parameters: SimulationParameters) -> ContactAidedFilter:
+    """One that knows how good the sensors are."""
+    known = {name: getattr(parameters, name) for name in SENSOR_ERRORS if getattr(parameters, name) > 0}
+    return ContactAidedFilter(EstimatorParameters(**known))
 
 
 @lru_cache(maxsize=1)

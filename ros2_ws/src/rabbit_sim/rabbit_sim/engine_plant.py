@@ -32,6 +32,7 @@ class EnginePlant(ABC):
         self._kinematics = RabbitFeet(parameters.link_bend)
         damping = parameters.joint_damping
         self._damping = JointDamping(self._robot_urdf, damping) if damping else None
+        self._keeps_path = parameters.sensors == "lab"
 
     def close(self) -> None:  # noqa: B027  MuJoCo has nothing
         """Nothing to give back, unless the engine has something."""
@@ -40,6 +41,7 @@ class EnginePlant(ABC):
         """A new world, so that nothing (motors, warm starts, stones) is left of the last episode."""
         self._make_world(q, dq)
         self._states: JointStates | None = None
+        self._path: list[list[float]] = []
         self._actuation.reset()
         self._push = np.zeros(0)
         self._force = np.zeros((2, 2))
@@ -58,6 +60,7 @@ class EnginePlant(ABC):
         pushes, self._push = self._push[:SUBSTEPS].tolist(), self._push[SUBSTEPS:]
         pushes += [0.0] * (SUBSTEPS - len(pushes))
         left_x = left_z = right_x = right_z = 0.0
+        self._path = []
         left, right = False, False  # in contact at any moment: a foot may bounce within the tick
         for torque, push in zip(self._actuation.advance(command), pushes, strict=True):
             self._substep(self.damped(torque), push)
@@ -67,6 +70,9 @@ class EnginePlant(ABC):
             left_x, left_z, right_x, right_z = left_x + x, left_z + z, right_x + other_x, right_z + other_z
             left, right = left or z > CONTACT_FORCE, right or other_z > CONTACT_FORCE
             self._watch.substep(forces)
+            if self._keeps_path:
+                q, dq = self._now()
+                self._path.append([*q, *dq])
         self._force = np.array([[left_x, left_z], [right_x, right_z]]) / SUBSTEPS
         self._contact = np.array([left, right])
         self._feet = self._locate_feet()
@@ -79,7 +85,8 @@ class EnginePlant(ABC):
         """The truth after the last tick."""
         q, dq = self._now()
         feet, touches = np.array(self._feet), tuple(self._watch.touches)
-        return PlantReading(np.array(q), np.array(dq), self._force, feet, self._contact, touches)
+        path = np.array(self._path) if self._path else None
+        return PlantReading(np.array(q), np.array(dq), self._force, feet, self._contact, touches, path)
 
     def damped(self, torque: Array) -> Array:
         """`torque` (4,) of the motors with the joints' damping at the present state, N m."""

@@ -52,6 +52,15 @@ class SimulationParameters(BaseModel):
     encoder_resolution: Number = Field(0.0, ge=0, le=0.1, description="step of the measured angles, rad")
     velocity_noise: Number = Field(0.0, ge=0, le=10, description="std of the measured angle rates, rad/s")
     force_noise: Number = Field(0.0, ge=0, le=1000, description="std of the measured foot forces, N")
+    sensors: Literal["exact", "lab"] = Field(
+        "exact", description="the whole state, or encoders and IMU alone: a state estimator's work"
+    )
+    encoder_offset: Number = Field(0.001, ge=0, le=0.1, description="std of a joint's constant error, rad (lab)")
+    gyro_noise: Number = Field(0.005, ge=0, le=1, description="std of the gyro, rad/s (lab)")
+    gyro_bias: Number = Field(0.005, ge=0, le=1, description="std of its constant error, rad/s (lab)")
+    accelerometer_noise: Number = Field(0.1, ge=0, le=10, description="std of the accelerometer, m/s^2 (lab)")
+    accelerometer_bias: Number = Field(0.05, ge=0, le=10, description="std of its constant error, m/s^2 (lab)")
+    attitude_error: Number = Field(0.003, ge=0, le=0.1, description="std of the IMU's first attitude, rad (lab)")
     torque_delay: Number = Field(0.0, ge=0, le=0.1, description="dead time of the motors, whole ms, s")
     torque_limit: Number = Field(TORQUE_LIMIT, ge=1e-6, le=10000, description="saturation of each motor, N m")
 

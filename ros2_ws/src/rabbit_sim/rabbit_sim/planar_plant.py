@@ -40,6 +40,7 @@ class PlanarPlant:
         may_land: the guard.
         clear_height: a foot that has been higher since its last contact, where the guard allows a landing, is clear.
         torque_limit: saturation of each joint, N m.
+        keeps_path: whether readings have the states within the tick.
     """
 
     def __init__(
@@ -48,9 +49,11 @@ class PlanarPlant:
         may_land: Guard = anywhere,
         clear_height: float = CLEAR_HEIGHT,
         torque_limit: float = np.inf,
+        keeps_path: bool = False,
     ) -> None:
         self._dynamics, self._may_land, self._clear_height = dynamics, may_land, clear_height
         self._limit = torque_limit
+        self._keeps_path = keeps_path
 
     def close(self) -> None:
         """Nothing to give back."""
@@ -60,6 +63,7 @@ class PlanarPlant:
         self._q, self._dq = q.copy(), dq.copy()
         self._impulse = np.zeros((2, 2))
         self._touches: list[Touch] = []
+        self._path: list[Array] = []
         self._clear, self._pinned_for = False, 0.0
         self._pin(stance)
 
@@ -81,14 +85,19 @@ class PlanarPlant:
         """The truth after the last tick; an impact's impulse is part of the tick's mean force."""
         contact = np.array([self._stance is Leg.LEFT, self._stance is Leg.RIGHT])
         feet = self._dynamics.feet.positions(self._q)
-        return PlantReading(self._q, self._dq, self._impulse / TICK_SECONDS, feet, contact, tuple(self._touches))
+        path = np.array(self._path) if self._path else None
+        force = self._impulse / TICK_SECONDS
+        return PlantReading(self._q, self._dq, force, feet, contact, tuple(self._touches), path)
 
     def _hold(self, torques: Array) -> None:
         """One tick's substeps, each under a row of `torques`."""
         self._impulse = np.zeros((2, 2))
         self._touches = []
+        self._path = []
         for torque in torques:
             self._substep(torque, SUBSTEP_SECONDS)
+            if self._keeps_path:
+                self._path.append(np.concatenate(self._state()))
         self._settle()
 
     def _substep(self, torque: Array, duration: float) -> None:

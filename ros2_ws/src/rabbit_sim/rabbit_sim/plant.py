@@ -53,7 +53,8 @@ class PlantReading:
 
     `q`, `dq` (7,): m, rad and their rates. `foot_force` (2, 2): rows left, right; columns tangential, normal; N,
     averaged over the tick. `foot_position` (2, 2): columns x, z; m. `contact` (2,): at the tick's end. `touches`: the
-    feet that came down during the tick, in order.
+    feet that came down during the tick, in order. `path` (10, 14): q and dq at the end of each substep, for sensors
+    that are faster than a tick; None if nobody asked for it or no tick was walked.
     """
 
     q: Array
@@ -62,6 +63,7 @@ class PlantReading:
     foot_position: Array
     contact: NDArray[np.bool_]
     touches: tuple[Touch, ...]
+    path: Array | None = None
 
 
 class Plant(Protocol):

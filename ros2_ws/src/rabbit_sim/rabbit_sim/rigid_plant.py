@@ -22,7 +22,8 @@ class RigidPlant(PlanarPlant):
     def __init__(self, parameters: SimulationParameters) -> None:
         self._actuation = Actuation(parameters)
         feet = RabbitFeet(parameters.link_bend)
-        super().__init__(PinnedDynamics(perturbed_urdf(parameters), feet, parameters.joint_damping, parameters.slope))
+        dynamics = PinnedDynamics(perturbed_urdf(parameters), feet, parameters.joint_damping, parameters.slope)
+        super().__init__(dynamics, keeps_path=parameters.sensors == "lab")
 
     def reset(self, q: Array, dq: Array, stance: Leg) -> None:
         """`q`, `dq` (7,) must have the stance foot at rest; the motors are at rest."""

@@ -1,27 +1,125 @@
-"""What is measured of the truth: quantised angles, noisy rates and forces."""
+"""What is measured of the truth: the whole state with some noise, or only what a robot's own sensors say of it.
+
+The sensors of a lab: an encoder at each joint, sampled at every substep; its drive fits a line through the last three
+samples and gives the slope as the rate, so a rate is that of a millisecond ago. An IMU in the torso at the hip: gyro,
+the attitude from the vertical that it integrates, and the mean of the accelerometer over the tick, impacts included.
+"""
+
+from dataclasses import dataclass
+from math import pi, radians
+from typing import Protocol
 
 import numpy as np
-from rabbit_description.state import Array
+from rabbit_description.state import TICK_SECONDS, Array, BodySensors
 
-from rabbit_sim.parameters import SimulationParameters
-from rabbit_sim.plant import PlantReading
+from rabbit_sim.parameters import SUBSTEP_SECONDS, SimulationParameters
+from rabbit_sim.plant import SUBSTEPS, PlantReading, gravity
+
+ENCODER_STEP = 2 * pi / 2**14  # rad, of a lab's encoders unless another is given
+RATE_SAMPLES = 3  # through which a drive fits its line
 
 
-class Sensors:
+@dataclass(frozen=True)
+class Measured:
+    """`q`, `dq` (7,) and `foot_force` (2, 2) as the controller gets them; `body`: where these are all there is."""
+
+    q: Array
+    dq: Array
+    foot_force: Array
+    body: BodySensors | None = None
+
+
+class Sensors(Protocol):
+    """What an episode's sensors do; `rng` draws their noise."""
+
+    rng: np.random.Generator
+
+    def measure(self, reading: PlantReading) -> Measured:
+        """The measurement of a tick; called once for each, the first time right after a reset."""
+
+
+def make_sensors(parameters: SimulationParameters, rng: np.random.Generator) -> Sensors:
+    """Those that the parameters name."""
+    return (LabSensors if parameters.sensors == "lab" else ExactSensors)(parameters, rng)
+
+
+class ExactSensors:
     """Encoders on pitch and the four joints, foot force sensors. The base's position and velocity are exact."""
 
     def __init__(self, parameters: SimulationParameters, rng: np.random.Generator) -> None:
         self._parameters = parameters
         self.rng = rng
 
-    def measure(self, reading: PlantReading) -> tuple[Array, Array, Array]:
-        """`q` (7,), `dq` (7,), `foot_force` (2, 2) as the controller gets them: new arrays."""
-        q, dq, force = reading.q.copy(), reading.dq.copy(), reading.foot_force.copy()
+    def measure(self, reading: PlantReading) -> Measured:
+        """See `Sensors`."""
+        q, dq = reading.q.copy(), reading.dq.copy()
         step = self._parameters.encoder_resolution
         if step > 0:
-            q[2:] = step * np.round(q[2:] / step)
+            q[2:] = rounded(q[2:], step)
         if self._parameters.velocity_noise > 0:
             dq[2:] += self._parameters.velocity_noise * self.rng.standard_normal(5)
-        if self._parameters.force_noise > 0:
-            force += self._parameters.force_noise * self.rng.standard_normal((2, 2))
-        return q, dq, force
+        return Measured(q, dq, noisy_force(reading, self._parameters.force_noise, self.rng))
+
+
+class LabSensors:
+    """Encoders and an IMU, each with constant errors that an episode draws; no base, no true rate."""
+
+    def __init__(self, parameters: SimulationParameters, rng: np.random.Generator) -> None:
+        p = self._parameters = parameters
+        self.rng = rng
+        self._step = p.encoder_resolution or ENCODER_STEP
+        self._offset = p.encoder_offset * rng.standard_normal(4)
+        self._gyro_bias = p.gyro_bias * rng.standard_normal()
+        self._accelerometer_bias = p.accelerometer_bias * rng.standard_normal(2)
+        self._attitude_error = p.attitude_error * rng.standard_normal() - radians(p.slope)  # from the vertical
+        self._last: PlantReading | None = None
+
+    def measure(self, reading: PlantReading) -> Measured:
+        """See `Sensors`."""
+        p, rng, last = self._parameters, self.rng, self._last
+        path = reading.path
+        if path is None:  # a reset: the joints have moved as they do now
+            back = np.arange(1 - SUBSTEPS, 1)[:, None] * SUBSTEP_SECONDS
+            path = np.hstack([reading.q + back * reading.dq, np.tile(reading.dq, (SUBSTEPS, 1))])
+        specific_force = np.full(2, np.nan)
+        if last is not None:
+            self._attitude_error += TICK_SECONDS * (self._gyro_bias + p.gyro_noise * rng.standard_normal())
+            start = np.concatenate([last.q, last.dq])
+            specific_force = mean_specific_force(np.vstack([start, path]), gravity(p.slope))
+            specific_force += self._accelerometer_bias + p.accelerometer_noise * rng.standard_normal(2)
+        angles = rounded(path[-RATE_SAMPLES:, 3:7] + self._offset, self._step)
+        body = BodySensors(
+            joint_angles=angles[-1],
+            joint_rates=(angles[-1] - angles[0]) / ((RATE_SAMPLES - 1) * SUBSTEP_SECONDS),
+            attitude=float(reading.q[2] + self._attitude_error),
+            pitch_rate=float(reading.dq[2] + self._gyro_bias + p.gyro_noise * rng.standard_normal()),
+            specific_force=specific_force,
+        )
+        self._last = reading
+        unknown = np.full(7, np.nan)
+        return Measured(unknown, unknown.copy(), noisy_force(reading, p.force_noise, rng), body)
+
+
+def mean_specific_force(path: Array, fall: tuple[float, float]) -> Array:
+    """What an accelerometer at the hip means over `path` (n, 14), states `SUBSTEP_SECONDS` apart, under gravity `fall`.
+
+    Shape (2,), torso frame (forward, up), m/s^2.
+    """
+    gained = np.diff(path[:, 7:9], axis=0) / SUBSTEP_SECONDS - fall
+    pitch = (path[1:, 2] + path[:-1, 2]) / 2
+    c, s = np.cos(pitch), np.sin(pitch)
+    forward, up = c * gained[:, 0] - s * gained[:, 1], s * gained[:, 0] + c * gained[:, 1]
+    return np.array([forward.mean(), up.mean()])
+
+
+def rounded(angles: Array, step: float) -> Array:
+    """To multiples of `step`."""
+    return step * np.round(angles / step)
+
+
+def noisy_force(reading: PlantReading, std: float, rng: np.random.Generator) -> Array:
+    """The feet's forces (2, 2), N."""
+    force = reading.foot_force.copy()
+    if std > 0:
+        force += std * rng.standard_normal((2, 2))
+    return force

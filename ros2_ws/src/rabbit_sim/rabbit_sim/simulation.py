@@ -1,5 +1,6 @@
 """Episodes of the true plant: what a controller sees, where the feet landed and how it ended. Read this file first."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
 from math import ceil, pi, sqrt
@@ -15,7 +16,7 @@ from rabbit_sim.initial_state import initial_state
 from rabbit_sim.parameters import PLANTS, RUBBER_STIFFNESS, SimulationParameters
 from rabbit_sim.plant import Plant, PlantReading, Span, Touch
 from rabbit_sim.robot_urdf import true_mass
-from rabbit_sim.sensors import Sensors
+from rabbit_sim.sensors import make_sensors
 from rabbit_sim.stones import CourseError, draw_course, read_course
 from rabbit_sim.terrain import Terrain
 
@@ -23,6 +24,11 @@ FLIGHT_TICKS = 5  # without a foot on the ground; on ground that throws the robo
 SLIP_FRICTION = 0.8  # ground no better than this counts slips
 SLIP_DISTANCE = 0.005  # m
 PUSH_SECONDS = 0.1
+
+
+def unchanged(state: RobotState) -> RobotState:
+    """No state estimator: the controller gets what is measured."""
+    return state
 
 
 class Outcome(Enum):
@@ -66,9 +72,16 @@ class Simulation:
     Example: `state = simulation.reset(seed=1)`, then `state = simulation.step(torque)` while `state.running`.
     """
 
-    def __init__(self, parameters: SimulationParameters, gait: Gaits) -> None:
-        """Raises: CourseError: the course file cannot be used."""
+    def __init__(
+        self, parameters: SimulationParameters, gait: Gaits, estimate: Callable[[RobotState], RobotState] = unchanged
+    ) -> None:
+        """`estimate`: a state estimator that sees every state in turn, between sensors and controller.
+
+        Raises:
+            CourseError: the course file cannot be used.
+        """
         self.parameters = parameters
+        self._estimate = estimate
         self._gait = gait
         course = parameters.course
         self._file_course = read_course(Path(course), parameters.stones, parameters.stone_width) if course else None
@@ -87,7 +100,7 @@ class Simulation:
         course_rng, start_rng, sensor_rng = (np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(3))
         course = self._file_course or draw_course(self.parameters, course_rng)
         self._terrain = Terrain(self.parameters, course)
-        self._sensors = Sensors(self.parameters, sensor_rng)
+        self._sensors = make_sensors(self.parameters, sensor_rng)
         self.outcome, self.landings = Outcome.RUNNING, []
         self._tick = self._touchdowns = self._airborne_ticks = 0
         self._applied = no_torque()
@@ -146,7 +159,7 @@ class Simulation:
         plant.set_stones(self._terrain.present)
         self._plant.close()
         self._plant, self.parameters = plant, parameters
-        self._sensors = Sensors(parameters, self._sensors.rng)
+        self._sensors = make_sensors(parameters, self._sensors.rng)
 
     def _stand_on(self, leg: Leg, x: float) -> None:
         """The stance foot is at world x: place and preview the next stone from there."""
@@ -201,9 +214,20 @@ class Simulation:
         return min(top, z) if gives else top
 
     def _state(self) -> RobotState:
-        q, dq, force = self._sensors.measure(self.reading)
-        contact, running = self.reading.contact.copy(), self.outcome is Outcome.RUNNING
-        return RobotState(self._tick, q, dq, force, contact, self._touchdowns, self._preview, running, self._applied)
+        measured = self._sensors.measure(self.reading)
+        state = RobotState(
+            tick=self._tick,
+            q=measured.q,
+            dq=measured.dq,
+            foot_force=measured.foot_force,
+            contact=self.reading.contact.copy(),
+            touchdowns=self._touchdowns,
+            preview=self._preview,
+            running=self.outcome is Outcome.RUNNING,
+            applied=self._applied,
+            sensors=measured.body,
+        )
+        return self._estimate(state)
 
 
 def flight_ticks(parameters: SimulationParameters) -> int:

@@ -1,0 +1,1 @@
+"""From encoders, an IMU and foot contact to the robot's state."""
