@@ -114,8 +114,8 @@ class Decision:
     @property
     def active(self) -> tuple[str, ...]:
         """Names of the rows that hold with equality."""
-        value = self.qp.A @ self.x
-        active = (value > self.qp.upper - ROUNDING) | (value < self.qp.lower + ROUNDING)
+        value = self.qp.A.dot(self.x)
+        active = np.minimum(self.qp.upper - value, value - self.qp.lower) < ROUNDING
         return tuple(compress(self.qp.layout.names, active.tolist()))
 
 
