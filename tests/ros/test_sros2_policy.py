@@ -8,6 +8,7 @@ from xml.etree import ElementTree
 
 import pytest
 from rabbit_bringup.launching.walk import Walk, WalkOptions
+from rabbit_bringup.ros.one_process import HANDED_OVER
 from rabbit_bringup.ros.walk_monitor import WalkMonitor
 from rabbit_sim.parameters import SimulationParameters
 from rclpy.node import NodeNameNonExistentError
@@ -84,6 +85,30 @@ def test_every_node_does_just_what_its_enclave_allows(graph: Any) -> None:
             assert settled(graph, node, rights) == rights, node
 
 
+def test_one_process_does_the_same_but_hears_nothing_of_what_it_hands_over(root_world: Any) -> None:
+    policy = enclaves()
+    handed_over = {f"/{name}" for name in HANDED_OVER}
+    for node, rights in (policy["/rabbit/simulator"] | policy["/rabbit/controller"]).items():
+        expected = {**rights, "subscribe": rights["subscribe"] - handed_over}
+        assert policy["/rabbit/one_process"][node] == expected
+    root_world.start("one_process", simulator={}, controller={})
+    for node, rights in policy["/rabbit/one_process"].items():
+        assert settled(root_world, node, rights) == rights, node
+
+
+def test_a_viewer_that_may_control_calls_three_services_more(root_world: Any) -> None:
+    policy = enclaves()
+    more = {"/pause", "/reset_episode", "/load_policy"}
+    for node, rights in policy["/rabbit/viewer"].items():
+        expected = {**rights, "request": rights["request"] | (more if node == "viewer" else set())}
+        assert policy["/rabbit/viewer_control"][node] == expected
+    root_world.start("simulator")
+    root_world.start("controller")
+    root_world.start("viewer", port=0, control=True)
+    for node, rights in policy["/rabbit/viewer_control"].items():
+        assert settled(root_world, node, rights) == rights, node
+
+
 def test_the_operator_may_ask_only_for_what_there_is() -> None:
     policy = enclaves()
     ((_, operator),) = policy.pop("/rabbit/operator").items()
@@ -92,10 +117,12 @@ def test_the_operator_may_ask_only_for_what_there_is() -> None:
     assert operator["subscribe"] == set().union(*(rights["publish"] for rights in others))
 
 
-def test_a_walk_puts_each_node_into_its_enclave(tmp_path: Path) -> None:
+@pytest.mark.parametrize("one_process", [False, True])
+def test_a_walk_puts_each_process_into_its_enclave(one_process: bool, tmp_path: Path) -> None:
+    options = WalkOptions(view=True, one_process=one_process)
     plant, law = SimulationParameters(), ControllerParameters()
-    walk = Walk(folder=tmp_path, options=WalkOptions(view=True), simulation=plant, controller=law, policy="zero")
-    for name in walk.names:
+    walk = Walk(folder=tmp_path, options=options, simulation=plant, controller=law, policy="zero")
+    for name in walk.executables:
         words = walk.arguments(name)
         assert words[words.index("--enclave") + 1] == f"/rabbit/{name}"
         assert f"/rabbit/{name}" in enclaves()

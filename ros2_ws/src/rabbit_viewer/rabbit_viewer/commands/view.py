@@ -34,5 +34,6 @@ def become_viewer(chosen: ViewOptions) -> None:
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     own = chosen.model_dump(include=set(ViewerParameters.model_fields))
     words = [word for name, value in own.items() for word in ("-p", f"{name}:={json.dumps(value)}")]
-    remaps = ("-r", f"__ns:=/{chosen.namespace.strip('/')}", "--enclave", "/rabbit/viewer", "--log-level", "warn")
+    enclave = "/rabbit/viewer_control" if chosen.control else "/rabbit/viewer"
+    remaps = ("-r", f"__ns:=/{chosen.namespace.strip('/')}", "--enclave", enclave, "--log-level", "warn")
     os.execv(path, [str(path), "--ros-args", *words, *remaps])
