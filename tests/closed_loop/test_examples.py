@@ -120,9 +120,3 @@ def test_the_worked_tick_has_the_numbers_of_its_page(capsys):
     required = float(re.search(r"^-K_b .* (\S+)$", said, re.MULTILINE)[1])
     assert required == pytest.approx(-4900 * B1 - 140 * dB1, rel=0.02)
     assert float(re.search(r"^B1'' estimated +(\S+)", said, re.MULTILINE)[1]) == pytest.approx(required, rel=0.01)
-
-
-def test_own_learner_learns():
-    losses = load("own_learner").learn(episodes=5, steps=4)
-    assert len(losses) >= 2
-    assert losses[-1] < losses[0]

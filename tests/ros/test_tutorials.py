@@ -1,0 +1,76 @@
+"""Tutorials, and other pages with whole programs: every block is run as a reader types it, on shorter walks."""
+
+import re
+import subprocess
+from pathlib import Path
+
+import pytest
+from rl_cbf_clf_controller.weights import policy_path, read
+from typed import ROOT, blocks, type_in
+
+WALK = "--stones 3 --no-video --no-pictures"
+COURSES = "--runs 1 --stones 2"
+ELSEWHERE = {"docs/tutorials/own_barrier.md", "ros2_ws/src/cbf_clf_qp/README.md"}  # in tests of their own
+SHORTER = {
+    "docs/evaluate.md": {"rabbit evaluate": COURSES},
+    "docs/get_started.md": {
+        "rabbit walk --controller cbf-clf-qp": "--stones 6 --no-video --no-pictures",
+        "rabbit walk": f"{WALK} --episodes 2",
+        "rabbit evaluate": COURSES,
+        "rabbit train": "--episodes 1",
+        "rabbit policy load": "--timeout 120",
+    },
+    "docs/learning.md": {},
+    "docs/plant.md": {},
+    "docs/tutorials/notebook.md": {"python examples/notebook.py": COURSES, "rabbit walk": WALK},
+    "docs/tutorials/own_learner.md": {"python": "--episodes 5 --steps 4"},
+    "docs/tutorials/own_robot.md": {},
+    "docs/tutorials/ros_graph.md": {
+        "rabbit walk": "--stones 15 --no-video --no-pictures",
+        "rabbit policy load": "--timeout 120",
+    },
+}
+
+
+def test_every_page_with_blocks_is_run() -> None:
+    listed = subprocess.run(["git", "ls-files", "*.md"], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert {name for name in listed.stdout.split() if blocks(ROOT / name)} == SHORTER.keys() | ELSEWHERE
+
+
+@pytest.mark.parametrize(
+    "page", ["docs/evaluate.md", "docs/learning.md", "docs/plant.md", "docs/tutorials/notebook.md"]
+)
+def test_a_page_does_what_it_says(page: str, tmp_path: Path) -> None:
+    type_in(page, tmp_path, SHORTER[page])
+
+
+def test_get_started(tmp_path: Path) -> None:
+    page = "docs/get_started.md"
+    said = type_in(page, tmp_path, SHORTER[page])
+    assert re.search(r"^episode 1, seed 1: (?!walked)", said, re.MULTILINE)  # the first walk that it types
+    assert "policy.safetensors: loaded" in said
+
+
+def test_own_robot(tmp_path: Path) -> None:
+    page = "docs/tutorials/own_robot.md"
+    said = type_in(page, tmp_path, SHORTER[page])
+    assert re.search(r"nominal rows: .* HITS", said)
+    assert re.search(r"true rows: .* stays below", said)
+    steps = {name: int(taken) for name, taken in re.findall(r"^seed 1: (.+): \[(\d+)\] steps$", said, re.MULTILINE)}
+    assert steps["nominal, twice the mass"] < 5
+    assert steps["oracle, twice the mass"] == 20
+
+
+def test_own_learners_error_falls(tmp_path: Path) -> None:
+    page = "docs/tutorials/own_learner.md"
+    losses = [float(number) for number in re.findall(r"mean error (\S+)", type_in(page, tmp_path, SHORTER[page]))]
+    assert len(losses) >= 2
+    assert losses[-1] < losses[0]
+
+
+def test_ros_graph(tmp_path: Path) -> None:
+    page = "docs/tutorials/ros_graph.md"
+    said = type_in(page, tmp_path, SHORTER[page])
+    assert "torques identical" in said
+    assert read(policy_path("rl-clf-qp")).version in said
+    assert list(tmp_path.rglob("*.png"))
