@@ -9,15 +9,17 @@ from collections.abc import Sequence
 import numpy as np
 from rabbit_description.state import Array, Leg
 
-from rabbit_sim.actuation import Actuation, JointDamping
+from rabbit_sim.actuation import Actuation, Gears, JointDamping
 from rabbit_sim.ground import Ground
 from rabbit_sim.kinematics import RabbitFeet
 from rabbit_sim.parameters import SUBSTEP_SECONDS, SimulationParameters
 from rabbit_sim.plant import CONTACT_FORCE, SUBSTEPS, PlantReading, Span
-from rabbit_sim.robot_urdf import perturbed_urdf
+from rabbit_sim.robot_urdf import perturbed_urdf, with_pendulum
 from rabbit_sim.touchdown_detector import Feet, TouchdownDetector
 
 STONE_DEPTH = 1.0  # m
+
+KNEES = np.array([0.0, 1.0, 0.0, 1.0])  # of the four joints
 
 JointStates = tuple[list[float], list[float]]  # q, dq: seven each
 
@@ -27,11 +29,14 @@ class EnginePlant(ABC):
 
     def __init__(self, parameters: SimulationParameters) -> None:
         self._parameters = parameters
-        self._robot_urdf = perturbed_urdf(parameters)
+        legs = perturbed_urdf(parameters)
+        self._robot_urdf = with_pendulum(legs, parameters)
         self._actuation = Actuation(parameters)
         self._kinematics = RabbitFeet(parameters.link_bend)
         damping = parameters.joint_damping
-        self._damping = JointDamping(self._robot_urdf, damping) if damping else None
+        gears = parameters.backlash, parameters.gear_stiffness
+        self._gears = Gears(*gears) if any(gears) else None
+        self._damping = JointDamping(legs, damping) if damping else None
         self._keeps_path = parameters.sensors == "lab"
 
     def close(self) -> None:  # noqa: B027  MuJoCo has nothing
@@ -43,6 +48,8 @@ class EnginePlant(ABC):
         self._states: JointStates | None = None
         self._path: list[list[float]] = []
         self._actuation.reset()
+        if self._gears:
+            self._gears.reset(q[3:], dq[3:])
         self._push = np.zeros(0)
         self._force = np.zeros((2, 2))
         self._contact = np.array([stance is Leg.LEFT, stance is Leg.RIGHT])
@@ -63,7 +70,7 @@ class EnginePlant(ABC):
         self._path = []
         left, right = False, False  # in contact at any moment: a foot may bounce within the tick
         for torque, push in zip(self._actuation.advance(command), pushes, strict=True):
-            self._substep(self.damped(torque), push)
+            self._substep(self.at_joints(torque), push)
             self._states = None
             forces = self._contact_forces()
             (x, z), (other_x, other_z) = forces
@@ -88,9 +95,17 @@ class EnginePlant(ABC):
         path = np.array(self._path) if self._path else None
         return PlantReading(np.array(q), np.array(dq), self._force, feet, self._contact, touches, path)
 
-    def damped(self, torque: Array) -> Array:
-        """`torque` (4,) of the motors with the joints' damping at the present state, N m."""
-        return torque + self._damping.torque(*map(np.array, self._now())) if self._damping else torque
+    def at_joints(self, torque: Array) -> Array:
+        """What of `torque` (4,) of the motors comes through the gears, with springs and damping, now, N m."""
+        spring = self._parameters.knee_spring
+        if not (self._gears or self._damping or spring):
+            return torque
+        q, dq = map(np.array, self._now())
+        if self._gears:
+            torque = self._gears.transmitted(torque, q[3:], dq[3:])
+        if spring:
+            torque = torque + spring * KNEES * (self._parameters.knee_rest - q[3:])
+        return torque + self._damping.torque(q, dq) if self._damping else torque
 
     def _locate_feet(self) -> Feet:
         return self._kinematics.points(self._now()[0])

@@ -12,6 +12,7 @@ and lets go where friction carries the leg (Painleve).
 """
 
 from collections.abc import Sequence
+from math import radians
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
@@ -45,10 +46,12 @@ class MujocoPlant(EnginePlant):
     def __init__(self, parameters: SimulationParameters) -> None:
         super().__init__(parameters)
         self._model = mujoco.MjModel.from_xml_string(robot_mjcf(self._robot_urdf, parameters.ground_friction))
+        self._model.dof_frictionloss[3:7] = parameters.coulomb
+        self._model.dof_solref[3:7] = 2 * SUBSTEP_SECONDS, 1.0  # the least that it allows: a joint at rest creeps by it
         self._model.opt.gravity[::2] = gravity(parameters.slope)
         self._data = mujoco.MjData(self._model)
         names = [self._model.geom(i).name for i in range(self._model.ngeom)]
-        self._torque, self._pressing = self._data.qfrc_applied[3:], self._data.sensordata  # views
+        self._torque, self._pressing = self._data.qfrc_applied[3:7], self._data.sensordata  # views
         self._torso_force = self._data.xfrc_applied[self._model.body("torso").id]
         for foot in map(names.index, FEET):
             inverse_mass = self._model.body_invweight0[self._model.geom_bodyid[foot], 0]
@@ -60,7 +63,10 @@ class MujocoPlant(EnginePlant):
 
     def _make_world(self, q: Array, dq: Array) -> None:
         mujoco.mj_resetData(self._model, self._data)
-        self._data.qpos, self._data.qvel = q, dq
+        hanging = [radians(self._parameters.slope) - q[2]], [-dq[2]]  # along gravity, not turning; if there is one
+        self._data.qpos[:], self._data.qvel[:] = (
+            np.r_[own, pendulum][: self._model.nq] for own, pendulum in zip((q, dq), hanging, strict=True)
+        )
         self._place([])
 
     def _place(self, spans: Sequence[Span]) -> None:
@@ -78,7 +84,7 @@ class MujocoPlant(EnginePlant):
         mujoco.mj_step(self._model, self._data)
 
     def _joint_states(self) -> JointStates:
-        return self._data.qpos.tolist(), self._data.qvel.tolist()
+        return self._data.qpos[:7].tolist(), self._data.qvel[:7].tolist()
 
     def _contact_forces(self) -> list[list[float]]:
         left_x, _, left_z, right_x, _, right_z = self._pressing.tolist()

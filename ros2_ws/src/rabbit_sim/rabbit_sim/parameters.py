@@ -14,7 +14,9 @@ FARTHEST_EDGE = 0.9  # m from the stance foot, of any stone
 RUBBER_STIFFNESS = 1e6  # N/m
 RUBBER_DAMPING = 3e4  # N s/m; impacts are inelastic: with less the rubber throws the foot back
 HIGHEST_TOP = 0.2  # m above or below the first platform, of any stone
-NEEDS_ENGINE = ("ground_stiffness", "ground_damping", "stone_height", "push")  # `rigid` has not
+GROUND_OF_ENGINES = ("ground_stiffness", "ground_damping", "stone_height")
+BODY_OF_ENGINES = ("push", "coulomb", "knee_spring", "backlash", "gear_stiffness", "swing_payload")
+NEEDS_ENGINE = GROUND_OF_ENGINES + BODY_OF_ENGINES  # `rigid` has none of them
 
 PLANTS = "rabbit.plants"  # entry points; see rabbit_description.plugins
 if TYPE_CHECKING:
@@ -34,8 +36,22 @@ class SimulationParameters(BaseModel):
     mass_scale: Number = Field(1.0, ge=0.1, le=10, description="factor on every true mass and inertia")
     payload: Number = Field(0.0, ge=0, le=200, description="point mass on the torso, kg")
     payload_height: Number = Field(0.24, ge=-0.5, le=1, description="of the payload above the hip, m")
+    payload_ahead: Number = Field(0.0, ge=-0.5, le=0.5, description="of the payload ahead of the hip, m")
+    swing_payload: Number = Field(0.0, ge=0, le=100, description="pendulum that hangs at payload_height, kg")
+    swing_length: Number = Field(0.3, ge=0.05, le=2, description="of the pendulum, m")
+    left_leg_scale: Number = Field(1.0, ge=0.5, le=2, description="factor on the left leg's masses and inertias")
     motor_lag: Number = Field(0.0, ge=0, le=0.1, description="first-order time constant of the motors, s")
     motor_loss: Number = Field(0.0, ge=0, lt=1, description="fraction of the torque that is lost")
+    left_hip_gain: Number = Field(1.0, ge=0.1, le=2, description="share of the torque that this motor gives")
+    left_knee_gain: Number = Field(1.0, ge=0.1, le=2, description="share of the torque that this motor gives")
+    right_hip_gain: Number = Field(1.0, ge=0.1, le=2, description="share of the torque that this motor gives")
+    right_knee_gain: Number = Field(1.0, ge=0.1, le=2, description="share of the torque that this motor gives")
+    torque_rate: Number = Field(0.0, ge=0, le=1e6, description="most that the torque changes, N m/s; 0: no limit")
+    coulomb: Number = Field(0.0, ge=0, le=100, description="dry friction of each joint, with stiction, N m")
+    knee_spring: Number = Field(0.0, ge=0, le=1000, description="beside the knees' motors, N m/rad")
+    knee_rest: Number = Field(0.4, ge=-1, le=2, description="where the knees' springs are at rest, rad")
+    backlash: Number = Field(0.0, ge=0, le=5, description="play of each joint's gear from side to side, degrees")
+    gear_stiffness: Number = Field(0.0, ge=0, le=2e4, description="of elastic joints, N m/rad; 0: rigid")
     joint_damping: Number = Field(0.0, ge=0, le=100, description="d in the joint torque -d M_jj dq_j, 1/s")
     link_bend: Number = Field(0.0, ge=-0.3, le=0.3, description="forward shift of knee and foot over link length")
     ground_friction: Number = Field(1.5, ge=1e-6, le=5, description="Coulomb coefficient of the true ground")

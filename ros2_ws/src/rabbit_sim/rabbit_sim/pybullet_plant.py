@@ -2,6 +2,7 @@
 
 import tempfile
 from collections.abc import Sequence
+from math import radians
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ from rabbit_sim.engine_plant import STONE_DEPTH, EnginePlant, JointStates
 from rabbit_sim.parameters import SUBSTEP_SECONDS, SimulationParameters
 from rabbit_sim.plant import FOOT_RADIUS, Span, gravity
 from rabbit_sim.quiet_pybullet import PhysicsClient, pybullet
+from rabbit_sim.robot_urdf import PENDULUM
 
 SOLVER_ITERATIONS = 50
 ERP = 0.1  # share of a contact's or joint's position error mended per substep
@@ -38,6 +40,9 @@ class PybulletPlant(EnginePlant):
         self._load_robot()
         for joint, position, velocity in zip(self._joints, q.tolist(), dq.tolist(), strict=True):
             self._client.resetJointState(self._robot, joint, position, velocity)
+        if self._pendulum is not None:  # hangs along gravity, and does not turn
+            hanging = radians(self._parameters.slope) - q[2]
+            self._client.resetJointState(self._robot, self._pendulum, hanging, -dq[2])
         self._stones: dict[Span, int] = {}
 
     def _configure_engine(self) -> None:
@@ -58,7 +63,11 @@ class PybulletPlant(EnginePlant):
         self._torso = index["base_pitch"]  # a link has its joint's number
         self._motors = [index[name] for name in ACTUATED]
         self._foot_of_link = {index["left_ankle"]: Leg.LEFT, index["right_ankle"]: Leg.RIGHT}
-        self._client.setJointMotorControlArray(self._robot, self._joints, pybullet.VELOCITY_CONTROL, forces=[0.0] * 7)
+        self._pendulum = index.get(PENDULUM)
+        free = [each for each in (*self._joints[:3], self._pendulum) if each is not None]
+        self._client.setJointMotorControlArray(self._robot, free, pybullet.VELOCITY_CONTROL, forces=[0.0] * len(free))
+        friction = [self._parameters.coulomb] * len(self._motors)  # a motor that holds still, as strong as the friction
+        self._client.setJointMotorControlArray(self._robot, self._motors, pybullet.VELOCITY_CONTROL, forces=friction)
         for link in range(-1, len(infos)):  # one change a call: PyBullet drops some when several come together
             self._client.changeDynamics(self._robot, link, linearDamping=0.0)
             self._client.changeDynamics(self._robot, link, angularDamping=0.0)

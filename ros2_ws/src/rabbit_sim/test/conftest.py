@@ -9,7 +9,8 @@ from rabbit_sim.initial_state import initial_state
 from rabbit_sim.kinematics import RabbitFeet
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.pinned_dynamics import PinnedDynamics
-from rabbit_sim.robot_urdf import perturbed_urdf
+from rabbit_sim.plant import gravity
+from rabbit_sim.robot_urdf import perturbed_urdf, with_pendulum
 
 
 class Truth:
@@ -20,6 +21,8 @@ class Truth:
         self.urdf = perturbed_urdf(self.parameters)
         self.mass = 32.0 * self.parameters.mass_scale + self.parameters.payload
         self._model = pinocchio.buildModelFromXML(self.urdf)
+        self._loaded = pinocchio.buildModelFromXML(with_pendulum(self.urdf, self.parameters))
+        self._loaded.gravity.linear[[0, 2]] = gravity(self.parameters.slope)
         self._data = self._model.createData()
 
     def start(self, seed: int = 1) -> tuple[Array, Array]:
@@ -38,9 +41,14 @@ class Truth:
         return pinocchio.crba(self._model, self._data, q)
 
     def free_acceleration(self, q, dq, torque):
-        """From the equation of motion without contact, the damping as the documents give it."""
+        """From the equation of motion without contact, the damping as the documents give it, a pendulum at rest."""
         damping = self.parameters.joint_damping * self.mass_matrix(q).diagonal()[3:] * dq[3:]
-        return pinocchio.aba(self._model, self._data, q, dq, np.r_[np.zeros(3), torque - damping])
+        forces = np.r_[np.zeros(3), torque - damping]
+        if self._loaded.nv == 7:
+            return pinocchio.aba(self._loaded, self._loaded.createData(), q, dq, forces)
+        hangs, rate = np.deg2rad(self.parameters.slope) - q[2], -dq[2]  # along gravity, and does not turn
+        q, dq, forces = np.r_[q, hangs], np.r_[dq, rate], np.r_[forces, 0.0]
+        return pinocchio.aba(self._loaded, self._loaded.createData(), q, dq, forces)[:7]
 
     def kinetic_energy(self, q, dq):
         return pinocchio.computeKineticEnergy(self._model, self._data, q, dq)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from rabbit_description.state import TICK_SECONDS
-from rabbit_sim.actuation import Actuation, JointDamping
+from rabbit_sim.actuation import GEAR_STIFFNESS, ROTOR_INERTIA, Actuation, Gears, JointDamping
 from rabbit_sim.parameters import SUBSTEP_SECONDS, SimulationParameters
 from rabbit_sim.plant import SUBSTEPS, PlantReading
 from rabbit_sim.robot_urdf import perturbed_urdf
@@ -100,3 +100,44 @@ def test_noise_has_the_asked_spread_and_no_bias():
         assert noisy.std(axis=0) == pytest.approx(std, rel=0.06)
         assert noisy.mean(axis=0) == pytest.approx(0, abs=0.08 * std)
     assert (dq[:, :2] == reading().dq[:2]).all()
+
+
+def test_each_motor_has_its_gain_and_the_torque_its_rate():
+    """A step to 100 N m at 5,000 N m/s takes 20 ms; then each motor gives its share."""
+    gains = {"left_hip_gain": 0.8, "left_knee_gain": 0.9, "right_hip_gain": 1.1}
+    drives = Actuation(SimulationParameters(torque_rate=5000.0, **gains))
+    torques = np.vstack([drives.advance(np.full(4, 100.0)) for _ in range(3)])
+    ramp = np.minimum(5.0 * np.arange(1, 31), 100.0)
+    np.testing.assert_allclose(torques, ramp[:, None] * [0.8, 0.9, 1.1, 1.0])
+
+
+def rotors_on(joint_inertia, gears, torque, seconds):
+    """Torque on joints free to turn, from rest: positions and rates of rotors and joints over time, (n, 4)."""
+    gears.reset(np.zeros(4), np.zeros(4))
+    angle, rate, rows = np.zeros(4), np.zeros(4), []
+    for _ in range(round(seconds / SUBSTEP_SECONDS)):
+        passed = gears.transmitted(np.full(4, torque), angle, rate)
+        rate = rate + SUBSTEP_SECONDS * passed / joint_inertia
+        angle = angle + SUBSTEP_SECONDS * rate
+        rows.append((gears._rotor[0], gears._rate[0], angle[0], rate[0]))
+    return np.array(rows)
+
+
+@pytest.mark.parametrize(("backlash", "stiffness"), [(0.0, 2000.0), (0.5, 0.0)])
+def test_gears_take_no_impulse_and_end_with_rotor_and_joint_together(backlash, stiffness):
+    """J w_rotor + I w_joint = torque t at all times; the spring's twist settles at the share that the joint needs."""
+    inertia, torque = 0.4, 3.0
+    ways = rotors_on(inertia, Gears(backlash, stiffness), torque, 2.0)
+    t = SUBSTEP_SECONDS * np.arange(1, len(ways) + 1)
+    np.testing.assert_allclose(ROTOR_INERTIA * ways[:, 1] + inertia * ways[:, 3], torque * t, rtol=1e-9)
+    twist = inertia / (inertia + ROTOR_INERTIA) * torque / (stiffness or GEAR_STIFFNESS) + np.deg2rad(backlash) / 2
+    assert ways[-200:, 0].mean() - ways[-200:, 2].mean() == pytest.approx(twist, rel=0.02)
+
+
+def test_within_its_play_a_gear_passes_nothing():
+    """A rotor alone crosses half of two degrees at torque / J; until then the joint rests."""
+    ways = rotors_on(0.4, Gears(2.0, 0.0), 1.0, 0.06)
+    crossing = np.sqrt(2 * np.deg2rad(1.0) * ROTOR_INERTIA)
+    before = SUBSTEP_SECONDS * np.arange(1, len(ways) + 1) < crossing - SUBSTEP_SECONDS
+    assert not ways[before, 3].any()
+    assert ways[-1, 3] > 0

@@ -17,6 +17,7 @@ from rabbit_sim.pybullet_plant import PybulletPlant
 from rabbit_sim.rigid_plant import RigidPlant
 
 PERTURBED = {"mass_scale": 1.7, "payload": 11.0, "payload_height": 0.4, "link_bend": 0.06, "joint_damping": 2.5}
+LOADED = {"payload": 8.0, "payload_ahead": 0.1, "left_leg_scale": 1.3, "swing_payload": 9.0, "slope": 3.0}
 GROUND = [Span(-5.0, 5.0)]
 TORQUE = np.array([12.0, 25.0, -20.0, 8.0])
 SETTLING_TICKS = round(5 * RUBBER_DAMPING / RUBBER_STIFFNESS / TICK_SECONDS)
@@ -44,7 +45,7 @@ def standing(robot):
     return project(robot.start()[0], np.zeros(7), 0.0)
 
 
-@pytest.mark.parametrize("changes", [{}, PERTURBED, {"mass_scale": 0.5}, {"link_bend": -0.1}])
+@pytest.mark.parametrize("changes", [{}, PERTURBED, {"mass_scale": 0.5}, {"link_bend": -0.1}, LOADED])
 @pytest.mark.parametrize("seed", range(3))
 def test_pybullet_accelerates_as_pinocchio_in_free_flight(random_state, truth, changes, seed):
     """Bullet's new velocity is v + dt a(q, v): one short step gives `a` up to rounding in v / dt."""
@@ -52,22 +53,22 @@ def test_pybullet_accelerates_as_pinocchio_in_free_flight(random_state, truth, c
     q, dq = random_state(seed)
     with world(PybulletPlant, robot.parameters, q, dq) as plant:
         plant._client.setTimeStep(dt)
-        plant._apply(plant.damped(TORQUE))
+        plant._apply(plant.at_joints(TORQUE))
         plant._client.stepSimulation()
         measured = (plant._joint_states()[1] - dq) / dt
     expected = robot.free_acceleration(q, dq, TORQUE)
     assert np.abs(measured - expected).max() <= 1e-9 * np.abs(expected).max()
 
 
-@pytest.mark.parametrize("changes", [{}, PERTURBED, {"mass_scale": 0.5}, {"link_bend": -0.1}])
+@pytest.mark.parametrize("changes", [{}, PERTURBED, {"mass_scale": 0.5}, {"link_bend": -0.1}, LOADED])
 @pytest.mark.parametrize("seed", range(3))
 def test_mujoco_accelerates_as_pinocchio_in_free_flight(random_state, truth, changes, seed):
     robot = truth(**changes)
     q, dq = random_state(seed)
     with world(MujocoPlant, robot.parameters, q, dq) as plant:
-        plant._data.qfrc_applied[3:] = plant.damped(TORQUE)
+        plant._data.qfrc_applied[3:7] = plant.at_joints(TORQUE)
         mujoco.mj_forward(plant._model, plant._data)
-        measured = plant._data.qacc
+        measured = plant._data.qacc[:7]
     expected = robot.free_acceleration(q, dq, TORQUE)
     assert np.abs(measured - expected).max() <= 1e-9 * np.abs(expected).max()
 
@@ -220,6 +221,37 @@ def test_a_slope_turns_gravity(engine, random_state, truth, slope):
     angle = np.deg2rad(slope)
     expected = -robot.mass * GRAVITY * TICK_SECONDS * np.array([np.sin(angle), np.cos(angle)])
     assert robot.momentum(fallen.q, fallen.dq) == pytest.approx(expected, rel=2e-3)
+
+
+def test_dry_friction_holds_a_joint_and_then_takes_its_share(engine, random_state, truth):
+    """In free fall from rest: 5 N m at every joint against friction of 6 do nothing; 20 act as 14."""
+    robot = truth(coulomb=6.0)
+    q, signs = random_state(4)[0], np.array([1.0, -1.0, -1.0, 1.0])
+    with world(engine, robot.parameters, q, np.zeros(7)) as plant:
+        for _ in range(3):
+            plant.advance(5.0 * signs)
+        held = plant.observe()
+        plant.reset(q, np.zeros(7), Leg.LEFT)
+        plant.advance(20.0 * signs)
+        slid = plant.observe()
+    with world(engine, truth().parameters, q, np.zeros(7)) as plant:
+        plant.advance(14.0 * signs)
+        smooth = plant.observe()
+    assert (np.sign(slid.dq[3:]) == signs).all()
+    assert np.abs(held.q[3:] - q[3:]).max() < 2e-4
+    assert slid.dq == pytest.approx(smooth.dq, abs=0.03 * np.abs(smooth.dq[2:]).max())
+
+
+def test_a_knees_spring_pulls_it_to_its_rest(engine, random_state, truth):
+    """As a torque at that knee: compared over one tick, in which the knee hardly moves."""
+    q = random_state(4)[0]
+    springs = 60.0 * np.array([0, 0.4 - q[4], 0, 0.4 - q[6]])
+    ended = []
+    for changes, torque in (({"knee_spring": 60.0}, np.zeros(4)), ({}, springs)):
+        with world(engine, truth(**changes).parameters, q, np.zeros(7)) as plant:
+            plant.advance(torque)
+            ended.append(plant.observe().dq)
+    assert ended[0] == pytest.approx(ended[1], abs=0.02 * np.abs(ended[1][2:]).max())
 
 
 def test_measured_forces_are_the_momentum_that_the_ground_gives(engine, truth):

@@ -5,6 +5,7 @@ import pytest
 from rabbit_description.state import TICK_SECONDS, Leg
 from rabbit_sim.kinematics import RabbitFeet
 from rabbit_sim.rigid_plant import RigidPlant
+from rabbit_sim.robot_urdf import true_mass
 
 PERTURBED = {"mass_scale": 1.7, "payload": 11.0, "payload_height": 0.4, "link_bend": 0.06, "joint_damping": 2.5}
 TORQUE = np.array([12.0, 25.0, -20.0, 8.0])
@@ -152,3 +153,18 @@ def test_a_slope_is_a_turned_world(truth, slope):
     np.testing.assert_allclose(turned.q, np.r_[uphill @ seen.q[:2], seen.q[2] - angle, seen.q[3:]], atol=1e-9)
     np.testing.assert_allclose(turned.dq, np.r_[uphill @ seen.dq[:2], seen.dq[2:]], atol=1e-9)
     np.testing.assert_allclose(turned.foot_force, seen.foot_force @ uphill.T, atol=1e-6)
+
+
+def test_loads_weigh_where_they_are(truth):
+    """Mass and CoM of the whole robot, and the inertia about it, by Steiner's theorem for each part."""
+    plain = truth(mass_scale=1.5)
+    loaded = truth(mass_scale=1.5, payload=8.0, payload_ahead=0.1, payload_height=0.3, left_leg_scale=1.3)
+    upright = np.zeros(7)
+    legs = 0.3 * 1.5 * np.array([6.8, 3.2])  # added to the left thigh and shin
+    mass, moment = 48.0 + 8.0 + legs.sum(), 8.0 * np.array([0.1, 0.3]) + np.array([0.0, legs @ [-0.11, -0.64]])
+    assert true_mass(loaded.parameters) == pytest.approx(mass)
+    assert loaded.mass_matrix(upright)[0, 0] == pytest.approx(mass)
+    added = loaded.mass_matrix(upright) - plain.mass_matrix(upright)
+    assert added[:2, 2] == pytest.approx([moment[1], -moment[0]])  # of a turn about +y
+    about_hip = 8.0 * (0.1**2 + 0.3**2) + legs @ [0.11**2 + 0.47 / 6.8, 0.64**2 + 0.20 / 3.2]
+    assert added[2, 2] == pytest.approx(about_hip)

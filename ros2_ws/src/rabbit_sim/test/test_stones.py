@@ -153,6 +153,7 @@ def test_no_stone_beyond_the_last_and_none_on_flat_ground():
         ({"slope": 21}, ("slope", "input_value=21", "less than or equal to 20")),
         ({"ground_damping": 2e3, "plant": "rigid"}, ("ground_damping = 2000 with plant rigid", "pybullet or mujoco")),
         ({"stone_height": 0.01, "plant": "rigid"}, ("stone_height = 0.01 with plant rigid", "pybullet or mujoco")),
+        ({"coulomb": 5.0, "plant": "rigid"}, ("coulomb = 5 with plant rigid", "pybullet or mujoco")),
         ({"push": 5.0, "plant": "rigid"}, ("push = 5 with plant rigid", "pybullet or mujoco")),
         ({"plant": "gazebo"}, ("plant", "gazebo", "'pybullet' or 'rigid'")),
         ({"stones": 2.5}, ("stones", "input_value=2.5", "valid integer")),
