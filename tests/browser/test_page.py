@@ -15,7 +15,19 @@ DRAWN = "rabbit.state.pictures > 5 && rabbit.controls.state"
 SLIDERS = (  # name, share of the slider's width
     *(("mass_scale", 0.2), ("payload", 0.1), ("ground_friction", 0.9), ("motor_power", 0.95), ("motor_lag", 0.05)),
     *(("torque_delay", 0.05), ("velocity_noise", 0.03), ("l_min_std", 0.1), ("stone_width", 0.3), ("stones", 0.04)),
+    *(
+        ("slope", 0.55),
+        ("stone_height", 0.1),
+        ("loose_stone", 0.1),
+        ("loose_depth", 0.3),
+        ("push", 0.1),
+        ("push_interval", 0.1),
+        ("payload_ahead", 0.6),
+    ),
+    *(("swing_payload", 0.1), ("left_leg_scale", 0.4), ("left_hip_gain", 0.4), ("left_knee_gain", 0.4)),
+    *(("right_hip_gain", 0.5), ("right_knee_gain", 0.5), ("coulomb", 0.05), ("knee_spring", 0.1), ("backlash", 0.1)),
 )
+NUMBERS = {"ground_stiffness": 200_000, "ground_damping": 6000, "torque_rate": 50_000, "gear_stiffness": 5000}
 CHOICES = {
     "first": ("nominal", "oracle", "identified", "l1", "learned"),
     "second": ("learned", "none", "nominal"),
@@ -118,6 +130,7 @@ def test_every_button_does_what_it_says(chromium: Chromium, played: str) -> None
 def test_every_setting_reaches_the_walk(chromium: Chromium, played: str) -> None:
     page = chromium.open(played)
     page.wait(DRAWN)
+    page.click("#controls summary")
     for name, share in SLIDERS:
         before = settings(page)[name]
         page.drag(f"#{name}", share)
@@ -125,8 +138,20 @@ def test_every_setting_reaches_the_walk(chromium: Chromium, played: str) -> None
         shown = float(page.look(f"document.querySelector('#{name}').value"))
         assert settings(page)[name] == pytest.approx(shown)
     waiting = set(page.look("rabbit.controls.state.waiting"))
-    assert waiting == {"l_min_std", "stone_width", "stones"}
+    assert waiting == {
+        "l_min_std",
+        "stone_width",
+        "stones",
+        "stone_height",
+        "loose_stone",
+        "loose_depth",
+        "push",
+        "push_interval",
+    }
     assert page.look("document.querySelectorAll('label.waiting').length") == len(waiting)
+    for name, number in NUMBERS.items():
+        page.choose(f"#{name}", str(number))
+        page.wait(f"rabbit.controls.state.settings.{name} === {number}")
     for name, choices in CHOICES.items():
         for choice in choices:
             page.choose(f"#{name}", choice)
@@ -135,7 +160,7 @@ def test_every_setting_reaches_the_walk(chromium: Chromium, played: str) -> None
     page.click("#reset")
     page.wait("rabbit.state.walk.about.title === 'course 77' && rabbit.controls.state.waiting.length === 0")
     fields = set(page.look("[...rabbit.controls.fields.keys()]"))
-    assert fields == {name for name, _ in SLIDERS} | CHOICES.keys() | {"seed"}
+    assert fields == {name for name, _ in SLIDERS} | CHOICES.keys() | NUMBERS.keys() | {"seed"}
     check_requests(page)
 
 

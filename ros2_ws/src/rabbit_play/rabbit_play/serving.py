@@ -43,7 +43,9 @@ class Door:
             asked = ASKED.validate_json(message)
             if isinstance(asked, Set | Begin):
                 settings = asked.settings if isinstance(asked, Set) else asked.script.settings
-                plant_of(self._start.plant, settings)
+                changes = asked.script.changes if isinstance(asked, Begin) else ()
+                for changed in ({}, *({change.name: change.value} for change in changes)):
+                    plant_of(self._start.plant, settings.model_copy(update=changed))
         except ValidationError as error:
             return refused(fault(error))
         pushes = isinstance(asked, PushNow) or (isinstance(asked, Begin) and asked.script.pushes)

@@ -42,10 +42,26 @@ PLANT_AT_ONCE = (  # the other settings of the plant are its course, drawn at a 
     "motor_lag",
     "torque_delay",
     "velocity_noise",
+    "ground_stiffness",
+    "ground_damping",
+    "slope",
+    "payload_ahead",
+    "swing_payload",
+    "left_leg_scale",
+    "left_hip_gain",
+    "left_knee_gain",
+    "right_hip_gain",
+    "right_knee_gain",
+    "torque_rate",
+    "coulomb",
+    "knee_spring",
+    "gear_stiffness",
+    "backlash",
 )
 MOST_DEEDS = 50  # pushes of a walk, and as many changes
 NOW: dict[str, Any] = {"when": "now"}
 NEXT: dict[str, Any] = {"when": "reset"}
+LAB: dict[str, Any] = {**NOW, "group": "laboratory"}
 Number = Annotated[float, Field(allow_inf_nan=False)]
 
 
@@ -82,6 +98,59 @@ class PlaySettings(Checked):
     stones: int = Field(20, ge=1, le=200, title="stones", json_schema_extra=NEXT)
     seed: int = Field(1, ge=0, le=2**31 - 1, title="course", json_schema_extra=NEXT)
     again: Literal["wait", "same course", "next course"] = Field("wait", title="at the end", json_schema_extra=NOW)
+
+    ground_stiffness: Number = Field(
+        1e6, ge=1e4, le=1e6, title="ground stiffness", json_schema_extra={**LAB, "step": 1e4, "unit": "N/m"}
+    )
+    ground_damping: Number = Field(
+        3e4, ge=0, le=3e4, title="ground damping", json_schema_extra={**LAB, "step": 500, "unit": "N s/m"}
+    )
+    slope: Number = Field(0.0, ge=-20, le=20, title="slope", json_schema_extra={**LAB, "step": 0.5, "unit": "degrees"})
+    stone_height: Number = Field(
+        0.0, ge=0, le=0.2, title="stone height", json_schema_extra={**LAB, **NEXT, "step": 0.005, "unit": "m"}
+    )
+    loose_stone: int = Field(0, ge=0, le=200, title="stone that gives way, 0: none", json_schema_extra={**LAB, **NEXT})
+    loose_depth: Number = Field(
+        0.02, ge=0.001, le=0.2, title="by", json_schema_extra={**LAB, **NEXT, "step": 0.001, "unit": "m"}
+    )
+    push: Number = Field(
+        0.0, ge=0, le=100, title="pushes in turn", json_schema_extra={**LAB, **NEXT, "step": 1, "unit": "N s"}
+    )
+    push_interval: Number = Field(
+        1.5, ge=0.1, le=60, title="a push each", json_schema_extra={**LAB, **NEXT, "step": 0.1, "unit": "s"}
+    )
+    payload_ahead: Number = Field(
+        0.0, ge=-0.5, le=0.5, title="payload ahead", json_schema_extra={**LAB, "step": 0.01, "unit": "m"}
+    )
+    swing_payload: Number = Field(
+        0.0, ge=0, le=100, title="swinging payload", json_schema_extra={**LAB, "step": 1, "unit": "kg"}
+    )
+    left_leg_scale: Number = Field(1.0, ge=0.5, le=2, title="left leg", json_schema_extra={**LAB, "step": 0.05})
+    left_hip_gain: Number = Field(1.0, ge=0.1, le=2, title="left hip's motor", json_schema_extra={**LAB, "step": 0.05})
+    left_knee_gain: Number = Field(
+        1.0, ge=0.1, le=2, title="left knee's motor", json_schema_extra={**LAB, "step": 0.05}
+    )
+    right_hip_gain: Number = Field(
+        1.0, ge=0.1, le=2, title="right hip's motor", json_schema_extra={**LAB, "step": 0.05}
+    )
+    right_knee_gain: Number = Field(
+        1.0, ge=0.1, le=2, title="right knee's motor", json_schema_extra={**LAB, "step": 0.05}
+    )
+    torque_rate: Number = Field(
+        0.0, ge=0, le=1e6, title="torque rate, 0: any", json_schema_extra={**LAB, "step": 1000, "unit": "N m/s"}
+    )
+    coulomb: Number = Field(
+        0.0, ge=0, le=100, title="dry friction", json_schema_extra={**LAB, "step": 0.5, "unit": "N m"}
+    )
+    knee_spring: Number = Field(
+        0.0, ge=0, le=1000, title="knees' springs", json_schema_extra={**LAB, "step": 10, "unit": "N m/rad"}
+    )
+    gear_stiffness: Number = Field(
+        0.0, ge=0, le=2e4, title="gear stiffness, 0: rigid", json_schema_extra={**LAB, "step": 100, "unit": "N m/rad"}
+    )
+    backlash: Number = Field(
+        0.0, ge=0, le=5, title="backlash", json_schema_extra={**LAB, "step": 0.1, "unit": "degrees"}
+    )
 
 
 class Push(Checked):
@@ -168,5 +237,5 @@ def controller_of(base: ControllerParameters, name: str) -> tuple[ControllerPara
 def controls() -> list[dict[str, Any]]:
     """What the page shows of each setting: name, title, choices or bounds, step, unit, when it acts."""
     fields = PlaySettings.model_json_schema()["properties"]
-    shown = ("title", "enum", "minimum", "maximum", "step", "unit", "when", "type", "default")
+    shown = ("title", "enum", "minimum", "maximum", "step", "unit", "when", "group", "type", "default")
     return [{"name": name, **{key: schema[key] for key in shown if key in schema}} for name, schema in fields.items()]

@@ -297,6 +297,10 @@ def test_what_the_plant_refuses_is_refused_at_the_door() -> None:
     rigid = start_of().model_copy(update={"plant": BASE.model_copy(update={"plant": "rigid"})})
     for pushed in (push, json.dumps({"do": "begin", "script": SCRIPT.model_dump(mode="json")})):
         assert "expected the plant pybullet or mujoco" in Door(rigid, lambda _: None)(pushed)
+    rubs = {"settings": {}, "changes": [{"tick": 30, "name": "coulomb", "value": 5.0}]}
+    begun = json.dumps({"do": "begin", "script": rubs})
+    assert "coulomb = 5 with plant rigid: expected 0, pybullet or mujoco" in Door(rigid, lambda _: None)(begun)
+    assert not Door(start_of(), lambda _: None)(begun)
     assert not Door(start_of(), lambda _: None)(push)
 
 

@@ -14,7 +14,7 @@ FARTHEST_EDGE = 0.9  # m from the stance foot, of any stone
 RUBBER_STIFFNESS = 1e6  # N/m
 RUBBER_DAMPING = 3e4  # N s/m; impacts are inelastic: with less the rubber throws the foot back
 HIGHEST_TOP = 0.2  # m above or below the first platform, of any stone
-GROUND_OF_ENGINES = ("ground_stiffness", "ground_damping", "stone_height")
+GROUND_OF_ENGINES = ("ground_stiffness", "ground_damping", "stone_height", "loose_stone")
 BODY_OF_ENGINES = ("push", "coulomb", "knee_spring", "backlash", "gear_stiffness", "swing_payload")
 NEEDS_ENGINE = GROUND_OF_ENGINES + BODY_OF_ENGINES  # `rigid` has none of them
 
@@ -95,6 +95,8 @@ class SimulationParameters(BaseModel):
     stone_height: Number = Field(
         0.0, ge=0, le=HIGHEST_TOP, description="largest deviation of a stone's top from the first platform's, m"
     )
+    loose_stone: int = Field(0, ge=0, le=4000, description="stone that gives way under the first foot on it; 0: none")
+    loose_depth: Number = Field(0.02, ge=0.001, le=HIGHEST_TOP, description="by which the top of that stone drops, m")
     height_preview: bool = Field(True, description="the preview of a stone tells its height")
     course: str = Field("", description="file of stones (.yaml or .csv); empty: drawn")
 

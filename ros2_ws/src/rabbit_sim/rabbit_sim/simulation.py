@@ -14,7 +14,7 @@ from rabbit_description.state import TICK_SECONDS, Array, Leg, RobotState, Stone
 from rabbit_sim.ground import Ground
 from rabbit_sim.initial_state import initial_state
 from rabbit_sim.parameters import PLANTS, RUBBER_STIFFNESS, SimulationParameters
-from rabbit_sim.plant import Plant, PlantReading, Span, Touch
+from rabbit_sim.plant import GRAVITY, Plant, PlantReading, Span, Touch
 from rabbit_sim.robot_urdf import true_mass
 from rabbit_sim.sensors import make_sensors
 from rabbit_sim.stones import CourseError, draw_course, read_course
@@ -165,6 +165,8 @@ class Simulation:
         """The stance foot is at world x: place and preview the next stone from there."""
         self._stance, self._stance_x, self._landed = leg, x, False
         self._preview = self._terrain.place_next(self._touchdowns + 1, x)
+        if self._is_on_loose_stone():
+            self._terrain.drop(self._touchdowns, self.parameters.loose_depth)
         self._plant.set_stones(self._terrain.present)
         self._ground = Ground(self._terrain.present)
 
@@ -200,13 +202,22 @@ class Simulation:
         if hip < self.parameters.fall_height or abs(q[2]) > self.parameters.fall_pitch:
             return Outcome.GAP_FALL if self._fell_into_gap else Outcome.FALL
         self._airborne_ticks = 0 if any(reading.contact.tolist()) else self._airborne_ticks + 1
-        flies = self._airborne_ticks > 0 and self._airborne_ticks >= flight_ticks(self.parameters)
+        flies = self._airborne_ticks > 0 and self._airborne_ticks >= self._flight_ticks()
         if flies and not self._fell_into_gap:
             return Outcome.FLIGHT
         travel = abs(reading.foot_position[self._stance, 0] - self._stance_x)
         if self.parameters.ground_friction <= SLIP_FRICTION and travel > SLIP_DISTANCE:
             return Outcome.SLIP
         return Outcome.RUNNING
+
+    def _flight_ticks(self) -> int:
+        """Longer on a stone that gave way, by the fall onto it."""
+        depth = self.parameters.loose_depth if self._is_on_loose_stone() else 0.0
+        return flight_ticks(self.parameters) + ceil(sqrt(2 * depth / GRAVITY) / TICK_SECONDS)
+
+    def _is_on_loose_stone(self) -> bool:
+        p = self.parameters
+        return p.terrain == "stones" and 0 < p.loose_stone == self._touchdowns
 
     def _support(self, reading: PlantReading) -> float:
         """From where the hip's height counts, m: the top under the stance foot, or that foot, sunk into soft ground."""

@@ -39,3 +39,8 @@ class Terrain:
         height = stone.height - self.placed[-1].top if self._previews_height else 0.0
         self.placed.append(Span(near, far, stone.height))
         return StonePreview(index, near - foot, far - foot, height)
+
+    def drop(self, index: int, depth: float) -> None:
+        """Stone `index` gives way: its top is lower by `depth`, m."""
+        stone = self.placed[index]
+        self.placed[index] = stone._replace(top=stone.top - depth)

@@ -309,6 +309,19 @@ def test_a_foot_stands_on_a_stone_of_any_height(engine, truth, top):
     assert top - reading.foot_position[Leg.LEFT, 1] == pytest.approx(sunk, rel=0.1)
 
 
+@pytest.mark.parametrize("depth", [0.01, 0.03])
+def test_a_foot_falls_freely_onto_a_stone_that_gave_way(engine, depth):
+    with world(engine, SimulationParameters(), column(), np.zeros(7), GROUND) as plant:
+        for _ in range(3):
+            plant.advance(np.zeros(4))
+        plant.set_stones([GROUND[0]._replace(top=-depth)])
+        ticks = 0
+        while not plant.observe().contact.any() or not ticks:
+            plant.advance(np.zeros(4))
+            ticks += 1
+    assert ticks == np.ceil(np.sqrt(2 * depth / GRAVITY) / TICK_SECONDS)
+
+
 def test_a_foot_falls_into_a_real_gap_and_the_other_finds_its_stone(engine):
     q = np.array([0.0, 0.0, 0.0, 0.3, 0.0, -0.3, 0.0])
     q[1] = 0.03 - RabbitFeet().positions(q)[0, 1]

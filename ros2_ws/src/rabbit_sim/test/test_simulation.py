@@ -232,6 +232,18 @@ def test_the_hip_counts_from_the_stone_that_the_foot_stands_on(play, tmp_path, h
     assert play(script, course=str(course))[1].outcome is outcome
 
 
+def test_a_stone_gives_way_under_the_foot_and_the_fall_onto_it_is_no_flight(play):
+    """By 2 cm: 64 ms, seven ticks beyond the five. The next stone is previewed as it was."""
+    air, feet = up(contact=(False, False)), ((0, 0), (0.37, 0))
+    script = [up([right(0.37)], feet=feet), *[air] * 11]
+    states, simulation = play(script, loose_stone=1, loose_depth=0.02)
+    assert [stone.top for stone in simulation.stones] == [0.0, -0.02, 0.0]
+    assert [span.top for span in simulation._plant.stones[-1]] == [0.0, -0.02, 0.0]
+    assert states[-1].preview.height == 0.0
+    assert simulation.outcome is Outcome.RUNNING
+    assert play([*script, air], loose_stone=1, loose_depth=0.02)[1].outcome is Outcome.FLIGHT
+
+
 # ---- real plants -----------------------------------------------------------------------------------------------------
 
 

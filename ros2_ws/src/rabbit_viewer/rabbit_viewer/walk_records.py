@@ -38,8 +38,9 @@ class RecordsError(ValueError):
 class WalkRecords:
     """n ticks; names, shapes after n, and units as in `RobotState` and `ControllerOutput`.
 
-    `preview` (n, 2): l_min, l_max of the stone in sight, m, NaN where there is none. `landings` (k, 6): columns
-    `LANDING`. `measured` is NaN in former files. `about`: what else a picture needs or says, see `about_walk`.
+    `preview` (n, 2): l_min, l_max of the stone in sight, m, NaN where there is none; `stone_height` (n,): of its top
+    above the one before, as previewed, m. `landings` (k, 6): columns `LANDING`. In former files `measured` is NaN and
+    `stone_height` 0. `about`: what else a picture needs or says, see `about_walk`.
     """
 
     tick: Array
@@ -49,6 +50,7 @@ class WalkRecords:
     contact: Array
     touchdowns: Array
     preview: Array
+    stone_height: Array
     torque: Array
     stance: Array
     step_index: Array
@@ -78,13 +80,15 @@ class WalkRecords:
         if not records:
             raise RecordsError("no ticks: nothing to draw")
         measured, chosen = [record.state for record in records], [record.output for record in records]
-        names = set(ARRAYS) - {"preview", "landings"}
+        names = set(ARRAYS) - SEEN - {"landings"}
         arrays = {n: np.array([getattr(each, n) for each in (measured if n in STATE else chosen)]) for n in names}
         seen = [state.preview for state in measured]
         preview = np.array([(stone.l_min, stone.l_max) if stone else (np.nan, np.nan) for stone in seen])
+        heights = np.array([stone.height if stone else 0.0 for stone in seen])
         rows = np.array([[float(getattr(landing, name)) for name in LANDING] for landing in landings])
         about = {"quantities": list(records[0].output.quantities), **about}
-        return cls(**arrays, preview=preview, landings=rows.reshape(-1, len(LANDING)), about=about)
+        landed = rows.reshape(-1, len(LANDING))
+        return cls(**arrays, preview=preview, stone_height=heights, landings=landed, about=about)
 
     @property
     def time(self) -> Array:
@@ -131,6 +135,7 @@ def drawn_parameters(controller: ControllerParameters) -> dict[str, Any]:
 
 
 ARRAYS = tuple(field.name for field in fields(WalkRecords) if field.name != "about")
+SEEN = {"preview", "stone_height"}
 STATE = {field.name for field in fields(RobotState)}  # the others are of `ControllerOutput`
 
 
@@ -146,8 +151,11 @@ def load_records(path: Path) -> WalkRecords:
     """Read records; raises `RecordsError` where there are none."""
     try:
         with np.load(path) as content:
-            unmeasured = {"measured": np.full_like(content["nominal_b"], np.nan)}
-            arrays = {name: content[name] if name in content else unmeasured[name] for name in ARRAYS}
+            former = {
+                "measured": np.full_like(content["nominal_b"], np.nan),
+                "stone_height": np.zeros(len(content["q"])),
+            }
+            arrays = {name: content[name] if name in content else former[name] for name in ARRAYS}
             return WalkRecords(**arrays, about=json.loads(str(content["about"])))
     except (OSError, EOFError, ValueError, KeyError, BadZipFile) as error:
         raise RecordsError(f"{path}: no records of a walk: {error}") from error

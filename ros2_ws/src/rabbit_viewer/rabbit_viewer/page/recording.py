@@ -13,7 +13,7 @@ from rabbit_viewer.page.export import write_page
 from rabbit_viewer.page.rows import RowMaker
 from rabbit_viewer.page.server import serve_page
 from rabbit_viewer.walk_pictures import records_of
-from rabbit_viewer.walk_records import ARRAYS, WalkRecords
+from rabbit_viewer.walk_records import ARRAYS, SEEN, WalkRecords
 
 
 def show_recording(source: Path, port: int, opens_browser: bool, export: Path | None, episode: int | None) -> None:
@@ -52,10 +52,12 @@ def fill(broadcast: Broadcast, walk: WalkRecords, name: str) -> None:
 
 def ticks(walk: WalkRecords) -> list[Any]:
     """Each tick with the fields of `RobotState` and `ControllerOutput` that a row needs."""
-    names = [name for name in ARRAYS if name not in ("preview", "landings")]
+    names = [name for name in ARRAYS if name not in {*SEEN, "landings"}]
     found = []
     for row, (near, far) in enumerate(walk.preview.tolist()):
         tick = SimpleNamespace(**{name: getattr(walk, name)[row] for name in names})
-        tick.preview = StonePreview(tick.touchdowns + 1, near, far) if np.isfinite(near) else None
+        tick.preview = None
+        if np.isfinite(near):
+            tick.preview = StonePreview(tick.touchdowns + 1, near, far, float(walk.stone_height[row]))
         found.append(tick)
     return found

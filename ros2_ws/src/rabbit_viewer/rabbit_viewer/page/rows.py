@@ -22,7 +22,7 @@ POINTS = ("hip", "head", "left_knee", "left_foot", "right_knee", "right_foot")
 FIXED = (
     *("tick", "running", "events", "stance", "step", "touchdowns"),
     *(f"{point}_{axis}" for point in POINTS for axis in "xz"),
-    *("stone_near", "stone_far", "F_T", "F_N", "force_ratio"),
+    *("stone_near", "stone_far", "stone_top", "F_T", "F_N", "force_ratio"),
     *("V", "V_bound", "B1", "B2", "clf_slack", "rescue_slack"),
     *(f"torque_{joint}" for joint in ACTUATED),
 )
@@ -50,7 +50,7 @@ class RowMaker:
         """Forget the ticks before: another episode."""
         self._step = self._touchdowns = -1
         self._start = (0, math.nan)  # of the step: tick, V
-        self._stone = (math.nan, math.nan)
+        self._stone = (math.nan, math.nan, 0.0)
         self._last: tuple[int, Array, list[Array]] | None = None  # tick, nominal, errors
 
     def row(self, state: Any, output: Any, events: int = 0, true: Array | None = None) -> list[float]:
@@ -82,7 +82,8 @@ class RowMaker:
         if state.touchdowns != self._touchdowns:  # a stone lies where it was seen first: the standing foot rolls
             self._touchdowns = state.touchdowns
             seen = state.preview
-            self._stone = (foot + seen.l_min, foot + seen.l_max) if seen else (math.nan, math.nan)
+            top = self._stone[2] + (seen.height if seen else 0.0)  # as it was previewed
+            self._stone = (foot + seen.l_min, foot + seen.l_max, top) if seen else (math.nan, math.nan, top)
 
     def _events(self, tick: int, output: Any, ratio: float) -> int:
         limit, cone = self._limits

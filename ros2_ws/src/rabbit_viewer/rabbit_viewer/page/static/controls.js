@@ -5,6 +5,7 @@ export class Controls {
     this.section = section;
     this.send = send;
     this.fields = new Map();
+    this.groups = new Map();
     this.state = null;
     this.isLinked = false;
   }
@@ -14,7 +15,19 @@ export class Controls {
     if (this.fields.size) return;
     this.section.hidden = false;
     this.section.append(this.actions());
-    for (const control of description) this.section.append(this.field(control));
+    for (const control of description) this.place(control.group).append(this.field(control));
+  }
+
+  // the section, or a part of it that opens
+  place(group) {
+    if (!group) return this.section;
+    if (!this.groups.has(group)) {
+      const details = document.createElement("details");
+      details.append(Object.assign(document.createElement("summary"), {textContent: group}));
+      this.section.append(details);
+      this.groups.set(group, details);
+    }
+    return this.groups.get(group);
   }
 
   actions() {

@@ -76,22 +76,23 @@ export class Scene {
       points.push([Math.sqrt((R1 + far) ** 2 - z ** 2) - R1, z]);
     }
     points.push([AREA_LEFT, AREA_HEIGHT], [AREA_LEFT, 0]);
-    this.path(points.map(([a, z]) => [a + x, z]), true);
+    const top = this.walker.get(row, "stone_top"); // from which the barriers count
+    this.path(points.map(([a, z]) => [a + x, z + top]), true);
     this.fill("area");
   }
 
   ground(row) {
     const {pen, walker} = this;
     const isFlat = !walker.stones.length;
-    const stones = isFlat ? [{row: 0, near: this.span[0], far: this.span[1]}] : walker.stones.filter((stone) => stone.row <= row);
-    stones.forEach(({near, far}, i) => {
+    const stones = isFlat ? [{row: 0, near: this.span[0], far: this.span[1], top: 0}] : walker.stones.filter((stone) => stone.row <= row);
+    stones.forEach(({near, far, top}, i) => {
       if (far < this.span[0] || near > this.span[1]) return;
       const isNext = !isFlat && i === stones.length - 1;
       pen.beginPath();
-      pen.rect(near, -DEPTH, far - near, DEPTH);
+      pen.rect(near, top - DEPTH, far - near, DEPTH);
       this.fill(isNext ? "next" : "stone");
       for (const edge of [near, far]) {
-        this.path([[edge, -DEPTH], [edge, 0.012]]);
+        this.path([[edge, top - DEPTH], [edge, top + 0.012]]);
         this.stroke("text", 1.5);
       }
     });

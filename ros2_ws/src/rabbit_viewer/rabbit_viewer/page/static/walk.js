@@ -42,7 +42,7 @@ class Walker {
     this.walk = walk;
     this.about = about;
     this.column = Object.fromEntries(about.columns.map((name, i) => [name, offset + i]));
-    this.stones = []; // {row, near, far}; seen from `row` on
+    this.stones = []; // {row, near, far, top}; seen from `row` on
     this.marks = []; // {row, kind}
     this.touchdowns = -1;
     this.was = 0;
@@ -67,8 +67,8 @@ class Walker {
       if (touchdowns !== this.touchdowns) {
         const [near, far] = [this.get(row, "stone_near"), this.get(row, "stone_far")];
         if (Number.isFinite(near)) {
-          if (!this.stones.length) this.stones.push({row: 0, near: Math.min(PLATFORM, near - 1.3), far: touchdowns ? near - 0.3 : (far - near) / 2});
-          this.stones.push({row, near, far});
+          if (!this.stones.length) this.stones.push({row: 0, near: Math.min(PLATFORM, near - 1.3), far: touchdowns ? near - 0.3 : (far - near) / 2, top: 0});
+          this.stones.push({row, near, far, top: this.get(row, "stone_top")});
         }
         if (this.touchdowns >= 0) this.marks.push({row, kind: "stone", number: touchdowns});
         this.touchdowns = touchdowns;
