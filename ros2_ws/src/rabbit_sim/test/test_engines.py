@@ -15,6 +15,7 @@ from rabbit_sim.parameters import RUBBER_DAMPING, RUBBER_STIFFNESS, SimulationPa
 from rabbit_sim.plant import FOOT_RADIUS, GRAVITY, Span
 from rabbit_sim.pybullet_plant import PybulletPlant
 from rabbit_sim.rigid_plant import RigidPlant
+from rabbit_sim.simulation import FLIGHT_TICKS, flight_ticks
 
 PERTURBED = {"mass_scale": 1.7, "payload": 11.0, "payload_height": 0.4, "link_bend": 0.06, "joint_damping": 2.5}
 LOADED = {"payload": 8.0, "payload_ahead": 0.1, "left_leg_scale": 1.3, "swing_payload": 9.0, "slope": 3.0}
@@ -209,6 +210,23 @@ def test_the_robot_on_soft_ground_swings_as_a_block_on_a_spring(engine, damping)
     swing = np.exp(-decay * t) * (np.cos(ringing * t) + decay / ringing * np.sin(ringing * t))
     numerical = 0.06 if damping else 0.25  # an undamped swing has only the engine's own damping
     np.testing.assert_allclose(heights, -static * (1 - swing), atol=numerical * static)
+
+
+def test_a_hop_that_soft_ground_throws_comes_down_before_it_is_a_flight(engine):
+    """Dropped from 1.5 g / w^2 the ground carries three times the weight; then sqrt(12) / w = 88 ms in the air."""
+    parameters = SimulationParameters(ground_stiffness=5e4, ground_damping=0.0, mass_scale=2.0)
+    rate = np.sqrt(2 * 5e4 / 64)
+    q = column()
+    q[1] += 1.5 * GRAVITY / rate**2
+    with world(engine, parameters, q, np.zeros(7), GROUND) as plant:
+        contact = []
+        for _ in range(40):
+            plant.advance(np.zeros(4))
+            contact.append(plant.observe().contact.any())
+    landed = contact.index(True)
+    left = contact.index(False, landed)
+    hop = contact.index(True, left) - left
+    assert FLIGHT_TICKS < hop <= np.sqrt(12) / rate / TICK_SECONDS < flight_ticks(parameters)
 
 
 @pytest.mark.parametrize("slope", [-5.0, 2.0])
