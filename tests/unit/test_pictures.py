@@ -44,7 +44,8 @@ def test_stones_lie_where_the_feet_found_them(walk: WalkRecords) -> None:
     spans = stone_spans(walk, feet(walk.q))
     assert len(spans) == 3  # the platform and two stones
     row = walk.step_starts[1]
-    near, far = spans[1]
+    near, far, top = spans[1]
+    assert top == 0
     assert near < feet(walk.q)[row, walk.stance[row], 0] < far
 
 

@@ -36,7 +36,7 @@ def draw_walk(walk: WalkRecords, path: Path) -> Path:
     figure, (robot, foot) = style.figure(2, (tall + 2.6) / 2, WIDTH, height_ratios=(tall, 1.6))
     spans = stone_spans(walk, feet)[: int(walk.step_index[rows[-1]]) + 2]
     for axes, depth in ((robot, STONE_DEPTH), (foot, PATH_TOP / 10)):
-        _draw_ground(axes, spans or [(left, right)], depth)
+        _draw_ground(axes, spans or [(left, right, 0.0)], depth)
     for first, last in pairwise(rows):
         _draw_robot(robot, walk, legs, (first + last) // 2, 0.3)
         _draw_path(foot, walk, feet, first, last)
@@ -49,9 +49,9 @@ def draw_walk(walk: WalkRecords, path: Path) -> Path:
     return style.save(figure, path)
 
 
-def _draw_ground(axes: Axes, spans: list[tuple[float, float]], depth: float) -> None:
-    for near, far in spans:
-        axes.add_patch(Rectangle((near, -depth), far - near, depth, color=style.STONE, linewidth=0))
+def _draw_ground(axes: Axes, spans: list[tuple[float, float, float]], depth: float) -> None:
+    for near, far, top in spans:
+        axes.add_patch(Rectangle((near, top - depth), far - near, depth, color=style.STONE, linewidth=0))
 
 
 def _draw_robot(axes: Axes, walk: WalkRecords, legs: dict[Leg, Array], row: int, opacity: float) -> None:

@@ -113,15 +113,19 @@ class Scene:
         if not self._spans:
             self._ground.set_verts([_box(VIEW[0] - 1, VIEW[1] + 1)])
             return
-        step = int(self._walk.step_index[row])
-        placed = self._spans[: step + 2]  # the platform, and a stone for each step begun
-        self._ground.set_verts([_box(near - camera, far - camera) for near, far in placed])
+        boxes = [_box(near - camera, far - camera, top) for near, far, top in self._placed(row)]
+        self._ground.set_verts(boxes)
         seen = np.isfinite(self._walk.preview[row, 0])
-        self._next.set_verts([_box(near - camera, far - camera) for near, far in placed[-1:] if seen])
+        self._next.set_verts(boxes[-1:] if seen else [])
+
+    def _placed(self, row: int) -> list[tuple[float, float, float]]:
+        """The platform, and a stone for each step begun."""
+        return self._spans[: int(self._walk.step_index[row]) + 2]
 
     def _move_area(self, row: int, camera: float, foot: Array) -> None:
         area = self._walk.allowed_area(row)
-        self._area.set_verts([] if area is None else [area + (foot[0] - camera, 0.0)])
+        # its height counts from the stone in sight
+        self._area.set_verts([] if area is None else [area + (foot[0] - camera, self._placed(row)[-1][2])])
 
     def _move_force(self, row: int, camera: float, foot: Array) -> None:
         arrow = force_arrow(self._walk.stance_force[row])
@@ -146,8 +150,11 @@ class Scene:
         return "\n".join(lines)
 
 
-def stone_spans(walk: WalkRecords, feet: Array) -> list[tuple[float, float]]:
-    """World edges of the platform and of each step's stone, m; empty on flat ground. `feet` (n, 2, 2)."""
+def stone_spans(walk: WalkRecords, feet: Array) -> list[tuple[float, float, float]]:
+    """World edges and top, as previewed, of the platform and each step's stone, m; empty on flat ground.
+
+    `feet` (n, 2, 2).
+    """
     if not np.isfinite(walk.preview).any():
         return []
     starts = walk.step_starts
@@ -155,8 +162,9 @@ def stone_spans(walk: WalkRecords, feet: Array) -> list[tuple[float, float]]:
     origin = feet[seen, walk.stance[seen], 0]
     edges = origin[:, None] + walk.preview[seen]
     half = float(np.diff(walk.preview[seen[0]])[0]) / 2
-    return [(PLATFORM, half), *map(tuple, edges.tolist())]
+    tops = np.cumsum(walk.stone_height[seen])
+    return [(PLATFORM, half, 0.0), *map(tuple, np.column_stack([edges, tops]).tolist())]
 
 
-def _box(near: float, far: float) -> list[tuple[float, float]]:
-    return [(near, -DEPTH), (near, 0.0), (far, 0.0), (far, -DEPTH)]
+def _box(near: float, far: float, top: float = 0.0) -> list[tuple[float, float]]:
+    return [(near, top - DEPTH), (near, top), (far, top), (far, top - DEPTH)]
