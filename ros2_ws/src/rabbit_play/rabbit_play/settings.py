@@ -143,7 +143,7 @@ class PlaySettings(Checked):
         0.0, ge=0, le=100, title="dry friction", json_schema_extra={**LAB, "step": 0.5, "unit": "N m"}
     )
     knee_spring: Number = Field(
-        0.0, ge=0, le=1000, title="knees' springs", json_schema_extra={**LAB, "step": 10, "unit": "N m/rad"}
+        0.0, ge=0, le=200, title="knees' springs", json_schema_extra={**LAB, "step": 10, "unit": "N m/rad"}
     )
     gear_stiffness: Number = Field(
         0.0, ge=0, le=2e4, title="gear stiffness, 0: rigid", json_schema_extra={**LAB, "step": 100, "unit": "N m/rad"}
