@@ -32,6 +32,7 @@ GRAVITY = np.array([0.0, -9.81])
 P, V, PITCH, J, DJ, DDJ = slice(0, 2), slice(2, 4), 4, slice(5, 9), slice(9, 13), slice(13, 17)
 C, GYRO, ACCELEROMETER, OFFSET = slice(17, 19), 19, slice(20, 22), slice(22, 26)
 SIZE = 26
+SURPRISE = 26.1  # of the encoders' normalised innovation squared: chi-square with 8 degrees exceeds it once in 1,000
 ENCODERS = 8  # angles and rates: what is measured without the ground
 
 
@@ -204,17 +205,23 @@ class ContactAidedFilter:
         covariance[DJ, DJ] += rate**2 * eye
 
     def _correct(self, sensors: BodySensors, landed: bool) -> None:
+        if not landed and self._innovation(sensors, slice(ENCODERS), landed)[0].nis > SURPRISE:
+            self._shake(self.parameters.settling_rate)  # an impact that the feet did not tell
         rows = slice(None if self._standing else ENCODERS)  # nothing is known of a foot in the air
-        expected, h = (each[rows] for each in self._expect(sensors))
-        noise = self._noise(landed)[rows, rows]
-        measured = np.concatenate([sensors.joint_angles, sensors.joint_rates, np.zeros(4)])[rows]
-        spread = self.covariance @ h.T
-        innovation = self.innovation = Innovation(measured - expected, h @ spread + noise)
-        gain = np.linalg.solve(innovation.covariance, spread.T).T
+        innovation, h, noise = self._innovation(sensors, rows, landed)
+        self.innovation = innovation
+        gain = np.linalg.solve(innovation.covariance, h @ self.covariance).T
         self.mean = self.mean + gain @ innovation.value
         kept = np.eye(SIZE) - gain @ h
         covariance = kept @ self.covariance @ kept.T + gain @ noise @ gain.T
         self.covariance = (covariance + covariance.T) / 2
+
+    def _innovation(self, sensors: BodySensors, rows: slice, landed: bool) -> tuple[Innovation, Array, Array]:
+        """Of these rows; their derivative over x and their noise."""
+        expected, h = (each[rows] for each in self._expect(sensors))
+        noise = self._noise(landed)[rows, rows]
+        measured = np.concatenate([sensors.joint_angles, sensors.joint_rates, np.zeros(4)])[rows]
+        return Innovation(measured - expected, h @ self.covariance @ h.T + noise), h, noise
 
     def _expect(self, sensors: BodySensors) -> tuple[Array, Array]:
         """What should be measured, and its derivative over x: encoders, rates, the hold's place and speed."""
