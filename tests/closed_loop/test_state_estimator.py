@@ -24,4 +24,4 @@ def test_the_filter_knows_how_far_off_it_is(plant, scale):
     assert found["nees"] < 2
     assert 0.4 < found["nis"] < 1.5
     for name, error in found["rms"].items():
-        assert error < 2 * found["claimed"][name]
+        assert error < 3 * found["claimed"][name]

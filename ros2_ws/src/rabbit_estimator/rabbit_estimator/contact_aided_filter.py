@@ -140,7 +140,10 @@ class ContactAidedFilter:
         to[V, PITCH], to[V, J] = -by_angles[:, 0], -by_angles[:, 1:]
         to[J, OFFSET] = -np.eye(4)
         to[P, OFFSET], to[V, OFFSET] = jacobian[:, 1:], by_angles[:, 1:]
-        self.covariance = to @ np.diag(std**2) @ to.T
+        independent = np.diag(std**2)
+        hips = [OFFSET.start, OFFSET.start + 2]
+        independent[np.ix_(hips, hips)] += p.bend**2  # links that are bent alike turn both hips alike
+        self.covariance = to @ independent @ to.T
         self.covariance[V, V] += (p.foot_speed**2 + (0.8 * p.gyro_noise) ** 2) * np.eye(2)
         self.covariance[P, P] += p.foot_slide**2 * np.eye(2)
 
