@@ -32,6 +32,7 @@ CHOICES = {
     "first": ("nominal", "oracle", "identified", "l1", "learned"),
     "second": ("learned", "none", "nominal"),
     "again": ("same course", "next course", "wait"),
+    "sensors": ("lab", "exact"),
 }
 
 

@@ -6,10 +6,12 @@ import re
 from pathlib import Path
 from typing import Any
 
+import rabbit_estimator.ros.node
 import rl_cbf_clf_controller.ros.node
 import rl_trainer.ros.node
 import yaml
 from pydantic import BaseModel
+from rabbit_estimator.parameters import EstimatorParameters
 from rabbit_recording.ros import recorder as recorder_node
 from rabbit_ros.ros.topics import TOPICS
 from rabbit_sim.parameters import SimulationParameters
@@ -24,6 +26,7 @@ BRINGUP = ROOT / "ros2_ws" / "src" / "rabbit_bringup"
 PAGE = (ROOT / "docs" / "topics.md").read_text(encoding="utf-8")
 MODELS: dict[str, tuple[type[BaseModel], ...]] = {
     "simulator": (simulator.NodeParameters, SimulationParameters),
+    "estimator": (rabbit_estimator.ros.node.NodeParameters, EstimatorParameters),
     "controller": (rl_cbf_clf_controller.ros.node.NodeParameters, ControllerParameters),
     "trainer": (rl_trainer.ros.node.NodeParameters, TrainingParameters),
     "recorder": (recorder_node.NodeParameters,),

@@ -18,6 +18,7 @@ from builtin_interfaces.msg import Time
 from hypothesis import given
 from hypothesis import strategies as st
 from rabbit_description.gait import load_gait
+from rabbit_estimator.ros.node import EstimatorNode
 from rabbit_msgs.msg import (
     ControllerState,
     Episode,
@@ -30,7 +31,7 @@ from rabbit_msgs.msg import (
 from rabbit_recording.open_recording import opened
 from rabbit_recording.ros.recorder import NUMBER, SENT, RecorderNode
 from rabbit_ros.ros.cdr import Encoder
-from rabbit_ros.ros.conversions import preview_message, state_message
+from rabbit_ros.ros.conversions import encoder_message, imu_message, preview_message, stamp, state_message
 from rabbit_ros.ros.qos import EVENT
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.ros.node import SimulatorNode
@@ -46,6 +47,7 @@ from rl_cbf_clf_controller.uncertainty import RL_CBF_CLF_QP
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.ros.node import TrainerNode
 from rl_trainer.training import Trainer
+from sensor_msgs.msg import Imu, JointState
 
 HEADER = 4  # bytes before a message's own
 LAW = ControllerParameters(controller="rl-cbf-clf-qp")
@@ -86,7 +88,25 @@ def sound_messages() -> dict[str, list[Any]]:
     return made
 
 
-SOUND = sound_messages()
+def sound_measurements() -> dict[str, list[Any]]:
+    """What a simulator with a lab's sensors says in the first ticks of episode 1."""
+    simulation = Simulation(SimulationParameters(stones=3, sensors="lab"), load_gait(LAW.gait))
+    made: dict[str, list[Any]] = {"measured": [], "joint_states": [], "imu": []}
+    state = simulation.reset(1)
+    for tick in range(4):
+        assert state.sensors is not None
+        at = stamp(tick)
+        sensed = encoder_message(state.sensors, at), imu_message(state.sensors, at, (1e-5, 1e-5, 1e-2))
+        for name, kind, fields in zip(
+            made, (RabbitState, JointState, Imu), (state_message(state, 1, at), *sensed), strict=True
+        ):
+            made[name].append(deserialize_message(Encoder(kind).encode(fields), kind))
+        state = simulation.step(np.zeros(4))
+    simulation.close()
+    return made
+
+
+SOUND = sound_messages() | sound_measurements()
 
 
 @st.composite
@@ -223,6 +243,55 @@ def test_controller(controller: ControllerNode, data: st.DataObject) -> None:
     feed(data, hears)
     controller._go_on()
     controller._status()
+
+
+@pytest.fixture(scope="module")
+def estimator(ros: None) -> Iterator[EstimatorNode]:
+    """An estimator."""
+    with closing_node(EstimatorNode()) as node:
+        yield node
+        assert refused(node) > 0
+
+
+def states_of(node: EstimatorNode, ticks: int, between: Callable[[int], None] = lambda _: None) -> list[Any]:
+    """Its answers to a new simulator's first ticks; `between` is called before each."""
+    hears, answers = callbacks(node), []
+    hears["episode"](bytes(serialize_message(Episode(sigma=math.nan))))
+    hears["episode"](bytes(serialize_message(SOUND["episode"][0])))
+    for tick in range(ticks):
+        between(tick)
+        for _ in range(2):  # what was missing or is not fit is said once more
+            for topic in ("measured", "joint_states", "imu"):
+                hears[topic](bytes(serialize_message(SOUND[topic][tick])))
+        answers.append(node._answer)
+    return answers
+
+
+@given(data=st.data())
+def test_estimator(estimator: EstimatorNode, data: st.DataObject) -> None:
+    """Each example begins with a new simulator, and a few of its ticks."""
+    states_of(estimator, data.draw(st.integers(0, 3)))
+    feed(data, callbacks(estimator))
+    estimator._status()
+
+
+def test_damaged_sensors_are_refused_and_change_nothing_that_comes_after(ros: None) -> None:
+    def damage(tick: int) -> None:
+        joints, imu, measured = (copy(SOUND[topic][tick]) for topic in ("joint_states", "imu", "measured"))
+        joints.position = array("d", [math.nan] * 4)
+        imu.orientation = type(imu.orientation)(x=0.5, y=0.5, z=0.5, w=0.5)
+        measured.tick += 7 * (tick > 0)
+        for topic, message in (("joint_states", joints), ("imu", imu), ("measured", measured)):
+            hears[topic](bytes(serialize_message(message)))
+            hears[topic](bytes(serialize_message(message))[:40])
+
+    with closing_node(EstimatorNode()) as estimator:
+        hears = callbacks(estimator)
+        expected = [message.q for message in states_of(estimator, 4)]
+        assert np.isfinite(expected).all()
+        assert refused(estimator) == 0
+        np.testing.assert_array_equal([message.q for message in states_of(estimator, 4, damage)], expected)
+        assert refused(estimator) >= 4 * 4
 
 
 @pytest.fixture(scope="module")

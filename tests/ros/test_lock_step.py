@@ -8,7 +8,8 @@ import pytest
 from rabbit_bringup.launching.walk import Walk, WalkOptions
 from rabbit_bringup.ros.walking import walk_through
 from rabbit_description.gait import load_gait
-from rabbit_recording.reader import RecordedEpisode, read_episodes
+from rabbit_experiments.assembly import make_simulation
+from rabbit_recording.reader import RecordedEpisode, messages, read_episodes
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.simulation import Simulation
 from rl_cbf_clf_controller.controller import Controller
@@ -27,7 +28,7 @@ def walk_in_process(
 ) -> tuple[list[Record], Simulation]:
     """The reference."""
     gait = load_gait(law.gait)
-    simulation = Simulation(plant, gait)
+    simulation = make_simulation(plant, gait)
     records: list[Record] = []
     rollout(simulation, Controller(law, gait, ZeroPolicy(law.problem)), seed, records.append)
     simulation.close()
@@ -84,6 +85,21 @@ def test_adaptation_through_nodes_is_the_one_in_process(tmp_path: Path) -> None:
         inside, _ = walk_in_process(plant, law, SEED + number - 1)
         assert inside[-1].output.identified[0] == pytest.approx(30.0, rel=0.1)  # the torso, kg
         assert_same(episodes[number].records, inside)
+
+
+def test_a_state_estimated_through_nodes_is_the_one_in_process(tmp_path: Path) -> None:
+    """Two episodes: attitude and specific force come as an `Imu`, the encoders as a `JointState`."""
+    plant = SimulationParameters(stones=3, motor_lag=0.004, sensors="lab", gyro_bias=0.01)
+    law = ControllerParameters(objective="pd_centred")
+    ended = walk_through_nodes(tmp_path, plant, law, episodes=2)
+    episodes = read_episodes(tmp_path / "recording")
+    for number in (1, 2):
+        inside, simulation = walk_in_process(plant, law, SEED + number - 1)
+        assert_same(episodes[number].records, inside)
+        assert ended[number - 1].outcome == simulation.outcome.value
+    true = [m for topic, m in messages(tmp_path / "recording", "true_state") if m.episode == 2]
+    np.testing.assert_array_equal(true[-1].q, simulation.reading.q)
+    assert np.abs(true[-2].q[2:] - inside[-1].state.q[2:]).max() < 0.02  # rad, of the estimate
 
 
 def test_recording_has_qos_and_definitions(tmp_path: Path) -> None:

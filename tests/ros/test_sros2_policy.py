@@ -16,6 +16,7 @@ from rl_cbf_clf_controller.parameters import ControllerParameters
 
 POLICY = Path(__file__).parents[2] / "ros2_ws/src/rabbit_bringup/config/sros2_policy.xml"
 NODES = ("simulator", "controller", "trainer", "recorder", "viewer")
+LAB = {"/measured", "/imu", "/true_state"}  # published with a lab's sensors, in place of `state`
 QUALIFIERS = {"topics": ("publish", "subscribe"), "services": ("reply", "request")}
 PATIENCE = 180.0  # s, for nodes to start and to be found
 Rights = dict[str, set[str]]  # names by publish, subscribe, reply, request
@@ -80,16 +81,31 @@ def settled(graph: Any, node: str, wanted: Rights) -> Rights:
 
 def test_every_node_does_just_what_its_enclave_allows(graph: Any) -> None:
     policy = enclaves()
+    policy["/rabbit/simulator"]["simulator"]["publish"] -= LAB
     for enclave in (*NODES, "launcher"):
         for node, rights in policy[f"/rabbit/{enclave}"].items():
             assert settled(graph, node, rights) == rights, node
+
+
+def test_with_a_labs_sensors_the_state_is_the_estimators(root_world: Any) -> None:
+    rights = enclaves()
+    rights["/rabbit/simulator"]["simulator"]["publish"] -= {"/state"}
+    root_world.start("simulator", sensors="lab")
+    root_world.start("estimator")
+    for node in ("simulator", "estimator"):
+        expected = rights[f"/rabbit/{node}"][node]
+        assert settled(root_world, node, expected) == expected, node
 
 
 def test_one_process_does_the_same_but_hears_nothing_of_what_it_hands_over(root_world: Any) -> None:
     policy = enclaves()
     handed_over = {f"/{name}" for name in HANDED_OVER}
     for node, rights in (policy["/rabbit/simulator"] | policy["/rabbit/controller"]).items():
-        expected = {**rights, "subscribe": rights["subscribe"] - handed_over}
+        expected = {
+            **rights,
+            "publish": rights["publish"] - LAB,
+            "subscribe": rights["subscribe"] - handed_over,
+        }
         assert policy["/rabbit/one_process"][node] == expected
     root_world.start("one_process", simulator={}, controller={})
     for node, rights in policy["/rabbit/one_process"].items():
@@ -117,10 +133,10 @@ def test_the_operator_may_ask_only_for_what_there_is() -> None:
     assert operator["subscribe"] == set().union(*(rights["publish"] for rights in others))
 
 
-@pytest.mark.parametrize("one_process", [False, True])
-def test_a_walk_puts_each_process_into_its_enclave(one_process: bool, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("one_process", "sensors"), [(False, "lab"), (True, "exact")])
+def test_a_walk_puts_each_process_into_its_enclave(one_process: bool, sensors: Any, tmp_path: Path) -> None:
     options = WalkOptions(view=True, one_process=one_process)
-    plant, law = SimulationParameters(), ControllerParameters()
+    plant, law = SimulationParameters(sensors=sensors), ControllerParameters()
     walk = Walk(folder=tmp_path, options=options, simulation=plant, controller=law, policy="zero")
     for name in walk.executables:
         words = walk.arguments(name)

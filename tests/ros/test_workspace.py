@@ -16,6 +16,7 @@ WORKSPACE = Path(__file__).resolve().parents[2] / "ros2_ws"
 INSTALL = WORKSPACE / "install"
 PACKAGES = sorted(path.parent.name for path in (WORKSPACE / "src").glob("*/package.xml"))
 EXECUTABLES = {"simulator": "rabbit_sim", "controller": "rl_cbf_clf_controller", "trainer": "rl_trainer"}
+EXECUTABLES["estimator"] = "rabbit_estimator"
 NAMESPACE = "/test_workspace"
 DISCOVERY = ("ROS_DOMAIN_ID",)
 PATIENCE = 180  # s, on a busy machine

@@ -7,4 +7,4 @@ sys.path.append(str(Path(__file__).resolve().parents[1]))
 
 from package_setup import install
 
-install("numpy>=2", "pydantic>=2")
+install("numpy>=2", "pydantic>=2", entry_points={"rabbit.nodes": ["estimator = rabbit_estimator.ros.node:main"]})

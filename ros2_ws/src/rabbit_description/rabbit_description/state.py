@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
+from math import atan2
 from typing import Any
 
 import numpy as np
@@ -60,20 +61,32 @@ def no_torque() -> Array:
     return np.full(4, np.nan)
 
 
+def orientation_of(attitude: float) -> Array:
+    """Quaternion of a turn about y by `attitude`, rad: (w, y)."""
+    return np.array([np.cos(attitude / 2), np.sin(attitude / 2)])
+
+
 @dataclass(frozen=True)
 class BodySensors:
     """What the robot's own sensors say at the end of a tick, with their errors.
 
     `joint_angles`, `joint_rates` (4,): encoders and their drives, `ACTUATED` order; rad, rad/s. The IMU sits in the
-    torso at the hip: `attitude` is the gyro integrated since the reset, rad; `pitch_rate` the gyro, rad/s;
-    `specific_force` (2,) the accelerometer's mean over the tick, torso frame (forward, up), m/s^2; NaN at tick 0.
+    torso at the hip: `orientation` (2,) is the gyro integrated since the reset, w and y of the quaternion; `pitch_rate`
+    the gyro, rad/s; `specific_force` (2,) the accelerometer's mean over the tick, torso frame (forward, up), m/s^2; NaN
+    at tick 0.
     """
 
     joint_angles: Array
     joint_rates: Array
-    attitude: float
+    orientation: Array
     pitch_rate: float
     specific_force: Array
+
+    @property
+    def attitude(self) -> float:
+        """The angle of `orientation`, rad; the same bits in process and through the messages, which carry that."""
+        w, y = self.orientation
+        return 2 * atan2(y, w)
 
 
 @dataclass(frozen=True)
@@ -120,3 +133,8 @@ class RobotState:
     def time(self) -> float:
         """Seconds since the reset."""
         return self.tick * TICK_SECONDS
+
+    @property
+    def joint_rates(self) -> Array:
+        """Of the four joints as measured, (4,), rad/s."""
+        return self.dq[3:] if self.sensors is None else self.sensors.joint_rates

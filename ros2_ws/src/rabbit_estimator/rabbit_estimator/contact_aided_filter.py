@@ -71,6 +71,7 @@ class ContactAidedFilter:
         self._f[J, DJ] = self._f[DJ, DDJ] = DT * np.eye(4)
         self._f[J, DDJ] = DT**2 / 2 * np.eye(4)
         self._q = process_noise(parameters)
+        self.innovation = None
         self._tick = -1
 
     def update(self, state: RobotState) -> RobotState:

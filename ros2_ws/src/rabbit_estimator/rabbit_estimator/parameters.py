@@ -40,6 +40,12 @@ class EstimatorParameters(BaseModel):
     landing_shift: Positive = Field(5e-4, description="of where a foot comes to rest, m")
     least_step: float = Field(0.1, ge=0, description="after a touchdown, in which there is no other, s")
 
+    @classmethod
+    def knowing(cls, sensors: BaseModel) -> "EstimatorParameters":
+        """With the errors that a simulation's parameters give the sensors: those of the same name, but for zeros."""
+        errors = {name: getattr(sensors, name, 0.0) for name in cls.model_fields}
+        return cls(**{name: value for name, value in errors.items() if value > 0})
+
     @property
     def angle_noise(self) -> float:
         """Of an encoder's rounding, rad."""

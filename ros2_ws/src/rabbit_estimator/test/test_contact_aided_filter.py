@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from rabbit_description.state import TICK_SECONDS, BodySensors, Leg, RobotState
+from pydantic import BaseModel
+from rabbit_description.state import TICK_SECONDS, BodySensors, Leg, RobotState, orientation_of
 from rabbit_estimator.contact_aided_filter import ContactAidedFilter, EstimatorError
 from rabbit_estimator.leg_kinematics import foothold
 from rabbit_estimator.parameters import EstimatorParameters
@@ -18,7 +19,7 @@ def state(tick, contact=LEFT, specific_force=None, **changes):
     """Nothing moves: an accelerometer feels the ground's push alone."""
     push = np.array([-G * np.sin(PITCH), G * np.cos(PITCH)])
     force = np.full(2, np.nan) if tick == 0 else push if specific_force is None else specific_force
-    sensors = BodySensors(JOINTS, np.zeros(4), PITCH, 0.0, force)
+    sensors = BodySensors(JOINTS, np.zeros(4), orientation_of(PITCH), 0.0, force)
     unknown = np.full(7, np.nan)
     return RobotState(tick, unknown, unknown, np.zeros((2, 2)), contact, 0, None, sensors=replace(sensors, **changes))
 
@@ -73,7 +74,7 @@ def test_a_reset_forgets_the_last_episode():
     [
         (replace(state(1), sensors=None), "state.sensors = None"),
         (state(2), "state.tick = 2: expected 1"),
-        (state(1, attitude=np.nan), "sensors.attitude = nan"),
+        (state(1, orientation=np.full(2, np.nan)), "sensors.attitude = nan"),
         (state(1, joint_angles=np.full(4, np.inf)), "sensors.joint_angles"),
     ],
 )
@@ -84,3 +85,12 @@ def test_what_cannot_be_used_is_named_and_changes_nothing(wrong, name):
     with pytest.raises(EstimatorError, match=name):
         estimator.update(wrong)
     assert (estimator.update(state(1)).q == fresh.update(state(1)).q).all()
+
+
+def test_it_knows_the_errors_of_the_sensors_but_trusts_none_to_be_perfect():
+    class Simulated(BaseModel):
+        gyro_bias: float = 0.3
+        encoder_offset: float = 0.0
+        mass_scale: float = 2.0
+
+    assert EstimatorParameters.knowing(Simulated()) == EstimatorParameters(gyro_bias=0.3)

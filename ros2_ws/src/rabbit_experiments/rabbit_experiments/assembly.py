@@ -19,7 +19,6 @@ from rl_cbf_clf_controller.policy import PartlyNominal, Policy, ZeroPolicy
 from rl_cbf_clf_controller.policy_compatibility import fitted
 from rl_cbf_clf_controller.weights import SHIPPED, PolicyFile, PolicyFileError, policy_path, read
 
-SENSOR_ERRORS = SimulationParameters.model_fields.keys() & EstimatorParameters.model_fields.keys()
 UNWALKED: Any = {"metadata": True, "gaits": {"__all__": {"metadata"}}}  # what of gaits does not decide a walk
 
 
@@ -126,8 +125,7 @@ def make_simulation(parameters: SimulationParameters, gait: Gaits) -> Simulation
 
 def make_estimator(parameters: SimulationParameters) -> ContactAidedFilter:
     """One that knows how good the sensors are."""
-    known = {name: getattr(parameters, name) for name in SENSOR_ERRORS if getattr(parameters, name) > 0}
-    return ContactAidedFilter(EstimatorParameters(**known))
+    return ContactAidedFilter(EstimatorParameters.knowing(parameters))
 
 
 @lru_cache(maxsize=1)

@@ -8,6 +8,8 @@ from rabbit_description.state import Array, RobotState
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.simulation import Simulation
 
+from rabbit_experiments.assembly import make_simulation
+
 SCALES = (0.5, 3.0)
 PAYLOAD = 72.0  # kg
 LOSS, DAMPING, BEND = 0.15, 1.0, 0.05
@@ -38,7 +40,7 @@ class RandomPlants:
     def reset(self, seed: int) -> RobotState:
         """Begin an episode."""
         self.close()
-        self._simulation = Simulation(random_plant(self._parameters, seed), self._gait)
+        self._simulation = make_simulation(random_plant(self._parameters, seed), self._gait)
         return self._simulation.reset(seed)
 
     def step(self, torque: Array) -> RobotState:

@@ -7,7 +7,6 @@ from pathlib import Path
 
 from rabbit_description.gait import load_gaits
 from rabbit_sim.parameters import SimulationParameters
-from rabbit_sim.simulation import Simulation
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import Policy
@@ -16,6 +15,7 @@ from rl_trainer.session import Session
 from rl_trainer.training import EpisodeReport, Provenance, Trainer
 
 from rabbit_experiments import provenance
+from rabbit_experiments.assembly import make_simulation
 from rabbit_experiments.random_plants import RandomPlants
 
 
@@ -48,7 +48,7 @@ def training(
 
     about = plant.model_dump() | ({"random_plants": True} if random_plants else {})
     source = Provenance(about, provenance.commit(), command or provenance.command())
-    simulation = RandomPlants(plant, gait) if random_plants else Simulation(plant, gait)
+    simulation = RandomPlants(plant, gait) if random_plants else make_simulation(plant, gait)
     try:
         session = Session(folder, Trainer(parameters, source))
         yield Training(session, session.run(simulation, make_controller))

@@ -1,5 +1,6 @@
 """Robots drawn at random to train on."""
 
+import numpy as np
 import pytest
 from rabbit_description.gait import DEFAULT_GAIT, load_gait
 from rabbit_experiments.random_plants import BEND, DAMPING, LOSS, PAYLOAD, SCALES, RandomPlants, random_plant
@@ -35,3 +36,10 @@ def test_a_reset_makes_another_robot() -> None:
     plants.close()
     assert (first.q == again.q).all()
     assert (first.q != second.q).any()
+
+
+def test_with_a_labs_sensors_each_robot_has_an_estimator() -> None:
+    plants = RandomPlants(PLANT.model_copy(update={"sensors": "lab"}), load_gait(DEFAULT_GAIT))
+    states = [plants.reset(1), plants.step([0.0] * 4), plants.reset(2)]
+    plants.close()
+    assert all(np.isfinite([*state.q, *state.dq]).all() for state in states)

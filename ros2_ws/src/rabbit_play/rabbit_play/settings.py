@@ -89,6 +89,7 @@ class PlaySettings(Checked):
     velocity_noise: Number = Field(
         0.0, ge=0, le=2, title="noise", json_schema_extra={**NOW, "step": 0.05, "unit": "rad/s"}
     )
+    sensors: Literal["exact", "lab"] = Field("exact", title="sensors", json_schema_extra={**LAB, **NEXT})
     l_min_std: Number = Field(
         0.02, ge=0, le=0.08, title="stone spread", json_schema_extra={**NEXT, "step": 0.005, "unit": "m"}
     )

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 from cbf_clf_qp.estimates import Estimates
+from rabbit_description.state import RobotState
 from rabbit_experiments.assembly import Assembly, resolve_policy
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_viewer.page.rows import EVENTS, RowMaker
@@ -103,13 +104,18 @@ class Walker:
             self._change(self._next_plant)
         if not self.fault:
             self._control()
-        self.row = self._maker.row(self._state, self._output, events, self._true)
+        self.row = self._maker.row(self._drawn(), self._output, events, self._true)
         self.row[RUNNING] = float(not self.fault)
         self._state = self._simulation.step(self._output.torque)
         self._limp += bool(self.fault)
         if not self._state.running or self._limp > LIMP_TICKS:
             self.outcome = self.fault or self._simulation.outcome.value
             self.row[RUNNING] = 0.0
+
+    def _drawn(self) -> RobotState:
+        """The state; where that is an estimate, which drifts over the ground, the robot as it is."""
+        reading = self._simulation.reading
+        return replace(self._state, q=reading.q, dq=reading.dq) if self._state.sensors else self._state
 
     def _control(self) -> None:
         try:

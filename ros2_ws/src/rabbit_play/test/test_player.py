@@ -208,6 +208,16 @@ def test_every_controller_plays(played: Callable[..., Played], name: str) -> Non
     assert len(one.rows()["V"]) > 20
 
 
+def test_with_a_labs_sensors_the_robot_is_drawn_where_it_is(played: Callable[..., Played]) -> None:
+    """The estimate drifts over the ground; the standing foot does not. Another load changes no sensor."""
+    one = played(first="nominal", sensors="lab", mass_scale=1.0).walk(30)
+    one.choose(payload=3.0)
+    rows = one.walk(60).rows()
+    standing = np.where(rows["stance"] == 0, rows["left_foot_z"], rows["right_foot_z"])
+    assert len(standing) == 90
+    assert np.abs(standing).max() < 0.003
+
+
 def test_pause_holds_and_a_tick_is_one(played: Callable[..., Played]) -> None:
     one = played().walk(6)
     one.ask(do="pause", paused=True)

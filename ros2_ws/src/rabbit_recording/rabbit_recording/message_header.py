@@ -6,6 +6,8 @@ After four bytes of CDR header comes the stamp, int32 seconds and uint32 nanosec
 TICK = ("stamp", "episode", "tick")
 FIELDS = {  # the first of each topic's message
     "state": TICK,
+    "measured": TICK,
+    "true_state": TICK,
     "torque": (*TICK, "torque", "policy_version"),
     "controller_state": TICK,
     "episode": ("stamp", "episode", "phase"),

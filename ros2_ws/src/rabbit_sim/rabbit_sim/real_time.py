@@ -49,8 +49,8 @@ class StandIn:
         """A tick had its answer, (4,) N m."""
         self._last, self._held = torque, 0
 
-    def missed(self, dq: Array) -> tuple[Array, Source]:
-        """A tick had none: what acts in its place, (4,) N m, for the rates `dq` (7,) it began with, rad/s.
+    def missed(self, rates: Array) -> tuple[Array, Source]:
+        """A tick had none: what acts in its place, (4,) N m, for the joints' `rates` (4,) it began with, rad/s.
 
         Raises:
             RuntimeError: before the first answer there is nothing to hold.
@@ -60,7 +60,7 @@ class StandIn:
         if self.gave_up or self._held >= self._held_ticks:
             self.gave_up = True
             self._damped += 1
-            return -self._damping * dq[3:], Source.DAMPING
+            return -self._damping * rates, Source.DAMPING
         self._held += 1
         self.gave_up = self._held == self._held_ticks
         return self._last, Source.HELD

@@ -10,7 +10,7 @@ from math import pi, radians
 from typing import Protocol
 
 import numpy as np
-from rabbit_description.state import TICK_SECONDS, Array, BodySensors
+from rabbit_description.state import TICK_SECONDS, Array, BodySensors, orientation_of
 
 from rabbit_sim.parameters import SUBSTEP_SECONDS, SimulationParameters
 from rabbit_sim.plant import SUBSTEPS, PlantReading, gravity
@@ -30,8 +30,9 @@ class Measured:
 
 
 class Sensors(Protocol):
-    """What an episode's sensors do; `rng` draws their noise."""
+    """What an episode's sensors do; `rng` draws their noise. `parameters` may change between two ticks."""
 
+    parameters: SimulationParameters
     rng: np.random.Generator
 
     def measure(self, reading: PlantReading) -> Measured:
@@ -47,36 +48,35 @@ class ExactSensors:
     """Encoders on pitch and the four joints, foot force sensors. The base's position and velocity are exact."""
 
     def __init__(self, parameters: SimulationParameters, rng: np.random.Generator) -> None:
-        self._parameters = parameters
+        self.parameters = parameters
         self.rng = rng
 
     def measure(self, reading: PlantReading) -> Measured:
         """See `Sensors`."""
         q, dq = reading.q.copy(), reading.dq.copy()
-        step = self._parameters.encoder_resolution
+        step = self.parameters.encoder_resolution
         if step > 0:
             q[2:] = rounded(q[2:], step)
-        if self._parameters.velocity_noise > 0:
-            dq[2:] += self._parameters.velocity_noise * self.rng.standard_normal(5)
-        return Measured(q, dq, noisy_force(reading, self._parameters.force_noise, self.rng))
+        if self.parameters.velocity_noise > 0:
+            dq[2:] += self.parameters.velocity_noise * self.rng.standard_normal(5)
+        return Measured(q, dq, noisy_force(reading, self.parameters.force_noise, self.rng))
 
 
 class LabSensors:
     """Encoders and an IMU, each with constant errors that an episode draws; no base, no true rate."""
 
     def __init__(self, parameters: SimulationParameters, rng: np.random.Generator) -> None:
-        p = self._parameters = parameters
+        p = self.parameters = parameters
         self.rng = rng
-        self._step = p.encoder_resolution or ENCODER_STEP
         self._offset = p.encoder_offset * rng.standard_normal(4)
         self._gyro_bias = p.gyro_bias * rng.standard_normal()
         self._accelerometer_bias = p.accelerometer_bias * rng.standard_normal(2)
-        self._attitude_error = p.attitude_error * rng.standard_normal() - radians(p.slope)  # from the vertical
+        self._attitude_error = p.attitude_error * rng.standard_normal()
         self._last: PlantReading | None = None
 
     def measure(self, reading: PlantReading) -> Measured:
         """See `Sensors`."""
-        p, rng, last = self._parameters, self.rng, self._last
+        p, rng, last = self.parameters, self.rng, self._last
         path = reading.path
         if path is None:  # a reset: the joints have moved as they do now
             back = np.arange(1 - SUBSTEPS, 1)[:, None] * SUBSTEP_SECONDS
@@ -87,11 +87,11 @@ class LabSensors:
             start = np.concatenate([last.q, last.dq])
             specific_force = mean_specific_force(np.vstack([start, path]), gravity(p.slope))
             specific_force += self._accelerometer_bias + p.accelerometer_noise * rng.standard_normal(2)
-        angles = rounded(path[-RATE_SAMPLES:, 3:7] + self._offset, self._step)
+        angles = rounded(path[-RATE_SAMPLES:, 3:7] + self._offset, p.encoder_resolution or ENCODER_STEP)
         body = BodySensors(
             joint_angles=angles[-1],
             joint_rates=(angles[-1] - angles[0]) / ((RATE_SAMPLES - 1) * SUBSTEP_SECONDS),
-            attitude=float(reading.q[2] + self._attitude_error),
+            orientation=orientation_of(reading.q[2] - radians(p.slope) + self._attitude_error),  # from the vertical
             pitch_rate=float(reading.dq[2] + self._gyro_bias + p.gyro_noise * rng.standard_normal()),
             specific_force=specific_force,
         )

@@ -158,8 +158,11 @@ class Simulation:
         plant.reset(self.reading.q, self.reading.dq, self._stance)
         plant.set_stones(self._terrain.present)
         self._plant.close()
+        if parameters.sensors == self.parameters.sensors:
+            self._sensors.parameters = parameters  # the same encoders and gyro
+        else:
+            self._sensors = make_sensors(parameters, self._sensors.rng)
         self._plant, self.parameters = plant, parameters
-        self._sensors = make_sensors(parameters, self._sensors.rng)
 
     def _stand_on(self, leg: Leg, x: float) -> None:
         """The stance foot is at world x: place and preview the next stone from there."""
@@ -240,7 +243,7 @@ class Simulation:
             applied=self._applied,
             sensors=measured.body,
         )
-        return self._estimate(state)
+        return state if self.outcome is Outcome.DIVERGED else self._estimate(state)
 
 
 def flight_ticks(parameters: SimulationParameters) -> int:

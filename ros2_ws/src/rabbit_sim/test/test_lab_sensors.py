@@ -112,3 +112,20 @@ def test_constant_errors_are_constant_and_noise_has_its_spread():
     for values, std in ((first, 0.01), (np.array(rate), 0.02), (np.array(force), 0.5)):
         assert abs(values.mean()) < 4 * std / np.sqrt(values.size)
         assert values.std() == pytest.approx(std, rel=0.15)
+
+
+def test_another_robot_under_way_has_the_same_sensors():
+    """The encoders keep their zeros; ground that rises by 2 degrees has the vertical lean forward by as much."""
+    parameters = SimulationParameters(sensors="lab", **{**PERFECT, "encoder_offset": 0.02})
+    simulation = Simulation(parameters, load_gaits("stones_0350_080"))
+    simulation.reset(3)
+    errors = []
+    for changes in ({}, {"payload": 3.0, "slope": 2.0}):
+        simulation.change(parameters.model_copy(update=changes))
+        sensed, true = simulation.step(np.zeros(4)).sensors, simulation.reading
+        assert np.isfinite(sensed.specific_force).all()
+        errors.append([*(sensed.joint_angles - true.q[3:]), sensed.attitude - true.q[2]])
+    simulation.close()
+    before, after = np.array(errors)
+    assert after[:4] == pytest.approx(before[:4], abs=ENCODER_STEP)
+    assert after[4] - before[4] == pytest.approx(-np.deg2rad(2.0))

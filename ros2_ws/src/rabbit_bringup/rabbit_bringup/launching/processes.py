@@ -23,6 +23,7 @@ POLL_SECONDS = 0.02
 ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 PACKAGES = {  # of each node
     "simulator": "rabbit_sim",
+    "estimator": "rabbit_estimator",
     "controller": "rl_cbf_clf_controller",
     "trainer": "rl_trainer",
     "recorder": "rabbit_recording",
@@ -136,7 +137,7 @@ class Processes:
             yield
         finally:
             self._signal = self._signal or ENDING[0]
-            for names in ((*WALKERS, ONE_PROCESS), ("trainer",), ()):
+            for names in ((*WALKERS, ONE_PROCESS), ("estimator", "trainer"), ()):
                 self.stop(names)
             for number, handler in before.items():
                 signal.signal(number, handler)

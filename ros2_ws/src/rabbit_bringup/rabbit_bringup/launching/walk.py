@@ -12,6 +12,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 from rabbit_cli.executables import NAMESPACE
+from rabbit_estimator.parameters import EstimatorParameters
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_viewer.page.address import PORT
 from rl_cbf_clf_controller.parameters import ControllerParameters
@@ -100,9 +101,10 @@ class Walk(BaseModel):
 
     @property
     def names(self) -> list[str]:
-        """The nodes: simulator and controller; trainer, recorder and viewer if wanted."""
+        """The nodes: simulator and controller; an estimator if need be; trainer, recorder and viewer if wanted."""
         options = self.options
-        wanted = {"trainer": options.trainer, "recorder": options.record != "none", "viewer": options.view}
+        wanted = {"estimator": self.simulation.sensors == "lab", "trainer": options.trainer}
+        wanted |= {"recorder": options.record != "none", "viewer": options.view}
         return ["simulator", "controller", *(name for name, is_wanted in wanted.items() if is_wanted)]
 
     @property
@@ -145,6 +147,10 @@ class Walk(BaseModel):
                 "swap_at": auto if options.swap_at == "auto" else options.swap_at,
                 "priority": options.priority,
                 **controller,
+            },
+            "estimator": {
+                "priority": options.priority,
+                **EstimatorParameters.knowing(self.simulation).model_dump(exclude_unset=True),
             },
             "trainer": {
                 "plan_episodes": options.learns_between,

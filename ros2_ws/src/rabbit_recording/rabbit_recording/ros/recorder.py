@@ -21,7 +21,7 @@ from rabbit_ros.message_checks import MessageCounter
 from rabbit_ros.ros.diagnostics import ERROR, OK, WARN, Diagnostics, Status
 from rabbit_ros.ros.parameters import declare, refuse_unknown
 from rabbit_ros.ros.spin import run, steady_timer
-from rabbit_ros.ros.topics import TOPICS, Topic
+from rabbit_ros.ros.topics import TOPICS, Topic, published_by
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
@@ -125,7 +125,7 @@ class RecorderNode(Node):
         figures = {"path": str(self._path), "episode, tick": "{} {}".format(*turn_of(self._newest_state)), **lost}
         if self._failure:
             return ERROR, self._failure, figures
-        expected = [topic.name for topic in TOPICS if topic.publisher in self._own.expect]
+        expected = [topic.name for topic in published_by(self._own.expect)]
         absent = [name for name in expected if not self._readers[name].get_publisher_count()]
         if absent or lost:
             return WARN, f"waiting for {', '.join(absent)}" if absent else f"messages were lost: {lost}", figures

@@ -8,20 +8,24 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rabbit_msgs import msg
 from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import JointState
+from sensor_msgs.msg import Imu, JointState
 
 from rabbit_ros.ros.qos import DIAGNOSTICS, EVENT, TICK, WEIGHTS
 
 
 @dataclass(frozen=True)
 class Topic:
-    """A topic's type and QoS, the node that publishes it and those that need it. The recorder reads them all."""
+    """A topic's type and QoS, the node that publishes it and those that need it. The recorder reads them all.
+
+    `beside`: the node without which nobody publishes it.
+    """
 
     name: str
     type: Any
     qos: QoSProfile
     publisher: str
     readers: tuple[str, ...] = ()
+    beside: str = ""
 
     @property
     def type_name(self) -> str:
@@ -31,13 +35,17 @@ class Topic:
 
 
 TOPICS = (
+    # the state: of the simulator, or of the estimator where there is one
     Topic("state", msg.RabbitState, TICK, "simulator", ("controller", "trainer", "launcher", "viewer")),
-    Topic("joint_states", JointState, TICK, "simulator"),
+    Topic("joint_states", JointState, TICK, "simulator", ("estimator",)),
+    Topic("imu", Imu, TICK, "simulator", ("estimator",), beside="estimator"),
+    Topic("measured", msg.RabbitState, TICK, "simulator", ("estimator",), beside="estimator"),
+    Topic("true_state", msg.RabbitState, TICK, "simulator", beside="estimator"),
     Topic("clock", Clock, TICK, "simulator"),
     Topic("timing", msg.Timing, TICK, "simulator"),
     Topic("preview", msg.StonePreview, EVENT, "simulator", ("controller", "viewer")),
     Topic("landing", msg.Landing, EVENT, "simulator", ("launcher", "viewer")),
-    Topic("episode", msg.Episode, EVENT, "simulator", ("controller", "trainer", "launcher", "viewer")),
+    Topic("episode", msg.Episode, EVENT, "simulator", ("estimator", "controller", "trainer", "launcher", "viewer")),
     Topic("torque", msg.TorqueCommand, TICK, "controller", ("simulator", "trainer")),
     Topic("controller_state", msg.ControllerState, TICK, "controller", ("trainer", "launcher", "viewer")),
     Topic("policy_swap", msg.PolicySwap, EVENT, "controller", ("trainer",)),
@@ -47,6 +55,11 @@ TOPICS = (
     Topic("episode_plan", msg.EpisodePlan, EVENT, "trainer", ("simulator", "launcher")),
     Topic("diagnostics", DiagnosticArray, DIAGNOSTICS, "all", ("launcher",)),
 )
+
+
+def published_by(nodes: Collection[str]) -> list[Topic]:
+    """The topics that a graph of these nodes has."""
+    return [topic for topic in TOPICS if topic.publisher in nodes and (not topic.beside or topic.beside in nodes)]
 
 
 def missing_readers(
@@ -60,4 +73,4 @@ def missing_readers(
     def wanted(topic: Topic) -> int:
         return len({*topic.readers, "recorder"} & set(nodes)) + (others or {}).get(topic.name, 0)
 
-    return [t.name for t in TOPICS if t.publisher in nodes and counted.get(t.name, 0) < wanted(t)]
+    return [topic.name for topic in published_by(nodes) if counted.get(topic.name, 0) < wanted(topic)]

@@ -17,7 +17,7 @@ from rabbit_ros.ros.checked_subscription import create_checked_subscription
 from rabbit_ros.ros.conversions import check_plan, stamp, torque_of
 from rabbit_ros.ros.diagnostics import OK, WARN, Diagnostics, Status
 from rabbit_ros.ros.direct import Direct
-from rabbit_ros.ros.parameters import declare, follow, refuse_unknown
+from rabbit_ros.ros.parameters import ParameterError, declare, follow, refuse_unknown
 from rabbit_ros.ros.qos import EVENT, TICK
 from rabbit_ros.ros.spin import run, steady_timer
 from rclpy.node import Node
@@ -46,6 +46,8 @@ class SimulatorNode(Node):
         self._own = declare(self, NodeParameters, dynamic=("pace",))
         plant = declare(self, SimulationParameters)
         refuse_unknown(self)
+        if direct and plant.sensors == "lab":
+            raise ParameterError("parameter sensors = lab: expected exact in one process, the estimator is a node")
         take_priority(self._own.priority, self.get_logger().warning)
         self._simulation = Simulation(plant, load_gaits(self._own.gait))
         self._message_counter = MessageCounter()
@@ -75,7 +77,7 @@ class SimulatorNode(Node):
         self._simulation.close()
 
     def _connect(self) -> None:
-        self._topics = SimulatorPublishers(self)
+        self._topics = SimulatorPublishers(self, self._simulation.parameters)
         torques = create_checked_subscription(self, TorqueCommand, "torque", self._on_torque, TICK, self._refuse)
         self._live_controllers = LiveControllers(self, torques)
         create_checked_subscription(self, EpisodePlan, "episode_plan", self._on_plan, EVENT, self._refuse)
@@ -143,6 +145,8 @@ class SimulatorNode(Node):
 
     def _begin(self, seed: int, sigma: float = math.nan, policy: str = "") -> None:
         """Reset the plant; tick 0 goes out at once."""
+        if self._simulation.parameters.sensors == "lab":
+            self._clock_ticks += 1  # what the sensors say is matched by its stamp: each tick has one of its own
         self._torque = None
         self._stand_in.begin()
         self._state = state = self._simulation.reset(seed)
@@ -186,7 +190,8 @@ class SimulatorNode(Node):
     def _publish(self, state: RobotState) -> None:
         """A tick's messages."""
         self._memory.note(restart_point(self._episode, self._clock_ticks))
-        self._topics.tick(state, self._episode.episode, stamp(self._clock_ticks), self._simulation.landings)
+        now, truth = stamp(self._clock_ticks), self._simulation.reading
+        self._topics.tick(state, self._episode.episode, now, self._simulation.landings, truth)
         self._ticks.sent()
         if self._wait.reminders:
             self.get_logger().warning(f"goes on with tick {state.tick} of episode {self._episode.episode}")
@@ -266,7 +271,7 @@ class SimulatorNode(Node):
         if self._state.tick == 0:
             self._ticks.due = False  # the first tick begins at the next pace after its torque
             return
-        torque, source = self._stand_in.missed(self._state.dq)
+        torque, source = self._stand_in.missed(self._state.joint_rates)
         if source is Source.HELD and self._stand_in.gave_up:
             self._live_controllers.said_nothing()  # until one speaks again, be it too late
         self._step(torque, source)
@@ -276,7 +281,8 @@ class SimulatorNode(Node):
         if self._state is not None:
             if self._paused or self._torque is not None or self._wait.seconds <= REPEAT_SECONDS:
                 return ""
-            return f"the controller: no torque for tick {self._state.tick} of episode {self._episode.episode}"
+            who = "the controller" if self._state.sensors is None else "estimator or controller"
+            return f"{who}: no torque for tick {self._state.tick} of episode {self._episode.episode}"
         missing = [] if self._answered_by_someone() else ["a controller, or more readers"]
         if not self._is_planned():
             missing.append(f"the trainer: no plan after episode {self._episode.episode}")

@@ -2,31 +2,55 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from types import SimpleNamespace
 
 from builtin_interfaces.msg import Time
-from rabbit_description.state import RobotState, StonePreview
+from rabbit_description.state import BodySensors, RobotState, StonePreview
 from rabbit_msgs.msg import Episode, RabbitState
 from rabbit_msgs.msg import Landing as LandingMessage
 from rabbit_msgs.msg import StonePreview as PreviewMessage
-from rabbit_ros.ros.conversions import joint_state, preview_message, state_message
+from rabbit_ros.ros.conversions import encoder_message, imu_message, joint_state, preview_message, state_message
 from rabbit_ros.ros.direct import create_publisher
 from rabbit_ros.ros.qos import EVENT
 from rabbit_ros.ros.tick_publisher import TickPublisher
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import JointState
+from sensor_msgs.msg import Imu, JointState
 
+from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.plant import PlantReading
 from rabbit_sim.restart_file import RestartPoint
 from rabbit_sim.simulation import Landing
 
 
-class SimulatorPublishers:
-    """The simulator's publishers."""
+class LabPublishers:
+    """What a lab's IMU says, and the truth, for judges alone."""
 
-    def __init__(self, node: Node) -> None:
+    def __init__(self, node: Node, p: SimulationParameters) -> None:
+        self._imu = TickPublisher(node, Imu, "imu")
+        self._truth = TickPublisher(node, RabbitState, "true_state")
+        gyro, accelerometer = p.gyro_noise**2 + p.gyro_bias**2, p.accelerometer_noise**2 + p.accelerometer_bias**2
+        self._variances = p.attitude_error**2, gyro, accelerometer
+
+    def imu(self, sensors: BodySensors, at: Time) -> None:
+        """Of a tick."""
+        self._imu.publish(imu_message(sensors, at, self._variances))
+
+    def truth(self, state: RobotState, reading: PlantReading, episode: int, at: Time) -> None:
+        """Of the same tick, while somebody hears it."""
+        if self._truth.readers:
+            true = replace(state, q=reading.q, dq=reading.dq, foot_force=reading.foot_force)
+            self._truth.publish(state_message(true, episode, at))
+
+
+class SimulatorPublishers:
+    """The simulator's publishers. With a lab's sensors the state is another node's estimate."""
+
+    def __init__(self, node: Node, parameters: SimulationParameters) -> None:
         self._log = node.get_logger()
-        self._states = TickPublisher(node, RabbitState, "state")
+        self._lab = LabPublishers(node, parameters) if parameters.sensors == "lab" else None
+        self._states = TickPublisher(node, RabbitState, "measured" if self._lab else "state")
         self._joints = TickPublisher(node, JointState, "joint_states")
         self._clock = TickPublisher(node, Clock, "clock")
         self._previews = create_publisher(node, PreviewMessage, "preview", EVENT)
@@ -37,7 +61,7 @@ class SimulatorPublishers:
 
     @property
     def readers(self) -> int:
-        """Nodes that hear the state."""
+        """Nodes that hear the state, or what is measured of it."""
         return self._states.readers
 
     def begin(self, e: Episode) -> None:
@@ -59,14 +83,19 @@ class SimulatorPublishers:
         """Where the episode stands."""
         self._episodes.publish(message)
 
-    def tick(self, state: RobotState, episode: int, at: Time, landings: Sequence[Landing]) -> None:
+    def tick(
+        self, state: RobotState, episode: int, at: Time, landings: Sequence[Landing], reading: PlantReading
+    ) -> None:
         """A tick; what the controller needs with the state goes before it. `landings`: all of the episode."""
         if state.preview is not None and state.preview != self._preview:
             self._previews.publish(preview_message(state.preview, episode, at))
         self._preview = state.preview
-        self._states.publish(state_message(state, episode, at))
+        self._state(state, episode, at)
         self._clock.publish(SimpleNamespace(clock=at))  # while the controller works
-        self._joints.publish(joint_state(state, at))
+        if self._lab:
+            self._lab.truth(state, reading, episode, at)
+        else:
+            self._joints.publish(joint_state(state, at))
         for landing in landings[self._landings_sent :]:
             fields = {name: getattr(landing, name) for name in ("tick", "index", "l", "l_min", "l_max", "on_stone")}
             self._landings.publish(LandingMessage(stamp=at, episode=episode, **fields))
@@ -76,7 +105,14 @@ class SimulatorPublishers:
         """What the answer to a tick needs: its reader may just have come, or have heard something else."""
         if state.preview is not None:
             self._previews.publish(preview_message(state.preview, episode, at))
+        self._state(state, episode, at)
+
+    def _state(self, state: RobotState, episode: int, at: Time) -> None:
+        """What is answered: with a lab's sensors in three parts."""
         self._states.publish(state_message(state, episode, at))
+        if self._lab and state.sensors:
+            self._joints.publish(encoder_message(state.sensors, at))
+            self._lab.imu(state.sensors, at)
 
 
 KEPT = ("episode", "tick", "touchdowns", "seed", "sigma", "policy_version")  # of an episode, in the restart file

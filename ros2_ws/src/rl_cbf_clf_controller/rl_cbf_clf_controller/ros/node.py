@@ -22,7 +22,14 @@ from rabbit_msgs.msg import StonePreview as PreviewMessage
 from rabbit_ros.message_checks import MessageCounter, Refused, check_turn
 from rabbit_ros.priority import scheduling, take_priority
 from rabbit_ros.ros.checked_subscription import create_checked_subscription
-from rabbit_ros.ros.conversions import check_episode, check_state, is_new_simulator, nanoseconds, preview_of
+from rabbit_ros.ros.conversions import (
+    check_episode,
+    check_state,
+    is_new_simulator,
+    is_unknown,
+    nanoseconds,
+    preview_of,
+)
 from rabbit_ros.ros.diagnostics import OK, WARN, Diagnostics, Status
 from rabbit_ros.ros.direct import Direct
 from rabbit_ros.ros.parameters import declare, follow, refuse_unknown
@@ -120,7 +127,8 @@ class ControllerNode(Node):
             self._repeat()
             return
         try:
-            check_state(message, finite=message.running)
+            unknown = message.running and is_unknown(message)
+            check_state(message, finite=message.running and not unknown)
             if message.episode > self._episode.episode:
                 self._early = message
                 return
@@ -134,6 +142,10 @@ class ControllerNode(Node):
             return
         self._turn, self._held, self._early = turn, message if message.running else None, None
         self._answer = None
+        if unknown:
+            self._held = None
+            self._give_up(message, f"the state of tick {message.tick} is not known: see the estimator's log")
+            return
         if not message.running:
             self._message_counter.accept("state")
         self._go_on()

@@ -1,0 +1,223 @@
+"""The state estimator's node: what a lab's sensors say of a tick comes in on three topics, the state goes out.
+
+`measured` says which tick it is and which foot touches the ground; `joint_states` and `imu` of the same stamp say the
+rest. A tick that is asked for again is answered again. An estimator that comes in the middle of an episode knows
+neither where the robot began nor which leg stands since when: it answers with a state whose q and dq are NaN, and the
+controller ends the episode.
+"""
+
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+from rabbit_description.state import BodySensors, RobotState
+from rabbit_msgs.msg import Episode, RabbitState
+from rabbit_ros.message_checks import MessageCounter, Refused, check_finite, check_turn
+from rabbit_ros.priority import scheduling, take_priority
+from rabbit_ros.ros.checked_subscription import create_checked_subscription
+from rabbit_ros.ros.conversions import check_episode, encoders_of, imu_of, is_new_simulator, nanoseconds
+from rabbit_ros.ros.diagnostics import OK, WARN, Diagnostics, Status
+from rabbit_ros.ros.parameters import declare, refuse_unknown
+from rabbit_ros.ros.qos import EVENT, TICK
+from rabbit_ros.ros.spin import run
+from rabbit_ros.ros.tick_publisher import TickPublisher
+from rclpy.node import Node
+from sensor_msgs.msg import Imu, JointState
+
+from rabbit_estimator.contact_aided_filter import ContactAidedFilter, EstimatorError
+from rabbit_estimator.parameters import EstimatorParameters
+
+SENSORS: dict[str, tuple[Any, Callable[[Any], tuple[Any, ...]]]] = {  # by topic; the fields of `BodySensors` in turn
+    "joint_states": (JointState, encoders_of),
+    "imu": (Imu, imu_of),
+}
+NEWEST = 100  # messages of a sensor that are kept for their tick
+LONG = 0.5  # s that a tick may wait for its sensors
+
+
+class NodeParameters(BaseModel):
+    """What the node is told besides the estimator."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    priority: int = Field(0, ge=0, le=99, description="SCHED_FIFO priority, where permitted; 0: an ordinary process")
+
+
+class EstimatorNode(Node):
+    """Answers what is measured with states."""
+
+    def __init__(self) -> None:
+        super().__init__("estimator")
+        own = declare(self, NodeParameters)
+        parameters = declare(self, EstimatorParameters)
+        refuse_unknown(self)
+        take_priority(own.priority, self.get_logger().warning)
+        self._estimator = ContactAidedFilter(parameters)
+        self._message_counter = MessageCounter()
+        self._episode = Episode()
+        self._forget()
+        self._states = TickPublisher(self, RabbitState, "state")
+        self._inputs = create_checked_subscription(self, RabbitState, "measured", self._on_measured, TICK, self._refuse)
+        for topic, (kind, _) in SENSORS.items():
+            create_checked_subscription(self, kind, topic, partial(self._on_sensor, topic), TICK, self._refuse)
+        create_checked_subscription(self, Episode, "episode", self._on_episode, EVENT, self._refuse)
+        self._diagnostics = Diagnostics(self, self._message_counter, self._status)
+        self.get_logger().info("ready")
+
+    def _forget(self) -> None:
+        """A simulator that nobody has heard of yet."""
+        self._turn = (0, -1)  # episode and tick of the newest measurement
+        self._early: RabbitState | None = None  # of an episode that is not announced yet
+        self._open: deque[RabbitState] = deque()  # measurements that wait for their sensors
+        self._said: dict[str, dict[int, tuple[Any, ...]]] = {topic: {} for topic in SENSORS}  # by stamp, ns
+        self._used = -1  # stamp of the newest that was used
+        self._answer: RabbitState | None = None  # to the newest measurement
+        self._lost = 0  # the episode of which nothing is known any more
+
+    # What comes in
+
+    def _on_measured(self, message: RabbitState) -> None:
+        turn = (message.episode, message.tick)
+        try:
+            if message.running:
+                check_finite("foot_force", message.foot_force)
+            if turn == self._turn:
+                self._repeat(message)
+                return
+            if message.episode > self._episode.episode:
+                self._early = message
+                return
+            begins = self._turn[0] < message.episode == self._episode.episode
+            if not begins or not message.running:
+                check_turn(turn, (self._turn[0], self._turn[1] + 1))
+        except Refused as error:
+            self._refuse("measured", error)
+            return
+        self._message_counter.accept("measured")
+        self._turn, self._early, self._answer = turn, None, None
+        if begins:
+            self._open.clear()
+            self._used = nanoseconds(message.stamp) - 1  # wherever the clock stood before
+        self._open.append(message)
+        self._since = time.monotonic()
+        if begins and message.tick > 0:
+            self._give_up(message, f"the estimator came in at tick {message.tick}, in the middle of the episode")
+        self._go_on()
+
+    def _repeat(self, message: RabbitState) -> None:
+        """The simulator has not heard the answer: say it again, if there is one. Else its last word counts."""
+        self._message_counter.accept("measured again")
+        if self._answer is not None:
+            self._states.publish(self._answer)
+        elif self._open:
+            self._open[-1] = message
+            self._go_on()
+
+    def _on_sensor(self, topic: str, message: Any) -> None:
+        """Keep what it says for its tick; of two with the same stamp the later one counts."""
+        at, said = nanoseconds(message.header.stamp), self._said[topic]
+        try:
+            if at < self._used:
+                raise Refused("late", f"stamp {at} ns; expected {self._used} or a later one")
+            reading = SENSORS[topic][1](message)
+        except Refused as error:
+            self._refuse(topic, error)
+            return
+        if at == self._used:
+            self._message_counter.accept(f"{topic} again")
+            return
+        self._message_counter.accept(topic)
+        said[at] = reading
+        if len(said) > NEWEST:
+            del said[next(iter(said))]
+        self._go_on()
+
+    def _on_episode(self, message: Episode) -> None:
+        try:
+            check_episode(message, self._turn[0])
+        except Refused as error:
+            self._refuse("episode", error)
+            return
+        self._message_counter.accept("episode")
+        if is_new_simulator(message) and self._turn[0] > 0:
+            self._forget()
+        self._episode = message
+        if self._early is not None and self._early.episode == message.episode:
+            self._on_measured(self._early)
+
+    def _refuse(self, topic: str, error: Refused) -> None:
+        self.get_logger().warning(self._message_counter.refuse(topic, error), throttle_duration_sec=1.0)
+
+    # The tick
+
+    def _go_on(self) -> None:
+        """Answer the measurements in their order, as far as their sensors are there."""
+        while self._open and self._is_estimated(self._open[0]):
+            message = self._answer = self._open.popleft()
+            self._used = nanoseconds(message.stamp)
+            self._said = {
+                topic: {at: reading for at, reading in said.items() if at > self._used}
+                for topic, said in self._said.items()
+            }
+            self._states.publish(message)
+
+    def _is_estimated(self, message: RabbitState) -> bool:
+        """Fill in q and dq, NaN where they cannot be known; False: the sensors have not been heard."""
+        message.q, message.dq = np.full(7, np.nan), np.full(7, np.nan)
+        if message.episode == self._lost:
+            return True
+        at = nanoseconds(message.stamp)
+        if not all(at in said for said in self._said.values()):
+            return False
+        sensors = BodySensors(*(each for said in self._said.values() for each in said[at]))
+        try:
+            state = self._estimator.update(replace(RobotState.of_message(message, None), sensors=sensors))
+        except EstimatorError as error:
+            if not message.running:  # the robot diverged
+                return True
+            self._refuse("sensors", Refused("not fit", str(error)))
+            for said in self._said.values():
+                del said[at]
+            return False
+        except np.linalg.LinAlgError as error:
+            self._give_up(message, f"the estimator cannot go on: {error}")
+            return True
+        message.q, message.dq = state.q, state.dq
+        return True
+
+    def _give_up(self, message: RabbitState, reason: str) -> None:
+        """Nothing is known of the state until the next episode begins."""
+        self.get_logger().error(reason)
+        self._lost = message.episode
+
+    def _status(self) -> Status:
+        innovation = self._estimator.innovation if self._turn[1] > 0 else None
+        figures = {
+            "normalised innovation": innovation.nis / len(innovation.value) if innovation else "",
+            "scheduling": scheduling(),
+        }
+        episode, tick = self._turn
+        if not self._inputs.get_publisher_count():
+            return WARN, "waiting for a simulator with sensors lab", figures
+        if self._early:
+            return WARN, f"waits for the announcement of episode {self._early.episode}", figures
+        if self._open and time.monotonic() - self._since > LONG:
+            missing = [topic for topic, said in self._said.items() if nanoseconds(self._open[0].stamp) not in said]
+            return WARN, f"tick {tick} of episode {episode} waits for {' and '.join(missing)}", figures
+        if 0 < self._lost == episode:
+            return WARN, f"of episode {episode} nothing is known any more", figures
+        return OK, f"episode {episode}", figures
+
+
+def main() -> None:
+    """The executable `estimator`."""
+    run(EstimatorNode)
+
+
+if __name__ == "__main__":
+    main()

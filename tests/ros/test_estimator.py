@@ -1,0 +1,104 @@
+"""The state estimator in a graph: what it does when it is late, comes in the middle, or is alone."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from rabbit_description.state import BodySensors, orientation_of
+from rabbit_msgs.msg import Episode
+from rabbit_msgs.srv import ResetEpisode
+from rabbit_ros.ros.cdr import Encoder
+from rabbit_ros.ros.conversions import encoder_message, encoders_of, imu_message, imu_of, stamp
+from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import Imu, JointState
+
+PLANT = {"motor_lag": 0.004, "stones": 3, "sensors": "lab", "gait": "paper_stones"}
+LAW = {
+    **{"controller": "rl-cbf-clf-qp", "adaptation": "identification", "objective": "pd_centred"},
+    **{"gait": "paper_stones", "stone_margin": 0.01},
+}
+
+
+@pytest.mark.parametrize("force", [np.array([0.1, -9.7]), np.full(2, np.nan)])
+def test_what_the_sensors_say_arrives_with_the_same_bits(force: np.ndarray) -> None:
+    rng = np.random.default_rng(1)
+    for attitude in rng.uniform(-1.5, 1.5, 100):
+        said = BodySensors(rng.normal(size=4), rng.normal(size=4), orientation_of(attitude), rng.normal(), force)
+        assert said.attitude == pytest.approx(attitude, abs=1e-15)
+        joints = deserialize_message(Encoder(JointState).encode(encoder_message(said, stamp(7))), JointState)
+        imu = deserialize_message(Encoder(Imu).encode(imu_message(said, stamp(7), (1e-5, 2e-5, 0.01))), Imu)
+        assert (imu.linear_acceleration_covariance[0] == -1) == np.isnan(force).any()  # as the message says: not known
+        heard = BodySensors(*encoders_of(joints), *imu_of(imu))
+        for name in ("joint_angles", "joint_rates", "attitude", "pitch_rate", "specific_force"):
+            np.testing.assert_array_equal(getattr(heard, name), getattr(said, name))
+
+
+def begin(world: Any, **simulator: Any) -> tuple[list[Any], list[Any]]:
+    """A graph that walks; returns states and episodes."""
+    heard = world.hear("state"), world.hear("episode")
+    world.start("simulator", **{**PLANT, **simulator})
+    world.start("estimator")
+    world.start("controller", **LAW)
+    world.go()
+    return heard
+
+
+def ended(episodes: list[Episode], number: int) -> list[Episode]:
+    """The announcement of an episode's end, once it is there."""
+    return [each for each in episodes if (each.episode, each.phase) == (number, Episode.ENDED)]
+
+
+def test_an_estimator_that_comes_in_the_middle_says_so_and_the_next_episode_walks(world: Any) -> None:
+    states, episodes = begin(world, episodes=2, answer_timeout=120.0, pace=1.0)
+    world.wait(lambda: bool(states) and states[-1].tick > 20)
+    world.processes.kill(("estimator",))
+    world.start("estimator")
+    world.wait(lambda: bool(ended(episodes, 2)))
+    (first,), (second,) = ended(episodes, 1), ended(episodes, 2)
+    assert (first.outcome, second.outcome) == ("fault", "walked")
+    assert first.reason == f"the state of tick {first.tick} is not known: see the estimator's log"
+    said = (world.folder / "log" / "estimator.log").read_text()
+    assert f"the estimator came in at tick {first.tick}, in the middle of the episode" in said
+    (unknown,) = {m.tick for m in states if m.episode == 1 and np.isnan(m.q).all()}
+    assert unknown == first.tick
+
+
+def test_a_reset_by_service_begins_anew(world: Any) -> None:
+    states, episodes = begin(world, episodes=0, pace=1.0)
+    assert world.ask(ResetEpisode, "reset_episode", seed=3).accepted
+    world.wait(lambda: bool(states) and states[-1].tick > 20)
+    assert world.ask(ResetEpisode, "reset_episode", seed=4).episode == 2
+    world.wait(lambda: bool(ended(episodes, 2)))
+    assert ended(episodes, 1)[0].outcome == "reset"
+    assert ended(episodes, 2)[0].outcome == "walked"
+    world.wait(lambda: states[-1].tick == episodes[-1].tick)
+    assert {m.tick for m in states if m.episode == 2} == set(range(episodes[-1].tick + 1))
+    assert all(np.isfinite(m.q).all() for m in states)
+
+
+def test_a_simulator_that_is_started_again_walks_on(world: Any) -> None:
+    states, episodes = begin(world, pace=1.0)
+    world.wait(lambda: bool(states) and states[-1].tick > 20)
+    world.processes.kill(("simulator",))
+    world.spin(0.3)
+    heard = len(states)
+    world.start("simulator", **PLANT)
+    world.go()
+    world.wait(lambda: bool(ended(episodes, 1)))
+    assert ended(episodes, 1)[0].outcome == "walked"
+    assert (states[heard].episode, states[heard].tick) == (1, 0)
+
+
+def test_in_one_process_a_lab_is_refused(world: Any) -> None:
+    world.start("one_process", simulator=PLANT, controller=LAW)
+    assert world.processes.wait("one_process", 60.0) == 2
+    *_, line = (world.folder / "log" / "one_process.log").read_text().splitlines()
+    assert line.startswith("error: parameter sensors = lab: expected exact in one process")
+
+
+@pytest.mark.parametrize(("name", "value"), [("jerk", -1.0), ("foot_radius", math.nan)])
+def test_a_parameter_that_cannot_be_used_ends_it(world: Any, name: str, value: float) -> None:
+    world.start("estimator", **{name: value})
+    assert world.processes.wait("estimator", 60.0) == 2
+    assert name in (world.folder / "log" / "estimator.log").read_text()
