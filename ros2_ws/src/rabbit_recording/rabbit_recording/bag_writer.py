@@ -1,4 +1,4 @@
-"""A recording on disk: a rosbag2 folder that `ros2 bag`, Foxglove and `rosbags` read, definitions and QoS inside.
+"""A recording on disk: a rosbag2 folder with definitions and QoS inside, which `rosbags` reads.
 
 What is written is handed to the operating system every `FLUSH_SECONDS`, so that a killed recorder loses less than a
 second: an MCAP chunk is closed, an sqlite3 transaction committed. `recover` makes such a recording whole.
