@@ -13,6 +13,7 @@ install(
     "rich",
     "scipy",
     "typer",
+    "websockets>=14",
     entry_points={
         "rabbit.commands": [
             "bench = rabbit_campaigns.commands.bench:app",

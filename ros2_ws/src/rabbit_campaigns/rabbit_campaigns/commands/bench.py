@@ -1,4 +1,4 @@
-"""Time a tick, the plant, an evaluation and the nodes against their floors, or against another commit."""
+"""Time a tick, the plant, an evaluation and the nodes against their floors; or in pairs: another commit, a viewer."""
 
 import json
 from pathlib import Path
@@ -6,7 +6,7 @@ from typing import Any
 
 import typer
 from pydantic import BaseModel, ConfigDict, Field
-from rabbit_bringup.commands.walk import DEFAULTS
+from rabbit_bringup.commands.walk import DEFAULTS, assembly_of_nodes
 from rabbit_cli.options import Given, complaints, options
 from rabbit_experiments.commands.evaluate import given_assembly
 from rabbit_sim.parameters import SimulationParameters
@@ -26,7 +26,8 @@ class BenchOptions(BaseModel):
     parameters: str = Field("ours", description="of the controller: ours, authors or a YAML file")
     nodes: bool = Field(True, description="also walk through the nodes, where there is ROS")
     against: Path | None = Field(None, description="another checkout that is built: compare with it, in pairs")
-    pairs: int = Field(7, ge=1, le=1000, description="of walks here and there, for --against")
+    viewer: bool = Field(False, description="compare walks without and with `rabbit view`, in pairs")
+    pairs: int = Field(7, ge=1, le=1000, description="of walks, for --against and --viewer")
 
 
 @app.command()
@@ -34,7 +35,8 @@ class BenchOptions(BaseModel):
 def bench(given: Given) -> None:
     """Time a tick, the plant, an evaluation and the nodes: each against its floor, in the same run.
 
-    With `--against PATH`: how many times as long each takes there, by pairs of walks there and here.
+    With `--against PATH`: how many times as long each takes there, by pairs of walks there and here. With `--viewer`:
+    what a viewer costs simulator and controller, by pairs of walks without and with it.
     """
     request = given.build(BenchOptions)
     assembly = given_assembly(given, request.policy, request.parameters)
@@ -44,10 +46,17 @@ def bench(given: Given) -> None:
     from rabbit_campaigns import bench, compare
 
     with complaints(LaunchError):
+        figures: dict[str, Any] = {}
         if request.against is not None:
-            figures: dict[str, Any] = {"against": compare.compare(request.against, request.pairs, request.seed, print)}
+            figures["against"] = compare.compare(request.against, request.pairs, request.seed, print)
             show_pairs(figures["against"], request)
-        else:
+        if request.viewer:
+            assembly = assembly_of_nodes(given, request.policy, request.parameters)
+            from rabbit_campaigns.ros import viewer_cost
+
+            figures["viewer"] = viewer_cost.measure(assembly, request.seed, request.pairs, print)
+            show_viewer(figures["viewer"])
+        if not figures:
             figures = bench.bench(assembly, request.seed)
             nodes = bench.bench_nodes(assembly, request.seed, figures["us"]) if request.nodes else None
             figures["nodes"] = nodes
@@ -86,3 +95,11 @@ def show_pairs(ratios: dict[str, dict[str, float]], request: BenchOptions) -> No
     for name, of in ratios.items():
         table.add_row(name, *(f"{of[key]:.2f}" for key in ("median", "least", "most")))
     Console().print(table)
+
+
+def show_viewer(found: dict[str, Any]) -> None:
+    """Medians and their intervals."""
+    for name, of in found["ratios"].items():
+        interval = "{:.3f} to {:.3f}".format(*of["interval"]) if of["interval"] else "too few pairs"
+        print(f"{name}, with a viewer over without: {of['median']:.3f} (95%: {interval})")
+    print(f"load before: {found['load']:.1f}")
