@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -52,22 +53,40 @@ def wait_for(holds: Callable[[], bool], seconds: float = 180.0) -> None:
         time.sleep(0.05)
 
 
-@pytest.fixture
-def walking(tmp_path: Path) -> Iterator[subprocess.Popen[str]]:
-    """A slow walk with all nodes, that has begun; its folder is `tmp_path`."""
-    command = [*RABBIT, "walk", "--out", str(tmp_path), *QUICK, *SLOW]
+def is_under_way(folder: Path) -> bool:
+    """Whether a walk has recorded more than it does before its first tick."""
+    recording = folder / "recording" / "recording.mcap"
+    return recording.is_file() and recording.stat().st_size > policy_path("rl-cbf-clf-qp").stat().st_size + 100_000
+
+
+@contextmanager
+def begun(folder: Path, *words: str) -> Iterator[subprocess.Popen[str]]:
+    """A slow walk in a folder, that has begun."""
+    command = [*RABBIT, "walk", "--out", str(folder), *QUICK, *SLOW, *words]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    wait_for(lambda: len(running(tmp_path)) == 4)
-    wait_for(lambda: (tmp_path / "recording" / "recording.mcap").is_file())
-    first = policy_path("rl-cbf-clf-qp").stat().st_size  # what is recorded before the first tick
-    wait_for(lambda: (tmp_path / "recording" / "recording.mcap").stat().st_size > first + 150_000)
+    wait_for(lambda: is_under_way(folder))
     yield process
     process.kill()
     process.wait()
 
 
+@pytest.fixture
+def walking(tmp_path: Path) -> Iterator[subprocess.Popen[str]]:
+    """Of simulator, controller and recorder, in `tmp_path`."""
+    with begun(tmp_path, "--no-trainer") as process:
+        yield process
+
+
+@pytest.fixture
+def learning(tmp_path: Path) -> Iterator[subprocess.Popen[str]]:
+    """Of all four nodes, in `tmp_path`."""
+    with begun(tmp_path) as process:
+        assert len(running(tmp_path)) == 4
+        yield process
+
+
 def test_a_walk_leaves_its_folder(tmp_path: Path) -> None:
-    done = rabbit("walk", "--out", tmp_path, "--stones", 2, "--seed", 4)
+    done = rabbit("walk", "--out", tmp_path, "--stones", 2, "--seed", 4, "--no-trainer")
     assert done.returncode == 0, done.stdout + done.stderr
     summary = json.loads((tmp_path / "summary.json").read_text())
     assert (summary["walked"], summary["episodes"][0]["stones"], summary["episodes"][0]["seed"]) == (True, 2, 4)
@@ -85,22 +104,26 @@ def test_a_walk_leaves_its_folder(tmp_path: Path) -> None:
 
 
 def test_the_trainer_learns_on_from_the_policy_that_walks(tmp_path: Path) -> None:
-    """An untrained policy is nearly the zero one; the form of this one is not the default."""
+    """An untrained policy is nearly the zero one; the form of this one is not the default.
+
+    Learned from one short episode, it may fall in the next.
+    """
     form = TrainingParameters(hidden1=20, hidden2=16, structured=False, observe_l_min=False)
     file, folder = Trainer(form).policy_file(), tmp_path / "walk"
     file.write(tmp_path / "policy.safetensors")
     learned = ("--controller", "rl-cbf-clf-qp", "--policy", tmp_path / "policy.safetensors")
-    slow = ("--mass-scale", 1.1, "--stones", 12, "--pace", 0.5)  # time to learn on a busy machine
-    done = rabbit("walk", "--out", folder, *learned, *slow, *QUICK)
-    assert done.returncode == 0, done.stdout + done.stderr
+    few = ("--mass-scale", 1.1, "--stones", 7, "--episodes", 2)  # the gate needs five steps
+    done = rabbit("walk", "--out", folder, *learned, *few, *QUICK)
+    assert done.returncode in (ExitCode.WALKED, ExitCode.FELL), done.stdout + done.stderr
     told = yaml.safe_load((folder / "parameters.yaml").read_text())
     assert told["/**/controller"]["ros__parameters"]["swap_at"] == "tick"
-    walked = read_episodes(folder / "recording")[1]
-    assert walked.swaps[0].version == file.version
+    first, *later = (swap for each in read_episodes(folder / "recording").values() for swap in each.swaps)
+    assert first.version == file.version
     published = {m.version: bytes(m.data) for _, m in messages(folder / "recording", "policy")}
-    for swap in walked.swaps[1:]:
-        assert published[swap.version] == swap.data
-        assert f"from {file.version}" in decode(swap.data).metadata.command
+    for swap in later:
+        if swap.version != file.version:
+            assert published[swap.version] == swap.data
+            assert f"from {file.version}" in decode(swap.data).metadata.command
     assert published or "kept back" in (folder / "log" / "trainer.log").read_text()
 
 
@@ -114,12 +137,12 @@ def test_a_fall_has_an_exit_code_of_its_own(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("signals", [(signal.SIGINT,), (signal.SIGINT, signal.SIGINT), (signal.SIGTERM,)])
-def test_signals_end_all(walking: subprocess.Popen[str], tmp_path: Path, signals: tuple[int, ...]) -> None:
+def test_signals_end_all(learning: subprocess.Popen[str], tmp_path: Path, signals: tuple[int, ...]) -> None:
     for number in signals:
-        walking.send_signal(number)
+        learning.send_signal(number)
         time.sleep(0.3)
-    _, said = walking.communicate(timeout=300)
-    assert walking.returncode == 128 + signals[0]
+    _, said = learning.communicate(timeout=300)
+    assert learning.returncode == 128 + signals[0]
     assert "stopped by" in said
     assert "Traceback" not in said
     assert not running(tmp_path)
@@ -127,8 +150,8 @@ def test_signals_end_all(walking: subprocess.Popen[str], tmp_path: Path, signals
         assert read_episodes(tmp_path / "recording")[1].records
 
 
-def test_a_killed_launcher_leaves_nobody_behind(walking: subprocess.Popen[str], tmp_path: Path) -> None:
-    walking.kill()
+def test_a_killed_launcher_leaves_nobody_behind(learning: subprocess.Popen[str], tmp_path: Path) -> None:
+    learning.kill()
     wait_for(lambda: not running(tmp_path), 30.0)
 
 
@@ -179,10 +202,11 @@ def test_an_episode_that_the_graph_broke_is_no_fall(tmp_path: Path) -> None:
     folder = tmp_path / "walk"
     words = ("--out", folder, "--params-file", tmp_path / "impatient.yaml", "--pace", 1, "--no-trainer", *QUICK)
     process = subprocess.Popen([*RABBIT, "walk", *map(str, words)], stdout=subprocess.PIPE, text=True)
-    recording = folder / "recording" / "recording.mcap"
-    first = policy_path("rl-cbf-clf-qp").stat().st_size
-    wait_for(lambda: recording.is_file() and recording.stat().st_size > first + 100_000)
-    os.kill(running(folder)["controller"], signal.SIGSTOP)
+    wait_for(lambda: is_under_way(folder))
+    controller = running(folder)["controller"]
+    os.kill(controller, signal.SIGSTOP)
+    wait_for(lambda: "simulator" not in running(folder))  # all were told to end
+    os.kill(controller, signal.SIGCONT)
     out, _ = process.communicate(timeout=300)
     assert process.returncode == ExitCode.FAULT
     assert "silent (no torque" in out
@@ -199,10 +223,10 @@ def test_a_second_walk_in_one_namespace_is_refused(walking: subprocess.Popen[str
     assert "namespace / of ROS domain" in line
     assert "--namespace" in line
     assert not (tmp_path / "second").exists()
-    assert len(running(tmp_path)) == 4
+    assert len(running(tmp_path)) == 3
     other = rabbit("walk", "--out", tmp_path / "other", "--namespace", "other", *SMALL)
     assert other.returncode == ExitCode.WALKED, other.stderr
-    assert len(running(tmp_path)) == 4
+    assert len(running(tmp_path)) == 3
     assert walking.poll() is None
 
 

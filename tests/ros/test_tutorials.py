@@ -9,13 +9,14 @@ from rl_cbf_clf_controller.weights import policy_path, read
 from typed import ROOT, blocks, type_in
 
 WALK = "--stones 3 --no-video --no-pictures"
+ALONE = "--no-trainer --record none"
 COURSES = "--runs 1 --stones 2"
 ELSEWHERE = {"docs/tutorials/own_barrier.md", "ros2_ws/src/cbf_clf_qp/README.md"}  # in tests of their own
 SHORTER = {
     "docs/evaluate.md": {"rabbit evaluate": COURSES},
     "docs/get_started.md": {
-        "rabbit walk --controller cbf-clf-qp": "--stones 6 --no-video --no-pictures",
-        "rabbit walk": f"{WALK} --episodes 2",
+        "rabbit walk --controller cbf-clf-qp": f"{ALONE} --stones 6",
+        "rabbit walk": f"{ALONE} --stones 3 --episodes 2",
         "rabbit evaluate": COURSES,
         "rabbit train": "--episodes 1",
         "rabbit policy load": "--timeout 120",
