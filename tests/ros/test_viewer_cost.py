@@ -17,7 +17,7 @@ def test_the_medians_interval_is_one_of_order_statistics() -> None:
 
 
 def test_a_pair_of_walks_is_measured(tmp_path: Path) -> None:
-    words = ("--viewer", "--pairs", "1", "--stones", "3", "--out", str(tmp_path / "bench.json"))
+    words = ("--viewer", "--pairs", "1", "--out", str(tmp_path / "bench.json"))
     done = subprocess.run([*RABBIT, "bench", *words], capture_output=True, text=True, timeout=300, check=False)
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("pair 1 of 1: processor time a tick times ")

@@ -26,7 +26,7 @@ from websockets.sync.client import connect
 
 from rabbit_campaigns.soak import usage
 
-EPISODES = 3  # of a walk
+EPISODES = 1  # of a walk, 1,000 ticks
 PROCESSOR, RATE = "processor time a tick", "ticks a second"
 INTERVAL = 0.95
 FEWEST_LOOKS = 3
