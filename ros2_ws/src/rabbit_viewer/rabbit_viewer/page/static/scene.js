@@ -146,7 +146,7 @@ export class Scene {
   words(row, ended) {
     const {pen, walker} = this;
     const total = walker.walk.about.stones;
-    const stones = `${walker.get(row, "touchdowns")}${total ? ` of ${total}` : ""} stones`;
+    const stones = `${ended?.stones ?? walker.get(row, "touchdowns")}${total ? ` of ${total}` : ""} stones`;
     pen.textBaseline = "top";
     pen.fillStyle = colour("text");
     pen.font = "600 15px system-ui, sans-serif";
