@@ -1,4 +1,4 @@
-"""Parts that someone else's package brings by entry points: a plant and a learner, used by `rabbit` without an edit."""
+"""Parts that someone else's package brings by entry points: plant, learner and method, used without an edit."""
 
 import json
 import os
@@ -12,6 +12,8 @@ from rabbit_description.plugins import load, names
 MODULE = """
 from pathlib import Path
 
+from rabbit_experiments.benchmark.methods import Method
+from rabbit_experiments.reproduce.controllers import variant
 from rabbit_sim.rigid_plant import RigidPlant
 from rl_trainer.regression import Regression
 
@@ -26,12 +28,17 @@ class Noted(Regression):
     def __init__(self, parameters):
         Path("learning").touch()
         super().__init__(parameters)
+
+
+STIFF = Method("stiff", "mine, stiffer", flat=variant("stiff", "clf-qp", "zero", {"eps": 0.08}))
 """
 ENTRY_POINTS = """
 [rabbit.plants]
 slow_motor = other_package:SlowMotor
 [rabbit.learners]
 noted = other_package:Noted
+[rabbit.methods]
+stiff = other_package:STIFF
 """
 TRAINING = ("--episodes", "1", "--walking-steps", "1", "--learner", "noted")
 
@@ -59,6 +66,15 @@ def test_another_packages_plant_is_walked_on(tmp_path: Path) -> None:
     assert (tmp_path / "advanced").exists()
     about = json.loads((tmp_path / "out" / "evaluation.json").read_text())
     assert about["parameters"]["simulation"]["plant"] == "slow_motor"
+
+
+def test_another_packages_method_enters_the_benchmark(tmp_path: Path) -> None:
+    install(tmp_path)
+    done = rabbit(tmp_path, "benchmark", "stiff", "--cells", "*/scale-1", "--courses", "1", "--out", "out")
+    assert done.returncode == 0, done.stderr
+    assert "no controller for stones" in (tmp_path / "out" / "benchmark.csv").read_text()
+    listed = rabbit(tmp_path, "benchmark", "--list")
+    assert "mine, stiffer" in listed.stdout
 
 
 def test_another_packages_learner_trains(tmp_path: Path) -> None:

@@ -12,11 +12,13 @@ install(
     "matplotlib",
     "numpy>=2",
     "pydantic>=2",
+    "pyyaml",
     "rich",
     "scipy",
     "typer",
     entry_points={
         "rabbit.commands": [
+            "benchmark = rabbit_experiments.commands.benchmark:app",
             "estimator = rabbit_experiments.commands.estimator:app",
             "evaluate = rabbit_experiments.commands.evaluate:app",
             "policy = rabbit_experiments.commands.policy:app",

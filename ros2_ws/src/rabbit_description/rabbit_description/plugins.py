@@ -3,7 +3,8 @@
     entry_points={"rabbit.plants": ["rigid = rabbit_sim.rigid_plant:RigidPlant"]}      in a setup.py
 
 `rabbit.plants`: a `rabbit_sim.plant.Plant` made from `SimulationParameters`. `rabbit.learners`: a
-`rl_trainer.learner.Learner` made from `TrainingParameters`. A part is imported when it is loaded.
+`rl_trainer.learner.Learner` made from `TrainingParameters`. `rabbit.methods`: a
+`rabbit_experiments.benchmark.methods.Method`. A part is imported when it is loaded.
 """
 
 from importlib.metadata import EntryPoint, entry_points

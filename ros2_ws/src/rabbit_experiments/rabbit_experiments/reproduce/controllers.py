@@ -51,3 +51,15 @@ CBF_CLF_ORACLE = Contender("RL-CBF-CLF-QP, oracle", "rl-cbf-clf-qp", style.GREEN
 ROBUST = Contender("robust CBF-CLF-QP", "robust-cbf-clf-qp", style.PURPLE, line="-.")
 STONES = (RL_CBF_CLF, ROBUST, CBF_CLF)
 RL_CBF_CLF_LIGHT = Contender("RL-CBF-CLF-QP trained at 0.7", "rl-cbf-clf-qp", style.SKY, "rl-cbf-clf-qp-scale-0.7")
+
+LIBRARY = {"gait": "paper_stones"}  # presses on the ground under every payload (gaits.md), and so does this one:
+GAIT = {"gait": "stones_0350_084"}
+MARGIN = {"stone_margin": 0.01}
+PD = {"objective": "pd_centred"}
+IDENTIFIED = {"adaptation": "identification"}
+
+
+def variant(title: str, controller: str, policy: str, *law: dict[str, Any]) -> Contender:
+    """One that stands in a map, so without a colour of its own."""
+    parameters = {name: value for each in law for name, value in each.items()}
+    return Contender(title, controller, style.BLACK, policy, law=tuple(parameters.items()))

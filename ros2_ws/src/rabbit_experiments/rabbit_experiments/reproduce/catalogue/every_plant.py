@@ -3,23 +3,18 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from matplotlib.figure import Figure
-from rabbit_viewer import style
 
-from rabbit_experiments.reproduce.controllers import Contender
+from rabbit_experiments.reproduce.controllers import GAIT, IDENTIFIED, LIBRARY, MARGIN, PD, Contender, variant
 from rabbit_experiments.reproduce.experiment import Experiment
 from rabbit_experiments.reproduce.report import Claim, Table
 from rabbit_experiments.reproduce.table_lines import MAIN, Found, Line, Runs, long_table
+from rabbit_experiments.success_map import success_map
 from rabbit_experiments.summary import ENOUGH
 
-LIBRARY = {"gait": "paper_stones"}  # presses on the ground under every payload (gaits.md), and so does this one:
-GAIT = {"gait": "stones_0350_084"}
-MARGIN = {"stone_margin": 0.01}
-PD = {"objective": "pd_centred"}
-IDENTIFIED = {"adaptation": "identification"}
 RUNS = Runs(10, 1)  # there are 220 cells on each terrain
 SEED = 50003  # 50001 and 50002 were looked at when margin and gaits were chosen
 
@@ -46,11 +41,6 @@ PLANTS = (
     *(Plant(f"{kg:g}", "payload (kg)", {"payload": kg}) for kg in PAYLOADS),
     *(Plant(name, "scale 2, with", {"mass_scale": 2.0, **values}) for name, values in PERTURBED.items()),
 )
-
-
-def _row(title: str, controller: str, policy: str, *law: dict[str, Any]) -> Contender:
-    parameters = {name: value for each in law for name, value in each.items()}
-    return Contender(title, controller, style.BLACK, policy, law=tuple(parameters.items()))
 
 
 class EveryPlant(Experiment):
@@ -85,20 +75,12 @@ class EveryPlant(Experiment):
 
     def figures(self, found: Found) -> dict[str, tuple[str, Figure]]:
         walks = {row: [found.walks(line) for line in self.grid[row].values()] for row in self.rows}
-        rates = np.array([[each.walked / each.runs for each in walks[row]] for row in self.rows])
-        figure, (axes,) = style.figure(1, height=0.6 + 0.26 * len(self.rows), width=7.2)
-        image = axes.imshow(rates, cmap="cividis", vmin=0, vmax=1, aspect="auto")
-        for (i, j), rate in np.ndenumerate(rates):
-            count = walks[self.rows[i]][j].walked
-            axes.text(j, i, str(count), ha="center", va="center", fontsize=7, color="black" if rate > 0.5 else "white")
-        axes.set_yticks(range(len(self.rows)), [row.title for row in self.rows])
-        axes.set_xticks(range(len(PLANTS)), [plant.title for plant in PLANTS], fontsize=7, rotation=45)
-        axes.grid(visible=False)
+        titles = [plant.title for plant in PLANTS]
+        figure, axes = success_map([row.title for row in self.rows], titles, list(walks.values()))
         for group in dict.fromkeys(plant.group for plant in PLANTS):
             columns = [j for j, plant in enumerate(PLANTS) if plant.group == group]
             axes.text(float(np.mean(columns)), -0.75, group, ha="center", va="bottom", fontsize=8)
             axes.axvline(columns[-1] + 0.5, color="white", linewidth=3)
-        figure.colorbar(image, ax=axes, label="share of courses walked", fraction=0.03, pad=0.01)
         runs = walks[self.ours][0].runs
         caption = (
             f"Courses of 20 {self.terrain} walked, of {runs} a cell (the numbers), by controller and plant. mu'mu and "
@@ -136,19 +118,19 @@ class EveryPlantStones(EveryPlant):
     title = "Every plant, stepping stones"
     terrain = "stones"
     gait = LIBRARY["gait"]
-    ours = _row("identified + universal, PD-centred", "rl-cbf-clf-qp", "universal", LIBRARY, MARGIN, IDENTIFIED, PD)
+    ours = variant("identified + universal, PD-centred", "rl-cbf-clf-qp", "universal", LIBRARY, MARGIN, IDENTIFIED, PD)
     rows = (
-        _row("nominal, mu'mu", "cbf-clf-qp", "zero", LIBRARY, MARGIN),
-        _row("nominal, PD-centred", "cbf-clf-qp", "zero", LIBRARY, MARGIN, PD),
-        _row("robust, mu'mu", "robust-cbf-clf-qp", "zero", LIBRARY, MARGIN),
-        _row("policy of scale 2, mu'mu", "rl-cbf-clf-qp", "rl-cbf-clf-qp"),
-        _row("policy of scale 2, PD-centred", "rl-cbf-clf-qp", "rl-cbf-clf-qp", PD),
-        _row("identified, mu'mu", "rl-cbf-clf-qp", "zero", LIBRARY, MARGIN, IDENTIFIED),
-        _row("identified, PD-centred", "rl-cbf-clf-qp", "zero", LIBRARY, MARGIN, IDENTIFIED, PD),
-        _row("identified + universal, mu'mu", "rl-cbf-clf-qp", "universal", LIBRARY, MARGIN, IDENTIFIED),
+        variant("nominal, mu'mu", "cbf-clf-qp", "zero", LIBRARY, MARGIN),
+        variant("nominal, PD-centred", "cbf-clf-qp", "zero", LIBRARY, MARGIN, PD),
+        variant("robust, mu'mu", "robust-cbf-clf-qp", "zero", LIBRARY, MARGIN),
+        variant("policy of scale 2, mu'mu", "rl-cbf-clf-qp", "rl-cbf-clf-qp"),
+        variant("policy of scale 2, PD-centred", "rl-cbf-clf-qp", "rl-cbf-clf-qp", PD),
+        variant("identified, mu'mu", "rl-cbf-clf-qp", "zero", LIBRARY, MARGIN, IDENTIFIED),
+        variant("identified, PD-centred", "rl-cbf-clf-qp", "zero", LIBRARY, MARGIN, IDENTIFIED, PD),
+        variant("identified + universal, mu'mu", "rl-cbf-clf-qp", "universal", LIBRARY, MARGIN, IDENTIFIED),
         ours,
-        _row("oracle, mu'mu", "rl-cbf-clf-qp", "oracle", LIBRARY, MARGIN),
-        _row("oracle, PD-centred", "rl-cbf-clf-qp", "oracle", LIBRARY, MARGIN, PD),
+        variant("oracle, mu'mu", "rl-cbf-clf-qp", "oracle", LIBRARY, MARGIN),
+        variant("oracle, PD-centred", "rl-cbf-clf-qp", "oracle", LIBRARY, MARGIN, PD),
     )
 
 
@@ -159,17 +141,17 @@ class EveryPlantFlat(EveryPlant):
     title = "Every plant, flat ground"
     terrain = "steps"
     gait = GAIT["gait"]
-    ours = _row("identified + universal, PD-centred", "rl-clf-qp", "universal", GAIT, IDENTIFIED, PD)
+    ours = variant("identified + universal, PD-centred", "rl-clf-qp", "universal", GAIT, IDENTIFIED, PD)
     rows = (
-        _row("nominal, mu'mu", "clf-qp", "zero", GAIT),
-        _row("nominal, PD-centred", "clf-qp", "zero", GAIT, PD),
-        _row("L1, mu'mu", "l1-clf-qp", "zero", GAIT),
-        _row("policy of scale 2, mu'mu", "rl-clf-qp", "rl-clf-qp"),
-        _row("policy of scale 2, PD-centred", "rl-clf-qp", "rl-clf-qp", PD),
-        _row("identified, mu'mu", "rl-clf-qp", "zero", GAIT, IDENTIFIED),
-        _row("identified, PD-centred", "rl-clf-qp", "zero", GAIT, IDENTIFIED, PD),
-        _row("identified + universal, mu'mu", "rl-clf-qp", "universal", GAIT, IDENTIFIED),
+        variant("nominal, mu'mu", "clf-qp", "zero", GAIT),
+        variant("nominal, PD-centred", "clf-qp", "zero", GAIT, PD),
+        variant("L1, mu'mu", "l1-clf-qp", "zero", GAIT),
+        variant("policy of scale 2, mu'mu", "rl-clf-qp", "rl-clf-qp"),
+        variant("policy of scale 2, PD-centred", "rl-clf-qp", "rl-clf-qp", PD),
+        variant("identified, mu'mu", "rl-clf-qp", "zero", GAIT, IDENTIFIED),
+        variant("identified, PD-centred", "rl-clf-qp", "zero", GAIT, IDENTIFIED, PD),
+        variant("identified + universal, mu'mu", "rl-clf-qp", "universal", GAIT, IDENTIFIED),
         ours,
-        _row("oracle, mu'mu", "rl-clf-qp", "oracle", GAIT),
-        _row("oracle, PD-centred", "rl-clf-qp", "oracle", GAIT, PD),
+        variant("oracle, mu'mu", "rl-clf-qp", "oracle", GAIT),
+        variant("oracle, PD-centred", "rl-clf-qp", "oracle", GAIT, PD),
     )

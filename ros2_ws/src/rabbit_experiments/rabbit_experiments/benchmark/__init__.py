@@ -1,0 +1,1 @@
+"""Methods by cells under one protocol: `rabbit benchmark` (docs/benchmark.md)."""

@@ -1,0 +1,37 @@
+"""Methods compared on the same courses: the exact form of McNemar's test, and Holm's correction."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from scipy import stats
+
+
+@dataclass(frozen=True)
+class Paired:
+    """Courses that one of two methods alone walked, and the two-sided probability of such a difference by chance."""
+
+    courses: int
+    only_this: int
+    only_other: int
+
+    @property
+    def p_value(self) -> float:
+        """Of the sign test: each discordant course is as likely to be the one's as the other's."""
+        discordant = self.only_this + self.only_other
+        return float(stats.binomtest(self.only_this, discordant).pvalue) if discordant else 1.0
+
+
+def paired(this: Sequence[bool], other: Sequence[bool]) -> Paired:
+    """Two methods on the same courses in the same order."""
+    pairs = list(zip(this, other, strict=True))
+    return Paired(len(pairs), pairs.count((True, False)), pairs.count((False, True)))
+
+
+def holm(p_values: Sequence[float]) -> list[float]:
+    """Holm's adjusted p-values (1979), in the order given."""
+    order = sorted(range(len(p_values)), key=p_values.__getitem__)
+    adjusted, largest = [0.0] * len(p_values), 0.0
+    for rank, index in enumerate(order):
+        largest = max(largest, min(1.0, (len(p_values) - rank) * p_values[index]))
+        adjusted[index] = largest
+    return adjusted

@@ -1,0 +1,164 @@
+"""What the benchmark leaves: a table, a picture and a page."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from matplotlib.figure import Figure
+from pydantic import BaseModel, ConfigDict
+from rabbit_description.atomic_file import replacing
+
+from rabbit_experiments import provenance
+from rabbit_experiments.benchmark.cells import Cell
+from rabbit_experiments.benchmark.comparison import holm, paired
+from rabbit_experiments.benchmark.methods import REFERENCE, Method
+from rabbit_experiments.benchmark.protocol import SEEDS, Plan, Protocol
+from rabbit_experiments.cache import Cache
+from rabbit_experiments.metrics import RunResult
+from rabbit_experiments.success_map import success_map
+from rabbit_experiments.summary import Walks, times
+from rabbit_experiments.tables import markdown_table, write_rows
+
+
+class BenchmarkRow(BaseModel):
+    """A row of benchmark.csv: Wilson's 95% interval, ms of the median control tick; `reason` where nothing was run."""
+
+    model_config = ConfigDict(frozen=True)
+
+    method: str
+    cell: str
+    walked: int | None = None
+    courses: int | None = None
+    low: float | None = None
+    high: float | None = None
+    mean_stones: float | None = None
+    tick_ms: float | None = None
+    reason: str = ""
+
+
+@dataclass(frozen=True)
+class Benchmark:
+    """All runs, done."""
+
+    protocol: Protocol
+    methods: Sequence[Method]
+    cells: Sequence[Cell]
+    results: dict[tuple[Method, Cell], list[RunResult] | str]
+
+    @classmethod
+    def from_cache(
+        cls, protocol: Protocol, methods: Sequence[Method], cells: Sequence[Cell], runs: Plan, cache: Cache
+    ) -> "Benchmark":
+        """With what `engine.run` kept."""
+        results = {
+            key: jobs if isinstance(jobs, str) else [cache.get(job) for job in jobs] for key, jobs in runs.items()
+        }
+        return cls(protocol, methods, cells, results)
+
+    def write(self, out: Path) -> Path:
+        """benchmark.csv, map.png and benchmark.md, which is returned."""
+        write_rows(out / "benchmark.csv", BenchmarkRow, self.rows())
+        with replacing(out / "map.png") as partial:
+            self.figure().savefig(partial, format="png", dpi=150, bbox_inches="tight")
+        page = out / "benchmark.md"
+        with replacing(page) as partial:
+            partial.write_text(self.page(), encoding="utf-8")
+        return page
+
+    def rows(self) -> list[BenchmarkRow]:
+        """One for each method and cell."""
+        return [self._row(method, cell) for method in self.methods for cell in self.cells]
+
+    def figure(self) -> Figure:
+        """Courses walked, a row for each cell."""
+        walks = [[self._walks(method, cell) for method in self.methods] for cell in self.cells]
+        names, titles = [cell.name for cell in self.cells], [method.name for method in self.methods]
+        return success_map(names, titles, walks, width=2.5 + 0.6 * len(titles))[0]
+
+    def page(self) -> str:
+        """The page."""
+        seeds = self.protocol.seeds
+        head = (
+            f"# Benchmark\n\n    {provenance.command()}\n\n"
+            f"Commit {provenance.commit() or 'unknown'}. The {seeds} seeds ({SEEDS[seeds]}), "
+            f"{self.protocol.courses} courses of {self.protocol.stones} stones or steps a cell, PyBullet. All methods "
+            "walk the same courses. Walked of courses, with Wilson's 95% interval.\n\n![map](map.png)\n\n"
+        )
+        return (
+            f"{head}## Courses walked\n\n{self._table()}\n## Compared with {REFERENCE}\n\n{self._comparison()}\n"
+            f"## Cost and training data\n\n{self._cost()}"
+        )
+
+    def _table(self) -> str:
+        rows = {(row.method, row.cell): row for row in self.rows()}
+        lines = [[cell.name, *(_text(rows[each.name, cell.name]) for each in self.methods)] for cell in self.cells]
+        blank: dict[tuple[str, str], None] = {(row.method, row.reason): None for row in rows.values() if row.reason}
+        notes = "".join(f"\n{name} is blank where it has {reason}.\n" for name, reason in blank)
+        return markdown_table(("cell", *(each.title for each in self.methods)), lines) + notes
+
+    def _comparison(self) -> str:
+        reference = next((each for each in self.methods if each.name == REFERENCE), None)
+        others = [each for each in self.methods if each != reference]
+        if not reference or not others:
+            return f"Nothing to compare: it takes {REFERENCE} and another method.\n"
+        pairs = {}
+        for other in others:
+            walked: tuple[list[bool], list[bool]] = [], []
+            for cell in self.cells:
+                mine, its = self.results[other, cell], self.results[reference, cell]
+                if not isinstance(mine, str) and not isinstance(its, str):
+                    walked[0].extend(each.row.success for each in mine)
+                    walked[1].extend(each.row.success for each in its)
+            pairs[other] = paired(*walked)
+        adjusted = holm([each.p_value for each in pairs.values()])
+        lines = [
+            (
+                other.title,
+                str(each.courses),
+                str(each.only_this),
+                str(each.only_other),
+                f"{each.p_value:.2g}",
+                f"{p:.2g}",
+            )
+            for (other, each), p in zip(pairs.items(), adjusted, strict=True)
+        ]
+        columns = ("method", "common courses", "it alone walked", f"{REFERENCE} alone", "p", "p (Holm)")
+        text = (
+            "Exact McNemar test over the common courses of all cells here, two-sided. It speaks of these cells: "
+            "the courses of one cell share a plant.\n\n"
+        )
+        return text + markdown_table(columns, lines)
+
+    def _cost(self) -> str:
+        lines = []
+        for method in self.methods:
+            found = [self.results[method, cell] for cell in self.cells]
+            every = [result for each in found if not isinstance(each, str) for result in each]
+            tick = times(every)["tick_ms_p50"] if every else None
+            lines.append((method.title, "" if tick is None else f"{tick:.2f}", method.trained_on or "nothing"))
+        return markdown_table(("method", "tick, median (ms)", "trained on"), lines)
+
+    def _walks(self, method: Method, cell: Cell) -> Walks | None:
+        results = self.results[method, cell]
+        return None if isinstance(results, str) else Walks([each.row for each in results])
+
+    def _row(self, method: Method, cell: Cell) -> BenchmarkRow:
+        results = self.results[method, cell]
+        if isinstance(results, str):
+            return BenchmarkRow(method=method.name, cell=cell.name, reason=results)
+        walks = Walks([each.row for each in results])
+        low, high = walks.interval
+        return BenchmarkRow(
+            method=method.name,
+            cell=cell.name,
+            walked=walks.walked,
+            courses=walks.runs,
+            low=low,
+            high=high,
+            mean_stones=walks.mean_stones,
+            tick_ms=times(results)["tick_ms_p50"],
+        )
+
+
+def _text(row: BenchmarkRow) -> str:
+    return "" if row.reason else f"{row.walked} of {row.courses} ({row.low:.2f} to {row.high:.2f})"
