@@ -67,9 +67,12 @@ BUILT_IN = (
 
 
 def names() -> list[str]:
-    """Of all methods: those built in, then those of packages."""
+    """Of all methods: those built in, then those of packages; raises `MethodError` where two have one name."""
     own = [each.name for each in BUILT_IN]
-    return [*own, *(name for name in plugins.names(GROUP) if name not in own)]
+    try:
+        return [*own, *(name for name in plugins.names(GROUP) if name not in own)]
+    except LookupError as error:
+        raise MethodError(str(error)) from error
 
 
 def method(name: str) -> Method:

@@ -30,7 +30,7 @@ def benchmark(
     from rabbit_experiments.cache import Cache
     from rabbit_experiments.engine import run
 
-    with complaints(CellError, MethodError, LookupError):
+    with complaints(CellError, MethodError):
         entered = [method(name) for name in dict.fromkeys(methods or names())]
         wanted = chosen([name for name in cells.split(",") if name])
     if show:
