@@ -98,9 +98,10 @@ def test_a_command_that_a_signal_ends_has_the_shells_code(
     assert CliRunner().invoke(app, ["dance"]).exit_code == code
 
 
-def test_a_process_that_a_command_spawns_is_not_the_command_again() -> None:
+@pytest.mark.parametrize("name", ["rabbit", "launcher"])
+def test_a_process_that_a_command_spawns_is_not_the_command_again(name: str) -> None:
     """As `multiprocessing` imports it there, by the name `__mp_main__`."""
-    script = runpy.run_path(str(SOURCES / "rabbit_bringup" / "bin" / "rabbit"), run_name="__mp_main__")
+    script = runpy.run_path(str(SOURCES / "rabbit_bringup" / "bin" / name), run_name="__mp_main__")
     assert "main" in script
 
 

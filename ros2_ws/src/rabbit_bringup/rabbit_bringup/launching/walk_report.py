@@ -1,8 +1,11 @@
 """What both launchers say of a walk, and what they leave: a line an episode, the summary, the exit code."""
 
 import contextlib
+import signal
 import sys
 from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -75,13 +78,20 @@ def _leave(walk: Walk, code: ExitCode, seconds: float) -> None:
             f"time; age of the torque {timing['age_ms']['p99']:.1f} ms (p99)"
         )
     if summary["ticks"]:
-        from rabbit_viewer.walk_pictures import draw_pictures, film_walk
-
         with Console().status("drawing"):
-            if walk.options.pictures:
-                draw_pictures(walk.folder)
-            if walk.options.video:
-                film_walk(walk.folder)
+            _show(walk)
+
+
+def _show(walk: Walk) -> None:
+    """Draw, while another process films."""
+    from rabbit_viewer.walk_pictures import draw_pictures, film_walk
+
+    with ProcessPoolExecutor(1, get_context("spawn"), signal.signal, (signal.SIGINT, signal.SIG_DFL)) as other:
+        film = other.submit(film_walk, walk.folder) if walk.options.video else None
+        if walk.options.pictures:
+            draw_pictures(walk.folder)
+        if film:
+            film.result()
 
 
 def _fail(walk: Walk, error: LaunchError) -> int:
