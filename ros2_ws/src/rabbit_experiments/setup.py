@@ -26,5 +26,5 @@ install(
             "train = rabbit_experiments.commands.train:app",
         ]
     },
-    extras={"ray": ["ray>=2.40"]},
+    extras={"ray": ["ray>=2.40"], "search": ["optuna>=4"]},
 )

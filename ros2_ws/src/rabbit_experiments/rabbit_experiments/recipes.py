@@ -45,6 +45,8 @@ class Recipe(Job):
     parameters: TrainingParameters
     mass_scale: float = TRAINING_SCALE
     transitions: float = math.inf
+    law: tuple[tuple[str, Any], ...] = ()  # controller parameters that are not `ours`
+    engine: str = "pybullet"
     root: Path = field(default=Path("runs/training"), compare=False)
     model = TrainingReport
     libraries = (*COMPUTING, "torch")
@@ -58,17 +60,19 @@ class Recipe(Job):
     def command(self) -> str:
         """That makes the same policy."""
         changes = changed_options(self.parameters, TrainingParameters())
+        changes += changed_options(self.controller, self._controller_of(()))
+        changes += ["--plant", self.engine] if self.engine != "pybullet" else []
         return shlex.join(["rabbit", "train", *changes, "--mass-scale", f"{self.mass_scale:g}", "--out", "DIR"])
 
     @property
     def controller(self) -> ControllerParameters:
         """That walks while it learns."""
-        return load_parameters("ours", controller=self.parameters.problem.name, slack_weight=TRAINING_SLACK_WEIGHT)
+        return self._controller_of(self.law)
 
     @property
     def plant(self) -> SimulationParameters:
         """That it walks on."""
-        course = {"terrain": self.controller.terrain, "stones": self.parameters.walking_steps}
+        course = {"terrain": self.controller.terrain, "stones": self.parameters.walking_steps, "plant": self.engine}
         return SimulationParameters.model_validate({**TRAINING_PLANT, **course, "mass_scale": self.mass_scale})
 
     @property
@@ -78,7 +82,8 @@ class Recipe(Job):
 
     def identity(self) -> dict[str, Any]:
         gait = load_gaits(self.controller.gait).model_dump(mode="json", exclude=UNWALKED)
-        return {**super().identity(), "controller": self.controller, "plant": self.plant, "gait": gait}
+        own = {name: value for name, value in super().identity().items() if name not in ("law", "engine")}
+        return {**own, "controller": self.controller, "plant": self.plant, "gait": gait}
 
     def do(self) -> TrainingReport:
         from rl_trainer.session import CheckpointError  # torch
@@ -89,6 +94,10 @@ class Recipe(Job):
             raise JobError(f"{self.title or self.name}: {error}") from error
         transitions = sum(episode["kept"] for episode in episodes)
         return TrainingReport(commit=provenance.commit(), transitions=transitions, episodes=episodes)
+
+    def _controller_of(self, law: tuple[tuple[str, Any], ...]) -> ControllerParameters:
+        always = {"controller": self.parameters.problem.name, "slack_weight": TRAINING_SLACK_WEIGHT}
+        return load_parameters("ours", **{**dict(law), **always})
 
     def _train(self) -> Iterator[dict[str, Any]]:
         """Train, or go on training; the reports of all episodes."""

@@ -13,7 +13,8 @@ from rabbit_experiments.assembly import Assembly
 from rabbit_experiments.evaluation import SeededRun
 from rabbit_experiments.recipes import POLICY, Recipe
 from rabbit_experiments.reproduce.report import Claim, Report, Table
-from rabbit_experiments.reproduce.table_lines import Found, Line, Size, long_table, walk_table
+from rabbit_experiments.reproduce.setting import OURS
+from rabbit_experiments.reproduce.table_lines import RIGID, Found, Line, Size, long_table, walk_table
 from rabbit_experiments.reproduce.training import that_made
 
 
@@ -49,7 +50,7 @@ class Experiment(ABC):
 
     def jobs(self, size: Size) -> list[SeededRun]:
         """Every run it needs."""
-        scenarios = [line.scenario(size, column) for line in self.lines() for column in line.columns]
+        scenarios = [line.scenario(size, column) for line in self.lines() for column in size.columns(line.columns)]
         recorded = [line.scenario(size).recorded for line in self.recorded()]
         return [*(job for scenario in scenarios for job in scenario.walks), *recorded]
 
@@ -67,7 +68,8 @@ class Experiment(ABC):
 
     def _claims(self, found: Found) -> list[Claim]:
         """With the verdicts on the rigid plant."""
-        beside = self.claims(found.on_rigid) if self.judged_on_rigid else ()
+        is_beside = self.judged_on_rigid and found.size.columns([RIGID])
+        beside = self.claims(found.on_rigid) if is_beside else ()
         verdicts = {claim.claim: claim.verdict for claim in beside}
         return [claim.model_copy(update={"on_rigid": verdicts.get(claim.claim)}) for claim in self.claims(found)]
 
@@ -83,6 +85,7 @@ class Experiment(ABC):
             why=self.why,
             quick=found.size.quick,
             retrained=found.size.trained is not None,
+            setting={} if found.size.setting == OURS else found.size.setting.model_dump(exclude_defaults=True),
             commit=provenance.commit(),
             policies={policy_name(job.assembly): found.policy(job.assembly) for job in self._learned(found)},
             claims=tuple(self._claims(found)),

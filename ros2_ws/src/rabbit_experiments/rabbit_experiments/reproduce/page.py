@@ -1,5 +1,6 @@
 """Make experiments: their runs, their reports, and the page over all: every claim with its verdict, then each."""
 
+import json
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -80,6 +81,8 @@ def write_page(out: Path, names: Sequence[str]) -> Path:
 def _overview(reports: Sequence[Report]) -> str:
     """All claims in one table, and how many came to what."""
     claims = [(report, claim) for report in reports for claim in report.claims]
+    settings = {json.dumps(report.setting) for report in reports if report.setting}
+    setting = "".join(f"Setting: `{each}`.\n\n" for each in sorted(settings))
     both = [claim for _, claim in claims if claim.on_rigid]
     counts = f"{len(claims)} claims: {_counted(claim.verdict for _, claim in claims)}."
     beside = (
@@ -91,7 +94,7 @@ def _overview(reports: Sequence[Report]) -> str:
         for report, c in claims
     )
     table = Table(name="claims", columns=("where", "claim", "paper", "ours", "verdict", "on rigid"), rows=rows)
-    return f"{counts}{beside if both else ''}\n\n{table.markdown}\n"
+    return f"{setting}{counts}{beside if both else ''}\n\n{table.markdown}\n"
 
 
 def _counted(verdicts: Iterable[Verdict | None]) -> str:
@@ -101,6 +104,7 @@ def _counted(verdicts: Iterable[Verdict | None]) -> str:
 def _section(report: Report) -> str:
     runs = "reduced runs (`--quick`)" if report.quick else "full runs"
     command = f"rabbit reproduce {report.name}{' --quick' * report.quick}{' --retrain' * report.retrained}"
+    command += " --setting FILE" * bool(report.setting)
     figures = "".join(_figure(report, name, caption) for name, caption in report.figures.items())
     tables = "".join(f"{table.markdown}\n" for table in report.tables if not table.long)
     long = ", ".join(f"[{table.name}.csv]({report.name}/{table.name}.csv)" for table in report.tables)
@@ -119,7 +123,7 @@ Policies: {policies}. `{command}` makes this section.
 def _why(report: Report) -> str:
     """Only where something is not as in the paper."""
     differs = any(claim.verdict not in (Verdict.REPRODUCED, Verdict.OPEN) for claim in report.claims)
-    return f"**Where it differs.** {report.why}\n\n" if report.why and differs else ""
+    return f"**Where it differs.** {report.why}\n\n" if report.why and differs and not report.setting else ""
 
 
 def _figure(report: Report, name: str, caption: str) -> str:

@@ -12,6 +12,7 @@ from rabbit_experiments.command_lines import evaluate_command
 from rabbit_experiments.conditions import EVALUATION_LAG
 from rabbit_experiments.evaluation import Scenario, SeededRun
 from rabbit_experiments.reproduce.report import Cell, Table, Verdict
+from rabbit_experiments.reproduce.setting import OURS, Setting
 from rabbit_experiments.reproduce.training import Trained
 from rabbit_experiments.summary import Walks
 
@@ -20,12 +21,13 @@ SUMMED = (
     *("missed_stones", "saturated_ticks", "slack_ticks", "rescue_ticks", "qp_unanswered_ticks"),
     "ecbf_start_violations",
 )
+PLANT_TITLES = {"pybullet": "PyBullet", "mujoco": "MuJoCo", "rigid": "rigid"}
 SEED = 50001  # of every course and first state here, where a line has no other, and of nothing else
 
 
 @dataclass(frozen=True)
 class Column:
-    """A plant."""
+    """A plant; PyBullet stands for that of the setting."""
 
     title: str
     plant: Literal["pybullet", "rigid"]
@@ -52,16 +54,31 @@ class Runs:
 
 @dataclass(frozen=True)
 class Size:
-    """How many runs: of a line on the main plant, and on each of the others; what `--retrain` has `trained`, if so."""
+    """How many runs: of a line on the main plant, and on each of the others; what `--retrain` has `trained`, if so.
+
+    And in which setting, and with which seed.
+    """
 
     quick: bool
     runs: int
     beside: int
     trained: Trained | None = None
+    setting: Setting = OURS
+    seed: int = SEED
 
     def own(self, assembly: Assembly) -> Assembly:
-        """The same with a policy that was trained anew, where there is one."""
+        """The same in this setting, with a policy that was trained anew, where there is one."""
+        assembly = self.setting.own(assembly) if self.setting != OURS else assembly
         return self.trained.own(assembly) if self.trained else assembly
+
+    def columns(self, columns: Sequence["Column"]) -> list["Column"]:
+        """Those with runs, none there twice: the setting's plant is the main one."""
+        beside = [each for each in columns if each.plant == "pybullet" or each.plant != self.setting.plant]
+        return [each for each in beside if self.beside or each is MAIN]
+
+    def title(self, column: "Column") -> str:
+        """Of a column."""
+        return column.title.replace(MAIN.title, PLANT_TITLES[self.setting.plant])
 
 
 FULL, QUICK = Size(False, 10, 4), Size(True, 2, 1)
@@ -78,13 +95,14 @@ class Line:
     runs: Runs | None = None
     columns: tuple[Column, ...] = COLUMNS
     nominal: "Line | None" = None
-    seed: int = SEED
+    seed: int | None = None  # the size's
 
     def scenario(self, size: Size, column: Column = MAIN) -> Scenario:
         """Its runs on a plant."""
         plant = self.assembly.simulation.model_copy(update={"plant": column.plant, "motor_lag": column.lag})
         assembly = size.own(replace(self.assembly, simulation=plant))
-        return Scenario(assembly, self._runs(size, column), self.seed, self.what)
+        seed = size.seed if self.seed is None else self.seed
+        return Scenario(assembly, self._runs(size, column), seed, self.what)
 
     def _runs(self, size: Size, column: Column) -> int:
         if column is not MAIN:
@@ -129,10 +147,10 @@ class Found:
 
 def walk_table(lines: Sequence[Line], found: Found) -> Table:
     """What, the paper's figure, each plant, whether it shows nothing, forces and the command."""
-    plants = [column for column in COLUMNS if any(column in line.columns for line in lines)]
+    plants = found.size.columns([column for column in COLUMNS if any(column in line.columns for line in lines)])
     paper, nominal = any(line.paper for line in lines), any(line.nominal for line in lines)
     columns = (
-        *("what", *("paper",) * paper, *(column.title for column in plants), *("shows",) * nominal),
+        *("what", *("paper",) * paper, *map(found.size.title, plants), *("shows",) * nominal),
         *("over cone, lost", "largest ratio", "command"),
     )
     rows: list[tuple[Cell, ...]] = []
@@ -160,7 +178,7 @@ def long_table(lines: Sequence[Line], found: Found) -> Table:
         *("mean_stones", "mean_low95", "mean_high95", "std_stones", "max_force_ratio", "rms_y", "rms_dy"),
         *(*SUMMED, "falls", "command"),
     )
-    rows = tuple(_long_row(line, column, found) for line in lines for column in line.columns)
+    rows = tuple(_long_row(line, column, found) for line in lines for column in found.size.columns(line.columns))
     return Table(name="runs", columns=columns, rows=rows, long=True)
 
 
@@ -168,7 +186,7 @@ def _long_row(line: Line, column: Column, found: Found) -> tuple[Cell, ...]:
     walks, scenario = found.walks(line, column), line.scenario(found.size, column)
     policy = found.policy(scenario.assembly)
     return (
-        *(line.what, column.plant, column.lag, policy, scenario.seed, walks.runs, walks.walked),
+        *(line.what, scenario.assembly.simulation.plant, column.lag, policy, scenario.seed, walks.runs, walks.walked),
         *(*walks.interval, walks.with_forces, walks.mean_stones, *(walks.stones_interval or (None, None))),
         *(walks.std_stones, walks.max_ratio, walks.rms("rms_y"), walks.rms("rms_dy")),
         *(walks.total(name) for name in SUMMED),

@@ -19,6 +19,7 @@ from rabbit_experiments.cache import Cache
 from rabbit_experiments.conditions import TRAINING_SCALE
 from rabbit_experiments.engine import run
 from rabbit_experiments.recipes import POLICY, Recipe
+from rabbit_experiments.reproduce.setting import OURS, Setting
 from rabbit_experiments.tables import read_rows, write_rows
 
 COMMITTED = Path(__file__).with_name("training_log.csv")
@@ -73,15 +74,21 @@ def that_made(policies: Iterable[str]) -> list[Recipe]:
 
 @dataclass(frozen=True)
 class Trained:
-    """Trainings under `root` that are done."""
+    """Trainings under `root` that are done, in a setting."""
 
     root: Path
     recipes: tuple[Recipe, ...]
+    setting: Setting = OURS
 
     def own(self, assembly: Assembly) -> Assembly:
         """The same with the policy that was trained here in place of the shipped one."""
         policy = self._policies.get(assembly.policy)
         return replace(assembly, policy=str(policy)) if policy else assembly
+
+    @property
+    def jobs(self) -> list[Recipe]:
+        """The trainings themselves."""
+        return [self._made(recipe) for recipe in self.recipes]
 
     @cached_property
     def _policies(self) -> dict[str, Path]:
@@ -90,12 +97,16 @@ class Trained:
 
     def policy(self, recipe: Recipe, episode: int | None = None) -> Path:
         """The last policy's file, or the one after an episode."""
-        folder = replace(recipe, root=self.root).folder
+        folder = self._made(recipe).folder
         return folder / POLICY if episode is None else folder / "policies" / f"{episode:03d}.safetensors"
 
     def episodes(self) -> list[Episode]:
         """Of all trainings."""
-        return [row for recipe in self.recipes for row in episodes_of(recipe, Cache(self.root / "cache"))]
+        return [row for recipe in self.jobs for row in episodes_of(recipe, Cache(self.root / "cache"))]
+
+    def _made(self, recipe: Recipe) -> Recipe:
+        """The training itself."""
+        return replace(self.setting.recipe(recipe), root=self.root, title=recipe.name)
 
 
 def episodes_of(recipe: Recipe, cache: Cache) -> list[Episode]:
@@ -111,10 +122,10 @@ def episodes_of(recipe: Recipe, cache: Cache) -> list[Episode]:
     return rows
 
 
-def retrain(wanted: Sequence[Recipe], root: Path, processes: int) -> Trained:
+def retrain(wanted: Sequence[Recipe], root: Path, processes: int, setting: Setting = OURS) -> Trained:
     """Train what is not there yet, over processes of this machine; raises `JobError` where one cannot go on."""
-    run([replace(recipe, root=root, title=recipe.name) for recipe in wanted], Cache(root / "cache"), processes)
-    trained = Trained(root, tuple(wanted))
+    trained = Trained(root, tuple(wanted), setting)
+    run(trained.jobs, Cache(root / "cache"), processes)
     write_rows(root / "episodes.csv", Episode, trained.episodes())
     return trained
 

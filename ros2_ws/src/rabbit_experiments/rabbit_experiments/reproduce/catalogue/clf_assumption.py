@@ -13,7 +13,7 @@ from rabbit_experiments.reproduce.controllers import CBF_CLF, CBF_CLF_ORACLE, RL
 from rabbit_experiments.reproduce.experiment import Experiment
 from rabbit_experiments.reproduce.feasibility import Feasibility, JudgedWalk, share, total
 from rabbit_experiments.reproduce.report import Cell, Claim, Table, judge
-from rabbit_experiments.reproduce.table_lines import SEED, Found, Size
+from rabbit_experiments.reproduce.table_lines import Found, Size
 
 WALKERS = (CBF_CLF, RL_CBF_CLF, CBF_CLF_ORACLE)
 STEPS = 5  # a walk
@@ -79,8 +79,8 @@ class ClfAssumption(Experiment):
     def _jobs(self, size: Size, name: str) -> list[list[SeededRun]]:
         """Jobs of each walker on a plant."""
         plant: dict[str, Any] = {**PLANTS[name], "stones": STEPS}
-        judges: tuple[Assembly, ...] = tuple(CBF_CLF_ORACLE.assembly(rows, **plant) for rows in ROWS.values())
-        seeds = episode_seeds(SEED, 1 if size.quick else 3).values()
+        judges: tuple[Assembly, ...] = tuple(size.own(CBF_CLF_ORACLE.assembly(rows, **plant)) for rows in ROWS.values())
+        seeds = episode_seeds(size.seed, 1 if size.quick else 3).values()
         walkers = [size.own(each.assembly(**plant)) for each in WALKERS]
         return [
             [JudgedWalk(walker, seed, judges, title=f"{self.name}, {name}") for seed in seeds] for walker in walkers

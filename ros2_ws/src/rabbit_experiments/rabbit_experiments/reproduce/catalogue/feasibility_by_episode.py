@@ -17,7 +17,7 @@ from rabbit_experiments.reproduce.curves import WIDTH
 from rabbit_experiments.reproduce.experiment import Experiment
 from rabbit_experiments.reproduce.feasibility import Feasibility, JudgedWalk, RowSet, share
 from rabbit_experiments.reproduce.report import Cell, Claim, Table, judge
-from rabbit_experiments.reproduce.table_lines import SEED, Found, Size
+from rabbit_experiments.reproduce.table_lines import Found, Size
 from rabbit_experiments.reproduce.training import Trained, recipes
 
 EPISODES = (1, 2, 3, 4, 5, 6, 8, 10, 12, 15, 18)
@@ -56,9 +56,10 @@ class FeasibilityByEpisode(Experiment):
         if not size.trained:
             return []
         plant: dict[str, Any] = {"mass_scale": TRAINING_SCALE, "stones": STEPS}
-        judges = (CBF_CLF.assembly(**plant), CBF_CLF_ORACLE.assembly(**plant), *_judges(size.trained))
+        own = [each.assembly(**plant) for each in (CBF_CLF, CBF_CLF_ORACLE)]
+        judges = tuple(map(size.own, [*own, *_judges(size.trained)]))
         walkers = [size.own(each.assembly(**plant)) for each in WALKERS]
-        seeds = episode_seeds(SEED, 1 if size.quick else 3).values()
+        seeds = episode_seeds(size.seed, 1 if size.quick else 3).values()
         return [JudgedWalk(walker, seed, judges, title=self.name) for walker in walkers for seed in seeds]
 
     def tables(self, found: Found) -> Sequence[Table]:

@@ -16,7 +16,7 @@ from rabbit_experiments.reproduce.controllers import (
 from rabbit_experiments.reproduce.experiment import Experiment
 from rabbit_experiments.reproduce.feasibility import Feasibility, JudgedWalk, RowSet, share, share_text, total
 from rabbit_experiments.reproduce.report import Cell, Claim, Table, judge
-from rabbit_experiments.reproduce.table_lines import COLUMNS, SEED, Column, Found, Size
+from rabbit_experiments.reproduce.table_lines import COLUMNS, Column, Found, Size
 
 GROUPS = {"stones": (RL_CBF_CLF, CBF_CLF, ROBUST, CBF_CLF_ORACLE), "flat": (RL_CLF, CLF, CLF_ORACLE)}
 STEPS = 10  # a walk
@@ -40,7 +40,11 @@ class FeasibilityShare(Experiment):
 
     def jobs(self, size: Size) -> list[SeededRun]:
         return [
-            job for group in GROUPS for column in COLUMNS for jobs in self._jobs(size, group, column) for job in jobs
+            job
+            for group in GROUPS
+            for column in size.columns(COLUMNS)
+            for jobs in self._jobs(size, group, column)
+            for job in jobs
         ]
 
     def tables(self, found: Found) -> Sequence[Table]:
@@ -51,7 +55,7 @@ class FeasibilityShare(Experiment):
         rows = [
             self._row(found, group, column, judge_)
             for group, members in GROUPS.items()
-            for column in COLUMNS
+            for column in found.size.columns(COLUMNS)
             for judge_ in range(len(members))
         ]
         return (Table(name="shares", columns=heads, rows=tuple(rows)),)
@@ -80,9 +84,9 @@ class FeasibilityShare(Experiment):
         """Jobs of each walker of a group."""
         plant = {"mass_scale": 2.0, "stones": STEPS, "plant": column.plant, "motor_lag": column.lag}
         assemblies = tuple(size.own(each.assembly(**plant)) for each in GROUPS[group])
-        seeds = episode_seeds(SEED, max(1, size.runs // 2)).values()
+        seeds = episode_seeds(size.seed, max(1, size.runs // 2)).values()
         return [
-            [JudgedWalk(assembly, seed, assemblies, title=f"feasibility, {column.title}") for seed in seeds]
+            [JudgedWalk(assembly, seed, assemblies, title=f"feasibility, {size.title(column)}") for seed in seeds]
             for assembly in assemblies
         ]
 
@@ -99,4 +103,4 @@ class FeasibilityShare(Experiment):
         }
         ticks = f"{total([walks[who]])}, {total(walks)}"
         safety = cells.get("safety", ("-", "-"))
-        return (group, column.title, contender.title, *safety, *cells["all"], ticks)
+        return (group, found.size.title(column), contender.title, *safety, *cells["all"], ticks)

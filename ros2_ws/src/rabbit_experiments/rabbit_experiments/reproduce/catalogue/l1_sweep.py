@@ -110,7 +110,7 @@ class L1Sweep(Experiment):
 
     def tables(self, found: Found) -> Sequence[Table]:
         walks = walk_table(self.lines(), found)
-        at = walks.columns.index(MAIN.title) + 1
+        at = walks.columns.index(found.size.title(MAIN)) + 1
         errors: list[tuple[Cell, ...]] = [
             (f"{each.rms('rms_y'):.4f}", f"{each.rms('rms_dy'):.3f}") for each in map(found.walks, self.lines())
         ]

@@ -14,7 +14,7 @@ from rabbit_experiments.reproduce.curves import WIDTH
 from rabbit_experiments.reproduce.differentiation import METHODS, QUANTITIES, relative_errors, steps
 from rabbit_experiments.reproduce.experiment import Experiment
 from rabbit_experiments.reproduce.report import Cell, Claim, Table
-from rabbit_experiments.reproduce.table_lines import MAIN, SEED, Found, Line
+from rabbit_experiments.reproduce.table_lines import MAIN, Found, Line
 
 NOISE = (0.0, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.4)  # rad/s
 USUAL = 0.15  # the error that an estimate may have, docs/results.md
@@ -72,7 +72,8 @@ class NumericalDerivatives(Experiment):
 
     def _errors(self, found: Found) -> Mapping[str, Array]:
         """Relative errors (noise, quantity) by method."""
-        walked = steps(found.records(self.line), load_gait(self.line.assembly.controller.gait), SEED)
+        scenario = self.line.scenario(found.size)
+        walked = steps(found.records(self.line), load_gait(scenario.assembly.controller.gait), scenario.seed)
         return {
             method: np.array([relative_errors(walked, derivative, sigma) for sigma in NOISE])
             for method, derivative in METHODS.items()
