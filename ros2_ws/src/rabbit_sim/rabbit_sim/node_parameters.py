@@ -1,4 +1,4 @@
-"""What the simulator's node is told besides the plant."""
+"""Parameters of the simulator's node besides the plant's."""
 
 from typing import Literal
 

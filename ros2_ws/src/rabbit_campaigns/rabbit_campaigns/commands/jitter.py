@@ -20,7 +20,7 @@ app = typer.Typer(add_completion=False)
 
 
 class JitterOptions(BaseModel):
-    """What `rabbit jitter` is told besides plant and controller."""
+    """Options of `rabbit jitter` besides those of plant and controller."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 

@@ -95,7 +95,7 @@ class FaultyGraph(CampaignGraph):
         super().__init__(folder, f"faults_{time.time_ns()}", Processes(folder / "log"), hang_after)
 
     def parameters(self, name: str) -> dict[str, Any]:
-        """What a node is told."""
+        """Parameters of a node."""
         told: dict[str, dict[str, Any]] = {
             "simulator": {"seed": self._seed, "memory": str(self.folder / "simulator.memory"), **WALK, **PLANT},
             "controller": {"controller": str(TRAINING.problem), "swap_at": "episode"},

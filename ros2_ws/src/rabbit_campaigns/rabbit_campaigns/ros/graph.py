@@ -69,7 +69,7 @@ class CampaignGraph(GraphClient):
         return {}
 
     def parameters(self, name: str) -> dict[str, Any]:
-        """What a node is told."""
+        """Parameters of a node."""
         raise NotImplementedError
 
     # Nodes

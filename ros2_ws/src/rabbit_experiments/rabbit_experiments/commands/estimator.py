@@ -19,7 +19,7 @@ app = typer.Typer(add_completion=False)
 
 
 class EstimatorOptions(BaseModel):
-    """What `rabbit estimator` is told besides plant and controller."""
+    """Options of `rabbit estimator` besides those of plant and controller."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 

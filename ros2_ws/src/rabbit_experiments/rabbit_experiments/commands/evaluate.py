@@ -18,7 +18,7 @@ app = typer.Typer(add_completion=False)
 
 
 class EvaluationOptions(BaseModel):
-    """What `rabbit evaluate` is told besides plant and controller."""
+    """Options of `rabbit evaluate` besides those of plant and controller."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 

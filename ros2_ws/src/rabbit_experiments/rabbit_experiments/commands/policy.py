@@ -26,7 +26,7 @@ File = Annotated[Path, typer.Argument(help="policy file (.safetensors), or the n
 
 
 class ErrorsOptions(BaseModel):
-    """What `rabbit policy errors` is told besides plant and controller."""
+    """Options of `rabbit policy errors` besides those of plant and controller."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 

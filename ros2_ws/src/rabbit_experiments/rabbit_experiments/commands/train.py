@@ -18,7 +18,7 @@ app = typer.Typer(add_completion=False)
 
 
 class SessionOptions(BaseModel):
-    """What `rabbit train` is told besides learner, controller and plant."""
+    """Options of `rabbit train` besides those of learner, controller and plant."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 

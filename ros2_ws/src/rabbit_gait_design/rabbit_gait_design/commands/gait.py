@@ -17,7 +17,7 @@ app = typer.Typer(add_completion=False)
 
 
 class FolderOptions(BaseModel):
-    """What `rabbit gait` is told besides the specification."""
+    """Options of `rabbit gait` besides those of the specification."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 

@@ -53,7 +53,7 @@ REFUSED = 20  # refusals of policies kept: an episode may name one of them
 
 
 class NodeParameters(BaseModel):
-    """What the node is told besides the controller."""
+    """Parameters of the node besides the controller's."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 

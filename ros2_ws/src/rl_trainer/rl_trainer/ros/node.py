@@ -49,7 +49,7 @@ ACTED = ("fault",)  # outcomes after which the last state has an answer too
 
 
 class NodeParameters(BaseModel):
-    """What the node is told besides the training."""
+    """Parameters of the node besides the training's."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
