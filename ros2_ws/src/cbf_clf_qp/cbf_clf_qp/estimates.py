@@ -7,6 +7,7 @@ A policy learns them, an identified model computes them, an oracle has them; the
 
 from dataclasses import dataclass
 from functools import cache
+from typing import Any
 
 import numpy as np
 
@@ -82,6 +83,10 @@ class Estimates:
     def affine(self) -> Affine:
         """The errors (n,), affine in mu."""
         return Affine(self.alpha, self.beta)
+
+    def at(self, terms: Any) -> "Estimates":
+        """These, whatever the `terms` of a tick: they have been worked out, see `tick.Pending`."""
+        return self
 
     def error(self, mu: Array) -> Array:
         """Estimated error of each quantity at `mu` (m,), shape (n,)."""

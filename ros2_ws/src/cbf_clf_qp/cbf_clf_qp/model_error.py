@@ -11,7 +11,7 @@ import numpy as np
 
 from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.estimates import Estimates
-from cbf_clf_qp.tick import Quantity, Terms, predicted
+from cbf_clf_qp.tick import Quantity, Terms
 from cbf_clf_qp.tracing import Traced
 
 
@@ -34,8 +34,13 @@ def traced_error(quantities: tuple[Quantity[Any], ...]) -> Traced:
     """The estimates, with the outputs' error."""
 
     def error(scene: Any, precontrol: Affine, nominal: Affine, dynamics: Any) -> list[Estimates]:
-        quantity = predicted(quantities, scene, dynamics).after(precontrol) - nominal
-        outputs = scene.outputs.second_derivative(dynamics.acceleration).after(precontrol)
-        return [Estimates(quantity.a, quantity.b, Affine(outputs.a - np.eye(len(outputs.b)), outputs.b))]
+        return [error_under(dynamics, Terms(quantities, scene, None, precontrol, nominal))]
 
     return Traced(error)
+
+
+def error_under(dynamics: Any, terms: Terms[Any]) -> Estimates:
+    """The estimates that make the nominal quantities of `terms` those of `dynamics`."""
+    quantity = terms.under(dynamics) - terms.nominal
+    outputs = terms.scene.outputs.second_derivative(dynamics.acceleration).after(terms.precontrol)
+    return Estimates(quantity.a, quantity.b, Affine(outputs.a - np.eye(len(outputs.b)), outputs.b))

@@ -18,7 +18,7 @@ import numpy as np
 from cbf_clf_qp.affine import Array
 from cbf_clf_qp.objective import Objective
 from cbf_clf_qp.rows import Rows
-from cbf_clf_qp.symbols import at_least, inverse, smaller
+from cbf_clf_qp.symbols import all_at_most, at_least, inverse
 
 ROUNDING = 1e-6  # less is the solver's tolerance
 UNBOUNDED = 1e30  # what the solvers take for infinity
@@ -65,16 +65,17 @@ class Layout:
 class QuadraticProgram:
     """min x'x + q'x subject to `lower <= A x <= upper`, over x = (root mu, scaled slacks), shape (n,).
 
-    No bound is beyond `UNBOUNDED`. `margins` (2, k): by how much x = -q/2, the minimum without rows, meets each row,
-    and how far its bounds are apart; NaN where the data are.
-    mu = `unroot` times the first variables, or these themselves.
+    No bound is beyond `UNBOUNDED`. `entries`: those of `A` that may be non-zero, in the layout's `order`. `checks`
+    (2,): 1 where the data are finite and no row's bounds are out of order or out of reach; 1 where x = -q/2, the
+    minimum without rows, meets them all; else 0. mu = `unroot` times the first variables, or these themselves.
     """
 
     q: Array
     A: Array
     lower: Array
     upper: Array
-    margins: Array
+    entries: Array
+    checks: Array
     layout: Layout
     unroot: Array | None = None
 
@@ -84,14 +85,14 @@ class QuadraticProgram:
         return self.q * -0.5
 
 
-@dataclass(frozen=True)
+@dataclass
 class Decision:
     """What a solution `x` of a programme says."""
 
     qp: QuadraticProgram
     x: Array
 
-    @cached_property
+    @property
     def mu(self) -> Array:
         """The input (m,)."""
         rooted = self.x[: self.qp.layout.inputs]
@@ -138,6 +139,9 @@ def build_qp(rows: Sequence[Rows], objective: Objective | None = None) -> Quadra
     lower = np.concatenate([block.lower for block in rows]) / norms
     upper = np.concatenate([block.upper for block in rows]) / norms
     value = A @ (q * -0.5)
-    margins = np.stack([smaller(upper - value, value - lower), upper - lower])
+    in_order, in_reach = all_at_most(lower, upper), all_at_most(-UNBOUNDED, np.concatenate([upper, -lower]))
+    is_finite = all_at_most(np.abs(value), UNBOUNDED)
+    is_free = all_at_most(lower, value) * all_at_most(value, upper)
+    checks = np.array([in_order * in_reach * is_finite, is_free])
     lower, upper = at_least(lower, -UNBOUNDED), -at_least(-upper, -UNBOUNDED)
-    return QuadraticProgram(q, A, lower, upper, margins, layout, unroot)
+    return QuadraticProgram(q, A, lower, upper, A.ravel()[layout.order], checks, layout, unroot)

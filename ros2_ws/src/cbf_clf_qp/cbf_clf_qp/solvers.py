@@ -4,10 +4,11 @@ For min x'x + q'x, lower <= A x <= upper with multipliers y:  2 x + q + A'y = 0,
 """
 
 import io
-import math
 import sys
 import time
-from typing import ClassVar, NamedTuple, Protocol
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar, Protocol, cast
 
 import daqp
 import numpy as np
@@ -15,13 +16,17 @@ import osqp
 from scipy import sparse
 
 from cbf_clf_qp.affine import Array
-from cbf_clf_qp.qp import UNBOUNDED, Layout, QuadraticProgram
+from cbf_clf_qp.qp import Layout, QuadraticProgram
+from cbf_clf_qp.symbols import larger, smaller
 
 TOLERANCE = 1e-4  # KKT residual that is let pass, relative to the size of x
 
 
-class Solution(NamedTuple):
-    """`x` (n,), trustworthy only if `solved`; the solver's own `status`; `residual`, the larger KKT residual."""
+@dataclass
+class Solution:
+    """`x` (n,), trustworthy only if `solved`; the solver's own `status`; `residual`, the KKT residual, inf without an
+    answer; `read`, what was read of the answer.
+    """
 
     x: Array
     solved: bool
@@ -29,15 +34,24 @@ class Solution(NamedTuple):
     solver: str
     residual: float
     seconds: float
+    read: Sequence[Any] = ()
+
+
+Reading = Callable[[QuadraticProgram, Array, Array], Sequence[Any]]  # of an answer x and y: its KKT residual, and more
 
 
 class Solver(Protocol):
-    """Solves one programme a tick."""
+    """Solves one programme a tick, and reads the answer."""
 
-    def solve(self, qp: QuadraticProgram) -> Solution: ...
+    def solve(self, qp: QuadraticProgram, read: Reading) -> Solution: ...
 
     def reset(self) -> None:
         """Forget the last programme, so that an episode does not depend on the one before."""
+
+
+def residual_of(qp: QuadraticProgram, x: Array, y: Array) -> Sequence[Any]:
+    """All that a reading has to say."""
+    return [kkt_residual(qp, x, y)]
 
 
 class _Nowhere(io.StringIO):
@@ -72,12 +86,12 @@ class OsqpSolver:
         """The next programme sets the solver up anew: no warm start."""
         self._layout: Layout | None = None
 
-    def solve(self, qp: QuadraticProgram) -> Solution:
+    def solve(self, qp: QuadraticProgram, read: Reading = residual_of) -> Solution:
         """Solve. If the programme has another layout than the last one, set the solver up first."""
         start = time.perf_counter()
         if qp.layout is self._layout:
-            self._solver.update_data_vec(q=qp.q, l=qp.lower, u=qp.upper)
-            self._solver.update_data_mat(P_x=None, P_i=None, A_x=qp.A.ravel()[qp.layout.order], A_i=None)
+            self._solver.update_data_vec(qp.q, qp.lower, qp.upper)
+            self._solver.update_data_mat(None, None, qp.entries, None)
         else:
             self._set_up(qp)
         stdout, sys.stdout = sys.stdout, self._nowhere  # "Polishing not needed", also when not verbose
@@ -87,13 +101,13 @@ class OsqpSolver:
             sys.stdout = stdout
         solution, status = self._solver.solution, self._solver.info.status
         x = solution.x  # a copy
-        residual = kkt_residual(qp, x, solution.y) if status == "solved" else np.inf
-        elapsed = time.perf_counter() - start
-        return Solution(x, residual < TOLERANCE, status, self.name, residual, elapsed)
+        found = read(qp, x, solution.y)
+        residual = found[0] if status == "solved" else np.inf
+        return Solution(x, residual < TOLERANCE, status, self.name, residual, time.perf_counter() - start, found)
 
     def _set_up(self, qp: QuadraticProgram) -> None:
-        order, (rows, columns) = qp.layout.order, qp.A.shape
-        A = sparse.csc_matrix((qp.A.ravel()[order], np.divmod(order, columns)), shape=(rows, columns))
+        rows, columns = qp.A.shape
+        A = sparse.csc_matrix((qp.entries, np.divmod(qp.layout.order, columns)), shape=(rows, columns))
         P = sparse.eye(columns, format="csc") * 2
         problem = osqp.OSQP()
         problem.setup(P, qp.q, A, qp.lower, qp.upper, **self.SETTINGS)
@@ -113,16 +127,17 @@ class DaqpSolver:
         """The next programme is of a new layout."""
         self._layout: Layout | None = None
 
-    def solve(self, qp: QuadraticProgram) -> Solution:
+    def solve(self, qp: QuadraticProgram, read: Reading = residual_of) -> Solution:
         """Solve from scratch."""
         start = time.perf_counter()
         if qp.layout is not self._layout:
             self._layout, self._hessian = qp.layout, 2 * np.eye(qp.q.size)
             self._sense = np.zeros(len(qp.upper), dtype=np.int32)
         x, _, flag, info = daqp.solve(self._hessian, qp.q, qp.A, qp.upper, qp.lower, self._sense)
-        residual = kkt_residual(qp, x, info["lam"]) if flag > 0 else np.inf
-        elapsed = time.perf_counter() - start
-        return Solution(x, residual < TOLERANCE, f"exit {flag}", self.name, residual, elapsed)
+        found = read(qp, x, info["lam"])
+        residual = found[0] if flag > 0 else np.inf
+        seconds = time.perf_counter() - start
+        return Solution(x, residual < TOLERANCE, f"exit {flag}", self.name, residual, seconds, found)
 
 
 class GuardedSolver:
@@ -141,28 +156,26 @@ class GuardedSolver:
         self._first.reset()
         self._guard.reset()
 
-    def solve(self, qp: QuadraticProgram) -> Solution:
+    def solve(self, qp: QuadraticProgram, read: Reading = residual_of) -> Solution:
         """The first solver's answer, or the guard's."""
-        margin, width = np.minimum.reduce(qp.margins, 1).tolist()  # NaN where anything is
-        if not (margin >= -UNBOUNDED and width >= 0):
-            return Solution(qp.free, False, "bad data", self._first.name, np.inf, 0.0)
-        if margin >= 0:
-            return Solution(qp.free, True, "unconstrained", self._first.name, 0.0, 0.0)
-        solution = self._first.solve(qp)
+        is_valid, is_free = qp.checks.tolist()
+        if not (is_valid and not is_free):
+            status = "unconstrained" if is_valid else "bad data"
+            residual = 0.0 if is_valid else np.inf
+            found = read(qp, qp.free, np.zeros(len(qp.upper)))
+            return Solution(qp.free, bool(is_valid), status, self._first.name, residual, 0.0, found)
+        solution = self._first.solve(qp, read)
         if solution.solved:
             return solution
         self.unanswered += 1
-        return self._guard.solve(qp)
+        return self._guard.solve(qp, read)
 
 
 def kkt_residual(qp: QuadraticProgram, x: Array, y: Array) -> float:
     """The norm of what is violated, stationarity and rows, over 1 + |x|; NaN where `x` is not finite."""
-    value, gradient = qp.A.dot(x), y.dot(qp.A)  # of such size `dot` takes half as long as `@`
-    violation = value - np.minimum(np.maximum(value, qp.lower), qp.upper)
-    gradient += qp.q
-    gradient += x
-    gradient += x
-    return math.sqrt(gradient.dot(gradient) + violation.dot(violation)) / (1 + math.sqrt(x.dot(x)))
+    value, gradient = qp.A @ x, 2 * x + qp.q + y @ qp.A
+    violation = value - smaller(larger(value, qp.lower), qp.upper)
+    return cast(float, np.sqrt(gradient @ gradient + violation @ violation) / (1 + np.sqrt(x @ x)))
 
 
 def make_solver(name: str) -> GuardedSolver:

@@ -83,6 +83,21 @@ def smaller(first: Array, second: Array) -> Array:
     return np.minimum(first, second)
 
 
+def larger(first: Array, second: Array) -> Array:
+    """The larger of each two values; of a number and NaN, either."""
+    if is_symbolic(first) or is_symbolic(second):
+        return from_casadi(ca.fmax(to_casadi(first), to_casadi(second)), first.shape)
+    return np.maximum(first, second)
+
+
+def all_at_most(first: Array | float, second: Array | float) -> Any:
+    """1 where no value of the first is above that of the second, 0 where one is, or is NaN."""
+    first, second = np.broadcast_arrays(first, second)
+    if is_symbolic(first) or is_symbolic(second):
+        return Symbol(ca.mmin(ca.le(to_casadi(first), to_casadi(second))))
+    return float(np.all(first <= second))
+
+
 def inverse(matrix: Array) -> Array:
     """`matrix`^-1 (m, m); raises numpy.linalg.LinAlgError where numbers have none."""
     if is_symbolic(matrix):

@@ -11,10 +11,11 @@ A `Recipe` says which quantities, estimators, constraints and objective a contro
 robot, and keep nothing from tick to tick but what the solver and the estimators keep.
 """
 
+import operator
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, reduce
 from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
@@ -22,9 +23,9 @@ import numpy as np
 from cbf_clf_qp.affine import Affine, Array
 from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.objective import Objective
-from cbf_clf_qp.qp import Decision, build_qp
+from cbf_clf_qp.qp import Decision, QuadraticProgram, build_qp
 from cbf_clf_qp.rows import Rows
-from cbf_clf_qp.solvers import Solution, Solver
+from cbf_clf_qp.solvers import Solution, Solver, kkt_residual
 from cbf_clf_qp.tracing import Traced
 
 Scene = TypeVar("Scene")  # what the quantities read of a state: outputs, feet, obstacles
@@ -50,7 +51,7 @@ class Quantity(Protocol[SceneRead]):
         """The rows over mu, if the components are `value`, affine in mu."""
 
 
-@dataclass(frozen=True)
+@dataclass
 class Terms(Generic[Scene]):
     """The model's terms of one tick, before any decision: `precontrol` is u, `nominal` the quantities, over mu."""
 
@@ -73,12 +74,23 @@ class Terms(Generic[Scene]):
         return predicted(self.quantities, self.scene, dynamics).after(self.precontrol)
 
 
+class Pending(Protocol):
+    """Estimates that the tick's trace is to work out: a dataclass of numbers, such as a network's outputs."""
+
+    def at(self, terms: Terms[Any]) -> Estimates:
+        """Worked out at a tick's terms, of which the `quantities` are not known to a trace."""
+
+
 class Estimator(ABC, Generic[Scene]):
     """What says how wrong the nominal quantities are: a policy, an identified model, bounds on the error."""
 
     @abstractmethod
     def estimate(self, terms: Terms[Scene], before: Estimates) -> Estimates:
-        """Alpha and beta of every quantity, to be added to those of the estimators `before`; called once a tick."""
+        """Alpha and beta of every quantity, to be added to those of the estimators `before`."""
+
+    def pending(self, terms: Terms[Scene], before: Sequence[Pending]) -> Pending:
+        """The same, or what remains to be worked out; called once a tick."""
+        return self.estimate(terms, total(before, terms))
 
     def reset(self) -> None:
         """Begin an episode: forget what the last one taught."""
@@ -119,34 +131,51 @@ class Recipe(Generic[Scene]):
     @cached_property
     def programme(self) -> Traced:
         """The QP of a tick, as `traced_programme` has it."""
-        return traced_programme(self.quantities, self.constraints, self.corrects_input, self.objective).twin()
+        return traced_programme(*self._of_programme).twin()
+
+    @cached_property
+    def reading(self) -> Traced:
+        """What a solution says, as `traced_reading` has it."""
+        return traced_reading(*self._of_programme).twin()
+
+    @property
+    def _of_programme(self) -> tuple[Any, ...]:
+        return self.quantities, self.constraints, self.corrects_input, self.objective
 
 
-@dataclass(frozen=True)
+@dataclass
 class Decided(Decision):
     """All of a tick: what the solver's `solution` of the `qp` says, and u = `control`(mu).
 
-    `parts` are the estimates of each estimator, `estimates` their sum. `mu` counts only if `solution.solved`.
+    `parts` are the estimates of each estimator, `estimates` their sum. `mu` and `u` count only if `solution.solved`.
     """
 
-    parts: list[Estimates]
+    parts: tuple[Estimates, ...]
     estimates: Estimates
     control: Affine
     solution: Solution
 
+    @property
+    def mu(self) -> Array:
+        """The auxiliary input (m,)."""
+        mu: Array = self.solution.read[1]
+        return mu
+
+    @property
+    def u(self) -> Array:
+        """The input (m,)."""
+        u: Array = self.solution.read[2]
+        return u
+
 
 def decide(recipe: Recipe[Scene], terms: Terms[Scene], solver: Solver) -> Decided:
     """The tick."""
-    parts = list[Estimates]()
-    estimates = none = Estimates.zero(*terms.nominal.a.shape)
+    pending = tuple[Pending, ...]()
     for estimator in recipe.estimators:
-        parts.append(estimator.estimate(terms, estimates))
-        estimates = parts[-1] if estimates is none else estimates + parts[-1]
-    known = estimates
-    if recipe.objective is least_mu:  # which has no use for the outputs' error, be it known or not
-        known = Estimates(estimates.alpha, estimates.beta, None, estimates.corners)
-    control, qp = recipe.programme(terms.scene, terms.dynamics, terms.precontrol, terms.nominal, known)
-    solution = solver.solve(qp)
+        pending = (*pending, estimator.pending(terms, pending))
+    of_terms = terms.scene, terms.dynamics, terms.precontrol, terms.nominal
+    control, qp, estimates, parts = recipe.programme(*of_terms, pending)
+    solution = solver.solve(qp, lambda qp, x, y: recipe.reading(qp, control, x, y))
     return Decided(qp, solution.x, parts, estimates, control, solution)
 
 
@@ -157,17 +186,38 @@ def traced_programme(
     corrects_input: bool,
     objective: Callable[[Terms[Any], Estimates], Objective | None],
 ) -> Traced:
-    """The control as it is corrected, and the QP, of recipes with these parts."""
+    """The control as it is corrected, the QP, the estimates' sum and each of them, of recipes with these parts."""
     recipe = Recipe(quantities, constraints, (), corrects_input, objective)
 
-    def programme(scene: Any, dynamics: Any, precontrol: Affine, nominal: Affine, estimates: Estimates) -> list[Any]:
+    def programme(
+        scene: Any, dynamics: Any, precontrol: Affine, nominal: Affine, pending: Sequence[Pending]
+    ) -> list[Any]:
         terms, control = Terms(quantities, scene, dynamics, precontrol, nominal), precontrol
+        parts = tuple(part.at(terms) for part in pending)
+        estimates = total(parts, terms)
         if corrects_input:
             control = control.after(Affine.identity(len(control.b)) + estimates.affine)
         qp = build_qp(rows_of(recipe, terms, estimates, control), objective(terms, estimates))
-        return [control, qp]
+        return [control, qp, estimates, parts]
 
     return Traced(programme)
+
+
+@lru_cache(maxsize=64)
+def traced_reading(*of_programme: Any) -> Traced:
+    """Of a solver's answer to a programme of recipes with these parts: the KKT residual, mu, and u = control(mu)."""
+
+    def reading(qp: QuadraticProgram, control: Affine, x: Array, y: Array) -> list[Any]:
+        mu = Decision(qp, x).mu
+        return [kkt_residual(qp, x, y), mu, control(mu)]
+
+    return Traced(reading)
+
+
+def total(parts: Sequence[Pending], terms: Terms[Any]) -> Estimates:
+    """The sum of what several estimators say; of none, that there is no error."""
+    estimates = [part.at(terms) for part in parts] or [Estimates.zero(*terms.nominal.a.shape)]
+    return reduce(operator.add, estimates)
 
 
 def rows_of(recipe: Recipe[Scene], terms: Terms[Scene], estimates: Estimates, control: Affine) -> list[Rows]:

@@ -13,13 +13,13 @@ CBF_CLF_QP_TRACING=off in the environment numpy computes everything: so a debugg
 
 Arguments and results are dataclasses, tuples, arrays and numbers; a part of a result that is a part of an argument is
 that object itself. The function must depend on nothing else that changes. All numbers of a call's results lie in one
-row, which a dataclass among them knows: as an argument of another trace it costs one copy of the row, not one of each
-array.
+row. What a dataclass holds besides arrays is made when it is first read. A trace that has such a dataclass as an
+argument copies its whole row. Of an argument that is a read-only array it takes the numbers once.
 """
 
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from enum import Enum
 from types import SimpleNamespace
 from typing import Any
@@ -34,11 +34,13 @@ CONSTANTS = (type(None), bool, str, Enum)
 MISFITS = (AttributeError, IndexError, TypeError, ValueError)  # of a trace to arguments
 MOST_TRACES = 8
 
-ROW = "_traced_row"  # attribute of a result: the row that its numbers lie in, and where
-NO_ROW = (None, None)
+CALL = "_traced_call"  # attribute of a result: the call that it is of
+PLACES = "_traced_places"  # attribute of its class: where in the row of that call its numbers lie
 
 Path = tuple[Any, ...]  # an argument's number, then attributes and indices
-Places = dict[Path, slice]  # where in a row of numbers the parts of a result lie
+Places = dict[Path, slice | None]  # where in a row of numbers the parts of a result lie; None: the same at every call
+Call = tuple[Any, Array, tuple[Any, ...]]  # what one leaves: the row of results by name, its numbers, the arguments
+Maker = Callable[[Call], Any]  # of a part of the results
 Function = Callable[..., Sequence[Any]]
 Evaluation = Callable[[tuple[Any, ...]], Sequence[Any]]
 
@@ -104,33 +106,36 @@ class Traced:
 class _Trace:
     """CasADi's `function` of one row of numbers, and the Python `code` that fills the row and makes the results.
 
-    The code knows the objects in `names`; its row of results has these `fields`.
+    The code knows the objects in `names`; its row of numbers has these `views`, its row of results these `fields`.
     """
 
     function: Any
     code: Any
     names: dict[str, Any]
+    views: dict[str, slice]
     fields: np.dtype[Any]
 
     @classmethod
     def of(cls, function: Function, arguments: tuple[Any, ...]) -> "_Trace":
         copier = _Copier()
         outcome = function(*(copier.symbolic((i,), value) for i, value in enumerate(arguments)))
-        writer = _Writer(copier.copies)
-        results = [writer.result((i,), value) for i, value in enumerate(outcome)]
-        row = to_casadi(np.concatenate([array.ravel() for array in writer.arrays]))
+        results = _Results(copier.copies)
+        whole = [results.whole(i, value) for i, value in enumerate(outcome)]
+        row = to_casadi(np.concatenate([array.ravel() for array in results.arrays]))
         read = {symbol.name() for symbol in ca.symvar(row)}
         inputs = [(path, array) for path, array in copier.symbols if any(s.sx.name() in read for s in array.ravel())]
         given = [array for _, array in inputs] + [symbols for symbols, _ in copier.rows.values()]
         flat = to_casadi(np.concatenate([array.ravel() for array in given or [new_symbols("none", (1,))]]))
-        lines = [*writer.checks(len(arguments), copier), *writer.filling(inputs, copier.rows.values()), *writer.lines]
-        lines += [f"return [{', '.join(results)}]"]
-        source = "\n    ".join(["def evaluate(arguments):", *lines])
+        writer = _Writer()
+        lines = [*writer.checks(len(arguments), copier), *writer.filling(inputs, copier.rows.values())]
+        lines += ["run()", "numbers = found.copy()", "row = ndarray((), fields, numbers)"]
+        lines += ["call = row, numbers, arguments", *writer.returned(whole)]
         return cls(
             ca.Function("traced", [flat], [row], {"cse": True}),
-            compile(source, f"<trace of {function.__qualname__}>", "exec"),
+            compile("\n    ".join(["def evaluate(arguments):", *lines]), f"<trace of {function.__qualname__}>", "exec"),
             writer.names,
-            np.dtype([(str(i), float, array.shape) for i, array in enumerate(writer.arrays)]),
+            writer.views,
+            np.dtype([(str(i), float, array.shape) for i, array in enumerate(results.arrays)]),
         )
 
     def evaluation(self) -> Evaluation:
@@ -140,88 +145,178 @@ class _Trace:
         buffer.set_arg(0, given.data)
         buffer.set_res(0, found.data)
         names = {**self.names, "given": given, "found": found, "run": run, "fields": self.fields, "kept": buffer}
+        names |= {name: given[place] for name, place in self.views.items()}
         exec(self.code, names)  # as the methods of a dataclass are made
         evaluate: Evaluation = names["evaluate"]
         return evaluate
 
 
 class _Writer:
-    """Writes the Python of a call: checks, the row of numbers to fill, the results; notes the symbols of these.
+    """Writes the Python of a call: checks, then the row of numbers to fill.
 
     Generic code that walks the same paths at every call takes three times as long.
     """
+
+    def __init__(self) -> None:
+        self.views: dict[str, slice] = {}
+        self.names: dict[str, Any] = {"CALL": CALL, "Untraceable": Untraceable, "ndarray": np.ndarray}
+        self.names |= {"new": object.__new__, "put": object.__setattr__}
+
+    def checks(self, count: int, copier: "_Copier") -> Iterator[str]:
+        """What has to be as in the call that was traced."""
+        yield f"if len(arguments) != {count}: raise Untraceable('expected {count} arguments')"
+        for path, value in copier.constants:
+            is_other = "is not" if value is None or isinstance(value, bool) else "!="
+            yield f"if {at(path)} {is_other} {self._name(value)}: raise Untraceable('a word has changed')"
+        for path, length in copier.lengths:
+            yield f"if len({at(path)}) != {length}: raise Untraceable('expected {length} parts')"
+
+    def filling(
+        self, inputs: list[tuple[Path, Array]], rows: Iterable[tuple[Array, list[tuple[int, type]]]]
+    ) -> Iterator[str]:
+        """The row of numbers, from inputs and then from rows of other traces, each by the results that lie in it."""
+        start = 0
+        for path, array in inputs:
+            end = start + array.size
+            yield f"value = {at(path)}"
+            if array.shape:
+                last, view = f"last_{start}", self._view(start, end)
+                self.names[last] = ...
+                yield f"global {last}"
+                yield f"if value is not {last}:"
+                yield f"    if value.shape != {array.shape}: raise Untraceable('expected another shape')"
+                yield f"    {view}[...] = value{'.ravel()' if len(array.shape) > 1 else ''}"
+                yield f"    {last} = ... if value.flags.writeable else value"
+            else:
+                yield "if value is None: raise Untraceable('expected a number')"
+                yield f"given[{start}] = value"
+            start = end
+        for symbols, users in rows:
+            for i, (number, kind) in enumerate(users):
+                own = "call" if i == 0 else "other"
+                yield f"{own} = {at((number,))}.__dict__.get(CALL)"
+                is_wrong = f"{at((number,))}.__class__ is not {self._name(kind)} or {own} is None"
+                is_wrong += " or other is not call" if i else ""
+                yield f"if {is_wrong}: raise Untraceable('expected results of one call of another trace')"
+            yield f"{self._view(start, start + symbols.size)}[...] = call[1]"
+            start += symbols.size
+
+    def returned(self, results: list["Maker | _Made"]) -> Iterator[str]:
+        """The results, each by its maker; of a dataclass the arrays at once."""
+        made = []
+        for i, result in enumerate(results):
+            if isinstance(result, _Made):
+                items = [f"{name!r}: row['{number}']" for name, number in result.arrays.items()]
+                yield f"made_{i} = new({self._name(result.kind)})"
+                yield f"put(made_{i}, '__dict__', {{CALL: call, {', '.join(items)}}})"
+                made.append(f"made_{i}")
+            else:
+                made.append(f"{self._name(result)}(call)")
+        yield f"return [{', '.join(made)}]"
+
+    def _view(self, begin: int, end: int) -> str:
+        name = f"given_{begin}"
+        self.views[name] = slice(begin, end)
+        return name
+
+    def _name(self, value: Any) -> str:
+        name = f"known_{len(self.names)}"
+        self.names[name] = value
+        return name
+
+
+class _Results:
+    """Finds the numbers of the results, `arrays` of symbols in the order of a row, and says how a part is made."""
 
     def __init__(self, copies: dict[int, tuple[Path, Any]]) -> None:
         self._copies = copies
         self.arrays: list[Array] = []
         self._places: dict[int, Places] = {}
         self._size = 0
-        self.names: dict[str, Any] = {
-            **{"ROW": ROW, "NO_ROW": NO_ROW, "Untraceable": Untraceable, "ndarray": np.ndarray},
-            **{"new": object.__new__, "put": object.__setattr__},
-        }
-        self.lines = ["run()", "numbers = found.copy()", "row = ndarray((), fields, numbers)"]
 
-    def checks(self, count: int, copier: "_Copier") -> Iterator[str]:
-        """What has to be as in the call that was traced."""
-        yield f"if len(arguments) != {count}: raise Untraceable('expected {count} arguments')"
-        for path, value in copier.constants:
-            yield f"if {at(path)} != {self._name(value)}: raise Untraceable('a word has changed')"
-        for path, length in copier.lengths:
-            yield f"if len({at(path)}) != {length}: raise Untraceable('expected {length} parts')"
+    def whole(self, number: int, value: Any) -> "Maker | _Made":
+        """The result of this number: a dataclass with its arrays, or what makes it."""
+        first = len(self.arrays)
+        make = self.maker((number,), value)
+        if not isinstance(make, _Made):
+            return make
+        new = {id(array): first + i for i, array in enumerate(self.arrays[first:])}
+        own = {name: new.get(id(part)) for name, part in _parts(value)}
+        return replace(make, arrays={str(name): i for name, i in own.items() if i is not None})
 
-    def filling(
-        self, inputs: list[tuple[Path, Array]], rows: Iterable[tuple[Array, list[tuple[int, Places]]]]
-    ) -> Iterator[str]:
-        """The row of numbers, from inputs and then from rows of other traces, each by the results that lie in it."""
-        start = 0
-        for path, array in inputs:
-            end, is_wrong = start + array.size, f"value.shape != {array.shape}" if array.shape else "value is None"
-            yield f"value = {at(path)}"
-            yield f"if {is_wrong}: raise Untraceable('expected another shape')"
-            taken = ".ravel()" if len(array.shape) > 1 else ""
-            yield f"given[{start}:{end}] = value{taken}" if array.shape else f"given[{start}] = value"
-            start = end
-        for symbols, users in rows:
-            for i, (number, places) in enumerate(users):
-                own = "row" if i == 0 else "other"
-                yield f"{own}, places = {at((number,))}.__dict__.get(ROW, NO_ROW)"
-                is_wrong = f"places is not {self._name(places)}" + (" or other is not row" if i else "")
-                yield f"if {is_wrong}: raise Untraceable('expected results of one call of another trace')"
-            yield f"given[{start}:{start + symbols.size}] = row"
-            start += symbols.size
-
-    def result(self, path: Path, value: Any) -> str:
-        """An expression for the part of all results at a path."""
+    def maker(self, path: Path, value: Any) -> Maker:
+        """Of the part of all results at a path."""
         if id(value) in self._copies:
-            return at(self._copies[id(value)][0])
+            return _part_of_argument(self._copies[id(value)][0])
         if isinstance(value, np.ndarray):
-            return self._field(path, value)
+            return self._array(path, value)
         if isinstance(value, Symbol):
-            return self._field(path, np.array(value, dtype=object)) + ".item()"
+            number = self._array(path, np.array(value, dtype=object))
+            return lambda call: number(call).item()  # a float
         if not _has_symbols(value):
-            return self._name(value)
-        parts = {key: self.result((*path, key), part) for key, part in _parts(value)}
+            self._places.setdefault(path[0], {})[path[1:]] = None
+            return lambda call: value
+        parts = {key: self.maker((*path, key), part) for key, part in _parts(value)}
+        kind = type(value)
         if isinstance(value, tuple | list):
-            return f"{self._name(type(value))}([{', '.join(parts.values())}])"
-        items = [f"{key!r}: {part}" for key, part in parts.items()]
-        if len(path) == 1 and path[0] in self._places:
-            items.append(f"ROW: (numbers, {self._name(self._places[path[0]])})")
-        made = f"made_{len(self.lines)}"
-        self.lines.append(f"{made} = new({self._name(type(value))})")
-        self.lines.append(f"put({made}, '__dict__', {{{', '.join(items)}}})")
-        return made
+            return lambda call: kind([make(call) for make in parts.values()])
+        if isinstance(value, SimpleNamespace):
+            return lambda call: SimpleNamespace(**{str(key): make(call) for key, make in parts.items()})
+        return _Made(_made_when_read(kind, parts, self._places.get(path[0], {}) if len(path) == 1 else {}))
 
-    def _field(self, path: Path, array: Array) -> str:
-        self._places.setdefault(path[0], {})[path[1:]] = slice(self._size, self._size + array.size)
-        self._size += array.size
+    def _array(self, path: Path, array: Array) -> Maker:
+        name, end = str(len(self.arrays)), self._size + array.size
+        self._places.setdefault(path[0], {})[path[1:]] = slice(self._size, end)
+        self._size = end
         self.arrays.append(array)
-        return f"row['{len(self.arrays) - 1}']"
+        return lambda call: call[0][name]
 
-    def _name(self, value: Any) -> str:
-        name = f"known_{len(self.names)}"
-        self.names[name] = value
-        return name
+
+@dataclass(frozen=True)
+class _Made:
+    """Makes a dataclass of a `kind` whose fields are made when they are read; `arrays`: but for these, by number."""
+
+    kind: type
+    arrays: dict[str, int] = field(default_factory=dict)
+
+    def __call__(self, call: Call) -> Any:
+        value: Any = object.__new__(self.kind)
+        value.__dict__[CALL] = call
+        return value
+
+
+class _Field:
+    """An attribute that is made of its call when it is first read."""
+
+    def __init__(self, name: str, make: Maker) -> None:
+        self._name, self._make = name, make
+
+    def __get__(self, owner: Any, kind: Any = None) -> Any:
+        if owner is None:
+            return self
+        value = owner.__dict__[self._name] = self._make(owner.__dict__[CALL])
+        return value
+
+
+def _made_when_read(kind: type, parts: dict[Any, Maker], places: Places) -> type:
+    """A class of this `kind`, with what makes its fields; `places`: where in the row of its call these lie."""
+    members: dict[str, Any] = {name: _Field(name, make) for name, make in parts.items()}
+    members |= {PLACES: places, "__module__": kind.__module__, "__doc__": kind.__doc__}
+    members["__reduce__"] = lambda self: (kind, tuple(getattr(self, name) for name in parts))
+    return type(kind.__name__, (kind,), members)
+
+
+def _part_of_argument(path: Path) -> Maker:
+    """What lies at a path of the arguments."""
+    first, *rest = path
+
+    def make(call: Call) -> Any:
+        value = call[2][first]
+        for key in rest:
+            value = getattr(value, key) if isinstance(key, str) else value[key]
+        return value
+
+    return make
 
 
 def at(path: Path) -> str:
@@ -234,33 +329,37 @@ class _Copier:
 
     def __init__(self) -> None:
         self.symbols: list[tuple[Path, Array]] = []
-        self.rows: dict[int, tuple[Array, list[tuple[int, Places]]]] = {}  # of other traces, by identity
+        self.rows: dict[int, tuple[Array, list[tuple[int, type]]]] = {}  # of other traces, by identity
         self.constants: list[tuple[Path, Any]] = []
         self.lengths: list[tuple[Path, int]] = []
         self.copies: dict[int, tuple[Path, Any]] = {}  # by identity
 
     def symbolic(self, path: Path, value: Any, row: tuple[Array, Places] | None = None) -> Any:
         """The copy of what lies at a path; `row`: the symbols of the other trace that its first part came from."""
+        if row is not None and row[1].get(path[1:], ...) is None:
+            return value
         if isinstance(value, CONSTANTS):
             self.constants.append((path, value))
             return value
-        if len(path) == 1 and ROW in getattr(value, "__dict__", ()):
-            row = self._row(path[0], *value.__dict__[ROW])
+        if len(path) == 1 and CALL in getattr(value, "__dict__", ()):
+            row = self._row(path[0], value)
         copy = self._copy(path, value, row)
         self.copies[id(copy)] = path, copy
         return copy
 
-    def _row(self, number: int, numbers: Array, places: Places) -> tuple[Array, Places]:
+    def _row(self, number: int, result: Any) -> tuple[Array, Places]:
+        numbers = result.__dict__[CALL][1]
         if id(numbers) not in self.rows:
             self.rows[id(numbers)] = new_symbols(f"r{len(self.rows)}", numbers.shape), []
         symbols, users = self.rows[id(numbers)]
-        users.append((number, places))
-        return symbols, places
+        users.append((number, type(result)))
+        return symbols, getattr(result, PLACES)
 
     def _copy(self, path: Path, value: Any, row: tuple[Array, Places] | None) -> Any:
         if isinstance(value, np.ndarray | np.number | int | float):
-            if row is not None and path[1:] in row[1]:
-                array = row[0][row[1][path[1:]]].reshape(np.shape(value))
+            place = row[1].get(path[1:]) if row is not None else None
+            if row is not None and place is not None:
+                array = row[0][place].reshape(np.shape(value))
             else:
                 array = new_symbols(f"s{len(self.symbols)}", np.shape(value))
                 self.symbols.append((path, array))
@@ -291,7 +390,7 @@ def _parts(value: Any) -> Iterator[tuple[int | str, Any]]:
     elif isinstance(value, SimpleNamespace):
         yield from vars(value).items()
     elif is_dataclass(value) and not isinstance(value, type):
-        yield from ((field.name, getattr(value, field.name)) for field in fields(value))
+        yield from ((each.name, getattr(value, each.name)) for each in fields(value))
     else:
         raise Untraceable(f"argument of class {type(value).__name__}")
 

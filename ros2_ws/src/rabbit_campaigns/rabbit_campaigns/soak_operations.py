@@ -17,7 +17,7 @@ from rabbit_description.gait import load_gaits
 from rabbit_recording.reader import RecordedEpisode, iterate_episodes
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy_compatibility import fitted
-from rl_cbf_clf_controller.weights import PROBE, SHIPPED, PolicyFile, PolicyFileError, forward, probe_inputs, read
+from rl_cbf_clf_controller.weights import PROBE, SHIPPED, Actor, PolicyFile, PolicyFileError, probe_inputs, read
 
 OPERATIONS = "operations.csv"
 KINDS = (
@@ -65,7 +65,7 @@ def near_policy(path: Path, number: int) -> PolicyFile:
     """A policy that acts as the file's does but for the last bias of each output, another one for each number."""
     file = read(path)
     arrays = {**file.arrays, "2.bias": file.arrays["2.bias"] + np.float32(2e-4 * (number % 3))}
-    arrays[PROBE] = np.stack([forward(arrays, row) for row in probe_inputs(len(file.metadata.observation))])
+    arrays[PROBE] = np.stack([Actor(arrays)(row) for row in probe_inputs(len(file.metadata.observation))])
     return PolicyFile(file.metadata.model_copy(update={"training_seed": number}), arrays)
 
 

@@ -7,10 +7,9 @@ Which leg stands, exploration and what is kept from tick to tick are here; what 
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 from cbf_clf_qp.solvers import make_solver
@@ -165,74 +164,46 @@ class Controller:
         )
 
     def _output(self, state: RobotState, fault: str) -> ControllerOutput:
-        p, step, terms, decided = self.parameters, self._step, self.terms, self.decided
-        scene, solution, control, mu_qp = terms.scene, decided.solution, decided.control, decided.mu
-        if not solution.solved:
-            fault, mu_qp = fault or f"no solver answered: {solution.status}", np.zeros(4)
-        mu, omega = mu_qp, NO_NOISE
+        p, step, decided = self.parameters, self._step, self.decided
+        mu_qp, omega = decided.mu, NO_NOISE
+        if not decided.solution.solved:
+            fault, mu_qp = fault or f"no solver answered: {decided.solution.status}", np.zeros(4)
+        mu, wanted = mu_qp, decided.u
         if p.sigma > 0:
             omega = p.sigma * step.rng.standard_normal(4)
             mu = mu_qp + omega
-        torque = wanted = control(mu)
-        largest = max(map(abs, wanted.tolist()))
+        if mu is not decided.mu:
+            wanted = decided.control(mu)
+        torque, largest = wanted, max(map(abs, wanted.tolist()))
         if not largest <= p.torque_limit:
             torque = np.minimum(np.maximum(wanted, -p.torque_limit), p.torque_limit)
         saturated = largest > p.torque_limit + ROUNDING
         if saturated:
-            mu = np.linalg.solve(control.a, torque - control.b)
+            mu = np.linalg.solve(decided.control.a, torque - decided.control.b)
         step.torque = torque
         return ControllerOutput.deferring(
-            self._later(),
+            Details(self, self.terms, decided, step.last, self._robot.values if self._robot else None),
             tick=state.tick,
             torque=torque[SWAP_TORQUE] if step.stance is Leg.RIGHT else torque,
             stance=step.stance,
             step_index=step.index,
             step_time=(state.tick - step.start_tick) * TICK_SECONDS,
-            phase=scene.outputs.phase,
-            eta=scene.outputs.eta,
-            barriers=NO_BARRIERS if scene.barriers is None else scene.barriers.B,
-            barrier_rates=NO_BARRIERS if scene.barriers is None else scene.barriers.dB,
             mu=mu,
             mu_qp=mu_qp,
             omega=omega,
-            quantities=self.recipe.names,
-            nominal_a=terms.nominal.a,
-            nominal_b=terms.nominal.b,
-            alpha=decided.estimates.alpha,
-            beta=decided.estimates.beta,
-            observation=scene.observation,
-            LgV=scene.LgV,
             saturated=saturated,
-            solver=solution.solver,
-            status=solution.status,
-            answered=solution.solver == p.qp_solver,
-            solve_seconds=solution.seconds,
             policy_version=self.policy.version,
             objective=p.objective,
             adaptation=p.adaptation,
-            identified=self._robot.known if self._robot else NOTHING,
             fault=fault,
         )
 
-    def _later(self) -> dict[str, Callable[[], Any]]:
-        """What of this tick's output does not decide the torque."""
-        terms, decided, last = self.terms, self.decided, self._step.last
-        scene = terms.scene
-        return {
-            "V": lambda: self.clf.value(scene.outputs.eta),
-            "mu_held": lambda: scene.outputs.second_derivative(terms.dynamics.acceleration)(scene.torque),
-            "measured": lambda: self._measured(last, scene),
-            "clf_slack": lambda: float(decided.slack_sums[0]),
-            "rescue_slack": lambda: float(decided.slack_sums[1]),
-            "active": lambda: decided.active,
-            "adapted": lambda: decided.parts[1].packed if self._robot else NOTHING,
-        }
-
-    def _measured(self, last: Scene | None, now: Scene) -> Array:
+    def measured(self, last: Scene | None, now: Scene) -> Array:
         """The quantities (n,) over the last tick, NaN where this or the step began with it."""
         if last is None or last.tick != now.tick - 1:
             return np.full(len(self.recipe.names), np.nan)
-        return self._measure(last, now, TICK_SECONDS)[0]
+        measured: Array = self._measure(last, now, TICK_SECONDS)[0]
+        return measured
 
     def _relabel(self, values: Array) -> Array:
         return values[SWAP_STATE] if self._step.stance is Leg.RIGHT else values
@@ -258,15 +229,63 @@ class Controller:
         self._step.has_begun = True
 
     def _check(self, state: RobotState) -> None:
-        for name, value in (("q", state.q), ("dq", state.dq)):
-            if value.shape != (7,) or not is_finite(value):
-                raise ControllerError(f"state.{name} = {value}: expected 7 finite values")
+        q, dq = state.q, state.dq
+        if not (q.shape == dq.shape == (7,) and is_finite(q) and is_finite(dq)):
+            wrong = "dq" if q.shape == (7,) and is_finite(q) else "q"
+            raise ControllerError(f"state.{wrong} = {getattr(state, wrong)}: expected 7 finite values")
         self._terrain.check(state)
 
 
+@dataclass(slots=True)
+class Details:
+    """What of a `ControllerOutput` does not decide the torque: computed when it is read, the torque is out by then.
+
+    `last`: the scene of the tick before in this step; `found`: what is identified of the robot, and of its angles.
+    """
+
+    controller: Controller
+    terms: Terms[Scene]
+    decided: Decided
+    last: Scene | None
+    found: tuple[Array, Array] | None
+
+    phase = property(lambda self: self.terms.scene.outputs.phase)
+    eta = property(lambda self: self.terms.scene.outputs.eta)
+    observation = property(lambda self: self.terms.scene.observation)
+    LgV = property(lambda self: self.terms.scene.LgV)
+    V = property(lambda self: self.controller.clf.value(self.eta))
+    barriers = property(lambda self: self._of_barriers("B"))
+    barrier_rates = property(lambda self: self._of_barriers("dB"))
+    quantities = property(lambda self: self.controller.recipe.names)
+    nominal_a = property(lambda self: self.terms.nominal.a)
+    nominal_b = property(lambda self: self.terms.nominal.b)
+    measured = property(lambda self: self.controller.measured(self.last, self.terms.scene))
+    alpha = property(lambda self: self.decided.estimates.alpha)
+    beta = property(lambda self: self.decided.estimates.beta)
+    clf_slack = property(lambda self: float(self.decided.slack_sums[0]))
+    rescue_slack = property(lambda self: float(self.decided.slack_sums[1]))
+    active = property(lambda self: self.decided.active)
+    solver = property(lambda self: self.decided.solution.solver)
+    status = property(lambda self: self.decided.solution.status)
+    solve_seconds = property(lambda self: self.decided.solution.seconds)
+    answered = property(lambda self: self.solver == self.controller.parameters.qp_solver)
+    identified = property(lambda self: np.concatenate(self.found) if self.found else NOTHING)
+    adapted = property(lambda self: self.decided.parts[1].packed if self.found else NOTHING)
+
+    @property
+    def mu_held(self) -> Array:
+        """What the last tick's torque amounts to."""
+        outputs, torque = self.terms.scene.outputs, self.terms.scene.torque
+        return outputs.second_derivative(self.terms.dynamics.acceleration)(torque)
+
+    def _of_barriers(self, name: str) -> Array:
+        barriers = self.terms.scene.barriers
+        return NO_BARRIERS if barriers is None else getattr(barriers, name)
+
+
 def is_finite(values: Array) -> bool:
-    """Whether all of a few numbers are; numpy's own way takes ten times as long."""
-    return all(map(math.isfinite, values.tolist()))
+    """Whether all of a few numbers are, and their sum; numpy's own way takes ten times as long."""
+    return math.isfinite(sum(values.tolist()))
 
 
 @lru_cache(maxsize=64)

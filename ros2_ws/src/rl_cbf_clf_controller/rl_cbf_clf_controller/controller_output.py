@@ -1,6 +1,5 @@
 """All of a controller's tick that others read: recorders, the trainer, the page, you."""
 
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -64,8 +63,8 @@ class ControllerOutput:
     adapted: Array = field(default_factory=lambda: NOTHING)
 
     @classmethod
-    def deferring(cls, later: Mapping[str, Callable[[], Any]], **known: Any) -> "ControllerOutput":
-        """An output of which the fields in `later` are computed when they are first read: the torque is out by then."""
+    def deferring(cls, later: object, **known: Any) -> "ControllerOutput":
+        """An output of which the other fields are attributes of `later`, asked for when they are first read."""
         output = cls.__new__(cls)
         known["_later"] = later
         output.__dict__ = known
@@ -73,7 +72,7 @@ class ControllerOutput:
 
     def __getattr__(self, name: str) -> Any:
         """A field that nobody has read yet."""
-        if name.startswith("_") or name not in self._later:
+        if name not in self.__dataclass_fields__:
             raise AttributeError(f"ControllerOutput has no {name}")
-        value = self.__dict__[name] = self._later[name]()
+        value = self.__dict__[name] = getattr(self._later, name)
         return value

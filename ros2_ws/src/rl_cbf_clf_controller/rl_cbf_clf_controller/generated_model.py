@@ -11,7 +11,7 @@ from rabbit_description.state import Array
 
 from rl_cbf_clf_controller import link_parameters as links
 from rl_cbf_clf_controller.foot_velocity import FootVelocity
-from rl_cbf_clf_controller.generated.calls import generated
+from rl_cbf_clf_controller.generated.calls import generated, read_only
 from rl_cbf_clf_controller.generated.layout import FOOT_VELOCITY, LINKS, PINNED, REGRESSOR
 from rl_cbf_clf_controller.generated.library import GeneratedFunction, load_library
 from rl_cbf_clf_controller.nominal_model import PLANE, NominalModel
@@ -44,16 +44,18 @@ class GeneratedModel:
         self._arguments, at = self._function.arguments, self._function.argument_slices
         self._q, self._dq, self._links = at["q"], at["dq"], at["links"]
         self._motor_gain, self._joint_damping = at["motor_gain"], at["joint_damping"]
-        self._robot = GeneratedRobot(self._arguments[at["links"].start :])  # a view: what is believed is seen there
         self._arguments[at["legs"]] = leg_lengths(model)
-        self._arguments[self._links] = link_parameters(model)
-        self._arguments[self._motor_gain], self._arguments[self._joint_damping] = motor_gain, joint_damping
+        self._believe(link_parameters(model), motor_gain, joint_damping)
 
     def believe(self, theta: Array, motor_gain: float, joint_damping: float) -> None:
         """Take over links theta (12,), as in `link_parameters.py`, motors and damping."""
         torso, thigh, shin = theta.reshape(3, 4)
-        self._arguments[self._links] = np.concatenate([torso, thigh, shin, thigh, shin])
+        self._believe(np.concatenate([torso, thigh, shin, thigh, shin]), motor_gain, joint_damping)
+
+    def _believe(self, links: Array, motor_gain: float, joint_damping: float) -> None:
+        self._arguments[self._links] = links
         self._arguments[self._motor_gain], self._arguments[self._joint_damping] = motor_gain, joint_damping
+        self._robot = GeneratedRobot(read_only(self._arguments[self._links.start :]))
 
     def update(self, q_s: Array, dq_s: Array) -> Kinematics:
         """Compute all terms at a state `q_s`, `dq_s` (7,), stance/swing order, and return the feet's kinematics."""

@@ -11,22 +11,36 @@ that bounces lands twice.) It forgets nothing when the legs swap: the robot is t
 begins with nothing known.
 """
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from cbf_clf_qp.estimates import Estimates
-from cbf_clf_qp.model_error import ModelError
-from cbf_clf_qp.tick import Estimator, Terms
+from cbf_clf_qp.model_error import ModelError, error_under
+from cbf_clf_qp.tick import Estimator, Pending, Terms
 from rabbit_description.state import Array, RobotState
 
 from rl_cbf_clf_controller.generated_model import make_model
 from rl_cbf_clf_controller.identification import DAMPING, IDENTIFIED, MOTOR_GAIN, THETA, Identification
 from rl_cbf_clf_controller.joint_calibration import JointCalibration
+from rl_cbf_clf_controller.pinned_robot import PinnedRobot
 from rl_cbf_clf_controller.scene import Scene
 
 KNOWN = (*IDENTIFIED, "hip_offset", "knee_offset")  # rad
 SETTLING = 2  # ticks on the ground before what is measured counts
 CONTACT_FORCE = 1.0  # N; a foot that carries less is in the air
+
+
+@dataclass(frozen=True)
+class OtherRobot:
+    """Estimates by another robot than the nominal one."""
+
+    robot: PinnedRobot
+
+    def at(self, terms: Terms[Scene]) -> Estimates:
+        """By how much it differs at a tick."""
+        _, dynamics = self.robot.at(terms.scene.q_s, terms.scene.dq_s)
+        return error_under(dynamics, terms)
 
 
 class IdentifiedRobot(Estimator[Scene]):
@@ -42,7 +56,12 @@ class IdentifiedRobot(Estimator[Scene]):
     @property
     def known(self) -> Array:
         """(17,), as in `KNOWN`."""
-        return np.concatenate([self._identification.value, self._calibration.value])
+        return np.concatenate(self.values)
+
+    @property
+    def values(self) -> tuple[Array, Array]:
+        """What is found of the robot (15,) and of the zeros of its angles (2,)."""
+        return self._identification.value, self._calibration.value
 
     def reset(self) -> None:
         """Begin an episode: the nominal robot."""
@@ -58,11 +77,16 @@ class IdentifiedRobot(Estimator[Scene]):
 
     def estimate(self, terms: Terms[Scene], before: Estimates) -> Estimates:
         """Learn from the tick that ends now; then by how much the robot found differs from the nominal one."""
-        scene = terms.scene
+        return self._error(terms, self._learned(terms.scene).at(terms.scene.q_s, terms.scene.dq_s)[1])
+
+    def pending(self, terms: Terms[Scene], before: Sequence[Pending]) -> Pending:
+        """Learn; the robot found, of which the tick's trace computes the rest."""
+        return OtherRobot(self._learned(terms.scene))
+
+    def _learned(self, scene: Scene) -> PinnedRobot:
         self._learn(scene)
         self._last = scene
-        self._robot.update(scene.q_s, scene.dq_s)
-        return self._error(terms, self._robot.pinned())
+        return self._robot.robot_at(scene.q_s, scene.dq_s)
 
     def _learn(self, now: Scene) -> None:
         last = self._last

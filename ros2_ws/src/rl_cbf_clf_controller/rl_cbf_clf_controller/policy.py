@@ -10,19 +10,20 @@ Plain, they are 5 outputs times (|LgV| + 1). Either way the action is the paper'
 """
 
 from abc import abstractmethod
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
 from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.problem import Problem
-from cbf_clf_qp.tick import Estimator, Terms
+from cbf_clf_qp.tick import Estimator, Pending, Terms
 from cbf_clf_qp.tracing import Traced
 from rabbit_description.state import Array
 
 from rl_cbf_clf_controller.scene import Scene
-from rl_cbf_clf_controller.weights import PolicyFile, forward
+from rl_cbf_clf_controller.weights import Actor, PolicyFile
 
 
 class Policy(Estimator[Scene]):
@@ -53,11 +54,48 @@ class ZeroPolicy(LearnedPolicy):
     version = "zero"
 
     def __init__(self, problem: Problem) -> None:
-        self._estimates = Estimates.zero(len(problem.quantities), problem.inputs)
+        n, m = len(problem.quantities), problem.inputs
+        self._estimates = Estimates.zero(n, m)
+        self._pending: Pending = self._estimates
+        if problem.has_clf:  # in the form of an actor, so that a tick that takes one over has its trace
+            self._pending = NetworkOutputs(np.zeros((m + 1) * (m + n - 1)), np.zeros(n), np.zeros(n), True, True)
 
     def act(self, observation: Array, LgV: Array) -> Estimates:
         """Zeros, wherever the robot is."""
         return self._estimates
+
+    def pending(self, terms: Terms[Scene], before: Sequence[Pending]) -> Pending:
+        """What zeros come of."""
+        return self._pending
+
+
+@dataclass
+class NetworkOutputs:
+    """An actor's outputs, in [-1, 1], of which the tick's trace makes estimates; the scales (n,) of alpha and beta."""
+
+    outputs: Array
+    alpha_scale: Array
+    beta_scale: Array
+    structured: bool
+    has_clf: bool
+
+    def at(self, terms: Terms[Scene]) -> Estimates:
+        """At a tick."""
+        return self.along(terms.scene.LgV)
+
+    def along(self, LgV: Array) -> Estimates:
+        """Where V-dot's slope is `LgV` (m,)."""
+        m, outputs = LgV.size, self.outputs
+        raw = Estimates.from_flat(contract(outputs, LgV) if self.structured else outputs, m)
+        alpha, beta = raw.alpha * self.alpha_scale[:, None], raw.beta * self.beta_scale
+        if self.structured:
+            matrix = outputs[: m * (m + 1)].reshape(m, m + 1)
+            error = Affine(self.alpha_scale[0] * matrix[:, :m], self.beta_scale[0] * matrix[:, m])
+            return Estimates(alpha, beta, error)
+        if self.has_clf:
+            size = np.sqrt(LgV @ LgV) + 1
+            alpha[0], beta[0] = alpha[0] * size, beta[0] * size
+        return Estimates(alpha, beta)
 
 
 class ActorPolicy(LearnedPolicy):
@@ -70,9 +108,12 @@ class ActorPolicy(LearnedPolicy):
         self.adaptation = form.adaptation or "none"
         self._center = np.array(form.observation_center)
         self._inverse_scale = 1 / np.array(form.observation_scale)
-        self._alpha_scale, self._beta_scale = np.array(form.alpha_scale), np.array(form.beta_scale)
-        self._estimates = traced_estimates(form.structured, "V" in form.names, form.m).twin()
-        self.act(np.zeros(len(self._center)), np.zeros(form.m))  # traced now, not in the tick that takes it over
+        scales = np.array(form.alpha_scale), np.array(form.beta_scale)
+        for scale in scales:
+            scale.flags.writeable = False  # so that a trace takes them once
+        self._form = *scales, form.structured, "V" in form.names
+        self._actor = Actor(file.arrays)
+        self._estimates = traced_estimates().twin()
 
     def act(self, observation: Array, LgV: Array) -> Estimates:
         """Alpha and beta of every quantity. A network without `l_min` reads the first 14 observations.
@@ -80,14 +121,21 @@ class ActorPolicy(LearnedPolicy):
         Raises:
             ValueError: it reads the step length of a gait library, and there is none.
         """
-        if observation.size < self._center.size:
-            raise ValueError(
-                f"policy {self.version} reads {self.file.metadata.observation[-1]}: expected a gait library"
-            )
-        scaled = (observation[: len(self._center)] - self._center) * self._inverse_scale
-        outputs = forward(self.file.arrays, scaled.astype(np.float32))
-        estimates: Estimates = self._estimates(outputs, LgV, self._alpha_scale, self._beta_scale)[0]
+        estimates: Estimates = self._estimates(self._outputs(observation), LgV)[0]
         return estimates
+
+    def pending(self, terms: Terms[Scene], before: Sequence[Pending]) -> Pending:
+        """The network's outputs at a tick."""
+        return self._outputs(terms.scene.observation)
+
+    def _outputs(self, observation: Array) -> NetworkOutputs:
+        size = self._center.size
+        if observation.size != size:
+            if observation.size < size:
+                read = self.file.metadata.observation[-1]
+                raise ValueError(f"policy {self.version} reads {read}: expected a gait library")
+            observation = observation[:size]
+        return NetworkOutputs(self._actor((observation - self._center) * self._inverse_scale), *self._form)
 
 
 class PartlyNominal(Policy):
@@ -110,22 +158,9 @@ class PartlyNominal(Policy):
 
 
 @cache
-def traced_estimates(structured: bool, has_clf: bool, inputs: int) -> Traced:
+def traced_estimates() -> Traced:
     """From a network's outputs to alpha, beta and, of the structured form, the outputs' error."""
-
-    def estimates(outputs: Array, LgV: Array, alpha_scale: Array, beta_scale: Array) -> list[Estimates]:
-        raw = Estimates.from_flat(contract(outputs, LgV) if structured else outputs, inputs)
-        alpha, beta = raw.alpha * alpha_scale[:, None], raw.beta * beta_scale
-        if structured:
-            matrix = outputs[: inputs * (inputs + 1)].reshape(inputs, inputs + 1)
-            error = Affine(alpha_scale[0] * matrix[:, :inputs], beta_scale[0] * matrix[:, inputs])
-            return [Estimates(alpha, beta, error)]
-        if has_clf:
-            size = np.sqrt(LgV @ LgV) + 1
-            alpha[0], beta[0] = alpha[0] * size, beta[0] * size
-        return [Estimates(alpha, beta)]
-
-    return Traced(estimates)
+    return Traced(lambda outputs, LgV: [outputs.along(LgV)])
 
 
 def contract(outputs: Array, LgV: Array) -> Array:

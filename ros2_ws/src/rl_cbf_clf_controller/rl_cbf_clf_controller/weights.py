@@ -212,14 +212,22 @@ def policy_path(name: str) -> Path:
     return shipped if shipped.is_file() else Path(name)
 
 
-def forward(arrays: Arrays, scaled: Float32) -> Float32:
-    """The actor: scaled observation (m,) to outputs in [-1, 1]."""
-    first = sgemv(1, arrays["0.weight"].T, scaled, 1, arrays["0.bias"], trans=1)
-    np.maximum(first, 0, out=first)
-    second = sgemv(1, arrays["1.weight"].T, first, 1, arrays["1.bias"], trans=1)
-    np.maximum(second, 0, out=second)
-    outputs: Float32 = np.tanh(sgemv(1, arrays["2.weight"].T, second, 1, arrays["2.bias"], trans=1))
-    return outputs
+class Actor:
+    """The network of these arrays: from a scaled observation (m,) to outputs in [-1, 1]."""
+
+    def __init__(self, arrays: Arrays) -> None:
+        self._layers = [(arrays[f"{layer}.weight"].T, arrays[f"{layer}.bias"]) for layer in range(3)]
+        self._zero = np.float32(0)
+
+    def __call__(self, scaled: NDArray[Any]) -> Float32:
+        (first, first_bias), (second, second_bias), (last, last_bias) = self._layers
+        values = sgemv(1, first, scaled, 1, first_bias, 0, 1, 0, 1, 1)  # transposed
+        np.maximum(values, self._zero, out=values)
+        values = sgemv(1, second, values, 1, second_bias, 0, 1, 0, 1, 1)
+        np.maximum(values, self._zero, out=values)
+        values = sgemv(1, last, values, 1, last_bias, 0, 1, 0, 1, 1)
+        outputs: Float32 = np.tanh(values, out=values)
+        return outputs
 
 
 def problem_fields(problem: Problem) -> dict[str, Any]:
@@ -252,8 +260,8 @@ def _check_arrays(metadata: PolicyMetadata, arrays: Arrays) -> None:
 
 
 def _check_probe(file: PolicyFile) -> None:
-    inputs = probe_inputs(len(file.metadata.observation))
-    outputs = np.stack([forward(file.arrays, row) for row in inputs])
+    inputs, actor = probe_inputs(len(file.metadata.observation)), Actor(file.arrays)
+    outputs = np.stack([actor(row) for row in inputs])
     error = np.abs(outputs - file.arrays[PROBE]).max()
     if not error <= PROBE_TOLERANCE:
         raise PolicyFileError(f"policy: on the fixed observations its outputs differ by {error:.2g} from those stored")

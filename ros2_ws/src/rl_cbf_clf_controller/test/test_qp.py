@@ -107,7 +107,7 @@ def test_guard_answers_and_is_counted():
     class Broken:
         name = "broken"
 
-        def solve(self, qp):
+        def solve(self, qp, read):
             return Solution(np.full(qp.q.size, 2e9), False, "max iterations", self.name, np.inf, 0.0)
 
         def reset(self):
