@@ -20,7 +20,20 @@ from typer.core import TyperCommand, TyperGroup
 GROUP = "rabbit.commands"
 # as the help text lists them; those of other packages follow by name
 ORDER = (
-    *("play", "walk", "view", "run", "evaluate", "benchmark", "reproduce", "gait", "train", "policy", "estimator"),
+    *(
+        "play",
+        "walk",
+        "view",
+        "run",
+        "evaluate",
+        "benchmark",
+        "reproduce",
+        "gait",
+        "train",
+        "policy",
+        "estimator",
+        "rival",
+    ),
     *("bench", "jitter", "soak", "faults", "bag", "video"),
 )
 

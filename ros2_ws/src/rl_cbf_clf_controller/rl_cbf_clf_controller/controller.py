@@ -142,10 +142,14 @@ class Controller:
         if not self._step.has_begun:
             self._begin_step(state)
         self.terms = self.look(state)
-        self.decided = decide(self.recipe, self.terms, self._solver)
+        self.decided = self.decide(self.terms)
         output = self._output(state, fault)
         self._step.last = self.terms.scene
         return output
+
+    def decide(self, terms: Terms[Scene]) -> Decided:
+        """mu at a tick's terms, and all that it follows from."""
+        return decide(self.recipe, terms, self._solver)
 
     def look(self, state: RobotState) -> Terms[Scene]:
         """The nominal terms at a state, with the present stance leg."""
