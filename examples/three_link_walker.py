@@ -28,7 +28,7 @@ from rabbit_sim.pinned_dynamics import PinnedDynamics, UrdfFeet, standing
 from rabbit_sim.planar_plant import PlanarPlant, ahead
 from rabbit_sim.plant import PlantReading
 from rl_cbf_clf_controller.nominal_model import NominalModel
-from rl_cbf_clf_controller.oracle import OraclePolicy
+from rl_cbf_clf_controller.oracle import OraclePolicy, TruePlant
 from rl_cbf_clf_controller.policy import Policy, ZeroPolicy
 from rl_cbf_clf_controller.scene import Scene
 from rl_cbf_clf_controller.virtual_constraints import Angles, VirtualConstraints
@@ -134,7 +134,7 @@ def main() -> None:
         cases: dict[str, tuple[Policy, str]] = {
             "nominal, true mass as believed": (ZeroPolicy(PROBLEM), URDF),
             "nominal, twice the mass": (ZeroPolicy(PROBLEM), HEAVY),
-            "oracle, twice the mass": (OraclePolicy(HEAVY), HEAVY),
+            "oracle, twice the mass": (OraclePolicy(TruePlant(HEAVY)), HEAVY),
             "learned, twice the mass": (train(seed, options.train), HEAVY),
         }
         for name, (policy, urdf) in cases.items():

@@ -11,7 +11,7 @@ from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.robot_urdf import perturbed_urdf
 from rabbit_sim.simulation import Simulation
 from rl_cbf_clf_controller.controller import Controller
-from rl_cbf_clf_controller.oracle import OraclePolicy
+from rl_cbf_clf_controller.oracle import OraclePolicy, TruePlant
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import Policy, ZeroPolicy
 from rl_cbf_clf_controller.uncertainty import PAPER, RL_CBF_CLF_QP
@@ -31,7 +31,7 @@ def parts(problem: Problem, plant: str) -> tuple[Simulation, Controller, Trainin
     )
     parameters = ControllerParameters.model_validate({"controller": problem.name, "sigma": 5.0})
     gait = load_gait(parameters.gait)
-    oracle = OraclePolicy(perturbed_urdf(simulated), io=problem.corrects_input)
+    oracle = OraclePolicy(TruePlant(perturbed_urdf(simulated)), io=problem.corrects_input)
     return Simulation(simulated, gait), Controller(parameters, gait, oracle), TrainingParameters(problem=problem)
 
 

@@ -30,6 +30,8 @@ PLANTS: list[dict[str, float]] = [
     {"mass_scale": 0.7, "payload": 20.0},
     {"payload": 32.0, "motor_loss": 0.15, "joint_damping": 1.0},
     {"mass_scale": 2.0, "link_bend": 0.05},
+    {"mass_scale": 2.0, "left_leg_scale": 1.3},
+    {"mass_scale": 2.0, "slope": 2.0, "left_knee_gain": 0.9, "right_hip_gain": 0.8},
 ]
 
 
@@ -37,8 +39,10 @@ class Truth:
     """The perturbed robot's motion from a state, under the torque that the plant's motors give."""
 
     def __init__(self, plant: SimulationParameters) -> None:
-        self._dynamics = PinnedDynamics(perturbed_urdf(plant), RabbitFeet(plant.link_bend), plant.joint_damping)
-        self._share = 1 - plant.motor_loss
+        feet = RabbitFeet(plant.link_bend)
+        self._dynamics = PinnedDynamics(perturbed_urdf(plant), feet, plant.joint_damping, plant.slope)
+        gains = plant.left_hip_gain, plant.left_knee_gain, plant.right_hip_gain, plant.right_knee_gain
+        self._share = (1 - plant.motor_loss) * np.array(gains)
 
     def acceleration_and_force(self, q: Array, dq: Array, output: ControllerOutput) -> tuple[Array, Array]:
         return self._dynamics.accelerations(q, dq, self._share * output.torque, output.stance)

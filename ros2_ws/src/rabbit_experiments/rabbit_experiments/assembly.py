@@ -13,7 +13,7 @@ from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.robot_urdf import perturbed_urdf
 from rabbit_sim.simulation import Simulation
 from rl_cbf_clf_controller.controller import Controller
-from rl_cbf_clf_controller.oracle import OraclePolicy
+from rl_cbf_clf_controller.oracle import OraclePolicy, TruePlant
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import PartlyNominal, Policy, ZeroPolicy
 from rl_cbf_clf_controller.policy_compatibility import fitted
@@ -87,9 +87,17 @@ class Assembly:
             raise PolicyFileError(f"{self.policy}: {error}") from error
 
     def _oracle(self) -> OraclePolicy:
-        plant = self.simulation
-        first_approach = self.controller.problem.corrects_input
-        return OraclePolicy(perturbed_urdf(plant), 1 - plant.motor_loss, plant.joint_damping, io=first_approach)
+        p = self.simulation
+        gains = p.left_hip_gain, p.left_knee_gain, p.right_hip_gain, p.right_knee_gain
+        plant = TruePlant(
+            perturbed_urdf(p),
+            1 - p.motor_loss,
+            p.joint_damping,
+            () if gains == (1, 1, 1, 1) else gains,
+            p.coulomb,
+            p.slope,
+        )
+        return OraclePolicy(plant, io=self.controller.problem.corrects_input)
 
 
 def resolve_policy(name: str | None, controller: ControllerParameters) -> str:

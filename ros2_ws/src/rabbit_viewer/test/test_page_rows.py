@@ -19,7 +19,7 @@ from rabbit_viewer.page.recording import fill, show_recording
 from rabbit_viewer.page.rows import POINTS, RowMaker, body_points, clf_decay
 from rabbit_viewer.walk_records import WalkRecords, about_walk
 from rl_cbf_clf_controller.controller import Controller
-from rl_cbf_clf_controller.oracle import OraclePolicy
+from rl_cbf_clf_controller.oracle import OraclePolicy, TruePlant
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import ZeroPolicy
 from rl_trainer.rollout import Record, rollout
@@ -124,7 +124,7 @@ def test_with_exact_estimates_the_true_error_is_the_estimated_one() -> None:
     gait = load_gaits(CONTROLLER.gait)
     plant = PLANT.model_copy(update={"mass_scale": 1.5})
     simulation, records = Simulation(plant, gait), list[Record]()
-    oracle = OraclePolicy(perturbed_urdf(plant))
+    oracle = OraclePolicy(TruePlant(perturbed_urdf(plant)))
     rollout(simulation, Controller(CONTROLLER, gait, oracle), 1, records.append)
     simulation.close()
     maker = RowMaker(about_walk(CONTROLLER, plant, "oracle", 1, "walked"), records[0].output.quantities, True)

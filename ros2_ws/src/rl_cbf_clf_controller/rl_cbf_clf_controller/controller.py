@@ -163,6 +163,7 @@ class Controller:
             state.foot_force if stance is Leg.LEFT else state.foot_force[::-1],
             state.tick,
             self._step.torque,
+            stance,
             state.preview,
             self._steps.wanted,
         )

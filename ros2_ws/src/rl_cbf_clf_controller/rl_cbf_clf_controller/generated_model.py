@@ -188,9 +188,13 @@ def make_model(
     urdf: str | None = None, motor_gain: float = 1.0, joint_damping: float = 0.0
 ) -> GeneratedModel | NominalModel:
     """The model that a tick uses: generated code if it is built and `urdf` has RABBIT's joints, else pinocchio."""
-    model = NominalModel(urdf, motor_gain, joint_damping)
+    return generated_if_built(NominalModel(urdf, motor_gain, joint_damping))
+
+
+def generated_if_built(model: NominalModel) -> GeneratedModel | NominalModel:
+    """The same robot by generated code, if that is built for it."""
     library = library_for(model.model)
-    return GeneratedModel(library, model.model, motor_gain, joint_damping) if library else model
+    return GeneratedModel(library, model.model, model.motor_gain, model.joint_damping) if library else model
 
 
 def arithmetic(model: GeneratedModel | NominalModel) -> str:

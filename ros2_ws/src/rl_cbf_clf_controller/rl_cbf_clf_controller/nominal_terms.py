@@ -44,15 +44,16 @@ def traced_terms(parameters: ControllerParameters, quantities: Quantities) -> Tr
         force: Array,
         tick: int,
         torque: Array,
+        stance: int,
         stone: StonePreview | None,
         step_length: tuple[float, ...],
     ) -> list[Any]:
-        """`force`, `tick`, `torque` are the scene's; the `step_length` is what a library chose for the `stone`."""
+        """`force` to `stance` are the scene's; the `step_length` is what a library chose for the `stone`."""
         (feet, dynamics), outputs = robot.at(q_s, dq_s), path.at(q_s, dq_s)
         barriers, LgV = terrain.barriers(feet, stone), clf.LgV(outputs.eta)
         z = (feet.hip, [outputs.phase], feet.hip_rate, [outputs.phase_rate])
         observation = np.concatenate([outputs.eta, *z, terrain.observed(stone, step_length)])
-        scene = Scene(q_s, dq_s, feet, outputs, barriers, force, observation, LgV, tick, torque)
+        scene = Scene(q_s, dq_s, feet, outputs, barriers, force, observation, LgV, tick, torque, stance)
         control = precontrol(outputs.second_derivative(dynamics.acceleration))
         return [scene, dynamics, control, predicted(quantities, scene, dynamics).after(control)]
 

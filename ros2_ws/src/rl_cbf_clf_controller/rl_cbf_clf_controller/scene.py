@@ -20,7 +20,8 @@ class Scene:
 
     `force` (2, 2), N, as the sensors averaged it over the last tick: rows stance, swing foot; columns tangential,
     normal; `observation` (14,), with a stone (15,), there with a gait library (16,), see `Problem.observation`;
-    `LgV` (4,); `tick` counts from the episode's start; `torque` (4,), N m, was applied in the last tick, NaN: unknown.
+    `LgV` (4,); `tick` counts from the episode's start; `torque` (4,), N m, was applied in the last tick, NaN: unknown;
+    `stance` is 0 where the left leg stands, 1 where the right one does.
     """
 
     q_s: Array
@@ -33,3 +34,4 @@ class Scene:
     LgV: Array
     tick: int = 0
     torque: Array = field(default_factory=lambda: np.full(4, np.nan))
+    stance: int = 0

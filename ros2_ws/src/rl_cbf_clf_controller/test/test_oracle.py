@@ -8,7 +8,7 @@ from rabbit_description.gait import load_gait
 from rabbit_description.state import RobotState, StonePreview
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.nominal_model import NominalModel
-from rl_cbf_clf_controller.oracle import OraclePolicy
+from rl_cbf_clf_controller.oracle import OraclePolicy, TruePlant
 from rl_cbf_clf_controller.parameters import load_parameters
 from rl_cbf_clf_controller.policy import ZeroPolicy
 from rl_cbf_clf_controller.virtual_constraints import VirtualConstraints
@@ -38,7 +38,7 @@ def tick(state, controller="cbf-clf-qp"):
 
 def test_closed_form_under_uniform_scale(state):
     terms = tick(state)
-    oracle = OraclePolicy(scaled_urdf(SCALE)).estimate(terms, NONE)
+    oracle = OraclePolicy(TruePlant(scaled_urdf(SCALE))).estimate(terms, NONE)
     model = NominalModel()
     model.update(*state)
     dynamics = model.pinned()
@@ -54,7 +54,8 @@ def test_closed_form_under_uniform_scale(state):
 
 def test_first_approach_makes_the_true_output_acceleration_mu(state):
     terms = tick(state, "io-rl-clf-qp")
-    oracle = OraclePolicy(scaled_urdf(SCALE), motor_gain=0.85, joint_damping=1.0, io=True).estimate(terms, NONE)
+    heavy = TruePlant(scaled_urdf(SCALE), motor_gain=0.85, joint_damping=1.0)
+    oracle = OraclePolicy(heavy, io=True).estimate(terms, NONE)
     plant = NominalModel(scaled_urdf(SCALE), motor_gain=0.85, joint_damping=1.0)
     plant.update(*state)
     mu = np.array([10.0, -20.0, 30.0, 5.0])
@@ -63,7 +64,22 @@ def test_first_approach_makes_the_true_output_acceleration_mu(state):
     assert terms.scene.outputs.jacobian @ acceleration + terms.scene.outputs.bias == pytest.approx(mu, abs=1e-7)
 
 
+def test_it_knows_each_motor_dry_friction_and_the_slope(state):
+    q, dq = state[0], np.where(np.arange(7) < 3, state[1], [0, 0, 0, 0.9, -0.8, 0.7, -0.6])
+    terms = tick((q, dq), "io-rl-clf-qp")
+    gains, rise = np.array([0.8, 1.0, 1.1, 0.9]), np.radians(3)
+    known = TruePlant(URDF_PATH.read_text(), motor_gains=tuple(gains), coulomb=5.0, slope=3.0)
+    oracle = OraclePolicy(known, io=True).estimate(terms, NONE)
+    plant = NominalModel()
+    plant.model.gravity.linear = 9.81 * np.array([-np.sin(rise), 0, -np.cos(rise)])
+    plant.update(q, dq)
+    mu = np.array([10.0, -20.0, 30.0, 5.0])
+    u = terms.precontrol(mu + oracle.alpha @ mu + oracle.beta)
+    acceleration = plant.pinned().acceleration(gains * u - 5.0 * np.sign(dq[3:]))
+    assert terms.scene.outputs.jacobian @ acceleration + terms.scene.outputs.bias == pytest.approx(mu, abs=1e-7)
+
+
 def test_no_error_when_the_plant_is_nominal(state):
-    oracle = OraclePolicy(URDF_PATH.read_text()).estimate(tick(state), NONE)
+    oracle = OraclePolicy(TruePlant(URDF_PATH.read_text())).estimate(tick(state), NONE)
     assert oracle.alpha == pytest.approx(0, abs=1e-9)
     assert oracle.beta == pytest.approx(0, abs=1e-9)

@@ -13,7 +13,7 @@ from rabbit_description import URDF_PATH
 from rabbit_description.gait import DEFAULT_GAIT, load_gait
 from rabbit_description.state import RobotState, StonePreview
 from rl_cbf_clf_controller.controller import Controller
-from rl_cbf_clf_controller.oracle import OraclePolicy
+from rl_cbf_clf_controller.oracle import OraclePolicy, TruePlant
 from rl_cbf_clf_controller.parameters import load_parameters
 from rl_cbf_clf_controller.policy import ZeroPolicy
 from rl_cbf_clf_controller.worst_case import WorstCase
@@ -58,7 +58,7 @@ def violations(controller, terms, mu, estimates=None):
 def test_rows_of_a_scale_range_imply_the_true_rows_of_every_scale_in_it(state, mu, where, low, width):
     robust = make(robust_scale_min=low, robust_scale_max=low + width)
     terms = tick(robust, state)
-    true = OraclePolicy(scaled_urdf(low + where * width)).estimate(terms, NONE)
+    true = OraclePolicy(TruePlant(scaled_urdf(low + where * width))).estimate(terms, NONE)
     parameters = load_parameters("ours", controller="rl-cbf-clf-qp")
     at_truth = violations(Controller(parameters, GAIT, ZeroPolicy(parameters.problem)), terms, mu, true)
     kept = (violations(robust, terms, mu) <= -1e-6).all(axis=0)
@@ -72,7 +72,7 @@ def test_the_truth_is_no_worse_than_the_worse_corner(state, mu, where):
     low, high = 0.7, 2.5
     robust = make(robust_scale_min=low, robust_scale_max=high)
     terms = tick(robust, state)
-    true = OraclePolicy(scaled_urdf(low + where * (high - low))).estimate(terms, NONE).error(mu)
+    true = OraclePolicy(TruePlant(scaled_urdf(low + where * (high - low)))).estimate(terms, NONE).error(mu)
     corners = np.array([error(mu) for error in WorstCase(robust.parameters).corners(terms)])
     scale = 1e-7 * (1 + np.abs(corners).max())
     assert (BOUNDED_ABOVE * true[:3] <= (BOUNDED_ABOVE * corners[:, :3]).max(axis=0) + scale).all()
@@ -85,7 +85,7 @@ def test_the_corners_are_the_models_at_the_ends(state, mu):
     robust = make(robust_scale_min=0.5, robust_scale_max=3.0)
     terms = tick(robust, state)
     for scale, error in zip((0.5, 3.0), WorstCase(robust.parameters).corners(terms), strict=True):
-        true = OraclePolicy(scaled_urdf(scale)).estimate(terms, NONE).error(mu)
+        true = OraclePolicy(TruePlant(scaled_urdf(scale))).estimate(terms, NONE).error(mu)
         assert error(mu) == pytest.approx(true, rel=1e-6, abs=1e-6 * (1 + np.abs(true).max()))
 
 
