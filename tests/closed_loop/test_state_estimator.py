@@ -21,7 +21,7 @@ def test_the_filter_knows_how_far_off_it_is(plant, scale):
     plant = SimulationParameters(sensors="lab", plant=plant, mass_scale=scale, motor_lag=0.004, stones=8)
     found = summarise([estimated_walk(Assembly(plant, CONTROLLER, "zero"), seed) for seed in (1, 2)])
     assert found["outcomes"] == {"walked": 2}
-    assert found["nees"] < 2
-    assert 0.4 < found["nis"] < 1.5
+    assert 0.4 < found["nees"] < 1.6  # of two walks, each with sensors' errors that stay as they are
+    assert 0.5 < found["nis"] < 1.2
     for name, error in found["rms"].items():
-        assert error < 3 * found["claimed"][name]
+        assert error < 2 * found["claimed"][name]

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from pydantic import BaseModel
 from rabbit_description.state import TICK_SECONDS, BodySensors, Leg, RobotState, orientation_of
-from rabbit_estimator.contact_aided_filter import ContactAidedFilter, EstimatorError
-from rabbit_estimator.leg_kinematics import foothold
+from rabbit_estimator.contact_aided_filter import COMPLIANCE, ContactAidedFilter, EstimatorError
+from rabbit_estimator.leg_kinematics import foothold, foothold_jacobian
 from rabbit_estimator.parameters import EstimatorParameters
+from scipy.stats import chi2
 
 G = 9.81
 PITCH, JOINTS = 0.1, np.array([-0.3, 0.4, 0.2, 0.7])
@@ -57,6 +58,81 @@ def test_a_foot_on_the_ground_says_more_than_none():
             assert np.linalg.eigvalsh(estimator.covariance).min() > -1e-9  # rounding
         spreads.append(np.sqrt(estimator.angles_and_rates_covariance()[5, 5]))
     assert spreads[0] < spreads[1]
+
+
+@pytest.mark.parametrize("compliance", [1e-6, 1e-5])
+def test_it_finds_how_far_the_ground_gives(compliance):
+    """A robot with stiff joints rides on its foot: a spring and a damper, under a load that comes and goes."""
+    parameters = EstimatorParameters()
+    estimator = ContactAidedFilter(parameters)
+    estimator.update(state(0))
+    parts, sunk, speed = 100, 0.0, 0.0
+    for tick in range(1, 201):
+        last = speed
+        loads = 300 + 200 * np.sin(0.3 * (tick - 1 + np.arange(parts) / parts))
+        for load in loads:
+            speed = -(compliance * load - sunk) / parameters.sinking_time
+            sunk -= speed * TICK_SECONDS / parts
+        up = G + (speed - last) / TICK_SECONDS
+        push = up * np.array([-np.sin(PITCH), np.cos(PITCH)])
+        force = np.array([[0, loads.mean()], [0, 0]])
+        estimate = estimator.update(replace(state(tick, specific_force=push), foot_force=force))
+    found, error = estimator.mean[COMPLIANCE], np.sqrt(estimator.covariance[COMPLIANCE, COMPLIANCE])
+    assert error < 0.1 * parameters.compliance_error
+    assert found == pytest.approx(compliance, rel=0.05, abs=3 * error)
+    assert estimate.dq[1] == pytest.approx(speed, abs=3e-3)
+
+
+def test_in_free_flight_the_normalised_error_is_that_of_a_consistent_filter():
+    """The truth is drawn from the filter's own model: the mean NEES over n walks is chi-square(12 n) / n.
+
+    The takeoff, tick 1, is a shock to the filter and none in truth.
+    """
+    walks, ticks = 60, 15
+    nees = np.array([flight(np.random.default_rng(seed), ticks) for seed in range(walks)])
+    low, high = (chi2.ppf(share, 12 * walks) / walks for share in (0.0005, 0.9995))
+    means = np.delete(nees.mean(axis=0), 1)
+    assert (means > low).all()
+    assert (means < high).all()
+
+
+def flight(rng, ticks):
+    """NEES of each tick: the left foot stood at tick 0, then the robot falls as its joints wander."""
+    p = EstimatorParameters()
+    estimator = ContactAidedFilter(p)
+    offset = p.encoder_offset * rng.standard_normal(4) + p.bend * rng.standard_normal() * np.array([1, 0, 1, 0])
+    bias, attitude_error = p.gyro_bias * rng.standard_normal(), p.attitude_error * rng.standard_normal()
+    accelerometer_bias = p.accelerometer_bias * rng.standard_normal(2)
+    joints, rates = JOINTS.copy(), rng.standard_normal(4)
+    accelerations = p.first_acceleration * rng.standard_normal(4)
+    speed = -foothold_jacobian(PITCH, joints, Leg.LEFT, p.foot_radius)[:, 1:] @ rates
+    speed += p.first_speed * rng.standard_normal(2)
+    found = []
+    parts = 50
+    for tick in range(ticks):
+        if tick:
+            for _ in range(parts):
+                step = TICK_SECONDS / parts
+                joints = joints + rates * step + accelerations * step**2 / 2
+                rates = rates + accelerations * step
+                accelerations = accelerations + p.jerk * np.sqrt(step) * rng.standard_normal(4)
+            speed = speed + np.array([0, -G]) * TICK_SECONDS
+            attitude_error += TICK_SECONDS * (bias + p.gyro_noise * rng.standard_normal())
+        before = joints - p.rate_window * rates + p.rate_window**2 / 2 * accelerations * (tick > 0)
+        step = p.encoder_resolution
+        angle, earlier = (step * np.round((at + offset) / step) for at in (joints, before))
+        sensors = BodySensors(
+            angle,
+            (angle - earlier) / p.rate_window,
+            orientation_of(PITCH + attitude_error),
+            bias + p.gyro_noise * rng.standard_normal(),
+            accelerometer_bias + p.accelerometer_noise * rng.standard_normal(2) if tick else np.full(2, np.nan),
+        )
+        estimate = estimator.update(replace(state(tick, NEITHER if tick else LEFT), sensors=sensors))
+        truth = np.concatenate([[PITCH], joints, speed, [0], rates])
+        error = np.concatenate([estimate.q[2:], estimate.dq]) - truth
+        found.append(error @ np.linalg.solve(estimator.angles_and_rates_covariance(), error))
+    return found
 
 
 def test_a_reset_forgets_the_last_episode():

@@ -6,7 +6,8 @@ covariance that the filter claims, nu its innovation of m numbers with the covar
     NEES = e' P^-1 e / n        NIS = nu' S^-1 nu / m
 
 A consistent filter has a mean of 1 in both. The mean NEES over N independent walks, at one tick, then lies in the
-95% interval of chi-square(nN) / (nN). Above 1 the filter is too sure, below 1 it could be surer.
+95% interval of chi-square(nN) / (nN), and the mean of nu' S^-1 nu likewise with the sum of the walks' m. Above 1 the
+filter is too sure, below 1 it could be surer.
 Bar-Shalom, Li, Kirubarajan, "Estimation with applications to tracking and navigation" (2001), section 5.4.
 """
 
@@ -27,18 +28,27 @@ from rabbit_experiments.assembly import Assembly, make_estimator
 from rabbit_experiments.evaluation import episode
 
 NAMES = ("pitch", *["joint angles"] * 4, *["hip velocity"] * 2, "pitch rate", *["joint rates"] * 4)
+AFTER = 10  # ticks from a touchdown, in which impacts and their echoes are
 UNITS = {"pitch": "rad", "joint angles": "rad", "hip velocity": "m/s", "pitch rate": "rad/s", "joint rates": "rad/s"}
+GROUPS = {name: [i for i, each in enumerate(NAMES) if each == name] for name in UNITS}
 
 
 @dataclass(frozen=True)
 class EstimatedWalk:
-    """A walk of T ticks: errors and claimed standard deviations (T, 12); NEES and NIS (T,); how it ended."""
+    """A walk of T ticks: errors and claimed standard deviations (T, 12); how it ended.
 
+    `nees` (T,), and `parts` (T, 5), that of each group of `UNITS` alone; `nis` (T,) and its m, `measured` (T,), which
+    is 0 at tick 0; `since` (T,): ticks since the last touchdown, or the start.
+    """
+
+    outcome: str
     errors: Array
     stds: Array
     nees: Array
+    parts: Array
     nis: Array
-    outcome: str
+    measured: Array
+    since: Array
 
 
 def estimated_walk(assembly: Assembly, seed: int) -> EstimatedWalk:
@@ -47,8 +57,7 @@ def estimated_walk(assembly: Assembly, seed: int) -> EstimatedWalk:
     simulation = watched.simulation = Simulation(assembly.simulation, gait, watched.update)
     with closing(simulation):
         episode(simulation, Controller(assembly.controller, gait, assembly.make_policy()), seed)
-        errors, stds, nees, nis = (np.array(each) for each in zip(*watched.ticks, strict=True))
-        return EstimatedWalk(errors, stds, nees, nis, simulation.outcome.value)
+        return EstimatedWalk(simulation.outcome.value, *map(np.array, zip(*watched.ticks, strict=True)))
 
 
 class Watched:
@@ -58,16 +67,22 @@ class Watched:
 
     def __init__(self, estimator: ContactAidedFilter) -> None:
         self._filter = estimator
-        self.ticks: list[tuple[Array, Array, float, float]] = []
+        self.ticks: list[tuple[Array, Array, float, list[float], float, int, int]] = []
+        self._landed = (0, 0)  # touchdowns, and the tick of the last one
 
     def update(self, state: RobotState) -> RobotState:
         """The filter's answer."""
         estimated, true = self._filter.update(state), self.simulation.reading
         covariance, innovation = self._filter.angles_and_rates_covariance(), self._filter.innovation
         error = np.concatenate([estimated.q[2:] - true.q[2:], estimated.dq - true.dq])
-        nees = float(error @ np.linalg.solve(covariance, error)) / len(error)
-        nis = innovation.nis / len(innovation.value) if innovation else np.nan
-        self.ticks.append((error, np.sqrt(np.diag(covariance)), nees, nis))
+        parts = [normalised(error[group], covariance[np.ix_(group, group)]) for group in GROUPS.values()]
+        measured = len(innovation.value) if innovation else 0
+        nis = innovation.nis / measured if innovation else 0.0
+        if state.touchdowns != self._landed[0]:
+            self._landed = (state.touchdowns, state.tick)
+        since = state.tick - self._landed[1]
+        std = np.sqrt(np.diag(covariance))
+        self.ticks.append((error, std, normalised(error, covariance), parts, nis, measured, since))
         return estimated
 
 
@@ -75,28 +90,45 @@ def summarise(walks: Iterable[EstimatedWalk]) -> dict[str, Any]:
     """Errors and consistency over all walks.
 
     Returns:
-        `walks`, `ticks`; `rms` and `claimed` of each group of numbers; `nees`, `nis`: means; `bounds`: of the mean NEES
-        over the walks at one tick; `within`, `above`: the share of ticks in which it is in them, and above them.
+        `walks`, `ticks`, `outcomes`; `rms`, `claimed` and `nees_of` each group of numbers; `nees`, `nis`: means;
+        `nees_after_touchdown`: in the ticks after one; `bounds`: of the mean NEES over the walks at one tick; `within`,
+        `above`: the share of ticks in which it is in them, and above them; `nis_within`, `nis_above`: of the NIS.
     """
     walks = list(walks)
-    errors, stds = (np.vstack([getattr(walk, name) for walk in walks]) for name in ("errors", "stds"))
-    groups = {name: [i for i, each in enumerate(NAMES) if each == name] for name in UNITS}
+    errors, stds, parts = (np.vstack([getattr(walk, name) for walk in walks]) for name in ("errors", "stds", "parts"))
+    nees, since = (np.concatenate([getattr(walk, name) for walk in walks]) for name in ("nees", "since"))
     shortest = min(len(walk.nees) for walk in walks)
     means = np.mean([walk.nees[:shortest] for walk in walks], axis=0)
-    freedom = len(NAMES) * len(walks)
-    low, high = (float(chi2.ppf(share, freedom) / freedom) for share in (0.025, 0.975))
+    low, high = bounds(len(NAMES) * len(walks))
+    measured = np.sum([walk.measured[1:shortest] for walk in walks], axis=0)
+    surprise = np.sum([(walk.nis * walk.measured)[1:shortest] for walk in walks], axis=0) / measured
+    nis_low, nis_high = bounds(measured)
     return {
         "walks": len(walks),
         "ticks": len(errors),
         "outcomes": {each: sum(walk.outcome == each for walk in walks) for each in {walk.outcome for walk in walks}},
-        "rms": {name: rms(errors[:, columns]) for name, columns in groups.items()},
-        "claimed": {name: rms(stds[:, columns]) for name, columns in groups.items()},
-        "nees": float(np.mean(np.concatenate([walk.nees for walk in walks]))),
-        "nis": float(np.nanmean(np.concatenate([walk.nis for walk in walks]))),
-        "bounds": (low, high),
+        "rms": {name: rms(errors[:, group]) for name, group in GROUPS.items()},
+        "claimed": {name: rms(stds[:, group]) for name, group in GROUPS.items()},
+        "nees_of": dict(zip(GROUPS, parts.mean(axis=0).tolist(), strict=True)),
+        "nees": float(nees.mean()),
+        "nees_after_touchdown": float(nees[since < AFTER].mean()),
+        "nis": float(np.mean(np.concatenate([walk.nis[1:] for walk in walks]))),
+        "bounds": (float(low), float(high)),
         "within": float(np.mean((means >= low) & (means <= high))),
         "above": float(np.mean(means > high)),
+        "nis_within": float(np.mean((surprise >= nis_low) & (surprise <= nis_high))),
+        "nis_above": float(np.mean(surprise > nis_high)),
     }
+
+
+def normalised(error: Array, covariance: Array) -> float:
+    """e' P^-1 e over the number of numbers."""
+    return float(error @ np.linalg.solve(covariance, error)) / len(error)
+
+
+def bounds(freedom: Any) -> tuple[Any, Any]:
+    """95% interval of the mean of so many squared standard normal numbers, a number or an array of them."""
+    return tuple(chi2.ppf(share, freedom) / freedom for share in (0.025, 0.975))
 
 
 def rms(values: Array) -> float:

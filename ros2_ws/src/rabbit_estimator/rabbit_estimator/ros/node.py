@@ -41,7 +41,7 @@ LONG = 0.5  # s that a tick may wait for its sensors
 
 
 class NodeParameters(BaseModel):
-    """What the node is told besides the estimator."""
+    """Parameters of the node besides those of the estimator."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 

@@ -59,17 +59,21 @@ def show(found: dict[str, Any]) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from rabbit_experiments.estimation_errors import UNITS
+    from rabbit_experiments.estimation_errors import AFTER, UNITS
 
     outcomes = ", ".join(f"{count} {name}" for name, count in sorted(found["outcomes"].items()))
-    table = Table("", "rms error", "claimed", title=f"{found['walks']} walks, {found['ticks']} ticks: {outcomes}")
+    title = f"{found['walks']} walks, {found['ticks']} ticks: {outcomes}"
+    table = Table("", "rms error", "claimed", "NEES", title=title)
     for name, unit in UNITS.items():
-        table.add_row(f"{name} ({unit})", f"{found['rms'][name]:.4f}", f"{found['claimed'][name]:.4f}")
+        figures = f"{found['rms'][name]:.4f}", f"{found['claimed'][name]:.4f}", f"{found['nees_of'][name]:.2f}"
+        table.add_row(f"{name} ({unit})", *figures)
     low, high = found["bounds"]
     Console().print(table)
     print(f"NEES {found['nees']:.2f}, NIS {found['nis']:.2f}; 1: consistent, above: too sure")
-    print(f"mean NEES of the walks within {low:.2f} to {high:.2f} in {found['within']:.0%} of the ticks, ", end="")
-    print(f"above in {found['above']:.0%}")
+    print(f"NEES in the {AFTER} ticks after a touchdown {found['nees_after_touchdown']:.2f}")
+    print("share of the ticks in which the mean over the walks is within its 95% bounds, and above them:")
+    print(f"NEES ({low:.2f} to {high:.2f}) {found['within']:.0%}, {found['above']:.0%}")
+    print(f"NIS {found['nis_within']:.0%}, {found['nis_above']:.0%}")
 
 
 def draw(walk: Any, path: Path) -> None:
