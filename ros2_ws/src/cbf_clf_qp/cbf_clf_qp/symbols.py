@@ -112,6 +112,14 @@ def cholesky(matrix: Array) -> Array:
     return np.linalg.cholesky(matrix, upper=True)
 
 
+def solve(matrix: Array, right: Array) -> Array:
+    """`matrix`^-1 `right` (m, n) of a symmetric, positive definite matrix (m, m)."""
+    if is_symbolic(matrix):
+        D, LT, order = ca.ldl(to_casadi(matrix), False)
+        return from_casadi(ca.ldl_solve(to_casadi(right), D, LT, order), right.shape)
+    return np.linalg.solve(matrix, right)
+
+
 def call_of_symbols(name: str, library: str, row: Array) -> Array:
     """What the compiled function of this name, which CasADi has generated, makes of a `row` of symbols."""
     results = _compiled(name, library)(to_casadi(row))

@@ -6,7 +6,6 @@
 Which leg stands, exploration and what is kept from tick to tick are here; what a controller constrains is its recipe.
 """
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
@@ -26,7 +25,7 @@ from rl_cbf_clf_controller.nominal_terms import NominalTerms
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import Policy
 from rl_cbf_clf_controller.recipes import make_clf, make_recipe
-from rl_cbf_clf_controller.scene import ControllerError, Scene
+from rl_cbf_clf_controller.scene import ControllerError, Scene, is_finite
 from rl_cbf_clf_controller.step_outputs import make_steps
 
 NO_BARRIERS = np.full(2, np.nan)
@@ -286,11 +285,6 @@ class Details:
     def _of_barriers(self, name: str) -> Array:
         barriers = self.terms.scene.barriers
         return NO_BARRIERS if barriers is None else getattr(barriers, name)
-
-
-def is_finite(values: Array) -> bool:
-    """Whether all of a few numbers are, and their sum; numpy's own way takes ten times as long."""
-    return math.isfinite(sum(values.tolist()))
 
 
 @lru_cache(maxsize=64)

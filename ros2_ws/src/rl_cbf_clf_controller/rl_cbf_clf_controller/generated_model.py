@@ -134,36 +134,31 @@ def leg_lengths(model: pin.Model) -> Array:
     for side, foot in zip(("left", "right"), FEET, strict=True):
         points += [model.jointPlacements[model.getJointId(f"{side}_{name}")] for name in ("hip", "knee")]
         points.append(model.frames[model.getFrameId(foot)].placement)
-    return np.concatenate([point.translation[PLANE] for point in points])
+    return read_only(np.concatenate([point.translation[PLANE] for point in points]))
 
 
+@dataclass(frozen=True)
 class GeneratedMotionTerms:
-    """`MotionTerms` of a robot with RABBIT's joints."""
+    """`MotionTerms` of a robot with RABBIT's joints and such `legs` (12,), see `leg_lengths`; also in a trace."""
 
-    def __init__(self, library: ctypes.CDLL, model: pin.Model) -> None:
-        self._function = GeneratedFunction(library, REGRESSOR)
-        self._function.arguments[self._function.argument_slices["legs"]] = leg_lengths(model)
+    legs: Array
 
     def __call__(self, q: Array, dq: Array, ddq: Array, theta: Array) -> tuple[Array, Array, Array]:
         """Y (7, 12), M (7, 7) of the links theta (12,), and the feet's Jacobians (2, 2, 7), stance and swing."""
-        arguments = self._function.arguments
-        arguments[:7], arguments[7:14], arguments[14:21], arguments[21:33] = q, dq, ddq, theta
-        found = self._function()
+        found = generated(REGRESSOR, q, dq, ddq, theta, self.legs)
         # as in layout.FUNCTIONS[REGRESSOR]; a test compares
         return found[:84].reshape(7, 12), found[84:133].reshape(7, 7), found[133:].reshape(2, 2, 7)
 
 
+@dataclass(frozen=True)
 class GeneratedFootVelocity:
-    """`FootVelocity` of a robot with RABBIT's joints."""
+    """`FootVelocity` of a robot with RABBIT's joints and such `legs` (12,), see `leg_lengths`; also in a trace."""
 
-    def __init__(self, library: ctypes.CDLL, model: pin.Model) -> None:
-        self._function = GeneratedFunction(library, FOOT_VELOCITY)
-        self._function.arguments[self._function.argument_slices["legs"]] = leg_lengths(model)
+    legs: Array
 
     def __call__(self, q_s: Array, dq_s: Array) -> tuple[Array, Array]:
         """Velocity (2,), m/s, and its slope (2, 2) over the stance leg's hip and knee angle."""
-        self._function.arguments[:7], self._function.arguments[7:14] = q_s, dq_s
-        found = self._function()
+        found = generated(FOOT_VELOCITY, q_s, dq_s, self.legs)
         return found[:2], found[2:].reshape(2, 2)
 
 
@@ -174,14 +169,12 @@ def library_for(model: pin.Model) -> ctypes.CDLL | None:
 
 def make_motion_terms(model: pin.Model) -> GeneratedMotionTerms | links.MotionTerms:
     """What the identification takes from a model."""
-    library = library_for(model)
-    return GeneratedMotionTerms(library, model) if library else links.MotionTerms(model)
+    return GeneratedMotionTerms(leg_lengths(model)) if library_for(model) else links.MotionTerms(model)
 
 
 def make_foot_velocity(model: pin.Model) -> GeneratedFootVelocity | FootVelocity:
     """The stance foot's velocity and its slope."""
-    library = library_for(model)
-    return GeneratedFootVelocity(library, model) if library else FootVelocity(model)
+    return GeneratedFootVelocity(leg_lengths(model)) if library_for(model) else FootVelocity(model)
 
 
 def make_model(

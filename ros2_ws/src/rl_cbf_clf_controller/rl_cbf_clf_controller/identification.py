@@ -20,13 +20,16 @@ and, much less, any change of any link. M_jj is that of the last x. d, kappa, th
 measured in newtons and not in torques.
 """
 
+from typing import Any
+
 import numpy as np
 import pinocchio as pin
+from cbf_clf_qp.tracing import Traced
 from rabbit_description.state import TICK_SECONDS, Array
 
 from rl_cbf_clf_controller import link_parameters as links
 from rl_cbf_clf_controller.generated_model import make_motion_terms
-from rl_cbf_clf_controller.least_squares import LeastSquares
+from rl_cbf_clf_controller.least_squares import LeastSquares, updated
 from rl_cbf_clf_controller.nominal_model import ACTUATED, INPUT_MAP
 
 IDENTIFIED = (
@@ -50,6 +53,11 @@ GAIN_SPREAD = 0.1
 LATE_SPREAD = 0.3
 WALK = 1e-6  # of the first covariance, gained each tick
 
+NOISE = np.diag([FORCE_NOISE**2] * 2 + [MOMENT_NOISE**2] * 5)
+SHARE = float(1 - np.exp(-TICK_SECONDS / FILTER_TIME))
+RATE_VARIANCE = 2 * (RATE_NOISE * SHARE / TICK_SECONDS) ** 2 / (2 - SHARE)  # of a low-passed difference of white noise
+NOTHING_FILTERED = np.zeros((7, SIZE)), np.zeros(7)
+
 
 class Identification:
     """`value` (15,), as in `IDENTIFIED`, of a robot with the kinematics of `model`; starts from its inertias.
@@ -61,10 +69,10 @@ class Identification:
         self._motion_terms = make_motion_terms(model)
         self._start = np.concatenate([links.read_links(model), [0.0, 1.0, 0.0]])
         self._prior = prior_covariance(self._start[THETA])
-        self._noise = np.diag([FORCE_NOISE**2] * 2 + [MOMENT_NOISE**2] * (model.nv - 2))
-        self._share = 1 - np.exp(-TICK_SECONDS / FILTER_TIME)
-        # variance of a low-passed difference of white noise
-        self._rate_variance = 2 * (RATE_NOISE * self._share / TICK_SECONDS) ** 2 / (2 - self._share)
+        self._learned = traced_identification.twin()
+        self.reset()
+        at_rest = np.zeros(model.nq), np.zeros(model.nv)
+        self.learn(at_rest, at_rest, (np.zeros(4), np.zeros(4)), np.zeros((2, 2)))  # traced now, not in a tick
         self.reset()
 
     def reset(self) -> None:
@@ -75,7 +83,7 @@ class Identification:
 
     def interrupt(self) -> None:
         """The next tick does not follow the last one that was learned from."""
-        self._filtered: tuple[Array, Array] | None = None
+        self._filtered, self._share = NOTHING_FILTERED, 1.0
 
     def learn(
         self, start: tuple[Array, Array], end: tuple[Array, Array], torques: tuple[Array, Array], force: Array
@@ -84,28 +92,54 @@ class Identification:
 
         All in stance/swing order; `force` has rows stance, swing and columns tangential, normal, N.
         """
-        regressor, measured, mass = self.equation(start, end, torques, force)
-        if self._filtered:
-            before, share = self._filtered, self._share
-            regressor, measured = (
-                before[0] + share * (regressor - before[0]),
-                before[1] + share * (measured - before[1]),
-            )
-        self._filtered = regressor, measured
-        self._fit.update(regressor, measured, self._noise + self._rate_variance * mass @ mass)
-        if links.is_physical(self._fit.value[THETA]) and self._fit.value[MOTOR_GAIN] > 0:
-            self.value = self._fit.value
+        fit, of_tick = self._fit, (start, end, torques, force)
+        of_fit = fit.value, fit.covariance, fit.walk
+        value, covariance, *filtered = self._learned(
+            self._motion_terms, self.value[THETA], *of_fit, *of_tick, self._filtered, self._share
+        )
+        self._filtered, self._share = (filtered[0], filtered[1]), SHARE
+        fit.take(value, covariance)
+        if links.is_physical(fit.value[THETA]) and fit.value[MOTOR_GAIN] > 0:
+            self.value = fit.value
 
-    def equation(
-        self, start: tuple[Array, Array], end: tuple[Array, Array], torques: tuple[Array, Array], force: Array
-    ) -> tuple[Array, Array, Array]:
-        """Regressor (7, 15), measured side (7,) and mass matrix (7, 7) of one tick; arguments as of `learn`."""
-        q, dq, ddq = (start[0] + end[0]) / 2, (start[1] + end[1]) / 2, (end[1] - start[1]) / TICK_SECONDS
-        moved, mass, jacobians = self._motion_terms(q, dq, ddq, self.value[THETA])
-        before, now = torques
-        own = [ACTUATED * mass.diagonal() * dq, -INPUT_MAP @ now, -INPUT_MAP @ (before - now)]
-        regressor = np.column_stack([moved, *own])
-        return regressor, sum(J.T @ F for J, F in zip(jacobians, force, strict=True)), mass
+
+@Traced
+def traced_identification(
+    motion_terms: Any,
+    theta: Array,
+    value: Array,
+    covariance: Array,
+    walk: Array,
+    start: tuple[Array, Array],
+    end: tuple[Array, Array],
+    torques: tuple[Array, Array],
+    force: Array,
+    filtered: tuple[Array, Array],
+    share: float,
+) -> list[Array]:
+    """x and its covariance a tick later, then the filtered regressor and measured side."""
+    regressor, measured, mass = equation(motion_terms, theta, start, end, torques, force)
+    regressor = filtered[0] + share * (regressor - filtered[0])
+    measured = filtered[1] + share * (measured - filtered[1])
+    noise = NOISE + RATE_VARIANCE * mass @ mass
+    return [*updated(value, covariance, walk, regressor, measured, noise), regressor, measured]
+
+
+def equation(
+    motion_terms: Any,
+    theta: Array,
+    start: tuple[Array, Array],
+    end: tuple[Array, Array],
+    torques: tuple[Array, Array],
+    force: Array,
+) -> tuple[Array, Array, Array]:
+    """Regressor (7, 15), measured side (7,) and mass matrix (7, 7) of one tick, the links being theta (12,)."""
+    q, dq, ddq = (start[0] + end[0]) / 2, (start[1] + end[1]) / 2, (end[1] - start[1]) / TICK_SECONDS
+    moved, mass, jacobians = motion_terms(q, dq, ddq, theta)
+    before, now = torques
+    own = [ACTUATED * mass.diagonal() * dq, -INPUT_MAP @ now, -INPUT_MAP @ (before - now)]
+    regressor = np.column_stack([moved, *own])
+    return regressor, jacobians[0].T @ force[0] + jacobians[1].T @ force[1], mass
 
 
 def prior_covariance(theta: Array) -> Array:

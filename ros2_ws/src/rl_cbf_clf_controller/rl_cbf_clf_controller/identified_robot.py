@@ -12,7 +12,7 @@ begins with nothing known.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from cbf_clf_qp.estimates import Estimates
@@ -24,7 +24,7 @@ from rl_cbf_clf_controller.generated_model import make_model
 from rl_cbf_clf_controller.identification import DAMPING, IDENTIFIED, MOTOR_GAIN, THETA, Identification
 from rl_cbf_clf_controller.joint_calibration import JointCalibration
 from rl_cbf_clf_controller.pinned_robot import PinnedRobot
-from rl_cbf_clf_controller.scene import Scene
+from rl_cbf_clf_controller.scene import Scene, is_finite
 
 KNOWN = (*IDENTIFIED, "hip_offset", "knee_offset")  # rad
 SETTLING = 2  # ticks on the ground before what is measured counts
@@ -73,7 +73,7 @@ class IdentifiedRobot(Estimator[Scene]):
 
     def corrected(self, state: RobotState) -> RobotState:
         """The state with its angles set right."""
-        return replace(state, q=self._calibration.corrected(state.q))
+        return state.with_q(self._calibration.corrected(state.q))
 
     def estimate(self, terms: Terms[Scene], before: Estimates) -> Estimates:
         """Learn from the tick that ends now; then by how much the robot found differs from the nominal one."""
@@ -95,7 +95,7 @@ class IdentifiedRobot(Estimator[Scene]):
             self._identification.interrupt()
             return
         self._standing += 1
-        if self._standing > SETTLING and np.isfinite(last.torque).all():
+        if self._standing > SETTLING and is_finite(last.torque):
             states, torques = ((last.q_s, last.dq_s), (now.q_s, now.dq_s)), (last.torque, now.torque)
             self._calibration.learn(*states[1])
             self._identification.learn(*states, torques, now.force)
@@ -108,5 +108,5 @@ class IdentifiedRobot(Estimator[Scene]):
 
 def is_pinned(last: int, now: Scene) -> bool:
     """Whether in the tick that ends now, after tick `last`, the stance foot alone stood, and the torque is known."""
-    stance, swing = now.force[:, 1]
-    return bool(last + 1 == now.tick and np.isfinite(now.torque).all() and swing < CONTACT_FORCE <= stance)
+    stance, swing = now.force[:, 1].tolist()
+    return last + 1 == now.tick and is_finite(now.torque) and swing < CONTACT_FORCE <= stance

@@ -13,14 +13,17 @@ need not be level. The foot's rubber gives way as the load comes, which looks li
 along the step; so of the knee little is believed.
 """
 
+from typing import Any
+
 import numpy as np
 import pinocchio as pin
+from cbf_clf_qp.tracing import Traced
 from rabbit_description.state import Array
 
 from rl_cbf_clf_controller.generated_model import make_foot_velocity
-from rl_cbf_clf_controller.least_squares import LeastSquares
+from rl_cbf_clf_controller.least_squares import LeastSquares, updated
 
-OFFSETS = np.array([[0, 0, 0, 1, 0, 1, 0], [0, 0, 0, 0, 1, 0, 1]]).T  # (o_h, o_k) to q
+OFFSETS = np.array([[0.0, 0, 0, 1, 0, 1, 0], [0, 0, 0, 0, 1, 0, 1]]).T  # (o_h, o_k) to q
 OFFSET_SPREAD = np.array([0.05, 0.01])  # rad
 VELOCITY_NOISE = 0.05  # m/s
 SIZE = 2
@@ -31,6 +34,9 @@ class JointCalibration:
 
     def __init__(self, model: pin.Model) -> None:
         self.foot_velocity = make_foot_velocity(model)
+        self._learned = traced_calibration.twin()
+        self.reset()
+        self.learn(np.zeros(model.nq), np.zeros(model.nv))  # traced now, not in the first tick that counts
         self.reset()
 
     @property
@@ -40,12 +46,23 @@ class JointCalibration:
     def reset(self) -> None:
         """Trust the angles again."""
         self._fit = LeastSquares(np.zeros(SIZE), np.diag(OFFSET_SPREAD**2), np.zeros((SIZE, SIZE)))
+        self._shift = np.zeros(len(OFFSETS))
 
     def corrected(self, q: Array) -> Array:
         """q (7,) from measured angles; in either order of the legs."""
-        return q - OFFSETS @ self.value
+        return q - self._shift
 
     def learn(self, q_s: Array, dq_s: Array) -> None:
         """From a corrected state (7,), stance/swing order, in which the stance foot stands."""
-        velocity, slope = self.foot_velocity(q_s, dq_s)
-        self._fit.update(slope, velocity + slope @ self.value, VELOCITY_NOISE**2 * np.eye(2))
+        fit = self._fit
+        fit.take(*self._learned(self.foot_velocity, q_s, dq_s, fit.value, fit.covariance, fit.walk))
+        self._shift = OFFSETS @ fit.value
+
+
+@Traced
+def traced_calibration(
+    foot_velocity: Any, q_s: Array, dq_s: Array, value: Array, covariance: Array, walk: Array
+) -> tuple[Array, Array]:
+    """The offsets and their covariance a tick later."""
+    velocity, slope = foot_velocity(q_s, dq_s)
+    return updated(value, covariance, walk, slope, velocity + slope @ value, VELOCITY_NOISE**2 * np.eye(2))

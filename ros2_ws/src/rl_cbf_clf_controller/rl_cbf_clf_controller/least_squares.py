@@ -14,7 +14,9 @@ What no measurement tells of keeps its value. Sources: Kalman (1960), with what 
 Identification (1999), section 11.
 """
 
-import numpy as np
+import math
+
+from cbf_clf_qp.symbols import solve
 from rabbit_description.state import Array
 
 
@@ -22,18 +24,27 @@ class LeastSquares:
     """`value` (n,), at first `start`, its error's covariance `prior` (n, n) there and `walk` (n, n) more each tick."""
 
     def __init__(self, start: Array, prior: Array, walk: Array) -> None:
-        self.value = start
-        self._covariance = prior
-        self._walk = walk
+        self.value, self.covariance = start, prior
+        self.walk = walk
+        self.walk.flags.writeable = False
 
     def update(self, regressor: Array, measured: Array, noise: Array) -> None:
-        """Take in H (m, n), z (m,) and R (m, m); numbers too large to reckon with are left out."""
-        if not (np.isfinite(regressor).all() and np.isfinite(measured).all()):
-            return
-        covariance = self._covariance + self._walk
-        along = covariance @ regressor.T
-        gain = np.linalg.solve(regressor @ along + noise, along.T).T
-        value = self.value + gain @ (measured - regressor @ self.value)
-        covariance = covariance - gain @ along.T
-        if np.isfinite(value).all() and np.isfinite(covariance).all():
-            self.value, self._covariance = value, (covariance + covariance.T) / 2
+        """Take in H (m, n), z (m,) and R (m, m)."""
+        self.take(*updated(self.value, self.covariance, self.walk, regressor, measured, noise))
+
+    def take(self, value: Array, covariance: Array) -> None:
+        """What `updated` has found, but for numbers too large to reckon with."""
+        if math.isfinite(value.sum()) and math.isfinite(covariance.sum()):
+            self.value, self.covariance = value, covariance
+
+
+def updated(
+    value: Array, covariance: Array, walk: Array, regressor: Array, measured: Array, noise: Array
+) -> tuple[Array, Array]:
+    """x and P a tick later."""
+    covariance = covariance + walk
+    along = covariance @ regressor.T
+    gain = solve(regressor @ along + noise, along.T).T
+    value = value + gain @ (measured - regressor @ value)
+    covariance = covariance - gain @ along.T
+    return value, (covariance + covariance.T) / 2

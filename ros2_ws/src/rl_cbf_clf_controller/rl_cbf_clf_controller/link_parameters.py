@@ -41,8 +41,8 @@ def write_links(model: pin.Model, theta: Array) -> None:
 
 def is_physical(theta: Array) -> bool:
     """Whether every link has a mass and, about its centre of mass, an inertia."""
-    mass, mc_x, mc_z, inertia = theta.reshape(len(JOINTS), len(PLANAR)).T
-    return bool((mass > 0).all() and (inertia * mass > mc_x**2 + mc_z**2).all())
+    links = theta.reshape(len(JOINTS), len(PLANAR)).tolist()
+    return all(mass > 0 and inertia * mass > mc_x**2 + mc_z**2 for mass, mc_x, mc_z, inertia in links)
 
 
 class MotionTerms:

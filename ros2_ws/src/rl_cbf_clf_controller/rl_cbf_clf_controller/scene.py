@@ -1,5 +1,6 @@
 """What the quantities and estimators read of a state: outputs, feet, barriers, sensors. No mass enters here."""
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -35,3 +36,8 @@ class Scene:
     tick: int = 0
     torque: Array = field(default_factory=lambda: np.full(4, np.nan))
     stance: int = 0
+
+
+def is_finite(values: Array) -> bool:
+    """Whether all of a few numbers are, and their sum; numpy's own way takes ten times as long."""
+    return math.isfinite(sum(values.tolist()))

@@ -15,6 +15,7 @@ from rl_cbf_clf_controller.generated_model import (
     GeneratedFootVelocity,
     GeneratedModel,
     GeneratedMotionTerms,
+    leg_lengths,
     make_model,
 )
 from rl_cbf_clf_controller.generated_outputs import GeneratedOutputs
@@ -103,8 +104,8 @@ def test_results_are_not_overwritten_by_the_next_call(library):
 @pytest.mark.parametrize("robot", [NominalModel(), *(odd_robot(seed) for seed in range(2))])
 def test_terms_of_the_identification_are_pinocchios(library, robot):
     rng = np.random.default_rng(5)
-    terms = (GeneratedMotionTerms(library, robot.model), MotionTerms(robot.model))
-    velocities = (GeneratedFootVelocity(library, robot.model), FootVelocity(robot.model))
+    terms = (GeneratedMotionTerms(leg_lengths(robot.model)), MotionTerms(robot.model))
+    velocities = (GeneratedFootVelocity(leg_lengths(robot.model)), FootVelocity(robot.model))
     for q, dq in STATES:
         ddq, theta = rng.uniform(-50, 50, 7), read_links(robot.model) * rng.uniform(0.5, 2, 12)
         found, expected = (dict(zip("YMJ", each(q, dq, ddq, theta), strict=True)) for each in terms)
@@ -116,7 +117,7 @@ def test_terms_of_the_identification_are_pinocchios(library, robot):
 def test_the_regressor_says_the_same_as_the_pinned_dynamics(library):
     """Y theta = B u + J' F at the acceleration and the force that the pinned model gives for u."""
     robot = GeneratedModel(library, NominalModel().model)
-    regressor, u = GeneratedMotionTerms(library, robot.model), np.array([10.0, -20.0, 5.0, 30.0])
+    regressor, u = GeneratedMotionTerms(leg_lengths(robot.model)), np.array([10.0, -20.0, 5.0, 30.0])
     theta = read_links(robot.model)
     for q, dq in STATES[:50]:
         robot.update(q, dq)
