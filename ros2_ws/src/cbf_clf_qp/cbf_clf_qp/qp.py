@@ -65,19 +65,25 @@ class Layout:
 class QuadraticProgram:
     """min x'x + q'x subject to `lower <= A x <= upper`, over x = (root mu, scaled slacks), shape (n,).
 
-    No bound is beyond `UNBOUNDED`. `entries`: those of `A` that may be non-zero, in the layout's `order`. `checks`
-    (2,): 1 where the data are finite and no row's bounds are out of order or out of reach; 1 where x = -q/2, the
-    minimum without rows, meets them all; else 0. mu = `unroot` times the first variables, or these themselves.
+    No bound is beyond `UNBOUNDED`. `entries`: those of A that may be non-zero, in the layout's `order`. `checks` (2,):
+    1 where the data are finite and no row's bounds are out of order or out of reach; 1 where x = -q/2, the minimum
+    without rows, meets them all; else 0. mu = `unroot` times the first variables, or these themselves.
     """
 
     q: Array
-    A: Array
     lower: Array
     upper: Array
     entries: Array
     checks: Array
     layout: Layout
     unroot: Array | None = None
+
+    @property
+    def A(self) -> Array:
+        """The rows (k, n)."""
+        dense = np.zeros(self.layout.A.size, self.entries.dtype)
+        dense[self.layout.order] = self.entries
+        return dense.reshape(self.layout.A.shape)
 
     @property
     def free(self) -> Array:
@@ -144,4 +150,4 @@ def build_qp(rows: Sequence[Rows], objective: Objective | None = None) -> Quadra
     is_free = all_at_most(lower, value) * all_at_most(value, upper)
     checks = np.array([in_order * in_reach * is_finite, is_free])
     lower, upper = at_least(lower, -UNBOUNDED), -at_least(-upper, -UNBOUNDED)
-    return QuadraticProgram(q, A, lower, upper, A.ravel()[layout.order], checks, layout, unroot)
+    return QuadraticProgram(q, lower, upper, A.ravel()[layout.order], checks, layout, unroot)

@@ -116,7 +116,10 @@ class OsqpSolver:
 
 
 class DaqpSolver:
-    """DAQP, a dual active-set solver: exact, small and dense; the peer of the tests and the guard of OSQP."""
+    """DAQP, a dual active-set solver: exact, small and dense; the peer of the tests and the guard of OSQP.
+
+    Set up once for a layout and updated at every tick; `sense` 0 at each forgets the last active set.
+    """
 
     name = "daqp"
 
@@ -126,18 +129,27 @@ class DaqpSolver:
     def reset(self) -> None:
         """The next programme is of a new layout."""
         self._layout: Layout | None = None
+        self._model, self._sense = daqp.Model(), np.zeros(0, dtype=np.int32)
 
     def solve(self, qp: QuadraticProgram, read: Reading = residual_of) -> Solution:
-        """Solve from scratch."""
+        """Solve. If the programme has another layout than the last one, set the solver up first."""
         start = time.perf_counter()
-        if qp.layout is not self._layout:
-            self._layout, self._hessian = qp.layout, 2 * np.eye(qp.q.size)
-            self._sense = np.zeros(len(qp.upper), dtype=np.int32)
-        x, _, flag, info = daqp.solve(self._hessian, qp.q, qp.A, qp.upper, qp.lower, self._sense)
-        found = read(qp, x, info["lam"])
+        x, flag, y = self.answer(qp.q, qp.A, qp.upper, qp.lower, qp.layout)
+        found = read(qp, x, y)
         residual = found[0] if flag > 0 else np.inf
         seconds = time.perf_counter() - start
         return Solution(x, residual < TOLERANCE, f"exit {flag}", self.name, residual, seconds, found)
+
+    def answer(self, q: Array, A: Array, upper: Array, lower: Array, layout: Layout) -> tuple[Array, int, Array]:
+        """x, DAQP's exit flag, positive where it has an answer, and the multipliers."""
+        if layout is self._layout:
+            failed = self._model.update(None, q, A, upper, lower, self._sense)
+        else:
+            self._model, self._layout = daqp.Model(), layout
+            self._sense = np.zeros(len(upper), dtype=np.int32)
+            failed, _ = self._model.setup(2 * np.eye(q.size), q, A, upper, lower, self._sense)
+        x, _, flag, info = self._model.solve()
+        return x, failed if failed < 0 else flag, info["lam"]
 
 
 class GuardedSolver:

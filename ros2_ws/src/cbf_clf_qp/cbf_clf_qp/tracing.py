@@ -231,18 +231,17 @@ class _Results:
     def __init__(self, copies: dict[int, tuple[Path, Any]]) -> None:
         self._copies = copies
         self.arrays: list[Array] = []
+        self.numbers: dict[int, tuple[int, slice]] = {}  # of the arrays, by identity, and where in the row they lie
         self._places: dict[int, Places] = {}
         self._size = 0
 
     def whole(self, number: int, value: Any) -> "Maker | _Made":
         """The result of this number: a dataclass with its arrays, or what makes it."""
-        first = len(self.arrays)
         make = self.maker((number,), value)
         if not isinstance(make, _Made):
             return make
-        new = {id(array): first + i for i, array in enumerate(self.arrays[first:])}
-        own = {name: new.get(id(part)) for name, part in _parts(value)}
-        return replace(make, arrays={str(name): i for name, i in own.items() if i is not None})
+        own = {str(name): self.numbers.get(id(part)) for name, part in _parts(value)}
+        return replace(make, arrays={name: found[0] for name, found in own.items() if found})
 
     def maker(self, path: Path, value: Any) -> Maker:
         """Of the part of all results at a path."""
@@ -265,10 +264,13 @@ class _Results:
         return _Made(_made_when_read(kind, parts, self._places.get(path[0], {}) if len(path) == 1 else {}))
 
     def _array(self, path: Path, array: Array) -> Maker:
-        name, end = str(len(self.arrays)), self._size + array.size
-        self._places.setdefault(path[0], {})[path[1:]] = slice(self._size, end)
-        self._size = end
-        self.arrays.append(array)
+        if id(array) not in self.numbers:
+            self.numbers[id(array)] = len(self.arrays), slice(self._size, self._size + array.size)
+            self._size += array.size
+            self.arrays.append(array)
+        number, place = self.numbers[id(array)]
+        self._places.setdefault(path[0], {})[path[1:]] = place
+        name = str(number)
         return lambda call: call[0][name]
 
 

@@ -118,8 +118,6 @@ def walk(assembly: Assembly, seed: int, watch: StopWatch, with_floors: bool = Fa
 def floors_timed(watch: StopWatch) -> Iterator[None]:
     """Meanwhile the generated functions and the solvers' own code are timed where Python calls them."""
 
-    qp_solvers: Any = solvers  # whose import of DAQP is no part of it
-
     def timed_solve(solve: Any) -> Any:
         def solve_and_ask(solver: Any, qp: Any) -> Any:
             solution = solve(solver, qp)
@@ -131,7 +129,7 @@ def floors_timed(watch: StopWatch) -> Iterator[None]:
     with (
         replaced(GeneratedFunction, "__call__", lambda call: lambda function: watch.time(TERMS, call, function)),
         replaced(solvers.OsqpSolver, "solve", timed_solve),
-        replaced(qp_solvers.daqp, "solve", lambda solve: lambda *given: watch.time(SOLVER, solve, *given)),
+        replaced(solvers.DaqpSolver, "answer", lambda answer: lambda *given: watch.time(SOLVER, answer, *given)),
     ):
         yield
 
