@@ -102,6 +102,15 @@ def generate_model_terms() -> None:
         say("build: no generated model terms, pinocchio computes them (log: .setup/model_terms.log)")
 
 
+def compile_traces() -> None:
+    """Compile the traces of the usual controllers' ticks; without them CasADi evaluates them, in twice the time."""
+    environment = {name: value for name, value in os.environ.items() if name in KEPT}
+    python = f"exec {VENV}/bin/python -B -m {CONTROLLER}.compile_traces {MODEL_TERMS}"
+    command = ["bash", "-c", f"source {INSTALL}/setup.bash && {python}"]
+    if logged(command, STATE / "traces.log", environment):
+        say("build: no compiled traces, CasADi evaluates them (log: .setup/traces.log)")
+
+
 def build() -> None:
     """Build unless nothing has changed."""
     key = build_key()
@@ -113,6 +122,7 @@ def build() -> None:
     clear_dangling_links()
     colcon_build()
     generate_model_terms()
+    compile_traces()
     mark_done("workspace", key)
 
 

@@ -2,6 +2,7 @@
 
 from contextlib import closing
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.simulation import Simulation
 from rl_cbf_clf_controller import generated_model, generated_outputs
 from rl_cbf_clf_controller.controller import Controller
+from rl_cbf_clf_controller.generated.traces import compiled_trace
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import ActorPolicy, Policy, ZeroPolicy
 from rl_cbf_clf_controller.weights import policy_path, read
@@ -76,3 +78,27 @@ def test_a_rehearsed_controller_is_traced_and_walks_as_another(name: str) -> Non
     assert len(walked) > 30
     for record in walked:
         assert rehearsed.step(record.state).torque.tolist() == record.output.torque.tolist()
+
+
+def test_compiled_traces_have_the_same_digits(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Those that `make build` has compiled; beside them CasADi's virtual machine."""
+    made: list[bool] = []
+
+    def looked_up(function: Any) -> Any:
+        found = compiled_trace(function)
+        made.append(found is not function)
+        return found
+
+    ticks: list[list[list[float]]] = []
+    for lookup in (looked_up, tracing.as_it_is):
+        monkeypatch.setattr(tracing, "compiled", lookup)
+        controller = make("rl-cbf-clf-qp")
+        controller.rehearse()
+        plant = SimulationParameters(mass_scale=2.0, stones=2)
+        with closing(Simulation(plant, load_gaits(controller.parameters.gait))) as simulation:
+            walked: list[Record] = []
+            rollout(simulation, controller, SEED, walked.append)
+        ticks.append([record.output.torque.tolist() for record in walked])
+    assert len(made) >= 4
+    assert all(made)
+    assert ticks[0] == ticks[1]

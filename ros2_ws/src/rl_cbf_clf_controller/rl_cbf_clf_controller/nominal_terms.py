@@ -4,11 +4,13 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
+from cbf_clf_qp import tracing
 from cbf_clf_qp.io_linearization import precontrol
 from cbf_clf_qp.tick import Quantity, Terms, predicted
 from cbf_clf_qp.tracing import Traced
 from rabbit_description.state import Array, StonePreview
 
+from rl_cbf_clf_controller.generated.traces import compiled_trace
 from rl_cbf_clf_controller.kinds import find_kind
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.pinned_robot import PinnedRobot
@@ -17,6 +19,8 @@ from rl_cbf_clf_controller.scene import Scene
 from rl_cbf_clf_controller.step_outputs import OutputPath
 
 Quantities = tuple[Quantity[Scene], ...]
+
+tracing.compiled = compiled_trace
 
 
 class NominalTerms:

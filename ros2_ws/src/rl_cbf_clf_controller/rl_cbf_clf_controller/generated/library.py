@@ -33,15 +33,18 @@ def load_library() -> ctypes.CDLL | None:
     """The library of the sourced workspace, or None."""
     if os.environ.get("RABBIT_MODEL_TERMS") == "pinocchio":
         return None
-    name = library_name()
-    for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep):
-        path = Path(prefix) / "lib" / PACKAGE / name
-        if prefix and path.is_file():
-            try:
-                return ctypes.CDLL(str(path))
-            except OSError:  # of another machine
-                return None
-    return None
+    path = find_built(library_name())
+    try:
+        return ctypes.CDLL(str(path)) if path else None
+    except OSError:  # of another machine
+        return None
+
+
+def find_built(name: str) -> Path | None:
+    """A file that `make build` has put under the installed package."""
+    prefixes = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
+    paths = (Path(prefix) / "lib" / PACKAGE / name for prefix in prefixes if prefix)
+    return next((path for path in paths if path.is_file()), None)
 
 
 class GeneratedFunction:
