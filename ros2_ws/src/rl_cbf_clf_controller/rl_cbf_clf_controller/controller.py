@@ -162,7 +162,7 @@ class Controller:
             state.foot_force if stance is Leg.LEFT else state.foot_force[::-1],
             state.tick,
             self._step.torque,
-            stance,
+            int(stance),  # a number: a trace would hold for one leg only
             state.preview,
             self._steps.wanted,
         )
