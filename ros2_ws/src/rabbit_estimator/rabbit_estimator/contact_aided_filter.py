@@ -69,6 +69,7 @@ class ContactAidedFilter:
     mean: Array
     covariance: Array
     innovation: Innovation | None
+    _feet: RobotState
 
     def __init__(self, parameters: EstimatorParameters) -> None:
         self.parameters = parameters
@@ -85,7 +86,7 @@ class ContactAidedFilter:
         Raises:
             EstimatorError: no sensors in it, numbers that are not finite, or not the tick after the last one.
         """
-        sensors = state.sensors
+        sensors, p = state.sensors, self.parameters
         if sensors is None:
             raise EstimatorError("state.sensors = None: expected encoders and IMU, as the simulator's sensors lab give")
         check(sensors, state.tick)
@@ -95,20 +96,21 @@ class ContactAidedFilter:
             raise EstimatorError(f"state.tick = {state.tick}: expected {self._tick + 1}, or 0 for a new episode")
         else:
             shock = self._predict(sensors)
-            self._watch_feet(state)
+            self._watch_feet(self._feet if p.sensor_delay else state)  # late readings do not show a landing yet
             self._correct(sensors, shock)
+        self._feet = state
         self._tick, self._attitude, self._pitch_rate = state.tick, sensors.attitude, sensors.pitch_rate
         return replace(state, q=self.q, dq=self.dq)
 
     @property
     def q(self) -> Array:
-        """Estimated coordinates (7,), m, rad."""
+        """Estimated coordinates (7,), m, rad. Those of late readings go on at their rates; accelerations do harm."""
         x = self.mean
-        return np.concatenate([x[P], x[PITCH : PITCH + 1], x[J]])
+        return np.concatenate([x[P], x[PITCH : PITCH + 1], x[J]]) + self.parameters.sensor_delay * self.dq
 
     @property
     def dq(self) -> Array:
-        """Estimated rates (7,), m/s, rad/s."""
+        """Estimated rates (7,) when the sensors were read, m/s, rad/s."""
         x = self.mean
         return np.concatenate([x[V], [self._rate], x[DJ]])
 
@@ -117,7 +119,7 @@ class ContactAidedFilter:
         return float(self._pitch_rate - self.mean[GYRO] - self.mean[GYRO_NOISE])
 
     def angles_and_rates_covariance(self) -> Array:
-        """Of the errors of (pitch, joints, v, pitch rate, joint rates), shape (12, 12)."""
+        """Of the errors of (pitch, joints, v, pitch rate, joint rates) when the sensors were read, shape (12, 12)."""
         select = np.zeros((12, SIZE))
         select[0, PITCH] = 1
         select[1:5, J], select[5:7, V], select[8:, DJ] = np.eye(4), np.eye(2), np.eye(4)
@@ -250,7 +252,7 @@ def turn(pitch: float) -> Array:
 
 
 def constant_transition() -> Array:
-    """Derivative of a tick's x over the last one's, (28, 28), without what depends on x."""
+    """Derivative of x over the last tick's, (28, 28), without what depends on x."""
     f = np.eye(SIZE)
     f[P, V], f[PITCH, GYRO] = DT * np.eye(2), -DT
     f[J, DJ] = f[DJ, DDJ] = DT * np.eye(4)
@@ -277,7 +279,7 @@ def measurement_noise(p: EstimatorParameters) -> Array:
 
 
 def process_noise(p: EstimatorParameters) -> Array:
-    """What a tick adds to the covariance, (28, 28)."""
+    """What a tick without a shock adds to the covariance, (28, 28)."""
     noise = np.zeros((SIZE, SIZE))
     v = (p.accelerometer_noise * DT) ** 2
     noise[V, V], noise[P, P] = v * np.eye(2), v * DT**2 / 3 * np.eye(2)

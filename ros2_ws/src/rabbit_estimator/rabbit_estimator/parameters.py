@@ -17,6 +17,7 @@ class EstimatorParameters(BaseModel):
     rate_window: Positive = Field(0.002, description="over which an encoder's drive takes the rate, s")
     encoder_offset: Positive = Field(1e-3, description="of a joint's constant error, rad")
     bend: float = Field(0.03, ge=0, le=0.3, description="of both legs: foot forward of the hip over the leg's length")
+    sensor_delay: float = Field(0.0, ge=0, le=0.1, description="age of what encoders and IMU say, s")
     gyro_noise: Positive = Field(0.005, description="of the gyro, rad/s")
     gyro_bias: Positive = Field(0.005, description="of its constant error, rad/s")
     accelerometer_noise: Positive = Field(0.1, description="of the accelerometer, m/s^2")

@@ -47,6 +47,17 @@ def test_a_robot_in_free_fall_falls():
     assert fallen == pytest.approx([0, -G * time**2 / 2], abs=1e-9)
 
 
+def test_late_readings_are_taken_for_what_they_are():
+    """Joints that turn steadily are where they are now, not where they were when the encoders were read."""
+    late, rates = 0.008, np.array([0.5, -0.4, 0.3, 0.2])
+    estimator = ContactAidedFilter(EstimatorParameters(sensor_delay=late))
+    for tick in range(100):
+        read = JOINTS + rates * (tick * TICK_SECONDS - late)
+        estimate = estimator.update(state(tick, NEITHER if tick else LEFT, joint_angles=read, joint_rates=rates))
+    assert estimate.q[3:] == pytest.approx(JOINTS + rates * tick * TICK_SECONDS, abs=1e-5)
+    assert estimate.dq[3:] == pytest.approx(rates, abs=1e-3)
+
+
 def test_a_foot_on_the_ground_says_more_than_none():
     """Hip velocity is surer with a foot that stands; the covariance stays one."""
     spreads = []

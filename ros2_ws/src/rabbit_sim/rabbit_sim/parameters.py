@@ -77,6 +77,7 @@ class SimulationParameters(BaseModel):
     accelerometer_noise: Number = Field(0.1, ge=0, le=10, description="std of the accelerometer, m/s^2 (lab)")
     accelerometer_bias: Number = Field(0.05, ge=0, le=10, description="std of its constant error, m/s^2 (lab)")
     attitude_error: Number = Field(0.003, ge=0, le=0.1, description="std of the IMU's first attitude, rad (lab)")
+    sensor_delay: Number = Field(0.0, ge=0, le=0.01, description="age of their readings, whole ms, s (lab)")
     torque_delay: Number = Field(0.0, ge=0, le=0.1, description="dead time of the motors, whole ms, s")
     torque_limit: Number = Field(TORQUE_LIMIT, ge=1e-6, le=10000, description="saturation of each motor, N m")
 
@@ -127,8 +128,9 @@ class SimulationParameters(BaseModel):
         return self
 
     @model_validator(mode="after")
-    def _delay_is_whole_substeps(self) -> "SimulationParameters":
-        steps = self.torque_delay / SUBSTEP_SECONDS
-        if abs(steps - round(steps)) > 1e-6:
-            raise ValueError(f"torque_delay = {self.torque_delay:g}: expected a multiple of {SUBSTEP_SECONDS:g} s")
+    def _delays_are_whole_substeps(self) -> "SimulationParameters":
+        for name in ("torque_delay", "sensor_delay"):
+            steps = getattr(self, name) / SUBSTEP_SECONDS
+            if abs(steps - round(steps)) > 1e-6:
+                raise ValueError(f"{name} = {getattr(self, name):g}: expected a multiple of {SUBSTEP_SECONDS:g} s")
         return self

@@ -3,6 +3,7 @@
 The sensors of a lab: an encoder at each joint, sampled at every substep; its drive fits a line through the last three
 samples and gives the slope as the rate, so a rate is that of a millisecond ago. An IMU in the torso at the hip: gyro,
 the attitude from the vertical that it integrates, and the mean of the accelerometer over the tick, impacts included.
+All of it may arrive late: a tick's readings are then those of `sensor_delay` earlier.
 """
 
 from dataclasses import dataclass
@@ -72,32 +73,37 @@ class LabSensors:
         self._gyro_bias = p.gyro_bias * rng.standard_normal()
         self._accelerometer_bias = p.accelerometer_bias * rng.standard_normal(2)
         self._attitude_error = p.attitude_error * rng.standard_normal()
-        self._last: PlantReading | None = None
+        self._trace: Array | None = None  # states of the last two ticks, a substep apart
 
     def measure(self, reading: PlantReading) -> Measured:
         """See `Sensors`."""
-        p, rng, last = self.parameters, self.rng, self._last
-        path = reading.path
-        if path is None:  # a reset: the joints have moved as they do now
-            back = np.arange(1 - SUBSTEPS, 1)[:, None] * SUBSTEP_SECONDS
-            path = np.hstack([reading.q + back * reading.dq, np.tile(reading.dq, (SUBSTEPS, 1))])
+        p, rng, last, path = self.parameters, self.rng, self._trace, reading.path
+        if path is None:  # a reset
+            path = until(np.concatenate([reading.q, reading.dq]))
+        self._trace = np.vstack([until(path[0])[:-1] if last is None else last[-SUBSTEPS - 1 :], path])
+        end = len(self._trace) - round(p.sensor_delay / SUBSTEP_SECONDS)
+        path = self._trace[end - SUBSTEPS - 1 : end]
         specific_force = np.full(2, np.nan)
         if last is not None:
             self._attitude_error += TICK_SECONDS * (self._gyro_bias + p.gyro_noise * rng.standard_normal())
-            start = np.concatenate([last.q, last.dq])
-            specific_force = mean_specific_force(np.vstack([start, path]), gravity(p.slope))
+            specific_force = mean_specific_force(path, gravity(p.slope))
             specific_force += self._accelerometer_bias + p.accelerometer_noise * rng.standard_normal(2)
         angles = rounded(path[-RATE_SAMPLES:, 3:7] + self._offset, p.encoder_resolution or ENCODER_STEP)
         body = BodySensors(
             joint_angles=angles[-1],
             joint_rates=(angles[-1] - angles[0]) / ((RATE_SAMPLES - 1) * SUBSTEP_SECONDS),
-            orientation=orientation_of(reading.q[2] - radians(p.slope) + self._attitude_error),  # from the vertical
-            pitch_rate=float(reading.dq[2] + self._gyro_bias + p.gyro_noise * rng.standard_normal()),
+            orientation=orientation_of(path[-1, 2] - radians(p.slope) + self._attitude_error),  # from the vertical
+            pitch_rate=float(path[-1, 9] + self._gyro_bias + p.gyro_noise * rng.standard_normal()),
             specific_force=specific_force,
         )
-        self._last = reading
         unknown = np.full(7, np.nan)
         return Measured(unknown, unknown.copy(), noisy_force(reading, p.force_noise, rng), body)
+
+
+def until(state: Array) -> Array:
+    """Path to `state` (14,) of more than a tick, in which all moved as it does in the end, (12, 14)."""
+    back = np.arange(-SUBSTEPS - 1, 1)[:, None] * SUBSTEP_SECONDS
+    return np.hstack([state[:7] + back * state[7:], np.tile(state[7:], (len(back), 1))])
 
 
 def mean_specific_force(path: Array, fall: tuple[float, float]) -> Array:

@@ -64,6 +64,16 @@ def test_a_rate_is_that_of_a_millisecond_ago():
         assert rates == pytest.approx(40.0 * (number * TICK_SECONDS - SUBSTEP_SECONDS), abs=1e-5)
 
 
+@pytest.mark.parametrize("delay", [0.004, 0.01])
+def test_late_readings_are_those_of_earlier(delay):
+    exact = SimulationParameters(sensors="lab", encoder_resolution=1e-9, sensor_delay=delay, **PERFECT)
+    sensors = LabSensors(exact, np.random.default_rng())
+    _, body = (sensors.measure(reading).body for reading in readings(40.0))
+    time = 2 * TICK_SECONDS - delay
+    assert body.joint_angles == pytest.approx(40.0 * time**2 / 2, abs=1e-8)
+    assert body.joint_rates == pytest.approx(40.0 * (time - SUBSTEP_SECONDS), abs=1e-5)
+
+
 def test_an_angle_is_a_multiple_of_its_encoders_step():
     sensors = LabSensors(SimulationParameters(sensors="lab", **PERFECT), np.random.default_rng())
     for reading in readings(40.0):
