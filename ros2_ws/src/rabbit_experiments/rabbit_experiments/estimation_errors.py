@@ -11,7 +11,7 @@ filter is too sure, below 1 it could be surer.
 Bar-Shalom, Li, Kirubarajan, "Estimation with applications to tracking and navigation" (2001), section 5.4.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from typing import Any
@@ -91,18 +91,16 @@ def summarise(walks: Iterable[EstimatedWalk]) -> dict[str, Any]:
 
     Returns:
         `walks`, `ticks`, `outcomes`; `rms`, `claimed` and `nees_of` each group of numbers; `nees`, `nis`: means;
-        `nees_after_touchdown`: in the ticks after one; `bounds`: of the mean NEES over the walks at one tick; `within`,
-        `above`: the share of ticks in which it is in them, and above them; `nis_within`, `nis_above`: of the NIS.
+        `nees_after_touchdown`: in the ticks after one; `bounds`: of the mean NEES over all walks at one tick; `within`,
+        `above`: the share of ticks in which it is in them, and above them; `nis_within`, `nis_above`: of the NIS. A
+        tick counts that at least half of the walks have, with the bounds of these.
     """
     walks = list(walks)
     errors, stds, parts = (np.vstack([getattr(walk, name) for walk in walks]) for name in ("errors", "stds", "parts"))
     nees, since = (np.concatenate([getattr(walk, name) for walk in walks]) for name in ("nees", "since"))
-    shortest = min(len(walk.nees) for walk in walks)
-    means = np.mean([walk.nees[:shortest] for walk in walks], axis=0)
+    within, above = shares([np.column_stack([walk.nees, np.full(len(walk.nees), len(NAMES))]) for walk in walks])
+    nis_within, nis_above = shares([np.column_stack([walk.nis, walk.measured])[1:] for walk in walks])
     low, high = bounds(len(NAMES) * len(walks))
-    measured = np.sum([walk.measured[1:shortest] for walk in walks], axis=0)
-    surprise = np.sum([(walk.nis * walk.measured)[1:shortest] for walk in walks], axis=0) / measured
-    nis_low, nis_high = bounds(measured)
     return {
         "walks": len(walks),
         "ticks": len(errors),
@@ -114,11 +112,27 @@ def summarise(walks: Iterable[EstimatedWalk]) -> dict[str, Any]:
         "nees_after_touchdown": float(nees[since < AFTER].mean()),
         "nis": float(np.mean(np.concatenate([walk.nis[1:] for walk in walks]))),
         "bounds": (float(low), float(high)),
-        "within": float(np.mean((means >= low) & (means <= high))),
-        "above": float(np.mean(means > high)),
-        "nis_within": float(np.mean((surprise >= nis_low) & (surprise <= nis_high))),
-        "nis_above": float(np.mean(surprise > nis_high)),
+        "within": within,
+        "above": above,
+        "nis_within": nis_within,
+        "nis_above": nis_above,
     }
+
+
+def shares(walks: Sequence[Array]) -> tuple[float, float]:
+    """Of the ticks in which the mean over the walks is within its bounds, and above them.
+
+    A walk of T ticks is normalised squares and their freedom, (T, 2).
+    """
+    ticks = sorted((len(walk) for walk in walks), reverse=True)[(len(walks) - 1) // 2]
+    freedom, total = np.zeros(ticks), np.zeros(ticks)
+    for walk in walks:
+        some = walk[:ticks]
+        freedom[: len(some)] += some[:, 1]
+        total[: len(some)] += some[:, 0] * some[:, 1]
+    low, high = bounds(freedom)
+    mean = total / freedom
+    return float(np.mean((mean >= low) & (mean <= high))), float(np.mean(mean > high))
 
 
 def normalised(error: Array, covariance: Array) -> float:
