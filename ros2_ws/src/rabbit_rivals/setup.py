@@ -19,7 +19,8 @@ install(
     entry_points={
         "rabbit.commands": ["rival = rabbit_rivals.commands.rival:app"],
         "rabbit.methods": [
-            f"{name} = rabbit_rivals.methods:{name.upper().replace('-', '_')}" for name in ("gp-socp", "pd", "ppo")
+            f"{name} = rabbit_rivals.methods:{name.upper().replace('-', '_')}"
+            for name in ("ddpg-sb3", "gp-socp", "pd", "ppo", "regression")
         ],
     },
     extras={"socp": ["clarabel>=0.11"], "rl": ["stable-baselines3>=2.9"]},

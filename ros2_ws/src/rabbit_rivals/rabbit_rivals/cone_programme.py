@@ -17,6 +17,7 @@ from cbf_clf_qp.qp import UNBOUNDED, QuadraticProgram
 from cbf_clf_qp.solvers import Solution
 from scipy import sparse
 
+COST = 1e-3  # of mu'mu: slacks of last resort reach 1e5, and Clarabel takes their rows for infeasible otherwise
 SOLVED = ("Solved", "AlmostSolved")
 
 
@@ -42,11 +43,11 @@ def solve(qp: QuadraticProgram, factors: Mapping[int, Array]) -> Solution:
         bounds.append(np.concatenate([[qp.upper[i]], factor[:, 0]]))
         cones.append(clarabel.SecondOrderConeT(len(factor) + 1))
     A, b = sparse.csc_matrix(np.concatenate(blocks)), np.concatenate(bounds)
-    hessian = sparse.identity(variables, format="csc") * 2
+    hessian = sparse.identity(variables, format="csc") * (2 * COST)
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     for settings.equilibrate_enable in (False, True):  # the rows have norm one; where that fails, it may help
-        answer = clarabel.DefaultSolver(hessian, qp.q, A, b, cones, settings).solve()
+        answer = clarabel.DefaultSolver(hessian, COST * qp.q, A, b, cones, settings).solve()
         x, status = np.array(answer.x), str(answer.status)
         is_solved = status in SOLVED and bool(np.isfinite(x).all())
         if is_solved:

@@ -7,7 +7,7 @@ from typing import Any
 from rabbit_description.gait import load_gaits
 from rabbit_experiments.assembly import Assembly, AssemblyError, make_simulation
 from rabbit_experiments.benchmark.methods import Method
-from rabbit_experiments.reproduce.controllers import LIBRARY, MARGIN, Contender
+from rabbit_experiments.reproduce.controllers import LIBRARY, MARGIN, Contender, variant
 from rabbit_sim.simulation import Simulation
 from rabbit_viewer import style
 from rl_cbf_clf_controller.policy import Policy
@@ -16,7 +16,7 @@ from rabbit_rivals.gp_controller import GpController, gp_policy
 from rabbit_rivals.joint_targets import JointTargetController, network_policy, reference_alone
 from rabbit_rivals.model_file import SHIPPED
 
-CONFIDENCE = 2.0  # standard deviations: 95%
+CONFIDENCE = 1.0  # standard deviations; with 2, 40 % of the ticks on flat ground would be infeasible
 
 
 class GpAssembly(Assembly):
@@ -65,6 +65,12 @@ def _joint_targets(name: str, title: str, policy: str, trained_on: str) -> Metho
     return Method(name, title, stones, _with(JointTargetAssembly, title, "clf-qp", policy, LIBRARY), trained_on)
 
 
+def _estimates(name: str, title: str, trained_on: str) -> Method:
+    """A policy file for each terrain, with the gait that it was trained on, as the paper's policy."""
+    stones = variant(title, "rl-cbf-clf-qp", shipped(f"{name}-stones"))
+    return Method(name, title, stones, variant(title, "rl-clf-qp", shipped(f"{name}-flat")), trained_on)
+
+
 def shipped(name: str) -> str:
     """The file of a model that comes with this package."""
     return str(SHIPPED / f"{name}.safetensors")
@@ -80,3 +86,13 @@ GP_SOCP = Method(
 PPO_TRAINING = "PPO in MuJoCo at mass scale 2, 4 ms motor lag, seed 1: 638,976 ticks (1.8 h of walking)"
 PD = _joint_targets("pd", "PD on the gait library", "zero", "")
 PPO = _joint_targets("ppo", "PPO, joint targets", shipped("ppo"), PPO_TRAINING)
+DDPG_SB3 = _estimates(
+    "ddpg-sb3",
+    "DDPG of stable-baselines3",
+    "DDPG at mass scale 2, no motor lag, seed 1: 20,000 ticks on stones, 20,000 on flat ground",
+)
+REGRESSION = _estimates(
+    "regression",
+    "regression",
+    "supervised, at mass scale 2, no motor lag, seed 1: 6,800 transitions on stones, 7,151 on flat ground",
+)

@@ -57,3 +57,12 @@ def test_every_row_holds_with_its_margin() -> None:
 def test_what_no_input_meets_is_not_solved() -> None:
     qp = build_qp([Rows.at_most(("CLF",), np.array([[1.0, 0, 0, 0]]), np.array([-1.0]), np.inf)])
     assert not solve(qp, {0: np.array([[0, 2.0, 0, 0, 0]])}).solved  # x + 2 |x| <= -1
+
+
+def test_a_slack_of_last_resort_may_be_large() -> None:
+    row = Rows.at_most(("CLF",), np.array([[1.0, 0, 0, 0]]), np.array([-300.0]), 1e6)
+    torques = Rows.between(("u1",), np.array([[1.0, 0, 0, 0]]), np.array([-100.0]), np.array([100.0]))
+    decision = Decision(qp := build_qp([row, torques]), solve(qp, {0: np.array([[1.0, 0, 0, 0, 0]])}).x)
+    assert decision.mu == pytest.approx([-100, 0, 0, 0], abs=1e-2)
+    norm = np.linalg.norm(qp.A[0] / qp.A[0, 0])
+    assert decision.slack[0] == pytest.approx(300 - 100 + norm, rel=1e-6)
