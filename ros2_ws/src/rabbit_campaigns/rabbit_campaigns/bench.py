@@ -119,8 +119,8 @@ def floors_timed(watch: StopWatch) -> Iterator[None]:
     """Meanwhile the generated functions and the solvers' own code are timed where Python calls them."""
 
     def timed_solve(solve: Any) -> Any:
-        def solve_and_ask(solver: Any, qp: Any) -> Any:
-            solution = solve(solver, qp)
+        def solve_and_ask(solver: Any, *given: Any) -> Any:
+            solution = solve(solver, *given)
             watch.add(SOLVER, solver._solver.info.run_time)
             return solution
 
