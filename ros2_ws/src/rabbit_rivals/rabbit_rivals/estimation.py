@@ -26,7 +26,7 @@ from rl_trainer.parameters import TrainingParameters
 from torch import nn
 
 ACTION_NOISE = 0.1  # of actions in [-1, 1]
-TOLD = 2000  # ticks from one line to the next
+TICKS_A_LINE = 2000  # of what is printed
 
 
 def train(
@@ -59,7 +59,7 @@ def train(
 
     def tell_now_and_then(of_learning: dict[str, Any], _: dict[str, Any]) -> bool:
         last = model.ep_info_buffer
-        if model.num_timesteps % TOLD == 0 and last:
+        if model.num_timesteps % TICKS_A_LINE == 0 and last:
             ticks = np.array([each["l"] for each in last])
             reward = np.array([each["r"] for each in last]) / ticks
             tell(f"ticks {model.num_timesteps}, episodes' ticks {ticks.mean():.0f}, reward {reward.mean():.3g}")

@@ -67,7 +67,7 @@ class Size:
     seed: int = SEED
 
     def own(self, assembly: Assembly) -> Assembly:
-        """The same in this setting, with a policy that was trained anew, where there is one."""
+        """The same assembly in this setting; it takes the retrained policy if there is one."""
         assembly = self.setting.own(assembly) if self.setting != OURS else assembly
         return self.trained.own(assembly) if self.trained else assembly
 
