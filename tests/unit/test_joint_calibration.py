@@ -58,7 +58,7 @@ def test_soft_ground_is_not_taken_for_a_bend():
     model, rng = NominalModel(), np.random.default_rng(3)
     calibration, stiffness, damping, tick = JointCalibration(model.model), 5e3, 3e4, 0.01
     q = POSE
-    for _ in range(20):  # steps
+    for _ in range(100):  # steps
         sunk, phase = 0.0, rng.uniform(0, 2 * np.pi)
         calibration.land()
         for count in range(45):
