@@ -25,7 +25,7 @@ OF_THE_GRAPH = ("fault", "silent", CUT_SHORT)  # outcomes that are not the robot
 
 MEANINGS = {
     ExitCode.WALKED: "every episode was walked to its end",
-    ExitCode.FELL: "an episode ended as miss, gap_fall, fall, slip, flight or diverged",
+    ExitCode.FELL: "an episode ended as miss, gap_fall, fall, slip, flight, stall or diverged",
     ExitCode.REFUSED: "an option, parameter or file cannot be used, or another graph is there",
     ExitCode.FAULT: "an episode ended as fault, silent or reset: the graph, not the robot",
     ExitCode.NODE_DIED: "a node ended by itself, could not be started or was not ready in time",

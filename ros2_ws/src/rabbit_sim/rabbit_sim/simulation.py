@@ -24,6 +24,7 @@ FLIGHT_TICKS = 5  # without a foot on the ground; on ground that throws the robo
 SLIP_FRICTION = 0.8  # ground no better than this counts slips
 SLIP_DISTANCE = 0.005  # m
 PUSH_SECONDS = 0.1
+STALL_TICKS = 500  # since the last touchdown; a step of any gait takes a tenth of that
 
 
 def unchanged(state: RobotState) -> RobotState:
@@ -42,6 +43,7 @@ class Outcome(Enum):
     FALL = "fall"  # by pose
     SLIP = "slip"
     FLIGHT = "flight"
+    STALL = "stall"  # stands, and takes no step
     DIVERGED = "diverged"  # the plant's numbers are not finite
 
 
@@ -167,6 +169,7 @@ class Simulation:
     def _stand_on(self, leg: Leg, x: float) -> None:
         """The stance foot is at world x: place and preview the next stone from there."""
         self._stance, self._stance_x, self._landed = leg, x, False
+        self._step_began = self._tick
         self._preview = self._terrain.place_next(self._touchdowns + 1, x)
         if self._is_on_loose_stone():
             self._terrain.drop(self._touchdowns, self.parameters.loose_depth)
@@ -211,6 +214,8 @@ class Simulation:
         travel = abs(reading.foot_position[self._stance, 0] - self._stance_x)
         if self.parameters.ground_friction <= SLIP_FRICTION and travel > SLIP_DISTANCE:
             return Outcome.SLIP
+        if self._tick - self._step_began >= STALL_TICKS:
+            return Outcome.STALL
         return Outcome.RUNNING
 
     def _flight_ticks(self) -> int:

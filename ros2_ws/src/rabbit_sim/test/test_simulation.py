@@ -149,6 +149,14 @@ def test_flight_needs_five_ticks_in_a_row_without_contact(play):
     assert play([air] * 5)[1].outcome is Outcome.FLIGHT
 
 
+def test_a_robot_that_takes_no_step_for_five_seconds_has_stalled(play):
+    """It stands upright with a foot on the ground, and no other rule would ever end the episode."""
+    assert play([up()] * 499)[1].outcome is Outcome.RUNNING
+    assert play([up()] * 500)[1].outcome is Outcome.STALL
+    landed = up([Touch(Leg.RIGHT, 0.35, 0.0, True)], feet=((0, 0), (0.35, 0)))
+    assert play([up()] * 300 + [landed] + [up()] * 499)[1].outcome is Outcome.RUNNING
+
+
 @pytest.mark.parametrize(("stiffness", "ticks"), [(1e6, 5), (5e4, 12), (2e4, 18)])
 def test_flight_on_soft_ground_lasts_half_a_period_of_the_robot_on_it(play, stiffness, ticks):
     """pi sqrt(64 kg / k): 25, 112 and 178 ms."""
