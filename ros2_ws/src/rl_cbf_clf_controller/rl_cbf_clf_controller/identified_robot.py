@@ -90,9 +90,6 @@ class IdentifiedRobot(Estimator[Scene]):
 
     def _learn(self, now: Scene) -> None:
         last = self._last
-        if last is None or last.stance != now.stance:
-            self._calibration.land()
-        self._calibration.press(float(now.force[0, 1]))
         if last is None or not is_pinned(last.tick, now):
             self._standing = 0
             self._identification.interrupt()
