@@ -12,8 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from rabbit_description.gait import load_gait
 from rabbit_recording.active_settings import Settings
 from rabbit_recording.bag_writer import BagWriter
@@ -248,27 +246,24 @@ def read_and_expected(
     return found(path), in_short(expected(sent, {i for i, _ in live}, {i for i, _ in past}))
 
 
-@settings(max_examples=40, deadline=None, derandomize=True)  # one in 300 others, with losses at a restart, is misread
-@given(
-    lengths=st.lists(st.integers(1, 7), min_size=1, max_size=14),
-    restart=st.sampled_from(["never", "memory", "anew"]),
-    more=st.lists(st.integers(1, 7), min_size=1, max_size=4),
-    part=st.tuples(st.floats(0, 1), st.floats(0, 1)),
-    drops=st.sampled_from([0.0, 0.02, 0.3]),
-    rng=st.randoms(use_true_random=False),
-)
-def test_recorded_announced_and_lost_are_told_apart(
-    tmp_path_factory: pytest.TempPathFactory,
-    templates: Templates,
-    lengths: list[int],
-    restart: str,
-    more: list[int],
-    part: tuple[float, float],
-    drops: float,
-    rng: random.Random,
-) -> None:
-    path = tmp_path_factory.mktemp("late") / "bag"
-    read, holds = read_and_expected(path, templates, (lengths, restart, more), part, drops, rng)
+@pytest.mark.parametrize("seed", range(60))
+def test_recorded_announced_and_lost_are_told_apart(tmp_path: Path, templates: Templates, seed: int) -> None:
+    """Walks, restarts, parts and losses drawn at random; of 300 draws with losses at a start, one is misread."""
+    rng = random.Random(seed)
+    lengths = [rng.randint(1, 7) for _ in range(rng.randint(1, 14))]
+    more = [rng.randint(1, 7) for _ in range(rng.randint(1, 4))]
+    walked = lengths, rng.choice(["never", "memory", "anew"]), more
+    part = rng.random(), rng.random()
+    drops = rng.choice([0.0, 0.02, 0.3])
+    read, holds = read_and_expected(tmp_path / "bag", templates, walked, part, drops, rng)
+    assert read == holds
+
+
+@pytest.mark.xfail(strict=True, reason="a tick that is lost while history comes in makes a run too many")
+@pytest.mark.parametrize("seed", [84, 145])
+def test_a_tick_lost_while_history_comes_in(tmp_path: Path, templates: Templates, seed: int) -> None:
+    walked, part = ([7], "never", [1]), (0.125, 0.6875)
+    read, holds = read_and_expected(tmp_path / "bag", templates, walked, part, 0.02, random.Random(seed))
     assert read == holds
 
 
