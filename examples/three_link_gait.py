@@ -8,7 +8,7 @@ ground in mid-swing, as straight legs are, and above it from 0.6 of the step on.
 
 import numpy as np
 from rabbit_gait_design.planar_design import PlanarSpecification, design
-from rl_cbf_clf_controller.step_outputs import StepPath
+from rl_cbf_clf_controller.step_paths import StepPath
 from three_link_walker import WALKER
 
 GUESS = StepPath(np.array([[0.15] * 6, [0.0, 0.0, 0.0, -0.1, -0.05, 0.0]]), phase_angle_start=0.0, phase_angle_end=0.25)

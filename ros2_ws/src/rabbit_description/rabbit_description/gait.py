@@ -1,10 +1,11 @@
 """Gait files: periodic walks as Bézier outputs of the phase variable, with what made them.
 
-A file holds one gait (`Gait`), or a library (`GaitLibrary`): gaits in the order of their step lengths, between which a
-step of any length is found. `load_gaits` reads either.
+A file holds one gait (`Gait`), or a library (`GaitLibrary`): gaits over step length and slope, between which a step of
+any length and for any slope is found. `load_gaits` reads either.
 """
 
-from itertools import pairwise
+from functools import cached_property, lru_cache
+from itertools import groupby, pairwise
 from pathlib import Path
 from typing import Annotated, Any, Self
 
@@ -43,11 +44,13 @@ class Gait(GaitFile):
     """A periodic gait in stance/swing coordinates `(x, z, pitch, stance hip, knee, swing hip, knee)`.
 
     `bezier_coeffs` (4, 6): desired stance hip, stance knee, swing hip, swing knee over the phase, rad.
-    `q_start`, `dq_start` (7,): the post-impact state, stance foot at the origin.
+    `q_start`, `dq_start` (7,): the post-impact state, stance foot at the origin. On a slope x runs along the ground
+    and z at right angles to it.
     """
 
     step_length: float = Field(gt=0, le=1, description="nominal step length, m")
     step_time: float = Field(gt=0, le=5, description="nominal step time, s")
+    slope: float = Field(0.0, gt=-45, lt=45, description="rise of the ground that it is periodic on, degrees")
     phase_angle_start: Finite = Field(description="phase angle after impact, rad")
     phase_angle_end: Finite = Field(description="phase angle at impact, rad")
     bezier_coeffs: Annotated[list[Row], Field(min_length=4, max_length=4)]
@@ -75,7 +78,11 @@ class Gait(GaitFile):
 
 
 class GaitLibrary(GaitFile):
-    """Gaits of increasing step length, of one degree; an episode begins with the one of `start_length`, m."""
+    """Gaits over a grid of step lengths and slopes, of one degree: slope by slope, and in each by step length.
+
+    A library for level ground has one slope. An episode begins with the gait of `start_length`, m, for the slope
+    nearest to level ground.
+    """
 
     start_length: float = Field(gt=0, le=1, description="step length of the gait that an episode begins with, m")
     gaits: Annotated[list[Gait], Field(min_length=1, max_length=100)]
@@ -83,26 +90,50 @@ class GaitLibrary(GaitFile):
 
     @model_validator(mode="after")
     def _gaits_fit_together(self) -> Self:
-        for left, right in pairwise(self.gaits):
-            here = f"gaits {left.name} and {right.name}"
-            if not left.step_length < right.step_length:
-                lengths = f"step_length = {left.step_length:g}, {right.step_length:g}"
-                raise ValueError(f"{here}: {lengths}: expected increasing step lengths")
-            if right.phase_angle_start > left.phase_angle_end or left.phase_angle_start > right.phase_angle_end:
-                raise ValueError(f"{here}: expected ranges of the phase angle that overlap")
+        for one, other in pairwise(self.gaits):
+            here = f"gaits {one.name} and {other.name}"
+            if not (one.slope, one.step_length) < (other.slope, other.step_length):
+                given = (
+                    f"slope = {one.slope:g}, {other.slope:g}; step_length = {one.step_length:g}, {other.step_length:g}"
+                )
+                raise ValueError(f"{here}: {given}: expected increasing slopes, in each increasing step lengths")
+        for slope, row in zip(self.slopes, self.rows, strict=True):
+            lengths = [gait.step_length for gait in row]
+            if lengths != self.lengths:
+                raise ValueError(f"slope {slope:g}: step lengths {lengths}: expected {self.lengths} as in the first")
+        for neighbours in (*self.rows, *map(list, zip(*self.rows, strict=True))):
+            for one, other in pairwise(neighbours):
+                if other.phase_angle_start > one.phase_angle_end or one.phase_angle_start > other.phase_angle_end:
+                    here = f"gaits {one.name} and {other.name}"
+                    raise ValueError(f"{here}: expected ranges of the phase angle that overlap")
         if self.start_length not in self.lengths:
             raise ValueError(f"start_length = {self.start_length:g}: expected one of {self.lengths}")
         return self
 
-    @property
+    @cached_property
     def lengths(self) -> list[float]:
-        """Step lengths, m, increasing."""
-        return [gait.step_length for gait in self.gaits]
+        """Step lengths, m, increasing; the same for each slope."""
+        return [gait.step_length for gait in self.rows[0]]
+
+    @cached_property
+    def slopes(self) -> list[float]:
+        """Slopes, degrees, increasing."""
+        return [row[0].slope for row in self.rows]
+
+    @cached_property
+    def rows(self) -> list[list[Gait]]:
+        """The gaits of each slope."""
+        return [list(row) for _, row in groupby(self.gaits, lambda gait: gait.slope)]
+
+    @cached_property
+    def level(self) -> list[Gait]:
+        """The gaits of the slope nearest to level ground."""
+        return min(self.rows, key=lambda row: abs(row[0].slope))
 
     @property
     def x_start(self) -> tuple[Array, Array]:
         """Post-impact `(q, dq)` of the gait that an episode begins with, each (7,), stance/swing order."""
-        return self.gaits[self.lengths.index(self.start_length)].x_start
+        return self.level[self.lengths.index(self.start_length)].x_start
 
 
 Gaits = Gait | GaitLibrary
@@ -137,6 +168,13 @@ def load_gaits(name_or_path: str | Path) -> Gaits:
     if not path.is_file():
         names = f"gaits are {', '.join(shipped_gaits())}; libraries are {', '.join(shipped_libraries())}"
         raise GaitError(f"gait: no file {path}; shipped {names}")
+    now = path.stat()
+    return _read(path.resolve(), now.st_mtime_ns, now.st_size)
+
+
+@lru_cache(maxsize=32)
+def _read(path: Path, changed: int, size: int) -> Gaits:
+    """A file as it was at the time `changed`, ns: read once, since a library takes a good part of a second."""
     try:
         return parse_gaits(read_yaml(path))
     except (ValidationError, YamlFileError) as error:

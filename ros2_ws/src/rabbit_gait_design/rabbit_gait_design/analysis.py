@@ -161,7 +161,7 @@ def pinned_state(model: NominalModel, q: Array, dq: Array) -> tuple[Array, Array
 
 def under_payload(gait: Gait, payload: float, eps: float = 0.05) -> PayloadReport:
     """Fixed point, eigenvalue and least phase rate of `gait` with `payload` kg on the torso."""
-    model = loaded_model(payload)
+    model = loaded_model(payload, slope=gait.slope)
     walk = OracleWalk(gait, model, eps)
     least = ZeroDynamics(gait, model).least_phase_rate()
     q, dq = gait.x_start

@@ -62,6 +62,7 @@ def _as_gait(programme: Transcription, solution: dict[str, ca.DM], iterations: i
         "name": spec.name,
         "step_length": spec.step_length,
         "step_time": spec.step_time,
+        "slope": spec.slope,
         "phase_angle_start": float(phase_range[0]),
         "phase_angle_end": float(phase_range[1]),
         "bezier_coeffs": coeffs.tolist(),

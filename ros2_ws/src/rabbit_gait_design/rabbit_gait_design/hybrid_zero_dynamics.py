@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 from rabbit_description.state import Array
 from rl_cbf_clf_controller.nominal_model import NominalModel
-from rl_cbf_clf_controller.step_outputs import StepPath
+from rl_cbf_clf_controller.step_paths import StepPath
 from rl_cbf_clf_controller.virtual_constraints import Angles
 
 from rabbit_gait_design.zero_dynamics import Instant, ZeroDynamics

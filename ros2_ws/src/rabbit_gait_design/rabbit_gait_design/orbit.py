@@ -10,7 +10,7 @@ from rabbit_description.state import Array, StonePreview
 from rl_cbf_clf_controller.stone_barriers import stone_barriers
 from rl_cbf_clf_controller.virtual_constraints import RABBIT_ANGLES
 
-from rabbit_gait_design.zero_dynamics import Instant, ZeroDynamics
+from rabbit_gait_design.zero_dynamics import Instant, ZeroDynamics, loaded_model
 
 SWAP = np.array([0, 1, 2, 5, 6, 3, 4])
 
@@ -55,7 +55,7 @@ class Orbit:
 
     def __init__(self, gait: Gait, points: int = 401, dynamics: ZeroDynamics | None = None) -> None:
         self.gait = gait
-        self.dynamics = dynamics or ZeroDynamics(gait)
+        self.dynamics = dynamics or ZeroDynamics(gait, loaded_model(slope=gait.slope))
         self.phases = np.linspace(0.0, 1.0, points)
         self.start_rate = start_phase_rate(gait)
         self.rates = self.dynamics.phase_rates(self.phases, self.start_rate)

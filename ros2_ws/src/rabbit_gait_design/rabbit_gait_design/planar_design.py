@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from rabbit_description.state import Array
-from rl_cbf_clf_controller.step_outputs import StepPath
+from rl_cbf_clf_controller.step_paths import StepPath
 from scipy.optimize import minimize
 
 from rabbit_gait_design.hybrid_zero_dynamics import RepeatedStep, Walker, impact_invariant

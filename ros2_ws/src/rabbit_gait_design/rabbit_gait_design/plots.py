@@ -15,7 +15,7 @@ from rabbit_description.state import Array
 from rabbit_gait_design.analysis import PayloadReport
 from rabbit_gait_design.orbit import GaitFigures, Orbit, Stone
 
-COLOURS: Colormap = mpl.colormaps["viridis"]  # of the step lengths
+COLOURS: Colormap = mpl.colormaps["viridis"]  # of the step lengths or slopes
 JOINT_PANELS = ((0, 0), (0, 1), (0, 2), (1, 0))
 JOINTS = ("stance hip", "stance knee", "swing hip", "swing knee")
 TORSO_LENGTH, LEG_SEGMENT = 0.63, 0.4  # m
@@ -55,31 +55,40 @@ def draw_stick_figures(axes: Axes, orbit: Orbit, width: float = 6.6) -> None:
     """The robot at each landing and, faintly, between, over `width` m; the legs change places at each landing."""
     q = orbit.series("q")
     landing = orbit.instants[-1].swing[0]
+    slope = np.radians(orbit.gait.slope)
     for step in range(int((width - 1) / landing)):
         near, far = (BLUE, ORANGE) if step % 2 == 0 else (ORANGE, BLUE)
-        _draw_robot(axes, q[len(q) // 2], step * landing, near, far, opacity=0.3)
-        _draw_robot(axes, q[0], step * landing, near, far)
-    axes.axhline(0.0, color="black", linewidth=0.8)
+        _draw_robot(axes, q[len(q) // 2], step * landing, near, far, slope, opacity=0.3)
+        _draw_robot(axes, q[0], step * landing, near, far, slope)
+    axes.axline((0.0, 0.0), slope=np.tan(slope), color="black", linewidth=0.8)
     axes.set_aspect("equal", adjustable="datalim")
     axes.set(xlabel="x (m)", ylabel="z (m)")
 
 
 @mpl.rc_context(LOOK)
 def plot_library(library: GaitLibrary) -> Figure:
-    """Desired joints over the phase angle, swing foot, figures over the step length, and the walk of both ends."""
-    orbits = [Orbit(gait, 201) for gait in library.gaits]
+    """Desired joints over the phase angle, swing foot, figures, and the walk of both ends, over the step length; of a
+    library for slopes over the slope, at its start's length."""
+    if len(library.slopes) > 1:
+        gaits = [row[library.lengths.index(library.start_length)] for row in library.rows]
+        places, label = library.slopes, "slope (degrees)"
+    else:
+        gaits, places, label = library.gaits, library.lengths, "step length (m)"
+    orbits = [Orbit(gait, 201) for gait in gaits]
     figure = Figure(figsize=(11, 9.5), layout="constrained")
     grid = figure.add_gridspec(4, 3, height_ratios=(1, 1, 0.9, 0.9))
     for joint, (row, column) in enumerate(JOINT_PANELS):
         _plot_joint(figure.add_subplot(grid[row, column]), orbits, joint)
     _plot_feet(figure.add_subplot(grid[1, 1]), orbits)
-    _plot_figures(figure.add_subplot(grid[1, 2]), library.lengths, [orbit.figures() for orbit in orbits])
+    _plot_figures(figure.add_subplot(grid[1, 2]), places, [orbit.figures() for orbit in orbits], label)
     for row, orbit in ((2, orbits[0]), (3, orbits[-1])):
         axes = figure.add_subplot(grid[row, :])
         draw_stick_figures(axes, orbit)
-        axes.set_title(f"steps of {orbit.gait.step_length:g} m")
-    lengths = mpl.cm.ScalarMappable(mpl.colors.Normalize(library.lengths[0], library.lengths[-1]), COLOURS)
-    figure.colorbar(lengths, ax=figure.axes[:5], label="step length (m)", shrink=0.7, location="right")
+        axes.set_title(
+            f"steps of {orbit.gait.step_length:g} m" + f", slope {orbit.gait.slope:g}°" * bool(orbit.gait.slope)
+        )
+    scale = mpl.cm.ScalarMappable(mpl.colors.Normalize(places[0], places[-1]), COLOURS)
+    figure.colorbar(scale, ax=figure.axes[:5], label=label, shrink=0.7, location="right")
     figure.suptitle(f"{library.name}: {len(library.gaits)} gaits")
     return figure
 
@@ -147,16 +156,19 @@ def _legend(axes: Axes) -> None:
 
 
 def _draw_robot(
-    axes: Axes, q: Array, shift: float, stance_colour: str, swing_colour: str, opacity: float = 1.0
+    axes: Axes, q: Array, shift: float, stance_colour: str, swing_colour: str, slope: float, opacity: float = 1.0
 ) -> None:
+    """On ground that rises by `slope`, rad."""
+    cos, sin = np.cos(slope), np.sin(slope)
+    level = np.array([[cos, -sin], [sin, cos]])  # from along the ground to along the horizon
     hip = q[:2] + (shift, 0.0)
     shoulder = hip + TORSO_LENGTH * _up(q[2])
     look: Any = {"alpha": opacity, "linewidth": 1.0 + opacity, "solid_capstyle": "round"}
-    axes.plot(*np.column_stack([hip, shoulder]), color="black", **look)
+    axes.plot(*level @ np.column_stack([hip, shoulder]), color="black", **look)
     for joint, colour in ((5, swing_colour), (3, stance_colour)):
         knee = hip - LEG_SEGMENT * _up(q[2] + q[joint])
         foot = knee - LEG_SEGMENT * _up(q[2] + q[joint] + q[joint + 1])
-        axes.plot(*np.column_stack([hip, knee, foot]), color=colour, marker=".", markersize=4, **look)
+        axes.plot(*level @ np.column_stack([hip, knee, foot]), color=colour, marker=".", markersize=4, **look)
 
 
 def _up(angle: float) -> Array:
@@ -165,8 +177,8 @@ def _up(angle: float) -> Array:
 
 
 def _colours(orbits: Sequence[Orbit]) -> Sequence[Any]:
-    lengths = np.array([orbit.gait.step_length for orbit in orbits])
-    return list(COLOURS((lengths - lengths[0]) / (lengths[-1] - lengths[0])))
+    places = np.array([(orbit.gait.slope, orbit.gait.step_length) for orbit in orbits]).sum(axis=1)
+    return list(COLOURS((places - places[0]) / (places[-1] - places[0])))
 
 
 def _plot_joint(axes: Axes, orbits: Sequence[Orbit], joint: int) -> None:
@@ -182,10 +194,10 @@ def _plot_feet(axes: Axes, orbits: Sequence[Orbit]) -> None:
     axes.set(xlabel="from the stance foot (m)", ylabel="swing foot's height (m)")
 
 
-def _plot_figures(axes: Axes, lengths: Sequence[float], figures: Sequence[GaitFigures]) -> None:
-    axes.plot(lengths, [each.speed for each in figures], marker="o", markersize=3, label="speed (m/s)")
-    axes.plot(lengths, [each.eigenvalue for each in figures], marker="s", markersize=3, label="eigenvalue")
+def _plot_figures(axes: Axes, places: Sequence[float], figures: Sequence[GaitFigures], label: str) -> None:
+    axes.plot(places, [each.speed for each in figures], marker="o", markersize=3, label="speed (m/s)")
+    axes.plot(places, [each.eigenvalue for each in figures], marker="s", markersize=3, label="eigenvalue")
     share = [each.least_phase_rate / each.start_phase_rate for each in figures]
-    axes.plot(lengths, share, marker="^", markersize=3, label="least over own phase rate")
-    axes.set(xlabel="step length (m)", ylim=(0, None))
+    axes.plot(places, share, marker="^", markersize=3, label="least over own phase rate")
+    axes.set(xlabel=label, ylim=(0, None))
     axes.legend()

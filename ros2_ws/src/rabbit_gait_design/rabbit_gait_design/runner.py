@@ -45,17 +45,18 @@ def run_library(
     lengths: Sequence[float],
     out: Path,
     speed_slope: float = 0.0,
+    slopes: Sequence[float] = (),
     progress: Callable[[str], Progress] | None = None,
 ) -> GaitLibrary:
-    """Design a library around `base`, whose step length it starts with; write `NAME.yaml` and `NAME.png`.
+    """Design a library around `base`, whose step length and slope it starts with; write `NAME.yaml` and `NAME.png`.
 
     Raises:
-        ValueError: lengths that make no library.
+        ValueError: lengths or slopes that make no library.
         GaitDesignError: IPOPT did not converge at one of them.
         OSError: the folder cannot be written.
     """
     out.mkdir(parents=True, exist_ok=True)
-    library = design_library(base, lengths, base.step_length, speed_slope, progress)
+    library = design_library(base, lengths, base.step_length, speed_slope, slopes, progress)
     library.save(out / f"{library.name}.yaml")
     _write(plot_library(library), out / f"{library.name}.png")
     return library

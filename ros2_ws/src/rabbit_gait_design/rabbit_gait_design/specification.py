@@ -16,14 +16,15 @@ class GaitSpecification(BaseModel):
     enough for the farthest stone too: otherwise B2 of a far stone meets the foot before the circle's middle and pushes
     it back. A smaller R2 than the controller's makes the circle higher: room to spare. Under each of `payloads`, a
     point mass at the torso's centre of mass, known perfectly, the same path must have a periodic walk within its
-    limits.
+    limits. On a slope, lengths are along the ground and angles from its normal.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", description="file name without .yaml")
+    name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.+-]*$", description="file name without .yaml")
     step_length: float = Field(0.35, ge=0.1, le=0.7, description="step length, m")
     speed: float = Field(0.8, ge=0.2, le=1.5, description="mean walking speed, m/s")
+    slope: float = Field(0.0, ge=-15, le=15, description="rise of the ground, degrees")
 
     near_edge: float = Field(0.02, ge=-0.1, le=0.2, description="near edge of the stone before the landing point, m")
     far_edge: float = Field(0.05, ge=0.0, le=0.2, description="far edge of the stone beyond the landing point, m")

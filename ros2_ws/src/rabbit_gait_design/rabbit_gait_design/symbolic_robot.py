@@ -4,6 +4,7 @@ With the stance foot on the ground and q = (x, z, pitch, stance hip, stance knee
 
     M(q) q'' + h(q, q') = B u + J_stance(q)' F,      J_stance q'' + J_stance' q' = 0.
 
+x runs along the ground and z at right angles to it. On ground that rises by the slope, gravity is turned against x.
 The expressions are those of the controller's generated code; masses and lengths are read from the URDF.
 """
 
@@ -35,17 +36,18 @@ def feet(q: ca.SX) -> tuple[ca.SX, ca.SX]:
 
 
 @cache
-def dynamics(payload: float = 0.0) -> tuple[ca.Function, ca.Function]:
+def dynamics(payload: float = 0.0, slope: float = 0.0) -> tuple[ca.Function, ca.Function]:
     """`mass_matrix(q) -> (7, 7)` and `bias_forces(q, dq) -> (7,)` (Coriolis, centrifugal, gravity).
 
-    `payload` kg, a point mass, rides on the torso.
+    `payload` kg, a point mass, rides on the torso; the ground rises by `slope` degrees.
     """
     q, dq, ddq = (ca.SX.sym(name, 7) for name in ("q", "dq", "ddq"))
     links, legs = nominal_parameters()
     links = links + np.append(payload * np.array([1, 0, PAYLOAD_HEIGHT, PAYLOAD_HEIGHT**2]), np.zeros(16))
     bodies, _ = kinematics(q, ca.SX(links), ca.SX(legs))
     tau = inverse_dynamics(bodies, q, dq, ddq)
-    bias_forces = ca.substitute(tau, ddq, ca.SX.zeros(7))
+    turned = ca.DM([GRAVITY * np.sin(np.radians(slope)), GRAVITY * (np.cos(np.radians(slope)) - 1), *[0.0] * 5])
+    bias_forces = ca.substitute(tau, ddq, turned)  # weight under turned gravity is what this acceleration would take
     return ca.Function("mass_matrix", [q], [ca.jacobian(tau, ddq)]), ca.Function("bias_forces", [q, dq], [bias_forces])
 
 

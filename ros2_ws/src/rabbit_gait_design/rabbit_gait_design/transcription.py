@@ -82,8 +82,9 @@ class Path:
 class Walk:
     """One periodic walk along the path, of the robot with `payload` kg: variables, dynamics, impact."""
 
-    def __init__(self, path: Path, payload: float, intervals: int, rows: ConstraintRows) -> None:
+    def __init__(self, path: Path, payload: float, specification: GaitSpecification, rows: ConstraintRows) -> None:
         self.path, self.payload, self.rows = path, payload, rows
+        self.slope, intervals = specification.slope, specification.intervals
         self.label = f"{payload:g} kg: " if payload else ""
         self.points = n = 2 * intervals + 1
         self.s = np.linspace(0.0, 1.0, n)
@@ -128,7 +129,7 @@ class Walk:
         self.rows.add(f"{self.label}friction", friction * upward + tangential)
 
     def _add_motion(self) -> None:
-        residual = orbit_point.dynamics_residual(self.payload)
+        residual = orbit_point.dynamics_residual(self.payload, self.slope)
         for i, s in enumerate(self.s):
             rows = residual(*self.path.symbols, s, self.sigma[i], self.w[i], self.u[:, i], self.force[:, i])
             self.rows.equal(f"{self.label}equation of motion", rows)
@@ -168,9 +169,7 @@ class Transcription:
         self._guess = guess
         self.rows = ConstraintRows()
         self.path = Path()
-        self.nominal, *self.loaded = (
-            Walk(self.path, payload, spec.intervals, self.rows) for payload in (0.0, *spec.payloads)
-        )
+        self.nominal, *self.loaded = (Walk(self.path, payload, spec, self.rows) for payload in (0.0, *spec.payloads))
         self._add_path()
         self._add_nominal()
         for walk in self.loaded:

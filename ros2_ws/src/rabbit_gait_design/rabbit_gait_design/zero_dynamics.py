@@ -21,8 +21,10 @@ from scipy.integrate import solve_ivp
 TORSO_COM_HEIGHT = 0.24  # m above the hip
 
 
-def loaded_model(payload: float = 0.0, height: float = TORSO_COM_HEIGHT) -> NominalModel:
+def loaded_model(payload: float = 0.0, height: float = TORSO_COM_HEIGHT, slope: float = 0.0) -> NominalModel:
     """The nominal model with a point mass of `payload` kg on the torso, `height` m above the hip.
+
+    x runs along ground that rises by `slope` degrees: gravity is turned against it.
 
     Raises:
         ValueError: the payload is negative or not finite.
@@ -32,6 +34,8 @@ def loaded_model(payload: float = 0.0, height: float = TORSO_COM_HEIGHT) -> Nomi
     model = NominalModel()
     torso = model.model.getJointId("base_pitch")
     model.model.inertias[torso] += pin.Inertia(payload, np.array([0.0, 0.0, height]), np.zeros((3, 3)))
+    down, turn = model.model.gravity.linear[2], np.radians(slope)
+    model.model.gravity.linear = down * np.array([np.sin(turn), 0.0, np.cos(turn)])
     model.data = model.model.createData()
     return model
 

@@ -12,8 +12,9 @@ from rabbit_description import LIBRARIES
 from rabbit_description.gait import DEFAULT_GAIT, Gait, GaitError, GaitLibrary, load_gait, load_gaits, shipped_libraries
 from rabbit_description.state import Array, StonePreview
 from rabbit_gait_design import GaitSpecification
-from rabbit_gait_design.library import library_specifications
+from rabbit_gait_design.library import library_specifications, outwards
 from rabbit_gait_design.orbit import Orbit
+from rl_cbf_clf_controller.nominal_model import NominalModel
 from rl_cbf_clf_controller.step_outputs import (
     FADED,
     LEAST_RATE,
@@ -21,11 +22,11 @@ from rl_cbf_clf_controller.step_outputs import (
     LibrarySteps,
     SingleGait,
     StepOutputs,
-    interpolated,
+    Touchdown,
     make_steps,
-    step_path,
 )
-from rl_cbf_clf_controller.virtual_constraints import VirtualConstraints
+from rl_cbf_clf_controller.step_paths import interpolated, landing_at, start_rate, step_path
+from rl_cbf_clf_controller.virtual_constraints import RABBIT_ANGLES, VirtualConstraints
 
 NAME = "wide"
 LIBRARY = load_gaits(NAME)
@@ -33,6 +34,10 @@ assert isinstance(LIBRARY, GaitLibrary)
 SHIPPED = [gait for name in shipped_libraries() for gait in load_gaits(name).gaits]  # type: ignore[union-attr]
 CONTENT: dict[str, Any] = yaml.safe_load((LIBRARIES / f"{NAME}.yaml").read_text(encoding="utf-8"))
 LENGTHS = st.floats(LIBRARY.lengths[0], LIBRARY.lengths[-1])
+SLOPED = load_gaits("slopes")
+assert isinstance(SLOPED, GaitLibrary)
+SLOPES = st.floats(SLOPED.slopes[0], SLOPED.slopes[-1])
+MODEL = NominalModel()
 
 
 def landed(length: float, seed: int) -> tuple[Array, Array]:
@@ -61,8 +66,8 @@ def test_between_two_gaits_all_is_linear(index: int, share: float) -> None:
 def test_beyond_its_ends_the_library_stays_at_them() -> None:
     for beyond, end in ((0.05, LIBRARY.gaits[0]), (0.95, LIBRARY.gaits[-1])):
         np.testing.assert_array_equal(interpolated(LIBRARY, beyond).coeffs, end.coeffs)
-    steps = LibrarySteps(LIBRARY, aim=0.5)
-    steps.begin(*landed(0.4, 0), 0.4, StonePreview(1, 0.90, 0.95))
+    steps = LibrarySteps(LIBRARY, 0.5, MODEL)
+    steps.begin(Touchdown(*landed(0.4, 0), 0.4, stone=StonePreview(1, 0.90, 0.95)))
     assert steps.wanted == (LIBRARY.lengths[-1],)
 
 
@@ -109,9 +114,9 @@ def test_rates_and_accelerations_are_derivatives(taken: float, wanted: float, se
 def test_a_library_of_one_gait_is_that_gait() -> None:
     gait = load_gait(DEFAULT_GAIT)
     library = GaitLibrary(name="one", start_length=gait.step_length, gaits=[gait])
-    steps, (q, dq) = make_steps(library, 0.5), gait.x_start
+    steps, (q, dq) = make_steps(library, 0.5, MODEL), gait.x_start
     assert isinstance(steps, SingleGait)
-    outputs = steps.begin(q, dq, 0.5, StonePreview(1, 0.5, 0.55))
+    outputs = steps.begin(Touchdown(q, dq, 0.5, stone=StonePreview(1, 0.5, 0.55)))
     assert outputs.evaluate(q, dq).eta == pytest.approx(VirtualConstraints(gait).evaluate(q, dq).eta, abs=1e-12)
     np.testing.assert_array_equal(library.x_start, gait.x_start)
 
@@ -147,10 +152,13 @@ def with_gait(index: int, **fields: Any) -> dict[str, Any]:
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        (changed(gaits=CONTENT["gaits"][2::-1]), "expected increasing step lengths"),
-        (with_gait(1, step_length=CONTENT["gaits"][0]["step_length"]), "expected increasing step lengths"),
+        (changed(gaits=CONTENT["gaits"][2::-1]), "in each increasing step lengths"),
+        (with_gait(1, step_length=CONTENT["gaits"][0]["step_length"]), "in each increasing step lengths"),
         (with_gait(1, phase_angle_start=3.0, phase_angle_end=3.5), "ranges of the phase angle that overlap"),
         (with_gait(1, bezier_coeffs=[[0.0] * 7] * 4), "gaits.1.bezier_coeffs"),
+        (with_gait(1, slope=-2.0), "expected increasing slopes"),
+        (with_gait(2, slope=2.0), "slope 2: step lengths [0.3]: expected [0.2, 0.25]"),
+        (with_gait(1, slope=80.0), "gaits.1.slope"),
         (changed(start_length=0.123), "start_length = 0.123: expected one of"),
         (changed(gaits=[]), "gaits"),
         (changed(colour="blue"), "colour"),
@@ -176,7 +184,7 @@ def test_a_file_goes_there_and_back(tmp_path: Path) -> None:
 
 def test_specifications_follow_the_length() -> None:
     base = GaitSpecification(name="lib", step_length=0.35, speed=0.8)
-    short, middle, long = library_specifications(base, [0.2, 0.35, 0.6], speed_slope=0.4)
+    ((short, middle, long),) = library_specifications(base, [0.2, 0.35, 0.6], speed_slope=0.4)
     assert [each.speed for each in (short, middle, long)] == pytest.approx([0.74, 0.8, 0.9])
     assert (middle.step_length, middle.max_foot_height, long.name) == (0.35, base.max_foot_height, "lib_0600")
     circle = np.hypot(0.3, base.R2) - base.R2
@@ -187,3 +195,80 @@ def test_specifications_follow_the_length() -> None:
 def test_lengths_that_make_no_library(lengths: list[float]) -> None:
     with pytest.raises(ValueError, match="two or more, increasing"):
         library_specifications(GaitSpecification(name="lib"), lengths)
+
+
+@pytest.mark.parametrize("slopes", [[2.0, -2.0], [0.0, 0.0], [0.0, 50.0]])
+def test_slopes_that_make_no_library(slopes: list[float]) -> None:
+    with pytest.raises(ValueError, match="slope"):
+        library_specifications(GaitSpecification(name="lib"), [0.3, 0.4], 0.0, slopes)
+
+
+@given(rows=st.integers(1, 6), columns=st.integers(1, 6), data=st.data())
+def test_each_gait_is_found_once_and_after_the_neighbour_that_it_begins_from(
+    rows: int, columns: int, data: st.DataObject
+) -> None:
+    first = data.draw(st.integers(0, rows - 1)), data.draw(st.integers(0, columns - 1))
+    found: list[tuple[int, int]] = []
+    for place, neighbour in outwards(first, (rows, columns)):
+        assert (neighbour is None) == (place == first)
+        if neighbour:
+            assert neighbour in found
+            assert abs(place[0] - neighbour[0]) + abs(place[1] - neighbour[1]) == 1
+        found.append(place)
+    assert sorted(found) == [(row, column) for row in range(rows) for column in range(columns)]
+
+
+@given(length=LENGTHS, at=st.integers(0, len(SLOPED.slopes) - 2), share=st.floats(0, 1))
+def test_between_two_slopes_all_is_linear(length: float, at: int, share: float) -> None:
+    low, high = SLOPED.slopes[at : at + 2]
+    path = interpolated(SLOPED, length, (1 - share) * low + share * high)
+    ends = interpolated(SLOPED, length, low), interpolated(SLOPED, length, high)
+    np.testing.assert_allclose(path.coeffs, (1 - share) * ends[0].coeffs + share * ends[1].coeffs, atol=1e-12)
+    assert path.phase_angle_start == pytest.approx(
+        (1 - share) * ends[0].phase_angle_start + share * ends[1].phase_angle_start
+    )
+
+
+@pytest.mark.parametrize("gait", SLOPED.gaits, ids=lambda gait: gait.name)
+def test_the_grid_s_own_lengths_and_slopes_are_its_own_gaits(gait: Gait) -> None:
+    path = interpolated(SLOPED, gait.step_length, gait.slope)
+    np.testing.assert_allclose(path.coeffs, gait.coeffs, atol=1e-15)
+    rate = float(RABBIT_ANGLES.phase_angle @ gait.dq_start)
+    assert start_rate(SLOPED, gait.step_length, gait.slope) == pytest.approx(rate)
+
+
+def landed_foot(path: Any) -> tuple[Array, float]:
+    """Where the swing foot is at the end of a path, from the stance foot, and the pitch there."""
+    q = np.append(np.zeros(2), RABBIT_ANGLES.coordinates(path.coeffs[:, -1], path.phase_angle_end))
+    return MODEL.update(q, np.zeros(7)).swing, q[2]
+
+
+@given(length=LENGTHS, slope=SLOPES, height=st.floats(-0.15, 0.15))
+def test_a_path_to_a_stone_ends_at_its_height(length: float, slope: float, height: float) -> None:
+    level = step_path(SLOPED, length, length, slope)
+    path = landing_at(level, height, MODEL)
+    (foot, pitch), (level_foot, level_pitch) = landed_foot(path), landed_foot(level)
+    np.testing.assert_allclose(foot, level_foot + (0.0, height), atol=1e-9)
+    assert pitch == pytest.approx(level_pitch, abs=1e-12)
+    np.testing.assert_array_equal(path.coeffs[:, :3], level.coeffs[:, :3])
+    knees = path.coeffs[[1, 3], -1] - level.coeffs[[1, 3], -1]
+    if abs(height) > 1e-3:
+        assert knees[0 if height < 0 else 1] > 0, "the leg that meets the stone is shorter, its knee more flexed"
+        assert knees[1 if height < 0 else 0] == 0
+
+
+def test_a_step_is_made_for_a_steeper_slope_where_the_robot_is_slow() -> None:
+    """A slow touchdown leans the torso forward, by the path of another slope; a library for one slope cannot."""
+    q, dq = SLOPED.x_start
+    length, stone = SLOPED.start_length, StonePreview(1, SLOPED.start_length - 0.025, SLOPED.start_length + 0.025)
+    pitches = []
+    for haste in (0.8, 1.0, 1.2):
+        steps = LibrarySteps(SLOPED, 0.5, MODEL)
+        step_time = SLOPED.level[SLOPED.lengths.index(length)].step_time
+        steps.begin(Touchdown(q, haste * dq, length, step_time, stone))
+        pitches.append(landed_foot(step_path(SLOPED, length, *steps.wanted, steps.slope))[1])
+    assert pitches[0] > pitches[1] + 0.02
+    assert pitches[1] > pitches[2] + 0.02
+    level = LibrarySteps(LIBRARY, 0.5, MODEL)
+    level.begin(Touchdown(q, 0.8 * dq, length, step_time, stone))
+    assert level.slope == 0.0

@@ -3,7 +3,8 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from rabbit_description.gait import load_gait
+from rabbit_description.gait import GaitLibrary, load_gait, load_gaits
+from rabbit_description.state import Array
 from rabbit_gait_design.analysis import OracleWalk, fixed_point, pinned_state, poincare_eigenvalue
 from rabbit_gait_design.orbit import Orbit, start_phase_rate
 from rabbit_gait_design.zero_dynamics import ZeroDynamics, loaded_model
@@ -29,22 +30,50 @@ def test_outputs_are_zero_and_the_stance_foot_rests(dynamics: ZeroDynamics, phas
     assert instant.dq[:2] == pytest.approx(feet.hip_rate, abs=1e-12)
 
 
-@pytest.mark.parametrize("payload", [0.0, 30.0])
+@pytest.mark.parametrize(("payload", "slope"), [(0.0, 0.0), (30.0, 0.0), (0.0, 5.0), (30.0, -3.0)])
 @pytest.mark.parametrize(("phase", "rate"), POINTS)
-def test_angular_momentum_about_the_foot_changes_by_gravity_alone(phase: float, rate: float, payload: float) -> None:
-    """d/dt H_stance = total mass g (x_com - x_foot): no torque acts at a point foot. H by differences."""
-    dynamics = ZeroDynamics(GAIT, loaded_model(payload))
+def test_angular_momentum_about_the_foot_changes_by_gravity_alone(
+    phase: float, rate: float, payload: float, slope: float
+) -> None:
+    """d/dt H_stance = total mass g times the lever arm of the weight: no torque acts at a point foot. H by differences.
+
+    On a slope that rises by gamma the arm is x cos(gamma) - z sin(gamma).
+    """
+    dynamics = ZeroDynamics(GAIT, loaded_model(payload, slope=slope))
     instant, model, h = dynamics.at(phase, rate), dynamics.model.model, 1e-5
     data = model.createData()
 
-    def momentum(t: float) -> tuple[float, float]:
+    def momentum(t: float) -> tuple[float, Array]:
         q, dq = instant.q + t * instant.dq + t * t / 2 * instant.ddq, instant.dq + t * instant.ddq
         spin = pin.computeCentroidalMomentum(model, data, q, dq)
         com = pin.centerOfMass(model, data, q)
-        return spin.angular[1] + np.cross(com, spin.linear)[1], com[0]
+        return spin.angular[1] + np.cross(com, spin.linear)[1], com
 
-    rate_of_change = (momentum(h)[0] - momentum(-h)[0]) / (2 * h)
-    assert rate_of_change == pytest.approx((32 + payload) * 9.81 * momentum(0.0)[1], rel=1e-5, abs=1e-4)
+    rate_of_change, com = (momentum(h)[0] - momentum(-h)[0]) / (2 * h), momentum(0.0)[1]
+    arm = com @ [np.cos(np.radians(slope)), 0.0, -np.sin(np.radians(slope))]
+    assert rate_of_change == pytest.approx((32 + payload) * 9.81 * arm, rel=1e-5, abs=1e-4)
+
+
+@pytest.mark.parametrize("slope", [-6.0, 0.0, 6.0])
+def test_over_a_step_the_motors_work_is_the_energy_gained(slope: float) -> None:
+    """Kinetic energy and height, the height being that above the horizon."""
+    library = load_gaits("slopes")
+    assert isinstance(library, GaitLibrary)
+    gait = library.rows[library.slopes.index(slope)][1]
+    orbit = Orbit(gait, 801)
+    up = np.array([np.sin(np.radians(slope)), 0.0, np.cos(np.radians(slope))])
+
+    def energy(at: int) -> float:
+        q, dq = orbit.instants[at].q, orbit.instants[at].dq
+        orbit.dynamics.model.update(q, dq)
+        com = pin.centerOfMass(orbit.dynamics.model.model, orbit.dynamics.model.data, q)
+        return float(dq @ orbit.dynamics.model.mass_matrix() @ dq / 2 + 32 * 9.81 * com @ up)
+
+    power = np.sum(orbit.series("torque") * orbit.series("dq")[:, 3:], axis=1)
+    assert np.trapezoid(power, orbit.times) == pytest.approx(energy(-1) - energy(0), abs=0.02)
+    climbed = 32 * 9.81 * gait.step_length * up[0]
+    lost = energy(-1) - climbed - energy(0)  # at the impact, from which the next step begins as this one did
+    assert lost > 0
 
 
 def test_phase_rates_are_those_of_the_pinned_robot_with_exact_linearisation(dynamics: ZeroDynamics) -> None:

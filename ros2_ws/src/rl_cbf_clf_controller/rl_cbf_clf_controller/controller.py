@@ -26,7 +26,7 @@ from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import Policy
 from rl_cbf_clf_controller.recipes import make_clf, make_recipe
 from rl_cbf_clf_controller.scene import ControllerError, Scene, is_finite
-from rl_cbf_clf_controller.step_outputs import make_steps
+from rl_cbf_clf_controller.step_outputs import Touchdown, make_steps
 
 NO_BARRIERS = np.full(2, np.nan)
 ROUNDING = 1e-6  # N m, by which the QP may be over the limit
@@ -36,11 +36,13 @@ NO_NOISE = np.zeros(4)
 
 @dataclass
 class StepState:
-    """Which leg stands, for how long, how many steps have been taken; the last tick's torque and scene of this step."""
+    """Which leg stands, for how long, how many steps have been taken, how long the last one took, s; the last tick's
+    torque and scene of this step."""
 
     stance: Leg = Leg.LEFT
     index: int = 0
     start_tick: int = 0
+    seconds_before: float | None = None
     has_begun: bool = False
     torque: Array = field(default_factory=lambda: NO_TORQUE)
     last: Scene | None = None
@@ -72,8 +74,8 @@ class Controller:
         self.recipe = make_recipe(parameters, estimators, constraints)
         self.policy = policy
         self._terrain = find_kind(parameters.controller).terrain(parameters)
-        self._start, self._steps = gait.x_start, make_steps(gait, parameters.stone_aim)
         self._model = make_model(urdf)
+        self._start, self._steps = gait.x_start, make_steps(gait, parameters.stone_aim, self._model)
         self._solver = make_solver(parameters.qp_solver)
         self._terms = NominalTerms(parameters, self.recipe.quantities)
         self._measure = traced_measurement(self.recipe.quantities).twin()
@@ -219,6 +221,7 @@ class Controller:
         if state.contact[swing] and (state.tick - step.start_tick) * TICK_SECONDS > p.swap_time:
             phase = self._constraints.evaluate(self._relabel(state.q), self._relabel(state.dq)).phase
             if phase > p.swap_phase:
+                step.seconds_before = (state.tick - step.start_tick) * TICK_SECONDS
                 step.stance, step.index, step.start_tick = swing, step.index + 1, state.tick
                 step.torque, step.last, step.has_begun = NO_TORQUE, None, False
         if state.touchdowns != step.index:
@@ -229,7 +232,8 @@ class Controller:
         """The step's outputs, from where the feet stand and the stone that is seen."""
         q_s, dq_s = self._relabel(state.q), self._relabel(state.dq)
         taken = -float(self._model.update(q_s, dq_s).swing[0])
-        self._constraints = self._steps.begin(q_s, dq_s, taken, state.preview)
+        touchdown = Touchdown(q_s, dq_s, taken, self._step.seconds_before, state.preview)
+        self._constraints = self._steps.begin(touchdown)
         self._step.has_begun = True
 
     def _check(self, state: RobotState) -> None:

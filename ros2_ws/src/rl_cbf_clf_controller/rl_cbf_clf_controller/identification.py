@@ -12,8 +12,8 @@ the measured force on both feet. All is linear in x = (theta, d, kappa, lag), wh
 
 A difference of noisy rates is noisier still, and as it is part of the regressors too, it would pull the answer
 towards none. So both sides go through the same low-pass (FILTER_TIME) first, which leaves the equation true. Of M q''
-the noise is M times that of q'', which is in R with RATE_NOISE; the other entries of R are for what the means over a
-tick leave out.
+the noise is M times that of q'', which is in R with the rates' variance; the other entries of R are for what the means
+over a tick leave out.
 
 What is believed at first: the nominal robot, and around it a mass scale, a point mass at the torso's centre of mass
 and, much less, any change of any link. M_jj is that of the last x. d, kappa, theta are told apart because F is
@@ -44,7 +44,7 @@ SIZE = len(IDENTIFIED)
 FILTER_TIME = 0.03  # s
 FORCE_NOISE = 30.0  # N, rows of the base's slides
 MOMENT_NOISE = 5.0  # N m, rows of pitch and joints
-RATE_NOISE = 0.1  # m/s and rad/s
+RATE_NOISE = 0.1  # m/s and rad/s, of rates that are measured without noise
 SCALE_SPREAD = 1.0  # standard deviations of what is believed at first: of the mass scale about 1
 PAYLOAD_SPREAD = 40.0  # of a point mass on the torso, kg
 LINK_SPREAD = 0.1  # of each parameter of a link, relative
@@ -55,7 +55,7 @@ WALK = 1e-6  # of the first covariance, gained each tick
 
 NOISE = np.diag([FORCE_NOISE**2] * 2 + [MOMENT_NOISE**2] * 5)
 SHARE = float(1 - np.exp(-TICK_SECONDS / FILTER_TIME))
-RATE_VARIANCE = 2 * (RATE_NOISE * SHARE / TICK_SECONDS) ** 2 / (2 - SHARE)  # of a low-passed difference of white noise
+PER_RATE_VARIANCE = 2 * (SHARE / TICK_SECONDS) ** 2 / (2 - SHARE)  # of a low-passed difference of white noise
 NOTHING_FILTERED = np.zeros((7, SIZE)), np.zeros(7)
 
 
@@ -86,16 +86,22 @@ class Identification:
         self._filtered, self._share = NOTHING_FILTERED, 1.0
 
     def learn(
-        self, start: tuple[Array, Array], end: tuple[Array, Array], torques: tuple[Array, Array], force: Array
+        self,
+        start: tuple[Array, Array],
+        end: tuple[Array, Array],
+        torques: tuple[Array, Array],
+        force: Array,
+        rate_variance: float = RATE_NOISE**2,
     ) -> None:
         """From a tick's `start` and `end` (q, dq), `torques` (before, now), (4,) each, and `force` (2, 2) on the feet.
 
-        All in stance/swing order; `force` has rows stance, swing and columns tangential, normal, N.
+        All in stance/swing order; `force` has rows stance, swing and columns tangential, normal, N; `rate_variance`
+        is that of the errors of dq, (m/s)^2 and (rad/s)^2.
         """
         fit, of_tick = self._fit, (start, end, torques, force)
         of_fit = fit.value, fit.covariance, fit.walk
         value, covariance, *filtered = self._learned(
-            self._motion_terms, self.value[THETA], *of_fit, *of_tick, self._filtered, self._share
+            self._motion_terms, self.value[THETA], *of_fit, *of_tick, self._filtered, self._share, rate_variance
         )
         self._filtered, self._share = (filtered[0], filtered[1]), SHARE
         fit.take(value, covariance)
@@ -116,12 +122,13 @@ def traced_identification(
     force: Array,
     filtered: tuple[Array, Array],
     share: float,
+    rate_variance: float,
 ) -> list[Array]:
     """x and its covariance a tick later, then the filtered regressor and measured side."""
     regressor, measured, mass = equation(motion_terms, theta, start, end, torques, force)
     regressor = filtered[0] + share * (regressor - filtered[0])
     measured = filtered[1] + share * (measured - filtered[1])
-    noise = NOISE + RATE_VARIANCE * mass @ mass
+    noise = NOISE + PER_RATE_VARIANCE * rate_variance * mass @ mass
     return [*updated(value, covariance, walk, regressor, measured, noise), regressor, measured]
 
 

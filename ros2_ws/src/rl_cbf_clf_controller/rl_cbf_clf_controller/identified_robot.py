@@ -8,7 +8,7 @@ the difference of the quantities by this and by the nominal model, as the oracle
 The identification uses a tick only if the stance foot was the only one on the ground, and had been for SETTLING ticks.
 So it leaves out the tick of a touchdown, flight, a swing foot on the ground, a missing tick, an unknown torque. (A foot
 that bounces lands twice.) It forgets nothing when the legs swap: the robot is the same from either leg. An episode
-begins with nothing known.
+begins with nothing known, and with some ticks in which only the noise of the rates is found (`rate_noise.py`).
 """
 
 from collections.abc import Sequence
@@ -24,10 +24,12 @@ from rl_cbf_clf_controller.generated_model import make_model
 from rl_cbf_clf_controller.identification import DAMPING, IDENTIFIED, MOTOR_GAIN, THETA, Identification
 from rl_cbf_clf_controller.joint_calibration import JointCalibration
 from rl_cbf_clf_controller.pinned_robot import PinnedRobot
+from rl_cbf_clf_controller.rate_noise import RateNoise
 from rl_cbf_clf_controller.scene import Scene, is_finite
 
 KNOWN = (*IDENTIFIED, "hip_offset", "knee_offset")  # rad
 SETTLING = 2  # ticks on the ground before what is measured counts
+PITCH = 2  # its place in q
 CONTACT_FORCE = 1.0  # N; a foot that carries less is in the air
 
 
@@ -51,6 +53,7 @@ class IdentifiedRobot(Estimator[Scene]):
         self._error = ModelError()
         self._identification = Identification(self._robot.model)
         self._calibration = JointCalibration(self._robot.model)
+        self._rate_noise = RateNoise()
         self.reset()
 
     @property
@@ -67,6 +70,7 @@ class IdentifiedRobot(Estimator[Scene]):
         """Begin an episode: the nominal robot."""
         self._identification.reset()
         self._calibration.reset()
+        self._rate_noise.reset()
         self._last: Scene | None = None
         self._standing = 0  # ticks on end in which the stance foot alone stood
         self._believe()
@@ -93,12 +97,16 @@ class IdentifiedRobot(Estimator[Scene]):
         if last is None or not is_pinned(last.tick, now):
             self._standing = 0
             self._identification.interrupt()
+            self._rate_noise.interrupt()
             return
         self._standing += 1
         if self._standing > SETTLING and is_finite(last.torque):
             states, torques = ((last.q_s, last.dq_s), (now.q_s, now.dq_s)), (last.torque, now.torque)
             self._calibration.learn(*states[1])
-            self._identification.learn(*states, torques, now.force)
+            self._rate_noise.add(last.dq_s[PITCH], now.dq_s[PITCH])
+            variance = self._rate_noise.variance
+            if variance is not None:
+                self._identification.learn(*states, torques, now.force, variance)
             self._believe()
 
     def _believe(self) -> None:

@@ -123,7 +123,7 @@ class ControllerParameters(BaseModel):
 
 
 def load_parameters(name_or_path: str | Path, **changes: object) -> ControllerParameters:
-    """Read `ours`, `authors` or a YAML file, then apply `changes`.
+    """Read `ours`, `best`, `authors` or a YAML file, then apply `changes`.
 
     Raises:
         ParameterError: no such file, not YAML, an unknown parameter or a value out of its range.

@@ -1,12 +1,8 @@
 """The outputs of one step: a gait's own, or with a library those of a step from one length into another.
 
-A step from length A into length B begins as gait A does and ends as gait B does. Of its six control points over the
-phase the first three are A's, so that it sets off from where a landing at A leaves the legs, and the last three B's, so
-that it lands as B does. Its phase runs from A's start to B's end. For A = B that is the gait itself. Between the
-library's lengths all of it is linear in A and in B; a length beyond an end counts as that end.
-
-A is where the feet stand at the touchdown, B what the previewed stone asks for. The touchdown leaves the joints beside
-the path, at y_0 and y_0'. So that the step begins without error, the desired outputs are
+`step_paths.py` finds the path of a step from length A into length B: A is where the feet stand at the touchdown, B what
+the previewed stone asks for. The touchdown leaves the joints beside the path, at y_0 and y_0'. So that the step begins
+without error, the desired outputs are
 
     y_d(s) = path(s) + (1 - x)^3 (a + b x)    for x = (s - s_0) / w < 1,  s_0: the phase at the touchdown,  w: width
 
@@ -21,20 +17,13 @@ from rabbit_description.gait import Gait, GaitLibrary, Gaits
 from rabbit_description.state import Array, StonePreview
 
 from rl_cbf_clf_controller.generated_outputs import generated_if_built
-from rl_cbf_clf_controller.virtual_constraints import Outputs, Path, VirtualConstraints
+from rl_cbf_clf_controller.speed_regulation import SpeedRegulation
+from rl_cbf_clf_controller.step_paths import FeetModel, landing_at, speed_of, start_rate, step_path, within
+from rl_cbf_clf_controller.virtual_constraints import RABBIT_ANGLES, Outputs, Path, VirtualConstraints
 
 FADED = 0.5  # phase at which the correction ends
 LEAST_WIDTH = 0.1  # of the phase, of a correction that begins late
 LEAST_RATE = 0.5  # 1/s; of a robot that hardly moves forward, y' is not made continuous
-
-
-@dataclass(frozen=True)
-class StepPath:
-    """A path of the controlled angles: `coeffs` (m, k) over the phase, rad, and the phase angles at its ends, rad."""
-
-    coeffs: Array
-    phase_angle_start: float
-    phase_angle_end: float
 
 
 class StepOutputs(VirtualConstraints):
@@ -95,6 +84,18 @@ class StateOutputs(Protocol):
     def path_at(self, q_s: Array, dq_s: Array) -> OutputPath: ...
 
 
+@dataclass(frozen=True)
+class Touchdown:
+    """What a step begins with: the state `q_s`, `dq_s` (7,), stance/swing order; how far apart the feet stand, m; how
+    long the step before it took, s, None before the first; and the next stone, where one is seen."""
+
+    q_s: Array
+    dq_s: Array
+    length: float
+    seconds: float | None = None
+    stone: StonePreview | None = None
+
+
 class Steps(Protocol):
     """Where the outputs of each step come from."""
 
@@ -103,10 +104,10 @@ class Steps(Protocol):
         """The step length, m, that a policy may see; empty where there is one gait."""
 
     def first(self) -> StateOutputs:
-        """Outputs before any step has begun."""
+        """Outputs before any step of an episode has begun."""
 
-    def begin(self, q_s: Array, dq_s: Array, taken: float, stone: StonePreview | None) -> StateOutputs:
-        """Outputs of the step that begins at this state, after one of `taken` m, towards `stone`."""
+    def begin(self, touchdown: Touchdown) -> StateOutputs:
+        """Outputs of the step that begins there."""
 
 
 class SingleGait:
@@ -121,64 +122,65 @@ class SingleGait:
         """The gait's."""
         return self._outputs
 
-    def begin(self, q_s: Array, dq_s: Array, taken: float, stone: StonePreview | None) -> StateOutputs:
+    def begin(self, touchdown: Touchdown) -> StateOutputs:
         """The gait's."""
         return self._outputs
 
 
 class LibrarySteps:
-    """Steps through a library: from where the feet stand to `aim`, a share of the stone's width, on the stone."""
+    """Steps through a library: from where the feet stand to `aim`, a share of the stone's width, on the stone.
 
-    def __init__(self, library: GaitLibrary, aim: float) -> None:
-        self._library, self._aim = library, aim
+    With gaits for several slopes the speed is regulated by the slope that a step is made for, and a step ends at its
+    stone's height; `model` knows where the feet are.
+    """
+
+    def __init__(self, library: GaitLibrary, aim: float, model: FeetModel) -> None:
+        self._library, self._aim, self._model = library, aim, model
+        self._regulation = SpeedRegulation(library.slopes[0], library.slopes[-1])
+        self._has_slopes = len(library.slopes) > 1
         self.wanted: tuple[float, ...] = (library.start_length,)
+
+    @property
+    def slope(self) -> float:
+        """That the present step is made for, degrees."""
+        return self._regulation.slope
 
     def first(self) -> StateOutputs:
         """Of the gait that an episode begins with."""
-        self.wanted = (self._library.start_length,)
-        return generated_if_built(VirtualConstraints(step_path(self._library, *self.wanted, *self.wanted)))
+        self._regulation.reset()
+        length = self._library.start_length
+        self.wanted = (length,)
+        path = step_path(self._library, length, length, self.slope)
+        return generated_if_built(VirtualConstraints(path))
 
-    def begin(self, q_s: Array, dq_s: Array, taken: float, stone: StonePreview | None) -> StateOutputs:
+    def begin(self, touchdown: Touchdown) -> StateOutputs:
         """Towards the stone; where there is none, steps of the start's length."""
+        stone, taken = touchdown.stone, touchdown.length
+        if self._has_slopes and touchdown.seconds is not None:
+            self._regulate(touchdown, touchdown.seconds)
         if stone is not None:
             wanted = stone.l_min + self._aim * (stone.l_max - stone.l_min)
-            self.wanted = (within(self._library, wanted),)
-        return generated_if_built(StepOutputs(step_path(self._library, taken, *self.wanted), q_s, dq_s))
+            self.wanted = (within(self._library.lengths, wanted),)
+        path = step_path(self._library, taken, self.wanted[0], self.slope)
+        if self._has_slopes and stone is not None:
+            path = landing_at(path, stone.height, self._model)
+        return generated_if_built(StepOutputs(path, touchdown.q_s, touchdown.dq_s))
+
+    def _regulate(self, touchdown: Touchdown, seconds: float) -> None:
+        """The next step's slope, from the step that took so many `seconds`."""
+        rate = float(RABBIT_ANGLES.phase_angle @ touchdown.dq_s)
+        gait_s_rate = start_rate(self._library, touchdown.length, self.slope)
+        speed, gait_s_speed = touchdown.length / seconds, speed_of(self._library, *self.wanted)
+        self._regulation.after(gait_s_rate - rate, gait_s_speed - speed)
 
 
 def has_lengths(gaits: Gaits) -> TypeGuard[GaitLibrary]:
-    """A library in which steps have a length to choose; a library of one gait is that gait."""
+    """A library in which steps have a length or a slope to choose; a library of one gait is that gait."""
     return isinstance(gaits, GaitLibrary) and len(gaits.gaits) > 1
 
 
-def make_steps(gaits: Gaits, aim: float) -> Steps:
+def make_steps(gaits: Gaits, aim: float, model: FeetModel) -> Steps:
     """Of a gait, or of a library."""
     if has_lengths(gaits):
-        return LibrarySteps(gaits, aim)
+        return LibrarySteps(gaits, aim, model)
     return SingleGait(gaits.gaits[0] if isinstance(gaits, GaitLibrary) else gaits)
-
-
-def within(library: GaitLibrary, length: float) -> float:
-    """The nearest step length that the library has, m."""
-    return min(max(length, library.lengths[0]), library.lengths[-1])
-
-
-def interpolated(library: GaitLibrary, length: float) -> StepPath:
-    """The path of the periodic step of `length`, m, linear between the library's gaits."""
-    length, lengths = within(library, length), library.lengths
-    at = min(int(np.searchsorted(lengths, length, side="right")), len(lengths) - 1)
-    left, right = library.gaits[at - 1], library.gaits[at]
-    share = (length - left.step_length) / (right.step_length - left.step_length)
-    return StepPath(
-        (1 - share) * left.coeffs + share * right.coeffs,
-        (1 - share) * left.phase_angle_start + share * right.phase_angle_start,
-        (1 - share) * left.phase_angle_end + share * right.phase_angle_end,
-    )
-
-
-def step_path(library: GaitLibrary, taken: float, wanted: float) -> StepPath:
-    """The path from a step of `taken` into one of `wanted`, m."""
-    first, last = interpolated(library, taken), interpolated(library, wanted)
-    half = first.coeffs.shape[1] // 2
-    coeffs = np.hstack([first.coeffs[:, :half], last.coeffs[:, half:]])
-    return StepPath(coeffs, first.phase_angle_start, last.phase_angle_end)

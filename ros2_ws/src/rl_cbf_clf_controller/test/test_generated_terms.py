@@ -21,7 +21,8 @@ from rl_cbf_clf_controller.generated_model import (
 from rl_cbf_clf_controller.generated_outputs import GeneratedOutputs
 from rl_cbf_clf_controller.link_parameters import MotionTerms, read_links
 from rl_cbf_clf_controller.nominal_model import INPUT_MAP, NominalModel
-from rl_cbf_clf_controller.step_outputs import LibrarySteps, StepOutputs, step_path
+from rl_cbf_clf_controller.step_outputs import LibrarySteps, StepOutputs, Touchdown
+from rl_cbf_clf_controller.step_paths import step_path
 from rl_cbf_clf_controller.virtual_constraints import VirtualConstraints
 
 
@@ -171,15 +172,16 @@ def not_built(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.usefixtures("built")
 def test_rabbits_model_and_outputs_are_generated_code():
     assert make_model().computed_by == "generated code"
-    steps = LibrarySteps(load_gaits("paper_stones"), 0.5)
+    steps = LibrarySteps(load_gaits("paper_stones"), 0.5, NominalModel())
     assert isinstance(steps.first(), GeneratedOutputs)
-    assert isinstance(steps.begin(*STATES[0], 0.4, StonePreview(1, 0.38, 0.42)), GeneratedOutputs)
+    touchdown = Touchdown(*STATES[0], 0.4, stone=StonePreview(1, 0.38, 0.42))
+    assert isinstance(steps.begin(touchdown), GeneratedOutputs)
 
 
 @pytest.mark.usefixtures("not_built")
 def test_without_the_library_it_is_pinocchio():
     assert make_model().computed_by == "pinocchio"
-    assert isinstance(LibrarySteps(load_gaits("paper_stones"), 0.5).first(), VirtualConstraints)
+    assert isinstance(LibrarySteps(load_gaits("paper_stones"), 0.5, NominalModel()).first(), VirtualConstraints)
 
 
 @pytest.mark.usefixtures("built")

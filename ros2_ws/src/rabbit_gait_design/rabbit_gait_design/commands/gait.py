@@ -26,6 +26,9 @@ class FolderOptions(BaseModel):
         tuple(float(kg) for kg in range(0, 73, 8)), description="payloads to report on, kg; '' for none"
     )
     library: tuple[float, ...] = Field((), description="step lengths of a gait library, m, increasing; '' for one gait")
+    library_slopes: tuple[float, ...] = Field(
+        (), description="rises of the ground that the library has gaits for, degrees, increasing; '' for --slope alone"
+    )
     speed_slope: float = Field(
         0.0, ge=-2, le=2, description="of a library: m/s by which the speed grows with each m of step length"
     )
@@ -49,8 +52,14 @@ def gait(given: Given) -> None:
                 return lambda *at: status.update(of + progress_text(*at))
 
             if folder.library:
-                slope, lengths = folder.speed_slope, folder.library
-                made = run_library(specification, lengths, folder.out, slope, lambda name: progress(f"{name}: "))
+                made = run_library(
+                    specification,
+                    folder.library,
+                    folder.out,
+                    folder.speed_slope,
+                    folder.library_slopes,
+                    lambda name: progress(f"{name}: "),
+                )
                 show_library(made, console)
             else:
                 show(*run(specification, folder.out, progress(), folder.payload_table), console)
@@ -74,9 +83,10 @@ def show_library(made: Any, console: Any) -> None:
     from rich.table import Table
 
     columns = ("speed", "step_time", "peak_torque", "friction_used", "least_normal_force", "foot_height", "eigenvalue")
-    table = Table("step (m)", *columns)
+    table = Table("step (m)", "slope (degrees)", *columns)
     for gait in made.gaits:
-        table.add_row(f"{gait.step_length:g}", *(f"{gait.metadata['figures'][name]:.3g}" for name in columns))
+        place = f"{gait.step_length:g}", f"{gait.slope:g}"
+        table.add_row(*place, *(f"{gait.metadata['figures'][name]:.3g}" for name in columns))
     console.print(table)
 
 

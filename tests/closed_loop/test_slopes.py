@@ -1,0 +1,51 @@
+"""Gaits for slopes regulate the speed: the robot walks slopes, heights and friction that its model does not have."""
+
+from dataclasses import replace
+
+import pytest
+from rabbit_experiments.assembly import Assembly, resolve_policy
+from rabbit_experiments.evaluation import walk
+from rabbit_sim.parameters import SimulationParameters
+from rl_cbf_clf_controller.parameters import ControllerParameters, load_parameters
+from rl_trainer.rollout import rollout
+
+SEED = 3
+BEST = load_parameters("best")
+WITHOUT_SLOPES = load_parameters("best", gait="paper_stones")
+
+
+def stones(controller: ControllerParameters, **plant: object) -> Assembly:
+    """A course of ten at mass scale 2."""
+    plant = {"mass_scale": 2.0, "motor_lag": 0.004, "terrain": "stones", "stones": 10, **plant}
+    return Assembly(SimulationParameters.model_validate(plant), controller, resolve_policy(None, controller))
+
+
+@pytest.mark.parametrize("plant", [{"slope": 1.5}, {"stone_height": 0.02}], ids=str)
+def test_best_walks_where_gaits_for_level_ground_fall(plant: dict[str, float]) -> None:
+    assert walk(stones(BEST, **plant), 0, SEED).row.success
+    assert not walk(stones(WITHOUT_SLOPES, **plant), 0, SEED).row.success
+
+
+@pytest.mark.parametrize("plant", [{}, {"slope": -4.0}, {"coulomb": 10.0}], ids=str)
+def test_both_walk_where_little_energy_is_missing(plant: dict[str, float]) -> None:
+    assert walk(stones(BEST, **plant), 0, SEED).row.success
+    assert walk(stones(WITHOUT_SLOPES, **plant), 0, SEED).row.success
+
+
+def settled(slope: float) -> float:
+    """The slope, degrees, that steps on flat ground of such a `slope` are made for in the end, with exact estimates."""
+    controller = load_parameters("best", controller="rl-clf-qp", adaptation="none")
+    parts = replace(stones(controller, terrain="flat", slope=slope, stones=30, mass_scale=1.0), policy="oracle")
+    simulation, built = parts.build()
+    found: list[float] = []
+    rollout(simulation, built, SEED, lambda record: found.append(built._steps.slope))
+    simulation.close()
+    return sum(found[-500:]) / 500
+
+
+def test_the_slope_of_the_steps_follows_the_true_one() -> None:
+    """But for an offset, which is what speed the motors' lag and the ground's give cost on level ground."""
+    level = settled(0.0)
+    assert abs(level) < 1.0
+    for slope in (1.5, -3.0):
+        assert settled(slope) - level == pytest.approx(slope, abs=0.3)
