@@ -21,6 +21,7 @@ install(
             "benchmark = rabbit_experiments.commands.benchmark:app",
             "estimator = rabbit_experiments.commands.estimator:app",
             "evaluate = rabbit_experiments.commands.evaluate:app",
+            "misses = rabbit_experiments.commands.misses:app",
             "policy = rabbit_experiments.commands.policy:app",
             "reproduce = rabbit_experiments.commands.reproduce:app",
             "train = rabbit_experiments.commands.train:app",

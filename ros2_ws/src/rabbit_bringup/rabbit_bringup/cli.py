@@ -27,6 +27,7 @@ ORDER = (
         "run",
         "evaluate",
         "benchmark",
+        "misses",
         "reproduce",
         "gait",
         "train",

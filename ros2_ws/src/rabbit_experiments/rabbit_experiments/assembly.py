@@ -101,13 +101,15 @@ class Assembly:
 
 
 def resolve_policy(name: str | None, controller: ControllerParameters) -> str:
-    """`zero`, `oracle` or a path, for what the user named; a learning controller's own policy where nothing was.
+    """`zero`, `oracle` or a path, for what the user named.
+
+    Where nothing was, a learning controller's own policy; `zero` beside an adaptation, with which none is trained.
 
     Raises:
         AssemblyError: no such policy.
     """
     if name is None:
-        name = controller.controller if controller.learns else "zero"
+        name = controller.controller if controller.learns and controller.adaptation == "none" else "zero"
         if name != "zero" and name not in shipped_policies():
             raise AssemblyError("policy", f"not given, and none is shipped for {name}: expected zero, oracle or a file")
     if name in ("zero", "oracle"):

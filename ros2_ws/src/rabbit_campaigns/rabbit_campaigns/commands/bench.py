@@ -23,7 +23,7 @@ class BenchOptions(BaseModel):
     out: Path = Field(Path("runs/bench.json"), description="file for the figures")
     seed: int = Field(9001, ge=0, le=2**32 - 1, description="of the walk")
     policy: str | None = Field(None, description="zero, oracle, a shipped policy or a file")
-    parameters: str = Field("ours", description="of the controller: ours, authors or a YAML file")
+    parameters: str = Field("ours", description="of the controller: ours, best, authors or a YAML file")
     nodes: bool = Field(True, description="also walk through the nodes, where there is ROS")
     against: Path | None = Field(None, description="another checkout that is built: compare with it, in pairs")
     viewer: bool = Field(False, description="compare walks without and with `rabbit view`, in pairs")

@@ -48,7 +48,7 @@ class SoakOptions(BaseModel):
         None, description="to begin with, and to load again: a shipped policy or a file; or zero"
     )
     training: Path | None = Field(None, description="YAML file of training parameters")
-    parameters: str = Field("ours", description="of the controller: ours, authors or a YAML file")
+    parameters: str = Field("ours", description="of the controller: ours, best, authors or a YAML file")
 
 
 @app.command()

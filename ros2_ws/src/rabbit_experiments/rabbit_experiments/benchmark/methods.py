@@ -8,7 +8,16 @@ from dataclasses import dataclass
 from rabbit_description import plugins
 
 from rabbit_experiments.benchmark.cells import Terrain
-from rabbit_experiments.reproduce.controllers import GAIT, IDENTIFIED, LIBRARY, MARGIN, PD, Contender, variant
+from rabbit_experiments.reproduce.controllers import (
+    GAIT,
+    IDENTIFIED,
+    LIBRARY,
+    MARGIN,
+    PD,
+    SLOPES,
+    Contender,
+    variant,
+)
 
 GROUP = "rabbit.methods"
 REFERENCE = "identified"  # with which the others are compared
@@ -48,6 +57,12 @@ def _method(name: str, title: str, policy: str, *law: dict[str, str], trained_on
     return Method(name, title, stones, variant(title, kinds[1], policy, GAIT, *law), trained_on)
 
 
+def _on_slopes(name: str, title: str, policy: str, *law: dict[str, str], trained_on: str = "") -> Method:
+    """One that regulates its speed by gaits for slopes, on both terrains; PD-centred, a margin of 5 mm."""
+    stones = variant(title, "rl-cbf-clf-qp", policy, SLOPES, PD, *law)
+    return Method(name, title, stones, variant(title, "rl-clf-qp", policy, SLOPES, PD, *law), trained_on)
+
+
 BUILT_IN = (
     _method("nominal", "nominal, mu'mu", "zero"),
     _method("nominal-pd", "nominal, PD-centred", "zero", PD),
@@ -62,7 +77,9 @@ BUILT_IN = (
         PAPER_POLICY,
     ),
     _method("universal", "identified + universal, PD-centred", "universal", IDENTIFIED, PD, trained_on=UNIVERSAL),
+    _on_slopes("best", "identified, gaits for slopes", "zero", IDENTIFIED),
     _method("oracle", "oracle, PD-centred", "oracle", PD, trained_on=ORACLE),
+    _on_slopes("oracle-slopes", "oracle, gaits for slopes", "oracle", trained_on=ORACLE),
 )
 
 

@@ -15,7 +15,7 @@ from rabbit_experiments.benchmark.methods import REFERENCE, Method
 from rabbit_experiments.benchmark.protocol import SEEDS, Plan, Protocol
 from rabbit_experiments.cache import Cache
 from rabbit_experiments.metrics import RunResult
-from rabbit_experiments.success_map import success_map
+from rabbit_experiments.success_map import side_by_side
 from rabbit_experiments.summary import Walks, times
 from rabbit_experiments.tables import markdown_table, write_rows
 
@@ -70,10 +70,13 @@ class Benchmark:
         return [self._row(method, cell) for method in self.methods for cell in self.cells]
 
     def figure(self) -> Figure:
-        """Courses walked, a row for each cell."""
-        walks = [[self._walks(method, cell) for method in self.methods] for cell in self.cells]
-        names, titles = [cell.name for cell in self.cells], [method.name for method in self.methods]
-        return success_map(names, titles, walks, width=2.5 + 0.6 * len(titles))[0]
+        """Courses walked, a panel for each terrain, a row for each of its cells."""
+        panels = dict[str, tuple[list[str], list[list[Walks | None]]]]()
+        for terrain in dict.fromkeys(cell.terrain for cell in self.cells):
+            cells = [cell for cell in self.cells if cell.terrain == terrain]
+            walks = [[self._walks(method, cell) for method in self.methods] for cell in cells]
+            panels[terrain] = [cell.name.removeprefix(f"{terrain}/") for cell in cells], walks
+        return side_by_side(panels, [method.name for method in self.methods])
 
     def page(self) -> str:
         """The page."""

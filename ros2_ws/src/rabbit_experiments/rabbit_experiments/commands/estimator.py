@@ -27,7 +27,7 @@ class EstimatorOptions(BaseModel):
     runs: int = Field(10, ge=1, le=100_000, description="number of walks")
     seed: int = Field(9001, ge=0, le=2**63 - 1, description="of courses, first states and sensor noise")
     policy: str | None = Field(None, description="as in rabbit evaluate")
-    parameters: str = Field("ours", description="of the controller: ours, authors or a YAML file")
+    parameters: str = Field("ours", description="of the controller: ours, best, authors or a YAML file")
 
 
 @app.command()

@@ -29,7 +29,7 @@ class EvaluationOptions(BaseModel):
         None, description="zero, oracle, a shipped policy or a file; a controller that learns has its own by default"
     )
     nominal: tuple[str, ...] = Field((), description="quantities whose estimates are set to zero, such as V,B2")
-    parameters: str = Field("ours", description="of the controller: ours, authors or a YAML file")
+    parameters: str = Field("ours", description="of the controller: ours, best, authors or a YAML file")
     jobs: int = Field(
         default_factory=lambda: os.cpu_count() or 1, ge=1, le=4096, description="processes (default: all cores)"
     )

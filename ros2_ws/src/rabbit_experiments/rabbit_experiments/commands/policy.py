@@ -32,7 +32,7 @@ class ErrorsOptions(BaseModel):
 
     runs: int = Field(5, ge=1, le=10_000, description="walks of the policy, and as many of the oracle")
     seed: int = Field(9001, ge=0, le=2**63 - 1, description="of courses, first states and sensor noise")
-    parameters: str = Field("ours", description="of the controller: ours, authors or a YAML file")
+    parameters: str = Field("ours", description="of the controller: ours, best, authors or a YAML file")
     out: Path | None = Field(None, description="file for the figures, JSON")
 
 

@@ -25,7 +25,7 @@ class SessionOptions(BaseModel):
     out: Path = Field(description="folder of the session; one that was stopped there goes on")
     random_plants: bool = Field(False, description="another robot in every episode, for a policy beside an adaptation")
     paper_literal: bool = Field(False, description="DDPG as the paper states it, in place of the one that works")
-    parameters: str = Field("ours", description="of the controller: ours, authors or a YAML file")
+    parameters: str = Field("ours", description="of the controller: ours, best, authors or a YAML file")
 
 
 @app.command()

@@ -53,6 +53,7 @@ STONES = (RL_CBF_CLF, ROBUST, CBF_CLF)
 RL_CBF_CLF_LIGHT = Contender("RL-CBF-CLF-QP trained at 0.7", "rl-cbf-clf-qp", style.SKY, "rl-cbf-clf-qp-scale-0.7")
 
 LIBRARY = {"gait": "paper_stones"}  # presses on the ground under every payload (gaits.md), and so does this one:
+SLOPES = {"gait": "slopes"}
 GAIT = {"gait": "stones_0350_084"}
 MARGIN = {"stone_margin": 0.01}
 PD = {"objective": "pd_centred"}
