@@ -4,6 +4,7 @@ For min x'x + q'x, lower <= A x <= upper with multipliers y:  2 x + q + A'y = 0,
 """
 
 import io
+import signal
 import sys
 import time
 from collections.abc import Callable, Sequence
@@ -63,7 +64,11 @@ class _Nowhere(io.StringIO):
 
 
 class OsqpSolver:
-    """OSQP, set up once for the controller's sparsity pattern and updated at every tick."""
+    """OSQP, set up once for the controller's sparsity pattern and updated at every tick.
+
+    While it solves, OSQP answers SIGINT itself: it stops, and nobody else hears of the signal. So a Ctrl-C waits until
+    the programme is solved. If another thread took the signal, it is raised again and the programme is solved again.
+    """
 
     name = "osqp"
     SETTINGS: ClassVar[dict[str, object]] = {
@@ -94,16 +99,24 @@ class OsqpSolver:
             self._solver.update_data_mat(None, None, qp.entries, None)
         else:
             self._set_up(qp)
-        stdout, sys.stdout = sys.stdout, self._nowhere  # "Polishing not needed", also when not verbose
-        try:
-            self._solver.solve()
-        finally:
-            sys.stdout = stdout
+        while self._status() == "interrupted":
+            signal.raise_signal(signal.SIGINT)
         solution, status = self._solver.solution, self._solver.info.status
         x = solution.x  # a copy
         found = read(qp, x, solution.y)
         residual = found[0] if status == "solved" else np.inf
         return Solution(x, residual < TOLERANCE, status, self.name, residual, time.perf_counter() - start, found)
+
+    def _status(self) -> str:
+        """Solve; return the solver's status."""
+        blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        stdout, sys.stdout = sys.stdout, self._nowhere  # "Polishing not needed", also when not verbose
+        try:
+            self._solver.solve()
+        finally:
+            sys.stdout = stdout
+            signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
+        return str(self._solver.info.status)
 
     def _set_up(self, qp: QuadraticProgram) -> None:
         rows, columns = qp.A.shape

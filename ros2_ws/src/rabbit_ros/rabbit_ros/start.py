@@ -11,8 +11,10 @@ from pathlib import Path
 
 def main() -> None:
     """Import the node's module, then run its `main`."""
+    import numpy as np  # noqa: F401  its threads do not hear SIGINT, which is blocked by the executable's first line
+
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # nobody has it ignored
         signal.signal(signal.SIGINT, signal.SIG_DFL)
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})  # blocked by the executable's first line
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     (node,) = entry_points(group="rabbit.nodes", name=Path(sys.argv[0]).name)
     node.load()()

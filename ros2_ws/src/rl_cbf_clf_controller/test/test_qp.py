@@ -1,5 +1,8 @@
 """The QP against closed forms, KKT residuals, and its two solvers against each other; no flag is trusted."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from cbf_clf_qp.affine import Affine
@@ -49,6 +52,41 @@ def test_nothing_is_printed_where_no_row_is_active(capfd):
         assert OsqpSolver().solve(qp).solved
     print("after")
     assert capfd.readouterr() == ("after\n", "")
+
+
+INTERRUPTED = """
+import os, signal, threading, time
+import numpy as np
+from cbf_clf_qp.qp import build_qp
+from cbf_clf_qp.rows import Rows
+from cbf_clf_qp.solvers import OsqpSolver
+
+heard = []
+
+def send():
+    for count in range(1, 301):
+        time.sleep(0.0003)
+        os.kill(os.getpid(), signal.SIGINT)
+        while len(heard) < count:
+            time.sleep(0.0001)
+
+signal.signal(signal.SIGINT, lambda *_: heard.append(1))
+signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])  # also in the thread that begins now
+sender = threading.Thread(target=send)
+sender.start()
+signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
+solver, rng = OsqpSolver(), np.random.default_rng(0)
+while sender.is_alive():
+    rows = Rows.at_least(("B1", "B2"), rng.normal(0, 0.5, (2, 4)), np.array([5.0, 5.0]), 1e6).normalised()
+    assert solver.solve(build_qp([rows])).status == "solved"
+print(len(heard))
+"""
+
+
+def test_an_interrupt_while_osqp_solves_is_not_lost():
+    """OSQP has a handler of its own for SIGINT while it solves; that one would stop it and tell nobody."""
+    done = subprocess.run([sys.executable, "-c", INTERRUPTED], capture_output=True, text=True, timeout=180, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "300\n", "")
 
 
 def test_center_moves_the_free_minimum():

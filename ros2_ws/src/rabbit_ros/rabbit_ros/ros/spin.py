@@ -13,19 +13,23 @@ from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.timer import Timer
 
+from rabbit_ros.deadline import end_within
 from rabbit_ros.ros.network import StartError, initialise
 from rabbit_ros.ros.parameters import ParameterError
 
 _LOOK_UP = 0.1  # s between looks at the signals; without a time-out this executor's wait hears none
 _LAST_WORK = 10.0  # s
 _DELIVERY = 3.0  # s
+_MIDDLEWARE = 10  # s, that it may take to end
+_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 def run(make: Callable[[], Node | tuple[Node, ...]], errors: tuple[type[Exception], ...] = ()) -> None:
     """Make one node or several, spin, close them in this order.
 
-    SIGINT and SIGTERM end it between two callbacks; more of them change nothing. If arguments or parameters cannot be
-    used, it ends with one line and exit code 2.
+    SIGINT and SIGTERM end it between two callbacks; more of them change nothing. This thread alone hears them: a
+    solver that answers SIGINT itself can then keep it off. If arguments or parameters cannot be used, it ends with one
+    line and exit code 2. The process ends in any case, see `deadline`.
 
     Args:
         make: the node's class, or what makes several nodes. If one has `busy()`, all are spun until that is False
@@ -34,8 +38,9 @@ def run(make: Callable[[], Node | tuple[Node, ...]], errors: tuple[type[Exceptio
         errors: besides `ParameterError`, what the constructor raises when a file or value cannot be used.
     """
     signals: list[int] = []
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in _SIGNALS:
         signal.signal(number, lambda got, _: signals.append(got))
+    signal.pthread_sigmask(signal.SIG_BLOCK, _SIGNALS)  # in this thread, and in those that it starts meanwhile
     unusable: tuple[type[Exception], ...] = (StartError, ParameterError, *errors)
     try:
         initialise()
@@ -49,6 +54,8 @@ def run(make: Callable[[], Node | tuple[Node, ...]], errors: tuple[type[Exceptio
     for node in nodes:
         executor.add_node(node)
     try:
+        executor.spin_once(0.0)  # starts the executor's threads
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, _SIGNALS)
         while not signals and not _failure(nodes):
             executor.spin_once(_LOOK_UP)
         deadline = time.monotonic() + _LAST_WORK
@@ -58,13 +65,16 @@ def run(make: Callable[[], Node | tuple[Node, ...]], errors: tuple[type[Exceptio
         for node in nodes:
             getattr(node, "close", lambda: None)()
             _deliver(node)
+        failure = _failure(nodes)
+        if failure:
+            print(f"error: {failure}", file=sys.stderr)
+        end_within(_MIDDLEWARE, 2 if failure else int(sys.exc_info()[0] is not None))
         for node in nodes:
             node.destroy_node()
         rclpy.try_shutdown()
-        for number in (signal.SIGINT, signal.SIGTERM):  # as the interpreter ends it undoes handlers
+        for number in _SIGNALS:  # as the interpreter ends it undoes handlers
             signal.signal(number, signal.SIG_IGN)
-    if failure := _failure(nodes):
-        print(f"error: {failure}", file=sys.stderr)
+    if failure:
         sys.exit(2)
 
 
