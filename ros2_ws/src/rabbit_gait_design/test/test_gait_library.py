@@ -23,9 +23,10 @@ from rl_cbf_clf_controller.step_outputs import (
     SingleGait,
     StepOutputs,
     Touchdown,
+    gradual_line,
     make_steps,
 )
-from rl_cbf_clf_controller.step_paths import interpolated, landing_at, start_rate, step_path
+from rl_cbf_clf_controller.step_paths import DEPTH, LATE, descent, interpolated, landing_at, start_rate, step_path
 from rl_cbf_clf_controller.virtual_constraints import RABBIT_ANGLES, VirtualConstraints
 
 NAME = "wide"
@@ -255,6 +256,31 @@ def test_a_path_to_a_stone_ends_at_its_height(length: float, slope: float, heigh
     if abs(height) > 1e-3:
         assert knees[0 if height < 0 else 1] > 0, "the leg that meets the stone is shorter, its knee more flexed"
         assert knees[1 if height < 0 else 0] == 0
+
+
+@given(length=LENGTHS, slope=SLOPES, height=st.floats(-0.04, 0.04))
+def test_a_foot_that_finds_no_ground_goes_straight_down(length: float, slope: float, height: float) -> None:
+    """By joints that move in proportion to the phase, and with the pitch of the landing."""
+    path = landing_at(step_path(SLOPED, length, length, slope), height, MODEL)
+    foot, pitch = landed_foot(path)
+    along_the_end = 5 * (path.coeffs[:, -1] - path.coeffs[:, -2])
+    later = path.phase_angle_end + LATE * (path.phase_angle_end - path.phase_angle_start)
+    controlled = path.coeffs[:, -1] + LATE * (along_the_end + descent(path, MODEL))
+    below = np.append(np.zeros(2), RABBIT_ANGLES.coordinates(controlled, later))
+    np.testing.assert_allclose(MODEL.update(below, np.zeros(7)).swing, foot - (0.0, DEPTH), atol=1e-3)
+    assert below[2] == pytest.approx(pitch, abs=1e-3)
+
+
+def test_the_descent_begins_gradually() -> None:
+    """Its value, slope and curvature begin with 0; each is the derivative of the one before; the slope goes to 1."""
+    assert gradual_line(0.0) == gradual_line(-0.3) == pytest.approx((0, 0, 0), abs=1e-15)
+    h = 1e-6
+    for x in (0.01, 0.05, 0.2):
+        (value, slope, curvature), before, after = gradual_line(x), gradual_line(x - h), gradual_line(x + h)
+        assert (after[0] - before[0]) / (2 * h) == pytest.approx(slope, abs=1e-6)
+        assert (after[1] - before[1]) / (2 * h) == pytest.approx(curvature, abs=1e-6)
+        assert value < x
+    assert gradual_line(1.0)[1] == pytest.approx(1.0, abs=1e-6)
 
 
 def test_a_step_is_made_for_a_steeper_slope_where_the_robot_is_slow() -> None:

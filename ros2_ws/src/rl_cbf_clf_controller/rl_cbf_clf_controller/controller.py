@@ -156,6 +156,8 @@ class Controller:
         """The nominal terms at a state, with the present stance leg."""
         q_s, dq_s = self._relabel(state.q), self._relabel(state.dq)
         stance = self._step.stance
+        if self._robot and self.parameters.prediction:
+            q_s, dq_s = self._robot.predicted(q_s, dq_s, self._step.torque)
         return self._terms(
             q_s,
             dq_s,

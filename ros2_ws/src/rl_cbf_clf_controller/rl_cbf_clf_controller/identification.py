@@ -38,7 +38,7 @@ IDENTIFIED = (
     "motor_gain",  # kappa
     "late_torque",  # lag
 )
-THETA, DAMPING, MOTOR_GAIN = slice(0, links.SIZE), links.SIZE, links.SIZE + 1
+THETA, DAMPING, MOTOR_GAIN, LATE_TORQUE = slice(0, links.SIZE), links.SIZE, links.SIZE + 1, links.SIZE + 2
 SIZE = len(IDENTIFIED)
 
 FILTER_TIME = 0.03  # s

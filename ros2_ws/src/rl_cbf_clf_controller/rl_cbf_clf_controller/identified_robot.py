@@ -4,6 +4,7 @@
 `joint_calibration.py` where its joints' angles are zero. A second model carries what is found, and the estimates are
 the difference of the quantities by this and by the nominal model, as the oracle's are by the plant's own
 (`model_error.py`). The policy's are added to them. The angles are corrected before anything is computed from them.
+Where the state is predicted (`state_prediction.py`), the identification still learns from the measured one.
 
 The identification uses a tick only if the stance foot was the only one on the ground, and had been for SETTLING ticks.
 So it leaves out the tick of a touchdown, flight, a swing foot on the ground, a missing tick, an unknown torque. (A foot
@@ -21,15 +22,24 @@ from cbf_clf_qp.tick import Estimator, Pending, Terms
 from rabbit_description.state import Array, RobotState
 
 from rl_cbf_clf_controller.generated_model import make_model
-from rl_cbf_clf_controller.identification import DAMPING, IDENTIFIED, MOTOR_GAIN, THETA, Identification
+from rl_cbf_clf_controller.identification import (
+    DAMPING,
+    IDENTIFIED,
+    LATE_TORQUE,
+    MOTOR_GAIN,
+    THETA,
+    Identification,
+)
 from rl_cbf_clf_controller.joint_calibration import JointCalibration
 from rl_cbf_clf_controller.pinned_robot import PinnedRobot
 from rl_cbf_clf_controller.rate_noise import RateNoise
 from rl_cbf_clf_controller.scene import Scene, is_finite
+from rl_cbf_clf_controller.state_prediction import predicted_state
 
 KNOWN = (*IDENTIFIED, "hip_offset", "knee_offset")  # rad
 SETTLING = 2  # ticks on the ground before what is measured counts
 PITCH = 2  # its place in q
+State = tuple[Array, Array]  # q_s, dq_s
 CONTACT_FORCE = 1.0  # N; a foot that carries less is in the air
 
 
@@ -72,12 +82,25 @@ class IdentifiedRobot(Estimator[Scene]):
         self._calibration.reset()
         self._rate_noise.reset()
         self._last: Scene | None = None
+        self._measured: State | None = None
+        self._measured_last: State | None = None
         self._standing = 0  # ticks on end in which the stance foot alone stood
         self._believe()
 
     def corrected(self, state: RobotState) -> RobotState:
         """The state with its angles set right."""
         return state.with_q(self._calibration.corrected(state.q))
+
+    def predicted(self, q_s: Array, dq_s: Array, torque: Array) -> State:
+        """The state in which a torque that is computed from `q_s`, `dq_s` (7,) takes effect, stance/swing order.
+
+        `torque` (4,), N m, acts until then; where it is not known, the state is that of now.
+        """
+        self._measured = q_s, dq_s
+        if not is_finite(torque):
+            return q_s, dq_s
+        lag = float(self._identification.value[LATE_TORQUE])
+        return predicted_state(self._robot.robot_at(q_s, dq_s), q_s, dq_s, torque, lag)
 
     def estimate(self, terms: Terms[Scene], before: Estimates) -> Estimates:
         """Learn from the tick that ends now; then by how much the robot found differs from the nominal one."""
@@ -88,25 +111,26 @@ class IdentifiedRobot(Estimator[Scene]):
         return OtherRobot(self._learned(terms.scene))
 
     def _learned(self, scene: Scene) -> PinnedRobot:
-        self._learn(scene)
-        self._last = scene
+        measured = self._measured or (scene.q_s, scene.dq_s)
+        self._learn(scene, measured)
+        self._last, self._measured_last, self._measured = scene, measured, None
         return self._robot.robot_at(scene.q_s, scene.dq_s)
 
-    def _learn(self, now: Scene) -> None:
-        last = self._last
-        if last is None or not is_pinned(last.tick, now):
+    def _learn(self, now: Scene, measured: State) -> None:
+        last, before = self._last, self._measured_last
+        if last is None or before is None or not is_pinned(last.tick, now):
             self._standing = 0
             self._identification.interrupt()
             self._rate_noise.interrupt()
             return
         self._standing += 1
         if self._standing > SETTLING and is_finite(last.torque):
-            states, torques = ((last.q_s, last.dq_s), (now.q_s, now.dq_s)), (last.torque, now.torque)
-            self._calibration.learn(*states[1])
-            self._rate_noise.add(last.dq_s[PITCH], now.dq_s[PITCH])
+            self._calibration.learn(*measured)
+            self._rate_noise.add(before[1][PITCH], measured[1][PITCH])
             variance = self._rate_noise.variance
             if variance is not None:
-                self._identification.learn(*states, torques, now.force, variance)
+                torques = last.torque, now.torque
+                self._identification.learn(before, measured, torques, now.force, variance)
             self._believe()
 
     def _believe(self) -> None:

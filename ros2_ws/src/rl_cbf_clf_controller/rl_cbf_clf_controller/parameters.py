@@ -42,6 +42,9 @@ class ControllerParameters(BaseModel):
     adaptation: Literal["none", "identification"] = Field(
         "none", description="whether the true robot is identified as it walks"
     )
+    prediction: bool = Field(
+        False, description="whether the QP is solved for the state in which its torque takes effect, as identified"
+    )
     slack_weight: float = Field(10.0, ge=1e-6, le=1e6, description="p, weight of the CLF slack d")
     barrier_pole_1: float = Field(70.0, ge=1e-6, le=1000, description="first ECBF pole, 1/s")
     barrier_pole_2: float = Field(70.0, ge=1e-6, le=1000, description="second ECBF pole, 1/s")
@@ -104,6 +107,12 @@ class ControllerParameters(BaseModel):
     def _adaptation_has_rows(self) -> "ControllerParameters":
         if self.adaptation != "none" and self.problem.corrects_input:
             raise ValueError(f"adaptation = {self.adaptation}: expected none, {self.controller} estimates no rows")
+        return self
+
+    @model_validator(mode="after")
+    def _prediction_has_a_model(self) -> "ControllerParameters":
+        if self.prediction and self.adaptation != "identification":
+            raise ValueError(f"prediction = True: expected adaptation = identification, not {self.adaptation}")
         return self
 
     @property

@@ -7,8 +7,16 @@ without error, the desired outputs are
     y_d(s) = path(s) + (1 - x)^3 (a + b x)    for x = (s - s_0) / w < 1,  s_0: the phase at the touchdown,  w: width
 
 with a = y_0 and b = w y_0' / s_0' + 3 a: then y = y' = 0 at s_0, and y_d'' is continuous where the correction ends.
+
+Ground that lies lower than expected is met late. A path that only went on along its end would lead the foot forward and
+up again, for the body moves on. So beyond phase 1, where there are gaits for slopes, the foot goes straight down:
+
+    y_d(s) = path(s) + D g(s - 1),    g(x) = x - 2 f + (x + 2 f) exp(-x / f) for x > 0, else 0,    f = FADING:
+
+g, g' and g'' begin with 0, and g' goes to 1. `step_paths.descent` finds D.
 """
 
+import math
 from dataclasses import dataclass
 from typing import Protocol, TypeGuard
 
@@ -16,23 +24,30 @@ import numpy as np
 from rabbit_description.gait import Gait, GaitLibrary, Gaits
 from rabbit_description.state import Array, StonePreview
 
+from rl_cbf_clf_controller.bezier import FADING
 from rl_cbf_clf_controller.generated_outputs import generated_if_built
 from rl_cbf_clf_controller.speed_regulation import SpeedRegulation
-from rl_cbf_clf_controller.step_paths import FeetModel, landing_at, speed_of, start_rate, step_path, within
+from rl_cbf_clf_controller.step_paths import FeetModel, descent, landing_at, speed_of, start_rate, step_path, within
 from rl_cbf_clf_controller.virtual_constraints import RABBIT_ANGLES, Outputs, Path, VirtualConstraints
 
 FADED = 0.5  # phase at which the correction ends
+FADED_ON_SLOPES = 0.7  # of steps whose slope differs from the last one's: their corrections are larger
+NO_DESCENT = np.zeros(4)
 LEAST_WIDTH = 0.1  # of the phase, of a correction that begins late
 LEAST_RATE = 0.5  # 1/s; of a robot that hardly moves forward, y' is not made continuous
 
 
 class StepOutputs(VirtualConstraints):
-    """Outputs along `path` that are zero, with their rates, at the state that the step begins with."""
+    """Outputs along `path` that are zero, with their rates, at the state that the step begins with.
 
-    def __init__(self, path: Path, q_s: Array, dq_s: Array) -> None:
+    From the phase `faded` on they are the path's, and beyond 1 what `descent` (4,), rad, adds to it.
+    """
+
+    def __init__(self, path: Path, q_s: Array, dq_s: Array, faded: float = FADED, descent: Array = NO_DESCENT) -> None:
         super().__init__(path)
+        self._descent = descent
         begun = super().evaluate(q_s, dq_s)
-        self._begin, self._width = begun.phase, max(FADED - begun.phase, LEAST_WIDTH)
+        self._begin, self._width = begun.phase, max(faded - begun.phase, LEAST_WIDTH)
         self._a = begun.y
         self._b = self._width * begun.dy / max(begun.phase_rate, LEAST_RATE) + 3 * begun.y
 
@@ -42,13 +57,15 @@ class StepOutputs(VirtualConstraints):
             "correction": np.array([self._a, self._b]),
             "correction_begin": np.array(self._begin),
             "correction_width": np.array(self._width),
+            "descent": self._descent,
         }
         return super().parameters() | correction
 
     def evaluate(self, q_s: Array, dq_s: Array) -> Outputs:
         """Outputs at `q_s`, `dq_s` (7,), stance/swing order."""
         path = super().evaluate(q_s, dq_s)
-        value, slope, curvature = self._correction(path.phase)
+        lowered = (self._descent * each for each in gradual_line(path.phase - 1))
+        value, slope, curvature = (sum(each) for each in zip(self._correction(path.phase), lowered, strict=True))
         return Outputs(
             eta=path.eta - np.concatenate([value, slope * path.phase_rate]),
             jacobian=path.jacobian - np.outer(slope, self._gradient),
@@ -68,6 +85,13 @@ class StepOutputs(VirtualConstraints):
         if x < 0:
             return value + slope * (phase - self._begin), slope, np.zeros_like(slope)
         return value, slope, curvature
+
+
+def gradual_line(x: float) -> tuple[float, float, float]:
+    """g of the module's text, and two derivatives."""
+    after = max(x, 0.0) / FADING
+    left = math.exp(-after)
+    return FADING * (after - 2 + (after + 2) * left), 1 - (1 + after) * left, after * left / FADING
 
 
 class OutputPath(Protocol):
@@ -130,8 +154,8 @@ class SingleGait:
 class LibrarySteps:
     """Steps through a library: from where the feet stand to `aim`, a share of the stone's width, on the stone.
 
-    With gaits for several slopes the speed is regulated by the slope that a step is made for, and a step ends at its
-    stone's height; `model` knows where the feet are.
+    With gaits for several slopes the speed is regulated by the slope that a step is made for. A step then ends at its
+    stone's height; where the foot finds no ground there, it goes on straight down. `model` knows where the feet are.
     """
 
     def __init__(self, library: GaitLibrary, aim: float, model: FeetModel) -> None:
@@ -162,9 +186,12 @@ class LibrarySteps:
             wanted = stone.l_min + self._aim * (stone.l_max - stone.l_min)
             self.wanted = (within(self._library.lengths, wanted),)
         path = step_path(self._library, taken, self.wanted[0], self.slope)
-        if self._has_slopes and stone is not None:
+        if not self._has_slopes:
+            return generated_if_built(StepOutputs(path, touchdown.q_s, touchdown.dq_s))
+        if stone is not None:
             path = landing_at(path, stone.height, self._model)
-        return generated_if_built(StepOutputs(path, touchdown.q_s, touchdown.dq_s))
+        down = descent(path, self._model)
+        return generated_if_built(StepOutputs(path, touchdown.q_s, touchdown.dq_s, FADED_ON_SLOPES, down))
 
     def _regulate(self, touchdown: Touchdown, seconds: float) -> None:
         """The next step's slope, from the step that took so many `seconds`."""

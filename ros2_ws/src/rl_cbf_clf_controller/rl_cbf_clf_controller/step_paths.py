@@ -24,6 +24,8 @@ STANCE_LEG, SWING_LEG = slice(3, 5), slice(5, 7)  # hip and knee
 SHARES = np.array([0.3, 1.0, 1.0])  # of the leg's change at the landing, in the last three control points
 HEIGHT_STEP = 0.01  # m, from which Newton's method finds the next leg
 NEWTON_STEPS = 4
+FOUND = 1e-4  # m and rad, that a pose may be away
+DEPTH, LATE = 0.08, 0.15  # m and phase: how far a foot that finds no ground goes down, and within what
 
 
 @dataclass(frozen=True)
@@ -98,6 +100,29 @@ def landing_at(path: StepPath, height: float, model: FeetModel) -> StepPath:
     coeffs[:, -len(SHARES) :] += np.outer(change, SHARES)
     end = path.phase_angle_end + float(RABBIT_ANGLES.phase_angle @ (landed - start))
     return StepPath(coeffs, path.phase_angle_start, end)
+
+
+def descent(path: StepPath, model: FeetModel) -> Array:
+    """By how much the desired angles (4,) change per phase beyond 1 more than along their end, rad: the swing foot then
+    goes straight down, DEPTH within LATE of the phase, and the pitch stays.
+
+    Zero where Newton's method finds no such pose.
+    """
+    span = path.phase_angle_end - path.phase_angle_start
+    landed = np.append(np.zeros(2), RABBIT_ANGLES.coordinates(path.coeffs[:, -1], path.phase_angle_end))
+    at_rest, pitch, below = np.zeros(7), landed[2], landed.copy()
+    aim = model.update(landed, at_rest).swing - (0.0, DEPTH)
+    missing = np.ones(4)
+    for _ in range(2 * NEWTON_STEPS):
+        feet = model.update(below, at_rest)
+        phase_angle = path.phase_angle_end + LATE * span - RABBIT_ANGLES.phase_angle @ below
+        missing = np.array([*(aim - feet.swing), phase_angle, pitch - below[2]])
+        slopes = np.vstack([feet.swing_jacobian, RABBIT_ANGLES.phase_angle, np.eye(7)[2]])[:, 2:]
+        below[2:] += np.linalg.lstsq(slopes, missing, rcond=None)[0]
+    if not np.abs(missing).max() < FOUND:
+        return np.zeros(4)
+    along_the_end = (path.coeffs.shape[1] - 1) * (path.coeffs[:, -1] - path.coeffs[:, -2])
+    return np.asarray(RABBIT_ANGLES.controlled @ (below - landed) / LATE - along_the_end)
 
 
 def _along(gaits: list[Gait], lengths: list[float], length: float) -> StepPath:

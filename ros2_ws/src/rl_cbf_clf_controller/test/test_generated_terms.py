@@ -140,7 +140,8 @@ def step_into(begun_at: float) -> StepOutputs:
     """Of a step that begins off its path, at a phase."""
     path = step_path(load_gaits("paper_stones"), 0.38, 0.44)
     q, dq = STATES[3]
-    return StepOutputs(path, with_phase(VirtualConstraints(path), q, begun_at), dq)
+    state = with_phase(VirtualConstraints(path), q, begun_at), dq
+    return StepOutputs(path, *state, faded=0.7, descent=np.array([0.5, -1.0, 1.5, -2.0]))
 
 
 @pytest.mark.parametrize("make", [lambda: VirtualConstraints(load_gait("authors_035")), lambda: step_into(0.02),

@@ -4,6 +4,7 @@ entry_points={"rabbit.methods": ["mine = my_package.method:MINE"]}      in a set
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 from rabbit_description import plugins
 
@@ -14,6 +15,7 @@ from rabbit_experiments.reproduce.controllers import (
     LIBRARY,
     MARGIN,
     PD,
+    PREDICTED,
     SLOPES,
     Contender,
     variant,
@@ -57,7 +59,7 @@ def _method(name: str, title: str, policy: str, *law: dict[str, str], trained_on
     return Method(name, title, stones, variant(title, kinds[1], policy, GAIT, *law), trained_on)
 
 
-def _on_slopes(name: str, title: str, policy: str, *law: dict[str, str], trained_on: str = "") -> Method:
+def _on_slopes(name: str, title: str, policy: str, *law: dict[str, Any], trained_on: str = "") -> Method:
     """One that regulates its speed by gaits for slopes, on both terrains; PD-centred, a margin of 5 mm."""
     stones = variant(title, "rl-cbf-clf-qp", policy, SLOPES, PD, *law)
     return Method(name, title, stones, variant(title, "rl-clf-qp", policy, SLOPES, PD, *law), trained_on)
@@ -77,7 +79,8 @@ BUILT_IN = (
         PAPER_POLICY,
     ),
     _method("universal", "identified + universal, PD-centred", "universal", IDENTIFIED, PD, trained_on=UNIVERSAL),
-    _on_slopes("best", "identified, gaits for slopes", "zero", IDENTIFIED),
+    _on_slopes("best", "identified, gaits for slopes", "zero", IDENTIFIED, PREDICTED),
+    _on_slopes("best-unpredicted", "best, the state not predicted", "zero", IDENTIFIED),
     _method("oracle", "oracle, PD-centred", "oracle", PD, trained_on=ORACLE),
     _on_slopes("oracle-slopes", "oracle, gaits for slopes", "oracle", trained_on=ORACLE),
 )

@@ -58,6 +58,7 @@ GAIT = {"gait": "stones_0350_084"}
 MARGIN = {"stone_margin": 0.01}
 PD = {"objective": "pd_centred"}
 IDENTIFIED = {"adaptation": "identification"}
+PREDICTED = {"prediction": True}
 
 
 def variant(title: str, controller: str, policy: str, *law: dict[str, Any]) -> Contender:

@@ -131,12 +131,14 @@ def outputs(
     correction: ca.SX,
     correction_begin: ca.SX,
     correction_width: ca.SX,
+    descent: ca.SX,
 ) -> list[ca.SX]:
     """Outputs and their derivatives, as in `virtual_constraints.py` and `step_outputs.py`; see `layout.OUTPUTS`."""
     phase, phase_rate = ca.dot(gradient, q) - phase_start, ca.dot(gradient, dq)
     path = beyond_ends(ca.reshape(powers, POWERS, MOTORS).T, phase, fading)
     faded = fading_correction(correction[:MOTORS], correction[MOTORS:], phase - correction_begin, correction_width)
-    value, slope, curvature = (a + b for a, b in zip(path, faded, strict=True))
+    lowered = [descent * each for each in gradual_line(phase - 1, fading)]
+    value, slope, curvature = (sum(each) for each in zip(path, faded, lowered, strict=True))
     controlled = ca.horzcat(ca.SX.zeros(MOTORS, COORDINATES - MOTORS), ca.SX.eye(MOTORS))
     return [
         ca.horzcat(q[3:] - value, dq[3:] - slope * phase_rate).T,
@@ -169,6 +171,13 @@ def fading_correction(a: ca.SX, b: ca.SX, since: ca.SX, width: ca.SX) -> tuple[c
     curvature = 6 * left * (line - left * b) / width**2
     before = ca.fmin(since, 0)
     return left**3 * line + slope * before, slope, ca.if_else(since < 0, 0, curvature)
+
+
+def gradual_line(x: ca.SX, width: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """A line of slope 1 that begins gradually at x = 0, and two derivatives; as in `step_outputs.py`."""
+    after = ca.fmax(x, 0) / width
+    left = ca.exp(-after)
+    return width * (after - 2 + (after + 2) * left), 1 - (1 + after) * left, after * left / width
 
 
 def motion_regressor(q: ca.SX, dq: ca.SX, ddq: ca.SX, theta: ca.SX, legs: ca.SX) -> list[ca.SX]:

@@ -27,6 +27,7 @@ PATH: Layout = {
     "correction": (2, MOTORS),  # a, b of `step_outputs.py`; zero for none
     "correction_begin": (1,),
     "correction_width": (1,),
+    "descent": (MOTORS,),  # D of `step_outputs.py`; zero for none
 }
 
 PINNED = "pinned_dynamics"
