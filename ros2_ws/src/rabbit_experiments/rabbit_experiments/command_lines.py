@@ -53,4 +53,7 @@ def _policy(assembly: Assembly) -> list[str]:
     if own and assembly.policy == resolve_policy(None, assembly.controller):
         return []
     name = Path(assembly.policy).stem
-    return ["--policy", name if assembly.policy == str(policy_path(name)) else assembly.policy]
+    if assembly.policy == str(policy_path(name)):
+        return ["--policy", name]
+    file, here = Path(assembly.policy), Path.cwd()
+    return ["--policy", str(file.relative_to(here) if file.is_relative_to(here) else file)]

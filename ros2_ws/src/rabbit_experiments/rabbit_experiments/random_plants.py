@@ -1,4 +1,4 @@
-"""A plant that is another robot in each episode: what the policy `universal` is trained on."""
+"""A plant that is another robot in each episode: what a policy beside the identification is trained on."""
 
 import math
 

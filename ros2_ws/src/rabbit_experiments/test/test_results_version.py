@@ -14,13 +14,13 @@ import pytest
 from rabbit_experiments.assembly import Assembly
 from rabbit_experiments.cache import RESULTS_VERSION
 from rabbit_experiments.evaluation import walk
-from rabbit_experiments.reproduce.controllers import CBF_CLF, L1_CLF, RL_CBF_CLF
+from rabbit_experiments.reproduce.controllers import CBF_CLF, L1_CLF, RL_CBF_CLF, UNIVERSAL
 
 REFERENCE = Path(__file__).with_name("reference_walks.json")
 SEED = 7301
 WALKS = {
     "nominal, twice the mass": CBF_CLF.assembly(mass_scale=2.0, stones=3),
-    "learned, identified, twice the mass": RL_CBF_CLF.with_policy("universal").assembly(
+    "learned, identified, twice the mass": RL_CBF_CLF.with_policy(UNIVERSAL).assembly(
         {"adaptation": "identification", "objective": "pd_centred"}, mass_scale=2.0, stones=2
     ),
     "L1, flat ground, rigid plant": L1_CLF.assembly(mass_scale=1.5, stones=2, plant="rigid"),

@@ -11,6 +11,7 @@ from rabbit_bringup.launching.processes import Interrupted
 from rabbit_bringup.launching.walk import MOST_EPISODES, Walk, WalkOptions
 from rabbit_cli.options import Defaults, Given, complaints, fail, options
 from rabbit_experiments.conditions import EVALUATION_LAG
+from rabbit_experiments.reproduce.controllers import UNIVERSAL
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
@@ -20,7 +21,7 @@ TRAINER_TIMEOUT = 3600.0  # s
 CAPACITY = 5_000  # transitions kept: a replay buffer that still fills up would look like a leak
 SURE = {  # walks every course (docs/results.md)
     "controller": "rl-cbf-clf-qp",
-    "policy": "universal",
+    "policy": UNIVERSAL,
     "adaptation": "identification",
     "objective": "pd_centred",
     "gait": "paper_stones",

@@ -48,7 +48,6 @@ class Method:
 
 
 PAPER_POLICY = "DDPG at mass scale 2, no motor lag, seed 1: 6,572 transitions on stones, 7,981 on flat ground"
-UNIVERSAL = "DDPG on random plants of the inside map's ranges, identified, seed 1: 8,380 transitions on stones"
 ORACLE = "knows the true plant: the bound, not a method"
 
 
@@ -78,7 +77,6 @@ BUILT_IN = (
         variant("paper", "rl-clf-qp", "rl-clf-qp"),
         PAPER_POLICY,
     ),
-    _method("universal", "identified + universal, PD-centred", "universal", IDENTIFIED, PD, trained_on=UNIVERSAL),
     _on_slopes("best", "identified, gaits for slopes", "zero", IDENTIFIED, PREDICTED),
     _on_slopes("best-unpredicted", "best, the state not predicted", "zero", IDENTIFIED),
     _method("oracle", "oracle, PD-centred", "oracle", PD, trained_on=ORACLE),

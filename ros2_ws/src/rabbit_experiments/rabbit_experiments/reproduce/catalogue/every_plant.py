@@ -8,7 +8,16 @@ from typing import ClassVar
 import numpy as np
 from matplotlib.figure import Figure
 
-from rabbit_experiments.reproduce.controllers import GAIT, IDENTIFIED, LIBRARY, MARGIN, PD, Contender, variant
+from rabbit_experiments.reproduce.controllers import (
+    GAIT,
+    IDENTIFIED,
+    LIBRARY,
+    MARGIN,
+    PD,
+    UNIVERSAL,
+    Contender,
+    variant,
+)
 from rabbit_experiments.reproduce.experiment import Experiment
 from rabbit_experiments.reproduce.report import Claim, Table
 from rabbit_experiments.reproduce.table_lines import MAIN, Found, Line, Runs, long_table
@@ -118,7 +127,7 @@ class EveryPlantStones(EveryPlant):
     title = "Every plant, stepping stones"
     terrain = "stones"
     gait = LIBRARY["gait"]
-    ours = variant("identified + universal, PD-centred", "rl-cbf-clf-qp", "universal", LIBRARY, MARGIN, IDENTIFIED, PD)
+    ours = variant("identified + universal, PD-centred", "rl-cbf-clf-qp", UNIVERSAL, LIBRARY, MARGIN, IDENTIFIED, PD)
     rows = (
         variant("nominal, mu'mu", "cbf-clf-qp", "zero", LIBRARY, MARGIN),
         variant("nominal, PD-centred", "cbf-clf-qp", "zero", LIBRARY, MARGIN, PD),
@@ -127,7 +136,7 @@ class EveryPlantStones(EveryPlant):
         variant("policy of scale 2, PD-centred", "rl-cbf-clf-qp", "rl-cbf-clf-qp", PD),
         variant("identified, mu'mu", "rl-cbf-clf-qp", "zero", LIBRARY, MARGIN, IDENTIFIED),
         variant("identified, PD-centred", "rl-cbf-clf-qp", "zero", LIBRARY, MARGIN, IDENTIFIED, PD),
-        variant("identified + universal, mu'mu", "rl-cbf-clf-qp", "universal", LIBRARY, MARGIN, IDENTIFIED),
+        variant("identified + universal, mu'mu", "rl-cbf-clf-qp", UNIVERSAL, LIBRARY, MARGIN, IDENTIFIED),
         ours,
         variant("oracle, mu'mu", "rl-cbf-clf-qp", "oracle", LIBRARY, MARGIN),
         variant("oracle, PD-centred", "rl-cbf-clf-qp", "oracle", LIBRARY, MARGIN, PD),
@@ -141,7 +150,7 @@ class EveryPlantFlat(EveryPlant):
     title = "Every plant, flat ground"
     terrain = "steps"
     gait = GAIT["gait"]
-    ours = variant("identified + universal, PD-centred", "rl-clf-qp", "universal", GAIT, IDENTIFIED, PD)
+    ours = variant("identified + universal, PD-centred", "rl-clf-qp", UNIVERSAL, GAIT, IDENTIFIED, PD)
     rows = (
         variant("nominal, mu'mu", "clf-qp", "zero", GAIT),
         variant("nominal, PD-centred", "clf-qp", "zero", GAIT, PD),
@@ -150,7 +159,7 @@ class EveryPlantFlat(EveryPlant):
         variant("policy of scale 2, PD-centred", "rl-clf-qp", "rl-clf-qp", PD),
         variant("identified, mu'mu", "rl-clf-qp", "zero", GAIT, IDENTIFIED),
         variant("identified, PD-centred", "rl-clf-qp", "zero", GAIT, IDENTIFIED, PD),
-        variant("identified + universal, mu'mu", "rl-clf-qp", "universal", GAIT, IDENTIFIED),
+        variant("identified + universal, mu'mu", "rl-clf-qp", UNIVERSAL, GAIT, IDENTIFIED),
         ours,
         variant("oracle, mu'mu", "rl-clf-qp", "oracle", GAIT),
         variant("oracle, PD-centred", "rl-clf-qp", "oracle", GAIT, PD),

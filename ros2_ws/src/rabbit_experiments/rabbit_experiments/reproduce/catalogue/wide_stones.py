@@ -12,7 +12,7 @@ from rabbit_description.gait import load_gait
 from rabbit_viewer import style
 from rabbit_viewer.walk_records import WalkRecords
 
-from rabbit_experiments.reproduce.controllers import Contender
+from rabbit_experiments.reproduce.controllers import UNIVERSAL, Contender
 from rabbit_experiments.reproduce.curves import WIDTH
 from rabbit_experiments.reproduce.experiment import Experiment
 from rabbit_experiments.reproduce.report import Claim, Table
@@ -23,7 +23,7 @@ LIBRARY, SINGLE = "wide", "stones_0350_084"
 RUNS = Runs(10, 3)
 BAR_SHARE = 0.3  # of steps with an active barrier row
 LAW = (("objective", "pd_centred"), ("adaptation", "identification"), ("stone_margin", 0.007))
-OURS = Contender("identified + universal", "rl-cbf-clf-qp", style.BLUE, "universal", law=LAW)
+OURS = Contender("identified + universal", "rl-cbf-clf-qp", style.BLUE, UNIVERSAL, law=LAW)
 IDENTIFIED = Contender("identified", "rl-cbf-clf-qp", style.BLUE, "zero", law=LAW)
 EXACT = Contender("oracle", "rl-cbf-clf-qp", style.GREEN, "oracle", law=(LAW[0], LAW[2]))
 UNADAPTED = Contender("no estimates", "rl-cbf-clf-qp", style.BLACK, "zero", law=(LAW[0], LAW[2]))
