@@ -10,6 +10,7 @@ endif
 PYTHON ?= $(if $(wildcard .venv/bin/python),.venv/bin/python,python3)
 PLUGINS := -p xdist -p pytest_cov -p pytest_timeout # and not those of a full ROS 2
 WITH_WORKSPACE := unset PYTHONPATH AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH; source ros2_ws/install/setup.bash &&
+HARDER := --parameters best --payload 40 --slope 2
 CODE := ros2_ws/src scripts examples
 
 help: ## list the targets
@@ -23,8 +24,9 @@ setup: ## create the environment from the locks, once
 build: setup ## build the ROS 2 workspace, when something changed
 	@.venv/bin/python -B scripts/build_workspace.py
 
-walk: build ## RABBIT walks over 20 stepping stones through the three nodes
+walk: build ## RABBIT walks over 20 stepping stones through the nodes: the paper's controller, then the best one
 	@$(WITH_WORKSPACE) rabbit walk $(ARGS)
+	@$(if $(ARGS),,$(WITH_WORKSPACE) rabbit walk $(HARDER))
 
 test: build ## all tests but slow ones; fails under 90 % coverage of the controller's mathematics
 	@$(WITH_WORKSPACE) export OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 PYTEST_DISABLE_PLUGIN_AUTOLOAD=1 && \

@@ -12,10 +12,13 @@ from typing import Any
 
 import pytest
 from rabbit_experiments.assembly import Assembly
+from rabbit_experiments.benchmark.methods import method
 from rabbit_experiments.cache import RESULTS_VERSION
 from rabbit_experiments.evaluation import walk
 from rabbit_experiments.reproduce.controllers import CBF_CLF, L1_CLF, RL_CBF_CLF, UNIVERSAL
 
+BEST = method("best").stones
+assert BEST
 REFERENCE = Path(__file__).with_name("reference_walks.json")
 SEED = 7301
 WALKS = {
@@ -23,6 +26,7 @@ WALKS = {
     "learned, identified, twice the mass": RL_CBF_CLF.with_policy(UNIVERSAL).assembly(
         {"adaptation": "identification", "objective": "pd_centred"}, mass_scale=2.0, stones=2
     ),
+    "best, late torques": BEST.assembly(payload=40.0, torque_delay=0.006, stones=3),
     "L1, flat ground, rigid plant": L1_CLF.assembly(mass_scale=1.5, stones=2, plant="rigid"),
 }
 FIGURES = {"outcome", "stones", "ticks", "worst_margin", "max_force_ratio", "min_normal_force", "rms_y", "max_torque"}
