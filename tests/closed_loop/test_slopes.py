@@ -1,4 +1,4 @@
-"""Gaits for slopes regulate the speed: the robot walks slopes, heights and friction that its model does not have."""
+"""What the best controller walks: slopes, heights, friction and delays that its model does not have."""
 
 from dataclasses import replace
 
@@ -20,7 +20,7 @@ def stones(controller: ControllerParameters, **plant: object) -> Assembly:
     return Assembly(SimulationParameters.model_validate(plant), controller, resolve_policy(None, controller))
 
 
-@pytest.mark.parametrize("plant", [{"slope": 1.5}, {"stone_height": 0.02}], ids=str)
+@pytest.mark.parametrize("plant", [{"slope": 2.5}, {"stone_height": 0.02}], ids=str)
 def test_best_walks_where_gaits_for_level_ground_fall(plant: dict[str, float]) -> None:
     assert walk(stones(BEST, **plant), 0, SEED).row.success
     assert not walk(stones(WITHOUT_SLOPES, **plant), 0, SEED).row.success
@@ -32,9 +32,27 @@ def test_both_walk_where_little_energy_is_missing(plant: dict[str, float]) -> No
     assert walk(stones(WITHOUT_SLOPES, **plant), 0, SEED).row.success
 
 
+def test_late_torques_need_the_prediction() -> None:
+    late = {"mass_scale": 1.0, "payload": 40.0, "torque_delay": 0.008}
+    assert walk(stones(BEST, **late), 0, SEED).row.success
+    assert not walk(stones(load_parameters("best", prediction=False), **late), 0, SEED).row.success
+
+
+@pytest.mark.parametrize("slope", [-2.7, 1.5])
+def test_best_walks_a_slope_that_its_sensors_see_as_other_heights(slope: float) -> None:
+    """A lab's sensors measure the pitch from the vertical, so each landing is lower or higher than the gait's."""
+    on_flat = load_parameters("best", controller="rl-clf-qp")
+    assert walk(stones(on_flat, terrain="flat", slope=slope, sensors="lab"), 0, SEED).row.success
+
+
+def test_the_prediction_needs_an_identified_robot() -> None:
+    with pytest.raises(ValueError, match="prediction = True: expected adaptation = identification, not none"):
+        load_parameters("best", adaptation="none")
+
+
 def settled(slope: float) -> float:
     """The slope, degrees, that steps on flat ground of such a `slope` are made for in the end, with exact estimates."""
-    controller = load_parameters("best", controller="rl-clf-qp", adaptation="none")
+    controller = load_parameters("best", controller="rl-clf-qp", adaptation="none", prediction=False)
     parts = replace(stones(controller, terrain="flat", slope=slope, stones=30, mass_scale=1.0), policy="oracle")
     simulation, built = parts.build()
     found: list[float] = []
