@@ -1,7 +1,8 @@
 """`make lock`: write the hashed locks in requirements/ from the `.in` files, for Python 3.11 and 3.12. Needs `uv`.
 
-torch has locks of its own: the CPU build, which PyPI does not list, in torch_cpu.txt (by hand), tried first; PyPI's
-build in torch.txt; and what that one needs of CUDA in torch_cuda.txt.
+torch, which stable-baselines3 needs, has locks of its own, installed after the others: the CPU build, which PyPI does
+not list, in torch_cpu.txt (by hand), tried first; PyPI's build in torch.txt; and what that one needs of CUDA in
+torch_cuda.txt.
 """
 
 import re
@@ -11,6 +12,7 @@ from pathlib import Path
 REQUIREMENTS = Path(__file__).resolve().parents[1] / "requirements"
 OPTIONS = ["--quiet", "--universal", "--python-version", "3.11", "--generate-hashes", "--no-annotate", "--no-header"]
 CUDA = re.compile(r"(nvidia|cuda|triton)")
+TORCH = re.compile(r"torch==")
 HEADER = "# Written by `make lock`.\n"
 
 
@@ -30,11 +32,12 @@ def write(name: str, packages: list[str]) -> None:
 def main() -> None:
     """Lock everything, in the order in which one lock binds the next."""
     write("build.txt", compile_lock("build.in"))
-    write("python.txt", compile_lock("python.in", "build.txt"))
+    packages = compile_lock("python.in", "build.txt", "torch.in")
+    write("python.txt", [package for package in packages if not (TORCH.match(package) or CUDA.match(package))])
     write("ros.txt", compile_lock("ros.in", "build.txt", "python.txt"))
     write("docs.txt", compile_lock("docs.in", "build.txt", "python.txt"))
     packages = compile_lock("torch.in", "build.txt", "python.txt")
-    write("torch.txt", [package for package in packages if package.startswith("torch==")])
+    write("torch.txt", [package for package in packages if TORCH.match(package)])
     write("torch_cuda.txt", [package for package in packages if CUDA.match(package)])
 
 
