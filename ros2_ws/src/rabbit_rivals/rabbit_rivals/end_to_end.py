@@ -1,8 +1,14 @@
 """Training end to end: PPO or SAC of stable-baselines3 on `JointTargetEnv`.
 
-A session's folder has `curve.csv`, a line for each `EVALUATION` ticks, the last checkpoint, and `policy.safetensors`,
-the network of the best line. A session that was stopped goes on from its checkpoint; its walks are then other ones.
-Judged are walks of 20 stones and 20 steps under seeds apart from those of the training.
+A session's folder has
+
+    curve.csv             a line for each `EVALUATION` ticks; PPO ends a line with a whole rollout
+    policy.safetensors    the network of the best line
+    progress.json         where the session stands; what is written before it does not count without it
+    checkpoint-N.zip      the learner at tick N, the last line's; of SAC also checkpoint-N.pkl, its replay buffer
+
+A session that was stopped goes on from its last line; its walks are then other ones. Judged are walks of 20 stones and
+20 steps under seeds apart from those of the training.
 """
 
 import csv
@@ -78,13 +84,15 @@ def train(options: EndToEndOptions, out: Path, tell: Callable[[str], None] = pri
     torch.set_num_threads(1)
     out.mkdir(parents=True, exist_ok=True)
     plant: dict[str, Any] = {"plant": "mujoco", "mass_scale": options.mass_scale, "motor_lag": 0.004}
-    progress = _read_progress(out, options)
-    envs = DummyVecEnv([lambda: JointTargetEnv(progress["level"], **plant)] * ENVIRONMENTS)
-    envs.seed(options.seed + progress["steps"])
+    session = _Session(options, plant, out, tell)
+    done = session.progress["steps"]
+    envs = DummyVecEnv([lambda: JointTargetEnv(session.progress["level"], **plant)] * ENVIRONMENTS)
     kind, settings = (PPO, PPO_SETTINGS) if options.learner == "ppo" else (SAC, SAC_SETTINGS)
-    checkpoint = out / "checkpoint.zip"
-    if checkpoint.is_file():
-        model = kind.load(checkpoint, envs, device="cpu")
+    if done:
+        model: Any = kind.load(session.checkpoint(done, "zip"), envs, device="cpu")
+        model.set_random_seed(options.seed + done)
+        if options.learner == "sac":
+            model.load_replay_buffer(session.checkpoint(done, "pkl"))
     else:
         form: dict[str, Any] = {"net_arch": list(HIDDEN), "activation_fn": nn.Tanh}
         if options.learner == "ppo":
@@ -92,10 +100,8 @@ def train(options: EndToEndOptions, out: Path, tell: Callable[[str], None] = pri
         model = kind("MlpPolicy", envs, policy_kwargs=form, seed=options.seed, device="cpu", **settings)
         if options.learner == "ppo":
             _begin_at_reference(model)
-    session = _Session(options, plant, out, progress, tell)
-    left = max(options.steps - progress["steps"], 0)
-    model.learn(left, session.see, reset_num_timesteps=not checkpoint.is_file())
-    if model.num_timesteps > progress["steps"]:
+    while model.num_timesteps < options.steps:
+        model.learn(min(EVALUATION, options.steps - model.num_timesteps), reset_num_timesteps=False)
         session.note(model)
     return out / "policy.safetensors"
 
@@ -106,50 +112,50 @@ def _begin_at_reference(model: Any) -> None:
 
 
 class _Session:
-    """Judges, writes the curve and the checkpoint while the training goes on."""
+    """A folder: judges, and writes the curve and the checkpoint of each line. Raises `SessionError`."""
 
-    def __init__(
-        self,
-        options: EndToEndOptions,
-        plant: dict[str, Any],
-        out: Path,
-        progress: dict[str, Any],
-        tell: Callable[[str], None],
-    ) -> None:
-        self._options, self._plant, self._out, self._progress, self._tell = options, plant, out, progress, tell
+    def __init__(self, options: EndToEndOptions, plant: dict[str, Any], out: Path, tell: Callable[[str], None]) -> None:
+        self._options, self._plant, self._out, self._tell = options, plant, out, tell
+        self.progress = _read_progress(out, options)
+        if self.progress["steps"]:
+            self._tidy()
         self._since = time.perf_counter()
 
-    def see(self, of_learning: dict[str, Any], _: dict[str, Any]) -> bool:
-        """Called after each step of the environments; True: go on."""
-        model = of_learning["self"]
-        if model.num_timesteps - self._progress["steps"] >= EVALUATION:
-            self.note(model)
-        return True
+    def checkpoint(self, steps: int, suffix: str) -> Path:
+        """The learner's file after so many ticks."""
+        return self._out / f"checkpoint-{steps}.{suffix}"
 
     def note(self, model: Any) -> None:
         """Judge the network as it is; a line of the curve, the checkpoint, the best network's file."""
-        progress, now = self._progress, time.perf_counter()
-        hours = progress["hours"] + (now - self._since) / 3600
+        steps, progress = model.num_timesteps, self.progress
+        hours = progress["hours"] + (time.perf_counter() - self._since) / 3600
         level = min(model.get_env().get_attr("level"))
         file = self._file(model, hours)
-        line = [model.num_timesteps, round(hours, 4), level]
+        line = [steps, round(hours, 4), level]
         for terrain in ("stones", "flat"):
             lengths, walked = judge(file, terrain, self._plant)
             line += [round(float(np.mean(lengths)), 2), walked]
         score = sum(line[3:])
-        model.save(self._out / "checkpoint.zip")
-        with (self._out / "curve.csv").open("a", newline="") as curve:
-            writer = csv.writer(curve)
-            if not curve.tell():
-                writer.writerow(COLUMNS)
-            writer.writerow(line)
+        model.save(self.checkpoint(steps, "zip"))
+        if self._options.learner == "sac":
+            model.save_replay_buffer(self.checkpoint(steps, "pkl"))
         if score >= progress["best"]:
             file.write(self._out / "policy.safetensors")
-        progress |= {"steps": model.num_timesteps, "hours": hours, "level": level, "best": max(score, progress["best"])}
+        progress |= {"steps": steps, "hours": hours, "level": level, "best": max(score, progress["best"])}
+        progress["curve"].append(line)
         with replacing(self._out / "progress.json") as partial:
             partial.write_text(json.dumps(progress))
+        self._tidy()
         self._since = time.perf_counter()
         self._tell(", ".join(f"{name} {value}" for name, value in zip(COLUMNS, line, strict=True)))
+
+    def _tidy(self) -> None:
+        """The curve and the checkpoint that belong to `progress.json`, and no other."""
+        with replacing(self._out / "curve.csv") as partial, partial.open("w", newline="") as curve:
+            csv.writer(curve).writerows([COLUMNS, *self.progress["curve"]])
+        for path in self._out.glob("checkpoint-*"):
+            if path.stem != f"checkpoint-{self.progress['steps']}":
+                path.unlink()
 
     def _file(self, model: Any, hours: float) -> ModelFile[NetworkAbout]:
         o = self._options
@@ -199,7 +205,7 @@ def judge(file: ModelFile[NetworkAbout], terrain: str, plant: dict[str, Any]) ->
 def _read_progress(out: Path, options: EndToEndOptions) -> dict[str, Any]:
     """Where the session in a folder stands; raises `SessionError`."""
     asked = options.model_dump(exclude={"steps"})
-    begin: dict[str, Any] = {"steps": 0, "hours": 0.0, "level": 0, "best": -1.0, "options": asked}
+    begin: dict[str, Any] = {"steps": 0, "hours": 0.0, "level": 0, "best": -1.0, "curve": [], "options": asked}
     path = out / "progress.json"
     if not path.is_file():
         return begin
@@ -209,4 +215,7 @@ def _read_progress(out: Path, options: EndToEndOptions) -> dict[str, Any]:
         raise SessionError(f"{path}: {error}") from error
     if found.keys() != begin.keys() or found["options"] != asked:
         raise SessionError(f"{path}: {found.get('options')}; expected {asked}, or another folder")
+    checkpoint = path.with_name(f"checkpoint-{found['steps']}.zip")
+    if not checkpoint.is_file():
+        raise SessionError(f"{checkpoint}: the session goes on from this file, and it is not there")
     return found
