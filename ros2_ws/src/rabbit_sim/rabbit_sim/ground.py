@@ -22,12 +22,24 @@ class Ground:
             return 0.0
         return -min((max(span.near - x, x - span.far, 0.0), -span.top) for span in self._spans)[1]
 
+    def below(self, x: float) -> float:
+        """Of the line over all tops at `x`: along a stone its top, over a gap straight from one edge to the other."""
+        behind, ahead = self._beside(x)
+        on_stone = any(span.near <= x <= span.far for span in self._spans)
+        if on_stone or behind is None or ahead is None:
+            return self.top(x)
+        return behind.top + (ahead.top - behind.top) * (x - behind.far) / (ahead.near - behind.far)
+
     def mouth(self, x: float) -> float:
         """Below this height a foot over a gap is in it: the lower of the tops to both sides."""
-        behind = max((span for span in self._spans if span.far <= x), default=None, key=lambda span: span.far)
-        ahead = min((span for span in self._spans if span.near >= x), default=None, key=lambda span: span.near)
-        return min((span.top for span in (behind, ahead) if span), default=0.0)
+        return min((span.top for span in self._beside(x) if span), default=0.0)
 
     def level(self, x: float) -> float:
         """The top under `x`, or the mouth of the gap there."""
         return self.top(x) if self.is_under(x) else self.mouth(x)
+
+    def _beside(self, x: float) -> tuple[Span | None, Span | None]:
+        """The last stone that ends before `x`, and the first that begins after it."""
+        behind = max((span for span in self._spans if span.far <= x), default=None, key=lambda span: span.far)
+        ahead = min((span for span in self._spans if span.near >= x), default=None, key=lambda span: span.near)
+        return behind, ahead

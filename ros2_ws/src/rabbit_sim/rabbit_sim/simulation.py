@@ -228,11 +228,11 @@ class Simulation:
         return p.terrain == "stones" and 0 < p.loose_stone == self._touchdowns
 
     def _support(self, reading: PlantReading) -> float:
-        """From where the hip's height counts, m: the top under the stance foot, or that foot, sunk into soft ground."""
+        """From where the hip's height counts, m: the line over the tops, lower by what the stance foot has sunk."""
         x, z = reading.foot_position[self._stance].tolist()
-        top = self._ground.top(x)
         gives = self.parameters.ground_stiffness < RUBBER_STIFFNESS and self._ground.is_under(x)
-        return min(top, z) if gives else top
+        sunk = max(self._ground.top(x) - z, 0.0) if gives else 0.0
+        return self._ground.below(float(reading.q[0])) - sunk
 
     def _state(self) -> RobotState:
         measured = self._sensors.measure(self.reading)

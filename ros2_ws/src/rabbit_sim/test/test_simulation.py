@@ -231,12 +231,23 @@ def test_pushes_come_in_turn(play):
     assert pushes == [(30, pytest.approx(50), 0.1), (60, pytest.approx(-50), 0.1), (90, pytest.approx(50), 0.1)]
 
 
-@pytest.mark.parametrize(("height", "outcome"), [(0.05, Outcome.FALL), (0.0, Outcome.RUNNING)])
-def test_the_hip_counts_from_the_stone_that_the_foot_stands_on(play, tmp_path, height, outcome):
+@pytest.mark.parametrize(
+    ("hip", "outcome"),
+    [
+        ((0.375, 0.749), Outcome.FALL),  # over the stone, 5 cm up
+        ((0.375, 0.751), Outcome.RUNNING),
+        ((0.1875, 0.724), Outcome.FALL),  # over the middle of the gap before it, from 0.025 to 0.35 m: 2.5 cm
+        ((0.1875, 0.726), Outcome.RUNNING),
+        ((0.0, 0.701), Outcome.RUNNING),  # still over the platform
+        ((0.555, 0.724), Outcome.FALL),  # over the middle of the next gap, from 0.40 to 0.72 m: 2.5 cm
+        ((0.555, 0.726), Outcome.RUNNING),
+    ],
+)
+def test_the_hip_counts_from_the_line_over_the_tops(play, tmp_path, hip, outcome):
     course = tmp_path / "course.csv"
-    course.write_text(f"l_min,height\n0.35,{height}\n0.35,0\n0.35,0\n")
-    feet = ((0, 0), (0.37, height))
-    script = [up([right(0.37)], feet=feet), up(q=np.array([0.3, 0.71, 0.1, 0, 0, 0, 0]), feet=feet)]
+    course.write_text("l_min,height\n0.35,0.05\n0.35,0\n0.35,0\n")
+    feet = ((0, 0), (0.37, 0.05))
+    script = [up([right(0.37)], feet=feet), up(q=np.array([*hip, 0.1, 0, 0, 0, 0]), feet=feet)]
     assert play(script, course=str(course))[1].outcome is outcome
 
 
