@@ -201,7 +201,9 @@ def test_bad_parameters_are_refused(changes):
         load_parameters("ours", **changes)
 
 
-@pytest.mark.parametrize("text", ["- a list", "eps: [", "eps: .nan"])
+@pytest.mark.parametrize(
+    "text", ["- a list", "eps: [", "eps: .nan", "on_flat_ground: 3", "on_flat_ground: [a]", "on_flat_ground: {eps: -1}"]
+)
 def test_bad_parameter_files_are_refused(tmp_path, text):
     path = tmp_path / "bad.yaml"
     path.write_text(text)
@@ -212,3 +214,15 @@ def test_bad_parameter_files_are_refused(tmp_path, text):
 def test_shipped_parameter_files_load():
     assert load_parameters("ours") == ControllerParameters()
     assert load_parameters("authors").eps == 0.07
+
+
+def test_a_parameter_file_may_say_what_is_different_on_flat_ground(tmp_path):
+    path = tmp_path / "mine.yaml"
+    path.write_text("{controller: cbf-clf-qp, eps: 0.05, on_flat_ground: {controller: clf-qp}}")
+    assert [load_parameters(path, each).controller for each in (None, "stones", "flat")] == [
+        "cbf-clf-qp",
+        "cbf-clf-qp",
+        "clf-qp",
+    ]
+    assert load_parameters(path, "flat").eps == 0.05
+    assert load_parameters(path, "flat", controller="l1-clf-qp").controller == "l1-clf-qp", "an option counts"

@@ -69,7 +69,8 @@ def given_assembly(
 
     given.build(ControllerParameters)  # told apart from what is wrong in the file
     with complaints(ParameterError):
-        controller = load_parameters(parameters, **given.of(ControllerParameters))
+        terrain = given.of(SimulationParameters).get("terrain")
+        controller = load_parameters(parameters, terrain, **given.of(ControllerParameters))
     simulation = given.build(SimulationParameters, terrain=controller.terrain)
     with complaints(GaitError, CourseError, PolicyFileError):
         try:
