@@ -28,6 +28,7 @@ ORDER = (
         "evaluate",
         "benchmark",
         "misses",
+        "speed-model",
         "reproduce",
         "gait",
         "train",

@@ -13,6 +13,7 @@ from rabbit_experiments.benchmark.report import Benchmark
 from rabbit_experiments.cache import Cache
 from rabbit_experiments.engine import run
 from rabbit_sim.parameters import SimulationParameters
+from rl_cbf_clf_controller.parameters import load_parameters
 
 TINY = Protocol(courses=1, stones=1)
 
@@ -61,6 +62,14 @@ def test_methods_share_courses_and_cells_do_not() -> None:
         for cell in (one, other)
     }
     assert seeds["nominal", one.name] == seeds["identified", one.name] != seeds["nominal", other.name]
+
+
+def test_the_method_best_is_the_parameter_file_best() -> None:
+    best = method("best")
+    assert best.stones
+    assert best.flat
+    assert best.stones.assembly().controller == load_parameters("best")
+    assert best.flat.assembly().controller == load_parameters("best", "flat")
 
 
 def test_an_unknown_cell_or_method_is_named() -> None:

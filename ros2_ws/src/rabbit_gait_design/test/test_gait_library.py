@@ -15,6 +15,7 @@ from rabbit_gait_design import GaitSpecification
 from rabbit_gait_design.library import library_specifications, outwards
 from rabbit_gait_design.orbit import Orbit
 from rl_cbf_clf_controller.nominal_model import NominalModel
+from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.step_outputs import (
     FADED,
     LEAST_RATE,
@@ -115,7 +116,7 @@ def test_rates_and_accelerations_are_derivatives(taken: float, wanted: float, se
 def test_a_library_of_one_gait_is_that_gait() -> None:
     gait = load_gait(DEFAULT_GAIT)
     library = GaitLibrary(name="one", start_length=gait.step_length, gaits=[gait])
-    steps, (q, dq) = make_steps(library, 0.5, MODEL), gait.x_start
+    steps, (q, dq) = make_steps(library, ControllerParameters(), MODEL), gait.x_start
     assert isinstance(steps, SingleGait)
     outputs = steps.begin(Touchdown(q, dq, 0.5, stone=StonePreview(1, 0.5, 0.55)))
     assert outputs.evaluate(q, dq).eta == pytest.approx(VirtualConstraints(gait).evaluate(q, dq).eta, abs=1e-12)

@@ -96,7 +96,7 @@ class JointTargetController(Controller):
             self._begin_step(state)
         self.terms = self.look(state)
         scene, stone = self.terms.scene, state.preview
-        aim = (stone.l_min + stone.l_max) / 2 if stone else self._steps.wanted[0]
+        aim = (stone.l_min + stone.l_max) / 2 if stone else self.steps.wanted[0]
         return np.concatenate(
             [
                 (scene.observation[: len(_CENTER)] - _CENTER) / _SCALE,

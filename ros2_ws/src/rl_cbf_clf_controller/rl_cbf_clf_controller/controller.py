@@ -75,7 +75,7 @@ class Controller:
         self.policy = policy
         self._terrain = find_kind(parameters.controller).terrain(parameters)
         self._model = make_model(urdf)
-        self._start, self._steps = gait.x_start, make_steps(gait, parameters.stone_aim, self._model)
+        self._start, self.steps = gait.x_start, make_steps(gait, parameters, self._model)
         self._solver = make_solver(parameters.qp_solver)
         self._terms = NominalTerms(parameters, self.recipe.quantities)
         self._measure = traced_measurement(self.recipe.quantities).twin()
@@ -111,7 +111,7 @@ class Controller:
     def reset(self, seed: int) -> None:
         """Begin an episode: left leg stands; the exploration noise starts from `seed`."""
         self._step = StepState(rng=np.random.default_rng(seed))
-        self._constraints = self._steps.first()
+        self._constraints = self.steps.first()
         self._solver.reset()
         for estimator in self.recipe.estimators:
             estimator.reset()
@@ -168,7 +168,7 @@ class Controller:
             self._step.torque,
             int(stance),  # a number: a trace would hold for one leg only
             state.preview,
-            self._steps.wanted,
+            self.steps.wanted,
         )
 
     def _output(self, state: RobotState, fault: str) -> ControllerOutput:
@@ -235,7 +235,7 @@ class Controller:
         q_s, dq_s = self._relabel(state.q), self._relabel(state.dq)
         taken = -float(self._model.update(q_s, dq_s).swing[0])
         touchdown = Touchdown(q_s, dq_s, taken, self._step.seconds_before, state.preview)
-        self._constraints = self._steps.begin(touchdown)
+        self._constraints = self.steps.begin(touchdown)
         self._step.has_begun = True
 
     def _check(self, state: RobotState) -> None:

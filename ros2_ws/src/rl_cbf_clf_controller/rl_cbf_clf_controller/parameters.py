@@ -12,6 +12,7 @@ from rl_cbf_clf_controller.kinds import ControllerName, find_kind
 
 L1Law = Literal["piecewise", "exact", "euler"]
 CONFIG = Path(__file__).parent / "config"
+ON_FLAT_GROUND = "on_flat_ground"
 
 
 class ParameterError(ValueError):
@@ -44,6 +45,9 @@ class ControllerParameters(BaseModel):
     )
     prediction: bool = Field(
         False, description="whether the QP is solved for the state in which its torque takes effect, as identified"
+    )
+    speed_regulation: Literal["learned", "integral"] = Field(
+        "learned", description="how a library with slopes keeps its speed: by a learned model, or by PI control"
     )
     slack_weight: float = Field(10.0, ge=1e-6, le=1e6, description="p, weight of the CLF slack d")
     barrier_pole_1: float = Field(70.0, ge=1e-6, le=1000, description="first ECBF pole, 1/s")
@@ -131,8 +135,10 @@ class ControllerParameters(BaseModel):
         return find_kind(self.controller).learns
 
 
-def load_parameters(name_or_path: str | Path, **changes: object) -> ControllerParameters:
+def load_parameters(name_or_path: str | Path, terrain: str | None = None, /, **changes: object) -> ControllerParameters:
     """Read `ours`, `best`, `authors` or a YAML file, then apply `changes`.
+
+    The file may have a section ON_FLAT_GROUND: values in place of its others where `terrain` is "flat".
 
     Raises:
         ParameterError: no such file, not YAML, an unknown parameter or a value out of its range.
@@ -141,7 +147,10 @@ def load_parameters(name_or_path: str | Path, **changes: object) -> ControllerPa
     if path.suffix != ".yaml":
         path = CONFIG / f"{name_or_path}.yaml"
     try:
-        values = read_yaml(path) or {}
-        return ControllerParameters.model_validate({**values, **changes})
+        values = {**(read_yaml(path) or {})}
+        on_flat_ground = values.pop(ON_FLAT_GROUND, {})
+        usual = ControllerParameters.model_validate({**values, **changes})
+        flat = ControllerParameters.model_validate({**values, **on_flat_ground, **changes})
+        return flat if terrain == "flat" else usual
     except (YamlFileError, ValidationError, TypeError) as error:
         raise ParameterError(f"controller parameters {path}: {error}") from error

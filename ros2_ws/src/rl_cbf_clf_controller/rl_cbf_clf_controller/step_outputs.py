@@ -26,7 +26,8 @@ from rabbit_description.state import Array, StonePreview
 
 from rl_cbf_clf_controller.bezier import FADING
 from rl_cbf_clf_controller.generated_outputs import generated_if_built
-from rl_cbf_clf_controller.speed_regulation import SpeedRegulation
+from rl_cbf_clf_controller.parameters import ControllerParameters
+from rl_cbf_clf_controller.speed_regulation import IntegralRegulation, SpeedRegulation
 from rl_cbf_clf_controller.step_paths import FeetModel, descent, landing_at, speed_of, start_rate, step_path, within
 from rl_cbf_clf_controller.virtual_constraints import RABBIT_ANGLES, Outputs, Path, VirtualConstraints
 
@@ -34,6 +35,8 @@ FADED = 0.5  # phase at which the correction ends
 FADED_ON_SLOPES = 0.7  # of steps whose slope differs from the last one's: their corrections are larger
 NO_DESCENT = np.zeros(4)
 LEAST_WIDTH = 0.1  # of the phase, of a correction that begins late
+HIGHER = 0.003  # m, above what a preview says: a foot that is met too early by its stone meets the stone's side
+REGULATIONS = {"learned": SpeedRegulation, "integral": IntegralRegulation}
 LEAST_RATE = 0.5  # 1/s; of a robot that hardly moves forward, y' is not made continuous
 
 
@@ -158,20 +161,22 @@ class LibrarySteps:
     stone's height; where the foot finds no ground there, it goes on straight down. `model` knows where the feet are.
     """
 
-    def __init__(self, library: GaitLibrary, aim: float, model: FeetModel) -> None:
+    def __init__(
+        self, library: GaitLibrary, aim: float, model: FeetModel, regulation: type[SpeedRegulation] = SpeedRegulation
+    ) -> None:
         self._library, self._aim, self._model = library, aim, model
-        self._regulation = SpeedRegulation(library.slopes[0], library.slopes[-1])
+        self.regulation = regulation(library.slopes[0], library.slopes[-1])
         self._has_slopes = len(library.slopes) > 1
         self.wanted: tuple[float, ...] = (library.start_length,)
 
     @property
     def slope(self) -> float:
         """That the present step is made for, degrees."""
-        return self._regulation.slope
+        return self.regulation.slope
 
     def first(self) -> StateOutputs:
         """Of the gait that an episode begins with."""
-        self._regulation.reset()
+        self.regulation.reset()
         length = self._library.start_length
         self.wanted = (length,)
         path = step_path(self._library, length, length, self.slope)
@@ -189,7 +194,7 @@ class LibrarySteps:
         if not self._has_slopes:
             return generated_if_built(StepOutputs(path, touchdown.q_s, touchdown.dq_s))
         if stone is not None:
-            path = landing_at(path, stone.height, self._model)
+            path = landing_at(path, stone.height + HIGHER, self._model)
         down = descent(path, self._model)
         return generated_if_built(StepOutputs(path, touchdown.q_s, touchdown.dq_s, FADED_ON_SLOPES, down))
 
@@ -198,7 +203,7 @@ class LibrarySteps:
         rate = float(RABBIT_ANGLES.phase_angle @ touchdown.dq_s)
         gait_s_rate = start_rate(self._library, touchdown.length, self.slope)
         speed, gait_s_speed = touchdown.length / seconds, speed_of(self._library, *self.wanted)
-        self._regulation.after(gait_s_rate - rate, gait_s_speed - speed)
+        self.regulation.after(gait_s_rate - rate, gait_s_speed - speed)
 
 
 def has_lengths(gaits: Gaits) -> TypeGuard[GaitLibrary]:
@@ -206,8 +211,8 @@ def has_lengths(gaits: Gaits) -> TypeGuard[GaitLibrary]:
     return isinstance(gaits, GaitLibrary) and len(gaits.gaits) > 1
 
 
-def make_steps(gaits: Gaits, aim: float, model: FeetModel) -> Steps:
+def make_steps(gaits: Gaits, parameters: ControllerParameters, model: FeetModel) -> Steps:
     """Of a gait, or of a library."""
     if has_lengths(gaits):
-        return LibrarySteps(gaits, aim, model)
+        return LibrarySteps(gaits, parameters.stone_aim, model, REGULATIONS[parameters.speed_regulation])
     return SingleGait(gaits.gaits[0] if isinstance(gaits, GaitLibrary) else gaits)

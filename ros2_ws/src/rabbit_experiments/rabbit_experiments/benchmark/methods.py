@@ -12,6 +12,7 @@ from rabbit_experiments.benchmark.cells import Terrain
 from rabbit_experiments.reproduce.controllers import (
     GAIT,
     IDENTIFIED,
+    INTEGRAL,
     LIBRARY,
     MARGIN,
     PD,
@@ -64,6 +65,9 @@ def _on_slopes(name: str, title: str, policy: str, *law: dict[str, Any], trained
     return Method(name, title, stones, variant(title, "rl-clf-qp", policy, SLOPES, PD, *law), trained_on)
 
 
+SPEED_MODEL = "its model of the speed: walks of random plants with random changes of the slope (rabbit speed-model)"
+
+
 BUILT_IN = (
     _method("nominal", "nominal, mu'mu", "zero"),
     _method("nominal-pd", "nominal, PD-centred", "zero", PD),
@@ -77,8 +81,10 @@ BUILT_IN = (
         variant("paper", "rl-clf-qp", "rl-clf-qp"),
         PAPER_POLICY,
     ),
-    _on_slopes("best", "identified, gaits for slopes", "zero", IDENTIFIED, PREDICTED),
-    _on_slopes("best-unpredicted", "best, the state not predicted", "zero", IDENTIFIED),
+    _on_slopes("best", "best", "zero", IDENTIFIED, PREDICTED, trained_on=SPEED_MODEL),
+    _on_slopes("best-unlearned", "best, speed by PI control", "zero", IDENTIFIED, PREDICTED, INTEGRAL),
+    _on_slopes("best-nominal", "best, not identified", "zero", trained_on=SPEED_MODEL),
+    _on_slopes("best-neither", "best, neither", "zero", INTEGRAL),
     _method("oracle", "oracle, PD-centred", "oracle", PD, trained_on=ORACLE),
     _on_slopes("oracle-slopes", "oracle, gaits for slopes", "oracle", trained_on=ORACLE),
 )

@@ -62,6 +62,7 @@ MARGIN = {"stone_margin": 0.01}
 PD = {"objective": "pd_centred"}
 IDENTIFIED = {"adaptation": "identification"}
 PREDICTED = {"prediction": True}
+INTEGRAL = {"speed_regulation": "integral"}
 
 
 def variant(title: str, controller: str, policy: str, *law: dict[str, Any]) -> Contender:

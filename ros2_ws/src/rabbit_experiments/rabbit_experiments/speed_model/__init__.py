@@ -1,0 +1,1 @@
+"""How the speed follows from step to step: learned from walks, used by `speed_regulation`."""
