@@ -9,6 +9,7 @@ from package_setup import install
 
 install(
     "gymnasium",
+    "matplotlib",
     "numpy>=2",
     "pydantic>=2",
     "pyyaml",
@@ -20,7 +21,7 @@ install(
         "rabbit.commands": ["rival = rabbit_rivals.commands.rival:app"],
         "rabbit.methods": [
             f"{name} = rabbit_rivals.methods:{name.upper().replace('-', '_')}"
-            for name in ("ddpg-sb3", "gp-socp", "pd", "ppo", "regression")
+            for name in ("ddpg-sb3", "gp-socp", "pd", "ppo", "regression", "sac")
         ],
     },
     extras={"socp": ["clarabel>=0.11"], "rl": ["stable-baselines3>=2.9"]},

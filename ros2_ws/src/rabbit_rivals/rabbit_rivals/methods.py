@@ -86,6 +86,8 @@ GP_SOCP = Method(
 PPO_TRAINING = "PPO in MuJoCo at mass scale 2, 4 ms motor lag, seed 1: 638,976 ticks (1.8 h of walking)"
 PD = _joint_targets("pd", "PD on the gait library", "zero", "")
 PPO = _joint_targets("ppo", "PPO, joint targets", shipped("ppo"), PPO_TRAINING)
+SAC_TRAINING = "SAC in MuJoCo at mass scale 2, 4 ms motor lag, seed 1: 700,000 ticks (1.9 h of walking)"
+SAC = _joint_targets("sac", "SAC, joint targets", shipped("sac"), SAC_TRAINING)
 DDPG_SB3 = _estimates(
     "ddpg-sb3",
     "DDPG of stable-baselines3",
