@@ -152,7 +152,7 @@ class _Session:
     def _tidy(self) -> None:
         """The curve and the checkpoint that belong to `progress.json`, and no other."""
         with replacing(self._out / "curve.csv") as partial, partial.open("w", newline="") as curve:
-            csv.writer(curve).writerows([COLUMNS, *self.progress["curve"]])
+            csv.writer(curve, lineterminator="\n").writerows([COLUMNS, *self.progress["curve"]])
         for path in self._out.glob("checkpoint-*"):
             if path.stem != f"checkpoint-{self.progress['steps']}":
                 path.unlink()
