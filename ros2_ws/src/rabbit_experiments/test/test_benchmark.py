@@ -64,6 +64,20 @@ def test_methods_share_courses_and_cells_do_not() -> None:
     assert seeds["nominal", one.name] == seeds["identified", one.name] != seeds["nominal", other.name]
 
 
+def test_cells_are_chosen_by_name_pattern_or_map() -> None:
+    assert [cell.name for cell in chosen(["storm", "flat/scale-1"])] == ["stones/storm", "flat/scale-1", "flat/storm"]
+    assert {cell.map for cell in chosen(["inside"])} == {"inside"}
+    assert len(chosen(["inside"])) + len(chosen(["outside"])) + len(chosen(["storm"])) == len(cells())
+
+
+def test_with_a_lab_s_sensors_the_courses_are_the_same() -> None:
+    one, cell = method("best"), cells()["flat/scale-1"]
+    exact, lab = (Protocol(courses=2, sensors=each).walks(one, cell) for each in ("exact", "lab"))
+    assert [walk.seed for walk in exact] == [walk.seed for walk in lab]
+    assert {walk.assembly.simulation.sensors for walk in exact} == {"exact"}
+    assert {walk.assembly.simulation.sensors for walk in lab} == {"lab"}
+
+
 def test_the_method_best_is_the_parameter_file_best() -> None:
     best = method("best")
     assert best.stones

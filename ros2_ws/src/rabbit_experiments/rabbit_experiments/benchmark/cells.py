@@ -119,10 +119,10 @@ def cells() -> dict[str, Cell]:
 
 
 def chosen(patterns: Sequence[str]) -> list[Cell]:
-    """Cells of these names or patterns (`flat/*`), all where there are none; raises `CellError`."""
+    """Cells of these names, patterns (`flat/*`) or maps (`inside`), all where there are none; raises `CellError`."""
     names: set[str] = set()
     for pattern in patterns or ("*",):
-        matching = [name for name in cells() if fnmatchcase(name, pattern)]
+        matching = [name for name, cell in cells().items() if fnmatchcase(name, pattern) or pattern == cell.map]
         if not matching:
             raise CellError(f"{pattern}: expected cells, such as stones/scale-2 or 'flat/*' (--list has all)")
         names.update(matching)

@@ -22,11 +22,15 @@ STONES = 20  # of a course
 
 @dataclass(frozen=True)
 class Protocol:
-    """Courses of a cell, and which seeds they have. Methods share courses, cells do not."""
+    """Courses of a cell, and which seeds they have. Methods share courses, cells do not.
+
+    With a lab's `sensors` every plant has them, also those of cells that do not ask for it.
+    """
 
     courses: int = 10
     seeds: Seeds = "development"
     stones: int = STONES
+    sensors: Literal["exact", "lab"] = "exact"
 
     def walks(self, method: Method, cell: Cell) -> list[Walk]:
         """A run for each course.
@@ -43,7 +47,8 @@ class Protocol:
             title = f"{method.name}, {cell.name}"
             walks = []
             for run, course in courses.items():
-                assembly = contender.assembly(stones=self.stones, **cell.plant(run, seed))
+                plant = cell.plant(run, seed) | ({"sensors": "lab"} if self.sensors == "lab" else {})
+                assembly = contender.assembly(stones=self.stones, **plant)
                 walks.append(Walk(assembly, course, run, title=title))
             walks[0].assembly.make_policy()
         except (AssemblyError, GaitError, ParameterError, PolicyFileError, ValidationError) as error:

@@ -13,11 +13,14 @@ app = typer.Typer(add_completion=False)
 @app.command()
 def benchmark(
     methods: Annotated[list[str] | None, typer.Argument(help="by name; all of them")] = None,
-    cells: Annotated[str, typer.Option(help="names or patterns, such as stones/scale-2,flat/*; all of them")] = "",
+    cells: Annotated[str, typer.Option(help="names, patterns or maps: stones/scale-2,flat/*,inside; all")] = "",
     courses: Annotated[int, typer.Option(min=1, max=10_000, help="of a cell; the storm has ten times as many")] = 10,
     seeds: Annotated[
         Literal["development", "reported"], typer.Option(help="those to tune on, or those of the published table")
     ] = "development",
+    sensors: Annotated[
+        Literal["exact", "lab"], typer.Option(help="lab: the state estimated from a lab's sensors in every cell")
+    ] = "exact",
     out: Annotated[Path, typer.Option(help="folder; one that was stopped there goes on")] = Path("runs/benchmark"),
     jobs: Annotated[int | None, typer.Option(min=1, max=4096, help="processes (default: all cores)")] = None,
     show: Annotated[bool, typer.Option("--list", help="methods and cells, and nothing more")] = False,
@@ -39,7 +42,7 @@ def benchmark(
         for cell in wanted:
             print(f"{cell.name} ({cell.map})")
         return
-    protocol, cache = Protocol(courses, seeds), Cache(out / "cache")
+    protocol, cache = Protocol(courses, seeds, sensors=sensors), Cache(out / "cache")
     runs = plan(protocol, entered, wanted)
     try:
         done = run(
