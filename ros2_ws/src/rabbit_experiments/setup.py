@@ -24,7 +24,7 @@ install(
             "misses = rabbit_experiments.commands.misses:app",
             "policy = rabbit_experiments.commands.policy:app",
             "reproduce = rabbit_experiments.commands.reproduce:app",
-            "speed-model = rabbit_experiments.commands.speed_model:app",
+            "speed = rabbit_experiments.commands.speed:app",
             "train = rabbit_experiments.commands.train:app",
         ]
     },

@@ -28,7 +28,7 @@ ORDER = (
         "evaluate",
         "benchmark",
         "misses",
-        "speed-model",
+        "speed",
         "reproduce",
         "gait",
         "train",

@@ -11,7 +11,7 @@ slope on which the robot would keep its gait's speed. In walks with random chang
 
     v_k = A v_{k-1} + B_0 gamma_k + B_1 gamma_{k-1} + B_2 gamma_{k-2} - (B_0 + B_1 + B_2) Gamma + noise,
 
-whose coefficients `rabbit speed-model` finds. Each touchdown gives one Gamma. The estimate is the
+whose coefficients `rabbit speed` finds. Each touchdown gives one Gamma. The estimate is the
 median of the last REMEMBERED ones, of which the first is 0: what a push does to one or two of them is left out.
 
 Second: what does the rate of the phase angle omega after the impact ask for? It is the state on the Poincare section,

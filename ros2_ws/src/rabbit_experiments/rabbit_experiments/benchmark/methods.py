@@ -65,7 +65,7 @@ def _on_slopes(name: str, title: str, policy: str, *law: dict[str, Any], trained
     return Method(name, title, stones, variant(title, "rl-clf-qp", policy, SLOPES, PD, *law), trained_on)
 
 
-SPEED_MODEL = "its model of the speed: walks of random plants with random changes of the slope (rabbit speed-model)"
+SPEED_MODEL = "its model of the speed: walks of random plants with random changes of the slope (rabbit speed)"
 
 
 BUILT_IN = (

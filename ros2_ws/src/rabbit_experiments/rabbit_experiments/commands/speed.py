@@ -12,11 +12,11 @@ FIT_SEED, JUDGE_SEED = 62001, 62003  # of plants and courses; the benchmark has 
 
 
 @app.command()
-def speed_model(
+def speed(
     parameters: Annotated[str, typer.Option(help="of the controller: best or a YAML file with its gaits")] = "best",
     plants: Annotated[int, typer.Option(min=5, max=100_000, help="of the storm, to fit on; 4 walks each")] = 40,
     others: Annotated[int, typer.Option(min=5, max=100_000, help="plants to judge on")] = 20,
-    out: Annotated[Path, typer.Option(help="folder; one that was stopped there goes on")] = Path("runs/speed_model"),
+    out: Annotated[Path, typer.Option(help="folder; one that was stopped there goes on")] = Path("runs/speed"),
     jobs: Annotated[int | None, typer.Option(min=1, max=4096, help="processes (default: all cores)")] = None,
 ) -> None:
     """Learn the coefficients of `speed_regulation` anew: prints them, with intervals and errors on other plants."""
