@@ -101,7 +101,7 @@ class Assembly:
 
 
 def resolve_policy(name: str | None, controller: ControllerParameters) -> str:
-    """`zero`, `oracle` or a path, for what the user named.
+    """`zero`, `oracle` or an absolute path, for what the user named.
 
     Where nothing was, a learning controller's own policy; `zero` beside an adaptation, with which none is trained.
 
@@ -118,7 +118,7 @@ def resolve_policy(name: str | None, controller: ControllerParameters) -> str:
     if not path.is_file():
         choice = ", ".join(("zero", "oracle", *shipped_policies()))
         raise AssemblyError("policy", f"{name}: expected one of {choice}, or a policy file")
-    return str(path)
+    return str(path.absolute())
 
 
 def shipped_policies() -> list[str]:
