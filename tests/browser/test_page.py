@@ -29,7 +29,7 @@ SLIDERS = (  # name, share of the slider's width
 )
 NUMBERS = {"ground_stiffness": 200_000, "ground_damping": 6000, "torque_rate": 50_000, "gear_stiffness": 5000}
 CHOICES = {
-    "first": ("nominal", "oracle", "identified", "l1", "learned"),
+    "first": ("nominal", "oracle", "identified", "best", "l1", "learned"),
     "second": ("learned", "none", "nominal"),
     "again": ("same course", "next course", "wait"),
     "sensors": ("lab", "exact"),

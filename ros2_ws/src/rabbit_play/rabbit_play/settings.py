@@ -10,10 +10,10 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, field_validator
 from rabbit_cli.options import fault
 from rabbit_sim.parameters import SUBSTEP_SECONDS, SimulationParameters
-from rl_cbf_clf_controller.parameters import ControllerParameters
+from rl_cbf_clf_controller.parameters import ControllerParameters, load_parameters
 
-Choice = Literal["nominal", "learned", "identified", "oracle", "l1"]
-OtherChoice = Literal["none", "nominal", "learned", "identified", "oracle", "l1"]
+Choice = Literal["nominal", "learned", "identified", "best", "oracle", "l1"]
+OtherChoice = Literal["none", "nominal", "learned", "identified", "best", "oracle", "l1"]
 NOBODY = "none"
 LEARNED_ROWS: dict[str, Any] = {"controller": "rl-cbf-clf-qp", "adaptation": "none"}
 SHIPPED = "rl-cbf-clf-qp"  # policy
@@ -30,6 +30,7 @@ CONTROLLERS: dict[str, tuple[dict[str, Any], str]] = {  # changed parameters, po
         },
         "zero",
     ),
+    "best": (load_parameters("best").model_dump(exclude_defaults=True), "zero"),
     "l1": ({"controller": "l1-clf-qp"}, "zero"),
 }
 SWAPPED_AT_ONCE = {"nominal", "learned", "oracle"}  # the same controller with another policy

@@ -201,7 +201,7 @@ def test_another_kind_of_controller_waits_for_the_reset(played: Callable[..., Pl
     assert [walker["name"] for walker in one.words["about"]["walkers"]] == ["identified", "l1"]
 
 
-@pytest.mark.parametrize("name", ["oracle", "identified", "l1"])
+@pytest.mark.parametrize("name", ["oracle", "identified", "best", "l1"])
 def test_every_controller_plays(played: Callable[..., Played], name: str) -> None:
     one = played(first=name, stones=2).walk()
     assert one.outcomes[0][0]
