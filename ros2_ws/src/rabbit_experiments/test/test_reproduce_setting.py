@@ -11,7 +11,7 @@ from rabbit_experiments.reproduce.catalogue import EXPERIMENTS
 from rabbit_experiments.reproduce.controllers import CBF_CLF, RL_CBF_CLF, RL_CLF
 from rabbit_experiments.reproduce.report import Verdict
 from rabbit_experiments.reproduce.search import BOX, GATE, JUDGED, OURS, suggested
-from rabbit_experiments.reproduce.setting import Setting, SettingError, read_setting
+from rabbit_experiments.reproduce.setting import SETTINGS, Setting, SettingError, read_setting
 from rabbit_experiments.reproduce.table_lines import COLUMNS, MAIN, QUICK, RIGID, SEED, Line
 from rabbit_experiments.reproduce.training import SHIPPED, Trained
 from rl_trainer.parameters import TrainingParameters
@@ -76,6 +76,20 @@ def test_what_is_no_setting_is_refused(text: str, words: str, tmp_path: Path) ->
     assert refused.exit_code == 2
     assert words in " ".join(refused.stderr.split())
     assert not (tmp_path / "out").exists()
+
+
+def test_a_shipped_setting_has_a_name_and_lies_in_the_box() -> None:
+    paths = list(SETTINGS.glob("*.yaml"))
+    assert SETTINGS / "most_claims.yaml" in paths
+    for path in paths:
+        setting = read_setting(path.stem)
+        assert setting == read_setting(path)
+        for part, values in (("controller", setting.controller), ("training", setting.training)):
+            for name, value in values.items():
+                box = BOX[f"{part}.{name}"]
+                assert value in box if isinstance(value, str) else box[0] <= value <= box[-1]
+    with pytest.raises(SettingError, match=r"no_such\.yaml"):
+        read_setting("no_such")
 
 
 def test_an_experiment_in_a_setting(tmp_path: Path) -> None:

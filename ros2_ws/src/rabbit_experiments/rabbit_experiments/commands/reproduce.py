@@ -22,7 +22,9 @@ def reproduce(
     out: Annotated[Path, typer.Option(help="folder; one that was stopped there goes on")] = Path("runs/reproduce"),
     jobs: Annotated[int | None, typer.Option(min=1, max=4096, help="processes (default: all cores)")] = None,
     backend: Annotated[Literal["loky", "ray"], typer.Option(help="processes here, or a Ray cluster's")] = "loky",
-    setting: Annotated[Path | None, typer.Option(help="YAML file: what the paper does not print")] = None,
+    setting: Annotated[
+        str | None, typer.Option(help="YAML file, or a shipped one's name: what the paper does not print")
+    ] = None,
     plant: Annotated[PlantName | None, typer.Option(help="on which the claims are judged (default: pybullet)")] = None,
     trials: Annotated[
         int | None, typer.Option("--search", min=1, metavar="TRIALS", help="search the setting of most claims (Optuna)")
@@ -65,7 +67,7 @@ def reproduce(
 
 
 def search(
-    trials: int, names: list[str] | None, setting: Path | None, plant: str | None, out: Path, jobs: int | None
+    trials: int, names: list[str] | None, setting: str | None, plant: str | None, out: Path, jobs: int | None
 ) -> None:
     """The search of a setting, which takes its own experiments."""
     from rabbit_experiments.engine import BackendError

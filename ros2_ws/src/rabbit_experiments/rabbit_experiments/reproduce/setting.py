@@ -4,7 +4,7 @@
     controller: {eps: 0.06, gait: stones_0350_084}
     training: {sigma: 4.0}
 
-It is a YAML file. A value counts where an experiment has none of its own.
+It is a YAML file. A value counts where an experiment has none of its own. `settings/` has those that are shipped.
 """
 
 from dataclasses import replace
@@ -19,6 +19,7 @@ from rl_trainer.parameters import TrainingParameters
 from rabbit_experiments.assembly import Assembly
 from rabbit_experiments.recipes import Recipe
 
+SETTINGS = Path(__file__).parent / "settings"
 OF_EXPERIMENTS = ("controller", "sigma", "adaptation")  # each experiment says these itself
 OF_TRAININGS = ("problem", "seed", "episodes")
 
@@ -82,8 +83,11 @@ class Setting(BaseModel):
 OURS = Setting()
 
 
-def read_setting(path: Path) -> Setting:
-    """The setting in a file; raises `SettingError`."""
+def read_setting(name_or_path: str | Path) -> Setting:
+    """A shipped setting by its name, or one in a YAML file; raises `SettingError`."""
+    path = Path(name_or_path)
+    if path.suffix != ".yaml":
+        path = SETTINGS / f"{name_or_path}.yaml"
     try:
         return Setting.model_validate(read_yaml(path) or {})
     except (YamlFileError, ValidationError, TypeError) as error:
