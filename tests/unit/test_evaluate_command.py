@@ -46,6 +46,14 @@ def rows(out: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
+def test_best_walks_on_flat_ground_without_another_option(tmp_path: Path) -> None:
+    done = evaluate(tmp_path, "--runs", 1, "--parameters", "best", "--terrain", "flat")
+    assert done.exit_code == 0, done.output
+    used = json.loads((tmp_path / "summary.json").read_text())["parameters"]
+    assert (used["controller"]["controller"], used["simulation"]["terrain"]) == ("rl-clf-qp", "flat")
+    assert used["controller"]["prediction"]
+
+
 def test_files_of_an_evaluation(tmp_path: Path) -> None:
     done = evaluate(tmp_path, "--runs", 2, "--mass-scale", 1.1, "--eps", 0.06, "--no-force-rows", "--torque-limit", 150)
     assert done.exit_code == 0, done.output

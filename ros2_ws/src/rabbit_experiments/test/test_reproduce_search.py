@@ -62,7 +62,6 @@ def trials_of(folder: Path) -> list[dict[str, str]]:
 
 
 def test_it_begins_with_what_was_chosen_and_keeps_the_best(tmp_path: Path) -> None:
-    pytest.importorskip("optuna")
     number, said = len(STARTS) + 4, []
     best = search(number, "rigid", tmp_path, 1, said.append, near_a_fifteenth)
     rows = trials_of(tmp_path)
@@ -80,7 +79,6 @@ def test_it_begins_with_what_was_chosen_and_keeps_the_best(tmp_path: Path) -> No
 
 
 def test_a_search_that_was_stopped_goes_on_to_the_same_trials(tmp_path: Path) -> None:
-    pytest.importorskip("optuna")
     number = len(STARTS) + 4
     search(number, "rigid", tmp_path / "whole", 1, str, near_a_fifteenth)
     for stop in (2, len(STARTS) + 2):
@@ -110,7 +108,6 @@ def stopping_at(stop: int) -> Judge:
 
 
 def test_a_folder_is_of_one_plant(tmp_path: Path) -> None:
-    pytest.importorskip("optuna")
     search(1, "rigid", tmp_path, 1, str, near_a_fifteenth)
     with pytest.raises(SearchError, match="--plant mujoco: expected rigid"):
         search(2, "mujoco", tmp_path, 1, str, near_a_fifteenth)
