@@ -33,9 +33,11 @@ def test_both_walk_where_little_energy_is_missing(plant: dict[str, float]) -> No
 
 
 def test_late_torques_need_the_prediction() -> None:
+    """With it all of five courses are walked, without it fewer than half."""
     late = {"mass_scale": 1.0, "payload": 40.0, "torque_delay": 0.008}
-    assert walk(stones(BEST, **late), 0, SEED).row.success
-    assert not walk(stones(load_parameters("best", prediction=False), **late), 0, SEED).row.success
+    for controller, least, most in ((BEST, 5, 5), (load_parameters("best", prediction=False), 0, 2)):
+        walked = sum(walk(stones(controller, **late), 0, SEED + run).row.success for run in range(5))
+        assert least <= walked <= most
 
 
 @pytest.mark.parametrize("slope", [-2.7, 1.5])
@@ -56,7 +58,7 @@ def settled(slope: float) -> float:
     parts = replace(stones(controller, terrain="flat", slope=slope, stones=30, mass_scale=1.0), policy="oracle")
     simulation, built = parts.build()
     found: list[float] = []
-    rollout(simulation, built, SEED, lambda record: found.append(built._steps.slope))
+    rollout(simulation, built, SEED, lambda record: found.append(built.steps.slope))
     simulation.close()
     return sum(found[-500:]) / 500
 
