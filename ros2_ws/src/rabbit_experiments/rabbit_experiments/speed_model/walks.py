@@ -70,7 +70,7 @@ class ExploringWalk(SeededRun):
 
 
 def exploring_walks(plants: int, seed: int, law: ControllerParameters) -> list[list[ExploringWalk]]:
-    """For each of so many plants of the storm, those of `seed` without pushes, half of them on flat ground: its walks."""
+    """Walks by plant: so many of the storm, those of `seed` without pushes, half of them on flat ground."""
     courses = iter(episode_seeds(seed, plants * WALKS).values())
     found = []
     for number in range(plants):
