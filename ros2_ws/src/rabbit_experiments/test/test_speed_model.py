@@ -1,4 +1,4 @@
-"""The model of the speed from step to step: least squares finds known coefficients, and walks explore."""
+"""The model of the speed from step to step: the fit finds known coefficients, and walks explore."""
 
 import numpy as np
 import pytest

@@ -49,6 +49,7 @@ class Method:
 
 
 PAPER_POLICY = "DDPG at mass scale 2, no motor lag, seed 1: 6,572 transitions on stones, 7,981 on flat ground"
+SPEED_MODEL = "its model of the speed: walks of random plants with random changes of the slope (rabbit speed)"
 ORACLE = "knows the true plant: the bound, not a method"
 
 
@@ -63,9 +64,6 @@ def _on_slopes(name: str, title: str, policy: str, *law: dict[str, Any], trained
     """One that regulates its speed by gaits for slopes, on both terrains; PD-centred, a margin of 5 mm."""
     stones = variant(title, "rl-cbf-clf-qp", policy, SLOPES, PD, *law)
     return Method(name, title, stones, variant(title, "rl-clf-qp", policy, SLOPES, PD, *law), trained_on)
-
-
-SPEED_MODEL = "its model of the speed: walks of random plants with random changes of the slope (rabbit speed)"
 
 
 BUILT_IN = (

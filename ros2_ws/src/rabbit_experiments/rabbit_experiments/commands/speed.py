@@ -19,7 +19,7 @@ def speed(
     out: Annotated[Path, typer.Option(help="folder; one that was stopped there goes on")] = Path("runs/speed"),
     jobs: Annotated[int | None, typer.Option(min=1, max=4096, help="processes (default: all cores)")] = None,
 ) -> None:
-    """Learn the coefficients of `speed_regulation` anew: prints them, with intervals and errors on other plants."""
+    """Learn the coefficients of `speed_regulation`; print them with their intervals and the errors on other plants."""
     from itertools import chain
 
     from rl_cbf_clf_controller.parameters import ParameterError, load_parameters
