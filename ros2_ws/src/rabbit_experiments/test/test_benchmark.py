@@ -114,3 +114,18 @@ def test_a_benchmark_goes_on_and_leaves_a_blank_with_its_reason(tmp_path: Path) 
     assert rows["identified"]["courses"] == "1"
     assert "robust is blank where it has no controller for flat" in page.read_text()
     assert (tmp_path / "map.png").stat().st_size > 0
+
+
+def test_a_map_s_courses_are_those_of_its_cells(tmp_path: Path) -> None:
+    entered = [each for each in BUILT_IN if each.name in ("nominal-pd", "robust")]
+    wanted, cache = chosen(["flat/scale-1", "flat/scale-3", "flat/scale-2-slope-2"]), Cache(tmp_path / "cache")
+    runs = plan(TINY, entered, wanted)
+    run([job for each in runs.values() if not isinstance(each, str) for job in each], cache)
+    page = Benchmark.from_cache(TINY, entered, wanted, runs, cache).write(tmp_path).read_text()
+    rows = csv.DictReader((tmp_path / "benchmark.csv").open())
+    inside = sum(int(row["walked"]) for row in rows if row["method"] == "nominal-pd" and "slope" not in row["cell"])
+    lines = [line for line in page.partition("each map")[2].splitlines() if line.startswith("| ")]
+    assert lines[0] == "| method | inside, flat | outside, flat |"
+    nominal, robust = (line.split(" | ") for line in lines[2:4])
+    assert nominal[1].startswith(f"{inside} of 2 (")
+    assert robust[1:] == ["", " |"]

@@ -88,9 +88,22 @@ class Benchmark:
             "walk the same courses. Walked of courses, with Wilson's 95% interval.\n\n![map](map.png)\n\n"
         )
         return (
-            f"{head}## Courses walked\n\n{self._table()}\n## Compared with {REFERENCE}\n\n{self._comparison()}\n"
+            f"{head}## Courses walked on each map\n\n{self._maps()}\n"
+            f"## Courses walked in each cell\n\n{self._table()}\n"
+            f"## Compared with {REFERENCE}\n\n{self._comparison()}\n"
             f"## Cost and training data\n\n{self._cost()}"
         )
+
+    def _maps(self) -> str:
+        """A row for each method, a column for each map and terrain; blank unless it walked all of the map's cells."""
+        groups = dict[tuple[str, str], list[Cell]]()
+        for cell in self.cells:
+            groups.setdefault((cell.map, cell.terrain), []).append(cell)
+        lines = []
+        for method in self.methods:
+            walks = [[self._walks(method, cell) for cell in cells] for cells in groups.values()]
+            lines.append([method.title, *(_total(each) for each in walks)])
+        return markdown_table(("method", *(f"{map_}, {terrain}" for map_, terrain in groups)), lines)
 
     def _table(self) -> str:
         rows = {(row.method, row.cell): row for row in self.rows()}
@@ -165,3 +178,11 @@ class Benchmark:
 
 def _text(row: BenchmarkRow) -> str:
     return "" if row.reason else f"{row.walked} of {row.courses} ({row.low:.2f} to {row.high:.2f})"
+
+
+def _total(walks: Sequence[Walks | None]) -> str:
+    if None in walks:
+        return ""
+    every = Walks([row for each in walks if each for row in each.rows])
+    low, high = every.interval
+    return f"{every.walked} of {every.runs} ({low:.2f} to {high:.2f})"

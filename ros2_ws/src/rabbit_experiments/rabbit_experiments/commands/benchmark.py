@@ -13,7 +13,7 @@ app = typer.Typer(add_completion=False)
 @app.command()
 def benchmark(
     methods: Annotated[list[str] | None, typer.Argument(help="by name; all of them")] = None,
-    cells: Annotated[str, typer.Option(help="names, patterns or maps: stones/scale-2,flat/*,inside; all")] = "",
+    cells: Annotated[str, typer.Option(help="names, patterns, maps: stones/scale-2,flat/*,inside (default: all)")] = "",
     courses: Annotated[int, typer.Option(min=1, max=10_000, help="of a cell; the storm has ten times as many")] = 10,
     seeds: Annotated[
         Literal["development", "reported"], typer.Option(help="those to tune on, or those of the published table")
