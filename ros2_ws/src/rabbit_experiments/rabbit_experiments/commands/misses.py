@@ -16,7 +16,7 @@ def misses(
     model: Annotated[
         Path | None, typer.Option(help="file of a fitted model; the command judges it and fits none")
     ] = None,
-    fit_plants: Annotated[int, typer.Option(min=10, max=100_000, help="of the storm, to fit on")] = 600,
+    fit_plants: Annotated[int, typer.Option(min=10, max=100_000, help="of the storm, to fit on")] = 1200,
     plants: Annotated[int, typer.Option(min=1, max=100_000, help="other ones, to judge on")] = 500,
     out: Annotated[Path, typer.Option(help="folder; one that was stopped there goes on")] = Path("runs/misses"),
     jobs: Annotated[int | None, typer.Option(min=1, max=4096, help="processes (default: all cores)")] = None,

@@ -20,7 +20,7 @@ from rabbit_experiments.evaluation import SeededRun, episode, episode_seeds, par
 from rabbit_experiments.miss_probability.touchdowns import Touchdowns
 from rabbit_experiments.summary import wilson
 
-FIT_SEED, JUDGE_SEED = 61003, 61009  # of plants and courses; the benchmark has others
+FIT_SEED, JUDGE_SEED = 61003, 61010  # of plants and courses; the benchmark has others
 BIN_ENDS = (0.01, 0.02, 0.05, 0.15)  # of p
 DEMANDED = 0.01
 
