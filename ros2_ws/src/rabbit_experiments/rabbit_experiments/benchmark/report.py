@@ -15,7 +15,7 @@ from rabbit_experiments.benchmark.methods import REFERENCE, Method
 from rabbit_experiments.benchmark.protocol import SEEDS, Plan, Protocol
 from rabbit_experiments.cache import Cache
 from rabbit_experiments.metrics import RunResult
-from rabbit_experiments.success_map import side_by_side
+from rabbit_experiments.success_map import side_by_side, success_map
 from rabbit_experiments.summary import Walks, times
 from rabbit_experiments.tables import markdown_table, write_rows
 
@@ -56,10 +56,11 @@ class Benchmark:
         return cls(protocol, methods, cells, results)
 
     def write(self, out: Path) -> Path:
-        """benchmark.csv, map.png and benchmark.md, which is returned."""
+        """benchmark.csv, maps.png, cells.png and benchmark.md, which is returned."""
         write_rows(out / "benchmark.csv", BenchmarkRow, self.rows())
-        with replacing(out / "map.png") as partial:
-            self.figure().savefig(partial, format="png", dpi=150, bbox_inches="tight")
+        for name, figure in (("maps.png", self.maps_figure()), ("cells.png", self.cells_figure())):
+            with replacing(out / name) as partial:
+                figure.savefig(partial, format="png", dpi=150, bbox_inches="tight")
         page = out / "benchmark.md"
         with replacing(page) as partial:
             partial.write_text(self.page(), encoding="utf-8")
@@ -69,7 +70,12 @@ class Benchmark:
         """One for each method and cell."""
         return [self._row(method, cell) for method in self.methods for cell in self.cells]
 
-    def figure(self) -> Figure:
+    def maps_figure(self) -> Figure:
+        """Courses walked, a row for each method, a column for each map and terrain."""
+        columns, walks = self._maps()
+        return success_map([method.title for method in self.methods], columns, walks)[0]
+
+    def cells_figure(self) -> Figure:
         """Courses walked, a panel for each terrain, a row for each of its cells."""
         panels = dict[str, tuple[list[str], list[list[Walks | None]]]]()
         for terrain in dict.fromkeys(cell.terrain for cell in self.cells):
@@ -85,25 +91,33 @@ class Benchmark:
             f"# Benchmark\n\n    {provenance.command()}\n\n"
             f"Commit {provenance.commit() or 'unknown'}. The {seeds} seeds ({SEEDS[seeds]}), "
             f"{self.protocol.courses} courses of {self.protocol.stones} stones or steps a cell, PyBullet. All methods "
-            "walk the same courses. Walked of courses, with Wilson's 95% interval.\n\n![map](map.png)\n\n"
+            "walk the same courses. Walked of courses, with Wilson's 95% interval.\n\n"
         )
         return (
-            f"{head}## Courses walked on each map\n\n{self._maps()}\n"
-            f"## Courses walked in each cell\n\n{self._table()}\n"
+            f"{head}## Courses walked on each map\n\n{self._maps_table()}\n![maps](maps.png)\n\n"
+            f"## Courses walked in each cell\n\n{self._table()}\n![cells](cells.png)\n\n"
             f"## Compared with {REFERENCE}\n\n{self._comparison()}\n"
             f"## Cost and training data\n\n{self._cost()}"
         )
 
-    def _maps(self) -> str:
-        """A row for each method, a column for each map and terrain; blank unless it walked all of the map's cells."""
-        groups = dict[tuple[str, str], list[Cell]]()
+    def _maps(self) -> tuple[list[str], list[list[Walks | None]]]:
+        """Columns, one for each map and terrain, and for each method the walks in its cells; None if one lacks."""
+        groups = dict[str, list[Cell]]()
         for cell in self.cells:
-            groups.setdefault((cell.map, cell.terrain), []).append(cell)
-        lines = []
-        for method in self.methods:
-            walks = [[self._walks(method, cell) for cell in cells] for cells in groups.values()]
-            lines.append([method.title, *(_total(each) for each in walks)])
-        return markdown_table(("method", *(f"{map_}, {terrain}" for map_, terrain in groups)), lines)
+            groups.setdefault(f"{cell.map}, {cell.terrain}", []).append(cell)
+        walks = [
+            [_together([self._walks(method, cell) for cell in cells]) for cells in groups.values()]
+            for method in self.methods
+        ]
+        return list(groups), walks
+
+    def _maps_table(self) -> str:
+        columns, walks = self._maps()
+        lines = [
+            [method.title, *(_rate(each) if each else "" for each in row)]
+            for method, row in zip(self.methods, walks, strict=True)
+        ]
+        return markdown_table(("method", *columns), lines)
 
     def _table(self) -> str:
         rows = {(row.method, row.cell): row for row in self.rows()}
@@ -180,9 +194,12 @@ def _text(row: BenchmarkRow) -> str:
     return "" if row.reason else f"{row.walked} of {row.courses} ({row.low:.2f} to {row.high:.2f})"
 
 
-def _total(walks: Sequence[Walks | None]) -> str:
-    if None in walks:
-        return ""
-    every = Walks([row for each in walks if each for row in each.rows])
-    low, high = every.interval
-    return f"{every.walked} of {every.runs} ({low:.2f} to {high:.2f})"
+def _rate(walks: Walks) -> str:
+    low, high = walks.interval
+    return f"{walks.walked} of {walks.runs} ({low:.2f} to {high:.2f})"
+
+
+def _together(walks: Sequence[Walks | None]) -> Walks | None:
+    """All of them as one, None if one is missing."""
+    rows = [each.rows for each in walks if each]
+    return Walks([row for each in rows for row in each]) if len(rows) == len(walks) else None
