@@ -41,12 +41,10 @@ def misses(
         fail("stopped; the same command goes on from the walks that are done", code=130)
     with complaints(ModelError, OSError):
         if loaded is None:
-            rows, missed, walks = gathered(fit, cache)
+            rows, missed = gathered(fit, cache)
             about = f"parameters {parameters}, {fit_plants} plants of the storm on stones, seed {FIT_SEED}"
-            loaded = MissProbability.fitted(
-                rows, missed, walks, f"{about}: {len(rows)} steps, {int(missed.sum())} misses"
-            )
-        rows, missed, _ = gathered(judge, cache)
+            loaded = MissProbability.fitted(rows, missed, f"{about}: {len(rows)} steps, {int(missed.sum())} misses")
+        rows, missed = gathered(judge, cache)
         p = loaded.at(rows)
         page = write(loaded, judged(p, missed), p, missed, plants, out)
     print(f"written {page}")

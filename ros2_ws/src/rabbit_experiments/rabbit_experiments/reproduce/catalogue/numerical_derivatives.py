@@ -17,7 +17,7 @@ from rabbit_experiments.reproduce.report import Cell, Claim, Table
 from rabbit_experiments.reproduce.table_lines import MAIN, Found, Line
 
 NOISE = (0.0, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.4)  # rad/s
-USUAL = 0.15  # the error that an estimate may have, docs/results.md
+USUAL = 0.15  # the error that an estimate may have, docs/results_paper.md
 LOOKS = {"one difference": (style.BLACK, "o", "-"), "low-pass": (style.ORANGE, "s", "--")}
 LOOKS |= {"Savitzky-Golay": (style.BLUE, "^", "-.")}
 NAMES = {"V": r"$\dot V$", "B1": r"$\ddot B_1$", "B2": r"$\ddot B_2$"}
