@@ -113,16 +113,12 @@ class Benchmark:
 
     def _maps_table(self) -> str:
         columns, walks = self._maps()
-        lines = [
-            [method.title, *(_rate(each) if each else "" for each in row)]
-            for method, row in zip(self.methods, walks, strict=True)
-        ]
+        lines = [[method.title, *map(_rate, row)] for method, row in zip(self.methods, walks, strict=True)]
         return markdown_table(("method", *columns), lines)
 
     def _table(self) -> str:
-        rows = {(row.method, row.cell): row for row in self.rows()}
-        lines = [[cell.name, *(_text(rows[each.name, cell.name]) for each in self.methods)] for cell in self.cells]
-        blank: dict[tuple[str, str], None] = {(row.method, row.reason): None for row in rows.values() if row.reason}
+        lines = [[cell.name, *(_rate(self._walks(each, cell)) for each in self.methods)] for cell in self.cells]
+        blank: dict[tuple[str, str], None] = {(row.method, row.reason): None for row in self.rows() if row.reason}
         notes = "".join(f"\n{name} is blank where it has {reason}.\n" for name, reason in blank)
         return markdown_table(("cell", *(each.title for each in self.methods)), lines) + notes
 
@@ -190,11 +186,9 @@ class Benchmark:
         )
 
 
-def _text(row: BenchmarkRow) -> str:
-    return "" if row.reason else f"{row.walked} of {row.courses} ({row.low:.2f} to {row.high:.2f})"
-
-
-def _rate(walks: Walks) -> str:
+def _rate(walks: Walks | None) -> str:
+    if walks is None:
+        return ""
     low, high = walks.interval
     return f"{walks.walked} of {walks.runs} ({low:.2f} to {high:.2f})"
 
