@@ -1,4 +1,4 @@
-"""Reads YAML, whatever is in the file."""
+"""Finds and reads YAML files; what is in them is not trusted."""
 
 from pathlib import Path
 from typing import Any
@@ -8,6 +8,12 @@ import yaml
 
 class YamlFileError(ValueError):
     """A file that is no YAML, in one line without its name."""
+
+
+def yaml_path(name_or_path: str | Path, folder: Path) -> Path:
+    """A path that ends in `.yaml` as it is; anything else is the name of a file in `folder`."""
+    path = Path(name_or_path)
+    return path if path.suffix == ".yaml" else folder / f"{name_or_path}.yaml"
 
 
 def read_yaml(path: Path) -> Any:

@@ -88,10 +88,15 @@ class Walks:
         return float(np.sqrt((values**2 * ticks).sum() / max(ticks.sum(), 1)))
 
     @property
+    def rate_text(self) -> str:
+        """Walked of runs, interval."""
+        low, high = self.interval
+        return f"{self.walked} of {self.runs} ({low:.2f} to {high:.2f})"
+
+    @property
     def text(self) -> str:
         """Walked of runs, interval, mean stones."""
-        low, high = self.interval
-        return f"{self.walked} of {self.runs} ({low:.2f} to {high:.2f}), {self.mean_stones:.1f}"
+        return f"{self.rate_text}, {self.mean_stones:.1f}"
 
 
 def summarise(results: Sequence[RunResult], qp_solver: str) -> dict[str, Any]:

@@ -6,7 +6,7 @@ from typing import Literal
 from cbf_clf_qp.problem import Problem
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from rabbit_description.gait import DEFAULT_GAIT
-from rabbit_description.yaml_file import YamlFileError, read_yaml
+from rabbit_description.yaml_file import YamlFileError, read_yaml, yaml_path
 
 from rl_cbf_clf_controller.kinds import ControllerName, find_kind
 
@@ -143,9 +143,7 @@ def load_parameters(name_or_path: str | Path, terrain: str | None = None, /, **c
     Raises:
         ParameterError: no such file, not YAML, an unknown parameter or a value out of its range.
     """
-    path = Path(name_or_path)
-    if path.suffix != ".yaml":
-        path = CONFIG / f"{name_or_path}.yaml"
+    path = yaml_path(name_or_path, CONFIG)
     try:
         values = {**(read_yaml(path) or {})}
         on_flat_ground = values.pop(ON_FLAT_GROUND, {})

@@ -118,7 +118,7 @@ class Benchmark:
 
     def _table(self) -> str:
         lines = [[cell.name, *(_rate(self._walks(each, cell)) for each in self.methods)] for cell in self.cells]
-        blank: dict[tuple[str, str], None] = {(row.method, row.reason): None for row in self.rows() if row.reason}
+        blank = dict.fromkeys((method.name, why) for (method, _), why in self.results.items() if isinstance(why, str))
         notes = "".join(f"\n{name} is blank where it has {reason}.\n" for name, reason in blank)
         return markdown_table(("cell", *(each.title for each in self.methods)), lines) + notes
 
@@ -187,10 +187,7 @@ class Benchmark:
 
 
 def _rate(walks: Walks | None) -> str:
-    if walks is None:
-        return ""
-    low, high = walks.interval
-    return f"{walks.walked} of {walks.runs} ({low:.2f} to {high:.2f})"
+    return walks.rate_text if walks else ""
 
 
 def _together(walks: Sequence[Walks | None]) -> Walks | None:

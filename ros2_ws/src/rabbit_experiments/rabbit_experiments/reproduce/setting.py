@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
-from rabbit_description.yaml_file import YamlFileError, read_yaml
+from rabbit_description.yaml_file import YamlFileError, read_yaml, yaml_path
 from rl_cbf_clf_controller.parameters import ParameterError, load_parameters
 from rl_trainer.parameters import TrainingParameters
 
@@ -85,9 +85,7 @@ OURS = Setting()
 
 def read_setting(name_or_path: str | Path) -> Setting:
     """A shipped setting by its name, or one in a YAML file; raises `SettingError`."""
-    path = Path(name_or_path)
-    if path.suffix != ".yaml":
-        path = SETTINGS / f"{name_or_path}.yaml"
+    path = yaml_path(name_or_path, SETTINGS)
     try:
         return Setting.model_validate(read_yaml(path) or {})
     except (YamlFileError, ValidationError, TypeError) as error:
