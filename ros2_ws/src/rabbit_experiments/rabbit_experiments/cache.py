@@ -24,7 +24,7 @@ from rabbit_experiments.provenance import content_key, installed
 
 # Raise it when the numbers of a seeded run or of a training move: after a change of the plant, the controller, the
 # learner or the metrics, on purpose or by rounding. test_results_version.py fails then and says what to do.
-RESULTS_VERSION = 8
+RESULTS_VERSION = 9
 COMPUTING = ("numpy", "scipy", "pin", "pybullet", "mujoco", "osqp", "daqp")
 
 

@@ -7,6 +7,8 @@ without error, the desired outputs are
     y_d(s) = path(s) + (1 - x)^3 (a + b x)    for x = (s - s_0) / w < 1,  s_0: the phase at the touchdown,  w: width
 
 with a = y_0 and b = w y_0' / s_0' + 3 a: then y = y' = 0 at s_0, and y_d'' is continuous where the correction ends.
+The correction is a Bézier polynomial of x; before s_0 its curvature fades as in `bezier.py`. At the first tick of a
+step s is s_0 but for rounding, so nothing may jump there.
 
 Ground that lies lower than expected is met late. A path that only went on along its end would lead the foot forward and
 up again, for the body moves on. So beyond phase 1, where there are gaits for slopes, the foot goes straight down:
@@ -24,7 +26,7 @@ import numpy as np
 from rabbit_description.gait import Gait, GaitLibrary, Gaits
 from rabbit_description.state import Array, StonePreview
 
-from rl_cbf_clf_controller.bezier import FADING
+from rl_cbf_clf_controller.bezier import FADING, Bezier
 from rl_cbf_clf_controller.generated_outputs import generated_if_built
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.speed_regulation import IntegralRegulation, SpeedRegulation
@@ -51,13 +53,13 @@ class StepOutputs(VirtualConstraints):
         self._descent = descent
         begun = super().evaluate(q_s, dq_s)
         self._begin, self._width = begun.phase, max(faded - begun.phase, LEAST_WIDTH)
-        self._a = begun.y
-        self._b = self._width * begun.dy / max(begun.phase_rate, LEAST_RATE) + 3 * begun.y
+        a, b = begun.y, self._width * begun.dy / max(begun.phase_rate, LEAST_RATE) + 3 * begun.y
+        self._correction = Bezier(np.column_stack([a, (a + b) / 4, np.zeros((len(a), 3))]))
 
     def parameters(self) -> dict[str, Array]:
         """With the correction."""
         correction = {
-            "correction": np.array([self._a, self._b]),
+            "correction": self._correction.powers,
             "correction_begin": np.array(self._begin),
             "correction_width": np.array(self._width),
             "descent": self._descent,
@@ -68,7 +70,9 @@ class StepOutputs(VirtualConstraints):
         """Outputs at `q_s`, `dq_s` (7,), stance/swing order."""
         path = super().evaluate(q_s, dq_s)
         lowered = (self._descent * each for each in gradual_line(path.phase - 1))
-        value, slope, curvature = (sum(each) for each in zip(self._correction(path.phase), lowered, strict=True))
+        corrected = self._correction((path.phase - self._begin) / self._width)
+        faded = [each / self._width**order for order, each in enumerate(corrected)]
+        value, slope, curvature = (sum(each) for each in zip(faded, lowered, strict=True))
         return Outputs(
             eta=path.eta - np.concatenate([value, slope * path.phase_rate]),
             jacobian=path.jacobian - np.outer(slope, self._gradient),
@@ -76,18 +80,6 @@ class StepOutputs(VirtualConstraints):
             phase=path.phase,
             phase_rate=path.phase_rate,
         )
-
-    def _correction(self, phase: float) -> tuple[Array, Array, Array]:
-        """Value, first and second derivative in the phase, each (4,); before the beginning, along the tangent."""
-        x = (phase - self._begin) / self._width
-        inside = min(max(x, 0.0), 1.0)
-        left, line = 1 - inside, self._a + self._b * inside
-        value = left**3 * line
-        slope = (left**3 * self._b - 3 * left**2 * line) / self._width
-        curvature = 6 * left * (line - left * self._b) / self._width**2
-        if x < 0:
-            return value + slope * (phase - self._begin), slope, np.zeros_like(slope)
-        return value, slope, curvature
 
 
 def gradual_line(x: float) -> tuple[float, float, float]:

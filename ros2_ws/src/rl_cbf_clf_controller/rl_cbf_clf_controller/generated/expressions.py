@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from rl_cbf_clf_controller.generated.layout import COORDINATES, LINKS, MOTORS, POWERS
+from rl_cbf_clf_controller.generated.layout import COORDINATES, CORRECTION_POWERS, LINKS, MOTORS, POWERS
 
 GRAVITY = ca.DM([0, 9.81])
 SLIDES = 2  # of the base: the coordinates that the stance foot takes up
@@ -136,7 +136,9 @@ def outputs(
     """Outputs and their derivatives, as in `virtual_constraints.py` and `step_outputs.py`; see `layout.OUTPUTS`."""
     phase, phase_rate = ca.dot(gradient, q) - phase_start, ca.dot(gradient, dq)
     path = beyond_ends(ca.reshape(powers, POWERS, MOTORS).T, phase, fading)
-    faded = fading_correction(correction[:MOTORS], correction[MOTORS:], phase - correction_begin, correction_width)
+    since = (phase - correction_begin) / correction_width
+    corrected = beyond_ends(ca.reshape(correction, CORRECTION_POWERS, MOTORS).T, since, fading)
+    faded = [each / correction_width**order for order, each in enumerate(corrected)]
     lowered = [descent * each for each in gradual_line(phase - 1, fading)]
     value, slope, curvature = (sum(each) for each in zip(path, faded, lowered, strict=True))
     controlled = ca.horzcat(ca.SX.zeros(MOTORS, COORDINATES - MOTORS), ca.SX.eye(MOTORS))
@@ -153,7 +155,7 @@ def beyond_ends(coefficients: ca.SX, s: ca.SX, fading: ca.SX) -> tuple[ca.SX, ca
     """Polynomials (m,) of s and two derivatives, continued outside [0, 1] as in `bezier.py`."""
     inside = ca.fmin(ca.fmax(s, 0), 1)
     at = ca.SX.sym("at")
-    value = ca.mtimes(coefficients, ca.vertcat(*(at**k for k in range(POWERS))))
+    value = ca.mtimes(coefficients, ca.vertcat(*(at**k for k in range(coefficients.shape[1]))))
     first = ca.jacobian(value, at)
     value, first, second = (ca.substitute(x, at, inside) for x in (value, first, ca.jacobian(first, at)))
     beyond = s - inside
@@ -161,16 +163,6 @@ def beyond_ends(coefficients: ca.SX, s: ca.SX, fading: ca.SX) -> tuple[ca.SX, ca
     turned = fading * (1 - left) * ca.sign(beyond)
     bent = fading * (ca.fabs(beyond) - ca.fabs(turned))
     return value + first * beyond + second * bent, first + second * turned, second * left
-
-
-def fading_correction(a: ca.SX, b: ca.SX, since: ca.SX, width: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """(1 - x)^3 (a + b x), x = since / width, and two derivatives in the phase; straight before, none after."""
-    inside = ca.fmin(ca.fmax(since / width, 0), 1)
-    left, line = 1 - inside, a + b * inside
-    slope = (left**3 * b - 3 * left**2 * line) / width
-    curvature = 6 * left * (line - left * b) / width**2
-    before = ca.fmin(since, 0)
-    return left**3 * line + slope * before, slope, ca.if_else(since < 0, 0, curvature)
 
 
 def gradual_line(x: ca.SX, width: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:

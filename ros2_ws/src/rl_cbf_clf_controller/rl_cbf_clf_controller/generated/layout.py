@@ -11,6 +11,7 @@ Layout: TypeAlias = dict[str, tuple[int, ...]]  # names and shapes, in order
 COORDINATES, MOTORS = 7, 4
 LINKS = ("torso", "stance_thigh", "stance_shin", "swing_thigh", "swing_shin")
 POWERS = 8  # coefficients of a desired angle's polynomial in the phase, highest ones zero where the gait has fewer
+CORRECTION_POWERS = 5  # the same of the correction
 
 STATE: Layout = {"q": (COORDINATES,), "dq": (COORDINATES,)}
 ROBOT: Layout = {
@@ -24,7 +25,7 @@ PATH: Layout = {
     "phase_start": (1,),  # phase = gradient' q - phase_start
     "powers": (MOTORS, POWERS),  # desired angles: coefficients of 1, s, s^2, ...
     "fading": (1,),  # of their curvature beyond the phase's ends
-    "correction": (2, MOTORS),  # a, b of `step_outputs.py`; zero for none
+    "correction": (MOTORS, CORRECTION_POWERS),  # of `step_outputs.py`, as `powers`, over x; zero for none
     "correction_begin": (1,),
     "correction_width": (1,),
     "descent": (MOTORS,),  # D of `step_outputs.py`; zero for none
