@@ -1,0 +1,103 @@
+"""A rapidly exponentially stabilising control Lyapunov function (RES-CLF) of outputs y [CLF_cond], [eq:clf-lie].
+
+    eta = (y, ..., y^(r-1)),   eta-dot = F eta + G y^(r),   F a chain of r integrators for each of m outputs
+    V = eta' P_eps eta,  P_eps = E P_0 E,  E = diag(1/eps^(r-1), ..., 1/eps, 1)
+    A_0' P_0 + P_0 A_0 = -I,  A_0 = F + G K_0,  K_0 the gains at eps = 1
+    condition:  V-dot + (rate / eps) V <= 0,  rate = 1 / max eig P_0
+
+With K = K_0 E / eps the closed loop A = F + G K satisfies A' P_eps + P_eps A = -E^2 / eps, so the condition holds at
+y^(r) = K eta for every eta.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from scipy.linalg import solve_continuous_lyapunov
+
+from cbf_clf_qp.symbolic.affine import Affine
+from cbf_clf_qp.symbolic.quantity import Quantity
+from cbf_clf_qp.symbolic.rows import Rows, at_most
+from cbf_clf_qp.symbolic.system import System
+
+Number = ca.SX | float
+
+
+class ResClf:
+    """The matrices of a RES-CLF for `outputs` outputs of relative degree `len(gains)`; y^(r) = -gains . eta at eps = 1.
+
+    Args:
+        eps: epsilon, in (0, 1]; a number or an expression.
+        gains: positive feedback gains (K_r, ..., K_1), lowest derivative first; stable by choice.
+
+    Raises:
+        ValueError: the gains do not stabilise the chain of integrators.
+    """
+
+    def __init__(self, outputs: int, eps: Number, gains: Sequence[float]) -> None:
+        degree = len(gains)
+        chain = np.eye(degree, k=1)
+        closed = chain.copy()
+        closed[-1] = -np.asarray(gains)
+        if np.linalg.eigvals(closed).real.max() >= 0:
+            raise ValueError(f"gains = {list(gains)} do not stabilise {degree} integrators")
+        p_0 = solve_continuous_lyapunov(closed.T, -np.eye(degree))
+        identity = ca.DM.eye(outputs)
+        scaling = ca.diag(ca.vertcat(*(ca.SX(eps) ** -k for k in range(degree - 1, -1, -1))))
+        self.rate = float(1 / np.linalg.eigvalsh(p_0).max()) / eps  # 1/s: of V
+        self.F = ca.kron(ca.DM(chain), identity)
+        self.G = ca.kron(ca.DM(np.eye(degree)[:, -1:]), identity)
+        self.P = ca.kron(scaling @ ca.DM(p_0) @ scaling, identity)
+        self.K = ca.kron(-ca.DM(np.reshape(gains, (1, -1))) @ scaling / eps, identity)
+
+    def value(self, eta: ca.SX) -> ca.SX:
+        """V."""
+        return ca.bilin(self.P, eta, eta)
+
+    def derivative(self, eta: ca.SX) -> Affine:
+        """V-dot, affine in y^(r): `a` = LgV (1, m), `b` = LfV."""
+        LfV = ca.bilin(self.F.T @ self.P + self.P @ self.F, eta, eta)
+        return Affine(2 * eta.T @ self.P @ self.G, LfV)
+
+
+@dataclass(frozen=True)
+class Clf:
+    """Pull the outputs `y` (m,) to zero; the number of `gains` is their relative degree.
+
+    `slack_weight`: p, of the row's slack d; `rescue`: that slack is one of last resort, and not the paper's d.
+    `in_mu`: d is in units of mu, see `Rows`; `has_row`: False, and V-dot is estimated and not constrained.
+    """
+
+    y: ca.SX
+    eps: Number = 0.3
+    gains: Sequence[float] = (1.0, 2.0)
+    slack_weight: Number = 10.0
+    rescue: bool = False
+    in_mu: bool = True
+
+    def outputs(self, system: System) -> tuple[ca.SX, Affine]:
+        """eta (r m,), and y^(r) affine in u."""
+        chain = system.derivatives("the outputs of the CLF", self.y, len(self.gains))
+        return ca.vertcat(*chain[:-1]), system.affine(chain[-1])
+
+    def on(self, system: System) -> Quantity:
+        """V-dot as a quantity; raises DegreeError."""
+        eta, y_r = self.outputs(system)
+        m = self.y.numel()
+        clf = ResClf(m, self.eps, self.gains)
+        V, V_dot = clf.value(eta), clf.derivative(eta)
+        return Quantity(
+            ("V",),
+            V_dot.after(y_r),
+            lambda value: [self.row(clf, V, value)],
+            lower=eta[-m:],
+            slope=V_dot,
+            reads={"V": V, "eta": eta, "LgV": V_dot.a.T, "LfV": V_dot.b},
+        )
+
+    def row(self, clf: ResClf, V: ca.SX, V_dot: Affine) -> Rows:
+        """V-dot + rate V <= d."""
+        upper = -clf.rate * V - V_dot.b
+        row = at_most(("CLF",), V_dot.a, upper, self.slack_weight, self.rescue)
+        return row if self.in_mu else Rows(row.names, row.A, row.lower, row.upper, row.slack_weight, row.rescue, False)

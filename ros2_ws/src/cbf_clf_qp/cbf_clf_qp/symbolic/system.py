@@ -1,0 +1,120 @@
+"""A system that is affine in its input, and the derivatives that its constraints need.
+
+    x-dot = f(x, p) + g(x, p) u,      p-dot = r(x, p) for the parameters that have rates, else 0
+
+The parameters p are inputs of every function that is made of the system: an obstacle's place, a mass, a gain. So none
+of them can be stale. One that moves by itself should declare its rate, for example a wall its speed:
+
+    x, u, wall, speed = (ca.SX.sym(name) for name in ("x", "u", "wall", "speed"))
+    cart = System(x, u, u, parameters=[wall, speed], rates={"wall": speed})
+    cart.derivative(wall - x)                      # speed - u
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import casadi as ca
+
+from cbf_clf_qp.symbolic.affine import Affine
+from cbf_clf_qp.symbolic.functions import packed
+
+
+class DegreeError(ValueError):
+    """A constraint whose relative degree is another one than was said."""
+
+
+@dataclass(frozen=True)
+class System:
+    """State `x` (n,), input `u` (m,), both symbols, and the expression `x_dot` (n,).
+
+    Args:
+        parameters: symbols by name, or scalar symbols, which have names of their own.
+        rates: expressions, by name of the parameter whose time derivative each of them is.
+
+    Raises:
+        ValueError: x_dot is not affine in u, depends on an unknown symbol, or a rate belongs to no parameter.
+    """
+
+    x: ca.SX
+    u: ca.SX
+    x_dot: ca.SX
+    parameters: Mapping[str, ca.SX] | Iterable[ca.SX] = ()
+    rates: Mapping[str, ca.SX] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        unknown = set(self.rates) - set(self.named)
+        if unknown:
+            raise ValueError(f"rates of {', '.join(sorted(unknown))}: expected parameters, {', '.join(self.named)}")
+        self.check_known("x_dot", self.x_dot)
+        self.affine(self.x_dot, "x_dot")
+
+    @cached_property
+    def named(self) -> dict[str, ca.SX]:
+        """The parameters' symbols by name."""
+        given = self.parameters
+        return dict(given) if isinstance(given, Mapping) else {symbol.name(): symbol for symbol in given}
+
+    @cached_property
+    def p(self) -> ca.SX:
+        """All parameters as one column, in their order."""
+        return packed(self.named)
+
+    def check_known(self, name: str, expression: ca.SX) -> None:
+        """Raise ValueError where an expression has a symbol that is neither state, input nor parameter."""
+        known = {symbol.name() for symbol in ca.symvar(ca.vertcat(self.x, self.u, self.p))}
+        unknown = {symbol.name() for symbol in ca.symvar(ca.vec(expression))} - known
+        if unknown:
+            raise ValueError(f"{name} depends on {', '.join(sorted(unknown))}: expected x, u and declared parameters")
+
+    def derivative(self, expression: ca.SX) -> ca.SX:
+        """The time derivative of an expression of x and p, along the system."""
+        total = ca.jtimes(expression, self.x, self.x_dot)
+        for name, rate in self.rates.items():
+            total += ca.jtimes(expression, self.named[name], rate)
+        return ca.simplify(total)
+
+    def derivatives(self, name: str, expression: ca.SX, degree: int) -> list[ca.SX]:
+        """An expression and its time derivatives up to the relative `degree`, the only one that u is in.
+
+        Raises:
+            DegreeError: u enters earlier, or not at all; the error has the `name`.
+        """
+        self.check_known(name, expression)
+        chain = [expression]
+        while len(chain) <= degree:
+            if ca.depends_on(chain[-1], self.u):
+                raise DegreeError(f"{name}: relative degree {len(chain) - 1}, but {degree} was given")
+            chain.append(self.derivative(chain[-1]))
+        if not ca.depends_on(chain[-1], self.u):
+            raise DegreeError(
+                f"{name}: its derivative {degree} does not depend on u; expected relative degree {degree}"
+            )
+        return chain
+
+    def affine(self, expression: ca.SX, name: str = "expression") -> Affine:
+        """An expression as a u + b; raises ValueError where it is not affine in u."""
+        a = ca.jacobian(expression, self.u)
+        if ca.depends_on(a, self.u):
+            raise ValueError(f"{name} is not affine in u")
+        return Affine(a, ca.substitute(expression, self.u, ca.SX.zeros(self.u.shape)))
+
+
+def mechanical(
+    q: ca.SX,
+    dq: ca.SX,
+    u: ca.SX,
+    M: ca.SX,
+    h: ca.SX,
+    B: ca.SX,
+    parameters: Mapping[str, ca.SX] | Iterable[ca.SX] = (),
+    rates: Mapping[str, ca.SX] | None = None,
+) -> System:
+    """M(q) q'' + h(q, q') = B u as a system with the state (q, q'); `M` (n, n) is symmetric and positive definite."""
+    return System(ca.vertcat(q, dq), u, ca.vertcat(dq, solved(M, B @ u - h)), parameters, rates or {})
+
+
+def solved(matrix: ca.SX, right: ca.SX) -> ca.SX:
+    """`matrix`^-1 `right` of a symmetric, positive definite matrix, by L D L'."""
+    D, LT, order = ca.ldl(matrix, False)
+    return ca.ldl_solve(right, D, LT, order)
