@@ -87,7 +87,9 @@ def build_qp(blocks: Sequence[Rows], objective: Objective | None, inputs: int) -
     upper = ca.vertcat(*(block.upper for block in blocks)) / norms
     sound = ca.vertcat(lower <= upper, lower <= UNBOUNDED, upper >= -UNBOUNDED, ca.fabs(ca.sum2(A)) <= UNBOUNDED)
     is_valid = ca.mmin(ca.vertcat(sound, ca.fabs(ca.sum1(q) + ca.sum1(ca.vec(unroot))) <= UNBOUNDED))
-    data = {"q": q, "lower": within_reach(lower), "upper": within_reach(upper), "A": A}
+    lower = ca.if_else(is_valid, within_reach(lower), -UNBOUNDED)  # so that a solver does not stop at a NaN
+    upper = ca.if_else(is_valid, within_reach(upper), UNBOUNDED)
+    data = {"q": q, "lower": lower, "upper": upper, "A": A}
     return layout, data | {"is_valid": is_valid, "unroot": unroot, "slack_scale": scale}
 
 
