@@ -32,10 +32,12 @@ class ResClf:
         gains: positive feedback gains (K_r, ..., K_1), lowest derivative first; stable by choice.
 
     Raises:
-        ValueError: the gains do not stabilise the chain of integrators.
+        ValueError: the gains do not stabilise the chain of integrators, or eps is not positive.
     """
 
     def __init__(self, outputs: int, eps: Number, gains: Sequence[float]) -> None:
+        if isinstance(eps, float | int) and not eps > 0:
+            raise ValueError(f"eps = {eps}: expected a positive number")
         degree = len(gains)
         chain = np.eye(degree, k=1)
         closed = chain.copy()
@@ -66,7 +68,7 @@ class Clf:
     """Pull the outputs `y` (m,) to zero; the number of `gains` is their relative degree.
 
     `slack_weight`: p, of the row's slack d; `rescue`: that slack is one of last resort, and not the paper's d.
-    `in_mu`: d is in units of mu, see `Rows`; `has_row`: False, and V-dot is estimated and not constrained.
+    `in_mu`: d is in units of mu, see `Rows`.
     """
 
     y: ca.SX
@@ -76,28 +78,24 @@ class Clf:
     rescue: bool = False
     in_mu: bool = True
 
-    def outputs(self, system: System) -> tuple[ca.SX, Affine]:
-        """eta (r m,), and y^(r) affine in u."""
-        chain = system.derivatives("the outputs of the CLF", self.y, len(self.gains))
-        return ca.vertcat(*chain[:-1]), system.affine(chain[-1])
-
     def on(self, system: System) -> Quantity:
         """V-dot as a quantity; raises DegreeError."""
-        eta, y_r = self.outputs(system)
-        m = self.y.numel()
+        degree, m = len(self.gains), self.y.numel()
+        chain = system.derivatives("the outputs of the CLF", self.y, degree)
+        eta, y_r = ca.vertcat(*chain[:-1]), system.affine(chain[-1])
         clf = ResClf(m, self.eps, self.gains)
         V, V_dot = clf.value(eta), clf.derivative(eta)
+
+        def rows(value: Affine) -> list[Rows]:
+            upper = -clf.rate * V - value.b
+            return [at_most(("CLF",), value.a, upper, self.slack_weight, self.rescue, self.in_mu)]
+
         return Quantity(
             ("V",),
             V_dot.after(y_r),
-            lambda value: [self.row(clf, V, value)],
-            lower=eta[-m:],
+            rows,
+            lower=eta[-m:] if degree <= 2 else None,
             slope=V_dot,
+            outputs=y_r,
             reads={"V": V, "eta": eta, "LgV": V_dot.a.T, "LfV": V_dot.b},
         )
-
-    def row(self, clf: ResClf, V: ca.SX, V_dot: Affine) -> Rows:
-        """V-dot + rate V <= d."""
-        upper = -clf.rate * V - V_dot.b
-        row = at_most(("CLF",), V_dot.a, upper, self.slack_weight, self.rescue)
-        return row if self.in_mu else Rows(row.names, row.A, row.lower, row.upper, row.slack_weight, row.rescue, False)

@@ -17,7 +17,6 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from cbf_clf_qp.symbolic.affine import Affine
 from cbf_clf_qp.symbolic.functions import Array
 from cbf_clf_qp.symbolic.objective import Objective
 from cbf_clf_qp.symbolic.rows import Rows
@@ -67,52 +66,59 @@ def build_qp(blocks: Sequence[Rows], objective: Objective | None, inputs: int) -
     mu = `unroot` times the first variables; a slack = `slack_scale` times its variable.
     """
     layout = Layout.of(blocks, inputs)
+    objective = objective or Objective(ca.SX.eye(inputs), ca.SX.zeros(inputs))
+    unroot = ca.inv_minor(objective.root)
     of_mu = ca.vertcat(ca.SX(0, inputs), *(block.A for block in blocks))
-    weights = ca.vertcat(*(block.slack_weight * ca.SX.ones(len(block.names)) for block in blocks if not block.is_hard))
-    scale = ca.SX.zeros(layout.shape[0])
-    scale[layout.soft.tolist()] = weights**-0.5
-    in_mu = ca.vertcat(*(float(block.in_mu) * ca.SX.ones(len(block.names)) for block in blocks))
-    norms = ca.sqrt(ca.sum2(of_mu**2))
-    units = ca.if_else(in_mu, at_least(norms, TINY), 1)  # of the slacks, in units of the row
-    q, unroot = ca.SX.zeros(layout.shape[1]), ca.SX.eye(inputs)
-    if objective:
-        unroot = ca.inv_minor(objective.root)
-        of_mu = of_mu @ unroot
-        q[:inputs] = -2 * objective.center
-        norms = ca.sqrt(ca.sum2(of_mu**2))
-    norms = at_least(ca.sqrt(norms**2 + (units * scale) ** 2), TINY)
+    rooted = of_mu @ unroot
+    scale = ca.vertcat(*(ca.repmat(ca.SX(block.slack_weight), len(block.names)) for block in blocks)) ** -0.5
+    in_mu = ca.vertcat(*(ca.repmat(ca.SX(block.in_mu), len(block.names)) for block in blocks))
+    units = ca.if_else(in_mu, at_least(norms(of_mu), TINY), 1)  # of the slacks, in units of the row
     slacks = ca.diag(-scale * units)[:, layout.soft.tolist()]
-    A = ca.densify(ca.horzcat(of_mu, slacks)) / ca.repmat(norms, 1, layout.shape[1])
-    lower = ca.vertcat(*(block.lower for block in blocks)) / norms
-    upper = ca.vertcat(*(block.upper for block in blocks)) / norms
-    sound = ca.vertcat(lower <= upper, lower <= UNBOUNDED, upper >= -UNBOUNDED, ca.fabs(ca.sum2(A)) <= UNBOUNDED)
-    is_valid = ca.mmin(ca.vertcat(sound, ca.fabs(ca.sum1(q) + ca.sum1(ca.vec(unroot))) <= UNBOUNDED))
+    A = ca.densify(ca.horzcat(rooted, slacks))
+    size = at_least(norms(A), TINY)
+    A = A / ca.repmat(size, 1, layout.shape[1])
+    q = ca.vertcat(-2 * objective.center, ca.SX.zeros(len(layout.soft)))
+    lower = ca.vertcat(*(block.lower for block in blocks)) / size
+    upper = ca.vertcat(*(block.upper for block in blocks)) / size
+    sound = ca.vertcat(lower <= upper, lower <= UNBOUNDED, upper >= -UNBOUNDED)
+    is_valid = ca.mmin(ca.vertcat(sound, is_finite(ca.vertcat(q, ca.vec(A), ca.vec(unroot)))))
     lower = ca.if_else(is_valid, within_reach(lower), -UNBOUNDED)  # so that a solver does not stop at a NaN
     upper = ca.if_else(is_valid, within_reach(upper), UNBOUNDED)
     data = {"q": q, "lower": lower, "upper": upper, "A": A}
     return layout, data | {"is_valid": is_valid, "unroot": unroot, "slack_scale": scale}
 
 
-def reading(data: dict[str, ca.SX], control: Affine, x: ca.SX, y: ca.SX, layout: Layout) -> dict[str, ca.SX]:
-    """What an answer `x` (n,) with multipliers `y` (k,) says; `residual`: how far it is from the KKT conditions.
+def reading(data: dict[str, ca.SX], x: ca.SX, y: ca.SX, layout: Layout) -> dict[str, ca.SX]:
+    """What an answer `x` (n,) with multipliers `y` (k,), positive at an upper bound, says.
 
-    `violation` (k,): of each row over mu and its slack, over the row's norm; `margin` (k,): to its nearer bound.
+    `residual`: of the KKT conditions 2 x + q + A'y = 0 and A x = (A x + y, cut to the bounds), which is all that they
+    ask of rows and multipliers; over 1 + |x|. inf where the data are not valid. `margin` (k,): to a row's nearer bound.
     """
     A, lower, upper = data["A"], data["lower"], data["upper"]
     value, gradient = A @ x, 2 * x + data["q"] + A.T @ y
-    margin = ca.fmin(upper - value, value - lower)
-    violation = at_least(-margin, 0)
+    rows = value - ca.fmin(ca.fmax(value + y, lower), upper)
+    residual = ca.sqrt(ca.sumsqr(gradient) + ca.sumsqr(rows)) / (1 + ca.norm_2(x))
     mu = data["unroot"] @ x[: layout.inputs]
     slack = ca.SX.zeros(layout.shape[0])
     slack[layout.soft.tolist()] = data["slack_scale"][layout.soft.tolist()] * x[layout.inputs :]
     return {
-        "mu": mu,
-        "u": control(mu),
-        "slack": ca.if_else(slack < ROUNDING, 0, slack),
-        "margin": margin,
+        "residual": ca.if_else(data["is_valid"], residual, ca.inf),
         "is_valid": data["is_valid"],
-        "residual": ca.sqrt(ca.sumsqr(gradient) + ca.sumsqr(violation)) / (1 + ca.norm_2(x)),
+        "mu": mu,
+        "u": data["control_a"] @ mu + data["control_b"],
+        "slack": ca.if_else(slack < ROUNDING, 0, slack),
+        "margin": ca.fmin(upper - value, value - lower),
     }
+
+
+def norms(matrix: ca.SX) -> ca.SX:
+    """Of the rows."""
+    return ca.sqrt(ca.sum2(matrix**2))
+
+
+def is_finite(values: ca.SX) -> ca.SX:
+    """1 where all `values` (n,) and the sum of their sizes are, else 0."""
+    return ca.sum1(ca.fabs(values)) <= UNBOUNDED
 
 
 def at_least(value: ca.SX, least: float) -> ca.SX:

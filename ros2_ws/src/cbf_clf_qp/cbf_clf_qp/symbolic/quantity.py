@@ -22,7 +22,7 @@ class Quantity:
     """Components `names` (n,), their `value` affine in u, and their rows.
 
     `lower` (k,) with `slope` (n, k) affine: how they are measured; `sensor` (n,): what a sensor says of them.
-    `reads`: what a person may want to see of them at a tick, by name.
+    `outputs`: y^(r) affine in u, of a CLF; `reads`: what a person may want to see of them at a tick, by name.
     """
 
     names: tuple[str, ...]
@@ -31,6 +31,7 @@ class Quantity:
     lower: ca.SX | None = None
     slope: Affine | None = None
     sensor: ca.SX | None = None
+    outputs: Affine | None = None
     reads: Mapping[str, ca.SX] = field(default_factory=dict)
 
     def on(self, system: System) -> "Quantity":

@@ -30,9 +30,16 @@ class Rows:
         return isinstance(self.slack_weight, float) and self.slack_weight == HARD
 
 
-def at_most(names: Sequence[str], A: ca.SX, upper: ca.SX, slack_weight: ca.SX | float, rescue: bool = True) -> Rows:
+def at_most(
+    names: Sequence[str],
+    A: ca.SX,
+    upper: ca.SX,
+    slack_weight: ca.SX | float,
+    rescue: bool = True,
+    in_mu: bool = True,
+) -> Rows:
     """`A mu <= upper`, each row with a slack of its own."""
-    return Rows(tuple(names), A, ca.SX(-ca.inf * ca.DM.ones(len(names))), upper, slack_weight, rescue)
+    return Rows(tuple(names), A, ca.SX(-ca.inf * ca.DM.ones(len(names))), upper, slack_weight, rescue, in_mu)
 
 
 def at_least(names: Sequence[str], A: ca.SX, lower: ca.SX, slack_weight: ca.SX | float, rescue: bool = True) -> Rows:

@@ -1,12 +1,10 @@
 """QP solvers behind one small interface, for  min x'x + q'x  subject to  lower <= A x <= upper.
 
-What a solver says of its own answer does not count: `tick.py` asks for the KKT residual.
+What a solver says of its own answer does not count: `answer.py` asks for the KKT residual.
 """
 
 import signal
-import time
-from dataclasses import dataclass
-from typing import ClassVar, Protocol
+from typing import Any, ClassVar, Protocol
 
 import casadi as ca
 import daqp
@@ -17,28 +15,7 @@ from scipy import sparse
 from cbf_clf_qp.symbolic.functions import Array
 from cbf_clf_qp.symbolic.qp import UNBOUNDED, Layout
 
-
-@dataclass(frozen=True)
-class Programme:
-    """The data of one tick, `A` (k, n) row by row, as `qp.build_qp` has them."""
-
-    q: Array
-    lower: Array
-    upper: Array
-    A: Array
-    layout: Layout
-
-
-@dataclass(frozen=True)
-class Answer:
-    """`x` (n,) and multipliers `y` (k,), positive at an upper bound; `has_answer`: whether the solver means them."""
-
-    x: Array
-    y: Array
-    has_answer: bool
-    status: str
-    solver: str
-    seconds: float
+Answer = tuple[Array, Array, str]  # x (n,), multipliers (k,), positive at an upper bound, and what the solver says
 
 
 class Solver(Protocol):
@@ -46,7 +23,8 @@ class Solver(Protocol):
 
     name: str
 
-    def solve(self, programme: Programme) -> Answer: ...
+    def solve(self, p: Any, layout: Layout) -> Answer:
+        """Of a programme `p` with q (n,), lower, upper (k,) and A (k, n), as `qp.build_qp` has them."""
 
     def reset(self) -> None:
         """Forget the last programme, so that an episode does not depend on the one before."""
@@ -65,7 +43,7 @@ class OsqpSolver:
         "eps_abs": 1e-6,
         "eps_rel": 1e-6,
         "eps_prim_inf": 1e-8,
-        "polishing": True,
+        "polishing": False,  # it prints where no row is active; see `polished`
         "check_termination": 10,
         "max_iter": 4000,
         "verbose": False,
@@ -79,23 +57,20 @@ class OsqpSolver:
         """The next programme sets the solver up again: no warm start."""
         self._layout: Layout | None = None
 
-    def solve(self, programme: Programme) -> Answer:
-        """Solve. OSQP cannot polish where no row is active, so a minimum without rows that meets them is taken."""
-        start, p = time.perf_counter(), programme
+    def solve(self, p: Any, layout: Layout) -> Answer:
+        """Solve, unless the minimum without rows meets them all."""
         free = p.q * -0.5
-        value = p.A @ free
-        if (value >= p.lower).all() and (value <= p.upper).all():
-            return Answer(free, np.zeros(len(p.upper)), True, "unconstrained", self.name, time.perf_counter() - start)
-        if p.layout is self._layout:
+        if violation(p, free, 0.0) == 0:
+            return free, np.zeros(len(p.upper)), "unconstrained"
+        if layout is self._layout:
             self._solver.update_data_vec(p.q, p.lower, p.upper)
-            self._solver.update_data_mat(None, None, p.A[p.layout.rows, p.layout.columns], None)
+            self._solver.update_data_mat(None, None, p.A[layout.rows, layout.columns], None)
         else:
-            self._set_up(p)
+            self._set_up(p, layout)
         while self._status() == "interrupted":
             signal.raise_signal(signal.SIGINT)
-        solution, status = self._solver.solution, self._solver.info.status
-        seconds = time.perf_counter() - start
-        return Answer(solution.x, solution.y, status == "solved", status, self.name, seconds)
+        solution = self._solver.solution
+        return (*polished(p, solution.x, solution.y), self._solver.info.status)
 
     def _status(self) -> str:
         """Solve; return the solver's status."""
@@ -106,13 +81,33 @@ class OsqpSolver:
             signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
         return str(self._solver.info.status)
 
-    def _set_up(self, p: Programme) -> None:
-        layout = p.layout
+    def _set_up(self, p: Any, layout: Layout) -> None:
         A = sparse.csc_matrix((p.A[layout.rows, layout.columns], (layout.rows, layout.columns)), shape=layout.shape)
         problem = osqp.OSQP()
         problem.setup(sparse.eye(len(p.q), format="csc") * 2, p.q, A, p.lower, p.upper, **self.SETTINGS)
         self._solver = problem._solver  # the compiled one: its wrapper costs a tick as much as solving does
         self._layout = layout
+
+
+def violation(p: Any, x: Array, y: Array | float) -> float:
+    """The largest violation of  A x = (A x + y, cut to the bounds)."""
+    value = p.A @ x
+    return float(np.abs(value - np.minimum(np.maximum(value + y, p.lower), p.upper)).max(initial=0.0))
+
+
+def polished(p: Any, x: Array, y: Array) -> tuple[Array, Array]:
+    """The exact solution if the rows are active that seem to be, A_a x = b:  A_a A_a' y_a = -(2 b + A_a q)."""
+    value = p.A @ x
+    at_upper, at_lower = p.upper - value < y, value - p.lower < -y
+    active = at_upper | at_lower
+    A, b = p.A[active], np.where(at_upper, p.upper, p.lower)[active]
+    exact_y = np.zeros_like(y)
+    try:
+        exact_y[active] = np.linalg.solve(A @ A.T, -(2 * b + A @ p.q))
+    except np.linalg.LinAlgError:
+        return x, y
+    exact_x = -0.5 * (p.q + exact_y @ p.A)
+    return (exact_x, exact_y) if violation(p, exact_x, exact_y) <= violation(p, x, y) else (x, y)
 
 
 class DaqpSolver:
@@ -123,12 +118,11 @@ class DaqpSolver:
     def reset(self) -> None:
         """It keeps nothing."""
 
-    def solve(self, programme: Programme) -> Answer:
+    def solve(self, p: Any, layout: Layout) -> Answer:
         """Solve."""
-        start, p = time.perf_counter(), programme
         sense = np.zeros(len(p.upper), dtype=np.int32)
         x, _, flag, info = daqp.solve(2 * np.eye(len(p.q)), p.q, p.A, p.upper, p.lower, sense)
-        return Answer(x, info["lam"], flag > 0, f"exit {flag}", self.name, time.perf_counter() - start)
+        return x, info["lam"], f"exit {flag}"
 
 
 def daqp_in_casadi(layout: Layout, q: ca.MX, A: ca.MX, lower: ca.MX, upper: ca.MX) -> tuple[ca.MX, ca.MX]:
@@ -141,6 +135,8 @@ def daqp_in_casadi(layout: Layout, q: ca.MX, A: ca.MX, lower: ca.MX, upper: ca.M
     return answer["x"], answer["lam_a"]
 
 
-def make_solver(name: str) -> OsqpSolver | DaqpSolver:
-    """`osqp` or `daqp`."""
+def make_solver(name: str) -> Solver:
+    """`osqp` or `daqp`; raises ValueError for another name."""
+    if name not in ("osqp", "daqp"):
+        raise ValueError(f"solver = {name}: expected osqp or daqp")
     return OsqpSolver() if name == "osqp" else DaqpSolver()

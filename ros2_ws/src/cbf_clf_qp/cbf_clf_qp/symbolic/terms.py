@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import casadi as ca
 
 from cbf_clf_qp.symbolic.affine import Affine
-from cbf_clf_qp.symbolic.clf import Clf
 from cbf_clf_qp.symbolic.quantity import Constrained, Quantity
 from cbf_clf_qp.symbolic.rows import Rows, between
 from cbf_clf_qp.symbolic.system import System
@@ -17,8 +16,8 @@ class Terms:
     """Terms over mu (m,), by the nominal model.
 
     `control` is u and `nominal` are the quantities (n,), both affine in mu; `outputs` is y^(r) affine in u, if there is
-    a CLF. `estimates` (alpha, beta) and `output_error` (Delta_2, Delta_1) are affine in mu, of symbols. `reads`: what
-    the quantities show, and what else was asked for, by name.
+    a CLF. `estimates` (alpha, beta) and `output_error` (Delta_2, Delta_1), affine in mu, are of the `symbols` that a
+    tick's function has as inputs. `reads`: what the quantities show, and what else was asked for, by name.
     """
 
     system: System
@@ -26,8 +25,7 @@ class Terms:
     control: Affine
     nominal: Affine
     outputs: Affine | None
-    estimates: Affine
-    output_error: Affine
+    symbols: Mapping[str, ca.SX]
     reads: Mapping[str, ca.SX]
 
     @classmethod
@@ -40,17 +38,30 @@ class Terms:
     ) -> "Terms":
         """Of a system; without a `control` that of input-output linearisation, where it can be, else u = mu."""
         quantities = tuple(each.on(system) for each in constrained)
-        outputs = next((each.outputs(system)[1] for each in constrained if isinstance(each, Clf)), None)
+        names = [name for quantity in quantities for name in quantity.names]
+        if len(set(names)) < len(names):
+            raise ValueError(f"quantities {', '.join(names)}: expected different names")
+        outputs = next((quantity.outputs for quantity in quantities if quantity.outputs), None)
         if control is None:
-            can_be = outputs is not None and outputs.a.is_square()
-            control = outputs.inverse() if outputs and can_be else Affine.identity(system.u.numel())
-        n, m = sum(len(quantity.names) for quantity in quantities), control.a.shape[1]
+            is_invertible = outputs is not None and outputs.a.is_square()
+            control = outputs.inverse() if outputs and is_invertible else Affine.identity(system.u.numel())
         nothing = Affine(ca.SX(0, system.u.numel()), ca.SX(0, 1))
         nominal = Affine.stacked([nothing, *(quantity.value for quantity in quantities)]).after(control)
+        n, m = nominal.a.shape
+        symbols = {"x": system.x, "p": system.p, "alpha": ca.SX.sym("alpha", n, m), "beta": ca.SX.sym("beta", n)}
+        symbols |= {"output_error": ca.SX.sym("output_error", m, m + 1)}
         shown = {name: value for quantity in quantities for name, value in quantity.reads.items()}
-        estimates = Affine(ca.SX.sym("alpha", n, m), ca.SX.sym("beta", n))
-        output_error = Affine(ca.SX.sym("Delta_2", m, m), ca.SX.sym("Delta_1", m))
-        return cls(system, quantities, control, nominal, outputs, estimates, output_error, shown | dict(reads or {}))
+        return cls(system, quantities, control, nominal, outputs, symbols, shown | dict(reads or {}))
+
+    @property
+    def estimates(self) -> Affine:
+        """(alpha, beta) of all quantities."""
+        return Affine(self.symbols["alpha"], self.symbols["beta"])
+
+    @property
+    def output_error(self) -> Affine:
+        """(Delta_2, Delta_1)."""
+        return Affine(self.symbols["output_error"][:, :-1], self.symbols["output_error"][:, -1])
 
     @property
     def inputs(self) -> int:

@@ -15,7 +15,7 @@ cart that is pulled to x = 1 m and must not pass a wall, wherever the wall is at
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -23,16 +23,14 @@ import casadi as ca
 import numpy as np
 
 from cbf_clf_qp.symbolic.affine import Affine
-from cbf_clf_qp.symbolic.functions import Array, NumpyFunction, Values, packed, places_of, split
+from cbf_clf_qp.symbolic.answer import Answering, Decided
+from cbf_clf_qp.symbolic.estimates import Estimates
+from cbf_clf_qp.symbolic.functions import Array, NumpyFunction, Values, packed, places_of
 from cbf_clf_qp.symbolic.objective import Objective
-from cbf_clf_qp.symbolic.qp import ROUNDING, Layout, build_qp, reading
+from cbf_clf_qp.symbolic.qp import build_qp, is_finite
 from cbf_clf_qp.symbolic.quantity import Constrained
-from cbf_clf_qp.symbolic.solvers import Programme, Solver, daqp_in_casadi, make_solver
 from cbf_clf_qp.symbolic.system import System
 from cbf_clf_qp.symbolic.terms import Constraint, Terms, input_limit
-
-MATRICES = ("nominal_a", "control_a", "A", "unroot")
-TOLERANCE = 1e-4  # KKT residual that is let pass, relative to the size of x
 
 
 def least_mu(terms: Terms) -> None:
@@ -42,44 +40,6 @@ def least_mu(terms: Terms) -> None:
 def no_corners(terms: Terms) -> list[Affine]:
     """The estimates are numbers, and not the corners of a set."""
     return []
-
-
-@dataclass(frozen=True)
-class Estimates:
-    """`alpha` (n, m) and `beta` (n,) of n quantities over mu (m,); `output_error` (m, m + 1): (Delta_2 | Delta_1)."""
-
-    alpha: Array
-    beta: Array
-    output_error: Array
-
-
-@dataclass(frozen=True)
-class Decided:
-    """What a tick decides: the input `u` and `mu` (m,), which count only if `solved`; `residual` of the KKT conditions.
-
-    `values` has what else the programme and its answer say.
-    """
-
-    values: Values
-    layout: Layout
-    solved: bool
-    solver: str
-    status: str
-
-    u = property(lambda self: self.values.u)
-    mu = property(lambda self: self.values.mu)
-    residual = property(lambda self: float(self.values.residual[0]))
-
-    @property
-    def slack(self) -> dict[str, float]:
-        """By how much a row gives way, of each that does, by name."""
-        slacks = zip(self.layout.names, self.values.slack.tolist(), strict=True)
-        return {name: slack for name, slack in slacks if slack > 0}
-
-    @property
-    def active(self) -> tuple[str, ...]:
-        """Names of the rows that hold with equality."""
-        return tuple(np.array(self.layout.names)[self.values.margin < ROUNDING].tolist())
 
 
 class Tick:
@@ -99,7 +59,7 @@ class Tick:
 
     Raises:
         DegreeError: a barrier or CLF of another relative degree than was said.
-        ValueError: an expression with an undeclared symbol.
+        ValueError: an expression with an undeclared symbol, two quantities of one name.
 
     One object serves one thread.
     """
@@ -130,10 +90,10 @@ class Tick:
         rows = [block for case in cases for block in terms.rows(case)]
         rows += [block for constraint in (*constraints, *limits) for block in constraint(terms)]
         self.layout, data = build_qp(rows, objective(terms), terms.inputs)
-        self._data = data | {"control_a": terms.control.a, "control_b": terms.control.b}
-        self._solvers: tuple[Solver, Solver] = make_solver(solver), make_solver("osqp" if solver == "daqp" else "daqp")
-        self._no_error, self._parameters_size = self.no_error(), int(system.p.numel())
-        self.unanswered = 0  # ticks that the first solver did not answer
+        self._needs_output_error = ca.depends_on(packed(data), ca.vec(terms.symbols["output_error"]))
+        data["is_valid"] *= is_finite(packed(terms.symbols))
+        self._answer = Answering(terms.symbols, data, self.layout, terms.control, solver)
+        self._no_error, self._parameter_places = self.no_error(), places_of(system.named)
 
     def __call__(
         self,
@@ -148,15 +108,24 @@ class Tick:
         Raises:
             ValueError: a parameter is missing or unknown, or a value is not finite or of the wrong size.
         """
-        no = self._no_error
-        given = (alpha, no.alpha), (beta, no.beta), (output_error, no.output_error)
-        values = [zero if value is None else value for value, zero in given]
-        return self.decide(np.asarray(x, dtype=float), self.p(**parameters), Estimates(*values))
+        estimates, given = self._no_error, (alpha, beta, output_error)
+        if any(value is not None for value in given):
+            zeros = estimates.alpha, estimates.beta, estimates.output_error
+            pairs = zip(given, zeros, strict=True)
+            estimates = Estimates(*(np.asarray(zero if value is None else value, dtype=float) for value, zero in pairs))
+        return self.decide(np.asarray(x, dtype=float), self.p(**parameters), estimates)
 
-    def no_error(self) -> Estimates:
-        """The estimates of a nominal controller, of its own arrays."""
-        n, m = len(self.names), self.terms.inputs
-        return Estimates(np.zeros((n, m)), np.zeros(n), np.zeros((m, m + 1)))
+    def decide(self, x: Array, p: Array, estimates: Estimates) -> Decided:
+        """The tick; raises ValueError where a value is not finite or of the wrong size, or no output error is known."""
+        output_error = estimates.output_error
+        if output_error is None:
+            if self._needs_output_error:
+                raise ValueError("output_error = None: expected (Delta_2 | Delta_1), on which the objective depends")
+            output_error = self._no_error.output_error
+        decided = self._answer(x, p, estimates.alpha, estimates.beta, output_error)
+        if not decided.solved:
+            self._check_finite(x, p, estimates)
+        return decided
 
     def p(self, **parameters: Any) -> Array:
         """All parameters as one array, for `decide`; raises ValueError where one is missing, unknown or too long."""
@@ -165,7 +134,7 @@ class Tick:
             missing, unknown = places.keys() - parameters.keys(), parameters.keys() - places.keys()
             problem = f"{', '.join(sorted(missing))} missing" if missing else f"{', '.join(sorted(unknown))} unknown"
             raise ValueError(f"parameters: {problem}; expected {', '.join(places) or 'none'}")
-        row = np.empty(self._parameters_size)
+        row = np.empty(self.system.p.numel())
         for name, value in parameters.items():
             place, shape = places[name]
             try:
@@ -174,90 +143,31 @@ class Tick:
                 raise ValueError(f"parameter {name} = {value}: expected numbers of shape {shape}") from None
         return row
 
-    def decide(self, x: Array, p: Array, estimates: Estimates) -> Decided:
-        """The tick; raises ValueError where a value is not finite."""
-        inputs = x, p, estimates.alpha, estimates.beta, estimates.output_error
-        first, guard = self._solvers
-        decided = self._inside(inputs) if first.name == "daqp" else self._outside(inputs, first)
-        if decided.solved:
-            return decided
-        self._check_finite(inputs)
-        self.unanswered += 1
-        return self._outside(inputs, guard)
-
-    def reset(self) -> None:
-        """Forget the last programme, so that an episode does not depend on the one before."""
-        for solver in self._solvers:
-            solver.reset()
+    def no_error(self) -> Estimates:
+        """The estimates of a nominal controller."""
+        return Estimates.zero(len(self.names), self.terms.inputs)
 
     def look(self, x: Array, p: Array) -> Values:
         """What can be read of a state: `nominal_a`, `nominal_b`, `control_a`, `control_b`, and `reads` by name."""
         return self._look(x, p)
 
-    def _inside(self, inputs: Sequence[Array]) -> Decided:
-        """With DAQP inside the function."""
-        values = self._decided(*inputs)
-        return Decided(values, self.layout, self._is_solved(values), "daqp", "in the function")
-
-    def _outside(self, inputs: Sequence[Array], solver: Solver) -> Decided:
-        """With a solver of its own, between two functions."""
-        data = self._programme(*inputs)
-        answer = solver.solve(Programme(data.q, data.lower, data.upper, data.A, self.layout))
-        values = self._reading(data.row, answer.x, answer.y)
-        solved = answer.has_answer and self._is_solved(values)
-        return Decided(values, self.layout, solved, solver.name, answer.status)
-
-    def _is_solved(self, values: Values) -> bool:
-        return bool(values.residual[0] < TOLERANCE and values.is_valid[0])
-
-    def _check_finite(self, inputs: Sequence[Array]) -> None:
-        names = ("x", "p", "alpha", "beta", "output_error")
-        for name, value in zip(names, inputs, strict=True):
-            if not np.isfinite(value).all():
-                wrong = [k for k, (place, _) in self._parameter_places.items() if not np.isfinite(value[place]).all()]
-                name, value = (wrong[0], value[self._parameter_places[wrong[0]][0]]) if name == "p" else (name, value)
-                raise ValueError(f"{name} = {value}: expected finite numbers")
-
-    @cached_property
-    def _parameter_places(self) -> dict[str, Any]:
-        return places_of(self.system.named)
-
     @property
-    def _of_state(self) -> dict[str, ca.SX]:
-        return {"x": self.system.x, "p": self.system.p}
+    def unanswered(self) -> int:
+        """Ticks that the first solver did not answer, so that its guard was asked."""
+        return self._answer.unanswered
 
-    @property
-    def _inputs(self) -> dict[str, ca.SX]:
-        error = ca.horzcat(self.terms.output_error.a, self.terms.output_error.b)
-        estimates = {"alpha": self.terms.estimates.a, "beta": self.terms.estimates.b, "output_error": error}
-        return self._of_state | estimates
+    def reset(self) -> None:
+        """Forget the last programme, so that an episode does not depend on the one before."""
+        self._answer.reset()
 
     @cached_property
     def _look(self) -> NumpyFunction:
-        terms = self.terms
-        of_model = {"nominal_a": terms.nominal.a, "nominal_b": terms.nominal.b}
-        of_model |= {"control_a": terms.control.a, "control_b": terms.control.b}
-        return NumpyFunction.of("look", self._of_state, {**of_model, **terms.reads}, MATRICES)
+        terms, matrices = self.terms, {"nominal_a": self.terms.nominal.a, "control_a": self.terms.control.a}
+        shown = {**matrices, "nominal_b": terms.nominal.b, "control_b": terms.control.b, **terms.reads}
+        return NumpyFunction.of("look", {"x": self.system.x, "p": self.system.p}, shown, matrices)
 
-    @cached_property
-    def _programme(self) -> NumpyFunction:
-        return NumpyFunction.of("programme", self._inputs, self._data, MATRICES)
-
-    @cached_property
-    def _reading(self) -> NumpyFunction:
-        """Of a programme's row and an answer; its outputs have the programme's data too."""
-        row = ca.SX.sym("row", packed(self._data).numel())
-        x, y = ca.SX.sym("x", self.layout.shape[1]), ca.SX.sym("y", self.layout.shape[0])
-        data = split(row, places_of(self._data))
-        control = Affine(data["control_a"], data["control_b"])
-        return NumpyFunction.of("reading", {"row": row, "x": x, "y": y}, reading(data, control, x, y, self.layout))
-
-    @cached_property
-    def _decided(self) -> NumpyFunction:
-        """Programme, DAQP and reading in one function."""
-        programme, read = self._programme.function, self._reading.function
-        inputs = [ca.MX.sym(programme.name_in(i), programme.sparsity_in(i)) for i in range(programme.n_in())]
-        row = programme(*inputs)
-        data = split(row, places_of(self._data))
-        x, y = daqp_in_casadi(self.layout, data["q"], data["A"], data["lower"], data["upper"])
-        return NumpyFunction(ca.Function("decided", inputs, [read(row, x, y)]), self._reading.places)
+    def _check_finite(self, x: Array, p: Array, estimates: Estimates) -> None:
+        parameters = {name: p[place] for name, (place, _) in self._parameter_places.items()}
+        for name, value in {"x": x, **parameters, **vars(estimates)}.items():
+            if value is not None and not np.isfinite(value).all():
+                raise ValueError(f"{name} = {value}: expected finite numbers")
