@@ -48,9 +48,8 @@ class Barrier:
         """B^(r) as a quantity; raises DegreeError."""
         degree = len(self.poles)
         chain = system.derivatives(self.name, self.B, degree)
-        initial = [self.B]
-        for pole in self.poles[: degree - 1]:
-            initial.append(system.derivative(initial[-1]) + pole * initial[-1])
+        polynomials = [ca.vertcat(*ecbf_gains(self.poles[:i]), 1) for i in range(degree)]
+        initial = [ca.dot(polynomial, ca.vertcat(*chain[: i + 1])) for i, polynomial in enumerate(polynomials)]
         state = ca.vertcat(*chain[:degree])
         bound = -ca.dot(ca.vertcat(*ecbf_gains(self.poles)), state)
 

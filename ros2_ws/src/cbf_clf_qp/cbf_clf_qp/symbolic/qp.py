@@ -54,6 +54,11 @@ class Layout:
         return cls(names, inputs, soft, rescues, rows, columns)
 
     @property
+    def of_slacks(self) -> ca.DM:
+        """1 where a column of A is the slack of a row, else 0; (k, n - m)."""
+        return ca.DM(np.eye(len(self.names))[:, self.soft])
+
+    @property
     def shape(self) -> tuple[int, int]:
         """Of A."""
         return len(self.names), self.inputs + len(self.soft)
@@ -73,8 +78,7 @@ def build_qp(blocks: Sequence[Rows], objective: Objective | None, inputs: int) -
     scale = ca.vertcat(*(ca.repmat(ca.SX(block.slack_weight), len(block.names)) for block in blocks)) ** -0.5
     in_mu = ca.vertcat(*(ca.repmat(ca.SX(block.in_mu), len(block.names)) for block in blocks))
     units = ca.if_else(in_mu, at_least(norms(of_mu), TINY), 1)  # of the slacks, in units of the row
-    slacks = ca.diag(-scale * units)[:, layout.soft.tolist()]
-    A = ca.densify(ca.horzcat(rooted, slacks))
+    A = ca.densify(ca.horzcat(rooted, ca.diag(-scale * units) @ layout.of_slacks))
     size = at_least(norms(A), TINY)
     A = A / ca.repmat(size, 1, layout.shape[1])
     q = ca.vertcat(-2 * objective.center, ca.SX.zeros(len(layout.soft)))
@@ -98,9 +102,8 @@ def reading(data: dict[str, ca.SX], x: ca.SX, y: ca.SX, layout: Layout) -> dict[
     value, gradient = A @ x, 2 * x + data["q"] + A.T @ y
     rows = value - ca.fmin(ca.fmax(value + y, lower), upper)
     residual = ca.sqrt(ca.sumsqr(gradient) + ca.sumsqr(rows)) / (1 + ca.norm_2(x))
-    mu = data["unroot"] @ x[: layout.inputs]
-    slack = ca.SX.zeros(layout.shape[0])
-    slack[layout.soft.tolist()] = data["slack_scale"][layout.soft.tolist()] * x[layout.inputs :]
+    rooted, slacks = ca.vertsplit(x, [0, layout.inputs, layout.shape[1]])
+    mu, slack = data["unroot"] @ rooted, data["slack_scale"] * (layout.of_slacks @ slacks)
     return {
         "residual": ca.if_else(data["is_valid"], residual, ca.inf),
         "is_valid": data["is_valid"],

@@ -60,7 +60,8 @@ class OsqpSolver:
     def solve(self, p: Any, layout: Layout) -> Answer:
         """Solve, unless the minimum without rows meets them all."""
         free = p.q * -0.5
-        if violation(p, free, 0.0) == 0:
+        value = p.A @ free
+        if (value >= p.lower).all() and (value <= p.upper).all():
             return free, np.zeros(len(p.upper)), "unconstrained"
         if layout is self._layout:
             self._solver.update_data_vec(p.q, p.lower, p.upper)
@@ -89,25 +90,18 @@ class OsqpSolver:
         self._layout = layout
 
 
-def violation(p: Any, x: Array, y: Array | float) -> float:
-    """The largest violation of  A x = (A x + y, cut to the bounds)."""
-    value = p.A @ x
-    return float(np.abs(value - np.minimum(np.maximum(value + y, p.lower), p.upper)).max(initial=0.0))
-
-
 def polished(p: Any, x: Array, y: Array) -> tuple[Array, Array]:
-    """The exact solution if the rows are active that seem to be, A_a x = b:  A_a A_a' y_a = -(2 b + A_a q)."""
+    """The exact solution if those rows are active that seem to be, A_a x = b:  A_a A_a' y_a = -(2 b + A_a q)."""
     value = p.A @ x
-    at_upper, at_lower = p.upper - value < y, value - p.lower < -y
-    active = at_upper | at_lower
+    at_upper = p.upper - value < y
+    active = at_upper | (value - p.lower < -y)
     A, b = p.A[active], np.where(at_upper, p.upper, p.lower)[active]
-    exact_y = np.zeros_like(y)
+    exact = np.zeros_like(y)
     try:
-        exact_y[active] = np.linalg.solve(A @ A.T, -(2 * b + A @ p.q))
+        exact[active] = np.linalg.solve(A @ A.T, -(2 * b + A @ p.q))
     except np.linalg.LinAlgError:
         return x, y
-    exact_x = -0.5 * (p.q + exact_y @ p.A)
-    return (exact_x, exact_y) if violation(p, exact_x, exact_y) <= violation(p, x, y) else (x, y)
+    return -0.5 * (p.q + exact @ p.A), exact
 
 
 class DaqpSolver:

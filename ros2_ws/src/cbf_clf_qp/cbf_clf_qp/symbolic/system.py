@@ -15,9 +15,12 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import casadi as ca
+import numpy as np
 
 from cbf_clf_qp.symbolic.affine import Affine
 from cbf_clf_qp.symbolic.functions import packed
+
+ROUNDING = 1e-11  # what is left where u cancels, relative to what cancels
 
 
 class DegreeError(ValueError):
@@ -43,10 +46,16 @@ class System:
     rates: Mapping[str, ca.SX] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        unknown = set(self.rates) - set(self.named)
-        if unknown:
-            raise ValueError(f"rates of {', '.join(sorted(unknown))}: expected parameters, {', '.join(self.named)}")
+        symbols = () if isinstance(self.parameters, Mapping) else [symbol.name() for symbol in self.parameters]
+        if len(set(symbols)) < len(symbols):
+            raise ValueError(f"parameters {', '.join(symbols)}: expected different names")
+        if self.rates.keys() - self.named.keys():
+            raise ValueError(f"rates of {', '.join(self.rates)}: expected parameters, {', '.join(self.named)}")
+        if self.x_dot.shape != self.x.shape:
+            raise ValueError(f"x_dot has {self.x_dot.numel()} components; expected {self.x.numel()}")
         self.check_known("x_dot", self.x_dot)
+        for name, rate in self.rates.items():
+            self.check_known(f"the rate of {name}", rate)
         self.affine(self.x_dot, "x_dot")
 
     @cached_property
@@ -62,10 +71,10 @@ class System:
 
     def check_known(self, name: str, expression: ca.SX) -> None:
         """Raise ValueError where an expression has a symbol that is neither state, input nor parameter."""
-        known = {symbol.name() for symbol in ca.symvar(ca.vertcat(self.x, self.u, self.p))}
-        unknown = {symbol.name() for symbol in ca.symvar(ca.vec(expression))} - known
-        if unknown:
-            raise ValueError(f"{name} depends on {', '.join(sorted(unknown))}: expected x, u and declared parameters")
+        function = ca.Function("known", [self.x, self.u, self.p], [expression], {"allow_free": True})
+        if function.has_free():
+            unknown = ", ".join(function.get_free())
+            raise ValueError(f"{name} depends on {unknown}: expected x, u and declared parameters")
 
     def derivative(self, expression: ca.SX) -> ca.SX:
         """The time derivative of an expression of x and p, along the system."""
@@ -81,16 +90,26 @@ class System:
             DegreeError: u enters earlier, or not at all; the error has the `name`.
         """
         self.check_known(name, expression)
+        if ca.depends_on(expression, self.u):
+            raise DegreeError(f"{name} depends on u")
         chain = [expression]
-        while len(chain) <= degree:
-            if ca.depends_on(chain[-1], self.u):
-                raise DegreeError(f"{name}: relative degree {len(chain) - 1}, but {degree} was given")
-            chain.append(self.derivative(chain[-1]))
-        if not ca.depends_on(chain[-1], self.u):
-            raise DegreeError(
-                f"{name}: its derivative {degree} does not depend on u; expected relative degree {degree}"
-            )
+        for order in range(1, degree + 1):
+            rate, has_input = self.derivative(chain[-1]), self._has_input(chain[-1])
+            if order < degree and any(has_input):
+                raise DegreeError(f"{name}: relative degree {order}, but {degree} was given")
+            if order == degree and not all(has_input):
+                raise DegreeError(f"{name}: derivative {degree} does not depend on u; expected relative degree {degree}")
+            chain.append(rate if order == degree else self.affine(rate).b)
         return chain
+
+    def _has_input(self, expression: ca.SX) -> list[bool]:
+        """Whether u is in the derivative of each component, and does not cancel: at a few random states."""
+        slope, of_u = ca.jacobian(self.derivative(expression), self.u), ca.jacobian(self.x_dot, self.u)
+        size = (1 + ca.fabs(ca.jacobian(expression, self.x))) @ ca.fabs(of_u)
+        cancels = ca.Function("cancels", [self.x, self.p], [ca.sum2(ca.fabs(slope)) <= ROUNDING * ca.sum2(size)])
+        points = np.random.default_rng(0).uniform(0.5, 1.5, (self.x.numel() + self.p.numel(), 5))
+        found = cancels(*np.split(points, [self.x.numel()])).full()
+        return [not row.all() for row in found]
 
     def affine(self, expression: ca.SX, name: str = "expression") -> Affine:
         """An expression as a u + b; raises ValueError where it is not affine in u."""
