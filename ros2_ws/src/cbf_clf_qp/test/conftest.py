@@ -24,7 +24,8 @@ class Plant:
         """An expression's value."""
         of = {**self.values, **parameters}
         function = ca.Function("f", [self.system.x, self.system.u, self.system.p], [expression])
-        return np.squeeze(function(x, u, [of[name] for name in self.system.named]).full())
+        value = function(x, u, [of[name] for name in self.system.named]).full()
+        return value.ravel() if value.size > 1 else value.item()
 
 
 def symbols(*names: str) -> dict[str, ca.SX]:

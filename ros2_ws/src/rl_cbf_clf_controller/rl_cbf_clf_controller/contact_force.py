@@ -3,75 +3,44 @@
     C1, unilateral:     F_N >= min_normal_force
     C2, friction cone:  |F_T| <= friction_coeff F_N, two rows: +-F_T - friction_coeff F_N <= 0
 
-The two learned pairs are the errors of F_N and of F_T: |F_T| has a kink that one affine pair cannot hold. The paper's
-literal form, one pair on the cone row of F_T's present sign, is `literal_cone_rows`.
+The two learned pairs are the errors of F_N and of F_T: |F_T| has a kink that one affine pair cannot hold. In the
+paper's literal form one pair is on the cone row of the sign that F_T has at mu = 0.
 """
 
 from dataclasses import dataclass
 
-import numpy as np
-from cbf_clf_qp.affine import Affine
-from cbf_clf_qp.rows import Rows
-from cbf_clf_qp.tick import Terms
-from rabbit_description.state import Array
-
-from rl_cbf_clf_controller.pinned_robot import PinnedDynamics
-from rl_cbf_clf_controller.scene import Scene
+import casadi as ca
+from cbf_clf_qp.symbolic.affine import Affine
+from cbf_clf_qp.symbolic.quantity import Quantity
+from cbf_clf_qp.symbolic.rows import Rows, at_least
 
 
 @dataclass(frozen=True)
-class ContactForce:
-    """(F_N, F_T), N, as a quantity. Without `has_rows` they are estimated and not constrained.
+class ForceRows:
+    """The rows' limits as expressions: `min_normal_force`, N; `friction_coeff`, any margin taken off.
 
-    `min_normal_force` in N; `friction_coeff` is that of the rows, any margin taken off; `is_literal`: one row for the
-    cone, for the sign that F_T has at mu = 0.
+    `is_literal`: one row for the cone.
     """
 
-    min_normal_force: float
-    friction_coeff: float
-    rescue_weight: float
+    min_normal_force: ca.SX
+    friction_coeff: ca.SX
+    rescue_weight: ca.SX
     is_literal: bool = False
-    has_rows: bool = True
 
-    names = ("C1", "C2")
-
-    def predict(self, scene: Scene, dynamics: PinnedDynamics) -> Affine:
-        """The force, affine in the torque."""
-        return dynamics.normal_tangential
-
-    def measure(self, before: Scene, after: Scene, seconds: float) -> Array:
-        """The force sensor's, averaged over the tick."""
-        return after.force[0, ::-1]
-
-    def rows(self, scene: Scene, value: Affine) -> list[Rows]:
-        """C1 and the cone, if the force is `value`, affine in mu."""
-        if not self.has_rows:
-            return []
-        build = literal_cone_rows if self.is_literal else force_rows
-        return [build(value, self.min_normal_force, self.friction_coeff, self.rescue_weight).normalised()]
+    def __call__(self, force: Affine) -> list[Rows]:
+        """The rows of `force` = (F_N, F_T), N, affine in mu."""
+        if self.is_literal:
+            sign = ca.if_else(force.b[1] >= 0, 1, -1)
+            names, cone = ("C1", "C2"), ca.vertcat(ca.horzcat(1, 0), ca.horzcat(self.friction_coeff, -sign))
+        else:
+            sides = (ca.horzcat(self.friction_coeff, side) for side in (-1, 1))
+            names, cone = ("C1", "C2+", "C2-"), ca.vertcat(ca.horzcat(1, 0), *sides)
+        rows = force.mapped(cone)
+        least = ca.vertcat(self.min_normal_force, ca.SX.zeros(len(names) - 1))
+        return [at_least(names, rows.a, least - rows.b, self.rescue_weight)]
 
 
-class NominalForce:
-    """The same rows as a constraint, on the force that the nominal model says."""
-
-    def __init__(self, force: ContactForce) -> None:
-        self._force = force
-
-    def rows(self, terms: Terms[Scene], control: Affine) -> list[Rows]:
-        """At u = `control`(mu)."""
-        return self._force.rows(terms.scene, self._force.predict(terms.scene, terms.dynamics).after(control))
-
-
-def force_rows(force: Affine, min_normal_force: float, friction_coeff: float, slack_weight: float) -> Rows:
-    """The three rows for `force` = (F_N, F_T), N; all bounds in N."""
-    cone = np.array([[1.0, 0.0], [friction_coeff, -1.0], [friction_coeff, 1.0]])
-    rows = force.mapped(cone)
-    lower = np.array([min_normal_force, 0.0, 0.0]) - rows.b
-    return Rows.at_least(("C1", "C2+", "C2-"), rows.a, lower, slack_weight)
-
-
-def literal_cone_rows(force: Affine, min_normal_force: float, friction_coeff: float, slack_weight: float) -> Rows:
-    """Two rows: C1, and the cone for the sign that F_T has at mu = 0."""
-    sign = 1.0 if force.b[1] >= 0 else -1.0
-    rows = force.mapped(np.array([[1.0, 0.0], [friction_coeff, -sign]]))
-    return Rows.at_least(("C1", "C2"), rows.a, np.array([min_normal_force, 0.0]) - rows.b, slack_weight)
+def contact_force(force: Affine, measured: ca.SX, rows: ForceRows | None) -> Quantity:
+    """(F_N, F_T) of the model's `force` (F_T, F_N) and the sensor's `measured` one; without `rows` only estimated."""
+    normal_tangential = Affine(force.a[[1, 0], :], force.b[[1, 0]])
+    return Quantity(("C1", "C2"), normal_tangential, rows or (lambda value: []), sensor=measured[[1, 0]])

@@ -6,32 +6,36 @@
 Which leg stands, exploration and what is kept from tick to tick are here; what a controller constrains is its recipe.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
-from cbf_clf_qp.solvers import make_solver
-from cbf_clf_qp.tick import Constraint, Decided, Quantity, Terms, decide, measured
-from cbf_clf_qp.tracing import Traced
+from cbf_clf_qp.symbolic.affine import Affine
+from cbf_clf_qp.symbolic.answer import Decided
+from cbf_clf_qp.symbolic.estimates import Estimates
+from cbf_clf_qp.symbolic.functions import places_of
+from cbf_clf_qp.symbolic.measure import measure, model_error
+from cbf_clf_qp.symbolic.quantity import Constrained
 from rabbit_description.gait import Gaits
 from rabbit_description.state import SWAP_STATE, SWAP_TORQUE, TICK_SECONDS, Array, Leg, RobotState, StonePreview
 
 from rl_cbf_clf_controller.controller_output import NOTHING, ControllerOutput
-from rl_cbf_clf_controller.generated_model import arithmetic, make_model
+from rl_cbf_clf_controller.feet import Feet
 from rl_cbf_clf_controller.identified_robot import IdentifiedRobot
 from rl_cbf_clf_controller.kinds import find_kind
-from rl_cbf_clf_controller.nominal_terms import NominalTerms
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import Policy
-from rl_cbf_clf_controller.recipes import make_clf, make_recipe
+from rl_cbf_clf_controller.recipes import make_tick
+from rl_cbf_clf_controller.robot_numbers import read_robot
 from rl_cbf_clf_controller.scene import ControllerError, Scene, is_finite
 from rl_cbf_clf_controller.step_outputs import Touchdown, make_steps
+from rl_cbf_clf_controller.walking import GAINS, Walking
 
 NO_BARRIERS = np.full(2, np.nan)
 ROUNDING = 1e-6  # N m, by which the QP may be over the limit
 NO_TORQUE = np.full(4, np.nan)
 NO_NOISE = np.zeros(4)
+SECONDS = np.array([TICK_SECONDS])
 
 
 @dataclass
@@ -52,38 +56,64 @@ class StepState:
 class Controller:
     """One controller with its parameters, gait and policy; `step` is called once a tick.
 
-    `constraints` are added to the QP; `urdf` replaces RABBIT's as the nominal model (the same joints and feet).
-    After a tick, `terms` and `decided` have all of it.
+    `further`: quantities of your own, made of RABBIT's symbols, with rows in the QP and without estimates. `urdf`
+    replaces RABBIT's as the nominal model (the same joints and feet). After a tick, `scene`, `parts` and `estimates`
+    (each estimator's and their sum) and `decided` have all of it. One object serves one thread.
     """
 
-    terms: Terms[Scene]
+    scene: Scene
     decided: Decided
+    estimates: Estimates
+    parts: list[Estimates]
 
     def __init__(
         self,
         parameters: ControllerParameters,
         gait: Gaits,
         policy: Policy,
-        constraints: Sequence[Constraint] = (),
+        further: Callable[[Walking], Sequence[Constrained]] = lambda walking: (),
         urdf: str | None = None,
     ) -> None:
+        self._kind = find_kind(parameters.controller)
+        walking, robot = Walking(), read_robot(urdf)
+        self.qp = make_tick(walking, parameters, further(walking))
+        self._error, self._measure = model_error(self.qp.terms), measure(self.qp.terms)
+        self._p = np.zeros(walking.system.p.numel())  # parameters of a tick, each a view by its name
+        self._views = {name: self._p[place] for name, (place, _) in places_of(walking.system.named).items()}
+        self._p[: robot.row.size] = robot.row
+        self._parameters = parameters
         self.parameters = parameters
-        self.clf = make_clf(parameters)
-        self._robot = IdentifiedRobot(urdf) if parameters.adaptation == "identification" else None
-        estimators = (policy, self._robot) if self._robot else (policy,)
-        self.recipe = make_recipe(parameters, estimators, constraints)
+        self._robot = IdentifiedRobot(robot) if parameters.adaptation == "identification" else None
+        self._estimators = (*([self._robot] if self._robot else []), *self._kind.estimators(parameters))
         self.policy = policy
-        self._terrain = find_kind(parameters.controller).terrain(parameters)
-        self._model = make_model(urdf)
-        self._start, self.steps = gait.x_start, make_steps(gait, parameters, self._model)
-        self._solver = make_solver(parameters.qp_solver)
-        self._terms = NominalTerms(parameters, self.recipe.quantities)
-        self._measure = traced_measurement(self.recipe.quantities).twin()
+        self._terrain = self._kind.terrain(parameters)
+        self._start, self._feet = gait.x_start, Feet(robot)
+        self.steps = make_steps(gait, parameters, self._feet)
         self.reset(0)
 
     @property
+    def parameters(self) -> ControllerParameters:
+        """Others may be set between two ticks, if they differ in numbers that are inputs of a tick; see `GAINS`.
+
+        Raises:
+            ControllerError: any other difference needs a new controller.
+        """
+        return self._parameters
+
+    @parameters.setter
+    def parameters(self, new: ControllerParameters) -> None:
+        names = type(new).model_fields
+        changed = {name for name in names if getattr(new, name) != getattr(self._parameters, name)}
+        fixed = changed - {*GAINS, "sigma", "swap_time", "swap_phase"}
+        if fixed:
+            raise ControllerError(f"{', '.join(sorted(fixed))}: expected no change, which needs a new controller")
+        self._parameters = new
+        for name in GAINS:
+            self._views[name][:] = getattr(new, name)
+
+    @property
     def policy(self) -> Policy:
-        """The first of the recipe's estimators; another one may be set between two ticks.
+        """The first of the estimators; another one may be set between two ticks.
 
         Raises:
             ControllerError: it was trained beside another adaptation.
@@ -96,35 +126,27 @@ class Controller:
         if own not in (None, runs):
             raise ControllerError(f"policy {policy.version} adds to adaptation {own}: expected {runs}")
         self._policy = policy
-        self.recipe = replace(self.recipe, estimators=(policy, *self.recipe.estimators[1:]))
 
     @property
     def unanswered(self) -> int:
         """Ticks since construction that the chosen solver did not answer itself."""
-        return self._solver.unanswered
-
-    @property
-    def model_terms(self) -> str:
-        """What computes them, see `generated_model.arithmetic`."""
-        return arithmetic(self._model)
+        return self.qp.unanswered
 
     def reset(self, seed: int) -> None:
         """Begin an episode: left leg stands; the exploration noise starts from `seed`."""
         self._step = StepState(rng=np.random.default_rng(seed))
         self._constraints = self.steps.first()
-        self._solver.reset()
-        for estimator in self.recipe.estimators:
+        self.qp.reset()
+        for estimator in (self.policy, *self._estimators):
             estimator.reset()
 
     def rehearse(self) -> None:
-        """Compute two ticks that nobody walks, so that the first one that counts finds its functions traced.
+        """Compute a tick that nobody walks, so that the first one that counts finds its functions made.
 
         For a controller that walks in real time. An episode begins with `reset`.
         """
         stone = StonePreview(1, 0.3, 0.4) if self.parameters.terrain == "stones" else None
-        for tick in range(2):
-            state = RobotState(tick, *self._start, np.zeros((2, 2)), np.zeros(2, dtype=bool), 0, stone)
-            self.step(state).measured  # noqa: B018  what is computed when it is read is traced then
+        self.step(RobotState(0, *self._start, np.zeros((2, 2)), np.zeros(2, dtype=bool), 0, stone))
         self.reset(0)
 
     def step(self, state: RobotState) -> ControllerOutput:
@@ -142,76 +164,109 @@ class Controller:
         fault = self._swap_legs(state)
         if not self._step.has_begun:
             self._begin_step(state)
-        self.terms = self.look(state)
-        self.decided = self.decide(self.terms)
+        self.scene = self.look(state)
+        self.decided = self.decide(self.scene)
         output = self._output(state, fault)
-        self._step.last = self.terms.scene
+        self._step.last = self.scene
         return output
 
-    def decide(self, terms: Terms[Scene]) -> Decided:
-        """mu at a tick's terms, and all that it follows from."""
-        return decide(self.recipe, terms, self._solver)
-
-    def look(self, state: RobotState) -> Terms[Scene]:
-        """The nominal terms at a state, with the present stance leg."""
-        q_s, dq_s = self._relabel(state.q), self._relabel(state.dq)
-        stance = self._step.stance
+    def look(self, state: RobotState) -> Scene:
+        """What is seen of a state, with the present stance leg."""
+        views, stance, stone, lengths = self._views, self._step.stance, state.preview, self.steps.wanted
+        x = np.concatenate([self._relabel(state.q), self._relabel(state.dq)])
         if self._robot and self.parameters.prediction:
-            q_s, dq_s = self._robot.predicted(q_s, dq_s, self._step.torque)
-        return self._terms(
-            q_s,
-            dq_s,
-            self._model.robot_at(q_s, dq_s),
-            self._constraints.path_at(q_s, dq_s),
-            state.foot_force if stance is Leg.LEFT else state.foot_force[::-1],
-            state.tick,
-            self._step.torque,
-            int(stance),  # a number: a trace would hold for one leg only
-            state.preview,
-            self.steps.wanted,
-        )
+            x = self._robot.predicted(x, self._step.torque)
+        for name, value in self._constraints.parameters(x[:7]).items():
+            views[name][:] = value
+        force = state.foot_force if stance is Leg.LEFT else state.foot_force[::-1]
+        views["force"][:] = force[0]
+        views["step_length"][:] = lengths[0] if lengths else 0.0
+        if stone is not None:
+            views["l_min"][:], views["l_max"][:], views["height"][:] = stone.l_min, stone.l_max, stone.height
+        p = self._p.copy()
+        seen = self.qp.look(x, p)
+        observation = seen.observation[: self._terrain.observed(stone, lengths)]
+        return Scene(x, p, seen, force, observation, state.tick, self._step.torque, int(stance), self._error)
+
+    def decide(self, scene: Scene) -> Decided:
+        """mu at a tick, from the estimates of all estimators."""
+        parts, total = list[Estimates](), self.qp.no_error()
+        for estimator in (self.policy, *self._estimators):
+            parts.append(estimator.estimate(scene, total))
+            total = total + parts[-1]
+        self.parts, self.estimates = parts, total
+        return self.qp.decide(scene.x, scene.p, total)
 
     def _output(self, state: RobotState, fault: str) -> ControllerOutput:
-        p, step, decided = self.parameters, self._step, self.decided
-        mu_qp, omega = decided.mu, NO_NOISE
-        if not decided.solution.solved:
-            fault, mu_qp = fault or f"no solver answered: {decided.solution.status}", np.zeros(4)
-        mu, wanted = mu_qp, decided.u
+        p, step, decided, scene = self.parameters, self._step, self.decided, self.scene
+        mu_qp, wanted, omega = decided.mu, decided.u, NO_NOISE
+        control = Affine(decided.values.control_a, decided.values.control_b)
+        if not decided.solved:
+            fault, mu_qp = fault or f"no solver answered: {decided.status}", np.zeros(4)
+            wanted = control(mu_qp)
+        mu = mu_qp
         if p.sigma > 0:
             omega = p.sigma * step.rng.standard_normal(4)
             mu = mu_qp + omega
-        if mu is not decided.mu:
-            wanted = decided.control(mu)
-        torque, largest = wanted, max(map(abs, wanted.tolist()))
-        if not largest <= p.torque_limit:
-            torque = np.minimum(np.maximum(wanted, -p.torque_limit), p.torque_limit)
+            wanted = control(mu)
+        largest = max(map(abs, wanted.tolist()))
+        torque = wanted if largest <= p.torque_limit else np.clip(wanted, -p.torque_limit, p.torque_limit)
         saturated = largest > p.torque_limit + ROUNDING
         if saturated:
-            mu = np.linalg.solve(decided.control.a, torque - decided.control.b)
+            mu = np.linalg.solve(control.a, torque - control.b)
         step.torque = torque
-        return ControllerOutput.deferring(
-            Details(self, self.terms, decided, step.last, self._robot.values if self._robot else None),
+        seen, slack = scene.seen, decided.values.slack
+        return ControllerOutput(
             tick=state.tick,
             torque=torque[SWAP_TORQUE] if step.stance is Leg.RIGHT else torque,
             stance=step.stance,
             step_index=step.index,
             step_time=(state.tick - step.start_tick) * TICK_SECONDS,
+            phase=float(seen.phase[0]),
+            eta=seen.eta,
+            V=float(seen.V[0]),
+            barriers=self._of_barriers(0),
+            barrier_rates=self._of_barriers(1),
             mu=mu,
             mu_qp=mu_qp,
             omega=omega,
+            mu_held=scene.output_dynamics(scene.torque),
+            quantities=self.qp.names,
+            nominal_a=seen.nominal_a,
+            nominal_b=seen.nominal_b,
+            measured=self.measured(step.last, scene),
+            alpha=self.estimates.alpha,
+            beta=self.estimates.beta,
+            observation=scene.observation,
+            LgV=scene.LgV,
+            clf_slack=float(slack @ ~decided.layout.rescues),
+            rescue_slack=float(slack @ decided.layout.rescues),
+            active=decided.active,
             saturated=saturated,
+            solver=decided.solver,
+            status=decided.status,
+            answered=decided.solver == p.qp_solver,
+            solve_seconds=decided.seconds,
             policy_version=self.policy.version,
+            fault=fault,
             objective=p.objective,
             adaptation=p.adaptation,
-            fault=fault,
+            identified=self._robot.known if self._robot else NOTHING,
+            adapted=self.parts[1].packed if self._robot else NOTHING,
         )
 
     def measured(self, last: Scene | None, now: Scene) -> Array:
         """The quantities (n,) over the last tick, NaN where this or the step began with it."""
         if last is None or last.tick != now.tick - 1:
-            return np.full(len(self.recipe.names), np.nan)
-        measured: Array = self._measure(last, now, TICK_SECONDS)[0]
-        return measured
+            return np.full(len(self.qp.names), np.nan)
+        return self._measure(last.x, last.p, now.x, now.p, SECONDS).measured
+
+    def _of_barriers(self, order: int) -> Array:
+        """B1 and B2 (2,), or their first derivatives."""
+        seen = self.scene.seen
+        if self.parameters.terrain != "stones":
+            return NO_BARRIERS
+        return np.array([seen.B1_state[order], seen.B2_state[order]])
 
     def _relabel(self, values: Array) -> Array:
         return values[SWAP_STATE] if self._step.stance is Leg.RIGHT else values
@@ -221,8 +276,7 @@ class Controller:
         p, step = self.parameters, self._step
         swing = step.stance.other
         if state.contact[swing] and (state.tick - step.start_tick) * TICK_SECONDS > p.swap_time:
-            phase = self._constraints.evaluate(self._relabel(state.q), self._relabel(state.dq)).phase
-            if phase > p.swap_phase:
+            if self._constraints.phase(self._relabel(state.q)) > p.swap_phase:
                 step.seconds_before = (state.tick - step.start_tick) * TICK_SECONDS
                 step.stance, step.index, step.start_tick = swing, step.index + 1, state.tick
                 step.torque, step.last, step.has_begun = NO_TORQUE, None, False
@@ -233,7 +287,7 @@ class Controller:
     def _begin_step(self, state: RobotState) -> None:
         """The step's outputs, from where the feet stand and the stone that is seen."""
         q_s, dq_s = self._relabel(state.q), self._relabel(state.dq)
-        taken = -float(self._model.update(q_s, dq_s).swing[0])
+        taken = -float(self._feet(q_s).swing[0])
         touchdown = Touchdown(q_s, dq_s, taken, self._step.seconds_before, state.preview)
         self._constraints = self.steps.begin(touchdown)
         self._step.has_begun = True
@@ -244,56 +298,3 @@ class Controller:
             wrong = "dq" if q.shape == (7,) and is_finite(q) else "q"
             raise ControllerError(f"state.{wrong} = {getattr(state, wrong)}: expected 7 finite values")
         self._terrain.check(state)
-
-
-@dataclass(slots=True)
-class Details:
-    """What of a `ControllerOutput` does not decide the torque: computed when it is read, the torque is out by then.
-
-    `last`: the scene of the tick before in this step; `found`: what is identified of the robot, and of its angles.
-    """
-
-    controller: Controller
-    terms: Terms[Scene]
-    decided: Decided
-    last: Scene | None
-    found: tuple[Array, Array] | None
-
-    phase = property(lambda self: self.terms.scene.outputs.phase)
-    eta = property(lambda self: self.terms.scene.outputs.eta)
-    observation = property(lambda self: self.terms.scene.observation)
-    LgV = property(lambda self: self.terms.scene.LgV)
-    V = property(lambda self: self.controller.clf.value(self.eta))
-    barriers = property(lambda self: self._of_barriers("B"))
-    barrier_rates = property(lambda self: self._of_barriers("dB"))
-    quantities = property(lambda self: self.controller.recipe.names)
-    nominal_a = property(lambda self: self.terms.nominal.a)
-    nominal_b = property(lambda self: self.terms.nominal.b)
-    measured = property(lambda self: self.controller.measured(self.last, self.terms.scene))
-    alpha = property(lambda self: self.decided.estimates.alpha)
-    beta = property(lambda self: self.decided.estimates.beta)
-    clf_slack = property(lambda self: float(self.decided.slack_sums[0]))
-    rescue_slack = property(lambda self: float(self.decided.slack_sums[1]))
-    active = property(lambda self: self.decided.active)
-    solver = property(lambda self: self.decided.solution.solver)
-    status = property(lambda self: self.decided.solution.status)
-    solve_seconds = property(lambda self: self.decided.solution.seconds)
-    answered = property(lambda self: self.solver == self.controller.parameters.qp_solver)
-    identified = property(lambda self: np.concatenate(self.found) if self.found else NOTHING)
-    adapted = property(lambda self: self.decided.parts[1].packed if self.found else NOTHING)
-
-    @property
-    def mu_held(self) -> Array:
-        """What the last tick's torque amounts to."""
-        outputs, torque = self.terms.scene.outputs, self.terms.scene.torque
-        return outputs.second_derivative(self.terms.dynamics.acceleration)(torque)
-
-    def _of_barriers(self, name: str) -> Array:
-        barriers = self.terms.scene.barriers
-        return NO_BARRIERS if barriers is None else getattr(barriers, name)
-
-
-@lru_cache(maxsize=64)
-def traced_measurement(quantities: tuple[Quantity[Scene], ...]) -> Traced:
-    """All quantities over the seconds between two scenes."""
-    return Traced(lambda before, after, seconds: [measured(quantities, before, after, seconds)])

@@ -5,7 +5,8 @@ for the tick and `before` the one held for the tick before,
 
     Y(q, q', q'') theta + d D - kappa S u - lag S (before - u) = J' F
 
-theta (12,) are the links' inertial parameters (`link_parameters.py`), d the joints' damping with D_j = M_jj q_j' at
+theta (12,) are the links' inertial parameters: m, m c_x, m c_z, I_yy of torso, thighs, shins, in the frames of their
+joints, d the joints' damping with D_j = M_jj q_j' at
 the joints, kappa the share of the torque that arrives, lag that of a change of torque that arrives a tick late, and F
 the measured force on both feet. All is linear in x = (theta, d, kappa, lag), which is found by least squares
 (`least_squares.py`). q and q' are the mean of the tick's ends, q'' their difference, F the mean over the tick.
@@ -20,17 +21,14 @@ and, much less, any change of any link. M_jj is that of the last x. d, kappa, th
 measured in newtons and not in torques.
 """
 
-from typing import Any
-
+import casadi as ca
 import numpy as np
-import pinocchio as pin
-from cbf_clf_qp.tracing import Traced
+from cbf_clf_qp.symbolic.functions import NumpyFunction
 from rabbit_description.state import TICK_SECONDS, Array
 
-from rl_cbf_clf_controller import link_parameters as links
-from rl_cbf_clf_controller.generated_model import make_motion_terms
 from rl_cbf_clf_controller.least_squares import LeastSquares, updated
-from rl_cbf_clf_controller.nominal_model import ACTUATED, INPUT_MAP
+from rl_cbf_clf_controller.planar_robot import BASE, PinnedRobot, robot_parameters
+from rl_cbf_clf_controller.robot_numbers import GRAVITY, RobotNumbers
 
 IDENTIFIED = (
     *(f"{link}_{name}" for link in ("torso", "thigh", "shin") for name in ("m", "mc_x", "mc_z", "I_yy")),
@@ -38,7 +36,7 @@ IDENTIFIED = (
     "motor_gain",  # kappa
     "late_torque",  # lag
 )
-THETA, DAMPING, MOTOR_GAIN, LATE_TORQUE = slice(0, links.SIZE), links.SIZE, links.SIZE + 1, links.SIZE + 2
+THETA, DAMPING, MOTOR_GAIN, LATE_TORQUE = slice(0, 12), 12, 13, 14
 SIZE = len(IDENTIFIED)
 
 FILTER_TIME = 0.03  # s
@@ -60,19 +58,16 @@ NOTHING_FILTERED = np.zeros((7, SIZE)), np.zeros(7)
 
 
 class Identification:
-    """`value` (15,), as in `IDENTIFIED`, of a robot with the kinematics of `model`; starts from its inertias.
+    """`value` (15,), as in `IDENTIFIED`, of a robot with the lengths of `robot`; starts from its links.
 
-    What the least squares say is taken over as long as it is a robot that can be.
+    What the least squares say is taken over as long as it is a robot that can be. One object serves one thread.
     """
 
-    def __init__(self, model: pin.Model) -> None:
-        self._motion_terms = make_motion_terms(model)
-        self._start = np.concatenate([links.read_links(model), [0.0, 1.0, 0.0]])
+    def __init__(self, robot: RobotNumbers) -> None:
+        self._joints, self._feet = robot.joints, robot.feet
+        self._start = np.concatenate([robot.theta, [0.0, 1.0, 0.0]])
         self._prior = prior_covariance(self._start[THETA])
-        self._learned = traced_identification.twin()
-        self.reset()
-        at_rest = np.zeros(model.nq), np.zeros(model.nv)
-        self.learn(at_rest, at_rest, (np.zeros(4), np.zeros(4)), np.zeros((2, 2)))  # traced now, not in a tick
+        self._learned = identification_function()
         self.reset()
 
     def reset(self) -> None:
@@ -83,77 +78,82 @@ class Identification:
 
     def interrupt(self) -> None:
         """The next tick does not follow the last one that was learned from."""
-        self._filtered, self._share = NOTHING_FILTERED, 1.0
+        self._filtered, self._share = NOTHING_FILTERED, np.ones(1)
 
     def learn(
         self,
-        start: tuple[Array, Array],
-        end: tuple[Array, Array],
+        start: Array,
+        end: Array,
         torques: tuple[Array, Array],
         force: Array,
         rate_variance: float = RATE_NOISE**2,
     ) -> None:
-        """From a tick's `start` and `end` (q, dq), `torques` (before, now), (4,) each, and `force` (2, 2) on the feet.
+        """From a tick's `start` and `end` (14,), `torques` (before, now), (4,) each, and `force` (2, 2) on the feet.
 
         All in stance/swing order; `force` has rows stance, swing and columns tangential, normal, N; `rate_variance`
         is that of the errors of dq, (m/s)^2 and (rad/s)^2.
         """
-        fit, of_tick = self._fit, (start, end, torques, force)
+        fit, of_robot = self._fit, (self._joints, self._feet, self.value[THETA])
         of_fit = fit.value, fit.covariance, fit.walk
-        value, covariance, *filtered = self._learned(
-            self._motion_terms, self.value[THETA], *of_fit, *of_tick, self._filtered, self._share, rate_variance
-        )
-        self._filtered, self._share = (filtered[0], filtered[1]), SHARE
-        fit.take(value, covariance)
-        if links.is_physical(fit.value[THETA]) and fit.value[MOTOR_GAIN] > 0:
+        of_tick = start, end, *torques, force, *self._filtered, self._share, np.array([rate_variance])
+        found = self._learned(*of_robot, *of_fit, *of_tick)
+        self._filtered, self._share = (found.regressor, found.measured), np.array([SHARE])
+        fit.take(found.value, found.covariance)
+        if is_physical(fit.value[THETA]) and fit.value[MOTOR_GAIN] > 0:
             self.value = fit.value
 
 
-@Traced
-def traced_identification(
-    motion_terms: Any,
-    theta: Array,
-    value: Array,
-    covariance: Array,
-    walk: Array,
-    start: tuple[Array, Array],
-    end: tuple[Array, Array],
-    torques: tuple[Array, Array],
-    force: Array,
-    filtered: tuple[Array, Array],
-    share: float,
-    rate_variance: float,
-) -> list[Array]:
-    """x and its covariance a tick later, then the filtered regressor and measured side."""
-    regressor, measured, mass = equation(motion_terms, theta, start, end, torques, force)
-    regressor = filtered[0] + share * (regressor - filtered[0])
-    measured = filtered[1] + share * (measured - filtered[1])
-    noise = NOISE + PER_RATE_VARIANCE * rate_variance * mass @ mass
-    return [*updated(value, covariance, walk, regressor, measured, noise), regressor, measured]
+def identification_function() -> NumpyFunction:
+    """x `value` and its `covariance` a tick later, then the filtered `regressor` and `measured` side.
+
+    Its inputs are those of `Identification.learn`, in this order: joints, feet, theta; value, covariance, walk; start,
+    end, torque before and now, force, filtered regressor and measured side, share, rate_variance.
+    """
+    sizes = {"joints": (4, 2), "feet": (2, 2), "theta": (12, 1)}
+    sizes |= {"value": (SIZE, 1), "covariance": (SIZE, SIZE), "walk": (SIZE, SIZE)}
+    sizes |= {"start": (14, 1), "end": (14, 1), "before": (4, 1), "now": (4, 1), "force": (2, 2)}
+    sizes |= {"regressor": (7, SIZE), "measured": (7, 1), "share": (1, 1), "rate_variance": (1, 1)}
+    s = {name: ca.SX.sym(name, *size) for name, size in sizes.items()}
+    regressor, measured, mass = equation(s)
+    regressor = s["regressor"] + s["share"] * (regressor - s["regressor"])
+    measured = s["measured"] + s["share"] * (measured - s["measured"])
+    noise = ca.DM(NOISE) + PER_RATE_VARIANCE * s["rate_variance"] * mass @ mass
+    value, covariance = updated(s["value"], s["covariance"], s["walk"], regressor, measured, noise)
+    found = {"value": value, "covariance": covariance, "regressor": regressor, "measured": measured}
+    return NumpyFunction.of("identification", s, found)
 
 
-def equation(
-    motion_terms: Any,
-    theta: Array,
-    start: tuple[Array, Array],
-    end: tuple[Array, Array],
-    torques: tuple[Array, Array],
-    force: Array,
-) -> tuple[Array, Array, Array]:
-    """Regressor (7, 15), measured side (7,) and mass matrix (7, 7) of one tick, the links being theta (12,)."""
-    q, dq, ddq = (start[0] + end[0]) / 2, (start[1] + end[1]) / 2, (end[1] - start[1]) / TICK_SECONDS
-    moved, mass, jacobians = motion_terms(q, dq, ddq, theta)
-    before, now = torques
-    own = [ACTUATED * mass.diagonal() * dq, -INPUT_MAP @ now, -INPUT_MAP @ (before - now)]
-    regressor = np.column_stack([moved, *own])
-    return regressor, jacobians[0].T @ force[0] + jacobians[1].T @ force[1], mass
+def equation(s: dict[str, ca.SX]) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """Regressor (7, 15), measured side (7,) and mass matrix (7, 7) of one tick, as expressions of its symbols."""
+    torso, thigh, shin = (s["theta"][4 * i : 4 * i + 4].T for i in range(3))
+    lengths = {"joints": s["joints"], "feet": s["feet"], "links": ca.vertcat(torso, thigh, shin, thigh, shin)}
+    robot = PinnedRobot(parameters={**robot_parameters(), **lengths, "gravity": ca.DM(GRAVITY)})
+    ddq = ca.SX.sym("ddq", 7)
+    tau, points = robot.inverse_dynamics(ddq), ca.vertcat(*robot.feet)
+    at_tick = [robot.q, robot.dq, ddq], [
+        (s["start"][:7] + s["end"][:7]) / 2,
+        (s["start"][7:] + s["end"][7:]) / 2,
+        (s["end"][7:] - s["start"][7:]) / TICK_SECONDS,
+    ]
+    terms = [ca.jacobian(tau, s["theta"]), ca.jacobian(tau, ddq), ca.jacobian(points, robot.q)]
+    moved, mass, jacobians = ca.substitute(terms, *at_tick)
+    base = ca.SX.zeros(BASE)
+    damping = ca.vertcat(base, (ca.diag(mass) * at_tick[1][1])[BASE:])
+    own = [damping, ca.vertcat(base, -s["now"]), ca.vertcat(base, -(s["before"] - s["now"]))]
+    return ca.horzcat(moved, *own), jacobians.T @ ca.vec(s["force"].T), mass
+
+
+def is_physical(theta: Array) -> bool:
+    """Whether every link has a mass and, about its centre of mass, an inertia."""
+    links = theta.reshape(3, 4).tolist()
+    return all(mass > 0 and inertia * mass > mc_x**2 + mc_z**2 for mass, mc_x, mc_z, inertia in links)
 
 
 def prior_covariance(theta: Array) -> Array:
     """Of x (15, 15) about the robot theta (12,)."""
     torso_mass, _, torso_moment, _ = theta[:4]
     height = torso_moment / torso_mass
-    point_mass = np.concatenate([[1.0, 0.0, height, height**2], np.zeros(links.SIZE - 4)])
+    point_mass = np.concatenate([[1.0, 0.0, height, height**2], np.zeros(8)])
     sizes = np.abs(theta)
     sizes[1::4] = sizes[2::4]  # the CoM may turn about the joint
     covariance = np.zeros((SIZE, SIZE))
@@ -162,5 +162,5 @@ def prior_covariance(theta: Array) -> Array:
         + PAYLOAD_SPREAD**2 * np.outer(point_mass, point_mass)
         + np.diag((LINK_SPREAD * sizes) ** 2)
     )
-    covariance[links.SIZE :, links.SIZE :] = np.diag([DAMPING_SPREAD**2, GAIN_SPREAD**2, LATE_SPREAD**2])
+    covariance[12 :, 12 :] = np.diag([DAMPING_SPREAD**2, GAIN_SPREAD**2, LATE_SPREAD**2])
     return covariance

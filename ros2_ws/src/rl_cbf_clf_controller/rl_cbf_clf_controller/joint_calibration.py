@@ -13,15 +13,14 @@ need not be level. The foot's rubber gives way as the load comes, which looks li
 along the step; so of the knee little is believed.
 """
 
-from typing import Any
-
+import casadi as ca
 import numpy as np
-import pinocchio as pin
-from cbf_clf_qp.tracing import Traced
+from cbf_clf_qp.symbolic.functions import NumpyFunction
 from rabbit_description.state import Array
 
-from rl_cbf_clf_controller.generated_model import make_foot_velocity
 from rl_cbf_clf_controller.least_squares import LeastSquares, updated
+from rl_cbf_clf_controller.planar_robot import BASE, PinnedRobot
+from rl_cbf_clf_controller.robot_numbers import RobotNumbers
 
 OFFSETS = np.array([[0.0, 0, 0, 1, 0, 1, 0], [0, 0, 0, 0, 1, 0, 1]]).T  # (o_h, o_k) to q
 OFFSET_SPREAD = np.array([0.05, 0.01])  # rad
@@ -30,13 +29,11 @@ SIZE = 2
 
 
 class JointCalibration:
-    """`value` (2,): offsets o of hips and knees, rad."""
+    """`value` (2,): offsets o of hips and knees, rad, of a `robot`. One object serves one thread."""
 
-    def __init__(self, model: pin.Model) -> None:
-        self.foot_velocity = make_foot_velocity(model)
-        self._learned = traced_calibration.twin()
-        self.reset()
-        self.learn(np.zeros(model.nq), np.zeros(model.nv))  # traced now, not in the first tick that counts
+    def __init__(self, robot: RobotNumbers) -> None:
+        self._joints, self._feet = robot.joints, robot.feet
+        self._learned = calibration_function()
         self.reset()
 
     @property
@@ -52,17 +49,22 @@ class JointCalibration:
         """q (7,) from measured angles; in either order of the legs."""
         return q - self._shift
 
-    def learn(self, q_s: Array, dq_s: Array) -> None:
-        """From a corrected state (7,), stance/swing order, in which the stance foot stands."""
+    def learn(self, x: Array) -> None:
+        """From a corrected state (14,), stance/swing order, in which the stance foot stands."""
         fit = self._fit
-        fit.take(*self._learned(self.foot_velocity, q_s, dq_s, fit.value, fit.covariance, fit.walk))
+        found = self._learned(x, self._joints, self._feet, fit.value, fit.covariance)
+        fit.take(found.value, found.covariance)
         self._shift = OFFSETS @ fit.value
 
 
-@Traced
-def traced_calibration(
-    foot_velocity: Any, q_s: Array, dq_s: Array, value: Array, covariance: Array, walk: Array
-) -> tuple[Array, Array]:
-    """The offsets and their covariance a tick later."""
-    velocity, slope = foot_velocity(q_s, dq_s)
-    return updated(value, covariance, walk, slope, velocity + slope @ value, VELOCITY_NOISE**2 * np.eye(2))
+def calibration_function() -> NumpyFunction:
+    """The offsets `value` (2,) and their `covariance` a tick later, of (x, joints, feet, value, covariance)."""
+    robot = PinnedRobot()
+    velocity = robot.rate(robot.feet[0])
+    slope = ca.jacobian(velocity, robot.q[BASE : BASE + 2])  # over the stance leg's hip and knee
+    value, covariance = ca.SX.sym("value", SIZE), ca.SX.sym("covariance", SIZE, SIZE)
+    noise = VELOCITY_NOISE**2 * ca.DM.eye(2)
+    found = updated(value, covariance, ca.DM.zeros(SIZE, SIZE), slope, velocity + slope @ value, noise)
+    inputs = {"x": ca.vertcat(robot.q, robot.dq), "joints": robot.parameters["joints"]}
+    inputs |= {"feet": robot.parameters["feet"], "value": value, "covariance": covariance}
+    return NumpyFunction.of("calibration", inputs, {"value": found[0], "covariance": found[1]})

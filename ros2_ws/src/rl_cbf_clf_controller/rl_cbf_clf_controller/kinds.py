@@ -3,19 +3,21 @@
 A package brings its own by an entry point in the group `rabbit.controllers`, which names a `Kind`.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cbf_clf_qp.problem import Problem
-from cbf_clf_qp.res_clf import ResClf
-from cbf_clf_qp.tick import Estimator, Quantity
+from cbf_clf_qp.symbolic.affine import Affine
+from cbf_clf_qp.symbolic.quantity import Constrained
+from cbf_clf_qp.symbolic.terms import Terms
 from pydantic import BeforeValidator, PlainSerializer
 from rabbit_description import plugins
 
-from rl_cbf_clf_controller.scene import Scene
+from rl_cbf_clf_controller.estimator import Estimator
 from rl_cbf_clf_controller.terrain import FlatGround, SteppingStones
+from rl_cbf_clf_controller.walking import Walking
 
 GROUP = "rabbit.controllers"
 NAMES = plugins.names(GROUP)
@@ -24,22 +26,25 @@ if TYPE_CHECKING:
 else:  # so that `--help` and `ros2 param describe` list them
     ControllerName = Literal[*NAMES]
 
-Quantities = tuple[Quantity[Scene], ...]
-Estimators = tuple[Estimator[Scene], ...]
+Quantities = Callable[[Walking, Any], Sequence[Constrained]]
+Corners = Callable[[Walking, Any], Callable[[Terms], list[Affine]]]
+Estimators = tuple[Estimator, ...]
 
 
 @dataclass(frozen=True)
 class Kind:
-    """What tells one controller from another. The functions get the `ControllerParameters` and the CLF.
+    """What distinguishes one controller from another. The functions get the `ControllerParameters`.
 
-    `terrain`: what the controller knows of the ground ahead; `estimators`: its own, besides the policy and the
-    adaptation that the parameters choose; `learns`: a policy belongs to it.
+    `quantities`: of RABBIT's symbols; `corners`: further errors at which every row holds; `terrain`: what the
+    controller knows of the ground ahead; `estimators`: its own, besides the policy and the adaptation that the
+    parameters choose; `learns`: a policy belongs to it.
     """
 
     problem: Problem
-    quantities: Callable[[Any, ResClf], Quantities]
+    quantities: Quantities
     terrain: type[FlatGround | SteppingStones] = FlatGround
-    estimators: Callable[[Any, ResClf], Estimators] = lambda parameters, clf: ()
+    estimators: Callable[[Any], Estimators] = lambda parameters: ()
+    corners: Corners | None = None
     learns: bool = False
 
 

@@ -21,25 +21,26 @@ error which the tick left behind, and the predictor starts anew at what was meas
 all.
 """
 
+import casadi as ca
 import numpy as np
-from cbf_clf_qp.affine import Affine
-from cbf_clf_qp.estimates import Estimates
-from cbf_clf_qp.res_clf import ResClf
-from cbf_clf_qp.tick import Estimator, Terms
+from cbf_clf_qp.symbolic.affine import Affine
+from cbf_clf_qp.symbolic.clf import ResClf
+from cbf_clf_qp.symbolic.estimates import Estimates
 from rabbit_description.state import TICK_SECONDS, Array
 from scipy.linalg import expm
 
+from rl_cbf_clf_controller.estimator import Estimator
 from rl_cbf_clf_controller.parameters import L1Law
 from rl_cbf_clf_controller.scene import Scene
 
 DY, ESTIMATE, FILTERED = 1, 2, 3  # rows of the state: predictor's error in y and y-dot, estimate, filtered estimate
 
 
-class L1Adaptation(Estimator[Scene]):
+class L1Adaptation(Estimator):
     """The adaptation's memory; `estimate` is called once a tick.
 
     Args:
-        clf: of m outputs of relative degree 2.
+        eps, gains: of the CLF of m outputs of relative degree 2.
         law: `piecewise`, `exact` or `euler`.
         gain: of the adaptation; `piecewise` has none.
         cutoff: of the filter, 1/s.
@@ -48,14 +49,23 @@ class L1Adaptation(Estimator[Scene]):
     """
 
     def __init__(
-        self, clf: ResClf, law: L1Law, gain: float, cutoff: float, bounds: tuple[float, float], substeps: int = 1
+        self,
+        eps: float,
+        gains: tuple[float, float],
+        law: L1Law,
+        gain: float,
+        cutoff: float,
+        bounds: tuple[float, float],
+        substeps: int = 1,
+        m: int = 4,
     ) -> None:
-        m = clf.G.shape[1]
+        clf = ResClf(m, eps, gains)
+        F, G, P, K = (np.array(ca.DM(matrix)) for matrix in (clf.F, clf.G, clf.P, clf.K))
         self._law, self._gain, self._cutoff, self._bounds = law, gain, cutoff, bounds
         self._substeps, self._h = substeps, TICK_SECONDS / substeps
-        self._F, self._G = clf.F, clf.G
-        self._closed = (clf.F + clf.G @ clf.K)[::m, ::m]  # the same 2x2 for every output
-        self._s = (clf.G.T @ clf.P_eps)[0, ::m]
+        self._F, self._G = F, G
+        self._closed = (F + G @ K)[::m, ::m]  # the same 2x2 for every output
+        self._s = (G.T @ P)[0, ::m]
         self._outputs = m
         self.reset()
 
@@ -72,13 +82,14 @@ class L1Adaptation(Estimator[Scene]):
         """The estimated one (m,), rad/s^2, before the filter."""
         return self._state[ESTIMATE].copy()
 
-    def estimate(self, terms: Terms[Scene], before: Estimates) -> Estimates:
+    def estimate(self, scene: Scene, before: Estimates) -> Estimates:
         """A part of the input [approach1_input]: the outputs get the compensation through the policy's part."""
-        whole = Affine.identity(self._outputs) + before.affine
-        nominal = terms.scene.outputs.second_derivative(terms.dynamics.acceleration)
-        belief = whole.inverse().after(nominal)
-        compensation = self.compensation(terms.scene.outputs.eta, belief, terms.scene.torque)
-        return Estimates(np.zeros((self._outputs, self._outputs)), whole(compensation) - before.beta)
+        whole = np.eye(self._outputs) + before.alpha
+        y_ddot = scene.output_dynamics
+        inverse = np.linalg.inv(whole)
+        belief = Affine(inverse @ y_ddot.a, inverse @ (y_ddot.b - before.beta))
+        compensation = self.compensation(scene.seen.eta, belief, scene.torque)
+        return Estimates(np.zeros((self._outputs, self._outputs)), whole @ compensation)
 
     def compensation(self, eta: Array, belief: Affine, torque: Array) -> Array:
         """mu_2 (m,), rad/s^2, at `eta` (2m,), after a tick under `torque` (m,), NaN where the step is new.

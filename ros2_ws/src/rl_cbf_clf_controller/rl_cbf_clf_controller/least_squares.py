@@ -16,7 +16,8 @@ Identification (1999), section 11.
 
 import math
 
-from cbf_clf_qp.symbols import solve
+import casadi as ca
+from cbf_clf_qp.symbolic.system import solved
 from rabbit_description.state import Array
 
 
@@ -24,27 +25,21 @@ class LeastSquares:
     """`value` (n,), at first `start`, its error's covariance `prior` (n, n) there and `walk` (n, n) more each tick."""
 
     def __init__(self, start: Array, prior: Array, walk: Array) -> None:
-        self.value, self.covariance = start, prior
-        self.walk = walk
-        self.walk.flags.writeable = False
-
-    def update(self, regressor: Array, measured: Array, noise: Array) -> None:
-        """Take in H (m, n), z (m,) and R (m, m)."""
-        self.take(*updated(self.value, self.covariance, self.walk, regressor, measured, noise))
+        self.value, self.covariance, self.walk = start, prior, walk
 
     def take(self, value: Array, covariance: Array) -> None:
-        """What `updated` has found, but for numbers too large to reckon with."""
+        """What `updated` has found, but for numbers too large to compute with."""
         if math.isfinite(value.sum()) and math.isfinite(covariance.sum()):
             self.value, self.covariance = value, covariance
 
 
 def updated(
-    value: Array, covariance: Array, walk: Array, regressor: Array, measured: Array, noise: Array
-) -> tuple[Array, Array]:
-    """x and P a tick later."""
+    value: ca.SX, covariance: ca.SX, walk: ca.SX, regressor: ca.SX, measured: ca.SX, noise: ca.SX
+) -> tuple[ca.SX, ca.SX]:
+    """x and P a tick later, as expressions."""
     covariance = covariance + walk
     along = covariance @ regressor.T
-    gain = solve(regressor @ along + noise, along.T).T
+    gain = solved(regressor @ along + noise, along.T).T
     value = value + gain @ (measured - regressor @ value)
     covariance = covariance - gain @ along.T
     return value, (covariance + covariance.T) / 2

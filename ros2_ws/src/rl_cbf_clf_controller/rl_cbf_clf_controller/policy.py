@@ -10,23 +10,21 @@ Plain, they are 5 outputs times (|LgV| + 1). Either way the action is the paper'
 """
 
 from abc import abstractmethod
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass
-from functools import cache
+from collections.abc import Collection
 
+import casadi as ca
 import numpy as np
-from cbf_clf_qp.affine import Affine
-from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.problem import Problem
-from cbf_clf_qp.tick import Estimator, Pending, Terms
-from cbf_clf_qp.tracing import Traced
+from cbf_clf_qp.symbolic.estimates import Estimates
+from cbf_clf_qp.symbolic.functions import NumpyFunction
 from rabbit_description.state import Array
 
+from rl_cbf_clf_controller.estimator import Estimator
 from rl_cbf_clf_controller.scene import Scene
 from rl_cbf_clf_controller.weights import Actor, PolicyFile
 
 
-class Policy(Estimator[Scene]):
+class Policy(Estimator):
     """An estimator that has a `version`, which is echoed with every torque.
 
     `adaptation` names the one that its estimates add to; None: they fit any.
@@ -43,9 +41,9 @@ class LearnedPolicy(Policy):
     def act(self, observation: Array, LgV: Array) -> Estimates:
         """The estimates at `observation` (m,), raw, see `Problem.observation`, and `LgV` (4,)."""
 
-    def estimate(self, terms: Terms[Scene], before: Estimates) -> Estimates:
+    def estimate(self, scene: Scene, before: Estimates) -> Estimates:
         """At a tick."""
-        return self.act(terms.scene.observation, terms.scene.LgV)
+        return self.act(scene.observation, scene.LgV)
 
 
 class ZeroPolicy(LearnedPolicy):
@@ -54,52 +52,15 @@ class ZeroPolicy(LearnedPolicy):
     version = "zero"
 
     def __init__(self, problem: Problem) -> None:
-        n, m = len(problem.quantities), problem.inputs
-        self._estimates = Estimates.zero(n, m)
-        self._pending: Pending = self._estimates
-        if problem.has_clf:  # in the form of an actor, so that a tick that takes one over has its trace
-            self._pending = NetworkOutputs(np.zeros((m + 1) * (m + n - 1)), np.zeros(n), np.zeros(n), True, True)
+        self._sizes = len(problem.quantities), problem.inputs
 
     def act(self, observation: Array, LgV: Array) -> Estimates:
         """Zeros, wherever the robot is."""
-        return self._estimates
-
-    def pending(self, terms: Terms[Scene], before: Sequence[Pending]) -> Pending:
-        """What zeros come of."""
-        return self._pending
-
-
-@dataclass
-class NetworkOutputs:
-    """An actor's outputs, in [-1, 1], of which the tick's trace makes estimates; the scales (n,) of alpha and beta."""
-
-    outputs: Array
-    alpha_scale: Array
-    beta_scale: Array
-    structured: bool
-    has_clf: bool
-
-    def at(self, terms: Terms[Scene]) -> Estimates:
-        """At a tick."""
-        return self.along(terms.scene.LgV)
-
-    def along(self, LgV: Array) -> Estimates:
-        """Where V-dot's slope is `LgV` (m,)."""
-        m, outputs = LgV.size, self.outputs
-        raw = Estimates.from_flat(contract(outputs, LgV) if self.structured else outputs, m)
-        alpha, beta = raw.alpha * self.alpha_scale[:, None], raw.beta * self.beta_scale
-        if self.structured:
-            matrix = outputs[: m * (m + 1)].reshape(m, m + 1)
-            error = Affine(self.alpha_scale[0] * matrix[:, :m], self.beta_scale[0] * matrix[:, m])
-            return Estimates(alpha, beta, error)
-        if self.has_clf:
-            size = np.sqrt(LgV @ LgV) + 1
-            alpha[0], beta[0] = alpha[0] * size, beta[0] * size
-        return Estimates(alpha, beta)
+        return Estimates.zero(*self._sizes)
 
 
 class ActorPolicy(LearnedPolicy):
-    """The actor's forward pass in numpy, from a checked policy file."""
+    """The actor's forward pass in numpy, from a checked policy file. One object serves one thread."""
 
     def __init__(self, file: PolicyFile) -> None:
         self.file = file
@@ -108,12 +69,10 @@ class ActorPolicy(LearnedPolicy):
         self.adaptation = form.adaptation or "none"
         self._center = np.array(form.observation_center)
         self._inverse_scale = 1 / np.array(form.observation_scale)
-        scales = np.array(form.alpha_scale), np.array(form.beta_scale)
-        for scale in scales:
-            scale.flags.writeable = False  # so that a trace takes them once
-        self._form = *scales, form.structured, "V" in form.names
+        self._scales = np.array(form.alpha_scale), np.array(form.beta_scale)
+        self._structured = form.structured
+        self._estimates = estimate_function(len(form.names), form.structured, "V" in form.names)
         self._actor = Actor(file.arrays)
-        self._estimates = traced_estimates().twin()
 
     def act(self, observation: Array, LgV: Array) -> Estimates:
         """Alpha and beta of every quantity. A network without `l_min` reads the first 14 observations.
@@ -121,21 +80,13 @@ class ActorPolicy(LearnedPolicy):
         Raises:
             ValueError: it reads the step length of a gait library, and there is none.
         """
-        estimates: Estimates = self._estimates(self._outputs(observation), LgV)[0]
-        return estimates
-
-    def pending(self, terms: Terms[Scene], before: Sequence[Pending]) -> Pending:
-        """The network's outputs at a tick."""
-        return self._outputs(terms.scene.observation)
-
-    def _outputs(self, observation: Array) -> NetworkOutputs:
         size = self._center.size
-        if observation.size != size:
-            if observation.size < size:
-                read = self.file.metadata.observation[-1]
-                raise ValueError(f"policy {self.version} reads {read}: expected a gait library")
-            observation = observation[:size]
-        return NetworkOutputs(self._actor((observation - self._center) * self._inverse_scale), *self._form)
+        if observation.size < size:
+            read = self.file.metadata.observation[-1]
+            raise ValueError(f"policy {self.version} reads {read}: expected a gait library")
+        outputs = self._actor((observation[:size] - self._center) * self._inverse_scale)
+        found = self._estimates(outputs, LgV, *self._scales)
+        return Estimates(found.alpha, found.beta, found.output_error if self._structured else None)
 
 
 class PartlyNominal(Policy):
@@ -147,28 +98,42 @@ class PartlyNominal(Policy):
         self.adaptation = policy.adaptation
         self._policy = policy
         self._outputs_kept = "V" not in zeroed
-        self._inputs = problem.inputs
         self._kept = np.array([name not in zeroed for name in problem.quantities], dtype=float)
 
-    def estimate(self, terms: Terms[Scene], before: Estimates) -> Estimates:
+    def estimate(self, scene: Scene, before: Estimates) -> Estimates:
         """The policy's estimates, zero in the rows of the nominal quantities; the outputs go with V."""
-        estimates = self._policy.estimate(terms, before)
-        outputs = estimates.output_error if self._outputs_kept else Affine.zero(self._inputs, self._inputs)
-        return Estimates(estimates.alpha * self._kept[:, None], estimates.beta * self._kept, outputs)
+        estimates = self._policy.estimate(scene, before)
+        m = estimates.alpha.shape[1]
+        output_error = estimates.output_error if self._outputs_kept else np.zeros((m, m + 1))
+        return Estimates(estimates.alpha * self._kept[:, None], estimates.beta * self._kept, output_error)
 
 
-@cache
-def traced_estimates() -> Traced:
-    """From a network's outputs to alpha, beta and, of the structured form, the outputs' error."""
-    return Traced(lambda outputs, LgV: [outputs.along(LgV)])
+def estimate_function(quantities: int, structured: bool, has_clf: bool, inputs: int = 4) -> NumpyFunction:
+    """alpha (n, m), beta (n,) and output_error (m, m + 1) of (a network's outputs, LgV (m,), the scales (n,) of both).
 
-
-def contract(outputs: Array, LgV: Array) -> Array:
-    """Structured outputs (20 + 5(n - 1),) to the flat vector (5n,): the first 20 are [D2 | D1] (4, 5), row by row.
-
-    With m inputs in place of 4: m (m + 1) + (m + 1)(n - 1) and (m + 1) n.
+    Structured outputs are (m (m + 1) + (m + 1) (n - 1),): [D2 | D1] row by row, then the alphas of the other
+    quantities, then their betas. Plain ones are ((m + 1) n,): alphas, then betas.
     """
-    m = LgV.size
-    clf, others = LgV @ outputs[: m * (m + 1)].reshape(m, m + 1), outputs[m * (m + 1) :]
-    alphas = others.size // (m + 1) * m
-    return np.concatenate([clf[:m], others[:alphas], clf[m:], others[alphas:]])
+    n, m = quantities, inputs
+    LgV, alpha_scale, beta_scale = ca.SX.sym("LgV", m), ca.SX.sym("alpha_scale", n), ca.SX.sym("beta_scale", n)
+    outputs = ca.SX.sym("outputs", (m + 1) * (m + n - 1) if structured else (m + 1) * n)
+    output_error = ca.SX.zeros(m, m + 1)
+    if structured:
+        matrix, others = row_by_row(outputs[: m * (m + 1)], m + 1), outputs[m * (m + 1) :]
+        clf = LgV.T @ matrix
+        alpha = ca.vertcat(clf[0, :m], row_by_row(others[: m * (n - 1)], m))
+        beta = ca.vertcat(clf[0, m], others[m * (n - 1) :])
+        output_error = ca.horzcat(alpha_scale[0] * matrix[:, :m], beta_scale[0] * matrix[:, m])
+    else:
+        alpha, beta = row_by_row(outputs[: m * n], m), outputs[m * n :]
+        if has_clf:
+            size = ca.vertcat(ca.norm_2(LgV) + 1, ca.SX.ones(n - 1))
+            alpha, beta = ca.diag(size) @ alpha, size * beta
+    found = {"alpha": ca.diag(alpha_scale) @ alpha, "beta": beta_scale * beta, "output_error": output_error}
+    inputs_of = {"outputs": outputs, "LgV": LgV, "alpha_scale": alpha_scale, "beta_scale": beta_scale}
+    return NumpyFunction.of("estimates", inputs_of, found, matrices=("alpha", "output_error"))
+
+
+def row_by_row(values: ca.SX, columns: int) -> ca.SX:
+    """A column as a matrix with so many columns."""
+    return ca.reshape(values, columns, values.numel() // columns).T

@@ -1,57 +1,83 @@
-"""The seven controllers: which QP has which quantities, estimators, constraints and objective. One table."""
+"""The seven controllers: which QP has which quantities, constraints, corners and objective. One table."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
-from functools import lru_cache
+from collections.abc import Sequence
+from typing import Any
 
-from cbf_clf_qp.affine import Affine
-from cbf_clf_qp.clf import Clf
-from cbf_clf_qp.estimates import Estimates
-from cbf_clf_qp.objective import Objective, pd_centred, pd_input
-from cbf_clf_qp.res_clf import ResClf
-from cbf_clf_qp.saturation import Saturation
-from cbf_clf_qp.tick import Constraint, Recipe, Terms, least_mu
+import casadi as ca
+from cbf_clf_qp.symbolic.affine import Affine
+from cbf_clf_qp.symbolic.barrier import Barrier
+from cbf_clf_qp.symbolic.clf import Clf, ResClf
+from cbf_clf_qp.symbolic.objective import Objective, pd_centred
+from cbf_clf_qp.symbolic.quantity import Constrained, Quantity
+from cbf_clf_qp.symbolic.rows import Rows, at_most
+from cbf_clf_qp.symbolic.terms import Constraint, Terms
+from cbf_clf_qp.symbolic.tick import Tick, least_mu, no_corners
 
-from rl_cbf_clf_controller.contact_force import ContactForce, NominalForce
-from rl_cbf_clf_controller.kinds import Estimators, Kind, Quantities, find_kind
+from rl_cbf_clf_controller.contact_force import ForceRows, contact_force
+from rl_cbf_clf_controller.kinds import Estimators, Kind, find_kind
 from rl_cbf_clf_controller.l1_adaptation import L1Adaptation
-from rl_cbf_clf_controller.output_acceleration import OutputAcceleration, ReferenceClf
 from rl_cbf_clf_controller.parameters import ControllerParameters
-from rl_cbf_clf_controller.scene import ControllerError, Scene
-from rl_cbf_clf_controller.stone_barriers import StoneBarriers
+from rl_cbf_clf_controller.stone_barriers import stone_barriers
 from rl_cbf_clf_controller.terrain import SteppingStones
 from rl_cbf_clf_controller.uncertainty import IO_RL_CLF_QP, RL_CBF_CLF_QP, RL_CLF_QP
-from rl_cbf_clf_controller.worst_case import WorstCase
+from rl_cbf_clf_controller.walking import Walking
+from rl_cbf_clf_controller.worst_case import worst_cases
 
 Parameters = ControllerParameters
 
 
-def flat(p: Parameters, clf: ResClf) -> Quantities:
+def flat(w: Walking, p: Parameters) -> list[Constrained]:
     """The CLF's row, hard but for a slack of last resort."""
-    return (hard_clf(p, clf),)
+    return [Clf(w.outputs.y, w.gains["eps"], (p.kp, p.kd), w.gains["clf_rescue_weight"], rescue=True)]
 
 
-def stones(p: Parameters, clf: ResClf) -> Quantities:
+def stones(w: Walking, p: Parameters) -> list[Constrained]:
     """The CLF relaxed by d, both barriers, the ground's force."""
-    soft_clf = Clf(clf, p.slack_weight, is_normalised=p.clf_row == "normalised")
-    poles = (p.barrier_pole_1, p.barrier_pole_2)
-    return soft_clf, StoneBarriers(poles, p.barrier_rescue_weight, p.barrier_rows), contact_force(p, p.force_rows)
+    g, stone = w.gains, w.stone
+    clf = Clf(w.outputs.y, g["eps"], (p.kp, p.kd), g["slack_weight"], in_mu=p.clf_row == "normalised")
+    edges = stone.l_min + g["stone_margin"], stone.l_max - g["stone_margin"]
+    found = stone_barriers(w.robot.swing, *edges, stone.height, g["R1"], g["R2"])
+    poles, weight = (g["barrier_pole_1"], g["barrier_pole_2"]), g["barrier_rescue_weight"]
+    barriers = [Barrier(f"B{i + 1}", B, poles, weight, p.barrier_rows) for i, B in enumerate(found)]
+    return [clf, *barriers, contact_force(w.robot.force, w.force, force_rows(w, p) if p.force_rows else None)]
 
 
-def outputs(p: Parameters, clf: ResClf) -> Quantities:
-    """The outputs' accelerations, which the input corrects."""
-    return (OutputAcceleration(),)
+def outputs(w: Walking, p: Parameters) -> list[Constrained]:
+    """The outputs' accelerations y'', which the input corrects [approach1_input]; no row is theirs."""
+    y_ddot, m = w.output_dynamics, w.outputs.y.numel()
+    names, itself = tuple(f"y{i + 1}" for i in range(m)), Affine(ca.SX.eye(m), ca.SX.zeros(m))
+    return [Quantity(names, y_ddot, lambda value: [], lower=w.eta[m:], slope=itself, outputs=y_ddot)]
 
 
-def l1(p: Parameters, clf: ResClf) -> Estimators:
+def force_rows(w: Walking, p: Parameters) -> ForceRows:
+    """With the margin taken off the friction coefficient."""
+    g = w.gains
+    coeff = g["friction_coeff"] - g["friction_margin"]
+    return ForceRows(g["min_normal_force"], coeff, g["force_rescue_weight"], p.cone == "literal")
+
+
+def reference_clf(w: Walking, p: Parameters) -> Constraint:
+    """The CLF's row on the reference model y'' = mu, which the input is to make true."""
+
+    def rows(terms: Terms) -> list[Rows]:
+        clf = ResClf(w.outputs.y.numel(), w.gains["eps"], (p.kp, p.kd))
+        V_dot = clf.derivative(w.eta)
+        upper = -clf.rate * clf.value(w.eta) - V_dot.b
+        return [at_most(("CLF",), V_dot.a, upper, w.gains["clf_rescue_weight"])]
+
+    return rows
+
+
+def nominal_force(w: Walking, p: Parameters) -> Constraint:
+    """The force rows on what the nominal model says, where no force is estimated."""
+    build, force = force_rows(w, p), contact_force(w.robot.force, w.force, None)
+    return lambda terms: build(force.value.after(terms.control))
+
+
+def l1(p: Parameters) -> Estimators:
     """The L1 adaptation, whose input cancels the error of the outputs' accelerations."""
     bounds = (p.l1_slope_bound, p.l1_offset_bound)
-    return (L1Adaptation(clf, p.l1_law, p.l1_gain, p.l1_cutoff, bounds, p.l1_substeps),)
-
-
-def worst_case(p: Parameters, clf: ResClf) -> Estimators:
-    """The corners of what the model error may be."""
-    return (WorstCase(p),)
+    return (L1Adaptation(p.eps, (p.kp, p.kd), p.l1_law, p.l1_gain, p.l1_cutoff, bounds, p.l1_substeps),)
 
 
 CLF = Kind(RL_CLF_QP, flat)
@@ -60,61 +86,62 @@ L1_CLF = Kind(IO_RL_CLF_QP, outputs, estimators=l1)
 IO_RL_CLF = Kind(IO_RL_CLF_QP, outputs, learns=True)
 CBF_CLF = Kind(RL_CBF_CLF_QP, stones, SteppingStones)
 RL_CBF_CLF = Kind(RL_CBF_CLF_QP, stones, SteppingStones, learns=True)
-ROBUST_CBF_CLF = Kind(RL_CBF_CLF_QP, stones, SteppingStones, estimators=worst_case)
+ROBUST_CBF_CLF = Kind(RL_CBF_CLF_QP, stones, SteppingStones, corners=worst_cases)
 
 
-def make_recipe(p: Parameters, estimators: Estimators, constraints: Sequence[Constraint] = ()) -> Recipe[Scene]:
-    """The recipe of the controller that the parameters name.
-
-    `estimators`, `constraints`: further ones. The first estimator is the policy.
-    """
-    fixed = _fixed_part(p)
-    return replace(
-        fixed,
-        constraints=(*fixed.constraints, *constraints),
-        estimators=(*estimators, *find_kind(p.controller).estimators(p, make_clf(p))),
+def make_tick(w: Walking, p: Parameters, further: Sequence[Constrained] = ()) -> Tick:
+    """The tick of the controller that the parameters name; `further` quantities have rows and no estimates."""
+    kind = find_kind(p.controller)
+    constraints = [unestimated(quantity) for quantity in further]
+    if kind.problem.corrects_input:
+        constraints.insert(0, reference_clf(w, p))
+    if p.flat_force_rows and kind.terrain is not SteppingStones:
+        constraints.append(nominal_force(w, p))
+    return Tick(
+        w.system,
+        kind.quantities(w, p),
+        control=w.output_dynamics.inverse(),
+        limit=w.gains["torque_limit"],
+        constraints=constraints,
+        objective=least_mu if p.objective == "paper" else pd_objective(w, kind.problem.corrects_input),
+        corners=kind.corners(w, p) if kind.corners else no_corners,
+        corrects_input=kind.problem.corrects_input,
+        reads=reads(w, p),
+        solver=p.qp_solver,
     )
 
 
-@lru_cache(maxsize=64)
-def _fixed_part(p: ControllerParameters) -> Recipe[Scene]:
-    """What keeps nothing from tick to tick; the same objects for the same parameters, so that a trace serves all."""
-    kind, clf = find_kind(p.controller), make_clf(p)
-    reference = [ReferenceClf(clf, hard_clf(p, clf))] if p.problem.corrects_input else []
-    forces = [NominalForce(contact_force(p))] if p.flat_force_rows and kind.terrain is not SteppingStones else []
-    return Recipe(
-        quantities=kind.quantities(p, clf),
-        constraints=(*reference, *forces, Saturation(p.torque_limit)),
-        corrects_input=p.problem.corrects_input,
-        objective=least_mu if p.objective == "paper" else pd_objective(p, p.problem.corrects_input),
-    )
+def unestimated(further: Constrained) -> Constraint:
+    """The rows of a quantity under the nominal model."""
+
+    def rows(terms: Terms) -> list[Rows]:
+        quantity = further.on(terms.system)
+        return quantity.rows(quantity.value.after(terms.control))
+
+    return rows
 
 
-@lru_cache(maxsize=64)
-def make_clf(p: ControllerParameters) -> ResClf:
-    """Of RABBIT's four outputs; it keeps nothing from tick to tick, so one serves all who ask."""
-    return ResClf(4, p.eps, (p.kp, p.kd))
-
-
-def hard_clf(p: Parameters, clf: ResClf) -> Clf:
-    """Of the flat-ground controllers."""
-    return Clf(clf, p.clf_rescue_weight, is_rescue=True)
-
-
-def contact_force(p: Parameters, has_rows: bool = True) -> ContactForce:
-    """With the margin taken off the friction coefficient."""
-    coeff = p.friction_coeff - p.friction_margin
-    return ContactForce(p.min_normal_force, coeff, p.force_rescue_weight, p.cone == "literal", has_rows)
-
-
-def pd_objective(p: Parameters, corrects_input: bool) -> Callable[[Terms[Scene], Estimates], Objective]:
+def pd_objective(w: Walking, corrects_input: bool) -> Any:
     """`pd_centred`. Where the input is corrected, y'' = mu, as it makes it."""
 
-    def objective(terms: Terms[Scene], estimates: Estimates) -> Objective:
-        m = len(terms.precontrol.b)
-        error = Affine.zero(m, m) if corrects_input else estimates.output_error
-        if error is None:
-            raise ControllerError("objective pd_centred: expected a structured policy, which gives the output error")
-        return pd_centred(pd_input(terms.scene.outputs.y, terms.scene.outputs.dy, p.eps), error, p.mu_weight)
+    def objective(terms: Terms) -> Objective:
+        m = terms.inputs
+        error = Affine(ca.SX.zeros(m, m), ca.SX.zeros(m)) if corrects_input else terms.output_error
+        return pd_centred(w.eta[:m], w.eta[m:], w.gains["eps"], error, w.gains["mu_weight"])
 
     return objective
+
+
+def reads(w: Walking, p: Parameters) -> dict[str, ca.SX]:
+    """What estimators, recorders and the page read of a state besides what the quantities show."""
+    clf, y_ddot = ResClf(w.outputs.y.numel(), w.gains["eps"], (p.kp, p.kd)), w.output_dynamics
+    return {
+        "eta": w.eta,
+        "V": clf.value(w.eta),
+        "LgV": clf.derivative(w.eta).a.T,
+        "phase": w.outputs.phase,
+        "observation": w.observation,
+        "swing": w.robot.swing,
+        "outputs_a": y_ddot.a,
+        "outputs_b": y_ddot.b,
+    }

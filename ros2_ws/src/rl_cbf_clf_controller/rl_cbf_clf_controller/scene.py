@@ -1,14 +1,12 @@
-"""What the quantities and estimators read of a state: outputs, feet, barriers, sensors. No mass enters here."""
+"""What estimators read of a tick: the state, what the nominal model says of it, sensors."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
-import numpy as np
-from cbf_clf_qp.ecbf import Barriers
+from cbf_clf_qp.symbolic.affine import Affine
+from cbf_clf_qp.symbolic.estimates import Estimates
+from cbf_clf_qp.symbolic.functions import NumpyFunction, Values
 from rabbit_description.state import Array
-
-from rl_cbf_clf_controller.pinned_robot import Kinematics
-from rl_cbf_clf_controller.virtual_constraints import Outputs
 
 
 class ControllerError(ValueError):
@@ -17,25 +15,51 @@ class ControllerError(ValueError):
 
 @dataclass(frozen=True)
 class Scene:
-    """A state in stance/swing order, `q_s`, `dq_s` (7,), and its kinematics; `barriers` is None where no stone is.
+    """A state `x` = (q, q') (14,) in stance/swing order, and the tick's parameters `p` there.
 
-    `force` (2, 2), N, as the sensors averaged it over the last tick: rows stance, swing foot; columns tangential,
-    normal; `observation` (14,), with a stone (15,), there with a gait library (16,), see `Problem.observation`;
-    `LgV` (4,); `tick` counts from the episode's start; `torque` (4,), N m, was applied in the last tick, NaN: unknown;
-    `stance` is 0 where the left leg stands, 1 where the right one does.
+    `seen`: the nominal terms, see `recipes.reads`; `force` (2, 2), N, as the sensors averaged it over the last tick:
+    rows stance, swing foot; columns tangential, normal; `observation` (14,), with a stone (15,), there with a gait
+    library (16,), see `Problem.observation`; `tick` counts from the episode's start; `torque` (4,), N m, was applied in
+    the last tick, NaN: unknown; `stance` is 0 where the left leg stands, 1 where the right one does. `model_error`: a
+    function of (x, p, the parameters of another model), see `cbf_clf_qp.measure`.
     """
 
-    q_s: Array
-    dq_s: Array
-    feet: Kinematics
-    outputs: Outputs
-    barriers: Barriers | None
+    x: Array
+    p: Array
+    seen: Values
     force: Array
     observation: Array
-    LgV: Array
-    tick: int = 0
-    torque: Array = field(default_factory=lambda: np.full(4, np.nan))
-    stance: int = 0
+    tick: int
+    torque: Array
+    stance: int
+    model_error: NumpyFunction
+
+    @property
+    def q_s(self) -> Array:
+        """Coordinates (7,)."""
+        return self.x[:7]
+
+    @property
+    def dq_s(self) -> Array:
+        """Their rates (7,)."""
+        return self.x[7:]
+
+    @property
+    def LgV(self) -> Array:
+        """V-dot's slope over mu (4,)."""
+        return self.seen.LgV
+
+    @property
+    def output_dynamics(self) -> Affine:
+        """The nominal y'' (4,), affine in the torque."""
+        return Affine(self.seen.outputs_a, self.seen.outputs_b)
+
+    def error_of(self, robot: Array) -> Estimates:
+        """By how much the quantities of another `robot`, its numbers as a row, differ from the nominal ones."""
+        other = self.p.copy()
+        other[: robot.size] = robot
+        found = self.model_error(self.x, self.p, other)
+        return Estimates(found.alpha, found.beta, found.output_error)
 
 
 def is_finite(values: Array) -> bool:

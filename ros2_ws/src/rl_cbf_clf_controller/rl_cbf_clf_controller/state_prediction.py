@@ -10,19 +10,23 @@ f the dynamics of the robot as identified, and h = lag T: the identification fin
 torque that arrives a tick late (`identification.py`).
 """
 
-import numpy as np
-from rabbit_description.state import TICK_SECONDS, Array
+import casadi as ca
+from cbf_clf_qp.symbolic.functions import NumpyFunction, packed
+from rabbit_description.state import TICK_SECONDS
 
-from rl_cbf_clf_controller.pinned_robot import PinnedRobot
+from rl_cbf_clf_controller.planar_robot import PinnedRobot
 
 MOST = 0.012  # s, ahead
 
 
-def predicted_state(robot: PinnedRobot, q_s: Array, dq_s: Array, torque: Array, lag: float) -> tuple[Array, Array]:
-    """State (7,), (7,) at which the next torque takes effect; `torque` (4,), N m, acts until then. Stance/swing order.
+def prediction_function() -> NumpyFunction:
+    """`x` (14,) at which the next torque takes effect, of (x now, robot's row, torque (4,), lag (1,)).
 
-    `lag` is in ticks; below 0 the state is that of now.
+    The torque, N m, acts until then. The lag is in ticks; below 0 the state is that of now. Stance/swing order.
     """
-    seconds = float(np.clip(lag * TICK_SECONDS, 0.0, MOST))
-    acceleration = robot.at(q_s, dq_s)[1].acceleration(torque)
-    return q_s + seconds * dq_s + seconds**2 / 2 * acceleration, dq_s + seconds * acceleration
+    robot, lag = PinnedRobot(), ca.SX.sym("lag")
+    seconds = ca.fmin(ca.fmax(lag * TICK_SECONDS, 0), MOST)
+    acceleration = robot.acceleration(robot.u)
+    q = robot.q + seconds * robot.dq + seconds**2 / 2 * acceleration
+    inputs = {"x": ca.vertcat(robot.q, robot.dq), "robot": packed(robot.parameters), "torque": robot.u, "lag": lag}
+    return NumpyFunction.of("predicted", inputs, {"x": ca.vertcat(q, robot.dq + seconds * acceleration)})

@@ -18,7 +18,6 @@ up again, for the body moves on. So beyond phase 1, where there are gaits for sl
 g, g' and g'' begin with 0, and g' goes to 1. `step_paths.descent` finds D.
 """
 
-import math
 from dataclasses import dataclass
 from typing import Protocol, TypeGuard
 
@@ -26,81 +25,32 @@ import numpy as np
 from rabbit_description.gait import Gait, GaitLibrary, Gaits
 from rabbit_description.state import Array, StonePreview
 
-from rl_cbf_clf_controller.bezier import FADING, Bezier
-from rl_cbf_clf_controller.generated_outputs import generated_if_built
+from rl_cbf_clf_controller.feet import Feet
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.speed_regulation import IntegralRegulation, SpeedRegulation
-from rl_cbf_clf_controller.step_paths import FeetModel, descent, landing_at, speed_of, start_rate, step_path, within
-from rl_cbf_clf_controller.virtual_constraints import RABBIT_ANGLES, Outputs, Path, VirtualConstraints
+from rl_cbf_clf_controller.step_paths import descent, landing_at, speed_of, start_rate, step_path, within
+from rl_cbf_clf_controller.virtual_constraints import RABBIT_ANGLES, Correction, Path, VirtualConstraints
 
 FADED = 0.5  # phase at which the correction ends
 FADED_ON_SLOPES = 0.7  # of steps whose slope differs from the last one's: their corrections are larger
-NO_DESCENT = np.zeros(4)
 LEAST_WIDTH = 0.1  # of the phase, of a correction that begins late
 HIGHER = 0.003  # m, above what a preview says: a foot that is met too early by its stone meets the stone's side
 REGULATIONS = {"learned": SpeedRegulation, "integral": IntegralRegulation}
 LEAST_RATE = 0.5  # 1/s; of a robot that hardly moves forward, y' is not made continuous
 
 
-class StepOutputs(VirtualConstraints):
+def corrected_outputs(
+    path: Path, q_s: Array, dq_s: Array, faded: float = FADED, descent: Array | None = None
+) -> VirtualConstraints:
     """Outputs along `path` that are zero, with their rates, at the state that the step begins with.
 
     From the phase `faded` on they are the path's, and beyond 1 what `descent` (4,), rad, adds to it.
     """
-
-    def __init__(self, path: Path, q_s: Array, dq_s: Array, faded: float = FADED, descent: Array = NO_DESCENT) -> None:
-        super().__init__(path)
-        self._descent = descent
-        begun = super().evaluate(q_s, dq_s)
-        self._begin, self._width = begun.phase, max(faded - begun.phase, LEAST_WIDTH)
-        a, b = begun.y, self._width * begun.dy / max(begun.phase_rate, LEAST_RATE) + 3 * begun.y
-        self._correction = Bezier(np.column_stack([a, (a + b) / 4, np.zeros((len(a), 3))]))
-
-    def parameters(self) -> dict[str, Array]:
-        """With the correction."""
-        correction = {
-            "correction": self._correction.powers,
-            "correction_begin": np.array(self._begin),
-            "correction_width": np.array(self._width),
-            "descent": self._descent,
-        }
-        return super().parameters() | correction
-
-    def evaluate(self, q_s: Array, dq_s: Array) -> Outputs:
-        """Outputs at `q_s`, `dq_s` (7,), stance/swing order."""
-        path = super().evaluate(q_s, dq_s)
-        lowered = (self._descent * each for each in gradual_line(path.phase - 1))
-        corrected = self._correction((path.phase - self._begin) / self._width)
-        faded = [each / self._width**order for order, each in enumerate(corrected)]
-        value, slope, curvature = (sum(each) for each in zip(faded, lowered, strict=True))
-        return Outputs(
-            eta=path.eta - np.concatenate([value, slope * path.phase_rate]),
-            jacobian=path.jacobian - np.outer(slope, self._gradient),
-            bias=path.bias - curvature * path.phase_rate**2,
-            phase=path.phase,
-            phase_rate=path.phase_rate,
-        )
-
-
-def gradual_line(x: float) -> tuple[float, float, float]:
-    """g of the module's text, and two derivatives."""
-    after = max(x, 0.0) / FADING
-    left = math.exp(-after)
-    return FADING * (after - 2 + (after + 2) * left), 1 - (1 + after) * left, after * left / FADING
-
-
-class OutputPath(Protocol):
-    """Outputs that a trace can ask for."""
-
-    def at(self, q_s: Array, dq_s: Array) -> Outputs: ...
-
-
-class StateOutputs(Protocol):
-    """Outputs at any state."""
-
-    def evaluate(self, q_s: Array, dq_s: Array) -> Outputs: ...
-
-    def path_at(self, q_s: Array, dq_s: Array) -> OutputPath: ...
+    begun = VirtualConstraints(path).evaluate(q_s, dq_s)
+    width = max(faded - begun.phase, LEAST_WIDTH)
+    a, b = begun.y, width * begun.dy / max(begun.phase_rate, LEAST_RATE) + 3 * begun.y
+    coeffs = np.column_stack([a, (a + b) / 4, np.zeros((len(a), 3))])
+    return VirtualConstraints(path, correction=Correction(coeffs, begun.phase, width), descent=descent)
 
 
 @dataclass(frozen=True)
@@ -122,10 +72,10 @@ class Steps(Protocol):
     def wanted(self) -> tuple[float, ...]:
         """The step length, m, that a policy may see; empty where there is one gait."""
 
-    def first(self) -> StateOutputs:
+    def first(self) -> VirtualConstraints:
         """Outputs before any step of an episode has begun."""
 
-    def begin(self, touchdown: Touchdown) -> StateOutputs:
+    def begin(self, touchdown: Touchdown) -> VirtualConstraints:
         """Outputs of the step that begins there."""
 
 
@@ -135,13 +85,13 @@ class SingleGait:
     wanted: tuple[float, ...] = ()
 
     def __init__(self, gait: Gait) -> None:
-        self._outputs = generated_if_built(VirtualConstraints(gait))
+        self._outputs = VirtualConstraints(gait)
 
-    def first(self) -> StateOutputs:
+    def first(self) -> VirtualConstraints:
         """The gait's."""
         return self._outputs
 
-    def begin(self, touchdown: Touchdown) -> StateOutputs:
+    def begin(self, touchdown: Touchdown) -> VirtualConstraints:
         """The gait's."""
         return self._outputs
 
@@ -150,13 +100,13 @@ class LibrarySteps:
     """Steps through a library: from where the feet stand to `aim`, a share of the stone's width, on the stone.
 
     With gaits for several slopes the speed is regulated by the slope that a step is made for. A step then ends at its
-    stone's height; where the foot finds no ground there, it goes on straight down. `model` knows where the feet are.
+    stone's height; where the foot finds no ground there, it goes on straight down. `feet` are the robot's.
     """
 
     def __init__(
-        self, library: GaitLibrary, aim: float, model: FeetModel, regulation: type[SpeedRegulation] = SpeedRegulation
+        self, library: GaitLibrary, aim: float, feet: Feet, regulation: type[SpeedRegulation] = SpeedRegulation
     ) -> None:
-        self._library, self._aim, self._model = library, aim, model
+        self._library, self._aim, self._feet = library, aim, feet
         self.regulation = regulation(library.slopes[0], library.slopes[-1])
         self._has_slopes = len(library.slopes) > 1
         self.wanted: tuple[float, ...] = (library.start_length,)
@@ -166,15 +116,15 @@ class LibrarySteps:
         """That the present step is made for, degrees."""
         return self.regulation.slope
 
-    def first(self) -> StateOutputs:
+    def first(self) -> VirtualConstraints:
         """Of the gait that an episode begins with."""
         self.regulation.reset()
         length = self._library.start_length
         self.wanted = (length,)
         path = step_path(self._library, length, length, self.slope)
-        return generated_if_built(VirtualConstraints(path))
+        return VirtualConstraints(path)
 
-    def begin(self, touchdown: Touchdown) -> StateOutputs:
+    def begin(self, touchdown: Touchdown) -> VirtualConstraints:
         """Towards the stone; where there is none, steps of the start's length."""
         stone, taken = touchdown.stone, touchdown.length
         if self._has_slopes and touchdown.seconds is not None:
@@ -184,11 +134,11 @@ class LibrarySteps:
             self.wanted = (within(self._library.lengths, wanted),)
         path = step_path(self._library, taken, self.wanted[0], self.slope)
         if not self._has_slopes:
-            return generated_if_built(StepOutputs(path, touchdown.q_s, touchdown.dq_s))
+            return corrected_outputs(path, touchdown.q_s, touchdown.dq_s)
         if stone is not None:
-            path = landing_at(path, stone.height + HIGHER, self._model)
-        down = descent(path, self._model)
-        return generated_if_built(StepOutputs(path, touchdown.q_s, touchdown.dq_s, FADED_ON_SLOPES, down))
+            path = landing_at(path, stone.height + HIGHER, self._feet)
+        down = descent(path, self._feet)
+        return corrected_outputs(path, touchdown.q_s, touchdown.dq_s, FADED_ON_SLOPES, down)
 
     def _regulate(self, touchdown: Touchdown, seconds: float) -> None:
         """The next step's slope, from the step that took so many `seconds`."""
@@ -203,8 +153,8 @@ def has_lengths(gaits: Gaits) -> TypeGuard[GaitLibrary]:
     return isinstance(gaits, GaitLibrary) and len(gaits.gaits) > 1
 
 
-def make_steps(gaits: Gaits, parameters: ControllerParameters, model: FeetModel) -> Steps:
+def make_steps(gaits: Gaits, parameters: ControllerParameters, feet: Feet) -> Steps:
     """Of a gait, or of a library."""
     if has_lengths(gaits):
-        return LibrarySteps(gaits, parameters.stone_aim, model, REGULATIONS[parameters.speed_regulation])
+        return LibrarySteps(gaits, parameters.stone_aim, feet, REGULATIONS[parameters.speed_regulation])
     return SingleGait(gaits.gaits[0] if isinstance(gaits, GaitLibrary) else gaits)

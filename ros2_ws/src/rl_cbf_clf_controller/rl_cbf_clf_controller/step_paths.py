@@ -11,13 +11,12 @@ leg's for a stone above, the stance leg's for a stone below.
 
 from dataclasses import dataclass
 from math import ceil
-from typing import Protocol
 
 import numpy as np
 from rabbit_description.gait import Gait, GaitLibrary
 from rabbit_description.state import Array
 
-from rl_cbf_clf_controller.pinned_robot import Kinematics
+from rl_cbf_clf_controller.feet import Feet
 from rl_cbf_clf_controller.virtual_constraints import RABBIT_ANGLES
 
 STANCE_LEG, SWING_LEG = slice(3, 5), slice(5, 7)  # hip and knee
@@ -35,12 +34,6 @@ class StepPath:
     coeffs: Array
     phase_angle_start: float
     phase_angle_end: float
-
-
-class FeetModel(Protocol):
-    """Where the feet are."""
-
-    def update(self, q_s: Array, dq_s: Array) -> Kinematics: ...
 
 
 def within(values: list[float], value: float) -> float:
@@ -79,7 +72,7 @@ def speed_of(library: GaitLibrary, length: float) -> float:
     return float(np.interp(length, library.lengths, speeds))
 
 
-def landing_at(path: StepPath, height: float, model: FeetModel) -> StepPath:
+def landing_at(path: StepPath, height: float, feet: Feet) -> StepPath:
     """The same path with the swing foot `height` m higher at its end, and the same pitch there.
 
     The leg's new angles are found by Newton's method, from one centimetre to the next.
@@ -88,13 +81,12 @@ def landing_at(path: StepPath, height: float, model: FeetModel) -> StepPath:
         return path
     leg = SWING_LEG if height > 0 else STANCE_LEG
     landed = np.append(np.zeros(2), RABBIT_ANGLES.coordinates(path.coeffs[:, -1], path.phase_angle_end))
-    start, at_rest = landed.copy(), np.zeros(7)
-    foot = model.update(landed, at_rest).swing.copy()
+    start, foot = landed.copy(), feet(landed).swing
     for share in np.linspace(0, 1, ceil(abs(height) / HEIGHT_STEP) + 1)[1:]:
         for _ in range(NEWTON_STEPS):
-            feet = model.update(landed, at_rest)
-            missing = foot + (0.0, share * height) - feet.swing
-            landed[leg] += np.linalg.solve(feet.swing_jacobian[:, leg], missing)
+            now = feet(landed)
+            missing = foot + (0.0, share * height) - now.swing
+            landed[leg] += np.linalg.solve(now.jacobian[:, leg], missing)
     change = RABBIT_ANGLES.controlled @ (landed - start)
     coeffs = path.coeffs.copy()
     coeffs[:, -len(SHARES) :] += np.outer(change, SHARES)
@@ -102,7 +94,7 @@ def landing_at(path: StepPath, height: float, model: FeetModel) -> StepPath:
     return StepPath(coeffs, path.phase_angle_start, end)
 
 
-def descent(path: StepPath, model: FeetModel) -> Array:
+def descent(path: StepPath, feet: Feet) -> Array:
     """By how much the desired angles (4,) change per phase beyond 1 more than along their end, rad: the swing foot then
     goes straight down, DEPTH within LATE of the phase, and the pitch stays.
 
@@ -110,14 +102,14 @@ def descent(path: StepPath, model: FeetModel) -> Array:
     """
     span = path.phase_angle_end - path.phase_angle_start
     landed = np.append(np.zeros(2), RABBIT_ANGLES.coordinates(path.coeffs[:, -1], path.phase_angle_end))
-    at_rest, pitch, below = np.zeros(7), landed[2], landed.copy()
-    aim = model.update(landed, at_rest).swing - (0.0, DEPTH)
+    pitch, below = landed[2], landed.copy()
+    aim = feet(landed).swing - (0.0, DEPTH)
     missing = np.ones(4)
     for _ in range(2 * NEWTON_STEPS):
-        feet = model.update(below, at_rest)
+        now = feet(below)
         phase_angle = path.phase_angle_end + LATE * span - RABBIT_ANGLES.phase_angle @ below
-        missing = np.array([*(aim - feet.swing), phase_angle, pitch - below[2]])
-        slopes = np.vstack([feet.swing_jacobian, RABBIT_ANGLES.phase_angle, np.eye(7)[2]])[:, 2:]
+        missing = np.array([*(aim - now.swing), phase_angle, pitch - below[2]])
+        slopes = np.vstack([now.jacobian, RABBIT_ANGLES.phase_angle, np.eye(7)[2]])[:, 2:]
         below[2:] += np.linalg.lstsq(slopes, missing, rcond=None)[0]
     if not np.abs(missing).max() < FOUND:
         return np.zeros(4)

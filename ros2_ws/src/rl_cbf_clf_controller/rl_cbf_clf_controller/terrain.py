@@ -1,17 +1,14 @@
-"""What a controller knows of the ground ahead: nothing, or the one stone in sight, as barriers and observations."""
+"""What a controller knows of the ground ahead: nothing, or the one stone in sight."""
 
-from dataclasses import replace
 from typing import Any, Literal
 
-from cbf_clf_qp.ecbf import Barriers
 from rabbit_description.state import RobotState, StonePreview
 
-from rl_cbf_clf_controller.pinned_robot import Kinematics
 from rl_cbf_clf_controller.scene import ControllerError
-from rl_cbf_clf_controller.stone_barriers import stone_barriers
 
 FARTHEST_STONE = 2.0  # m
 HIGHEST_STONE = 0.5  # m, up or down
+OF_STATE = 14  # observations of the robot itself
 
 
 class FlatGround:
@@ -25,22 +22,15 @@ class FlatGround:
     def check(self, state: RobotState) -> None:
         """Any state will do."""
 
-    def barriers(self, feet: Kinematics, stone: StonePreview | None) -> Barriers | None:
-        """None."""
-
-    def observed(self, stone: StonePreview | None, step_length: tuple[float, ...]) -> tuple[float, ...]:
-        """Nothing."""
-        return ()
+    def observed(self, stone: StonePreview | None, step_length: tuple[float, ...]) -> int:
+        """How many of the observations there are: those of the robot."""
+        return OF_STATE
 
 
 class SteppingStones(FlatGround):
     """One stone is seen at a time, the next."""
 
     name = "stones"
-
-    def __init__(self, parameters: Any) -> None:
-        super().__init__(parameters)
-        self._radii = parameters.R1, parameters.R2
 
     def check(self, state: RobotState) -> None:
         """Raises `ControllerError` where the state comes without the next stone's preview."""
@@ -52,14 +42,6 @@ class SteppingStones(FlatGround):
         if not abs(stone.height) <= HIGHEST_STONE:
             raise ControllerError(f"state.preview = {stone}: expected a height of at most {HIGHEST_STONE:g} m")
 
-    def barriers(self, feet: Kinematics, stone: StonePreview | None) -> Barriers | None:
-        """Of the stone less the margin at both edges; None where no stone is seen."""
-        if stone is None:
-            return None
-        margin = self._parameters.stone_margin
-        narrowed = replace(stone, l_min=stone.l_min + margin, l_max=stone.l_max - margin)
-        return stone_barriers(feet, narrowed, *self._radii)
-
-    def observed(self, stone: StonePreview | None, step_length: tuple[float, ...]) -> tuple[float, ...]:
-        """What a policy reads of it: the near edge, m, then the `step_length` that a gait library chose for it."""
-        return (stone.l_min, *step_length) if stone else ()
+    def observed(self, stone: StonePreview | None, step_length: tuple[float, ...]) -> int:
+        """With the near edge, m, and the `step_length` that a gait library chose for the stone."""
+        return OF_STATE + (1 + len(step_length) if stone else 0)

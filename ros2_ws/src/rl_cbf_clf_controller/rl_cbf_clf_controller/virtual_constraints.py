@@ -1,20 +1,34 @@
-"""Outputs y = H q_s - desired(phase) and their derivatives, in stance/swing coordinates.
+"""Outputs y = H q - desired(phase), in stance/swing coordinates, as CasADi expressions.
 
-phase = (phase_angle - start) / (end - start),  phase_angle = c' q_s
-y-ddot = J_y q-ddot + y_bias,  J_y = H - desired'(phase) c' / (end - start)
+    phase s = (c' q - start) / (end - start)
+    y = H q - d_0,   d_0' = d_1 s',   d_1' = d_2 s',     d_0, d_1, d_2: desired(s) and its two derivatives in s
 
-H q_s are m controlled angles, linear in the coordinates. RABBIT's are its four joints, and its phase angle is
-pitch + stance hip + stance knee / 2.
+H q are m controlled angles, linear in the coordinates. RABBIT's are its four joints, and its phase angle c' q is
+pitch + stance hip + stance knee / 2. For a tick the d_i are parameters that move with the phase. `desired` gives them:
+
+    desired(s) = path(s) + correction((s - begin) / width) + descent g(s - 1)
+
+Path and correction are polynomials, continued outside [0, 1] so that their curvature fades: p''(s) = p''(end)
+exp(-|s - end| / FADING). Constant, it would lead a late foot far away; none at all, it would jump at the end, and with
+it y'' and the error of every estimate. `step_outputs.py` has what correction and descent are for, and g.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from math import comb
 from typing import Protocol
 
+import casadi as ca
 import numpy as np
-from cbf_clf_qp.affine import Affine
+from cbf_clf_qp.symbolic.affine import Affine
+from cbf_clf_qp.symbolic.functions import NumpyFunction, packed
+from cbf_clf_qp.symbolic.system import System
 from rabbit_description.state import Array
 
-from rl_cbf_clf_controller.bezier import FADING, Bezier
+FADING = 0.04  # of the phase, in which the curvature falls to 1/e beyond an end
+POWERS, CORRECTION_POWERS = 8, 5  # coefficients of the polynomials, the highest ones zero where there are fewer
+PARAMETERS = ("desired_0", "desired_1", "desired_2", "phase_scale")
+Orders = tuple[ca.SX, ca.SX, ca.SX]  # a function and its two derivatives
 
 
 @dataclass(frozen=True)
@@ -31,6 +45,103 @@ class Angles:
 
 
 RABBIT_ANGLES = Angles(np.eye(7)[3:], np.array([0.0, 0.0, 1.0, 1.0, 0.5, 0.0, 0.0]))
+
+
+class Path(Protocol):
+    """Desired controlled angles over the phase, as a gait has them: `coeffs` (m, k), rad, and the phase angles, rad."""
+
+    @property
+    def coeffs(self) -> Array: ...
+
+    @property
+    def phase_angle_start(self) -> float: ...
+
+    @property
+    def phase_angle_end(self) -> float: ...
+
+
+@dataclass(frozen=True)
+class Correction:
+    """What is added to a path: Bézier control points `coeffs` (m, 5), rad, over x = (phase - `begin`) / `width`."""
+
+    coeffs: Array
+    begin: float
+    width: float
+
+
+class OutputExpressions:
+    """The outputs of coordinates with the symbols `q` and `dq` (n,), and the `parameters` that they add to a system."""
+
+    def __init__(self, q: ca.SX, dq: ca.SX, angles: Angles = RABBIT_ANGLES) -> None:
+        m = len(angles.controlled)
+        value, slope, curvature = (ca.SX.sym(f"desired_{k}", m) for k in range(3))
+        scale = ca.SX.sym("phase_scale", 2)  # 1 / (end - start), start / (end - start)
+        self.phase = scale[0] * ca.dot(ca.DM(angles.phase_angle), q) - scale[1]
+        self.phase_rate = ca.jtimes(self.phase, q, dq)
+        self.y = ca.DM(angles.controlled) @ q - value
+        self.parameters = {"desired_0": value, "desired_1": slope, "desired_2": curvature, "phase_scale": scale}
+        self.rates = {"desired_0": slope * self.phase_rate, "desired_1": curvature * self.phase_rate}
+
+
+def desired(phase: ca.SX, path: Mapping[str, ca.SX]) -> Orders:
+    """desired(phase) (m,) and its two derivatives, with the symbols of `path_symbols`."""
+    begin, width = path["correction_span"][0], path["correction_span"][1]
+    along = continued(path["powers"], phase)
+    corrected = continued(path["correction"], (phase - begin) / width)
+    lowered = gradual_line(phase - 1)
+    value, slope, curvature = (
+        along[k] + corrected[k] / width**k + path["descent"] * lowered[k] for k in range(3)
+    )
+    return value, slope, curvature
+
+
+def path_symbols(outputs: int) -> dict[str, ca.SX]:
+    """New symbols for the numbers of a path of m `outputs`: coefficients of 1, s, s^2, ...; see `path_row`."""
+    shapes = {"powers": (outputs, POWERS), "correction": (outputs, CORRECTION_POWERS)}
+    shapes |= {"correction_span": (2, 1), "descent": (outputs, 1)}
+    return {name: ca.SX.sym(name, *shape) for name, shape in shapes.items()}
+
+
+def path_row(path: Path, correction: Correction | None = None, descent: Array | None = None) -> Array:
+    """The numbers of a path in the order of `path_symbols`."""
+    m, degree = path.coeffs.shape
+    own = correction or Correction(np.zeros((m, CORRECTION_POWERS)), 0.0, 1.0)
+    powers = np.pad(to_powers(path.coeffs), ((0, 0), (0, POWERS - degree)))
+    lowered = np.zeros(m) if descent is None else descent
+    return np.concatenate([powers.ravel(), to_powers(own.coeffs).ravel(), [own.begin, own.width], lowered])
+
+
+def continued(coefficients: ca.SX, s: ca.SX) -> Orders:
+    """Polynomials (m,) with `coefficients` (m, k) of 1, s, ..., continued outside [0, 1], and two derivatives in s."""
+    inside, at = ca.fmin(ca.fmax(s, 0), 1), ca.SX.sym("at")
+    powers = [ca.SX(1)]
+    for _ in range(coefficients.shape[1] - 1):
+        powers.append(powers[-1] * at)
+    value = coefficients @ ca.vertcat(*powers)
+    first = ca.jacobian(value, at)
+    value, first, second = ca.substitute([value, first, ca.jacobian(first, at)], [at], [inside])
+    beyond = s - inside
+    left = ca.exp(-ca.fabs(beyond) / FADING)
+    turned = FADING * (1 - left) * ca.sign(beyond)  # the integral of what is left of the curvature
+    bent = FADING * (ca.fabs(beyond) - ca.fabs(turned))  # and the integral of that
+    return value + first * beyond + second * bent, first + second * turned, second * left
+
+
+def gradual_line(x: ca.SX) -> Orders:
+    """g of `step_outputs.py`: a line of slope 1 that begins gradually at x = 0; and two derivatives."""
+    after = ca.fmax(x, 0) / FADING
+    left = ca.exp(-after)
+    return FADING * (after - 2 + (after + 2) * left), 1 - (1 + after) * left, after * left / FADING
+
+
+def to_powers(control_points: Array) -> Array:
+    """Coefficients (m, n + 1) of 1, s, s^2, ... of Bézier polynomials sum_k C(n, k) s^k (1 - s)^(n - k) c_k."""
+    degree = control_points.shape[1] - 1
+    matrix = np.zeros((degree + 1, degree + 1))
+    for k in range(degree + 1):
+        for j in range(degree - k + 1):
+            matrix[k, k + j] = comb(degree, k) * comb(degree - k, j) * (-1) ** j
+    return control_points @ matrix
 
 
 @dataclass(frozen=True)
@@ -58,63 +169,50 @@ class Outputs:
         return acceleration.mapped(self.jacobian, self.bias)
 
 
-class Path(Protocol):
-    """Desired controlled angles over the phase, as a gait has them: `coeffs` (m, k), rad, and the phase angles, rad."""
-
-    @property
-    def coeffs(self) -> Array: ...
-
-    @property
-    def phase_angle_start(self) -> float: ...
-
-    @property
-    def phase_angle_end(self) -> float: ...
-
-
-@dataclass(frozen=True)
-class KnownPath:
-    """A path at a state at which the outputs have been computed."""
-
-    outputs: Outputs
-
-    def at(self, q_s: Array, dq_s: Array) -> Outputs:
-        """At that state."""
-        return self.outputs
-
-
 class VirtualConstraints:
-    """The outputs of a gait, or of another path."""
+    """The outputs of a path as numbers. One object serves one thread."""
 
-    def __init__(self, path: Path, angles: Angles = RABBIT_ANGLES) -> None:
-        self._desired = Bezier(path.coeffs)
-        self.controlled = angles.controlled
-        per_angle = 1.0 / (path.phase_angle_end - path.phase_angle_start)
-        self._start = path.phase_angle_start * per_angle
-        self._gradient = angles.phase_angle / (path.phase_angle_end - path.phase_angle_start)
+    def __init__(
+        self,
+        path: Path,
+        angles: Angles = RABBIT_ANGLES,
+        correction: Correction | None = None,
+        descent: Array | None = None,
+    ) -> None:
+        span = path.phase_angle_end - path.phase_angle_start
+        self.controlled, self._phase_angle = angles.controlled, angles.phase_angle
+        self._scale = np.array([1 / span, path.phase_angle_start / span])
+        self._row = path_row(path, correction, descent)
+        self._outputs, self._parameters = output_functions(angles)
 
-    def parameters(self) -> dict[str, Array]:
-        """What the generated code needs to know of them, as in `generated.layout.PATH`."""
-        return {
-            "gradient": self._gradient,
-            "phase_start": np.array(self._start),
-            "powers": self._desired.powers,
-            "fading": np.array(FADING),
-            "correction_width": np.ones(1),
-        }
+    def parameters(self, q_s: Array) -> dict[str, Array]:
+        """`desired_0` to `desired_2` (m,) at `q_s` (n,), and `phase_scale` (2,): what a tick takes of the path."""
+        found = self._parameters(q_s, self._scale, self._row)
+        return {name: getattr(found, name) for name in PARAMETERS}
+
+    def phase(self, q_s: Array) -> float:
+        """Of the step, at `q_s` (n,)."""
+        return float(self._scale[0] * (self._phase_angle @ q_s) - self._scale[1])
 
     def evaluate(self, q_s: Array, dq_s: Array) -> Outputs:
         """Outputs at `q_s`, `dq_s` (n,), stance/swing order."""
-        phase = float(self._gradient @ q_s) - self._start
-        phase_rate = float(self._gradient @ dq_s)
-        desired, slope, curvature = self._desired(phase)
-        return Outputs(
-            eta=np.concatenate([self.controlled @ q_s - desired, self.controlled @ dq_s - slope * phase_rate]),
-            jacobian=self.controlled - np.outer(slope, self._gradient),
-            bias=-curvature * phase_rate**2,
-            phase=phase,
-            phase_rate=phase_rate,
-        )
+        found = self._outputs(q_s, dq_s, self._parameters(q_s, self._scale, self._row).row)
+        return Outputs(found.eta, found.jacobian, found.bias, float(found.phase[0]), float(found.phase_rate[0]))
 
-    def path_at(self, q_s: Array, dq_s: Array) -> KnownPath:
-        """The outputs at a state, for a trace."""
-        return KnownPath(self.evaluate(q_s, dq_s))
+
+def output_functions(angles: Angles) -> tuple[NumpyFunction, NumpyFunction]:
+    """`Outputs` of (q, dq, parameters); the parameters of (q, phase_scale, the row of a path)."""
+    m, n = angles.controlled.shape
+    q, dq, ddq, path = ca.SX.sym("q", n), ca.SX.sym("dq", n), ca.SX.sym("ddq", n), path_symbols(m)
+    outputs = OutputExpressions(q, dq, angles)
+    free = System(ca.vertcat(q, dq), ddq, ca.vertcat(dq, ddq), outputs.parameters, outputs.rates)
+    y, dy, ddy = free.derivatives("outputs", outputs.y, 2)
+    acceleration = free.affine(ddy)
+    found = {"eta": ca.vertcat(y, dy), "jacobian": acceleration.a, "bias": acceleration.b}
+    found |= {"phase": outputs.phase, "phase_rate": outputs.phase_rate}
+    scale = outputs.parameters["phase_scale"]
+    orders = dict(zip(outputs.parameters, (*desired(outputs.phase, path), scale), strict=True))
+    return (
+        NumpyFunction.of("outputs", {"q": q, "dq": dq, "parameters": packed(outputs.parameters)}, found),
+        NumpyFunction.of("desired", {"q": q, "scale": scale, "path": packed(path)}, orders),
+    )

@@ -18,48 +18,42 @@ y'' = mu + Delta_1 + Delta_2 mu, |Delta_1| <= offset, and Delta_2 mu = r mu with
 and both corners +- are rows. The forces are left nominal.
 """
 
-from dataclasses import replace
+from collections.abc import Callable
+from typing import Any
 
-import numpy as np
-from cbf_clf_qp.affine import Affine, Array
-from cbf_clf_qp.estimates import Estimates
-from cbf_clf_qp.tick import Estimator, Terms
+import casadi as ca
+from cbf_clf_qp.symbolic.affine import Affine
+from cbf_clf_qp.symbolic.terms import Terms
 
-from rl_cbf_clf_controller.parameters import ControllerParameters
-from rl_cbf_clf_controller.scene import Scene
+from rl_cbf_clf_controller.walking import Walking
 
-FORCES = slice(3, 5)  # of the quantities V, B1, B2, F_N, F_T
-
-
-class WorstCase(Estimator[Scene]):
-    """No estimate of the error, but the corners of the set that it lies in."""
-
-    def __init__(self, parameters: ControllerParameters) -> None:
-        self._parameters = parameters
-        self._zero = Estimates.zero(5, 4)
-
-    def estimate(self, terms: Terms[Scene], before: Estimates) -> Estimates:
-        """Zero, with the corners."""
-        return replace(self._zero, corners=tuple(self.corners(terms)))
-
-    def corners(self, terms: Terms[Scene]) -> list[Affine]:
-        """Errors of the quantities (5), affine in mu (4)."""
-        p = self._parameters
-        if p.robust_bounds == "mass_scale":
-            return [_scale_error(terms, scale) for scale in (p.robust_scale_min, p.robust_scale_max)]
-        offset = np.array([np.linalg.norm(terms.scene.LgV) * p.robust_offset, *2 * [-p.robust_barrier_offset], 0, 0])
-        slope = np.array([p.robust_slope, *2 * [p.robust_barrier_slope], 0, 0])
-        return [_norm_error(terms.nominal, sign * slope, offset) for sign in (-1, 1)]
+FORCES = (3, 4)  # of the quantities V, B1, B2, F_N, F_T
 
 
-def _scale_error(terms: Terms[Scene], scale: float) -> Affine:
-    of_torque = terms.nominal.after(terms.precontrol.inverse())
-    gain, drift = np.full(5, 1 / scale), np.ones(5)
-    gain[FORCES], drift[FORCES] = 1, scale
-    return Affine(gain[:, None] * of_torque.a, drift * of_torque.b).after(terms.precontrol) - terms.nominal
+def worst_cases(w: Walking, parameters: Any) -> Callable[[Terms], list[Affine]]:
+    """The corners: errors of the quantities (5,), affine in mu."""
+    corners = scale_errors if parameters.robust_bounds == "mass_scale" else norm_errors
+    return lambda terms: corners(w, terms)
 
 
-def _norm_error(nominal: Affine, slope: Array, offset: Array) -> Affine:
-    drift = nominal.b.copy()
-    drift[0] = 0  # Delta_2 multiplies mu, and not V-dot's own drift
-    return Affine(slope[:, None] * nominal.a, slope * drift + offset)
+def scale_errors(w: Walking, terms: Terms) -> list[Affine]:
+    """For all masses times the least and the largest scale."""
+    in_torque = Affine.stacked([quantity.value for quantity in terms.quantities])
+    found = []
+    for name in ("robust_scale_min", "robust_scale_max"):
+        scale, n = w.gains[name], in_torque.b.numel()
+        of_input = ca.vertcat(*(1 if i in FORCES else 1 / scale for i in range(n)))
+        of_drift = ca.vertcat(*(scale if i in FORCES else 1 for i in range(n)))
+        scaled = Affine(ca.diag(of_input) @ in_torque.a, of_drift * in_torque.b)
+        found.append(scaled.after(terms.control) - terms.nominal)
+    return found
+
+
+def norm_errors(w: Walking, terms: Terms) -> list[Affine]:
+    """For errors within bounds of their norms."""
+    g, nominal = w.gains, terms.nominal
+    size = ca.norm_2(terms.reads["LgV"])
+    offset = ca.vertcat(size * g["robust_offset"], *2 * [-g["robust_barrier_offset"]], 0, 0)
+    slope = ca.vertcat(g["robust_slope"], *2 * [g["robust_barrier_slope"]], 0, 0)
+    drift = ca.vertcat(0, nominal.b[1:])  # Delta_2 multiplies mu, and not V-dot's own drift
+    return [Affine(ca.diag(sign * slope) @ nominal.a, sign * slope * drift + offset) for sign in (-1, 1)]

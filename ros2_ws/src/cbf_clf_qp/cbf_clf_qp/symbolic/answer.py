@@ -100,16 +100,18 @@ class Answering:
         """With DAQP in the function."""
         start = time.perf_counter()
         values = self._with_daqp(*inputs)
-        solved = values.row[0] < TOLERANCE
+        solved = bool(values.row[0] < TOLERANCE)
         return Decided(values, self.layout, solved, "daqp", "in the function", time.perf_counter() - start)
 
     def _outside(self, inputs: Sequence[Array], solver: Solver) -> Decided:
         """With a solver between two functions."""
         start = time.perf_counter()
         data = self._programme(*inputs)
+        if not data.is_valid[0]:
+            return self._inside(inputs)
         x, y, status = solver.solve(data, self.layout)
         values = self._reading(data.row, x, y)
-        solved = values.row[0] < TOLERANCE
+        solved = bool(values.row[0] < TOLERANCE)
         return Decided(values, self.layout, solved, solver.name, status, time.perf_counter() - start)
 
     @cached_property
@@ -120,8 +122,10 @@ class Answering:
     def _reading(self) -> NumpyFunction:
         row = ca.SX.sym("row", packed(self._data).numel())
         x, y = ca.SX.sym("x", self.layout.shape[1]), ca.SX.sym("y", self.layout.shape[0])
-        said = reading(split(row, places_of(self._data)), x, y, self.layout)
-        return NumpyFunction.of("reading", {"row": row, "x": x, "y": y}, said)
+        data = split(row, places_of(self._data))
+        control = {name: data[name] for name in ("control_a", "control_b")}
+        said = reading(data, x, y, self.layout) | control
+        return NumpyFunction.of("reading", {"row": row, "x": x, "y": y}, said, matrices=("control_a",))
 
     @cached_property
     def _with_daqp(self) -> NumpyFunction:

@@ -7,7 +7,7 @@
 Every input is copied into memory that CasADi reads. All outputs lie in one row, of which each is a view.
 """
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from typing import Any
 
 import casadi as ca
@@ -92,6 +92,12 @@ def places_of(values: Mapping[str, ca.SX], matrices: Collection[str] = ()) -> di
         places[name] = slice(start, end), value.shape[:1] if is_vector else value.shape
         start = end
     return places
+
+
+def free_symbols(expression: ca.SX, symbols: Iterable[ca.SX]) -> str:
+    """Names of the symbols in an expression that are not among those given."""
+    function = ca.Function("free", list(symbols), [expression], {"allow_free": True})
+    return ", ".join(function.get_free()) if function.has_free() else ""
 
 
 def split(row: Any, places: Mapping[str, Place]) -> dict[str, Any]:

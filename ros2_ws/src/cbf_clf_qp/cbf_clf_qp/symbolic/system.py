@@ -18,7 +18,7 @@ import casadi as ca
 import numpy as np
 
 from cbf_clf_qp.symbolic.affine import Affine
-from cbf_clf_qp.symbolic.functions import packed
+from cbf_clf_qp.symbolic.functions import free_symbols, packed
 
 ROUNDING = 1e-11  # what is left where u cancels, relative to what cancels
 
@@ -71,9 +71,7 @@ class System:
 
     def check_known(self, name: str, expression: ca.SX) -> None:
         """Raise ValueError where an expression has a symbol that is neither state, input nor parameter."""
-        function = ca.Function("known", [self.x, self.u, self.p], [expression], {"allow_free": True})
-        if function.has_free():
-            unknown = ", ".join(function.get_free())
+        if unknown := free_symbols(expression, (self.x, self.u, self.p)):
             raise ValueError(f"{name} depends on {unknown}: expected x, u and declared parameters")
 
     def derivative(self, expression: ca.SX) -> ca.SX:

@@ -1,0 +1,60 @@
+"""The objectives against numpy: a minimum without rows is known in closed form."""
+
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+from cbf_clf_qp.symbolic.affine import Affine
+from cbf_clf_qp.symbolic.answer import Answering
+from cbf_clf_qp.symbolic.objective import nearest, pd_centred
+from cbf_clf_qp.symbolic.qp import build_qp
+from cbf_clf_qp.symbolic.rows import at_most
+
+M = 3
+
+
+def minimum(objective: Any, symbols: dict[str, ca.SX], solver: str, bound: float = 1e6) -> Any:
+    """mu as a function of the symbols' values; the one row, on mu's first component, does not matter if far."""
+    row = at_most(("far",), ca.SX.eye(M)[:1, :], ca.SX(bound), 1e3)
+    layout, data = build_qp([row], objective, M)
+    answering = Answering(symbols, data, layout, Affine.identity(M), solver)
+    return lambda *values: answering(*values).mu
+
+
+@pytest.mark.parametrize("solver", ["daqp", "osqp"])
+def test_nearest_gives_the_wanted_input(solver: str) -> None:
+    """Whatever its weights, where no row is active."""
+    a, b, wanted = ca.SX.sym("a", M, M), ca.SX.sym("b", M), ca.SX.sym("wanted", M)
+    objective = nearest(Affine(a, b), wanted, ca.SX([1, 2, 3]))
+    find, rng = minimum(objective, {"a": a, "b": b, "wanted": wanted}, solver), np.random.default_rng(0)
+    for _ in range(20):
+        matrix, offset, goal = rng.normal(size=(M, M)) + 3 * np.eye(M), rng.normal(size=M), rng.normal(size=M)
+        assert matrix @ find(matrix, offset, goal) + offset == pytest.approx(goal, abs=1e-8)
+
+
+def test_weights_say_which_component_gives_way() -> None:
+    """min |w (mu - wanted)|^2 with mu_1 + mu_2 <= 0: the step back is in proportion to 1 / w^2."""
+    goal, wanted = np.array([1.0, 1.0, 0.0]), ca.SX.sym("wanted", M)
+    objective = nearest(Affine.identity(M), wanted, ca.SX([1, 2, 1]))
+    row = at_most(("sum",), ca.SX([[1, 1, 0]]), ca.SX(0), float("inf"))
+    layout, data = build_qp([row], objective, M)
+    step = goal - Answering({"wanted": wanted}, data, layout, Affine.identity(M), "daqp")(goal).mu
+    assert step == pytest.approx([1.6, 0.4, 0])
+
+
+@pytest.mark.parametrize("solver", ["daqp", "osqp"])
+def test_pd_centred_is_least_squares(solver: str) -> None:
+    """|E mu + Delta - v_PD|^2 + weight |mu|^2 by numpy's own solution of it."""
+    names = {name: ca.SX.sym(name, *shape) for name, shape in {"y": (M, 1), "dy": (M, 1), "D2": (M, M), "D1": (M, 1)}.items()}
+    y, dy, D2, D1 = names.values()
+    eps, weight = 0.3, 0.1
+    find = minimum(pd_centred(y, dy, eps, Affine(D2, D1), weight), names, solver)
+    rng = np.random.default_rng(1)
+    for _ in range(20):
+        y_0, dy_0, delta_1 = rng.normal(size=(3, M))
+        E = np.eye(M) + (delta_2 := 0.4 * rng.normal(size=(M, M)))
+        v = -y_0 / eps**2 - np.sqrt(3) * dy_0 / eps
+        system = np.vstack([E, np.sqrt(weight) * np.eye(M)])
+        expected = np.linalg.lstsq(system, np.concatenate([v - delta_1, np.zeros(M)]), rcond=None)[0]
+        assert find(y_0, dy_0, delta_2, delta_1) == pytest.approx(expected, abs=1e-7)

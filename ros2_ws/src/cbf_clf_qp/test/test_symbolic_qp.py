@@ -1,0 +1,142 @@
+"""Seeded random programmes: KKT conditions in numpy, agreement of the solvers, who gives way first."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+from cbf_clf_qp.symbolic.affine import Affine
+from cbf_clf_qp.symbolic.answer import Answering
+from cbf_clf_qp.symbolic.objective import Objective
+from cbf_clf_qp.symbolic.qp import build_qp
+from cbf_clf_qp.symbolic.rows import HARD, at_least, at_most, between
+
+M, SOFT, LIMIT = 3, 5, 2.0  # inputs, soft rows; of |mu|
+
+
+def programme(solver: str, root: bool) -> Answering:
+    """Soft rows of two weights, hard limits; the bounds, rows and the objective are inputs."""
+    A, upper, center, R = ca.SX.sym("A", SOFT, M), ca.SX.sym("upper", SOFT), ca.SX.sym("c", M), ca.SX.sym("R", M, M)
+    blocks = [
+        at_most(("a", "b"), A[:2, :], upper[:2], 10.0, rescue=False),
+        at_least(("c", "d", "e"), -A[2:, :], -upper[2:], 100.0),
+        between([f"u{i}" for i in range(M)], ca.SX.eye(M), -LIMIT * ca.SX.ones(M), LIMIT * ca.SX.ones(M)),
+    ]
+    layout, data = build_qp(blocks, Objective(R if root else ca.SX.eye(M), center), M)
+    return Answering({"A": A, "upper": upper, "c": center, "R": R}, data, layout, Affine.identity(M), solver)
+
+
+def draw(rng: Any) -> tuple[Any, ...]:
+    """Rows that are often in conflict, so that the programme has no solution without slack."""
+    root = np.triu(rng.normal(size=(M, M)), 1) + np.diag(rng.uniform(1, 2, M))
+    return rng.normal(size=(SOFT, M)), 3 * rng.normal(size=SOFT), rng.normal(size=M), root
+
+
+def optimality(mu: Any, slack: Any, A: Any, upper: Any, center: Any, R: Any) -> float:
+    """By how much the gradient of the cost is not in the cone of the active rows' normals: 0 at the minimum.
+
+    Written over (mu, slack) without any scaling: |R mu - c|^2 + sum w s^2, A mu - |A_i| s_i <= upper, |mu| <= limit.
+    """
+    size, weight = np.linalg.norm(A, axis=1), np.array([10.0, 10, 100, 100, 100])
+    of_slack = 2 * weight * slack  # each is the multiplier of its row, over |A_i|
+    assert (A @ mu - size * slack <= upper + 1e-5).all()
+    assert (of_slack[A @ mu - size * slack < upper - 1e-4] < 1e-3).all()
+    gradient = 2 * R.T @ (R @ mu - center) + A.T @ (of_slack / size)
+    gradient[(mu > LIMIT - 1e-6) & (gradient < 0)] = 0
+    gradient[(mu < -LIMIT + 1e-6) & (gradient > 0)] = 0
+    return float(np.abs(gradient).max())
+
+
+@pytest.mark.parametrize("root", [False, True])
+@pytest.mark.parametrize("solver", ["daqp", "osqp"])
+def test_answers_meet_the_kkt_conditions(solver: str, root: bool) -> None:
+    answering, rng, most = programme(solver, root), np.random.default_rng(5), 0
+    for _ in range(200):
+        A, upper, center, R = draw(rng)
+        decided = answering(A, upper, center, R)
+        assert decided.solved
+        assert decided.residual < 1e-6
+        R = R if root else np.eye(M)
+        assert optimality(decided.mu, decided.values.slack[:SOFT], A, upper, center, R) < 1e-3
+        most += len(decided.slack)
+    assert most > 200  # most programmes have no solution without slack
+    assert answering.unanswered == 0
+
+
+def test_the_solvers_agree() -> None:
+    """DAQP in the function, DAQP outside, OSQP."""
+    inside, osqp, rng = programme("daqp", True), programme("osqp", True), np.random.default_rng(6)
+    for _ in range(200):
+        data = draw(rng)
+        outside = inside._outside(data, inside._solvers[0])
+        first, second = inside(*data), osqp(*data)
+        assert (first.solver, outside.solver, second.solver) == ("daqp", "daqp", "osqp")
+        for other in (outside, second):
+            assert other.mu == pytest.approx(first.mu, abs=1e-6)
+            assert other.values.slack == pytest.approx(first.values.slack, abs=1e-5)
+
+
+@pytest.mark.parametrize("solver", ["daqp", "osqp"])
+def test_an_answer_that_is_wrong_is_not_solved(solver: str) -> None:
+    """A feasible point that is no minimum, with multipliers that make the gradient zero: complementarity tells."""
+    answering, rng = programme(solver, False), np.random.default_rng(7)
+    data = draw(rng)
+    right = answering(*data)
+    p = answering._programme(*data)
+    lie = SimpleNamespace(name="lie", solve=lambda p, layout: (right_x + 0.1, y_of(p, right_x + 0.1), "solved"))
+    right_x = answering._solvers[0].solve(p, answering.layout)[0]
+
+    def y_of(p: Any, x: Any) -> Any:
+        return np.linalg.lstsq(p.A.T, -(2 * x + p.q), rcond=None)[0]
+
+    assert right.solved
+    assert not answering._outside(data, lie).solved  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("solver", ["daqp", "osqp"])
+def test_rows_give_way_in_order_of_their_weights(solver: str) -> None:
+    """CLF before barrier, barrier before the limit of the input, which never does."""
+    one = ca.SX.ones(1, 1)
+    goal, floor = ca.SX.sym("goal"), ca.SX.sym("floor")
+    rows = [
+        at_least(("CLF",), one, goal, 10.0, rescue=False),
+        at_most(("B",), one, floor, 1e6),
+        between(("u1",), one, ca.SX(-1), ca.SX(1)),
+    ]
+    layout, data = build_qp(rows, None, 1)
+    answering = Answering({"goal": goal, "floor": floor}, data, layout, Affine.identity(1), solver)
+    cases = {(0.5, 0.8): (), (0.5, 0.2): ("CLF",), (5.0, -3.0): ("CLF", "B"), (3.0, 9.0): ("CLF",)}
+    for (low, high), giving in cases.items():
+        decided = answering(np.array([low]), np.array([high]))
+        assert decided.solved
+        assert abs(decided.u[0]) <= 1 + 1e-9
+        most = {name: slack for name, slack in decided.slack.items() if slack > 1e-4}
+        assert most.keys() >= set(giving)
+        if giving == ("CLF", "B"):  # u = -1, all of the limit goes to the barrier
+            assert decided.u[0] == pytest.approx(-1)
+            assert most == pytest.approx({"CLF": 6.0, "B": 2.0})
+    assert layout.rescues.tolist() == [False, True, False]
+
+
+@pytest.mark.parametrize("solver", ["daqp", "osqp"])
+def test_what_has_no_solution_is_not_solved(solver: str) -> None:
+    """Hard rows in conflict."""
+    low = ca.SX.sym("low")
+    one = ca.SX.ones(1, 1)
+    rows = [at_least(("low",), one, low, HARD), at_most(("high",), one, ca.SX(1), HARD)]
+    layout, data = build_qp(rows, None, 1)
+    answering = Answering({"low": low}, data, layout, Affine.identity(1), solver)
+    assert answering(np.array([0.5])).u == pytest.approx([0.5])
+    assert not answering(np.array([2.0])).solved
+    assert not answering(np.array([np.inf])).solved
+    assert not answering(np.array([np.nan])).solved
+    assert answering(np.array([0.7])).u == pytest.approx([0.7])
+
+
+def test_osqp_prints_nothing(capfd: Any) -> None:
+    """Also where no row is active, or one just is."""
+    answering = programme("osqp", False)
+    for shift in (0.0, 1e-7, 1e-5, 1.0):
+        answering(np.eye(SOFT, M), np.zeros(SOFT) + 1e-7 - shift, np.zeros(M), np.eye(M))
+    assert capfd.readouterr() == ("", "")

@@ -1,0 +1,256 @@
+"""A tick: nothing in it is stale, estimates, corners and what comes in at its door."""
+
+from collections.abc import Callable
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+from cbf_clf_qp.symbolic.affine import Affine
+from cbf_clf_qp.symbolic.barrier import Barrier
+from cbf_clf_qp.symbolic.clf import Clf
+from cbf_clf_qp.symbolic.estimates import Estimates
+from cbf_clf_qp.symbolic.measure import model_error
+from cbf_clf_qp.symbolic.objective import pd_centred
+from cbf_clf_qp.symbolic.quantity import Quantity
+from cbf_clf_qp.symbolic.rows import HARD
+from cbf_clf_qp.symbolic.system import System
+from cbf_clf_qp.symbolic.terms import Terms
+from cbf_clf_qp.symbolic.tick import Tick
+
+X, V, U, FORCE = ca.SX.sym("x"), ca.SX.sym("v"), ca.SX.sym("u"), 100.0
+DEFAULTS = {"wall": 0.9, "speed": 0.0, "eps": 0.2, "pole": 8.0, "radius": 0.1, "limit": FORCE, "weight": 10.0, "mass": 2.0}
+
+
+def cart_tick(solver: str = "daqp", **constants: float) -> Tick:
+    """A cart that is pulled to 1 m, before a wall and a round obstacle; what is not constant is a parameter."""
+    of: dict[str, Any] = {name: constants.get(name, ca.SX.sym(name)) for name in DEFAULTS}
+    parameters = [value for value in of.values() if isinstance(value, ca.SX)]
+    rates = {"wall": of["speed"]} if isinstance(of["wall"], ca.SX) else {}
+    cart = System(ca.vertcat(X, V), U, ca.vertcat(V, U / of["mass"]), parameters, rates)
+    quantities = [
+        Clf(X - 1, eps=of["eps"], slack_weight=of["weight"]),
+        Barrier("wall", of["wall"] - X, poles=(of["pole"], of["pole"])),
+        Barrier("obstacle", (X + 1) ** 2 - of["radius"] ** 2, poles=(of["pole"], 2 * of["pole"])),
+    ]
+    return Tick(cart, quantities, limit=of["limit"], solver=solver)
+
+
+CHANGES = {"wall": 0.5, "eps": 0.4, "pole": 2.0, "radius": 0.8, "limit": 3.0, "weight": 1.0, "mass": 7.0}
+
+
+@pytest.mark.parametrize("solver", ["daqp", "osqp"])
+@pytest.mark.parametrize("name", CHANGES)
+def test_a_changed_parameter_counts_in_the_same_tick(solver: str, name: str) -> None:
+    """As in a tick that is built with that constant; there and back, in the middle of a ride."""
+    tick, rng = cart_tick(solver), np.random.default_rng(0)
+    fixed = {value: cart_tick(solver, **{**DEFAULTS, name: value}) for value in (DEFAULTS[name], CHANGES[name])}
+    differ = 0
+    for k in range(60):
+        x = rng.normal(size=2)
+        value = CHANGES[name] if 20 <= k < 40 else DEFAULTS[name]
+        decided = tick(x, **{**DEFAULTS, name: value})
+        assert decided.solved
+        assert decided.u == pytest.approx(fixed[value](x).u, rel=1e-6, abs=1e-6)
+        differ += abs(decided.u[0] - tick(x, **DEFAULTS).u[0]) > 1e-3
+    assert differ > 3
+
+
+def ride(wall_of: Callable[[float], tuple[float, float]], declared: bool = True) -> Any:
+    """By how much a cart stays before a wall at (place, speed) of time, m; `declared`: it is told the speed."""
+    tick, x, gaps = cart_tick(), np.zeros(2), []
+    for k in range(2000):
+        wall, speed = wall_of(k / 1000)
+        decided = tick(x, **{**DEFAULTS, "wall": wall, "speed": speed if declared else 0.0})
+        assert decided.solved
+        acceleration = decided.u[0] / 2
+        x = x + np.array([x[1] / 1000 + acceleration / 2e6, acceleration / 1000])
+        gaps.append(wall_of((k + 1) / 1000)[0] - x[0])
+    return np.array(gaps)
+
+
+def test_a_wall_that_has_moved_is_not_passed() -> None:
+    """From 0.9 to 0.5 m, while the cart can still stop."""
+    assert ride(lambda t: (0.9 if t < 0.02 else 0.5, 0.0)).min() > -1e-3
+
+
+def test_a_wall_that_comes_closer_at_known_speed_is_not_passed() -> None:
+    """And the cart recedes before it; if the speed is not declared, the cart lags behind by speed (p1 + p2) / (p1 p2)."""
+    gaps = [ride(lambda t: (0.9 - 0.3 * t, -0.3), declared) for declared in (True, False)]
+    assert gaps[0].min() > -1e-3
+    assert gaps[1][-1] == pytest.approx(-0.3 * 16 / 64, abs=2e-3)
+
+
+def test_each_wall_has_its_own_tick() -> None:
+    """Two ticks of one system share nothing."""
+    first, second = cart_tick(wall=0.9), cart_tick(wall=0.5)
+    x, values = np.array([0.3, 1.0]), {name: value for name, value in DEFAULTS.items() if name != "wall"}
+    before = first(x, **values).u
+    second(x, **values)
+    assert first(x, **values).u == pytest.approx(before, abs=0)
+
+
+def segway_tick(plant: Any, **options: Any) -> Tick:
+    v, theta, omega = (plant.symbols[name] for name in ("v", "theta", "omega"))
+    slow = Barrier("slow", 3 - v - 1.2 * ca.cos(theta) * omega - 4 * ca.sin(theta), poles=(4,))
+    return Tick(plant.system, [Clf(theta - 0.1), slow], **options)
+
+
+@pytest.mark.parametrize("solver", ["daqp", "osqp"])
+def test_estimates_make_the_tick_that_of_another_model(make_plant: Any, solver: str) -> None:
+    """y^(r) = mu of the nominal model; the other's rows, at the same mu."""
+    plant, rng = make_plant("segway"), np.random.default_rng(1)
+    tick, nominal = segway_tick(plant, solver=solver), ca.SX(60.0)
+    v, theta, omega = (plant.symbols[name] for name in ("v", "theta", "omega"))
+    control = Terms.of(plant.system, [Clf(theta - 0.1)]).control
+    control = Affine(*ca.substitute([control.a, control.b], [plant.symbols["body"]], [nominal]))
+    other = segway_tick(plant, solver=solver, control=control)
+    error = model_error(tick.terms)
+    for x in rng.normal(size=(20, 3)) * [1, 0.3, 0.3]:
+        found = error(x, np.array([60.0]), np.array([75.0]))
+        decided = tick(x, alpha=found.alpha, beta=found.beta, body=60.0)
+        assert decided.u == pytest.approx(other(x, body=75.0).u, rel=1e-6, abs=1e-6)
+
+
+def test_a_correction_of_the_input_is_a_part_of_it(make_plant: Any) -> None:
+    """u = control(mu + alpha mu + beta) with the nominal rows over mu."""
+    plant, rng = make_plant("double_pendulum"), np.random.default_rng(2)
+    clf = Clf(plant.symbols["q"], eps=0.2)
+    V = clf.on(plant.system)
+    assert V.outputs
+    assert V.slope
+    slope = V.slope
+    outputs = Quantity(("y1", "y2"), V.outputs, lambda y_r: V.rows(slope.after(y_r)), outputs=V.outputs)
+    nominal, corrected = Tick(plant.system, [clf]), Tick(plant.system, [outputs], corrects_input=True, limit=60.0)
+    limited = 0
+    for x in rng.normal(size=(20, 4)):
+        alpha, beta = 0.1 * rng.normal(size=(2, 2)), rng.normal(size=2)
+        decided, read = corrected(x, alpha=alpha, beta=beta, tip=0.5), corrected.look(x, np.array([0.5]))
+        assert decided.solved
+        expected = read.control_a @ (decided.mu + alpha @ decided.mu + beta) + read.control_b
+        assert decided.u == pytest.approx(expected, rel=1e-9)
+        assert np.abs(decided.u).max() <= 60 + 1e-6
+        is_free = decided.active in ((), ("CLF",))
+        limited += not is_free
+        if is_free:
+            assert decided.mu == pytest.approx(nominal(x, tip=0.5).mu, abs=1e-5)
+    assert 0 < limited < 20
+
+
+def test_each_corner_has_its_rows() -> None:
+    """mu that a barrier asks for, if its error is anywhere in +-(slope |nominal| + offset), is that of the worst one."""
+    x, u = ca.SX.sym("x"), ca.SX.sym("u")
+    system, barrier = System(x, u, u), Barrier("far", x - 1, (1,), rescue_weight=HARD)
+
+    def corners(terms: Terms) -> list[Affine]:
+        return [Affine(ca.SX(sign * 0.5), ca.SX(sign * 0.2)) for sign in (-1, 1)]
+
+    tick = Tick(system, [barrier], corners=corners)
+    assert tick.layout.names == ("far", "far")
+    for place in (0.0, -2.0, 3.0):  # mu (1 +- 0.5) +- 0.2 >= 1 - x
+        least = 1 - place
+        expected = max(0.0, (least + 0.2) / 0.5, (least - 0.2) / 1.5)
+        assert tick([place]).mu == pytest.approx([expected], abs=1e-6)
+    soft = Tick(system, [Barrier("far", x - 1, (1,))], corners=corners, limit=1.0)
+    slack = soft([0.0]).slack["far"] * 0.5  # of the row of size 0.5, in units of mu
+    assert slack == pytest.approx(1.2 - 0.5, rel=1e-4)
+
+
+@pytest.mark.parametrize("solver", ["daqp", "osqp"])
+@pytest.mark.parametrize(
+    ("changes", "named"),
+    [
+        ({"wall": float("nan")}, r"wall = \[nan\]: expected finite"),
+        ({"speed": float("inf")}, r"speed = \[inf\]: expected finite"),
+        ({"x": [0.0, float("nan")]}, r"x = \[ 0. nan\]: expected finite"),
+        ({"alpha": np.full((3, 1), np.nan)}, "alpha = .*expected finite"),
+        ({"beta": np.array([0, np.inf, 0])}, "beta = .*expected finite"),
+        ({"output_error": np.array([[0, np.nan]])}, "output_error = .*expected finite"),
+        ({"x": [0.0]}, "x has 1 numbers; expected 2"),
+        ({"x": [0.0, 0, 0]}, "x has 3 numbers; expected 2"),
+        ({"beta": np.zeros(2)}, r"estimates: alpha \(3, 1\), beta \(2,\); expected"),
+        ({"alpha": np.zeros((3, 2))}, "alpha has 6 numbers; expected 3"),
+        ({"wall": [0.0, 1.0]}, r"parameter wall = \[0.0, 1.0\]: expected numbers of shape \(1,\)"),
+        ({"wall": "far"}, "parameter wall = far: expected numbers"),
+        ({"wall": None}, "parameter wall = None: expected numbers"),
+        ({"gate": 1.0}, "parameters: gate unknown; expected wall, speed"),
+    ],
+)
+def test_what_is_wrong_at_the_door_is_one_clear_error(solver: str, changes: dict[str, Any], named: str) -> None:
+    """And the next tick is as if it had not been asked."""
+    tick, right = cart_tick(solver), {"x": [0.3, 0.1], **DEFAULTS}
+    before = tick(**right).u
+    with pytest.raises(ValueError, match=named):
+        tick(**{**right, **changes})
+    assert tick(**right).u == pytest.approx(before, abs=0)
+
+
+def test_a_parameter_that_is_not_given_is_named() -> None:
+    with pytest.raises(ValueError, match="parameters: eps, wall missing; expected wall, speed, eps"):
+        cart_tick()([0.0, 0.0], **{name: value for name, value in DEFAULTS.items() if name not in ("wall", "eps")})
+
+
+def test_a_matrix_is_a_parameter() -> None:
+    """Row by row, as numpy has it."""
+    x, u, A = ca.SX.sym("x", 2), ca.SX.sym("u", 2), ca.SX.sym("A", 2, 2)
+    tick = Tick(System(x, u, A @ x + u, {"A": A}), [Clf(x, gains=(1.0,))])
+    matrix = np.array([[1.0, 2.0], [3.0, 4.0]])
+    decided = tick([0.3, -0.7], A=matrix)
+    assert decided.u + matrix @ [0.3, -0.7] == pytest.approx(decided.mu)
+    with pytest.raises(ValueError, match=r"parameter A = .*expected numbers of shape \(2, 2\)"):
+        tick([0.3, -0.7], A=[1.0, 2.0, 3.0])
+
+
+def test_the_tick_is_checked_where_it_is_written_down() -> None:
+    system = System(X, U, U)
+    with pytest.raises(ValueError, match="quantities wall, wall: expected different names"):
+        Tick(system, [Barrier("wall", X, (1,)), Barrier("wall", -X, (1,))])
+    with pytest.raises(ValueError, match="solver = qpoases: expected osqp or daqp"):
+        Tick(system, [Barrier("wall", X, (1,))], solver="qpoases")
+    with pytest.raises(ValueError, match="limit depends on most"):
+        Tick(system, [Barrier("wall", X, (1,))], limit=ca.SX.sym("most"))
+
+
+def test_pd_centred_needs_the_output_error(make_plant: Any) -> None:
+    """Estimates that do not know it are refused, where the objective depends on it alone."""
+    plant = make_plant("pendulum")
+    theta, omega = plant.symbols["theta"], plant.symbols["omega"]
+
+    def objective(terms: Terms) -> Any:
+        return pd_centred(theta, omega, 0.3, terms.output_error, 0.1)
+
+    x, p, unknown = np.array([0.1, 0.2]), np.array([0.7]), Estimates(np.zeros((1, 1)), np.zeros(1))
+    assert Tick(plant.system, [Clf(theta)]).decide(x, p, unknown).solved
+    with pytest.raises(ValueError, match="output_error = None: expected"):
+        Tick(plant.system, [Clf(theta)], objective=objective).decide(x, p, unknown)
+
+
+def test_a_decoupling_that_is_singular_is_not_solved() -> None:
+    """No number at the door is wrong, so it is no error: the tick has no answer."""
+    tick = Tick(System(X, U, X * U), [Clf(X - 1, gains=(1.0,))])
+    decided = tick([0.0])
+    assert (decided.solved, decided.status, decided.residual) == (False, "data not valid", np.inf)
+    assert tick([0.5]).solved
+
+
+def test_what_can_be_read() -> None:
+    """The state of a barrier, its initial values, and what was asked for."""
+    cart = System(ca.vertcat(X, V), U, ca.vertcat(V, U))
+    tick = Tick(cart, [Barrier("wall", 1 - X, poles=(2, 3))], reads={"energy": V**2 / 2})
+    read = tick.look(np.array([0.25, 0.5]), np.zeros(0))
+    assert read.wall_state == pytest.approx([0.75, -0.5])
+    assert read.wall_initial == pytest.approx([0.75, -0.5 + 2 * 0.75])
+    assert read.energy == pytest.approx([0.125])
+    assert (read.nominal_a, read.nominal_b) == (pytest.approx(np.array([[-1.0]])), pytest.approx([0.0]))
+    with pytest.raises(AttributeError, match="no value speed: expected one of nominal_a"):
+        _ = read.speed
+
+
+def test_a_reset_forgets_the_last_programme() -> None:
+    """The same walk after a reset, bit for bit, with the solver that remembers."""
+    tick, states = cart_tick("osqp"), np.random.default_rng(4).normal(size=(30, 2))
+    rides = []
+    for _ in range(2):
+        tick.reset()
+        rides.append([tick(x, **DEFAULTS).u[0] for x in states])
+    assert rides[0] == rides[1]

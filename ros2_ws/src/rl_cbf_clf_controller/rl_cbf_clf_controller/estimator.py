@@ -1,0 +1,18 @@
+"""What says how wrong the nominal quantities are: a policy, an identified robot, an oracle, an adaptation."""
+
+from abc import ABC, abstractmethod
+
+from cbf_clf_qp.symbolic.estimates import Estimates
+
+from rl_cbf_clf_controller.scene import Scene
+
+
+class Estimator(ABC):
+    """The estimates of all estimators of a controller are added."""
+
+    @abstractmethod
+    def estimate(self, scene: Scene, before: Estimates) -> Estimates:
+        """Alpha and beta of every quantity, to be added to those of the estimators `before`; called once a tick."""
+
+    def reset(self) -> None:
+        """Begin an episode: forget what the last one taught."""

@@ -1,0 +1,92 @@
+"""The numbers of a planar robot, as `planar_robot.robot_parameters` orders them, read from its URDF by pinocchio."""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import pinocchio as pin
+from rabbit_description import URDF_PATH
+from rabbit_description.state import Array
+
+from rl_cbf_clf_controller.planar_robot import BASE, Structure
+
+PLANE = [0, 2]  # x and z of a spatial vector
+PLANAR = [0, 1, 3, 6]  # m, m c_x, m c_z, I_yy among pinocchio's ten of a link
+GRAVITY = np.array([0.0, 9.81])  # m/s^2, upwards
+MIRRORED = [0, 3, 4, 1, 2]  # RABBIT's links with the legs exchanged
+
+
+@dataclass(frozen=True)
+class RobotNumbers:
+    """One robot: arrays by the names and with the units of `robot_parameters`."""
+
+    structure: Structure
+    links: Array
+    joints: Array
+    feet: Array
+    motor_gain: Array
+    joint_damping: float = 0.0
+    coulomb: float = 0.0
+    gravity: Array = field(default_factory=lambda: GRAVITY)
+
+    @property
+    def row(self) -> Array:
+        """All of them, in order."""
+        arrays = self.links, self.joints, self.feet, self.motor_gain, self.joint_damping, self.coulomb, self.gravity
+        return np.concatenate([np.ravel(array) for array in arrays])
+
+    @property
+    def theta(self) -> Array:
+        """(12,) of RABBIT: m, m c_x, m c_z, I_yy of torso, thigh and shin; the left leg's, if they differ."""
+        return self.links[:3].ravel()
+
+    def with_links(self, theta: Array, motor_gain: float, joint_damping: float) -> "RobotNumbers":
+        """RABBIT with two like legs of these links, see `theta`."""
+        torso, thigh, shin = theta.reshape(3, 4)
+        gains = np.full(len(self.motor_gain), motor_gain)
+        links = np.array([torso, thigh, shin, thigh, shin])
+        return replace(self, links=links, motor_gain=gains, joint_damping=joint_damping)
+
+    def mirrored(self) -> "RobotNumbers":
+        """RABBIT with its right leg as the stance leg: the masses and motors of the legs change places."""
+        return replace(self, links=self.links[MIRRORED], motor_gain=self.motor_gain[[2, 3, 0, 1]])
+
+
+def read_robot(urdf: str | None = None, feet: tuple[str, str] = ("left_foot", "right_foot")) -> RobotNumbers:
+    """Of a URDF, RABBIT's if none is given; `feet` are the links of the stance and of the swing foot.
+
+    Raises:
+        ValueError: a robot that is not planar, or has no such feet.
+    """
+    model = pin.buildModelFromXML(urdf or URDF_PATH.read_text(encoding="utf-8"))
+    _check(model, feet)
+    first = BASE + 1  # joint of the first link after the torso
+    parents = tuple(int(parent) - BASE for parent in list(model.parents)[first:])
+    frames = [model.frames[model.getFrameId(foot)] for foot in feet]
+    structure = Structure(parents, (frames[0].parentJoint - BASE, frames[1].parentJoint - BASE))
+    return RobotNumbers(
+        structure,
+        links=np.array([inertia.toDynamicParameters()[PLANAR] for inertia in list(model.inertias)[BASE:]]),
+        joints=np.array([placement.translation[PLANE] for placement in list(model.jointPlacements)[first:]]),
+        feet=np.array([frame.placement.translation[PLANE] for frame in frames]),
+        motor_gain=np.ones(structure.motors),
+    )
+
+
+def _check(model: pin.Model, feet: tuple[str, str]) -> None:
+    kinds = [model.joints[i].shortname() for i in range(1, model.njoints)]
+    wanted = ["JointModelPX", "JointModelPZ", *["JointModelRY"] * (model.njoints - 3)]
+    if kinds != wanted or model.njoints < BASE + 2:
+        raise ValueError(f"URDF {model.name}: joints {kinds}; expected {wanted}: slides x and z, then turns about y")
+    turned = [model.names[i] for i in range(1, model.njoints) if not _is_level(model, i)]
+    if turned:
+        raise ValueError(f"URDF {model.name}: {', '.join(turned)}: expected frames in the plane, not turned")
+    missing = [foot for foot in feet if not model.existFrame(foot)]
+    if missing:
+        raise ValueError(f"URDF {model.name}: no link {', '.join(missing)} for a foot")
+
+
+def _is_level(model: pin.Model, joint: int) -> bool:
+    placement = model.jointPlacements[joint]
+    at_origin = joint > BASE or not placement.translation.any()
+    massless = joint >= BASE or model.inertias[joint].mass == 0
+    return bool(np.array_equal(placement.rotation, np.eye(3)) and at_origin and massless)
