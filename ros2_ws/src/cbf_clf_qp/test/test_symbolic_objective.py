@@ -17,8 +17,8 @@ M = 3
 def minimum(objective: Any, symbols: dict[str, ca.SX], solver: str, bound: float = 1e6) -> Any:
     """mu as a function of the symbols' values; the one row, on mu's first component, does not matter if far."""
     row = at_most(("far",), ca.SX.eye(M)[:1, :], ca.SX(bound), 1e3)
-    layout, data = build_qp([row], objective, M)
-    answering = Answering(symbols, data, layout, Affine.identity(M), solver)
+    layout, data = build_qp([row], objective, Affine.identity(M))
+    answering = Answering(symbols, data, layout, solver)
     return lambda *values: answering(*values).mu
 
 
@@ -38,8 +38,8 @@ def test_weights_say_which_component_gives_way() -> None:
     goal, wanted = np.array([1.0, 1.0, 0.0]), ca.SX.sym("wanted", M)
     objective = nearest(Affine.identity(M), wanted, ca.SX([1, 2, 1]))
     row = at_most(("sum",), ca.SX([[1, 1, 0]]), ca.SX(0), float("inf"))
-    layout, data = build_qp([row], objective, M)
-    step = goal - Answering({"wanted": wanted}, data, layout, Affine.identity(M), "daqp")(goal).mu
+    layout, data = build_qp([row], objective, Affine.identity(M))
+    step = goal - Answering({"wanted": wanted}, data, layout, "daqp")(goal).mu
     assert step == pytest.approx([1.6, 0.4, 0])
 
 

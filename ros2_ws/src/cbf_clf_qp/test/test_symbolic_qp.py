@@ -23,8 +23,8 @@ def programme(solver: str, root: bool) -> Answering:
         at_least(("c", "d", "e"), -A[2:, :], -upper[2:], 100.0),
         between([f"u{i}" for i in range(M)], ca.SX.eye(M), -LIMIT * ca.SX.ones(M), LIMIT * ca.SX.ones(M)),
     ]
-    layout, data = build_qp(blocks, Objective(R if root else ca.SX.eye(M), center), M)
-    return Answering({"A": A, "upper": upper, "c": center, "R": R}, data, layout, Affine.identity(M), solver)
+    layout, data = build_qp(blocks, Objective(R if root else ca.SX.eye(M), center), Affine.identity(M))
+    return Answering({"A": A, "upper": upper, "c": center, "R": R}, data, layout, solver)
 
 
 def draw(rng: Any) -> tuple[Any, ...]:
@@ -104,8 +104,8 @@ def test_rows_give_way_in_order_of_their_weights(solver: str) -> None:
         at_most(("B",), one, floor, 1e6),
         between(("u1",), one, ca.SX(-1), ca.SX(1)),
     ]
-    layout, data = build_qp(rows, None, 1)
-    answering = Answering({"goal": goal, "floor": floor}, data, layout, Affine.identity(1), solver)
+    layout, data = build_qp(rows, None, Affine.identity(1))
+    answering = Answering({"goal": goal, "floor": floor}, data, layout, solver)
     cases = {(0.5, 0.8): (), (0.5, 0.2): ("CLF",), (5.0, -3.0): ("CLF", "B"), (3.0, 9.0): ("CLF",)}
     for (low, high), giving in cases.items():
         decided = answering(np.array([low]), np.array([high]))
@@ -125,8 +125,8 @@ def test_what_has_no_solution_is_not_solved(solver: str) -> None:
     low = ca.SX.sym("low")
     one = ca.SX.ones(1, 1)
     rows = [at_least(("low",), one, low, HARD), at_most(("high",), one, ca.SX(1), HARD)]
-    layout, data = build_qp(rows, None, 1)
-    answering = Answering({"low": low}, data, layout, Affine.identity(1), solver)
+    layout, data = build_qp(rows, None, Affine.identity(1))
+    answering = Answering({"low": low}, data, layout, solver)
     assert answering(np.array([0.5])).u == pytest.approx([0.5])
     assert not answering(np.array([2.0])).solved
     assert not answering(np.array([np.inf])).solved

@@ -121,7 +121,7 @@ def test_a_correction_of_the_input_is_a_part_of_it(make_plant: Any) -> None:
     assert V.slope
     slope = V.slope
     outputs = Quantity(("y1", "y2"), V.outputs, lambda y_r: V.rows(slope.after(y_r)), outputs=V.outputs)
-    nominal, corrected = Tick(plant.system, [clf]), Tick(plant.system, [outputs], corrects_input=True, limit=60.0)
+    nominal, corrected = Tick(plant.system, [clf]), Tick(plant.system, [outputs], corrects_input=True, limit=40.0)
     limited = 0
     for x in rng.normal(size=(20, 4)):
         alpha, beta = 0.1 * rng.normal(size=(2, 2)), rng.normal(size=2)
@@ -129,7 +129,7 @@ def test_a_correction_of_the_input_is_a_part_of_it(make_plant: Any) -> None:
         assert decided.solved
         expected = read.control_a @ (decided.mu + alpha @ decided.mu + beta) + read.control_b
         assert decided.u == pytest.approx(expected, rel=1e-9)
-        assert np.abs(decided.u).max() <= 60 + 1e-6
+        assert np.abs(decided.u).max() <= 40 + 1e-6
         is_free = decided.active in ((), ("CLF",))
         limited += not is_free
         if is_free:
@@ -163,7 +163,7 @@ def test_each_corner_has_its_rows() -> None:
         ({"wall": float("nan")}, r"wall = \[nan\]: expected finite"),
         ({"speed": float("inf")}, r"speed = \[inf\]: expected finite"),
         ({"x": [0.0, float("nan")]}, r"x = \[ 0. nan\]: expected finite"),
-        ({"alpha": np.full((3, 1), np.nan)}, "alpha = .*expected finite"),
+        ({"alpha": np.full((3, 1), np.nan)}, r"alpha = (.|\n)*expected finite"),
         ({"beta": np.array([0, np.inf, 0])}, "beta = .*expected finite"),
         ({"output_error": np.array([[0, np.nan]])}, "output_error = .*expected finite"),
         ({"x": [0.0]}, "x has 1 numbers; expected 2"),
@@ -172,7 +172,7 @@ def test_each_corner_has_its_rows() -> None:
         ({"alpha": np.zeros((3, 2))}, "alpha has 6 numbers; expected 3"),
         ({"wall": [0.0, 1.0]}, r"parameter wall = \[0.0, 1.0\]: expected numbers of shape \(1,\)"),
         ({"wall": "far"}, "parameter wall = far: expected numbers"),
-        ({"wall": None}, "parameter wall = None: expected numbers"),
+        ({"wall": None}, r"wall = \[nan\]: expected finite"),
         ({"gate": 1.0}, "parameters: gate unknown; expected wall, speed"),
     ],
 )
@@ -207,7 +207,7 @@ def test_the_tick_is_checked_where_it_is_written_down() -> None:
         Tick(system, [Barrier("wall", X, (1,)), Barrier("wall", -X, (1,))])
     with pytest.raises(ValueError, match="solver = qpoases: expected osqp or daqp"):
         Tick(system, [Barrier("wall", X, (1,))], solver="qpoases")
-    with pytest.raises(ValueError, match="limit depends on most"):
+    with pytest.raises(ValueError, match="rows or objective depend on most"):
         Tick(system, [Barrier("wall", X, (1,))], limit=ca.SX.sym("most"))
 
 

@@ -11,8 +11,7 @@ from functools import cached_property
 
 import casadi as ca
 
-from cbf_clf_qp.symbolic.affine import Affine
-from cbf_clf_qp.symbolic.functions import Array, NumpyFunction, Values, packed, places_of, split
+from cbf_clf_qp.symbolic.functions import Array, NumpyFunction, Values, free_symbols, packed, places_of, split
 from cbf_clf_qp.symbolic.qp import ROUNDING, Layout, reading
 from cbf_clf_qp.symbolic.solvers import Solver, daqp_in_casadi, make_solver
 
@@ -65,17 +64,16 @@ class Decided:
 
 
 class Answering:
-    """The answer to a programme whose `data` are expressions of `inputs`; `control` is u of mu.
+    """The answer to a programme of which the `data`, see `qp.build_qp`, are expressions of `inputs`.
 
     Args:
         solver: the one that is asked first, `daqp` or `osqp`; the other one is its guard.
     """
 
-    def __init__(
-        self, inputs: Mapping[str, ca.SX], data: Mapping[str, ca.SX], layout: Layout, control: Affine, solver: str
-    ) -> None:
-        self.layout = layout
-        self._inputs, self._data = inputs, {**data, "control_a": control.a, "control_b": control.b}
+    def __init__(self, inputs: Mapping[str, ca.SX], data: Mapping[str, ca.SX], layout: Layout, solver: str) -> None:
+        if unknown := free_symbols(packed(data), inputs.values()):
+            raise ValueError(f"rows or objective depend on {unknown}: expected {', '.join(inputs)}")
+        self.layout, self._inputs, self._data = layout, inputs, data
         self._solvers: tuple[Solver, Solver] = make_solver(solver), make_solver("osqp" if solver == "daqp" else "daqp")
         self.unanswered = 0  # programmes that the first solver did not answer
 
@@ -122,9 +120,7 @@ class Answering:
     def _reading(self) -> NumpyFunction:
         row = ca.SX.sym("row", packed(self._data).numel())
         x, y = ca.SX.sym("x", self.layout.shape[1]), ca.SX.sym("y", self.layout.shape[0])
-        data = split(row, places_of(self._data))
-        control = {name: data[name] for name in ("control_a", "control_b")}
-        said = reading(data, x, y, self.layout) | control
+        said = reading(split(row, places_of(self._data)), x, y, self.layout)
         return NumpyFunction.of("reading", {"row": row, "x": x, "y": y}, said, matrices=("control_a",))
 
     @cached_property
@@ -134,4 +130,5 @@ class Answering:
         row = programme(*inputs)
         data = split(row, places_of(self._data))
         x, y = daqp_in_casadi(self.layout, data["q"], data["A"], data["lower"], data["upper"])
-        return NumpyFunction(ca.Function("decided", inputs, [read(row, x, y)]), self._reading.places)
+        function = ca.Function("decided", inputs, [read(row, x, y)], programme.name_in(), ["values"])
+        return NumpyFunction(function, self._reading.places)

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from cbf_clf_qp.symbolic.affine import Affine
 from cbf_clf_qp.symbolic.functions import Array
 from cbf_clf_qp.symbolic.objective import Objective
 from cbf_clf_qp.symbolic.rows import Rows
@@ -64,12 +65,13 @@ class Layout:
         return len(self.names), self.inputs + len(self.soft)
 
 
-def build_qp(blocks: Sequence[Rows], objective: Objective | None, inputs: int) -> tuple[Layout, dict[str, ca.SX]]:
-    """The programme's data by name: q (n,), lower, upper (k,), A (k, n); and what `reading` needs of them.
+def build_qp(blocks: Sequence[Rows], objective: Objective | None, control: Affine) -> tuple[Layout, dict[str, ca.SX]]:
+    """The programme's data by name: q (n,), lower, upper (k,), A (k, n); and what `reading` needs, with u = control(mu).
 
     `is_valid`: 1 where the data are finite and no row's bounds are out of order or out of reach, else 0.
     mu = `unroot` times the first variables; a slack = `slack_scale` times its variable.
     """
+    inputs = control.a.shape[1]
     layout = Layout.of(blocks, inputs)
     objective = objective or Objective(ca.SX.eye(inputs), ca.SX.zeros(inputs))
     unroot = ca.inv_minor(objective.root)
@@ -84,11 +86,12 @@ def build_qp(blocks: Sequence[Rows], objective: Objective | None, inputs: int) -
     q = ca.vertcat(-2 * objective.center, ca.SX.zeros(len(layout.soft)))
     lower = ca.vertcat(*(block.lower for block in blocks)) / size
     upper = ca.vertcat(*(block.upper for block in blocks)) / size
+    finite = A, unroot, control.a, control.b
     sound = ca.vertcat(lower <= upper, lower <= UNBOUNDED, upper >= -UNBOUNDED)
-    is_valid = ca.mmin(ca.vertcat(sound, is_finite(ca.vertcat(q, ca.vec(A), ca.vec(unroot)))))
+    is_valid = ca.mmin(ca.vertcat(sound, is_finite(ca.vertcat(q, *map(ca.vec, finite)))))
     lower = ca.if_else(is_valid, within_reach(lower), -UNBOUNDED)  # so that a solver does not stop at a NaN
     upper = ca.if_else(is_valid, within_reach(upper), UNBOUNDED)
-    data = {"q": q, "lower": lower, "upper": upper, "A": A}
+    data = {"q": q, "lower": lower, "upper": upper, "A": A, "control_a": control.a, "control_b": control.b}
     return layout, data | {"is_valid": is_valid, "unroot": unroot, "slack_scale": scale}
 
 
@@ -109,6 +112,8 @@ def reading(data: dict[str, ca.SX], x: ca.SX, y: ca.SX, layout: Layout) -> dict[
         "is_valid": data["is_valid"],
         "mu": mu,
         "u": data["control_a"] @ mu + data["control_b"],
+        "control_a": data["control_a"],
+        "control_b": data["control_b"],
         "slack": ca.if_else(slack < ROUNDING, 0, slack),
         "margin": ca.fmin(upper - value, value - lower),
     }

@@ -89,10 +89,10 @@ class Tick:
         limits = [] if limit is None else [input_limit(limit)]
         rows = [block for case in cases for block in terms.rows(case)]
         rows += [block for constraint in (*constraints, *limits) for block in constraint(terms)]
-        self.layout, data = build_qp(rows, objective(terms), terms.inputs)
+        self.layout, data = build_qp(rows, objective(terms), terms.control)
         self._needs_output_error = ca.depends_on(packed(data), ca.vec(terms.symbols["output_error"]))
         data["is_valid"] *= is_finite(packed(terms.symbols))
-        self._answer = Answering(terms.symbols, data, self.layout, terms.control, solver)
+        self._answer = Answering(terms.symbols, data, self.layout, solver)
         self._no_error, self._parameter_places = self.no_error(), places_of(system.named)
 
     def __call__(
