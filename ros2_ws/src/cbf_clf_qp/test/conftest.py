@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
-import numpy as np
 import pytest
 from cbf_clf_qp.symbolic.system import System, mechanical
 

@@ -41,7 +41,7 @@ def test_lyapunov_equation(clf: Numbers) -> None:
     assert residual == pytest.approx(0, abs=1e-9 * np.abs(clf.P).max() / clf.eps)
 
 
-def test_feedback_decays_by_Q(clf: Numbers) -> None:  # noqa: N802
+def test_feedback_decays_by_Q(clf: Numbers) -> None:
     """V-dot = -eta' Q eta at y^(r) = K eta, which meets the condition."""
     E = np.kron(np.diag(clf.eps ** -np.arange(clf.degree - 1, -1, -1.0)), np.eye(3))
     for eta in etas(clf):
@@ -79,7 +79,7 @@ def test_gains_that_do_not_stabilise_are_refused(eps: float, gains: tuple[float,
         ResClf(4, eps, gains)
 
 
-def test_V_dot_is_the_systems(make_plant: Any) -> None:  # noqa: N802
+def test_V_dot_is_the_systems(make_plant: Any) -> None:
     """By the chain of integrators as along the system."""
     plant, rng = make_plant("segway"), np.random.default_rng(2)
     quantity = Clf(plant.symbols["theta"] - 0.1, eps=0.3).on(plant.system)

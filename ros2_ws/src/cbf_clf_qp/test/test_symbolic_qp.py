@@ -1,9 +1,9 @@
 """Seeded random programmes: KKT conditions in numpy, agreement of the solvers, who gives way first."""
 
-from types import SimpleNamespace
 from typing import Any
 
 import casadi as ca
+import daqp
 import numpy as np
 import pytest
 from cbf_clf_qp.symbolic.affine import Affine
@@ -65,33 +65,33 @@ def test_answers_meet_the_kkt_conditions(solver: str, root: bool) -> None:
 
 
 def test_the_solvers_agree() -> None:
-    """DAQP in the function, DAQP outside, OSQP."""
+    """DAQP in the function, DAQP's own interface, OSQP."""
     inside, osqp, rng = programme("daqp", True), programme("osqp", True), np.random.default_rng(6)
     for _ in range(200):
         data = draw(rng)
-        outside = inside._outside(data, inside._solvers[0])
-        first, second = inside(*data), osqp(*data)
-        assert (first.solver, outside.solver, second.solver) == ("daqp", "daqp", "osqp")
-        for other in (outside, second):
-            assert other.mu == pytest.approx(first.mu, abs=1e-6)
-            assert other.values.slack == pytest.approx(first.values.slack, abs=1e-5)
+        first, second, p = inside(*data), osqp(*data), inside._programme(*data)
+        assert (first.solver, second.solver) == ("daqp", "osqp")
+        assert second.mu == pytest.approx(first.mu, abs=1e-6)
+        assert second.values.slack == pytest.approx(first.values.slack, abs=1e-5)
+        x, *_ = daqp.solve(2 * np.eye(M + SOFT), p.q, p.A, p.upper, p.lower, np.zeros(SOFT + M, dtype=np.int32))
+        assert p.unroot @ x[:M] == pytest.approx(first.mu, abs=1e-6)
 
 
-@pytest.mark.parametrize("solver", ["daqp", "osqp"])
-def test_an_answer_that_is_wrong_is_not_solved(solver: str) -> None:
-    """A feasible point that is no minimum, with multipliers that make the gradient zero: complementarity tells."""
-    answering, rng = programme(solver, False), np.random.default_rng(7)
-    data = draw(rng)
+def test_an_answer_that_is_wrong_is_not_solved(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A feasible point that is no minimum, with multipliers that make the gradient zero: DAQP is asked instead."""
+    answering, data = programme("osqp", False), draw(np.random.default_rng(7))
     right = answering(*data)
-    p = answering._programme(*data)
-    lie = SimpleNamespace(name="lie", solve=lambda p, layout: (right_x + 0.1, y_of(p, right_x + 0.1), "solved"))
-    right_x = answering._solvers[0].solve(p, answering.layout)[0]
 
-    def y_of(p: Any, x: Any) -> Any:
-        return np.linalg.lstsq(p.A.T, -(2 * x + p.q), rcond=None)[0]
+    def wrong(p: Any, layout: Any) -> Any:
+        x = p.q * 0
+        x[M:] = 100.0  # slacks so large that every soft row holds
+        return x, np.linalg.lstsq(p.A.T, -(2 * x + p.q), rcond=None)[0], "solved"
 
-    assert right.solved
-    assert not answering._outside(data, lie).solved  # type: ignore[arg-type]
+    monkeypatch.setattr(answering._osqp, "solve", wrong)
+    assert not answering._by_osqp(data).solved
+    guarded = answering(*data)
+    assert (right.solver, guarded.solver, answering.unanswered) == ("osqp", "daqp", 1)
+    assert guarded.mu == pytest.approx(right.mu, abs=1e-6)
 
 
 @pytest.mark.parametrize("solver", ["daqp", "osqp"])

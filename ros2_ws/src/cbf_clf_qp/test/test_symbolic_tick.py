@@ -19,7 +19,16 @@ from cbf_clf_qp.symbolic.terms import Terms
 from cbf_clf_qp.symbolic.tick import Tick
 
 X, V, U, FORCE = ca.SX.sym("x"), ca.SX.sym("v"), ca.SX.sym("u"), 100.0
-DEFAULTS = {"wall": 0.9, "speed": 0.0, "eps": 0.2, "pole": 8.0, "radius": 0.1, "limit": FORCE, "weight": 10.0, "mass": 2.0}
+DEFAULTS = {
+    "wall": 0.9,
+    "speed": 0.0,
+    "eps": 0.2,
+    "pole": 8.0,
+    "radius": 0.1,
+    "limit": FORCE,
+    "weight": 10.0,
+    "mass": 2.0,
+}
 
 
 def cart_tick(solver: str = "daqp", **constants: float) -> Tick:
@@ -205,7 +214,7 @@ def test_the_tick_is_checked_where_it_is_written_down() -> None:
     system = System(X, U, U)
     with pytest.raises(ValueError, match="quantities wall, wall: expected different names"):
         Tick(system, [Barrier("wall", X, (1,)), Barrier("wall", -X, (1,))])
-    with pytest.raises(ValueError, match="solver = qpoases: expected osqp or daqp"):
+    with pytest.raises(ValueError, match="solver = qpoases: expected daqp or osqp"):
         Tick(system, [Barrier("wall", X, (1,))], solver="qpoases")
     with pytest.raises(ValueError, match="rows or objective depend on most"):
         Tick(system, [Barrier("wall", X, (1,))], limit=ca.SX.sym("most"))

@@ -1,7 +1,7 @@
 """A programme as a function of a tick's inputs: numbers in, mu and u out.
 
-With DAQP the programme, the solver and the reading of its answer are one CasADi function. OSQP solves between two
-functions. Each solver guards the other: what counts is the KKT residual of an answer, and not what a solver says of it.
+With DAQP the programme, the solver and the reading of its answer are one CasADi function; OSQP solves between two. Each
+is the other's guard: what counts is the KKT residual of an answer, and not what a solver says of it.
 """
 
 import time
@@ -13,7 +13,7 @@ import casadi as ca
 
 from cbf_clf_qp.symbolic.functions import Array, NumpyFunction, Values, free_symbols, packed, places_of, split
 from cbf_clf_qp.symbolic.qp import ROUNDING, Layout, reading
-from cbf_clf_qp.symbolic.solvers import Solver, daqp_in_casadi, make_solver
+from cbf_clf_qp.symbolic.solvers import OsqpSolver, by_daqp
 
 TOLERANCE = 1e-6  # KKT residual that is let pass, relative to 1 + |x|
 
@@ -66,51 +66,51 @@ class Decided:
 class Answering:
     """The answer to a programme of which the `data`, see `qp.build_qp`, are expressions of `inputs`.
 
-    Args:
-        solver: the one that is asked first, `daqp` or `osqp`; the other one is its guard.
+    `solver`: the one that is asked first, `daqp` or `osqp`. Raises ValueError for another one, or an unknown symbol.
     """
 
     def __init__(self, inputs: Mapping[str, ca.SX], data: Mapping[str, ca.SX], layout: Layout, solver: str) -> None:
         if unknown := free_symbols(packed(data), inputs.values()):
             raise ValueError(f"rows or objective depend on {unknown}: expected {', '.join(inputs)}")
-        self.layout, self._inputs, self._data = layout, inputs, data
-        self._solvers: tuple[Solver, Solver] = make_solver(solver), make_solver("osqp" if solver == "daqp" else "daqp")
+        if solver not in ("daqp", "osqp"):
+            raise ValueError(f"solver = {solver}: expected daqp or osqp")
+        self._inputs, self._data, self._layout = inputs, data, layout
+        self._osqp = OsqpSolver()
+        self._solvers = (self._by_daqp, self._by_osqp) if solver == "daqp" else (self._by_osqp, self._by_daqp)
         self.unanswered = 0  # programmes that the first solver did not answer
 
     def __call__(self, *inputs: Array) -> Decided:
         """The first solver's answer, or its guard's; `solved` is false where neither has one."""
         first, guard = self._solvers
-        decided = self._inside(inputs) if first.name == "daqp" else self._outside(inputs, first)
+        decided = first(inputs)
         if decided.solved:
             return decided
         if not decided.values.is_valid[0]:
             decided.status = "data not valid"
             return decided
         self.unanswered += 1
-        return self._outside(inputs, guard)
+        return guard(inputs)
 
     def reset(self) -> None:
         """Forget the last programme, so that an episode does not depend on the one before."""
-        for solver in self._solvers:
-            solver.reset()
+        self._osqp.reset()
 
-    def _inside(self, inputs: Sequence[Array]) -> Decided:
-        """With DAQP in the function."""
+    def _by_daqp(self, inputs: Sequence[Array]) -> Decided:
         start = time.perf_counter()
         values = self._with_daqp(*inputs)
         solved = bool(values.row[0] < TOLERANCE)
-        return Decided(values, self.layout, solved, "daqp", "in the function", time.perf_counter() - start)
+        status = "solved" if solved else "not solved"
+        return Decided(values, self._layout, solved, "daqp", status, time.perf_counter() - start)
 
-    def _outside(self, inputs: Sequence[Array], solver: Solver) -> Decided:
-        """With a solver between two functions."""
+    def _by_osqp(self, inputs: Sequence[Array]) -> Decided:
         start = time.perf_counter()
         data = self._programme(*inputs)
         if not data.is_valid[0]:
-            return self._inside(inputs)
-        x, y, status = solver.solve(data, self.layout)
+            return self._by_daqp(inputs)
+        x, y, status = self._osqp.solve(data, self._layout)
         values = self._reading(data.row, x, y)
         solved = bool(values.row[0] < TOLERANCE)
-        return Decided(values, self.layout, solved, solver.name, status, time.perf_counter() - start)
+        return Decided(values, self._layout, solved, "osqp", status, time.perf_counter() - start)
 
     @cached_property
     def _programme(self) -> NumpyFunction:
@@ -119,8 +119,8 @@ class Answering:
     @cached_property
     def _reading(self) -> NumpyFunction:
         row = ca.SX.sym("row", packed(self._data).numel())
-        x, y = ca.SX.sym("x", self.layout.shape[1]), ca.SX.sym("y", self.layout.shape[0])
-        said = reading(split(row, places_of(self._data)), x, y, self.layout)
+        x, y = ca.SX.sym("x", self._layout.shape[1]), ca.SX.sym("y", self._layout.shape[0])
+        said = reading(split(row, places_of(self._data)), x, y, self._layout)
         return NumpyFunction.of("reading", {"row": row, "x": x, "y": y}, said, matrices=("control_a",))
 
     @cached_property
@@ -128,7 +128,6 @@ class Answering:
         programme, read = self._programme.function, self._reading.function
         inputs = [ca.MX.sym(programme.name_in(i), programme.sparsity_in(i)) for i in range(programme.n_in())]
         row = programme(*inputs)
-        data = split(row, places_of(self._data))
-        x, y = daqp_in_casadi(self.layout, data["q"], data["A"], data["lower"], data["upper"])
+        x, y = by_daqp(split(row, places_of(self._data)), self._layout)
         function = ca.Function("decided", inputs, [read(row, x, y)], programme.name_in(), ["values"])
         return NumpyFunction(function, self._reading.places)

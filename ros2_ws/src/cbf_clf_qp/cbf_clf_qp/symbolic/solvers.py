@@ -1,33 +1,28 @@
-"""QP solvers behind one small interface, for  min x'x + q'x  subject to  lower <= A x <= upper.
+"""Two QP solvers for  min x'x + q'x  subject to  lower <= A x <= upper,  with multipliers y, positive at an upper bound.
 
-What a solver says of its own answer does not count: `answer.py` asks for the KKT residual.
+DAQP, a dual active-set method, is exact and starts from nothing at every tick. OSQP starts from its last answer.
 """
 
 import signal
-from typing import Any, ClassVar, Protocol
+from typing import ClassVar
 
 import casadi as ca
-import daqp
 import numpy as np
 import osqp
 from scipy import sparse
 
-from cbf_clf_qp.symbolic.functions import Array
+from cbf_clf_qp.symbolic.functions import Array, Values
 from cbf_clf_qp.symbolic.qp import UNBOUNDED, Layout
 
-Answer = tuple[Array, Array, str]  # x (n,), multipliers (k,), positive at an upper bound, and what the solver says
 
-
-class Solver(Protocol):
-    """Solves one programme a tick."""
-
-    name: str
-
-    def solve(self, p: Any, layout: Layout) -> Answer:
-        """Of a programme `p` with q (n,), lower, upper (k,) and A (k, n), as `qp.build_qp` has them."""
-
-    def reset(self) -> None:
-        """Forget the last programme, so that an episode does not depend on the one before."""
+def by_daqp(p: dict[str, ca.MX], layout: Layout) -> tuple[ca.MX, ca.MX]:
+    """x (n,) and y (k,) as expressions of a programme's data: DAQP inside a CasADi function."""
+    rows, variables = layout.shape
+    hessian = 2 * ca.DM.eye(variables)
+    shapes = {"h": hessian.sparsity(), "a": ca.Sparsity.dense(rows, variables)}
+    solve = ca.conic("daqp", "daqp", shapes, {"error_on_fail": False, "print_problem": False})
+    answer = solve(h=hessian, g=p["q"], a=p["A"], lba=p["lower"], uba=p["upper"], lbx=-UNBOUNDED, ubx=UNBOUNDED)
+    return answer["x"], answer["lam_a"]
 
 
 class OsqpSolver:
@@ -37,7 +32,6 @@ class OsqpSolver:
     the programme is solved. If another thread took the signal, it is raised again and the programme is solved again.
     """
 
-    name = "osqp"
     SETTINGS: ClassVar[dict[str, object]] = {
         "scaling": 0,
         "eps_abs": 1e-6,
@@ -57,8 +51,8 @@ class OsqpSolver:
         """The next programme sets the solver up again: no warm start."""
         self._layout: Layout | None = None
 
-    def solve(self, p: Any, layout: Layout) -> Answer:
-        """Solve, unless the minimum without rows meets them all."""
+    def solve(self, p: Values, layout: Layout) -> tuple[Array, Array, str]:
+        """x (n,), y (k,) and what OSQP says; it is not asked where the minimum without rows meets them all."""
         free = p.q * -0.5
         value = p.A @ free
         if (value >= p.lower).all() and (value <= p.upper).all():
@@ -82,7 +76,7 @@ class OsqpSolver:
             signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
         return str(self._solver.info.status)
 
-    def _set_up(self, p: Any, layout: Layout) -> None:
+    def _set_up(self, p: Values, layout: Layout) -> None:
         A = sparse.csc_matrix((p.A[layout.rows, layout.columns], (layout.rows, layout.columns)), shape=layout.shape)
         problem = osqp.OSQP()
         problem.setup(sparse.eye(len(p.q), format="csc") * 2, p.q, A, p.lower, p.upper, **self.SETTINGS)
@@ -90,7 +84,7 @@ class OsqpSolver:
         self._layout = layout
 
 
-def polished(p: Any, x: Array, y: Array) -> tuple[Array, Array]:
+def polished(p: Values, x: Array, y: Array) -> tuple[Array, Array]:
     """The exact solution if those rows are active that seem to be, A_a x = b:  A_a A_a' y_a = -(2 b + A_a q)."""
     value = p.A @ x
     at_upper = p.upper - value < y
@@ -102,35 +96,3 @@ def polished(p: Any, x: Array, y: Array) -> tuple[Array, Array]:
     except np.linalg.LinAlgError:
         return x, y
     return -0.5 * (p.q + exact @ p.A), exact
-
-
-class DaqpSolver:
-    """DAQP, a dual active-set solver: exact, small and dense. It starts from no active set at every tick."""
-
-    name = "daqp"
-
-    def reset(self) -> None:
-        """It keeps nothing."""
-
-    def solve(self, p: Any, layout: Layout) -> Answer:
-        """Solve."""
-        sense = np.zeros(len(p.upper), dtype=np.int32)
-        x, _, flag, info = daqp.solve(2 * np.eye(len(p.q)), p.q, p.A, p.upper, p.lower, sense)
-        return x, info["lam"], f"exit {flag}"
-
-
-def daqp_in_casadi(layout: Layout, q: ca.MX, A: ca.MX, lower: ca.MX, upper: ca.MX) -> tuple[ca.MX, ca.MX]:
-    """x (n,) and multipliers (k,) as expressions: DAQP inside a CasADi function. A is dense (k, n)."""
-    rows, variables = layout.shape
-    hessian = 2 * ca.DM.eye(variables)
-    shapes = {"h": hessian.sparsity(), "a": ca.Sparsity.dense(rows, variables)}
-    solve = ca.conic("daqp", "daqp", shapes, {"error_on_fail": False, "print_problem": False})
-    answer = solve(h=hessian, g=q, a=A, lba=lower, uba=upper, lbx=-UNBOUNDED, ubx=UNBOUNDED)
-    return answer["x"], answer["lam_a"]
-
-
-def make_solver(name: str) -> Solver:
-    """`osqp` or `daqp`; raises ValueError for another name."""
-    if name not in ("osqp", "daqp"):
-        raise ValueError(f"solver = {name}: expected osqp or daqp")
-    return OsqpSolver() if name == "osqp" else DaqpSolver()

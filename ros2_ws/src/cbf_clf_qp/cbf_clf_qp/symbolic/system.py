@@ -96,7 +96,9 @@ class System:
             if order < degree and any(has_input):
                 raise DegreeError(f"{name}: relative degree {order}, but {degree} was given")
             if order == degree and not all(has_input):
-                raise DegreeError(f"{name}: derivative {degree} does not depend on u; expected relative degree {degree}")
+                raise DegreeError(
+                    f"{name}: derivative {degree} does not depend on u; expected relative degree {degree}"
+                )
             chain.append(rate if order == degree else self.affine(rate).b)
         return chain
 
