@@ -1,4 +1,4 @@
-"""The README's example runs as it stands there, and what it says of the wall is so."""
+"""The README's example runs as it stands there, and what it says is so."""
 
 import re
 from pathlib import Path
@@ -10,18 +10,31 @@ README = Path(__file__).resolve().parents[1] / "README.md"
 (EXAMPLE,) = re.findall(r"```python\n(.+?)```", README.read_text(encoding="utf-8"), re.DOTALL)
 
 
-def run(code: str) -> dict[str, Any]:
+@pytest.fixture(scope="module")
+def names() -> dict[str, Any]:
     """The example's names when it has ended."""
-    names: dict[str, Any] = {"__name__": "readme"}
-    exec(compile(code, str(README), "exec"), names)  # noqa: S102: our own text
-    return names
+    found: dict[str, Any] = {"__name__": "readme"}
+    exec(compile(EXAMPLE, str(README), "exec"), found)  # noqa: S102: our own text
+    return found
 
 
-def test_the_cart_stays_before_the_wall() -> None:
-    names = run(EXAMPLE)
-    assert 0.85 < names["x"][0] <= names["WALL"] + 1e-5  # the force is held for a tick
+def test_by_the_model_alone_the_cart_hits_the_wall(names: dict[str, Any]) -> None:
+    assert names["nominal"] < -0.02
 
 
-def test_without_the_wall_it_goes_to_the_goal() -> None:
-    names = run(EXAMPLE.replace(", Wall((8.0, 8.0), rescue_weight=1e6))", ",)"))
-    assert names["x"][0] == pytest.approx(names["GOAL"], abs=1e-3)
+def test_with_the_learned_error_it_does_not(names: dict[str, Any]) -> None:
+    """The force is held for a tick."""
+    assert names["learned"] > -1e-3
+
+
+def test_the_learned_error_is_the_true_one(names: dict[str, Any]) -> None:
+    """B-ddot = -(2 mu + WIND) / 3, and -mu by the model."""
+    assert (names["alpha"], names["beta"]) == pytest.approx((1 / 3, -2 / 3), rel=1e-6)
+
+
+def test_a_rate_that_is_not_declared_costs_what_is_said(names: dict[str, Any]) -> None:
+    tick, np, x, speed = names["tick"], names["np"], names["np"].zeros(2), names["SPEED"]
+    for k in range(3000):  # a cart as believed
+        acceleration = tick(x, wall=1.2 + speed * 1e-3 * k, speed=0.0).u[0] / names["BELIEVED"]
+        x = x + 1e-3 * np.array([x[1] + 5e-4 * acceleration, acceleration])
+    assert 1.2 + speed * 3 - x[0] == pytest.approx(-0.05, abs=1e-3)

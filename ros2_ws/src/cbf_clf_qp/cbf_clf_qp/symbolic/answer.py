@@ -104,20 +104,20 @@ class Answering:
 
     def _by_osqp(self, inputs: Sequence[Array]) -> Decided:
         start = time.perf_counter()
-        data = self._programme(*inputs)
+        data = self.programme(*inputs)
         if not data.is_valid[0]:
             return self._by_daqp(inputs)
         x, y, status = self._osqp.solve(data, self._layout)
-        values = self._reading(data.row, x, y)
+        values = self.reading(data.row, x, y)
         solved = bool(values.row[0] < TOLERANCE)
         return Decided(values, self._layout, solved, "osqp", status, time.perf_counter() - start)
 
     @cached_property
-    def _programme(self) -> NumpyFunction:
+    def programme(self) -> NumpyFunction:
         return NumpyFunction.of("programme", self._inputs, self._data, matrices=("A", "unroot", "control_a"))
 
     @cached_property
-    def _reading(self) -> NumpyFunction:
+    def reading(self) -> NumpyFunction:
         row = ca.SX.sym("row", packed(self._data).numel())
         x, y = ca.SX.sym("x", self._layout.shape[1]), ca.SX.sym("y", self._layout.shape[0])
         said = reading(split(row, places_of(self._data)), x, y, self._layout)
@@ -125,9 +125,9 @@ class Answering:
 
     @cached_property
     def _with_daqp(self) -> NumpyFunction:
-        programme, read = self._programme.function, self._reading.function
+        programme, read = self.programme.function, self.reading.function
         inputs = [ca.MX.sym(programme.name_in(i), programme.sparsity_in(i)) for i in range(programme.n_in())]
         row = programme(*inputs)
         x, y = by_daqp(split(row, places_of(self._data)), self._layout)
         function = ca.Function("decided", inputs, [read(row, x, y)], programme.name_in(), ["values"])
-        return NumpyFunction(function, self._reading.places)
+        return NumpyFunction(function, self.reading.places)

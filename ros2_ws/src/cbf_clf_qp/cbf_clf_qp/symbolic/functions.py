@@ -45,7 +45,7 @@ class NumpyFunction:
         self._names = function.name_in()
         self._arguments = [np.zeros(function.numel_in(i)) for i in range(function.n_in())]
         self._row = np.zeros(function.numel_out())
-        self._buffer, self._run = function.buffer()
+        self._buffer, self.evaluate = function.buffer()  # `evaluate` computes with the memory as it is
         for i, argument in enumerate(self._arguments):
             self._buffer.set_arg(i, argument.data)  # type: ignore[call-arg]  # casadi's stub is of C++
         self._buffer.set_res(0, self._row.data)  # type: ignore[call-arg]
@@ -69,7 +69,7 @@ class NumpyFunction:
             if value.size != argument.size:
                 raise ValueError(f"{name} has {value.size} numbers; expected {argument.size}")
             argument[...] = value if value.ndim == 1 else value.ravel()
-        self._run()
+        self.evaluate()
         return Values(self._row.copy(), self.places)
 
 

@@ -92,7 +92,7 @@ class Tick:
         self.layout, data = build_qp(rows, objective(terms), terms.control)
         self._needs_output_error = ca.depends_on(packed(data), ca.vec(terms.symbols["output_error"]))
         data["is_valid"] *= is_finite(packed(terms.symbols))
-        self._answer = Answering(terms.symbols, data, self.layout, solver)
+        self.answer = Answering(terms.symbols, data, self.layout, solver)
         self._no_error, self._parameter_places = self.no_error(), places_of(system.named)
 
     def __call__(
@@ -117,15 +117,22 @@ class Tick:
 
     def decide(self, x: Array, p: Array, estimates: Estimates) -> Decided:
         """The tick; raises ValueError where a value is not finite or of the wrong size, or no output error is known."""
+        decided = self.answer(*self._inputs(x, p, estimates))
+        if not decided.solved:
+            self._check_finite(x, p, estimates)
+        return decided
+
+    def programme(self, x: Array, p: Array, estimates: Estimates) -> Values:
+        """The data of the QP, see `qp.build_qp`; for who solves it in another way."""
+        return self.answer.programme(*self._inputs(x, p, estimates))
+
+    def _inputs(self, x: Array, p: Array, estimates: Estimates) -> tuple[Array, ...]:
         output_error = estimates.output_error
         if output_error is None:
             if self._needs_output_error:
                 raise ValueError("output_error = None: expected (Delta_2 | Delta_1), on which the objective depends")
-            output_error = self._no_error.output_error
-        decided = self._answer(x, p, estimates.alpha, estimates.beta, output_error)
-        if not decided.solved:
-            self._check_finite(x, p, estimates)
-        return decided
+            output_error = np.zeros(self._no_error.output_error.shape)
+        return x, p, estimates.alpha, estimates.beta, output_error
 
     def p(self, **parameters: Any) -> Array:
         """All parameters as one array, for `decide`; raises ValueError where one is missing, unknown or too long."""
@@ -154,11 +161,11 @@ class Tick:
     @property
     def unanswered(self) -> int:
         """Ticks that the first solver did not answer, so that its guard was asked."""
-        return self._answer.unanswered
+        return self.answer.unanswered
 
     def reset(self) -> None:
         """Forget the last programme, so that an episode does not depend on the one before."""
-        self._answer.reset()
+        self.answer.reset()
 
     @cached_property
     def _look(self) -> NumpyFunction:
