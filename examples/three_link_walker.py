@@ -10,31 +10,30 @@ foot, after the foot has been 5 mm above the ground there (Grizzle, Abba, Plesta
 """
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from cbf_clf_qp.clf import Clf
-from cbf_clf_qp.io_linearization import precontrol
 from cbf_clf_qp.problem import Problem
-from cbf_clf_qp.res_clf import ResClf
-from cbf_clf_qp.saturation import Saturation
-from cbf_clf_qp.solvers import make_solver
-from cbf_clf_qp.tick import Recipe, Terms, decide
+from cbf_clf_qp.symbolic.clf import Clf
+from cbf_clf_qp.symbolic.estimates import Estimates
+from cbf_clf_qp.symbolic.measure import model_error
+from cbf_clf_qp.symbolic.tick import Tick
 from rabbit_description.planar_urdf import scaled, with_planar_base
 from rabbit_description.state import TICK_SECONDS, Leg
 from rabbit_experiments.summary import mean_interval
 from rabbit_gait_design.hybrid_zero_dynamics import RepeatedStep, Walker, impact_invariant
+from rabbit_gait_design.pinocchio_model import PinocchioModel
 from rabbit_sim.pinned_dynamics import PinnedDynamics, UrdfFeet, standing
 from rabbit_sim.planar_plant import PlanarPlant, ahead
 from rabbit_sim.plant import PlantReading
-from rl_cbf_clf_controller.nominal_model import NominalModel
-from rl_cbf_clf_controller.oracle import OraclePolicy, TruePlant
-from rl_cbf_clf_controller.policy import Policy, ZeroPolicy
-from rl_cbf_clf_controller.scene import Scene
-from rl_cbf_clf_controller.virtual_constraints import Angles, VirtualConstraints
+from rl_cbf_clf_controller.planar_robot import PinnedRobot
+from rl_cbf_clf_controller.policy import LearnedPolicy, ZeroPolicy
+from rl_cbf_clf_controller.robot_numbers import read_robot
+from rl_cbf_clf_controller.virtual_constraints import Angles, OutputExpressions, VirtualConstraints
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.session import policy_of
-from rl_trainer.system_transitions import SystemTick, transition
+from rl_trainer.system_transitions import SystemTick, SystemTicks
 from rl_trainer.training import Trainer
 from rl_trainer.transitions import Transition
 
@@ -44,7 +43,7 @@ SWAP = np.array([0, 1, 2, 4, 3])  # base x, z, pitch, left hip, right hip; the l
 ANGLES = Angles(  # outputs: the torso's pitch and the sum of the legs' angles; phase: the stance leg's angle
     controlled=np.array([[0.0, 0, 1, 0, 0], [0.0, 0, 2, 1, 1]]), phase_angle=np.array([0.0, 0, 1, 1, 0])
 )
-WALKER = Walker(NominalModel(URDF), ANGLES, SWAP)
+WALKER = Walker(PinocchioModel(URDF), ANGLES, SWAP)
 LATER = np.array([[0.1770, 0.3805, 0.3994, 0.3029], [0.3227, -0.1810, -0.1572, 0.0]])  # three_link_gait.py finds them
 PATH = impact_invariant(WALKER, LATER, phase_angle_end=0.2527)
 START = RepeatedStep(WALKER, PATH).start
@@ -60,32 +59,43 @@ PROBLEM = Problem("three-link", 2, ("V",), OBSERVATION, UNITS, *SCALES)
 
 
 class Controller:
-    """The CLF-QP of the robot as it is believed to be, with a policy's alpha and beta in its row."""
+    """The CLF-QP of the robot as it is believed to be, with a policy's alpha and beta in its row.
 
-    def __init__(self, policy: Policy) -> None:
-        self._clf, self._solver = ResClf(2, EPS, GAINS), make_solver("osqp")
-        self._recipe = Recipe((Clf(self._clf, SLACK_WEIGHT),), (Saturation(TORQUE_LIMIT),), (policy,))
-        self._model, self._constraints = NominalModel(URDF), VirtualConstraints(PATH, ANGLES)
+    `true`: a URDF of the true robot, and the estimates are exact in place of the policy's.
+    """
+
+    def __init__(self, policy: LearnedPolicy, true: str | None = None) -> None:
+        believed = read_robot(URDF)
+        robot = PinnedRobot(believed.structure)
+        outputs = OutputExpressions(robot.q, robot.dq, ANGLES)
+        system = robot.system(outputs.parameters, outputs.rates)
+        tick = Tick(system, [Clf(outputs.y, EPS, GAINS, SLACK_WEIGHT)], limit=TORQUE_LIMIT, solver="osqp")
+        self.ticks, self._error = SystemTicks(tick, PROBLEM), model_error(tick.terms)
+        self._policy, self._path = policy, VirtualConstraints(PATH, ANGLES)
+        self._believed, self._true = believed.row, read_robot(true).row if true else None
 
     def tick(self, reading: PlantReading, noise: np.ndarray) -> SystemTick:
         """Terms, decision and torques, stance hip first; `noise` (2,) is added to mu."""
         stance = Leg(int(np.argmax(reading.contact)))
         q, dq = (reading.q, reading.dq) if stance is Leg.LEFT else (reading.q[SWAP], reading.dq[SWAP])
-        feet, outputs = self._model.update(q, dq), self._constraints.evaluate(q, dq)
+        x, path, outputs = np.concatenate([q, dq]), self._path.parameters(q), self._path.evaluate(q, dq)
+        p, true = (
+            np.concatenate([row, *path.values()])
+            for row in (self._believed, self._believed if self._true is None else self._true)
+        )
         observation = np.array([*outputs.eta, outputs.phase, outputs.phase_rate])
-        LgV = self._clf.derivative(outputs.eta).a[0]
-        scene = Scene(q, dq, feet, outputs, None, reading.foot_force, observation, LgV)
-        dynamics = self._model.pinned()
-        control = precontrol(outputs.second_derivative(dynamics.acceleration))
-        terms = Terms.of(self._recipe.quantities, scene, dynamics, control)
-        decided = decide(self._recipe, terms, self._solver)
-        torque = control(decided.mu + noise).clip(-TORQUE_LIMIT, TORQUE_LIMIT)
-        return SystemTick(terms, decided, control.inverse()(torque), observation)
+        estimates = self._policy.act(observation, self.ticks.LgV(x, p))
+        if self._true is not None:
+            found = self._error(x, p, true)
+            estimates = Estimates(found.alpha, found.beta, found.output_error)
+        now = self.ticks.decide(x, p, estimates, observation, noise)
+        torque = now.control.clip(-TORQUE_LIMIT, TORQUE_LIMIT)
+        return replace(now, mu=np.linalg.solve(now.seen.control_a, torque - now.seen.control_b))
 
 
-def walk(policy: Policy, urdf: str, seed: int, steps: int, sigma: float = 0.0) -> tuple[int, list[Transition]]:
+def walk(controller: Controller, urdf: str, seed: int, steps: int, sigma: float = 0.0) -> tuple[int, list[Transition]]:
     """Steps that the true robot takes, at most `steps`, and what was measured; `sigma` explores, rad/s^2."""
-    rng, feet, controller = np.random.default_rng(seed), UrdfFeet(urdf), Controller(policy)
+    rng, feet = np.random.default_rng(seed), UrdfFeet(urdf)
     plant = PlanarPlant(PinnedDynamics(urdf, feet), ahead, torque_limit=TORQUE_LIMIT)
     q, dq = START[0].copy(), START[1].copy()
     q[2:] += 0.02 * rng.standard_normal(3)
@@ -98,20 +108,20 @@ def walk(policy: Policy, urdf: str, seed: int, steps: int, sigma: float = 0.0) -
             break  # fallen, or the ground would have to pull
         now = controller.tick(reading, sigma * rng.standard_normal(2))
         if before:
-            measured.append(transition(PROBLEM, len(measured), before, now, TICK_SECONDS))
+            measured.append(controller.ticks.transition(len(measured), before, now, TICK_SECONDS))
         plant.advance(now.control if reading.contact[Leg.LEFT] else now.control[::-1])
         landed = len(plant.observe().touches)
         taken, since, before = taken + landed, 0 if landed else since + 1, None if landed else now
     return taken, measured
 
 
-def train(seed: int, episodes: int) -> Policy:
+def train(seed: int, episodes: int) -> LearnedPolicy:
     """A policy learned on the heavy robot, from nothing and by the reward alone."""
     p = TrainingParameters(problem=PROBLEM, seed=seed, hidden1=64, hidden2=64, **LEARNER)
     trainer = Trainer(p)
     for episode in range(episodes):
         plan = trainer.begin_episode()
-        steps, measured = walk(policy_of(plan, p), HEAVY, plan.seed, p.walking_steps, plan.sigma)
+        steps, measured = walk(Controller(policy_of(plan, p)), HEAVY, plan.seed, p.walking_steps, plan.sigma)
         for item in measured:
             trainer.take(item)
         trainer.learn(max(p.updates_least, round(p.updates_per_tick * len(measured))))
@@ -131,14 +141,17 @@ def main() -> None:
     parser.add_argument("--walks", type=int, default=3, metavar="N", help="walks of each controller and seed")
     options, taken = parser.parse_args(), dict[str, list[float]]()
     for seed in range(1, options.seeds + 1):
-        cases: dict[str, tuple[Policy, str]] = {
-            "nominal, true mass as believed": (ZeroPolicy(PROBLEM), URDF),
-            "nominal, twice the mass": (ZeroPolicy(PROBLEM), HEAVY),
-            "oracle, twice the mass": (OraclePolicy(TruePlant(HEAVY)), HEAVY),
-            "learned, twice the mass": (train(seed, options.train), HEAVY),
+        nominal = Controller(ZeroPolicy(PROBLEM))
+        cases = {
+            "nominal, true mass as believed": (nominal, URDF),
+            "nominal, twice the mass": (nominal, HEAVY),
+            "oracle, twice the mass": (Controller(ZeroPolicy(PROBLEM), HEAVY), HEAVY),
+            "learned, twice the mass": (Controller(train(seed, options.train)), HEAVY),
         }
-        for name, (policy, urdf) in cases.items():
-            steps = [walk(policy, urdf, EVALUATION + 100 * seed + i, options.steps)[0] for i in range(options.walks)]
+        for name, (controller, urdf) in cases.items():
+            steps = [
+                walk(controller, urdf, EVALUATION + 100 * seed + i, options.steps)[0] for i in range(options.walks)
+            ]
             taken.setdefault(name, []).append(float(np.mean(steps)))
             print(f"seed {seed}: {name}: {steps} steps", flush=True)
     for name, means in taken.items():

@@ -9,35 +9,25 @@ python examples/torso_pitch.py DIR/policy.safetensors      how far the torso lea
 """
 
 import sys
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-from cbf_clf_qp.clf import Clf
-from cbf_clf_qp.ecbf import Barriers, Ecbf
-from cbf_clf_qp.res_clf import ResClf
-from rl_cbf_clf_controller.kinds import Kind, Quantities
-from rl_cbf_clf_controller.scene import Scene
+from cbf_clf_qp.symbolic.barrier import Barrier
+from cbf_clf_qp.symbolic.clf import Clf
+from cbf_clf_qp.symbolic.quantity import Constrained
+from rl_cbf_clf_controller.kinds import Kind
 from rl_cbf_clf_controller.uncertainty import RL_CLF_QP
+from rl_cbf_clf_controller.walking import Walking
 
 NAME, PITCH = "pitch-rl-clf-qp", 2  # its place among the coordinates
 LIMIT, POLES = 0.345, (40.0, 40.0)  # rad; 1/s
 
 
-class TorsoPitch(Ecbf):
-    """B-ddot of the torso's lean, rad/s^2."""
-
-    names = ("pitch",)
-
-    def barriers(self, scene: Scene) -> Barriers:
-        """B = LIMIT - pitch."""
-        gradient = -np.eye(1, scene.q_s.size, PITCH)
-        return Barriers(gradient @ scene.q_s + LIMIT, gradient @ scene.dq_s, gradient, np.zeros(1))
-
-
-def quantities(parameters: Any, clf: ResClf) -> Quantities:
+def quantities(w: Walking, parameters: Any) -> Sequence[Constrained]:
     """The CLF relaxed by d, and the barrier."""
-    return Clf(clf, parameters.slack_weight), TorsoPitch(POLES, parameters.barrier_rescue_weight)
+    clf = Clf(w.outputs.y, w.gains["eps"], (parameters.kp, parameters.kd), w.gains["slack_weight"])
+    return clf, Barrier("pitch", LIMIT - w.robot.q[PITCH], POLES, w.gains["barrier_rescue_weight"])
 
 
 PROBLEM = replace(

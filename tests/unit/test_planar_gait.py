@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from rabbit_description.planar_urdf import with_planar_base
 from rabbit_gait_design.hybrid_zero_dynamics import RepeatedStep, Walker, impact_invariant
+from rabbit_gait_design.pinocchio_model import PinocchioModel
 from rabbit_gait_design.planar_design import PlanarDesignError, PlanarSpecification, design
-from rl_cbf_clf_controller.nominal_model import NominalModel
 from rl_cbf_clf_controller.step_paths import StepPath
 from rl_cbf_clf_controller.virtual_constraints import Angles
 from scipy.integrate import solve_ivp
@@ -20,7 +20,7 @@ LATER = np.array([[0.2, 0.2, 0.2, 0.2], [0.0, -0.1, -0.05, 0.0]])  # control poi
 
 @pytest.fixture(scope="module")
 def walker() -> Walker:
-    return Walker(NominalModel(URDF), Angles(TORSO_AND_LEGS, STANCE_LEG), np.array([0, 1, 2, 4, 3]))
+    return Walker(PinocchioModel(URDF), Angles(TORSO_AND_LEGS, STANCE_LEG), np.array([0, 1, 2, 4, 3]))
 
 
 @pytest.fixture(scope="module")

@@ -1,6 +1,6 @@
 """How fast a walk is, each figure against its floor, measured in the same run: only ratios count on a busy machine.
 
-tick                    the generated terms' calls, the solver's own run time and the actor's three products
+tick                    the tick's CasADi functions, OSQP's own run time and the actor's three products
 plant tick              ten bare steps of the engine, in the same world
 evaluation              the engine alone, which would take only these ten steps a tick
 a tick through nodes    plant tick, tick, and a lock-step round trip of two nodes that do nothing else
@@ -17,18 +17,17 @@ from tempfile import TemporaryDirectory
 from typing import Any, TypeVar
 
 import numpy as np
-from cbf_clf_qp import solvers
+from cbf_clf_qp.symbolic import solvers
+from cbf_clf_qp.symbolic.functions import NumpyFunction
 from rabbit_bringup.launching.walk import Walk, WalkOptions
 from rabbit_description.state import TICK_SECONDS
 from rabbit_experiments.assembly import Assembly
 from rabbit_sim.plant import SUBSTEPS
-from rl_cbf_clf_controller.generated.layout import OUTPUTS, PINNED
-from rl_cbf_clf_controller.generated.library import GeneratedFunction, load_library
 from rl_trainer.rollout import Record, rollout
 from scipy.linalg.blas import sgemv
 
 TICK, PLANT = "tick: observation to torque", "plant tick"
-TERMS, SOLVER, PRODUCTS = "generated terms", "solver's own run time", "the actor's three products"
+TERMS, SOLVER, PRODUCTS = "the tick's functions", "OSQP's own run time", "the actor's three products"
 ENGINE = "ten bare steps of the engine"
 WARM_UP = 20  # ticks not counted
 BARE_EVERY = 10  # ticks between two measures of the bare engine
@@ -94,14 +93,11 @@ def walk(assembly: Assembly, seed: int, watch: StopWatch, with_floors: bool = Fa
     """A walk from fresh parts; returns its ticks."""
     simulation, controller = assembly.build()
     layers = actor_layers(controller.policy) if with_floors else []
-    terms = bare_terms() if with_floors else []
     steps = bare_steps(simulation._plant) if with_floors else None
 
     def observe(record: Record) -> None:
         for weights, given in layers:
             watch.time(PRODUCTS, sgemv, 1.0, weights, given, 0.0, None, 0, 1, 0, 1, 1)  # transposed
-        for function in terms:
-            function()
         if steps is not None and record.state.tick % BARE_EVERY == 0:
             steps(watch)
         watch.end_tick()
@@ -116,7 +112,7 @@ def walk(assembly: Assembly, seed: int, watch: StopWatch, with_floors: bool = Fa
 
 @contextmanager
 def floors_timed(watch: StopWatch) -> Iterator[None]:
-    """Meanwhile the generated functions and the solvers' own code are timed where Python calls them."""
+    """Meanwhile CasADi's evaluation and OSQP's own code are timed where Python calls them. DAQP is in a function."""
 
     def timed_solve(solve: Any) -> Any:
         def solve_and_ask(solver: Any, *given: Any) -> Any:
@@ -126,10 +122,17 @@ def floors_timed(watch: StopWatch) -> Iterator[None]:
 
         return solve_and_ask
 
+    def timed_call(call: Any) -> Any:
+        def call_and_repeat(function: NumpyFunction, *given: Any) -> Any:
+            found = call(function, *given)
+            watch.time(TERMS, function.evaluate)  # with the same arguments
+            return found
+
+        return call_and_repeat
+
     with (
-        replaced(GeneratedFunction, "__call__", lambda call: lambda function: watch.time(TERMS, call, function)),
+        replaced(NumpyFunction, "__call__", timed_call),
         replaced(solvers.OsqpSolver, "solve", timed_solve),
-        replaced(solvers.DaqpSolver, "answer", lambda answer: lambda *given: watch.time(SOLVER, answer, *given)),
     ):
         yield
 
@@ -143,15 +146,6 @@ def replaced(owner: Any, name: str, make: Callable[[Any], Any]) -> Iterator[None
         yield
     finally:
         setattr(owner, name, before)
-
-
-def bare_terms() -> list[GeneratedFunction]:
-    """The generated functions that the trace of a tick calls; none that are not built."""
-    library = load_library()
-    functions = [GeneratedFunction(library, name) for name in (PINNED, OUTPUTS)] if library else []
-    for function in functions:
-        function.arguments[:] = 1.0  # any will do
-    return functions
 
 
 def actor_layers(policy: Any) -> list[tuple[Any, Any]]:

@@ -17,7 +17,6 @@ from typing import Any, ClassVar
 from cbf_clf_qp.problem import Problem
 from pydantic import BaseModel
 from rabbit_description.atomic_file import replacing
-from rl_cbf_clf_controller.generated_model import arithmetic, make_model
 
 from rabbit_experiments.assembly import Assembly
 from rabbit_experiments.provenance import content_key, installed
@@ -75,8 +74,7 @@ def plain(value: Any) -> Any:
 @cache
 def stamp(libraries: tuple[str, ...] = COMPUTING) -> dict[str, Any]:
     """What decides a number besides the parameters."""
-    model_terms = arithmetic(make_model())
-    return {"results_version": RESULTS_VERSION, "model_terms": model_terms, "libraries": installed(libraries)}
+    return {"results_version": RESULTS_VERSION, "libraries": installed(libraries)}
 
 
 def job_key(job: Job, as_plain: Any = plain) -> str:

@@ -17,9 +17,8 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.problem import Problem
-from cbf_clf_qp.tick import Terms
+from cbf_clf_qp.symbolic.estimates import Estimates
 from rabbit_description.state import Array
 from rl_cbf_clf_controller.controller_output import ControllerOutput
 from rl_cbf_clf_controller.scene import Scene
@@ -57,7 +56,7 @@ def compare(assembly: Assembly, walker: str, seeds: Iterable[int]) -> dict[str, 
         ticks += [tick for tick in seen if tick[0].step_time >= SETTLED]
     if not ticks:
         raise NoTicksError(f"no walk of the {walker} lasted {SETTLED} s")
-    outputs, terms = zip(*ticks, strict=True)
+    outputs, scenes = zip(*ticks, strict=True)
     law = assembly.controller
     nothing = Estimates.zero(len(law.problem.quantities), law.problem.inputs)
     cone = ("C2+", "C2-") if law.cone == "two_rows" else ("C2",)
@@ -68,8 +67,8 @@ def compare(assembly: Assembly, walker: str, seeds: Iterable[int]) -> dict[str, 
         "active_share": {row: sum(row in output.active for output in outputs) / len(ticks) for row in rows},
         "quantities": errors(
             law.problem,
-            [policy.estimate(each, nothing) for each in terms],
-            [oracle.estimate(each, nothing) for each in terms],
+            [policy.estimate(each, nothing) for each in scenes],
+            [oracle.estimate(each, nothing) for each in scenes],
             np.array([output.mu for output in outputs]),
             np.array([output.LgV for output in outputs]),
         ),
@@ -89,16 +88,16 @@ def errors(
     return found
 
 
-def _walk(assembly: Assembly, seed: int) -> tuple[dict[str, Any], list[tuple[ControllerOutput, Terms[Scene]]]]:
+def _walk(assembly: Assembly, seed: int) -> tuple[dict[str, Any], list[tuple[ControllerOutput, Scene]]]:
     """One run from fresh parts: how it went, and of each tick what the controller did and what it saw."""
     simulation, controller = assembly.build()
     ticks: list[Record] = []
-    terms: list[Terms[Scene]] = []
+    scenes: list[Scene] = []
     with closing(simulation):
-        fault = episode(simulation, controller, seed, ticks.append, lambda _: terms.append(controller.terms))
+        fault = episode(simulation, controller, seed, ticks.append, lambda _: scenes.append(controller.scene))
     outcome, landings = ended(simulation, fault, ticks), len(simulation.landings)
     about = {"seed": seed, "outcome": outcome, "landings": landings, "ticks": len(ticks)}
-    return about, list(zip([tick.output for tick in ticks], terms, strict=True))
+    return about, list(zip([tick.output for tick in ticks], scenes, strict=True))
 
 
 def _stacked(estimates: Sequence[Estimates]) -> Array:

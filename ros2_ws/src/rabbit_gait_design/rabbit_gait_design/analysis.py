@@ -13,13 +13,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from cbf_clf_qp.io_linearization import precontrol
 from rabbit_description.gait import Gait
 from rabbit_description.state import SWAP_STATE, Array
-from rl_cbf_clf_controller.nominal_model import NominalModel
 from rl_cbf_clf_controller.virtual_constraints import VirtualConstraints
 from scipy.integrate import solve_ivp
 
+from rabbit_gait_design.pinocchio_model import PinocchioModel
 from rabbit_gait_design.zero_dynamics import ZeroDynamics, loaded_model
 
 PAYLOADS = tuple(float(kg) for kg in range(0, 73, 8))  # kg
@@ -62,7 +61,7 @@ class PayloadReport:
 class OracleWalk:
     """The Poincaré map of `gait` on `model` under exact input-output linearisation of that model."""
 
-    def __init__(self, gait: Gait, model: NominalModel, eps: float = 0.05, kp: float = 0.5, kd: float = 3**0.5 / 2):
+    def __init__(self, gait: Gait, model: PinocchioModel, eps: float = 0.05, kp: float = 0.5, kd: float = 3**0.5 / 2):
         self.model = model
         self._constraints = VirtualConstraints(gait)
         self._gains = kp / eps**2, kd / eps
@@ -73,7 +72,8 @@ class OracleWalk:
         pinned = self.model.pinned()
         outputs = self._constraints.evaluate(q, dq)
         wanted = -self._gains[0] * outputs.y - self._gains[1] * outputs.dy
-        torque = precontrol(outputs.second_derivative(pinned.acceleration))(wanted)
+        y_ddot = outputs.second_derivative(pinned.acceleration)
+        torque = np.linalg.solve(y_ddot.a, wanted - y_ddot.b)
         return pinned.acceleration(torque), torque, pinned.force(torque)
 
     def step(self, q: Array, dq: Array) -> Step | None:
@@ -151,7 +151,7 @@ def poincare_eigenvalue(walk: OracleWalk, q: Array, dq: Array, h: float = 1e-5) 
     return float(np.abs(np.linalg.eigvals(np.column_stack(columns))).max())
 
 
-def pinned_state(model: NominalModel, q: Array, dq: Array) -> tuple[Array, Array]:
+def pinned_state(model: PinocchioModel, q: Array, dq: Array) -> tuple[Array, Array]:
     """The same pitch and joints with the stance foot at rest at the origin."""
     q, dq = np.concatenate([[0.0, 0.0], q[SHAPE]]), np.concatenate([[0.0, 0.0], dq[SHAPE]])
     feet = model.update(q, dq)

@@ -14,10 +14,10 @@ from functools import cached_property
 
 import numpy as np
 from rabbit_description.state import Array
-from rl_cbf_clf_controller.nominal_model import NominalModel
 from rl_cbf_clf_controller.step_paths import StepPath
 from rl_cbf_clf_controller.virtual_constraints import Angles
 
+from rabbit_gait_design.pinocchio_model import PinocchioModel
 from rabbit_gait_design.zero_dynamics import Instant, ZeroDynamics
 
 
@@ -25,7 +25,7 @@ from rabbit_gait_design.zero_dynamics import Instant, ZeroDynamics
 class Walker:
     """A planar robot of n coordinates: its model and outputs, and `swap` (n,), so that `q[swap]` exchanges the legs."""
 
-    model: NominalModel
+    model: PinocchioModel
     angles: Angles
     swap: Array
 

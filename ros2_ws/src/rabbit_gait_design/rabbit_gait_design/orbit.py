@@ -4,12 +4,11 @@ from dataclasses import asdict, dataclass
 from functools import cached_property
 
 import numpy as np
-from cbf_clf_qp.ecbf import ecbf_bound, ecbf_gains
 from rabbit_description.gait import Gait
-from rabbit_description.state import Array, StonePreview
-from rl_cbf_clf_controller.stone_barriers import stone_barriers
+from rabbit_description.state import Array
 from rl_cbf_clf_controller.virtual_constraints import RABBIT_ANGLES
 
+from rabbit_gait_design.orbit_point import barrier_conditions
 from rabbit_gait_design.zero_dynamics import Instant, ZeroDynamics, loaded_model
 
 SWAP = np.array([0, 1, 2, 5, 6, 3, 4])
@@ -74,12 +73,9 @@ class Orbit:
 
     def ecbf_conditions(self, stone: Stone) -> Array:
         """B'' + (p1 + p2) B' + p1 p2 B of both barriers, shape (points, 2), m/s^2."""
-        K_b, rows = ecbf_gains(stone.poles), []
-        for instant in self.instants:
-            feet = self.dynamics.model.update(instant.q, instant.dq)
-            barriers = stone_barriers(feet, StonePreview(1, stone.l_min, stone.l_max), stone.R1, stone.R2)
-            rows.append(barriers.jacobian @ instant.ddq + barriers.bias - ecbf_bound(barriers, K_b))
-        return np.array(rows)
+        conditions = barrier_conditions(stone.l_min, stone.l_max, stone.R1, stone.R2, stone.poles)
+        motions = ((i.swing, i.swing_rate, i.swing_acceleration) for i in self.instants)
+        return np.array([np.array(conditions(*motion)).ravel() for motion in motions])
 
     def after_impact(self) -> tuple[Array, Array, Array]:
         """Relabelled `(q, dq)` after the landing, hip from the new stance foot, and the impulse (2,), N s."""

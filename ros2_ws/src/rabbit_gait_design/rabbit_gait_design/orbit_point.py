@@ -12,6 +12,9 @@ from functools import cache
 from math import comb
 
 import casadi as ca
+from cbf_clf_qp.symbolic.barrier import ecbf_gains
+from cbf_clf_qp.symbolic.system import System
+from rl_cbf_clf_controller.stone_barriers import stone_barriers
 
 from rabbit_gait_design import symbolic_robot
 
@@ -30,7 +33,7 @@ def configuration(coeffs: ca.SX, phase_range: ca.SX, s: ca.SX) -> ca.SX:
     joints = bezier(coeffs, s)
     phase_angle = phase_range[0] + s * (phase_range[1] - phase_range[0])
     pitch = phase_angle - joints[0] - joints[1] / 2
-    from_hip, _ = symbolic_robot.feet(ca.vertcat(0, 0, pitch, joints))
+    from_hip, _ = symbolic_robot.feet()(ca.vertcat(0, 0, pitch, joints))
     return ca.vertcat(-from_hip, pitch, joints)
 
 
@@ -71,19 +74,13 @@ def swing_foot() -> ca.Function:
     return ca.Function("swing_foot", [coeffs, phase_range, s, sigma, w], outputs)
 
 
-def ecbf_condition(
-    barrier: ca.SX, foot: ca.SX, velocity: ca.SX, acceleration: ca.SX, poles: tuple[float, float]
-) -> ca.SX:
-    """B'' + (p1 + p2) B' + p1 p2 B along the foot's motion [CBF_const]."""
-    rate = ca.jtimes(barrier, foot, velocity)
-    curvature = ca.jtimes(rate, foot, velocity) + ca.jtimes(barrier, foot, acceleration)
-    return curvature + sum(poles) * rate + poles[0] * poles[1] * barrier
-
-
 def barrier_conditions(l_min: float, l_max: float, R1: float, R2: float, poles: tuple[float, float]) -> ca.Function:
     """`(foot, velocity, acceleration) -> (2,)`: both ECBF expressions, which must not be negative, m/s^2."""
     foot, velocity, acceleration = (ca.SX.sym(name, 2) for name in ("foot", "velocity", "acceleration"))
-    outer = R1 + l_max - ca.norm_2(foot + ca.vertcat(R1, 0))
-    inner = ca.norm_2(foot + ca.vertcat(-l_min / 2, R2)) - ca.norm_2(ca.vertcat(l_min / 2, R2))
-    rows = [ecbf_condition(barrier, foot, velocity, acceleration, poles) for barrier in (outer, inner)]
+    motion = System(ca.vertcat(foot, velocity), acceleration, ca.vertcat(velocity, acceleration))
+    rows = []
+    for barrier in stone_barriers(foot, l_min, l_max, 0.0, R1, R2):
+        value, rate, curvature = motion.derivatives("barrier", barrier, 2)
+        proportional, damping = ecbf_gains(poles)
+        rows.append(curvature + damping * rate + proportional * value)
     return ca.Function("barrier_conditions", [foot, velocity, acceleration], [ca.vertcat(*rows)])

@@ -216,14 +216,14 @@ class Transcription:
         """Leg relabelling, step length, joint ranges and foot height: geometry of the path alone."""
         spec, (first, _), (last, _) = self.specification, self.path.at(0.0), self.path.at(1.0)
         self.rows.equal("leg relabelling", first[2:] - last[SWAP][2:])
-        foot = symbolic_robot.feet(last)[1]
+        foot = symbolic_robot.feet()(last)[1]
         self.rows.equal("step length", foot - ca.vertcat(spec.step_length, 0))
         for s in self.nominal.s:
             q, _ = self.path.at(s)
             self.rows.add("pitch range", q[2], *spec.pitch_range)
             self.rows.add("knee range", q[[4, 6]], *spec.knee_range)
             if 0 < s < 1:
-                height = symbolic_robot.feet(q)[1][1]
+                height = symbolic_robot.feet()(q)[1][1]
                 self.rows.add("foot height", height, spec.clearance * 4 * s * (1 - s), spec.max_foot_height)
 
     def _add_nominal(self) -> None:

@@ -13,15 +13,15 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 from rabbit_description.state import Array
-from rl_cbf_clf_controller.bezier import Bezier
-from rl_cbf_clf_controller.nominal_model import NominalModel
 from rl_cbf_clf_controller.virtual_constraints import RABBIT_ANGLES, Angles, Path, VirtualConstraints
 from scipy.integrate import solve_ivp
+
+from rabbit_gait_design.pinocchio_model import PinocchioModel
 
 TORSO_COM_HEIGHT = 0.24  # m above the hip
 
 
-def loaded_model(payload: float = 0.0, height: float = TORSO_COM_HEIGHT, slope: float = 0.0) -> NominalModel:
+def loaded_model(payload: float = 0.0, height: float = TORSO_COM_HEIGHT, slope: float = 0.0) -> PinocchioModel:
     """The nominal model with a point mass of `payload` kg on the torso, `height` m above the hip.
 
     x runs along ground that rises by `slope` degrees: gravity is turned against it.
@@ -31,7 +31,7 @@ def loaded_model(payload: float = 0.0, height: float = TORSO_COM_HEIGHT, slope: 
     """
     if not (np.isfinite(payload) and payload >= 0):
         raise ValueError(f"payload = {payload} kg: expected a finite mass, 0 or more")
-    model = NominalModel()
+    model = PinocchioModel()
     torso = model.model.getJointId("base_pitch")
     model.model.inertias[torso] += pin.Inertia(payload, np.array([0.0, 0.0, height]), np.zeros((3, 3)))
     down, turn = model.model.gravity.linear[2], np.radians(slope)
@@ -59,16 +59,15 @@ class Instant:
 class ZeroDynamics:
     """The zero dynamics of `gait` on `model`, whose outputs and phase are `angles`; RABBIT's unless said."""
 
-    def __init__(self, gait: Path, model: NominalModel | None = None, angles: Angles = RABBIT_ANGLES) -> None:
+    def __init__(self, gait: Path, model: PinocchioModel | None = None, angles: Angles = RABBIT_ANGLES) -> None:
         self.gait, self.angles = gait, angles
-        self.model = model or NominalModel()
+        self.model = model or PinocchioModel()
         self.constraints = VirtualConstraints(gait, angles)
-        self._desired = Bezier(gait.coeffs)
         self._span = gait.phase_angle_end - gait.phase_angle_start
 
     def state(self, phase: float, phase_rate: float) -> tuple[Array, Array]:
         """`(q, dq)`, each (n,), stance/swing order, with y = y-dot = 0 and the stance foot at rest at the origin."""
-        desired, slope, _ = self._desired(phase)
+        desired, slope, _ = self.constraints.desired(phase)
         angle = self.gait.phase_angle_start + phase * self._span
         q = np.concatenate([np.zeros(2), self.angles.coordinates(desired, angle)])
         dq = phase_rate * np.concatenate([np.zeros(2), self.angles.coordinates(slope, self._span)])
@@ -83,7 +82,7 @@ class ZeroDynamics:
         pinned = self.model.pinned()
         outputs = self.constraints.evaluate(q, dq)
         y_ddot = outputs.second_derivative(pinned.acceleration)
-        torque = y_ddot.inverse()(np.zeros(len(outputs.y)))
+        torque = np.linalg.solve(y_ddot.a, -y_ddot.b)
         ddq = pinned.acceleration(torque)
         return Instant(
             q, dq, ddq, torque, pinned.force(torque), feet.swing, feet.swing_rate,

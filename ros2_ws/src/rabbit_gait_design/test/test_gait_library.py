@@ -14,7 +14,7 @@ from rabbit_description.state import Array, StonePreview
 from rabbit_gait_design import GaitSpecification
 from rabbit_gait_design.library import library_specifications, outwards
 from rabbit_gait_design.orbit import Orbit
-from rl_cbf_clf_controller.nominal_model import NominalModel
+from rabbit_gait_design.pinocchio_model import PinocchioModel
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.step_outputs import (
     FADED,
@@ -39,7 +39,7 @@ LENGTHS = st.floats(LIBRARY.lengths[0], LIBRARY.lengths[-1])
 SLOPED = load_gaits("slopes")
 assert isinstance(SLOPED, GaitLibrary)
 SLOPES = st.floats(SLOPED.slopes[0], SLOPED.slopes[-1])
-MODEL = NominalModel()
+MODEL = PinocchioModel()
 
 
 def landed(length: float, seed: int) -> tuple[Array, Array]:

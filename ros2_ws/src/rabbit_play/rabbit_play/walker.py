@@ -4,7 +4,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from cbf_clf_qp.estimates import Estimates
+from cbf_clf_qp.symbolic.estimates import Estimates
 from rabbit_description.state import RobotState
 from rabbit_experiments.assembly import Assembly, resolve_policy
 from rabbit_sim.parameters import SimulationParameters
@@ -35,7 +35,7 @@ class Walker:
         parameters, policy = self._choice(name)
         self._assembly = Assembly(plant, parameters, resolve_policy(policy, parameters))
         self._simulation, self._controller = self._assembly.build()
-        self._quantities = self._controller.recipe.names
+        self._quantities = self._controller.qp.names
         self._about = about_walk(parameters, plant, policy, seed, "")
         self._maker = RowMaker(self._about, self._quantities, knows_plant=True)
         self._oracle = self._make_oracle()
@@ -121,7 +121,7 @@ class Walker:
         try:
             self._output = self._controller.step(self._state)
             self.fault = self._output.fault
-            self._true = self._oracle.estimate(self._controller.terms, NONE).error(self._output.mu)
+            self._true = self._oracle.estimate(self._controller.scene, NONE).error(self._output.mu)
         except (ControllerError, np.linalg.LinAlgError) as error:
             self.fault = f"controller error: {error}"
         if self.fault:

@@ -7,30 +7,29 @@
 |factor_i [1, mu]|^2 is the squared margin, quadratic in mu. Without factors it is the QP. Solved by Clarabel.
 """
 
-import time
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from cbf_clf_qp.affine import Array
-from cbf_clf_qp.qp import UNBOUNDED, QuadraticProgram
-from cbf_clf_qp.solvers import Solution
+from cbf_clf_qp.symbolic.functions import Array
+from cbf_clf_qp.symbolic.qp import UNBOUNDED, Layout
 from scipy import sparse
 
 COST = 1e-3  # of mu'mu: slacks of last resort reach 1e5, and Clarabel takes their rows for infeasible otherwise
 SOLVED = ("Solved", "AlmostSolved")
 
 
-def solve(qp: QuadraticProgram, factors: Mapping[int, Array]) -> Solution:
-    """The solution with a `factor` (k, m + 1) for each row that has a margin; `residual` is the primal one.
+def solve(qp: Any, layout: Layout, factors: Mapping[int, Array]) -> tuple[Array, bool, str]:
+    """x of a programme with a `factor` (k, m + 1) for each row that has a margin; whether it is solved; the status.
+
+    `qp` has q, lower, upper and A, as `cbf_clf_qp.qp.build_qp` has them.
 
     Raises:
         ModuleNotFoundError: Clarabel is not installed.
     """
     import clarabel
 
-    start = time.perf_counter()
-    inputs, variables = qp.layout.inputs, len(qp.q)
+    inputs, variables = layout.inputs, len(qp.q)
     plain = [i for i in range(len(qp.A)) if i not in factors]
     above = [i for i in plain if qp.upper[i] < UNBOUNDED]
     below = [i for i in plain if qp.lower[i] > -UNBOUNDED]
@@ -52,4 +51,4 @@ def solve(qp: QuadraticProgram, factors: Mapping[int, Array]) -> Solution:
         is_solved = status in SOLVED and bool(np.isfinite(x).all())
         if is_solved:
             break
-    return Solution(x, is_solved, status, "clarabel", float(answer.r_prim), time.perf_counter() - start)
+    return x, is_solved, status

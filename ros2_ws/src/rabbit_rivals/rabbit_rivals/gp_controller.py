@@ -7,15 +7,15 @@
 mean is the nominal value and the GP's mean, affine in mu; the squared deviation is the GP's variance, quadratic in mu.
 """
 
-from dataclasses import replace
+import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from cbf_clf_qp.affine import Array
-from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.problem import Problem
-from cbf_clf_qp.qp import Decision, QuadraticProgram
-from cbf_clf_qp.tick import Decided, Terms
+from cbf_clf_qp.symbolic.answer import Decided
+from cbf_clf_qp.symbolic.estimates import Estimates
+from cbf_clf_qp.symbolic.functions import Array
 from pydantic import Field
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.policy import Policy
@@ -75,9 +75,8 @@ class GpPolicy(Policy):
         ]
         self.deviations: list[Array] = []
 
-    def estimate(self, terms: Terms[Scene], before: Estimates) -> Estimates:
+    def estimate(self, scene: Scene, before: Estimates) -> Estimates:
         """The means at a tick."""
-        scene = terms.scene
         x = (scene.observation[: len(self._center)] - self._center) / self._scale
         means, self.deviations = [], []
         for posterior, unit, name in zip(self._posteriors, self._units, self.about.quantities, strict=True):
@@ -95,23 +94,25 @@ class GpController(Controller):
 
     policy: GpPolicy
 
-    def decide(self, terms: Terms[Scene]) -> Decided:
+    def decide(self, scene: Scene) -> Decided:
         """mu at a tick."""
-        of_terms = terms.scene, terms.dynamics, terms.precontrol, terms.nominal
-        control, qp, estimates, parts = self.recipe.programme(*of_terms, (self.policy.pending(terms, ()),))
-        factors = self._factors(qp, (terms.nominal + estimates.affine).a)
-        solution = cone_programme.solve(qp, factors)
-        mu = Decision(qp, solution.x).mu
-        return Decided(qp, solution.x, parts, estimates, control, replace(solution, read=(np.nan, mu, control(mu))))
+        start = time.perf_counter()
+        self.estimates = self.policy.estimate(scene, self.qp.no_error())
+        self.parts = [self.estimates]
+        qp, layout = self.qp.programme(scene.x, scene.p, self.estimates), self.qp.layout
+        factors = self._factors(qp, scene.seen.nominal_a + self.estimates.alpha)
+        x, is_solved, status = cone_programme.solve(qp, layout, factors)
+        values = self.qp.answer.reading(qp.row, x, np.zeros(len(layout.names)))
+        return Decided(values, layout, is_solved, "clarabel", status, time.perf_counter() - start)
 
-    def _factors(self, qp: QuadraticProgram, slopes: Array) -> dict[int, Array]:
+    def _factors(self, qp: Any, slopes: Array) -> dict[int, Array]:
         """The margin of each row of the quantities, in the QP's scaling; `slopes` (n, 4) are theirs over mu."""
-        of_row = combinations(self.recipe.names, self.parameters.friction_coeff - self.parameters.friction_margin)
+        of_row = combinations(self.qp.names, self.parameters.friction_coeff - self.parameters.friction_margin)
         factors: dict[int, Array] = {}
-        for i, name in enumerate(qp.layout.names):
+        for i, name in enumerate(self.qp.layout.names):
             if name in of_row and self.policy.confidence:
                 weights = of_row[name]
-                scaled = np.linalg.norm(qp.A[i, : qp.layout.inputs])
+                scaled = np.linalg.norm(qp.A[i, : self.qp.layout.inputs])
                 norm = np.linalg.norm(weights @ slopes) / scaled if scaled else 1.0
                 parts = [weight * self.policy.deviations[k] for k, weight in enumerate(weights) if weight]
                 factors[i] = self.policy.confidence / norm * np.concatenate(parts)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import torch
 import yaml
-from cbf_clf_qp.affine import Array
+from cbf_clf_qp.symbolic.functions import Array
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.session import CHECKPOINT, CheckpointError
 

@@ -85,7 +85,7 @@ class JointTargetEnv(gymnasium.Env[Float32, Float32]):
         outcome = self._simulation.outcome
         walked = outcome is Outcome.WALKED
         failed = not walked and (outcome is not Outcome.RUNNING or bool(fault))
-        reward = PER_TICK * np.exp(-np.square(self._controller.terms.scene.outputs.y).mean() / ON_TARGET**2)
+        reward = PER_TICK * np.exp(-np.square(self._controller.scene.seen.eta[:4]).mean() / ON_TARGET**2)
         reward -= EFFORT * np.square(torque / TORQUE_LIMIT).mean()
         reward -= CHANGE * np.square(action - self._last).mean()
         self._last = np.asarray(action, dtype=float)

@@ -12,11 +12,10 @@ import itertools
 from pathlib import Path
 
 import numpy as np
-from cbf_clf_qp.estimates import Estimates
-from cbf_clf_qp.tick import Terms
+from cbf_clf_qp.symbolic.estimates import Estimates
 from pydantic import Field
 from rabbit_description.state import SWAP_TORQUE, TICK_SECONDS, Array, Leg, RobotState
-from rl_cbf_clf_controller.controller import NO_BARRIERS, NO_NOISE, Controller
+from rl_cbf_clf_controller.controller import NO_NOISE, Controller
 from rl_cbf_clf_controller.controller_output import ControllerOutput
 from rl_cbf_clf_controller.policy import Policy
 from rl_cbf_clf_controller.scene import Scene
@@ -71,9 +70,9 @@ class NetworkPolicy(Policy):
         action = weight @ read + bias
         return np.tanh(action) if self.about.learner == "sac" else np.clip(action, -1, 1)
 
-    def estimate(self, terms: Terms[Scene], before: Estimates) -> Estimates:
+    def estimate(self, scene: Scene, before: Estimates) -> Estimates:
         """None."""
-        return Estimates.zero(*terms.nominal.a.shape)
+        return Estimates.zero(*scene.seen.nominal_a.shape)
 
 
 class JointTargetController(Controller):
@@ -94,13 +93,13 @@ class JointTargetController(Controller):
         fault = self._swap_legs(state)
         if not self._step.has_begun:
             self._begin_step(state)
-        self.terms = self.look(state)
-        scene, stone = self.terms.scene, state.preview
+        self.scene = scene = self.look(state)
+        stone = state.preview
         aim = (stone.l_min + stone.l_max) / 2 if stone else self.steps.wanted[0]
         return np.concatenate(
             [
                 (scene.observation[: len(_CENTER)] - _CENTER) / _SCALE,
-                [scene.feet.swing[0] / 0.3, scene.feet.swing[1] / 0.05],
+                scene.seen.swing / (0.3, 0.05),
                 scene.force[:, 1] / NORMAL_FORCE,
                 [(aim - 0.375) / 0.05],
                 self._action,
@@ -110,8 +109,8 @@ class JointTargetController(Controller):
     def command(self, action: Array, kp: float = KP, kd: float = KD, reach: float = REACH) -> Array:
         """The torque (4,), stance/swing order, unlimited, N m, at the state that was observed last."""
         self._action = np.asarray(action, dtype=float)
-        outputs = self.terms.scene.outputs
-        return kp * (reach * self._action - outputs.y) - kd * outputs.dy
+        y, dy = np.split(self.scene.seen.eta, 2)
+        return kp * (reach * self._action - y) - kd * dy
 
     def limited(self, wanted: Array) -> Array:
         """Within the motors' limit, left/right order."""
@@ -125,32 +124,31 @@ class JointTargetController(Controller):
         about = self.policy.about
         wanted = self.command(self.policy.act(read), about.kp, about.kd, about.reach)
         torque = self.limited(wanted)
-        terms, step = self.terms, self._step
-        scene, barriers = terms.scene, terms.scene.barriers
+        scene, seen, step = self.scene, self.scene.seen, self._step
         in_order = torque[SWAP_TORQUE] if step.stance is Leg.RIGHT else torque
-        mu = np.linalg.solve(terms.precontrol.a, in_order - terms.precontrol.b)
-        nothing = np.zeros_like(terms.nominal.a)
+        mu = scene.output_dynamics(in_order)
+        nothing = self.qp.no_error()
         return ControllerOutput(
             tick=state.tick,
             torque=torque,
             stance=step.stance,
             step_index=step.index,
             step_time=(state.tick - step.start_tick) * TICK_SECONDS,
-            phase=scene.outputs.phase,
-            eta=scene.outputs.eta,
-            V=self.clf.value(scene.outputs.eta),
-            barriers=NO_BARRIERS if barriers is None else barriers.B,
-            barrier_rates=NO_BARRIERS if barriers is None else barriers.dB,
+            phase=float(seen.phase[0]),
+            eta=seen.eta,
+            V=float(seen.V[0]),
+            barriers=self._of_barriers(0),
+            barrier_rates=self._of_barriers(1),
             mu=mu,
             mu_qp=mu,
             omega=NO_NOISE,
             mu_held=np.full(4, np.nan),
-            quantities=self.recipe.names,
-            nominal_a=terms.nominal.a,
-            nominal_b=terms.nominal.b,
-            measured=np.full(len(self.recipe.names), np.nan),
-            alpha=nothing,
-            beta=nothing[:, 0],
+            quantities=self.qp.names,
+            nominal_a=seen.nominal_a,
+            nominal_b=seen.nominal_b,
+            measured=np.full(len(self.qp.names), np.nan),
+            alpha=nothing.alpha,
+            beta=nothing.beta,
             observation=scene.observation,
             LgV=scene.LgV,
             clf_slack=0.0,

@@ -31,10 +31,12 @@ class ForceRows:
         """The rows of `force` = (F_N, F_T), N, affine in mu."""
         if self.is_literal:
             sign = ca.if_else(force.b[1] >= 0, 1, -1)
-            names, cone = ("C1", "C2"), ca.vertcat(ca.horzcat(1, 0), ca.horzcat(self.friction_coeff, -sign))
+            names: tuple[str, ...] = ("C1", "C2")
+            cone = ca.vertcat(ca.horzcat(1, 0), ca.horzcat(self.friction_coeff, -sign))
         else:
             sides = (ca.horzcat(self.friction_coeff, side) for side in (-1, 1))
-            names, cone = ("C1", "C2+", "C2-"), ca.vertcat(ca.horzcat(1, 0), *sides)
+            names = ("C1", "C2+", "C2-")
+            cone = ca.vertcat(ca.horzcat(1, 0), *sides)
         rows = force.mapped(cone)
         least = ca.vertcat(self.min_normal_force, ca.SX.zeros(len(names) - 1))
         return [at_least(names, rows.a, least - rows.b, self.rescue_weight)]

@@ -275,11 +275,11 @@ class Controller:
         """Swap stance and swing at a touchdown; a fault where this and the simulator's count disagree."""
         p, step = self.parameters, self._step
         swing = step.stance.other
-        if state.contact[swing] and (state.tick - step.start_tick) * TICK_SECONDS > p.swap_time:
-            if self._constraints.phase(self._relabel(state.q)) > p.swap_phase:
-                step.seconds_before = (state.tick - step.start_tick) * TICK_SECONDS
-                step.stance, step.index, step.start_tick = swing, step.index + 1, state.tick
-                step.torque, step.last, step.has_begun = NO_TORQUE, None, False
+        seconds = (state.tick - step.start_tick) * TICK_SECONDS
+        is_late = state.contact[swing] and seconds > p.swap_time
+        if is_late and self._constraints.phase(self._relabel(state.q)) > p.swap_phase:
+            step.stance, step.index, step.start_tick, step.seconds_before = swing, step.index + 1, state.tick, seconds
+            step.torque, step.last, step.has_begun = NO_TORQUE, None, False
         if state.touchdowns != step.index:
             return f"contact disagreement: {state.touchdowns} touchdowns, {step.index} steps"
         return ""

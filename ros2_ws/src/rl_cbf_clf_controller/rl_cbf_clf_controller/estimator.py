@@ -14,5 +14,5 @@ class Estimator(ABC):
     def estimate(self, scene: Scene, before: Estimates) -> Estimates:
         """Alpha and beta of every quantity, to be added to those of the estimators `before`; called once a tick."""
 
-    def reset(self) -> None:
+    def reset(self) -> None:  # noqa: B027  most keep nothing
         """Begin an episode: forget what the last one taught."""

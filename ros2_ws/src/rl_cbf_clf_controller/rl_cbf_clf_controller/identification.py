@@ -127,14 +127,17 @@ def equation(s: dict[str, ca.SX]) -> tuple[ca.SX, ca.SX, ca.SX]:
     """Regressor (7, 15), measured side (7,) and mass matrix (7, 7) of one tick, as expressions of its symbols."""
     torso, thigh, shin = (s["theta"][4 * i : 4 * i + 4].T for i in range(3))
     lengths = {"joints": s["joints"], "feet": s["feet"], "links": ca.vertcat(torso, thigh, shin, thigh, shin)}
-    robot = PinnedRobot(parameters={**robot_parameters(), **lengths, "gravity": ca.DM(GRAVITY)})
+    robot = PinnedRobot(parameters={**robot_parameters(), **lengths, "gravity": ca.SX(GRAVITY)})
     ddq = ca.SX.sym("ddq", 7)
     tau, points = robot.inverse_dynamics(ddq), ca.vertcat(*robot.feet)
-    at_tick = [robot.q, robot.dq, ddq], [
-        (s["start"][:7] + s["end"][:7]) / 2,
-        (s["start"][7:] + s["end"][7:]) / 2,
-        (s["end"][7:] - s["start"][7:]) / TICK_SECONDS,
-    ]
+    at_tick = (
+        [robot.q, robot.dq, ddq],
+        [
+            (s["start"][:7] + s["end"][:7]) / 2,
+            (s["start"][7:] + s["end"][7:]) / 2,
+            (s["end"][7:] - s["start"][7:]) / TICK_SECONDS,
+        ],
+    )
     terms = [ca.jacobian(tau, s["theta"]), ca.jacobian(tau, ddq), ca.jacobian(points, robot.q)]
     moved, mass, jacobians = ca.substitute(terms, *at_tick)
     base = ca.SX.zeros(BASE)
@@ -162,5 +165,5 @@ def prior_covariance(theta: Array) -> Array:
         + PAYLOAD_SPREAD**2 * np.outer(point_mass, point_mass)
         + np.diag((LINK_SPREAD * sizes) ** 2)
     )
-    covariance[12 :, 12 :] = np.diag([DAMPING_SPREAD**2, GAIN_SPREAD**2, LATE_SPREAD**2])
+    covariance[12:, 12:] = np.diag([DAMPING_SPREAD**2, GAIN_SPREAD**2, LATE_SPREAD**2])
     return covariance

@@ -63,8 +63,8 @@ def calibration_function() -> NumpyFunction:
     velocity = robot.rate(robot.feet[0])
     slope = ca.jacobian(velocity, robot.q[BASE : BASE + 2])  # over the stance leg's hip and knee
     value, covariance = ca.SX.sym("value", SIZE), ca.SX.sym("covariance", SIZE, SIZE)
-    noise = VELOCITY_NOISE**2 * ca.DM.eye(2)
-    found = updated(value, covariance, ca.DM.zeros(SIZE, SIZE), slope, velocity + slope @ value, noise)
+    noise = VELOCITY_NOISE**2 * ca.SX.eye(2)
+    found = updated(value, covariance, ca.SX.zeros(SIZE, SIZE), slope, velocity + slope @ value, noise)
     inputs = {"x": ca.vertcat(robot.q, robot.dq), "joints": robot.parameters["joints"]}
     inputs |= {"feet": robot.parameters["feet"], "value": value, "covariance": covariance}
     return NumpyFunction.of("calibration", inputs, {"value": found[0], "covariance": found[1]})

@@ -29,7 +29,7 @@ STILL = 0.02  # rad/s, below which dry friction fades, so that it has a value at
 
 @dataclass(frozen=True)
 class Structure:
-    """Link 0 is the torso. `parents`: the link that each further one hangs on; `feet`: links of stance and swing foot."""
+    """Link 0 is the torso. `parents`: the link that each further one hangs on; `feet`: of the stance and swing foot."""
 
     parents: tuple[int, ...] = (0, 1, 0, 3)
     feet: tuple[int, int] = (2, 4)

@@ -29,7 +29,7 @@ from rl_cbf_clf_controller.feet import Feet
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.speed_regulation import IntegralRegulation, SpeedRegulation
 from rl_cbf_clf_controller.step_paths import descent, landing_at, speed_of, start_rate, step_path, within
-from rl_cbf_clf_controller.virtual_constraints import RABBIT_ANGLES, Correction, Path, VirtualConstraints
+from rl_cbf_clf_controller.virtual_constraints import RABBIT_ANGLES, Correction, VirtualConstraints
 
 FADED = 0.5  # phase at which the correction ends
 FADED_ON_SLOPES = 0.7  # of steps whose slope differs from the last one's: their corrections are larger
@@ -39,18 +39,18 @@ REGULATIONS = {"learned": SpeedRegulation, "integral": IntegralRegulation}
 LEAST_RATE = 0.5  # 1/s; of a robot that hardly moves forward, y' is not made continuous
 
 
-def corrected_outputs(
-    path: Path, q_s: Array, dq_s: Array, faded: float = FADED, descent: Array | None = None
+def corrected(
+    outputs: VirtualConstraints, q_s: Array, dq_s: Array, faded: float = FADED, descent: Array | None = None
 ) -> VirtualConstraints:
-    """Outputs along `path` that are zero, with their rates, at the state that the step begins with.
+    """The `outputs` of a path, made zero, with their rates, at the state that the step begins with.
 
     From the phase `faded` on they are the path's, and beyond 1 what `descent` (4,), rad, adds to it.
     """
-    begun = VirtualConstraints(path).evaluate(q_s, dq_s)
+    begun = outputs.evaluate(q_s, dq_s)
     width = max(faded - begun.phase, LEAST_WIDTH)
     a, b = begun.y, width * begun.dy / max(begun.phase_rate, LEAST_RATE) + 3 * begun.y
     coeffs = np.column_stack([a, (a + b) / 4, np.zeros((len(a), 3))])
-    return VirtualConstraints(path, correction=Correction(coeffs, begun.phase, width), descent=descent)
+    return outputs.with_correction(Correction(coeffs, begun.phase, width), descent)
 
 
 @dataclass(frozen=True)
@@ -109,6 +109,7 @@ class LibrarySteps:
         self._library, self._aim, self._feet = library, aim, feet
         self.regulation = regulation(library.slopes[0], library.slopes[-1])
         self._has_slopes = len(library.slopes) > 1
+        self._outputs = VirtualConstraints(library.gaits[0])
         self.wanted: tuple[float, ...] = (library.start_length,)
 
     @property
@@ -121,8 +122,7 @@ class LibrarySteps:
         self.regulation.reset()
         length = self._library.start_length
         self.wanted = (length,)
-        path = step_path(self._library, length, length, self.slope)
-        return VirtualConstraints(path)
+        return self._outputs.along(step_path(self._library, length, length, self.slope))
 
     def begin(self, touchdown: Touchdown) -> VirtualConstraints:
         """Towards the stone; where there is none, steps of the start's length."""
@@ -134,11 +134,11 @@ class LibrarySteps:
             self.wanted = (within(self._library.lengths, wanted),)
         path = step_path(self._library, taken, self.wanted[0], self.slope)
         if not self._has_slopes:
-            return corrected_outputs(path, touchdown.q_s, touchdown.dq_s)
+            return corrected(self._outputs.along(path), touchdown.q_s, touchdown.dq_s)
         if stone is not None:
             path = landing_at(path, stone.height + HIGHER, self._feet)
         down = descent(path, self._feet)
-        return corrected_outputs(path, touchdown.q_s, touchdown.dq_s, FADED_ON_SLOPES, down)
+        return corrected(self._outputs.along(path), touchdown.q_s, touchdown.dq_s, FADED_ON_SLOPES, down)
 
     def _regulate(self, touchdown: Touchdown, seconds: float) -> None:
         """The next step's slope, from the step that took so many `seconds`."""

@@ -11,9 +11,11 @@ higher or lower than the stance foot's, h counts from it: both circles move with
 
 import casadi as ca
 
+Number = ca.SX | float
+
 
 def stone_barriers(
-    swing: ca.SX, l_min: ca.SX, l_max: ca.SX, height: ca.SX, R1: ca.SX, R2: ca.SX
+    swing: ca.SX, l_min: Number, l_max: Number, height: Number, R1: Number, R2: Number
 ) -> tuple[ca.SX, ca.SX]:
     """B1 and B2 of the `swing` foot (2,); all in m."""
     length, above = swing[0], swing[1] - height
@@ -22,6 +24,6 @@ def stone_barriers(
     return R1 + l_max - outer, inner - distance(l_min / 2, R2)
 
 
-def distance(x: ca.SX, z: ca.SX) -> ca.SX:
+def distance(x: Number, z: Number) -> ca.SX:
     """|(x, z)|."""
-    return ca.sqrt(x**2 + z**2)
+    return ca.sqrt(ca.SX(x) ** 2 + ca.SX(z) ** 2)

@@ -14,6 +14,7 @@ it y'' and the error of every estimate. `step_outputs.py` has what correction an
 """
 
 from collections.abc import Mapping
+from copy import copy
 from dataclasses import dataclass
 from math import comb
 from typing import Protocol
@@ -89,9 +90,7 @@ def desired(phase: ca.SX, path: Mapping[str, ca.SX]) -> Orders:
     along = continued(path["powers"], phase)
     corrected = continued(path["correction"], (phase - begin) / width)
     lowered = gradual_line(phase - 1)
-    value, slope, curvature = (
-        along[k] + corrected[k] / width**k + path["descent"] * lowered[k] for k in range(3)
-    )
+    value, slope, curvature = (along[k] + corrected[k] / width**k + path["descent"] * lowered[k] for k in range(3))
     return value, slope, curvature
 
 
@@ -170,38 +169,50 @@ class Outputs:
 
 
 class VirtualConstraints:
-    """The outputs of a path as numbers. One object serves one thread."""
+    """The outputs of a path as numbers. One object, with all that it makes by `along`, serves one thread."""
 
-    def __init__(
-        self,
-        path: Path,
-        angles: Angles = RABBIT_ANGLES,
-        correction: Correction | None = None,
-        descent: Array | None = None,
-    ) -> None:
+    def __init__(self, path: Path, angles: Angles = RABBIT_ANGLES) -> None:
+        self._outputs, self._phase, self._desired = output_functions(angles)
+        self._set(path)
+
+    def along(self, path: Path) -> "VirtualConstraints":
+        """Those of another path, with the same functions."""
+        other = copy(self)
+        other._set(path)
+        return other
+
+    def with_correction(self, correction: Correction, descent: Array | None = None) -> "VirtualConstraints":
+        """The same path with a correction, and with `descent` (m,), rad, beyond its end."""
+        other = copy(self)
+        other._row = path_row(self._path, correction, descent)
+        return other
+
+    def _set(self, path: Path) -> None:
         span = path.phase_angle_end - path.phase_angle_start
-        self.controlled, self._phase_angle = angles.controlled, angles.phase_angle
+        self._path, self._row = path, path_row(path)
         self._scale = np.array([1 / span, path.phase_angle_start / span])
-        self._row = path_row(path, correction, descent)
-        self._outputs, self._parameters = output_functions(angles)
+
+    def desired(self, phase: float) -> tuple[Array, Array, Array]:
+        """The controlled angles (m,) at a phase, rad, and two derivatives in the phase."""
+        found = self._desired(np.array([phase]), self._row)
+        return found.desired_0, found.desired_1, found.desired_2
 
     def parameters(self, q_s: Array) -> dict[str, Array]:
         """`desired_0` to `desired_2` (m,) at `q_s` (n,), and `phase_scale` (2,): what a tick takes of the path."""
-        found = self._parameters(q_s, self._scale, self._row)
-        return {name: getattr(found, name) for name in PARAMETERS}
+        return dict(zip(PARAMETERS, (*self.desired(self.phase(q_s)), self._scale), strict=True))
 
     def phase(self, q_s: Array) -> float:
         """Of the step, at `q_s` (n,)."""
-        return float(self._scale[0] * (self._phase_angle @ q_s) - self._scale[1])
+        return float(self._phase(q_s, self._scale).phase[0])
 
     def evaluate(self, q_s: Array, dq_s: Array) -> Outputs:
         """Outputs at `q_s`, `dq_s` (n,), stance/swing order."""
-        found = self._outputs(q_s, dq_s, self._parameters(q_s, self._scale, self._row).row)
+        found = self._outputs(q_s, dq_s, *self.parameters(q_s).values())
         return Outputs(found.eta, found.jacobian, found.bias, float(found.phase[0]), float(found.phase_rate[0]))
 
 
-def output_functions(angles: Angles) -> tuple[NumpyFunction, NumpyFunction]:
-    """`Outputs` of (q, dq, parameters); the parameters of (q, phase_scale, the row of a path)."""
+def output_functions(angles: Angles) -> tuple[NumpyFunction, NumpyFunction, NumpyFunction]:
+    """`Outputs` of (q, dq, parameters); the phase of (q, phase_scale); what is desired, of (phase, row of a path)."""
     m, n = angles.controlled.shape
     q, dq, ddq, path = ca.SX.sym("q", n), ca.SX.sym("dq", n), ca.SX.sym("ddq", n), path_symbols(m)
     outputs = OutputExpressions(q, dq, angles)
@@ -210,9 +221,10 @@ def output_functions(angles: Angles) -> tuple[NumpyFunction, NumpyFunction]:
     acceleration = free.affine(ddy)
     found = {"eta": ca.vertcat(y, dy), "jacobian": acceleration.a, "bias": acceleration.b}
     found |= {"phase": outputs.phase, "phase_rate": outputs.phase_rate}
-    scale = outputs.parameters["phase_scale"]
-    orders = dict(zip(outputs.parameters, (*desired(outputs.phase, path), scale), strict=True))
+    scale, phase = outputs.parameters["phase_scale"], ca.SX.sym("phase")
+    orders = dict(zip(PARAMETERS, desired(phase, path), strict=False))
     return (
-        NumpyFunction.of("outputs", {"q": q, "dq": dq, "parameters": packed(outputs.parameters)}, found),
-        NumpyFunction.of("desired", {"q": q, "scale": scale, "path": packed(path)}, orders),
+        NumpyFunction.of("outputs", {"q": q, "dq": dq, **outputs.parameters}, found),
+        NumpyFunction.of("phase", {"q": q, "scale": scale}, {"phase": outputs.phase}),
+        NumpyFunction.of("desired", {"phase": phase, "path": packed(path)}, orders),
     )

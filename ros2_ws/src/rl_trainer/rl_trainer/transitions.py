@@ -17,9 +17,8 @@ from dataclasses import dataclass
 from enum import IntFlag
 
 import numpy as np
-from cbf_clf_qp.affine import Affine
-from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.problem import Problem
+from cbf_clf_qp.symbolic.estimates import Estimates
 from rabbit_description.state import TICK_SECONDS, Array, RobotState
 from rl_cbf_clf_controller.controller_output import ControllerOutput
 
@@ -131,8 +130,8 @@ class TransitionBuilder:
             LgV=last.LgV,
             mu=last.mu,
             mu_qp=last.mu_qp,
-            alpha=last.alpha - adapted(last)[0].a,
-            beta=last.beta - adapted(last)[0].b,
+            alpha=last.alpha - adapted(last).alpha,
+            beta=last.beta - adapted(last).beta,
             nominal=nominal_value(last, output if measurable else None, self._parameters),
             measured=measure(last, output, self._parameters) if measurable and output else unmeasured,
             next_observation=following.observation,
@@ -188,21 +187,24 @@ def nominal_value(last: ControllerOutput, output: ControllerOutput | None, p: Tr
         return start
     mean: Array = (start + believed(output, output.mu_held)) / 2
     if p.clf_difference == "rates" and "V" in last.quantities:
-        ends = v + adapted(last)[1](v), output.mu_held + adapted(output)[1](output.mu_held)
-        mean[0] = last.nominal_b[0] + last.LgV @ (ends[0] + ends[1]) / 2
+        ends = _y_ddot(last, v) + _y_ddot(output, output.mu_held)
+        mean[0] = last.nominal_b[0] + last.LgV @ ends / 2
     return mean
 
 
 def believed(output: ControllerOutput, v: Array) -> Array:
     """The quantities (n,) of a tick at the input v (4,), without the policy's word."""
-    value: Array = output.nominal_a @ v + output.nominal_b + adapted(output)[0](v)
+    value: Array = output.nominal_a @ v + output.nominal_b + adapted(output).error(v)
     return value
 
 
-def adapted(output: ControllerOutput) -> tuple[Affine, Affine]:
-    """What an adaptation added to a tick's quantities (n,) and to its y'' (4,), affine in mu."""
+def _y_ddot(output: ControllerOutput, v: Array) -> Array:
+    """y'' (4,) at the input v (4,), without the policy's word."""
+    error = adapted(output).output_error
+    return v if error is None else v + error[:, :-1] @ v + error[:, -1]
+
+
+def adapted(output: ControllerOutput) -> Estimates:
+    """What an adaptation added to a tick's quantities (n,) and to its y'' (4,)."""
     n, m = output.nominal_a.shape
-    if not output.adapted.size:
-        return Affine.zero(n, m), Affine.zero(m, m)
-    estimates = Estimates.from_packed(output.adapted, m)
-    return estimates.affine, estimates.output_error or Affine.zero(m, m)
+    return Estimates.from_packed(output.adapted, m) if output.adapted.size else Estimates.zero(n, m)

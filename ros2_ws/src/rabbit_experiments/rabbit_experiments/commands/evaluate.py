@@ -92,7 +92,6 @@ def describe(assembly: Any, seed: int) -> dict[str, Any]:
         "command": provenance.command(),
         "commit": provenance.commit(),
         "results_version": identity["results_version"],
-        "model_terms": identity["model_terms"],
         "versions": provenance.versions(),
         "seed": seed,
         "policy": assembly.policy,

@@ -8,7 +8,8 @@ from collections.abc import Sequence
 
 import numpy as np
 from rabbit_description.state import SWAP_STATE, TICK_SECONDS, Array, Leg
-from rl_cbf_clf_controller.nominal_model import NominalModel
+from rl_cbf_clf_controller.feet import Feet
+from rl_cbf_clf_controller.robot_numbers import read_robot
 from rl_cbf_clf_controller.virtual_constraints import RABBIT_ANGLES
 from rl_trainer.rollout import Record
 
@@ -29,17 +30,17 @@ class Touchdowns:
     def __init__(self) -> None:
         self.rows: list[Array] = []
         self._step: list[Record] = []
-        self._model = NominalModel()
+        self._feet = Feet(read_robot())
 
     def __call__(self, record: Record) -> None:
         """A tick."""
         if self._step and record.output.step_index != self._step[-1].output.step_index:
-            self.rows.append(features(self._step, record, self._model))
+            self.rows.append(features(self._step, record, self._feet))
             self._step = []
         self._step.append(record)
 
 
-def features(step: Sequence[Record], now: Record, model: NominalModel) -> Array:
+def features(step: Sequence[Record], now: Record, feet: Feet) -> Array:
     """`FEATURES` (17,) at the touchdown `now` after the ticks of `step`; slacks and the normal force as log(1 + x)."""
     state, stone = now.state, now.state.preview
     if stone is None:
@@ -47,7 +48,7 @@ def features(step: Sequence[Record], now: Record, model: NominalModel) -> Array:
     q, dq = state.q, state.dq
     if now.output.stance is Leg.RIGHT:
         q, dq = q[SWAP_STATE], dq[SWAP_STATE]
-    length, height = -model.update(q, dq).swing
+    length, height = -feet(q).swing
     seconds = (state.tick - step[0].state.tick) * TICK_SECONDS
     forces = np.array([each.state.foot_force[each.output.stance] for each in step[LANDING_TICKS:] or step])
     ratios = np.abs(forces[:, 0]) / np.maximum(forces[:, 1], LEAST_FORCE)

@@ -17,11 +17,14 @@ The unit of an error is the rms of what is to be learned there, the model's erro
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+import casadi as ca
 import numpy as np
+from cbf_clf_qp.symbolic.functions import NumpyFunction, packed
 from rabbit_description.gait import Gait
-from rabbit_description.state import SWAP_STATE, TICK_SECONDS, Array, Leg, StonePreview
+from rabbit_description.state import SWAP_STATE, TICK_SECONDS, Array, Leg
 from rabbit_viewer.walk_records import WalkRecords
-from rl_cbf_clf_controller.nominal_model import NominalModel
+from rl_cbf_clf_controller.planar_robot import PinnedRobot
+from rl_cbf_clf_controller.robot_numbers import read_robot
 from rl_cbf_clf_controller.stone_barriers import stone_barriers
 from rl_cbf_clf_controller.virtual_constraints import VirtualConstraints
 from scipy.signal import lfilter, savgol_filter
@@ -117,15 +120,22 @@ def _in_quantities(derivative: Array, LgV: Array) -> Array:
 
 def _rates(walk: WalkRecords, gait: Gait) -> Callable[[int, Array], Array]:
     """What noise (5,) of the measured angle rates, left/right order, makes of z at a tick, (6,)."""
-    outputs, model = VirtualConstraints(gait), NominalModel()
-    radii = (float(walk.about["R1"]), float(walk.about["R2"]))
+    outputs, barrier_rates, robot = VirtualConstraints(gait), barrier_rate_function(), read_robot().row
+    radii = np.array([walk.about["R1"], walk.about["R2"]], dtype=float)
 
     def rate(tick: int, noise: Array) -> Array:
         dq, q = np.concatenate([np.zeros(2), noise]), walk.q[tick]
         if walk.stance[tick] == Leg.RIGHT:
             q, dq = q[SWAP_STATE], dq[SWAP_STATE]
-        stone = StonePreview(0, *walk.preview[tick].tolist())
-        barriers = stone_barriers(model.update(q, dq), stone, *radii)
-        return np.concatenate([outputs.evaluate(q, dq).dy, barriers.dB])
+        rates = barrier_rates(q, dq, robot, walk.preview[tick][:3], radii).rates
+        return np.concatenate([outputs.evaluate(q, dq).dy, rates])
 
     return rate
+
+
+def barrier_rate_function() -> NumpyFunction:
+    """`rates` (2,) of B1 and B2, m/s, of (q, dq, robot's row, stone (3,), R1 and R2 (2,))."""
+    robot, stone, radii = PinnedRobot(), ca.SX.sym("stone", 3), ca.SX.sym("radii", 2)
+    barriers = ca.vertcat(*stone_barriers(robot.swing, *ca.vertsplit(stone), *ca.vertsplit(radii)))
+    inputs = {"q": robot.q, "dq": robot.dq, "robot": packed(robot.parameters), "stone": stone, "radii": radii}
+    return NumpyFunction.of("barrier_rates", inputs, {"rates": robot.rate(barriers)})

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from cbf_clf_qp.rows import Rows
-from cbf_clf_qp.tick import rows_of
+from cbf_clf_qp.symbolic.functions import Array
+from cbf_clf_qp.symbolic.qp import UNBOUNDED
 from pydantic import BaseModel, ConfigDict
 from rabbit_description.state import RobotState
 from rl_cbf_clf_controller.controller import Controller
@@ -57,14 +57,12 @@ class JudgedWalk(SeededRun):
         return measure(self.assembly, self.judges, self.seed)
 
 
-def infeasible(rows: Sequence[Rows]) -> bool:
-    """Whether a linear programme proves that no mu meets all `rows`, slacks aside."""
-    A = np.concatenate([block.A for block in rows])
-    upper, lower = (np.concatenate([getattr(block, side) for block in rows]) for side in ("upper", "lower"))
+def infeasible(A: Array, lower: Array, upper: Array) -> bool:
+    """Whether a linear programme proves that no mu (m,) has `lower` <= A mu <= `upper`, A being (k, m)."""
     norm = np.maximum(np.linalg.norm(A, axis=1), 1e-12)
     sides = np.concatenate([A, -A]) / np.tile(norm, 2)[:, None]
     bounds = np.concatenate([upper, -lower]) / np.tile(norm, 2)
-    finite = np.isfinite(bounds)
+    finite = bounds < UNBOUNDED / 2
     done = linprog(np.zeros(A.shape[1]), A_ub=sides[finite], b_ub=bounds[finite], bounds=(None, None), method="highs")
     return bool(done.status == INFEASIBLE)
 
@@ -103,11 +101,13 @@ def _judge(assembly: Assembly) -> Controller:
 def _verdicts(judge: Controller, state: RobotState) -> tuple[bool, bool]:
     """Whether the safety rows, and all rows, are infeasible for a judge at a state."""
     judge.step(state)
-    decided = judge.decided
-    rows = rows_of(judge.recipe, judge.terms, decided.estimates, decided.control)
-    every = infeasible(rows)
-    without_clf = [block for block in rows if block.names != ("CLF",)]
-    return every and infeasible(without_clf), every
+    estimates, scene = judge.estimates, judge.scene
+    data = judge.qp.programme(scene.x, scene.p, estimates)
+    layout = judge.qp.layout
+    rows = data.A[:, : layout.inputs], data.lower, data.upper  # over root mu, which is as free as mu
+    every = infeasible(*rows)
+    safety = np.array(layout.names) != "CLF"
+    return every and infeasible(*(part[safety] for part in rows)), every
 
 
 def total(walks: Sequence[Sequence[Feasibility]]) -> int:

@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from cbf_clf_qp.res_clf import ResClf
+from cbf_clf_qp.symbolic.clf import ResClf
 from rabbit_description.force_ratio import force_ratio
 from rabbit_description.state import ACTUATED, TICK_SECONDS, Array, Leg
 
@@ -111,4 +111,4 @@ def clf_decay(about: Mapping[str, Any]) -> float:
     """The rate at which V must fall where no slack is used, 1/s; NaN where the gains are not known."""
     if not {"eps", "kp", "kd"} <= about.keys():
         return math.nan
-    return ResClf(JOINTS, about["eps"], (about["kp"], about["kd"])).clf_rate / float(about["eps"])
+    return float(ResClf(JOINTS, float(about["eps"]), (about["kp"], about["kd"])).rate)

@@ -98,8 +98,7 @@ class ControllerNode(Node):
         self._connect()
         follow(self, self._settings, self._on_parameters)
         law = f"{self._settings.controller}, gait {self._gait.name}"
-        terms = f"model terms by {self._controller.model_terms}"
-        self.get_logger().info(f"ready: {law}, policy {self._in_force.version}, {terms}")
+        self.get_logger().info(f"ready: {law}, policy {self._in_force.version}")
 
     def close(self) -> None:
         """End the thread that checks policies."""
@@ -339,7 +338,6 @@ class ControllerNode(Node):
             "policy": self._in_force.version,
             "policy waiting": self._waiting[-1].version if self._waiting else "",
             "ticks not answered by the chosen solver": self._controller.unanswered,
-            "model terms by": self._controller.model_terms,
             "scheduling": scheduling(),
         }
         if not self._states.get_publisher_count():

@@ -1,4 +1,4 @@
-"""The robot as the controller believes it to be: pinned-foot dynamics from pinocchio.
+"""The nominal robot by pinocchio: independent of the expressions that controller and optimisation share.
 
 With the stance foot held, (q-ddot, F) solve, for a torque u at the joints after the base's three coordinates,
 
@@ -9,16 +9,14 @@ F = (F_T, F_N) being the ground's force on the stance foot and J its Jacobian. B
 relabelled to stance/swing, so the model's left leg is always the stance leg. Impact: inelastic, the swing foot stays.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 import pinocchio as pin
-from cbf_clf_qp.affine import Affine
+from cbf_clf_qp.symbolic.affine import Affine
 from rabbit_description import URDF_PATH
 from rabbit_description.state import Array
-
-from rl_cbf_clf_controller import link_parameters as links
-from rl_cbf_clf_controller.pinned_robot import Kinematics, KnownRobot, PinnedDynamics
-
-PLANE = [0, 2]  # x and z of a spatial vector
+from rl_cbf_clf_controller.robot_numbers import PLANE
 
 
 def input_map(coordinates: int) -> Array:
@@ -26,18 +24,35 @@ def input_map(coordinates: int) -> Array:
     return np.eye(coordinates)[:, 3:]
 
 
-INPUT_MAP = input_map(7)
-ACTUATED = INPUT_MAP.sum(axis=1)  # 1 where a motor acts
+@dataclass(frozen=True)
+class Kinematics:
+    """Swing foot from the stance foot and hip (the base) from the stance foot, world frame; m, m/s, m/s^2.
+
+    `swing`, `swing_rate`, `hip`, `hip_rate` (2,); `swing_jacobian` (2, n); `swing_bias` (2,) its J-dot q-dot.
+    """
+
+    swing: Array
+    swing_rate: Array
+    swing_jacobian: Array
+    swing_bias: Array
+    hip: Array
+    hip_rate: Array
 
 
-class NominalModel:
+@dataclass(frozen=True)
+class PinnedDynamics:
+    """`acceleration` (n) and stance-foot `force` (F_T, F_N), both affine in the torque u (m,), stance/swing order."""
+
+    acceleration: Affine
+    force: Affine
+
+
+class PinocchioModel:
     """Pinned-foot dynamics of a planar URDF robot with n coordinates, m = n - 3 motors; RABBIT's if none is given.
 
     `feet`: the links of the left and the right foot. `motor_gain` and `joint_damping` (generalised force -d M_jj dq_j,
     1/s) are 1 and 0 in a nominal model; the oracle's model carries the plant's.
     """
-
-    computed_by = "pinocchio"
 
     def __init__(
         self,
@@ -51,11 +66,6 @@ class NominalModel:
         self._stance, self._swing = (self.model.getFrameId(foot) for foot in feet)
         self._no_acceleration = np.zeros(self.model.nv)
         self._input_map = input_map(self.model.nv)
-        self.motor_gain, self.joint_damping = motor_gain, joint_damping
-
-    def believe(self, theta: Array, motor_gain: float, joint_damping: float) -> None:
-        """Take over links theta (12,), as in `link_parameters.py`, motors and damping."""
-        links.write_links(self.model, theta)
         self.motor_gain, self.joint_damping = motor_gain, joint_damping
 
     def update(self, q_s: Array, dq_s: Array) -> Kinematics:
@@ -91,10 +101,6 @@ class NominalModel:
         return PinnedDynamics(
             acceleration=Affine(solution[:n, :m], solution[:n, m]), force=Affine(solution[n:, :m], solution[n:, m])
         )
-
-    def robot_at(self, q_s: Array, dq_s: Array) -> KnownRobot:
-        """All of it at a state, for a trace."""
-        return KnownRobot(self.update(q_s, dq_s), self.pinned())
 
     def mass_matrix(self) -> Array:
         """M (n, n) at the state of the last `update`."""
