@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 from cbf_clf_qp.affine import Array
+from rabbit_description.yaml_file import read_mapping
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.session import CheckpointError, read_checkpoint
 
@@ -62,7 +62,7 @@ def fit_session(
 def transitions(folder: Path) -> tuple[TrainingParameters, dict[str, Array]]:
     """What a session was asked for, and the columns of its replay buffer; raises `CheckpointError`."""
     try:
-        parameters = TrainingParameters.model_validate(yaml.safe_load((folder / "parameters.yaml").read_text()))
+        parameters = TrainingParameters.model_validate(read_mapping(folder / "parameters.yaml"))
         state = read_checkpoint(folder)
         if state is None:
             raise CheckpointError("no checkpoint")

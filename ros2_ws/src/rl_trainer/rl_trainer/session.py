@@ -18,8 +18,8 @@ from pathlib import Path
 from typing import Any
 
 import torch
-import yaml
 from rabbit_description.atomic_file import replacing
+from rabbit_description.yaml_file import dump_yaml
 from rl_cbf_clf_controller.policy import ActorPolicy, Policy, ZeroPolicy
 
 from rl_trainer.parameters import TrainingParameters
@@ -65,7 +65,7 @@ class Session:
         self.resumed = more is not None
         self.episodes: list[dict[str, Any]] = json.loads((more or {}).get("episodes", "[]"))
         with replacing(folder / "parameters.yaml") as partial:
-            text = yaml.safe_dump(trainer.parameters.model_dump(mode="json"), sort_keys=False)
+            text = dump_yaml(trainer.parameters.model_dump(mode="json"))
             partial.write_text(text, encoding="utf-8")
 
     def run(self, simulation: Simulation, make_controller: MakeController) -> Iterator[EpisodeReport]:
