@@ -15,9 +15,9 @@ TINY = ("--problem", "rl-clf-qp", "--episodes", "4", "--nominal-episodes", "1", 
 UPDATES = ("--updates-least", "40", "--updates-per-tick", "0")
 
 
-def start(folder: Path) -> subprocess.Popen[bytes]:
+def start(folder: Path, *more: str) -> subprocess.Popen[bytes]:
     """`rabbit train` in a process of its own."""
-    command = (*RABBIT, "train", "--out", str(folder), *TINY, *UPDATES)
+    command = (*RABBIT, "train", "--out", str(folder), *TINY, *UPDATES, *more)
     return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
 
 
@@ -36,6 +36,14 @@ def wait_for_an_episode(training: subprocess.Popen[bytes], checkpoint: Path, see
     """Until a checkpoint was replaced or the process has ended."""
     while training.poll() is None and not (checkpoint.exists() and checkpoint.stat().st_mtime_ns > seen):
         time.sleep(0.01)
+
+
+def test_learning_that_diverges_ends_in_one_line(tmp_path: Path) -> None:
+    training = start(tmp_path, "--actor-rate", "1", "--critic-rate", "1", "--gradient-clip", "100000")
+    _, said = training.communicate(timeout=300)
+    assert training.returncode == 2
+    (line,) = said.decode().splitlines()
+    assert line.startswith("rabbit: the learning diverged by the end of episode ")
 
 
 def test_killed_training_gives_the_same_weights(tmp_path: Path) -> None:

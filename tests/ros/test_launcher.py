@@ -261,7 +261,7 @@ def test_of_several_that_begin_at_once_one_walks(tmp_path: Path) -> None:
         (("--training", "/nowhere.yaml"), "/nowhere.yaml"),
         (("--out", "/proc"), "--out /proc"),
         (("--params-file", "/nowhere.yaml"), "/nowhere.yaml: No such file"),
-        (("--params-file", "/proc/version"), "/proc/version: expected node names"),
+        (("--params-file", "/proc/version"), "/proc/version: has more bytes"),
     ],
 )
 def test_bad_values_are_one_line_and_exit_code_2(tmp_path: Path, words: tuple[str, ...], said: str) -> None:

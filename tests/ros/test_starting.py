@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 import rclpy
@@ -74,11 +75,8 @@ left:
 """
 
 
-@pytest.mark.parametrize("namespace", ["", "left", "/left", "left/inner", "right"])
-@pytest.mark.parametrize("name", ["simulator", "controller"])
-def test_a_parameter_file_says_to_a_node_what_it_says_in_ros(namespace: str, name: str, tmp_path: Path) -> None:
-    file = tmp_path / "parameters.yaml"
-    file.write_text(PATTERNS)
+def by_ros(file: Path, name: str, namespace: str = "") -> dict[str, Any]:
+    """The parameters that ROS gives to a node."""
     context = rclpy.Context()
     words = ["--ros-args", "--params-file", str(file)]
     rclpy.init(args=words, context=context, signal_handler_options=SignalHandlerOptions.NO)
@@ -86,10 +84,36 @@ def test_a_parameter_file_says_to_a_node_what_it_says_in_ros(namespace: str, nam
         node = rclpy.create_node(
             name, namespace=namespace, context=context, automatically_declare_parameters_from_overrides=True
         )
-        by_ros = {key: parameter.value for key, parameter in node._parameter_overrides.items()}
+        return {key: parameter.value for key, parameter in node._parameter_overrides.items()}
     finally:
         rclpy.try_shutdown(context=context)
-    assert read_parameters(file, namespace, (name,))[name] == by_ros
+
+
+@pytest.mark.parametrize("namespace", ["", "left", "/left", "left/inner", "right"])
+@pytest.mark.parametrize("name", ["simulator", "controller"])
+def test_a_parameter_file_says_to_a_node_what_it_says_in_ros(namespace: str, name: str, tmp_path: Path) -> None:
+    file = tmp_path / "parameters.yaml"
+    file.write_text(PATTERNS)
+    assert read_parameters(file, namespace, (name,))[name] == by_ros(file, name, namespace)
+
+
+ALIKE = ("7", "-3", "0.5", ".5", "5.", "1e3", "1.5e-3", ".inf", "true", "False", "word", "'0200'", '"yes"', "1.2.3")
+OTHERWISE = ("0200", "08", "0x10", "1_000", "3:20", "yes", "on", "y", "N", "inf", "null", "~", "9223372036854775808")
+
+
+@pytest.mark.parametrize("value", [*ALIKE, *OTHERWISE])
+def test_a_value_is_read_as_in_ros_or_refused(value: str, tmp_path: Path) -> None:
+    file = tmp_path / "parameters.yaml"
+    file.write_text(f"simulator: {{ros__parameters: {{a: {value}}}}}")
+    if value in OTHERWISE:
+        with pytest.raises(ParameterFileError, match=r"parameters\.yaml: .*a"):
+            read_parameters(file, "", ("simulator",))
+    else:
+        (ours,), (theirs,) = (
+            found.values()
+            for found in (read_parameters(file, "", ("simulator",))["simulator"], by_ros(file, "simulator"))
+        )
+        assert (ours, type(ours)) == (theirs, type(theirs))
 
 
 @pytest.mark.parametrize("text", ["a: [", "- 1", "simulator: 3", "ros__parameters: {a: 1}", "a: {ros__parameters: 3}"])

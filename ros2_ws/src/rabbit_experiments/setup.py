@@ -12,7 +12,6 @@ install(
     "matplotlib",
     "numpy>=2",
     "pydantic>=2",
-    "pyyaml",
     "rich",
     "scipy",
     "typer",

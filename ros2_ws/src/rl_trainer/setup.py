@@ -11,7 +11,6 @@ install(
     "numpy>=2",
     "torch==2.13.0",
     "pydantic>=2",
-    "pyyaml",
     "tensorboard",
     "gymnasium",
     entry_points={

@@ -27,6 +27,7 @@ from pydantic_core import ErrorDetails
 from rabbit_cli.executables import NAMESPACE
 
 BAD_VALUE = 2
+LONGEST_LINE = 1500  # characters of an error
 CHOOSES = {"controller", "parameters"}  # options that say themselves which controller
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -88,8 +89,9 @@ class Given:
 
 
 def fail(text: object, code: int = BAD_VALUE) -> NoReturn:
-    """End the command with one line."""
-    print("rabbit:", " ".join(str(text).split()), file=sys.stderr)
+    """End the command with one line of bounded length."""
+    line = " ".join(str(text).split())
+    print("rabbit:", line if len(line) <= LONGEST_LINE else f"{line[:LONGEST_LINE]} ...", file=sys.stderr)
     raise typer.Exit(code)
 
 

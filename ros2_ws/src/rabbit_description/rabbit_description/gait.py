@@ -10,12 +10,12 @@ from pathlib import Path
 from typing import Annotated, Any, Self
 
 import numpy as np
-import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from rabbit_description import GAITS, LIBRARIES
+from rabbit_description.bounded_file import FileError, one_line
 from rabbit_description.state import Array
-from rabbit_description.yaml_file import YamlFileError, read_yaml
+from rabbit_description.yaml_file import dump_yaml, read_yaml
 
 DEFAULT_GAIT = "stones_0350_080"
 
@@ -37,7 +37,7 @@ class GaitFile(BaseModel):
 
     def save(self, path: Path) -> None:
         """Write it as YAML."""
-        path.write_text(yaml.safe_dump(self.model_dump(), sort_keys=False, default_flow_style=None, width=120))
+        path.write_text(dump_yaml(self.model_dump(), default_flow_style=None, width=120), encoding="utf-8")
 
 
 class Gait(GaitFile):
@@ -177,8 +177,8 @@ def _read(path: Path, changed: int, size: int) -> Gaits:
     """A file as it was at the time `changed`, ns: read once, since a library takes a good part of a second."""
     try:
         return parse_gaits(read_yaml(path))
-    except (ValidationError, YamlFileError) as error:
-        raise GaitError(f"gait {path}: {error}") from error
+    except (ValidationError, FileError) as error:
+        raise GaitError(f"gait {path}: {one_line(error)}") from error
 
 
 def load_gait(name_or_path: str | Path) -> Gait:

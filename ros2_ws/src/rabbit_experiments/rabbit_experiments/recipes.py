@@ -1,15 +1,11 @@
 """Trainings as jobs of the engine: each in a folder of its own, where one that was stopped goes on.
 
-ROOT/NAME-KEY/                 a session of `rabbit train`, KEY the hash of all that decides it
-ROOT/NAME-KEY/episodes.jsonl   a report an episode
+ROOT/NAME-KEY/   a session of `rabbit train`, KEY the hash of all that decides it
 """
 
-import json
 import math
 import shlex
-import time
-from collections.abc import Iterator
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +23,7 @@ from rabbit_experiments.cache import COMPUTING, Job, JobError, job_key
 from rabbit_experiments.command_lines import changed_options
 from rabbit_experiments.conditions import TRAINING_PLANT, TRAINING_SCALE, TRAINING_SLACK_WEIGHT
 
-POLICY, EPISODES = "policy.safetensors", "episodes.jsonl"
+POLICY = "policy.safetensors"
 
 
 class TrainingReport(BaseModel):
@@ -87,10 +83,11 @@ class Recipe(Job):
 
     def do(self) -> TrainingReport:
         from rl_trainer.session import CheckpointError  # torch
+        from rl_trainer.training import DivergenceError
 
         try:
-            episodes = list(self._train())
-        except (CheckpointError, ControllerError, np.linalg.LinAlgError) as error:
+            episodes = self._train()
+        except (CheckpointError, DivergenceError, ControllerError, np.linalg.LinAlgError) as error:
             raise JobError(f"{self.title or self.name}: {error}") from error
         transitions = sum(episode["kept"] for episode in episodes)
         return TrainingReport(commit=provenance.commit(), transitions=transitions, episodes=episodes)
@@ -99,20 +96,13 @@ class Recipe(Job):
         always = {"controller": self.parameters.problem.name, "slack_weight": TRAINING_SLACK_WEIGHT}
         return load_parameters("ours", **{**dict(law), **always})
 
-    def _train(self) -> Iterator[dict[str, Any]]:
+    def _train(self) -> list[dict[str, Any]]:
         """Train, or go on training; the reports of all episodes."""
         from rabbit_experiments.training_setup import training  # torch
 
-        with (
-            training(self.folder, self.parameters, self.controller, self.plant, self.command) as job,
-            (self.folder / EPISODES).open("a+") as log,
-        ):
+        with training(self.folder, self.parameters, self.controller, self.plant, self.command) as job:
             trainer = job.session.trainer
             while trainer.episode < self.parameters.episodes and trainer.transitions < self.transitions:
-                start = time.perf_counter()
-                report = next(job.reports)
-                log.write(json.dumps({**asdict(report), "seconds": time.perf_counter() - start}) + "\n")
-                log.flush()
+                next(job.reports)
             trainer.policy_file().write(self.folder / POLICY)
-            log.seek(0)
-            yield from map(json.loads, log)
+            return job.session.episodes

@@ -1,7 +1,6 @@
 """Variants that build and differ, a study that goes on where it stopped, and a table with known figures."""
 
 import csv
-import json
 from pathlib import Path
 from typing import Any
 
@@ -118,8 +117,8 @@ def test_a_short_study_leaves_sessions_and_a_row(tmp_path: Path) -> None:
         "1",
         "1",
     ]
-    folder = Study(tmp_path, episodes=1).recipe("paper-literal", 2).folder
-    (episode,) = map(json.loads, (folder / "episodes.jsonl").read_text().splitlines())
+    recipe = Study(tmp_path, episodes=1).recipe("paper-literal", 2)
+    (episode,) = recipe.do().episodes  # which go on from the folder
     assert int(first["transitions"]) == episode["kept"]
     assert float(first["reward_V"]) == episode["reward"]["V"]
 

@@ -5,12 +5,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-import yaml
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from rabbit_description import LIBRARIES
 from rabbit_description.gait import DEFAULT_GAIT, Gait, GaitError, GaitLibrary, load_gait, load_gaits, shipped_libraries
 from rabbit_description.state import Array, StonePreview
+from rabbit_description.yaml_file import dump_yaml, read_mapping
 from rabbit_gait_design import GaitSpecification
 from rabbit_gait_design.library import library_specifications, outwards
 from rabbit_gait_design.orbit import Orbit
@@ -34,7 +34,7 @@ NAME = "wide"
 LIBRARY = load_gaits(NAME)
 assert isinstance(LIBRARY, GaitLibrary)
 SHIPPED = [gait for name in shipped_libraries() for gait in load_gaits(name).gaits]  # type: ignore[union-attr]
-CONTENT: dict[str, Any] = yaml.safe_load((LIBRARIES / f"{NAME}.yaml").read_text(encoding="utf-8"))
+CONTENT: dict[str, Any] = read_mapping(LIBRARIES / f"{NAME}.yaml")
 LENGTHS = st.floats(LIBRARY.lengths[0], LIBRARY.lengths[-1])
 SLOPED = load_gaits("slopes")
 assert isinstance(SLOPED, GaitLibrary)
@@ -168,7 +168,7 @@ def with_gait(index: int, **fields: Any) -> dict[str, Any]:
 )
 def test_a_bad_library_is_refused(content: dict[str, Any], words: str, tmp_path: Path) -> None:
     path = tmp_path / "bad.yaml"
-    path.write_text(yaml.safe_dump(content), encoding="utf-8")
+    path.write_text(dump_yaml(content), encoding="utf-8")
     with pytest.raises(GaitError, match=r"bad\.yaml") as caught:
         load_gaits(path)
     assert words in str(caught.value)

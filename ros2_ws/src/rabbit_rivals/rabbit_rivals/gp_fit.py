@@ -9,11 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
-import yaml
 from cbf_clf_qp.symbolic.functions import Array
+from rabbit_description.yaml_file import read_mapping
 from rl_trainer.parameters import TrainingParameters
-from rl_trainer.session import CHECKPOINT, CheckpointError
+from rl_trainer.session import CheckpointError, read_checkpoint
 
 from rabbit_rivals.gaussian_process import MU_UNIT, fit, spread
 from rabbit_rivals.gp_controller import GpAbout
@@ -63,8 +62,10 @@ def fit_session(
 def transitions(folder: Path) -> tuple[TrainingParameters, dict[str, Array]]:
     """What a session was asked for, and the columns of its replay buffer; raises `CheckpointError`."""
     try:
-        parameters = TrainingParameters.model_validate(yaml.safe_load((folder / "parameters.yaml").read_text()))
-        state = torch.load(folder / CHECKPOINT, weights_only=True)
+        parameters = TrainingParameters.model_validate(read_mapping(folder / "parameters.yaml"))
+        state = read_checkpoint(folder)
+        if state is None:
+            raise CheckpointError("no checkpoint")
         columns = {name: column.numpy() for name, column in state["replay"]["columns"].items()}
     except Exception as error:  # a damaged file may raise anything
         raise CheckpointError(f"session {folder}: {' '.join(str(error).split())[:200]}") from error

@@ -6,8 +6,9 @@ from typing import Annotated, Any
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, model_validator
+from rabbit_description.bounded_file import FileError, read_text
 from rabbit_description.state import Array
-from rabbit_description.yaml_file import YamlFileError, read_yaml
+from rabbit_description.yaml_file import MOST_BYTES, read_yaml, shortened
 from scipy.special import ndtr, ndtri
 
 from rabbit_sim.parameters import FARTHEST_EDGE, HIGHEST_TOP, SimulationParameters
@@ -82,13 +83,21 @@ def _read_rows(path: Path) -> list[Any]:
         raise CourseError(f"course {path}: kind {path.suffix!r}: expected .yaml or .csv")
     try:
         if path.suffix == ".csv":
-            return list(csv.DictReader(path.read_text(encoding="utf-8").splitlines()))
+            return _csv_rows(read_text(path, MOST_BYTES))
         content = read_yaml(path)
-    except (OSError, UnicodeDecodeError, YamlFileError, csv.Error) as error:
+    except (FileError, csv.Error) as error:
         raise CourseError(f"course {path}: cannot be read: {error}") from error
     if not isinstance(content, dict) or set(content) != {"stones"} or not isinstance(content["stones"], list):
         raise CourseError(f"course {path}: expected a mapping with one key 'stones' and a list under it")
     return list(content["stones"])
+
+
+def _csv_rows(text: str) -> list[Any]:
+    rows = csv.DictReader(text.splitlines())
+    names = list(rows.fieldnames or ())
+    if len(set(names)) < len(names):
+        raise csv.Error(f"columns {shortened(names)}: expected each once")
+    return list(rows)
 
 
 def _shifted(near: Any, width: float) -> Any:
@@ -103,4 +112,4 @@ def _first_fault(error: ValidationError) -> str:
     place = fault["loc"]
     stone = f"stone {int(place[0]) + 1}" if place else "stones"
     names = "".join(f" {name}" for name in place[1:])
-    return f"{stone}{names} = {fault['input']!r}: {fault['msg']}"
+    return f"{stone}{names} = {shortened(fault['input'])}: {fault['msg']}"

@@ -5,8 +5,9 @@ from typing import Literal
 
 from cbf_clf_qp.problem import Problem
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from rabbit_description.bounded_file import FileError, one_line
 from rabbit_description.gait import DEFAULT_GAIT
-from rabbit_description.yaml_file import YamlFileError, read_yaml, yaml_path
+from rabbit_description.yaml_file import read_mapping, shortened, yaml_path
 
 from rl_cbf_clf_controller.kinds import ControllerName, find_kind
 
@@ -145,10 +146,12 @@ def load_parameters(name_or_path: str | Path, terrain: str | None = None, /, **c
     """
     path = yaml_path(name_or_path, CONFIG)
     try:
-        values = {**(read_yaml(path) or {})}
+        values = read_mapping(path)
         on_flat_ground = values.pop(ON_FLAT_GROUND, {})
+        if not isinstance(on_flat_ground, dict):
+            raise FileError(f"{ON_FLAT_GROUND} = {shortened(on_flat_ground)}: expected names, each with a value")
         usual = ControllerParameters.model_validate({**values, **changes})
         flat = ControllerParameters.model_validate({**values, **on_flat_ground, **changes})
         return flat if terrain == "flat" else usual
-    except (YamlFileError, ValidationError, TypeError) as error:
-        raise ParameterError(f"controller parameters {path}: {error}") from error
+    except (FileError, ValidationError) as error:
+        raise ParameterError(f"controller parameters {path}: {one_line(error)}") from error

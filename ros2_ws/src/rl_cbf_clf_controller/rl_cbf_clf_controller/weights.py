@@ -17,6 +17,7 @@ from cbf_clf_qp.problem import Problem
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from rabbit_description.atomic_file import replacing
+from rabbit_description.bounded_file import FileError, read_bytes
 from safetensors import SafetensorError
 from safetensors.numpy import load, save
 from scipy.linalg.blas import sgemv
@@ -197,9 +198,9 @@ def decode(data: bytes, problem: Problem | None = None) -> PolicyFile:
 def read(path: Path, problem: Problem | None = None) -> PolicyFile:
     """Read a policy file; raises `PolicyFileError`, also when there is no such file."""
     try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise PolicyFileError(f"policy: cannot read {path}: {error.strerror}") from error
+        data = read_bytes(path, SIZE_LIMIT)
+    except FileError as error:
+        raise PolicyFileError(f"policy: cannot read {path}: {error}") from error
     try:
         return decode(data, problem)
     except PolicyFileError as error:

@@ -1,11 +1,14 @@
 """Transitions on disk in the moment they are taken in: a trainer that is killed loses none that it published.
 
 A file for each episode of the training, from its first transition to the checkpoint after it, in which all are. One
-line says of which training it is; then come records of one size. A record cut at the end is left out. What is written
-is handed to the operating system, not synced: a killed process loses nothing, a power cut may.
+line says of which training it is; then come records of one size, each with a checksum of line and record. A record cut
+at the end is left out, a damaged one too, which is said. What is written is handed to the operating system, not synced:
+a killed process loses nothing, a power cut may.
 """
 
 import json
+import logging
+import zlib
 from collections.abc import Iterable
 from dataclasses import fields
 from pathlib import Path
@@ -18,7 +21,10 @@ from rl_trainer.parameters import TrainingParameters
 from rl_trainer.session import CheckpointError
 from rl_trainer.transitions import Doubt, Transition
 
+CHECKSUM = np.dtype("<u4")
 NUMBERS = {"tick": "<i8", "step_index": "<i8", "failed": "?", "doubt": "<i8"}
+
+log = logging.getLogger(__name__)
 
 
 def record_type(parameters: TrainingParameters) -> np.dtype[Any]:
@@ -68,9 +74,11 @@ class Journal:
     def __init__(self, folder: Path, parameters: TrainingParameters) -> None:
         self.folder, self._parameters = folder, parameters
         self._file: BinaryIO | None = None
+        head = {"record": record_type(parameters).itemsize, "parameters": parameters.key}
+        self._head = json.dumps(head).encode() + b"\n"
 
     def begin(self, episode: int) -> list[Transition]:
-        """Go on with this episode's journal, and remove the others: they are in the checkpoint.
+        """Go on with this episode's journal, and remove those before it: they are in the checkpoint.
 
         Returns:
             The transitions that it holds already.
@@ -82,31 +90,39 @@ class Journal:
         self.close()
         path = self._path(episode)
         for other in self.folder.glob("journal-*.bin"):
-            if other != path:
+            if other.name < path.name:
                 other.unlink()
         whole, held = self.read(episode)
         self._file = path.open("ab", buffering=0)
         self._file.truncate(whole)
         if not whole:
-            self._write(self._head())
+            self._write(self._head)
         return held
 
     def read(self, episode: int) -> tuple[int, list[Transition]]:
-        """How many bytes of an episode's journal are whole, and the transitions in them; raises `CheckpointError`."""
-        path, head = self._path(episode), self._head()
+        """How many bytes of an episode's journal are not cut, and the sound transitions in them.
+
+        Raises:
+            CheckpointError: of another training, or none is sound.
+        """
+        path, head = self._path(episode), self._head
         data = path.read_bytes() if path.exists() else b""
         if head.startswith(data) and len(data) < len(head):
             return 0, []
-        if not data.startswith(head):
+        kind = np.dtype([("record", record_type(self._parameters)), ("checksum", CHECKSUM)])
+        count = max(0, len(data) - len(head)) // kind.itemsize
+        rows = np.frombuffer(data[len(head) :], kind, count)
+        sound = rows[[self._checksum(row["record"].tobytes()) == row["checksum"] for row in rows]]
+        if not data.startswith(head) and not len(sound):
             raise CheckpointError(f"journal {path}: made with other parameters, or damaged; use another folder")
-        kind = record_type(self._parameters)
-        count = (len(data) - len(head)) // kind.itemsize
-        records = np.frombuffer(data, kind, count, len(head))
-        return len(head) + records.nbytes, from_records(records, self._parameters)
+        if not data.startswith(head) or len(sound) < count:
+            log.warning("journal %s: damaged; %d of %d transitions are sound and taken", path, len(sound), count)
+        return len(head) + rows.nbytes, from_records(sound["record"], self._parameters)
 
     def append(self, transition: Transition) -> None:
         """Add a transition; raises `OSError` where the disk is full."""
-        self._write(to_records([transition], self._parameters).tobytes())
+        record = to_records([transition], self._parameters).tobytes()
+        self._write(record + CHECKSUM.type(self._checksum(record)).tobytes())
 
     def close(self) -> None:
         """Let go of the file."""
@@ -119,9 +135,8 @@ class Journal:
         while data:  # a nearly full disk takes a part, then says so
             data = data[self._file.write(data) :]
 
-    def _head(self) -> bytes:
-        head = {"record": record_type(self._parameters).itemsize, "parameters": self._parameters.key}
-        return json.dumps(head).encode() + b"\n"
+    def _checksum(self, record: bytes) -> int:
+        return zlib.crc32(record, zlib.crc32(self._head))
 
     def _path(self, episode: int) -> Path:
         return self.folder / f"journal-{episode:06d}.bin"

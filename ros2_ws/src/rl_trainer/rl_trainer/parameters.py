@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from cbf_clf_qp.problem import Problem
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from rabbit_description.bounded_file import FileError, one_line
 from rabbit_description.plugins import names
-from rabbit_description.yaml_file import YamlFileError, read_yaml
+from rabbit_description.yaml_file import read_mapping
 from rl_cbf_clf_controller.kinds import NamedProblem
 from rl_cbf_clf_controller.uncertainty import RL_CBF_CLF_QP, STEP_LENGTH
 
@@ -205,7 +206,6 @@ def paper_literal(problem: Problem | str, **changes: Any) -> TrainingParameters:
 def load_parameters(path: Path, **changes: Any) -> TrainingParameters:
     """Read a YAML file; raises `ParameterError` with the file, the name, the value and what was expected."""
     try:
-        values = read_yaml(path) or {}
-        return TrainingParameters.model_validate({**values, **changes})
-    except (YamlFileError, ValidationError, TypeError) as error:
-        raise ParameterError(f"{path}: {error}") from error
+        return TrainingParameters.model_validate({**read_mapping(path), **changes})
+    except (FileError, ValidationError) as error:
+        raise ParameterError(f"{path}: {one_line(error)}") from error

@@ -1,19 +1,25 @@
 """A training session on disk: the episode loop, checkpoints that a killed run resumes from, TensorBoard, policies.
 
 DIR/parameters.yaml        what was asked for
-DIR/checkpoint.pt          after each episode, replaced at once or not at all
+DIR/checkpoint.pt          after each episode, with a checksum; replaced at once or not at all
+DIR/checkpoint-before.pt   the one before; training goes on from it where the newest is damaged
 DIR/policies/NNN.safetensors    the policy after episode NNN
 DIR/tensorboard/           reward terms, losses, steps walked
 """
 
-from collections.abc import Callable, Iterator
+import hashlib
+import io
+import json
+import logging
+import time
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import torch
-import yaml
 from rabbit_description.atomic_file import replacing
+from rabbit_description.yaml_file import dump_yaml
 from rl_cbf_clf_controller.policy import ActorPolicy, Policy, ZeroPolicy
 
 from rl_trainer.parameters import TrainingParameters
@@ -21,7 +27,10 @@ from rl_trainer.rollout import Controller, Simulation, rollout
 from rl_trainer.training import EpisodePlan, EpisodeReport, Trainer
 
 MakeController = Callable[[Policy, float], Controller]  # (policy, sigma)
-CHECKPOINT = "checkpoint.pt"
+CHECKPOINT, BEFORE = "checkpoint.pt", "checkpoint-before.pt"
+DIGEST = hashlib.sha256().digest_size  # bytes at the head of a checkpoint
+
+log = logging.getLogger(__name__)
 
 
 class CheckpointError(RuntimeError):
@@ -43,34 +52,50 @@ def policy_of(plan: EpisodePlan, parameters: TrainingParameters) -> Policy:
 
 
 class Session:
-    """Trains in a folder, and goes on there if it was killed."""
+    """Trains in a folder, and goes on there if it was killed.
+
+    `episodes`: of each episode its `EpisodeReport` as a dict, with the `seconds` that it took. They are part of the
+    checkpoint, so that a kill loses none.
+    """
 
     def __init__(self, folder: Path, trainer: Trainer) -> None:
         """Raises `CheckpointError` where the folder holds a session of other parameters."""
         self.folder, self.trainer = folder, trainer
-        self.resumed = open_folder(folder, trainer) is not None
-        text = yaml.safe_dump(trainer.parameters.model_dump(mode="json"), sort_keys=False)
-        (folder / "parameters.yaml").write_text(text, encoding="utf-8")
+        more = open_folder(folder, trainer)
+        self.resumed = more is not None
+        self.episodes: list[dict[str, Any]] = json.loads((more or {}).get("episodes", "[]"))
+        with replacing(folder / "parameters.yaml") as partial:
+            text = dump_yaml(trainer.parameters.model_dump(mode="json"))
+            partial.write_text(text, encoding="utf-8")
 
     def run(self, simulation: Simulation, make_controller: MakeController) -> Iterator[EpisodeReport]:
         """The rest of the episodes; all is on disk when an episode's report is yielded."""
         from torch.utils.tensorboard import SummaryWriter  # half a second, for this alone
 
-        writer = SummaryWriter(self.folder / "tensorboard", purge_step=self.trainer.episode)
+        newest = self.episodes[-1:]  # a kill after its checkpoint may have kept it from TensorBoard
+        writer = SummaryWriter(self.folder / "tensorboard", purge_step=self.trainer.episode - len(newest))
         try:
+            for episode in newest:
+                _log(writer, episode)
+            start = time.perf_counter()
             for report in train(self.trainer, simulation, make_controller):
-                save_episode(self.folder, self.trainer)
-                for name, value in scalars(report).items():
-                    writer.add_scalar(name, value, report.episode)
-                writer.flush()
+                self.episodes.append({**asdict(report), "seconds": time.perf_counter() - start})
+                save_episode(self.folder, self.trainer, {"episodes": json.dumps(self.episodes)})
+                _log(writer, self.episodes[-1])
                 yield report
+                start = time.perf_counter()
         finally:
             writer.close()
 
 
-def scalars(report: EpisodeReport) -> dict[str, float]:
-    """What is logged of an episode, by name."""
-    values = asdict(report)
+def _log(writer: Any, episode: Mapping[str, Any]) -> None:
+    for name, value in scalars(episode).items():
+        writer.add_scalar(name, value, episode["episode"])
+    writer.flush()
+
+
+def scalars(values: Mapping[str, Any]) -> dict[str, float]:
+    """What is logged of an episode, by name, from its report as a dict."""
     walk = {f"episode/{name}": float(values[name]) for name in ("steps", "ticks", "kept", "failed", "sigma")}
     groups = {f"{group}/{name}": v for group in ("reward", "losses", "left_out") for name, v in values[group].items()}
     return walk | groups
@@ -80,38 +105,68 @@ def open_folder(folder: Path, trainer: Trainer) -> dict[str, Any] | None:
     """Make the folder, or go on from its checkpoint; returns what else was kept there, None without a checkpoint.
 
     Raises:
-        CheckpointError: see `load_checkpoint`; or a folder that cannot be made.
+        CheckpointError: damaged, of other parameters (their number of episodes may differ), or a folder that cannot
+            be made.
     """
     try:
         (folder / "policies").mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise CheckpointError(f"folder {folder}: {error.strerror}") from error
-    path = folder / CHECKPOINT
-    return load_checkpoint(path, trainer) if path.exists() else None
+    state = read_checkpoint(folder)
+    return None if state is None else _restore(folder / CHECKPOINT, state, trainer)
 
 
 def save_episode(folder: Path, trainer: Trainer, more: dict[str, Any] | None = None) -> None:
     """Write the policy, then all of the trainer's state and what else is to be kept; each at once or not at all."""
     trainer.policy_file().write(folder / "policies" / f"{trainer.episode:03d}.safetensors")
     state = {"parameters": trainer.parameters.key, **trainer.state_dict(), "more": more or {}}
-    with replacing(folder / CHECKPOINT) as partial:
-        torch.save(state, partial)
+    content = io.BytesIO()
+    torch.save(state, content)
+    data, newest = content.getvalue(), folder / CHECKPOINT
+    with replacing(newest) as partial:
+        partial.write_bytes(hashlib.sha256(data).digest() + data)
+        if newest.exists():
+            newest.replace(folder / BEFORE)
 
 
-def load_checkpoint(path: Path, trainer: Trainer) -> dict[str, Any]:
-    """Bring the trainer to where the checkpoint was taken; returns what else was kept.
+def read_checkpoint(folder: Path) -> dict[str, Any] | None:
+    """The newest checkpoint that is whole, None where there is none. One that is damaged is said.
 
     Raises:
-        CheckpointError: damaged, or of other parameters (the number of episodes may differ).
+        CheckpointError: none is whole.
     """
-    try:
-        state: dict[str, Any] = torch.load(path, weights_only=True)
-        is_ours = state.pop("parameters") == trainer.parameters.key
-        if is_ours:
-            trainer.load_state_dict(state)
-    except Exception as error:  # a damaged file may raise anything
-        text = " ".join(str(error).split())
-        raise CheckpointError(f"checkpoint {path}: {type(error).__name__}: {text[:200]}") from error
-    if not is_ours:
+    wrong = []
+    for path in (folder / CHECKPOINT, folder / BEFORE):
+        if not path.exists():
+            continue
+        try:
+            state = _read(path)
+        except Exception as error:  # a damaged file may raise anything
+            wrong.append(f"checkpoint {path}: {' '.join(str(error).split())[:200]}")
+            continue
+        for text in wrong:
+            log.warning("%s; going on from %s", text, path.name)
+        return state
+    if wrong:
+        raise CheckpointError(wrong[0])
+    return None
+
+
+def _read(path: Path) -> dict[str, Any]:
+    data = path.read_bytes()
+    if hashlib.sha256(data[DIGEST:]).digest() != data[:DIGEST]:
+        raise ValueError("damaged, or of another version: its checksum is not that of its content")
+    state: dict[str, Any] = torch.load(io.BytesIO(data[DIGEST:]), weights_only=True)
+    return state
+
+
+def _restore(path: Path, state: dict[str, Any], trainer: Trainer) -> dict[str, Any]:
+    """Bring the trainer to where the checkpoint was taken; returns what else was kept."""
+    if state.pop("parameters", None) != trainer.parameters.key:
         raise CheckpointError(f"checkpoint {path}: made with other parameters; use another folder, or the same ones")
-    return state.get("more", {})
+    more: dict[str, Any] = state.pop("more", {})
+    try:
+        trainer.load_state_dict(state)
+    except Exception as error:  # of a learner of the user's own
+        raise CheckpointError(f"checkpoint {path}: {type(error).__name__}: {str(error)[:200]}") from error
+    return more

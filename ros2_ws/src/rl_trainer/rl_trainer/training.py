@@ -46,6 +46,10 @@ class Stopped(Exception):
     """Another thread has set `Trainer.stop`."""
 
 
+class DivergenceError(RuntimeError):
+    """The weights or their outputs are not finite any more."""
+
+
 @dataclass(frozen=True)
 class Provenance:
     """Where the transitions come from and who asks; it ends up in the policy file."""
@@ -194,7 +198,11 @@ class Trainer:
         return max(p.rate_floor, float(0.5 ** (self.transitions / p.rate_half_life)))
 
     def policy_file(self) -> PolicyFile:
-        """The present policy with all that says where it comes from."""
+        """The present policy with all that says where it comes from.
+
+        Raises:
+            DivergenceError: it is not finite.
+        """
         p, actor, source = self.parameters, self.learner.acting, self.provenance
         alpha, beta, _ = p.scales
         metadata = PolicyMetadata(
@@ -215,7 +223,11 @@ class Trainer:
             commit=source.commit,
             command=source.command,
         )
-        return PolicyFile(metadata, actor.arrays())
+        try:
+            return PolicyFile(metadata, actor.arrays())
+        except PolicyFileError as error:
+            text = f"the learning diverged by the end of episode {self.episode}: {error}; earlier checkpoints are kept"
+            raise DivergenceError(f"{text}; expected smaller learning rates") from error
 
     def state_dict(self) -> dict[str, Any]:
         """All that is needed to go on between two episodes as if nothing had happened."""

@@ -2,11 +2,13 @@
 
 import itertools
 from collections.abc import Callable
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import torch
 from rabbit_description.state import RobotState
 from rl_cbf_clf_controller.controller_output import ControllerOutput
 from rl_cbf_clf_controller.policy import ZeroPolicy
@@ -14,8 +16,10 @@ from rl_cbf_clf_controller.uncertainty import RL_CLF_QP
 from rl_cbf_clf_controller.weights import read
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.rollout import Record, rollout
-from rl_trainer.session import CheckpointError, Session, scalars
-from rl_trainer.training import Provenance, Trainer
+from rl_trainer.session import CHECKPOINT, CheckpointError, Session, scalars
+from rl_trainer.training import DivergenceError, EpisodeReport, Provenance, Trainer
+from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+from torch.utils.tensorboard import SummaryWriter
 
 PARAMETERS = TrainingParameters(
     problem=RL_CLF_QP, episodes=4, nominal_episodes=1, batch=16, updates_least=10, hidden1=16, hidden2=12
@@ -32,8 +36,56 @@ def test_a_killed_run_resumes_with_nothing_lost(tmp_path: Path, toy_world: Any, 
     assert again.resumed
     seen += list(again.run(toy_world, toy_controller))
     assert seen == reports
+    assert [EpisodeReport(**untimed(episode)) for episode in again.episodes] == reports
     assert again.trainer.policy_file().encode() == whole.trainer.policy_file().encode()
     assert not list(Session(tmp_path / "cut", Trainer(PARAMETERS)).run(toy_world, toy_controller))
+
+
+def untimed(episode: dict[str, Any]) -> dict[str, Any]:
+    """But for the seconds that it took."""
+    return {name: value for name, value in episode.items() if name != "seconds"}
+
+
+def test_a_kill_after_a_checkpoint_loses_no_report(
+    tmp_path: Path, toy_world: Any, toy_controller: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cut = Session(tmp_path, Trainer(PARAMETERS))
+    reports = cut.run(toy_world, toy_controller)
+    next(reports)
+    with monkeypatch.context() as patch:
+        patch.setattr(SummaryWriter, "add_scalar", stopped)
+        with pytest.raises(KeyboardInterrupt):
+            next(reports)
+    again = Session(tmp_path, Trainer(PARAMETERS))
+    assert [report.episode for report in again.run(toy_world, toy_controller)] == [2, 3]
+    assert [episode["episode"] for episode in again.episodes] == [0, 1, 2, 3]
+    assert logged(tmp_path) == [0, 1, 2, 3]
+
+
+def stopped(*_: object) -> None:
+    """As by a signal."""
+    raise KeyboardInterrupt
+
+
+def logged(folder: Path) -> list[int]:
+    """The episodes that TensorBoard shows."""
+    events = EventAccumulator(str(folder / "tensorboard"))
+    events.Reload()
+    return [event.step for event in events.Scalars("episode/steps")]
+
+
+def test_learning_that_diverges_keeps_the_checkpoint(tmp_path: Path, toy_world: Any, toy_controller: Any) -> None:
+    trainer = Trainer(PARAMETERS)
+    reports = Session(tmp_path, trainer).run(toy_world, toy_controller)
+    next(reports)
+    kept = (tmp_path / CHECKPOINT).read_bytes()
+    with torch.no_grad():
+        for weight in trainer.learner.acting.parameters():
+            weight.fill_(torch.nan)
+    with pytest.raises(DivergenceError, match=r"by the end of episode 1.*not finite.*learning rates"):
+        next(reports)
+    assert (tmp_path / CHECKPOINT).read_bytes() == kept
+    assert Session(tmp_path, Trainer(PARAMETERS)).trainer.episode == 1
 
 
 def test_a_finished_run_goes_on_to_more_episodes(tmp_path: Path, toy_world: Any, toy_controller: Any) -> None:
@@ -68,7 +120,8 @@ def test_reports(tmp_path: Path, toy_world: Any, toy_controller: Any) -> None:
     assert not any(report.nominal for report in others)
     assert first.ticks == toy_world.ticks  # the last transition is not measured
     assert first.kept == toy_world.ticks - 1
-    assert set(scalars(first)) >= {"reward/V", "reward/failure", "losses/actor", "episode/steps", "left_out/settling"}
+    names = {"reward/V", "reward/failure", "losses/actor", "episode/steps", "left_out/settling"}
+    assert set(scalars(asdict(first))) >= names
 
 
 def test_schedule_depends_on_seed_and_episode_alone() -> None:

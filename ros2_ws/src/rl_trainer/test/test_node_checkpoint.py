@@ -8,16 +8,16 @@ from typing import Any
 
 import numpy as np
 import pytest
-import torch
 from rl_cbf_clf_controller.policy import ZeroPolicy
 from rl_cbf_clf_controller.uncertainty import RL_CLF_QP
+from rl_trainer import session
 from rl_trainer.journal import Journal
 from rl_trainer.learning_thread import LearningThread
 from rl_trainer.node_checkpoint import NodeCheckpoint
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.publication_gate import PublicationGate
 from rl_trainer.rollout import Record, rollout
-from rl_trainer.session import CHECKPOINT, CheckpointError
+from rl_trainer.session import CheckpointError, read_checkpoint
 from rl_trainer.training import Trainer
 from rl_trainer.transitions import Transition
 
@@ -134,12 +134,13 @@ def test_what_is_held_out_comes_back(tmp_path: Path, toy_world: Any, toy_control
         assert_same(one, two)
 
 
-def test_a_checkpoint_with_other_records_is_refused(tmp_path: Path) -> None:
+def test_a_checkpoint_with_other_records_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     NodeCheckpoint(tmp_path, Trainer(PARAMETERS), PublicationGate(PARAMETERS)).begin()
     NodeCheckpoint(tmp_path, Trainer(PARAMETERS), PublicationGate(PARAMETERS)).save()
-    state = torch.load(tmp_path / CHECKPOINT, weights_only=True)
+    state = read_checkpoint(tmp_path)
+    assert state is not None
     state["more"]["record"] -= 16
-    torch.save(state, tmp_path / CHECKPOINT)
+    monkeypatch.setattr(session, "read_checkpoint", lambda _: state)
     with pytest.raises(CheckpointError, match="another version"):
         NodeCheckpoint(tmp_path, Trainer(PARAMETERS), PublicationGate(PARAMETERS))
 

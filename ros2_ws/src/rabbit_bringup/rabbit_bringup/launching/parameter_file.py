@@ -5,7 +5,8 @@ from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Any
 
-import yaml
+from rabbit_description.bounded_file import FileError
+from rabbit_description.yaml_file import dump_yaml, read_yaml
 
 PARAMETERS = "ros__parameters"
 _WILD = {"*": "[^/]+/", "**": "(.*/)?"}  # parts of a node's full name
@@ -18,7 +19,7 @@ class ParameterFileError(ValueError):
 def write_parameters(path: Path, nodes: dict[str, dict[str, Any]]) -> None:
     """Write parameters by node name; they hold in whatever namespace the node is."""
     content = {f"/**/{name}": {PARAMETERS: _plain(values)} for name, values in nodes.items()}
-    path.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
+    path.write_text(dump_yaml(content), encoding="utf-8")
 
 
 def read_parameters(path: Path, namespace: str, nodes: Collection[str]) -> dict[str, dict[str, Any]]:
@@ -28,10 +29,9 @@ def read_parameters(path: Path, namespace: str, nodes: Collection[str]) -> dict[
         ParameterFileError: not readable, or not of that form.
     """
     try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        reason = error.strerror if isinstance(error, OSError) else str(error)
-        raise ParameterFileError(f"{path}: {reason}") from error
+        content = read_yaml(path)
+    except FileError as error:
+        raise ParameterFileError(f"{path}: {error}") from error
     found: dict[str, dict[str, Any]] = {name: {} for name in nodes}
     for pattern, values in _entries(path, content or {}):
         for name in nodes:
@@ -48,7 +48,10 @@ def _entries(path: Path, content: Any, above: str = "") -> Iterator[tuple[str, d
         if name == PARAMETERS:
             if not (above and isinstance(below, dict)):
                 raise ParameterFileError(f"{path}: {PARAMETERS}: expected names and values, beneath a node's name")
-            yield above, _flat(below)
+            values = _flat(below)
+            if (name := next((name for name, value in values.items() if value is None), None)) is not None:
+                raise ParameterFileError(f"{path}: {name}: expected a value; ROS reads null as text")
+            yield above, values
         else:
             yield from _entries(path, below, f"{above}/{str(name).strip('/')}")
 

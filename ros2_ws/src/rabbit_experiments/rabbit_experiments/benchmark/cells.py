@@ -11,8 +11,8 @@ from importlib.resources import files
 from typing import Annotated, Any, Literal
 
 import numpy as np
-import yaml
 from pydantic import BaseModel, ConfigDict, Field
+from rabbit_description.yaml_file import parse_yaml
 
 from rabbit_experiments.reproduce.catalogue.every_plant import PLANTS
 
@@ -63,7 +63,7 @@ class Storm(BaseModel):
 @cache
 def storm() -> Storm:
     """The committed ranges."""
-    return Storm.model_validate(yaml.safe_load((files(__package__) / "storm.yaml").read_text(encoding="utf-8")))
+    return Storm.model_validate(parse_yaml((files(__package__) / "storm.yaml").read_text(encoding="utf-8")))
 
 
 def storm_plant(number: int, seed: int, terrain: Terrain) -> dict[str, Any]:

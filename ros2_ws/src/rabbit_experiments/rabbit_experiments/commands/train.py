@@ -43,8 +43,10 @@ def train(given: Given) -> None:
     from rabbit_description.gait import GaitError
     from rabbit_sim.stones import CourseError
     from rl_cbf_clf_controller.parameters import ParameterError, load_parameters
+    from rl_cbf_clf_controller.scene import ControllerError
     from rl_trainer.parameters import paper_literal
     from rl_trainer.session import CheckpointError
+    from rl_trainer.training import DivergenceError
 
     from rabbit_experiments.recipes import POLICY
     from rabbit_experiments.training_setup import training
@@ -57,7 +59,7 @@ def train(given: Given) -> None:
         controller = load_parameters(request.parameters, **values, controller=parameters.problem.name)
     plant = given.build(SimulationParameters, terrain=controller.terrain, stones=parameters.walking_steps)
     with (
-        complaints(GaitError, CourseError, CheckpointError),
+        complaints(GaitError, CourseError, CheckpointError, DivergenceError, ControllerError),
         training(request.out, parameters, controller, plant, random_plants=request.random_plants) as job,
     ):
         try:

@@ -20,8 +20,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 from rabbit_description.atomic_file import replacing
+from rabbit_description.yaml_file import dump_yaml
 from rl_cbf_clf_controller.parameters import load_parameters
 from rl_trainer.parameters import TrainingParameters
 
@@ -197,7 +197,7 @@ def key(setting: Setting) -> str:
 
 def text(setting: Setting) -> str:
     """Its file."""
-    return yaml.safe_dump(setting.model_dump(mode="json"), sort_keys=False)
+    return dump_yaml(setting.model_dump(mode="json"))
 
 
 def write(trials: Sequence[Any], out: Path) -> None:

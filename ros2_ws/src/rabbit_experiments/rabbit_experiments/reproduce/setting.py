@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
-from rabbit_description.yaml_file import YamlFileError, read_yaml, yaml_path
+from rabbit_description.bounded_file import FileError, one_line
+from rabbit_description.yaml_file import read_mapping, yaml_path
 from rl_cbf_clf_controller.parameters import ParameterError, load_parameters
 from rl_trainer.parameters import TrainingParameters
 
@@ -87,6 +88,6 @@ def read_setting(name_or_path: str | Path) -> Setting:
     """A shipped setting by its name, or one in a YAML file; raises `SettingError`."""
     path = yaml_path(name_or_path, SETTINGS)
     try:
-        return Setting.model_validate(read_yaml(path) or {})
-    except (YamlFileError, ValidationError, TypeError) as error:
-        raise SettingError(f"{path}: {' '.join(str(error).split())}") from error
+        return Setting.model_validate(read_mapping(path))
+    except (FileError, ValidationError) as error:
+        raise SettingError(f"{path}: {one_line(error)}") from error

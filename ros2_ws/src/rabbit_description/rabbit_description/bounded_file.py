@@ -1,0 +1,53 @@
+"""Reads files that are not trusted: regular files alone, of a bounded size."""
+
+import os
+import stat
+from pathlib import Path
+
+LONGEST_LINE = 1000  # characters of an error
+
+
+class FileError(ValueError):
+    """A file that cannot be read, in one line without its name."""
+
+
+def read_bytes(path: Path, most: int) -> bytes:
+    """Read a regular file of at most `most` bytes. It never blocks: a pipe or a device is refused.
+
+    Raises:
+        FileError: no such file, not readable, not a regular file, or too large.
+    """
+    try:
+        _check(path.stat(), most)
+        with os.fdopen(os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC), "rb", 0) as file:
+            status = os.fstat(file.fileno())
+            _check(status, most)
+            data = file.read(status.st_size) or b""
+            if file.read(1) != b"":  # a file of /proc, which says that it has 0 bytes, and may never end
+                raise FileError("has more bytes than its size says; expected a regular file")
+            return data
+    except OSError as error:
+        raise FileError(error.strerror or str(error)) from error
+    except ValueError as error:  # a path that holds a zero byte
+        raise FileError(str(error)) from error
+
+
+def read_text(path: Path, most: int) -> str:
+    """The same as UTF-8 text; raises `FileError`."""
+    try:
+        return read_bytes(path, most).decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise FileError(f"no UTF-8 text: byte {error.start}") from error
+
+
+def one_line(error: Exception) -> str:
+    """What an error says, in one line of bounded length."""
+    text = " ".join(str(error).split())
+    return text if len(text) <= LONGEST_LINE else f"{text[:LONGEST_LINE]} ..."
+
+
+def _check(status: os.stat_result, most: int) -> None:
+    if not stat.S_ISREG(status.st_mode):
+        raise FileError("expected a regular file, not a directory, device or pipe")
+    if status.st_size > most:
+        raise FileError(f"{status.st_size} bytes: expected {most} at most")
