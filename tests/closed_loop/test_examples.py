@@ -27,16 +27,15 @@ def test_an_example_is_short(path):
 
 def test_cruise_control_follows_the_closed_form_while_the_clf_alone_is_active():
     cruise = load("cruise_control")
-    control, clf = cruise.CruiseControl(), cruise.CruiseControl().clf
-    v, scale = 10.0, 0.5
-    error = cruise.true_error(v, scale)
-    rate, P, p = clf.clf_rate / clf.eps, clf.P_eps[0, 0], 10.0
-    y = v - cruise.V_DESIRED
-    row = 2 * P * y * (1 + error.a[0, 0])  # row mu <= bound, divided by its size, with slack weight p
-    bound = -rate * P * y**2 - 2 * P * y * error.b[0]
-    hard = bound / row
-    assert hard == pytest.approx((-rate / 2 * y - error.b[0]) / (1 + error.a[0, 0]))
-    assert control.mu(v, error) == pytest.approx(hard / (1 + 1 / p), rel=1e-5)
+    v, alpha = 10.0, 1 / 0.5 - 1  # half the mass
+    beta, rate, p, y = alpha * cruise.DRAG * v, 2 / 0.5, 10.0, v - cruise.V_DESIRED
+    error = cruise.ERROR(np.array([v]), np.array([cruise.MASS]), np.array([cruise.MASS / 2]))
+    assert error.output_error.ravel() == pytest.approx([alpha, beta])
+    assert -error.alpha[1] == pytest.approx([alpha])
+    decided = cruise.TICK([v], error.alpha, error.beta, mass=cruise.MASS)
+    hard = (-rate / 2 * y - beta) / (1 + alpha)  # divided by its size, with slack weight p:
+    assert decided.active == ("CLF",)
+    assert decided.mu[0] == pytest.approx(hard / (1 + 1 / p), rel=1e-5)
 
 
 @pytest.mark.parametrize("scale", [0.5, 2.0])
@@ -74,20 +73,10 @@ def test_segway_learns_to_keep_the_limit():
     def worst(estimate):
         return max(segway.ride((77, 1, k), estimate)[:, 0].max() for k in range(2)) - segway.LIMIT
 
-    nominal = worst(segway.NOMINAL)
+    nominal = worst("nominal")
     assert nominal > 0.3
-    assert worst(segway.Oracle()) <= segway.KEPT
+    assert worst("oracle") <= segway.KEPT
     assert worst(segway.train(77, episodes=2)) < 0.2 * nominal
-
-
-def test_segways_barrier_derivative_by_differences():
-    segway = load("segway")
-    rng = np.random.default_rng(0)
-    for _ in range(5):
-        x, torque = rng.normal(size=3), 50 * rng.normal(size=1)
-        before, after = segway.scene_of(x, 0.0), segway.scene_of(segway.after_tick(x, torque), 0.0)
-        ends = [segway.BARRIER.predict(at, segway.dynamics(segway.TRUE, at.x))(torque) for at in (before, after)]
-        assert segway.BARRIER.measure(before, after, segway.TICK) == pytest.approx(sum(ends) / 2, rel=0.01, abs=0.01)
 
 
 def test_own_barrier_lowers_the_swing_foot():
