@@ -13,8 +13,6 @@ from common import STATE, VENV, WORKSPACE, SetUpError, digest, is_done, logged, 
 SOURCES = WORKSPACE / "src"
 INSTALL = WORKSPACE / "install"
 STAND_INS = WORKSPACE / "stand_ins"  # messages that a full ROS 2 has and the wheels have not; plain colcon ignores them
-CONTROLLER = "rl_cbf_clf_controller"
-MODEL_TERMS = INSTALL / CONTROLLER / "lib" / CONTROLLER  # where the library of its generated code goes
 LEFT_OVER = {"__pycache__", "build", *(path.name for path in SOURCES.glob("*/*.egg-info"))}  # by pip
 LINKED = {".py", ".yaml", ".urdf", ".safetensors"}
 KEPT = {"PATH", "HOME", "LANG", "TERM", "CC", "CXX", "TMPDIR"}
@@ -42,7 +40,6 @@ def build_key() -> str:
     """A hash of what decides a build: all names, the contents of what is not linked, the environment."""
     files = source_files()
     read = [path for path in files if path.name.endswith("setup.py") or path.suffix not in LINKED]
-    read += (SOURCES / CONTROLLER / CONTROLLER / "generated").glob("*.py")
     stand_ins = [path for path in STAND_INS.rglob("*") if path.is_file()]
     names = sorted(str(path.relative_to(SOURCES)) for path in files)
     return digest([*read, *stand_ins, Path(__file__)], *names, place(), (STATE / "mend.stamp").read_text())
@@ -93,24 +90,6 @@ def colcon_build() -> None:
         raise SetUpError(f"{advice}, then call make again (log: .setup/colcon.log)")
 
 
-def generate_model_terms() -> None:
-    """Write and compile the controller's model terms; without them it computes with pinocchio, some times slower."""
-    modules = os.pathsep.join(str(path) for path in sorted(SOURCES.iterdir()))
-    environment = {name: value for name, value in os.environ.items() if name in KEPT} | {"PYTHONPATH": modules}
-    command = [str(VENV / "bin" / "python"), "-B", "-m", f"{CONTROLLER}.generated.build", str(MODEL_TERMS)]
-    if logged(command, STATE / "model_terms.log", environment):
-        say("build: no generated model terms, pinocchio computes them (log: .setup/model_terms.log)")
-
-
-def compile_traces() -> None:
-    """Compile the traces of the usual controllers' ticks; without them CasADi evaluates them, in twice the time."""
-    environment = {name: value for name, value in os.environ.items() if name in KEPT}
-    python = f"exec {VENV}/bin/python -B -m {CONTROLLER}.compile_traces {MODEL_TERMS}"
-    command = ["bash", "-c", f"source {INSTALL}/setup.bash && {python}"]
-    if logged(command, STATE / "traces.log", environment):
-        say("build: no compiled traces, CasADi evaluates them (log: .setup/traces.log)")
-
-
 def build() -> None:
     """Build unless nothing has changed."""
     key = build_key()
@@ -121,8 +100,6 @@ def build() -> None:
     clear_generated_scripts()
     clear_dangling_links()
     colcon_build()
-    generate_model_terms()
-    compile_traces()
     mark_done("workspace", key)
 
 
