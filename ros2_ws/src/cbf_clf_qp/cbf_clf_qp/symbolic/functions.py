@@ -31,7 +31,7 @@ class Values:
             place, shape = self._places[name]
         except KeyError:
             raise AttributeError(f"no value {name}: expected one of {', '.join(self._places)}") from None
-        return self.row[place].reshape(shape)
+        return self.row[place] if len(shape) == 1 else self.row[place].reshape(shape)
 
 
 class NumpyFunction:

@@ -94,6 +94,7 @@ class Tick:
         data["is_valid"] *= is_finite(packed(terms.symbols))
         self.answer = Answering(terms.symbols, data, self.layout, solver)
         self._no_error, self._parameter_places = self.no_error(), places_of(system.named)
+        self._parameters_size = int(system.p.numel())
 
     def __call__(
         self,
@@ -108,12 +109,11 @@ class Tick:
         Raises:
             ValueError: a parameter is missing or unknown, or a value is not finite or of the wrong size.
         """
-        estimates, given = self._no_error, (alpha, beta, output_error)
-        if any(value is not None for value in given):
-            zeros = estimates.alpha, estimates.beta, estimates.output_error
-            pairs = zip(given, zeros, strict=True)
-            estimates = Estimates(*(np.asarray(zero if value is None else value, dtype=float) for value, zero in pairs))
-        return self.decide(np.asarray(x, dtype=float), self.p(**parameters), estimates)
+        estimates = self._no_error
+        if not (alpha is None and beta is None and output_error is None):
+            given = zip((alpha, beta, output_error), vars(estimates).values(), strict=True)
+            estimates = Estimates(*(np.asarray(zero if value is None else value, float) for value, zero in given))
+        return self.decide(np.asarray(x, float), self.p(**parameters), estimates)
 
     def decide(self, x: Array, p: Array, estimates: Estimates) -> Decided:
         """The tick; raises ValueError where a value is not finite or of the wrong size, or no output error is known."""
@@ -136,16 +136,17 @@ class Tick:
 
     def p(self, **parameters: Any) -> Array:
         """All parameters as one array, for `decide`; raises ValueError where one is missing, unknown or too long."""
-        places = self._parameter_places
+        row, places = np.empty(self._parameters_size), self._parameter_places
         if parameters.keys() != places.keys():
             missing, unknown = places.keys() - parameters.keys(), parameters.keys() - places.keys()
             problem = f"{', '.join(sorted(missing))} missing" if missing else f"{', '.join(sorted(unknown))} unknown"
             raise ValueError(f"parameters: {problem}; expected {', '.join(places) or 'none'}")
-        row = np.empty(self.system.p.numel())
-        for name, value in parameters.items():
-            place, shape = places[name]
+        for name, (place, shape) in places.items():
+            value = parameters[name]
             try:
-                row[place] = value if shape == (1,) else np.reshape(value, shape).ravel()
+                if shape != (1,) and np.shape(value) != shape:
+                    raise ValueError
+                row[place] = value if len(shape) == 1 else np.ravel(value)
             except (TypeError, ValueError):
                 raise ValueError(f"parameter {name} = {value}: expected numbers of shape {shape}") from None
         return row
