@@ -75,6 +75,7 @@ class Controller:
         urdf: str | None = None,
     ) -> None:
         self._kind = find_kind(parameters.controller)
+        self._corrects_input = self._kind.problem.corrects_input
         walking, robot = Walking(), read_robot(urdf)
         self.qp = make_tick(walking, parameters, further(walking))
         self._error, self._measure = model_error(self.qp.terms), measure(self.qp.terms)
@@ -195,6 +196,8 @@ class Controller:
             parts.append(estimator.estimate(scene, total))
             total = total + parts[-1]
         self.parts, self.estimates = parts, total
+        if total.output_error is None and self.parameters.objective == "pd_centred" and not self._corrects_input:
+            raise ControllerError("objective pd_centred: expected a structured policy, which gives the output error")
         return self.qp.decide(scene.x, scene.p, total)
 
     def _output(self, state: RobotState, fault: str) -> ControllerOutput:

@@ -2,16 +2,14 @@
 
 import numpy as np
 import pytest
-from cbf_clf_qp.affine import Affine
-from cbf_clf_qp.estimates import Estimates
-from cbf_clf_qp.solvers import make_solver
-from cbf_clf_qp.tick import decide, rows_of
+from cbf_clf_qp.symbolic.estimates import Estimates
 from rabbit_description.gait import DEFAULT_GAIT, load_gait
 from rabbit_description.state import SWAP_STATE, SWAP_TORQUE, Leg, RobotState, StonePreview
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.parameters import ControllerParameters, ParameterError, load_parameters
 from rl_cbf_clf_controller.policy import Policy, ZeroPolicy
 from rl_cbf_clf_controller.scene import ControllerError
+from rl_cbf_clf_controller.walking import GAINS
 
 GAIT = load_gait(DEFAULT_GAIT)
 
@@ -29,9 +27,15 @@ def state(tick=0, swap=False, **changes):
     return RobotState(tick=tick, foot_force=np.zeros((2, 2)), **values)
 
 
-def nominal(built):
-    """No estimates."""
-    return Estimates.zero(len(built.recipe.names), 4)
+def precontrol(scene, mu):
+    """u (4,) that gives the outputs the acceleration `mu`, by the nominal model."""
+    return scene.seen.control_a @ mu + scene.seen.control_b
+
+
+def programme(built, scene, estimates):
+    """The QP's rows over mu, divided by their norms, and their upper bounds."""
+    data = built.qp.programme(scene.x, scene.p, estimates)
+    return data.A[:, :4], data.upper
 
 
 class FixedPolicy(Policy):
@@ -42,7 +46,7 @@ class FixedPolicy(Policy):
     def __init__(self, alpha, beta):
         self._estimates = Estimates(alpha, beta)
 
-    def estimate(self, terms, before):
+    def estimate(self, scene, before):
         return self._estimates
 
 
@@ -64,11 +68,7 @@ class FixedPolicy(Policy):
     ],
 )
 def test_which_qp_has_which_rows(controller, changes, names):
-    built = make(controller, **changes)
-    terms = built.look(state())
-    decided = decide(built.recipe, terms, make_solver("daqp"))
-    rows = rows_of(built.recipe, terms, decided.estimates, decided.control)
-    assert [name for block in rows for name in block.names] == [*names, "u1", "u2", "u3", "u4"]
+    assert make(controller, **changes).qp.layout.names == (*names, "u1", "u2", "u3", "u4")
 
 
 def test_the_robot_is_symmetric():
@@ -82,17 +82,17 @@ def test_the_robot_is_symmetric():
 
 def test_torque_is_the_precontrol_of_mu():
     built = make()
-    output, terms = built.step(state()), built.look(state())
-    assert output.torque == pytest.approx(terms.precontrol(output.mu))
+    output, scene = built.step(state()), built.look(state())
+    assert output.torque == pytest.approx(precontrol(scene, output.mu))
     assert output.mu == pytest.approx(output.mu_qp)
 
 
 def test_saturated_noise_is_published_as_executed():
     built = make(sigma=1000.0)
-    output, terms = built.step(state()), built.look(state())
+    output, scene = built.step(state()), built.look(state())
     assert output.saturated
     assert np.abs(output.torque).max() == pytest.approx(200.0)
-    assert output.torque == pytest.approx(terms.precontrol(output.mu), abs=1e-6)
+    assert output.torque == pytest.approx(precontrol(scene, output.mu), abs=1e-6)
 
 
 def test_noise_depends_on_the_seed_alone():
@@ -106,21 +106,22 @@ def test_noise_depends_on_the_seed_alone():
 
 
 def test_estimates_shift_the_quantities_and_only_them():
-    alpha, beta = np.zeros((5, 4)), np.array([0.0, 0.0, 0.0, 100.0, 0.0])
-    built, plain = make(policy=FixedPolicy(alpha, beta)), make()
-    terms = built.look(state())
-    with_force = rows_of(built.recipe, terms, Estimates(alpha, beta), terms.precontrol)[2]
-    without = rows_of(plain.recipe, terms, nominal(plain), terms.precontrol)[2]
-    np.testing.assert_allclose(with_force.A, without.A)
-    freed = with_force.upper - without.upper
-    assert freed[0] == pytest.approx(100.0)  # F_N is 100 N more than believed
+    built = make()
+    scene, zero = built.look(state()), Estimates.zero(5, 4)
+    freed = Estimates(zero.alpha, np.array([0.0, 0.0, 0.0, 100.0, 0.0]), zero.output_error)
+    (rows, upper), (with_force, shifted) = (programme(built, scene, each) for each in (zero, freed))
+    np.testing.assert_allclose(with_force, rows)
+    unilateral = built.qp.layout.names.index("C1")
+    per_newton = np.linalg.norm(rows[unilateral]) / np.linalg.norm(scene.seen.nominal_a[3])
+    assert (shifted - upper)[unilateral] == pytest.approx(100.0 * per_newton)  # F_N is 100 N more than believed
+    assert (shifted - upper)[:3] == pytest.approx(0)
 
 
 def test_first_approach_adds_its_input():
     alpha, beta = 0.5 * np.eye(4), np.array([10.0, 0.0, -5.0, 0.0])
     output = make("io-rl-clf-qp", FixedPolicy(alpha, beta)).step(state())
-    terms = make("io-rl-clf-qp").look(state())
-    assert output.torque == pytest.approx(terms.precontrol(1.5 * output.mu + beta))
+    scene = make("io-rl-clf-qp").look(state())
+    assert output.torque == pytest.approx(precontrol(scene, 1.5 * output.mu + beta))
 
 
 def test_l1_begins_as_the_clf_qp():
@@ -135,7 +136,7 @@ def test_l1_adds_its_compensation():
     output = built.step(later)
     assert output.alpha == pytest.approx(0)
     assert np.abs(output.beta).max() > 1
-    assert output.torque == pytest.approx(built.look(later).precontrol(output.mu + output.beta))
+    assert output.torque == pytest.approx(precontrol(built.look(later), output.mu + output.beta))
 
 
 def test_l1_adds_to_a_policys_input():
@@ -144,14 +145,17 @@ def test_l1_adds_to_a_policys_input():
     assert built.step(state()).torque == pytest.approx(plain.step(state()).torque)
 
 
-def test_flat_force_rows_are_the_models_force_at_the_torque():
+def test_flat_force_rows_are_the_models_force_at_the_torque(models):
     alpha, beta = 0.5 * np.eye(4), np.array([10.0, 0.0, -5.0, 0.0])
-    built = make("io-rl-clf-qp", FixedPolicy(alpha, beta), flat_force_rows=True)
-    terms, mu = built.look(state()), np.array([20.0, -10.0, 30.0, 5.0])
-    control = terms.precontrol.after(Affine(np.eye(4) + alpha, beta))
-    unilateral = rows_of(built.recipe, terms, Estimates(alpha, beta), control)[1]
-    normal = terms.dynamics.force(terms.precontrol(1.5 * mu + beta))[1]
-    assert (unilateral.upper - unilateral.A @ mu)[0] == pytest.approx(normal - 20.0)
+    built = make("io-rl-clf-qp", flat_force_rows=True)
+    scene, mu = built.look(state()), np.array([20.0, -10.0, 30.0, 5.0])
+    rows, upper = programme(built, scene, Estimates(alpha, beta))
+    model = models[1]()
+    model.update(*GAIT.x_start)
+    force = model.pinned().force
+    at_mu = force(precontrol(scene, 1.5 * mu + beta))[1] - 20.0
+    per_newton = np.linalg.norm(rows[1]) / np.linalg.norm(force.a[1] @ scene.seen.control_a @ (np.eye(4) + alpha))
+    assert upper[1] - rows[1] @ mu == pytest.approx(at_mu * per_newton)
 
 
 def test_legs_swap_at_a_touchdown_and_not_before_its_time():
@@ -226,3 +230,75 @@ def test_a_parameter_file_may_say_what_is_different_on_flat_ground(tmp_path):
     ]
     assert load_parameters(path, "flat").eps == 0.05
     assert load_parameters(path, "flat", controller="l1-clf-qp").controller == "l1-clf-qp", "an option counts"
+
+
+CHANGED = {
+    "eps": 0.05,
+    "mu_weight": 0.5,
+    "slack_weight": 100.0,
+    "barrier_pole_1": 30.0,
+    "barrier_pole_2": 110.0,
+    "R1": 2.0,
+    "R2": 0.3,
+    "stone_margin": 0.015,
+    "friction_coeff": 0.6,
+    "friction_margin": 0.35,
+    "min_normal_force": 80.0,
+    "torque_limit": 60.0,
+    "clf_rescue_weight": 1e4,
+    "barrier_rescue_weight": 1e5,
+    "force_rescue_weight": 1e3,
+    "robust_scale_min": 0.6,
+    "robust_scale_max": 2.7,
+    "robust_offset": 20.0,
+    "robust_slope": 0.1,
+    "robust_barrier_offset": 2.0,
+    "robust_barrier_slope": 0.2,
+}
+
+
+def states_of_a_walk(count, seed):
+    """States beside the gait, as far apart as a walk's ticks are not."""
+    rng = np.random.default_rng(seed)
+    q, dq = GAIT.x_start
+    for tick in range(count):
+        stone = StonePreview(1, 0.30 + 0.05 * rng.random(), 0.42)
+        yield state(tick, q=q + rng.normal(0, 0.03, 7), dq=dq + rng.normal(0, 0.3, 7), preview=stone)
+
+
+@pytest.mark.parametrize(("kind", "objective"), [("rl-cbf-clf-qp", "pd_centred"), ("robust-cbf-clf-qp", "paper")])
+def test_a_parameter_that_changes_between_two_ticks_holds_from_the_next_one_on(kind, objective):
+    """Each in turn, then all at random: the torque is that of a controller which is built with these values."""
+    assert set(CHANGED) == set(GAINS)
+    rng, walking = np.random.default_rng(0), make(kind, objective=objective, qp_solver="daqp")
+    settings = [{name: value} for name, value in CHANGED.items()]
+    settings += [{name: CHANGED[name] for name in rng.choice(GAINS, 5)} for _ in range(5)]
+    for changes, at in zip(settings, states_of_a_walk(len(settings), 1), strict=True):
+        built = make(kind, objective=objective, qp_solver="daqp", **changes)
+        walking.parameters = built.parameters
+        assert walking.step(at).torque == pytest.approx(built.step(at).torque, abs=1e-7)
+
+
+@pytest.mark.parametrize("changes", [{"kp": 2.0}, {"controller": "clf-qp"}, {"cone": "literal"}, {"qp_solver": "daqp"}])
+def test_a_parameter_that_needs_a_new_controller_is_refused(changes):
+    built = make()
+    with pytest.raises(ControllerError, match=f"{next(iter(changes))}: expected no change"):
+        built.parameters = load_parameters("ours", **{"controller": "cbf-clf-qp", **changes})
+    assert built.step(state()).torque == pytest.approx(make().step(state()).torque)
+
+
+def test_another_policy_between_two_ticks_gives_its_own_torque():
+    """Two that look alike but for their numbers."""
+    estimates = [(np.full((5, 4), share), np.full(5, 10 * share)) for share in (0.0, 0.1, 0.2)]
+    walking = make("rl-cbf-clf-qp", FixedPolicy(*estimates[0]))
+    for tick, each in enumerate([*estimates, *estimates[::-1]]):
+        walking.policy = FixedPolicy(*each)
+        fresh = make("rl-cbf-clf-qp", FixedPolicy(*each))
+        assert walking.step(state(tick)).torque == pytest.approx(fresh.step(state(tick)).torque, abs=1e-6)
+
+
+def test_a_stone_that_moves_is_seen_at_the_next_tick():
+    walking = make()
+    for tick, near in enumerate((0.30, 0.36, 0.33)):
+        here = state(tick, preview=StonePreview(1, near, near + 0.05))
+        assert walking.step(here).torque == pytest.approx(make().step(here).torque, abs=1e-6)

@@ -4,16 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from cbf_clf_qp.estimates import Estimates
+from cbf_clf_qp.symbolic.estimates import Estimates
 from rabbit_description.gait import load_gait
 from rabbit_description.state import RobotState, StonePreview
 from rl_cbf_clf_controller.controller import Controller
-from rl_cbf_clf_controller.identification import SIZE
+from rl_cbf_clf_controller.identification import SIZE, is_physical
 from rl_cbf_clf_controller.identified_robot import KNOWN, IdentifiedRobot, is_pinned
-from rl_cbf_clf_controller.link_parameters import is_physical, read_links
-from rl_cbf_clf_controller.nominal_model import NominalModel
 from rl_cbf_clf_controller.parameters import ParameterError, load_parameters
 from rl_cbf_clf_controller.policy import Policy, ZeroPolicy
+from rl_cbf_clf_controller.robot_numbers import read_robot
 from rl_cbf_clf_controller.scene import ControllerError
 
 GAIT = load_gait("authors_035")
@@ -31,13 +30,13 @@ def state_of(q, dq):
     return RobotState(0, q, dq, np.zeros((2, 2)), np.zeros(2, bool), 0, StonePreview(1, 0.35, 0.40))
 
 
-def measured(terms, tick, torque, force):
+def measured(scene, tick, torque, force):
     """The same state with other sensors."""
-    return replace(terms, scene=replace(terms.scene, tick=tick, torque=torque, force=force))
+    return replace(scene, tick=tick, torque=torque, force=force)
 
 
 def test_only_pinned_ticks_count(state):
-    good = measured(controller().look(state_of(*state)), 7, TORQUE, STANDING).scene
+    good = measured(controller().look(state_of(*state)), 7, TORQUE, STANDING)
     assert is_pinned(6, good)
     bad = [
         replace(good, tick=8),  # a tick is missing
@@ -50,7 +49,7 @@ def test_only_pinned_ticks_count(state):
 
 def test_after_a_bounce_it_waits_again(state):
     """The fourth and the tenth tick are the first to teach; a bounce in the seventh."""
-    adaptation, here = IdentifiedRobot(), controller().look(state_of(*state))
+    adaptation, here = IdentifiedRobot(read_robot()), controller().look(state_of(*state))
     learned = []
     for tick in range(12):
         force = np.zeros((2, 2)) if tick == 6 else STANDING
@@ -62,7 +61,7 @@ def test_after_a_bounce_it_waits_again(state):
 
 def test_at_first_the_robot_is_the_nominal_one(state):
     """So nothing is added to the policy's estimates."""
-    here, adaptation = controller().look(state_of(*state)), IdentifiedRobot()
+    here, adaptation = controller().look(state_of(*state)), IdentifiedRobot(read_robot())
     estimates = adaptation.estimate(measured(here, 0, np.full(4, np.nan), STANDING), NONE)
     assert estimates.alpha == pytest.approx(0, abs=1e-9)
     assert estimates.beta == pytest.approx(0, abs=1e-7)
@@ -72,7 +71,7 @@ def test_at_first_the_robot_is_the_nominal_one(state):
 
 @pytest.mark.parametrize("which", [0, 4, 8])
 def test_a_link_without_mass_is_no_robot(which):
-    theta = read_links(NominalModel().model)
+    theta = read_robot().theta
     assert is_physical(theta)
     for impossible in (np.where(np.arange(12) == which, -1.0, theta), np.where(np.arange(12) == which + 2, 9.0, theta)):
         assert not is_physical(impossible)  # no mass; a CoM too far off for the inertia
@@ -86,7 +85,7 @@ class Trained(Policy):
     def __init__(self, adaptation):
         self.adaptation = adaptation
 
-    def estimate(self, terms, before):
+    def estimate(self, scene, before):
         return NONE
 
 

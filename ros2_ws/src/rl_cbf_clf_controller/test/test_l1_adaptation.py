@@ -2,15 +2,14 @@
 
 import numpy as np
 import pytest
-from cbf_clf_qp.affine import Affine
-from cbf_clf_qp.res_clf import ResClf
+from cbf_clf_qp.symbolic.affine import Affine
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from rabbit_description.state import TICK_SECONDS as DT
 from rl_cbf_clf_controller.l1_adaptation import L1Adaptation, into_ball
 
-CLF = ResClf(4, 0.04, (0.5, 3**0.5 / 2))
+CLF = 0.04, (0.5, 3**0.5 / 2)  # eps, gains
 BELIEF = Affine(np.eye(4), np.zeros(4))  # the torque is mu
 ERROR = np.array([30.0, -20.0, 5.0, 40.0])
 MU = np.array([1.0, -0.5, 0.0, 2.0])
@@ -20,7 +19,7 @@ VECTORS = arrays(float, 4, elements=st.floats(-1e3, 1e3))
 
 
 def make(law="piecewise", gain=1.0, substeps=1, cutoff=50.0, bounds=(100.0, 1000.0)):
-    return L1Adaptation(CLF, law, gain, cutoff, bounds, substeps)
+    return L1Adaptation(*CLF, law, gain, cutoff, bounds, substeps)
 
 
 def move(eta, acceleration):

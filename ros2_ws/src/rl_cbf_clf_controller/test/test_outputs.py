@@ -1,12 +1,9 @@
-"""Bézier curves, outputs and input-output linearisation against closed forms and differences."""
+"""Desired outputs and the outputs themselves against closed forms and differences."""
 
 import numpy as np
 import pytest
-from cbf_clf_qp.io_linearization import precontrol
 from rabbit_description.gait import load_gait
-from rl_cbf_clf_controller.bezier import FADING, Bezier
-from rl_cbf_clf_controller.nominal_model import NominalModel
-from rl_cbf_clf_controller.virtual_constraints import VirtualConstraints
+from rl_cbf_clf_controller.virtual_constraints import FADING, VirtualConstraints
 from scipy.interpolate import BPoly
 
 GAIT = load_gait("authors_035")
@@ -16,7 +13,7 @@ H = 1e-6
 @pytest.mark.parametrize("s", [0.0, 0.2, 0.77, 1.0])
 def test_bezier_agrees_with_scipy(s):
     reference = BPoly(GAIT.coeffs.T[:, None, :], [0, 1])
-    value, first, second = Bezier(GAIT.coeffs)(s)
+    value, first, second = VirtualConstraints(GAIT).desired(s)
     assert value == pytest.approx(reference(s))
     assert first == pytest.approx(reference(s, nu=1))
     assert second == pytest.approx(reference(s, nu=2))
@@ -25,14 +22,14 @@ def test_bezier_agrees_with_scipy(s):
 @pytest.mark.parametrize("s", [-0.3, -0.01, 0.0, 1.0, 1.02, 1.4])
 def test_bezier_goes_on_smoothly_beyond_its_ends(s):
     """Each derivative is the slope of the one before, also across an end."""
-    behind, here, ahead = (Bezier(GAIT.coeffs)(s + h) for h in (-H, 0, H))
+    behind, here, ahead = (VirtualConstraints(GAIT).desired(s + h) for h in (-H, 0, H))
     for order in (0, 1):
         assert here[order + 1] == pytest.approx((ahead[order] - behind[order]) / (2 * H), abs=1e-3)
 
 
 def test_bezier_becomes_straight_far_beyond_its_ends():
     for end, s in ((0.0, -0.5), (1.0, 1.5)):
-        curve = Bezier(GAIT.coeffs)
+        curve = VirtualConstraints(GAIT).desired
         _, first, second = curve(end)
         _, slope, curvature = curve(s)
         assert curvature == pytest.approx(0, abs=1e-3)
@@ -42,7 +39,7 @@ def test_bezier_becomes_straight_far_beyond_its_ends():
 def test_outputs_vanish_where_the_joints_follow_the_gait():
     constraints = VirtualConstraints(GAIT)
     q = GAIT.x_start[0]
-    desired = Bezier(GAIT.coeffs)(constraints.evaluate(q, np.zeros(7)).phase)[0]
+    desired = constraints.desired(constraints.phase(q))[0]
     y = constraints.evaluate(q, np.zeros(7)).y
     assert y == pytest.approx(q[3:] - desired)
     q = np.array([0, 0.75, GAIT.phase_angle_start - desired[0] - desired[1] / 2, *desired])
@@ -66,11 +63,3 @@ def test_derivatives_of_outputs_by_differences(state):
     assert here.dy == pytest.approx((ahead.y - behind.y) / (2 * H), abs=1e-6)
     assert here.jacobian @ ddq + here.bias == pytest.approx((ahead.dy - behind.dy) / (2 * H), abs=1e-4)
     assert here.phase_rate == pytest.approx((ahead.phase - behind.phase) / (2 * H), abs=1e-6)
-
-
-def test_precontrol_makes_the_output_acceleration_mu(state):
-    q, dq = state
-    model, mu = NominalModel(), np.array([3.0, -50.0, 20.0, 7.0])
-    model.update(q, dq)
-    acceleration = VirtualConstraints(GAIT).evaluate(q, dq).second_derivative(model.pinned().acceleration)
-    assert acceleration(precontrol(acceleration)(mu)) == pytest.approx(mu, abs=1e-8)

@@ -1,4 +1,4 @@
-"""The nominal robot by pinocchio: independent of the expressions that controller and optimisation share.
+"""The robot by pinocchio: the peer of `planar_robot.py`, for tests and for what checks a gait independently.
 
 With the stance foot held, (q-ddot, F) solve, for a torque u at the joints after the base's three coordinates,
 
@@ -16,6 +16,7 @@ import pinocchio as pin
 from cbf_clf_qp.symbolic.affine import Affine
 from rabbit_description import URDF_PATH
 from rabbit_description.state import Array
+
 from rl_cbf_clf_controller.robot_numbers import PLANE
 
 

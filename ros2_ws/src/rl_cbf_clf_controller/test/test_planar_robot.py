@@ -1,0 +1,176 @@
+"""The pinned robot against physics and its peer by pinocchio: motion, constraint, energy and impact identities."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from rabbit_description import URDF_PATH
+from rabbit_description.planar_urdf import scaled, with_planar_base
+from rabbit_description.state import ROBOT_MASS
+from rl_cbf_clf_controller.pinocchio_model import PinocchioModel, input_map
+from rl_cbf_clf_controller.planar_robot import Structure
+from rl_cbf_clf_controller.robot_numbers import read_robot
+
+H = 1e-6
+EXAMPLES = Path(__file__).resolve().parents[4] / "examples"
+
+
+def leg_tip(q, hip, knee):
+    """Foot position from trigonometry, metres."""
+    thigh, shin = q[2] + q[hip], q[2] + q[hip] + q[knee]
+    return q[:2] - 0.4 * np.array([np.sin(thigh) + np.sin(shin), np.cos(thigh) + np.cos(shin)])
+
+
+PIN = PinocchioModel().model
+
+
+def test_mass_is_the_papers():
+    assert pin.computeTotalMass(PIN) == pytest.approx(ROBOT_MASS)
+    assert read_robot().links[:, 0].sum() == pytest.approx(ROBOT_MASS)
+
+
+def test_feet_follow_trigonometry(state, make_model):
+    q, dq = state
+    feet = make_model().update(q, dq)
+    assert feet.swing == pytest.approx(leg_tip(q, 5, 6) - leg_tip(q, 3, 4), abs=1e-12)
+    assert feet.hip == pytest.approx(q[:2] - leg_tip(q, 3, 4), abs=1e-12)
+
+
+def test_swing_jacobian_and_bias_by_differences(state, make_model):
+    q, dq = state
+    model = make_model()
+    feet = model.update(q, dq)
+    columns = [(model.update(q + H * e, dq).swing - model.update(q - H * e, dq).swing) / (2 * H) for e in np.eye(7)]
+    assert feet.swing_jacobian == pytest.approx(np.array(columns).T, abs=1e-8)
+    ahead, behind = model.update(q + H * dq, dq), model.update(q - H * dq, dq)
+    assert feet.swing_bias == pytest.approx((ahead.swing_rate - behind.swing_rate) / (2 * H), abs=1e-6)
+
+
+def test_stance_foot_does_not_accelerate_and_newton_holds(state, make_model):
+    q, dq = state
+    model = make_model()
+    model.update(q, dq)
+    dynamics, u = model.pinned(), np.array([10.0, -20.0, 5.0, 30.0])
+    acceleration, force = dynamics.acceleration(u), dynamics.force(u)
+    step = [leg_tip(q + s * 1e-4 * dq + 0.5 * (s * 1e-4) ** 2 * acceleration, 3, 4) for s in (-1, 0, 1)]
+    assert (step[0] - 2 * step[1] + step[2]) / 1e-8 == pytest.approx(0, abs=1e-4)
+    jacobian = np.array([(leg_tip(q + H * e, 3, 4) - leg_tip(q - H * e, 3, 4)) / (2 * H) for e in np.eye(7)]).T
+    left = pin.rnea(PIN, PIN.createData(), q, dq, acceleration)
+    assert left == pytest.approx(input_map(7) @ u + jacobian.T @ force, abs=1e-5)
+
+
+def test_force_balances_weight_and_motion_of_the_centre_of_mass(state, make_model):
+    q, dq = state
+    model = make_model()
+    model.update(q, dq)
+    dynamics, u = model.pinned(), np.array([5.0, 5.0, -5.0, 8.0])
+    data = PIN.createData()
+    pin.centerOfMass(PIN, data, q, dq, dynamics.acceleration(u))
+    expected = ROBOT_MASS * (data.acom[0] - PIN.gravity.linear)[[0, 2]]
+    assert dynamics.force(u) == pytest.approx(expected, abs=1e-9)
+
+
+def test_mass_matrix_rate_minus_twice_coriolis_is_skew(state):
+    q, dq = state
+    data = PIN.createData()
+    coriolis = pin.computeCoriolisMatrix(PIN, data, q, dq).copy()
+    rate = (pin.crba(PIN, data, q + H * dq).copy() - pin.crba(PIN, data, q - H * dq)) / (2 * H)
+    symmetric = np.triu(rate) + np.triu(rate, 1).T - 2 * coriolis
+    assert symmetric + symmetric.T == pytest.approx(0, abs=1e-7)
+
+
+def test_power_of_torque_is_the_rate_of_energy(state, make_model):
+    q, dq = state
+    model = make_model()
+    model.update(q, dq)
+    jacobian = np.array([(leg_tip(q + H * e, 3, 4) - leg_tip(q - H * e, 3, 4)) / (2 * H) for e in np.eye(7)]).T
+    dq = dq - np.linalg.pinv(jacobian) @ jacobian @ dq  # the stance foot rests
+    model.update(q, dq)
+    u = np.array([10.0, -4.0, 7.0, 3.0])
+    acceleration = model.pinned().acceleration(u)
+    data = PIN.createData()
+
+    def energy(t):
+        return pin.computeMechanicalEnergy(PIN, data, q + t * dq + t**2 / 2 * acceleration, dq + t * acceleration)
+
+    assert (energy(1e-5) - energy(-1e-5)) / 2e-5 == pytest.approx(u @ dq[3:], rel=1e-5)
+
+
+def test_impact_stops_the_new_stance_foot_and_loses_energy(state, make_model):
+    q, dq = state
+    model = make_model()
+    after, impulse = model.impact(q, dq)
+    jacobian = np.array([(leg_tip(q + H * e, 5, 6) - leg_tip(q - H * e, 5, 6)) / (2 * H) for e in np.eye(7)]).T
+    mass = model.mass_matrix()
+    assert jacobian @ after == pytest.approx(0, abs=1e-7)
+    assert mass @ (after - dq) == pytest.approx(jacobian.T @ impulse, abs=1e-6)
+    assert after @ mass @ after <= dq @ mass @ dq
+
+
+def test_uniform_scaling_scales_forces_and_slows_inputs(state, make_model):
+    scale = 2.0
+    nominal, heavy = make_model(), make_model(scaled(URDF_PATH.read_text(), scale))
+    for model in (nominal, heavy):
+        model.update(*state)
+    light, full = nominal.pinned(), heavy.pinned()
+    assert full.acceleration.b == pytest.approx(light.acceleration.b, rel=1e-9)
+    assert full.acceleration.a == pytest.approx(light.acceleration.a / scale, rel=1e-9, abs=1e-12)
+    assert full.force.b == pytest.approx(scale * light.force.b, rel=1e-9)
+    assert full.force.a == pytest.approx(light.force.a, rel=1e-7, abs=1e-9)
+
+
+def test_motor_gain_and_damping_enter_as_stated(state, make_model):
+    q, dq = state
+    u = np.array([10.0, -20.0, 5.0, 30.0])
+    perturbed, nominal = make_model(motor_gain=0.85, joint_damping=0.7), make_model()
+    perturbed.update(q, dq)
+    nominal.update(q, dq)
+    damping = 0.7 * np.diag(nominal.mass_matrix())[3:] * dq[3:]
+    expected = nominal.pinned().acceleration(0.85 * u - damping)
+    assert perturbed.pinned().acceleration(u) == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_both_models_agree(seed, models):
+    """Of robots with unlike legs, weak motors and damped joints, on level ground."""
+    rng = np.random.default_rng(seed)
+    urdf = re.sub(
+        r'(mass value|iyy)="([^"]+)"',
+        lambda found: f'{found[1]}="{float(found[2]) * rng.uniform(0.7, 1.5)!r}"',
+        URDF_PATH.read_text(),
+    )
+    q, dq, u = rng.normal(0, 0.5, 7), rng.normal(0, 2, 7), rng.normal(0, 50, 4)
+    own, peer = (kind(urdf, motor_gain=0.8, joint_damping=0.4) for kind in models)
+    for ours, theirs in zip(vars(own.update(q, dq)).values(), vars(peer.update(q, dq)).values(), strict=True):
+        assert ours == pytest.approx(theirs, rel=1e-10, abs=1e-10)
+    assert own.mass_matrix() == pytest.approx(peer.mass_matrix(), abs=1e-12)
+    for name in ("acceleration", "force"):
+        assert getattr(own.pinned(), name)(u) == pytest.approx(getattr(peer.pinned(), name)(u), rel=1e-9, abs=1e-9)
+    for ours, theirs in zip(own.impact(q, dq), peer.impact(q, dq), strict=True):
+        assert ours == pytest.approx(theirs, rel=1e-9, abs=1e-9)
+
+
+def test_another_planar_robot_is_read_from_its_urdf(models):
+    """A torso with two straight legs."""
+    text = with_planar_base((EXAMPLES / "three_link_walker.urdf").read_text())
+    assert read_robot(text).structure == Structure(parents=(0, 0), feet=(1, 2))
+    rng, (own, peer) = np.random.default_rng(0), (kind(text) for kind in models)
+    q, dq, u = rng.normal(0, 0.5, 5), rng.normal(0, 2, 5), rng.normal(0, 50, 2)
+    own.update(q, dq)
+    peer.update(q, dq)
+    assert own.pinned().acceleration(u) == pytest.approx(peer.pinned().acceleration(u), rel=1e-9)
+    assert own.pinned().force(u) == pytest.approx(peer.pinned().force(u), rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (URDF_PATH.read_text().replace('<axis xyz="0 1 0"/>', '<axis xyz="1 0 0"/>', 1), "then turns about y"),
+        (URDF_PATH.read_text().replace("right_foot", "right_toe"), "no link right_foot"),
+    ],
+)
+def test_a_robot_that_is_not_planar_or_has_no_such_feet_is_refused(text, message):
+    with pytest.raises(ValueError, match=message):
+        read_robot(text)
