@@ -5,7 +5,9 @@ import json
 import re
 import socket
 import struct
+import threading
 from collections.abc import Iterator
+from contextlib import ExitStack
 from http.client import HTTPConnection
 from pathlib import Path
 
@@ -127,6 +129,24 @@ def test_a_taken_port_is_one_line() -> None:
             BackgroundPage(port, str)
 
 
+def test_a_host_that_is_no_name_is_one_line() -> None:
+    with pytest.raises(PageError, match=r"^page at a{70}:0: [^\n]*label too long[^\n]*; expected this machine's"):
+        BackgroundPage(0, str, "a" * 70)
+
+
+def test_slow_readers_do_not_hold_up_the_end(page: BackgroundPage) -> None:
+    with ExitStack() as stack:
+        for _ in range(3):
+            stack.enter_context(PageClient(page.address))
+        page.do(page.broadcast.add, rows(0, 2_000_000))  # 16 MB, more than sockets hold
+        while not page.is_watched:
+            pass
+        closing = threading.Thread(target=page.close, daemon=True)
+        closing.start()
+        closing.join(timeout=8)  # without a limit of ours it takes 10 s
+        assert not closing.is_alive()
+
+
 def test_an_episode_without_end_does_not_fill_the_memory() -> None:
     import asyncio
 
@@ -137,11 +157,11 @@ def test_an_episode_without_end_does_not_fill_the_memory() -> None:
         for _ in range(KEPT_BYTES // len(chunk) + 5):
             broadcast.add(chunk)
         follower = broadcast.follow()
-        assert isinstance(await anext(follower), str)
-        kept = await anext(follower)
+        about, kept = await anext(follower)
+        assert isinstance(about, str)
         assert isinstance(kept, bytes)
         broadcast.add(rows(7, 1))
-        assert await anext(follower) == rows(7, 1)
+        assert await anext(follower) == [rows(7, 1)]
         return len(kept)
 
     kept = asyncio.run(follow())
