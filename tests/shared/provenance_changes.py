@@ -214,7 +214,9 @@ class Changes:
             kind: lambda files=files: self.byte(files) for kind, files in self.files.items() if files
         }
         kinds |= {"library version": self.version, "parameters": self.parameter}
-        if self.what == "own":
+        if self.what != "own":
+            kinds.pop("plugin code", None)  # loaded, since all controllers are looked through; it decides nothing here
+        else:
             kinds |= {"entry point": self.entry_point, "class": self.other_class}
         kind = str(self.rng.choice(sorted(kinds)))
         with kinds[kind]() as (name, job):

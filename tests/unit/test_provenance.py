@@ -52,7 +52,7 @@ def run(folder: Path, *words: object) -> subprocess.CompletedProcess[str]:
     """Python in a process of its own in `folder`, which is on its path."""
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join((str(folder), os.environ.get("PYTHONPATH", "")))}
     command = [sys.executable, *map(str, words)]
-    return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, timeout=900)
+    return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, timeout=3600)
 
 
 def rabbit(folder: Path, *words: object) -> str:

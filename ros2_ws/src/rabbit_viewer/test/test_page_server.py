@@ -6,6 +6,7 @@ import re
 import socket
 import struct
 import threading
+import tracemalloc
 from collections.abc import Iterator
 from contextlib import ExitStack
 from http.client import HTTPConnection
@@ -17,7 +18,7 @@ from rabbit_viewer.page.address import PageError
 from rabbit_viewer.page.background import BackgroundPage
 from rabbit_viewer.page.broadcast import KEPT_BYTES, Broadcast
 from rabbit_viewer.page.export import page_with, write_page
-from rabbit_viewer.page.files import contents
+from rabbit_viewer.page.files import contents, find_file
 from rabbit_viewer.page.server import LONGEST_MESSAGE, MOST_MESSAGES
 from websockets.exceptions import InvalidStatus
 
@@ -184,3 +185,14 @@ def test_a_saved_page_holds_the_walk_and_asks_nobody(page: BackgroundPage, tmp_p
     assert "default-src 'none'" in text
     with pytest.raises(PageError, match=r"^--export /nowhere/walk\.html: No such file"):
         write_page(Path("/nowhere/walk.html"), page.broadcast)
+
+
+def test_paths_that_are_asked_for_are_not_kept() -> None:
+    tracemalloc.start()
+    try:
+        for number in range(2000):
+            assert find_file(f"/{number}{'x' * 1000}") is None
+        kept, _ = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert kept < 500_000
