@@ -9,6 +9,7 @@ from rabbit_description.state import StonePreview
 from rl_cbf_clf_controller.nominal_model import NominalModel
 from rl_cbf_clf_controller.pinned_robot import Kinematics
 from rl_cbf_clf_controller.stone_barriers import stone_barriers
+from scipy.linalg import expm
 
 STONE, R1, R2 = StonePreview(1, 0.33, 0.38), 1.0, 0.36
 H = 1e-6
@@ -73,3 +74,20 @@ def test_on_the_bound_the_barrier_decays_at_its_poles():
 def test_poles_are_checked(poles):
     with pytest.raises(ValueError, match="two positive rates"):
         ecbf_gains(poles)
+
+
+@pytest.mark.parametrize("poles", [(70.0, 70.0), (50.0, 100.0)])
+def test_where_the_row_holds_and_a_step_begins_inside_the_barrier_stays_positive(poles):
+    """B'' = -K_b (B, B') + w with any w >= 0: B >= 0 from B >= 0 and B' + p1 B >= 0 on, and not from everywhere."""
+    (k_0, k_1), rng = ecbf_gains(poles), np.random.default_rng(4)
+    flow = expm(np.array([[0, 1, 0], [-k_0, -k_1, 1], [0, 0, 0]]) * 1e-4)[:2]  # of B, B', w over 0.1 ms
+    for value, excess in rng.uniform((0, 0), (0.1, 8), (20, 2)):
+        B = np.array([value, excess - poles[0] * value])
+        for _ in range(2000):
+            B = flow @ [*B, rng.choice([0.0, rng.exponential(50)])]
+            assert B[0] >= -1e-12
+    B, lowest = np.array([0.01, -max(poles) * 0.01 - 1]), 0.0
+    for _ in range(2000):
+        B = flow @ [*B, 0.0]
+        lowest = min(lowest, B[0])
+    assert lowest < 0
