@@ -67,7 +67,7 @@ def double_pendulum() -> Plant:
         tip * ca.sin(difference) * dq[1] ** 2 + (1 + tip) * GRAVITY * ca.sin(q[0]),
         -tip * ca.sin(difference) * dq[0] ** 2 + tip * GRAVITY * ca.sin(q[1]),
     )
-    system = mechanical(q, dq, u, M, h, ca.SX.eye(2), [tip])
+    system = mechanical(q, dq, u, M, h, ca.SX.eye(2), parameters=[tip])
     return Plant(system, {"q": q, "dq": dq, "tip": tip, "u": u}, {"tip": 0.5})
 
 

@@ -10,7 +10,7 @@ from cbf_clf_qp.symbolic.affine import Affine
 from cbf_clf_qp.symbolic.answer import Answering
 from cbf_clf_qp.symbolic.objective import Objective
 from cbf_clf_qp.symbolic.qp import build_qp
-from cbf_clf_qp.symbolic.rows import HARD, at_least, at_most, between
+from cbf_clf_qp.symbolic.rows import HARD, Rows, at_least, at_most
 
 M, SOFT, LIMIT = 3, 5, 2.0  # inputs, soft rows; of |mu|
 
@@ -21,7 +21,7 @@ def programme(solver: str, root: bool) -> Answering:
     blocks = [
         at_most(("a", "b"), A[:2, :], upper[:2], 10.0, rescue=False),
         at_least(("c", "d", "e"), -A[2:, :], -upper[2:], 100.0),
-        between([f"u{i}" for i in range(M)], ca.SX.eye(M), -LIMIT * ca.SX.ones(M), LIMIT * ca.SX.ones(M)),
+        Rows(("u1", "u2", "u3"), ca.SX.eye(M), -LIMIT * ca.SX.ones(M), LIMIT * ca.SX.ones(M)),
     ]
     layout, data = build_qp(blocks, Objective(R if root else ca.SX.eye(M), center), Affine.identity(M))
     return Answering({"A": A, "upper": upper, "c": center, "R": R}, data, layout, solver)
@@ -69,7 +69,7 @@ def test_the_solvers_agree() -> None:
     inside, osqp, rng = programme("daqp", True), programme("osqp", True), np.random.default_rng(6)
     for _ in range(200):
         data = draw(rng)
-        first, second, p = inside(*data), osqp(*data), inside._programme(*data)
+        first, second, p = inside(*data), osqp(*data), inside.programme(*data)
         assert (first.solver, second.solver) == ("daqp", "osqp")
         assert second.mu == pytest.approx(first.mu, abs=1e-6)
         assert second.values.slack == pytest.approx(first.values.slack, abs=1e-5)
@@ -102,7 +102,7 @@ def test_rows_give_way_in_order_of_their_weights(solver: str) -> None:
     rows = [
         at_least(("CLF",), one, goal, 10.0, rescue=False),
         at_most(("B",), one, floor, 1e6),
-        between(("u1",), one, ca.SX(-1), ca.SX(1)),
+        Rows(("u1",), one, ca.SX(-1), ca.SX(1)),
     ]
     layout, data = build_qp(rows, None, Affine.identity(1))
     answering = Answering({"goal": goal, "floor": floor}, data, layout, solver)

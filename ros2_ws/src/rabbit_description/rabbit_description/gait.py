@@ -13,9 +13,9 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from rabbit_description import GAITS, LIBRARIES
-from rabbit_description.bounded_file import FileError, one_line
+from rabbit_description.bounded_file import FileError, one_line, read_text
 from rabbit_description.state import Array
-from rabbit_description.yaml_file import dump_yaml, read_yaml
+from rabbit_description.yaml_file import MOST_BYTES, dump_yaml, parse_yaml
 
 DEFAULT_GAIT = "stones_0350_080"
 
@@ -168,17 +168,16 @@ def load_gaits(name_or_path: str | Path) -> Gaits:
     if not path.is_file():
         names = f"gaits are {', '.join(shipped_gaits())}; libraries are {', '.join(shipped_libraries())}"
         raise GaitError(f"gait: no file {path}; shipped {names}")
-    now = path.stat()
-    return _read(path.resolve(), now.st_mtime_ns, now.st_size)
+    try:
+        return _gaits_of(read_text(path, MOST_BYTES))
+    except (ValidationError, FileError) as error:
+        raise GaitError(f"gait {path}: {one_line(error)}") from error
 
 
 @lru_cache(maxsize=32)
-def _read(path: Path, changed: int, size: int) -> Gaits:
-    """A file as it was at the time `changed`, ns: read once, since a library takes a good part of a second."""
-    try:
-        return parse_gaits(read_yaml(path))
-    except (ValidationError, FileError) as error:
-        raise GaitError(f"gait {path}: {one_line(error)}") from error
+def _gaits_of(text: str) -> Gaits:
+    """A text is parsed once: a library takes a good part of a second."""
+    return parse_gaits(parse_yaml(text))
 
 
 def load_gait(name_or_path: str | Path) -> Gait:

@@ -7,13 +7,15 @@
 `rabbit_experiments.benchmark.methods.Method`. A part is imported when it is loaded.
 """
 
+import sys
+from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
 
 def names(group: str) -> tuple[str, ...]:
     """What a parameter may choose from, in alphabetical order."""
-    return tuple(sorted(_found(group)))
+    return tuple(sorted(_found(group, tuple(sys.path))))
 
 
 def load(group: str, name: str) -> Any:
@@ -22,7 +24,7 @@ def load(group: str, name: str) -> Any:
     Raises:
         LookupError: no installed package brings it, or a library that it needs is not installed.
     """
-    found = _found(group)
+    found = _found(group, tuple(sys.path))
     if name not in found:
         raise LookupError(f"{group} {name}: expected one of {', '.join(names(group))}")
     try:
@@ -31,8 +33,9 @@ def load(group: str, name: str) -> Any:
         raise LookupError(f"{group} {name}: it needs the library {error.name}, which is not installed") from error
 
 
-def _found(group: str) -> dict[str, EntryPoint]:
-    """By name; raises `LookupError` where two packages bring different parts under one name."""
+@cache  # reading all packages' entry points takes tens of ms
+def _found(group: str, path: tuple[str, ...]) -> dict[str, EntryPoint]:
+    """By name, as `sys.path` is; raises `LookupError` where two packages bring different parts under one name."""
     found: dict[str, EntryPoint] = {}
     for entry in entry_points(group=group):
         other = found.setdefault(entry.name, entry)

@@ -23,11 +23,12 @@ It sinks under the load F, which lags behind the measured force as rubber with d
 touches down, it becomes the stance foot: c is where the legs say that it is.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from rabbit_description.state import TICK_SECONDS, Array, BodySensors, Leg, RobotState
 
+from rabbit_estimator.encoder_gate import EncoderGate, Innovation
 from rabbit_estimator.leg_kinematics import foothold, foothold_jacobian, foothold_rate_by_angles
 from rabbit_estimator.parameters import EstimatorParameters
 
@@ -41,23 +42,11 @@ SIZE = 28
 ANGLES, RATES, PLACE, SPEED = slice(0, 4), slice(4, 8), slice(8, 10), slice(10, 12)  # what is measured
 MEASURED = 12
 ENCODERS = slice(0, 8)  # without the ground
+LOST_OFFSET, LOST_RATE = 1.0, 10.0  # rad, rad/s: more error of a joint that the gate has refused for long
 
 
 class EstimatorError(ValueError):
     """What the filter was given cannot be used."""
-
-
-@dataclass(frozen=True)
-class Innovation:
-    """What a tick measured less what the filter expected, (m,), and its covariance, (m, m)."""
-
-    value: Array
-    covariance: Array
-
-    @property
-    def nis(self) -> float:
-        """Normalised innovation squared: chi-square with m degrees of freedom for a consistent filter."""
-        return float(self.value @ np.linalg.solve(self.covariance, self.value))
 
 
 class ContactAidedFilter:
@@ -130,6 +119,7 @@ class ContactAidedFilter:
         p = self.parameters
         self._stance, self._standing, self._landed = Leg.LEFT, True, 0
         self._load = self._push = self._unsettled = 0.0
+        self._gate = EncoderGate()
         self._attitude, self._pitch_rate = sensors.attitude, sensors.pitch_rate
         self.innovation = None
         x = self.mean = np.zeros(SIZE)
@@ -220,11 +210,19 @@ class ContactAidedFilter:
         value = (measured - self._expect(sensors))[rows]
         h = self._h[rows]
         across = h @ self.covariance
-        innovation = self.innovation = Innovation(value, across @ h.T + noise[rows, rows])
+        innovation = Innovation(value, across @ h.T + noise[rows, rows])
+        believed = self._gate.believed(innovation)
+        if not believed.all():
+            across = across[believed]
+            innovation = Innovation(value[believed], innovation.covariance[np.ix_(believed, believed)])
+        self.innovation = innovation
         gain = np.linalg.solve(innovation.covariance, across).T
-        self.mean = self.mean + gain @ value
+        self.mean = self.mean + gain @ innovation.value
         covariance = self.covariance - gain @ across
         self.covariance = (covariance + covariance.T) / 2
+        for joint in self._gate.lost():
+            for at, std in ((OFFSET, LOST_OFFSET), (DJ, LOST_RATE)):
+                self.covariance[at.start + joint, at.start + joint] += std**2
 
     def _expect(self, sensors: BodySensors) -> Array:
         """What should be measured; puts its derivative over x into `_h`."""

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from pydantic import BaseModel
 from rabbit_description.state import TICK_SECONDS, BodySensors, Leg, RobotState, orientation_of
-from rabbit_estimator.contact_aided_filter import COMPLIANCE, ContactAidedFilter, EstimatorError
+from rabbit_estimator.contact_aided_filter import COMPLIANCE, MEASURED, OFFSET, ContactAidedFilter, EstimatorError
+from rabbit_estimator.encoder_gate import PATIENCE
 from rabbit_estimator.leg_kinematics import foothold, foothold_jacobian
 from rabbit_estimator.parameters import EstimatorParameters
 from scipy.stats import chi2
@@ -144,6 +145,39 @@ def flight(rng, ticks):
         error = np.concatenate([estimate.q[2:], estimate.dq]) - truth
         found.append(error @ np.linalg.solve(estimator.angles_and_rates_covariance(), error))
     return found
+
+
+def turned(tick, joint, angle):
+    """The state of a tick in which an encoder says another angle."""
+    return state(tick, joint_angles=JOINTS + angle * (np.arange(4) == joint))
+
+
+@pytest.mark.parametrize("joint", range(4))
+@pytest.mark.parametrize("glitch", [0.05, -0.3, 3.0])
+def test_a_glitch_of_an_encoder_is_refused(joint, glitch):
+    """The estimate goes on within the encoders' resolution, and the next reading is believed."""
+    estimator = ContactAidedFilter(EstimatorParameters())
+    for tick in range(50):
+        before = estimator.update(state(tick))
+    during, after = estimator.update(turned(50, joint, glitch)), estimator.update(state(51))
+    for estimate in (during, after):
+        assert estimate.q == pytest.approx(before.q, abs=4e-4)
+        assert estimate.dq == pytest.approx(before.dq, abs=0.05)
+    assert estimator.innovation.value.size == MEASURED  # all are believed again
+
+
+@pytest.mark.parametrize("joint", range(4))
+def test_an_encoder_that_says_the_same_for_long_is_not_refused_for_ever(joint):
+    estimator = ContactAidedFilter(EstimatorParameters())
+    for tick in range(50):
+        estimator.update(state(tick))
+    refused = 0
+    for tick in range(50, 70):
+        estimator.update(turned(tick, joint, 0.3))
+        refused += estimator.innovation.value.size < MEASURED
+    assert 1 <= refused <= PATIENCE
+    read = estimator.q[3 + joint] + estimator.mean[OFFSET][joint]  # the angle, and the encoder's zero
+    assert read == pytest.approx(JOINTS[joint] + 0.3, abs=1e-3)
 
 
 def test_a_reset_forgets_the_last_episode():

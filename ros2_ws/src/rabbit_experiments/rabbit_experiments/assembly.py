@@ -1,10 +1,7 @@
 """Plant, controller and policy of one in-process run, put together. The oracle is wired here and nowhere else."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
-from typing import Any
 
 from rabbit_description.gait import Gaits, load_gaits
 from rabbit_estimator.contact_aided_filter import ContactAidedFilter
@@ -17,9 +14,7 @@ from rl_cbf_clf_controller.oracle import OraclePolicy, TruePlant
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import PartlyNominal, Policy, ZeroPolicy
 from rl_cbf_clf_controller.policy_compatibility import fitted
-from rl_cbf_clf_controller.weights import SHIPPED, PolicyFile, PolicyFileError, policy_path, read
-
-UNWALKED: Any = {"metadata": True, "gaits": {"__all__": {"metadata"}}}  # what of gaits does not decide a walk
+from rl_cbf_clf_controller.weights import SHIPPED, PolicyFileError, policy_path, read
 
 
 class AssemblyError(ValueError):
@@ -49,31 +44,17 @@ class Assembly:
         for name in self.nominal:
             if name not in known:
                 raise AssemblyError("nominal", f"{name}: expected some of {', '.join(known)}")
+        object.__setattr__(self, "nominal", tuple(name for name in known if name in self.nominal))
 
     def build(self) -> tuple[Simulation, Controller]:
         """A plant and a controller that have seen nothing yet; raises `GaitError`, `CourseError`, `PolicyFileError`."""
         gait = load_gaits(self.controller.gait)
         return make_simulation(self.simulation, gait), Controller(self.controller, gait, self.make_policy())
 
-    def files(self) -> Iterator[tuple[str, int]]:
-        """The files of one's own that it is made of, each with the time of its last change, ns."""
-        for name in (self.policy, self.controller.gait, self.simulation.course):
-            if Path(name).is_file():
-                yield name, Path(name).stat().st_mtime_ns
-
     def make_policy(self) -> Policy:
         """The policy object."""
         policy = self._whole_policy()
         return PartlyNominal(policy, self.controller.problem, self.nominal) if self.nominal else policy
-
-    def identity(self) -> dict[str, Any]:
-        """All that decides what an episode does, as plain data: equal identities, equal runs."""
-        return {
-            "simulation": self.simulation.model_dump(mode="json"),
-            "controller": self.controller.model_dump(mode="json"),
-            "policy_version": self.make_policy().version,
-            "gait": load_gaits(self.controller.gait).model_dump(mode="json", exclude=UNWALKED),
-        }
 
     def _whole_policy(self) -> Policy:
         if self.policy == "zero":
@@ -81,8 +62,7 @@ class Assembly:
         if self.policy == "oracle":
             return self._oracle()
         try:
-            changed = dict(self.files()).get(self.policy, 0)
-            return fitted(_policy_file(self.policy, changed), self.controller, load_gaits(self.controller.gait))
+            return fitted(read(Path(self.policy)), self.controller, load_gaits(self.controller.gait))
         except PolicyFileError as error:
             raise PolicyFileError(f"{self.policy}: {error}") from error
 
@@ -136,8 +116,3 @@ def make_simulation(parameters: SimulationParameters, gait: Gaits) -> Simulation
 def make_estimator(parameters: SimulationParameters) -> ContactAidedFilter:
     """One that knows how good the sensors are."""
     return ContactAidedFilter(EstimatorParameters.knowing(parameters))
-
-
-@lru_cache(maxsize=1)
-def _policy_file(path: str, changed: int) -> PolicyFile:
-    return read(Path(path))

@@ -1,48 +1,39 @@
 """What was computed is kept: a job is found again if all that decides its result is the same.
 
-The key of a result covers the job (every parameter of plant and controller, the content of gait and policy, the seed),
-`RESULTS_VERSION` and the versions of the libraries that compute. It does not cover the source code: if you change code
-so that numbers move, raise `RESULTS_VERSION`, or begin in another folder.
+ROOT/AB/CDEF-MADE.json.gz    a result: ABCDEF is the hash of what was asked for, MADE that of what it was made with
+ROOT/made_with/MADE.json     what that is: content of files, code, versions of libraries (`provenance`)
 """
 
 import gzip
 import json
 import zlib
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, field, fields
+from collections.abc import Iterable
+from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from typing import Any, ClassVar
 
-from cbf_clf_qp.problem import Problem
 from pydantic import BaseModel
 from rabbit_description.atomic_file import replacing
 
-from rabbit_experiments.assembly import Assembly
-from rabbit_experiments.provenance import content_key, installed
+from rabbit_experiments.provenance import differing, key_of, plain, provenance
+from rabbit_experiments.source_code import hash_of
 
-# Raise it when the numbers of a seeded run or of a training move: after a change of the plant, the controller, the
-# learner or the metrics, on purpose or by rounding. test_results_version.py fails then and says what to do.
-RESULTS_VERSION = 9
-COMPUTING = ("numpy", "scipy", "pin", "pybullet", "mujoco", "osqp", "daqp")
+MADE_WITH = "made_with"
 
 
 @dataclass(frozen=True)
 class Job(ABC):
-    """Something to compute once. Equal jobs have the same result; `title` is what the progress bar says."""
+    """Something to compute once; its fields and its class decide the result. `title` is what the progress bar says."""
 
     title: str = field(default="", compare=False, kw_only=True)
     model: ClassVar[type[BaseModel]]  # of the result
     suffix: ClassVar[str] = ".json.gz"
-    libraries: ClassVar[tuple[str, ...]] = COMPUTING
 
     @abstractmethod
     def do(self) -> Any:
         """Compute the result."""
-
-    def identity(self) -> dict[str, Any]:
-        """All that decides the result."""
-        return {each.name: getattr(self, each.name) for each in fields(self) if each.compare}
 
     def write(self, result: Any, path: Path) -> None:
         """Put a result into a file."""
@@ -60,36 +51,22 @@ class JobError(RuntimeError):
     """A job that ended without a result; the others can still be done."""
 
 
-def plain(value: Any) -> Any:
-    """What JSON takes in place of a part of an identity."""
-    if isinstance(value, BaseModel):
-        return value.model_dump(mode="json")
-    if isinstance(value, Assembly):
-        return value.identity()
-    if isinstance(value, Problem):
-        return value.name
-    raise TypeError(f"{value!r}: expected plain data, a model or an assembly")
+@dataclass(frozen=True)
+class JobKey:
+    """Of what is asked for, and of what it is made with."""
 
-
-@cache
-def stamp(libraries: tuple[str, ...] = COMPUTING) -> dict[str, Any]:
-    """What decides a number besides the parameters."""
-    return {"results_version": RESULTS_VERSION, "libraries": installed(libraries)}
-
-
-def job_key(job: Job, as_plain: Any = plain) -> str:
-    """SHA-256, 16 digits, of all that decides a job's result."""
-    identity = {"job": type(job).__name__, **job.identity(), **stamp(job.libraries)}
-    return content_key(identity, as_plain)
+    asked: str
+    made_with: str
 
 
 class Cache:
-    """Results in files under `path`, one for each job; what decides an assembly's runs is read once."""
+    """Results in files under `path`, one for each job. The files that jobs name are read once."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._versions: dict[Assembly, str] = {}
-        self._keys: dict[Assembly, str] = {}
+        self._keys: dict[Job, JobKey] = {}
+        self._made_with: dict[str, dict[str, str]] = {}
+        self._hash_of = cache(hash_of)
 
     def get(self, job: Job) -> Any:
         """The job's result; None where there is none, or a file that cannot be read."""
@@ -99,27 +76,52 @@ class Cache:
             return None
 
     def put(self, job: Job, result: Any) -> None:
-        """Keep a result."""
-        path = self._file(job)
+        """Keep a result.
+
+        Raises:
+            JobError: a file that the job names has changed since its key was taken.
+        """
+        key, path = self.key(job), self._file(job)
+        made_with = self._made_with[key.made_with]
+        if changed := differing(made_with, provenance(plain(job))):
+            raise JobError(f"{job.title}: {', '.join(changed)} changed while it was made: the result is not kept")
+        about = self._about(key.made_with)
+        if not about.exists():
+            about.parent.mkdir(parents=True, exist_ok=True)
+            with replacing(about) as partial:
+                partial.write_text(json.dumps(made_with, indent=1), encoding="utf-8")
         path.parent.mkdir(parents=True, exist_ok=True)
         with replacing(path) as partial:
             job.write(result, partial)
 
-    def key(self, job: Job) -> str:
-        """See `job_key`."""
-        return job_key(job, lambda value: self._key_of(value) if isinstance(value, Assembly) else plain(value))
+    def key(self, job: Job) -> JobKey:
+        """Equal keys, equal results."""
+        if job not in self._keys:
+            asked = plain(job)
+            made_with = provenance(asked, self._hash_of)
+            self._keys[job] = JobKey(key_of(asked), key_of(made_with))
+            self._made_with[self._keys[job].made_with] = made_with
+        return self._keys[job]
 
-    def policy_version(self, assembly: Assembly) -> str:
-        """A hash of the policy's bytes, or its name."""
-        self._key_of(assembly)
-        return self._versions[assembly]
+    def outdated(self, jobs: Iterable[Job]) -> str:
+        """How many of these were made before with something else, and with what; empty if none."""
+        count, names = 0, set[str]()
+        for job in jobs:
+            key, path = self.key(job), self._file(job)
+            for other in sorted(path.parent.glob(path.name.replace(key.made_with, "*")))[:1]:
+                count += 1
+                names |= set(self._differing(key.made_with, other.name.removesuffix(job.suffix).rpartition("-")[2]))
+        return f"{count} results here were made with another {', '.join(sorted(names))}: made again" if count else ""
 
-    def _key_of(self, assembly: Assembly) -> str:
-        if assembly not in self._keys:
-            identity = assembly.identity()
-            self._keys[assembly], self._versions[assembly] = content_key(identity), identity["policy_version"]
-        return self._keys[assembly]
+    def _differing(self, made_with: str, other: str) -> list[str]:
+        try:
+            return differing(self._made_with[made_with], json.loads(self._about(other).read_text(encoding="utf-8")))
+        except (OSError, ValueError):
+            return ["version"]
+
+    def _about(self, made_with: str) -> Path:
+        return self.path / MADE_WITH / f"{made_with}.json"
 
     def _file(self, job: Job) -> Path:
         key = self.key(job)
-        return self.path / key[:2] / f"{key[2:]}{job.suffix}"
+        return self.path / key.asked[:2] / f"{key.asked[2:]}-{key.made_with}{job.suffix}"

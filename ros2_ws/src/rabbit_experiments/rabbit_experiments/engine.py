@@ -38,15 +38,20 @@ def run(
     """
     unique = list({cache.key(job): job for job in jobs}.values())
     left = [job for job in unique if cache.get(job) is None]
+    if outdated := cache.outdated(left):
+        print(outdated)
     errors: list[JobError] = []
     with progress_bar() as bar:
         task = bar.add_task("", total=len(unique), completed=len(unique) - len(left))
         for job, result in _results(left, processes, backend):
-            if isinstance(result, JobError):
-                errors.append(result)
-                bar.console.print(result, highlight=False, soft_wrap=True)
+            try:
+                if isinstance(result, JobError):
+                    raise result
+                cache.put(job, result)
+            except JobError as error:
+                errors.append(error)
+                bar.console.print(error, highlight=False, soft_wrap=True)
                 continue
-            cache.put(job, result)
             bar.update(task, advance=1, description=note(job, result))
     if errors:
         raise errors[0]

@@ -24,6 +24,7 @@ from rl_trainer.rollout import Simulation as AnySimulation
 from rabbit_experiments.assembly import Assembly
 from rabbit_experiments.cache import Job
 from rabbit_experiments.metrics import RunResult, RunTally
+from rabbit_experiments.provenance import named_files, plain
 
 
 class Timed:
@@ -47,16 +48,15 @@ def episode_seeds(seed: int, runs: int) -> dict[int, int]:
     return {run: int(child.generate_state(1)[0]) for run, child in enumerate(children)}
 
 
-Key = tuple[Assembly, tuple[tuple[str, int], ...]]
-_kept: dict[Key, tuple[Simulation, Controller]] = {}  # one at most
+_kept: list[tuple[Assembly, dict[str, str], Simulation, Controller]] = []  # one at most
 
 
 @contextmanager
 def parts(assembly: Assembly) -> Iterator[tuple[Simulation, Controller]]:
     """Plant and controller to reset and walk with; those of the last run if that was of this assembly and its files."""
-    key = assembly, tuple(assembly.files())
-    if key in _kept:
-        simulation, controller = _kept.pop(key)
+    files = named_files(plain(assembly))
+    if _kept and _kept[0][:2] == (assembly, files):
+        *_, simulation, controller = _kept.pop()
     else:
         forget_parts()
         simulation, controller = assembly.build()
@@ -66,14 +66,14 @@ def parts(assembly: Assembly) -> Iterator[tuple[Simulation, Controller]]:
         simulation.close()
         raise
     forget_parts()  # of a run within this one
-    _kept[key] = simulation, controller
+    _kept.append((assembly, files, simulation, controller))
 
 
 @atexit.register
 def forget_parts() -> None:
     """Close what is kept for the next run."""
     while _kept:
-        _kept.popitem()[1][0].close()
+        _kept.pop()[2].close()
 
 
 def walk(assembly: Assembly, run: int, seed: int, *observers: Observer) -> RunResult:

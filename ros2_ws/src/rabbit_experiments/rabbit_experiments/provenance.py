@@ -1,28 +1,37 @@
-"""Where a result comes from: commit, command, versions."""
+"""Where a result comes from: command and commit; and what decides it: what is asked for, and what it is made with.
 
-import hashlib
+asked = plain(job)          names and numbers
+provenance(asked)           content of files, code of classes, versions of libraries
+"""
+
 import json
+import os
 import platform
 import subprocess
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import fields, is_dataclass
+from enum import Enum
 from functools import cache
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import PackageNotFoundError, entry_points, version
 from pathlib import Path
 from typing import Any
 
+from pydantic import BaseModel
+from rabbit_description.atomic_file import replacing
+
+from rabbit_experiments.source_code import SourceError, code_of, hash_of, hash_of_text
+
 LIBRARIES = ("numpy", "scipy", "pin", "pybullet", "mujoco", "osqp", "daqp", "torch", "casadi", "safetensors", "joblib")
+PARTS = ("rabbit.plants", "rabbit.controllers", "rabbit.learners")  # entry points that parameters choose by name
+CLASS = "class"
+MADE_WITH = "made_with.json"  # in a folder in which one thing is made
 
 
 def versions() -> dict[str, str]:
-    """Of Python and of the libraries."""
-    return {"python": platform.python_version(), **installed(LIBRARIES)}
-
-
-def installed(libraries: Sequence[str]) -> dict[str, str]:
-    """Versions of those that are installed."""
-    found = {}
-    for name in libraries:
+    """Of Python and of the libraries that are installed."""
+    found = {"python": platform.python_version()}
+    for name in LIBRARIES:
         try:
             found[name] = version(name)
         except PackageNotFoundError:
@@ -43,9 +52,121 @@ def command() -> str:
     return " ".join(("rabbit", *sys.argv[1:]))
 
 
-def content_key(identity: dict[str, Any], plain: Callable[[Any], Any] | None = None) -> str:
-    """SHA-256, 16 digits, of plain data; `plain` makes such data of anything else in it."""
-    return hashlib.sha256(json.dumps(identity, sort_keys=True, default=plain).encode()).hexdigest()[:16]
+def plain(value: Any) -> Any:
+    """Dataclasses, models, sequences and mappings as JSON has them, each with its class.
+
+    Raises:
+        TypeError: of anything else.
+    """
+    if isinstance(value, Enum):
+        return plain(value.value)
+    if value is None or isinstance(value, str | int | float):
+        return value
+    if isinstance(value, Path):
+        return str(value)
+    if isinstance(value, type):
+        return {CLASS: _class_name(value)}
+    if isinstance(value, Mapping):
+        return {str(name): plain(each) for name, each in value.items()}
+    if isinstance(value, tuple | list):
+        return [plain(each) for each in value]
+    if isinstance(value, BaseModel):
+        names = list(type(value).model_fields)
+    elif is_dataclass(value):
+        names = [each.name for each in fields(value) if each.compare]
+    else:
+        raise TypeError(f"{value!r}: expected plain data, a model or a dataclass")
+    return {CLASS: _class_name(type(value)), **{name: plain(getattr(value, name)) for name in names}}
+
+
+def provenance(asked: Any, hash_file: Callable[[Path], str] = hash_of) -> dict[str, str]:
+    """What a result is made with, by name, besides what is `asked` for, which is `plain`: equal ones, equal results.
+
+    Hashes of the files that it names, and of the code of its classes and of the plants, controllers and learners that
+    it names; versions of the libraries that this code imports, and of Python.
+
+    Raises:
+        SourceError: a class whose code is in no file, or that a function made.
+    """
+    modules, parts = set[str](), dict[str, str]()
+    for key, text in _strings(asked):
+        if key != CLASS:
+            parts |= _parts().get(text, {})
+        elif "<locals>" in text:
+            raise SourceError(f"{text}: expected a class at the top level of a module, so that its results can be kept")
+        else:
+            modules.add(text.partition(":")[0])
+    modules |= {value.partition(":")[0] for value in parts.values()}
+    about = {"python": platform.python_version(), "model terms": _model_terms()}
+    return {**about, **parts, **code_of(frozenset(modules)), **named_files(asked, hash_file)}
+
+
+def named_files(asked: Any, hash_file: Callable[[Path], str] = hash_of) -> dict[str, str]:
+    """Hashes of the files that it names."""
+    found = dict[str, str]()
+    for _, text in _strings(asked):
+        if os.path.isfile(text):  # noqa: PTH113 (`Path.is_file` raises where a text is too long for a name)
+            path = Path(text)
+            name = "/".join(path.parts[-2:])
+            found[str(path) if name in found else name] = hash_file(path)
+    return found
+
+
+def changed_since(folder: Path, made_with: Mapping[str, str]) -> list[str]:
+    """Note what is made in `folder` with what; names that differ from what was noted there before."""
+    path = folder / MADE_WITH
+    if path.exists():
+        try:
+            return differing(json.loads(path.read_text(encoding="utf-8")), made_with)
+        except (ValueError, AttributeError, TypeError):
+            return [MADE_WITH]
+    folder.mkdir(parents=True, exist_ok=True)
+    with replacing(path) as partial:
+        partial.write_text(json.dumps(made_with, indent=1), encoding="utf-8")
+    return []
+
+
+def differing(one: Mapping[str, str], other: Mapping[str, str]) -> list[str]:
+    """Names under which two provenances are not the same."""
+    return sorted(name for name in {*one, *other} if one.get(name) != other.get(name))
+
+
+def key_of(asked: Any) -> str:
+    """SHA-256, 16 digits, of plain data."""
+    return hash_of_text(json.dumps(asked, sort_keys=True))
+
+
+def _class_name(kind: type) -> str:
+    return f"{kind.__module__}:{kind.__qualname__}"
+
+
+def _strings(asked: Any, key: str = "") -> Iterator[tuple[str, str]]:
+    """All texts, each with the name that it has."""
+    if isinstance(asked, str):
+        yield key, asked
+    elif isinstance(asked, dict):
+        for name, value in asked.items():
+            yield from _strings(value, name)
+    elif isinstance(asked, list):
+        for value in asked:
+            yield from _strings(value)
+
+
+@cache
+def _parts() -> dict[str, dict[str, str]]:
+    """The parts that packages bring: by name, what each group has under it."""
+    found: dict[str, dict[str, str]] = {}
+    for group in PARTS:
+        for each in entry_points(group=group):
+            found.setdefault(each.name, {})[f"{group} {each.name}"] = each.value
+    return found
+
+
+@cache
+def _model_terms() -> str:
+    from rl_cbf_clf_controller.generated_model import arithmetic, make_model
+
+    return arithmetic(make_model())
 
 
 def _git(folder: Path, *words: str) -> str:

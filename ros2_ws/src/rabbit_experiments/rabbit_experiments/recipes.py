@@ -11,15 +11,13 @@ from typing import Any
 
 import numpy as np
 from pydantic import BaseModel
-from rabbit_description.gait import load_gaits
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters, load_parameters
 from rl_cbf_clf_controller.scene import ControllerError
 from rl_trainer.parameters import TrainingParameters
 
 from rabbit_experiments import provenance
-from rabbit_experiments.assembly import UNWALKED
-from rabbit_experiments.cache import COMPUTING, Job, JobError, job_key
+from rabbit_experiments.cache import Job, JobError
 from rabbit_experiments.command_lines import changed_options
 from rabbit_experiments.conditions import TRAINING_PLANT, TRAINING_SCALE, TRAINING_SLACK_WEIGHT
 
@@ -45,7 +43,6 @@ class Recipe(Job):
     engine: str = "pybullet"
     root: Path = field(default=Path("runs/training"), compare=False)
     model = TrainingReport
-    libraries = (*COMPUTING, "torch")
 
     @property
     def name(self) -> str:
@@ -74,12 +71,8 @@ class Recipe(Job):
     @property
     def folder(self) -> Path:
         """The session's."""
-        return self.root / f"{self.name}-{job_key(self)}"
-
-    def identity(self) -> dict[str, Any]:
-        gait = load_gaits(self.controller.gait).model_dump(mode="json", exclude=UNWALKED)
-        own = {name: value for name, value in super().identity().items() if name not in ("law", "engine")}
-        return {**own, "controller": self.controller, "plant": self.plant, "gait": gait}
+        asked = provenance.plain(self)
+        return self.root / f"{self.name}-{provenance.key_of([asked, provenance.provenance(asked)])}"
 
     def do(self) -> TrainingReport:
         from rl_trainer.session import CheckpointError  # torch

@@ -1,6 +1,6 @@
 """The folder of an evaluation, which is complete after each run; one that was stopped goes on.
 
-DIR/evaluation.json     what is evaluated: its key, command, versions; written first
+DIR/evaluation.json     what is evaluated, its key, and what it is made with; written first
 DIR/cache/              the runs that are done
 DIR/runs.csv            a row a run
 DIR/violations.csv      each stance tick over the friction cone, or without a push from the ground
@@ -14,11 +14,13 @@ from pathlib import Path
 from typing import Any
 
 from rabbit_description.atomic_file import replacing
+from rabbit_viewer.walk_records import RECORDS
 
 from rabbit_experiments.cache import Cache
 from rabbit_experiments.metrics import ForceTick, RunResult, RunRow
 from rabbit_experiments.tables import write_rows
 
+PICTURES = "pictures"
 ABOUT, RUNS, VIOLATIONS, SUMMARY = "evaluation.json", "runs.csv", "violations.csv", "summary.json"
 
 
@@ -32,15 +34,22 @@ class ResultsFolder:
     def __init__(self, path: Path, about: dict[str, Any], overwrite: bool = False) -> None:
         """`about["key"]` distinguishes evaluations; `overwrite` forgets what the folder holds.
 
+        Tables and pictures of runs that were made with something else (`about["made_with"]`) go.
+
         Raises:
             ResultsError: the folder holds another evaluation.
         """
         self.path, self.cache = path, Cache(path / "cache")
         path.mkdir(parents=True, exist_ok=True)
+        held = self._held() if (path / ABOUT).exists() and not overwrite else about
+        if held["key"] != about["key"]:
+            raise ResultsError(f"{path}: holds another evaluation (other parameters, seed or policy)")
         if overwrite:
             shutil.rmtree(self.cache.path, ignore_errors=True)
-        elif (path / ABOUT).exists():
-            self._check_key(about["key"])
+        if overwrite or held["made_with"] != about["made_with"]:
+            for name in (RUNS, VIOLATIONS, RECORDS):
+                (path / name).unlink(missing_ok=True)
+            shutil.rmtree(path / PICTURES, ignore_errors=True)
         self._write(ABOUT, about)
         (path / SUMMARY).unlink(missing_ok=True)
 
@@ -53,13 +62,12 @@ class ResultsFolder:
         """Write summary.json."""
         self._write(SUMMARY, summary)
 
-    def _check_key(self, key: str) -> None:
+    def _held(self) -> Any:
         try:
-            held = json.loads((self.path / ABOUT).read_text(encoding="utf-8"))["key"]
+            held = json.loads((self.path / ABOUT).read_text(encoding="utf-8"))
+            return {name: held[name] for name in ("key", "made_with")}
         except (OSError, ValueError, KeyError, TypeError) as error:
             raise ResultsError(f"{self.path / ABOUT} cannot be read: {error}") from error
-        if held != key:
-            raise ResultsError(f"{self.path}: holds another evaluation (other parameters, seed, policy or versions)")
 
     def _write(self, name: str, content: dict[str, Any]) -> None:
         with replacing(self.path / name) as path:

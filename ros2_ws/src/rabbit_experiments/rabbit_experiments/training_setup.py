@@ -11,7 +11,7 @@ from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import Policy
 from rl_trainer.parameters import TrainingParameters
-from rl_trainer.session import Session
+from rl_trainer.session import CheckpointError, Session
 from rl_trainer.training import EpisodeReport, Provenance, Trainer
 
 from rabbit_experiments import provenance
@@ -36,7 +36,9 @@ def training(
     command: str | None = None,
     random_plants: bool = False,
 ) -> Iterator[Training]:
-    """Begin a session, or go on with the one in `folder`; raises `GaitError`, `CourseError`, `CheckpointError`.
+    """Begin a session, or go on with the one in `folder` if plant, gait and code are those that it began with.
+
+    Raises `GaitError`, `CourseError`, `CheckpointError`.
 
     `command` goes into the policy files, this process's own where it is not given; with `random_plants` every episode
     has another robot.
@@ -48,6 +50,10 @@ def training(
 
     about = plant.model_dump() | ({"random_plants": True} if random_plants else {})
     source = Provenance(about, provenance.commit(), command or provenance.command())
+    asked, walking = provenance.plain((Training, parameters)), provenance.plain((controller, plant, random_plants))
+    made_with = {"plant or controller": provenance.key_of(walking), **provenance.provenance([asked, walking])}
+    if changed := provenance.changed_since(folder, made_with):
+        raise CheckpointError(f"{folder}: was begun with another {', '.join(changed)}: expected another folder")
     simulation = RandomPlants(plant, gait) if random_plants else make_simulation(plant, gait)
     try:
         session = Session(folder, Trainer(parameters, source))

@@ -8,7 +8,6 @@ import pytest
 import typer
 from rabbit_experiments import ablations
 from rabbit_experiments.ablations import NEWEST, VARIANTS, Row, Study, markdown
-from rabbit_experiments.assembly import Assembly
 from rabbit_experiments.cache import JobError
 from rabbit_experiments.evaluation import Walk
 from rabbit_experiments.metrics import RunResult, RunRow
@@ -55,7 +54,6 @@ def trained(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
     monkeypatch.setattr(Recipe, "do", instead)
     monkeypatch.setattr(Walk, "do", no_walk)
-    monkeypatch.setattr(Assembly, "identity", lambda assembly: {"policy_version": assembly.policy})
     return asked
 
 

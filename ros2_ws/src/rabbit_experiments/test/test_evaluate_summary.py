@@ -72,7 +72,7 @@ def test_the_tables_of_a_folder(tmp_path: Path) -> None:
         ratio=0.9,
     )
     runs = [result(0, worst_margin=math.nan), result(1).model_copy(update={"violations": [slip]})]
-    ResultsFolder(tmp_path, {"key": "a"}).write_runs(runs)
+    ResultsFolder(tmp_path, {"key": "a", "made_with": {}}).write_runs(runs)
     rows = read_rows(tmp_path / "runs.csv", RunRow)
     assert math.isnan(rows[0].worst_margin)
     assert rows[1] == runs[1].row
@@ -80,17 +80,17 @@ def test_the_tables_of_a_folder(tmp_path: Path) -> None:
 
 
 def test_a_folder_of_another_evaluation_is_refused(tmp_path: Path) -> None:
-    first = ResultsFolder(tmp_path, {"key": "a"})
+    first = ResultsFolder(tmp_path, {"key": "a", "made_with": {}})
     first.cache.path.mkdir()
     with pytest.raises(ResultsError, match="another evaluation"):
-        ResultsFolder(tmp_path, {"key": "b"})
+        ResultsFolder(tmp_path, {"key": "b", "made_with": {}})
     assert first.cache.path.exists()
-    ResultsFolder(tmp_path, {"key": "b"}, overwrite=True)
+    ResultsFolder(tmp_path, {"key": "b", "made_with": {}}, overwrite=True)
     assert not first.cache.path.exists()
 
 
 def test_a_folder_that_cannot_be_read_is_refused(tmp_path: Path) -> None:
-    ResultsFolder(tmp_path, {"key": "a"})
+    ResultsFolder(tmp_path, {"key": "a", "made_with": {}})
     (tmp_path / "evaluation.json").write_text("{")
     with pytest.raises(ResultsError, match="cannot be read"):
-        ResultsFolder(tmp_path, {"key": "a"})
+        ResultsFolder(tmp_path, {"key": "a", "made_with": {}})

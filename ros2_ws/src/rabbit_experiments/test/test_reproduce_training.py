@@ -5,7 +5,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from rabbit_experiments import cache
+from rabbit_description.gait import load_gaits
+from rabbit_experiments import provenance
 from rabbit_experiments.commands.reproduce import app
 from rabbit_experiments.recipes import POLICY, Recipe
 from rabbit_experiments.reproduce.catalogue import EXPERIMENTS
@@ -15,9 +16,11 @@ from rabbit_experiments.reproduce.experiment import Experiment
 from rabbit_experiments.reproduce.table_lines import FULL, QUICK, Line, Runs
 from rabbit_experiments.reproduce.training import SHIPPED, Episode, Trained, read_log, recipes, retrain
 from rabbit_experiments.tables import write_rows
+from rabbit_experiments.training_setup import training
 from rl_cbf_clf_controller.uncertainty import IO_RL_CLF_QP, PAPER, RL_CBF_CLF_QP, RL_CLF_QP
 from rl_cbf_clf_controller.weights import policy_path, read
 from rl_trainer.parameters import TrainingParameters
+from rl_trainer.session import CheckpointError
 from typer.testing import CliRunner
 
 PARAMETERS = TrainingParameters(problem=RL_CLF_QP, seed=4, episodes=1)
@@ -57,10 +60,30 @@ def test_another_training_has_another_folder(changes: dict[str, Any]) -> None:
     assert replace(ONE, mass_scale=0.7).folder != ONE.folder
 
 
-def test_another_version_trains_again(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_other_code_trains_again(monkeypatch: pytest.MonkeyPatch) -> None:
     before = ONE.folder
-    monkeypatch.setattr(cache, "stamp", lambda _: {"results_version": cache.RESULTS_VERSION + 1})
+    monkeypatch.setattr(provenance, "provenance", lambda asked: {"numpy": "9.9"})
     assert before != ONE.folder
+
+
+@pytest.mark.parametrize("what", ["gait", "plant", "made_with.json"])
+def test_a_training_does_not_go_on_with_another_robot_or_gait(tmp_path: Path, what: str) -> None:
+    gait = tmp_path / "gait.yaml"
+    load_gaits(ONE.controller.gait).save(gait)
+    law, out = ONE.controller.model_copy(update={"gait": str(gait)}), tmp_path / "out"
+    for _ in range(2):
+        with training(out, PARAMETERS, law, ONE.plant):
+            pass
+    plant, told = ONE.plant, "gait.yaml"
+    if what == "gait":
+        gait.write_text(gait.read_text() + "# a remark\n")
+    elif what == "plant":
+        plant, told = plant.model_copy(update={"mass_scale": 2.5}), "plant or controller"
+    else:
+        (out / what).write_text("{")
+        told = what
+    with pytest.raises(CheckpointError, match=f"begun with another .*{told}"), training(out, PARAMETERS, law, plant):
+        pass
 
 
 def test_trained_policies_stand_in_for_the_shipped_ones(tmp_path: Path) -> None:

@@ -1,9 +1,12 @@
 """A process walks its runs with one plant and one controller: the same runs as from fresh parts."""
 
+import os
 import shutil
 from pathlib import Path
 
 import pytest
+from rabbit_description import GAITS
+from rabbit_description.gait import load_gaits
 from rabbit_experiments.assembly import Assembly, resolve_policy
 from rabbit_experiments.evaluation import _kept, forget_parts, parts, record_walk, walk
 from rabbit_experiments.metrics import RunResult
@@ -65,10 +68,29 @@ def test_parts_of_a_run_that_broke_off_are_not_kept() -> None:
     assert not _kept
 
 
-def test_a_policy_file_that_was_written_again_is_read_again(tmp_path: Path) -> None:
+def copied(source: Path, path: Path) -> None:
+    """A file's bytes in another, whose time of change and size stay; a remark fills a YAML file up."""
+    data, before = source.read_bytes(), path.stat()
+    path.write_bytes(data + b"#" * (before.st_size - len(data)) if path.suffix == ".yaml" else data)
+    os.utime(path, ns=(before.st_atime_ns, before.st_mtime_ns))
+
+
+def test_a_policy_file_of_the_same_age_is_read_again(tmp_path: Path) -> None:
     path = tmp_path / "policy.safetensors"
     shutil.copy(SHIPPED / "rl-cbf-clf-qp.safetensors", path)
     made_of = assembly(policy=str(path), plant="rigid")
     before = record_walk(made_of, 5).about
-    shutil.copy(SHIPPED / "rl-cbf-clf-qp-scale-0.7.safetensors", path)
+    copied(SHIPPED / "rl-cbf-clf-qp-scale-0.7.safetensors", path)
     assert record_walk(made_of, 5).about["policy"] != before["policy"]
+
+
+def test_a_gait_of_the_same_age_and_size_is_read_again(tmp_path: Path) -> None:
+    path = tmp_path / "gait.yaml"
+    first, second = sorted((GAITS / f"stones_0350_0{n}.yaml" for n in (75, 84)), key=lambda file: -file.stat().st_size)
+    shutil.copy(first, path)
+    made_of = assembly("cbf-clf-qp", plant="rigid", gait=str(path))
+    before = figures(walk(made_of, 0, 5))
+    copied(second, path)
+    assert load_gaits(path) == load_gaits(second)
+    assert figures(walk(made_of, 0, 5)) == figures(walk(assembly("cbf-clf-qp", plant="rigid", gait=str(second)), 0, 5))
+    assert figures(walk(made_of, 0, 5)) != before

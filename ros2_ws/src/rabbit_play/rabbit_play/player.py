@@ -1,15 +1,14 @@
 """Plays a walk: the robots on one course, in real time, as a person asks. Runs in a process of its own.
 
-It sends to the server: `b"R"` and rows; `b"A"` and JSON, another episode; `b"W"`, a word (its kind, JSON); `b"E"`, a
-line, if it cannot begin.
+It takes a message between two ticks, more if there is time: so the walk goes on, however much is asked. It sends to the
+server: `b"R"` and rows; `b"A"` and JSON, another episode; `b"W"`, a word (its kind, JSON); `b"E"`, a line, if it cannot
+begin.
 """
 
 import json
-import struct
 import time
 from collections.abc import Callable, Iterator
 from contextlib import closing
-from multiprocessing.connection import Connection
 from typing import Any
 
 from pydantic import ValidationError
@@ -17,8 +16,10 @@ from rabbit_description.gait import GaitError
 from rabbit_description.state import TICK_SECONDS
 from rabbit_experiments.assembly import AssemblyError
 from rabbit_sim.stones import CourseError
+from rabbit_viewer.page.rows import packed
 from rl_cbf_clf_controller.weights import PolicyFileError
 
+from rabbit_play.channel import Channel
 from rabbit_play.messages import ASKED, LOAD, Asked, Begin, Pause, PushNow, Reset, Set, Speed, Tick
 from rabbit_play.settings import (
     MOST_DEEDS,
@@ -35,7 +36,7 @@ from rabbit_play.settings import (
 )
 from rabbit_play.walker import Walker
 
-SENT_TICKS = 3  # together
+SHOWN_SECONDS = 0.03  # from one `flush` to the next
 BEHIND = 0.25  # s, after which lost time is not caught up with
 PACE_TICKS = 100  # over which the pace is measured
 AGAIN_TICKS = 200  # after the end, before the next episode
@@ -50,6 +51,9 @@ class Player:
         self._start, self._send = start, send
         self._chosen = start.settings
         self._walkers: list[Walker] = []
+        self._rows: list[float] = []
+        self._words: dict[str, dict[str, Any]] = {}
+        self._has_changed = False  # the state, since it was sent
         self._learned = "zero" if start.learns else SHIPPED
         self.is_paused, self.speed = False, 1.0
         self._next: Script | None = None  # wanted; its settings are those chosen
@@ -77,10 +81,10 @@ class Player:
         names = [name for name in (settings.first, settings.second) if name != NOBODY]
         base, seed = self._start.controller, settings.seed
         walkers = [Walker(name, plant, base, seed, self._learned) for name in names]
+        self.flush()
         self.close()
         self._walkers, self._settings, self._script = walkers, settings, script
         self._tick = self._after_end = 0
-        self._rows: list[float] = []
         about = {
             "mode": "play",
             "title": f"course {settings.seed}",
@@ -92,7 +96,7 @@ class Player:
             "options": self._start.options,
         }
         self._send(b"A" + json.dumps(about).encode())
-        self._say_state()
+        self._has_changed = True
 
     def close(self) -> None:
         """Give back the plants."""
@@ -105,7 +109,7 @@ class Player:
             self._load(message.removeprefix(LOAD).decode())
         else:
             self._do(ASKED.validate_json(message))
-            self._say_state()
+            self._has_changed = True
 
     def tick(self) -> None:
         """Go on one tick, or to the next episode."""
@@ -126,18 +130,20 @@ class Player:
         self._tick += 1
         if any(walker.outcome for walker in walking):
             self._say_ended()
-        if self._tick % SENT_TICKS == 0 or self.is_paused or self._after_end:
-            self.flush()
 
     def flush(self) -> None:
-        """Send the rows that wait."""
+        """Send words and rows that wait; of each kind of word the newest."""
+        if self._has_changed:
+            self.say("state", self._state())
+        for kind, word in self._words.items():
+            self._send(b"W" + json.dumps([kind, word]).encode())
         if self._rows:
-            self._send(b"R" + struct.pack(f"<{len(self._rows)}f", *self._rows))
-            self._rows = []
+            self._send(b"R" + packed(self._rows))
+        self._rows, self._words, self._has_changed = [], {}, False
 
     def say(self, kind: str, word: dict[str, Any]) -> None:
-        """Send a word."""
-        self._send(b"W" + json.dumps([kind, word]).encode())
+        """Send a word at the next `flush`."""
+        self._words[kind] = word
 
     def _do(self, asked: Asked) -> None:
         match asked:
@@ -158,7 +164,6 @@ class Player:
                 self._push_now(Push(tick=self._tick, force=asked.force, seconds=asked.seconds))
         if self._next and not self.is_moving:
             self._try_reset(self._next)
-        self.flush()
 
     def _try_reset(self, script: Script) -> None:
         self._next = None
@@ -167,7 +172,7 @@ class Player:
         except UNUSABLE as error:
             self._chosen = self._settings
             self.say("note", {"text": " ".join(str(error).split())})
-            self._say_state()
+            self._has_changed = True
 
     def _set(self, settings: PlaySettings) -> None:
         """What acts at once becomes part of the script, so that the link is this walk."""
@@ -214,7 +219,7 @@ class Player:
         if changes:
             self._chosen = self._chosen.model_copy(update=changes)
             self._change(changes)
-            self._say_state()
+            self._has_changed = True
         for push in self._script.pushes:
             if push.tick == self._tick:
                 for walker in self._walkers:
@@ -229,12 +234,12 @@ class Player:
                 walker.become("learned")
                 self.say("swap", {"tick": self._tick, "version": walker.policy_version})
 
-    def _say_state(self) -> None:
+    def _state(self) -> dict[str, Any]:
         chosen, in_force = (settings.model_dump(mode="json") for settings in (self._chosen, self._settings))
         waiting = [name for name in chosen if chosen[name] != in_force[name]]
         script = self._script.model_dump(mode="json")
         word = {"settings": chosen, "waiting": waiting, "paused": self.is_paused, "speed": self.speed}
-        self.say("state", {**word, "script": script})
+        return {**word, "script": script}
 
     def _say_ended(self) -> None:
         ended = [{"outcome": walker.outcome, "stones": walker.stones} for walker in self._walkers]
@@ -242,26 +247,26 @@ class Player:
         self._after_end = int(all(walker.outcome for walker in self._walkers))
 
 
-def play(connection: Connection, start: Start) -> None:
-    """Play until the other end closes: raises `EOFError` or `ConnectionError` then."""
+def play(channel: Channel, start: Start) -> None:
+    """Play until the server ends: raises `EOFError` or `ConnectionError` then."""
     try:
-        player = Player(start, connection.send_bytes)
+        player = Player(start, channel.send)
     except UNUSABLE as error:
         option = f"--{error.option} " if isinstance(error, AssemblyError) else ""
-        connection.send_bytes(b"E" + f"{option}{error}".encode())
+        channel.send(b"E" + f"{option}{error}".encode())
         return
     with closing(player):
-        _play(connection, player)
+        _play(channel, player)
 
 
-def _play(connection: Connection, player: Player) -> None:
-    due = time.monotonic()
+def _play(channel: Channel, player: Player) -> None:
+    now = due = shown = time.monotonic()
     pace = (due, 0)
     while True:
-        wait = max(due - time.monotonic(), 0) if player.is_moving else None
-        while connection.poll(wait):
-            player.take(connection.recv_bytes())
-            wait = 0
+        until = min(due, shown) if player.is_moving else shown
+        message = channel.receive(max(until - now, 0))
+        if message:
+            player.take(message)
         now = time.monotonic()
         if not player.is_moving or now - due > BEHIND:
             due, pace = now, (now, 0)
@@ -269,6 +274,9 @@ def _play(connection: Connection, player: Player) -> None:
             player.tick()
             due += player.seconds
             pace = _measured(pace, player)
+        if now >= shown:
+            player.flush()
+            shown = now + SHOWN_SECONDS
 
 
 def _measured(pace: tuple[float, int], player: Player) -> tuple[float, int]:

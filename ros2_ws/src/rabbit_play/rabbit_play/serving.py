@@ -2,12 +2,9 @@
 
 import asyncio
 import json
-import multiprocessing
-import signal
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from collections.abc import Callable
+from contextlib import AsyncExitStack
 from functools import partial
-from multiprocessing.connection import Connection
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -18,11 +15,12 @@ from rabbit_viewer.page.broadcast import Broadcast
 from rabbit_viewer.page.export import write_page
 from rabbit_viewer.page.server import refused, serve_until
 
+from rabbit_play.channel import Channel, ServerChannel, process
 from rabbit_play.learning import learn
 from rabbit_play.messages import ASKED, LOAD, Begin, PushNow, Set
 from rabbit_play.settings import Start, plant_of
 
-ENDING_SECONDS = 2.0
+BUSY = "the walk has not yet done what was asked before: ask again"
 SHOWN = ("episode", "steps", "ticks", "reward", "losses")  # of an episode's report
 KEPT_EPISODES = 20
 
@@ -32,10 +30,10 @@ class PlayError(ValueError):
 
 
 class Door:
-    """Checks what browsers ask of a walk, and passes it on."""
+    """Checks what browsers ask of a walk, and hands it to `ask`, which says why it is refused, or nothing."""
 
-    def __init__(self, start: Start, send: Callable[[bytes], None]) -> None:
-        self._start, self._send = start, send
+    def __init__(self, start: Start, ask: Callable[[bytes], str]) -> None:
+        self._start, self._ask = start, ask
 
     def __call__(self, message: str) -> str:
         """Empty, or why the message is refused."""
@@ -51,8 +49,7 @@ class Door:
         pushes = isinstance(asked, PushNow) or (isinstance(asked, Begin) and asked.script.pushes)
         if pushes and self._start.plant.plant == "rigid":
             return "push: expected the plant pybullet or mujoco"
-        self._send(asked.model_dump_json().encode())
-        return ""
+        return self._ask(asked.model_dump_json().encode())
 
 
 async def serve_play(start: Start, port: int, opens_browser: bool) -> None:
@@ -71,54 +68,24 @@ async def serve_play(start: Start, port: int, opens_browser: bool) -> None:
         else:
             tell(broadcast, message)
 
-    with ExitStack() as stack:
-        player = stack.enter_context(process(play, start))
-        hear(player, take, ended.set)
+    async with AsyncExitStack() as stack:
+        player = await stack.enter_async_context(process(play, start, take=take, end=ended.set))
         if start.learns:
             folder = Path(stack.enter_context(TemporaryDirectory(prefix="rabbit_play_")))
-            lessons = Lessons(broadcast, player.send_bytes)
-            hear(stack.enter_context(process(learn, start, folder)), lessons.take, lessons.end)
-        await serve_until(ended, broadcast, Door(start, player.send_bytes), port, opens_browser)
+            lessons = Lessons(broadcast, player.send)
+            learner = process(learn, start, folder, take=lessons.take, end=lessons.end)
+            await stack.enter_async_context(learner)
+        await serve_until(ended, broadcast, Door(start, partial(pass_on, player)), port, opens_browser)
     if errors:
         raise PlayError(errors[0])
 
 
-@contextmanager
-def process(target: Callable[..., None], *arguments: Any) -> Iterator[Connection]:
-    """A process that calls `target(connection, *arguments)`; this end of the connection."""
-    context = multiprocessing.get_context("spawn")
-    here, there = context.Pipe()
-    started = context.Process(target=until_closed, args=(target, there, *arguments), daemon=True)
-    started.start()
-    there.close()
-    try:
-        yield here
-    finally:
-        asyncio.get_running_loop().remove_reader(here.fileno())
-        here.close()
-        started.join(timeout=ENDING_SECONDS)
-        started.terminate()
-
-
-def until_closed(target: Callable[..., None], *arguments: Any) -> None:
-    """A process ends when its connection does; a Ctrl-C at the terminal is for the one that serves."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    with suppress(EOFError, ConnectionError):
-        target(*arguments)
-
-
-def hear(connection: Connection, take: Callable[[bytes], object], end: Callable[[], object]) -> None:
-    """Call `take` with each message from now on, `end` when there will be no more."""
-
-    def on_message() -> None:
-        try:
-            while connection.poll():
-                take(connection.recv_bytes())
-        except (EOFError, ConnectionResetError):
-            asyncio.get_running_loop().remove_reader(connection.fileno())
-            end()
-
-    asyncio.get_running_loop().add_reader(connection.fileno(), on_message)
+def pass_on(player: ServerChannel, message: bytes) -> str:
+    """Ask the player; a line where it is too busy to be asked."""
+    if player.is_full:
+        return BUSY
+    player.send(message)
+    return ""
 
 
 class Lessons:
@@ -144,11 +111,11 @@ class Lessons:
         self._broadcast.say("learning", {"text": text, "episodes": self._episodes[-KEPT_EPISODES:]})
 
 
-def play(connection: Connection, start: Start) -> None:
+def play(channel: Channel, start: Start) -> None:
     """The player's process, which alone imports the engines."""
     from rabbit_play.player import play
 
-    play(connection, start)
+    play(channel, start)
 
 
 def tell(broadcast: Broadcast, message: bytes) -> None:
@@ -170,5 +137,6 @@ def write_play(start: Start, path: Path) -> Path:
     player = Player(start, partial(tell, broadcast))
     while not player.has_ended:
         player.tick()
+    player.flush()
     player.close()
     return write_page(path, broadcast)

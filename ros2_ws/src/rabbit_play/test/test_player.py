@@ -40,6 +40,7 @@ class Played:
     def ask(self, **message: Any) -> None:
         """As the server passes it on."""
         self.player.take(json.dumps(message).encode())
+        self.player.flush()
 
     def choose(self, **settings: Any) -> None:
         """As a person does, on the page."""
@@ -282,7 +283,12 @@ def test_bad_messages_do_no_harm(played: Callable[..., Played]) -> None:
     """Each is refused with a line, or was good after all; a player takes what passes, and walks as if nothing was."""
     rng, one = random.Random(7), played()
     passed: list[bytes] = []
-    door = Door(start_of(), passed.append)
+
+    def ask(message: bytes) -> str:
+        passed.append(message)
+        return ""
+
+    door = Door(start_of(), ask)
     refused = 0
     while refused < BAD_MESSAGES:
         count = len(passed)
@@ -302,16 +308,16 @@ def test_bad_messages_do_no_harm(played: Callable[..., Played]) -> None:
 def test_what_the_plant_refuses_is_refused_at_the_door() -> None:
     wide = {"do": "set", "settings": {"l_min_std": 0.08, "stone_width": 0.3}}
     far = start_of().model_copy(update={"plant": BASE.model_copy(update={"l_min_mean": 0.5})})
-    assert "expected at most 0.9 m" in Door(far, lambda _: None)(json.dumps(wide))
+    assert "expected at most 0.9 m" in Door(far, lambda _: "")(json.dumps(wide))
     push = '{"do": "push", "force": 10}'
     rigid = start_of().model_copy(update={"plant": BASE.model_copy(update={"plant": "rigid"})})
     for pushed in (push, json.dumps({"do": "begin", "script": SCRIPT.model_dump(mode="json")})):
-        assert "expected the plant pybullet or mujoco" in Door(rigid, lambda _: None)(pushed)
+        assert "expected the plant pybullet or mujoco" in Door(rigid, lambda _: "")(pushed)
     rubs = {"settings": {}, "changes": [{"tick": 30, "name": "coulomb", "value": 5.0}]}
     begun = json.dumps({"do": "begin", "script": rubs})
-    assert "coulomb = 5 with plant rigid: expected 0, pybullet or mujoco" in Door(rigid, lambda _: None)(begun)
-    assert not Door(start_of(), lambda _: None)(begun)
-    assert not Door(start_of(), lambda _: None)(push)
+    assert "coulomb = 5 with plant rigid: expected 0, pybullet or mujoco" in Door(rigid, lambda _: "")(begun)
+    assert not Door(start_of(), lambda _: "")(begun)
+    assert not Door(start_of(), lambda _: "")(push)
 
 
 def any_settings(rng: random.Random) -> dict[str, Any]:

@@ -11,9 +11,9 @@ from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import ZeroPolicy
 from rl_cbf_clf_controller.policy_compatibility import fitted
-from rl_cbf_clf_controller.weights import PolicyFile, PolicyFileError, decode
+from rl_cbf_clf_controller.weights import PolicyFile, decode
 
-from rabbit_recording.bag_writer import RecordingError
+from rabbit_recording.open_recording import one_line_errors
 from rabbit_recording.reader import RecordedEpisode, RecordedSwap, iterate_episodes
 
 
@@ -35,10 +35,8 @@ def check_episodes(path: Path) -> Iterator[Checked]:
     for episode in iterate_episodes(path):
         # up to the first gap: a controller remembers, and cannot be replayed from elsewhere
         whole = [record for i, record in enumerate(episode.records) if record.state.tick == i]
-        try:
+        with one_line_errors(path, f"episode {episode.number} cannot be replayed"):
             again = np.array([*replay(replace(episode, records=whole))]).reshape(-1, 4)
-        except (PolicyFileError, ValueError) as error:
-            raise RecordingError(f"recording {path}: episode {episode.number} cannot be replayed: {error}") from error
         off = np.abs(np.array([record.output.torque for record in whole]).reshape(-1, 4) - again).max(axis=1)
         yield Checked(episode, len(whole), np.flatnonzero(off != 0).tolist(), float(off.max(initial=0.0)))
 

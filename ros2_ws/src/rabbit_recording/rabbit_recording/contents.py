@@ -8,7 +8,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.interfaces import ConnectionExtRosbag2, Qos
 from rosbags.rosbag2 import Reader
 
-from rabbit_recording.bag_writer import LOST
+from rabbit_recording.bag_writer import LOST, RecordingError
 from rabbit_recording.episode_inventory import EpisodeInventory
 from rabbit_recording.open_recording import begin_of, one_line_errors, opened, storage_files
 from rabbit_recording.reader import iterate_inventories
@@ -59,6 +59,8 @@ def lost_messages(reader: AnyReader) -> dict[str, int]:
     for part in reader.readers:
         if isinstance(part, Reader) and part.storage.metadata.custom:
             lost |= json.loads(part.storage.metadata.custom.get(LOST, "{}"))
+    if not all(isinstance(count, int) for count in lost.values()):
+        raise RecordingError(f"metadata.yaml: {LOST}: expected a count for each topic")
     return lost
 
 

@@ -5,9 +5,10 @@ Announcements are latched: a recorder that is started late also receives those o
 """
 
 from collections import defaultdict
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
+from heapq import heappop, heappush
 from typing import Any
 
 from rabbit_description.state import TICK_NANOSECONDS, StonePreview, newest_preview
@@ -19,7 +20,7 @@ BY_TICK = ("state", "torque", "controller_state")
 OTHERS = ("preview", "landing", "episode", "timing")
 ENDED = 3  # phase in rabbit_msgs/Episode
 NEIGHBOURS = 2  # episodes back, of which messages may still come
-MOST_UNHEARD = 1000  # episodes between two recorded ones; more are a damaged number
+MOST_UNHEARD = 1000  # episodes between recorded ones; more are a damaged number
 UNANSWERED = ("silent", "fault", "reset")  # outcomes that may come before the controller's last answer
 
 
@@ -129,11 +130,12 @@ class Gathered:
         if presence is Presence.LOST:
             made.lost = max(announced.tick, 1) if made.ends else 1
         elif presence is Presence.RECORDED:
-            made.lost = len(set().union(*(self._missing(name, ticks[name], name in followed) for name in BY_TICK)))
+            spans = {name: self._span(name, ticks[name], name in followed) for name in BY_TICK}
+            made.lost = missing(spans, ticks)
         return made
 
-    def _missing(self, topic: str, there: dict[int, StoredMessage], is_followed: bool) -> set[int]:
-        """Ticks of a topic that were published while it was recorded and are not there."""
+    def _span(self, topic: str, there: dict[int, StoredMessage], is_followed: bool) -> range:
+        """Ticks of a topic that were published while it was recorded."""
         end = max(there, default=-1) + 1
         announced = self.announced
         if announced is not None and announced.outcome:
@@ -141,7 +143,19 @@ class Gathered:
             is_answered = topic == "state" or not (self._in_real_time or announced.outcome in UNANSWERED)
             end = max(end, announced.tick) if is_answered else end
         begin = 0 if is_followed else min(there, default=end)
-        return set(range(begin, end)) - set(there)
+        return range(begin, end)
+
+
+def missing(spans: Mapping[str, range], there: Mapping[str, Mapping[int, Any]]) -> int:
+    """How many ticks are in the span of some topic and not there. A damaged number makes a span very long."""
+    known = set().union(*there.values())
+    partly = sum(any(tick in span and tick not in there[name] for name, span in spans.items()) for tick in known)
+    reached = wholly = 0
+    for span in sorted((span for span in spans.values() if span), key=lambda span: span.start):
+        span = range(max(reached, span.start), span.stop)
+        wholly += len(span) - sum(tick in span for tick in known)
+        reached = max(reached, span.stop)
+    return partly + wholly
 
 
 class Gathering:
@@ -149,6 +163,8 @@ class Gathering:
 
     def __init__(self) -> None:
         self._open: dict[tuple[int, int], Gathered] = {}
+        self._order: list[tuple[int, int]] = []  # a heap of its keys
+        self._unheard = 0  # episodes, so far
         self._reached = (0, 0)  # run and episode of the newest state that follows another
         self.newest = (0, 0, 0)  # run, episode and tick of the newest state
         self._run = 0  # of what follows
@@ -167,13 +183,14 @@ class Gathering:
         key = (run, message.episode)
         if key not in self._open:
             self._open[key] = Gathered(*key)
+            heappush(self._order, key)
         self._open[key].add(message)
 
     def finished(self, all_of_them: bool = False) -> Iterator[tuple[Gathered, EpisodeInventory]]:
         """Those that get no more messages, in their order."""
         run, episode = self._reached
-        while self._open and (all_of_them or min(self._open) < (run, episode - NEIGHBOURS)):
-            yield from self._judge(self._open.pop(min(self._open)))
+        while self._order and (all_of_them or self._order[0] < (run, episode - NEIGHBOURS)):
+            yield from self._judge(self._open.pop(heappop(self._order)))
         if all_of_them:
             yield from self._announced()
 
@@ -195,7 +212,9 @@ class Gathering:
         self._unclear = {}
 
     def _lost(self, before: int) -> Iterator[tuple[Gathered, EpisodeInventory]]:
-        for number in range(self._recorded + 1, before)[:MOST_UNHEARD]:
+        unheard = range(self._recorded + 1, before)[: MOST_UNHEARD - self._unheard]
+        self._unheard += len(unheard)
+        for number in unheard:
             yield self._inventory(self._unclear.get(number) or Gathered(self._run, number), Presence.LOST)
 
     def _inventory(self, episode: Gathered, presence: Presence) -> tuple[Gathered, EpisodeInventory]:

@@ -4,9 +4,11 @@ import contextlib
 from collections.abc import Iterator
 from pathlib import Path
 
+from rabbit_description.bounded_file import one_line
 from rosbags.highlevel import AnyReader
 
 from rabbit_recording.bag_writer import RecordingError
+from rabbit_recording.bounded_storage import bounded_reader
 
 SUFFIXES = (".mcap", ".db3")
 SQLITE_MAGIC = b"SQLite format 3\0"
@@ -26,7 +28,7 @@ def opened(path: Path) -> Iterator[AnyReader]:
     for file in storage_files(path):
         refuse_cut(file)
     with one_line_errors(path):
-        reader = AnyReader([path])
+        reader = bounded_reader(path)
         reader.open()
     try:
         yield reader
@@ -54,6 +56,9 @@ def storage_files(path: Path) -> list[Path]:
         files = sorted(file for file in (path.iterdir() if path.is_dir() else [path]) if file.suffix in SUFFIXES)
     if not files:
         raise RecordingError(f"recording {path}: expected a rosbag2 folder, or its .mcap or .db3 file")
+    for file in files:
+        if not file.is_file():
+            raise RecordingError(f"recording {file}: expected a regular file, not a directory, device or pipe")
     return files
 
 
@@ -94,5 +99,5 @@ def one_line_errors(
     except RecordingError:
         raise
     except errors as error:
-        text = " ".join(str(error).split()) or type(error).__name__
+        text = one_line(error) or type(error).__name__
         raise RecordingError(f"recording {path}: {found}: {text}") from error

@@ -17,7 +17,7 @@ from rabbit_recording.episode_inventory import BY_TICK, OTHERS, EpisodeInventory
 from rabbit_recording.open_recording import one_line_errors
 from rabbit_recording.stored_messages import by_run, stored_messages
 
-UNDER_OTHERS = "recorded under other message definitions, or damaged", (AttributeError, TypeError, ValueError)
+UNDER_OTHERS = "recorded under other message definitions, or damaged"
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ def iterate_episodes(path: Path) -> Iterator[RecordedEpisode]:
         RecordingError: as `iterate_inventories`.
     """
     announced = _Announced()
-    with one_line_errors(path, *UNDER_OTHERS):
+    with one_line_errors(path, UNDER_OTHERS):
         for gathered, inventory in _finished(path, announced):
             if inventory.presence is not Presence.ANNOUNCED:
                 yield _decoded(gathered, inventory, announced)
@@ -79,7 +79,7 @@ def iterate_inventories(path: Path) -> Iterator[EpisodeInventory]:
     Raises:
         RecordingError: as `stored_messages`; or messages that are defined otherwise than this version's.
     """
-    with one_line_errors(path, *UNDER_OTHERS):
+    with one_line_errors(path, UNDER_OTHERS):
         yield from (inventory for _, inventory in _finished(path))
 
 

@@ -15,12 +15,11 @@ from typing import BinaryIO
 
 from rosbags.interfaces import Connection, ConnectionExtRosbag2
 from rosbags.interfaces.typing import Typesdict
-from rosbags.rosbag2.storage_mcap import McapReader
-from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from rabbit_recording.bag_writer import BagWriter, RecordingError, Storage
+from rabbit_recording.bounded_storage import BoundedMcapReader, BoundedSqlite3Reader, check_connections
 from rabbit_recording.open_recording import MCAP_MAGIC, is_unfinished, one_line_errors, refuse_cut, storage_files
 
 HEADER, DATA_END = 0x01, 0x0F  # MCAP records: an opcode, 8 bytes of length, the content
@@ -84,12 +83,13 @@ def types_of(connections: Iterable[Connection]) -> Typestore:
 @contextlib.contextmanager
 def whole_mcap(file: Path) -> Iterator[Whole]:
     """An MCAP file up to its last whole record."""
-    reader = McapReader(file)
+    reader = BoundedMcapReader(file)
     with file.open("rb") as stream:
         size = file.stat().st_size
         begin, end, is_cut = whole_records(stream, size)
         reader.bio, reader.data_start, reader.data_end = stream, begin, end
         reader.meta_scan()
+        check_connections(reader.connections)
         count = reader.statistics.message_count if reader.statistics else 0
         yield Whole(reader.connections, reader.messages_scan(reader.connections), count, is_cut * (size - end))
 
@@ -115,11 +115,14 @@ def whole_sqlite3(file: Path) -> Iterator[Whole]:
         refuse_cut(file)
     with TemporaryDirectory() as folder:
         copy = Path(folder) / file.name
-        for each in (file, *file.parent.glob(f"{file.name}-*")):  # the journal, if any
+        files = [file, *(each for each in file.parent.glob(f"{file.name}-*") if each.is_file())]  # the journal, if any
+        for each in files:
             shutil.copy(each, folder)
         with contextlib.closing(sqlite3.connect(copy)) as database:
             database.execute("SELECT count(*) FROM sqlite_master").fetchone()
-        reader = Sqlite3Reader(copy)
+        if copy.stat().st_size > sum(each.stat().st_size for each in files):
+            raise RecordingError(f"recording {file}: its journal asks for more bytes than there are")
+        reader = BoundedSqlite3Reader(copy)
         reader.open()
         try:
             connections = reader.connections

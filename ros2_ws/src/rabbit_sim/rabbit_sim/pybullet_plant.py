@@ -9,6 +9,7 @@ from typing import Any
 from rabbit_description.state import ACTUATED, COORDINATES, Array, Leg
 
 from rabbit_sim.engine_plant import STONE_DEPTH, EnginePlant, JointStates
+from rabbit_sim.loaded_robot import check_robot
 from rabbit_sim.parameters import SUBSTEP_SECONDS, SimulationParameters
 from rabbit_sim.plant import FOOT_RADIUS, Span, gravity
 from rabbit_sim.quiet_pybullet import PhysicsClient, pybullet
@@ -57,6 +58,7 @@ class PybulletPlant(EnginePlant):
         self._robot: int = self._client.loadURDF(
             str(self._urdf), useFixedBase=True, flags=pybullet.URDF_USE_INERTIA_FROM_FILE
         )
+        check_robot(self._client, self._robot, self._robot_urdf)
         infos = [self._client.getJointInfo(self._robot, j) for j in range(self._client.getNumJoints(self._robot))]
         index = {info[1].decode(): info[0] for info in infos}
         self._joints = [index[name] for name in COORDINATES]

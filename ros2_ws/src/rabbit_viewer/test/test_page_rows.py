@@ -2,8 +2,12 @@
 
 import json
 import re
+import socket
 import struct
+import subprocess
+import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -109,6 +113,25 @@ def test_a_recording_has_the_same_rows(walked: Walked, tmp_path: Path) -> None:
     assert (ended["outcome"], ended["stones"]) == ("walked", records[-1].state.touchdowns)
 
 
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(("name", "number"), [("V", 1e39), ("q", 1e308), ("torque", -1e300), ("nominal_a", 1e308)])
+def test_a_number_beyond_float32_is_shown_as_infinite_or_not_at_all(walked: Walked, name: str, number: float) -> None:
+    records, simulation = walked
+    walk = WalkRecords.from_ticks(records, simulation.landings, about_walk(CONTROLLER, PLANT, "zero", 1, "walked"))
+    array = getattr(walk, name).copy()
+    array[5] = number
+    broadcasts = Broadcast(), Broadcast()
+    for broadcast, each in zip(broadcasts, (walk, replace(walk, **{name: array})), strict=True):
+        fill(broadcast, each, "run")
+    _, columns = rows_of(records)
+    as_it_was, shown = (np.frombuffer(each.known[1], "<f4").reshape(-1, len(columns)) for each in broadcasts)
+    changed = (as_it_was != shown) & ~(np.isnan(as_it_was) & np.isnan(shown))
+    assert changed[5:7].any()
+    assert not changed[:5].any()
+    column = dict(zip(columns, shown.T, strict=True))
+    assert name != "V" or column["V"][5] == np.inf
+
+
 def test_a_bag_becomes_one_file(write_bag: Callable[..., Path], tmp_path: Path) -> None:
     path = tmp_path / "walk.html"
     show_recording(write_bag(tmp_path / "bag"), 0, False, path, None)
@@ -117,6 +140,17 @@ def test_a_bag_becomes_one_file(write_bag: Callable[..., Path], tmp_path: Path) 
     assert about["mode"] == "recording"
     assert about["walkers"][0]["R1"] == 1.0
     assert ended["walkers"][0]["stones"] > 0
+
+
+def test_a_taken_port_is_one_line(write_bag: Callable[..., Path], tmp_path: Path) -> None:
+    command = [sys.executable, "-c", "from rabbit_bringup.cli import app; app()", "bag", "show", "--no-browser"]
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        words = [*command, "--port", str(taken.getsockname()[1]), str(write_bag(tmp_path / "bag"))]
+        done = subprocess.run(words, capture_output=True, text=True, timeout=300, check=False)
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1), done.stderr
+    assert "Address already in use" in done.stderr
 
 
 def test_with_exact_estimates_the_true_error_is_the_estimated_one() -> None:

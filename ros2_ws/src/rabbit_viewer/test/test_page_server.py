@@ -5,7 +5,10 @@ import json
 import re
 import socket
 import struct
+import threading
+import tracemalloc
 from collections.abc import Iterator
+from contextlib import ExitStack
 from http.client import HTTPConnection
 from pathlib import Path
 
@@ -15,7 +18,7 @@ from rabbit_viewer.page.address import PageError
 from rabbit_viewer.page.background import BackgroundPage
 from rabbit_viewer.page.broadcast import KEPT_BYTES, Broadcast
 from rabbit_viewer.page.export import page_with, write_page
-from rabbit_viewer.page.files import contents
+from rabbit_viewer.page.files import contents, find_file
 from rabbit_viewer.page.server import LONGEST_MESSAGE, MOST_MESSAGES
 from websockets.exceptions import InvalidStatus
 
@@ -127,6 +130,24 @@ def test_a_taken_port_is_one_line() -> None:
             BackgroundPage(port, str)
 
 
+def test_a_host_that_is_no_name_is_one_line() -> None:
+    with pytest.raises(PageError, match=r"^page at a{70}:0: [^\n]*label too long[^\n]*; expected this machine's"):
+        BackgroundPage(0, str, "a" * 70)
+
+
+def test_slow_readers_do_not_hold_up_the_end(page: BackgroundPage) -> None:
+    with ExitStack() as stack:
+        for _ in range(3):
+            stack.enter_context(PageClient(page.address))
+        page.do(page.broadcast.add, rows(0, 2_000_000))  # 16 MB, more than sockets hold
+        while not page.is_watched:
+            pass
+        closing = threading.Thread(target=page.close, daemon=True)
+        closing.start()
+        closing.join(timeout=8)  # without a limit of ours it takes 10 s
+        assert not closing.is_alive()
+
+
 def test_an_episode_without_end_does_not_fill_the_memory() -> None:
     import asyncio
 
@@ -137,11 +158,11 @@ def test_an_episode_without_end_does_not_fill_the_memory() -> None:
         for _ in range(KEPT_BYTES // len(chunk) + 5):
             broadcast.add(chunk)
         follower = broadcast.follow()
-        assert isinstance(await anext(follower), str)
-        kept = await anext(follower)
+        about, kept = await anext(follower)
+        assert isinstance(about, str)
         assert isinstance(kept, bytes)
         broadcast.add(rows(7, 1))
-        assert await anext(follower) == rows(7, 1)
+        assert await anext(follower) == [rows(7, 1)]
         return len(kept)
 
     kept = asyncio.run(follow())
@@ -164,3 +185,14 @@ def test_a_saved_page_holds_the_walk_and_asks_nobody(page: BackgroundPage, tmp_p
     assert "default-src 'none'" in text
     with pytest.raises(PageError, match=r"^--export /nowhere/walk\.html: No such file"):
         write_page(Path("/nowhere/walk.html"), page.broadcast)
+
+
+def test_paths_that_are_asked_for_are_not_kept() -> None:
+    tracemalloc.start()
+    try:
+        for number in range(2000):
+            assert find_file(f"/{number}{'x' * 1000}") is None
+        kept, _ = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert kept < 500_000

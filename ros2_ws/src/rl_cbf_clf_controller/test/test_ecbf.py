@@ -5,8 +5,10 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 import pytest
+from cbf_clf_qp.symbolic.barrier import ecbf_gains
 from rabbit_description.state import StonePreview
 from rl_cbf_clf_controller.stone_barriers import stone_barriers
+from scipy.linalg import expm
 
 STONE, R1, R2 = StonePreview(1, 0.33, 0.38), 1.0, 0.36
 
@@ -43,3 +45,20 @@ def test_outer_and_inner_radii():
         radius = np.hypot(R2, STONE.l_min / 2)
         on_inner = radius * np.array([np.cos(angle), np.sin(angle)]) + (STONE.l_min / 2, -R2)
         assert at(on_inner)[1] == pytest.approx(0, abs=1e-12)
+
+
+@pytest.mark.parametrize("poles", [(70.0, 70.0), (50.0, 100.0)])
+def test_where_the_row_holds_and_a_step_begins_inside_the_barrier_stays_positive(poles):
+    """B'' = -K_b (B, B') + w with any w >= 0: B >= 0 from B >= 0 and B' + p1 B >= 0 on, and not from everywhere."""
+    (k_0, k_1), rng = ecbf_gains(poles), np.random.default_rng(4)
+    flow = expm(np.array([[0, 1, 0], [-k_0, -k_1, 1], [0, 0, 0]]) * 1e-4)[:2]  # of B, B', w over 0.1 ms
+    for value, excess in rng.uniform((0, 0), (0.1, 8), (20, 2)):
+        B = np.array([value, excess - poles[0] * value])
+        for _ in range(2000):
+            B = flow @ [*B, rng.choice([0.0, rng.exponential(50)])]
+            assert B[0] >= -1e-12
+    B, lowest = np.array([0.01, -max(poles) * 0.01 - 1]), 0.0
+    for _ in range(2000):
+        B = flow @ [*B, 0.0]
+        lowest = min(lowest, B[0])
+    assert lowest < 0

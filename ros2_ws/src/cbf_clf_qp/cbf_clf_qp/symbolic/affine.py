@@ -29,7 +29,7 @@ class Affine:
         return cls(ca.vertcat(*(part.a for part in parts)), ca.vertcat(*(part.b for part in parts)))
 
     def __call__(self, w: Any) -> Any:
-        """The value at `w` (m,), shape (n,)."""
+        """The value (n,) at `w` (m,)."""
         return self.a @ w + self.b
 
     def after(self, inner: "Affine") -> "Affine":

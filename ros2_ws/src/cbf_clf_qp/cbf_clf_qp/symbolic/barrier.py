@@ -16,11 +16,10 @@ import casadi as ca
 
 from cbf_clf_qp.symbolic.affine import Affine
 from cbf_clf_qp.symbolic.quantity import Quantity
-from cbf_clf_qp.symbolic.rows import Rows, at_least
+from cbf_clf_qp.symbolic.rows import Number, Rows, at_least
 from cbf_clf_qp.symbolic.system import System
 
 RESCUE_WEIGHT = 1e6
-Number = ca.SX | float
 
 
 @dataclass(frozen=True)
@@ -28,9 +27,7 @@ class Barrier:
     """Keep the expression `B` >= 0; the number of `poles`, 1/s, is its relative degree.
 
     `rescue_weight`: of the row's slack of last resort; `has_row`: False, and B is estimated and not constrained.
-
-    Raises:
-        ValueError: no pole, or one that is not positive.
+    Raises ValueError without a pole, or with one that is not positive.
     """
 
     name: str
@@ -48,8 +45,8 @@ class Barrier:
         """B^(r) as a quantity; raises DegreeError."""
         degree = len(self.poles)
         chain = system.derivatives(self.name, self.B, degree)
-        polynomials = [ca.vertcat(*ecbf_gains(self.poles[:i]), 1) for i in range(degree)]
-        initial = [ca.dot(polynomial, ca.vertcat(*chain[: i + 1])) for i, polynomial in enumerate(polynomials)]
+        factors = [ca.vertcat(*ecbf_gains(self.poles[:i]), 1) for i in range(degree)]
+        initial = [ca.dot(factor, ca.vertcat(*chain[: i + 1])) for i, factor in enumerate(factors)]
         state = ca.vertcat(*chain[:degree])
         bound = -ca.dot(ca.vertcat(*ecbf_gains(self.poles)), state)
 

@@ -31,42 +31,31 @@ TINY = 1e-9  # norm of a row with no input in it
 class Layout:
     """What of a programme is the same at every tick.
 
-    `names` (k,) of the rows over mu (`inputs`,); `soft`: indices of those with a slack; `rescues` (k,): whether that is
-    one of last resort. `rows`, `columns`: where A may be non-zero, column by column.
+    `names` (k,) of the rows over mu (`inputs`,); `rescues` (k,): whether a row has a slack of last resort; `of_slacks`
+    (k, n - m): 1 where a column of A is the slack of a row.
     """
 
     names: tuple[str, ...]
     inputs: int
-    soft: Array
     rescues: Array
-    rows: Array
-    columns: Array
+    of_slacks: Array
 
     @classmethod
     def of(cls, blocks: Sequence[Rows], inputs: int) -> "Layout":
         """Of blocks of rows."""
         names = tuple(name for block in blocks for name in block.names)
-        soft = np.flatnonzero([not block.is_hard for block in blocks for _ in block.names])
-        pattern = np.zeros((len(names), inputs + len(soft)), dtype=bool)
-        pattern[:, :inputs] = True
-        pattern[soft, inputs + np.arange(len(soft))] = True
-        columns, rows = pattern.T.nonzero()
-        rescues = np.array([block.rescue and not block.is_hard for block in blocks for _ in block.names])
-        return cls(names, inputs, soft, rescues, rows, columns)
-
-    @property
-    def of_slacks(self) -> ca.DM:
-        """1 where a column of A is the slack of a row, else 0; (k, n - m)."""
-        return ca.DM(np.eye(len(self.names))[:, self.soft])
+        is_soft = np.array([not block.is_hard for block in blocks for _ in block.names], dtype=bool)
+        rescues = is_soft & np.array([block.rescue for block in blocks for _ in block.names], dtype=bool)
+        return cls(names, inputs, rescues, np.eye(len(names))[:, is_soft])
 
     @property
     def shape(self) -> tuple[int, int]:
         """Of A."""
-        return len(self.names), self.inputs + len(self.soft)
+        return len(self.names), self.inputs + self.of_slacks.shape[1]
 
 
 def build_qp(blocks: Sequence[Rows], objective: Objective | None, control: Affine) -> tuple[Layout, dict[str, ca.SX]]:
-    """The programme's data by name: q (n,), lower, upper (k,), A (k, n); and what `reading` needs, with u = control(mu).
+    """The programme's data by name: q (n,), lower, upper (k,), A (k, n); what `reading` needs of them and of u.
 
     `is_valid`: 1 where the data are finite and no row's bounds are out of order or out of reach, else 0.
     mu = `unroot` times the first variables; a slack = `slack_scale` times its variable.
@@ -76,23 +65,22 @@ def build_qp(blocks: Sequence[Rows], objective: Objective | None, control: Affin
     objective = objective or Objective(ca.SX.eye(inputs), ca.SX.zeros(inputs))
     unroot = ca.inv_minor(objective.root)
     of_mu = ca.vertcat(ca.SX(0, inputs), *(block.A for block in blocks))
-    rooted = of_mu @ unroot
     scale = ca.vertcat(*(ca.repmat(ca.SX(block.slack_weight), len(block.names)) for block in blocks)) ** -0.5
     in_mu = ca.vertcat(*(ca.repmat(ca.SX(block.in_mu), len(block.names)) for block in blocks))
-    units = ca.if_else(in_mu, at_least(norms(of_mu), TINY), 1)  # of the slacks, in units of the row
-    A = ca.densify(ca.horzcat(rooted, ca.diag(-scale * units) @ layout.of_slacks))
-    size = at_least(norms(A), TINY)
+    units = ca.if_else(in_mu, ca.fmax(norms(of_mu), TINY), 1)  # of the slacks, in units of the row
+    A = ca.densify(ca.horzcat(of_mu @ unroot, ca.diag(-scale * units) @ layout.of_slacks))
+    size = ca.fmax(norms(A), TINY)
     A = A / ca.repmat(size, 1, layout.shape[1])
-    q = ca.vertcat(-2 * objective.center, ca.SX.zeros(len(layout.soft)))
-    lower = ca.vertcat(*(block.lower for block in blocks)) / size
-    upper = ca.vertcat(*(block.upper for block in blocks)) / size
-    finite = A, unroot, control.a, control.b
+    q = ca.vertcat(-2 * objective.center, ca.SX.zeros(layout.of_slacks.shape[1]))
+    lower, upper = (ca.vertcat(*bounds) / size for bounds in zip(*((b.lower, b.upper) for b in blocks), strict=True))
+    finite = (ca.vec(value) for value in (q, A, unroot, control.a, control.b))
     sound = ca.vertcat(lower <= upper, lower <= UNBOUNDED, upper >= -UNBOUNDED)
-    is_valid = ca.mmin(ca.vertcat(sound, is_finite(ca.vertcat(q, *map(ca.vec, finite)))))
-    lower = ca.if_else(is_valid, within_reach(lower), -UNBOUNDED)  # so that a solver does not stop at a NaN
-    upper = ca.if_else(is_valid, within_reach(upper), UNBOUNDED)
-    data = {"q": q, "lower": lower, "upper": upper, "A": A, "control_a": control.a, "control_b": control.b}
-    return layout, data | {"is_valid": is_valid, "unroot": unroot, "slack_scale": scale}
+    is_valid = ca.mmin(ca.vertcat(sound, is_finite(ca.vertcat(*finite))))
+    lower = ca.if_else(is_valid, ca.fmax(lower, -UNBOUNDED), -UNBOUNDED)  # so that a solver does not stop at a NaN
+    upper = ca.if_else(is_valid, ca.fmin(upper, UNBOUNDED), UNBOUNDED)
+    data = {"q": q, "lower": lower, "upper": upper, "A": A, "is_valid": is_valid}
+    data |= {"unroot": unroot, "slack_scale": scale, "control_a": control.a, "control_b": control.b}
+    return layout, data
 
 
 def reading(data: dict[str, ca.SX], x: ca.SX, y: ca.SX, layout: Layout) -> dict[str, ca.SX]:
@@ -127,13 +115,3 @@ def norms(matrix: ca.SX) -> ca.SX:
 def is_finite(values: ca.SX) -> ca.SX:
     """1 where all `values` (n,) and the sum of their sizes are, else 0."""
     return ca.sum1(ca.fabs(values)) <= UNBOUNDED
-
-
-def at_least(value: ca.SX, least: float) -> ca.SX:
-    """The larger one; of NaN, NaN."""
-    return ca.if_else(value < least, least, value)
-
-
-def within_reach(value: ca.SX) -> ca.SX:
-    """A bound that the solvers understand; of NaN, NaN."""
-    return ca.if_else(value > UNBOUNDED, UNBOUNDED, ca.if_else(value < -UNBOUNDED, -UNBOUNDED, value))

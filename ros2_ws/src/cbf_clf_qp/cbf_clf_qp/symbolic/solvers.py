@@ -59,7 +59,7 @@ class OsqpSolver:
             return free, np.zeros(len(p.upper)), "unconstrained"
         if layout is self._layout:
             self._solver.update_data_vec(p.q, p.lower, p.upper)
-            self._solver.update_data_mat(None, None, p.A[layout.rows, layout.columns], None)
+            self._solver.update_data_mat(None, None, p.A.T[self._entries], None)
         else:
             self._set_up(p, layout)
         while self._status() == "interrupted":
@@ -77,7 +77,10 @@ class OsqpSolver:
         return str(self._solver.info.status)
 
     def _set_up(self, p: Values, layout: Layout) -> None:
-        A = sparse.csc_matrix((p.A[layout.rows, layout.columns], (layout.rows, layout.columns)), shape=layout.shape)
+        pattern = np.hstack([np.ones((len(layout.names), layout.inputs)), layout.of_slacks])
+        self._entries = pattern.T.nonzero()  # of A, column by column, as OSQP has them
+        columns, rows = self._entries
+        A = sparse.csc_matrix((p.A[rows, columns], (rows, columns)), shape=layout.shape)
         problem = osqp.OSQP()
         problem.setup(sparse.eye(len(p.q), format="csc") * 2, p.q, A, p.lower, p.upper, **self.SETTINGS)
         self._solver = problem._solver  # the compiled one: its wrapper costs a tick as much as solving does

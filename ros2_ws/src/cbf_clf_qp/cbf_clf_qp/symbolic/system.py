@@ -13,6 +13,7 @@ of them can be stale. One that moves by itself should declare its rate, for exam
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -29,14 +30,10 @@ class DegreeError(ValueError):
 
 @dataclass(frozen=True)
 class System:
-    """State `x` (n,), input `u` (m,), both symbols, and the expression `x_dot` (n,).
+    """State `x` (n,), input `u` (m,), both symbols, and the expression `x_dot` (n,), affine in u.
 
-    Args:
-        parameters: symbols by name, or scalar symbols, which have names of their own.
-        rates: expressions, by name of the parameter whose time derivative each of them is.
-
-    Raises:
-        ValueError: x_dot is not affine in u, depends on an unknown symbol, or a rate belongs to no parameter.
+    `parameters`: symbols by name, or scalar symbols, which have names of their own; `rates`: the time derivatives of
+    some of them, by name. Raises ValueError where these do not fit together, or depend on another symbol.
     """
 
     x: ca.SX
@@ -46,23 +43,23 @@ class System:
     rates: Mapping[str, ca.SX] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        symbols = () if isinstance(self.parameters, Mapping) else [symbol.name() for symbol in self.parameters]
-        if len(set(symbols)) < len(symbols):
-            raise ValueError(f"parameters {', '.join(symbols)}: expected different names")
         if self.rates.keys() - self.named.keys():
             raise ValueError(f"rates of {', '.join(self.rates)}: expected parameters, {', '.join(self.named)}")
         if self.x_dot.shape != self.x.shape:
             raise ValueError(f"x_dot has {self.x_dot.numel()} components; expected {self.x.numel()}")
-        self.check_known("x_dot", self.x_dot)
-        for name, rate in self.rates.items():
-            self.check_known(f"the rate of {name}", rate)
+        for name, expression in {"x_dot": self.x_dot, **{f"the rate of {k}": r for k, r in self.rates.items()}}.items():
+            self.check_known(name, expression)
         self.affine(self.x_dot, "x_dot")
 
     @cached_property
     def named(self) -> dict[str, ca.SX]:
         """The parameters' symbols by name."""
-        given = self.parameters
-        return dict(given) if isinstance(given, Mapping) else {symbol.name(): symbol for symbol in given}
+        if isinstance(self.parameters, Mapping):
+            return dict(self.parameters)
+        named = [(symbol.name(), symbol) for symbol in self.parameters]
+        if len(dict(named)) < len(named):
+            raise ValueError(f"parameters {', '.join(name for name, _ in named)}: expected different names")
+        return dict(named)
 
     @cached_property
     def p(self) -> ca.SX:
@@ -84,21 +81,18 @@ class System:
     def derivatives(self, name: str, expression: ca.SX, degree: int) -> list[ca.SX]:
         """An expression and its time derivatives up to the relative `degree`, the only one that u is in.
 
-        Raises:
-            DegreeError: u enters earlier, or not at all; the error has the `name`.
+        Raises DegreeError, with the `name`, where u enters earlier or not at all.
         """
         self.check_known(name, expression)
         if ca.depends_on(expression, self.u):
-            raise DegreeError(f"{name} depends on u")
+            raise DegreeError(f"{name}: relative degree 0, but {degree} was given")
         chain = [expression]
         for order in range(1, degree + 1):
             rate, has_input = self.derivative(chain[-1]), self._has_input(chain[-1])
             if order < degree and any(has_input):
                 raise DegreeError(f"{name}: relative degree {order}, but {degree} was given")
             if order == degree and not all(has_input):
-                raise DegreeError(
-                    f"{name}: derivative {degree} does not depend on u; expected relative degree {degree}"
-                )
+                raise DegreeError(f"{name}: derivative {degree} does not depend on u; expected the relative degree")
             chain.append(rate if order == degree else self.affine(rate).b)
         return chain
 
@@ -119,18 +113,12 @@ class System:
         return Affine(a, ca.substitute(expression, self.u, ca.SX.zeros(self.u.shape)))
 
 
-def mechanical(
-    q: ca.SX,
-    dq: ca.SX,
-    u: ca.SX,
-    M: ca.SX,
-    h: ca.SX,
-    B: ca.SX,
-    parameters: Mapping[str, ca.SX] | Iterable[ca.SX] = (),
-    rates: Mapping[str, ca.SX] | None = None,
-) -> System:
-    """M(q) q'' + h(q, q') = B u as a system with the state (q, q'); `M` (n, n) is symmetric and positive definite."""
-    return System(ca.vertcat(q, dq), u, ca.vertcat(dq, solved(M, B @ u - h)), parameters, rates or {})
+def mechanical(q: ca.SX, dq: ca.SX, u: ca.SX, M: ca.SX, h: ca.SX, B: ca.SX, **declared: Any) -> System:
+    """M(q) q'' + h(q, q') = B u as a system with the state (q, q'); `M` (n, n) is symmetric and positive definite.
+
+    `declared`: `parameters` and `rates` of the system.
+    """
+    return System(ca.vertcat(q, dq), u, ca.vertcat(dq, solved(M, B @ u - h)), **declared)
 
 
 def solved(matrix: ca.SX, right: ca.SX) -> ca.SX:

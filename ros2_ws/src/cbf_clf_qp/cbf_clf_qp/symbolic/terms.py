@@ -7,7 +7,7 @@ import casadi as ca
 
 from cbf_clf_qp.symbolic.affine import Affine
 from cbf_clf_qp.symbolic.quantity import Constrained, Quantity
-from cbf_clf_qp.symbolic.rows import Rows, between
+from cbf_clf_qp.symbolic.rows import Rows
 from cbf_clf_qp.symbolic.system import System
 
 
@@ -91,7 +91,7 @@ def input_limit(limit: ca.SX | float) -> Constraint:
 
     def rows(terms: Terms) -> list[Rows]:
         control = terms.control
-        names = [f"u{i + 1}" for i in range(control.b.numel())]
-        return [between(names, control.a, -limit - control.b, limit - control.b)]
+        names = tuple(f"u{i + 1}" for i in range(control.b.numel()))
+        return [Rows(names, control.a, -limit - control.b, limit - control.b)]
 
     return rows

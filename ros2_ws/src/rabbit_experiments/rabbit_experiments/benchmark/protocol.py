@@ -14,6 +14,8 @@ from rabbit_experiments.assembly import AssemblyError
 from rabbit_experiments.benchmark.cells import Cell
 from rabbit_experiments.benchmark.methods import Method
 from rabbit_experiments.evaluation import Walk, episode_seeds
+from rabbit_experiments.provenance import plain, provenance
+from rabbit_experiments.source_code import SourceError
 
 Seeds = Literal["development", "reported"]
 SEEDS: dict[Seeds, int] = {"development": 61001, "reported": 61002}  # nobody tunes on the second
@@ -51,7 +53,8 @@ class Protocol:
                 assembly = contender.assembly(stones=self.stones, **plant)
                 walks.append(Walk(assembly, course, run, title=title))
             walks[0].assembly.make_policy()
-        except (AssemblyError, GaitError, ParameterError, PolicyFileError, ValidationError) as error:
+            provenance(plain(walks[0]))
+        except (SourceError, AssemblyError, GaitError, ParameterError, PolicyFileError, ValidationError) as error:
             raise CannotTake(" ".join(str(error).split())) from error
         return walks
 

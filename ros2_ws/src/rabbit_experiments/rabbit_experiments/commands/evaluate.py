@@ -82,22 +82,24 @@ def given_assembly(
 
 
 def describe(assembly: Any, seed: int) -> dict[str, Any]:
-    """What is evaluated and by what, with the `key` that distinguishes evaluations."""
-    from rabbit_experiments import provenance
-    from rabbit_experiments.cache import stamp
+    """What is evaluated, with the `key` that distinguishes evaluations, and what it is `made_with`."""
+    from rabbit_description.gait import load_gaits
 
-    identity = {**assembly.identity(), "seed": seed, **stamp()}
+    from rabbit_experiments import provenance
+    from rabbit_experiments.evaluation import Walk
+
+    asked = provenance.plain(Walk(assembly, seed))
     return {
-        "key": provenance.content_key(identity),
+        "key": provenance.key_of(asked),
+        "made_with": provenance.provenance(asked),
         "command": provenance.command(),
         "commit": provenance.commit(),
-        "results_version": identity["results_version"],
         "versions": provenance.versions(),
         "seed": seed,
         "policy": assembly.policy,
-        "policy_version": identity["policy_version"],
-        "gait": identity["gait"]["name"],
-        "parameters": {"controller": identity["controller"], "simulation": identity["simulation"]},
+        "policy_version": assembly.make_policy().version,
+        "gait": load_gaits(assembly.controller.gait).name,
+        "parameters": {name: getattr(assembly, name).model_dump(mode="json") for name in ("controller", "simulation")},
     }
 
 
@@ -107,6 +109,7 @@ def walk_all(scenario: Any, folder: Any, processes: int) -> tuple[list[Any], int
     from rabbit_experiments.summary import Walks
 
     kept = {job.run: result for job in scenario.walks if (result := folder.cache.get(job))}
+    folder.write_runs([kept[number] for number in sorted(kept)])
 
     def note(job: Any, result: Any) -> str:
         kept[job.run] = result

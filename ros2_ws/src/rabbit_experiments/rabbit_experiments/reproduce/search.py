@@ -27,7 +27,7 @@ from rl_trainer.parameters import TrainingParameters
 
 from rabbit_experiments.cache import Cache, JobError
 from rabbit_experiments.engine import run
-from rabbit_experiments.provenance import content_key
+from rabbit_experiments.provenance import key_of
 from rabbit_experiments.reproduce.catalogue import EXPERIMENTS
 from rabbit_experiments.reproduce.controllers import CBF_CLF, CBF_CLF_ORACLE, CLF_ORACLE
 from rabbit_experiments.reproduce.experiment import Experiment
@@ -192,7 +192,7 @@ def claims(experiments: Sequence[Experiment], out: Path) -> list[str]:
 
 def key(setting: Setting) -> str:
     """Of its folder."""
-    return content_key(setting.model_dump(mode="json"))
+    return key_of(setting.model_dump(mode="json"))
 
 
 def text(setting: Setting) -> str:

@@ -133,7 +133,7 @@ class Found:
 
     def policy(self, assembly: Assembly) -> str:
         """The version of its policy, a hash of the policy's bytes."""
-        return self.cache.policy_version(assembly)
+        return assembly.make_policy().version
 
     def walks(self, line: Line, column: Column | None = None) -> Walks:
         """The runs of a line on a plant."""

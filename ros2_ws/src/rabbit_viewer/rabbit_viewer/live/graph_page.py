@@ -1,6 +1,5 @@
 """A running graph on the page: episodes begin, ticks are shown, episodes end. What browsers ask waits in `asked`."""
 
-import struct
 from dataclasses import asdict
 from pathlib import Path
 from queue import SimpleQueue
@@ -14,7 +13,7 @@ from rabbit_viewer.live.snapshot import Limits
 from rabbit_viewer.page.address import HOST
 from rabbit_viewer.page.background import BackgroundPage
 from rabbit_viewer.page.export import write_page
-from rabbit_viewer.page.rows import RowMaker
+from rabbit_viewer.page.rows import RowMaker, packed
 
 ONLY_LOOKS = "this view only looks; start it with --control"
 
@@ -43,7 +42,7 @@ class GraphPage:
             self._begin(episode, limits, output)
         assert self._maker
         row = self._maker.row(state, output)
-        self.page.do(self.page.broadcast.add, struct.pack(f"<{len(row)}f", *row))
+        self.page.do(self.page.broadcast.add, packed(row))
 
     def say_episode(self, episode: Any, phase: str) -> None:
         """Say how the episode stands; `phase` as a word."""

@@ -5,7 +5,7 @@ import threading
 from collections.abc import Callable
 from typing import Any
 
-from rabbit_viewer.page.address import HOST, PageError
+from rabbit_viewer.page.address import HOST
 from rabbit_viewer.page.broadcast import Broadcast
 from rabbit_viewer.page.server import Answer, PageServer
 
@@ -19,7 +19,7 @@ class BackgroundPage:
         self.address = ""
         self._loop = asyncio.new_event_loop()
         self._end = asyncio.Event()
-        self._error: PageError | None = None
+        self._error: Exception | None = None
         ready = threading.Event()
         self._thread = threading.Thread(target=self._run, args=(port, answer, host, ready), daemon=True)
         self._thread.start()
@@ -49,6 +49,6 @@ class BackgroundPage:
             async with PageServer(self.broadcast, answer).serving(port, host) as self.address:
                 ready.set()
                 await self._end.wait()
-        except PageError as error:
+        except Exception as error:  # for the owner, who waits
             self._error = error
             ready.set()

@@ -46,8 +46,8 @@ class Broadcast:
             self._left_out += gone
         self._wake()
 
-    async def follow(self) -> AsyncGenerator[str | bytes]:
-        """All from now on, what is known first: words are text, rows are bytes."""
+    async def follow(self) -> AsyncGenerator[list[str | bytes]]:
+        """What is new, again and again, first all that is known: words are text, rows are bytes."""
         episode, heard, at = -1, 0, 0
         self.followers += 1
         try:
@@ -55,13 +55,13 @@ class Broadcast:
                 changed = self._changed
                 if episode != self._episode:
                     episode, at = self._episode, 0
-                for number, word in sorted(self._words.values()):
-                    if number > heard:
-                        heard = number
-                        yield word
-                if episode == self._episode and (rows := bytes(self._rows[max(at - self._left_out, 0) :])):
+                new: list[str | bytes] = [word for number, word in sorted(self._words.values()) if number > heard]
+                heard = self._spoken
+                if rows := bytes(self._rows[max(at - self._left_out, 0) :]):
                     at = self._left_out + len(self._rows)
-                    yield rows
+                    new.append(rows)
+                if new:
+                    yield new
                 await changed.wait()
         finally:
             self.followers -= 1

@@ -15,7 +15,6 @@ INDEX = "index.html"
 STATIC = files("rabbit_viewer.page") / "static"
 
 
-@cache
 def find_file(path: str) -> tuple[str, bytes] | None:
     """Kind and content of the page's file at a URL's path; None where there is none."""
     name = path.removeprefix("/") or INDEX

@@ -1,6 +1,5 @@
 """A run or a recording on the page: all rows at once, and a time line to drag."""
 
-import struct
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -10,7 +9,7 @@ from rabbit_description.state import TICK_SECONDS, StonePreview
 
 from rabbit_viewer.page.broadcast import Broadcast
 from rabbit_viewer.page.export import write_page
-from rabbit_viewer.page.rows import RowMaker
+from rabbit_viewer.page.rows import RowMaker, packed
 from rabbit_viewer.page.server import serve_page
 from rabbit_viewer.walk_pictures import records_of
 from rabbit_viewer.walk_records import ARRAYS, SEEN, WalkRecords
@@ -45,7 +44,7 @@ def fill(broadcast: Broadcast, walk: WalkRecords, name: str) -> None:
     columns = {"columns": maker.columns, "quantities": list(quantities)}
     broadcast.begin({**about, "stones": walk.about.get("stones"), "walkers": [{**walker, **columns}]})
     rows = [number for tick in ticks(walk) for number in maker.row(tick, tick)]
-    broadcast.add(struct.pack(f"<{len(rows)}f", *rows))
+    broadcast.add(packed(rows))
     ended = {"outcome": str(walk.about.get("outcome") or "not recorded to its end"), "stones": int(walk.touchdowns[-1])}
     broadcast.say("ended", {"walkers": [ended]})
 

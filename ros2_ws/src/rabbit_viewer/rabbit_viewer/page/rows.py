@@ -53,11 +53,12 @@ class RowMaker:
         self._stone = (math.nan, math.nan, 0.0)
         self._last: tuple[int, Array, list[Array]] | None = None  # tick, nominal, errors
 
+    @np.errstate(all="ignore")
     def row(self, state: Any, output: Any, events: int = 0, true: Array | None = None) -> list[float]:
         """Of a tick; `state` and `output` have the fields of `RobotState` and `ControllerOutput`.
 
-        `true`: the errors (n,) of the nominal quantities at this tick, by the plant's own model. `estimated_*`,
-        `measured_*` and `true_*` are the errors over the tick before.
+        What is too large to compute with is infinite or NaN. `true`: the errors (n,) of the nominal quantities at this
+        tick, by the plant's own model. `estimated_*`, `measured_*` and `true_*` are the errors over the tick before.
         """
         points = body_points(state.q, self._bend)
         foot = points[3 + 2 * output.stance]
@@ -99,6 +100,12 @@ class RowMaker:
             return self._unknown.tolist() * self._kinds
         estimated, *true = last[2]
         return np.concatenate([estimated, output.measured - last[1], *true]).tolist()
+
+
+def packed(rows: Sequence[float]) -> bytes:
+    """Rows as float32, as the page reads them; a number beyond float32 is infinite there, and is not drawn."""
+    with np.errstate(over="ignore"):
+        return np.asarray(rows, dtype="<f4").tobytes()
 
 
 def body_points(q: Array, bend: float = 0.0) -> Array:

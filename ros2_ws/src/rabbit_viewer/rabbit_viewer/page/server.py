@@ -9,10 +9,12 @@ import contextlib
 import json
 import os
 import signal
+import threading
 import webbrowser
 from collections.abc import AsyncIterator, Callable
 from http import HTTPStatus
 from typing import Any
+from weakref import WeakSet
 
 from websockets.asyncio.server import Server, ServerConnection, serve
 from websockets.datastructures import Headers
@@ -23,11 +25,13 @@ from rabbit_viewer.page.address import HOST, NAMES, PageError
 from rabbit_viewer.page.broadcast import Broadcast
 from rabbit_viewer.page.export import page_with
 from rabbit_viewer.page.files import SAVED, SOCKET, find_file
+from rabbit_viewer.page.log import log, log_error
 
 LONGEST_MESSAGE = 8192  # bytes, from a browser
 MOST_BROWSERS = 32
 MOST_MESSAGES = 50  # of a browser in a second
-SEND_SECONDS = 0.02  # between two messages to a browser, at least
+SEND_SECONDS = 0.02  # between two looks at what is new for a browser
+CLOSING_SECONDS = 0.5  # for browsers to take leave
 SAFE = {  # the page can reach nothing else, and nobody can put it into another page
     "Content-Security-Policy": "default-src 'self' data:; script-src 'self' 'unsafe-inline'; style-src 'self' "
     "'unsafe-inline'; frame-ancestors 'none'; base-uri 'none'; form-action 'none'",
@@ -45,6 +49,7 @@ class PageServer:
     def __init__(self, broadcast: Broadcast, answer: Answer) -> None:
         self._broadcast, self._answer = broadcast, answer
         self._server: Server
+        self._connections: WeakSet[ServerConnection] = WeakSet()  # those too that have asked for nothing yet
 
     @contextlib.asynccontextmanager
     async def serving(self, port: int, host: str = HOST) -> AsyncIterator[str]:
@@ -59,19 +64,36 @@ class PageServer:
                 host,
                 port,
                 process_request=self._on_request,
+                create_connection=self._connection,  # type: ignore[arg-type]  # it is called, no more
                 compression=None,
                 max_size=LONGEST_MESSAGE,
                 server_header=None,
+                logger=log,
             )
-        except OSError as error:
-            reason = os.strerror(error.errno) if error.errno and error.errno > 0 else error.strerror
+        except (OSError, UnicodeError) as error:
+            number = getattr(error, "errno", None) or 0
+            reason = os.strerror(number) if number > 0 else getattr(error, "strerror", error)
             raise PageError(f"page at {host}:{port}: {reason}; expected this machine's address, a free port") from error
+        asyncio.get_running_loop().set_exception_handler(log_error)
         port = self._server.sockets[0].getsockname()[1]
         try:
             yield f"http://{HOST}:{port}"
         finally:
-            self._server.close(close_connections=True)
-            await self._server.wait_closed()
+            await self._close()
+
+    async def _close(self) -> None:
+        """Close each connection; one that has not closed within `CLOSING_SECONDS` is cut."""
+        self._server.close()
+        with contextlib.suppress(TimeoutError):
+            await asyncio.wait_for(self._server.wait_closed(), CLOSING_SECONDS)
+        for connection in self._connections:
+            connection.transport.abort()
+        await self._server.wait_closed()
+
+    def _connection(self, *arguments: Any, **options: Any) -> ServerConnection:
+        connection = ServerConnection(*arguments, **options)
+        self._connections.add(connection)
+        return connection
 
     def _on_request(self, connection: ServerConnection, request: Request) -> Response | None:
         """A file of the page; None for the websocket.
@@ -103,6 +125,7 @@ class PageServer:
                 refusal = self._answered(message, count)
                 if refusal:
                     await connection.send(json.dumps({"type": "refused", "text": refusal}))
+                await asyncio.sleep(0)  # let the others go on: messages that have come are read without a pause
         except ConnectionClosed:
             pass
         finally:
@@ -116,11 +139,11 @@ class PageServer:
         return self._answer(message) if isinstance(message, str) else "bytes: expected JSON"
 
     async def _show(self, connection: ServerConnection) -> None:
-        async with contextlib.aclosing(self._broadcast.follow()) as words:
-            async for word in words:
-                await connection.send(word)
-                if isinstance(word, bytes):
-                    await asyncio.sleep(SEND_SECONDS)
+        async with contextlib.aclosing(self._broadcast.follow()) as news:
+            async for words in news:
+                for word in words:
+                    await connection.send(word)
+                await asyncio.sleep(SEND_SECONDS)
 
 
 def serve_page(broadcast: Broadcast, answer: Answer, port: int, opens_browser: bool) -> None:
@@ -142,7 +165,7 @@ async def serve_until(
     async with PageServer(broadcast, answer).serving(port) as address:
         print(f"open {address} in a browser; Ctrl-C ends", flush=True)
         if opens_browser:
-            loop.run_in_executor(None, webbrowser.open, address)
+            threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
         await ended.wait()
 
 

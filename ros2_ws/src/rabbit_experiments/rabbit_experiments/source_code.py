@@ -1,0 +1,136 @@
+"""The code behind a class: its module, and all that this module imports, also inside functions.
+
+Python files and the data files of their packages count by their bytes, installed libraries by their version. A module
+whose name is put together at run time is not seen.
+"""
+
+import ast
+import hashlib
+import os
+import site
+import sys
+from collections.abc import Iterable, Iterator
+from functools import cache
+from importlib.metadata import PackageNotFoundError, packages_distributions, version
+from importlib.util import find_spec, resolve_name
+from pathlib import Path
+
+PROJECT = ("cbf_clf_qp", "rabbit_", "rl_")  # by its bytes too where it is installed
+DISTRIBUTIONS = {"pinocchio": "pin", "yaml": "PyYAML"}  # whose names differ from what is imported
+SITES = tuple(Path(each).resolve() for each in (*site.getsitepackages(), site.getusersitepackages()))
+
+
+class SourceError(ValueError):
+    """A class whose code is in no file."""
+
+
+@cache
+def code_of(modules: frozenset[str]) -> dict[str, str]:
+    """By package: a hash of the files that these modules need of it, or a library's version.
+
+    Raises:
+        SourceError: one of the modules has no file.
+    """
+    own = {each.partition(".")[0] for each in modules}
+    files: dict[str, Path] = {}
+    libraries: set[str] = set()
+    todo = list(modules)
+    while todo:
+        name = todo.pop()
+        top = name.partition(".")[0]
+        if name in files or top in libraries or top in sys.stdlib_module_names:
+            continue
+        path = _file(name)
+        if path is None:
+            if name in modules:
+                raise SourceError(f"module {name}: expected a file with its code, so that its results can be kept")
+        elif top not in own and not top.startswith(PROJECT) and any(map(path.resolve().is_relative_to, SITES)):
+            libraries.add(top)
+        else:
+            files[name] = path
+            todo += [name.rpartition(".")[0]] if "." in name else []
+            todo += imports(path, name)
+    return {**{top: _version(top) for top in libraries}, **_hashes(files)}
+
+
+@cache
+def imports(path: Path, module: str) -> tuple[str, ...]:
+    """Modules that a file imports, and names that may be modules; none of a file that is no Python."""
+    try:
+        return tuple(_imports(path, module))
+    except (SyntaxError, ValueError):
+        return ()
+
+
+def _imports(path: Path, module: str) -> Iterator[str]:
+    package = module if path.name == "__init__.py" else module.rpartition(".")[0]
+    for node in ast.walk(ast.parse(path.read_bytes())):
+        if isinstance(node, ast.Import):
+            yield from (each.name for each in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            name = "." * node.level + (node.module or "")
+            origin = resolve_name(name, package) if node.level else name
+            yield origin
+            yield from (f"{origin}.{each.name}" for each in node.names)
+
+
+def _file(module: str) -> Path | None:
+    """Of a module; None where there is none, also of what is no module."""
+    found = getattr(sys.modules.get(module), "__file__", None)
+    if found:
+        return Path(found)
+    top, *rest = module.split(".")
+    try:
+        spec = find_spec(top)
+    except ValueError:  # `__main__` of a prompt
+        return None
+    if spec is None:
+        return None
+    if not rest:
+        return Path(spec.origin) if spec.has_location and spec.origin else None
+    bases = (Path(folder, *rest) for folder in spec.submodule_search_locations or ())
+    files = (path for base in bases for path in (base / "__init__.py", base.with_suffix(".py")))
+    return next((path for path in files if path.is_file()), None)
+
+
+def _hashes(files: dict[str, Path]) -> dict[str, str]:
+    """By top-level package, of modules and of the data files in their packages."""
+    found: dict[str, dict[str, Path]] = {}
+    for name, path in files.items():
+        of_package = found.setdefault(name.partition(".")[0], {})
+        of_package[name] = path
+        if path.name == "__init__.py":
+            of_package |= {f"{name}/{data.relative_to(path.parent)}": data for data in _data(path.parent)}
+    return {top: _hash(of_package) for top, of_package in found.items()}
+
+
+def _data(package: Path) -> Iterator[Path]:
+    """The files of a package that are no Python; those of packages within it are not its own."""
+    for folder, inner, names in os.walk(package):
+        inner[:] = [each for each in inner if each != "__pycache__" and not Path(folder, each, "__init__.py").exists()]
+        yield from (Path(folder, each) for each in names if not each.endswith((".py", ".pyc")))
+
+
+def _hash(files: dict[str, Path]) -> str:
+    parts = (f"{name} {hash_of(path)}" for name, path in sorted(files.items()))
+    return hash_of_text("\n".join(parts))
+
+
+def hash_of_text(text: str) -> str:
+    """SHA-256, 16 digits."""
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def hash_of(path: Path) -> str:
+    """SHA-256, 16 digits, of a file's bytes."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()[:16]
+
+
+def _version(top: str) -> str:
+    names: Iterable[str] = (DISTRIBUTIONS.get(top, top),)
+    try:
+        return " ".join(map(version, names))
+    except PackageNotFoundError:
+        names = packages_distributions().get(top, ())
+        return " ".join(map(version, names)) or "unknown"
