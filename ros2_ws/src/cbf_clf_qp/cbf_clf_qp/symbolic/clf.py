@@ -18,21 +18,15 @@ from scipy.linalg import solve_continuous_lyapunov
 
 from cbf_clf_qp.symbolic.affine import Affine
 from cbf_clf_qp.symbolic.quantity import Quantity
-from cbf_clf_qp.symbolic.rows import Rows, at_most
+from cbf_clf_qp.symbolic.rows import Number, Rows, at_most
 from cbf_clf_qp.symbolic.system import System
-
-Number = ca.SX | float
 
 
 class ResClf:
     """The matrices of a RES-CLF for `outputs` outputs of relative degree `len(gains)`; y^(r) = -gains . eta at eps = 1.
 
-    Args:
-        eps: epsilon, in (0, 1]; a number or an expression.
-        gains: positive feedback gains (K_r, ..., K_1), lowest derivative first; stable by choice.
-
-    Raises:
-        ValueError: the gains do not stabilise the chain of integrators, or eps is not positive.
+    `eps`: in (0, 1]; `gains`: (K_r, ..., K_1), lowest derivative first. Raises ValueError where the gains do not
+    stabilise the chain of integrators, or eps is not positive.
     """
 
     def __init__(self, outputs: int, eps: Number, gains: Sequence[float]) -> None:
@@ -40,8 +34,7 @@ class ResClf:
             raise ValueError(f"eps = {eps}: expected a positive number")
         degree = len(gains)
         chain = np.eye(degree, k=1)
-        closed = chain.copy()
-        closed[-1] = -np.asarray(gains)
+        closed = np.vstack([chain[:-1], -np.asarray(gains)])
         if np.linalg.eigvals(closed).real.max() >= 0:
             raise ValueError(f"gains = {list(gains)} do not stabilise {degree} integrators")
         p_0 = solve_continuous_lyapunov(closed.T, -np.eye(degree))

@@ -18,9 +18,7 @@ class Estimates:
     """`alpha` (n, m) and `beta` (n,) of n quantities over mu (m,), in the quantities' units (alpha: per unit of mu).
 
     `output_error` (m, m + 1): (Delta_2 | Delta_1), the error Delta_2 mu + Delta_1 of y^(r) = mu; None: not known.
-
-    Raises:
-        ValueError: shapes that do not fit together.
+    Raises ValueError for shapes that do not fit together.
     """
 
     alpha: Array
@@ -33,9 +31,9 @@ class Estimates:
 
     def __add__(self, other: "Estimates") -> "Estimates":
         """Both errors together; the output error is known if both know it."""
-        is_known = self.output_error is not None and other.output_error is not None
-        output_error = self.output_error + other.output_error if is_known else None  # type: ignore[operator]
-        return Estimates(self.alpha + other.alpha, self.beta + other.beta, output_error)
+        mine, others = self.output_error, other.output_error
+        known = None if mine is None or others is None else mine + others
+        return Estimates(self.alpha + other.alpha, self.beta + other.beta, known)
 
     @classmethod
     def zero(cls, n: int, m: int) -> "Estimates":
@@ -47,8 +45,7 @@ class Estimates:
         """From `flat`; raises ValueError where the vector has another length than (inputs + 1) n."""
         n, rest = divmod(flat.size, inputs + 1)
         if flat.ndim != 1 or rest or n == 0:
-            expected = f"expected {inputs + 1} values for each quantity"
-            raise ValueError(f"estimates: a vector of shape {flat.shape}; {expected}")
+            raise ValueError(f"estimates: {flat.shape} values; expected {inputs + 1} values for each quantity")
         return cls(flat[: inputs * n].reshape(n, inputs), flat[inputs * n :])
 
     @classmethod
@@ -67,8 +64,8 @@ class Estimates:
     def packed(self) -> Array:
         """`flat`, then the output error row by row, shape ((n + m) (m + 1),); one that is not known is 0."""
         m = self.alpha.shape[1]
-        output_error = np.zeros(m * (m + 1)) if self.output_error is None else self.output_error.ravel()
-        return np.concatenate([self.flat, output_error])
+        known = np.zeros(m * (m + 1)) if self.output_error is None else self.output_error.ravel()
+        return np.concatenate([self.flat, known])
 
     @property
     def affine(self) -> Affine:
@@ -76,6 +73,6 @@ class Estimates:
         return Affine(self.alpha, self.beta)
 
     def error(self, mu: Array) -> Array:
-        """Estimated error of each quantity at `mu` (m,), shape (n,)."""
+        """The errors (n,) at `mu` (m,)."""
         error: Array = self.alpha @ mu + self.beta
         return error

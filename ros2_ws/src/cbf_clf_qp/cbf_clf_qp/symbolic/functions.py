@@ -59,10 +59,6 @@ class NumpyFunction:
         function = ca.Function(name, arguments, [packed(outputs)], list(inputs), ["values"], {"cse": True})
         return cls(function, places_of(outputs, matrices))
 
-    def twin(self) -> "NumpyFunction":
-        """The same function for another thread."""
-        return NumpyFunction(self.function, self.places)
-
     def __call__(self, *values: Array) -> Values:
         """The outputs; raises ValueError where an input has another size than its symbol."""
         for name, argument, value in zip(self._names, self._arguments, values, strict=True):

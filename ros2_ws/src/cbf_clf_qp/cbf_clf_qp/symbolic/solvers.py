@@ -1,4 +1,4 @@
-"""Two QP solvers for  min x'x + q'x  subject to  lower <= A x <= upper,  with multipliers y, positive at an upper bound.
+"""Two QP solvers for  min x'x + q'x  subject to  lower <= A x <= upper;  multipliers y are positive at an upper bound.
 
 DAQP, a dual active-set method, is exact and starts from nothing at every tick. OSQP starts from its last answer.
 """

@@ -2,13 +2,17 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import casadi as ca
+import numpy as np
 
 from cbf_clf_qp.symbolic.affine import Affine
 from cbf_clf_qp.symbolic.quantity import Constrained, Quantity
-from cbf_clf_qp.symbolic.rows import Rows
+from cbf_clf_qp.symbolic.rows import Number, Rows
 from cbf_clf_qp.symbolic.system import System
+
+Reads = Mapping[str, ca.SX] | None
 
 
 @dataclass(frozen=True)
@@ -30,28 +34,24 @@ class Terms:
 
     @classmethod
     def of(
-        cls,
-        system: System,
-        constrained: Sequence[Constrained],
-        control: Affine | None = None,
-        reads: Mapping[str, ca.SX] | None = None,
+        cls, system: System, constrained: Sequence[Constrained], control: Affine | None = None, reads: Reads = None
     ) -> "Terms":
         """Of a system; without a `control` that of input-output linearisation, where it can be, else u = mu."""
         quantities = tuple(each.on(system) for each in constrained)
-        names = [name for quantity in quantities for name in quantity.names]
-        if len(set(names)) < len(names):
-            raise ValueError(f"quantities {', '.join(names)}: expected different names")
         outputs = next((quantity.outputs for quantity in quantities if quantity.outputs), None)
+        identity = Affine.identity(system.u.numel())
         if control is None:
-            is_invertible = outputs is not None and outputs.a.is_square()
-            control = outputs.inverse() if outputs and is_invertible else Affine.identity(system.u.numel())
+            control = outputs.inverse() if outputs and outputs.a.is_square() else identity
         nothing = Affine(ca.SX(0, system.u.numel()), ca.SX(0, 1))
         nominal = Affine.stacked([nothing, *(quantity.value for quantity in quantities)]).after(control)
         n, m = nominal.a.shape
         symbols = {"x": system.x, "p": system.p, "alpha": ca.SX.sym("alpha", n, m), "beta": ca.SX.sym("beta", n)}
         symbols |= {"output_error": ca.SX.sym("output_error", m, m + 1)}
         shown = {name: value for quantity in quantities for name, value in quantity.reads.items()}
-        return cls(system, quantities, control, nominal, outputs, symbols, shown | dict(reads or {}))
+        terms = cls(system, quantities, control, nominal, outputs, symbols, shown | dict(reads or {}))
+        if len(set(terms.names)) < n:
+            raise ValueError(f"quantities {', '.join(terms.names)}: expected different names")
+        return terms
 
     @property
     def estimates(self) -> Affine:
@@ -75,23 +75,14 @@ class Terms:
 
     def rows(self, value: Affine) -> list[Rows]:
         """The rows of all quantities, if they are `value` (n,), affine in mu."""
-        rows, start = list[Rows](), 0
-        for quantity in self.quantities:
-            end = start + len(quantity.names)
-            rows += quantity.rows(Affine(value.a[start:end, :], value.b[start:end]))
-            start = end
-        return rows
+        at = np.cumsum([0, *(len(quantity.names) for quantity in self.quantities)]).tolist()
+        parts = [Affine(value.a[start:end, :], value.b[start:end]) for start, end in pairwise(at)]
+        return [row for quantity, part in zip(self.quantities, parts, strict=True) for row in quantity.rows(part)]
+
+    def input_rows(self, limit: Number) -> list[Rows]:
+        """Hard rows |u| <= `limit` on each component; the mu that gives u = 0 always meets them."""
+        names = tuple(f"u{i + 1}" for i in range(self.control.b.numel()))
+        return [Rows(names, self.control.a, -limit - self.control.b, limit - self.control.b)]
 
 
 Constraint = Callable[[Terms], list[Rows]]
-
-
-def input_limit(limit: ca.SX | float) -> Constraint:
-    """Hard rows |u| <= `limit` on each component; the mu that gives u = 0 always meets them."""
-
-    def rows(terms: Terms) -> list[Rows]:
-        control = terms.control
-        names = tuple(f"u{i + 1}" for i in range(control.b.numel()))
-        return [Rows(names, control.a, -limit - control.b, limit - control.b)]
-
-    return rows

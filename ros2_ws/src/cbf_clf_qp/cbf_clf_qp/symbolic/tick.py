@@ -14,7 +14,7 @@ cart that is pulled to x = 1 m and must not pass a wall, wherever the wall is at
     u = tick(np.array([0.0, 0.0]), wall=0.9).u
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import Any
@@ -29,8 +29,9 @@ from cbf_clf_qp.symbolic.functions import Array, NumpyFunction, Values, packed, 
 from cbf_clf_qp.symbolic.objective import Objective
 from cbf_clf_qp.symbolic.qp import build_qp, is_finite
 from cbf_clf_qp.symbolic.quantity import Constrained
+from cbf_clf_qp.symbolic.rows import Number
 from cbf_clf_qp.symbolic.system import System
-from cbf_clf_qp.symbolic.terms import Constraint, Terms, input_limit
+from cbf_clf_qp.symbolic.terms import Constraint, Reads, Terms
 
 
 def least_mu(terms: Terms) -> None:
@@ -70,12 +71,12 @@ class Tick:
         quantities: Sequence[Constrained],
         *,
         control: Affine | None = None,
-        limit: ca.SX | float | None = None,
+        limit: Number | None = None,
         constraints: Sequence[Constraint] = (),
         objective: Callable[[Terms], Objective | None] = least_mu,
         corners: Callable[[Terms], list[Affine]] = no_corners,
         corrects_input: bool = False,
-        reads: Mapping[str, ca.SX] | None = None,
+        reads: Reads = None,
         solver: str = "daqp",
     ) -> None:
         self.terms = terms = Terms.of(system, quantities, control, reads)
@@ -86,9 +87,9 @@ class Tick:
         else:
             value = terms.nominal + terms.estimates
             cases = [value + corner for corner in corners(terms)] or [value]
-        limits = [] if limit is None else [input_limit(limit)]
         rows = [block for case in cases for block in terms.rows(case)]
-        rows += [block for constraint in (*constraints, *limits) for block in constraint(terms)]
+        rows += [block for constraint in constraints for block in constraint(terms)]
+        rows += [] if limit is None else terms.input_rows(limit)
         self.layout, data = build_qp(rows, objective(terms), terms.control)
         self._needs_output_error = ca.depends_on(packed(data), ca.vec(terms.symbols["output_error"]))
         data["is_valid"] *= is_finite(packed(terms.symbols))
@@ -131,7 +132,7 @@ class Tick:
         if output_error is None:
             if self._needs_output_error:
                 raise ValueError("output_error = None: expected (Delta_2 | Delta_1), on which the objective depends")
-            output_error = np.zeros(self._no_error.output_error.shape)
+            output_error = np.zeros((self.terms.inputs, self.terms.inputs + 1))
         return x, p, estimates.alpha, estimates.beta, output_error
 
     def p(self, **parameters: Any) -> Array:
@@ -155,10 +156,6 @@ class Tick:
         """The estimates of a nominal controller."""
         return Estimates.zero(len(self.names), self.terms.inputs)
 
-    def look(self, x: Array, p: Array) -> Values:
-        """What can be read of a state: `nominal_a`, `nominal_b`, `control_a`, `control_b`, and `reads` by name."""
-        return self._look(x, p)
-
     @property
     def unanswered(self) -> int:
         """Ticks that the first solver did not answer, so that its guard was asked."""
@@ -169,7 +166,8 @@ class Tick:
         self.answer.reset()
 
     @cached_property
-    def _look(self) -> NumpyFunction:
+    def look(self) -> NumpyFunction:
+        """What can be read, of x and p: `nominal_a`, `nominal_b`, `control_a`, `control_b`, and `reads` by name."""
         terms, matrices = self.terms, {"nominal_a": self.terms.nominal.a, "control_a": self.terms.control.a}
         shown = {**matrices, "nominal_b": terms.nominal.b, "control_b": terms.control.b, **terms.reads}
         return NumpyFunction.of("look", {"x": self.system.x, "p": self.system.p}, shown, matrices)
