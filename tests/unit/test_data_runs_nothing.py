@@ -39,8 +39,6 @@ REFUSED = (
 RUNS_CODE = {"eval", "exec", "compile", "__import__"}
 RUNS_CODE |= {"pickle.load", "pickle.loads", "marshal.load", "marshal.loads", "joblib.load", "shelve.open"}
 RUNS_CODE |= {"yaml.load", "yaml.load_all", "yaml.unsafe_load", "yaml.full_load", "os.system", "os.popen"}
-# a trace writes one function of its own, as dataclasses do, out of the fields of the classes that it is called with
-WRITTEN_HERE = {("cbf_clf_qp/cbf_clf_qp/tracing.py", name) for name in ("compile", "exec")}
 YAML = "!!python/object/apply:pathlib.Path.touch [!!python/object/apply:pathlib.PosixPath [{mark}]]"
 
 
@@ -164,5 +162,4 @@ def test_no_module_runs_what_it_reads() -> None:
             unsafe = name in RUNS_CODE or given.get("allow_pickle") == "True" or given.get("shell") == "True"
             if unsafe or (name == "torch.load" and given.get("weights_only") != "True"):
                 found.append((str(path.relative_to(SOURCES)), name))
-    assert set(found) == WRITTEN_HERE
-    assert len(found) == len(WRITTEN_HERE)
+    assert not found

@@ -62,7 +62,7 @@ def test_bench_measures_and_asserts_nothing(tmp_path: Path) -> None:
     assert done.exit_code == 0, done.output
     figures = json.loads((tmp_path / "bench.json").read_text())
     assert figures["us"].keys() == {
-        *("tick: observation to torque", "generated terms", "solver's own run time", "the actor's three products"),
+        *("tick: observation to torque", "the tick's functions", "OSQP's own run time", "the actor's three products"),
         *("plant tick", "ten bare steps of the engine"),
     }
     assert figures["ratios"].keys() == {

@@ -115,19 +115,6 @@ def test_links_to_files_that_have_left_a_package_are_removed(
     assert [path.name for folder in folders for path in folder.iterdir()] == ["kept", "kept"]
 
 
-@pytest.mark.parametrize("compiler", ["cc", "none"])
-def test_without_a_compiler_pinocchio_computes_the_model_terms(
-    script, compiler: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    build_workspace = script("build_workspace")
-    monkeypatch.setattr(build_workspace, "MODEL_TERMS", tmp_path / "lib")
-    monkeypatch.setattr(build_workspace, "STATE", tmp_path)
-    monkeypatch.setenv("CC", compiler)
-    build_workspace.generate_model_terms()
-    assert len(list((tmp_path / "lib").glob("model_terms-*.so"))) == (compiler == "cc")
-    assert ("pinocchio computes them" in capsys.readouterr().out) == (compiler == "none")
-
-
 def test_mending_wheels_twice_changes_nothing_more(script, tmp_path: Path) -> None:
     mend = script("mend_ros_wheels")
     cmake = tmp_path / "share" / "std_msgs" / "cmake" / "export_std_msgs__rosidl_generator_pyExport.cmake"

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.problem import Problem
-from rl_cbf_clf_controller.policy import ActorPolicy, ZeroPolicy, contract
+from cbf_clf_qp.symbolic.estimates import Estimates
+from rl_cbf_clf_controller.policy import ActorPolicy, ZeroPolicy, estimate_function
 from rl_cbf_clf_controller.uncertainty import PAPER, RL_CBF_CLF_QP, RL_CLF_QP, STEP_LENGTH
 from rl_cbf_clf_controller.weights import (
     PROBE,
@@ -131,12 +131,13 @@ def test_metadata_that_does_not_fit(changes: dict[str, Any]) -> None:
 def test_structured_row_is_LgV_times_the_matrix() -> None:
     rng = np.random.default_rng(1)
     D2, D1, LgV, others = rng.standard_normal((4, 4)), rng.standard_normal(4), rng.standard_normal(4), np.arange(20.0)
-    flat = contract(np.concatenate([np.column_stack([D2, D1]).ravel(), others]), LgV)
-    estimates = Estimates.from_flat(flat, 4)
-    np.testing.assert_allclose(estimates.alpha[0], LgV @ D2)
-    np.testing.assert_allclose(estimates.beta[0], LgV @ D1)
-    np.testing.assert_array_equal(estimates.alpha[1:].ravel(), others[:16])
-    np.testing.assert_array_equal(estimates.beta[1:], others[16:])
+    outputs, scales = np.concatenate([np.column_stack([D2, D1]).ravel(), others]), (np.full(5, 2.0), np.full(5, 3.0))
+    estimates = estimate_function(5, structured=True, has_clf=True)(outputs, LgV, *scales)
+    np.testing.assert_allclose(estimates.alpha[0], 2 * LgV @ D2)
+    np.testing.assert_allclose(estimates.beta[0], 3 * LgV @ D1)
+    np.testing.assert_array_equal(estimates.alpha[1:].ravel(), 2 * others[:16])
+    np.testing.assert_array_equal(estimates.beta[1:], 3 * others[16:])
+    np.testing.assert_allclose(estimates.output_error, np.column_stack([2 * D2, 3 * D1]))
 
 
 def test_structured_clf_vanishes_with_LgV() -> None:

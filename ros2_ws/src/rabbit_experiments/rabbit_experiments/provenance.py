@@ -97,8 +97,12 @@ def provenance(asked: Any, hash_file: Callable[[Path], str] = hash_of) -> dict[s
         else:
             modules.add(text.partition(":")[0])
     modules |= {value.partition(":")[0] for value in parts.values()}
-    about = {"python": platform.python_version(), "model terms": _model_terms()}
-    return {**about, **parts, **code_of(frozenset(modules)), **named_files(asked, hash_file)}
+    return {
+        "python": platform.python_version(),
+        **parts,
+        **code_of(frozenset(modules)),
+        **named_files(asked, hash_file),
+    }
 
 
 def named_files(asked: Any, hash_file: Callable[[Path], str] = hash_of) -> dict[str, str]:
@@ -160,13 +164,6 @@ def _parts() -> dict[str, dict[str, str]]:
         for each in entry_points(group=group):
             found.setdefault(each.name, {})[f"{group} {each.name}"] = each.value
     return found
-
-
-@cache
-def _model_terms() -> str:
-    from rl_cbf_clf_controller.generated_model import arithmetic, make_model
-
-    return arithmetic(make_model())
 
 
 def _git(folder: Path, *words: str) -> str:

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from cbf_clf_qp.estimates import Estimates
+from cbf_clf_qp.symbolic.estimates import Estimates
 from rabbit_description.state import Array
 from rabbit_experiments.assembly import Assembly
 from rabbit_experiments.conditions import EVALUATION_LAG
@@ -104,7 +104,7 @@ def test_nominal_quantities_have_no_estimate_and_the_others_theirs() -> None:
     simulation, controller = assembly("rl-cbf-clf-qp", "zero").build()
     controller.step(simulation.reset(1))
     simulation.close()
-    estimates = policy.estimate(controller.terms, NONE)
+    estimates = policy.estimate(controller.scene, NONE)
     kept: Array = np.array([0.0, 1, 0, 1, 1])
     assert (estimates.alpha == kept[:, None]).all()
     assert (estimates.beta == kept).all()

@@ -4,42 +4,42 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from cbf_clf_qp.rows import Rows
 from hypothesis import given
 from hypothesis import strategies as st
+from rabbit_description.state import Array
 from rabbit_experiments.reproduce.controllers import CBF_CLF, CBF_CLF_ORACLE, CLF, IO_RL
 from rabbit_experiments.reproduce.feasibility import infeasible, measure
 
-SOFT = 10.0  # a slack's weight, which must not matter
+Rows = tuple[Array, Array, Array]  # A, lower, upper
 
 
-def rows(seed: int, slack: Callable[[np.random.Generator], float]) -> list[Rows]:
+def rows(seed: int, slack: Callable[[np.random.Generator], float]) -> Rows:
     """Twelve random rows, each `slack` beyond a random point."""
     rng = np.random.default_rng(seed)
     point, A = rng.uniform(-50, 50, 4), rng.standard_normal((12, 4)) * 10 ** rng.uniform(-3, 3, (12, 1))
     upper = A @ point + np.linalg.norm(A, axis=1) * slack(rng)
-    return [Rows.at_most([f"r{i}" for i in range(12)], A, upper, SOFT)]
+    return A, np.full(12, -np.inf), upper
 
 
 @given(st.integers(0, 2**32 - 1))
 def test_rows_that_a_point_meets_are_feasible(seed: int) -> None:
-    assert not infeasible(rows(seed, lambda rng: float(rng.uniform(0.01, 10))))
+    assert not infeasible(*rows(seed, lambda rng: float(rng.uniform(0.01, 10))))
 
 
 @given(st.integers(0, 2**32 - 1), st.floats(0.01, 100))
 def test_two_half_spaces_that_do_not_meet_are_infeasible(seed: int, gap: float) -> None:
     """a mu <= c and a mu >= c + gap |a|, whatever else there is."""
     a = np.random.default_rng(seed).standard_normal((1, 4))
-    below = Rows.at_most(("a",), a, np.zeros(1), SOFT)
-    above = Rows.at_least(("b",), a, np.array([gap * np.linalg.norm(a)]), SOFT)
-    assert infeasible([*rows(seed, lambda _: 1.0), below, above])
+    A, lower, upper = rows(seed, lambda _: 1.0)
+    lower, upper = np.append(lower, [-np.inf, gap * np.linalg.norm(a)]), np.append(upper, [0.0, np.inf])
+    assert infeasible(np.vstack([A, a, a]), lower, upper)
 
 
 def test_a_box_and_a_half_space() -> None:
     """|mu_i| <= 1 reaches a sum of 4, and no more."""
-    box = Rows.between(("m1", "m2", "m3", "m4"), np.eye(4), -np.ones(4), np.ones(4))
+    A, upper = np.vstack([np.eye(4), np.ones(4)]), np.append(np.ones(4), np.inf)
     for sum_, empty in ((3.999, False), (4.001, True)):
-        assert infeasible([box, Rows.at_least(("s",), np.ones((1, 4)), np.array([sum_]), SOFT)]) is empty
+        assert infeasible(A, np.append(-np.ones(4), sum_), upper) is empty
 
 
 def test_fewer_rows_are_not_less_feasible_and_all_judges_see_all_ticks() -> None:

@@ -14,16 +14,18 @@ from rabbit_description.yaml_file import dump_yaml, read_mapping
 from rabbit_gait_design import GaitSpecification
 from rabbit_gait_design.library import library_specifications, outwards
 from rabbit_gait_design.orbit import Orbit
-from rl_cbf_clf_controller.pinocchio_model import PinocchioModel
+from rl_cbf_clf_controller.feet import Feet
 from rl_cbf_clf_controller.parameters import ControllerParameters
+from rl_cbf_clf_controller.pinocchio_model import PinocchioModel
+from rl_cbf_clf_controller.robot_numbers import read_robot
 from rl_cbf_clf_controller.step_outputs import (
     FADED,
     LEAST_RATE,
     LEAST_WIDTH,
     LibrarySteps,
     SingleGait,
-    StepOutputs,
     Touchdown,
+    corrected,
     gradual_line,
     make_steps,
 )
@@ -39,7 +41,7 @@ LENGTHS = st.floats(LIBRARY.lengths[0], LIBRARY.lengths[-1])
 SLOPED = load_gaits("slopes")
 assert isinstance(SLOPED, GaitLibrary)
 SLOPES = st.floats(SLOPED.slopes[0], SLOPED.slopes[-1])
-MODEL = PinocchioModel()
+MODEL, FEET = PinocchioModel(), Feet(read_robot())
 
 
 def landed(length: float, seed: int) -> tuple[Array, Array]:
@@ -68,7 +70,7 @@ def test_between_two_gaits_all_is_linear(index: int, share: float) -> None:
 def test_beyond_its_ends_the_library_stays_at_them() -> None:
     for beyond, end in ((0.05, LIBRARY.gaits[0]), (0.95, LIBRARY.gaits[-1])):
         np.testing.assert_array_equal(interpolated(LIBRARY, beyond).coeffs, end.coeffs)
-    steps = LibrarySteps(LIBRARY, 0.5, MODEL)
+    steps = LibrarySteps(LIBRARY, 0.5, FEET)
     steps.begin(Touchdown(*landed(0.4, 0), 0.4, stone=StonePreview(1, 0.90, 0.95)))
     assert steps.wanted == (LIBRARY.lengths[-1],)
 
@@ -88,7 +90,8 @@ def test_a_step_begins_as_one_gait_and_ends_as_the_other(taken: float, wanted: f
 @given(taken=LENGTHS, wanted=LENGTHS, seed=st.integers(0, 2**16))
 def test_a_step_begins_without_error_and_ends_on_its_path(taken: float, wanted: float, seed: int) -> None:
     path, (q, dq) = step_path(LIBRARY, taken, wanted), landed(taken, seed)
-    outputs, own = StepOutputs(path, q, dq), VirtualConstraints(path)
+    own = VirtualConstraints(path)
+    outputs = corrected(own, q, dq)
     assume(own.evaluate(q, dq).phase_rate >= LEAST_RATE)  # of one that hardly moves forward only y is continuous
     np.testing.assert_allclose(outputs.evaluate(q, dq).eta, 0.0, atol=1e-9)
     ended = max(FADED, own.evaluate(q, dq).phase + LEAST_WIDTH)
@@ -103,7 +106,7 @@ def test_rates_and_accelerations_are_derivatives(taken: float, wanted: float, se
     """Along q(t) = q + t dq + t^2/2 ddq, by central differences."""
     q, dq = landed(taken, seed)
     ddq = np.random.default_rng(seed + 1).standard_normal(7)
-    outputs, h = StepOutputs(step_path(LIBRARY, taken, wanted), q, dq), 1e-5
+    outputs, h = corrected(VirtualConstraints(step_path(LIBRARY, taken, wanted)), q, dq), 1e-5
 
     def at(t: float) -> Any:
         return outputs.evaluate(q + t * dq + t**2 / 2 * ddq, dq + t * ddq)
@@ -116,7 +119,7 @@ def test_rates_and_accelerations_are_derivatives(taken: float, wanted: float, se
 def test_a_library_of_one_gait_is_that_gait() -> None:
     gait = load_gait(DEFAULT_GAIT)
     library = GaitLibrary(name="one", start_length=gait.step_length, gaits=[gait])
-    steps, (q, dq) = make_steps(library, ControllerParameters(), MODEL), gait.x_start
+    steps, (q, dq) = make_steps(library, ControllerParameters(), FEET), gait.x_start
     assert isinstance(steps, SingleGait)
     outputs = steps.begin(Touchdown(q, dq, 0.5, stone=StonePreview(1, 0.5, 0.55)))
     assert outputs.evaluate(q, dq).eta == pytest.approx(VirtualConstraints(gait).evaluate(q, dq).eta, abs=1e-12)
@@ -248,7 +251,7 @@ def landed_foot(path: Any) -> tuple[Array, float]:
 @given(length=LENGTHS, slope=SLOPES, height=st.floats(-0.15, 0.15))
 def test_a_path_to_a_stone_ends_at_its_height(length: float, slope: float, height: float) -> None:
     level = step_path(SLOPED, length, length, slope)
-    path = landing_at(level, height, MODEL)
+    path = landing_at(level, height, FEET)
     (foot, pitch), (level_foot, level_pitch) = landed_foot(path), landed_foot(level)
     np.testing.assert_allclose(foot, level_foot + (0.0, height), atol=1e-9)
     assert pitch == pytest.approx(level_pitch, abs=1e-12)
@@ -262,11 +265,11 @@ def test_a_path_to_a_stone_ends_at_its_height(length: float, slope: float, heigh
 @given(length=LENGTHS, slope=SLOPES, height=st.floats(-0.04, 0.04))
 def test_a_foot_that_finds_no_ground_goes_straight_down(length: float, slope: float, height: float) -> None:
     """By joints that move in proportion to the phase, and with the pitch of the landing."""
-    path = landing_at(step_path(SLOPED, length, length, slope), height, MODEL)
+    path = landing_at(step_path(SLOPED, length, length, slope), height, FEET)
     foot, pitch = landed_foot(path)
     along_the_end = 5 * (path.coeffs[:, -1] - path.coeffs[:, -2])
     later = path.phase_angle_end + LATE * (path.phase_angle_end - path.phase_angle_start)
-    controlled = path.coeffs[:, -1] + LATE * (along_the_end + descent(path, MODEL))
+    controlled = path.coeffs[:, -1] + LATE * (along_the_end + descent(path, FEET))
     below = np.append(np.zeros(2), RABBIT_ANGLES.coordinates(controlled, later))
     np.testing.assert_allclose(MODEL.update(below, np.zeros(7)).swing, foot - (0.0, DEPTH), atol=1e-3)
     assert below[2] == pytest.approx(pitch, abs=1e-3)
@@ -290,12 +293,12 @@ def test_a_step_is_made_for_a_steeper_slope_where_the_robot_is_slow() -> None:
     length, stone = SLOPED.start_length, StonePreview(1, SLOPED.start_length - 0.025, SLOPED.start_length + 0.025)
     pitches = []
     for haste in (0.8, 1.0, 1.2):
-        steps = LibrarySteps(SLOPED, 0.5, MODEL)
+        steps = LibrarySteps(SLOPED, 0.5, FEET)
         step_time = SLOPED.level[SLOPED.lengths.index(length)].step_time
         steps.begin(Touchdown(q, haste * dq, length, step_time, stone))
         pitches.append(landed_foot(step_path(SLOPED, length, *steps.wanted, steps.slope))[1])
     assert pitches[0] > pitches[1] + 0.02
     assert pitches[1] > pitches[2] + 0.02
-    level = LibrarySteps(LIBRARY, 0.5, MODEL)
+    level = LibrarySteps(LIBRARY, 0.5, FEET)
     level.begin(Touchdown(q, 0.8 * dq, length, step_time, stone))
     assert level.slope == 0.0

@@ -1,68 +1,87 @@
 """The cone programme against the QP and closed forms."""
 
+from collections.abc import Sequence
+
+import casadi as ca
 import numpy as np
 import pytest
-from cbf_clf_qp.qp import Decision, build_qp
-from cbf_clf_qp.rows import Rows
-from cbf_clf_qp.solvers import DaqpSolver
+from cbf_clf_qp.symbolic.affine import Affine
+from cbf_clf_qp.symbolic.answer import Answering
+from cbf_clf_qp.symbolic.functions import Values
+from cbf_clf_qp.symbolic.qp import Layout, build_qp
+from cbf_clf_qp.symbolic.rows import HARD, Rows, at_least, at_most
+from rabbit_description.state import Array
 
 pytest.importorskip("clarabel")
 from rabbit_rivals.cone_programme import solve
 
+NOTHING = np.zeros(1)
+
+
+def of(values: Array | Sequence[float]) -> ca.SX:
+    """Numbers as an expression."""
+    return ca.SX(ca.DM(np.array(values)))
+
+
+def programme(rows: list[Rows]) -> tuple[Values, Layout, Array]:
+    """The data of a QP, and its mu."""
+    layout, data = build_qp(rows, None, Affine(ca.SX.eye(4), ca.SX.zeros(4)))
+    answering = Answering({"nothing": ca.SX.sym("nothing")}, data, layout, "daqp")
+    return answering.programme(NOTHING), layout, answering(NOTHING).mu
+
 
 def tick(rng: np.random.Generator) -> list[Rows]:
-    clf = Rows.at_most(("CLF",), rng.normal(0, 50, (1, 4)), rng.normal(-50, 100, 1), 5.0, rescue=False)
-    barriers = Rows.at_least(("B1", "B2"), rng.normal(0, 0.5, (2, 4)), rng.normal(-20, 30, 2), 1e6)
-    torques = Rows.between(("u1", "u2"), rng.normal(size=(2, 4)), np.full(2, -200.0), np.full(2, 200.0))
-    return [clf.normalised(), barriers.normalised(), torques]
+    clf = at_most(("CLF",), of(rng.normal(0, 50, (1, 4))), of(rng.normal(-50, 100, 1)), 5.0, rescue=False)
+    barriers = at_least(("B1", "B2"), of(rng.normal(0, 0.5, (2, 4))), of(rng.normal(-20, 30, 2)), 1e6)
+    torques = Rows(("u1", "u2"), of(rng.normal(size=(2, 4))), of([-200.0, -200.0]), of([200.0, 200.0]), HARD)
+    return [clf, barriers, torques]
 
 
 def test_without_margins_it_is_the_qp_and_margins_that_vanish_lead_to_it() -> None:
     rng = np.random.default_rng(3)
     for _ in range(20):
-        qp = build_qp(tick(rng))
-        exact = DaqpSolver().solve(qp).x
-        solution = solve(qp, {})
-        assert solution.solved
-        assert solution.x == pytest.approx(exact, abs=1e-4 * (1 + np.abs(exact).max()))
+        qp, layout, exact = programme(tick(rng))
+        x, is_solved, _ = solve(qp, layout, {})
+        assert is_solved
+        assert x[:4] == pytest.approx(exact, abs=1e-4 * (1 + np.abs(exact).max()))
         factor = rng.normal(size=(5, 5))
-        distance = [np.abs(solve(qp, {0: size * factor}).x - exact).max() for size in (1e-2, 1e-4, 1e-6)]
-        assert distance[2] < 1e-4 * (1 + np.abs(exact).max())
+        found = [solve(qp, layout, {0: size * factor})[0][:4] for size in (1e-2, 1e-4, 1e-6)]
+        assert np.abs(found[2] - exact).max() < 1e-4 * (1 + np.abs(exact).max())
 
 
 def test_a_constant_margin_is_a_tighter_row() -> None:
     a, b, margin = np.array([[3.0, 0, -4.0, 0]]), -10.0, 2.0
-    qp = build_qp([Rows.at_most(("CLF",), a, np.array([b]), np.inf)])
+    qp, layout, _ = programme([at_most(("CLF",), of(a), of([b]), HARD)])
     factor = np.array([[margin / 5, 0, 0, 0, 0]])  # the row's norm is 5
-    assert solve(qp, {0: factor}).x == pytest.approx(a[0] * (b - margin) / 25, abs=1e-6)
+    assert solve(qp, layout, {0: factor})[0] == pytest.approx(a[0] * (b - margin) / 25, abs=1e-6)
 
 
 def test_a_margin_in_the_direction_of_the_input_has_the_closed_form() -> None:
-    qp = build_qp([Rows.at_most(("CLF",), np.array([[1.0, 0, 0, 0]]), np.array([-1.0]), np.inf)])
+    qp, layout, _ = programme([at_most(("CLF",), of([[1.0, 0, 0, 0]]), of([-1.0]), HARD)])
     factor = np.array([[0, 0.5, 0, 0, 0]])  # x + |x| / 2 <= -1
-    assert solve(qp, {0: factor}).x == pytest.approx([-2.0, 0, 0, 0], abs=1e-6)
+    assert solve(qp, layout, {0: factor})[0] == pytest.approx([-2.0, 0, 0, 0], abs=1e-6)
 
 
 def test_every_row_holds_with_its_margin() -> None:
     rng = np.random.default_rng(5)
     for _ in range(10):
-        qp = build_qp(tick(rng))
+        qp, layout, _ = programme(tick(rng))
         factors = {i: rng.normal(0, 0.05, (5, 5)) for i in range(3)}
-        solution = solve(qp, factors)
-        mu = Decision(qp, solution.x).mu
+        x, _, _ = solve(qp, layout, factors)
         for i, factor in factors.items():
-            assert qp.A[i] @ solution.x + np.linalg.norm(factor @ [1, *mu]) <= qp.upper[i] + 1e-5
+            assert qp.A[i] @ x + np.linalg.norm(factor @ [1, *x[:4]]) <= qp.upper[i] + 1e-5
 
 
 def test_what_no_input_meets_is_not_solved() -> None:
-    qp = build_qp([Rows.at_most(("CLF",), np.array([[1.0, 0, 0, 0]]), np.array([-1.0]), np.inf)])
-    assert not solve(qp, {0: np.array([[0, 2.0, 0, 0, 0]])}).solved  # x + 2 |x| <= -1
+    qp, layout, _ = programme([at_most(("CLF",), of([[1.0, 0, 0, 0]]), of([-1.0]), HARD)])
+    assert not solve(qp, layout, {0: np.array([[0, 2.0, 0, 0, 0]])})[1]  # x + 2 |x| <= -1
 
 
 def test_a_slack_of_last_resort_may_be_large() -> None:
-    row = Rows.at_most(("CLF",), np.array([[1.0, 0, 0, 0]]), np.array([-300.0]), 1e6)
-    torques = Rows.between(("u1",), np.array([[1.0, 0, 0, 0]]), np.array([-100.0]), np.array([100.0]))
-    decision = Decision(qp := build_qp([row, torques]), solve(qp, {0: np.array([[1.0, 0, 0, 0, 0]])}).x)
-    assert decision.mu == pytest.approx([-100, 0, 0, 0], abs=1e-2)
+    row = at_most(("CLF",), of([[1.0, 0, 0, 0]]), of([-300.0]), 1e6)
+    torques = Rows(("u1",), of([[1.0, 0, 0, 0]]), of([-100.0]), of([100.0]), HARD)
+    qp, layout, _ = programme([row, torques])
+    x, _, _ = solve(qp, layout, {0: np.array([[1.0, 0, 0, 0, 0]])})
+    assert x[:4] == pytest.approx([-100, 0, 0, 0], abs=1e-2)
     norm = np.linalg.norm(qp.A[0] / qp.A[0, 0])
-    assert decision.slack[0] == pytest.approx(300 - 100 + norm, rel=1e-6)
+    assert x[4] * 1e6**-0.5 == pytest.approx(300 - 100 + norm, rel=1e-6)

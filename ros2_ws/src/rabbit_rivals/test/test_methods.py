@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cbf_clf_qp.tick import decide
+from cbf_clf_qp.symbolic.clf import ResClf
 from rabbit_description.gait import load_gaits
 from rabbit_experiments.benchmark.cells import cells
 from rabbit_experiments.benchmark.methods import method
@@ -53,8 +53,8 @@ def test_a_gp_without_confidence_decides_as_the_qp() -> None:
     controller.reset(1)
     for _ in range(20):
         state = simulation.step(controller.step(state).torque)
-    controller.look(state)
-    qp = decide(controller.recipe, controller.terms, controller._solver)
+    scene = controller.scene
+    qp = controller.qp.decide(scene.x, scene.p, controller.estimates)
     assert controller.decided.mu == pytest.approx(qp.mu, abs=1e-2)
     simulation.close()
 
@@ -69,12 +69,13 @@ def test_more_confidence_asks_for_more() -> None:
         controller = GpController(assembly.controller, load_gaits(assembly.controller.gait), GpPolicy(file, confidence))
         controller.reset(1)
         controller.step(state)
-        mu, estimates = controller.decided.mu, controller.decided.estimates
-        total = controller.terms.nominal + estimates.affine
-        slack = controller.decided.slack_sums.sum() * np.linalg.norm(total.a[0])  # it is in units of mu
+        mu, estimates = controller.decided.mu, controller.estimates
+        seen, p = controller.scene.seen, controller.parameters
+        a, b = seen.nominal_a[0] + estimates.alpha[0], seen.nominal_b[0] + estimates.beta[0]
+        slack = controller.decided.values.slack.sum() * np.linalg.norm(a)  # it is in units of mu
         deviation = np.linalg.norm(controller.policy.deviations[0] @ [1, *mu])
-        bound = controller.clf.bound(controller.terms.scene.outputs.eta)
-        assert total(mu)[0] + confidence * deviation <= bound + slack + 1e-3 * abs(bound)
+        bound = -float(ResClf(4, p.eps, (p.kp, p.kd)).rate) * seen.V[0]
+        assert a @ mu + b + confidence * deviation <= bound + slack + 1e-3 * abs(bound)
         found.append(np.linalg.norm(mu))
     assert found == sorted(found)
     simulation.close()

@@ -1,12 +1,12 @@
 """What pictures show: joints where the robot's are, the barriers' area where the barriers are, forces on the cone."""
 
+import casadi as ca
 import numpy as np
 import pytest
 from rabbit_description.state import Array, Leg, StonePreview
 from rabbit_sim.kinematics import RabbitFeet
 from rabbit_viewer.geometry import ARC, allowed_area, area_triangles, force_arrow, friction_cone
 from rabbit_viewer.skeleton import feet, leg_points, torso_points
-from rl_cbf_clf_controller.pinned_robot import Kinematics
 from rl_cbf_clf_controller.stone_barriers import stone_barriers
 
 RNG = np.random.default_rng(0)
@@ -28,8 +28,8 @@ def test_links_have_their_lengths() -> None:
 
 def barriers(point: Array, stone: StonePreview, R1: float, R2: float) -> Array:
     """B1, B2 of a swing foot at `point`."""
-    none = np.zeros(2)
-    return stone_barriers(Kinematics(point, none, np.zeros((2, 7)), none, none, none), stone, R1, R2).B
+    found = stone_barriers(ca.SX(ca.DM(point)), stone.l_min, stone.l_max, stone.height, R1, R2)
+    return np.array([float(ca.evalf(each)) for each in found])
 
 
 def test_area_is_bounded_by_the_barriers() -> None:
