@@ -1,4 +1,4 @@
-"""The RES-CLF against the Lyapunov equation, its bounds and its closed loop; V-dot and the one-row QP in closed form."""
+"""The RES-CLF against the Lyapunov equation and its bounds; V-dot; the QP of one row in closed form."""
 
 from typing import Any
 

@@ -26,9 +26,8 @@ def test_constant_acceleration_is_measured_exactly(make_plant: Any, seed: int) -
     x, v, acceleration, wall, speed = rng.normal(size=5)
     before, after = ((x + v * t + acceleration * t**2 / 2, v + acceleration * t) for t in (0, SECONDS))
     parameters = [np.array([rng.uniform(1, 9), wall + speed * t, speed]) for t in (0, SECONDS)]
-    measured = measure(terms)(
-        np.array(before), parameters[0], np.array(after), parameters[1], np.array([SECONDS])
-    ).measured
+    ends = np.array(before), parameters[0], np.array(after), parameters[1]
+    measured = measure(terms)(*ends, np.array([SECONDS])).measured
     V_dot = terms.quantities[0].slope
     assert V_dot
     exact = plant.number(V_dot(acceleration), before, 0.0)

@@ -46,10 +46,8 @@ def test_weights_say_which_component_gives_way() -> None:
 @pytest.mark.parametrize("solver", ["daqp", "osqp"])
 def test_pd_centred_is_least_squares(solver: str) -> None:
     """|E mu + Delta - v_PD|^2 + weight |mu|^2 by numpy's own solution of it."""
-    names = {
-        name: ca.SX.sym(name, *shape) for name, shape in {"y": (M, 1), "dy": (M, 1), "D2": (M, M), "D1": (M, 1)}.items()
-    }
-    y, dy, D2, D1 = names.values()
+    y, dy, D1, D2 = *(ca.SX.sym(name, M) for name in ("y", "dy", "D1")), ca.SX.sym("D2", M, M)
+    names = {"y": y, "dy": dy, "D2": D2, "D1": D1}
     eps, weight = 0.3, 0.1
     find = minimum(pd_centred(y, dy, eps, Affine(D2, D1), weight), names, solver)
     rng = np.random.default_rng(1)

@@ -8,6 +8,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from math import inf
 
 import casadi as ca
 
@@ -22,7 +23,7 @@ TOLERANCE = 1e-6  # KKT residual that is let pass, relative to 1 + |x|
 class Decided:
     """What a tick decides: `mu` (m,) and the input `u`, which count only if `solved`.
 
-    `values`: all that the answer says, see `qp.reading`; `seconds`: of the whole call.
+    `values`: all that the answer says, see `qp.reading`; `solver`: whose answer it is; `seconds`: of the whole call.
     """
 
     values: Values
@@ -43,18 +44,10 @@ class Decided:
         return self.values.mu
 
     @property
-    def residual(self) -> float:
-        """How far the answer is from the KKT conditions, over 1 + |x|; inf where the data are not valid."""
-        return float(self.values.residual[0])
-
-    @property
     def slack(self) -> dict[str, float]:
         """By how much a row gives way, of each that does, by name; of several with one name, the most."""
-        found: dict[str, float] = {}
-        for name, slack in zip(self.layout.names, self.values.slack.tolist(), strict=True):
-            if slack > 0:
-                found[name] = max(slack, found.get(name, 0.0))
-        return found
+        given = sorted(zip(self.values.slack.tolist(), self.layout.names, strict=True))
+        return {name: slack for slack, name in given if slack > 0}
 
     @property
     def active(self) -> tuple[str, ...]:
@@ -83,10 +76,7 @@ class Answering:
         """The first solver's answer, or its guard's; `solved` is false where neither has one."""
         first, guard = self._solvers
         decided = first(inputs)
-        if decided.solved:
-            return decided
-        if not decided.values.is_valid[0]:
-            decided.status = "data not valid"
+        if decided.solved or not decided.values.is_valid[0]:
             return decided
         self.unanswered += 1
         return guard(inputs)
@@ -97,10 +87,7 @@ class Answering:
 
     def _by_daqp(self, inputs: Sequence[Array]) -> Decided:
         start = time.perf_counter()
-        values = self._with_daqp(*inputs)
-        solved = bool(values.row[0] < TOLERANCE)
-        status = "solved" if solved else "not solved"
-        return Decided(values, self._layout, solved, "daqp", status, time.perf_counter() - start)
+        return self._decided(self._with_daqp(*inputs), "daqp", "", start)
 
     def _by_osqp(self, inputs: Sequence[Array]) -> Decided:
         start = time.perf_counter()
@@ -108,9 +95,13 @@ class Answering:
         if not data.is_valid[0]:
             return self._by_daqp(inputs)
         x, y, status = self._osqp.solve(data, self._layout)
-        values = self.reading(data.row, x, y)
-        solved = bool(values.row[0] < TOLERANCE)
-        return Decided(values, self._layout, solved, "osqp", status, time.perf_counter() - start)
+        return self._decided(self.reading(data.row, x, y), "osqp", status, start)
+
+    def _decided(self, values: Values, solver: str, status: str, start: float) -> Decided:
+        residual = values.row[0]
+        solved = bool(residual < TOLERANCE)
+        status = status or ("solved" if solved else "data not valid" if residual == inf else "not solved")
+        return Decided(values, self._layout, solved, solver, status, time.perf_counter() - start)
 
     @cached_property
     def programme(self) -> NumpyFunction:

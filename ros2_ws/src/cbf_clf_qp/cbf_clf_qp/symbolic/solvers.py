@@ -17,9 +17,8 @@ from cbf_clf_qp.symbolic.qp import UNBOUNDED, Layout
 
 def by_daqp(p: dict[str, ca.MX], layout: Layout) -> tuple[ca.MX, ca.MX]:
     """x (n,) and y (k,) as expressions of a programme's data: DAQP inside a CasADi function."""
-    rows, variables = layout.shape
-    hessian = 2 * ca.DM.eye(variables)
-    shapes = {"h": hessian.sparsity(), "a": ca.Sparsity.dense(rows, variables)}
+    hessian = 2 * ca.DM.eye(layout.shape[1])
+    shapes = {"h": hessian.sparsity(), "a": ca.Sparsity.dense(*layout.shape)}
     solve = ca.conic("daqp", "daqp", shapes, {"error_on_fail": False, "print_problem": False})
     answer = solve(h=hessian, g=p["q"], a=p["A"], lba=p["lower"], uba=p["upper"], lbx=-UNBOUNDED, ubx=UNBOUNDED)
     return answer["x"], answer["lam_a"]
@@ -30,19 +29,11 @@ class OsqpSolver:
 
     While it solves, OSQP answers SIGINT itself: it stops, and nobody else hears of the signal. So a Ctrl-C waits until
     the programme is solved. If another thread took the signal, it is raised again and the programme is solved again.
+    OSQP's own polishing prints to stdout where no row is active; `polished` does not.
     """
 
-    SETTINGS: ClassVar[dict[str, object]] = {
-        "scaling": 0,
-        "eps_abs": 1e-6,
-        "eps_rel": 1e-6,
-        "eps_prim_inf": 1e-8,
-        "polishing": False,  # it prints where no row is active; see `polished`
-        "check_termination": 10,
-        "max_iter": 4000,
-        "verbose": False,
-        "adaptive_rho_interval": 50,
-    }
+    STEPS: ClassVar = {"scaling": 0, "check_termination": 10, "max_iter": 4000, "adaptive_rho_interval": 50}
+    SETTINGS: ClassVar = {"eps_abs": 1e-6, "eps_rel": 1e-6, "eps_prim_inf": 1e-8, "verbose": False, **STEPS}
 
     def __init__(self) -> None:
         self.reset()
@@ -62,13 +53,12 @@ class OsqpSolver:
             self._solver.update_data_mat(None, None, p.A.T[self._entries], None)
         else:
             self._set_up(p, layout)
-        while self._status() == "interrupted":
+        while self._solved() == "interrupted":
             signal.raise_signal(signal.SIGINT)
         solution = self._solver.solution
         return (*polished(p, solution.x, solution.y), self._solver.info.status)
 
-    def _status(self) -> str:
-        """Solve; return the solver's status."""
+    def _solved(self) -> str:
         blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         try:
             self._solver.solve()

@@ -47,22 +47,17 @@ class Tick:
     """The tick of a `system` whose `quantities` are constrained, as functions of x, p and the estimates.
 
     Args:
-        control: u affine in mu. None: that which gives y^(r) = mu where a CLF has as many outputs as there are inputs,
-            else u = mu.
+        control: u affine in mu. None: y^(r) = mu where a CLF has as many outputs as there are inputs, else u = mu.
         limit: of |u|, hard, on each component; an expression or a number.
         constraints: further rows.
         objective: of the terms; None as its value means mu' mu.
         corners: further errors of the quantities (n,), affine in mu; every row is to hold at each of them.
-        corrects_input: alpha and beta are no errors of quantities but a part of the input,
-            u = control(mu + alpha mu + beta) [approach1_input].
+        corrects_input: alpha and beta are part of the input, u = control(mu + alpha mu + beta) [approach1_input].
         reads: further expressions that `look` gives, by name.
         solver: the one that is asked first, `daqp` or `osqp`; the other one is its guard.
 
-    Raises:
-        DegreeError: a barrier or CLF of another relative degree than was said.
-        ValueError: an expression with an undeclared symbol, two quantities of one name.
-
-    One object serves one thread.
+    One object serves one thread. Raises DegreeError for a barrier or CLF of another relative degree than was said,
+    ValueError for an expression with an undeclared symbol or two quantities of one name.
     """
 
     def __init__(
@@ -98,17 +93,11 @@ class Tick:
         self._parameters_size = int(system.p.numel())
 
     def __call__(
-        self,
-        x: Any,
-        alpha: Array | None = None,
-        beta: Array | None = None,
-        output_error: Array | None = None,
-        **parameters: Any,
+        self, x: Any, alpha: Any = None, beta: Any = None, output_error: Any = None, **parameters: Any
     ) -> Decided:
         """The tick at a state `x` (n,), with a value for each parameter of the system. Estimates not given are zero.
 
-        Raises:
-            ValueError: a parameter is missing or unknown, or a value is not finite or of the wrong size.
+        Raises ValueError where a parameter is missing or unknown, or a value is not finite or of the wrong size.
         """
         estimates = self._no_error
         if not (alpha is None and beta is None and output_error is None):
