@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Any
 
+import casadi as ca
 import numpy as np
 import pytest
 from hypothesis import assume, given, settings
@@ -26,11 +27,10 @@ from rl_cbf_clf_controller.step_outputs import (
     SingleGait,
     Touchdown,
     corrected,
-    gradual_line,
     make_steps,
 )
 from rl_cbf_clf_controller.step_paths import DEPTH, LATE, descent, interpolated, landing_at, start_rate, step_path
-from rl_cbf_clf_controller.virtual_constraints import RABBIT_ANGLES, VirtualConstraints
+from rl_cbf_clf_controller.virtual_constraints import RABBIT_ANGLES, VirtualConstraints, gradual_line
 
 NAME = "wide"
 LIBRARY = load_gaits(NAME)
@@ -275,16 +275,21 @@ def test_a_foot_that_finds_no_ground_goes_straight_down(length: float, slope: fl
     assert below[2] == pytest.approx(pitch, abs=1e-3)
 
 
+def line_at(x: float) -> tuple[float, ...]:
+    """g and its two derivatives."""
+    return tuple(float(ca.evalf(each)) for each in gradual_line(ca.SX(x)))
+
+
 def test_the_descent_begins_gradually() -> None:
     """Its value, slope and curvature begin with 0; each is the derivative of the one before; the slope goes to 1."""
-    assert gradual_line(0.0) == gradual_line(-0.3) == pytest.approx((0, 0, 0), abs=1e-15)
+    assert line_at(0.0) == line_at(-0.3) == pytest.approx((0, 0, 0), abs=1e-15)
     h = 1e-6
     for x in (0.01, 0.05, 0.2):
-        (value, slope, curvature), before, after = gradual_line(x), gradual_line(x - h), gradual_line(x + h)
+        (value, slope, curvature), before, after = line_at(x), line_at(x - h), line_at(x + h)
         assert (after[0] - before[0]) / (2 * h) == pytest.approx(slope, abs=1e-6)
         assert (after[1] - before[1]) / (2 * h) == pytest.approx(curvature, abs=1e-6)
         assert value < x
-    assert gradual_line(1.0)[1] == pytest.approx(1.0, abs=1e-6)
+    assert line_at(1.0)[1] == pytest.approx(1.0, abs=1e-6)
 
 
 def test_a_step_is_made_for_a_steeper_slope_where_the_robot_is_slow() -> None:

@@ -20,13 +20,13 @@ from typing import Any
 import torch
 from rabbit_description.atomic_file import replacing
 from rabbit_description.yaml_file import dump_yaml
-from rl_cbf_clf_controller.policy import ActorPolicy, Policy, ZeroPolicy
+from rl_cbf_clf_controller.policy import ActorPolicy, LearnedPolicy, ZeroPolicy
 
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.rollout import Controller, Simulation, rollout
 from rl_trainer.training import EpisodePlan, EpisodeReport, Trainer
 
-MakeController = Callable[[Policy, float], Controller]  # (policy, sigma)
+MakeController = Callable[[LearnedPolicy, float], Controller]  # (policy, sigma)
 CHECKPOINT, BEFORE = "checkpoint.pt", "checkpoint-before.pt"
 DIGEST = hashlib.sha256().digest_size  # bytes at the head of a checkpoint
 
@@ -46,7 +46,7 @@ def train(trainer: Trainer, simulation: Simulation, make_controller: MakeControl
         yield trainer.end_episode(plan, last)
 
 
-def policy_of(plan: EpisodePlan, parameters: TrainingParameters) -> Policy:
+def policy_of(plan: EpisodePlan, parameters: TrainingParameters) -> LearnedPolicy:
     """The policy that an episode walks with."""
     return ActorPolicy(plan.policy) if plan.policy else ZeroPolicy(parameters.problem)
 
