@@ -8,7 +8,6 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from math import inf
 
 import casadi as ca
 
@@ -36,12 +35,12 @@ class Decided:
     @property
     def u(self) -> Array:
         """The input."""
-        return self.values.u
+        return self.values["u"]
 
     @property
     def mu(self) -> Array:
         """The auxiliary input (m,)."""
-        return self.values.mu
+        return self.values["mu"]
 
     @property
     def slack(self) -> dict[str, float]:
@@ -87,7 +86,10 @@ class Answering:
 
     def _by_daqp(self, inputs: Sequence[Array]) -> Decided:
         start = time.perf_counter()
-        return self._decided(self._with_daqp(*inputs), "daqp", "", start)
+        values = self._with_daqp(*inputs)
+        solved = bool(values.row[0] < TOLERANCE)
+        status = "solved" if solved else "not solved" if values.is_valid[0] else "data not valid"
+        return Decided(values, self._layout, solved, "daqp", status, time.perf_counter() - start)
 
     def _by_osqp(self, inputs: Sequence[Array]) -> Decided:
         start = time.perf_counter()
@@ -95,13 +97,9 @@ class Answering:
         if not data.is_valid[0]:
             return self._by_daqp(inputs)
         x, y, status = self._osqp.solve(data, self._layout)
-        return self._decided(self.reading(data.row, x, y), "osqp", status, start)
-
-    def _decided(self, values: Values, solver: str, status: str, start: float) -> Decided:
-        residual = values.row[0]
-        solved = bool(residual < TOLERANCE)
-        status = status or ("solved" if solved else "data not valid" if residual == inf else "not solved")
-        return Decided(values, self._layout, solved, solver, status, time.perf_counter() - start)
+        values = self.reading(data.row, x, y)
+        solved = bool(values.row[0] < TOLERANCE)
+        return Decided(values, self._layout, solved, "osqp", status, time.perf_counter() - start)
 
     @cached_property
     def programme(self) -> NumpyFunction:

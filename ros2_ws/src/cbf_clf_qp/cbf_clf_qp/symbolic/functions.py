@@ -26,12 +26,14 @@ class Values:
     def __init__(self, row: Array, places: Mapping[str, Place]) -> None:
         self.row, self._places = row, places
 
-    def __getattr__(self, name: str) -> Array:
-        try:
-            place, shape = self._places[name]
-        except KeyError:
-            raise AttributeError(f"no value {name}: expected one of {', '.join(self._places)}") from None
+    def __getitem__(self, name: str) -> Array:
+        place, shape = self._places[name]
         return self.row[place] if len(shape) == 1 else self.row[place].reshape(shape)
+
+    def __getattr__(self, name: str) -> Array:
+        if name not in self._places:
+            raise AttributeError(f"no value {name}: expected one of {', '.join(self._places)}")
+        return self[name]
 
 
 class NumpyFunction:
@@ -42,8 +44,8 @@ class NumpyFunction:
 
     def __init__(self, function: ca.Function, places: Mapping[str, Place]) -> None:
         self.function, self.places = function, places
-        self._names = function.name_in()
-        self._arguments = [np.zeros(function.numel_in(i)) for i in range(function.n_in())]
+        self._sizes = [function.numel_in(i) for i in range(function.n_in())]
+        self._arguments = [np.zeros(size) for size in self._sizes]
         self._row = np.zeros(function.numel_out())
         self._buffer, self.evaluate = function.buffer()  # `evaluate` computes with the memory as it is
         for i, argument in enumerate(self._arguments):
@@ -61,9 +63,10 @@ class NumpyFunction:
 
     def __call__(self, *values: Array) -> Values:
         """The outputs; raises ValueError where an input has another size than its symbol."""
-        for name, argument, value in zip(self._names, self._arguments, values, strict=True):
-            if value.size != argument.size:
-                raise ValueError(f"{name} has {value.size} numbers; expected {argument.size}")
+        for argument, size, value in zip(self._arguments, self._sizes, values, strict=True):
+            if value.size != size:
+                name = self.function.name_in(next(i for i, each in enumerate(self._arguments) if each is argument))
+                raise ValueError(f"{name} has {value.size} numbers; expected {size}")
             argument[...] = value if value.ndim == 1 else value.ravel()
         self.evaluate()
         return Values(self._row.copy(), self.places)
