@@ -44,11 +44,10 @@ class NumpyFunction:
 
     def __init__(self, function: ca.Function, places: Mapping[str, Place]) -> None:
         self.function, self.places = function, places
-        self._sizes = [function.numel_in(i) for i in range(function.n_in())]
-        self._arguments = [np.zeros(size) for size in self._sizes]
+        self._arguments = [(np.zeros(size), size) for size in map(function.numel_in, range(function.n_in()))]
         self._row = np.zeros(function.numel_out())
         self._buffer, self.evaluate = function.buffer()  # `evaluate` computes with the memory as it is
-        for i, argument in enumerate(self._arguments):
+        for i, (argument, _) in enumerate(self._arguments):
             self._buffer.set_arg(i, argument.data)  # type: ignore[call-arg]  # casadi's stub is of C++
         self._buffer.set_res(0, self._row.data)  # type: ignore[call-arg]
 
@@ -63,9 +62,9 @@ class NumpyFunction:
 
     def __call__(self, *values: Array) -> Values:
         """The outputs; raises ValueError where an input has another size than its symbol."""
-        for argument, size, value in zip(self._arguments, self._sizes, values, strict=True):
+        for (argument, size), value in zip(self._arguments, values, strict=True):
             if value.size != size:
-                name = self.function.name_in(next(i for i, each in enumerate(self._arguments) if each is argument))
+                name = self.function.name_in(next(i for i, (each, _) in enumerate(self._arguments) if each is argument))
                 raise ValueError(f"{name} has {value.size} numbers; expected {size}")
             argument[...] = value if value.ndim == 1 else value.ravel()
         self.evaluate()

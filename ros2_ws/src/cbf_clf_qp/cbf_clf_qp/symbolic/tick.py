@@ -107,22 +107,23 @@ class Tick:
 
     def decide(self, x: Array, p: Array, estimates: Estimates) -> Decided:
         """The tick; raises ValueError where a value is not finite or of the wrong size, or no output error is known."""
-        decided = self.answer(*self._inputs(x, p, estimates))
+        error = estimates.output_error
+        error = self._no_output_error() if error is None else error
+        decided = self.answer(x, p, estimates.alpha, estimates.beta, error)
         if not decided.solved:
             self._check_finite(x, p, estimates)
         return decided
 
     def programme(self, x: Array, p: Array, estimates: Estimates) -> Values:
         """The data of the QP, see `qp.build_qp`; for who solves it in another way."""
-        return self.answer.programme(*self._inputs(x, p, estimates))
+        error = estimates.output_error
+        error = self._no_output_error() if error is None else error
+        return self.answer.programme(x, p, estimates.alpha, estimates.beta, error)
 
-    def _inputs(self, x: Array, p: Array, estimates: Estimates) -> tuple[Array, ...]:
-        output_error = estimates.output_error
-        if output_error is None:
-            if self._needs_output_error:
-                raise ValueError("output_error = None: expected (Delta_2 | Delta_1), on which the objective depends")
-            output_error = np.zeros((self.terms.inputs, self.terms.inputs + 1))
-        return x, p, estimates.alpha, estimates.beta, output_error
+    def _no_output_error(self) -> Array:
+        if self._needs_output_error:
+            raise ValueError("output_error = None: expected (Delta_2 | Delta_1), on which the objective depends")
+        return np.zeros((self.terms.inputs, self.terms.inputs + 1))
 
     def p(self, **parameters: Any) -> Array:
         """All parameters as one array, for `decide`; raises ValueError where one is missing, unknown or too long."""
