@@ -4,9 +4,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
+import casadi as ca
 import numpy as np
 import pytest
 from cbf_clf_qp.problem import Problem
+from cbf_clf_qp.symbolic.affine import Affine
 from cbf_clf_qp.symbolic.clf import ResClf
 from rabbit_description.state import TICK_SECONDS, Array, Leg, RobotState
 from rl_cbf_clf_controller.controller_output import ControllerOutput
@@ -14,8 +16,14 @@ from rl_cbf_clf_controller.policy import LearnedPolicy
 from rl_cbf_clf_controller.uncertainty import RL_CBF_CLF_QP, RL_CLF_QP
 from rl_trainer.transitions import Doubt, Transition
 
-CLF = ResClf(4, 0.1, (0.5, 0.8660254037844386))
+_CLF = ResClf(4, 0.1, (0.5, 0.8660254037844386))
+F, G, P = (np.array(ca.DM(matrix)) for matrix in (_CLF.F, _CLF.G, _CLF.P))
 MakeTransition = Callable[..., Transition]
+
+
+def V_dot(eta: Array) -> Affine:
+    """V-dot, affine in y'' (4,)."""
+    return Affine(2 * (eta @ P @ G)[None], np.array([eta @ (F.T @ P + P @ F) @ eta]))
 
 
 def make_state(tick: int, **changes: Any) -> RobotState:
@@ -94,7 +102,7 @@ def random_transition() -> MakeTransition:
     def make(problem: Problem, rng: np.random.Generator, **changes: Any) -> Transition:
         center, scale = np.array([problem.unit(name) for name in problem.observation]).T
         observation = center + scale * rng.standard_normal(len(center))
-        LgV = CLF.derivative(observation[:8]).a[0]
+        LgV = V_dot(observation[:8]).a[0]
         mu_qp = 30 * rng.standard_normal(4)
         mu = mu_qp + 8 * rng.standard_normal(4)
         n = len(problem.quantities)
@@ -167,15 +175,15 @@ class ToyController:
 
     def step(self, state: RobotState) -> ControllerOutput:
         eta = np.concatenate([state.q[3:], state.dq[3:]])
-        LgV = CLF.derivative(eta).a[0]
+        LgV = V_dot(eta).a[0]
         observation = np.concatenate([eta, np.zeros(6)])
         estimates = self.policy.act(observation, LgV)
         mu = -20 * eta[:4] - 8 * eta[4:] + self.sigma * self._rng.standard_normal(4)
-        changes = {"eta": eta, "V": CLF.value(eta), "LgV": LgV, "mu": mu, "torque": mu, "observation": observation}
-        nominal = CLF.derivative(eta)
+        changes = {"eta": eta, "V": eta @ P @ eta, "LgV": LgV, "mu": mu, "torque": mu, "observation": observation}
+        nominal = V_dot(eta)
         measured = np.full(1, np.nan)
         if self._last is not None:
-            measured = CLF.derivative(self._last)((eta[4:] - self._last[4:]) / TICK_SECONDS)
+            measured = V_dot(self._last)((eta[4:] - self._last[4:]) / TICK_SECONDS)
         self._last = eta
         return make_output(
             state.tick,
