@@ -14,7 +14,7 @@ from cbf_clf_qp.symbolic.measure import model_error
 from cbf_clf_qp.symbolic.objective import pd_centred
 from cbf_clf_qp.symbolic.quantity import Quantity
 from cbf_clf_qp.symbolic.rows import HARD
-from cbf_clf_qp.symbolic.system import System
+from cbf_clf_qp.symbolic.system import System, mechanical
 from cbf_clf_qp.symbolic.terms import Terms
 from cbf_clf_qp.symbolic.tick import Tick
 
@@ -200,6 +200,21 @@ def test_a_matrix_is_a_parameter() -> None:
     assert decided.u + matrix @ [0.3, -0.7] == pytest.approx(decided.mu)
     with pytest.raises(ValueError, match=r"parameter A = .*expected numbers of shape \(2, 2\)"):
         tick([0.3, -0.7], A=[1.0, 2.0, 3.0])
+
+
+def test_an_arm_of_seven_joints_has_a_programme_of_a_sane_size() -> None:
+    """The inverse of a dense decoupling matrix: q'' = mu, by a few thousand operations."""
+    n, rng = 7, np.random.default_rng(5)
+    q, dq, u, root = ca.SX.sym("q", n), ca.SX.sym("dq", n), ca.SX.sym("u", n), rng.normal(size=(n, n))
+    M = ca.SX(root @ root.T + np.eye(n)) + ca.diag(ca.cos(q) / 2)
+    arm = mechanical(q, dq, u, M, dq, ca.SX.eye(n))
+    tick = Tick(arm, [Clf(q, eps=0.5), Barrier("joint", 1 - q[0], poles=(3.0, 4.0))], limit=100.0)
+    joints = ca.Function("f", [arm.x, u], [arm.x_dot[n:]])
+    for x in 0.3 * rng.normal(size=(5, 2 * n)):
+        decided = tick(x)
+        assert decided.solved
+        assert np.ravel(joints(x, decided.u)) == pytest.approx(decided.mu, abs=1e-9)
+    assert tick.answer.programme.function.n_instructions() < 20000
 
 
 def test_the_tick_is_checked_where_it_is_written_down() -> None:

@@ -38,7 +38,7 @@ class Affine:
 
     def inverse(self) -> "Affine":
         """The inverse map of a square one, as an expression."""
-        a_inverse = ca.inv_minor(self.a)
+        a_inverse = inverse(self.a)
         return Affine(a_inverse, -a_inverse @ self.b)
 
     def mapped(self, matrix: Any, offset: Any = 0.0) -> "Affine":
@@ -50,3 +50,9 @@ class Affine:
 
     def __sub__(self, other: "Affine") -> "Affine":
         return Affine(self.a - other.a, self.b - other.b)
+
+
+def inverse(matrix: ca.SX) -> ca.SX:
+    """Of a square matrix: by its minors where it is small, else by QR, which takes n^3 operations and not n!."""
+    n = matrix.shape[0]
+    return ca.inv_minor(matrix) if n <= 4 else ca.solve(matrix, ca.SX.eye(n))

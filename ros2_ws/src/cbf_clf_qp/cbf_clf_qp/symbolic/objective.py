@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from cbf_clf_qp.symbolic.affine import Affine
+from cbf_clf_qp.symbolic.affine import Affine, inverse
 
 
 @dataclass(frozen=True)
@@ -41,4 +41,4 @@ def pd_centred(y: ca.SX, dy: ca.SX, eps: ca.SX | float, output_error: Affine, mu
     E = identity + output_error.a
     wanted = -y / eps**2 - np.sqrt(3) * dy / eps
     root = ca.chol(E.T @ E + mu_weight * identity)
-    return Objective(root, ca.inv_minor(root).T @ (E.T @ (wanted - output_error.b)))
+    return Objective(root, inverse(root).T @ (E.T @ (wanted - output_error.b)))

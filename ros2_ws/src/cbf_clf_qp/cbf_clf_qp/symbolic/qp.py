@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from cbf_clf_qp.symbolic.affine import Affine
+from cbf_clf_qp.symbolic.affine import Affine, inverse
 from cbf_clf_qp.symbolic.functions import Array
 from cbf_clf_qp.symbolic.objective import Objective
 from cbf_clf_qp.symbolic.rows import Rows
@@ -63,7 +63,7 @@ def build_qp(blocks: Sequence[Rows], objective: Objective | None, control: Affin
     inputs = control.a.shape[1]
     layout = Layout.of(blocks, inputs)
     objective = objective or Objective(ca.SX.eye(inputs), ca.SX.zeros(inputs))
-    unroot = ca.inv_minor(objective.root)
+    unroot = inverse(objective.root)
     of_mu = ca.vertcat(ca.SX(0, inputs), *(block.A for block in blocks))
     scale = ca.vertcat(*(ca.repmat(ca.SX(block.slack_weight), len(block.names)) for block in blocks)) ** -0.5
     in_mu = ca.vertcat(*(ca.repmat(ca.SX(block.in_mu), len(block.names)) for block in blocks))
