@@ -1,5 +1,7 @@
 """Seeded random programmes: KKT conditions in numpy, agreement of the solvers, who gives way first."""
 
+import subprocess
+import sys
 from typing import Any
 
 import casadi as ca
@@ -140,3 +142,41 @@ def test_osqp_prints_nothing(capfd: Any) -> None:
     for shift in (0.0, 1e-7, 1e-5, 1.0):
         answering(np.eye(SOFT, M), np.zeros(SOFT) + 1e-7 - shift, np.zeros(M), np.eye(M))
     assert capfd.readouterr() == ("", "")
+
+
+INTERRUPTED = """
+import os, signal, threading, time
+import casadi as ca
+import numpy as np
+from cbf_clf_qp.symbolic import Affine
+from cbf_clf_qp.symbolic.answer import Answering
+from cbf_clf_qp.symbolic.qp import build_qp
+from cbf_clf_qp.symbolic.rows import at_least
+
+heard = []
+
+def send():
+    for count in range(1, 301):
+        time.sleep(0.0003)
+        os.kill(os.getpid(), signal.SIGINT)
+        while len(heard) < count:
+            time.sleep(0.0001)
+
+signal.signal(signal.SIGINT, lambda *_: heard.append(1))
+signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])  # also in the thread that begins now
+sender = threading.Thread(target=send)
+sender.start()
+signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
+A = ca.SX.sym("A", 2, 4)
+layout, data = build_qp([at_least(("B1", "B2"), A, ca.SX([5, 5]), 1e6)], None, Affine.identity(4))
+answering, rng = Answering({"A": A}, data, layout, "osqp"), np.random.default_rng(0)
+while sender.is_alive():
+    assert answering(rng.normal(0, 0.5, (2, 4))).status == "solved"
+print(len(heard))
+"""
+
+
+def test_an_interrupt_while_osqp_solves_is_not_lost() -> None:
+    """OSQP has a handler of its own for SIGINT while it solves; that one would stop it and tell nobody."""
+    done = subprocess.run([sys.executable, "-c", INTERRUPTED], capture_output=True, text=True, timeout=180, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "300\n", "")

@@ -82,6 +82,19 @@ def test_a_wall_that_comes_closer_at_known_speed_is_not_passed() -> None:
     assert gaps[1][-1] == pytest.approx(-0.3 * 16 / 64, abs=2e-3)
 
 
+@pytest.mark.parametrize("solver", ["daqp", "osqp"])
+@pytest.mark.parametrize("limit", [1e-4, 1e-2, 1.0, 1e4])
+def test_a_limit_of_the_input_is_kept(solver: str, limit: float) -> None:
+    """Within a part of it, also where it is far smaller than what the rows would need."""
+    tick, rng, reached = cart_tick(solver), np.random.default_rng(6), 0
+    for x in rng.normal(size=(50, 2)):
+        decided = tick(x, **{**DEFAULTS, "limit": limit})
+        assert decided.solved
+        assert abs(decided.u[0]) <= limit * (1 + 1e-4)
+        reached += "u1" in decided.active
+    assert reached > 25 or limit > 1
+
+
 def test_each_wall_has_its_own_tick() -> None:
     """Two ticks of one system share nothing."""
     first, second = cart_tick(wall=0.9), cart_tick(wall=0.5)

@@ -25,6 +25,7 @@ from cbf_clf_qp.symbolic.rows import Rows
 ROUNDING = 1e-6  # a slack or a margin below this is the solver's tolerance
 UNBOUNDED = 1e30  # what the solvers take for infinity
 TINY = 1e-9  # norm of a row with no input in it
+CLOSEST = 1e-6  # bounds that are closer to each other, over 1 + |x|, count as so far apart
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,12 +88,14 @@ def reading(data: dict[str, ca.SX], x: ca.SX, y: ca.SX, layout: Layout) -> dict[
     """What an answer `x` (n,) with multipliers `y` (k,), positive at an upper bound, says.
 
     `residual`: of the KKT conditions 2 x + q + A'y = 0 and A x = (A x + y, cut to the bounds), which is all that they
-    ask of rows and multipliers; over 1 + |x|. inf where the data are not valid. `margin` (k,): to a row's nearer bound.
+    ask of rows and multipliers; over 1 + |x|, and of a row over the distance between its bounds where that is smaller.
+    inf where the data are not valid. `margin` (k,): to a row's nearer bound.
     """
-    A, lower, upper = data["A"], data["lower"], data["upper"]
+    A, lower, upper, size = data["A"], data["lower"], data["upper"], 1 + ca.norm_2(x)
     value, gradient = A @ x, 2 * x + data["q"] + A.T @ y
     rows = value - ca.fmin(ca.fmax(value + y, lower), upper)
-    residual = ca.sqrt(ca.sumsqr(gradient) + ca.sumsqr(rows)) / (1 + ca.norm_2(x))
+    widths = ca.fmin(ca.fmax(upper - lower, CLOSEST * size), size)
+    residual = ca.sqrt(ca.sumsqr(gradient / size) + ca.sumsqr(rows / widths))
     rooted, slacks = ca.vertsplit(x, [0, layout.inputs, layout.shape[1]])
     mu, slack = data["unroot"] @ rooted, data["slack_scale"] * (layout.of_slacks @ slacks)
     return {

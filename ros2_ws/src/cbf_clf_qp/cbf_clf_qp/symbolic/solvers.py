@@ -19,7 +19,7 @@ def by_daqp(p: dict[str, ca.MX], layout: Layout) -> tuple[ca.MX, ca.MX]:
     """x (n,) and y (k,) as expressions of a programme's data: DAQP inside a CasADi function."""
     hessian = 2 * ca.DM.eye(layout.shape[1])
     shapes = {"h": hessian.sparsity(), "a": ca.Sparsity.dense(*layout.shape)}
-    solve = ca.conic("daqp", "daqp", shapes, {"error_on_fail": False, "print_problem": False})
+    solve = ca.conic("daqp", "daqp", shapes, {"error_on_fail": False, "daqp": {"primal_tol": 1e-9}})
     answer = solve(h=hessian, g=p["q"], a=p["A"], lba=p["lower"], uba=p["upper"], lbx=-UNBOUNDED, ubx=UNBOUNDED)
     return answer["x"], answer["lam_a"]
 
