@@ -104,6 +104,19 @@ def test_each_wall_has_its_own_tick() -> None:
     assert first(x, **values).u == pytest.approx(before, abs=0)
 
 
+@pytest.mark.parametrize("solver", ["daqp", "osqp"])
+def test_no_estimates_are_those_that_are_zero(solver: str) -> None:
+    """Digit by digit."""
+    tick, x = cart_tick(solver), np.array([0.3, 1.0])
+    p = tick.p(**DEFAULTS)
+    tick.reset()
+    first = tick.decide(x, p)
+    tick.reset()
+    assert tick.decide(x, p, tick.no_error()).values.row.tolist() == first.values.row.tolist()
+    with pytest.raises(ValueError, match="expected finite"):
+        tick.decide(x * np.nan, p)
+
+
 def segway_tick(plant: Any, **options: Any) -> Tick:
     v, theta, omega = (plant.symbols[name] for name in ("v", "theta", "omega"))
     slow = Barrier("slow", 3 - v - 1.2 * ca.cos(theta) * omega - 4 * ca.sin(theta), poles=(4,))

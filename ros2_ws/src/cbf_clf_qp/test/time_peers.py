@@ -39,12 +39,12 @@ car_none, ball_none, car_p, ball_p = (
 calls: dict[str, list[Callable[[], Any]]] = {
     "cruise control: cbfpy, here, here with parameters by name": [
         lambda: np.asarray(clf_cbf.controller(z, z)),
-        lambda: car.decide(x, car_p, car_none).u,
+        lambda: car.decide(x, car_p).u,
         lambda: car(x, leader=14.0).u,
     ],
     "point robot: cbfpy, here, here with parameters by name": [
         lambda: np.asarray(filtered(robot, goal, other)),
-        lambda: ball.decide(robot, ball_p, ball_none).u,
+        lambda: ball.decide(robot, ball_p).u,
         lambda: ball(robot, obstacle=obstacle, speed=speed).u,
     ],
 }

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import casadi as ca
+import numpy as np
 
 from cbf_clf_qp.symbolic.functions import Array, NumpyFunction, Values, free_symbols, packed, places_of, split
 from cbf_clf_qp.symbolic.qp import ROUNDING, Layout, reading
@@ -72,7 +73,10 @@ class Answering:
         self.unanswered = 0  # programmes that the first solver did not answer
 
     def __call__(self, *inputs: Array) -> Decided:
-        """The first solver's answer, or its guard's; `solved` is false where neither has one."""
+        """The first solver's answer, or its guard's; `solved` is false where neither has one.
+
+        After the first two inputs, a state and parameters, the others may be left out: they are zero.
+        """
         first, guard = self._solvers
         decided = first(inputs)
         if decided.solved or not decided.values.is_valid[0]:
@@ -86,14 +90,15 @@ class Answering:
 
     def _by_daqp(self, inputs: Sequence[Array]) -> Decided:
         start = time.perf_counter()
-        values = self._with_daqp(*inputs)
+        values = self._with_daqp(*inputs) if len(inputs) > 2 else self._of_two(*inputs)
         solved = bool(values.row[0] < TOLERANCE)
         status = "solved" if solved else "not solved" if values.is_valid[0] else "data not valid"
         return Decided(values, self._layout, solved, "daqp", status, time.perf_counter() - start)
 
     def _by_osqp(self, inputs: Sequence[Array]) -> Decided:
         start = time.perf_counter()
-        data = self.programme(*inputs)
+        zeros = [np.zeros(symbol.numel()) for symbol in [*self._inputs.values()][len(inputs) :]]
+        data = self.programme(*inputs, *zeros)
         if not data.is_valid[0]:
             return self._by_daqp(inputs)
         x, y, status = self._osqp.solve(data, self._layout)
@@ -120,3 +125,7 @@ class Answering:
         x, y = by_daqp(split(row, places_of(self._data)), self._layout)
         function = ca.Function("decided", inputs, [read(row, x, y)], programme.name_in(), ["values"])
         return NumpyFunction(function, self.reading.places)
+
+    @cached_property
+    def _of_two(self) -> NumpyFunction:
+        return NumpyFunction(self._with_daqp.function, self.reading.places, inputs=2)

@@ -39,12 +39,14 @@ class Values:
 class NumpyFunction:
     """A CasADi `function` that returns one row, with memory of its own: one object serves one thread.
 
-    `places`: the outputs in that row. A column is an array (n,), a matrix an array (n, m), row by row.
+    `places`: the outputs in that row. A column is an array (n,), a matrix an array (n, m), row by row. `inputs`: how
+    many a call has; the others are zero.
     """
 
-    def __init__(self, function: ca.Function, places: Mapping[str, Place]) -> None:
+    def __init__(self, function: ca.Function, places: Mapping[str, Place], inputs: int | None = None) -> None:
         self.function, self.places = function, places
-        self._arguments = [(np.zeros(size), size) for size in map(function.numel_in, range(function.n_in()))]
+        sizes = [function.numel_in(i) for i in range(function.n_in())][:inputs]
+        self._arguments = [(np.zeros(size), size) for size in sizes]
         self._row = np.zeros(function.numel_out())
         self._buffer, self.evaluate = function.buffer()  # `evaluate` computes with the memory as it is
         for i, (argument, _) in enumerate(self._arguments):

@@ -89,8 +89,7 @@ class Tick:
         self._needs_output_error = ca.depends_on(packed(data), ca.vec(terms.symbols["output_error"]))
         data["is_valid"] *= is_finite(packed(terms.symbols))
         self.answer = Answering(terms.symbols, data, self.layout, solver)
-        self._no_error, self._parameter_places = self.no_error(), places_of(system.named)
-        self._parameters_size = int(system.p.numel())
+        self._parameter_places, self._parameters_size = places_of(system.named), int(system.p.numel())
 
     def __call__(
         self, x: Any, alpha: Any = None, beta: Any = None, output_error: Any = None, **parameters: Any
@@ -99,17 +98,23 @@ class Tick:
 
         Raises ValueError where a parameter is missing or unknown, or a value is not finite or of the wrong size.
         """
-        estimates = self._no_error
+        estimates = None
         if not (alpha is None and beta is None and output_error is None):
-            given = zip((alpha, beta, output_error), vars(estimates).values(), strict=True)
+            given = zip((alpha, beta, output_error), vars(self.no_error()).values(), strict=True)
             estimates = Estimates(*(np.asarray(zero if value is None else value, float) for value, zero in given))
         return self.decide(np.asarray(x, float), self.p(**parameters), estimates)
 
-    def decide(self, x: Array, p: Array, estimates: Estimates) -> Decided:
-        """The tick; raises ValueError where a value is not finite or of the wrong size, or no output error is known."""
-        error = estimates.output_error
-        error = self._no_output_error() if error is None else error
-        decided = self.answer(x, p, estimates.alpha, estimates.beta, error)
+    def decide(self, x: Array, p: Array, estimates: Estimates | None = None) -> Decided:
+        """The tick, of a nominal controller without estimates.
+
+        Raises ValueError where a value is not finite or of the wrong size, or an output error is needed and not known.
+        """
+        if estimates is None:
+            decided = self.answer(x, p)
+        else:
+            error = estimates.output_error
+            error = self._no_output_error() if error is None else error
+            decided = self.answer(x, p, estimates.alpha, estimates.beta, error)
         if not decided.solved:
             self._check_finite(x, p, estimates)
         return decided
@@ -162,8 +167,8 @@ class Tick:
         shown = {**matrices, "nominal_b": terms.nominal.b, "control_b": terms.control.b, **terms.reads}
         return NumpyFunction.of("look", {"x": self.system.x, "p": self.system.p}, shown, matrices)
 
-    def _check_finite(self, x: Array, p: Array, estimates: Estimates) -> None:
+    def _check_finite(self, x: Array, p: Array, estimates: Estimates | None) -> None:
         parameters = {name: p[place] for name, (place, _) in self._parameter_places.items()}
-        for name, value in {"x": x, **parameters, **vars(estimates)}.items():
+        for name, value in {"x": x, **parameters, **(vars(estimates) if estimates else {})}.items():
             if value is not None and not np.isfinite(value).all():
                 raise ValueError(f"{name} = {value}: expected finite numbers")
