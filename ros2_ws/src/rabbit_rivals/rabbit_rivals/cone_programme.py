@@ -22,7 +22,7 @@ SOLVED = ("Solved", "AlmostSolved")
 
 
 def solve(qp: QuadraticProgram, factors: Mapping[int, Array]) -> Solution:
-    """The solution with a `factor` (k, m + 1) for each row that has a margin; `residual` is the primal one.
+    """The solution with a `factor` (k, m + 1) for each row that has a margin.
 
     Raises:
         ModuleNotFoundError: Clarabel is not installed.
@@ -52,4 +52,4 @@ def solve(qp: QuadraticProgram, factors: Mapping[int, Array]) -> Solution:
         is_solved = status in SOLVED and bool(np.isfinite(x).all())
         if is_solved:
             break
-    return Solution(x, is_solved, status, "clarabel", float(answer.r_prim), time.perf_counter() - start)
+    return Solution(x, is_solved, status, "clarabel", time.perf_counter() - start)
