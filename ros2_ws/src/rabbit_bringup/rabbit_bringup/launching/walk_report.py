@@ -1,6 +1,7 @@
 """What both launchers say of a walk, and what they leave: a line an episode, the summary, the exit code."""
 
 import contextlib
+import os
 import signal
 import sys
 from collections.abc import Callable
@@ -11,6 +12,7 @@ from typing import Any
 
 from pydantic_core import to_json
 from rabbit_cli import exit_codes
+from rabbit_cli.child_process import end_with_parent
 from rabbit_cli.executables import LaunchError
 from rabbit_cli.exit_codes import ExitCode
 from rabbit_recording.bag_writer import RecordingError
@@ -86,12 +88,17 @@ def _show(walk: Walk) -> None:
     """Draw, while another process films."""
     from rabbit_viewer.walk_pictures import draw_pictures, film_walk
 
-    with ProcessPoolExecutor(1, get_context("spawn"), signal.signal, (signal.SIGINT, signal.SIG_DFL)) as other:
+    with ProcessPoolExecutor(1, get_context("spawn"), _begin_film, (os.getpid(),)) as other:
         film = other.submit(film_walk, walk.folder) if walk.options.video else None
         if walk.options.pictures:
             draw_pictures(walk.folder)
         if film:
             film.result()
+
+
+def _begin_film(parent: int) -> None:
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    end_with_parent(parent)
 
 
 def _fail(walk: Walk, error: LaunchError) -> int:
@@ -135,6 +142,7 @@ def write_summary(
     Raises:
         RecordingError: the recording cannot be read.
     """
+    from rabbit_description.atomic_file import replace_text
     from rabbit_description.state import TICK_SECONDS
     from rabbit_experiments import provenance
     from rabbit_recording.reader import iterate_episodes
@@ -162,7 +170,7 @@ def write_summary(
         "controller": walk.controller,
         "simulation": walk.simulation,
     }
-    (walk.folder / "summary.json").write_bytes(to_json(summary, indent=2, inf_nan_mode="null") + b"\n")
+    replace_text(walk.folder / "summary.json", to_json(summary, indent=2, inf_nan_mode="null").decode() + "\n")
     if last is not None:
         version = last.records[-1].output.policy_version
         about = about_walk(walk.controller, walk.simulation, version, last.seed, last.outcome)

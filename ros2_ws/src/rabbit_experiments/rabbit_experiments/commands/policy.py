@@ -60,6 +60,7 @@ def errors(given: Given, file: File) -> None:
     request = given.build(ErrorsOptions)
     given = given.over({"controller": _read(file).metadata.problem})
     assembly = given_assembly(given, str(file), request.parameters)
+    from rabbit_description.atomic_file import replace_text
     from rich.progress import track
 
     from rabbit_experiments.evaluation import episode_seeds
@@ -72,9 +73,8 @@ def errors(given: Given, file: File) -> None:
         show_errors(walker, figures)
     if request.out:
         text = json.dumps({"on_walks_of": found, **describe(assembly, request.seed)}, indent=2)
-        with complaints(OSError):
-            request.out.parent.mkdir(parents=True, exist_ok=True)
-            request.out.write_text(text, encoding="utf-8")
+        request.out.parent.mkdir(parents=True, exist_ok=True)
+        replace_text(request.out, text)
         print(f"written to {request.out}")
 
 
