@@ -31,9 +31,11 @@ def carry_out(walk: Walk, run: Callable[[Ended], Any]) -> int:
         The exit code.
     """
     outcomes: list[str] = []
+    refused: list[str] = []  # controllers beside the walk's own
 
     def tell(episode: Any) -> None:
         outcomes.append(episode.outcome)
+        refused.extend(filter(None, [episode.refused_controller]))
         print(line(episode), flush=True)
 
     try:
@@ -48,7 +50,8 @@ def carry_out(walk: Walk, run: Callable[[Ended], Any]) -> int:
         _leave(walk, code, seconds)
     counted = exit_codes.counted(outcomes)
     print(f"written to {walk.folder}")
-    print(f"{code.word}: {counted.count('walked')} of {len(counted)} episodes walked", flush=True)
+    others = f"; torques of {refused[0]} were refused" if refused else ""
+    print(f"{code.word}: {counted.count('walked')} of {len(counted)} episodes walked{others}", flush=True)
     return code
 
 
@@ -56,7 +59,10 @@ def line(episode: Any) -> str:
     """How an episode ended."""
     reason = f" ({episode.reason})" if episode.reason else ""
     stones = f"{episode.touchdowns - (episode.outcome == 'miss')} of {episode.stones} stones"
-    return f"episode {episode.episode}, seed {episode.seed}: {episode.outcome}{reason}, {stones}, {episode.tick} ticks"
+    refused, controller = episode.refused_controller, episode.controller or "a controller without a name"
+    two = f"; two controllers answered: {controller} walked, torques of {refused} were refused" if refused else ""
+    ended = f"{episode.outcome}{reason}, {stones}, {episode.tick} ticks{two}"
+    return f"episode {episode.episode}, seed {episode.seed}: {ended}"
 
 
 def complain(text: object) -> None:
@@ -197,5 +203,7 @@ def describe(walk: Walk, episode: Any) -> dict[str, Any]:
         **tally.result(episode.seed, outcome, episode.landings, [0.0], []).row.model_dump(exclude=UNTIMED),
         "reason": episode.reason,
         "ticks_not_recorded": episode.lost,
+        "controller": episode.controller,
+        "refused_controller": episode.refused_controller,
         "policies": list(dict.fromkeys(record.output.policy_version for record in episode.records)),
     }

@@ -8,6 +8,7 @@ force between two ticks; every torque says which policy made it.
 """
 
 import math
+import secrets
 from array import array
 from collections import deque
 from types import SimpleNamespace
@@ -73,6 +74,7 @@ class ControllerNode(Node):
         """`direct`: hands topics over to a simulator in the same process."""
         super().__init__("controller")
         self.direct = direct
+        self._sender = f"{self.get_fully_qualified_name()} {secrets.token_hex(8)}"[-128:]
         self._own = declare(self, NodeParameters)
         self._settings = declare(self, ControllerParameters, dynamic=("sigma",))
         refuse_unknown(self)
@@ -220,9 +222,9 @@ class ControllerNode(Node):
         except ValueError as error:
             self._give_up(message, str(error))
             return
-        self._say(torque_message(output, message.episode, message.stamp))
+        self._say(torque_message(output, message.episode, message.stamp, self._sender))
         if self._details.readers:
-            self._details.publish(controller_state(output, message.episode, message.stamp))
+            self._details.publish(controller_state(output, message.episode, message.stamp, self._sender))
 
     def _say(self, answer: SimpleNamespace) -> None:
         self._answer = answer
@@ -263,6 +265,7 @@ class ControllerNode(Node):
                 torque=np.zeros(4),
                 policy_version=self._in_force.version,
                 fault=reason[:128],
+                sender=self._sender,
             )
         )
 
@@ -310,6 +313,7 @@ class ControllerNode(Node):
                 accepted=decided.policy is not None,
                 reason=decided.reason,
                 data=array("B", decided.data),
+                sender=self._sender,
             )
         )
 
@@ -323,6 +327,7 @@ class ControllerNode(Node):
         episode, tick = self._turn
         settings = ControllerSettings(parameters=self._settings.model_dump_json(), gait=self._gait.model_dump_json())
         settings.episode, settings.tick = episode, tick + (self._held is None)
+        settings.sender = self._sender
         self._told_settings.publish(settings)
 
     def _set_parameters(self, parameters: ControllerParameters) -> None:
@@ -344,6 +349,8 @@ class ControllerNode(Node):
         }
         if not self._states.get_publisher_count():
             return WARN, "waiting for a simulator", figures
+        if self._episode.phase == Episode.RUNNING and self._episode.controller not in ("", self._sender):
+            return WARN, f"episode {self._episode.episode} is walked by {self._episode.controller}", figures
         if self._early:
             return WARN, f"waits for the announcement of episode {self._early.episode}", figures
         if missing := self._missing(self._held) if self._held else "":
