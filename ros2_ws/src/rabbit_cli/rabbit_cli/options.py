@@ -125,7 +125,7 @@ def check_namespace(namespace: str) -> None:
 def fault(error: ValidationError) -> str:
     """Option, value and expectation of the first thing that is wrong."""
     first: ErrorDetails = error.errors()[0]
-    text = re.sub(r"^(Input should be|Value error,)( a valid)? ?", "", first["msg"])
+    text = re.sub(r"^(Input should be|Value error,)( a valid)? ?(expected )?", "", first["msg"])
     if first["type"] == "extra_forbidden":
         return f"{first['loc'][0]}: no such parameter"
     if not first["loc"]:

@@ -110,7 +110,8 @@ class Gathered:
     def ticks(self) -> dict[str, dict[int, StoredMessage]]:
         """Messages by topic and tick. All count from one beginning; what does not was not the graph's own."""
         of = self._by_beginning.values()
-        most = max(of, key=lambda found: sum(map(len, found.values())), default={name: {} for name in BY_TICK})
+        none: dict[str, dict[int, list[StoredMessage]]] = {name: {} for name in BY_TICK}
+        most = max(of, key=lambda found: sum(map(len, found.values())), default=none)
         return {
             topic: {tick: own for tick, messages in found.items() if (own := self._own(messages)) is not None}
             for topic, found in most.items()

@@ -3,7 +3,7 @@
 A state of an episode that is not announced yet is kept until it is: the two topics may overtake each other.
 A tick needs the preview of stone `touchdowns + 1`, if one was announced; the first tick of an episode also needs the
 policy that the episode names. A controller that comes in the middle of an episode says so, which ends it: it
-does not know since when which leg stands. Policies are checked in another thread (policy_intake_node) and put in
+does not know since when which leg stands. Policies are checked in another thread (`policy_loader.py`) and put in
 force between two ticks; every torque says which policy made it.
 """
 
@@ -16,6 +16,7 @@ from typing import Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
+from rabbit_description.bounded_file import FileError, read_bytes
 from rabbit_description.gait import GaitError, Gaits, load_gaits
 from rabbit_description.state import RobotState, StonePreview
 from rabbit_msgs.msg import ControllerSettings, ControllerState, Episode, PolicySwap, RabbitState, TorqueCommand
@@ -45,7 +46,7 @@ from rl_cbf_clf_controller.policy import ZeroPolicy
 from rl_cbf_clf_controller.ros.messages import controller_state, torque_message
 from rl_cbf_clf_controller.ros.policy_loader import Decided, PolicyLoader, check
 from rl_cbf_clf_controller.ros.preview_buffer import PreviewBuffer
-from rl_cbf_clf_controller.weights import PolicyFileError, policy_path
+from rl_cbf_clf_controller.weights import SIZE_LIMIT, PolicyFileError, policy_path
 
 ERRORS = (GaitError, PolicyFileError)  # of the constructor, when a file cannot be used
 ZERO = "zero"
@@ -361,9 +362,9 @@ class ControllerNode(Node):
 def first_policy(name: str, law: ControllerParameters, gaits: Gaits) -> Decided:
     """The shipped policy of this name, or the file; raises `PolicyFileError`."""
     try:
-        decided = check(policy_path(name).read_bytes(), name, law, gaits)
-    except OSError as error:
-        raise PolicyFileError(f"policy {name}: neither a shipped one nor a file: {error.strerror}") from error
+        decided = check(read_bytes(policy_path(name), SIZE_LIMIT), name, law, gaits)
+    except FileError as error:
+        raise PolicyFileError(f"policy {name}: neither a shipped one nor a file: {error}") from error
     if decided.policy is None:
         raise PolicyFileError(f"policy {name}: {decided.reason}")
     return decided

@@ -45,6 +45,8 @@ ACTED = ("fault",)  # outcomes after which the last state has an answer too
 class TrainerNode(Node):
     """Hears a walk and learns from it."""
 
+    failure_code = 1  # it could be used, and cannot go on
+
     def __init__(self) -> None:
         super().__init__("trainer")
         own = declare(self, NodeParameters)
@@ -67,6 +69,11 @@ class TrainerNode(Node):
         self._kept_back = 0
         self._connect()
         self.get_logger().info(f"ready: learns {training.problem}, begins with policy {own.policy}")
+
+    @property
+    def failure(self) -> str:
+        """Why the node ends by itself: its learning did. Nobody then waits for a plan that never comes."""
+        return self._learning.error
 
     def close(self) -> None:
         """End the learning thread."""
@@ -248,7 +255,7 @@ class TrainerNode(Node):
             figures |= {"held-out error": self._verdict.error, "in force": self._verdict.error_in_force}
         if self._report:
             figures |= {"episode": self._report.episode, **self._report.reward, **self._report.losses}
-        if error := self._learning.error or self._learning.kept.error:
+        if error := self._learning.kept.error:
             return ERROR, error, figures
         if not self._started or not all(reader.get_publisher_count() for reader in self._inputs):
             return WARN, "waiting for simulator and controller", figures
