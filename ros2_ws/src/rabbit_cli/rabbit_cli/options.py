@@ -128,8 +128,10 @@ def fault(error: ValidationError) -> str:
     text = re.sub(r"^(Input should be|Value error,)( a valid)? ?(expected )?", "", first["msg"])
     if first["type"] == "extra_forbidden":
         return f"{first['loc'][0]}: no such parameter"
+    if first["type"] == "model_type":
+        text = "names, each with a value"
     if not first["loc"]:
-        return text
+        return f"expected {text}" if first["type"] == "model_type" else first["msg"].removeprefix("Value error, ")
     name = option_name(str(first["loc"][0])) + "".join(f"[{part}]" for part in first["loc"][1:])
     return f"{name}: missing" if first["type"] == "missing" else f"{name} {first['input']}: expected {text}"
 
