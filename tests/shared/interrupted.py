@@ -165,9 +165,13 @@ def marked(mark: str) -> list[int]:
 
 @dataclass(frozen=True)
 class Interruption:
-    """One that happened: what `how` did after so many seconds, and what is `wrong`; nothing where all is well."""
+    """What `how` did after so many seconds, and what is `wrong`; nothing where all is well.
+
+    Without `is_early` the command had ended before.
+    """
 
     how: str
+    is_early: bool
     after: float
     code: int
     wrong: str
@@ -179,7 +183,8 @@ def interrupt(name: str, out: Path, how: str, after: float) -> Interruption:
     process, disk_folder = start(name, out, mark), str(out.parent)
     with suppress(subprocess.TimeoutExpired):
         process.wait(after)
-    if process.poll() is None:
+    is_early = process.poll() is None
+    if is_early:
         if how == "INT":
             os.killpg(process.pid, signal.SIGINT)
         elif how in SIGNALS:
@@ -198,7 +203,7 @@ def interrupt(name: str, out: Path, how: str, after: float) -> Interruption:
         said += "\nstill running"
     if how in DISK:
         _mount("-o", "remount,rw,size=400m", disk_folder)
-    return Interruption(how, after, process.returncode, _wrong(how, process.returncode, said, mark))
+    return Interruption(how, is_early, after, process.returncode, _wrong(how, process.returncode, said, mark))
 
 
 def _wrong(how: str, code: int, said: str, mark: str) -> str:
@@ -270,10 +275,10 @@ def main() -> None:
         for name in COMMANDS:
             with tempfile.TemporaryDirectory() as folder:
                 done, wrong = chain(name, Path(folder) / "disk", draw)
-            seen.update(f"{name} {each.how}" for each in done)
+            seen.update(f"{name} {each.how}" for each in done if each.is_early)
             lost += bool(wrong) or any(each.wrong and "orphan" not in each.wrong for each in done)
             orphans += sum("orphan" in each.wrong for each in done)
-            at = ", ".join(f"{each.how} {each.after:.1f} s: {each.code}" for each in done)
+            at = ", ".join(f"{each.how} {each.after:.1f} s: {each.code}" for each in done if each.is_early)
             print(
                 f"{seen.total():4d} {name}: {at}", *(f"\n{text}" for each in done if (text := each.wrong)), flush=True
             )
