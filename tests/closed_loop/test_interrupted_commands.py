@@ -1,10 +1,13 @@
 """A long command that is interrupted, at any moment and in any way, goes on when it is called again."""
 
+import os
 import random
+import signal
+import time
 from pathlib import Path
 
 import pytest
-from interrupted import COMMANDS, chain, disk, finished, may_mount
+from interrupted import COMMANDS, ENDING, SIGNALS, chain, disk, finished, marked, may_mount, start
 
 SLOW = [pytest.param(name, seed, marks=pytest.mark.slow) for name in COMMANDS for seed in (2, 3)]
 EACH = [pytest.param(name, marks=() if name == "evaluate" else pytest.mark.slow) for name in COMMANDS]
@@ -17,6 +20,24 @@ def test_an_interrupted_command_goes_on(name: str, seed: int, tmp_path: Path) ->
     interruptions, wrong = chain(name, tmp_path / "disk", random.Random(seed))
     assert [each for each in interruptions if each.wrong] == []
     assert wrong == ""
+
+
+@pytest.mark.parametrize("how", ["TERM", "KILL"])
+def test_no_worker_outlives_its_command(how: str, tmp_path: Path) -> None:
+    mark, end = str(tmp_path), time.monotonic() + 120
+    process = start("evaluate", tmp_path / "out", mark, "--stones", "1000")  # a run takes minutes
+    while len(marked(mark)) < 5 and time.monotonic() < end:  # two workers, two that count resources
+        time.sleep(0.05)
+    time.sleep(3)
+    process.send_signal(SIGNALS[how])
+    assert process.wait() == -SIGNALS[how]
+    end = time.monotonic() + ENDING
+    while marked(mark) and time.monotonic() < end:
+        time.sleep(0.05)
+    left = marked(mark)
+    for pid in left:
+        os.kill(pid, signal.SIGKILL)
+    assert left == []
 
 
 @pytest.mark.parametrize("name", EACH)

@@ -85,10 +85,12 @@ COMMANDS = {
         ("evaluate", "--controller", "cbf-clf-qp", "--runs", "5", "--stones", "1", "--jobs", "2"), table("runs.csv")
     ),
     "benchmark": Command(
-        ("benchmark", "nominal", "--cells", "stones/scale-2", "--courses", "3", "--jobs", "2"),
+        ("benchmark", "nominal", "--cells", "stones/scale-2", "--courses", "2", "--jobs", "2"),
         table("benchmark.csv"),
     ),
-    "reproduce": Command(("reproduce", "stepping-stone", "--quick", "--jobs", "2"), tables_of("stepping-stone")),
+    "reproduce": Command(
+        ("reproduce", "numerical-derivatives", "--quick", "--jobs", "2"), tables_of("numerical-derivatives")
+    ),
     "train": Command(("train", *TRAIN, "--updates-least", "40", "--updates-per-tick", "0"), trained),
     "gait": Command(
         ("gait", "--name", "g", "--payload-table", "", "--intervals", "10"), lambda out: (out / "g.yaml").read_bytes()
@@ -139,10 +141,10 @@ def _mount(*words: str) -> bool:
     return subprocess.run(["mount", *words], capture_output=True, check=False).returncode == 0
 
 
-def start(name: str, out: Path, mark: str = "") -> subprocess.Popen[str]:
-    """The command in a session of its own."""
+def start(name: str, out: Path, mark: str = "", *more: str) -> subprocess.Popen[str]:
+    """The command, with `more` words, in a session of its own."""
     return subprocess.Popen(
-        [*RABBIT, *COMMANDS[name].words, "--out", str(out)],
+        [*RABBIT, *COMMANDS[name].words, *more, "--out", str(out)],
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
@@ -272,7 +274,7 @@ def main() -> None:
     cases, seed = int(sys.argv[1]), int(sys.argv[2])
     draw, seen, lost, orphans = random.Random(seed), Counter[str](), 0, 0
     while seen.total() < cases:
-        for name in COMMANDS:
+        for name in reversed(COMMANDS):
             with tempfile.TemporaryDirectory() as folder:
                 done, wrong = chain(name, Path(folder) / "disk", draw)
             seen.update(f"{name} {each.how}" for each in done if each.is_early)
