@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 import rl_cbf_clf_controller.ros.node
-import rl_trainer.ros.node
+import rl_trainer.ros.trainer_setup
 import typer
 from common import WORKSPACE
 from pydantic import BaseModel
@@ -27,7 +27,7 @@ SOURCES = WORKSPACE / "src"
 NODES: Mapping[str, tuple[type[BaseModel], ...]] = {
     "simulator": (SimulatorParameters, SimulationParameters),
     "controller": (rl_cbf_clf_controller.ros.node.NodeParameters, ControllerParameters),
-    "trainer": (rl_trainer.ros.node.NodeParameters, TrainingParameters),
+    "trainer": (rl_trainer.ros.trainer_setup.NodeParameters, TrainingParameters),
     "recorder": (recorder.NodeParameters,),
     "viewer": (ViewerParameters,),
 }

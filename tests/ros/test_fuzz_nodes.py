@@ -79,7 +79,7 @@ def sound_messages() -> dict[str, list[Any]]:
     }
     for _ in range(4):
         output = controller.step(state)
-        answers = (torque_message(output, 1, Time()), controller_state(output, 1, Time()))
+        answers = (torque_message(output, 1, Time(), "a"), controller_state(output, 1, Time(), "a"))
         kinds = {"state": RabbitState, "torque": TorqueCommand, "controller_state": ControllerState}
         for (name, kind), fields in zip(kinds.items(), (state_message(state, 1, Time()), *answers), strict=True):
             made.setdefault(name, []).append(deserialize_message(Encoder(kind).encode(fields), kind))

@@ -297,6 +297,7 @@ def test_parameters_are_described_bounded_and_read_only(world: Any) -> None:
         return bool(world.ask(SetParameters, "simulator/set_parameters", parameters=parameters).results[0].successful)
 
     assert not set_one("mass_scale", 2.0)
+    assert not set_one("use_sim_time", True)
     assert not set_one("pace", 1000.0)
     assert set_one("pace", 1.0)
     world.start("controller")
@@ -322,6 +323,8 @@ def test_parameters_are_described_bounded_and_read_only(world: Any) -> None:
         ("controller", {"eps": math.nan}, "eps"),
         ("trainer", {"plant": "scale 2"}, "not JSON"),
         ("trainer", {"discount": 2.0}, "discount"),
+        ("trainer", {"problem": "nosuch"}, "error: parameter problem = 'nosuch': expected 'rl-cbf-clf-qp' or "),
+        ("trainer", {"discount": 0.5}, "error: critic = reward holds no future"),
         ("trainer", {"policy": "/nowhere"}, "cannot read /nowhere"),
         ("recorder", {"path": "/proc/nowhere"}, "/proc/nowhere"),
     ],

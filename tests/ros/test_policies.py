@@ -141,7 +141,9 @@ def test_bad_policies_are_refused_with_a_reason_and_the_old_one_goes_on(world: A
         (tmp_path / f"{number}").write_bytes(data)
         answer = world.ask(LoadPolicy, "load_policy", path=str(tmp_path / f"{number}"))
         assert (answer.accepted, reason in answer.message) == (False, True), answer.message
+    os.mkfifo(tmp_path / "fifo")
     paths = {"No such file": tmp_path / "none", "directory": tmp_path, "device": Path("/dev/zero")}
+    paths |= {"pipe": tmp_path / "fifo", "": Path("/proc/kmsg")}  # whose readers may wait for ever
     for reason, path in paths.items():
         assert reason in world.ask(LoadPolicy, "load_policy", path=str(path)).message
     world.wait(lambda: len(swaps) == 1 + len(messages) + len(bad) + len(paths))

@@ -3,6 +3,9 @@
 import itertools
 from typing import Any
 
+import pytest
+from rabbit_bringup.launching.processes import NodeEnded
+from rabbit_cli.exit_codes import ExitCode
 from rabbit_description.gait import load_gait
 from rabbit_msgs.msg import Episode
 from rabbit_sim.parameters import SimulationParameters
@@ -43,13 +46,27 @@ def test_graph_learns_the_same_weights(world: Any) -> None:
     expected = versions_in_process()
     assert [plan.policy_version for plan in plans] == ["zero", *expected]
     assert [message.version for message in weights] == expected
-    begun = [e for e in episodes if e.phase == Episode.RUNNING]
+    begun = [e for e in episodes if e.phase == Episode.RUNNING and not e.controller]
     assert [(e.seed, e.sigma) for e in begun] == [(plan.seed, plan.sigma) for plan in plans[:3]]
     by_episode = {number: [c for c in commands if c.episode == number] for number in (1, 2, 3)}
     for plan, mine in zip(plans, by_episode.values(), strict=False):
         assert {command.policy_version for command in mine} == {plan.policy_version}
     ticks = [(t.episode, t.tick) for t in transitions]
     assert ticks == [(n, c.tick) for n, mine in by_episode.items() for c in mine]
+
+
+def test_a_trainer_whose_learning_diverges_ends_at_once(world: Any) -> None:
+    """With one line that says so; nobody waits until the simulator gives it up."""
+    world.start("simulator", trainer="wait", episodes=3, trainer_timeout=80000.0, **PLANT.model_dump())
+    world.start("controller", **LAW.model_dump())
+    rates = {"actor_rate": 1.0, "critic_rate": 1.0}
+    world.start("trainer", **(TRAINING.model_dump(mode="json") | rates | {"updates_least": 200}))
+    world.go()
+    with pytest.raises(NodeEnded, match=r"the trainer ended.*the learning diverged.*smaller learning rates") as ended:
+        world.wait(lambda: False)
+    assert ended.value.code == ExitCode.NODE_DIED
+    assert "Traceback" not in (world.folder / "log" / "trainer.log").read_text(encoding="utf-8")
+    world.processes.stop(("trainer",))
 
 
 def test_transitions_carry_the_reward(world: Any) -> None:

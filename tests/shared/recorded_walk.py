@@ -46,6 +46,10 @@ TOPICS = {
 }
 
 
+CONTROLLER = "/controller 0123456789abcdef"
+WHO = {"sender": CONTROLLER, "controller": CONTROLLER, "refused_controller": ""}  # who made it, in messages that say so
+
+
 @dataclass(frozen=True)
 class Walk:
     """What a rollout gave."""
@@ -90,7 +94,8 @@ def message(topic: str, tick: int, **fields: Any) -> Any:
     seconds, nanoseconds = divmod(tick * TICK_NS, 10**9)
     stamp = TYPES.types["builtin_interfaces/msg/Time"](sec=seconds, nanosec=nanoseconds)
     kind: Any = TYPES.types[f"rabbit_msgs/msg/{TOPICS[topic]}"]
-    return kind(**{"stamp": stamp, "episode": 1, **({"tick": tick} if topic != "preview" else {}), **fields})
+    names = {name: value for name, value in WHO.items() if name in kind.__dataclass_fields__}
+    return kind(**{"stamp": stamp, "episode": 1, **({"tick": tick} if topic != "preview" else {}), **names, **fields})
 
 
 def told(walk: Walk) -> Iterator[tuple[str, int, Any]]:

@@ -17,6 +17,11 @@ def rabbit(*words: object) -> Result:
     return CliRunner().invoke(app, [str(word) for word in words])
 
 
+def test_a_name_that_is_none_is_told_once(tmp_path: Path) -> None:
+    done = rabbit("train", "--out", tmp_path, "--problem", "nosuch")
+    assert done.stderr == "rabbit: --problem nosuch: expected 'rl-cbf-clf-qp' or 'rl-clf-qp' or 'io-rl-clf-qp'\n"
+
+
 def test_training_leaves_a_sound_policy_and_goes_on(tmp_path: Path) -> None:
     done = rabbit("train", "--out", tmp_path, "--problem", "rl-clf-qp", "--batch", 8, *SHORT)
     assert done.exit_code == 0, done.output

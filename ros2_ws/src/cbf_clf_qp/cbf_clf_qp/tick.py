@@ -25,7 +25,7 @@ from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.objective import Objective
 from cbf_clf_qp.qp import Decision, QuadraticProgram, build_qp
 from cbf_clf_qp.rows import Rows
-from cbf_clf_qp.solvers import Solution, Solver, kkt_residual
+from cbf_clf_qp.solvers import Solution, Solver, kkt_residuals
 from cbf_clf_qp.tracing import Traced
 
 Scene = TypeVar("Scene")  # what the quantities read of a state: outputs, feet, obstacles
@@ -205,11 +205,11 @@ def traced_programme(
 
 @lru_cache(maxsize=64)
 def traced_reading(*of_programme: Any) -> Traced:
-    """Of a solver's answer to a programme of recipes with these parts: the KKT residual, mu, and u = control(mu)."""
+    """Of a solver's answer to a programme of recipes with these parts: the KKT residuals, mu, and u = control(mu)."""
 
     def reading(qp: QuadraticProgram, control: Affine, x: Array, y: Array) -> list[Any]:
         mu = Decision(qp, x).mu
-        return [kkt_residual(qp, x, y), mu, control(mu)]
+        return [kkt_residuals(qp, x, y), mu, control(mu)]
 
     return Traced(reading)
 

@@ -7,6 +7,7 @@ that the rest costs nothing.
 """
 
 import ast
+import errno
 import signal
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
@@ -95,9 +96,18 @@ class LazyGroup(TyperGroup):
         return name, command, rest
 
     def invoke(self, ctx: Any) -> Any:
-        """Run the command; a signal that it does not answer ends it with the shell's code."""
+        """Run the command; a signal that it does not answer ends it with the shell's code.
+
+        What the system refuses, as a full or read-only disk does, ends it with one line.
+        """
         try:
             return super().invoke(ctx)
+        except OSError as error:
+            if error.errno in (None, errno.EPIPE):  # not the system's; a pipe whose reader has gone
+                raise
+            from rabbit_cli.options import fail  # which takes a while
+
+            fail(f"{error.filename}: {error.strerror}" if error.filename else error.strerror)
         except KeyboardInterrupt as error:
             ctx.exit(getattr(error, "code", 128 + signal.SIGINT))
 

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from uuid import uuid4
 
@@ -12,6 +12,9 @@ def replacing(path: Path) -> Iterator[Path]:
     """A path to write to, in the same folder: what is there takes the place of `path`, unless the block raises.
 
     Each writer has a path of its own: of several at once the last one's file stays, whole.
+
+    Raises:
+        OSError: with the name of the file, as on a full disk.
     """
     partial = path.with_name(f".{uuid4().hex}.{path.name}")
     try:
@@ -19,5 +22,16 @@ def replacing(path: Path) -> Iterator[Path]:
         with partial.open("rb") as file:
             os.fsync(file.fileno())
         partial.replace(path)
+    except OSError as error:
+        if error.filename not in (None, str(partial)):
+            raise
+        raise OSError(error.errno, error.strerror or str(error), str(path)) from error
     finally:
-        partial.unlink(missing_ok=True)
+        with suppress(OSError):  # a disk that is read-only by now
+            partial.unlink(missing_ok=True)
+
+
+def replace_text(path: Path, text: str) -> None:
+    """Write a text file, whole or not at all."""
+    with replacing(path) as partial:
+        partial.write_text(text, encoding="utf-8")

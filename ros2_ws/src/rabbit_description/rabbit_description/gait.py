@@ -13,6 +13,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from rabbit_description import GAITS, LIBRARIES
+from rabbit_description.atomic_file import replace_text
 from rabbit_description.bounded_file import FileError, one_line, read_text
 from rabbit_description.state import Array
 from rabbit_description.yaml_file import MOST_BYTES, dump_yaml, parse_yaml
@@ -37,7 +38,7 @@ class GaitFile(BaseModel):
 
     def save(self, path: Path) -> None:
         """Write it as YAML."""
-        path.write_text(dump_yaml(self.model_dump(), default_flow_style=None, width=120), encoding="utf-8")
+        replace_text(path, dump_yaml(self.model_dump(), default_flow_style=None, width=120))
 
 
 class Gait(GaitFile):

@@ -24,6 +24,7 @@ from typing import Annotated, Any
 
 import typer
 from pydantic import BaseModel, ConfigDict
+from rabbit_description.atomic_file import replace_text
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import load_parameters
 from rl_cbf_clf_controller.uncertainty import RL_CBF_CLF_QP
@@ -200,7 +201,7 @@ class Study:
         ordered = sorted(rows, key=lambda each: (list(VARIANTS).index(each.variant), each.training_seed))
         self.out.mkdir(parents=True, exist_ok=True)
         write_rows(self.out / ROWS, Row, ordered)
-        (self.out / TABLE).write_text(markdown(ordered), encoding="utf-8")
+        replace_text(self.out / TABLE, markdown(ordered))
 
 
 def mean_reward(report: TrainingReport, quantity: str) -> float:

@@ -3,11 +3,16 @@
 run(Scenario(assembly, runs=50, seed=9001).walks, Cache(Path("runs/nominal/cache")), processes=2)
 """
 
+import os
 import signal
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from multiprocessing import resource_tracker
 from typing import Any, Literal
 
 import joblib
+from joblib.externals.loky.backend import resource_tracker as loky_tracker
+from rabbit_cli.child_process import end_with_parent
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from rabbit_experiments.cache import Cache, Job, JobError
@@ -71,9 +76,24 @@ def _results(left: Sequence[Job], processes: int, backend: Backend) -> Iterator[
     elif processes == 1 or len(left) <= 1:
         yield from map(_do, left)
     else:
-        with joblib.parallel_config(backend="loky", n_jobs=processes, inner_max_num_threads=1):
+        begin = {"initializer": end_with_parent, "initargs": (os.getpid(),)}
+        with joblib.parallel_config(backend="loky", n_jobs=processes, inner_max_num_threads=1, **begin):
             parallel = joblib.Parallel(return_as="generator_unordered", batch_size=1, pre_dispatch="n_jobs")
-            yield from parallel(joblib.delayed(_in_worker)(job) for job in left)
+            with _interrupts_held():
+                results = parallel(joblib.delayed(_do)(job) for job in left)
+            yield from results
+
+
+@contextmanager
+def _interrupts_held() -> Iterator[None]:
+    """Workers started meanwhile never hear a Ctrl-C, which reaches the whole group; here it is heard afterwards."""
+    for tracker in (resource_tracker, loky_tracker):
+        tracker.ensure_running()  # whose start would let it in
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _through_ray(left: Sequence[Job], processes: int) -> Iterator[tuple[Job, Any]]:
@@ -94,8 +114,3 @@ def _do(job: Job) -> tuple[Job, Any]:
         return job, job.do()
     except JobError as error:
         return job, error
-
-
-def _in_worker(job: Job) -> tuple[Job, Any]:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole group; the parent ends the workers
-    return _do(job)

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from rabbit_description.atomic_file import replacing
+from rabbit_description.atomic_file import replace_text
 from rabbit_viewer.walk_records import RECORDS
 
 from rabbit_experiments.cache import Cache
@@ -70,5 +70,4 @@ class ResultsFolder:
             raise ResultsError(f"{self.path / ABOUT} cannot be read: {error}") from error
 
     def _write(self, name: str, content: dict[str, Any]) -> None:
-        with replacing(self.path / name) as path:
-            path.write_text(json.dumps(content, indent=2), encoding="utf-8")
+        replace_text(self.path / name, json.dumps(content, indent=2))

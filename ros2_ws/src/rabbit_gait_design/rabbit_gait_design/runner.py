@@ -6,6 +6,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from matplotlib.figure import Figure
+from rabbit_description.atomic_file import replace_text, replacing
 from rabbit_description.gait import Gait, GaitLibrary
 
 from rabbit_gait_design.analysis import PAYLOADS, PayloadReport, over_payloads
@@ -35,7 +36,7 @@ def run(
     reports = over_payloads(gait, payloads)
     if reports:
         table = json.dumps([asdict(report) for report in reports], indent=1)
-        (out / f"{gait.name}_payload.json").write_text(table, encoding="utf-8")
+        replace_text(out / f"{gait.name}_payload.json", table)
         _write(plot_payloads({gait.name: reports}), out / f"{gait.name}_payload.png")
     return gait, reports
 
@@ -76,4 +77,5 @@ def designed_stone(specification: GaitSpecification) -> Stone | None:
 
 
 def _write(figure: Figure, path: Path) -> None:
-    figure.savefig(path, dpi=110)
+    with replacing(path) as partial:
+        figure.savefig(partial, dpi=110)

@@ -20,6 +20,7 @@ BY_TICK = ("state", "torque", "controller_state")
 OTHERS = ("preview", "landing", "episode", "timing")
 ENDED = 3  # phase in rabbit_msgs/Episode
 NEIGHBOURS = 2  # episodes back, of which messages may still come
+MOST_CLAIMS = 8  # messages kept that claim to be one; more controllers are in no graph
 MOST_UNHEARD = 1000  # episodes between recorded ones; more are a damaged number
 UNANSWERED = ("silent", "fault", "reset")  # outcomes that may come before the controller's last answer
 
@@ -39,7 +40,8 @@ class EpisodeInventory:
     `number` is the simulator's; in a further `run` of a simulator that was started again it counts on. `first` and
     `last` recorded tick, None if there is none; `recorded`, `lost`: how many. Lost are those between the first and the
     last message of a topic, and up to the episode's end if that was announced. `begins`, `ends`: tick 0, and the
-    announcement of the end, are in the recording.
+    announcement of the end, are in the recording. `controller`: whose torques acted; `refused_controller`: another one
+    that answered too. Both are empty in a recording made before controllers had names.
     """
 
     number: int
@@ -50,6 +52,8 @@ class EpisodeInventory:
     touchdowns: int = 0
     outcome: str = ""
     reason: str = ""
+    controller: str = ""
+    refused_controller: str = ""
     first: int | None = None
     last: int | None = None
     recorded: int = 0
@@ -59,7 +63,7 @@ class EpisodeInventory:
     policies: list[str] = field(default_factory=list)
 
 
-ANNOUNCED = ("seed", "stones", "touchdowns", "outcome", "reason")
+ANNOUNCED = ("seed", "stones", "touchdowns", "outcome", "reason", "controller", "refused_controller")
 
 
 class Gathered:
@@ -71,15 +75,18 @@ class Gathered:
         self.landings: dict[int, Any] = {}
         self.announced: Any = None  # the newest announcement
         self._in_real_time = False
-        self._by_beginning: dict[int, dict[str, dict[int, StoredMessage]]] = defaultdict(
+        self._by_beginning: dict[int, dict[str, dict[int, list[StoredMessage]]]] = defaultdict(
             lambda: {name: {} for name in BY_TICK}
         )
 
     def add(self, message: StoredMessage) -> None:
-        """Take in one; of those that came twice the first."""
+        """Take in one; what comes again, byte by byte, counts once."""
         if message.topic in BY_TICK:
             tick = message.turn[1]
-            self._by_beginning[message.stamp - tick * TICK_NANOSECONDS][message.topic].setdefault(tick, message)
+            begin = message.stamp - tick * TICK_NANOSECONDS
+            here = self._by_beginning[begin][message.topic].setdefault(tick, [])
+            if len(here) < MOST_CLAIMS and all(message.data != each.data for each in here):
+                here.append(message)
         elif message.topic == "timing":
             self._in_real_time = True
         elif message.topic == "episode":
@@ -103,7 +110,19 @@ class Gathered:
     def ticks(self) -> dict[str, dict[int, StoredMessage]]:
         """Messages by topic and tick. All count from one beginning; what does not was not the graph's own."""
         of = self._by_beginning.values()
-        return max(of, key=lambda found: sum(map(len, found.values())), default={name: {} for name in BY_TICK})
+        none: dict[str, dict[int, list[StoredMessage]]] = {name: {} for name in BY_TICK}
+        most = max(of, key=lambda found: sum(map(len, found.values())), default=none)
+        return {
+            topic: {tick: own for tick, messages in found.items() if (own := self._own(messages)) is not None}
+            for topic, found in most.items()
+        }
+
+    def _own(self, messages: list[StoredMessage]) -> StoredMessage | None:
+        """Of what claims to be one message, that of the controller whose torques acted; None: it is only another's."""
+        controller = getattr(self.announced, "controller", None)  # older recordings do not say
+        if controller is None or (len(messages) == 1 and not self.announced.refused_controller):
+            return messages[0]
+        return next((each for each in messages if getattr(each.decode(), "sender", controller) == controller), None)
 
     @property
     def is_recorded(self) -> bool:
@@ -123,7 +142,7 @@ class Gathered:
         made.policies = [*dict.fromkeys(policy_of(ticks["torque"][tick].data) for tick in full)]
         if announced is not None:
             for name in ANNOUNCED:
-                setattr(made, name, getattr(announced, name))
+                setattr(made, name, getattr(announced, name, ""))  # older recordings lack the newer names
             made.ends = bool(made.outcome)
         if full:
             made.first, made.last = full[0], full[-1]

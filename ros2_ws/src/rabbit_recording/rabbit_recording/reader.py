@@ -1,6 +1,7 @@
 """Reads a recording back into what a rollout in process gives: ticks and landings, by episode. No ROS needed."""
 
 import math
+from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass, field, fields
 from pathlib import Path
@@ -88,7 +89,7 @@ class _Announced:
     """By the controller, so far."""
 
     policies: Policies = field(default_factory=Policies)
-    settings: Settings = field(default_factory=Settings)
+    settings: dict[str, Settings] = field(default_factory=lambda: defaultdict(Settings))  # by controller
 
 
 def _finished(path: Path, announced: _Announced | None = None) -> Iterator[tuple[Gathered, EpisodeInventory]]:
@@ -99,7 +100,8 @@ def _finished(path: Path, announced: _Announced | None = None) -> Iterator[tuple
             if announced and message.topic == "policy_swap":
                 announced.policies.add(message.decode())
             elif announced and message.topic == "controller_settings":
-                announced.settings.add(run, message.decode(), gathering.newest)
+                said = message.decode()
+                announced.settings[sender_of(said)].add(run, said, gathering.newest)
             else:
                 gathering.add(run, message)
                 yield from gathering.finished()
@@ -113,12 +115,13 @@ def _decoded(gathered: Gathered, inventory: EpisodeInventory, announced: _Announ
         episode.sigma = gathered.announced.sigma
     ticks = gathered.ticks
     seen: dict[int, StonePreview | None] = {}  # previews, by index of the stone
+    controller = inventory.controller
     for tick in gathered.full_ticks(ticks):
         state, torque, details = (ticks[topic][tick].decode() for topic in BY_TICK)
         stone = state.touchdowns + 1
         if stone not in seen:
             seen[stone] = gathered.preview(stone, ticks["state"][tick].stamp)
-        output = output_of(details, np.array(torque.torque))
+        output, controller = output_of(details, np.array(torque.torque)), sender_of(torque)
         preview = seen[stone] if state.previewed else None
         episode.records.append(Record(RobotState.of_message(state, preview), output))
         if not episode.swaps or torque.policy_version != episode.swaps[-1].version:
@@ -126,7 +129,12 @@ def _decoded(gathered: Gathered, inventory: EpisodeInventory, announced: _Announ
             episode.swaps.append(RecordedSwap(tick, version, announced.policies.get(version)))
     for _, landing in sorted(gathered.landings.items()):
         episode.landings.append(Landing(**{name: getattr(landing, name) for name in Landing.__dataclass_fields__}))
-    episode.settings = announced.settings.of(gathered.run, gathered.episode)
+    episode.settings = announced.settings[controller].of(gathered.run, gathered.episode)
     if episode.swaps:
         announced.policies.forget_before(episode.swaps[-1].version)
     return episode
+
+
+def sender_of(message: Any) -> str:
+    """The controller that a message is of; empty in recordings made before controllers had names."""
+    return str(getattr(message, "sender", ""))

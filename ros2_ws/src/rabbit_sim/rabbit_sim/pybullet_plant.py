@@ -1,9 +1,8 @@
 """The true plant in PyBullet: contacts, friction and real stones with gaps."""
 
-import tempfile
+import os
 from collections.abc import Sequence
 from math import radians
-from pathlib import Path
 from typing import Any
 
 from rabbit_description.state import ACTUATED, COORDINATES, Array, Leg
@@ -24,16 +23,17 @@ class PybulletPlant(EnginePlant):
 
     def __init__(self, parameters: SimulationParameters) -> None:
         super().__init__(parameters)
-        self._folder = tempfile.TemporaryDirectory(prefix="rabbit_sim_")
-        self._urdf = Path(self._folder.name) / "rabbit.urdf"
-        self._urdf.write_text(self._robot_urdf, encoding="utf-8")
+        # PyBullet reads files alone; this one is in memory, and is gone with the process, however that ends
+        self._file = os.fdopen(os.memfd_create("rabbit.urdf"), "w", encoding="utf-8")
+        self._file.write(self._robot_urdf)
+        self._file.flush()
         self._client = PhysicsClient()
 
     def close(self) -> None:
         """Disconnect; twice does no harm."""
         if self._client.isConnected():
             self._client.disconnect()
-            self._folder.cleanup()
+            self._file.close()
 
     def _make_world(self, q: Array, dq: Array) -> None:
         self._client.resetSimulation()
@@ -56,7 +56,7 @@ class PybulletPlant(EnginePlant):
 
     def _load_robot(self) -> None:
         self._robot: int = self._client.loadURDF(
-            str(self._urdf), useFixedBase=True, flags=pybullet.URDF_USE_INERTIA_FROM_FILE
+            f"/proc/self/fd/{self._file.fileno()}", useFixedBase=True, flags=pybullet.URDF_USE_INERTIA_FROM_FILE
         )
         check_robot(self._client, self._robot, self._robot_urdf)
         infos = [self._client.getJointInfo(self._robot, j) for j in range(self._client.getNumJoints(self._robot))]

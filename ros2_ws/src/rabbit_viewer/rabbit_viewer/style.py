@@ -8,6 +8,7 @@ import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from rabbit_description.atomic_file import replacing
 from rabbit_description.state import Array
 
 from rabbit_viewer.colours import AREA, BLACK, BLUE, GREEN, ORANGE, PURPLE, RED, SKY, STONE, YELLOW
@@ -41,7 +42,8 @@ def figure(rows: int = 1, height: float = 2.4, width: float = 9.0, **options: An
 def save(made: Figure, path: Path, dpi: int = 150) -> Path:
     """Write a figure; the suffix says as what."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    made.savefig(path, dpi=dpi)
+    with replacing(path) as partial:
+        made.savefig(partial, dpi=dpi)
     return path
 
 

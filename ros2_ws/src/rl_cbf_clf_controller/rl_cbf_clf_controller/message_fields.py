@@ -1,6 +1,6 @@
 """From the fields of a `ControllerState` message to a `ControllerOutput`; any object with the message's fields will do.
 
-No ROS here: a recording's reader uses it too. The way to the message is in messages_node.
+No ROS here: a recording's reader uses it too. The way to the message is in `ros/messages.py`.
 """
 
 from typing import Any

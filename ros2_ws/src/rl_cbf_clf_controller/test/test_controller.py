@@ -1,5 +1,9 @@
 """One tick of the controller: what goes in, which rows there are, what comes out."""
 
+import io
+import sys
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 from cbf_clf_qp.symbolic.estimates import Estimates
@@ -203,6 +207,26 @@ def test_bad_states_are_refused(changes, message):
 def test_bad_parameters_are_refused(changes):
     with pytest.raises(ParameterError, match=next(iter(changes))):
         load_parameters("ours", **changes)
+
+
+def test_controllers_in_threads_give_the_torques_of_one_alone_and_leave_stdout(monkeypatch):
+    rng = np.random.default_rng(4)
+    q, dq = GAIT.x_start
+    states = [state(q=q + rng.normal(0, 0.02, 7), dq=dq + rng.normal(0, 0.2, 7)) for _ in range(100)]
+
+    def torques(built):
+        return [built.step(each).torque.tolist() for each in states]
+
+    alone = torques(make())
+    written = io.StringIO()
+    monkeypatch.setattr(sys, "stdout", written)
+    with ThreadPoolExecutor(4) as threads:
+        walks = [threads.submit(torques, built) for built in [make() for _ in range(8)]]
+        while not all(walk.done() for walk in walks):
+            assert sys.stdout is written
+    assert sys.stdout is written
+    assert written.getvalue() == ""
+    assert all(walk.result() == alone for walk in walks)
 
 
 @pytest.mark.parametrize(

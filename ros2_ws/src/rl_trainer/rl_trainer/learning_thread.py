@@ -20,7 +20,7 @@ from rl_cbf_clf_controller.weights import PolicyFile
 
 from rl_trainer.node_checkpoint import NodeCheckpoint
 from rl_trainer.publication_gate import PublicationGate, Verdict
-from rl_trainer.training import EpisodePlan, EpisodeReport, Stopped, Trainer
+from rl_trainer.training import DivergenceError, EpisodePlan, EpisodeReport, Stopped, Trainer
 from rl_trainer.transitions import Transition
 
 UPDATES_AT_ONCE = 4  # between two looks into the queue
@@ -104,6 +104,8 @@ class LearningThread:
                 job()
         except Stopped:
             pass
+        except DivergenceError as error:
+            self.error = str(error)
         except Exception as error:
             self.error = f"{type(error).__name__}: {error}"
             raise

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from rabbit_description.atomic_file import replacing
+from rabbit_description.atomic_file import replace_text, replacing
 from rabbit_description.yaml_file import dump_yaml
 from rl_cbf_clf_controller.policy import ActorPolicy, LearnedPolicy, ZeroPolicy
 
@@ -64,9 +64,7 @@ class Session:
         more = open_folder(folder, trainer)
         self.resumed = more is not None
         self.episodes: list[dict[str, Any]] = json.loads((more or {}).get("episodes", "[]"))
-        with replacing(folder / "parameters.yaml") as partial:
-            text = dump_yaml(trainer.parameters.model_dump(mode="json"))
-            partial.write_text(text, encoding="utf-8")
+        replace_text(folder / "parameters.yaml", dump_yaml(trainer.parameters.model_dump(mode="json")))
 
     def run(self, simulation: Simulation, make_controller: MakeController) -> Iterator[EpisodeReport]:
         """The rest of the episodes; all is on disk when an episode's report is yielded."""

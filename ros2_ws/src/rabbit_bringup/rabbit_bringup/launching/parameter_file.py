@@ -5,6 +5,7 @@ from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Any
 
+from rabbit_description.atomic_file import replace_text
 from rabbit_description.bounded_file import FileError
 from rabbit_description.yaml_file import dump_yaml, read_yaml
 
@@ -19,7 +20,7 @@ class ParameterFileError(ValueError):
 def write_parameters(path: Path, nodes: dict[str, dict[str, Any]]) -> None:
     """Write parameters by node name; they hold in whatever namespace the node is."""
     content = {f"/**/{name}": {PARAMETERS: _plain(values)} for name, values in nodes.items()}
-    path.write_text(dump_yaml(content), encoding="utf-8")
+    replace_text(path, dump_yaml(content))
 
 
 def read_parameters(path: Path, namespace: str, nodes: Collection[str]) -> dict[str, dict[str, Any]]:

@@ -5,7 +5,6 @@ killed, the kernel tells them to end.
 """
 
 import contextlib
-import ctypes
 import os
 import select
 import signal
@@ -15,6 +14,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from rabbit_cli import exit_codes
+from rabbit_cli.child_process import end_with_parent
 from rabbit_cli.executables import LaunchError, find_executable
 from rabbit_cli.exit_codes import ExitCode
 
@@ -32,8 +32,6 @@ PACKAGES = {  # of each node
 }
 ONE_PROCESS, WALKERS = "one_process", ("simulator", "controller")  # an executable, and the nodes in it
 UNKNOWN = 256  # as an exit code: it went to the process that started it
-_PR_SET_PDEATHSIG = 1
-_libc = ctypes.CDLL(None)
 
 
 class NodeEnded(LaunchError):
@@ -183,8 +181,3 @@ class Processes:
             return ""
         lines = log.read_text(encoding="utf-8", errors="replace").split("\n")
         return f"{next(filter(None, reversed(lines)), 'without a word')} ({log})"
-
-
-def end_with_parent() -> None:
-    """In a child: end as by SIGTERM when the process that started it dies."""
-    _libc.prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)

@@ -1,6 +1,7 @@
 """What both launchers say of a walk, and what they leave: a line an episode, the summary, the exit code."""
 
 import contextlib
+import os
 import signal
 import sys
 from collections.abc import Callable
@@ -11,6 +12,7 @@ from typing import Any
 
 from pydantic_core import to_json
 from rabbit_cli import exit_codes
+from rabbit_cli.child_process import end_with_parent
 from rabbit_cli.executables import LaunchError
 from rabbit_cli.exit_codes import ExitCode
 from rabbit_recording.bag_writer import RecordingError
@@ -29,9 +31,11 @@ def carry_out(walk: Walk, run: Callable[[Ended], Any]) -> int:
         The exit code.
     """
     outcomes: list[str] = []
+    refused: list[str] = []  # controllers beside the walk's own
 
     def tell(episode: Any) -> None:
         outcomes.append(episode.outcome)
+        refused.extend(filter(None, [episode.refused_controller]))
         print(line(episode), flush=True)
 
     try:
@@ -46,7 +50,8 @@ def carry_out(walk: Walk, run: Callable[[Ended], Any]) -> int:
         _leave(walk, code, seconds)
     counted = exit_codes.counted(outcomes)
     print(f"written to {walk.folder}")
-    print(f"{code.word}: {counted.count('walked')} of {len(counted)} episodes walked", flush=True)
+    others = f"; torques of {refused[0]} were refused" if refused else ""
+    print(f"{code.word}: {counted.count('walked')} of {len(counted)} episodes walked{others}", flush=True)
     return code
 
 
@@ -54,7 +59,10 @@ def line(episode: Any) -> str:
     """How an episode ended."""
     reason = f" ({episode.reason})" if episode.reason else ""
     stones = f"{episode.touchdowns - (episode.outcome == 'miss')} of {episode.stones} stones"
-    return f"episode {episode.episode}, seed {episode.seed}: {episode.outcome}{reason}, {stones}, {episode.tick} ticks"
+    refused, controller = episode.refused_controller, episode.controller or "a controller without a name"
+    two = f"; two controllers answered: {controller} walked, torques of {refused} were refused" if refused else ""
+    ended = f"{episode.outcome}{reason}, {stones}, {episode.tick} ticks{two}"
+    return f"episode {episode.episode}, seed {episode.seed}: {ended}"
 
 
 def complain(text: object) -> None:
@@ -86,12 +94,17 @@ def _show(walk: Walk) -> None:
     """Draw, while another process films."""
     from rabbit_viewer.walk_pictures import draw_pictures, film_walk
 
-    with ProcessPoolExecutor(1, get_context("spawn"), signal.signal, (signal.SIGINT, signal.SIG_DFL)) as other:
+    with ProcessPoolExecutor(1, get_context("spawn"), _begin_film, (os.getpid(),)) as other:
         film = other.submit(film_walk, walk.folder) if walk.options.video else None
         if walk.options.pictures:
             draw_pictures(walk.folder)
         if film:
             film.result()
+
+
+def _begin_film(parent: int) -> None:
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    end_with_parent(parent)
 
 
 def _fail(walk: Walk, error: LaunchError) -> int:
@@ -135,6 +148,7 @@ def write_summary(
     Raises:
         RecordingError: the recording cannot be read.
     """
+    from rabbit_description.atomic_file import replace_text
     from rabbit_description.state import TICK_SECONDS
     from rabbit_experiments import provenance
     from rabbit_recording.reader import iterate_episodes
@@ -162,7 +176,7 @@ def write_summary(
         "controller": walk.controller,
         "simulation": walk.simulation,
     }
-    (walk.folder / "summary.json").write_bytes(to_json(summary, indent=2, inf_nan_mode="null") + b"\n")
+    replace_text(walk.folder / "summary.json", to_json(summary, indent=2, inf_nan_mode="null").decode() + "\n")
     if last is not None:
         version = last.records[-1].output.policy_version
         about = about_walk(walk.controller, walk.simulation, version, last.seed, last.outcome)
@@ -189,5 +203,7 @@ def describe(walk: Walk, episode: Any) -> dict[str, Any]:
         **tally.result(episode.seed, outcome, episode.landings, [0.0], []).row.model_dump(exclude=UNTIMED),
         "reason": episode.reason,
         "ticks_not_recorded": episode.lost,
+        "controller": episode.controller,
+        "refused_controller": episode.refused_controller,
         "policies": list(dict.fromkeys(record.output.policy_version for record in episode.records)),
     }

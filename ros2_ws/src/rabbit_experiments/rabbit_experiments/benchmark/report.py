@@ -6,7 +6,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 from pydantic import BaseModel, ConfigDict
-from rabbit_description.atomic_file import replacing
+from rabbit_description.atomic_file import replace_text, replacing
 
 from rabbit_experiments import provenance
 from rabbit_experiments.benchmark.cells import Cell
@@ -62,8 +62,7 @@ class Benchmark:
             with replacing(out / name) as partial:
                 figure.savefig(partial, format="png", dpi=150, bbox_inches="tight")
         page = out / "benchmark.md"
-        with replacing(page) as partial:
-            partial.write_text(self.page(), encoding="utf-8")
+        replace_text(page, self.page())
         return page
 
     def rows(self) -> list[BenchmarkRow]:

@@ -6,7 +6,7 @@ from typing import Any
 
 import typer
 from pydantic import BaseModel, ConfigDict, Field
-from rabbit_cli.options import Defaults, Given, complaints, options
+from rabbit_cli.options import Defaults, Given, options
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
@@ -36,19 +36,19 @@ def estimator(given: Given) -> None:
     """Walk with a lab's sensors: errors and consistency of the state estimator, in DIR/errors.json."""
     request = given.build(EstimatorOptions)
     assembly = given_assembly(given, request.policy, request.parameters)
+    from rabbit_description.atomic_file import replace_text
     from rich.progress import track
 
     from rabbit_experiments import provenance
     from rabbit_experiments.estimation_errors import estimated_walk, summarise
     from rabbit_experiments.evaluation import episode_seeds
 
-    with complaints(OSError):
-        request.out.mkdir(parents=True, exist_ok=True)
+    request.out.mkdir(parents=True, exist_ok=True)
     seeds = episode_seeds(request.seed, request.runs).values()
     walks = [estimated_walk(assembly, seed) for seed in track(seeds, "walks")]
     found = summarise(walks)
     about = {"command": provenance.command(), "commit": provenance.commit(), "seed": request.seed}
-    (request.out / "errors.json").write_text(json.dumps(found | about, indent=2), encoding="utf-8")
+    replace_text(request.out / "errors.json", json.dumps(found | about, indent=2))
     draw(walks[0], request.out / "errors.png")
     show(found)
     print(f"written {request.out}")
@@ -95,4 +95,4 @@ def draw(walk: Any, path: Path) -> None:
             axes.set_ylabel(f"{name}\n({unit})")
         panels[-1].set_xlabel("time (s)")
         figure.suptitle("error (black) and twice the claimed standard deviation (dashed); the first of each kind")
-        figure.savefig(path)
+        style.save(figure, path)

@@ -1,6 +1,7 @@
 """Policy files: show, verify, errors of the estimates, load."""
 
 import json
+import sys
 from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from rl_cbf_clf_controller.weights import PolicyFile
 
 NOBODY = 1
+PATIENCE = 1.0  # s after which it says that it waits
 DEFAULTS = Defaults(always={"mass_scale": TRAINING_SCALE, "motor_lag": EVALUATION_LAG})
 
 app = typer.Typer(help="Policy files: show, verify, errors, load.", no_args_is_help=True, add_completion=False)
@@ -60,6 +62,7 @@ def errors(given: Given, file: File) -> None:
     request = given.build(ErrorsOptions)
     given = given.over({"controller": _read(file).metadata.problem})
     assembly = given_assembly(given, str(file), request.parameters)
+    from rabbit_description.atomic_file import replace_text
     from rich.progress import track
 
     from rabbit_experiments.evaluation import episode_seeds
@@ -72,9 +75,8 @@ def errors(given: Given, file: File) -> None:
         show_errors(walker, figures)
     if request.out:
         text = json.dumps({"on_walks_of": found, **describe(assembly, request.seed)}, indent=2)
-        with complaints(OSError):
-            request.out.parent.mkdir(parents=True, exist_ok=True)
-            request.out.write_text(text, encoding="utf-8")
+        request.out.parent.mkdir(parents=True, exist_ok=True)
+        replace_text(request.out, text)
         print(f"written to {request.out}")
 
 
@@ -97,7 +99,7 @@ def show_errors(walker: str, figures: dict[str, Any]) -> None:
 def load(
     file: File,
     namespace: Annotated[str, typer.Option(help="of the graph")] = "",
-    timeout: Annotated[float, typer.Option(help="s to wait for the controller", min=0.1, max=3600)] = 5.0,
+    timeout: Annotated[float, typer.Option(help="s to wait for the controller", min=0.1, max=3600)] = 60.0,
 ) -> None:
     """Have a running controller put a policy in force; exit code 1 if there is none, 2 if it refuses the file."""
     from rl_cbf_clf_controller.weights import policy_path
@@ -108,9 +110,11 @@ def load(
     except ModuleNotFoundError:
         fail("no ROS 2 workspace is sourced: source ros2_ws/install/setup.bash", NOBODY)
     with complaints(Refused), closing(GraphClient("question", namespace)) as client:
+        service = client.client("load_policy").service_name
+        if timeout > PATIENCE and not client.client("load_policy").wait_for_service(PATIENCE):
+            print(f"waiting for {service}, {timeout:g} s at most", file=sys.stderr, flush=True)
         answer = client.ask("load_policy", timeout, path=str(policy_path(str(file)).absolute()))
         if answer is None:
-            service = client.client("load_policy").service_name
             fail(f"no answer from {service} after {timeout:g} s: is the graph running?", NOBODY)
     if not answer.accepted:
         fail(f"the controller refused {file}: {answer.message}")

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from matplotlib.figure import Figure
+from rabbit_description.atomic_file import replace_text
 from rabbit_description.state import Array
 from rabbit_viewer import style
 
@@ -14,11 +15,10 @@ from rabbit_experiments.summary import wilson
 
 def write(model: MissProbability, found: Judgement, p: Array, missed: Array, plants: int, out: Path) -> Path:
     """`model.json`, `misses.md`, `misses.png` in the folder `out`; returns the page."""
-    out.mkdir(parents=True, exist_ok=True)
-    (out / "model.json").write_text(model.model_dump_json(indent=1), encoding="utf-8")
-    figure(found).savefig(out / "misses.png", dpi=110)
+    style.save(figure(found), out / "misses.png", dpi=110)
+    replace_text(out / "model.json", model.model_dump_json(indent=1))
     page = out / "misses.md"
-    page.write_text(text(model, found, p, missed, plants), encoding="utf-8")
+    replace_text(page, text(model, found, p, missed, plants))
     return page
 
 

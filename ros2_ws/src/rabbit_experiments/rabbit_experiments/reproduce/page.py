@@ -5,6 +5,8 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+from rabbit_description.atomic_file import replace_text
+
 from rabbit_experiments.cache import Cache
 from rabbit_experiments.engine import Backend, run
 from rabbit_experiments.reproduce.experiment import Experiment
@@ -74,7 +76,7 @@ def write_page(out: Path, names: Sequence[str]) -> Path:
     """`results.md` from the reports that `out` holds of the experiments `names`, in this order."""
     reports = [report for name in names if (report := read_report(out / name))]
     path = out / PAGE
-    path.write_text(HEAD + _overview(reports) + "".join(map(_section, reports)) + FOOT, encoding="utf-8")
+    replace_text(path, HEAD + _overview(reports) + "".join(map(_section, reports)) + FOOT)
     return path
 
 

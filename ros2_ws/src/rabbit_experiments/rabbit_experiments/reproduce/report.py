@@ -14,6 +14,7 @@ from typing import Any
 
 from matplotlib.figure import Figure
 from pydantic import BaseModel, ConfigDict, ValidationError
+from rabbit_description.atomic_file import replace_text
 from rabbit_viewer import style
 
 from rabbit_experiments.tables import markdown_table
@@ -112,13 +113,13 @@ class Report(BaseModel):
         folder = out / self.name
         folder.mkdir(parents=True, exist_ok=True)
         for table in self.tables:
-            (folder / f"{table.name}.csv").write_text(table.csv, encoding="utf-8", newline="")
+            replace_text(folder / f"{table.name}.csv", table.csv)
             if not table.long:
-                (folder / f"{table.name}.md").write_text(table.markdown, encoding="utf-8")
+                replace_text(folder / f"{table.name}.md", table.markdown)
         for name, figure in drawn.items():
             style.save(figure, folder / f"{name}.png", dpi=200)
             style.save(figure, folder / f"{name}.pdf")
-        (folder / REPORT).write_text(self.model_dump_json(indent=1), encoding="utf-8")
+        replace_text(folder / REPORT, self.model_dump_json(indent=1))
 
 
 def read_report(folder: Path) -> Report | None:

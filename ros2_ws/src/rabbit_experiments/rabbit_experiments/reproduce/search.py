@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rabbit_description.atomic_file import replacing
+from rabbit_description.atomic_file import replace_text, replacing
 from rabbit_description.yaml_file import dump_yaml
 from rl_cbf_clf_controller.parameters import load_parameters
 from rl_trainer.parameters import TrainingParameters
@@ -155,7 +155,7 @@ def suggested(trial: Any, plant: str) -> Setting:
 def judged(setting: Setting, out: Path, processes: int) -> tuple[float, list[str]]:
     """How many claims hold, and which; where the gate is shut, how far its lines are from it, negative."""
     out.mkdir(parents=True, exist_ok=True)
-    (out / "setting.yaml").write_text(text(setting), encoding="utf-8")
+    replace_text(out / "setting.yaml", text(setting))
     size = Size(quick=True, runs=RUNS, beside=0, setting=setting, seed=SEED)
     if wrong := shut(size, Cache(out / "cache"), processes):
         return -wrong, []
@@ -203,8 +203,7 @@ def text(setting: Setting) -> str:
 def write(trials: Sequence[Any], out: Path) -> None:
     """The table of all trials, and the best setting."""
     best = trials[int(np.argmax([trial.value for trial in trials]))]
-    with replacing(out / "best.yaml") as partial:
-        partial.write_text(text(Setting.model_validate(best.user_attrs["setting"])), encoding="utf-8")
+    replace_text(out / "best.yaml", text(Setting.model_validate(best.user_attrs["setting"])))
     with replacing(out / "trials.csv") as partial, partial.open("w", newline="", encoding="utf-8") as file:
         rows = csv.writer(file)
         rows.writerow(["trial", "setting", "claims", *BOX, "held"])

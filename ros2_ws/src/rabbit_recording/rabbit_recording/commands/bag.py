@@ -79,6 +79,7 @@ def print_tables(bag: Path, found: "Contents") -> None:
     episodes = Table("episode", "seed", "ended", "stones", "ticks", "lost", "policies")
     for e in there:
         ended = f"{e.outcome or 'not in the recording'}{f' ({e.reason})' if e.reason else ''}"
+        ended += f"; torques of {e.refused_controller} were refused" if e.refused_controller else ""
         row = (e.number, e.seed, ended, f"{e.touchdowns} of {e.stones}", _ticks(e), e.lost, ", ".join(e.policies))
         episodes.add_row(*map(str, row))
     if there:

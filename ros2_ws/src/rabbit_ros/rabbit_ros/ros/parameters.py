@@ -47,11 +47,17 @@ def declare(node: Node, model: type[Model], dynamic: Collection[str] = ()) -> Mo
 
 
 def refuse_unknown(node: Node) -> None:
-    """Raise `ParameterError` if a file or the command line sets a parameter that no model declares."""
+    """Raise `ParameterError` if a file or the command line sets a parameter that no model declares.
+
+    From now on no parameter can be added, and rclpy's own are read-only too.
+    """
     given: set[str] = set(node._parameter_overrides)
     unknown = sorted(name for name in given - _OF_ROS if not (node.has_parameter(name) or name.startswith("qos_")))
     if unknown:
         raise ParameterError(f"parameter {unknown[0]}: {node.get_name()} has no parameter of this name")
+    for name in _OF_ROS:
+        if not (declared := node.describe_parameter(name)).read_only:
+            node.set_descriptor(name, ParameterDescriptor(type=declared.type, read_only=True))
 
 
 def follow(node: Node, current: Model, apply: Callable[[Model], None]) -> None:
@@ -81,7 +87,8 @@ def _checked(model: type[Model], values: dict[str, Any]) -> Model:
     except ValidationError as error:
         first = error.errors()[0]
         name = ".".join(str(part) for part in first["loc"])
-        raise ParameterError(f"parameter {name} = {first['input']!r}: {first['msg']}") from error
+        which = f"parameter {name} = {first['input']!r}: " if name else ""  # a sentence on several names them itself
+        raise ParameterError(which + first["msg"].removeprefix("Value error, ")) from error
 
 
 def _default(info: FieldInfo) -> Any:

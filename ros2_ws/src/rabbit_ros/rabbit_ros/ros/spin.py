@@ -34,7 +34,7 @@ def run(make: Callable[[], Node | tuple[Node, ...]], errors: tuple[type[Exceptio
     Args:
         make: the node's class, or what makes several nodes. If one has `busy()`, all are spun until that is False
             (10 s at most); if it has `close()`, that is called at the end. If its `failure` becomes a line, all end
-            with that and exit code 2.
+            with that and its `failure_code`, or 2.
         errors: besides `ParameterError`, what the constructor raises when a file or value cannot be used.
     """
     signals: list[int] = []
@@ -56,7 +56,7 @@ def run(make: Callable[[], Node | tuple[Node, ...]], errors: tuple[type[Exceptio
     try:
         executor.spin_once(0.0)  # starts the executor's threads
         signal.pthread_sigmask(signal.SIG_UNBLOCK, _SIGNALS)
-        while not signals and not _failure(nodes):
+        while not signals and not _failing(nodes):
             executor.spin_once(_LOOK_UP)
         deadline = time.monotonic() + _LAST_WORK
         while any(getattr(node, "busy", bool)() for node in nodes) and time.monotonic() < deadline:
@@ -65,22 +65,23 @@ def run(make: Callable[[], Node | tuple[Node, ...]], errors: tuple[type[Exceptio
         for node in nodes:
             getattr(node, "close", lambda: None)()
             _deliver(node)
-        failure = _failure(nodes)
-        if failure:
-            print(f"error: {failure}", file=sys.stderr)
-        end_within(_MIDDLEWARE, 2 if failure else int(sys.exc_info()[0] is not None))
+        failed = 0
+        for node in _failing(nodes)[:1]:
+            failed = getattr(node, "failure_code", 2)
+            print(f"error: {getattr(node, 'failure', '')}", file=sys.stderr)
+        end_within(_MIDDLEWARE, failed or int(sys.exc_info()[0] is not None))
         for node in nodes:
             node.destroy_node()
         rclpy.try_shutdown()
         for number in _SIGNALS:  # as the interpreter ends it undoes handlers
             signal.signal(number, signal.SIG_IGN)
-    if failure:
-        sys.exit(2)
+    if failed:
+        sys.exit(failed)
 
 
-def _failure(nodes: tuple[Node, ...]) -> str:
-    """Why one of them cannot go on, or empty."""
-    return next(filter(None, (getattr(node, "failure", "") for node in nodes)), "")
+def _failing(nodes: tuple[Node, ...]) -> list[Node]:
+    """Those that cannot go on."""
+    return [node for node in nodes if getattr(node, "failure", "")]
 
 
 def _deliver(node: Node) -> None:

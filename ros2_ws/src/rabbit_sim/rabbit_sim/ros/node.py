@@ -26,6 +26,7 @@ from rabbit_sim.node_parameters import NodeParameters
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.real_time import Source, StandIn
 from rabbit_sim.restart_file import RestartFile, RestartFileError
+from rabbit_sim.ros.controller_admission import ControllerAdmission
 from rabbit_sim.ros.live_controllers import LOOK_SECONDS, REPEAT_SECONDS, LiveControllers, Wait
 from rabbit_sim.ros.publishers import SimulatorPublishers, episode_of, restart_point
 from rabbit_sim.ros.tick_clock import TickClock
@@ -60,6 +61,7 @@ class SimulatorNode(Node):
         self._plan: EpisodePlan | None = None
         self._paused = self._own.start_paused
         self._stand_in = StandIn(self._own.held_ticks, self._own.damped_ticks, self._own.damping)
+        self._admission = ControllerAdmission()
         self._wait = Wait()
         self._connect()
         if before.running:
@@ -92,6 +94,8 @@ class SimulatorNode(Node):
     def _on_torque(self, message: TorqueCommand) -> None:
         self._live_controllers.spoke()
         try:
+            if self._state is not None and message.episode == self._episode.episode:
+                self._admission.check(message.sender, is_asked_again=self._wait.reminders > 0)
             if self._state is None or self._torque is not None:
                 raise Refused("not awaited", f"episode {message.episode}, tick {message.tick}")
             check_turn((message.episode, message.tick), (self._episode.episode, self._state.tick))
@@ -100,14 +104,26 @@ class SimulatorNode(Node):
             torque = torque_of(message)
         except Refused as error:
             self._refuse("torque", error)
+            self._name_controllers()
             return
         self._message_counter.accept("torque")
-        if message.fault:
-            self._end("fault", message.fault)
+        if fault := self._admission.admit(message):
+            self._end("fault", fault)
             return
+        self._name_controllers()
         self._torque = torque
         self._ticks.answered()
         self._go_on()
+
+    def _name_controllers(self) -> None:
+        """Announce whose torques act and whose are refused, where that is new."""
+        e, now = self._episode, (self._admission.controller or "", self._admission.refused)
+        if now == (e.controller, e.refused_controller):
+            return
+        if now[1] != e.refused_controller:
+            self.get_logger().error(f"two controllers answer: torques of {now[1]} are refused, those of {now[0]} act")
+        e.controller, e.refused_controller = now
+        self._announce(e.phase)
 
     def _on_plan(self, message: EpisodePlan) -> None:
         now = self._episode.episode
@@ -149,6 +165,7 @@ class SimulatorNode(Node):
             self._clock_ticks += 1  # what the sensors say is matched by its stamp: each tick has one of its own
         self._torque = None
         self._stand_in.begin()
+        self._admission.begin()
         self._state = state = self._simulation.reset(seed)
         number = self._episode.episode + 1
         self._episode = Episode(

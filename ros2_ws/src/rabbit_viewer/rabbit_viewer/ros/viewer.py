@@ -180,7 +180,7 @@ class ViewerNode(Node):
 
     def _show_row(self, parts: dict[str, bytes]) -> None:
         """A tick on the page."""
-        state, details = checked_tick(parts)
+        state, details = self._checked(parts)
         if not self._is_present(state.episode):
             return
         stone = self._previews.get(state.touchdowns + 1) if state.previewed else None
@@ -190,8 +190,16 @@ class ViewerNode(Node):
             raise Refused("no tick", str(error)) from error
         self._page.show(self._episode, self._limits.known, RobotState.of_message(state, stone), output)
 
+    def _checked(self, parts: dict[str, bytes]) -> tuple[Any, Any]:
+        """A tick's messages; raises `Refused`, also where the controller's is of one whose torques do not act."""
+        state, details = checked_tick(parts)
+        e = self._episode
+        if state.episode == e.episode and e.controller not in ("", details.sender):
+            raise Refused("another controller", f"{details.sender}; {e.controller} walks episode {e.episode}")
+        return state, details
+
     def _snapshot(self) -> Snapshot:
-        state, details = checked_tick(self._ticks.parts)
+        state, details = self._checked(self._ticks.parts)
         self._is_present(state.episode)
         landed = state.touchdowns
         stone = self._previews.get(landed + 1) if state.previewed else None

@@ -11,7 +11,7 @@ from rl_cbf_clf_controller.message_fields import SAME, SEQUENCES
 _AS_THEY_ARE = {*SAME, *SEQUENCES, "quantities", "measured", "policy_version"} - {"fault", "status"}
 
 
-def torque_message(output: ControllerOutput, episode: int, at: Time) -> SimpleNamespace:
+def torque_message(output: ControllerOutput, episode: int, at: Time, sender: str) -> SimpleNamespace:
     """What the simulator needs."""
     return SimpleNamespace(
         stamp=at,
@@ -20,10 +20,11 @@ def torque_message(output: ControllerOutput, episode: int, at: Time) -> SimpleNa
         torque=output.torque,
         policy_version=output.policy_version,
         fault=output.fault[:128],
+        sender=sender,
     )
 
 
-def controller_state(output: ControllerOutput, episode: int, at: Time) -> SimpleNamespace:
+def controller_state(output: ControllerOutput, episode: int, at: Time, sender: str) -> SimpleNamespace:
     """All but the torque; texts that may be too long for the message are cut."""
     same: dict[str, Any] = {name: getattr(output, name) for name in _AS_THEY_ARE}
     return SimpleNamespace(
@@ -35,5 +36,6 @@ def controller_state(output: ControllerOutput, episode: int, at: Time) -> Simple
         active=[name[:32] for name in output.active[:64]],
         fault=output.fault[:128],
         status=output.status[:64],
+        sender=sender,
         **same,
     )

@@ -3,11 +3,12 @@
 A state of an episode that is not announced yet is kept until it is: the two topics may overtake each other.
 A tick needs the preview of stone `touchdowns + 1`, if one was announced; the first tick of an episode also needs the
 policy that the episode names. A controller that comes in the middle of an episode says so, which ends it: it
-does not know since when which leg stands. Policies are checked in another thread (policy_intake_node) and put in
+does not know since when which leg stands. Policies are checked in another thread (`policy_loader.py`) and put in
 force between two ticks; every torque says which policy made it.
 """
 
 import math
+import secrets
 from array import array
 from collections import deque
 from types import SimpleNamespace
@@ -15,6 +16,7 @@ from typing import Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
+from rabbit_description.bounded_file import FileError, read_bytes
 from rabbit_description.gait import GaitError, Gaits, load_gaits
 from rabbit_description.state import RobotState, StonePreview
 from rabbit_msgs.msg import ControllerSettings, ControllerState, Episode, PolicySwap, RabbitState, TorqueCommand
@@ -44,7 +46,7 @@ from rl_cbf_clf_controller.policy import ZeroPolicy
 from rl_cbf_clf_controller.ros.messages import controller_state, torque_message
 from rl_cbf_clf_controller.ros.policy_loader import Decided, PolicyLoader, check
 from rl_cbf_clf_controller.ros.preview_buffer import PreviewBuffer
-from rl_cbf_clf_controller.weights import PolicyFileError, policy_path
+from rl_cbf_clf_controller.weights import SIZE_LIMIT, PolicyFileError, policy_path
 
 ERRORS = (GaitError, PolicyFileError)  # of the constructor, when a file cannot be used
 ZERO = "zero"
@@ -73,6 +75,7 @@ class ControllerNode(Node):
         """`direct`: hands topics over to a simulator in the same process."""
         super().__init__("controller")
         self.direct = direct
+        self._sender = f"{self.get_fully_qualified_name()} {secrets.token_hex(8)}"[-128:]
         self._own = declare(self, NodeParameters)
         self._settings = declare(self, ControllerParameters, dynamic=("sigma",))
         refuse_unknown(self)
@@ -219,9 +222,9 @@ class ControllerNode(Node):
         except ValueError as error:
             self._give_up(message, str(error))
             return
-        self._say(torque_message(output, message.episode, message.stamp))
+        self._say(torque_message(output, message.episode, message.stamp, self._sender))
         if self._details.readers:
-            self._details.publish(controller_state(output, message.episode, message.stamp))
+            self._details.publish(controller_state(output, message.episode, message.stamp, self._sender))
 
     def _say(self, answer: SimpleNamespace) -> None:
         self._answer = answer
@@ -262,6 +265,7 @@ class ControllerNode(Node):
                 torque=np.zeros(4),
                 policy_version=self._in_force.version,
                 fault=reason[:128],
+                sender=self._sender,
             )
         )
 
@@ -309,6 +313,7 @@ class ControllerNode(Node):
                 accepted=decided.policy is not None,
                 reason=decided.reason,
                 data=array("B", decided.data),
+                sender=self._sender,
             )
         )
 
@@ -322,6 +327,7 @@ class ControllerNode(Node):
         episode, tick = self._turn
         settings = ControllerSettings(parameters=self._settings.model_dump_json(), gait=self._gait.model_dump_json())
         settings.episode, settings.tick = episode, tick + (self._held is None)
+        settings.sender = self._sender
         self._told_settings.publish(settings)
 
     def _set_parameters(self, parameters: ControllerParameters) -> None:
@@ -342,6 +348,8 @@ class ControllerNode(Node):
         }
         if not self._states.get_publisher_count():
             return WARN, "waiting for a simulator", figures
+        if self._episode.phase == Episode.RUNNING and self._episode.controller not in ("", self._sender):
+            return WARN, f"episode {self._episode.episode} is walked by {self._episode.controller}", figures
         if self._early:
             return WARN, f"waits for the announcement of episode {self._early.episode}", figures
         if missing := self._missing(self._held) if self._held else "":
@@ -352,9 +360,9 @@ class ControllerNode(Node):
 def first_policy(name: str, law: ControllerParameters, gaits: Gaits) -> Decided:
     """The shipped policy of this name, or the file; raises `PolicyFileError`."""
     try:
-        decided = check(policy_path(name).read_bytes(), name, law, gaits)
-    except OSError as error:
-        raise PolicyFileError(f"policy {name}: neither a shipped one nor a file: {error.strerror}") from error
+        decided = check(read_bytes(policy_path(name), SIZE_LIMIT), name, law, gaits)
+    except FileError as error:
+        raise PolicyFileError(f"policy {name}: neither a shipped one nor a file: {error}") from error
     if decided.policy is None:
         raise PolicyFileError(f"policy {name}: {decided.reason}")
     return decided

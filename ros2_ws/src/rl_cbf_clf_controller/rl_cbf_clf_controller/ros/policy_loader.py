@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
+from rabbit_description.bounded_file import FileError, read_bytes
 from rabbit_description.gait import Gaits
 from rabbit_msgs.msg import PolicyWeights
 from rabbit_msgs.srv import LoadPolicy
@@ -25,9 +26,8 @@ from rclpy.task import Future
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import Policy
 from rl_cbf_clf_controller.policy_compatibility import fitted
-from rl_cbf_clf_controller.weights import PolicyFileError, decode
+from rl_cbf_clf_controller.weights import SIZE_LIMIT, PolicyFileError, decode
 
-MOST_BYTES = 100_000_000  # of a policy file; the shipped ones have half a million
 MOST_WAITING = 20  # policies that wait for their check
 
 
@@ -110,22 +110,13 @@ class PolicyLoader:
 
     def _check_file(self, path: str, response: LoadPolicy.Response, answer: Future) -> None:
         try:
-            decided = check(_content(Path(path)), path, *self._needs, by_operator=True)
-        except (OSError, ValueError) as error:
+            decided = check(read_bytes(Path(path), SIZE_LIMIT), path, *self._needs, by_operator=True)
+        except FileError as error:
             decided = Decided("", path, True, None, f"cannot read {path}: {error}")
         self._decided(decided)
         response.accepted, response.message = decided.policy is not None, decided.reason
         response.version = decided.version
         answer.set_result(response)
-
-
-def _content(path: Path) -> bytes:
-    """Of a file that may be a policy: the path is anybody's, and may name a device or a pipe that never ends."""
-    if path.exists() and not path.is_file():
-        raise ValueError("expected a regular file, not a directory, device or pipe")
-    if (size := path.stat().st_size) > MOST_BYTES:
-        raise ValueError(f"{size} bytes: expected {MOST_BYTES} at most")
-    return path.read_bytes()
 
 
 def check(data: bytes, source: str, law: ControllerParameters, gaits: Gaits, by_operator: bool = False) -> Decided:

@@ -62,11 +62,11 @@ def plan_message(plan: EpisodePlan, after: int, at: Time) -> msg.EpisodePlan:
 
 
 def checked_part(part: str, message: Any, problem: Problem) -> Any:
-    """What a tick's `state` (with its stamp), `torque` or `controller_state` says; raises `Refused`."""
+    """A tick's `state` with its stamp, `torque` or `controller_state` with its sender; raises `Refused`."""
     if part == "state":
         return message.stamp, state_of(message, None, finite=message.running)
     if part == "torque":
-        return torque_of(message)
+        return message.sender, torque_of(message)
     try:
         output = output_of(message, np.zeros(4))
     except ValueError as error:
@@ -75,7 +75,7 @@ def checked_part(part: str, message: Any, problem: Problem) -> Any:
     if output.quantities != problem.quantities or len(output.observation) not in sizes:
         got = f"quantities {output.quantities}, {len(output.observation)} observations"
         raise Refused("not fit", f"{got}; this problem has {problem.quantities}, {' or '.join(map(str, sizes))}")
-    return output
+    return message.sender, output
 
 
 def policy_of(message: msg.PolicySwap, problem: Problem) -> LearnedPolicy | None:

@@ -4,7 +4,6 @@ It publishes the transitions, weights that are no worse than those in force, and
 each episode is to be walked. It never holds up a tick: what it cannot learn from at once waits in a queue.
 """
 
-import json
 import time
 from dataclasses import replace
 from functools import partial
@@ -12,60 +11,41 @@ from pathlib import Path
 from typing import Any
 
 from builtin_interfaces.msg import Time
-from pydantic import BaseModel, ConfigDict, Field
 from rabbit_msgs.msg import ControllerState, Episode, EpisodePlan, PolicySwap, PolicyWeights, RabbitState, TorqueCommand
 from rabbit_msgs.msg import Transition as TransitionMessage
 from rabbit_ros.message_checks import MessageCounter, Refused
 from rabbit_ros.ros.checked_subscription import create_checked_subscription
 from rabbit_ros.ros.conversions import check_episode, is_new_simulator
 from rabbit_ros.ros.diagnostics import ERROR, OK, WARN, Diagnostics, Status
-from rabbit_ros.ros.parameters import ParameterError, declare, refuse_unknown
+from rabbit_ros.ros.parameters import declare, refuse_unknown
 from rabbit_ros.ros.qos import EVENT, TICK, WEIGHTS
 from rabbit_ros.ros.spin import run, steady_timer
 from rabbit_ros.ros.tick_publisher import TickPublisher
 from rclpy.node import Node
-from rl_cbf_clf_controller.weights import PolicyFile, PolicyFileError, policy_path, read
+from rl_cbf_clf_controller.policy import LearnedPolicy
+from rl_cbf_clf_controller.weights import PolicyFile, PolicyFileError
 
 from rl_trainer.learning_thread import LearningThread
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.publication_gate import Verdict
-from rl_trainer.ros.messages import (
-    ZERO,
-    checked_part,
-    plan_message,
-    policy_of,
-    transition_message,
-    weights_message,
-)
+from rl_trainer.ros.messages import checked_part, plan_message, policy_of, transition_message, weights_message
+from rl_trainer.ros.trainer_setup import NodeParameters, make_trainer
 from rl_trainer.session import CheckpointError
 from rl_trainer.tick_synchronizer import Event, Tick, Walk
 from rl_trainer.training import EpisodePlan as Plan
-from rl_trainer.training import EpisodeReport, Provenance, Trainer
+from rl_trainer.training import EpisodeReport
 from rl_trainer.transitions import Transition
 
 PARTS = ("state", "torque", "controller_state")
 GIVE_UP_SECONDS = 2.0  # after an episode's end, for ticks that have not come
+MOST_CONTROLLERS = 20  # whose policies are remembered
 ACTED = ("fault",)  # outcomes after which the last state has an answer too
-
-
-class NodeParameters(BaseModel):
-    """Parameters of the node besides the training's."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    plan_episodes: bool = Field(False, description="the simulator follows the plans: learn between episodes alone")
-    learn_beside: int = Field(
-        100, ge=0, description="updates between two publications while the robot walks; 0, or plan_episodes: none"
-    )
-    policy: str = Field(ZERO, description="to learn on from: zero (from scratch), the name of a shipped one, or a file")
-    folder: str = Field(
-        "", description="for checkpoint and policies after each episode; it goes on from there, before `policy`"
-    )
-    plant: str = Field("{}", description="what the policy file says of the plant, JSON")
 
 
 class TrainerNode(Node):
     """Hears a walk and learns from it."""
+
+    failure_code = 1  # it could be used, and cannot go on
 
     def __init__(self) -> None:
         super().__init__("trainer")
@@ -83,11 +63,17 @@ class TrainerNode(Node):
         self._started = self._is_joining = False
         self._newest: Episode | None = None  # where the simulator stands
         self._planned: tuple[Plan, int] | None = None  # the newest plan, and after which episode
+        self._policies: dict[str, LearnedPolicy] = {}  # in force, by controller
         self._report: EpisodeReport | None = None
         self._verdict: Verdict | None = None
         self._kept_back = 0
         self._connect()
         self.get_logger().info(f"ready: learns {training.problem}, begins with policy {own.policy}")
+
+    @property
+    def failure(self) -> str:
+        """Why the node ends by itself: its learning did. Nobody then waits for a plan that never comes."""
+        return self._learning.error
 
     def close(self) -> None:
         """End the learning thread."""
@@ -111,6 +97,9 @@ class TrainerNode(Node):
 
     def _on_part(self, part: str, message: Any) -> None:
         if not self._started:
+            return
+        if part != "state" and not self._walks(message.sender, message.episode):
+            self._refuse(part, Refused("another controller", f"{message.sender}, episode {message.episode}"))
             return
         judged = self._walk.judge(part, message.episode, message.tick)
         if judged == "again":
@@ -140,6 +129,8 @@ class TrainerNode(Node):
             return
         self._message_counter.accept("episode")
         self._newest = message
+        if policy := self._policies.get(message.controller):
+            self._learning.in_force(policy)
         if not self._started:
             return
         if is_new_simulator(message) and self._walk.announced:
@@ -169,8 +160,18 @@ class TrainerNode(Node):
             self._refuse("policy_swap", Refused("not fit", str(error)))
             return
         self._message_counter.accept("policy_swap")
-        if policy is not None:
+        if policy is None:
+            return
+        self._policies[message.sender] = policy
+        if len(self._policies) > MOST_CONTROLLERS:
+            del self._policies[next(iter(self._policies))]
+        if self._newest is None or self._walks(message.sender, self._newest.episode):
             self._learning.in_force(policy)
+
+    def _walks(self, controller: str, episode: int) -> bool:
+        """Whether its torques act in an episode, as far as that was announced."""
+        newest = self._newest
+        return newest is None or newest.episode != episode or newest.controller in ("", controller)
 
     def _refuse(self, topic: str, error: Refused) -> None:
         self.get_logger().warning(self._message_counter.refuse(topic, error), throttle_duration_sec=1.0)
@@ -187,8 +188,11 @@ class TrainerNode(Node):
     def _hand_on(self, events: list[tuple[int, Event]]) -> None:
         for episode, event in events:
             if isinstance(event, Tick):
-                (stamp, state), torque, output = event.messages
-                self._learning.tick(state, replace(output, torque=torque), (episode, stamp))
+                (stamp, state), (controller, torque), (author, output) = event.messages
+                if author == controller:
+                    self._learning.tick(state, replace(output, torque=torque), (episode, stamp))
+                else:
+                    self._walk.lost += 1
             else:
                 stamp, state = event.last or (Time(), None)
                 self._learning.end(state, episode, (episode, stamp))
@@ -251,33 +255,11 @@ class TrainerNode(Node):
             figures |= {"held-out error": self._verdict.error, "in force": self._verdict.error_in_force}
         if self._report:
             figures |= {"episode": self._report.episode, **self._report.reward, **self._report.losses}
-        if error := self._learning.error or self._learning.kept.error:
+        if error := self._learning.kept.error:
             return ERROR, error, figures
         if not self._started or not all(reader.get_publisher_count() for reader in self._inputs):
             return WARN, "waiting for simulator and controller", figures
         return OK, "learning", figures
-
-
-def make_trainer(training: TrainingParameters, own: NodeParameters) -> Trainer:
-    """From scratch or from a policy; raises `ParameterError`, `PolicyFileError`."""
-    plant = plant_of(own.plant)
-    if own.policy == ZERO:
-        return Trainer(training, Provenance(plant, command="trainer node"))
-    policy = read(policy_path(own.policy), training.problem)
-    trainer = Trainer(training, Provenance(plant, command=f"trainer node, from {policy.version}"))
-    trainer.start_from(policy)
-    return trainer
-
-
-def plant_of(text: str) -> dict[str, bool | int | float | str]:
-    """What the policy file says of the plant."""
-    try:
-        plant = json.loads(text)
-    except ValueError as error:
-        raise ParameterError(f"parameter plant = {text!r}: not JSON: {error}") from error
-    if not isinstance(plant, dict):
-        raise ParameterError(f"parameter plant = {text!r}: expected a JSON object")
-    return plant
 
 
 def main() -> None:

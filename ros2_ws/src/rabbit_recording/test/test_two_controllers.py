@@ -1,0 +1,83 @@
+"""What a recording holds of two controllers in one graph, and of none that has a name."""
+
+import shutil
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rabbit_recording.bag_writer import BagWriter, graph_types
+from rabbit_recording.checking import check_episodes
+from recorded_walk import CONTROLLER, LATCHED, MESSAGES, TICK_NS, TOPICS, TYPES, Walk, told
+
+OTHER = "/other fedcba9876543210"
+NEW_FIELDS = ("sender", "controller", "refused_controller")
+
+
+def write(path: Path, messages: Iterator[tuple[str, int, Any]], types: Any = TYPES) -> Path:
+    """A recording of these."""
+    writer = BagWriter(path, "mcap", types)
+    for topic, name in TOPICS.items():
+        writer.add(f"/{topic}", f"rabbit_msgs/msg/{name}", [LATCHED])
+    for topic, tick, what in messages:
+        data = bytes(types.serialize_cdr(what, f"rabbit_msgs/msg/{TOPICS[topic]}"))
+        writer.write(f"/{topic}", tick * TICK_NS, data)
+    writer.close()
+    return path
+
+
+def told_by_two(walk: Walk, is_other_first: bool) -> Iterator[tuple[str, int, Any]]:
+    """Another controller tells its settings and answers each tick, with other torques, before or after the first."""
+    settings = walk.law.model_copy(update={"eps": 0.5}).model_dump_json()
+    for topic, tick, what in told(walk):
+        others: list[tuple[str, int, Any]] = []
+        if topic == "controller_settings":
+            others = [(topic, tick, replace(what, parameters=settings, sender=OTHER))]
+        elif topic == "torque":
+            others = [(topic, tick, replace(what, torque=what.torque + 10, sender=OTHER))]
+        elif topic == "controller_state":
+            others = [(topic, tick, replace(what, mu=what.mu + 1, sender=OTHER))]
+        yield from [*others, (topic, tick, what)] if is_other_first else [(topic, tick, what), *others]
+
+
+@pytest.mark.parametrize("is_other_first", [True, False])
+def test_the_torques_that_acted_are_read(tmp_path: Path, walk: Walk, is_other_first: bool) -> None:
+    (checked,) = check_episodes(write(tmp_path / "bag", told_by_two(walk, is_other_first)))
+    episode = checked.episode
+    assert (episode.controller, episode.lost, checked.differing) == (CONTROLLER, 0, [])
+    for name in ("torque", "mu"):
+        recorded = [getattr(record.output, name) for record in episode.records]
+        np.testing.assert_array_equal(recorded, [getattr(record.output, name) for record in walk.records])
+
+
+def test_a_tick_that_only_the_other_answered_is_lost(tmp_path: Path, walk: Walk) -> None:
+    def spoilt() -> Iterator[tuple[str, int, Any]]:
+        for topic, tick, what in told(walk):
+            if topic == "episode":
+                what = replace(what, refused_controller=OTHER)
+            yield topic, tick, replace(what, sender=OTHER) if (topic, tick) == ("torque", 30) else what
+
+    (checked,) = check_episodes(write(tmp_path / "bag", spoilt()))
+    assert (checked.episode.lost, checked.episode.refused_controller) == (1, OTHER)
+    assert 30 not in [record.state.tick for record in checked.episode.records]
+
+
+def test_a_recording_made_before_controllers_had_names_is_read(tmp_path: Path, walk: Walk) -> None:
+    shutil.copytree(MESSAGES, tmp_path / "rabbit_msgs")
+    for file in (tmp_path / "rabbit_msgs" / "msg").glob("*.msg"):
+        lines = file.read_text(encoding="utf-8").splitlines(keepends=True)
+        file.write_text("".join(x for x in lines if x.split()[1:2] not in [[name] for name in NEW_FIELDS]))
+    types = graph_types([tmp_path / "rabbit_msgs"])
+
+    def before() -> Iterator[tuple[str, int, Any]]:
+        for topic, tick, what in told(walk):
+            kind = types.types[f"rabbit_msgs/msg/{TOPICS[topic]}"]
+            fields = {name: value for name, value in vars(what).items() if name not in (*NEW_FIELDS, "__msgtype__")}
+            fields["stamp"] = types.types["builtin_interfaces/msg/Time"](what.stamp.sec, what.stamp.nanosec)
+            yield topic, tick, kind(**fields)
+
+    assert not hasattr(next(before())[2], "controller")
+    (checked,) = check_episodes(write(tmp_path / "bag", before(), types))
+    assert (checked.episode.controller, checked.replayed, checked.differing) == ("", len(walk.records), [])

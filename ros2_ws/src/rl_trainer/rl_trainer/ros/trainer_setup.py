@@ -1,0 +1,49 @@
+"""The parameters of the trainer's node besides the training's, and the trainer that they ask for."""
+
+import json
+
+from pydantic import BaseModel, ConfigDict, Field
+from rabbit_ros.ros.parameters import ParameterError
+from rl_cbf_clf_controller.weights import policy_path, read
+
+from rl_trainer.parameters import TrainingParameters
+from rl_trainer.ros.messages import ZERO
+from rl_trainer.training import Provenance, Trainer
+
+
+class NodeParameters(BaseModel):
+    """Parameters of the node besides the training's."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    plan_episodes: bool = Field(False, description="the simulator follows the plans: learn between episodes alone")
+    learn_beside: int = Field(
+        100, ge=0, description="updates between two publications while the robot walks; 0, or plan_episodes: none"
+    )
+    policy: str = Field(ZERO, description="to learn on from: zero (from scratch), the name of a shipped one, or a file")
+    folder: str = Field(
+        "", description="for checkpoint and policies after each episode; it goes on from there, before `policy`"
+    )
+    plant: str = Field("{}", description="what the policy file says of the plant, JSON")
+
+
+def make_trainer(training: TrainingParameters, own: NodeParameters) -> Trainer:
+    """From scratch or from a policy; raises `ParameterError`, `PolicyFileError`."""
+    plant = plant_of(own.plant)
+    if own.policy == ZERO:
+        return Trainer(training, Provenance(plant, command="trainer node"))
+    policy = read(policy_path(own.policy), training.problem)
+    trainer = Trainer(training, Provenance(plant, command=f"trainer node, from {policy.version}"))
+    trainer.start_from(policy)
+    return trainer
+
+
+def plant_of(text: str) -> dict[str, bool | int | float | str]:
+    """What the policy file says of the plant."""
+    try:
+        plant = json.loads(text)
+    except ValueError as error:
+        raise ParameterError(f"parameter plant = {text!r}: not JSON: {error}") from error
+    if not isinstance(plant, dict):
+        raise ParameterError(f"parameter plant = {text!r}: expected a JSON object")
+    return plant

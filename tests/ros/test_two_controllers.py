@@ -1,0 +1,159 @@
+"""Two controllers in one graph: the torques of one act; the other's are refused, and both are named."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from rabbit_bringup.launching.walk_report import line
+from rabbit_msgs.msg import Episode, TorqueCommand
+from rabbit_msgs.srv import Pause, ResetEpisode
+from rabbit_recording.checking import check_episodes
+from rabbit_sim.real_time import Source
+
+SHORT = {"motor_lag": 0.004, "stones": 3}
+OTHER = ("-r", "__node:=other", "-p", "eps:=0.5")  # another law
+
+
+def ended(world: Any, number: int) -> Episode:
+    """The announcement of an episode's end."""
+    episodes = world.hear("episode")
+    world.wait(lambda: any(e.episode == number and e.phase == Episode.ENDED for e in episodes))
+    return next(e for e in episodes if e.episode == number and e.phase == Episode.ENDED)
+
+
+def applied(world: Any, number: int) -> np.ndarray:
+    """The torques that acted in an episode, (ticks, 4)."""
+    return np.array([s.applied for s in world.hear("state") if s.episode == number and s.tick > 0])
+
+
+def start_other(world: Any) -> None:
+    """A controller of another law comes into the same namespace, while the robot is held."""
+    world.ask(Pause, "pause", paused=True)
+    world.processes.start("other", ("--ros-args", "-r", f"__ns:=/{world.namespace}", *OTHER), kind="controller")
+    world.wait(lambda: "other" in world.node.get_node_names())
+    world.wait(lambda: any(s.name.endswith("/other") for m in world.hear("diagnostics") for s in m.status))
+    world.spin(0.5)
+    world.ask(Pause, "pause", paused=False)
+
+
+def begin(world: Any, **simulator: Any) -> None:
+    """One real controller and a simulator that waits."""
+    for name in ("state", "torque", "episode", "controller_state", "controller_settings"):
+        world.hear(name)
+    world.start("simulator", **{**SHORT, **simulator})
+    world.start("controller")
+
+
+def test_one_law_walks_and_the_result_names_both(make_world: Callable[[str], Any]) -> None:
+    alone, world = make_world("alone"), make_world("two")
+    begin(alone, seed=5, episodes=2)
+    alone.go()
+    begin(world, seed=5, episodes=2, pace=1.0)
+    path = world.folder / "recording"
+    world.start("recorder", path=str(path))
+    world.go()
+    world.wait(lambda: len(world.hear("state")) > 20)
+    start_other(world)  # in the middle of the first episode
+    for number in (1, 2):
+        expected, got = ended(alone, number), ended(world, number)
+        assert (got.outcome, got.tick) == (expected.outcome, expected.tick)
+        world.wait(lambda number=number, got=got: len(applied(world, number)) == got.tick)
+        np.testing.assert_array_equal(applied(world, number), applied(alone, number))
+        assert got.controller.split()[0] == f"/{world.namespace}/controller"
+        assert expected.refused_controller == ""
+        assert "two controllers" not in line(expected)
+    last = ended(world, 2)
+    assert last.refused_controller.split()[0] == f"/{world.namespace}/other"
+    assert last.controller in line(last)
+    assert last.refused_controller in line(last)
+    senders = {command.sender for command in world.hear("torque")}
+    assert senders == {last.controller, last.refused_controller}
+    world.processes.stop(("simulator", "recorder"))
+    checked = list(check_episodes(path))
+    assert [(c.episode.outcome, c.episode.lost, c.differing) for c in checked] == [("walked", 0, [])] * 2
+    assert checked[1].episode.refused_controller == last.refused_controller
+    recorded = [record.output.torque for record in checked[1].episode.records]
+    np.testing.assert_array_equal(recorded, applied(world, 2))
+
+
+def test_another_controller_does_not_go_on_for_a_killed_one(world: Any) -> None:
+    begin(world, episodes=2, pace=1.0)
+    world.go()
+    world.wait(lambda: len(world.hear("state")) > 20)
+    start_other(world)
+    world.wait(lambda: any(e.refused_controller for e in world.hear("episode")))
+    world.processes.kill(("controller",))
+    first = ended(world, 1)
+    assert first.outcome == "fault"
+    assert first.reason.startswith(first.refused_controller)
+    assert first.controller[:80] in first.reason
+    second = ended(world, 2)
+    assert second.controller == first.refused_controller
+    own = {c.tick: c.torque for c in world.hear("torque") if c.episode == 2}
+    np.testing.assert_array_equal(applied(world, 2), [own[tick] for tick in range(second.tick)])
+
+
+def test_a_controller_that_is_started_again_between_episodes_walks(world: Any) -> None:
+    begin(world, episodes=0)
+    world.go()
+    assert world.ask(ResetEpisode, "reset_episode", seed=5).accepted
+    first = ended(world, 1)
+    world.processes.kill(("controller",))
+    world.start("controller")
+    world.wait(lambda: len({s.sender for s in world.hear("controller_settings")}) == 2)
+    assert world.ask(ResetEpisode, "reset_episode", seed=5).accepted
+    second = ended(world, 2)
+    assert (second.outcome, second.tick) == (first.outcome, first.tick)
+    assert second.controller == world.hear("controller_settings")[-1].sender != first.controller
+
+
+@pytest.mark.parametrize("name", ["", "/mine 7"])
+def test_a_controller_of_a_users_own_is_alone_too(world: Any, name: str) -> None:
+    """The test plays one that answers with a PD law; a real one comes in beside it. The empty name is a name too."""
+    begin_fake = {**SHORT, "stones": 1}
+    states, episodes = world.hear("state"), world.hear("episode")
+    world.start("simulator", start_paused=False, **begin_fake)
+    world.say("torque", TorqueCommand(sender=name))
+    world.wait(lambda: bool(states))
+    world.say("torque", TorqueCommand(episode=1, tick=0, sender=name))
+    world.wait(lambda: len(states) > 1)
+    world.start("controller")
+    world.spin(0.1)
+    while not any(e.phase == Episode.ENDED for e in episodes):
+        state = states[-1]
+        world.say("torque", TorqueCommand(episode=1, tick=state.tick, torque=[1.0, 0.0, 1.0, 0.0], sender=name))
+        world.wait(lambda state=state: states[-1].tick > state.tick or episodes[-1].phase == Episode.ENDED)
+    said = [list(s.applied) for s in states if s.tick > 1]
+    assert said == [[1.0, 0.0, 1.0, 0.0]] * len(said)
+    assert episodes[-1].controller == name
+
+
+def test_in_real_time_the_torques_of_one_act(world: Any) -> None:
+    begin(world, real_time=True, held_ticks=1000)
+    timing = world.hear("timing")
+    world.go()
+    start_other(world)
+    end = ended(world, 1)
+    world.wait(lambda: len(applied(world, 1)) == end.tick)
+    own = {c.tick: c.torque for c in world.hear("torque") if c.sender == end.controller}
+    answered = [t.tick for t in timing if t.source == Source.ANSWER]
+    assert answered
+    np.testing.assert_array_equal(applied(world, 1)[answered], [own[tick] for tick in answered])
+
+
+def test_the_trainer_learns_from_the_one_that_walks(world: Any) -> None:
+    transitions = world.hear("transition")
+    begin(world, pace=1.0, trainer="wait")
+    world.start("trainer", learn_beside=0)
+    world.go()
+    world.wait(lambda: len(world.hear("state")) > 20)
+    start_other(world)
+    end = ended(world, 1)
+    world.wait(lambda: bool(transitions) and transitions[-1].tick == end.tick - 1)
+    own = {d.tick: d for d in world.hear("controller_state") if d.sender == end.controller}
+    assert any(d.sender == end.refused_controller for d in world.hear("controller_state"))
+    assert [t.tick for t in transitions] == list(range(end.tick))
+    for transition in transitions:
+        np.testing.assert_array_equal(transition.mu, own[transition.tick].mu)
+        np.testing.assert_array_equal(transition.alpha, own[transition.tick].alpha)
