@@ -105,7 +105,8 @@ class Controller:
     def parameters(self, new: ControllerParameters) -> None:
         names = type(new).model_fields
         changed = {name for name in names if getattr(new, name) != getattr(self._parameters, name)}
-        fixed = changed - {*GAINS, "sigma", "swap_time", "swap_phase"}
+        own = self._kind.estimators(new)  # they keep the gains that they were made with
+        fixed = changed - {*(() if own else GAINS), "sigma", "swap_time", "swap_phase"}
         if fixed:
             raise ControllerError(f"{', '.join(sorted(fixed))}: expected no change, which needs a new controller")
         self._parameters = new

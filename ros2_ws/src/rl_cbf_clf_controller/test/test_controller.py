@@ -303,12 +303,20 @@ def test_a_parameter_that_changes_between_two_ticks_holds_from_the_next_one_on(k
         assert walking.step(at).torque == pytest.approx(built.step(at).torque, abs=1e-7)
 
 
-@pytest.mark.parametrize("changes", [{"kp": 2.0}, {"controller": "clf-qp"}, {"cone": "literal"}, {"qp_solver": "daqp"}])
-def test_a_parameter_that_needs_a_new_controller_is_refused(changes):
-    built = make()
+@pytest.mark.parametrize(
+    ("controller", "changes"),
+    [
+        ("cbf-clf-qp", {"kp": 2.0}),
+        ("cbf-clf-qp", {"controller": "rl-cbf-clf-qp"}),
+        ("cbf-clf-qp", {"cone": "literal"}),
+        ("l1-clf-qp", {"eps": 0.05}),  # its adaptation keeps the one that it was made with
+    ],
+)
+def test_a_parameter_that_needs_a_new_controller_is_refused(controller, changes):
+    built = make(controller)
     with pytest.raises(ControllerError, match=f"{next(iter(changes))}: expected no change"):
-        built.parameters = load_parameters("ours", **{"controller": "cbf-clf-qp", **changes})
-    assert built.step(state()).torque == pytest.approx(make().step(state()).torque)
+        built.parameters = load_parameters("ours", **{"controller": controller, **changes})
+    assert built.step(state()).torque == pytest.approx(make(controller).step(state()).torque)
 
 
 def test_another_policy_between_two_ticks_gives_its_own_torque():
