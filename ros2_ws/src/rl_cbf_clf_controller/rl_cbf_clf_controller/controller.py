@@ -296,4 +296,4 @@ class Details:
 @lru_cache(maxsize=64)
 def traced_measurement(quantities: tuple[Quantity[Scene], ...]) -> Traced:
     """All quantities over the seconds between two scenes."""
-    return Traced(lambda before, after, seconds: [measured(quantities, before, after, seconds)])
+    return Traced(lambda before, after, seconds: [measured(quantities, before, after, seconds)], quantities)

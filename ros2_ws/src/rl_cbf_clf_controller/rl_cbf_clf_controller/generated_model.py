@@ -11,7 +11,7 @@ from rabbit_description.state import Array
 
 from rl_cbf_clf_controller import link_parameters as links
 from rl_cbf_clf_controller.foot_velocity import FootVelocity
-from rl_cbf_clf_controller.generated.calls import generated, read_only
+from rl_cbf_clf_controller.generated.calls import generated
 from rl_cbf_clf_controller.generated.layout import FOOT_VELOCITY, LINKS, PINNED, REGRESSOR
 from rl_cbf_clf_controller.generated.library import GeneratedFunction, load_library
 from rl_cbf_clf_controller.nominal_model import PLANE, NominalModel
@@ -55,7 +55,7 @@ class GeneratedModel:
     def _believe(self, links: Array, motor_gain: float, joint_damping: float) -> None:
         self._arguments[self._links] = links
         self._arguments[self._motor_gain], self._arguments[self._joint_damping] = motor_gain, joint_damping
-        self._robot = GeneratedRobot(read_only(self._arguments[self._links.start :]))
+        self._robot = GeneratedRobot(self._arguments[self._links.start :].copy())
 
     def update(self, q_s: Array, dq_s: Array) -> Kinematics:
         """Compute all terms at a state `q_s`, `dq_s` (7,), stance/swing order, and return the feet's kinematics."""
@@ -134,7 +134,7 @@ def leg_lengths(model: pin.Model) -> Array:
     for side, foot in zip(("left", "right"), FEET, strict=True):
         points += [model.jointPlacements[model.getJointId(f"{side}_{name}")] for name in ("hip", "knee")]
         points.append(model.frames[model.getFrameId(foot)].placement)
-    return read_only(np.concatenate([point.translation[PLANE] for point in points]))
+    return np.concatenate([point.translation[PLANE] for point in points])
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from rabbit_description.state import Array
 
-from rl_cbf_clf_controller.generated.calls import generated, read_only
+from rl_cbf_clf_controller.generated.calls import generated
 from rl_cbf_clf_controller.generated.layout import COORDINATES, OUTPUTS, POWERS
 from rl_cbf_clf_controller.generated.library import GeneratedFunction, load_library
 from rl_cbf_clf_controller.virtual_constraints import Outputs, VirtualConstraints
@@ -25,7 +25,7 @@ class GeneratedOutputs:
             if name == "powers":
                 values = np.pad(values, ((0, 0), (0, POWERS - values.shape[1])))
             self._arguments[at[name]] = np.ravel(values)
-        self._path = GeneratedPath(read_only(self._arguments[at["gradient"].start :]))
+        self._path = GeneratedPath(self._arguments[at["gradient"].start :].copy())
 
     def evaluate(self, q_s: Array, dq_s: Array) -> Outputs:
         """Outputs at `q_s`, `dq_s` (7,), stance/swing order."""

@@ -21,6 +21,7 @@ from rl_cbf_clf_controller.step_outputs import OutputPath
 Quantities = tuple[Quantity[Scene], ...]
 
 tracing.compiled = compiled_trace
+tracing.TRUSTED.update(("rl_cbf_clf_controller", "rabbit_description"))
 
 
 class NominalTerms:
@@ -61,4 +62,4 @@ def traced_terms(parameters: ControllerParameters, quantities: Quantities) -> Tr
         control = precontrol(outputs.second_derivative(dynamics.acceleration))
         return [scene, dynamics, control, predicted(quantities, scene, dynamics).after(control)]
 
-    return Traced(terms)
+    return Traced(terms, quantities)

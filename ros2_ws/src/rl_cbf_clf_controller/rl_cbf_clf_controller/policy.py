@@ -108,10 +108,7 @@ class ActorPolicy(LearnedPolicy):
         self.adaptation = form.adaptation or "none"
         self._center = np.array(form.observation_center)
         self._inverse_scale = 1 / np.array(form.observation_scale)
-        scales = np.array(form.alpha_scale), np.array(form.beta_scale)
-        for scale in scales:
-            scale.flags.writeable = False  # so that a trace takes them once
-        self._form = *scales, form.structured, "V" in form.names
+        self._form = np.array(form.alpha_scale), np.array(form.beta_scale), form.structured, "V" in form.names
         self._actor = Actor(file.arrays)
         self._estimates = traced_estimates().twin()
 

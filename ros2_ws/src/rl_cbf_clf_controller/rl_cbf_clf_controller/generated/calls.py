@@ -7,13 +7,6 @@ from rabbit_description.state import Array
 from rl_cbf_clf_controller.generated.library import GeneratedFunction, load_library
 
 
-def read_only(numbers: Array) -> Array:
-    """A copy that stays as it is, so that a trace takes it once."""
-    copy = numbers.copy()
-    copy.flags.writeable = False
-    return copy
-
-
 def generated(name: str, *arguments: Array) -> Array:
     """The results (k,) of one of `layout.FUNCTIONS`; who calls it has found the library."""
     library, row = load_library(), np.concatenate(arguments)
