@@ -216,6 +216,8 @@ class Browser:
 def test_a_crowd_at_its_limit_does_not_stop_the_walk(started: Callable[..., Play]) -> None:
     play = started("--stones", "200", "--seed", "2")
     browsers = [Browser(seed) for seed in range(CROWD)]
+    with PageClient(play.address) as client:
+        client.wait(lambda client: client.rows)
 
     async def crowd() -> None:
         until = asyncio.get_running_loop().time() + CROWD_SECONDS
@@ -264,4 +266,4 @@ def test_a_flood_of_connections_is_one_line(started: Callable[..., Play]) -> Non
         client.wait(lambda client: client.rows)
     code, errors = play.end()
     assert code == 0
-    assert re.fullmatch(r"page: [^\n]*Too many open files[^\n]*\n", errors)
+    assert re.fullmatch(r"(page: [^\n]*Too many open files[^\n]*\n){1,3}", errors)  # one in 10 s

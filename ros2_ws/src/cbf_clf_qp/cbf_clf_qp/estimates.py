@@ -42,8 +42,12 @@ class Estimates:
     @classmethod
     @cache
     def zero(cls, n: int, m: int) -> "Estimates":
-        """No error anywhere: the nominal controller."""
-        return cls(np.zeros((n, m)), np.zeros(n), Affine.zero(m, m))
+        """No error anywhere: the nominal controller. All who ask share the arrays, which are read-only."""
+        error = Affine.zero(m, m)
+        zero = cls(np.zeros((n, m)), np.zeros(n), error)
+        for array in (zero.alpha, zero.beta, error.a, error.b):
+            array.flags.writeable = False
+        return zero
 
     @classmethod
     def from_flat(cls, flat: Array, inputs: int) -> "Estimates":

@@ -36,7 +36,7 @@ def traced_error(quantities: tuple[Quantity[Any], ...]) -> Traced:
     def error(scene: Any, precontrol: Affine, nominal: Affine, dynamics: Any) -> list[Estimates]:
         return [error_under(dynamics, Terms(quantities, scene, None, precontrol, nominal))]
 
-    return Traced(error)
+    return Traced(error, quantities)
 
 
 def error_under(dynamics: Any, terms: Terms[Any]) -> Estimates:

@@ -68,12 +68,11 @@ def is_symbolic(values: Array) -> bool:
 
 
 def at_least(values: Array, least: float) -> Array:
-    """The larger of each value and `least`."""
-    return (
-        from_casadi(ca.fmax(to_casadi(values), least), values.shape)
-        if is_symbolic(values)
-        else np.maximum(values, least)
-    )
+    """The larger of each value and `least`; NaN of NaN."""
+    if is_symbolic(values):  # CasADi's fmax(NaN, least) is least
+        found = to_casadi(values)
+        return from_casadi(ca.if_else(found < least, least, found), values.shape)
+    return np.maximum(values, least)
 
 
 def smaller(first: Array, second: Array) -> Array:

@@ -200,7 +200,7 @@ def traced_programme(
         qp = build_qp(rows_of(recipe, terms, estimates, control), objective(terms, estimates))
         return [control, qp, estimates, parts]
 
-    return Traced(programme)
+    return Traced(programme, (quantities, constraints, objective))
 
 
 @lru_cache(maxsize=64)

@@ -3,25 +3,27 @@
     def scaled(box, factor):                     # any Python of numpy arrays that does not branch on their values
         return (box.corners * factor,)
 
-    fast = Traced(scaled)
+    fast = Traced(scaled)                        # `box` of a class in a package that TRUSTED names
     (corners,) = fast(box, 2.0)                  # the first call traces, the later ones take microseconds
 
 An operation on a small array costs numpy a microsecond, and a tick has hundreds. The trace has the same operations, so
 the results are the same but for rounding. What cannot be traced is computed by numpy as before: a function that
-branches on a value, an argument of an unknown class, a machine without CasADi. `Traced.reason` says why. With
+branches on a value, an argument of an unknown class, a machine without CasADi. `Traced.reason` says why. A trace keeps
+what the function reads besides its arguments: an attribute of `self`, a global. So only classes of the packages in
+`TRUSTED` are traced, whose objects stay as they were made; another package's code runs at every call. With
 CBF_CLF_QP_TRACING=off in the environment numpy computes everything: so a debugger stops in your rows at every tick.
 
 Arguments and results are dataclasses, tuples, arrays and numbers; a part of a result that is a part of an argument is
 that object itself. The function must depend on nothing else that changes. All numbers of a call's results lie in one
 row. What a dataclass holds besides arrays is made when it is first read. A trace that has such a dataclass as an
-argument copies its whole row. Of an argument that is a read-only array it takes the numbers once.
+argument copies its whole row.
 """
 
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from enum import Enum
-from types import SimpleNamespace
+from types import FunctionType, SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -31,8 +33,10 @@ from cbf_clf_qp.symbols import Array, Symbol, Untraceable, ca, is_symbolic, new_
 TOLERANCE = 1e-9  # by which trace and function may differ, relative to the largest number of all results
 ENABLED = ca is not None and os.environ.get("CBF_CLF_QP_TRACING") != "off"
 CONSTANTS = (type(None), bool, str, Enum)
+NUMBERS = (np.ndarray, np.number, int, float)
 MISFITS = (AttributeError, IndexError, TypeError, ValueError)  # of a trace to arguments
 MOST_TRACES = 8
+TRUSTED = {"cbf_clf_qp"}  # packages add themselves
 
 CALL = "_traced_call"  # attribute of a result: the call that it is of
 PLACES = "_traced_places"  # attribute of its class: where in the row of that call its numbers lie
@@ -61,15 +65,16 @@ class Traced:
     traces.
     """
 
-    def __init__(self, function: Function) -> None:
-        self._function = function
+    def __init__(self, function: Function, of: Sequence[Any] = ()) -> None:
+        """`of`: the objects whose methods the function calls, besides those of its arguments."""
+        self._function, self._of = function, of
         self._traces: list[_Trace] = []  # of this and its twins
         self._evaluation: Evaluation | None = None
-        self.reason = "" if ENABLED else "CasADi is not installed, or CBF_CLF_QP_TRACING=off"
+        self.reason = foreign(of) if ENABLED else "CasADi is not installed, or CBF_CLF_QP_TRACING=off"
 
     def twin(self) -> "Traced":
         """The same function, for another thread."""
-        twin = Traced(self._function)
+        twin = Traced(self._function, self._of)
         twin._traces = self._traces
         return twin
 
@@ -108,6 +113,21 @@ class Traced:
         self._traces.append(_Trace.of(self._function, arguments))
         evaluation = self._traces[-1].evaluation()
         return evaluation, evaluation(arguments)
+
+
+def foreign(value: Any) -> str:
+    """Which class or function among the parts of a value is of a package that is not trusted; empty where none is."""
+    if isinstance(value, (*CONSTANTS, *NUMBERS)):
+        return ""
+    if isinstance(value, tuple | list):
+        return next(filter(None, map(foreign, value)), "")
+    code = value if isinstance(value, type | FunctionType) else type(value)
+    if code.__module__.partition(".")[0] not in TRUSTED:
+        return f"{code.__module__}.{code.__qualname__} is not of a package that is traced"
+    if isinstance(value, type):
+        return ""
+    cells = value.__closure__ or () if isinstance(value, FunctionType) else ()
+    return foreign([*(cell.cell_contents for cell in cells), *getattr(value, "__dict__", {}).values()])
 
 
 @dataclass(frozen=True)
@@ -168,7 +188,7 @@ class _Writer:
     def __init__(self) -> None:
         self.views: dict[str, slice] = {}
         self.names: dict[str, Any] = {"CALL": CALL, "Untraceable": Untraceable, "ndarray": np.ndarray}
-        self.names |= {"new": object.__new__, "put": object.__setattr__}
+        self.names |= {"new": object.__new__, "put": object.__setattr__, "number": np.number | int | float}
 
     def checks(self, count: int, copier: "_Copier") -> Iterator[str]:
         """What has to be as in the call that was traced."""
@@ -178,6 +198,14 @@ class _Writer:
             yield f"if {at(path)} {is_other} {self._name(value)}: raise Untraceable('a word has changed')"
         for path, length in copier.lengths:
             yield f"if len({at(path)}) != {length}: raise Untraceable('expected {length} parts')"
+        for path, kind in copier.classes:
+            yield f"if {at(path)}.__class__ is not {self._name(kind)}: raise Untraceable('expected another class')"
+        for path, array in copier.symbols:
+            if array.shape:
+                yield f"if {at(path)}.shape != {array.shape}: raise Untraceable('expected another shape')"
+            else:
+                is_no_number = f"isinstance({at(path)}, bool) or not isinstance({at(path)}, number)"
+                yield f"if {is_no_number}: raise Untraceable('expected a number')"
 
     def filling(
         self, inputs: list[tuple[Path, Array]], rows: Iterable[tuple[Array, list[tuple[int, type]]]]
@@ -186,18 +214,10 @@ class _Writer:
         start = 0
         for path, array in inputs:
             end = start + array.size
-            yield f"value = {at(path)}"
             if array.shape:
-                last, view = f"last_{start}", self._view(start, end)
-                self.names[last] = ...
-                yield f"global {last}"
-                yield f"if value is not {last}:"
-                yield f"    if value.shape != {array.shape}: raise Untraceable('expected another shape')"
-                yield f"    {view}[...] = value{'.ravel()' if len(array.shape) > 1 else ''}"
-                yield f"    {last} = ... if value.flags.writeable else value"
+                yield f"{self._view(start, end)}[...] = {at(path)}{'.ravel()' if len(array.shape) > 1 else ''}"
             else:
-                yield "if value is None: raise Untraceable('expected a number')"
-                yield f"given[{start}] = value"
+                yield f"given[{start}] = {at(path)}"
             start = end
         for symbols, users in rows:
             for i, (number, kind) in enumerate(users):
@@ -342,6 +362,7 @@ class _Copier:
         self.rows: dict[int, tuple[Array, list[tuple[int, type]]]] = {}  # of other traces, by identity
         self.constants: list[tuple[Path, Any]] = []
         self.lengths: list[tuple[Path, int]] = []
+        self.classes: list[tuple[Path, type]] = []
         self.copies: dict[int, tuple[Path, Any]] = {}  # by identity
 
     def symbolic(self, path: Path, value: Any, row: tuple[Array, Places] | None = None) -> Any:
@@ -366,7 +387,7 @@ class _Copier:
         return symbols, getattr(result, PLACES)
 
     def _copy(self, path: Path, value: Any, row: tuple[Array, Places] | None) -> Any:
-        if isinstance(value, np.ndarray | np.number | int | float):
+        if isinstance(value, NUMBERS):
             place = row[1].get(path[1:]) if row is not None else None
             if row is not None and place is not None:
                 array = row[0][place].reshape(np.shape(value))
@@ -378,6 +399,10 @@ class _Copier:
         if isinstance(value, tuple | list):
             self.lengths.append((path, len(value)))
             return type(value)(copies.values())
+        if row is None:  # with a row, its class is of one trace
+            self.classes.append((path, type(value)))
+        if is_dataclass(value) and (code := foreign(type(value))):
+            raise Untraceable(code)
         copy = object.__new__(type(value))
         copy.__dict__.update(copies)
         return copy
@@ -425,7 +450,7 @@ def _compare(results: Sequence[Any], traced: Sequence[Any]) -> None:
 
 def _leaves(value: Any) -> Iterator[Any]:
     """All arrays of results, numbers being such without axes, and whatever else there is."""
-    if isinstance(value, np.ndarray | np.number | int | float) and not isinstance(value, bool):
+    if isinstance(value, NUMBERS) and not isinstance(value, bool):
         yield np.asarray(value)
         return
     try:

@@ -6,14 +6,21 @@ from typing import Any
 
 import numpy as np
 import pytest
+from cbf_clf_qp import tracing
 from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.objective import pd_centred
 from cbf_clf_qp.qp import build_qp
 from cbf_clf_qp.rows import Rows
+from cbf_clf_qp.symbols import at_least
 from cbf_clf_qp.tracing import Traced
 
 pytest.importorskip("casadi")
 RNG = np.random.default_rng(0)
+
+
+@pytest.fixture(autouse=True)
+def _this_module_is_trusted(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tracing, "TRUSTED", {*tracing.TRUSTED, __name__.partition(".")[0]})
 
 
 @dataclass(frozen=True)
@@ -221,4 +228,23 @@ def test_a_programme_is_traced_with_inverse_and_root():
                 np.testing.assert_allclose(found, expected, rtol=1e-11, atol=1e-11)
             else:
                 assert found is expected
+    assert traced.reason == ""
+
+
+def test_a_number_that_is_asked_only_whether_it_is_there():
+    def described(each: Body) -> list[np.ndarray]:
+        return [each.position + (1.0 if each.mass is None else 2.0)]
+
+    traced, first = Traced(described), body()
+    for each in (first, replace(first, mass=None), first, replace(first, mass=True)):
+        np.testing.assert_array_equal(traced(each)[0], described(each)[0])
+
+
+def test_the_larger_of_nan_and_a_bound_is_nan():
+    traced = Traced(lambda x: [at_least(x, 1.0)])
+    for _ in range(2):
+        assert traced(np.array([0.0, 2.0]))[0].tolist() == [1.0, 2.0]
+        found = traced(np.array([np.nan, -np.inf]))[0]
+        assert np.isnan(found[0])
+        assert found[1] == 1.0
     assert traced.reason == ""

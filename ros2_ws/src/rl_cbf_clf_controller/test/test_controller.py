@@ -334,3 +334,19 @@ def test_a_stone_that_moves_is_seen_at_the_next_tick():
     for tick, near in enumerate((0.30, 0.36, 0.33)):
         here = state(tick, preview=StonePreview(1, near, near + 0.05))
         assert walking.step(here).torque == pytest.approx(make().step(here).torque, abs=1e-6)
+
+
+class Writes(Policy):
+    """Writes into the estimates that it is given."""
+
+    version = "writes"
+
+    def estimate(self, scene, before):
+        before.beta[:] += 1000.0
+        return before
+
+
+def test_an_estimator_that_writes_into_no_estimates_changes_no_other_controller():
+    before = make().step(state()).torque.tolist()
+    make("rl-cbf-clf-qp", Writes()).step(state())
+    assert make().step(state()).torque.tolist() == before

@@ -31,7 +31,7 @@ LONGEST_MESSAGE = 8192  # bytes, from a browser
 MOST_BROWSERS = 32
 MOST_MESSAGES = 50  # of a browser in a second
 SEND_SECONDS = 0.02  # between two looks at what is new for a browser
-CLOSING_SECONDS = 0.5  # for browsers to take leave
+CLOSING_SECONDS = 0.3  # for browsers to take leave
 SAFE = {  # the page can reach nothing else, and nobody can put it into another page
     "Content-Security-Policy": "default-src 'self' data:; script-src 'self' 'unsafe-inline'; style-src 'self' "
     "'unsafe-inline'; frame-ancestors 'none'; base-uri 'none'; form-action 'none'",
