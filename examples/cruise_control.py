@@ -10,7 +10,7 @@ While the CLF row alone is active, mu = (-rate/2 y - beta) / (1 + alpha), but fo
 
 import casadi as ca
 import numpy as np
-from cbf_clf_qp.symbolic import HARD, Barrier, Clf, System, Tick, model_error
+from cbf_clf_qp import HARD, Barrier, Clf, System, Tick, model_error
 
 MASS, DRAG, V_DESIRED, V_LIMIT, DT = 1650.0, 0.05, 24.0, 22.0, 0.01  # kg, 1/s, m/s, m/s, s
 

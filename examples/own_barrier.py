@@ -5,7 +5,7 @@ B = ceiling - h_f >= 0;  its derivatives, and the row B-ddot + K_b (B, B-dot) >=
 
 import argparse
 
-from cbf_clf_qp.symbolic.barrier import Barrier
+from cbf_clf_qp.barrier import Barrier
 from rabbit_description.gait import load_gait
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.simulation import Simulation

@@ -11,13 +11,13 @@ changes: y-ddot = mu + alpha mu + beta.
 
 import casadi as ca
 import numpy as np
-from cbf_clf_qp.symbolic.barrier import Barrier
-from cbf_clf_qp.symbolic.clf import Clf
-from cbf_clf_qp.symbolic.estimates import Estimates
-from cbf_clf_qp.symbolic.functions import NumpyFunction
-from cbf_clf_qp.symbolic.measure import model_error
-from cbf_clf_qp.symbolic.system import mechanical
-from cbf_clf_qp.symbolic.tick import Tick
+from cbf_clf_qp.barrier import Barrier
+from cbf_clf_qp.clf import Clf
+from cbf_clf_qp.estimates import Estimates
+from cbf_clf_qp.functions import NumpyFunction
+from cbf_clf_qp.measurement import model_error
+from cbf_clf_qp.system import mechanical
+from cbf_clf_qp.tick import Tick
 
 SHELF, GOAL, DT = 0.5, np.array([1.2, 0.2]), 0.001  # m, rad, s; the hand at the goal would be at z = 0.96 m
 LENGTH, INERTIA, GRAVITY = 0.5, 0.025, 9.81  # m; of a link about its centre, m^2 times its mass; m/s^2

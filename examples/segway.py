@@ -12,9 +12,9 @@ import argparse
 
 import casadi as ca
 import numpy as np
+from cbf_clf_qp import Barrier, Clf, Estimates, NumpyFunction, System, Tick, model_error
+from cbf_clf_qp.functions import Array
 from cbf_clf_qp.problem import Problem
-from cbf_clf_qp.symbolic import Barrier, Clf, Estimates, NumpyFunction, System, Tick, model_error
-from cbf_clf_qp.symbolic.functions import Array
 from matplotlib.figure import Figure
 from rabbit_experiments.summary import mean_interval, wilson
 from rl_cbf_clf_controller.policy import ActorPolicy

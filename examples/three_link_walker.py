@@ -14,11 +14,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from cbf_clf_qp.clf import Clf
+from cbf_clf_qp.estimates import Estimates
+from cbf_clf_qp.measurement import model_error
 from cbf_clf_qp.problem import Problem
-from cbf_clf_qp.symbolic.clf import Clf
-from cbf_clf_qp.symbolic.estimates import Estimates
-from cbf_clf_qp.symbolic.measure import model_error
-from cbf_clf_qp.symbolic.tick import Tick
+from cbf_clf_qp.tick import Tick
 from rabbit_description.planar_urdf import scaled, with_planar_base
 from rabbit_description.state import TICK_SECONDS, Leg
 from rabbit_experiments.summary import mean_interval

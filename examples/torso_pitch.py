@@ -13,9 +13,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from cbf_clf_qp.symbolic.barrier import Barrier
-from cbf_clf_qp.symbolic.clf import Clf
-from cbf_clf_qp.symbolic.quantity import Constrained
+from cbf_clf_qp.barrier import Barrier
+from cbf_clf_qp.clf import Clf
+from cbf_clf_qp.quantity import Constrained
 from rl_cbf_clf_controller.kinds import Kind
 from rl_cbf_clf_controller.uncertainty import RL_CLF_QP
 from rl_cbf_clf_controller.walking import Walking

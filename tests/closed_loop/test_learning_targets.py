@@ -4,8 +4,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.problem import Problem
-from cbf_clf_qp.symbolic.estimates import Estimates
 from rabbit_description.gait import load_gait
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.robot_urdf import perturbed_urdf

@@ -4,7 +4,7 @@ import casadi as ca
 import numpy as np
 import pinocchio as pin
 import pytest
-from cbf_clf_qp.symbolic.functions import NumpyFunction
+from cbf_clf_qp.functions import NumpyFunction
 from rabbit_description.state import TICK_SECONDS
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.robot_urdf import perturbed_urdf

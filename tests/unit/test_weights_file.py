@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.problem import Problem
-from cbf_clf_qp.symbolic.estimates import Estimates
 from rl_cbf_clf_controller.policy import ActorPolicy, ZeroPolicy, estimate_function
 from rl_cbf_clf_controller.uncertainty import PAPER, RL_CBF_CLF_QP, RL_CLF_QP, STEP_LENGTH
 from rl_cbf_clf_controller.weights import (
@@ -132,7 +132,7 @@ def test_structured_row_is_LgV_times_the_matrix() -> None:
     rng = np.random.default_rng(1)
     D2, D1, LgV, others = rng.standard_normal((4, 4)), rng.standard_normal(4), rng.standard_normal(4), np.arange(20.0)
     outputs, scales = np.concatenate([np.column_stack([D2, D1]).ravel(), others]), (np.full(5, 2.0), np.full(5, 3.0))
-    estimates = estimate_function(5, structured=True, has_clf=True)(outputs, LgV, *scales)
+    estimates = estimate_function(5, structured=True, has_clf=True, inputs=4)(outputs, LgV, *scales)
     np.testing.assert_allclose(estimates.alpha[0], 2 * LgV @ D2)
     np.testing.assert_allclose(estimates.beta[0], 3 * LgV @ D1)
     np.testing.assert_array_equal(estimates.alpha[1:].ravel(), 2 * others[:16])

@@ -1,45 +1,35 @@
-"""Quantities affine in an input: value(w) = a w + b.
+"""Quantities affine in an input: value(w) = a w + b, of numbers or of expressions.
 
-Accelerations and contact forces are affine in the torque u, u is affine in the auxiliary input mu, so everything the
-QP constrains is affine in mu. One class carries all of them, nominal, estimated or true.
+Accelerations and contact forces are affine in the input u, u is affine in the auxiliary input mu, so everything the QP
+constrains is affine in mu.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from cbf_clf_qp.symbols import inverse
-
-Array = NDArray[Any]  # float64 unless said otherwise
+import casadi as ca
 
 
 @dataclass(frozen=True)
 class Affine:
-    """`value(w) = a w + b` with `a` (n, m) and `b` (n,)."""
+    """`value(w) = a w + b` with `a` (n, m) and `b` (n,), both arrays or both CasADi expressions."""
 
-    a: Array
-    b: Array
-
-    @classmethod
-    def zero(cls, n: int, m: int) -> "Affine":
-        """0 (n,) whatever the input (m,)."""
-        return cls(np.zeros((n, m)), np.zeros(n))
+    a: Any
+    b: Any
 
     @classmethod
     def identity(cls, m: int) -> "Affine":
-        """The input (m,) itself."""
-        return cls(np.eye(m), np.zeros(m))
+        """The input (m,) itself, as an expression."""
+        return cls(ca.SX.eye(m), ca.SX.zeros(m))
 
     @classmethod
     def stacked(cls, parts: Sequence["Affine"]) -> "Affine":
-        """Several, one below the other."""
-        return cls(np.concatenate([part.a for part in parts]), np.concatenate([part.b for part in parts]))
+        """Several expressions, one below the other."""
+        return cls(ca.vertcat(*(part.a for part in parts)), ca.vertcat(*(part.b for part in parts)))
 
-    def __call__(self, w: Array) -> Array:
-        """The value at `w` (m,), shape (n,)."""
+    def __call__(self, w: Any) -> Any:
+        """The value (n,) at `w` (m,)."""
         return self.a @ w + self.b
 
     def after(self, inner: "Affine") -> "Affine":
@@ -47,11 +37,11 @@ class Affine:
         return Affine(self.a @ inner.a, self.a @ inner.b + self.b)
 
     def inverse(self) -> "Affine":
-        """The inverse map of a square one; raises numpy.linalg.LinAlgError where `a` is singular."""
+        """The inverse map of a square one, as an expression."""
         a_inverse = inverse(self.a)
         return Affine(a_inverse, -a_inverse @ self.b)
 
-    def mapped(self, matrix: Array, offset: Array | float = 0.0) -> "Affine":
+    def mapped(self, matrix: Any, offset: Any = 0.0) -> "Affine":
         """`matrix value(w) + offset`."""
         return Affine(matrix @ self.a, matrix @ self.b + offset)
 
@@ -60,3 +50,9 @@ class Affine:
 
     def __sub__(self, other: "Affine") -> "Affine":
         return Affine(self.a - other.a, self.b - other.b)
+
+
+def inverse(matrix: ca.SX) -> ca.SX:
+    """Of a square matrix: by its minors where it is small, else by QR, which takes n^3 operations and not n!."""
+    n = matrix.shape[0]
+    return ca.inv_minor(matrix) if n <= 4 else ca.solve(matrix, ca.SX.eye(n))

@@ -1,44 +1,94 @@
-"""The condition of a RES-CLF as a quantity: V-dot, its error estimated, and the row V-dot + (clf_rate / eps) V <= 0."""
+"""A rapidly exponentially stabilising control Lyapunov function (RES-CLF) of outputs y [CLF_cond], [eq:clf-lie].
 
-from typing import Any
+    eta = (y, ..., y^(r-1)),   eta-dot = F eta + G y^(r),   F a chain of r integrators for each of m outputs
+    V = eta' P_eps eta,  P_eps = E P_0 E,  E = diag(1/eps^(r-1), ..., 1/eps, 1)
+    A_0' P_0 + P_0 A_0 = -I,  A_0 = F + G K_0,  K_0 the gains at eps = 1
+    condition:  V-dot + (rate / eps) V <= 0,  rate = 1 / max eig P_0
 
+With K = K_0 E / eps the closed loop A = F + G K satisfies A' P_eps + P_eps A = -E^2 / eps, so the condition holds at
+y^(r) = K eta for every eta.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
 import numpy as np
+from scipy.linalg import solve_continuous_lyapunov
 
-from cbf_clf_qp.affine import Affine, Array
-from cbf_clf_qp.res_clf import ResClf
-from cbf_clf_qp.rows import Rows
+from cbf_clf_qp.affine import Affine
+from cbf_clf_qp.quantity import Quantity
+from cbf_clf_qp.rows import Number, Rows, at_most
+from cbf_clf_qp.system import System
 
 
-class Clf:
-    """V-dot (1), affine in the input. The scene's `outputs` have `eta` and their `second_derivative`.
+class ResClf:
+    """The matrices of a RES-CLF for `outputs` outputs of relative degree `len(gains)`; y^(r) = -gains . eta at eps = 1.
 
-    Args:
-        clf: of the outputs.
-        slack_weight: p, of the row's slack; `is_rescue`: that slack is one of last resort, not the paper's d.
-        is_normalised: the row is divided by its norm, so that its slack is in units of mu.
+    `eps`: in (0, 1]; `gains`: (K_r, ..., K_1), lowest derivative first. Raises ValueError where the gains do not
+    stabilise the chain of integrators, or eps is not positive.
     """
 
-    names = ("V",)
+    def __init__(self, outputs: int, eps: Number, gains: Sequence[float]) -> None:
+        if isinstance(eps, float | int) and not eps > 0:
+            raise ValueError(f"eps = {eps}: expected a positive number")
+        degree = len(gains)
+        chain = np.eye(degree, k=1)
+        closed = np.vstack([chain[:-1], -np.asarray(gains)])
+        if np.linalg.eigvals(closed).real.max() >= 0:
+            raise ValueError(f"gains = {list(gains)} do not stabilise {degree} integrators")
+        p_0 = solve_continuous_lyapunov(closed.T, -np.eye(degree))
+        identity = ca.DM.eye(outputs)
+        scaling = ca.diag(ca.vertcat(*(ca.SX(eps) ** -k for k in range(degree - 1, -1, -1))))
+        self.rate = float(1 / np.linalg.eigvalsh(p_0).max()) / eps  # 1/s: of V
+        self.F = ca.kron(ca.DM(chain), identity)
+        self.G = ca.kron(ca.DM(np.eye(degree)[:, -1:]), identity)
+        self.P = ca.kron(scaling @ ca.DM(p_0) @ scaling, identity)
+        self.K = ca.kron(-ca.DM(np.reshape(gains, (1, -1))) @ scaling / eps, identity)
 
-    def __init__(self, clf: ResClf, slack_weight: float, is_rescue: bool = False, is_normalised: bool = True) -> None:
-        self._clf, self._slack_weight = clf, slack_weight
-        self._is_rescue, self._is_normalised = is_rescue, is_normalised
+    def value(self, eta: ca.SX) -> ca.SX:
+        """V."""
+        return ca.bilin(self.P, eta, eta)
 
-    def predict(self, scene: Any, dynamics: Any) -> Affine:
-        """V-dot under `dynamics`."""
-        return self._clf.derivative(scene.outputs.eta).after(scene.outputs.second_derivative(dynamics.acceleration))
+    def derivative(self, eta: ca.SX) -> Affine:
+        """V-dot, affine in y^(r): `a` = LgV (1, m), `b` = LfV."""
+        LfV = ca.bilin(self.F.T @ self.P + self.P @ self.F, eta, eta)
+        return Affine(2 * eta.T @ self.P @ self.G, LfV)
 
-    def measure(self, before: Any, after: Any, seconds: float) -> Array:
-        """V-dot = LfV + LgV y^(r): the gradient of V is known, y^(r) the difference of the highest derivatives in eta.
 
-        The difference of V itself would be off by the tick times |G y^(r)|^2 in the metric P.
-        """
-        slope = self._clf.derivative(before.outputs.eta)
-        m = slope.a.shape[1]
-        return slope((after.outputs.eta[-m:] - before.outputs.eta[-m:]) / seconds)
+@dataclass(frozen=True)
+class Clf:
+    """Pull the outputs `y` (m,) to zero; the number of `gains` is their relative degree.
 
-    def rows(self, scene: Any, value: Affine) -> list[Rows]:
-        """The row if V-dot is `value`, affine in mu."""
-        upper = np.array([self._clf.bound(scene.outputs.eta)]) - value.b
-        row = Rows.at_most(("CLF",), value.a, upper, self._slack_weight, rescue=self._is_rescue)
-        return [row.normalised() if self._is_normalised else row]
+    `slack_weight`: p, of the row's slack d; `rescue`: that slack is one of last resort, and not the paper's d.
+    `in_mu`: d is in units of mu, see `Rows`.
+    """
+
+    y: ca.SX
+    eps: Number = 0.3
+    gains: Sequence[float] = (1.0, 2.0)
+    slack_weight: Number = 10.0
+    rescue: bool = False
+    in_mu: bool = True
+
+    def on(self, system: System) -> Quantity:
+        """V-dot as a quantity; raises DegreeError."""
+        degree, m = len(self.gains), self.y.numel()
+        chain = system.derivatives("the outputs of the CLF", self.y, degree)
+        eta, y_r = ca.vertcat(*chain[:-1]), system.affine(chain[-1])
+        clf = ResClf(m, self.eps, self.gains)
+        V, V_dot = clf.value(eta), clf.derivative(eta)
+
+        def rows(value: Affine) -> list[Rows]:
+            upper = -clf.rate * V - value.b
+            return [at_most(("CLF",), value.a, upper, self.slack_weight, self.rescue, self.in_mu)]
+
+        return Quantity(
+            ("V",),
+            V_dot.after(y_r),
+            rows,
+            lower=eta[-m:] if degree <= 2 else None,
+            slope=V_dot,
+            outputs=y_r,
+            reads={"V": V, "eta": eta, "LgV": V_dot.a.T, "LfV": V_dot.b},
+        )

@@ -1,250 +1,174 @@
-"""One tick of a CBF-CLF-QP: from a state's terms and estimates to mu and the input. Read this file first.
+"""One tick of a CBF-CLF-QP: from a state and estimates to mu and the input. Read this file first.
 
-    u       = precontrol(mu)                              from the nominal model, see `io_linearization.py`
-    nominal = quantities by the nominal model             affine in mu
-    value   = nominal + alpha mu + beta                   the sum of all estimators: policy, identified model, oracle
-    measured = of two scenes, one tick apart              what a learner compares the nominal value with
+    u       = control(mu)                                 from the nominal model: y^(r) = mu [eq:io_input_model]
+    nominal = quantities by the nominal model             V-dot, B^(r), ...: affine in mu
+    value   = nominal + alpha mu + beta                   estimates: a policy's, an identified model's, an oracle's
     rows    = of each quantity, if it has that value, and of further constraints
     mu      = argmin objective  subject to rows           see `qp.py`
 
-A `Recipe` says which quantities, estimators, constraints and objective a controller has. The functions here know no
-robot, and keep nothing from tick to tick but what the solver and the estimators keep.
+All of it is expressions of declared inputs: the state x, the parameters p of the system, the estimates. For example a
+cart that is pulled to x = 1 m and must not pass a wall, wherever the wall is at this tick:
+
+    cart = System(ca.vertcat(x, v), u, ca.vertcat(v, u / 2.0), parameters=[wall])
+    tick = Tick(cart, [Clf(x - 1, eps=0.2), Barrier("wall", wall - x, poles=(8, 8))], limit=100)
+    u = tick(np.array([0.0, 0.0]), wall=0.9).u
 """
 
-import operator
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from functools import cached_property, lru_cache, reduce
-from typing import Any, Generic, Protocol, TypeVar
+from dataclasses import replace
+from functools import cached_property
+from typing import Any
 
+import casadi as ca
 import numpy as np
 
-from cbf_clf_qp.affine import Affine, Array
+from cbf_clf_qp.affine import Affine
+from cbf_clf_qp.answer import Answering, Decided
 from cbf_clf_qp.estimates import Estimates
+from cbf_clf_qp.functions import Array, NumpyFunction, Values, packed, places_of
 from cbf_clf_qp.objective import Objective
-from cbf_clf_qp.qp import Decision, QuadraticProgram, build_qp
-from cbf_clf_qp.rows import Rows
-from cbf_clf_qp.solvers import Solution, Solver, kkt_residuals
-from cbf_clf_qp.tracing import Traced
-
-Scene = TypeVar("Scene")  # what the quantities read of a state: outputs, feet, obstacles
-SceneRead = TypeVar("SceneRead", contravariant=True)
+from cbf_clf_qp.qp import build_qp, is_finite
+from cbf_clf_qp.quantity import Constrained
+from cbf_clf_qp.rows import Number
+from cbf_clf_qp.system import System
+from cbf_clf_qp.terms import Constraint, Reads, Terms
 
 
-class Quantity(Protocol[SceneRead]):
-    """Something that is constrained and whose error under the nominal model may be estimated: V-dot, B-ddot, a force.
-
-    `names` has one for each of its components.
-    """
-
-    @property
-    def names(self) -> tuple[str, ...]: ...
-
-    def predict(self, scene: SceneRead, dynamics: Any) -> Affine:
-        """The components (k,), affine in the input u, under any model's `dynamics`."""
-
-    def measure(self, before: SceneRead, after: SceneRead, seconds: float) -> Array:
-        """The components (k,), their mean over the `seconds` between two scenes, with no word of any model."""
-
-    def rows(self, scene: SceneRead, value: Affine) -> list[Rows]:
-        """The rows over mu, if the components are `value`, affine in mu."""
-
-
-@dataclass
-class Terms(Generic[Scene]):
-    """The model's terms of one tick, before any decision: `precontrol` is u, `nominal` the quantities, over mu."""
-
-    quantities: tuple[Quantity[Scene], ...]
-    scene: Scene
-    dynamics: Any
-    precontrol: Affine
-    nominal: Affine
-
-    @classmethod
-    def of(
-        cls, quantities: tuple[Quantity[Scene], ...], scene: Scene, dynamics: Any, precontrol: Affine
-    ) -> "Terms[Scene]":
-        """At a scene, under the nominal `dynamics`."""
-        nominal = predicted(quantities, scene, dynamics).after(precontrol)
-        return cls(quantities, scene, dynamics, precontrol, nominal)
-
-    def under(self, dynamics: Any) -> Affine:
-        """The quantities under another model's `dynamics`, affine in mu."""
-        return predicted(self.quantities, self.scene, dynamics).after(self.precontrol)
-
-
-class Pending(Protocol):
-    """Estimates that the tick's trace is to work out: a dataclass of numbers, such as a network's outputs."""
-
-    def at(self, terms: Terms[Any]) -> Estimates:
-        """Worked out at a tick's terms, of which the `quantities` are not known to a trace."""
-
-
-class Estimator(ABC, Generic[Scene]):
-    """What says how wrong the nominal quantities are: a policy, an identified model, bounds on the error."""
-
-    @abstractmethod
-    def estimate(self, terms: Terms[Scene], before: Estimates) -> Estimates:
-        """Alpha and beta of every quantity, to be added to those of the estimators `before`."""
-
-    def pending(self, terms: Terms[Scene], before: Sequence[Pending]) -> Pending:
-        """The same, or what remains to be worked out; called once a tick."""
-        return self.estimate(terms, total(before, terms))
-
-    def reset(self) -> None:
-        """Begin an episode: forget what the last one taught."""
-
-
-class Constraint(Protocol):
-    """Rows on what is not estimated, such as the input itself."""
-
-    def rows(self, terms: Terms[Any], control: Affine) -> list[Rows]:
-        """The rows over mu, at u = `control`(mu)."""
-
-
-def least_mu(terms: Terms[Any], estimates: Estimates) -> None:
+def least_mu(terms: Terms) -> None:
     """The paper's objective, mu' mu."""
 
 
-@dataclass(frozen=True)
-class Recipe(Generic[Scene]):
-    """What a controller is made of.
+def no_corners(terms: Terms) -> list[Affine]:
+    """The estimates are numbers, and not the corners of a set."""
+    return []
 
-    `estimators`: their estimates are added. None: the nominal controller.
-    `corrects_input`: the estimates are no errors of quantities but a part of the input, u = precontrol(mu + alpha mu +
-    beta), as in the first approach [approach1_input].
-    `objective`: None is the paper's, mu' mu.
+
+class Tick:
+    """The tick of a `system` whose `quantities` are constrained, as functions of x, p and the estimates.
+
+    Args:
+        control: u affine in mu. None: y^(r) = mu where a CLF has as many outputs as there are inputs, else u = mu.
+        limit: of |u|, hard, on each component; an expression or a number.
+        constraints: further rows.
+        objective: of the terms; None as its value means mu' mu.
+        corners: further errors of the quantities (n,), affine in mu; every row is to hold at each of them.
+        corrects_input: alpha and beta are part of the input, u = control(mu + alpha mu + beta) [approach1_input].
+        reads: further expressions that `look` gives, by name.
+        solver: the one that is asked first, `daqp` or `osqp`; the other one is its guard.
+
+    One object serves one thread. Raises DegreeError for a barrier or CLF of another relative degree than was said,
+    ValueError for an expression with an undeclared symbol or two quantities of one name.
     """
 
-    quantities: tuple[Quantity[Scene], ...]
-    constraints: tuple[Constraint, ...] = ()
-    estimators: tuple[Estimator[Scene], ...] = ()
-    corrects_input: bool = False
-    objective: Callable[[Terms[Scene], Estimates], Objective | None] = least_mu
-
-    @cached_property
-    def names(self) -> tuple[str, ...]:
-        """Of all quantities, in the order of every array over them."""
-        return tuple(name for quantity in self.quantities for name in quantity.names)
-
-    @cached_property
-    def programme(self) -> Traced:
-        """The QP of a tick, as `traced_programme` has it."""
-        return traced_programme(*self._of_programme).twin()
-
-    @cached_property
-    def reading(self) -> Traced:
-        """What a solution says, as `traced_reading` has it."""
-        return traced_reading(*self._of_programme).twin()
-
-    @property
-    def _of_programme(self) -> tuple[Any, ...]:
-        return self.quantities, self.constraints, self.corrects_input, self.objective
-
-
-@dataclass
-class Decided(Decision):
-    """All of a tick: what the solver's `solution` of the `qp` says, and u = `control`(mu).
-
-    `parts` are the estimates of each estimator, `estimates` their sum. `mu` and `u` count only if `solution.solved`.
-    """
-
-    parts: tuple[Estimates, ...]
-    estimates: Estimates
-    control: Affine
-    solution: Solution
-
-    @property
-    def mu(self) -> Array:
-        """The auxiliary input (m,)."""
-        mu: Array = self.solution.read[1]
-        return mu
-
-    @property
-    def u(self) -> Array:
-        """The input (m,)."""
-        u: Array = self.solution.read[2]
-        return u
-
-
-def decide(recipe: Recipe[Scene], terms: Terms[Scene], solver: Solver) -> Decided:
-    """The tick."""
-    pending = tuple[Pending, ...]()
-    for estimator in recipe.estimators:
-        pending = (*pending, estimator.pending(terms, pending))
-    of_terms = terms.scene, terms.dynamics, terms.precontrol, terms.nominal
-    control, qp, estimates, parts = recipe.programme(*of_terms, pending)
-    solution = solver.solve(qp, lambda qp, x, y: recipe.reading(qp, control, x, y))
-    return Decided(qp, solution.x, parts, estimates, control, solution)
-
-
-@lru_cache(maxsize=64)
-def traced_programme(
-    quantities: tuple[Quantity[Any], ...],
-    constraints: tuple[Constraint, ...],
-    corrects_input: bool,
-    objective: Callable[[Terms[Any], Estimates], Objective | None],
-) -> Traced:
-    """The control as it is corrected, the QP, the estimates' sum and each of them, of recipes with these parts."""
-    recipe = Recipe(quantities, constraints, (), corrects_input, objective)
-
-    def programme(
-        scene: Any, dynamics: Any, precontrol: Affine, nominal: Affine, pending: Sequence[Pending]
-    ) -> list[Any]:
-        terms, control = Terms(quantities, scene, dynamics, precontrol, nominal), precontrol
-        parts = tuple(part.at(terms) for part in pending)
-        estimates = total(parts, terms)
+    def __init__(
+        self,
+        system: System,
+        quantities: Sequence[Constrained],
+        *,
+        control: Affine | None = None,
+        limit: Number | None = None,
+        constraints: Sequence[Constraint] = (),
+        objective: Callable[[Terms], Objective | None] = least_mu,
+        corners: Callable[[Terms], list[Affine]] = no_corners,
+        corrects_input: bool = False,
+        reads: Reads = None,
+        solver: str = "daqp",
+    ) -> None:
+        self.terms = terms = Terms.of(system, quantities, control, reads)
+        self.names, self.system = terms.names, system
         if corrects_input:
-            control = control.after(Affine.identity(len(control.b)) + estimates.affine)
-        qp = build_qp(rows_of(recipe, terms, estimates, control), objective(terms, estimates))
-        return [control, qp, estimates, parts]
+            corrected = terms.control.after(Affine.identity(terms.inputs) + terms.estimates)
+            cases, terms = [terms.nominal], replace(terms, control=corrected)
+        else:
+            value = terms.nominal + terms.estimates
+            cases = [value + corner for corner in corners(terms)] or [value]
+        rows = [block for case in cases for block in terms.rows(case)]
+        rows += [block for constraint in constraints for block in constraint(terms)]
+        rows += [] if limit is None else terms.input_rows(limit)
+        self.layout, data = build_qp(rows, objective(terms), terms.control)
+        self._needs_output_error = ca.depends_on(packed(data), ca.vec(terms.symbols["output_error"]))
+        data["is_valid"] *= is_finite(packed(terms.symbols))
+        self.answer = Answering(terms.symbols, data, self.layout, solver)
+        self._parameter_places, self._parameters_size = places_of(system.named), int(system.p.numel())
 
-    return Traced(programme, (quantities, constraints, objective))
+    def __call__(
+        self, x: Any, alpha: Any = None, beta: Any = None, output_error: Any = None, **parameters: Any
+    ) -> Decided:
+        """The tick at a state `x` (n,), with a value for each parameter of the system. Estimates not given are zero.
 
+        Raises ValueError where a parameter is missing or unknown, or a value is not finite or of the wrong size.
+        """
+        estimates = None
+        if not (alpha is None and beta is None and output_error is None):
+            given = zip((alpha, beta, output_error), vars(self.no_error()).values(), strict=True)
+            estimates = Estimates(*(np.asarray(zero if value is None else value, float) for value, zero in given))
+        return self.decide(np.asarray(x, float), self.p(**parameters), estimates)
 
-@lru_cache(maxsize=64)
-def traced_reading(*of_programme: Any) -> Traced:
-    """Of a solver's answer to a programme of recipes with these parts: the KKT residuals, mu, and u = control(mu)."""
+    def decide(self, x: Array, p: Array, estimates: Estimates | None = None) -> Decided:
+        """The tick, of a nominal controller without estimates.
 
-    def reading(qp: QuadraticProgram, control: Affine, x: Array, y: Array) -> list[Any]:
-        mu = Decision(qp, x).mu
-        return [kkt_residuals(qp, x, y), mu, control(mu)]
+        Raises ValueError where a value is not finite or of the wrong size, or an output error is needed and not known.
+        """
+        if estimates is None:
+            decided = self.answer(x, p)
+        else:
+            error = estimates.output_error
+            error = self._no_output_error() if error is None else error
+            decided = self.answer(x, p, estimates.alpha, estimates.beta, error)
+        if not decided.solved:
+            self._check_finite(x, p, estimates)
+        return decided
 
-    return Traced(reading)
+    def programme(self, x: Array, p: Array, estimates: Estimates) -> Values:
+        """The data of the QP, see `qp.build_qp`; for who solves it in another way."""
+        error = estimates.output_error
+        error = self._no_output_error() if error is None else error
+        return self.answer.programme(x, p, estimates.alpha, estimates.beta, error)
 
+    def _no_output_error(self) -> Array:
+        if self._needs_output_error:
+            raise ValueError("output_error = None: expected (Delta_2 | Delta_1), on which the objective depends")
+        return np.zeros((self.terms.inputs, self.terms.inputs + 1))
 
-def total(parts: Sequence[Pending], terms: Terms[Any]) -> Estimates:
-    """The sum of what several estimators say; of none, that there is no error."""
-    estimates = [part.at(terms) for part in parts] or [Estimates.zero(*terms.nominal.a.shape)]
-    return reduce(operator.add, estimates)
+    def p(self, **parameters: Any) -> Array:
+        """All parameters as one array, for `decide`; raises ValueError where one is missing, unknown or too long."""
+        row, places = np.empty(self._parameters_size), self._parameter_places
+        if parameters.keys() != places.keys():
+            missing, unknown = places.keys() - parameters.keys(), parameters.keys() - places.keys()
+            problem = f"{', '.join(sorted(missing))} missing" if missing else f"{', '.join(sorted(unknown))} unknown"
+            raise ValueError(f"parameters: {problem}; expected {', '.join(places) or 'none'}")
+        for name, (place, shape) in places.items():
+            value = parameters[name]
+            try:
+                if shape != (1,) and np.shape(value) != shape:
+                    raise ValueError
+                row[place] = value if len(shape) == 1 else np.ravel(value)
+            except (TypeError, ValueError):
+                raise ValueError(f"parameter {name} = {value}: expected numbers of shape {shape}") from None
+        return row
 
+    def no_error(self) -> Estimates:
+        """The estimates of a nominal controller."""
+        return Estimates.zero(len(self.names), self.terms.inputs)
 
-def rows_of(recipe: Recipe[Scene], terms: Terms[Scene], estimates: Estimates, control: Affine) -> list[Rows]:
-    """Which QP has which rows: those of the quantities, at each corner of the estimates, and of the constraints."""
-    value = terms.nominal if recipe.corrects_input else terms.nominal + estimates.affine
-    cases = [value + corner for corner in estimates.corners] or [value]
-    return [
-        *(block for case in cases for block in quantity_rows(recipe, terms.scene, case)),
-        *(block for constraint in recipe.constraints for block in constraint.rows(terms, control)),
-    ]
+    @property
+    def unanswered(self) -> int:
+        """Ticks that the first solver did not answer, so that its guard was asked."""
+        return self.answer.unanswered
 
+    def reset(self) -> None:
+        """Forget the last programme, so that an episode does not depend on the one before."""
+        self.answer.reset()
 
-def measured(quantities: Sequence[Quantity[Scene]], before: Scene, after: Scene, seconds: float) -> Array:
-    """All quantities (n,) over the `seconds` between two scenes."""
-    return np.concatenate([quantity.measure(before, after, seconds) for quantity in quantities])
+    @cached_property
+    def look(self) -> NumpyFunction:
+        """What can be read, of x and p: `nominal_a`, `nominal_b`, `control_a`, `control_b`, and `reads` by name."""
+        terms, matrices = self.terms, {"nominal_a": self.terms.nominal.a, "control_a": self.terms.control.a}
+        shown = {**matrices, "nominal_b": terms.nominal.b, "control_b": terms.control.b, **terms.reads}
+        return NumpyFunction.of("look", {"x": self.system.x, "p": self.system.p}, shown, matrices)
 
-
-def quantity_rows(recipe: Recipe[Scene], scene: Scene, value: Affine) -> list[Rows]:
-    """The rows of all quantities, if they are `value` (n,), affine in mu."""
-    rows, start = list[Rows](), 0
-    for quantity in recipe.quantities:
-        end = start + len(quantity.names)
-        rows += quantity.rows(scene, Affine(value.a[start:end], value.b[start:end]))
-        start = end
-    return rows
-
-
-def predicted(quantities: Sequence[Quantity[Scene]], scene: Scene, dynamics: Any) -> Affine:
-    """All quantities (n,), affine in the input, under a model's `dynamics`."""
-    return Affine.stacked([quantity.predict(scene, dynamics) for quantity in quantities])
+    def _check_finite(self, x: Array, p: Array, estimates: Estimates | None) -> None:
+        parameters = {name: p[place] for name, (place, _) in self._parameter_places.items()}
+        for name, value in {"x": x, **parameters, **(vars(estimates) if estimates else {})}.items():
+            if value is not None and not np.isfinite(value).all():
+                raise ValueError(f"{name} = {value}: expected finite numbers")

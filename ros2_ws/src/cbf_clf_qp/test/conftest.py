@@ -6,7 +6,7 @@ from typing import Any
 
 import casadi as ca
 import pytest
-from cbf_clf_qp.symbolic.system import System, mechanical
+from cbf_clf_qp.system import System, mechanical
 
 GRAVITY = 9.81
 

@@ -14,7 +14,7 @@ from typing import Any
 
 os.environ |= {"XLA_FLAGS": "--xla_cpu_multi_thread_eigen=false", "JAX_ENABLE_X64": "True", "JAX_PLATFORMS": "cpu"}
 import numpy as np
-from test_symbolic_peers import CBFPY_CRUISE, CBFPY_POINT, cruise, point_robot  # type: ignore[import-not-found]
+from test_peers import CBFPY_CRUISE, CBFPY_POINT, cruise, point_robot  # type: ignore[import-not-found]
 
 for name, drawn in (("car_env", "VehicleEnv"), ("point_robot_envs", "PointRobotObstacleEnv")):
     module = sys.modules[f"cbfpy.envs.{name}"] = ModuleType(name)  # it draws, and needs pygame or pybullet for it

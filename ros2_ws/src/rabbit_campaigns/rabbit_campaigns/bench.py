@@ -17,8 +17,8 @@ from tempfile import TemporaryDirectory
 from typing import Any, TypeVar
 
 import numpy as np
-from cbf_clf_qp.symbolic import solvers
-from cbf_clf_qp.symbolic.functions import NumpyFunction
+from cbf_clf_qp import solvers
+from cbf_clf_qp.functions import NumpyFunction
 from rabbit_bringup.launching.walk import Walk, WalkOptions
 from rabbit_description.state import TICK_SECONDS
 from rabbit_experiments.assembly import Assembly

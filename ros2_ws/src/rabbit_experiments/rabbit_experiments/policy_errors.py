@@ -17,8 +17,8 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.problem import Problem
-from cbf_clf_qp.symbolic.estimates import Estimates
 from rabbit_description.state import Array
 from rl_cbf_clf_controller.controller_output import ControllerOutput
 from rl_cbf_clf_controller.scene import Scene

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from cbf_clf_qp.symbolic.estimates import Estimates
+from cbf_clf_qp.estimates import Estimates
 from rabbit_description.state import Array
 from rabbit_experiments.assembly import Assembly
 from rabbit_experiments.conditions import EVALUATION_LAG

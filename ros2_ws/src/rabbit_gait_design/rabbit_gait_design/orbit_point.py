@@ -12,8 +12,8 @@ from functools import cache
 from math import comb
 
 import casadi as ca
-from cbf_clf_qp.symbolic.barrier import ecbf_gains
-from cbf_clf_qp.symbolic.system import System
+from cbf_clf_qp.barrier import ecbf_gains
+from cbf_clf_qp.system import System
 from rl_cbf_clf_controller.stone_barriers import stone_barriers
 
 from rabbit_gait_design import symbolic_robot

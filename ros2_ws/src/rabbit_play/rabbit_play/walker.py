@@ -4,7 +4,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from cbf_clf_qp.symbolic.estimates import Estimates
+from cbf_clf_qp.estimates import Estimates
 from rabbit_description.state import RobotState
 from rabbit_experiments.assembly import Assembly, resolve_policy
 from rabbit_sim.parameters import SimulationParameters

@@ -11,8 +11,8 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from cbf_clf_qp.symbolic.functions import Array
-from cbf_clf_qp.symbolic.qp import UNBOUNDED, Layout
+from cbf_clf_qp.functions import Array
+from cbf_clf_qp.qp import UNBOUNDED, Layout
 from scipy import sparse
 
 COST = 1e-3  # of mu'mu: slacks of last resort reach 1e5, and Clarabel takes their rows for infeasible otherwise

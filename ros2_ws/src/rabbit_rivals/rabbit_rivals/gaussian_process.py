@@ -19,7 +19,7 @@ count, at a price of m^2 a tick, and far from them the variance is still the pri
 from dataclasses import dataclass
 
 import numpy as np
-from cbf_clf_qp.symbolic.functions import Array
+from cbf_clf_qp.functions import Array
 from scipy.linalg import solve_triangular
 from scipy.optimize import minimize
 

@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from cbf_clf_qp.answer import Decided
+from cbf_clf_qp.estimates import Estimates
+from cbf_clf_qp.functions import Array
 from cbf_clf_qp.problem import Problem
-from cbf_clf_qp.symbolic.answer import Decided
-from cbf_clf_qp.symbolic.estimates import Estimates
-from cbf_clf_qp.symbolic.functions import Array
 from pydantic import Field
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.policy import Policy

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from cbf_clf_qp.symbolic.functions import Array
+from cbf_clf_qp.functions import Array
 from rabbit_description.yaml_file import read_mapping
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.session import CheckpointError, read_checkpoint

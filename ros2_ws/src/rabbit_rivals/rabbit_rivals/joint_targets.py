@@ -12,7 +12,7 @@ import itertools
 from pathlib import Path
 
 import numpy as np
-from cbf_clf_qp.symbolic.estimates import Estimates
+from cbf_clf_qp.estimates import Estimates
 from pydantic import Field
 from rabbit_description.state import SWAP_TORQUE, TICK_SECONDS, Array, Leg, RobotState
 from rl_cbf_clf_controller.controller import NO_NOISE, Controller

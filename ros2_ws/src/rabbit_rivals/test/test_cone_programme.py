@@ -5,11 +5,11 @@ from collections.abc import Sequence
 import casadi as ca
 import numpy as np
 import pytest
-from cbf_clf_qp.symbolic.affine import Affine
-from cbf_clf_qp.symbolic.answer import Answering
-from cbf_clf_qp.symbolic.functions import Values
-from cbf_clf_qp.symbolic.qp import Layout, build_qp
-from cbf_clf_qp.symbolic.rows import HARD, Rows, at_least, at_most
+from cbf_clf_qp.affine import Affine
+from cbf_clf_qp.answer import Answering
+from cbf_clf_qp.functions import Values
+from cbf_clf_qp.qp import Layout, build_qp
+from cbf_clf_qp.rows import HARD, Rows, at_least, at_most
 from rabbit_description.state import Array
 
 pytest.importorskip("clarabel")

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cbf_clf_qp.symbolic.clf import ResClf
+from cbf_clf_qp.clf import ResClf
 from rabbit_description.gait import load_gaits
 from rabbit_experiments.benchmark.cells import cells
 from rabbit_experiments.benchmark.methods import method

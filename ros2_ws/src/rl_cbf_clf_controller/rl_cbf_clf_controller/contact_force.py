@@ -10,9 +10,9 @@ paper's literal form one pair is on the cone row of the sign that F_T has at mu 
 from dataclasses import dataclass
 
 import casadi as ca
-from cbf_clf_qp.symbolic.affine import Affine
-from cbf_clf_qp.symbolic.quantity import Quantity
-from cbf_clf_qp.symbolic.rows import Rows, at_least
+from cbf_clf_qp.affine import Affine
+from cbf_clf_qp.quantity import Quantity
+from cbf_clf_qp.rows import Rows, at_least
 
 
 @dataclass(frozen=True)

@@ -10,12 +10,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from cbf_clf_qp.symbolic.affine import Affine
-from cbf_clf_qp.symbolic.answer import Decided
-from cbf_clf_qp.symbolic.estimates import Estimates
-from cbf_clf_qp.symbolic.functions import places_of
-from cbf_clf_qp.symbolic.measure import measure, model_error
-from cbf_clf_qp.symbolic.quantity import Constrained
+from cbf_clf_qp.affine import Affine
+from cbf_clf_qp.answer import Decided
+from cbf_clf_qp.estimates import Estimates
+from cbf_clf_qp.functions import places_of
+from cbf_clf_qp.measurement import measure, model_error
+from cbf_clf_qp.quantity import Constrained
 from rabbit_description.gait import Gaits
 from rabbit_description.state import SWAP_STATE, SWAP_TORQUE, TICK_SECONDS, Array, Leg, RobotState, StonePreview
 

@@ -2,7 +2,7 @@
 
 from abc import ABC, abstractmethod
 
-from cbf_clf_qp.symbolic.estimates import Estimates
+from cbf_clf_qp.estimates import Estimates
 
 from rl_cbf_clf_controller.scene import Scene
 

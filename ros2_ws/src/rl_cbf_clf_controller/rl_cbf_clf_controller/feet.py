@@ -1,7 +1,7 @@
 """Where the swing foot is from the stance foot, as numbers; for what is computed once a step."""
 
 import casadi as ca
-from cbf_clf_qp.symbolic.functions import NumpyFunction, Values
+from cbf_clf_qp.functions import NumpyFunction, Values
 from rabbit_description.state import Array
 
 from rl_cbf_clf_controller.planar_robot import PinnedRobot

@@ -23,7 +23,7 @@ measured in newtons and not in torques.
 
 import casadi as ca
 import numpy as np
-from cbf_clf_qp.symbolic.functions import NumpyFunction
+from cbf_clf_qp.functions import NumpyFunction
 from rabbit_description.state import TICK_SECONDS, Array
 
 from rl_cbf_clf_controller.least_squares import LeastSquares, updated

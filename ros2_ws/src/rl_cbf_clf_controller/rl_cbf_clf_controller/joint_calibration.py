@@ -15,7 +15,7 @@ along the step; so of the knee little is believed.
 
 import casadi as ca
 import numpy as np
-from cbf_clf_qp.symbolic.functions import NumpyFunction
+from cbf_clf_qp.functions import NumpyFunction
 from rabbit_description.state import Array
 
 from rl_cbf_clf_controller.least_squares import LeastSquares, updated

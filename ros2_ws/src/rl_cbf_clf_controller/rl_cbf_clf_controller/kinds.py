@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
+from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.problem import Problem
-from cbf_clf_qp.symbolic.affine import Affine
-from cbf_clf_qp.symbolic.quantity import Constrained
-from cbf_clf_qp.symbolic.terms import Terms
+from cbf_clf_qp.quantity import Constrained
+from cbf_clf_qp.terms import Terms
 from pydantic import BeforeValidator, PlainSerializer
 from rabbit_description import plugins
 

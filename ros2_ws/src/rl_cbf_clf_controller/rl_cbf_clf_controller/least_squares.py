@@ -17,7 +17,7 @@ Identification (1999), section 11.
 import math
 
 import casadi as ca
-from cbf_clf_qp.symbolic.system import solved
+from cbf_clf_qp.system import solved
 from rabbit_description.state import Array
 
 

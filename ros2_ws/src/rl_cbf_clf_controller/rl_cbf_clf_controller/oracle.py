@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from math import cos, radians, sin
 
 import numpy as np
-from cbf_clf_qp.symbolic.estimates import Estimates
+from cbf_clf_qp.estimates import Estimates
 
 from rl_cbf_clf_controller.policy import Policy
 from rl_cbf_clf_controller.robot_numbers import GRAVITY, RobotNumbers, read_robot

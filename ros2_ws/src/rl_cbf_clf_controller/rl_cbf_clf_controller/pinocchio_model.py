@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
-from cbf_clf_qp.symbolic.affine import Affine
+from cbf_clf_qp.affine import Affine
 from rabbit_description import URDF_PATH
 from rabbit_description.state import Array
 

@@ -19,8 +19,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import casadi as ca
-from cbf_clf_qp.symbolic.affine import Affine
-from cbf_clf_qp.symbolic.system import System, solved
+from cbf_clf_qp.affine import Affine
+from cbf_clf_qp.system import System, solved
 
 SLIDES = 2  # of the base: the coordinates that the stance foot takes up
 BASE = 3  # coordinates of the base: two slides and the pitch

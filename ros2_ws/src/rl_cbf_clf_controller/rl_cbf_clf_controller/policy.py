@@ -14,9 +14,9 @@ from collections.abc import Collection
 
 import casadi as ca
 import numpy as np
+from cbf_clf_qp.estimates import Estimates
+from cbf_clf_qp.functions import NumpyFunction
 from cbf_clf_qp.problem import Problem
-from cbf_clf_qp.symbolic.estimates import Estimates
-from cbf_clf_qp.symbolic.functions import NumpyFunction
 from rabbit_description.state import Array
 
 from rl_cbf_clf_controller.estimator import Estimator
@@ -71,7 +71,7 @@ class ActorPolicy(LearnedPolicy):
         self._inverse_scale = 1 / np.array(form.observation_scale)
         self._scales = np.array(form.alpha_scale), np.array(form.beta_scale)
         self._structured = form.structured
-        self._estimates = estimate_function(len(form.names), form.structured, "V" in form.names)
+        self._estimates = estimate_function(len(form.names), form.structured, "V" in form.names, form.m)
         self._actor = Actor(file.arrays)
 
     def act(self, observation: Array, LgV: Array) -> Estimates:
@@ -108,7 +108,7 @@ class PartlyNominal(Policy):
         return Estimates(estimates.alpha * self._kept[:, None], estimates.beta * self._kept, output_error)
 
 
-def estimate_function(quantities: int, structured: bool, has_clf: bool, inputs: int = 4) -> NumpyFunction:
+def estimate_function(quantities: int, structured: bool, has_clf: bool, inputs: int) -> NumpyFunction:
     """alpha (n, m), beta (n,) and output_error (m, m + 1) of (a network's outputs, LgV (m,), the scales (n,) of both).
 
     Structured outputs are (m (m + 1) + (m + 1) (n - 1),): [D2 | D1] row by row, then the alphas of the other

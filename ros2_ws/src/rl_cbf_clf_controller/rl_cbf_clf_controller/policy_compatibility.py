@@ -6,7 +6,7 @@ all that a controller without barriers and force rows has a use for.
 """
 
 import numpy as np
-from cbf_clf_qp.symbolic.estimates import Estimates
+from cbf_clf_qp.estimates import Estimates
 from rabbit_description.gait import Gait, Gaits
 from rabbit_description.state import Array
 

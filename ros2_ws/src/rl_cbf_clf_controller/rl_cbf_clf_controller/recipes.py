@@ -4,14 +4,14 @@ from collections.abc import Sequence
 from typing import Any
 
 import casadi as ca
-from cbf_clf_qp.symbolic.affine import Affine
-from cbf_clf_qp.symbolic.barrier import Barrier
-from cbf_clf_qp.symbolic.clf import Clf, ResClf
-from cbf_clf_qp.symbolic.objective import Objective, pd_centred
-from cbf_clf_qp.symbolic.quantity import Constrained, Quantity
-from cbf_clf_qp.symbolic.rows import Rows, at_most
-from cbf_clf_qp.symbolic.terms import Constraint, Terms
-from cbf_clf_qp.symbolic.tick import Tick, least_mu, no_corners
+from cbf_clf_qp.affine import Affine
+from cbf_clf_qp.barrier import Barrier
+from cbf_clf_qp.clf import Clf, ResClf
+from cbf_clf_qp.objective import Objective, pd_centred
+from cbf_clf_qp.quantity import Constrained, Quantity
+from cbf_clf_qp.rows import Rows, at_most
+from cbf_clf_qp.terms import Constraint, Terms
+from cbf_clf_qp.tick import Tick, least_mu, no_corners
 
 from rl_cbf_clf_controller.contact_force import ForceRows, contact_force
 from rl_cbf_clf_controller.kinds import Estimators, Kind, find_kind

@@ -3,9 +3,9 @@
 import math
 from dataclasses import dataclass
 
-from cbf_clf_qp.symbolic.affine import Affine
-from cbf_clf_qp.symbolic.estimates import Estimates
-from cbf_clf_qp.symbolic.functions import NumpyFunction, Values
+from cbf_clf_qp.affine import Affine
+from cbf_clf_qp.estimates import Estimates
+from cbf_clf_qp.functions import NumpyFunction, Values
 from rabbit_description.state import Array
 
 
@@ -21,7 +21,7 @@ class Scene:
     rows stance, swing foot; columns tangential, normal; `observation` (14,), with a stone (15,), there with a gait
     library (16,), see `Problem.observation`; `tick` counts from the episode's start; `torque` (4,), N m, was applied in
     the last tick, NaN: unknown; `stance` is 0 where the left leg stands, 1 where the right one does. `model_error`: a
-    function of (x, p, the parameters of another model), see `cbf_clf_qp.measure`.
+    function of (x, p, the parameters of another model), see `cbf_clf_qp.measurement`.
     """
 
     x: Array

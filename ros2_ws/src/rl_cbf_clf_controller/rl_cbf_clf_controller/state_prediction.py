@@ -11,7 +11,7 @@ torque that arrives a tick late (`identification.py`).
 """
 
 import casadi as ca
-from cbf_clf_qp.symbolic.functions import NumpyFunction, packed
+from cbf_clf_qp.functions import NumpyFunction, packed
 from rabbit_description.state import TICK_SECONDS
 
 from rl_cbf_clf_controller.planar_robot import PinnedRobot

@@ -21,9 +21,9 @@ from typing import Protocol
 
 import casadi as ca
 import numpy as np
-from cbf_clf_qp.symbolic.affine import Affine
-from cbf_clf_qp.symbolic.functions import NumpyFunction, packed
-from cbf_clf_qp.symbolic.system import System
+from cbf_clf_qp.affine import Affine
+from cbf_clf_qp.functions import NumpyFunction, packed
+from cbf_clf_qp.system import System
 from rabbit_description.state import Array
 
 FADING = 0.04  # of the phase, in which the curvature falls to 1/e beyond an end

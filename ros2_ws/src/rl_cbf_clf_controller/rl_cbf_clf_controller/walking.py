@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import casadi as ca
-from cbf_clf_qp.symbolic.affine import Affine
-from cbf_clf_qp.symbolic.system import System
+from cbf_clf_qp.affine import Affine
+from cbf_clf_qp.system import System
 
 from rl_cbf_clf_controller.planar_robot import RABBIT, PinnedRobot, Structure
 from rl_cbf_clf_controller.virtual_constraints import OutputExpressions

@@ -22,8 +22,8 @@ from collections.abc import Callable
 from typing import Any
 
 import casadi as ca
-from cbf_clf_qp.symbolic.affine import Affine
-from cbf_clf_qp.symbolic.terms import Terms
+from cbf_clf_qp.affine import Affine
+from cbf_clf_qp.terms import Terms
 
 from rl_cbf_clf_controller.walking import Walking
 

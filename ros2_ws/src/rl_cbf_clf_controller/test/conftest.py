@@ -5,8 +5,8 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 import pytest
-from cbf_clf_qp.symbolic.affine import Affine
-from cbf_clf_qp.symbolic.functions import NumpyFunction, packed
+from cbf_clf_qp.affine import Affine
+from cbf_clf_qp.functions import NumpyFunction, packed
 from rabbit_description.state import Array
 from rl_cbf_clf_controller.pinocchio_model import Kinematics, PinnedDynamics, PinocchioModel
 from rl_cbf_clf_controller.planar_robot import PinnedRobot

@@ -3,7 +3,7 @@
 import casadi as ca
 import numpy as np
 import pytest
-from cbf_clf_qp.symbolic.affine import Affine
+from cbf_clf_qp.affine import Affine
 from rl_cbf_clf_controller.contact_force import ForceRows
 
 

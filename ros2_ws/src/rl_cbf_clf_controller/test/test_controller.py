@@ -6,7 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
-from cbf_clf_qp.symbolic.estimates import Estimates
+from cbf_clf_qp.estimates import Estimates
 from rabbit_description.gait import DEFAULT_GAIT, load_gait
 from rabbit_description.state import SWAP_STATE, SWAP_TORQUE, Leg, RobotState, StonePreview
 from rl_cbf_clf_controller.controller import Controller

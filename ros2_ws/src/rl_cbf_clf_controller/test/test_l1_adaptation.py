@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from cbf_clf_qp.symbolic.affine import Affine
+from cbf_clf_qp.affine import Affine
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays

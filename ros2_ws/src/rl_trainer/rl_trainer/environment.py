@@ -14,7 +14,7 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-from cbf_clf_qp.symbolic.estimates import Estimates
+from cbf_clf_qp.estimates import Estimates
 from gymnasium.spaces import Box
 from numpy.typing import NDArray
 from rabbit_description.state import Array, RobotState

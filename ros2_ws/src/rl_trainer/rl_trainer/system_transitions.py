@@ -8,12 +8,12 @@ trainer.take(ticks.transition(number, before, now, seconds))
 from dataclasses import dataclass
 
 import numpy as np
+from cbf_clf_qp.answer import Decided
+from cbf_clf_qp.estimates import Estimates
+from cbf_clf_qp.functions import Array, Values
+from cbf_clf_qp.measurement import measure
 from cbf_clf_qp.problem import Problem
-from cbf_clf_qp.symbolic.answer import Decided
-from cbf_clf_qp.symbolic.estimates import Estimates
-from cbf_clf_qp.symbolic.functions import Array, Values
-from cbf_clf_qp.symbolic.measure import measure
-from cbf_clf_qp.symbolic.tick import Tick
+from cbf_clf_qp.tick import Tick
 
 from rl_trainer.transitions import Doubt, Transition
 

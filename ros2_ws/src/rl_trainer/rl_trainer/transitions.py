@@ -17,8 +17,8 @@ from dataclasses import dataclass
 from enum import IntFlag
 
 import numpy as np
+from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.problem import Problem
-from cbf_clf_qp.symbolic.estimates import Estimates
 from rabbit_description.state import TICK_SECONDS, Array, RobotState
 from rl_cbf_clf_controller.controller_output import ControllerOutput
 

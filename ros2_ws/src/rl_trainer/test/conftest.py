@@ -7,9 +7,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
+from cbf_clf_qp.affine import Affine
+from cbf_clf_qp.clf import ResClf
 from cbf_clf_qp.problem import Problem
-from cbf_clf_qp.symbolic.affine import Affine
-from cbf_clf_qp.symbolic.clf import ResClf
 from rabbit_description.state import TICK_SECONDS, Array, Leg, RobotState
 from rl_cbf_clf_controller.controller_output import ControllerOutput
 from rl_cbf_clf_controller.policy import LearnedPolicy

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.problem import Problem
-from cbf_clf_qp.symbolic.estimates import Estimates
 from rabbit_description.state import Array
 from rl_cbf_clf_controller.policy import LearnedPolicy, ZeroPolicy
 from rl_cbf_clf_controller.uncertainty import PAPER, RL_CBF_CLF_QP

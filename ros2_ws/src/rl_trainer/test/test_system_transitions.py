@@ -5,9 +5,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
+from cbf_clf_qp import Barrier, Clf, Estimates, System, Tick
+from cbf_clf_qp.functions import Array
 from cbf_clf_qp.problem import Problem
-from cbf_clf_qp.symbolic import Barrier, Clf, Estimates, System, Tick
-from cbf_clf_qp.symbolic.functions import Array
 from rl_cbf_clf_controller.policy import ActorPolicy
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.system_transitions import SystemTick, SystemTicks

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
-from cbf_clf_qp.symbolic.functions import NumpyFunction, packed
+from cbf_clf_qp.functions import NumpyFunction, packed
 from rabbit_description.gait import Gait
 from rabbit_description.state import SWAP_STATE, TICK_SECONDS, Array, Leg
 from rabbit_viewer.walk_records import WalkRecords

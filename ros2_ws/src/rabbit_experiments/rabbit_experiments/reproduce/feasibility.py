@@ -15,8 +15,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from cbf_clf_qp.symbolic.functions import Array
-from cbf_clf_qp.symbolic.qp import UNBOUNDED
+from cbf_clf_qp.functions import Array
+from cbf_clf_qp.qp import UNBOUNDED
 from pydantic import BaseModel, ConfigDict
 from rabbit_description.state import RobotState
 from rl_cbf_clf_controller.controller import Controller

@@ -6,17 +6,17 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
-from cbf_clf_qp.symbolic.affine import Affine
-from cbf_clf_qp.symbolic.barrier import Barrier
-from cbf_clf_qp.symbolic.clf import Clf
-from cbf_clf_qp.symbolic.estimates import Estimates
-from cbf_clf_qp.symbolic.measure import model_error
-from cbf_clf_qp.symbolic.objective import pd_centred
-from cbf_clf_qp.symbolic.quantity import Quantity
-from cbf_clf_qp.symbolic.rows import HARD
-from cbf_clf_qp.symbolic.system import System, mechanical
-from cbf_clf_qp.symbolic.terms import Terms
-from cbf_clf_qp.symbolic.tick import Tick
+from cbf_clf_qp.affine import Affine
+from cbf_clf_qp.barrier import Barrier
+from cbf_clf_qp.clf import Clf
+from cbf_clf_qp.estimates import Estimates
+from cbf_clf_qp.measurement import model_error
+from cbf_clf_qp.objective import pd_centred
+from cbf_clf_qp.quantity import Quantity
+from cbf_clf_qp.rows import HARD
+from cbf_clf_qp.system import System, mechanical
+from cbf_clf_qp.terms import Terms
+from cbf_clf_qp.tick import Tick
 
 X, V, U, FORCE = ca.SX.sym("x"), ca.SX.sym("v"), ca.SX.sym("u"), 100.0
 DEFAULTS = {"wall": 0.9, "speed": 0.0, "eps": 0.2, "pole": 8.0, "radius": 0.1, "limit": FORCE, "weight": 10.0}

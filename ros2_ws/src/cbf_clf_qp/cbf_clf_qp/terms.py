@@ -7,10 +7,10 @@ from itertools import pairwise
 import casadi as ca
 import numpy as np
 
-from cbf_clf_qp.symbolic.affine import Affine
-from cbf_clf_qp.symbolic.quantity import Constrained, Quantity
-from cbf_clf_qp.symbolic.rows import Number, Rows
-from cbf_clf_qp.symbolic.system import System
+from cbf_clf_qp.affine import Affine
+from cbf_clf_qp.quantity import Constrained, Quantity
+from cbf_clf_qp.rows import Number, Rows
+from cbf_clf_qp.system import System
 
 Reads = Mapping[str, ca.SX] | None
 

@@ -7,11 +7,11 @@ has been identified.
 
 import casadi as ca
 
-from cbf_clf_qp.symbolic.affine import Affine
-from cbf_clf_qp.symbolic.functions import NumpyFunction
-from cbf_clf_qp.symbolic.quantity import Quantity
-from cbf_clf_qp.symbolic.system import System
-from cbf_clf_qp.symbolic.terms import Terms
+from cbf_clf_qp.affine import Affine
+from cbf_clf_qp.functions import NumpyFunction
+from cbf_clf_qp.quantity import Quantity
+from cbf_clf_qp.system import System
+from cbf_clf_qp.terms import Terms
 
 
 def measure(terms: Terms) -> NumpyFunction:

@@ -18,8 +18,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from cbf_clf_qp.symbolic.affine import Affine
-from cbf_clf_qp.symbolic.functions import free_symbols, packed
+from cbf_clf_qp.affine import Affine
+from cbf_clf_qp.functions import free_symbols, packed
 
 ROUNDING = 1e-11  # what is left where u cancels, relative to what cancels
 

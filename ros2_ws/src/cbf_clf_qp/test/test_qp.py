@@ -8,11 +8,11 @@ import casadi as ca
 import daqp
 import numpy as np
 import pytest
-from cbf_clf_qp.symbolic.affine import Affine
-from cbf_clf_qp.symbolic.answer import Answering
-from cbf_clf_qp.symbolic.objective import Objective
-from cbf_clf_qp.symbolic.qp import build_qp
-from cbf_clf_qp.symbolic.rows import HARD, Rows, at_least, at_most
+from cbf_clf_qp.affine import Affine
+from cbf_clf_qp.answer import Answering
+from cbf_clf_qp.objective import Objective
+from cbf_clf_qp.qp import build_qp
+from cbf_clf_qp.rows import HARD, Rows, at_least, at_most
 
 M, SOFT, LIMIT = 3, 5, 2.0  # inputs, soft rows; of |mu|
 
@@ -148,10 +148,10 @@ INTERRUPTED = """
 import os, signal, threading, time
 import casadi as ca
 import numpy as np
-from cbf_clf_qp.symbolic import Affine
-from cbf_clf_qp.symbolic.answer import Answering
-from cbf_clf_qp.symbolic.qp import build_qp
-from cbf_clf_qp.symbolic.rows import at_least
+from cbf_clf_qp import Affine
+from cbf_clf_qp.answer import Answering
+from cbf_clf_qp.qp import build_qp
+from cbf_clf_qp.rows import at_least
 
 heard = []
 

@@ -8,7 +8,7 @@ The states are those of simulated drives, and random ones (seed 0); nothing of t
 import casadi as ca
 import numpy as np
 import pytest
-from cbf_clf_qp.symbolic import HARD, Affine, Barrier, Clf, System, Tick, nearest
+from cbf_clf_qp import HARD, Affine, Barrier, Clf, System, Tick, nearest
 
 GRAVITY, MASS, TIME, DESIRED, DECELERATION = 9.81, 1650.0, 1.8, 24.0, 0.3  # m/s^2, kg, s, m/s, of g
 

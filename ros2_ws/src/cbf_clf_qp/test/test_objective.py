@@ -5,11 +5,11 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
-from cbf_clf_qp.symbolic.affine import Affine
-from cbf_clf_qp.symbolic.answer import Answering
-from cbf_clf_qp.symbolic.objective import nearest, pd_centred
-from cbf_clf_qp.symbolic.qp import build_qp
-from cbf_clf_qp.symbolic.rows import at_most
+from cbf_clf_qp.affine import Affine
+from cbf_clf_qp.answer import Answering
+from cbf_clf_qp.objective import nearest, pd_centred
+from cbf_clf_qp.qp import build_qp
+from cbf_clf_qp.rows import at_most
 
 M = 3
 

@@ -6,8 +6,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
-from cbf_clf_qp.symbolic.barrier import Barrier
-from cbf_clf_qp.symbolic.system import DegreeError, System, mechanical
+from cbf_clf_qp.barrier import Barrier
+from cbf_clf_qp.system import DegreeError, System, mechanical
 
 OUTPUTS: dict[str, Callable[[Any], ca.SX]] = {
     "cart": lambda s: ca.sin(s["x"]) * s["wall"] - s["v"] ** 2 * s["mass"],

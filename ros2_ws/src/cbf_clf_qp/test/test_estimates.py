@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from cbf_clf_qp.symbolic.estimates import Estimates
+from cbf_clf_qp.estimates import Estimates
 
 N, M = 5, 4
 

@@ -12,9 +12,9 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from cbf_clf_qp.symbolic.functions import Array, NumpyFunction, Values, free_symbols, packed, places_of, split
-from cbf_clf_qp.symbolic.qp import ROUNDING, Layout, reading
-from cbf_clf_qp.symbolic.solvers import OsqpSolver, by_daqp
+from cbf_clf_qp.functions import Array, NumpyFunction, Values, free_symbols, packed, places_of, split
+from cbf_clf_qp.qp import ROUNDING, Layout, reading
+from cbf_clf_qp.solvers import OsqpSolver, by_daqp
 
 TOLERANCE = 1e-6  # KKT residual that is let pass, relative to 1 + |x|
 

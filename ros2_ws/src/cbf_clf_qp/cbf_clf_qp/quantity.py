@@ -12,9 +12,9 @@ from typing import Protocol
 
 import casadi as ca
 
-from cbf_clf_qp.symbolic.affine import Affine
-from cbf_clf_qp.symbolic.rows import Rows
-from cbf_clf_qp.symbolic.system import System
+from cbf_clf_qp.affine import Affine
+from cbf_clf_qp.rows import Rows
+from cbf_clf_qp.system import System
 
 
 @dataclass(frozen=True)

@@ -14,10 +14,10 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from cbf_clf_qp.symbolic.affine import Affine
-from cbf_clf_qp.symbolic.quantity import Quantity
-from cbf_clf_qp.symbolic.rows import Number, Rows, at_least
-from cbf_clf_qp.symbolic.system import System
+from cbf_clf_qp.affine import Affine
+from cbf_clf_qp.quantity import Quantity
+from cbf_clf_qp.rows import Number, Rows, at_least
+from cbf_clf_qp.system import System
 
 RESCUE_WEIGHT = 1e6
 
