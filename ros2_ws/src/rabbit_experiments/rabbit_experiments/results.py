@@ -41,6 +41,7 @@ class ResultsFolder:
         """
         self.path, self.cache = path, Cache(path / "cache")
         path.mkdir(parents=True, exist_ok=True)
+        overwrite = overwrite and (path / ABOUT).exists()
         held = self._held() if (path / ABOUT).exists() and not overwrite else about
         if held["key"] != about["key"]:
             raise ResultsError(f"{path}: holds another evaluation (other parameters, seed or policy)")

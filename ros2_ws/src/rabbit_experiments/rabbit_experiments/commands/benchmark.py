@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 import typer
 from rabbit_cli.options import complaints, fail
+from rabbit_cli.own_folder import own_folder
 
 app = typer.Typer(add_completion=False)
 
@@ -42,7 +43,7 @@ def benchmark(
         for cell in wanted:
             print(f"{cell.name} ({cell.map})")
         return
-    protocol, cache = Protocol(courses, seeds, sensors=sensors), Cache(out / "cache")
+    protocol, cache = Protocol(courses, seeds, sensors=sensors), Cache(own_folder(out, "benchmark") / "cache")
     runs = plan(protocol, entered, wanted)
     try:
         done = run(
@@ -50,7 +51,6 @@ def benchmark(
         )
     except KeyboardInterrupt:
         fail("stopped; the same command goes on from the runs that are done", code=130)
-    out.mkdir(parents=True, exist_ok=True)
     page = Benchmark.from_cache(protocol, entered, wanted, runs, cache).write(out)
     print(f"{done} runs made; written {page}")
 

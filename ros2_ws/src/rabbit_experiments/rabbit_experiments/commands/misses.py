@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 from rabbit_cli.options import complaints, fail
+from rabbit_cli.own_folder import own_folder
 
 app = typer.Typer(add_completion=False)
 
@@ -34,7 +35,7 @@ def misses(
         loaded = None if model is None else MissProbability.load(model)
         fit = [] if loaded else stormy_walks(fit_plants, FIT_SEED, parameters)
         judge = stormy_walks(plants, JUDGE_SEED, parameters)
-    cache = Cache(out / "cache")
+    cache = Cache(own_folder(out, "misses") / "cache")
     try:
         run([*fit, *judge], cache, jobs or os.cpu_count() or 1)
     except KeyboardInterrupt:

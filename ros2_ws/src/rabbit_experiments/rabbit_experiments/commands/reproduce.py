@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 
 import typer
 from rabbit_cli.options import complaints, fail
+from rabbit_cli.own_folder import own_folder
 
 PlantName = Literal["pybullet", "mujoco", "rigid"]
 
@@ -52,6 +53,7 @@ def reproduce(
         return
     with complaints(SettingError):
         own = read_setting(setting) if setting else OURS
+    own_folder(out, "reproduce")
     own = own.model_copy(update={"plant": plant}) if plant else own
     chosen = [each for name, each in known.items() if name in (names or known) and (retrain or not each.needs_training)]
     size, processes = replace(QUICK if quick else FULL, setting=own), jobs or os.cpu_count() or 1
@@ -76,6 +78,7 @@ def search(
 
     if names or setting:
         fail(f"--search: expected no {'experiments' if names else '--setting'}, it judges all claims in many settings")
+    own_folder(out, "reproduce")
     try:
         with complaints(BackendError, SearchError):
             print(f"written {search_setting(trials, plant or 'pybullet', out, jobs or os.cpu_count() or 1)}")
