@@ -106,6 +106,7 @@ def describe(assembly: Any, seed: int) -> dict[str, Any]:
 
 def walk_all(scenario: Any, folder: Any, processes: int) -> tuple[list[Any], int]:
     """Walk the runs that the folder lacks, its tables up to date after each; all results, and how many were made."""
+    from rabbit_experiments.cache import JobError
     from rabbit_experiments.engine import run
     from rabbit_experiments.summary import Walks
 
@@ -119,7 +120,8 @@ def walk_all(scenario: Any, folder: Any, processes: int) -> tuple[list[Any], int
         return f"walked {walks.walked}, mean stones {walks.mean_stones:.1f}"
 
     try:
-        made = run(scenario.walks, folder.cache, processes, note=note)
+        with complaints(JobError):
+            made = run(scenario.walks, folder.cache, processes, note=note)
     except KeyboardInterrupt:
         fail(f"stopped after {len(kept)} runs; the same command goes on from there", code=130)
     return [kept[number] for number in sorted(kept)], made

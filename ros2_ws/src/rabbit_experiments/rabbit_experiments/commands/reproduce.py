@@ -33,6 +33,7 @@ def reproduce(
     show: Annotated[bool, typer.Option("--list", help="the experiments, and nothing more")] = False,
 ) -> None:
     """Make the paper's figures and tables anew: DIR/results.md has its figures beside ours, with verdicts."""
+    from rabbit_experiments.cache import JobError
     from rabbit_experiments.engine import BackendError
     from rabbit_experiments.reproduce.catalogue import EXPERIMENTS
     from rabbit_experiments.reproduce.page import make
@@ -58,7 +59,7 @@ def reproduce(
     chosen = [each for name, each in known.items() if name in (names or known) and (retrain or not each.needs_training)]
     size, processes = replace(QUICK if quick else FULL, setting=own), jobs or os.cpu_count() or 1
     try:
-        with complaints(BackendError):
+        with complaints(BackendError, JobError):
             if retrain:
                 wanted = dict.fromkeys(recipe for each in chosen for recipe in each.trainings(size))
                 size = replace(size, trained=trained_anew(list(wanted), out, processes, own))

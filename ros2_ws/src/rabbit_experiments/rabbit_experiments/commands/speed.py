@@ -27,12 +27,12 @@ def speed(
     from rl_cbf_clf_controller.speed_regulation import PER_SLOPE, RETAINED
 
     from rabbit_experiments.assembly import AssemblyError
-    from rabbit_experiments.cache import Cache
+    from rabbit_experiments.cache import Cache, JobError
     from rabbit_experiments.engine import run
     from rabbit_experiments.speed_model.fit import NAMES, SpeedModelError, errors, fitted
     from rabbit_experiments.speed_model.walks import exploring_walks, gathered
 
-    with complaints(AssemblyError, ParameterError, SpeedModelError):
+    with complaints(AssemblyError, JobError, ParameterError, SpeedModelError):
         law = load_parameters(parameters)
         cache = Cache(own_folder(out, "speed") / "cache")
         fit, judge = exploring_walks(plants, FIT_SEED, law), exploring_walks(others, JUDGE_SEED, law)
