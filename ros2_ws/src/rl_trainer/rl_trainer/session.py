@@ -162,7 +162,9 @@ def _read(path: Path) -> dict[str, Any]:
         if any(each.file_size > each.compress_size for each in archive.infolist()):
             raise ValueError("compressed: expected plain tensors")
     content.seek(0)
-    state: dict[str, Any] = torch.load(content, weights_only=True)
+    state = torch.load(content, weights_only=True)
+    if not isinstance(state, dict) or not isinstance(state.get("episode"), int):
+        raise ValueError("expected names with values, `episode` a whole number")
     return state
 
 
