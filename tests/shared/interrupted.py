@@ -257,8 +257,9 @@ def chain(name: str, folder: Path, draw: random.Random) -> tuple[list[Interrupti
             out = folder / ("out" if command.goes_on else str(number))
             how, share = draw.choice(kinds), draw.uniform(EARLIEST, 1 / (1 + command.goes_on))
             done.append(interrupt(name, out, how, share * seconds))
-            if command.goes_on and not number:
-                out.mkdir(exist_ok=True)
+            if (
+                len(foreign) == 1 and command.goes_on and out.exists() and any(out.iterdir())
+            ):  # the command's own by now
                 foreign.append(out / FOREIGN)
                 foreign[1].write_text(FOREIGN)
         out = folder / ("out" if command.goes_on else "last")
