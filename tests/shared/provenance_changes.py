@@ -127,7 +127,6 @@ def job_of(what: str, folder: Path, **changes: Any) -> Any:
     """A walk with files of one's own, one with parts of one's own, or a training; `changes` of its parameters."""
     from rabbit_experiments.assembly import Assembly
     from rabbit_experiments.evaluation import Walk
-    from rabbit_experiments.recipes import Recipe
     from rabbit_sim.parameters import SimulationParameters
     from rl_cbf_clf_controller.parameters import ControllerParameters, load_parameters
     from rl_trainer.parameters import TrainingParameters
@@ -137,6 +136,8 @@ def job_of(what: str, folder: Path, **changes: Any) -> Any:
 
     files = folder / "files"
     if what == "training":
+        from rabbit_experiments.recipes import Recipe  # here alone: its modules decide no walk
+
         known = {"problem": "rl-cbf-clf-qp", "episodes": 1}
         law = (("gait", str(files / "gait.yaml")),)
         return Recipe(TrainingParameters(**known | changed(TrainingParameters)), law=law)
