@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from file_kinds import TINY, go_on, kept_files, transition
 from hypothesis import example, given
 from hypothesis import strategies as st
 from rabbit_description import GAITS
@@ -23,17 +24,11 @@ from rabbit_sim.stones import CourseError, read_course
 from rl_cbf_clf_controller.parameters import CONFIG
 from rl_cbf_clf_controller.parameters import ParameterError as ControllerParameterError
 from rl_cbf_clf_controller.parameters import load_parameters as load_controller
-from rl_cbf_clf_controller.uncertainty import RL_CLF_QP
 from rl_trainer.journal import Journal
-from rl_trainer.node_checkpoint import NodeCheckpoint
-from rl_trainer.parameters import ParameterError, TrainingParameters
+from rl_trainer.parameters import ParameterError
 from rl_trainer.parameters import load_parameters as load_training
-from rl_trainer.publication_gate import PublicationGate
 from rl_trainer.session import CHECKPOINT, CheckpointError
-from rl_trainer.training import Trainer
-from rl_trainer.transitions import Doubt, Transition
 
-TINY = TrainingParameters(problem=RL_CLF_QP, hidden1=3, hidden2=2, batch=2, capacity=10)
 MESSAGES = Path(__file__).resolve().parents[2] / "ros2_ws" / "src" / "rabbit_msgs"
 COURSE = yaml.safe_dump({"stones": [{"l_min": 0.35, "l_max": 0.4}, {"l_min": 0.36}]}).encode()
 CSV = b"l_min,l_max\n0.35,0.40\n0.36,0.41\n"
@@ -127,50 +122,7 @@ def test_simulator_memories(data: bytes) -> None:
 
 # What a trainer keeps
 
-
-def transition(tick: int) -> Transition:
-    """One of no particular value."""
-    rng = np.random.default_rng(tick)
-    vectors = {name: rng.standard_normal(4) for name in ("LgV", "mu", "mu_qp", "next_LgV", "next_mu")}
-    values = {name: rng.standard_normal(1) for name in ("beta", "nominal", "measured")}
-    observations = {name: rng.standard_normal(14) for name in ("observation", "next_observation")}
-    return Transition(
-        problem=TINY.problem,
-        tick=tick,
-        step_index=0,
-        alpha=rng.standard_normal((1, 4)),
-        failed=False,
-        doubt=Doubt.NONE,
-        **vectors,
-        **values,
-        **observations,
-    )
-
-
-def kept_files() -> tuple[bytes, bytes]:
-    """A sound checkpoint and journal."""
-    with tempfile.TemporaryDirectory() as folder:
-        trainer = Trainer(TINY)
-        kept = NodeCheckpoint(Path(folder), trainer, PublicationGate(TINY))
-        kept.begin()
-        for tick in range(3):
-            kept.add(trainer.take(transition(tick)) or transition(tick))
-        journal = (Path(folder) / "journal-000000.bin").read_bytes()
-        kept.save()
-        kept.close()
-        return (Path(folder) / CHECKPOINT).read_bytes(), journal
-
-
 CHECKPOINT_BYTES, JOURNAL_BYTES = kept_files()
-
-
-def go_on(path: Path) -> None:
-    """As a trainer does that is started again."""
-    kept = NodeCheckpoint(path.parent, Trainer(TINY), PublicationGate(TINY))
-    try:
-        kept.begin()
-    finally:
-        kept.close()
 
 
 @given(damaged(CHECKPOINT_BYTES) | st.binary(max_size=60))

@@ -307,3 +307,16 @@ def test_an_operator_loads_policies_by_command(world: Any, tmp_path: Path) -> No
     code, said = load(file, "--namespace", "two words")
     assert (code, said.count("\n")) == (2, 1)
     assert "--namespace two words: expected" in said
+
+
+def test_a_policy_is_loaded_into_a_graph_that_is_still_starting(world: Any, tmp_path: Path) -> None:
+    """As in Get started: `rabbit walk ... &`, then `rabbit policy load` at once."""
+    file = tmp_path / "one.safetensors"
+    policy(1).write(file)
+    command = ["rabbit", "policy", "load", str(file), "--namespace", world.namespace, "--timeout", "300"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as loading:
+        assert loading.stderr is not None
+        assert loading.stderr.readline() == f"waiting for /{world.namespace}/load_policy, 300 s at most\n"
+        world.start("controller", **LAW.model_dump())
+        said, _ = loading.communicate(timeout=300)
+    assert (loading.returncode, said) == (0, f"{file}: loaded, version {policy(1).version}\n")

@@ -31,6 +31,7 @@ MARK = "RABBIT_INTERRUPTED"  # in the environment of a command and of all that i
 LIMIT = 300.0  # s for a command, and
 ENDING = 30.0  # s for what it has started, after it has ended
 TIMES = ("tick_ms", "plant_ms", "walk_seconds", "wall", "real_time", "seconds", "hours", "ms_", "_ms")
+EARLIEST = 0.1  # of a command's time: a Ctrl-C while Python imports the first modules is Python's traceback
 FOREIGN = "notes.txt"
 
 
@@ -209,7 +210,8 @@ def interrupt(name: str, out: Path, how: str, after: float) -> Interruption:
 
 
 def _wrong(how: str, code: int, said: str, mark: str) -> str:
-    wrong = [word for word in ("Traceback", "still running") if word in said]
+    words = ("still running",) if how in ("TERM", "KILL") else ("still running", "Traceback")
+    wrong = [word for word in words if word in said]  # a worker that has only just begun may miss its dead parent aloud
     lines = [line for line in said.splitlines() if line.startswith("rabbit: ")]
     allowed = (-SIGNALS[how], 128 + SIGNALS[how]) if how in SIGNALS else (2, 3, 4)
     if code not in (0, 1, *allowed):
@@ -253,9 +255,11 @@ def chain(name: str, folder: Path, draw: random.Random) -> tuple[list[Interrupti
         foreign[0].write_text(FOREIGN)
         for number in range(draw.randint(3, 5)):
             out = folder / ("out" if command.goes_on else str(number))
-            done.append(interrupt(name, out, draw.choice(kinds), draw.uniform(0, seconds / (1 + command.goes_on))))
-            if command.goes_on and not number:
-                out.mkdir(exist_ok=True)
+            how, share = draw.choice(kinds), draw.uniform(EARLIEST, 1 / (1 + command.goes_on))
+            done.append(interrupt(name, out, how, share * seconds))
+            if (
+                len(foreign) == 1 and command.goes_on and out.exists() and any(out.iterdir())
+            ):  # the command's own by now
                 foreign.append(out / FOREIGN)
                 foreign[1].write_text(FOREIGN)
         out = folder / ("out" if command.goes_on else "last")

@@ -1,8 +1,11 @@
 """Reads files that are not trusted: regular files alone, of a bounded size."""
 
+import json
 import os
 import stat
+import zlib
 from pathlib import Path
+from typing import Any
 
 LONGEST_LINE = 1000  # characters of an error
 
@@ -38,6 +41,33 @@ def read_text(path: Path, most: int) -> str:
         return read_bytes(path, most).decode("utf-8")
     except UnicodeDecodeError as error:
         raise FileError(f"no UTF-8 text: byte {error.start}") from error
+
+
+def read_json(path: Path, most: int) -> Any:
+    """The same as JSON, plain data; raises `FileError`."""
+    return parse_json(read_text(path, most))
+
+
+def parse_json(text: str) -> Any:
+    """Plain data; raises `FileError` for what is no JSON or nested too deep."""
+    try:
+        return json.loads(text)
+    except RecursionError as error:
+        raise FileError("nested too deep") from error
+    except ValueError as error:
+        raise FileError(one_line(error)) from error
+
+
+def gunzip(data: bytes, most: int) -> bytes:
+    """What gzip compressed, at most `most` bytes; raises `FileError`."""
+    stream = zlib.decompressobj(wbits=31)
+    try:
+        found = stream.decompress(data, most)
+    except zlib.error as error:
+        raise FileError(str(error)) from error
+    if not stream.eof:
+        raise FileError(f"cut, or more than {most} bytes")
+    return found
 
 
 def one_line(error: Exception) -> str:

@@ -5,8 +5,9 @@ A joint's innovation nu (2,), of its angle and its rate, has the covariance S. T
     nu' S^-1 nu > GATE^2    or    |nu_1| > max(JUMP, 2 sqrt(S_11))
 
 The first is the usual one (Bar-Shalom, Li, Kirubarajan 2001, section 5.7). For a Gaussian, GATE = 5 would do; an
-impact's innovation is not Gaussian, and reached 15 in 21,000 ticks on twenty plants. The second one holds in the tick
-of an impact, when S is large: no impact there changed a rate by more than 22 rad/s, so an angle by 0.2 rad in a tick.
+impact's innovation is not Gaussian, and reached 15 in 10,572 ticks on twenty plants. The second one holds in the tick
+of an impact, when S is large: on those plants no impact changed a rate by more than 22 rad/s, or moved an angle by more
+than 0.17 rad from where it was expected (3,929 ticks).
 An encoder that was refused in `PATIENCE` ticks in a row may have slipped: its zero is then no longer known, so that it
 is believed again.
 """

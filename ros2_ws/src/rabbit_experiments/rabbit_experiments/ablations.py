@@ -24,6 +24,7 @@ from typing import Annotated, Any
 
 import typer
 from pydantic import BaseModel, ConfigDict
+from rabbit_cli.own_folder import own_folder
 from rabbit_description.atomic_file import replace_text
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import load_parameters
@@ -256,6 +257,7 @@ def main(
     if unknown := [name for name in names if name not in VARIANTS]:
         typer.echo(f"{unknown[0]}: no such variant; --list names them", err=True)
         raise typer.Exit(2)
+    own_folder(out, "ablations")
     wanted = [(name, each) for each in dict.fromkeys(seeds) for name in dict.fromkeys(names)]
     try:
         complete = Study(out, runs, seed, episodes).follow(wanted, jobs)

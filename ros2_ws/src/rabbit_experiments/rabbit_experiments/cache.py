@@ -6,7 +6,6 @@ ROOT/made_with/MADE.json     what that is: content of files, code, versions of l
 
 import gzip
 import json
-import zlib
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -16,11 +15,13 @@ from typing import Any, ClassVar
 
 from pydantic import BaseModel
 from rabbit_description.atomic_file import replacing
+from rabbit_description.bounded_file import gunzip, parse_json, read_bytes
 
 from rabbit_experiments.provenance import differing, key_of, plain, provenance
 from rabbit_experiments.source_code import hash_of
 
 MADE_WITH = "made_with"
+MOST_BYTES = 200_000_000  # of a result, as text
 
 
 @dataclass(frozen=True)
@@ -40,11 +41,8 @@ class Job(ABC):
         path.write_bytes(gzip.compress(json.dumps(result.model_dump()).encode()))  # keeps NaN
 
     def read(self, path: Path) -> Any:
-        """The result in a file; raises `OSError` or `ValueError` where there is none."""
-        try:
-            return self.model.model_validate(json.loads(gzip.decompress(path.read_bytes())))
-        except (EOFError, zlib.error) as error:
-            raise ValueError(f"{path}: {error}") from error
+        """The result in a file; raises `ValueError` where there is none."""
+        return self.model.model_validate(parse_json(gunzip(read_bytes(path, MOST_BYTES), MOST_BYTES).decode()))
 
 
 class JobError(RuntimeError):

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from rabbit_description.atomic_file import replace_text
+from rabbit_description.bounded_file import read_json
 from rabbit_viewer.walk_records import RECORDS
 
 from rabbit_experiments.cache import Cache
@@ -22,6 +23,7 @@ from rabbit_experiments.tables import write_rows
 
 PICTURES = "pictures"
 ABOUT, RUNS, VIOLATIONS, SUMMARY = "evaluation.json", "runs.csv", "violations.csv", "summary.json"
+MOST_BYTES = 1_000_000  # of evaluation.json
 
 
 class ResultsError(RuntimeError):
@@ -41,6 +43,7 @@ class ResultsFolder:
         """
         self.path, self.cache = path, Cache(path / "cache")
         path.mkdir(parents=True, exist_ok=True)
+        overwrite = overwrite and (path / ABOUT).exists()
         held = self._held() if (path / ABOUT).exists() and not overwrite else about
         if held["key"] != about["key"]:
             raise ResultsError(f"{path}: holds another evaluation (other parameters, seed or policy)")
@@ -64,9 +67,9 @@ class ResultsFolder:
 
     def _held(self) -> Any:
         try:
-            held = json.loads((self.path / ABOUT).read_text(encoding="utf-8"))
+            held = read_json(self.path / ABOUT, MOST_BYTES)
             return {name: held[name] for name in ("key", "made_with")}
-        except (OSError, ValueError, KeyError, TypeError) as error:
+        except (ValueError, KeyError, TypeError) as error:
             raise ResultsError(f"{self.path / ABOUT} cannot be read: {error}") from error
 
     def _write(self, name: str, content: dict[str, Any]) -> None:

@@ -104,14 +104,14 @@ def test_list_names_every_experiment_once() -> None:
 
 
 @pytest.mark.parametrize("line", LINES[:: max(1, len(LINES) // 12)], ids=lambda line: line.what)
-def test_a_rows_command_makes_its_runs(line: Line, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_rows_command_makes_its_runs(line: Line, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """`rabbit evaluate`, told the command, has the same plant, controller, policy, seed and number of runs."""
     scenario = line.scenario(QUICK)
     seen: dict[str, Any] = {}
     monkeypatch.setattr(evaluate_module, "walk_all", lambda scenario, *_: (seen.update(scenario=scenario), 0))
     monkeypatch.setattr(evaluate_module, "conclude", lambda *_: {})
     monkeypatch.setattr(evaluate_module, "show", lambda *_: None)
-    words = shlex.split(evaluate_command(scenario).replace("--out DIR", "--out .never"))
+    words = shlex.split(evaluate_command(scenario).replace("--out DIR", f"--out {tmp_path}"))
     monkeypatch.setattr("rabbit_experiments.results.ResultsFolder", lambda *_: None)
     assert CliRunner().invoke(evaluate_module.app, words[2:]).exit_code == 0
     assert replace(seen["scenario"], title=line.what) == scenario

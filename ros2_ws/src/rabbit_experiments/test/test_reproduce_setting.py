@@ -95,10 +95,10 @@ def test_a_shipped_setting_has_a_name_and_lies_in_the_box() -> None:
 def test_an_experiment_in_a_setting(tmp_path: Path) -> None:
     path = tmp_path / "setting.yaml"
     path.write_text("plant: rigid\ncontroller: {gait: stones_0350_084}\n")
-    words = ["stepping-stone", "--setting", str(path), "--quick", "--jobs", "1", "--out", str(tmp_path)]
+    words = ["stepping-stone", "--setting", str(path), "--quick", "--jobs", "1", "--out", str(tmp_path / "out")]
     done = CliRunner().invoke(app, words)
     assert done.exit_code == 0, done.output
-    page = (tmp_path / "results.md").read_text()
+    page = (tmp_path / "out" / "results.md").read_text()
     assert '{"plant": "rigid", "controller": {"gait": "stones_0350_084"}}' in page
     assert "--plant rigid --mass-scale 2 --gait stones_0350_084" in page
     assert "| PyBullet" not in page

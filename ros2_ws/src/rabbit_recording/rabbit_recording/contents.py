@@ -47,9 +47,9 @@ def contents(path: Path) -> Contents:
             if isinstance(c.ext, ConnectionExtRosbag2)
         ]
         seconds = (reader.end_time - begin_of(reader)) / 1e9 if reader.message_count else 0.0
+        count = sum(topic.messages for topic in topics)
     files = storage_files(path)
     size = sum(file.stat().st_size for file in files)
-    count = sum(topic.messages for topic in topics)
     return Contents([f.name for f in files], size, seconds, count, topics, list(iterate_inventories(path)))
 
 

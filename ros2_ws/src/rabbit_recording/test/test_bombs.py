@@ -1,6 +1,7 @@
 """Small recordings that would take gigabytes or hours: refused in one line, or read in proportion to their bytes."""
 
 import os
+import re
 import sqlite3
 import struct
 from collections.abc import Callable
@@ -117,6 +118,13 @@ def test_a_bomb_is_refused_in_one_line(tmp_path: Path, bomb: Callable[[Path], st
         assert said in str(refused.value)
         assert "\n" not in str(refused.value)
         assert len(str(refused.value)) < 2000
+
+
+def test_a_count_that_is_none_is_refused(tmp_path: Path) -> None:
+    about = write(tmp_path / "bag", [state(1, 0)]) / "metadata.yaml"
+    about.write_text(re.sub(r"- message_count: \d+", "- message_count: null", about.read_text()))
+    with pytest.raises(RecordingError, match="damaged, or of another kind"):
+        contents(tmp_path / "bag")
 
 
 def test_a_chunk_of_zeros_is_not_recovered(tmp_path: Path) -> None:

@@ -22,6 +22,7 @@ import numpy as np
 import torch
 from pydantic import BaseModel, ConfigDict, Field
 from rabbit_description.atomic_file import replacing
+from rabbit_description.bounded_file import FileError, read_json
 from rabbit_description.gait import load_gaits
 from rabbit_description.state import Array
 from rabbit_sim.parameters import SimulationParameters
@@ -33,6 +34,7 @@ from rabbit_rivals.joint_target_env import WIDTHS, JointTargetEnv, walking_param
 from rabbit_rivals.joint_targets import JointTargetController, NetworkAbout, NetworkPolicy
 from rabbit_rivals.model_file import ModelFile
 
+MOST_BYTES = 10_000_000  # of progress.json
 HIDDEN = (128, 128)
 ENVIRONMENTS = 8
 EVALUATION = 100_000  # ticks from one line of the learning curve to the next
@@ -210,11 +212,11 @@ def _read_progress(out: Path, options: EndToEndOptions) -> dict[str, Any]:
     if not path.is_file():
         return begin
     try:
-        found: dict[str, Any] = json.loads(path.read_text())
-    except ValueError as error:
+        found = read_json(path, MOST_BYTES)
+    except FileError as error:
         raise SessionError(f"{path}: {error}") from error
-    if found.keys() != begin.keys() or found["options"] != asked:
-        raise SessionError(f"{path}: {found.get('options')}; expected {asked}, or another folder")
+    if not isinstance(found, dict) or found.keys() != begin.keys() or found["options"] != asked:
+        raise SessionError(f"{path}: not a session with {asked}: use another folder")
     checkpoint = path.with_name(f"checkpoint-{found['steps']}.zip")
     if not checkpoint.is_file():
         raise SessionError(f"{checkpoint}: the session goes on from this file, and it is not there")

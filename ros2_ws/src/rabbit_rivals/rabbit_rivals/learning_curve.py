@@ -1,11 +1,14 @@
 """The learning curves of end-to-end sessions in one picture: steps of 20 over the ticks of training."""
 
 import csv
+import io
 from pathlib import Path
 
 from matplotlib.figure import Figure
+from rabbit_description.bounded_file import read_text
 from rabbit_viewer import style
 
+MOST_BYTES = 10_000_000
 PANELS = {"stones": "stones of 20, 5 cm", "flat_steps": "steps of 20, flat ground"}
 LOOKS = ((style.BLUE, "o"), (style.ORANGE, "s"), (style.GREEN, "^"), (style.PURPLE, "v"))
 
@@ -33,8 +36,7 @@ def draw(files: list[Path]) -> Figure:
 def read(path: Path) -> dict[str, list[float]]:
     """The columns that are drawn."""
     try:
-        with path.open(newline="") as file:
-            rows = list(csv.DictReader(file))
+        rows = list(csv.DictReader(io.StringIO(read_text(path, MOST_BYTES), newline="")))
         return {name: [float(row[name]) for row in rows] for name in ("steps", *PANELS)}
-    except (OSError, KeyError, TypeError, ValueError) as error:
+    except (csv.Error, KeyError, TypeError, ValueError) as error:
         raise CurveError(f"{path}: not a learning curve: {error!r}") from error

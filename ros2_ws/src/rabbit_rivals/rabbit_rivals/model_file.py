@@ -10,7 +10,7 @@ from typing import Generic, TypeVar
 import numpy as np
 from pydantic import BaseModel, ConfigDict, ValidationError
 from rabbit_description.atomic_file import replacing
-from rabbit_description.bounded_file import FileError, read_bytes
+from rabbit_description.bounded_file import FileError, one_line, parse_json, read_bytes
 from rabbit_description.state import Array
 from rl_cbf_clf_controller.weights import PolicyFileError
 from safetensors import SafetensorError
@@ -83,12 +83,12 @@ def read(path: Path, kind: type[Kind]) -> ModelFile[Kind]:
         data = read_bytes(path, SIZE_LIMIT)
         arrays = load(data)
         header = json.loads(data[8 : 8 + int.from_bytes(data[:8], "little")])
-        head = json.loads(header.get("__metadata__", {}).get(KEY, "{}"))
+        head = parse_json(header.get("__metadata__", {}).get(KEY, "{}"))
         file = ModelFile(kind.model_validate(head.get("about")), arrays)
     except FileError as error:
         raise PolicyFileError(f"cannot read {path}: {error}") from error
     except (SafetensorError, ValidationError, ValueError, KeyError, OverflowError, AttributeError) as error:
-        raise PolicyFileError(f"{path}: not a file of this model: {error}") from error
+        raise PolicyFileError(f"{path}: not a file of this model: {one_line(error)}") from error
     if head.get("version") != file.version:
         raise PolicyFileError(f"{path}: version {head.get('version')}; its content has {file.version}")
     return file

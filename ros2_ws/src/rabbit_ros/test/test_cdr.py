@@ -62,7 +62,8 @@ def test_rclpy_reads_what_was_written(kind: Any, data: st.DataObject) -> None:
     ],
 )
 def test_a_value_that_does_not_fit_is_refused(field: str, value: Any) -> None:
-    fitting = {"stamp": Time(), "episode": 1, "tick": 2, "torque": np.ones(4), "policy_version": "zero", "fault": ""}
+    fitting = {"stamp": Time(), "episode": 1, "tick": 2, "torque": np.ones(4)}
+    fitting |= {"policy_version": "zero", "fault": "", "sender": "/controller 1"}
     Encoder(msg.TorqueCommand).encode(SimpleNamespace(**fitting))
     with pytest.raises(CdrError):
         Encoder(msg.TorqueCommand).encode(SimpleNamespace(**{**fitting, field: value}))

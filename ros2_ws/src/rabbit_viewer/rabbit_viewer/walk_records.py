@@ -5,15 +5,19 @@ records = load_records("records.npz")
 """
 
 import json
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
+from io import BytesIO
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
+from zipfile import ZipFile
 
 import numpy as np
 from rabbit_description.atomic_file import replacing
+from rabbit_description.bounded_file import one_line, parse_json, read_bytes
 from rabbit_description.state import TICK_SECONDS, Array, RobotState
+from rabbit_description.yaml_file import shortened
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.simulation import Landing
 from rl_cbf_clf_controller.parameters import ControllerParameters
@@ -27,6 +31,11 @@ DRAWN = (
     *("controller", "friction_coeff", "friction_margin", "torque_limit"),
     *("R1", "R2", "stone_margin", "eps", "kp", "kd"),
 )
+MOST_BYTES = 200_000_000  # of records; a tick has about a thousand, half as many in the file
+GAINS = ("eps", "kp", "kd")  # positive
+NUMBERS = {*DRAWN[1:], "link_bend", "stones"}
+MOST_NUMBER = 1e9
+WHOLE = ("tick", "touchdowns", "stance", "step_index")
 RESCUE_NEEDED = 0.01  # rad/s^2 of slack of last resort: a quadratic one gives way a little whenever its row is active
 
 
@@ -148,14 +157,63 @@ def save_records(records: WalkRecords, path: Path) -> None:
 
 
 def load_records(path: Path) -> WalkRecords:
-    """Read records; raises `RecordsError` where there are none."""
+    """Read records; raises `RecordsError` where there are none, or they do not fit together."""
     try:
-        with np.load(path) as content:
-            former = {
-                "measured": np.full_like(content["nominal_b"], np.nan),
-                "stone_height": np.zeros(len(content["q"])),
-            }
-            arrays = {name: content[name] if name in content else former[name] for name in ARRAYS}
-            return WalkRecords(**arrays, about=json.loads(str(content["about"])))
-    except (OSError, EOFError, ValueError, KeyError, BadZipFile) as error:
-        raise RecordsError(f"{path}: no records of a walk: {error}") from error
+        content = _arrays(read_bytes(path, MOST_BYTES))
+        about = parse_json(str(content["about"]))
+        if not isinstance(about, dict):
+            raise ValueError("about: expected names, each with a value")
+        former = {"measured": np.full_like(content["nominal_b"], np.nan), "stone_height": np.zeros(len(content["q"]))}
+        content = former | content
+        arrays = {name: content[name] for name in ARRAYS}
+        _check(arrays, about)
+        return WalkRecords(**arrays, about=about)
+    except Exception as error:  # a damaged file may raise anything
+        raise RecordsError(f"{path}: no records of a walk: {one_line(error)}") from error
+
+
+def _arrays(data: bytes) -> dict[str, Any]:
+    """Of an npz file; raises `ValueError` for one that would take much more memory than bytes."""
+    with ZipFile(BytesIO(data)) as archive:
+        members = archive.infolist()
+        if sum(each.file_size for each in members) > MOST_BYTES:
+            raise ValueError(f"expected at most {MOST_BYTES} bytes of arrays")
+        return {each.filename.removesuffix(".npy"): _array(archive.read(each)) for each in members}
+
+
+def _array(data: bytes) -> Array:
+    stream = BytesIO(data)
+    if np.lib.format.read_magic(stream) != (1, 0):
+        raise ValueError("an array of another version")
+    shape, _, kind = np.lib.format.read_array_header_1_0(stream)
+    if math.prod(shape) * kind.itemsize != len(data) - stream.tell():
+        raise ValueError(f"an array {shape}: expected {len(data) - stream.tell()} bytes of it")
+    stream.seek(0)
+    found: Array = np.load(stream, allow_pickle=False)
+    return found
+
+
+def _check(arrays: Mapping[str, Array], about: Any) -> None:
+    """Raise `ValueError` for arrays that are not of the same ticks, and for words that nothing can be drawn with."""
+    n, quantities = arrays["nominal_b"].shape
+    inputs = arrays["mu"].shape[-1]
+    shapes: dict[str, tuple[int | None, ...]] = {"landings": (None, len(LANDING)), "foot_force": (n, 2, 2)}
+    shapes |= dict.fromkeys(("nominal_a", "alpha"), (n, quantities, inputs))
+    shapes |= dict.fromkeys(("nominal_b", "measured", "beta"), (n, quantities))
+    shapes |= dict.fromkeys(("mu", "mu_qp", "omega", "mu_held", "LgV"), (n, inputs))
+    shapes |= dict.fromkeys(("barriers", "barrier_rates", "eta"), (n, None))
+    shapes |= dict.fromkeys(("q", "dq"), (n, 7)) | dict.fromkeys(("contact", "preview"), (n, 2)) | {"torque": (n, 4)}
+    for name, array in arrays.items():
+        shape = shapes.get(name, (n,))
+        fits = array.ndim == len(shape) and all(b in (None, a) for a, b in zip(array.shape, shape, strict=True))
+        if not (fits and array.size < 2**31 and array.dtype.kind in ("i" if name in WHOLE else "fib") and n):
+            raise ValueError(f"{name} is {array.dtype} {array.shape}: expected numbers {shape}")
+    if not np.isin(arrays["stance"], (0, 1)).all():
+        raise ValueError("stance: expected 0 or 1")
+    names = about.get("quantities", [""] * quantities)
+    if not isinstance(names, list) or len(names) != quantities or not all(isinstance(each, str) for each in names):
+        raise ValueError(f"quantities = {shortened(names)}: expected {quantities} names")
+    for name, value in about.items():
+        is_number = isinstance(value, int | float) and math.isfinite(value) and abs(value) < MOST_NUMBER
+        if name in NUMBERS and not (is_number and (value > 0 or name not in GAINS)):
+            raise ValueError(f"{name} = {shortened(value)}: expected a number")

@@ -17,7 +17,7 @@ from cbf_clf_qp.problem import Problem
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from rabbit_description.atomic_file import replacing
-from rabbit_description.bounded_file import FileError, read_bytes
+from rabbit_description.bounded_file import FileError, one_line, read_bytes
 from safetensors import SafetensorError
 from safetensors.numpy import load, save
 from scipy.linalg.blas import sgemv
@@ -185,7 +185,7 @@ def decode(data: bytes, problem: Problem | None = None) -> PolicyFile:
         header = json.loads(data[8 : 8 + int.from_bytes(data[:8], "little")]).get("__metadata__", {})
         head = _Head.model_validate_json(header.get(_KEY, "{}"))
     except (SafetensorError, ValidationError, ValueError, KeyError, OverflowError) as error:
-        raise PolicyFileError(f"policy: not a policy file: {error}") from error
+        raise PolicyFileError(f"policy: not a policy file: {one_line(error)}") from error
     if problem is not None and not head.metadata.fits(problem):
         raise PolicyFileError(f"policy: it was trained for {head.metadata.about}; this controller needs {problem}")
     file = PolicyFile(head.metadata, arrays)

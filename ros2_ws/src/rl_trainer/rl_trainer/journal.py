@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
+from rabbit_description.bounded_file import FileError, read_bytes
 from rabbit_description.state import Array
 
 from rl_trainer.parameters import TrainingParameters
@@ -22,6 +23,7 @@ from rl_trainer.session import CheckpointError
 from rl_trainer.transitions import Doubt, Transition
 
 CHECKSUM = np.dtype("<u4")
+MOST_BYTES = 500_000_000  # of an episode's journal; a transition has about a thousand
 NUMBERS = {"tick": "<i8", "step_index": "<i8", "failed": "?", "doubt": "<i8"}
 
 log = logging.getLogger(__name__)
@@ -68,6 +70,13 @@ def _transition(record: Any, parameters: TrainingParameters) -> Transition:
     return Transition(problem=parameters.problem, **values)
 
 
+def _content(path: Path) -> bytes:
+    try:
+        return read_bytes(path, MOST_BYTES) if path.exists() else b""
+    except FileError as error:
+        raise CheckpointError(f"journal {path}: {error}") from error
+
+
 class Journal:
     """The journal of a training in its folder."""
 
@@ -106,7 +115,7 @@ class Journal:
             CheckpointError: of another training, or none is sound.
         """
         path, head = self._path(episode), self._head
-        data = path.read_bytes() if path.exists() else b""
+        data = _content(path)
         if head.startswith(data) and len(data) < len(head):
             return 0, []
         kind = np.dtype([("record", record_type(self._parameters)), ("checksum", CHECKSUM)])

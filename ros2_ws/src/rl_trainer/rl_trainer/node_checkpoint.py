@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from rabbit_description.bounded_file import one_line
 
 from rl_trainer.journal import Journal, from_records, record_type, to_records
 from rl_trainer.publication_gate import PublicationGate
@@ -34,7 +35,12 @@ class NodeCheckpoint:
         self._journal = Journal(folder, trainer.parameters) if folder else None
         self.error, self.taken = "", 0
         if folder and (more := open_folder(folder, trainer)) is not None:
-            self._restore(folder, more)
+            try:
+                self._restore(folder, more)
+            except CheckpointError:
+                raise
+            except Exception as error:  # a damaged file may raise anything
+                raise CheckpointError(f"folder {folder}: {one_line(error)}") from error
 
     def begin(self) -> list[Transition]:
         """Begin the journal of the trainer's episode; returns what it holds from before a kill.

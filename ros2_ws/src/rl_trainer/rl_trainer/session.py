@@ -16,9 +16,11 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
+from zipfile import ZipFile
 
 import torch
 from rabbit_description.atomic_file import replace_text, replacing
+from rabbit_description.bounded_file import read_bytes
 from rabbit_description.yaml_file import dump_yaml
 from rl_cbf_clf_controller.policy import ActorPolicy, LearnedPolicy, ZeroPolicy
 
@@ -28,6 +30,7 @@ from rl_trainer.training import EpisodePlan, EpisodeReport, Trainer
 
 MakeController = Callable[[LearnedPolicy, float], Controller]  # (policy, sigma)
 CHECKPOINT, BEFORE = "checkpoint.pt", "checkpoint-before.pt"
+MOST_BYTES = 10_000_000_000  # of a checkpoint; 5,000,000 transitions have half of it
 DIGEST = hashlib.sha256().digest_size  # bytes at the head of a checkpoint
 
 log = logging.getLogger(__name__)
@@ -151,10 +154,17 @@ def read_checkpoint(folder: Path) -> dict[str, Any] | None:
 
 
 def _read(path: Path) -> dict[str, Any]:
-    data = path.read_bytes()
+    data = read_bytes(path, MOST_BYTES)
     if hashlib.sha256(data[DIGEST:]).digest() != data[:DIGEST]:
         raise ValueError("damaged, or of another version: its checksum is not that of its content")
-    state: dict[str, Any] = torch.load(io.BytesIO(data[DIGEST:]), weights_only=True)
+    content = io.BytesIO(data[DIGEST:])
+    with ZipFile(content) as archive:  # torch writes no other, and would decompress whatever comes
+        if any(each.file_size > each.compress_size for each in archive.infolist()):
+            raise ValueError("compressed: expected plain tensors")
+    content.seek(0)
+    state = torch.load(content, weights_only=True)
+    if not isinstance(state, dict) or not isinstance(state.get("episode"), int):
+        raise ValueError("expected names with values, `episode` a whole number")
     return state
 
 

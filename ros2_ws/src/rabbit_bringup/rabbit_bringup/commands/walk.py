@@ -11,6 +11,7 @@ from typing import Any
 import typer
 from rabbit_cli import exit_codes
 from rabbit_cli.options import Defaults, Given, complaints, fail, options
+from rabbit_cli.own_folder import new_folder
 from rabbit_experiments.commands.evaluate import given_assembly
 from rabbit_experiments.conditions import EVALUATION_LAG, TRAINING_SCALE
 from rabbit_sim.parameters import SimulationParameters
@@ -123,18 +124,6 @@ def make_folder(request: WalkOptions) -> Path:
     name = f"{datetime.now():%Y%m%d-%H%M%S}-seed-{request.seed}"
     names = (name if number == 1 else f"{name}-{number}" for number in count(1))
     return new_folder(next(path for path in (Path("runs") / name for name in names) if not path.exists()))
-
-
-def new_folder(path: Path) -> Path:
-    """Make a folder, or take an empty one; ends the command if it is neither."""
-    folder = path.absolute()
-    try:
-        if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-            fail(f"--out {folder}: expected a new or empty folder")
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        fail(f"--out {folder}: {error.strerror}")
-    return folder
 
 
 def walk_with_progress(walk: Walk, ended: Ended) -> Any:

@@ -1,6 +1,7 @@
 """Time a tick, the plant, an evaluation and the nodes against their floors; or in pairs: another commit, a viewer."""
 
 import json
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -8,6 +9,7 @@ import typer
 from pydantic import BaseModel, ConfigDict, Field
 from rabbit_bringup.commands.walk import DEFAULTS, assembly_of_nodes
 from rabbit_cli.options import Given, complaints, options
+from rabbit_cli.own_folder import new_file
 from rabbit_experiments.commands.evaluate import given_assembly
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
@@ -20,7 +22,7 @@ class BenchOptions(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    out: Path = Field(Path("runs/bench.json"), description="file for the figures")
+    out: Path | None = Field(None, description="file for the figures (default: runs/DATE-bench.json)")
     seed: int = Field(9001, ge=0, le=2**32 - 1, description="of the walk")
     policy: str | None = Field(None, description="zero, oracle, a shipped policy or a file")
     parameters: str = Field("ours", description="of the controller: ours, best, authors or a YAML file")
@@ -39,6 +41,7 @@ def bench(given: Given) -> None:
     what a viewer costs simulator and controller, by pairs of walks without and with it.
     """
     request = given.build(BenchOptions)
+    out = new_file(request.out or Path("runs") / f"{datetime.now():%Y%m%d-%H%M%S}-bench.json")
     assembly = given_assembly(given, request.policy, request.parameters)
     from rabbit_cli.executables import LaunchError
     from rabbit_experiments import provenance
@@ -62,9 +65,9 @@ def bench(given: Given) -> None:
             figures["nodes"] = nodes
             show(figures)
     about = {"command": provenance.command(), "commit": provenance.commit(), "versions": provenance.versions()}
-    request.out.parent.mkdir(parents=True, exist_ok=True)
-    request.out.write_text(json.dumps({**figures, **about}, indent=2), encoding="utf-8")
-    print(f"written to {request.out}")
+    out.parent.mkdir(parents=True, exist_ok=True)
+    out.write_text(json.dumps({**figures, **about}, indent=2), encoding="utf-8")
+    print(f"written to {out}")
 
 
 def show(figures: dict[str, Any]) -> None:

@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 import typer
 from rabbit_cli.options import complaints, fail
+from rabbit_cli.own_folder import own_folder
 
 FAILED, INTERRUPTED = 1, 130
 
@@ -27,6 +28,7 @@ def faults(
     from rabbit_campaigns.faults.plan import read_results
     from rabbit_campaigns.ros.fault_campaign import run_campaign
 
+    own_folder(out, "faults")
     columns = (BarColumn(bar_width=20), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("{task.description}"))
     with Progress(*columns) as bar, complaints(LaunchError, OSError):
         task = bar.add_task("starting", total=runs, completed=len(read_results(out)))

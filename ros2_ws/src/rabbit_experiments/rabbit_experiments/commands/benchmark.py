@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 import typer
 from rabbit_cli.options import complaints, fail
+from rabbit_cli.own_folder import own_folder
 
 app = typer.Typer(add_completion=False)
 
@@ -30,7 +31,7 @@ def benchmark(
     from rabbit_experiments.benchmark.methods import MethodError, method, names
     from rabbit_experiments.benchmark.protocol import Protocol, plan
     from rabbit_experiments.benchmark.report import Benchmark
-    from rabbit_experiments.cache import Cache
+    from rabbit_experiments.cache import Cache, JobError
     from rabbit_experiments.engine import run
 
     with complaints(CellError, MethodError):
@@ -42,15 +43,14 @@ def benchmark(
         for cell in wanted:
             print(f"{cell.name} ({cell.map})")
         return
-    protocol, cache = Protocol(courses, seeds, sensors=sensors), Cache(out / "cache")
+    protocol, cache = Protocol(courses, seeds, sensors=sensors), Cache(own_folder(out, "benchmark") / "cache")
     runs = plan(protocol, entered, wanted)
     try:
-        done = run(
-            [job for each in runs.values() if not isinstance(each, str) for job in each], cache, jobs or _cores()
-        )
+        with complaints(JobError):
+            walks = [job for each in runs.values() if not isinstance(each, str) for job in each]
+            done = run(walks, cache, jobs or _cores())
     except KeyboardInterrupt:
         fail("stopped; the same command goes on from the runs that are done", code=130)
-    out.mkdir(parents=True, exist_ok=True)
     page = Benchmark.from_cache(protocol, entered, wanted, runs, cache).write(out)
     print(f"{done} runs made; written {page}")
 

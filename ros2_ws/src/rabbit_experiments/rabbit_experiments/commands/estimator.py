@@ -7,6 +7,7 @@ from typing import Any
 import typer
 from pydantic import BaseModel, ConfigDict, Field
 from rabbit_cli.options import Defaults, Given, options
+from rabbit_cli.own_folder import own_folder
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
@@ -43,7 +44,7 @@ def estimator(given: Given) -> None:
     from rabbit_experiments.estimation_errors import estimated_walk, summarise
     from rabbit_experiments.evaluation import episode_seeds
 
-    request.out.mkdir(parents=True, exist_ok=True)
+    own_folder(request.out, "estimator")
     seeds = episode_seeds(request.seed, request.runs).values()
     walks = [estimated_walk(assembly, seed) for seed in track(seeds, "walks")]
     found = summarise(walks)

@@ -7,6 +7,7 @@ from typing import Any
 import typer
 from pydantic import BaseModel, ConfigDict, Field
 from rabbit_cli.options import Defaults, Given, complaints, fail, options
+from rabbit_cli.own_folder import own_folder
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
@@ -34,7 +35,7 @@ class EvaluationOptions(BaseModel):
         default_factory=lambda: os.cpu_count() or 1, ge=1, le=4096, description="processes (default: all cores)"
     )
     pictures: bool = Field(False, description="draw the first run")
-    overwrite: bool = Field(False, description="begin anew in a folder that holds another evaluation")
+    overwrite: bool = Field(False, description="begin again in a folder of another evaluation")
 
 
 @app.command()
@@ -48,7 +49,7 @@ def evaluate(given: Given) -> None:
 
     scenario, about = Scenario(assembly, request.runs, request.seed), describe(assembly, request.seed)
     with complaints(ResultsError):
-        folder = ResultsFolder(request.out, about, request.overwrite)
+        folder = ResultsFolder(own_folder(request.out, "evaluate"), about, request.overwrite)
     results, made = walk_all(scenario, folder, request.jobs)
     show(conclude(scenario, folder, results, about))
     print(f"{made} runs made; written {request.out}")
@@ -105,6 +106,7 @@ def describe(assembly: Any, seed: int) -> dict[str, Any]:
 
 def walk_all(scenario: Any, folder: Any, processes: int) -> tuple[list[Any], int]:
     """Walk the runs that the folder lacks, its tables up to date after each; all results, and how many were made."""
+    from rabbit_experiments.cache import JobError
     from rabbit_experiments.engine import run
     from rabbit_experiments.summary import Walks
 
@@ -118,7 +120,8 @@ def walk_all(scenario: Any, folder: Any, processes: int) -> tuple[list[Any], int
         return f"walked {walks.walked}, mean stones {walks.mean_stones:.1f}"
 
     try:
-        made = run(scenario.walks, folder.cache, processes, note=note)
+        with complaints(JobError):
+            made = run(scenario.walks, folder.cache, processes, note=note)
     except KeyboardInterrupt:
         fail(f"stopped after {len(kept)} runs; the same command goes on from there", code=130)
     return [kept[number] for number in sorted(kept)], made

@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 from rabbit_cli.options import complaints, fail
+from rabbit_cli.own_folder import own_folder
 
 app = typer.Typer(add_completion=False)
 
@@ -24,7 +25,7 @@ def misses(
     """Fit the probability of a miss to walks in the storm, judge it in others: DIR/model.json, DIR/misses.md."""
     from rl_cbf_clf_controller.parameters import ParameterError
 
-    from rabbit_experiments.cache import Cache
+    from rabbit_experiments.cache import Cache, JobError
     from rabbit_experiments.engine import run
     from rabbit_experiments.miss_probability.model import MissProbability, ModelError
     from rabbit_experiments.miss_probability.report import write
@@ -34,9 +35,10 @@ def misses(
         loaded = None if model is None else MissProbability.load(model)
         fit = [] if loaded else stormy_walks(fit_plants, FIT_SEED, parameters)
         judge = stormy_walks(plants, JUDGE_SEED, parameters)
-    cache = Cache(out / "cache")
+    cache = Cache(own_folder(out, "misses") / "cache")
     try:
-        run([*fit, *judge], cache, jobs or os.cpu_count() or 1)
+        with complaints(JobError):
+            run([*fit, *judge], cache, jobs or os.cpu_count() or 1)
     except KeyboardInterrupt:
         fail("stopped; the same command goes on from the walks that are done", code=130)
     with complaints(ModelError, OSError):

@@ -10,6 +10,7 @@ import typer
 from pydantic import BaseModel, ConfigDict, Field
 from rabbit_cli.executables import Refused
 from rabbit_cli.options import Defaults, Given, check_namespace, complaints, fail, options
+from rabbit_cli.own_folder import new_file
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
@@ -60,6 +61,8 @@ def verify(file: File) -> None:
 def errors(given: Given, file: File) -> None:
     """Errors of a policy's estimates against the oracle's, on walks of both (by default at twice the mass)."""
     request = given.build(ErrorsOptions)
+    if request.out:
+        new_file(request.out)
     given = given.over({"controller": _read(file).metadata.problem})
     assembly = given_assembly(given, str(file), request.parameters)
     from rabbit_description.atomic_file import replace_text

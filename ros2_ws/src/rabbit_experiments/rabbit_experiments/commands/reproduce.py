@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 
 import typer
 from rabbit_cli.options import complaints, fail
+from rabbit_cli.own_folder import own_folder
 
 PlantName = Literal["pybullet", "mujoco", "rigid"]
 
@@ -32,6 +33,7 @@ def reproduce(
     show: Annotated[bool, typer.Option("--list", help="the experiments, and nothing more")] = False,
 ) -> None:
     """Make the paper's figures and tables anew: DIR/results.md has its figures beside ours, with verdicts."""
+    from rabbit_experiments.cache import JobError
     from rabbit_experiments.engine import BackendError
     from rabbit_experiments.reproduce.catalogue import EXPERIMENTS
     from rabbit_experiments.reproduce.page import make
@@ -52,11 +54,12 @@ def reproduce(
         return
     with complaints(SettingError):
         own = read_setting(setting) if setting else OURS
+    own_folder(out, "reproduce")
     own = own.model_copy(update={"plant": plant}) if plant else own
     chosen = [each for name, each in known.items() if name in (names or known) and (retrain or not each.needs_training)]
     size, processes = replace(QUICK if quick else FULL, setting=own), jobs or os.cpu_count() or 1
     try:
-        with complaints(BackendError):
+        with complaints(BackendError, JobError):
             if retrain:
                 wanted = dict.fromkeys(recipe for each in chosen for recipe in each.trainings(size))
                 size = replace(size, trained=trained_anew(list(wanted), out, processes, own))
@@ -76,6 +79,7 @@ def search(
 
     if names or setting:
         fail(f"--search: expected no {'experiments' if names else '--setting'}, it judges all claims in many settings")
+    own_folder(out, "reproduce")
     try:
         with complaints(BackendError, SearchError):
             print(f"written {search_setting(trials, plant or 'pybullet', out, jobs or os.cpu_count() or 1)}")

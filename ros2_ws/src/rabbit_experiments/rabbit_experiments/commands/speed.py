@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 from rabbit_cli.options import complaints, fail
+from rabbit_cli.own_folder import own_folder
 
 app = typer.Typer(add_completion=False)
 FIT_SEED, JUDGE_SEED = 62001, 62003  # of plants and courses; the benchmark has others
@@ -26,14 +27,14 @@ def speed(
     from rl_cbf_clf_controller.speed_regulation import PER_SLOPE, RETAINED
 
     from rabbit_experiments.assembly import AssemblyError
-    from rabbit_experiments.cache import Cache
+    from rabbit_experiments.cache import Cache, JobError
     from rabbit_experiments.engine import run
     from rabbit_experiments.speed_model.fit import NAMES, SpeedModelError, errors, fitted
     from rabbit_experiments.speed_model.walks import exploring_walks, gathered
 
-    cache = Cache(out / "cache")
-    with complaints(AssemblyError, ParameterError, SpeedModelError):
+    with complaints(AssemblyError, JobError, ParameterError, SpeedModelError):
         law = load_parameters(parameters)
+        cache = Cache(own_folder(out, "speed") / "cache")
         fit, judge = exploring_walks(plants, FIT_SEED, law), exploring_walks(others, JUDGE_SEED, law)
         try:
             run(list(chain(*fit, *judge)), cache, jobs or os.cpu_count() or 1)

@@ -6,6 +6,7 @@ from typing import Any
 import typer
 from pydantic import BaseModel, ConfigDict, Field
 from rabbit_cli.options import Defaults, Given, complaints, fail, options
+from rabbit_cli.own_folder import own_folder
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_trainer.parameters import TrainingParameters
@@ -58,6 +59,7 @@ def train(given: Given) -> None:
         values = given.of(ControllerParameters, but=("controller", "sigma"))
         controller = load_parameters(request.parameters, **values, controller=parameters.problem.name)
     plant = given.build(SimulationParameters, terrain=controller.terrain, stones=parameters.walking_steps)
+    own_folder(request.out, "train")
     with (
         complaints(GaitError, CourseError, CheckpointError, DivergenceError, ControllerError),
         training(request.out, parameters, controller, plant, random_plants=request.random_plants) as job,

@@ -11,12 +11,14 @@ from typing import Self
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
+from rabbit_description.bounded_file import FileError, one_line, read_bytes
 from rabbit_description.state import Array
 from scipy.optimize import minimize
 from scipy.special import expit
 
 from rabbit_experiments.miss_probability.touchdowns import FEATURES
 
+MOST_BYTES = 1_000_000  # of a file
 RIDGE = 10.0
 CLIP = 4.0  # spreads from the mean
 LEAST_MISSES = 12  # that a fit takes
@@ -74,9 +76,9 @@ class MissProbability(BaseModel):
     def load(cls, path: Path) -> Self:
         """Read a file; raises `ModelError`."""
         try:
-            return cls.model_validate_json(path.read_bytes())
-        except (OSError, ValidationError) as error:
-            raise ModelError(f"{path}: {' '.join(str(error).split())}") from error
+            return cls.model_validate_json(read_bytes(path, MOST_BYTES))
+        except (FileError, ValidationError) as error:
+            raise ModelError(f"{path}: {one_line(error)}") from error
 
     @classmethod
     def shipped(cls) -> Self:

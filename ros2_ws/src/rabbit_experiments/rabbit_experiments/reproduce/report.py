@@ -15,11 +15,13 @@ from typing import Any
 from matplotlib.figure import Figure
 from pydantic import BaseModel, ConfigDict, ValidationError
 from rabbit_description.atomic_file import replace_text
+from rabbit_description.bounded_file import FileError, read_text
 from rabbit_viewer import style
 
 from rabbit_experiments.tables import markdown_table
 
 REPORT = "report.json"
+MOST_BYTES = 100_000_000
 Cell = str | int | float | None
 
 
@@ -125,8 +127,8 @@ class Report(BaseModel):
 def read_report(folder: Path) -> Report | None:
     """The report of an experiment's folder; None where there is none, or one of another version."""
     try:
-        return Report.model_validate_json((folder / REPORT).read_text(encoding="utf-8"))
-    except (OSError, ValidationError):
+        return Report.model_validate_json(read_text(folder / REPORT, MOST_BYTES))
+    except (FileError, ValidationError):
         return None
 
 

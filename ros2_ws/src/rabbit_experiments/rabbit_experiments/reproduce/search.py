@@ -27,7 +27,7 @@ from rl_trainer.parameters import TrainingParameters
 
 from rabbit_experiments.cache import Cache, JobError
 from rabbit_experiments.engine import run
-from rabbit_experiments.provenance import key_of
+from rabbit_experiments.provenance import CLASS, changed_since, key_of, provenance
 from rabbit_experiments.reproduce.catalogue import EXPERIMENTS
 from rabbit_experiments.reproduce.controllers import CBF_CLF, CBF_CLF_ORACLE, CLF_ORACLE
 from rabbit_experiments.reproduce.experiment import Experiment
@@ -118,6 +118,8 @@ def search(
     if (known := study.user_attrs.get("plant", plant)) != plant:
         raise SearchError(f"--plant {plant}: expected {known}, that of the search in {out}")
     study.set_user_attr("plant", plant)
+    if changed := changed_since(out, provenance({CLASS: f"{__name__}:search"})):
+        raise SearchError(f"{out}: was begun with another {', '.join(changed)}: expected another folder")
     complete, running = [TrialState.COMPLETE], [TrialState.RUNNING]
     again = [stopped.params for stopped in study.get_trials(states=running) if stopped.params]
     for stopped in study.get_trials(states=running):

@@ -8,6 +8,7 @@ from typing import Any
 import typer
 from pydantic import BaseModel, ConfigDict, Field
 from rabbit_cli.options import Given, fail, options
+from rabbit_cli.own_folder import own_folder
 
 from rabbit_gait_design.specification import GaitSpecification
 
@@ -44,6 +45,7 @@ def gait(given: Given) -> None:
     from rabbit_gait_design.design import GaitDesignError
     from rabbit_gait_design.runner import run, run_library
 
+    own_folder(folder.out, "gait")
     console = Console()
     try:
         with console.status("IPOPT begins") as status:

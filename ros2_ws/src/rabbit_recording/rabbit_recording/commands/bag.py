@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 from rabbit_cli.executables import LaunchError, find_executable
 from rabbit_cli.options import check_namespace, complaints, fail
+from rabbit_cli.own_folder import own_folder
 
 if TYPE_CHECKING:
     from rabbit_recording.checking import Checked
@@ -151,6 +152,8 @@ def plot(
     from rabbit_recording.bag_writer import RecordingError
 
     draw = from_viewer("recording")
+    if out:
+        own_folder(out, "bag plot")
     with complaints(RecordingError, OSError):
         made = draw(bag, out, episode)
     for path in made:

@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 
 import typer
 from rabbit_cli.options import complaints, fail
+from rabbit_cli.own_folder import new_file, own_folder
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, help=__doc__)
 
@@ -25,6 +26,7 @@ def end_to_end(
     _needs_stable_baselines3()
     from rabbit_rivals.end_to_end import EndToEndOptions, SessionError, train
 
+    own_folder(out, "rival end-to-end")
     options = EndToEndOptions(learner=learner, steps=steps, seed=seed, mass_scale=mass_scale)
     try:
         with complaints(SessionError):
@@ -43,6 +45,7 @@ def curve(
 
     from rabbit_rivals.learning_curve import CurveError, draw
 
+    new_file(out)
     with complaints(CurveError):
         style.save(draw(files), out, dpi=100)
     print(f"written {out}")
@@ -60,6 +63,7 @@ def gp(
 
     from rabbit_rivals.gp_fit import fit_session
 
+    new_file(out)
     with complaints(CheckpointError):
         file = fit_session(session, inducing, seed)
     file.write(out)
@@ -79,7 +83,7 @@ def ddpg(
 
     from rabbit_rivals.estimation import train
 
-    train(problem, steps, seed, out, provenance.command())
+    train(problem, steps, seed, new_file(out), provenance.command())
     print(f"written {out}")
 
 

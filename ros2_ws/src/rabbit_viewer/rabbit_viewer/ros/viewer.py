@@ -127,7 +127,7 @@ class ViewerNode(Node):
         try:
             yield
         except Refused as error:
-            self.get_logger().warning(self._message_counter.refuse(topic, error))
+            self.get_logger().warning(self._message_counter.refuse(topic, error), throttle_duration_sec=1.0)
 
     def _is_present(self, episode: int) -> bool:
         """Whether it is the running episode: of latched messages some are older, and one may come before `episode`."""

@@ -345,11 +345,10 @@ class ControllerNode(Node):
             "policy waiting": self._waiting[-1].version if self._waiting else "",
             "ticks not answered by the chosen solver": self._controller.unanswered,
             "scheduling": scheduling(),
+            "walked by": self._episode.controller,
         }
         if not self._states.get_publisher_count():
             return WARN, "waiting for a simulator", figures
-        if self._episode.phase == Episode.RUNNING and self._episode.controller not in ("", self._sender):
-            return WARN, f"episode {self._episode.episode} is walked by {self._episode.controller}", figures
         if self._early:
             return WARN, f"waits for the announcement of episode {self._early.episode}", figures
         if missing := self._missing(self._held) if self._held else "":

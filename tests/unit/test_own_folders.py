@@ -1,0 +1,110 @@
+"""What `--out` names is written to only if nothing is there, or the same command's own."""
+
+from pathlib import Path
+
+import pytest
+import typer
+from rabbit_bringup.cli import app, commands
+from rabbit_experiments import ablations
+from rabbit_rivals.commands import rival
+from typer.testing import CliRunner, Result
+
+FOREIGN = (
+    *("summary.json", "runs.csv", "violations.csv", "parameters.yaml", "model.json", "curve.csv", "evaluation.json"),
+    *("cache/notes.txt", "made_with/0.json", "training/1.txt", "policies/1.txt", "pictures/1.png", "checkpoint.pt"),
+    *("progress.json", "search.log", "results.jsonl"),
+)
+FOLDERS = {
+    "evaluate": (),
+    "evaluate, overwritten": ("--overwrite",),
+    "train": (),
+    "benchmark": ("nominal", "--cells", "flat/scale-1", "--courses", 1),
+    "reproduce": ("stepping-stone", "--quick"),
+    "reproduce, search": ("--search", 1),
+    "misses": ("--fit-plants", 10),
+    "speed": ("--plants", 5),
+    "estimator": (),
+    "gait": ("--name", "mine"),
+    "rival end-to-end": ("--steps", 1),
+    "faults": ("--runs", 1),
+    "bag plot": ("none.mcap",),
+    "walk": (),
+    "soak": (),
+    "jitter": (),
+}
+FILES = {
+    "bag record": (),
+    "bench": ("--no-nodes",),
+    "policy errors": ("rl-cbf-clf-qp",),
+    "rival curve": ("curve.csv",),
+    "rival gp": ("session",),
+    "rival ddpg": (),
+}
+
+
+def rabbit(name: str, *words: object) -> Result:
+    """A command of this name."""
+    command = name.partition(",")[0].split()
+    return CliRunner().invoke(app, [*command, *map(str, words)])
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    """All files below."""
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+@pytest.fixture
+def foreign(tmp_path: Path) -> Path:
+    """A folder of someone else."""
+    for path in (tmp_path / "theirs" / name for name in FOREIGN):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text("mine")
+    return tmp_path / "theirs"
+
+
+def refused(done: Result, path: Path) -> None:
+    """In one line that names it."""
+    assert done.exit_code == 2, done.output
+    assert done.stderr.count("\n") == 1, done.stderr
+    assert str(path) in done.stderr
+
+
+@pytest.mark.parametrize("name", FOLDERS)
+def test_a_folder_of_someone_else_stays_as_it_is(foreign: Path, name: str) -> None:
+    before = contents(foreign)
+    done = rabbit(name, *FOLDERS[name], "--out", foreign)
+    refused(done, foreign)
+    assert "expected a new or empty folder" in done.stderr
+    assert contents(foreign) == before
+
+
+def test_a_study_leaves_a_folder_of_someone_else_as_it_is(foreign: Path) -> None:
+    before, study = contents(foreign), typer.Typer()
+    study.command()(ablations.main)
+    refused(CliRunner().invoke(study, ["default", "--out", str(foreign)]), foreign)
+    assert contents(foreign) == before
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_a_file_that_is_there_stays_as_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    path = tmp_path / "theirs"
+    path.write_text("mine")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(rival, "_needs_stable_baselines3", lambda: None)
+    refused(rabbit(name, *FILES[name], "--out", path), path)
+    assert path.read_text() == "mine"
+
+
+@pytest.mark.parametrize("first", ["evaluate", "train"])
+def test_a_folder_belongs_to_one_command(tmp_path: Path, first: str) -> None:
+    (tmp_path / f".rabbit-{first}").touch()
+    refused(rabbit({"evaluate": "train", "train": "evaluate"}[first], "--out", tmp_path), tmp_path)
+
+
+def test_every_command_with_a_place_for_results_is_among_these() -> None:
+    found = set()
+    for name, command in commands().items():
+        group = typer.main.get_command(command.load())
+        parts = getattr(group, "commands", {"": group}).items()
+        found |= {f"{name} {part}".strip() for part, each in parts if any("--out" in o.opts for o in each.params)}
+    assert found == {name.partition(",")[0] for name in (*FOLDERS, *FILES, "bag recover")}
