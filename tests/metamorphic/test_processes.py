@@ -8,9 +8,8 @@ from concurrent.futures import ProcessPoolExecutor
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
-import numpy as np
 import pytest
-from drawn_runs import Run, Tick, assert_same, digits, replay, runs, walk
+from drawn_runs import Run, assert_same, digits, runs
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
@@ -67,25 +66,3 @@ def test_another_process_has_the_same_digits(machines: dict[str, ProcessPoolExec
 def test_a_new_process_has_the_same_digits(tmp_path_factory: pytest.TempPathFactory, run: Run) -> None:
     with process(tmp_path_factory.mktemp("machine")) as pool:
         assert_same(pool.submit(digits, run).result(), digits(run), run, "a new process")
-
-
-@pytest.fixture(scope="module")
-def plain(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ProcessPoolExecutor]:
-    """A process in which nothing is traced: numpy computes each tick."""
-    with process(tmp_path_factory.mktemp("plain"), CBF_CLF_QP_TRACING="off") as pool:
-        yield pool
-
-
-@settings(max_examples=EXAMPLES // 10, phases=DRAWN)
-@given(run=runs())
-def test_without_tracing_the_torques_differ_by_rounding(plain: ProcessPoolExecutor, run: Run) -> None:
-    """Where the same rows are active at the same states; a row that rounding decides is another answer."""
-    with run.parts() as parts:
-        walked = [record for record in walk(run, parts) if not isinstance(record, str)]
-    traced, other = (
-        [Tick.of(record) for record in walked],
-        plain.submit(replay, run, [r.state for r in walked]).result(),
-    )
-    for number, (ours, theirs) in enumerate(zip(traced, other, strict=True)):
-        if ours.sums["active"] == theirs.sums["active"]:
-            np.testing.assert_allclose(ours.torque, theirs.torque, rtol=1e-6, atol=1e-6, err_msg=f"{number} {run!r}")
