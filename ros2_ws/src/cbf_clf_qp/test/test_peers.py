@@ -1,8 +1,8 @@
 """Published examples of peers, with their own answers: the same input within 1e-6 of its size.
 
-cbfpy 0.1.0 (D. Morton, MIT licence): `adaptive_cruise_control_demo`, `point_robot_obstacle_demo`, with its solver
-ElastiQP. CBF-CLF-Helper (J. Choi, HybridRobotics): `run_cbf_clf_simulation_acc`, whose programme cbfpy solved for us.
-The states are those of simulated drives, and random ones (seed 0); nothing of the peers' code is here.
+cbfpy 0.1.0 (D. Morton, MIT licence): its examples of an adaptive cruise control and of a point robot and obstacle, with
+its solver ElastiQP. CBF-CLF-Helper (J. Choi, HybridRobotics): its adaptive cruise control, whose programme cbfpy solved
+for us. The states are those of simulated drives, and random ones (seed 0); nothing of the peers' code is here.
 """
 
 import casadi as ca

@@ -1,7 +1,7 @@
 """GP-CBF-CLF-SOCP (Castañeda, Choi, Zhang, Tomlin, Sreenath 2021): the walking controller with GPs for its policy.
 
     minimise   mu'mu + p d^2
-    subject to mean_V(mu) + confidence deviation_V(mu) + clf_rate / eps V <= d
+    subject to mean_V(mu) + confidence deviation_V(mu) + rate V <= d
                mean_Bi(mu) - confidence deviation_Bi(mu) + K_b eta_Bi >= 0, i = 1, 2;    the force rows alike
 
 mean is the nominal value and the GP's mean, affine in mu; the squared deviation is the GP's variance, quadratic in mu.
