@@ -195,7 +195,7 @@ class RunTally:
         if "B1" in output.active or "B2" in output.active:
             self._barrier_steps.add(output.step_index)
         self._counts["qp_unanswered_ticks"] += not output.answered
-        self._counts["qp_unconstrained_ticks"] += output.status == "unconstrained"
+        self._counts["qp_unconstrained_ticks"] += not output.active
         self._counts["slack_ticks"] += output.clf_slack > 0
         self._counts["rescue_ticks"] += output.rescue_slack > RESCUE_NEEDED
         self._counts["saturated_ticks"] += output.saturated
