@@ -38,7 +38,7 @@ from rl_trainer.training import Trainer
 from rl_trainer.transitions import Transition
 
 URDF = with_planar_base((Path(__file__).parent / "three_link_walker.urdf").read_text())
-HEAVY = scaled(URDF, 2.0)
+HEAVY, BELIEVED = scaled(URDF, 2.0), read_robot(URDF)
 SWAP = np.array([0, 1, 2, 4, 3])  # base x, z, pitch, left hip, right hip; the left leg's place is the stance leg's
 ANGLES = Angles(  # outputs: the torso's pitch and the sum of the legs' angles; phase: the stance leg's angle
     controlled=np.array([[0.0, 0, 1, 0, 0], [0.0, 0, 2, 1, 1]]), phase_angle=np.array([0.0, 0, 1, 1, 0])
@@ -48,58 +48,48 @@ LATER = np.array([[0.1770, 0.3805, 0.3994, 0.3029], [0.3227, -0.1810, -0.1572, 0
 PATH = impact_invariant(WALKER, LATER, phase_angle_end=0.2527)
 START = RepeatedStep(WALKER, PATH).start
 EPS, GAINS, SLACK_WEIGHT, TORQUE_LIMIT = 0.2, (1.0, 1.8), 10.0, 100.0  # the same for all, limit in N m
-FALLEN_PITCH, FALLEN_HIP, LONGEST_STEP = 1.2, 0.5, 300  # rad, m, ticks
-EVALUATION = 2**32  # no training has such a seed
+FALLEN_PITCH, FALLEN_HIP, LONGEST_STEP, EVALUATION = 1.2, 0.5, 300, 2**32  # rad, m, ticks, a seed of no training
 OBSERVATION = ("y1", "y2", "dy1", "dy2", "phase", "dphase")
 UNITS = tuple(zip(OBSERVATION, (0.0, 0.0, 0.0, 0.0, 0.5, 2.0), (0.1, 0.1, 0.5, 0.5, 0.4, 0.7), strict=True))  # walked
 SCALES = (1.5,), (60.0,), (4.0,)  # of alpha, beta and their error in V-dot, over |LgV| + 1
 UPDATES = {"updates_per_tick": 2.0, "updates_least": 400, "batch": 160}  # slower ones than by default, and more
 LEARNER = {"sigma": 2.0, "probe_noise": 6.0, "actor_rate": 6e-4, "critic_rate": 1e-3, "polyak": 5e-4} | UPDATES
 PROBLEM = Problem("three-link", 2, ("V",), OBSERVATION, UNITS, *SCALES)
+robot = PinnedRobot(BELIEVED.structure)
+outputs = OutputExpressions(robot.q, robot.dq, ANGLES)
+SYSTEM = robot.system(outputs.parameters, outputs.rates)
+CLF = Clf(outputs.y, EPS, GAINS, SLACK_WEIGHT)
 
 
 class Controller:
-    """The CLF-QP of the robot as it is believed to be, with a policy's alpha and beta in its row.
-
-    `true`: a URDF of the true robot, and the estimates are exact in place of the policy's.
-    """
+    """The believed robot's CLF-QP with a policy's alpha and beta, or the exact ones of the URDF `true`, in its row."""
 
     def __init__(self, policy: LearnedPolicy, true: str | None = None) -> None:
-        believed = read_robot(URDF)
-        robot = PinnedRobot(believed.structure)
-        outputs = OutputExpressions(robot.q, robot.dq, ANGLES)
-        system = robot.system(outputs.parameters, outputs.rates)
-        tick = Tick(system, [Clf(outputs.y, EPS, GAINS, SLACK_WEIGHT)], limit=TORQUE_LIMIT, solver="osqp")
-        self.ticks, self._error = SystemTicks(tick, PROBLEM), model_error(tick.terms)
-        self._policy, self._path = policy, VirtualConstraints(PATH, ANGLES)
-        self._believed, self._true = believed.row, read_robot(true).row if true else None
+        tick = Tick(SYSTEM, [CLF], limit=TORQUE_LIMIT, solver="osqp")
+        self.ticks, self._error, self._policy = SystemTicks(tick, PROBLEM), model_error(tick.terms), policy
+        self._path, self._true = VirtualConstraints(PATH, ANGLES), read_robot(true).row if true else None
 
     def tick(self, reading: PlantReading, noise: np.ndarray) -> SystemTick:
         """Terms, decision and torques, stance hip first; `noise` (2,) is added to mu."""
-        stance = Leg(int(np.argmax(reading.contact)))
-        q, dq = (reading.q, reading.dq) if stance is Leg.LEFT else (reading.q[SWAP], reading.dq[SWAP])
-        x, path, outputs = np.concatenate([q, dq]), self._path.parameters(q), self._path.evaluate(q, dq)
-        p, true = (
-            np.concatenate([row, *path.values()])
-            for row in (self._believed, self._believed if self._true is None else self._true)
-        )
-        observation = np.array([*outputs.eta, outputs.phase, outputs.phase_rate])
+        is_left = reading.contact.argmax() == Leg.LEFT
+        q, dq = (reading.q, reading.dq) if is_left else (reading.q[SWAP], reading.dq[SWAP])
+        x, path, now = np.concatenate([q, dq]), self._path.parameters(q).values(), self._path.evaluate(q, dq)
+        p, observation = np.concatenate([BELIEVED.row, *path]), np.array([*now.eta, now.phase, now.phase_rate])
         estimates = self._policy.act(observation, self.ticks.LgV(x, p))
         if self._true is not None:
-            found = self._error(x, p, true)
-            estimates = Estimates(found.alpha, found.beta, found.output_error)
-        now = self.ticks.decide(x, p, estimates, observation, noise)
-        torque = now.control.clip(-TORQUE_LIMIT, TORQUE_LIMIT)
-        return replace(now, mu=np.linalg.solve(now.seen.control_a, torque - now.seen.control_b))
+            error = self._error(x, p, np.concatenate([self._true, *path]))
+            estimates = Estimates(error.alpha, error.beta, error.output_error)
+        tick = self.ticks.decide(x, p, estimates, observation, noise)
+        torque = tick.control.clip(-TORQUE_LIMIT, TORQUE_LIMIT)
+        return replace(tick, mu=np.linalg.solve(tick.seen.control_a, torque - tick.seen.control_b))
 
 
 def walk(controller: Controller, urdf: str, seed: int, steps: int, sigma: float = 0.0) -> tuple[int, list[Transition]]:
     """Steps that the true robot takes, at most `steps`, and what was measured; `sigma` explores, rad/s^2."""
     rng, feet = np.random.default_rng(seed), UrdfFeet(urdf)
     plant = PlanarPlant(PinnedDynamics(urdf, feet), ahead, torque_limit=TORQUE_LIMIT)
-    q, dq = START[0].copy(), START[1].copy()
-    q[2:] += 0.02 * rng.standard_normal(3)
-    dq[2:] *= 1 + 0.05 * rng.standard_normal(3)
+    q = START[0] + np.pad(0.02 * rng.standard_normal(3), (2, 0))
+    dq = START[1] * (1 + np.pad(0.05 * rng.standard_normal(3), (2, 0)))
     plant.reset(*standing(feet, q, dq, Leg.LEFT), Leg.LEFT)
     taken, since, before, measured = 0, 0, None, list[Transition]()
     while taken < steps and since < LONGEST_STEP:
@@ -127,9 +117,7 @@ def train(seed: int, episodes: int) -> LearnedPolicy:
         trainer.learn(max(p.updates_least, round(p.updates_per_tick * len(measured))))
         trainer.episode += 1
         error = np.sqrt(np.mean([np.square(item.error / (1 + np.linalg.norm(item.LgV))) for item in measured]))
-        print(
-            f"seed {seed}, episode {episode + 1}: {steps} steps, error of V-dot / (1 + |LgV|): {error:.2f}", flush=True
-        )
+        print(f"seed {seed}, episode {episode + 1}: {steps} steps, V-dot error / (1 + |LgV|): {error:.2f}", flush=True)
     return policy_of(trainer.begin_episode(), p)
 
 
@@ -149,9 +137,8 @@ def main() -> None:
             "learned, twice the mass": (Controller(train(seed, options.train)), HEAVY),
         }
         for name, (controller, urdf) in cases.items():
-            steps = [
-                walk(controller, urdf, EVALUATION + 100 * seed + i, options.steps)[0] for i in range(options.walks)
-            ]
+            starts = EVALUATION + 100 * seed + np.arange(options.walks)
+            steps = [walk(controller, urdf, int(start), options.steps)[0] for start in starts]
             taken.setdefault(name, []).append(float(np.mean(steps)))
             print(f"seed {seed}: {name}: {steps} steps", flush=True)
     for name, means in taken.items():

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rl_cbf_clf_controller.oracle import OraclePolicy, TruePlant
 from rl_cbf_clf_controller.policy import ZeroPolicy
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.publication_gate import estimation_error
@@ -24,6 +23,11 @@ def example():
     return module
 
 
+def oracle(example):
+    """The controller with exact estimates."""
+    return example.Controller(ZeroPolicy(example.PROBLEM), example.HEAVY)
+
+
 def test_the_gait_repeats(example):
     step = example.RepeatedStep(example.WALKER, example.PATH)
     assert step.exists
@@ -34,15 +38,15 @@ def test_the_gait_repeats(example):
 
 @pytest.mark.parametrize("seed", [1, 2])
 def test_at_twice_the_mass_the_oracle_walks_and_the_nominal_falls(example, seed):
-    nominal = ZeroPolicy(example.PROBLEM)
+    nominal = example.Controller(ZeroPolicy(example.PROBLEM))
     assert example.walk(nominal, example.URDF, seed, STEPS)[0] == STEPS
     assert example.walk(nominal, example.HEAVY, seed, STEPS)[0] <= STEPS / 2
-    assert example.walk(OraclePolicy(TruePlant(example.HEAVY)), example.HEAVY, seed, STEPS)[0] == STEPS
+    assert example.walk(oracle(example), example.HEAVY, seed, STEPS)[0] == STEPS
 
 
 def test_the_oracles_estimates_are_what_is_measured(example):
     """But for what changes within a tick."""
-    steps, measured = example.walk(OraclePolicy(TruePlant(example.HEAVY)), example.HEAVY, 3, 6, sigma=1.0)
+    steps, measured = example.walk(oracle(example), example.HEAVY, 3, 6, sigma=1.0)
     assert steps == 6
     errors, targets = (np.array([getattr(item, name)[0] for item in measured]) for name in ("error", "target"))
     assert np.sqrt(np.mean(errors**2)) < 0.03 * np.sqrt(np.mean(targets**2))
@@ -53,14 +57,15 @@ def test_a_short_training_finds_most_of_the_error(example, capsys):
     """Held out: steps of the oracle's walk, which no training saw; 1 is the nominal controller's error."""
     policy = example.train(seed=1, episodes=4)
     assert "episode 4" in capsys.readouterr().out
-    _, held_out = example.walk(OraclePolicy(TruePlant(example.HEAVY)), example.HEAVY, example.EVALUATION, 6, sigma=1.0)
+    _, held_out = example.walk(oracle(example), example.HEAVY, example.EVALUATION, 6, sigma=1.0)
     error = estimation_error(policy, held_out, TrainingParameters(problem=example.PROBLEM))
     assert error[0] < 0.3
-    assert example.walk(policy, example.HEAVY, example.EVALUATION, 6)[0] == 6
+    assert example.walk(example.Controller(policy), example.HEAVY, example.EVALUATION, 6)[0] == 6
 
 
 def test_a_seed_gives_the_same_walk(example):
-    walks = [example.walk(ZeroPolicy(example.PROBLEM), example.HEAVY, 5, 2, sigma=1.0)[1] for _ in range(2)]
+    nominal = example.Controller(ZeroPolicy(example.PROBLEM))
+    walks = [example.walk(nominal, example.HEAVY, 5, 2, sigma=1.0)[1] for _ in range(2)]
     np.testing.assert_array_equal([item.measured for item in walks[0]], [item.measured for item in walks[1]])
 
 

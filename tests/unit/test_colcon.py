@@ -10,7 +10,7 @@ WORKSPACE = Path(__file__).resolve().parents[2] / "ros2_ws"
 PACKAGES = {path.parent.name for path in WORKSPACE.glob("src/*/package.xml")}
 TESTED = PACKAGES - {"rabbit_msgs"}  # it has messages alone
 SHORT = " or ".join(  # a file of each, since `make test` runs the rest
-    ("linearization", "urdf", "conversions", "exit_codes", "impact", "previews", "reward", "symbolic", "counting")
+    ("test_estimates", "urdf", "conversions", "exit_codes", "impact", "previews", "reward", "symbolic", "counting")
     + ("geometry", "intervals", "leg_kinematics", "commands", "wakeup_latency", "play_settings", "gaussian_process")
 )
 

@@ -30,6 +30,8 @@ BROUGHT_BY = {
     "pydantic_core": "pydantic",
     "annotated_types": "pydantic",
     "mpl_toolkits": "matplotlib",
+    "lz4": "rosbags",
+    "backports": "rosbags",
 }
 BROUGHT_BY |= {"torch.utils.tensorboard": "tensorboard"}
 DISTRIBUTIONS = {"yaml": "pyyaml", "pinocchio": "pin"}  # what pip calls them

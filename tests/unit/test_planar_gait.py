@@ -52,7 +52,8 @@ def walk_through(walker, step, q, dq):
         walker.model.update(x[:5], x[5:])
         acceleration = walker.model.pinned().acceleration
         outputs = step.dynamics.constraints.evaluate(x[:5], x[5:])
-        return acceleration, outputs.second_derivative(acceleration).inverse()(-100 * outputs.y - 20 * outputs.dy)
+        y_ddot = outputs.second_derivative(acceleration)
+        return acceleration, np.linalg.solve(y_ddot.a, -100 * outputs.y - 20 * outputs.dy - y_ddot.b)
 
     def motion(_, x):
         acceleration, torque = control(x)

@@ -21,5 +21,5 @@ setup(
         (f"share/{NAME}", ["package.xml"]),
     ],
     install_requires=["numpy>=2", "scipy", "casadi>=3.7", "osqp>=1.1,<2"],
-    extras_require={"test": ["pytest", "daqp>=0.11"]},
+    extras_require={"test": ["pytest"]},
 )

@@ -95,7 +95,7 @@ def test_what_a_result_is_made_with_is_named(tmp_path: Path) -> None:
     run([JOB], Cache(tmp_path), 1)
     (about,) = (tmp_path / "made_with").iterdir()
     named = json.loads(about.read_text())
-    assert {"python", "numpy", "pinocchio", "pybullet", "osqp", "daqp", "casadi"} <= named.keys()
+    assert {"python", "numpy", "pinocchio", "pybullet", "osqp", "casadi"} <= named.keys()
     assert {"rabbit_sim", "rl_cbf_clf_controller", "cbf_clf_qp", "rabbit_description"} <= named.keys()
     (result,) = tmp_path.rglob("*.json.gz")
     assert result.name.endswith(f"-{about.stem}.json.gz")
