@@ -108,3 +108,22 @@ def test_two_parts_of_one_name_are_refused(tmp_path: Path, monkeypatch: pytest.M
     monkeypatch.syspath_prepend(str(tmp_path))
     with pytest.raises(LookupError, match="rigid: expected one, found"):
         names("rabbit.plants")
+
+
+@pytest.mark.parametrize(
+    ("line", "named"),
+    [
+        ("from cbf_clf_qp.recipe import Recipe", r"No module named 'cbf_clf_qp.recipe'.*another version of cbf_clf_qp"),
+        ("from cbf_clf_qp.rows import rows_of", r"cannot import name 'rows_of'.*from_former_version.md"),
+        ("import a_library_that_nobody_has", "needs the library a_library_that_nobody_has, which is not installed"),
+    ],
+)
+def test_a_part_of_the_former_version_is_refused_with_one_error(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, line: str, named: str
+) -> None:
+    install(tmp_path, "former", "[rabbit.controllers]\nformer = former:KIND\n")
+    (tmp_path / "former.py").write_text(f"{line}\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.delitem(sys.modules, "former", raising=False)
+    with pytest.raises(LookupError, match=named):
+        load("rabbit.controllers", "former")

@@ -8,7 +8,7 @@ NAME = "cbf_clf_qp"
 
 setup(
     name=NAME,
-    version="0.1.0",
+    version="0.2.0",
     description="CBF-CLF quadratic programmes for any control-affine system, with estimates of the model's error",
     long_description=Path(__file__).resolve().with_name("README.md").read_text(encoding="utf-8"),
     long_description_content_type="text/markdown",

@@ -10,6 +10,7 @@
 import sys
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
+from importlib.util import find_spec
 from typing import Any
 
 
@@ -22,14 +23,19 @@ def load(group: str, name: str) -> Any:
     """The class or function of this name.
 
     Raises:
-        LookupError: no installed package brings it, or a library that it needs is not installed.
+        LookupError: no installed package brings it, a library that it needs is not installed, or it was written for
+            another version of a library, such as this project's former one.
     """
     found = _found(group, tuple(sys.path))
     if name not in found:
         raise LookupError(f"{group} {name}: expected one of {', '.join(names(group))}")
     try:
         return found[name].load()
-    except ModuleNotFoundError as error:
+    except ImportError as error:
+        library = (error.name or "").partition(".")[0]
+        if library and find_spec(library):
+            message = f"{error}: it was written for another version of {library} (docs/from_former_version.md)"
+            raise LookupError(f"{group} {name}: {message}") from error
         raise LookupError(f"{group} {name}: it needs the library {error.name}, which is not installed") from error
 
 
