@@ -11,12 +11,17 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rabbit_description.gait import load_gait
 from rabbit_description.state import TICK_SECONDS
 from rabbit_msgs.msg import Episode, PolicyWeights, RabbitState, StonePreview, TorqueCommand
 from rabbit_msgs.srv import LoadPolicy, Pause, ResetEpisode
-from rcl_interfaces.srv import DescribeParameters, SetParameters
+from rabbit_ros.ros.conversions import preview_of, state_of
+from rcl_interfaces.srv import DescribeParameters, SetParameters, SetParametersAtomically
 from rclpy.parameter import Parameter
 from rclpy.time import Time
+from rl_cbf_clf_controller.controller import Controller
+from rl_cbf_clf_controller.parameters import ControllerParameters
+from rl_cbf_clf_controller.policy import ZeroPolicy
 
 SHORT = {"motor_lag": 0.004, "stones": 3}
 
@@ -308,6 +313,40 @@ def test_parameters_are_described_bounded_and_read_only(world: Any) -> None:
     assert world.ask(ResetEpisode, "reset_episode", seed=3).accepted
     world.wait(lambda: sum(state.tick > 0 for state in states) >= 50)
     assert time.monotonic() - began > 0.4  # 100 ticks a second at most, however fast the machine
+
+
+def test_gains_change_in_the_middle_of_a_walk(world: Any) -> None:
+    """Torques are those of a controller in process that takes the same gains at the ticks which are announced."""
+    heard = {topic: world.hear(topic) for topic in ("state", "torque", "preview", "controller_settings", "episode")}
+    world.start("simulator", pace=0.3, **SHORT)
+    world.start("controller")
+
+    def set_gains(**gains: float) -> Any:
+        parameters = [Parameter(name, value=value).to_parameter_msg() for name, value in gains.items()]
+        return world.ask(SetParametersAtomically, "controller/set_parameters_atomically", parameters=parameters).result
+
+    world.go()
+    for tick, gains in ((20, {"eps": 0.05}), (45, {"torque_limit": 90.0, "barrier_pole_2": 70.0}), (70, {"eps": 0.04})):
+        world.wait(lambda tick=tick: any(message.tick >= tick for message in heard["torque"]))
+        assert set_gains(**gains).successful
+    refused = set_gains(eps=0.1, kp=2.0)
+    assert not refused.successful
+    assert "kp" in refused.reason
+    world.wait(ended(heard["episode"]))
+    laws = [
+        (said.tick, ControllerParameters.model_validate_json(said.parameters)) for said in heard["controller_settings"]
+    ]
+    assert [law.eps for _, law in laws] == [0.04, 0.05, 0.05, 0.04]
+    first, told = laws[0][1], dict(laws)
+    inside = Controller(first, load_gait(first.gait), ZeroPolicy(first.problem))
+    inside.reset(heard["episode"][-1].seed)
+    stones = {message.index: preview_of(message) for message in heard["preview"]}
+    states = {message.tick: message for message in heard["state"] if message.running}
+    for torque in heard["torque"]:
+        inside.parameters = told.get(torque.tick, inside.parameters)
+        message = states[torque.tick]
+        output = inside.step(state_of(message, stones[message.touchdowns + 1] if message.previewed else None))
+        np.testing.assert_array_equal(torque.torque, output.torque)
 
 
 @pytest.mark.parametrize(

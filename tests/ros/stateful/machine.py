@@ -29,7 +29,7 @@ BAD: list[tuple[str, str, Any]] = [
     ("controller", "sigma", "much"),
     ("controller", "sigma", 1),
     ("controller", "swap_at", "episode"),
-    ("controller", "eps", 0.2),
+    ("controller", "kp", 0.2),
     ("simulator", "pace", -1.0),
     ("simulator", "pace", 1000.0),
     ("simulator", "pace", True),

@@ -55,8 +55,10 @@ def records_of_bag(bag: Path, number: int | None = None) -> WalkRecords:
         raise RecordingError(f"recording {bag}: no ticks of {f'episode {number}' if number else 'a walk'} in it")
     policies = ", ".join(dict.fromkeys(record.output.policy_version for record in chosen.records))
     outcome = chosen.outcome or "not recorded to its end"
-    title = f"episode {chosen.number}, policy {policies}, seed {chosen.seed}: {outcome}"
+    drawn = [(each.tick, drawn_parameters(each.parameters)) for each in chosen.settings]
+    changed = ", ".join(f"parameters changed at tick {tick}" for tick, each in drawn if each != drawn[0][1])
+    title = f"episode {chosen.number}, policy {policies}, seed {chosen.seed}: {changed and changed + ', '}{outcome}"
     about = {"title": title, "outcome": chosen.outcome, "seed": chosen.seed}
-    if chosen.settings:
-        about |= drawn_parameters(chosen.settings[0].parameters)
+    if drawn:
+        about |= drawn[0][1]
     return WalkRecords.from_ticks(chosen.records, chosen.landings, about)

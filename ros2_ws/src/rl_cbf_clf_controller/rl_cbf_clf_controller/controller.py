@@ -36,6 +36,7 @@ ROUNDING = 1e-6  # N m, by which the QP may be over the limit
 NO_TORQUE = np.full(4, np.nan)
 NO_NOISE = np.zeros(4)
 SECONDS = np.array([TICK_SECONDS])
+DYNAMIC = ("sigma", "swap_time", "swap_phase", *GAINS)  # parameters that may change between two ticks
 
 
 @dataclass
@@ -94,7 +95,7 @@ class Controller:
 
     @property
     def parameters(self) -> ControllerParameters:
-        """Others may be set between two ticks, if they differ in numbers that are inputs of a tick; see `GAINS`.
+        """Others may be set between two ticks, if they differ in nothing but `DYNAMIC`.
 
         Raises:
             ControllerError: any other difference needs a new controller.
@@ -106,10 +107,12 @@ class Controller:
         names = type(new).model_fields
         changed = {name for name in names if getattr(new, name) != getattr(self._parameters, name)}
         own = self._kind.estimators(new)  # they keep the gains that they were made with
-        fixed = changed - {*(() if own else GAINS), "sigma", "swap_time", "swap_phase"}
+        fixed = changed - {*DYNAMIC} | (changed & {*GAINS} if own else set())
         if fixed:
             raise ControllerError(f"{', '.join(sorted(fixed))}: expected no change, which needs a new controller")
         self._parameters = new
+        if changed & {*GAINS}:
+            self._step.last = None  # a difference of V under two gains measures nothing
         for name in GAINS:
             self._views[name][:] = getattr(new, name)
 

@@ -303,6 +303,14 @@ def test_a_parameter_that_changes_between_two_ticks_holds_from_the_next_one_on(k
         assert walking.step(at).torque == pytest.approx(built.step(at).torque, abs=1e-7)
 
 
+def test_nothing_is_measured_over_a_tick_in_which_a_gain_changed():
+    """V before is that of another gain, so that their difference is no rate."""
+    walking = make("rl-cbf-clf-qp")
+    for tick, changes in enumerate(({}, {}, {"eps": 0.05}, {}, {"sigma": 0.1})):
+        walking.parameters = walking.parameters.model_copy(update=changes)
+        assert np.isfinite(walking.step(state(tick)).measured).all() == (tick not in (0, 2))
+
+
 @pytest.mark.parametrize(
     ("controller", "changes"),
     [

@@ -63,7 +63,7 @@ def refuse_unknown(node: Node) -> None:
 def follow(node: Node, current: Model, apply: Callable[[Model], None]) -> None:
     """Check each change of `current`'s dynamic parameters and hand the whole new model to `apply`.
 
-    ROS itself refuses changes of the read-only ones.
+    What `apply` refuses by a `ParameterError` is not changed. ROS itself refuses changes of the read-only ones.
     """
     model = type(current)
 
@@ -71,11 +71,12 @@ def follow(node: Node, current: Model, apply: Callable[[Model], None]) -> None:
         nonlocal current
         changes = {p.name: p.value for p in parameters if p.name in model.model_fields}
         try:
-            current = _checked(model, {**current.model_dump(), **changes})
+            new = _checked(model, {**current.model_dump(), **changes})
+            if changes:
+                apply(new)
         except ParameterError as error:
             return SetParametersResult(successful=False, reason=str(error))
-        if changes:
-            apply(current)
+        current = new
         return SetParametersResult(successful=True)
 
     node.add_on_set_parameters_callback(check)

@@ -34,18 +34,19 @@ from rabbit_ros.ros.conversions import (
 )
 from rabbit_ros.ros.diagnostics import OK, WARN, Diagnostics, Status
 from rabbit_ros.ros.direct import Direct
-from rabbit_ros.ros.parameters import declare, follow, refuse_unknown
+from rabbit_ros.ros.parameters import ParameterError, declare, follow, refuse_unknown
 from rabbit_ros.ros.qos import EVENT, TICK
 from rabbit_ros.ros.spin import run
 from rabbit_ros.ros.tick_publisher import TickPublisher
 from rclpy.node import Node
 
-from rl_cbf_clf_controller.controller import Controller
+from rl_cbf_clf_controller.controller import DYNAMIC, Controller
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import ZeroPolicy
 from rl_cbf_clf_controller.ros.messages import controller_state, torque_message
 from rl_cbf_clf_controller.ros.policy_loader import Decided, PolicyLoader, check
 from rl_cbf_clf_controller.ros.preview_buffer import PreviewBuffer
+from rl_cbf_clf_controller.scene import ControllerError
 from rl_cbf_clf_controller.weights import SIZE_LIMIT, PolicyFileError, policy_path
 
 ERRORS = (GaitError, PolicyFileError)  # of the constructor, when a file cannot be used
@@ -77,7 +78,7 @@ class ControllerNode(Node):
         self.direct = direct
         self._sender = f"{self.get_fully_qualified_name()} {secrets.token_hex(8)}"[-128:]
         self._own = declare(self, NodeParameters)
-        self._settings = declare(self, ControllerParameters, dynamic=("sigma",))
+        self._settings = declare(self, ControllerParameters, dynamic=DYNAMIC)
         refuse_unknown(self)
         take_priority(self._own.priority, self.get_logger().warning)
         self._gait = load_gaits(self._settings.gait)
@@ -319,7 +320,10 @@ class ControllerNode(Node):
 
     def _on_parameters(self, parameters: ControllerParameters) -> None:
         """An operator changed one: it holds from the next answer on."""
-        self._set_parameters(parameters)
+        try:
+            self._set_parameters(parameters)
+        except ControllerError as error:
+            raise ParameterError(str(error)) from error
         self._tell_settings()
 
     def _tell_settings(self) -> None:
@@ -332,9 +336,9 @@ class ControllerNode(Node):
 
     def _set_parameters(self, parameters: ControllerParameters) -> None:
         """The episode's own sigma goes before the node's."""
-        self._settings = parameters
         sigma = parameters.sigma if math.isnan(self._episode.sigma) else self._episode.sigma
         self._controller.parameters = parameters.model_copy(update={"sigma": sigma})
+        self._settings = parameters
 
     def _refuse(self, topic: str, error: Refused) -> None:
         self.get_logger().warning(self._message_counter.refuse(topic, error), throttle_duration_sec=1.0)
