@@ -7,12 +7,11 @@ is the other's guard: what counts is the KKT residual of an answer, and not what
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import casadi as ca
 import numpy as np
 
-from cbf_clf_qp.functions import Array, NumpyFunction, Values, free_symbols, packed, places_of, split
+from cbf_clf_qp.functions import Array, NumpyFunction, Values, built_once, free_symbols, packed, places_of, split
 from cbf_clf_qp.qp import ROUNDING, Layout, reading
 from cbf_clf_qp.solvers import OsqpSolver, by_daqp
 
@@ -106,18 +105,18 @@ class Answering:
         solved = bool(values.row[0] < TOLERANCE)
         return Decided(values, self._layout, solved, "osqp", status, time.perf_counter() - start)
 
-    @cached_property
+    @built_once
     def programme(self) -> NumpyFunction:
         return NumpyFunction.of("programme", self._inputs, self._data, matrices=("A", "unroot", "control_a"))
 
-    @cached_property
+    @built_once
     def reading(self) -> NumpyFunction:
         row = ca.SX.sym("row", packed(self._data).numel())
         x, y = ca.SX.sym("x", self._layout.shape[1]), ca.SX.sym("y", self._layout.shape[0])
         said = reading(split(row, places_of(self._data)), x, y, self._layout)
         return NumpyFunction.of("reading", {"row": row, "x": x, "y": y}, said, matrices=("control_a",))
 
-    @cached_property
+    @built_once
     def _with_daqp(self) -> NumpyFunction:
         programme, read = self.programme.function, self.reading.function
         inputs = [ca.MX.sym(programme.name_in(i), programme.sparsity_in(i)) for i in range(programme.n_in())]
@@ -126,6 +125,6 @@ class Answering:
         function = ca.Function("decided", inputs, [read(row, x, y)], programme.name_in(), ["values"])
         return NumpyFunction(function, self.reading.places)
 
-    @cached_property
+    @built_once
     def _of_two(self) -> NumpyFunction:
         return NumpyFunction(self._with_daqp.function, self.reading.places, inputs=2)

@@ -7,8 +7,10 @@
 Every input is copied into memory that CasADi reads. All outputs lie in one row, of which each is a view.
 """
 
-from collections.abc import Collection, Iterable, Mapping
-from typing import Any
+from collections.abc import Callable, Collection, Iterable, Mapping
+from functools import wraps
+from threading import RLock
+from typing import Any, Generic, ParamSpec, TypeVar
 
 import casadi as ca
 import numpy as np
@@ -16,6 +18,38 @@ from numpy.typing import NDArray
 
 Array = NDArray[Any]  # float64 unless said otherwise
 Place = tuple[slice, tuple[int, ...]]  # where in a row an array lies, and its shape
+
+Given = ParamSpec("Given")
+Made = TypeVar("Made")
+_building = RLock()
+
+
+def one_at_a_time(build: Callable[Given, Made]) -> Callable[Given, Made]:
+    """For what makes expressions and functions: one thread at a time, since CasADi may crash with several."""
+
+    @wraps(build)
+    def alone(*args: Given.args, **kwargs: Given.kwargs) -> Made:
+        with _building:
+            return build(*args, **kwargs)
+
+    return alone
+
+
+class built_once(Generic[Made]):
+    """A `cached_property` that is built by `one_at_a_time`.
+
+    Python 3.11's own holds a lock for all objects of the class, and so two threads might wait for each other.
+    """
+
+    def __init__(self, build: Callable[[Any], Made]) -> None:
+        self._build, self._name, self.__doc__ = build, build.__name__, build.__doc__
+
+    @one_at_a_time
+    def __get__(self, owner: Any, kind: type) -> Made:
+        if self._name not in vars(owner):
+            vars(owner)[self._name] = self._build(owner)
+        made: Made = vars(owner)[self._name]
+        return made
 
 
 class Values:

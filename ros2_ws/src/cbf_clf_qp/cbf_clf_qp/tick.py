@@ -16,7 +16,6 @@ cart that is pulled to x = 1 m and must not pass a wall, wherever the wall is at
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import cached_property
 from typing import Any
 
 import casadi as ca
@@ -25,7 +24,7 @@ import numpy as np
 from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.answer import Answering, Decided
 from cbf_clf_qp.estimates import Estimates
-from cbf_clf_qp.functions import Array, NumpyFunction, Values, packed, places_of
+from cbf_clf_qp.functions import Array, NumpyFunction, Values, built_once, packed, places_of
 from cbf_clf_qp.objective import Objective
 from cbf_clf_qp.qp import build_qp, is_finite
 from cbf_clf_qp.quantity import Constrained
@@ -160,7 +159,7 @@ class Tick:
         """Forget the last programme, so that an episode does not depend on the one before."""
         self.answer.reset()
 
-    @cached_property
+    @built_once
     def look(self) -> NumpyFunction:
         """What can be read, of x and p: `nominal_a`, `nominal_b`, `control_a`, `control_b`, and `reads` by name."""
         terms, matrices = self.terms, {"nominal_a": self.terms.nominal.a, "control_a": self.terms.control.a}

@@ -13,7 +13,7 @@ import numpy as np
 from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.answer import Decided
 from cbf_clf_qp.estimates import Estimates
-from cbf_clf_qp.functions import places_of
+from cbf_clf_qp.functions import one_at_a_time, places_of
 from cbf_clf_qp.measurement import measure, model_error
 from cbf_clf_qp.quantity import Constrained
 from rabbit_description.gait import Gaits
@@ -67,6 +67,7 @@ class Controller:
     estimates: Estimates
     parts: list[Estimates]
 
+    @one_at_a_time
     def __init__(
         self,
         parameters: ControllerParameters,
