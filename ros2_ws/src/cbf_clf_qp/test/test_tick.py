@@ -58,7 +58,10 @@ def test_a_changed_parameter_counts_in_the_same_tick(solver: str, name: str) -> 
 
 
 def ride(wall_of: Callable[[float], tuple[float, float]], declared: bool = True) -> Any:
-    """By how much a cart stays before a wall at (place, speed) of time, m; `declared`: it is told the speed."""
+    """A cart's distance from a wall after each millisecond, m; `wall_of` gives the wall's place and speed at a time.
+
+    `declared`: the controller knows the speed.
+    """
     tick, x, gaps = cart_tick(), np.zeros(2), []
     for k in range(2000):
         wall, speed = wall_of(k / 1000)
