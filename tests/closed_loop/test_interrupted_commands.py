@@ -40,15 +40,21 @@ def test_no_worker_outlives_its_command(how: str, tmp_path: Path) -> None:
     assert left == []
 
 
+def refusal(name: str, out: Path) -> tuple[str, int]:
+    """The one line of a command that says what is wrong, and its exit code."""
+    said, code = finished(name, out)
+    assert "Traceback" not in said
+    (line,) = (line for line in said.splitlines() if line.startswith("rabbit: "))
+    return line, code
+
+
 @pytest.mark.parametrize("name", EACH)
 def test_a_full_disk_is_one_line(name: str, tmp_path: Path) -> None:
     if not may_mount():
         pytest.skip("this user may not mount a tmpfs")
     with disk(tmp_path / "disk", "size=4k"):
-        said, code = finished(name, tmp_path / "disk" / "out")
-    assert code != 0, said
-    assert "Traceback" not in said
-    (line,) = (line for line in said.splitlines() if line.startswith("rabbit: "))
+        line, code = refusal(name, tmp_path / "disk" / "out")
+    assert code != 0, line
     assert f"{tmp_path / 'disk' / 'out'}" in line
     assert "No space left on device" in line
 
@@ -58,8 +64,6 @@ def test_a_read_only_disk_is_one_line(name: str, tmp_path: Path) -> None:
     if not may_mount():
         pytest.skip("this user may not mount a tmpfs")
     with disk(tmp_path / "disk", "ro"):
-        said, code = finished(name, tmp_path / "disk" / "out")
-    assert code == 2, said
-    assert "Traceback" not in said
-    (line,) = (line for line in said.splitlines() if line.startswith("rabbit: "))
+        line, code = refusal(name, tmp_path / "disk" / "out")
+    assert code == 2, line
     assert f"{tmp_path / 'disk' / 'out'}: Read-only file system" in line

@@ -88,7 +88,8 @@ class System:
             raise DegreeError(f"{name}: relative degree 0, but {degree} was given")
         chain = [expression]
         for order in range(1, degree + 1):
-            rate, has_input = self.derivative(chain[-1]), self._has_input(chain[-1])
+            rate = self.derivative(chain[-1])
+            has_input = self._has_input(chain[-1], rate)
             if order < degree and any(has_input):
                 raise DegreeError(f"{name}: relative degree {order}, but {degree} was given")
             if order == degree and not all(has_input):
@@ -96,9 +97,9 @@ class System:
             chain.append(rate if order == degree else self.affine(rate).b)
         return chain
 
-    def _has_input(self, expression: ca.SX) -> list[bool]:
-        """Whether u is in the derivative of each component, and does not cancel: at a few random states."""
-        slope, of_u = ca.jacobian(self.derivative(expression), self.u), ca.jacobian(self.x_dot, self.u)
+    def _has_input(self, expression: ca.SX, rate: ca.SX) -> list[bool]:
+        """Whether u is in the derivative, `rate`, of each component, and does not cancel: at a few random states."""
+        slope, of_u = ca.jacobian(rate, self.u), ca.jacobian(self.x_dot, self.u)
         size = (1 + ca.fabs(ca.jacobian(expression, self.x))) @ ca.fabs(of_u)
         cancels = ca.Function("cancels", [self.x, self.p], [ca.sum2(ca.fabs(slope)) <= ROUNDING * ca.sum2(size)])
         points = np.random.default_rng(0).uniform(0.5, 1.5, (self.x.numel() + self.p.numel(), 5))

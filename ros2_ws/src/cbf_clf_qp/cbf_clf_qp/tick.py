@@ -108,26 +108,23 @@ class Tick:
 
         Raises ValueError where a value is not finite or of the wrong size, or an output error is needed and not known.
         """
-        if estimates is None:
-            decided = self.answer(x, p)
-        else:
-            error = estimates.output_error
-            error = self._no_output_error() if error is None else error
-            decided = self.answer(x, p, estimates.alpha, estimates.beta, error)
+        decided = self.answer(x, p) if estimates is None else self.answer(x, p, *self._arrays(estimates))
         if not decided.solved:
             self._check_finite(x, p, estimates)
         return decided
 
     def programme(self, x: Array, p: Array, estimates: Estimates) -> Values:
         """The data of the QP, see `qp.build_qp`; for who solves it in another way."""
-        error = estimates.output_error
-        error = self._no_output_error() if error is None else error
-        return self.answer.programme(x, p, estimates.alpha, estimates.beta, error)
+        return self.answer.programme(x, p, *self._arrays(estimates))
 
-    def _no_output_error(self) -> Array:
-        if self._needs_output_error:
-            raise ValueError("output_error = None: expected (Delta_2 | Delta_1), on which the objective depends")
-        return np.zeros((self.terms.inputs, self.terms.inputs + 1))
+    def _arrays(self, estimates: Estimates) -> tuple[Array, Array, Array]:
+        """As the functions take them: an output error that is not known is zero where nothing depends on it."""
+        error = estimates.output_error
+        if error is None:
+            if self._needs_output_error:
+                raise ValueError("output_error = None: expected (Delta_2 | Delta_1), on which the objective depends")
+            error = np.zeros((self.terms.inputs, self.terms.inputs + 1))
+        return estimates.alpha, estimates.beta, error
 
     def p(self, **parameters: Any) -> Array:
         """All parameters as one array, for `decide`; raises ValueError where one is missing, unknown or too long."""

@@ -23,6 +23,7 @@ import typer
 from pydantic import BaseModel, Field, ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
+from rabbit_description.bounded_file import one_line
 
 from rabbit_cli.executables import NAMESPACE
 
@@ -90,8 +91,7 @@ class Given:
 
 def fail(text: object, code: int = BAD_VALUE) -> NoReturn:
     """End the command with one line of bounded length."""
-    line = " ".join(str(text).split())
-    print("rabbit:", line if len(line) <= LONGEST_LINE else f"{line[:LONGEST_LINE]} ...", file=sys.stderr)
+    print("rabbit:", one_line(text, LONGEST_LINE), file=sys.stderr)
     raise typer.Exit(code)
 
 

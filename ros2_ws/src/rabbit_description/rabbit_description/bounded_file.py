@@ -70,10 +70,10 @@ def gunzip(data: bytes, most: int) -> bytes:
     return found
 
 
-def one_line(error: Exception) -> str:
-    """What an error says, in one line of bounded length."""
+def one_line(error: object, most: int = LONGEST_LINE) -> str:
+    """What an error says, in one line of at most `most` characters."""
     text = " ".join(str(error).split())
-    return text if len(text) <= LONGEST_LINE else f"{text[:LONGEST_LINE]} ..."
+    return text if len(text) <= most else f"{text[:most]} ..."
 
 
 def _check(status: os.stat_result, most: int) -> None:

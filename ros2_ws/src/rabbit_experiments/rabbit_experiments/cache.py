@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from pydantic import BaseModel
-from rabbit_description.atomic_file import replacing
+from rabbit_description.atomic_file import replace_text, replacing
 from rabbit_description.bounded_file import gunzip, parse_json, read_bytes
 
 from rabbit_experiments.provenance import differing, key_of, plain, provenance
@@ -86,8 +86,7 @@ class Cache:
         about = self._about(key.made_with)
         if not about.exists():
             about.parent.mkdir(parents=True, exist_ok=True)
-            with replacing(about) as partial:
-                partial.write_text(json.dumps(made_with, indent=1), encoding="utf-8")
+            replace_text(about, json.dumps(made_with, indent=1))
         path.parent.mkdir(parents=True, exist_ok=True)
         with replacing(path) as partial:
             job.write(result, partial)

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from pydantic import BaseModel
-from rabbit_description.atomic_file import replacing
+from rabbit_description.atomic_file import replace_text
 
 from rabbit_experiments.source_code import SourceError, code_of, hash_of, hash_of_text
 
@@ -125,8 +125,7 @@ def changed_since(folder: Path, made_with: Mapping[str, str]) -> list[str]:
         except (ValueError, AttributeError, TypeError):
             return [MADE_WITH]
     folder.mkdir(parents=True, exist_ok=True)
-    with replacing(path) as partial:
-        partial.write_text(json.dumps(made_with, indent=1), encoding="utf-8")
+    replace_text(path, json.dumps(made_with, indent=1))
     return []
 
 

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 import torch
 from pydantic import BaseModel, ConfigDict, Field
-from rabbit_description.atomic_file import replacing
+from rabbit_description.atomic_file import replace_text, replacing
 from rabbit_description.bounded_file import FileError, read_json
 from rabbit_description.gait import load_gaits
 from rabbit_description.state import Array
@@ -145,8 +145,7 @@ class _Session:
             file.write(self._out / "policy.safetensors")
         progress |= {"steps": steps, "hours": hours, "level": level, "best": max(score, progress["best"])}
         progress["curve"].append(line)
-        with replacing(self._out / "progress.json") as partial:
-            partial.write_text(json.dumps(progress))
+        replace_text(self._out / "progress.json", json.dumps(progress))
         self._tidy()
         self._since = time.perf_counter()
         self._tell(", ".join(f"{name} {value}" for name, value in zip(COLUMNS, line, strict=True)))

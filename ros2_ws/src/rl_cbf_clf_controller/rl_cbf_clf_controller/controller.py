@@ -108,11 +108,11 @@ class Controller:
         names = type(new).model_fields
         changed = {name for name in names if getattr(new, name) != getattr(self._parameters, name)}
         own = self._kind.estimators(new)  # they keep the gains that they were made with
-        fixed = changed - {*DYNAMIC} | (changed & {*GAINS} if own else set())
-        if fixed:
+        dynamic = {*DYNAMIC}.difference(GAINS if own else ())
+        if fixed := changed - dynamic:
             raise ControllerError(f"{', '.join(sorted(fixed))}: expected no change, which needs a new controller")
         self._parameters = new
-        if changed & {*GAINS}:
+        if changed.intersection(GAINS):
             self._step.last = None  # a difference of V under two gains measures nothing
         for name in GAINS:
             self._views[name][:] = getattr(new, name)

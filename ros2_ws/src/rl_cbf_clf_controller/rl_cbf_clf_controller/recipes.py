@@ -56,11 +56,16 @@ def force_rows(w: Walking, p: Parameters) -> ForceRows:
     return ForceRows(g["min_normal_force"], coeff, g["force_rescue_weight"], p.cone == "literal")
 
 
+def res_clf(w: Walking, p: Parameters) -> ResClf:
+    """Of the outputs, where no quantity of the controller brings one."""
+    return ResClf(w.outputs.y.numel(), w.gains["eps"], (p.kp, p.kd))
+
+
 def reference_clf(w: Walking, p: Parameters) -> Constraint:
     """The CLF's row on the reference model y'' = mu, which the input is to make true."""
 
     def rows(terms: Terms) -> list[Rows]:
-        clf = ResClf(w.outputs.y.numel(), w.gains["eps"], (p.kp, p.kd))
+        clf = res_clf(w, p)
         V_dot = clf.derivative(w.eta)
         upper = -clf.rate * clf.value(w.eta) - V_dot.b
         return [at_most(("CLF",), V_dot.a, upper, w.gains["clf_rescue_weight"])]
@@ -134,7 +139,7 @@ def pd_objective(w: Walking, corrects_input: bool) -> Any:
 
 def reads(w: Walking, p: Parameters) -> dict[str, ca.SX]:
     """What estimators, recorders and the page read of a state besides what the quantities show."""
-    clf, y_ddot = ResClf(w.outputs.y.numel(), w.gains["eps"], (p.kp, p.kd)), w.output_dynamics
+    clf, y_ddot = res_clf(w, p), w.output_dynamics
     return {
         "eta": w.eta,
         "V": clf.value(w.eta),

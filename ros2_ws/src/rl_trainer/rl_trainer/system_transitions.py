@@ -60,7 +60,10 @@ class SystemTicks:
 
     def LgV(self, x: Array, p: Array) -> Array:
         """Of the CLF, (m,), which is V-dot's slope over mu; zeros where there is none."""
-        return self._tick.look(x, p).nominal_a[0] if self._problem.has_clf else np.zeros(self._problem.inputs)
+        return self._LgV(self._tick.look(x, p))
+
+    def _LgV(self, seen: Values) -> Array:
+        return seen.nominal_a[0] if self._problem.has_clf else np.zeros(self._problem.inputs)
 
     def transition(
         self, number: int, before: SystemTick, after: SystemTick, seconds: float, failed: bool = False
@@ -79,7 +82,7 @@ class SystemTicks:
             tick=number,
             step_index=0,
             observation=before.observation,
-            LgV=self.LgV(before.x, before.p),
+            LgV=self._LgV(before.seen),
             mu=before.mu,
             mu_qp=before.decided.mu,
             alpha=before.estimates.alpha,
@@ -87,7 +90,7 @@ class SystemTicks:
             nominal=nominal,
             measured=self._measure(before.x, before.p, after.x, after.p, np.array([seconds])).measured,
             next_observation=after.observation,
-            next_LgV=self.LgV(after.x, after.p),
+            next_LgV=self._LgV(after.seen),
             next_mu=after.mu,
             failed=failed,
             doubt=Doubt.NONE,
