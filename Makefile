@@ -11,7 +11,7 @@ PYTHON ?= $(if $(wildcard .venv/bin/python),.venv/bin/python,python3)
 PLUGINS := -p xdist -p pytest_cov -p pytest_timeout # and not those of a full ROS 2
 WITH_WORKSPACE := unset PYTHONPATH AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH; source ros2_ws/install/setup.bash &&
 HARDER := --parameters best --payload 40 --slope 2
-CODE := ros2_ws/src scripts examples
+CODE := ros2_ws/src studies qa scripts examples
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F':.*## ' '{printf "make %-12s %s\n", $$1, $$2}'
@@ -48,7 +48,7 @@ fuzz: build ## fuzz every entrance, 1,500 cases a test, 20,000 files, and the ru
 
 check: setup ## ruff, mypy and import-linter
 	@.venv/bin/ruff check . && .venv/bin/ruff format --check . && .venv/bin/mypy $(CODE) && \
-	  PYTHONPATH="$$(printf '%s:' ros2_ws/src/*)" .venv/bin/lint-imports --no-cache --no-logo
+	  PYTHONPATH="$$(printf '%s:' ros2_ws/src/* studies qa)" .venv/bin/lint-imports --no-cache --no-logo
 
 format: setup ## let ruff format and mend
 	@.venv/bin/ruff check --fix-only . && .venv/bin/ruff format .

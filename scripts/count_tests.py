@@ -28,7 +28,11 @@ def ran(report: Path) -> Counter[str]:
 def main(report: Path) -> None:
     """Print the counts; exit 1 if one of them is zero."""
     counts = ran(report)
-    files = [*ROOT.glob("tests/*/test_*.py"), *ROOT.glob("ros2_ws/src/*/test/test_*.py")]
+    files = [
+        *ROOT.glob("tests/*/test_*.py"),
+        *ROOT.glob("ros2_ws/src/*/test/test_*.py"),
+        *ROOT.glob("[sq]*/test/test_*.py"),
+    ]
     groups = sorted({group_of(".".join(file.relative_to(ROOT).parts)) for file in files} - OWN_TARGET)
     print("tests run: " + ", ".join(f"{group} {counts[group]}" for group in groups))
     if missing := [group for group in groups if not counts[group]]:

@@ -95,6 +95,13 @@ def install_torch() -> None:
         pip_install("torch_cuda.txt")
 
 
+def install_studies() -> None:
+    """The studies and what a maintainer runs, as links: their commands are `rabbit`'s."""
+    command = [str(PYTHON), "-I", "-m", "pip", "install", "--no-deps", "--no-build-isolation", "--quiet"]
+    if logged([*command, "-e", str(ROOT / "studies"), "-e", str(ROOT / "qa")], STATE / "pip-studies.log"):
+        raise SetUpError("pip cannot install studies and qa (log: .setup/pip-studies.log)")
+
+
 def mend_ros() -> None:
     """Make the wheels, or the environment over a full ROS 2, into a prefix that colcon and shells can source."""
     underlay = system_ros()
@@ -122,6 +129,7 @@ def steps() -> list[Step]:
         ),
         Step("torch", "torch", tuple(locks[3:]), install_torch),
         Step("mend", "set-up files for ROS 2", (locks[2], SCRIPTS / "mend_ros_wheels.py"), mend_ros),
+        Step("studies", "the studies", (ROOT / "studies/pyproject.toml", ROOT / "qa/pyproject.toml"), install_studies),
     ]
 
 

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from rabbit_description.gait import load_gaits
+from rabbit_estimation.estimation_errors import estimated_walk, summarise
 from rabbit_experiments.assembly import Assembly, make_estimator
-from rabbit_experiments.estimation_errors import estimated_walk, summarise
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.simulation import Outcome, Simulation
 from rl_cbf_clf_controller.controller import Controller

@@ -12,7 +12,7 @@ from rabbit_experiments.assembly import Assembly, resolve_policy
 from rabbit_experiments.cache import Cache
 from rabbit_experiments.evaluation import Scenario, episode_seeds, record_walk, walk
 from rabbit_experiments.metrics import RunResult
-from rabbit_viewer.walk_records import ARRAYS
+from rabbit_experiments.walk_records import ARRAYS
 from rl_cbf_clf_controller.parameters import load_parameters
 
 MakeAssembly = Callable[..., Assembly]

@@ -2,7 +2,7 @@
 
 import os
 
-from rabbit_ros.ros.network import choose_network
+from rabbit_common.ros.network import choose_network
 
 os.environ["ROS_DOMAIN_ID"] = str(1 + os.getpid() % 100)
 choose_network()

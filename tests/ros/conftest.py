@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from rabbit_ros.ros.network import choose_network
+from rabbit_common.ros.network import choose_network
 
 DOMAINS = 100  # domain ids above 101 may meet the ephemeral ports
 SHORT = {"motor_lag": 0.004, "stones": 3}  # a plant for tests that need a walk, not a result
@@ -56,7 +56,7 @@ class World:
 
     def hear(self, name: str) -> list[Any]:
         """All messages of a topic from now on, and those that are latched."""
-        from rabbit_ros.ros.topics import TOPICS
+        from rabbit_common.ros.topics import TOPICS
 
         if name not in self._heard:
             (topic,) = (topic for topic in TOPICS if topic.name == name)
@@ -72,8 +72,8 @@ class World:
         assert self.ask(Pause, "pause", paused=False).accepted
 
     def _not_ready(self) -> list[str]:
-        from rabbit_ros.ros.diagnostics import OK, reader_counts
-        from rabbit_ros.ros.topics import TOPICS, missing_readers
+        from rabbit_common.ros.diagnostics import OK, reader_counts
+        from rabbit_common.ros.topics import TOPICS, missing_readers
 
         said = {s.name.split("/")[-1]: s for m in self.hear("diagnostics") for s in m.status}
         told = {name: n for s in said.values() for name, n in reader_counts(s).items() if name != "diagnostics"}
@@ -85,7 +85,7 @@ class World:
 
     def say(self, name: str, message: Any) -> None:
         """Publish on a topic, once somebody listens."""
-        from rabbit_ros.ros.topics import TOPICS
+        from rabbit_common.ros.topics import TOPICS
 
         if name not in self._publishers:
             (topic,) = (topic for topic in TOPICS if topic.name == name)
@@ -97,7 +97,7 @@ class World:
 
     def ask(self, kind: Any, name: str, **fields: Any) -> Any:
         """Call a service."""
-        from rabbit_ros.ros.services import call_service
+        from rabbit_common.ros.services import call_service
 
         client = self.node.create_client(kind, name)
         answer = call_service(client, kind.Request(**fields), self.spin, 180.0)

@@ -11,9 +11,9 @@ import rl_cbf_clf_controller.ros.node
 import rl_trainer.ros.node
 import yaml
 from pydantic import BaseModel
+from rabbit_common.ros.topics import TOPICS
 from rabbit_estimator.parameters import EstimatorParameters
 from rabbit_recording.ros import recorder as recorder_node
-from rabbit_ros.ros.topics import TOPICS
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.ros import node as simulator
 from rabbit_viewer.live.parameters import ViewerParameters

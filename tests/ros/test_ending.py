@@ -7,7 +7,7 @@ import sys
 ENDS_SLOWLY = """
 import os
 import sys
-from rabbit_ros.ros.spin import run
+from rabbit_common.ros.spin import run
 from rclpy.node import Node
 
 class Last:
@@ -39,7 +39,7 @@ def test_a_node_that_is_told_twice_to_end_ends_cleanly() -> None:
 
 HANGS = """
 import ctypes
-from rabbit_ros.ros import spin
+from rabbit_common.ros import spin
 from rclpy.node import Node
 
 class Hanging(Node):

@@ -5,11 +5,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rabbit_common.ros.cdr import Encoder
+from rabbit_common.ros.conversions import encoder_message, encoders_of, imu_message, imu_of, stamp
 from rabbit_description.state import BodySensors, orientation_of
 from rabbit_msgs.msg import Episode
 from rabbit_msgs.srv import ResetEpisode
-from rabbit_ros.ros.cdr import Encoder
-from rabbit_ros.ros.conversions import encoder_message, encoders_of, imu_message, imu_of, stamp
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import Imu, JointState
 

@@ -17,6 +17,9 @@ import rclpy
 from builtin_interfaces.msg import Time
 from hypothesis import given
 from hypothesis import strategies as st
+from rabbit_common.ros.cdr import Encoder
+from rabbit_common.ros.conversions import encoder_message, imu_message, preview_message, stamp, state_message
+from rabbit_common.ros.qos import EVENT
 from rabbit_description.gait import load_gait
 from rabbit_estimator.ros.node import EstimatorNode
 from rabbit_msgs.msg import (
@@ -30,9 +33,6 @@ from rabbit_msgs.msg import (
 )
 from rabbit_recording.open_recording import opened
 from rabbit_recording.ros.recorder import NUMBER, SENT, RecorderNode
-from rabbit_ros.ros.cdr import Encoder
-from rabbit_ros.ros.conversions import encoder_message, imu_message, preview_message, stamp, state_message
-from rabbit_ros.ros.qos import EVENT
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.ros.node import SimulatorNode
 from rabbit_sim.simulation import Simulation

@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rabbit_common.ros.conversions import preview_of, state_of
 from rabbit_description.gait import load_gait
 from rabbit_description.state import TICK_SECONDS
 from rabbit_msgs.msg import Episode, PolicyWeights, RabbitState, StonePreview, TorqueCommand
 from rabbit_msgs.srv import LoadPolicy, Pause, ResetEpisode
-from rabbit_ros.ros.conversions import preview_of, state_of
 from rcl_interfaces.srv import DescribeParameters, SetParameters, SetParametersAtomically
 from rclpy.parameter import Parameter
 from rclpy.time import Time

@@ -19,9 +19,9 @@ import yaml
 from rabbit_bringup.commands.walk import DEFAULTS, prepare
 from rabbit_bringup.launching.parameter_file import write_parameters
 from rabbit_bringup.launching.processes import Processes
-from rabbit_cli.executables import find_executable
-from rabbit_cli.exit_codes import ExitCode
-from rabbit_cli.options import Given
+from rabbit_common.executables import find_executable
+from rabbit_common.exit_codes import ExitCode
+from rabbit_common.options import Given
 from rabbit_msgs.msg import Episode
 
 FILE = Path(__file__).parents[2] / "ros2_ws" / "src" / "rabbit_bringup" / "launch" / "walk.launch.py"

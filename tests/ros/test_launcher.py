@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 import yaml
-from rabbit_cli.exit_codes import ExitCode
+from rabbit_common.exit_codes import ExitCode
 from rabbit_msgs.srv import ResetEpisode
 from rabbit_recording.reader import messages, read_episodes
 from rl_cbf_clf_controller.weights import decode, policy_path

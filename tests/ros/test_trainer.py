@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 from rabbit_bringup.launching.processes import NodeEnded
-from rabbit_cli.exit_codes import ExitCode
+from rabbit_common.exit_codes import ExitCode
 from rabbit_description.gait import load_gait
 from rabbit_msgs.msg import Episode
 from rabbit_sim.parameters import SimulationParameters

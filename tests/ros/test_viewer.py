@@ -94,7 +94,7 @@ def test_walk_says_where_it_can_be_seen(seen: Seen) -> None:
 
 def test_rviz_hears_the_same(world: Any) -> None:
     """Markers and tf of the newest tick, and the URDF, to a node that asks for them."""
-    from rabbit_ros.ros.qos import WEIGHTS
+    from rabbit_common.ros.qos import WEIGHTS
     from std_msgs.msg import String
     from tf2_msgs.msg import TFMessage
     from visualization_msgs.msg import Marker, MarkerArray

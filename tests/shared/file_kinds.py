@@ -19,18 +19,19 @@ from rabbit_bringup.launching.parameter_file import ParameterFileError, read_par
 from rabbit_description import GAITS
 from rabbit_description.gait import GaitError, load_gaits
 from rabbit_description.yaml_file import dump_yaml
-from rabbit_experiments.miss_probability import model as misses
-from rabbit_experiments.recipes import Recipe
-from rabbit_experiments.reproduce.setting import SETTINGS, SettingError, read_setting
-from rabbit_experiments.reproduce.training import COMMITTED, Episode
 from rabbit_experiments.results import ABOUT, ResultsError, ResultsFolder
 from rabbit_experiments.tables import read_rows
+from rabbit_experiments.walk_records import RecordsError, WalkRecords, about_walk, load_records, save_records
+from rabbit_misses import model as misses
 from rabbit_recording.bag_writer import BagWriter, RecordingError
 from rabbit_recording.checking import check_episodes
 from rabbit_recording.contents import contents
 from rabbit_recording.open_recording import one_line_errors, opened
 from rabbit_recording.reader import iterate_episodes
 from rabbit_recording.recover import recover
+from rabbit_reproduce.recipes import Recipe
+from rabbit_reproduce.setting import SETTINGS, SettingError, read_setting
+from rabbit_reproduce.training import COMMITTED, Episode
 from rabbit_rivals import learning_curve, model_file
 from rabbit_rivals.gp_controller import GpAbout
 from rabbit_sim.parameters import SimulationParameters
@@ -39,7 +40,6 @@ from rabbit_sim.stones import CourseError, read_course
 from rabbit_viewer.page.broadcast import Broadcast
 from rabbit_viewer.page.recording import fill
 from rabbit_viewer.walk_pictures import records_of
-from rabbit_viewer.walk_records import RecordsError, WalkRecords, about_walk, load_records, save_records
 from recorded_walk import TICK_NS, TOPICS, TYPES, Walk, told
 from rl_cbf_clf_controller import weights
 from rl_cbf_clf_controller.parameters import CONFIG

@@ -13,18 +13,19 @@ import pytest
 import torch
 from rabbit_description.gait import GaitError, load_gait
 from rabbit_experiments.results import ResultsError
+from rabbit_experiments.walk_records import RecordsError, load_records
 from rabbit_recording.bag_writer import RecordingError
 from rabbit_recording.open_recording import opened
 from rabbit_recording.recover import recover
 from rabbit_sim.stones import CourseError, read_course
-from rabbit_viewer.walk_records import RecordsError, load_records
 from rl_cbf_clf_controller import parameters as controller
 from rl_cbf_clf_controller import weights
 from rl_trainer import parameters as training
 from rl_trainer.session import CHECKPOINT, CheckpointError, read_checkpoint
 from rosbags.rosbag2 import StoragePlugin, Writer
 
-SOURCES = Path(__file__).resolve().parents[2] / "ros2_ws" / "src"
+ROOT = Path(__file__).resolve().parents[2]
+FOLDERS = ROOT / "ros2_ws" / "src", ROOT / "studies", ROOT / "qa"
 REFUSED = (
     weights.PolicyFileError,
     CheckpointError,
@@ -156,10 +157,10 @@ def test_message_definitions_in_a_recording_run_nothing(kind: str, definition: s
 
 def test_no_module_runs_what_it_reads() -> None:
     found = []
-    for path in sorted(path for path in SOURCES.rglob("*.py") if path.parent.name != "test"):
+    for path in [path for folder in FOLDERS for path in sorted(folder.rglob("*.py")) if path.parent.name != "test"]:
         for call in (n for n in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(n, ast.Call)):
             name, given = ast.unparse(call.func), {k.arg: ast.unparse(k.value) for k in call.keywords}
             unsafe = name in RUNS_CODE or given.get("allow_pickle") == "True" or given.get("shell") == "True"
             if unsafe or (name == "torch.load" and given.get("weights_only") != "True"):
-                found.append((str(path.relative_to(SOURCES)), name))
+                found.append((str(path.relative_to(ROOT)), name))
     assert not found

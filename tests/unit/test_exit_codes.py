@@ -5,7 +5,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from rabbit_cli.exit_codes import MEANINGS, OF_THE_GRAPH, ExitCode, of_walk
+from rabbit_common.exit_codes import MEANINGS, OF_THE_GRAPH, ExitCode, of_walk
 from rabbit_sim.simulation import Outcome
 
 PAGE = (Path(__file__).parents[2] / "docs" / "operations.md").read_text(encoding="utf-8")

@@ -6,12 +6,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rabbit_common.ros.conversions import stamp
 from rabbit_description import URDF_PATH
 from rabbit_description.state import StonePreview
 from rabbit_experiments.assembly import Assembly
 from rabbit_experiments.evaluation import record_walk
+from rabbit_experiments.walk_records import WalkRecords
 from rabbit_msgs import msg
-from rabbit_ros.ros.conversions import stamp
 from rabbit_sim.kinematics import RabbitFeet
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_viewer.live.snapshot import Limits, Snapshot
@@ -19,7 +20,6 @@ from rabbit_viewer.ros.markers import WORLD, markers, transforms
 from rabbit_viewer.ros.newest_ticks import KEPT, TickMessages
 from rabbit_viewer.scene import stone_spans
 from rabbit_viewer.skeleton import feet
-from rabbit_viewer.walk_records import WalkRecords
 from rl_cbf_clf_controller.parameters import load_parameters
 from scipy.spatial.transform import Rotation
 from visualization_msgs.msg import Marker

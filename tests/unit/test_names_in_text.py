@@ -7,8 +7,14 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 SOURCES = ROOT / "ros2_ws" / "src"
-CODE = [path for folder in (SOURCES, ROOT / "scripts", ROOT / "examples") for path in sorted(folder.rglob("*.py"))]
-DATA = [path for kind in ("msg", "srv", "yaml", "xml", "js", "urdf") for path in sorted(SOURCES.rglob(f"*.{kind}"))]
+FOLDERS = (SOURCES, *(ROOT / name for name in ("studies", "qa", "scripts", "examples")))
+CODE = [path for folder in FOLDERS for path in sorted(folder.rglob("*.py"))]
+DATA = [
+    path
+    for kind in ("msg", "srv", "yaml", "xml", "js", "urdf")
+    for place in FOLDERS
+    for path in sorted(place.rglob(f"*.{kind}"))
+]
 SNAKE = re.compile(r"(?<![\w./-])[a-z]{3,}(?:_[a-z]{3,})+(?![\w/(-])")  # longer words than a symbol's, as `eta_b`
 DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
 SYMBOLS = {

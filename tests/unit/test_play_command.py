@@ -18,7 +18,7 @@ from typing import Any
 
 import pytest
 from page_client import PageClient
-from rabbit_play.settings import CONTROLLERS, PlaySettings
+from rabbit_viewer.play.settings import CONTROLLERS, PlaySettings
 from websockets.asyncio.client import connect
 
 RABBIT = (sys.executable, "-c", "from rabbit_bringup.cli import app; app()")

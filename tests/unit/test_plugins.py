@@ -12,8 +12,8 @@ from rabbit_description.plugins import load, names
 MODULE = """
 from pathlib import Path
 
-from rabbit_experiments.benchmark.methods import Method
-from rabbit_experiments.reproduce.controllers import variant
+from rabbit_benchmark.methods import Method
+from rabbit_reproduce.controllers import variant
 from rabbit_sim.rigid_plant import RigidPlant
 from rl_trainer.regression import Regression
 

@@ -8,7 +8,7 @@ import pytest
 from cbf_clf_qp.problem import Problem
 from rabbit_description.gait import load_gait, load_gaits
 from rabbit_experiments.assembly import Assembly
-from rabbit_experiments.reproduce.controllers import UNIVERSAL
+from rabbit_reproduce.controllers import UNIVERSAL
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.simulation import Outcome
 from rl_cbf_clf_controller.parameters import ControllerParameters

@@ -16,7 +16,7 @@ def test_every_promise_names_a_test() -> None:
 
 
 def test_every_named_test_is_there_once() -> None:
-    folders = [ROOT / "tests", *ROOT.glob("ros2_ws/src/*/test")]
+    folders = [ROOT / "tests", *ROOT.glob("ros2_ws/src/*/test"), ROOT / "studies/test", ROOT / "qa/test"]
     files = [file for folder in folders for file in folder.rglob("test_*.py")]
     for name, test in TESTS.findall(PAGE):
         found = [file for file in files if file.as_posix().endswith(f"/{name}") and test in functions(file)]

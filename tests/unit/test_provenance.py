@@ -17,8 +17,8 @@ OWN = """
 from dataclasses import dataclass, replace
 
 from rabbit_experiments.assembly import Assembly
-from rabbit_experiments.benchmark.methods import Method, method
-from rabbit_experiments.reproduce.controllers import Contender
+from rabbit_benchmark.methods import Method, method
+from rabbit_reproduce.controllers import Contender
 
 
 class Powerless(Assembly):

@@ -11,7 +11,9 @@ INNER = {"RuntimeError", "ValueError"}  # of Python: a line says which command t
 
 def sources() -> str:
     """All Python of the packages, without tests."""
-    paths = (ROOT / "ros2_ws" / "src").glob("*/*/**/*.py")
+    paths = [
+        path for places in ("ros2_ws/src/*/*/**/*.py", "studies/**/*.py", "qa/**/*.py") for path in ROOT.glob(places)
+    ]
     return "\n".join(path.read_text(encoding="utf-8") for path in paths if "test" not in path.parts)
 
 

@@ -8,7 +8,6 @@ sys.path.append(str(Path(__file__).resolve().parents[1]))
 from package_setup import install
 
 install(
-    "casadi",
     "joblib",
     "matplotlib",
     "numpy>=2",
@@ -18,15 +17,10 @@ install(
     "typer",
     entry_points={
         "rabbit.commands": [
-            "benchmark = rabbit_experiments.commands.benchmark:app",
-            "estimator = rabbit_experiments.commands.estimator:app",
             "evaluate = rabbit_experiments.commands.evaluate:app",
-            "misses = rabbit_experiments.commands.misses:app",
             "policy = rabbit_experiments.commands.policy:app",
-            "reproduce = rabbit_experiments.commands.reproduce:app",
-            "speed = rabbit_experiments.commands.speed:app",
             "train = rabbit_experiments.commands.train:app",
         ]
     },
-    extras={"ray": ["ray>=2.40"], "search": ["optuna>=4"]},
+    extras={"ray": ["ray>=2.40"]},
 )

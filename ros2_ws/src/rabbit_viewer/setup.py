@@ -16,7 +16,7 @@ install(
     "websockets>=14",
     entry_points={
         "rabbit.nodes": ["viewer = rabbit_viewer.ros.viewer:main"],
-        "rabbit.commands": ["video = rabbit_viewer.commands.video:app", "view = rabbit_viewer.commands.view:app"],
+        "rabbit.commands": [f"{name} = rabbit_viewer.commands.{name}:app" for name in ("play", "video", "view")],
         "rabbit.pictures": [
             "recording = rabbit_viewer.walk_pictures:draw_pictures",
             "page = rabbit_viewer.page.recording:show_recording",

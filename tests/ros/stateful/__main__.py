@@ -108,7 +108,7 @@ if __name__ == "__main__":
     sys.path.insert(0, str(SHARED))
     os.environ.setdefault("ROS_DOMAIN_ID", str(1 + os.getpid() % 100))
     os.environ.setdefault("OMP_NUM_THREADS", "1")
-    from rabbit_ros.ros.network import choose_network
+    from rabbit_common.ros.network import choose_network
 
     choose_network()
     sys.exit(main())

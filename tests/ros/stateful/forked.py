@@ -17,7 +17,7 @@ from multiprocessing.context import ForkServerProcess
 from pathlib import Path
 
 from rabbit_bringup.launching.processes import PACKAGES, POLL_SECONDS, Processes
-from rabbit_cli.executables import find_executable
+from rabbit_common.executables import find_executable
 
 GROUP = "rabbit.nodes"
 IMPORTED = "tests.ros.stateful.imported"

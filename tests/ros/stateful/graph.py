@@ -12,7 +12,7 @@ from typing import Any
 from rabbit_bringup.launching.parameter_file import write_parameters
 from rabbit_campaigns.faults.checks import TRAINING, check_recording, check_transitions
 from rabbit_campaigns.ros.graph import CampaignGraph, ros_arguments
-from rabbit_cli.ros.client import TOPIC
+from rabbit_common.ros.client import TOPIC
 from rabbit_msgs.msg import Episode
 from rabbit_msgs.srv import Pause
 

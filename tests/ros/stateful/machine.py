@@ -11,10 +11,10 @@ from typing import Any
 from hypothesis import strategies as st
 from hypothesis.stateful import precondition, rule
 from rabbit_campaigns.ros import wrong_messages as wrong
-from rabbit_cli.exit_codes import ExitCode
-from rabbit_cli.ros.client import TOPIC
+from rabbit_common.exit_codes import ExitCode
+from rabbit_common.ros.client import TOPIC
+from rabbit_common.ros.topics import TOPICS
 from rabbit_msgs.msg import PolicyWeights
-from rabbit_ros.ros.topics import TOPICS
 
 from .graph import HANG_AFTER, NODES
 from .policies import SEEDS, SIGMAS, ZERO, bad, good, torques_of, version_of

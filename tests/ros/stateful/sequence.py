@@ -16,7 +16,7 @@ from typing import Any
 
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize
-from rabbit_ros.ros.diagnostics import OK
+from rabbit_common.ros.diagnostics import OK
 
 from .graph import HANG_AFTER, NODES, HeldGraph
 from .policies import SEEDS, ZERO, digest, torques_of

@@ -16,11 +16,11 @@ from launch_ros.actions import Node
 from rabbit_bringup.commands.walk import DEFAULTS, MODELS, prepare
 from rabbit_bringup.launching.parameter_file import write_parameters
 from rabbit_bringup.launching.processes import PACKAGES, PATIENCE
-from rabbit_cli.executables import LaunchError, find_executable
-from rabbit_cli.exit_codes import ExitCode
-from rabbit_cli.options import Given, described
-from rabbit_cli.threads import THREADS
-from rabbit_ros.priority import take_listeners_priority
+from rabbit_common.executables import LaunchError, find_executable
+from rabbit_common.exit_codes import ExitCode
+from rabbit_common.options import Given, described
+from rabbit_common.priority import take_listeners_priority
+from rabbit_common.threads import THREADS
 
 ARGUMENTS = described(MODELS, DEFAULTS)
 ENDING = {"sigterm_timeout": str(PATIENCE), "sigkill_timeout": str(PATIENCE)}
@@ -35,7 +35,7 @@ def generate_launch_description() -> LaunchDescription:
 
 def start(context: LaunchContext) -> list[LaunchDescriptionEntity]:
     """The nodes' actions, once nothing speaks against the walk."""
-    from rabbit_cli.ros.namespace_check import NamespaceCheck
+    from rabbit_common.ros.namespace_check import NamespaceCheck
 
     try:
         walk = prepare(given(context.launch_configurations))

@@ -1,5 +1,5 @@
 """What brings the graph up: launch files, configuration, the launcher, the `rabbit` command."""
 
-from rabbit_cli.threads import use_one_thread
+from rabbit_common.threads import use_one_thread
 
 use_one_thread()

@@ -87,7 +87,7 @@ class LazyGroup(TyperGroup):
         name, _, rest = super().resolve_command(ctx, args)
         entry = commands()[str(name)]
         if source(entry) is None:
-            from rabbit_cli.options import fail  # which takes a while
+            from rabbit_common.options import fail  # which takes a while
 
             fail(f"{name} cannot be called: there is no module {entry.module}")
         command = typer.main.get_command(entry.load())
@@ -105,7 +105,7 @@ class LazyGroup(TyperGroup):
         except OSError as error:
             if error.errno in (None, errno.EPIPE):  # not the system's; a pipe whose reader has gone
                 raise
-            from rabbit_cli.options import fail  # which takes a while
+            from rabbit_common.options import fail  # which takes a while
 
             fail(f"{error.filename}: {error.strerror}" if error.filename else error.strerror)
         except KeyboardInterrupt as error:

@@ -68,7 +68,7 @@ assert CliRunner().invoke(app, ["--help"]).exit_code == 0
 print(*sorted({name.split(".")[0] for name in sys.modules if name.startswith(("rabbit_", "rl_"))}))
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.split() == ["rabbit_bringup", "rabbit_cli"]
+    assert done.stdout.split() == ["rabbit_bringup", "rabbit_common"]
 
 
 def test_a_strangers_command_is_listed_last_and_runs(stranger: Callable[[str], None]) -> None:

@@ -4,7 +4,7 @@
 
 `rabbit.plants`: a `rabbit_sim.plant.Plant` made from `SimulationParameters`. `rabbit.learners`: a
 `rl_trainer.learner.Learner` made from `TrainingParameters`. `rabbit.methods`: a
-`rabbit_experiments.benchmark.methods.Method`. A part is imported when it is loaded.
+`rabbit_benchmark.methods.Method`. A part is imported when it is loaded.
 """
 
 import sys

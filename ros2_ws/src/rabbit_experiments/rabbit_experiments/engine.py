@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 import joblib
 from joblib.externals.loky.backend import resource_tracker as loky_tracker
-from rabbit_cli.child_process import end_with_parent
+from rabbit_common.child_process import end_with_parent
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from rabbit_experiments.cache import Cache, Job, JobError

@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 from rabbit_sim.simulation import Simulation
-from rabbit_viewer.walk_records import WalkRecords, about_walk, load_records, save_records
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.scene import ControllerError
 from rl_trainer.rollout import Controller as AnyController
@@ -25,6 +24,7 @@ from rabbit_experiments.assembly import Assembly
 from rabbit_experiments.cache import Job
 from rabbit_experiments.metrics import RunResult, RunTally
 from rabbit_experiments.provenance import named_files, plain
+from rabbit_experiments.walk_records import WalkRecords, about_walk, load_records, save_records
 
 
 class Timed:

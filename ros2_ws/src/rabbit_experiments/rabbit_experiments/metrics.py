@@ -16,10 +16,11 @@ from pydantic import BaseModel, ConfigDict
 from rabbit_description.force_ratio import LOADED
 from rabbit_description.state import Array
 from rabbit_sim.simulation import Landing, Outcome
-from rabbit_viewer.walk_records import RESCUE_NEEDED
 from rl_cbf_clf_controller.controller_output import ControllerOutput
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_trainer.rollout import Record
+
+from rabbit_experiments.walk_records import RESCUE_NEEDED
 
 IMPACT_TICKS = 4  # of a step's beginning, whose mean force may hold some of the 30 ms after impact
 ROWS = ("CLF", "B1", "B2", "C1", "C2", "u")  # of the QP, both cone rows as C2 and all saturation rows as u

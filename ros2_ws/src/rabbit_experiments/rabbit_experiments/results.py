@@ -15,11 +15,11 @@ from typing import Any
 
 from rabbit_description.atomic_file import replace_text
 from rabbit_description.bounded_file import read_json
-from rabbit_viewer.walk_records import RECORDS
 
 from rabbit_experiments.cache import Cache
 from rabbit_experiments.metrics import ForceTick, RunResult, RunRow
 from rabbit_experiments.tables import write_rows
+from rabbit_experiments.walk_records import RECORDS
 
 PICTURES = "pictures"
 ABOUT, RUNS, VIOLATIONS, SUMMARY = "evaluation.json", "runs.csv", "violations.csv", "summary.json"

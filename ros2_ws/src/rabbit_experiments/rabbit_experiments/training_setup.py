@@ -16,7 +16,8 @@ from rl_trainer.training import EpisodeReport, Provenance, Trainer
 
 from rabbit_experiments import provenance
 from rabbit_experiments.assembly import make_simulation
-from rabbit_experiments.random_plants import RandomPlants
+
+POLICY = "policy.safetensors"  # in the session's folder
 
 
 @dataclass(frozen=True)
@@ -34,27 +35,24 @@ def training(
     controller: ControllerParameters,
     plant: SimulationParameters,
     command: str | None = None,
-    random_plants: bool = False,
 ) -> Iterator[Training]:
     """Begin a session, or go on with the one in `folder` if plant, gait and code are those that it began with.
 
     Raises `GaitError`, `CourseError`, `CheckpointError`.
 
-    `command` goes into the policy files, this process's own where it is not given; with `random_plants` every episode
-    has another robot.
+    `command` goes into the policy files, this process's own where it is not given.
     """
     gait = load_gaits(controller.gait)
 
     def make_controller(policy: Policy, sigma: float) -> Controller:
         return Controller(controller.model_copy(update={"sigma": sigma}), gait, policy)
 
-    about = plant.model_dump() | ({"random_plants": True} if random_plants else {})
-    source = Provenance(about, provenance.commit(), command or provenance.command())
-    asked, walking = provenance.plain((Training, parameters)), provenance.plain((controller, plant, random_plants))
+    source = Provenance(plant.model_dump(), provenance.commit(), command or provenance.command())
+    asked, walking = provenance.plain((Training, parameters)), provenance.plain((controller, plant))
     made_with = {"plant or controller": provenance.key_of(walking), **provenance.provenance([asked, walking])}
     if changed := provenance.changed_since(folder, made_with):
         raise CheckpointError(f"{folder}: was begun with another {', '.join(changed)}: expected another folder")
-    simulation = RandomPlants(plant, gait) if random_plants else make_simulation(plant, gait)
+    simulation = make_simulation(plant, gait)
     try:
         session = Session(folder, Trainer(parameters, source))
         yield Training(session, session.run(simulation, make_controller))

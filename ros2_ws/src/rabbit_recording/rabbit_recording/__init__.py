@@ -1,5 +1,5 @@
 """Recordings of the graph: written, read, checked, replayed."""
 
-from rabbit_cli.threads import use_one_thread
+from rabbit_common.threads import use_one_thread
 
 use_one_thread()

@@ -8,12 +8,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 from rabbit_description.state import Array, Leg
+from rabbit_experiments.walk_records import WalkRecords
 
 from rabbit_viewer import style
-from rabbit_viewer.geometry import ARC
+from rabbit_viewer.geometry import ARC, area_at
 from rabbit_viewer.scene import stone_spans
 from rabbit_viewer.skeleton import leg_points, torso_points
-from rabbit_viewer.walk_records import WalkRecords
 
 STEPS = 9  # shown at most
 COLOURS = {Leg.LEFT: style.BLUE, Leg.RIGHT: style.ORANGE}
@@ -66,7 +66,7 @@ def _draw_path(axes: Axes, walk: WalkRecords, feet: Array, first: int, last: int
     stance = Leg(walk.stance[first])
     swing = stance.other
     axes.plot(*feet[first:last, swing].T, color=COLOURS[swing])
-    if (area := walk.allowed_area(first)) is not None:
+    if (area := area_at(walk, first)) is not None:
         area = area + (feet[first, stance, 0], 0.0)
         axes.plot(*area[:ARC].T, color=style.RED, linestyle="--", linewidth=1)
         axes.plot(*area[ARC:-2].T, color=style.RED, linestyle=":", linewidth=1)

@@ -2,6 +2,7 @@
 
 import numpy as np
 from rabbit_description.state import Array
+from rabbit_experiments.walk_records import WalkRecords
 
 DEPTH = 0.12  # m, of a drawn stone
 AREA_HEIGHT = 0.2  # m, up to which the barriers' area is shown
@@ -25,6 +26,15 @@ def allowed_area(l_min: float, l_max: float, R1: float, R2: float) -> Array:
     outer = np.sqrt((R1 + l_max) ** 2 - z**2) - R1
     left = [(AREA_LEFT, AREA_HEIGHT), (AREA_LEFT, 0.0)]
     return np.concatenate([np.stack([x, inner], axis=1), np.stack([outer, z], axis=1), left])
+
+
+def area_at(walk: WalkRecords, row: int) -> Array | None:
+    """The `allowed_area` in a row of the records; None without a stone in sight."""
+    near, far = walk.preview[row]
+    if not np.isfinite(near):
+        return None
+    margin, R1, R2 = (float(walk.about.get(n, d)) for n, d in (("stone_margin", 0.0), ("R1", 1.0), ("R2", 0.5)))
+    return allowed_area(near + margin, far - margin, R1, R2)
 
 
 def area_triangles(corners: Array) -> Array:

@@ -15,12 +15,12 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 from rabbit_description.state import TICK_SECONDS, Array, Leg
+from rabbit_experiments.walk_records import WalkRecords
 
 from rabbit_viewer import style
-from rabbit_viewer.geometry import DEPTH, PLATFORM, force_arrow
+from rabbit_viewer.geometry import DEPTH, PLATFORM, area_at, force_arrow
 from rabbit_viewer.lettering import Lettering
 from rabbit_viewer.skeleton import leg_points, torso_points
-from rabbit_viewer.walk_records import WalkRecords
 
 VIEW = (-1.2, 1.2, -0.25, 1.6)  # m: left, right, bottom, top, from below the hip
 SIZE = (960, 740)  # pixels, the view's own shape
@@ -123,7 +123,7 @@ class Scene:
         return self._spans[: int(self._walk.step_index[row]) + 2]
 
     def _move_area(self, row: int, camera: float, foot: Array) -> None:
-        area = self._walk.allowed_area(row)
+        area = area_at(self._walk, row)
         # its height counts from the stone in sight
         self._area.set_verts([] if area is None else [area + (foot[0] - camera, self._placed(row)[-1][2])])
 

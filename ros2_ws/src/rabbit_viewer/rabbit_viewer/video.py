@@ -8,9 +8,9 @@ from pathlib import Path
 import imageio_ffmpeg  # type: ignore[import-untyped]
 import numpy as np
 from rabbit_description.state import TICK_SECONDS
+from rabbit_experiments.walk_records import WalkRecords
 
 from rabbit_viewer.scene import SIZE, Scene
-from rabbit_viewer.walk_records import WalkRecords
 
 FRAME_RATE = 25  # 1/s
 LAST_FRAME = 0.8  # s, for which the last frame stays

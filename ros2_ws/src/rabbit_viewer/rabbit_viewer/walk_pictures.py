@@ -2,12 +2,12 @@
 
 from pathlib import Path
 
+from rabbit_experiments.walk_records import RECORDS, WalkRecords, drawn_parameters, load_records
 from rabbit_recording.bag_writer import RecordingError
 from rabbit_recording.reader import RecordedEpisode, iterate_episodes
 
 from rabbit_viewer.pictures import draw
 from rabbit_viewer.video import film
-from rabbit_viewer.walk_records import RECORDS, WalkRecords, drawn_parameters, load_records
 
 
 def draw_pictures(source: Path, out: Path | None = None, episode: int | None = None) -> list[Path]:

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from rabbit_description.gait import load_gaits
 from rabbit_description.state import Array, Leg
+from rabbit_experiments.walk_records import WalkRecords, about_walk
 from rabbit_sim.kinematics import RabbitFeet
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.robot_urdf import perturbed_urdf
@@ -21,7 +22,6 @@ from rabbit_sim.simulation import Simulation
 from rabbit_viewer.page.broadcast import Broadcast
 from rabbit_viewer.page.recording import fill, show_recording
 from rabbit_viewer.page.rows import POINTS, RowMaker, body_points, clf_decay
-from rabbit_viewer.walk_records import WalkRecords, about_walk
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.oracle import OraclePolicy, TruePlant
 from rl_cbf_clf_controller.parameters import ControllerParameters

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rabbit_viewer.walk_records import RecordsError, load_records
+from rabbit_experiments.walk_records import RecordsError, load_records
 
 TICKS = 3
 SHAPES: dict[str, tuple[int, ...]] = {

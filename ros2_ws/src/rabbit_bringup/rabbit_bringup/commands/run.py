@@ -3,8 +3,8 @@
 import os
 
 import typer
-from rabbit_cli.executables import LaunchError, find_executable
-from rabbit_cli.options import fail
+from rabbit_common.executables import LaunchError, find_executable
+from rabbit_common.options import fail
 
 app = typer.Typer(add_completion=False)
 SETTINGS = {"ignore_unknown_options": True, "allow_extra_args": True, "allow_interspersed_args": False}

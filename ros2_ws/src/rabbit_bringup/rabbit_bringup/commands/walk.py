@@ -9,9 +9,9 @@ from types import MappingProxyType
 from typing import Any
 
 import typer
-from rabbit_cli import exit_codes
-from rabbit_cli.options import Defaults, Given, complaints, fail, options
-from rabbit_cli.own_folder import new_folder
+from rabbit_common import exit_codes
+from rabbit_common.options import Defaults, Given, complaints, fail, options
+from rabbit_common.own_folder import new_folder
 from rabbit_experiments.commands.evaluate import given_assembly
 from rabbit_experiments.conditions import EVALUATION_LAG, TRAINING_SCALE
 from rabbit_sim.parameters import SimulationParameters

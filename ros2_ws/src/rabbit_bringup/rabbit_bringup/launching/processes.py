@@ -13,10 +13,10 @@ import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from rabbit_cli import exit_codes
-from rabbit_cli.child_process import end_with_parent
-from rabbit_cli.executables import LaunchError, find_executable
-from rabbit_cli.exit_codes import ExitCode
+from rabbit_common import exit_codes
+from rabbit_common.child_process import end_with_parent
+from rabbit_common.executables import LaunchError, find_executable
+from rabbit_common.exit_codes import ExitCode
 
 PATIENCE = 12.0  # s for a node to end after SIGTERM: a recorder drains, a trainer ends its update
 POLL_SECONDS = 0.02

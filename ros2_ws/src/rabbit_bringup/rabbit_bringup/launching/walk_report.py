@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from pydantic_core import to_json
-from rabbit_cli import exit_codes
-from rabbit_cli.child_process import end_with_parent
-from rabbit_cli.executables import LaunchError
-from rabbit_cli.exit_codes import ExitCode
+from rabbit_common import exit_codes
+from rabbit_common.child_process import end_with_parent
+from rabbit_common.executables import LaunchError
+from rabbit_common.exit_codes import ExitCode
 from rabbit_recording.bag_writer import RecordingError
 
 from rabbit_bringup.launching.processes import Interrupted
@@ -151,9 +151,9 @@ def write_summary(
     from rabbit_description.atomic_file import replace_text
     from rabbit_description.state import TICK_SECONDS
     from rabbit_experiments import provenance
+    from rabbit_experiments.walk_records import WalkRecords, about_walk, save_records
     from rabbit_recording.reader import iterate_episodes
     from rabbit_recording.timing import real_time_figures
-    from rabbit_viewer.walk_records import WalkRecords, about_walk, save_records
 
     rows: list[dict[str, Any]] = []
     ticks, last = 0, None

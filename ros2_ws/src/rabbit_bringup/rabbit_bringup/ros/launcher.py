@@ -7,8 +7,8 @@ import sys
 from functools import partial
 from pathlib import Path
 
-from rabbit_cli.child_process import end_with_parent
-from rabbit_cli.exit_codes import ExitCode
+from rabbit_common.child_process import end_with_parent
+from rabbit_common.exit_codes import ExitCode
 
 from rabbit_bringup.launching.walk import Walk
 from rabbit_bringup.launching.walk_report import carry_out, complain

@@ -4,8 +4,8 @@ A state goes to the controller and its torque back without the middleware. Other
 publish on those that are handed over is not heard.
 """
 
-from rabbit_ros.ros.direct import Direct
-from rabbit_ros.ros.spin import run
+from rabbit_common.ros.direct import Direct
+from rabbit_common.ros.spin import run
 from rabbit_sim.ros.node import ERRORS as SIMULATOR_ERRORS
 from rabbit_sim.ros.node import SimulatorNode
 from rclpy.node import Node

@@ -9,14 +9,14 @@ from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from rabbit_cli.executables import LaunchError
-from rabbit_cli.exit_codes import CUT_SHORT, ExitCode
-from rabbit_cli.ros.client import GraphClient
+from rabbit_common.executables import LaunchError
+from rabbit_common.exit_codes import CUT_SHORT, ExitCode
+from rabbit_common.ros.client import GraphClient
+from rabbit_common.ros.diagnostics import reader_counts
+from rabbit_common.ros.topics import TOPICS, missing_readers
 from rabbit_description.force_ratio import force_ratio
 from rabbit_description.state import TICK_SECONDS
 from rabbit_msgs.msg import ControllerState, Episode, EpisodePlan, Landing, RabbitState
-from rabbit_ros.ros.diagnostics import reader_counts
-from rabbit_ros.ros.topics import TOPICS, missing_readers
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 

@@ -5,8 +5,8 @@ import sys
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
-from rabbit_cli.ros.namespace_check import NamespaceCheck
-from rabbit_ros.priority import leave_priority, take_listeners_priority
+from rabbit_common.priority import leave_priority, take_listeners_priority
+from rabbit_common.ros.namespace_check import NamespaceCheck
 
 from rabbit_bringup.launching.parameter_file import write_parameters
 from rabbit_bringup.launching.processes import Processes

@@ -15,17 +15,17 @@ from typing import Any
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
+from rabbit_common.message_checks import MessageCounter, Refused, check_finite, check_turn
+from rabbit_common.priority import scheduling, take_priority
+from rabbit_common.ros.checked_subscription import create_checked_subscription
+from rabbit_common.ros.conversions import check_episode, encoders_of, imu_of, is_new_simulator, nanoseconds
+from rabbit_common.ros.diagnostics import OK, WARN, Diagnostics, Status
+from rabbit_common.ros.parameters import declare, refuse_unknown
+from rabbit_common.ros.qos import EVENT, TICK
+from rabbit_common.ros.spin import run
+from rabbit_common.ros.tick_publisher import TickPublisher
 from rabbit_description.state import BodySensors, RobotState
 from rabbit_msgs.msg import Episode, RabbitState
-from rabbit_ros.message_checks import MessageCounter, Refused, check_finite, check_turn
-from rabbit_ros.priority import scheduling, take_priority
-from rabbit_ros.ros.checked_subscription import create_checked_subscription
-from rabbit_ros.ros.conversions import check_episode, encoders_of, imu_of, is_new_simulator, nanoseconds
-from rabbit_ros.ros.diagnostics import OK, WARN, Diagnostics, Status
-from rabbit_ros.ros.parameters import declare, refuse_unknown
-from rabbit_ros.ros.qos import EVENT, TICK
-from rabbit_ros.ros.spin import run
-from rabbit_ros.ros.tick_publisher import TickPublisher
 from rclpy.node import Node
 from sensor_msgs.msg import Imu, JointState
 

@@ -6,8 +6,9 @@ from typing import Any
 
 import typer
 from pydantic import BaseModel, ConfigDict, Field
-from rabbit_cli.options import Defaults, Given, complaints, fail, options
-from rabbit_cli.own_folder import own_folder
+from rabbit_common.options import Defaults, Given, complaints, fail, options
+from rabbit_common.own_folder import own_folder
+from rabbit_description.plugins import load
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
@@ -151,11 +152,10 @@ def show(summary: dict[str, Any]) -> None:
 
 def draw_first(scenario: Any, out: Path) -> None:
     """Walk the first run again, the same, and leave its records and pictures."""
-    from rabbit_viewer.walk_pictures import draw_pictures
-    from rabbit_viewer.walk_records import RECORDS
+    from rabbit_experiments.walk_records import RECORDS
 
     scenario.recorded.write(scenario.recorded.do(), out / RECORDS)
-    for path in draw_pictures(out):
+    for path in load("rabbit.pictures", "recording")(out):  # of rabbit_viewer, which imports this package
         print(f"drawn {path}")
 
 

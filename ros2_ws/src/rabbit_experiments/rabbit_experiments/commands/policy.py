@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from pydantic import BaseModel, ConfigDict, Field
-from rabbit_cli.executables import Refused
-from rabbit_cli.options import Defaults, Given, check_namespace, complaints, fail, options
-from rabbit_cli.own_folder import new_file
+from rabbit_common.executables import Refused
+from rabbit_common.options import Defaults, Given, check_namespace, complaints, fail, options
+from rabbit_common.own_folder import new_file
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
@@ -109,7 +109,7 @@ def load(
 
     check_namespace(namespace)
     try:
-        from rabbit_cli.ros.client import GraphClient
+        from rabbit_common.ros.client import GraphClient
     except ModuleNotFoundError:
         fail("no ROS 2 workspace is sourced: source ros2_ws/install/setup.bash", NOBODY)
     with complaints(Refused), closing(GraphClient("question", namespace)) as client:

@@ -5,8 +5,8 @@ from typing import Any
 
 import typer
 from pydantic import BaseModel, ConfigDict, Field
-from rabbit_cli.options import Defaults, Given, complaints, fail, options
-from rabbit_cli.own_folder import own_folder
+from rabbit_common.options import Defaults, Given, complaints, fail, options
+from rabbit_common.own_folder import own_folder
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_trainer.parameters import TrainingParameters
@@ -24,7 +24,6 @@ class SessionOptions(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     out: Path = Field(description="folder of the session; one that was stopped there goes on")
-    random_plants: bool = Field(False, description="another robot in every episode, for a policy beside an adaptation")
     paper_literal: bool = Field(False, description="DDPG as the paper states it, in place of the one that works")
     parameters: str = Field("ours", description="of the controller: ours, best, authors or a YAML file")
 
@@ -49,8 +48,7 @@ def train(given: Given) -> None:
     from rl_trainer.session import CheckpointError
     from rl_trainer.training import DivergenceError
 
-    from rabbit_experiments.recipes import POLICY
-    from rabbit_experiments.training_setup import training
+    from rabbit_experiments.training_setup import POLICY, training
 
     parameters = given.build(TrainingParameters)
     if request.paper_literal:
@@ -62,7 +60,7 @@ def train(given: Given) -> None:
     own_folder(request.out, "train")
     with (
         complaints(GaitError, CourseError, CheckpointError, DivergenceError, ControllerError),
-        training(request.out, parameters, controller, plant, random_plants=request.random_plants) as job,
+        training(request.out, parameters, controller, plant) as job,
     ):
         try:
             follow(job, parameters.episodes)

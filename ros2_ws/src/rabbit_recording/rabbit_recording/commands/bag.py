@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
-from rabbit_cli.executables import LaunchError, find_executable
-from rabbit_cli.options import check_namespace, complaints, fail
-from rabbit_cli.own_folder import own_folder
+from rabbit_common.executables import LaunchError, find_executable
+from rabbit_common.options import check_namespace, complaints, fail
+from rabbit_common.own_folder import own_folder
 
 if TYPE_CHECKING:
     from rabbit_recording.checking import Checked

@@ -9,8 +9,8 @@ from typing import Any
 
 import rclpy
 from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
-from rabbit_cli.ros.context import joined
-from rabbit_cli.ros.namespace_check import first_published
+from rabbit_common.ros.context import joined
+from rabbit_common.ros.namespace_check import first_published
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy

@@ -17,11 +17,11 @@ from typing import Any
 
 from ament_index_python.packages import get_package_share_directory
 from pydantic import BaseModel, ConfigDict, Field
-from rabbit_ros.message_checks import MessageCounter
-from rabbit_ros.ros.diagnostics import ERROR, OK, WARN, Diagnostics, Status
-from rabbit_ros.ros.parameters import declare, refuse_unknown
-from rabbit_ros.ros.spin import run, steady_timer
-from rabbit_ros.ros.topics import TOPICS, Topic, published_by
+from rabbit_common.message_checks import MessageCounter
+from rabbit_common.ros.diagnostics import ERROR, OK, WARN, Diagnostics, Status
+from rabbit_common.ros.parameters import declare, refuse_unknown
+from rabbit_common.ros.spin import run, steady_timer
+from rabbit_common.ros.topics import TOPICS, Topic, published_by
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription

@@ -3,8 +3,8 @@
 A sender is what a controller writes into its torques. The empty one is a sender too.
 """
 
+from rabbit_common.message_checks import Refused
 from rabbit_msgs.msg import TorqueCommand
-from rabbit_ros.message_checks import Refused
 
 
 class ControllerAdmission:

@@ -5,7 +5,7 @@ A killed controller stays in the graph for 20 s, so being there is not enough.
 
 import time
 
-from rabbit_ros.ros.direct import DirectSubscription
+from rabbit_common.ros.direct import DirectSubscription
 from rclpy.node import Node
 from rclpy.subscription import Subscription
 

@@ -7,19 +7,19 @@ the wall clock, and `real_time` says what acts in place of a torque that comes l
 import math
 from pathlib import Path
 
+from rabbit_common.message_checks import MessageCounter, Refused, check_turn
+from rabbit_common.priority import scheduling, take_priority
+from rabbit_common.ros.checked_subscription import create_checked_subscription
+from rabbit_common.ros.conversions import check_plan, stamp, torque_of
+from rabbit_common.ros.diagnostics import OK, WARN, Diagnostics, Status
+from rabbit_common.ros.direct import Direct
+from rabbit_common.ros.parameters import ParameterError, declare, follow, refuse_unknown
+from rabbit_common.ros.qos import EVENT, TICK
+from rabbit_common.ros.spin import run, steady_timer
 from rabbit_description.gait import GaitError, load_gaits
 from rabbit_description.state import Array, RobotState
 from rabbit_msgs.msg import Episode, EpisodePlan, TorqueCommand
 from rabbit_msgs.srv import Pause, ResetEpisode
-from rabbit_ros.message_checks import MessageCounter, Refused, check_turn
-from rabbit_ros.priority import scheduling, take_priority
-from rabbit_ros.ros.checked_subscription import create_checked_subscription
-from rabbit_ros.ros.conversions import check_plan, stamp, torque_of
-from rabbit_ros.ros.diagnostics import OK, WARN, Diagnostics, Status
-from rabbit_ros.ros.direct import Direct
-from rabbit_ros.ros.parameters import ParameterError, declare, follow, refuse_unknown
-from rabbit_ros.ros.qos import EVENT, TICK
-from rabbit_ros.ros.spin import run, steady_timer
 from rclpy.node import Node
 
 from rabbit_sim.node_parameters import NodeParameters

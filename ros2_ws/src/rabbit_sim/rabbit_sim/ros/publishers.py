@@ -6,14 +6,14 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 from builtin_interfaces.msg import Time
+from rabbit_common.ros.conversions import encoder_message, imu_message, joint_state, preview_message, state_message
+from rabbit_common.ros.direct import create_publisher
+from rabbit_common.ros.qos import EVENT
+from rabbit_common.ros.tick_publisher import TickPublisher
 from rabbit_description.state import BodySensors, RobotState, StonePreview
 from rabbit_msgs.msg import Episode, RabbitState
 from rabbit_msgs.msg import Landing as LandingMessage
 from rabbit_msgs.msg import StonePreview as PreviewMessage
-from rabbit_ros.ros.conversions import encoder_message, imu_message, joint_state, preview_message, state_message
-from rabbit_ros.ros.direct import create_publisher
-from rabbit_ros.ros.qos import EVENT
-from rabbit_ros.ros.tick_publisher import TickPublisher
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Imu, JointState

@@ -4,10 +4,10 @@ import math
 from collections.abc import Callable
 
 from builtin_interfaces.msg import Time
+from rabbit_common.ros.qos import TICK
+from rabbit_common.ros.spin import steady_timer
 from rabbit_description.state import TICK_SECONDS
 from rabbit_msgs.msg import Timing
-from rabbit_ros.ros.qos import TICK
-from rabbit_ros.ros.spin import steady_timer
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.timer import Timer

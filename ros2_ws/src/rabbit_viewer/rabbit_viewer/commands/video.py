@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rabbit_cli.options import complaints
+from rabbit_common.options import complaints
 
 app = typer.Typer(add_completion=False)
 
@@ -18,11 +18,11 @@ def video(
     episode: Annotated[int | None, typer.Option(help="of a recording (default: the last with ticks)", min=1)] = None,
 ) -> None:
     """Film a run, walk.mp4 and walk.gif in its folder; or a recording, BAG.mp4 and BAG.gif beside it."""
+    from rabbit_experiments.walk_records import RecordsError
     from rabbit_recording.bag_writer import RecordingError
 
     from rabbit_viewer.video import VideoError
     from rabbit_viewer.walk_pictures import draw_pictures, film_walk
-    from rabbit_viewer.walk_records import RecordsError
 
     with complaints(RecordsError, RecordingError, VideoError):
         made = film_walk(source, gif, speed, episode) + (draw_pictures(source, None, episode) if pictures else [])

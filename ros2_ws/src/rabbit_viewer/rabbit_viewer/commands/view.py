@@ -5,8 +5,8 @@ import os
 
 import typer
 from pydantic import Field
-from rabbit_cli.executables import NAMESPACE, LaunchError, find_executable
-from rabbit_cli.options import Given, complaints, options
+from rabbit_common.executables import NAMESPACE, LaunchError, find_executable
+from rabbit_common.options import Given, complaints, options
 
 from rabbit_viewer.live.parameters import ViewerParameters
 

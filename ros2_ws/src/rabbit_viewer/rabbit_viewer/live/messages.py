@@ -3,7 +3,7 @@
 from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
-from rabbit_cli.options import fault
+from rabbit_common.options import fault
 
 from rabbit_viewer.page.server import refused
 

@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 from rabbit_description.state import TICK_SECONDS, StonePreview
+from rabbit_experiments.walk_records import ARRAYS, SEEN, WalkRecords
 
 from rabbit_viewer.page.broadcast import Broadcast
 from rabbit_viewer.page.export import write_page
 from rabbit_viewer.page.rows import RowMaker, packed
 from rabbit_viewer.page.server import serve_page
 from rabbit_viewer.walk_pictures import records_of
-from rabbit_viewer.walk_records import ARRAYS, SEEN, WalkRecords
 
 
 def show_recording(source: Path, port: int, opens_browser: bool, export: Path | None, episode: int | None) -> None:

@@ -18,16 +18,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from rabbit_common.message_checks import MessageCounter, Refused, check_finite
+from rabbit_common.ros.checked_subscription import decoded
+from rabbit_common.ros.conversions import preview_of
+from rabbit_common.ros.diagnostics import OK, Diagnostics, Status
+from rabbit_common.ros.parameters import declare, refuse_unknown
+from rabbit_common.ros.qos import EVENT, WEIGHTS
+from rabbit_common.ros.spin import run, steady_timer
 from rabbit_description import URDF_PATH
 from rabbit_description.state import RobotState, StonePreview
 from rabbit_msgs import msg
-from rabbit_ros.message_checks import MessageCounter, Refused, check_finite
-from rabbit_ros.ros.checked_subscription import decoded
-from rabbit_ros.ros.conversions import preview_of
-from rabbit_ros.ros.diagnostics import OK, Diagnostics, Status
-from rabbit_ros.ros.parameters import declare, refuse_unknown
-from rabbit_ros.ros.qos import EVENT, WEIGHTS
-from rabbit_ros.ros.spin import run, steady_timer
 from rclpy.node import Node
 from rclpy.serialization import serialize_message
 from rl_cbf_clf_controller.message_fields import output_of

@@ -16,15 +16,10 @@ from typing import Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
-from rabbit_description.bounded_file import FileError, read_bytes
-from rabbit_description.gait import GaitError, Gaits, load_gaits
-from rabbit_description.state import RobotState, StonePreview
-from rabbit_msgs.msg import ControllerSettings, ControllerState, Episode, PolicySwap, RabbitState, TorqueCommand
-from rabbit_msgs.msg import StonePreview as PreviewMessage
-from rabbit_ros.message_checks import MessageCounter, Refused, check_turn
-from rabbit_ros.priority import scheduling, take_priority
-from rabbit_ros.ros.checked_subscription import create_checked_subscription
-from rabbit_ros.ros.conversions import (
+from rabbit_common.message_checks import MessageCounter, Refused, check_turn
+from rabbit_common.priority import scheduling, take_priority
+from rabbit_common.ros.checked_subscription import create_checked_subscription
+from rabbit_common.ros.conversions import (
     check_episode,
     check_state,
     is_new_simulator,
@@ -32,12 +27,17 @@ from rabbit_ros.ros.conversions import (
     nanoseconds,
     preview_of,
 )
-from rabbit_ros.ros.diagnostics import OK, WARN, Diagnostics, Status
-from rabbit_ros.ros.direct import Direct
-from rabbit_ros.ros.parameters import ParameterError, declare, follow, refuse_unknown
-from rabbit_ros.ros.qos import EVENT, TICK
-from rabbit_ros.ros.spin import run
-from rabbit_ros.ros.tick_publisher import TickPublisher
+from rabbit_common.ros.diagnostics import OK, WARN, Diagnostics, Status
+from rabbit_common.ros.direct import Direct
+from rabbit_common.ros.parameters import ParameterError, declare, follow, refuse_unknown
+from rabbit_common.ros.qos import EVENT, TICK
+from rabbit_common.ros.spin import run
+from rabbit_common.ros.tick_publisher import TickPublisher
+from rabbit_description.bounded_file import FileError, read_bytes
+from rabbit_description.gait import GaitError, Gaits, load_gaits
+from rabbit_description.state import RobotState, StonePreview
+from rabbit_msgs.msg import ControllerSettings, ControllerState, Episode, PolicySwap, RabbitState, TorqueCommand
+from rabbit_msgs.msg import StonePreview as PreviewMessage
 from rclpy.node import Node
 
 from rl_cbf_clf_controller.controller import DYNAMIC, Controller

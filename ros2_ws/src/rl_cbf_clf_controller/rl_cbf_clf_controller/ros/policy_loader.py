@@ -11,15 +11,15 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
+from rabbit_common.message_checks import Refused
+from rabbit_common.priority import step_back
+from rabbit_common.ros.checked_subscription import bounds, check_size, decoded
+from rabbit_common.ros.qos import EVENT
+from rabbit_common.ros.services import create_async_service
 from rabbit_description.bounded_file import FileError, read_bytes
 from rabbit_description.gait import Gaits
 from rabbit_msgs.msg import PolicyWeights
 from rabbit_msgs.srv import LoadPolicy
-from rabbit_ros.message_checks import Refused
-from rabbit_ros.priority import step_back
-from rabbit_ros.ros.checked_subscription import bounds, check_size, decoded
-from rabbit_ros.ros.qos import EVENT
-from rabbit_ros.ros.services import create_async_service
 from rclpy.node import Node
 from rclpy.task import Future
 

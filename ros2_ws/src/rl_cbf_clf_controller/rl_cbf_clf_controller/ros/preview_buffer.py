@@ -3,8 +3,8 @@
 By their stamps a foreign copy of another stone's preview is known, see `newest_preview`.
 """
 
+from rabbit_common.message_checks import Refused
 from rabbit_description.state import StonePreview, newest_preview
-from rabbit_ros.message_checks import Refused
 
 NEWEST = 20  # of an episode, as many as are latched
 EPISODES = 3  # of another one too, for a present episode that was not heard of yet

@@ -11,16 +11,16 @@ from pathlib import Path
 from typing import Any
 
 from builtin_interfaces.msg import Time
+from rabbit_common.message_checks import MessageCounter, Refused
+from rabbit_common.ros.checked_subscription import create_checked_subscription
+from rabbit_common.ros.conversions import check_episode, is_new_simulator
+from rabbit_common.ros.diagnostics import ERROR, OK, WARN, Diagnostics, Status
+from rabbit_common.ros.parameters import declare, refuse_unknown
+from rabbit_common.ros.qos import EVENT, TICK, WEIGHTS
+from rabbit_common.ros.spin import run, steady_timer
+from rabbit_common.ros.tick_publisher import TickPublisher
 from rabbit_msgs.msg import ControllerState, Episode, EpisodePlan, PolicySwap, PolicyWeights, RabbitState, TorqueCommand
 from rabbit_msgs.msg import Transition as TransitionMessage
-from rabbit_ros.message_checks import MessageCounter, Refused
-from rabbit_ros.ros.checked_subscription import create_checked_subscription
-from rabbit_ros.ros.conversions import check_episode, is_new_simulator
-from rabbit_ros.ros.diagnostics import ERROR, OK, WARN, Diagnostics, Status
-from rabbit_ros.ros.parameters import declare, refuse_unknown
-from rabbit_ros.ros.qos import EVENT, TICK, WEIGHTS
-from rabbit_ros.ros.spin import run, steady_timer
-from rabbit_ros.ros.tick_publisher import TickPublisher
 from rclpy.node import Node
 from rl_cbf_clf_controller.policy import LearnedPolicy
 from rl_cbf_clf_controller.weights import PolicyFile, PolicyFileError

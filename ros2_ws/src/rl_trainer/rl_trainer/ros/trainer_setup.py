@@ -3,7 +3,7 @@
 import json
 
 from pydantic import BaseModel, ConfigDict, Field
-from rabbit_ros.ros.parameters import ParameterError
+from rabbit_common.ros.parameters import ParameterError
 from rl_cbf_clf_controller.weights import policy_path, read
 
 from rl_trainer.parameters import TrainingParameters

@@ -1,0 +1,109 @@
+"""Walk in real time: late ticks, missed deadlines, the age of the torque, with busy neighbours."""
+
+import itertools
+from collections.abc import Callable
+from datetime import datetime
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from pydantic import BaseModel, ConfigDict, Field
+from rabbit_bringup.commands.walk import DEFAULTS, assembly_of_nodes
+from rabbit_bringup.launching.processes import Interrupted
+from rabbit_common.options import Given, complaints, fail, options
+from rabbit_common.own_folder import new_folder
+from rabbit_sim.parameters import SimulationParameters
+from rl_cbf_clf_controller.parameters import ControllerParameters
+
+NOT_FIT = 1
+
+app = typer.Typer(add_completion=False)
+
+
+class JitterOptions(BaseModel):
+    """Options of `rabbit jitter` besides those of plant and controller."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    out: Path | None = Field(None, description="folder for recordings and figures (default: runs/DATE-jitter)")
+    minutes: float = Field(10.0, gt=0, le=1000, description="of each walk")
+    neighbours: tuple[Annotated[int, Field(ge=0, le=1000)], ...] = Field(
+        (0,), min_length=1, description="busy processes beside the walk, a walk for each number"
+    )
+    priority: tuple[Annotated[int, Field(ge=0, le=99)], ...] = Field(
+        (0,), min_length=1, description="SCHED_FIFO priority of simulator and controller, a walk for each; 0: ordinary"
+    )
+    kills: int = Field(0, ge=0, le=1000, description="times the controller is killed, under each priority, a walk each")
+    seed: int = Field(1, ge=0, le=2**63 - 1, description="of the first episode")
+    policy: str | None = Field(None, description="zero, a shipped policy or a file")
+    parameters: str = Field("ours", description="of the controller: ours, best, authors or a YAML file")
+
+
+@app.command()
+@options(JitterOptions, ControllerParameters, SimulationParameters, defaults=DEFAULTS)
+def jitter(given: Given) -> None:
+    """Walk in real time: late ticks, missed deadlines, age of the torque; safe action once the controller is killed.
+
+    Exit code 1 if this machine is not fit.
+    """
+    told = given.build(JitterOptions)
+    assembly = assembly_of_nodes(given, told.policy, told.parameters)
+    folder = new_folder(told.out or Path("runs") / f"{datetime.now():%Y%m%d-%H%M%S}-jitter")
+    from rabbit_common.executables import LaunchError
+    from rabbit_recording.bag_writer import RecordingError
+    from rich.console import Console
+
+    from rabbit_campaigns import jitter as experiment
+
+    cases = [experiment.Case(n, p) for n in told.neighbours for p in told.priority]
+    with complaints(LaunchError, RecordingError), Console().status("starting") as status:
+        try:
+            found = experiment.Jitter(assembly, folder, told.seed, status.update)
+            for case in cases:
+                found.walk(case, told.minutes * 60)
+            for number, priority in itertools.product(range(told.kills), told.priority):
+                found.kill(number, priority)
+        except Interrupted as error:
+            fail(f"stopped by {error}; what was recorded is in {folder}", code=error.code)
+    show(found.cases)
+    show_deaths(found.deaths)
+    print(f"written to {folder}")
+    if any(row["late_share"] > experiment.LATE_LIMIT for row in found.cases):
+        raise typer.Exit(NOT_FIT)
+
+
+def show(rows: list[dict[str, Any]]) -> None:
+    """A table on the screen, a column a walk."""
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table("times in ms", *(f"{row['neighbours']} neighbours" for row in rows))
+    for name, tell in LINES.items():
+        table.add_row(name, *map(tell, rows))
+    Console().print(table)
+
+
+def show_deaths(deaths: list[dict[str, Any]]) -> None:
+    """A line for each priority."""
+    for priority in dict.fromkeys(death["priority"] for death in deaths):
+        its = [death for death in deaths if death["priority"] == priority]
+        held, until = ([death[what] for death in its] for what in ("held", "until_damping_ms"))
+        print(
+            f"controller killed {len(its)} times, SCHED_FIFO {priority or 'no'}: joints damped {min(until):.1f} to "
+            f"{max(until):.1f} ms later, after {min(held)} to {max(held)} held ticks"
+        )
+
+
+LINES: dict[str, Callable[[dict[str, Any]], str]] = {
+    "SCHED_FIFO": lambda row: str(row["priority"] or "no"),
+    "load before": lambda row: f"{row['load_before']:.1f}",
+    "ticks": lambda row: str(row["ticks"]),
+    "more than 2 ms late": lambda row: f"{row['late_share']:.3%}",
+    "a process that only sleeps": lambda row: f"{row['sleeper_late_share']:.3%}",
+    "late: p99, max": lambda row: f"{row['late_ms']['p99']:.2f}, {row['late_ms']['max']:.1f}",
+    "answer: median, p99": lambda row: f"{row['response_ms']['p50']:.1f}, {row['response_ms']['p99']:.1f}",
+    "age of the torque: p99, max": lambda row: f"{row['age_ms']['p99']:.1f}, {row['age_ms']['max']:.1f}",
+    "ticks not answered in time": lambda row: f"{row['missed']}, {row['damped']} of them damped",
+    "walked": lambda row: f"{row['outcomes'].get('walked', 0)} of {row['episodes']}",
+    "messages lost": lambda row: str(sum(row["lost"].values())),
+}

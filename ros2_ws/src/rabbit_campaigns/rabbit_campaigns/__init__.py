@@ -1,5 +1,0 @@
-"""For maintainers: faults at random ticks, soak, jitter and benchmarks of the running graph."""
-
-from rabbit_cli.threads import use_one_thread
-
-use_one_thread()

@@ -1,0 +1,209 @@
+"""Command-line options made from pydantic models: one for each field, checked by the model itself.
+
+    @app.command()
+    @options(EvaluationOptions, SimulationParameters)
+    def evaluate(given: Given) -> None:
+        request = given.build(EvaluationOptions)
+
+A field of several models is one option. Values reach the models as text; a wrong one ends the command with one line and
+exit code 2.
+"""
+
+import functools
+import inspect
+import re
+import shlex
+import sys
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Annotated, Any, Literal, NoReturn, TypeVar, get_args, get_origin
+
+import typer
+from pydantic import BaseModel, Field, ValidationError
+from pydantic.fields import FieldInfo
+from pydantic_core import ErrorDetails
+from rabbit_description.bounded_file import one_line
+
+from rabbit_common.executables import NAMESPACE
+
+BAD_VALUE = 2
+LONGEST_LINE = 1500  # characters of an error
+CHOOSES = {"controller", "parameters"}  # options that say themselves which controller
+Model = TypeVar("Model", bound=BaseModel)
+
+
+@dataclass(frozen=True)
+class Defaults:
+    """A command's own defaults in place of its models', by field name; `options` shows them in the help text.
+
+    `always` hold where an option is not given, those of `bare` only if neither --controller nor --parameters is given.
+    """
+
+    always: Mapping[str, Any] = field(default_factory=dict)
+    bare: Mapping[str, Any] = field(default_factory=dict)
+
+    def beneath(self, given: Mapping[str, Any]) -> dict[str, Any]:
+        """What is given, with the defaults that hold beside it."""
+        return {**self.always, **({} if given.keys() & CHOOSES else self.bare), **given}
+
+    def text(self, name: str, default: Any) -> str:
+        """The default of an option, as its help text says it; empty where there is none to name."""
+        default = self.always.get(name, default)
+        is_none = default is None or default in ("", ())
+        if name in self.bare:
+            other = "" if is_none or name in CHOOSES else f"; {default} with --controller or --parameters"
+            return f"(default {self.bare[name]}{other})"
+        return "" if is_none else f"(default {default})"
+
+
+@dataclass(frozen=True)
+class Given:
+    """The options that were given, by field name, over the command's own defaults."""
+
+    values: Mapping[str, Any]
+    defaults: Defaults = Defaults()
+
+    def of(self, model: type[BaseModel], but: Collection[str] = ()) -> dict[str, Any]:
+        """Those that `model` has, `but` some."""
+        values = self.defaults.beneath(self.values)
+        chosen = {name: info for name, info in model.model_fields.items() if name in values and name not in but}
+        return {name: _split(info, values[name]) for name, info in chosen.items()}
+
+    def typed(self, but: Collection[str]) -> str:
+        """The options that were given, `but` some, as one types them."""
+        words = []
+        for name, value in sorted(self.values.items()):
+            if name not in but:
+                words += [option_name(name if value else f"no_{name}")] if isinstance(value, bool) else []
+                words += [] if isinstance(value, bool) else [option_name(name), str(value)]
+        return shlex.join(words)
+
+    def over(self, values: Mapping[str, Any]) -> "Given":
+        """The same, and `values` for what was not given."""
+        return Given({**values, **self.values}, self.defaults)
+
+    def build(self, model: type[Model], **defaults: Any) -> Model:
+        """The model, `defaults` in place of its own; ends the command where a value is wrong."""
+        with complaints():
+            return model.model_validate({**defaults, **self.of(model)})
+
+
+def fail(text: object, code: int = BAD_VALUE) -> NoReturn:
+    """End the command with one line of bounded length."""
+    print("rabbit:", one_line(text, LONGEST_LINE), file=sys.stderr)
+    raise typer.Exit(code)
+
+
+@contextmanager
+def complaints(*errors: type[Exception]) -> Iterator[None]:
+    """Turn pydantic's errors and `errors` into one line and exit code 2, or the error's own `code`."""
+    kinds: tuple[type[Exception], ...] = (ValidationError, *errors)
+    try:
+        yield
+    except kinds as error:
+        cause = error.__cause__
+        if isinstance(error, ValidationError):
+            fail(fault(error))
+        if isinstance(cause, ValidationError):
+            fail(f"{str(error).split(': ')[0]}: {fault(cause)}")
+        fail(error, getattr(error, "code", BAD_VALUE))
+
+
+class Graph(BaseModel):
+    """Which running graph a command means."""
+
+    namespace: str = Field("", pattern=NAMESPACE, description="of the graph")
+
+
+def check_namespace(namespace: str) -> None:
+    """End the command where it is none."""
+    with complaints():
+        Graph(namespace=namespace)
+
+
+def fault(error: ValidationError) -> str:
+    """Option, value and expectation of the first thing that is wrong."""
+    first: ErrorDetails = error.errors()[0]
+    text = re.sub(r"^(Input should be|Value error,)( a valid)? ?(expected )?", "", first["msg"])
+    if first["type"] == "extra_forbidden":
+        return f"{first['loc'][0]}: no such parameter"
+    if first["type"] == "model_type":
+        text = "names, each with a value"
+    if not first["loc"]:
+        return f"expected {text}" if first["type"] == "model_type" else first["msg"].removeprefix("Value error, ")
+    name = option_name(str(first["loc"][0])) + "".join(f"[{part}]" for part in first["loc"][1:])
+    return f"{name}: missing" if first["type"] == "missing" else f"{name} {first['input']}: expected {text}"
+
+
+def option_name(field: str) -> str:
+    """`mass_scale` on the command line."""
+    return "--" + field.replace("_", "-")
+
+
+def options(
+    *models: type[BaseModel], without: Collection[str] = (), defaults: Defaults = Defaults()
+) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Give a command the fields of `models` as options, `without` some; it is called with what was given.
+
+    Parameters of its own, after `given`, stay as they are.
+    """
+
+    def decorate(function: Callable[..., Any]) -> Callable[..., Any]:
+        own = list(inspect.signature(function).parameters.values())[1:]
+        parameters = own + [each for each in _parameters(models, defaults) if each.name not in without]
+
+        @functools.wraps(function)
+        def command(**values: Any) -> Any:
+            kept = {each.name: values.pop(each.name) for each in own}
+            given = {name: value for name, value in values.items() if value is not None}
+            return function(Given(given, defaults), **kept)
+
+        command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+        command.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
+        return command
+
+    return decorate
+
+
+def described(models: Collection[type[BaseModel]], defaults: Defaults = Defaults()) -> dict[str, str]:
+    """What each field of `models` is, with its unit and default."""
+    return {name: _help(name, info, defaults) for model in models for name, info in model.model_fields.items()}
+
+
+def _parameters(models: tuple[type[BaseModel], ...], defaults: Defaults) -> list[inspect.Parameter]:
+    fields: dict[str, Any] = {}
+    for model in models:
+        panel = re.findall(r"[A-Z][a-z]*|$", model.__name__)[0]
+        for name, info in model.model_fields.items():
+            fields.setdefault(name, _annotation(name, info, _help(name, info, defaults), panel))
+    keyword = inspect.Parameter.KEYWORD_ONLY
+    return [inspect.Parameter(name, keyword, default=None, annotation=kind) for name, kind in fields.items()]
+
+
+def _help(name: str, info: FieldInfo, defaults: Defaults) -> str:
+    default = None if info.is_required() or info.default_factory else info.default
+    return f"{info.description or ''} {defaults.text(name, default)}".strip()
+
+
+def _annotation(name: str, info: FieldInfo, help_text: str, panel: str) -> Any:
+    flag = option_name(name)
+    if info.annotation is bool:
+        return Annotated[bool | None, typer.Option(f"{flag}/--no-{flag[2:]}", help=help_text, rich_help_panel=panel)]
+    metavar = _metavar(info.annotation)
+    return Annotated[str | None, typer.Option(flag, help=help_text, metavar=metavar, rich_help_panel=panel)]
+
+
+def _split(info: FieldInfo, value: Any) -> Any:
+    """The parts of a list, where the field is one."""
+    is_list = get_origin(info.annotation) is tuple
+    return [part for part in value.split(",") if part] if is_list and isinstance(value, str) else value
+
+
+def _metavar(annotation: Any) -> str:
+    if get_origin(annotation) is Literal:
+        return "|".join(map(str, get_args(annotation)))
+    if get_origin(annotation) is tuple:
+        return f"{_metavar(get_args(annotation)[0])},..."
+    known = {float: "NUMBER", int: "COUNT", str: "NAME"}
+    return known.get(annotation, "VALUE")

@@ -1,0 +1,70 @@
+"""Subscriptions that report what they cannot read: the middleware itself drops such bytes without a word."""
+
+import re
+from collections.abc import Callable
+from typing import Any
+
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from rclpy.serialization import deserialize_message
+from rclpy.subscription import Subscription
+
+from rabbit_common.message_checks import Refused
+from rabbit_common.ros.direct import DirectSubscription, direct_of
+
+MOST_BYTES = 10_000_000  # of a message; the largest carries a policy file, of which 8 MB are read
+
+_BOUND = re.compile(r"string<(\d+)>$|sequence<.*, (\d+)>$")
+
+
+def create_checked_subscription(
+    node: Node,
+    kind: Any,
+    topic: str,
+    callback: Callable[[Any], None],
+    qos: QoSProfile,
+    refuse: Callable[[str, Refused], None],
+) -> Subscription | DirectSubscription:
+    """Subscribe to `topic`; what is no message of this kind goes to `refuse` instead of `callback`.
+
+    Within one process (`direct`) `callback` gets what was published itself: an object with the message's fields.
+    """
+    if direct := direct_of(node, topic):
+        return direct.subscribe(node, topic, callback)
+    limits = bounds(kind)
+
+    def take(data: bytes) -> None:
+        try:
+            message = decoded(data, kind, limits)
+        except Refused as error:
+            refuse(topic, error)
+            return
+        callback(message)
+
+    return node.create_subscription(kind, topic, take, qos, raw=True)
+
+
+def decoded(data: bytes, kind: Any, limits: dict[str, int]) -> Any:
+    """The message in these bytes; raises `Refused`."""
+    check_size(data)
+    try:
+        message = deserialize_message(data, kind)
+    except (rclpy_implementation.RMWError, rclpy_implementation.RCLError, ValueError, MemoryError) as error:
+        raise Refused("not readable", f"{len(data)} bytes are no {kind.__name__}") from error
+    for name, most in limits.items():
+        if (length := len(getattr(message, name))) > most:
+            raise Refused("wrong length", f"{name} has {length}; expected at most {most}")
+    return message
+
+
+def check_size(data: bytes) -> None:
+    """Refuse bytes that are too many for any message of the graph."""
+    if len(data) > MOST_BYTES:
+        raise Refused("too large", f"{len(data)} bytes; expected at most {MOST_BYTES}")
+
+
+def bounds(kind: Any) -> dict[str, int]:
+    """The bounded strings and sequences of a message: decoding does not hold them to it."""
+    matches = {name: _BOUND.match(text) for name, text in kind.get_fields_and_field_types().items()}
+    return {name: int(match[1] or match[2]) for name, match in matches.items() if match}

@@ -1,0 +1,111 @@
+"""A command's own node in a graph: it hears topics, publishes on them and asks services, while it spins."""
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from typing import Any
+
+import rclpy
+from rabbit_msgs.srv import LoadPolicy, Pause, ResetEpisode
+from rcl_interfaces.srv import GetParameters, SetParameters, SetParametersAtomically
+from rclpy.experimental import EventsExecutor
+from rclpy.parameter import Parameter, parameter_value_to_python
+from rclpy.qos import QoSProfile
+
+from rabbit_common.ros.context import joined
+from rabbit_common.ros.services import AGAIN_SECONDS, call_service
+from rabbit_common.ros.topics import TOPICS
+
+TOPIC = {topic.name: topic for topic in TOPICS}
+SERVICES = {  # by the last part of the name
+    "pause": Pause,
+    "reset_episode": ResetEpisode,
+    "load_policy": LoadPolicy,
+    "get_parameters": GetParameters,
+    "set_parameters": SetParameters,
+    "set_parameters_atomically": SetParametersAtomically,
+}
+
+
+class GraphClient:
+    """A node `name` in a namespace and an enclave; `check` is called while it waits, and may raise."""
+
+    def __init__(
+        self, name: str, namespace: str, enclave: str = "/rabbit/operator", check: Callable[[], object] = lambda: None
+    ) -> None:
+        """Raises `Refused` where the environment cannot be used."""
+        self._stack = ExitStack()
+        self.context = self._stack.enter_context(joined(enclave))
+        self.node = rclpy.create_node(name, namespace=namespace, context=self.context)
+        self._executor = EventsExecutor(context=self.context)
+        self._executor.add_node(self.node)
+        self._clients: dict[str, Any] = {}
+        self.check = check
+
+    def close(self) -> None:
+        """Leave the graph."""
+        self._executor.remove_node(self.node)
+        self._executor.shutdown()
+        self.node.destroy_node()
+        self._stack.close()
+
+    def hear(self, name: str, take: Callable[[Any], None], qos: QoSProfile | None = None, raw: bool = False) -> None:
+        """Give each message of a topic to `take`, as bytes if `raw`."""
+        self.node.create_subscription(TOPIC[name].type, name, take, qos or TOPIC[name].qos, raw=raw)
+
+    @contextmanager
+    def publishing(self, name: str) -> Iterator[Any]:
+        """A publisher on a topic."""
+        publisher = self.node.create_publisher(TOPIC[name].type, name, TOPIC[name].qos)
+        try:
+            yield publisher
+        finally:
+            self.node.destroy_publisher(publisher)
+
+    def spin(self, seconds: float) -> None:
+        """Hear what comes for so long."""
+        end = time.monotonic() + seconds
+        self._executor.spin_once(0.0)
+        while (left := end - time.monotonic()) > 0:
+            self._executor.spin_once(left)
+
+    def comes(self, until: Callable[[], bool], seconds: float) -> bool:
+        """Whether something holds within so many s."""
+        end = time.monotonic() + seconds
+        while not until():
+            self.check()
+            if time.monotonic() > end:
+                return False
+            self._executor.spin_once(0.02)
+        return True
+
+    def client(self, name: str) -> Any:
+        """The client of a service."""
+        if name not in self._clients:
+            self._clients[name] = self.node.create_client(SERVICES[name.split("/")[-1]], name)
+        return self._clients[name]
+
+    def ask(self, name: str, seconds: float, again: float = AGAIN_SECONDS, **fields: Any) -> Any:
+        """The answer of a service; None if none comes within so many s. It is asked again after `again` s."""
+
+        def listen(moment: float) -> None:
+            self.check()
+            self._executor.spin_once(moment)
+
+        client = self.client(name)
+        return call_service(client, client.srv_type.Request(**fields), listen, seconds, again)
+
+    def refusals(self, node: str, values: dict[str, Any], seconds: float, atomically: bool = False) -> list[str]:
+        """Set parameters of a node; why it refuses each that it does. Raises `TimeoutError` if it does not answer."""
+        wanted = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
+        name = f"{node}/set_parameters{'_atomically' * atomically}"
+        if (answer := self.ask(name, seconds, parameters=wanted)) is None:
+            raise TimeoutError(f"no answer from {name} in {seconds:g} s")
+        results = [answer.result] if atomically else answer.results
+        return [result.reason or "no reason" for result in results if not result.successful]
+
+    def parameter(self, node: str, name: str, seconds: float) -> Any:
+        """The value that a node has in force, None of an unknown parameter; raises `TimeoutError`."""
+        if (answer := self.ask(f"{node}/get_parameters", seconds, names=[name])) is None:
+            raise TimeoutError(f"no answer from {node}/get_parameters in {seconds:g} s")
+        return parameter_value_to_python(answer.values[0]) if answer.values else None

@@ -1,0 +1,183 @@
+"""Messages to the library's dataclasses and back. What is not finite is refused here.
+
+Numbers travel as float64 in arrays of fixed size, so a value arrives with the same bits.
+"""
+
+import math
+from collections.abc import Collection, Sequence
+from dataclasses import asdict
+from types import SimpleNamespace
+
+import numpy as np
+from builtin_interfaces.msg import Time
+from rabbit_description.state import (
+    ACTUATED,
+    COORDINATES,
+    TICK_NANOSECONDS,
+    Array,
+    BodySensors,
+    RobotState,
+    StonePreview,
+)
+from rabbit_msgs import msg
+from sensor_msgs.msg import Imu, JointState
+
+from rabbit_common.message_checks import Refused, check_finite
+
+LARGEST_SIGMA = 1000.0  # rad/s^2, as the controller's parameter
+UNIT = 1e-6  # by which a quaternion's norm may be off
+UNKNOWN = -1.0  # as the first of a covariance: an `Imu` does not measure that
+
+
+def stamp(ticks: int) -> Time:
+    """Simulated time after `ticks` ticks."""
+    seconds, nanoseconds = divmod(ticks * TICK_NANOSECONDS, 1_000_000_000)
+    return Time(sec=seconds, nanosec=nanoseconds)
+
+
+def nanoseconds(time: Time) -> int:
+    """Of a stamp."""
+    return int(time.sec) * 1_000_000_000 + int(time.nanosec)
+
+
+def state_message(state: RobotState, episode: int, at: Time) -> SimpleNamespace:
+    """A measured state with the fields of a `RabbitState`; the preview travels on its own topic."""
+    return SimpleNamespace(
+        stamp=at,
+        episode=episode,
+        tick=state.tick,
+        q=state.q,
+        dq=state.dq,
+        foot_force=state.foot_force.ravel(),
+        contact=state.contact,
+        applied=state.applied,
+        touchdowns=state.touchdowns,
+        previewed=state.preview is not None,
+        running=state.running,
+    )
+
+
+def state_of(message: msg.RabbitState, preview: StonePreview | None, finite: bool = True) -> RobotState:
+    """A checked state from its message and the preview of stone `touchdowns + 1`; None on flat ground."""
+    check_state(message, finite)
+    return RobotState.of_message(message, preview)
+
+
+def check_state(message: msg.RabbitState, finite: bool = True) -> None:
+    """Refuse what is not finite; an episode's last state may be anything (`finite` False): the plant may diverge."""
+    for name in ("q", "dq", "foot_force") if finite else ():
+        check_finite(name, getattr(message, name))
+
+
+def is_unknown(message: msg.RabbitState) -> bool:
+    """Whether q and dq are NaN: nobody could estimate them."""
+    return math.isnan(message.q[0]) and bool(np.isnan(message.q).all() and np.isnan(message.dq).all())
+
+
+def preview_message(preview: StonePreview, episode: int, at: Time) -> msg.StonePreview:
+    """A preview as its message."""
+    return msg.StonePreview(stamp=at, episode=episode, **asdict(preview))
+
+
+def preview_of(message: msg.StonePreview) -> StonePreview:
+    """A preview from its message."""
+    check_finite("l_min, l_max, height", (message.l_min, message.l_max, message.height))
+    if not 0 <= message.l_min < message.l_max:
+        raise Refused("no stone", f"l_min = {message.l_min}, l_max = {message.l_max}; expected 0 <= l_min < l_max")
+    return StonePreview(message.index, message.l_min, message.l_max, message.height)
+
+
+def check_episode(message: msg.Episode, after: int) -> None:
+    """Refuse an announcement of a phase or noise that is none, or of an episode before `after`.
+
+    A simulator that begins anew counts from 1 again, see `is_new_simulator`.
+    """
+    if message.phase > msg.Episode.ENDED:
+        raise Refused("no phase", f"phase = {message.phase}; expected 0 to {msg.Episode.ENDED}")
+    if not (math.isnan(message.sigma) or 0 <= message.sigma <= LARGEST_SIGMA):
+        raise Refused("no noise", f"sigma = {message.sigma}; expected NaN or 0 to {LARGEST_SIGMA} rad/s^2")
+    if message.episode < after and not is_new_simulator(message):
+        raise Refused("late", f"episode {message.episode}; expected {after} or a later one")
+
+
+def is_new_simulator(message: msg.Episode) -> bool:
+    """Whether this is the first word of a simulator that knows of none before it."""
+    return message.phase == msg.Episode.WAITING and message.episode == 0
+
+
+def check_plan(message: msg.EpisodePlan, done: Collection[int]) -> None:
+    """Refuse a plan of noise that is none, or for another episode than the one after `done`."""
+    if not 0 <= message.sigma <= LARGEST_SIGMA:
+        raise Refused("no noise", f"sigma = {message.sigma}; expected 0 to {LARGEST_SIGMA} rad/s^2")
+    if message.after_episode not in done:
+        reason = "late" if message.after_episode < min(done) else "wrong episode"
+        raise Refused(reason, f"plan after episode {message.after_episode}; expected {min(done)}")
+
+
+def torque_of(message: msg.TorqueCommand) -> Array:
+    """Torques (4,), N m."""
+    check_finite("torque", message.torque)
+    return np.array(message.torque)
+
+
+def joint_state(state: RobotState, at: Time) -> SimpleNamespace:
+    """The fields of a `JointState`: positions and velocities by the URDF's joint names, the planar base's included."""
+    header = SimpleNamespace(stamp=at, frame_id="")
+    return SimpleNamespace(header=header, name=COORDINATES, position=state.q, velocity=state.dq, effort=())
+
+
+def encoder_message(sensors: BodySensors, at: Time) -> SimpleNamespace:
+    """The fields of a `JointState`: what the four joints' encoders say."""
+    header = SimpleNamespace(stamp=at, frame_id="")
+    angles, rates = sensors.joint_angles, sensors.joint_rates
+    return SimpleNamespace(header=header, name=ACTUATED, position=angles, velocity=rates, effort=())
+
+
+def encoders_of(message: JointState) -> tuple[Array, Array]:
+    """Angles and rates of the four joints, (4,) each; other joints, or another order, are refused."""
+    if tuple(message.name) != ACTUATED:
+        raise Refused("other joints", f"name = {list(message.name)[:8]}; expected {', '.join(ACTUATED)}")
+    for name in ("position", "velocity"):
+        if len(getattr(message, name)) != len(ACTUATED):
+            raise Refused("wrong length", f"{name} has {len(getattr(message, name))}; expected {len(ACTUATED)}")
+    return np.array(message.position), np.array(message.velocity)
+
+
+def imu_message(sensors: BodySensors, at: Time, variances: Sequence[float]) -> SimpleNamespace:
+    """The fields of an `Imu` in the torso at the hip, which turns about y alone.
+
+    `variances`: of the attitude, rad^2, of the gyro, rad^2/s^2, and of the accelerometer, m^2/s^4.
+    """
+    w, y = sensors.orientation
+    attitude, gyro, accelerometer = variances
+    forward, up = sensors.specific_force
+    force_covariance = _diagonal(accelerometer, 0.0, accelerometer)
+    if np.isnan(sensors.specific_force).any():  # no tick has passed yet
+        forward, up, force_covariance = 0.0, 0.0, _diagonal(UNKNOWN, 0.0, 0.0)
+    return SimpleNamespace(
+        header=SimpleNamespace(stamp=at, frame_id="torso"),
+        orientation=SimpleNamespace(x=0.0, y=y, z=0.0, w=w),
+        orientation_covariance=_diagonal(0.0, attitude, 0.0),
+        angular_velocity=SimpleNamespace(x=0.0, y=sensors.pitch_rate, z=0.0),
+        angular_velocity_covariance=_diagonal(0.0, gyro, 0.0),
+        linear_acceleration=SimpleNamespace(x=forward, y=0.0, z=up),
+        linear_acceleration_covariance=force_covariance,
+    )
+
+
+def imu_of(message: Imu) -> tuple[Array, float, Array]:
+    """Orientation (2,), pitch rate and specific force (2,), NaN if unknown, as in `BodySensors`; else it is refused."""
+    turn = message.orientation
+    norm = math.hypot(turn.w, turn.y)
+    if turn.x or turn.z or abs(norm - 1) > UNIT:
+        text = f"orientation (x, y, z, w) = ({turn.x}, {turn.y}, {turn.z}, {turn.w})"
+        raise Refused("no turn about y", f"{text}; expected a unit quaternion with x = z = 0")
+    force = np.array([message.linear_acceleration.x, message.linear_acceleration.z])
+    if message.linear_acceleration_covariance[0] == UNKNOWN:
+        force[:] = math.nan
+    return np.array([turn.w, turn.y]), message.angular_velocity.y, force
+
+
+def _diagonal(x: float, y: float, z: float) -> Array:
+    """A covariance (9,) of independent errors."""
+    return np.array([x, 0, 0, 0, y, 0, 0, 0, z])

@@ -1,0 +1,81 @@
+"""Is somebody there already? Two graphs in one namespace are two robots in one: each ends the other's episodes."""
+
+import socket
+import time
+from collections.abc import Collection
+
+import rclpy
+from rclpy.node import Node
+
+from rabbit_common.executables import Refused
+from rabbit_common.ros.context import joined
+from rabbit_common.ros.network import StartError, domain
+from rabbit_common.ros.topics import TOPICS
+
+DISCOVERY_SECONDS = 1.0  # within which nodes find each other
+POLL_SECONDS = 0.1
+UNKNOWN = "_NODE_NAME_UNKNOWN_"  # of an end point that is discovered before its node
+
+
+class NamespaceCheck:
+    """Holds a namespace of the ROS domain for one walk of this machine, until it is closed or the process ends.
+
+    It is a socket's name that belongs to no file, so that nothing is left of a process that was killed.
+    """
+
+    def __init__(self, namespace: str) -> None:
+        """Raises `Refused` while another process holds the namespace, or there is no such domain."""
+        try:
+            number = domain()
+        except StartError as error:
+            raise Refused(str(error)) from error
+        self._namespace = f"/{namespace.strip('/')}"
+        self._where = f"namespace {self._namespace} of ROS domain {number}"
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        try:
+            self._socket.bind(f"\0rabbit/{number}{self._namespace}")
+        except OSError as error:
+            self._socket.close()
+            raise self._refusal("another walk has begun") from error
+
+    def close(self) -> None:
+        """Let others have it."""
+        self._socket.close()
+
+    def look(self, nodes: Collection[str], seconds: float = DISCOVERY_SECONDS) -> None:
+        """Look for a graph that nobody claimed, as nodes started one by one; raises `Refused` if one shows.
+
+        Args:
+            nodes: those that are to be started; whoever publishes on one of their topics is in their way.
+            seconds: for which to look.
+        """
+        with joined("/rabbit/launcher") as context:
+            node = rclpy.create_node("launcher", namespace=self._namespace, context=context)
+            topics = [node.resolve_topic_name(topic.name) for topic in TOPICS if topic.publisher in nodes]
+            if clash := first_published(node, topics, 0, seconds):
+                raise self._refusal(f"{publishers(node, clash, seconds)} publishes {clash}")
+
+    def _refusal(self, what: str) -> Refused:
+        return Refused(f"{self._where}: {what}; end that graph, or take another --namespace or ROS_DOMAIN_ID")
+
+
+def first_published(node: Node, topics: Collection[str], own: int, seconds: float) -> str:
+    """The first of `topics`, by full name, that has more than `own` publishers within so many s; empty if none has."""
+    end = time.monotonic() + seconds
+    while True:
+        for topic in topics:
+            if node.count_publishers(topic) > own:
+                return topic
+        if time.monotonic() >= end:
+            return ""
+        time.sleep(min(POLL_SECONDS, seconds))
+
+
+def publishers(node: Node, topic: str, seconds: float) -> str:
+    """The names of the nodes that publish on `topic`; "a node" if none becomes known within so many s."""
+    end = time.monotonic() + seconds
+    while True:
+        names = {each.node_name for each in node.get_publishers_info_by_topic(topic)} - {UNKNOWN}
+        if names or time.monotonic() >= end:
+            return ", ".join(sorted(names)) or "a node"
+        time.sleep(POLL_SECONDS)

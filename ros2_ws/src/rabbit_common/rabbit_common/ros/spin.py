@@ -1,0 +1,96 @@
+"""Runs a node, or several in one process, until a signal. Every node's `main` is a call of this."""
+
+import gc
+import signal
+import sys
+import time
+from collections.abc import Callable
+
+import rclpy
+from rclpy.clock import Clock, ClockType
+from rclpy.duration import Duration
+from rclpy.experimental import EventsExecutor
+from rclpy.node import Node
+from rclpy.timer import Timer
+
+from rabbit_common.deadline import end_within
+from rabbit_common.ros.network import StartError, initialise
+from rabbit_common.ros.parameters import ParameterError
+
+_LOOK_UP = 0.1  # s between looks at the signals; without a time-out this executor's wait hears none
+_LAST_WORK = 10.0  # s
+_DELIVERY = 3.0  # s
+_MIDDLEWARE = 10  # s, that it may take to end
+_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
+
+def run(make: Callable[[], Node | tuple[Node, ...]], errors: tuple[type[Exception], ...] = ()) -> None:
+    """Make one node or several, spin, close them in this order.
+
+    SIGINT and SIGTERM end it between two callbacks; more of them change nothing. This thread alone hears them: a
+    solver that answers SIGINT itself can then keep it off. If arguments or parameters cannot be used, it ends with one
+    line and exit code 2. The process ends in any case, see `deadline`.
+
+    Args:
+        make: the node's class, or what makes several nodes. If one has `busy()`, all are spun until that is False
+            (10 s at most); if it has `close()`, that is called at the end. If its `failure` becomes a line, all end
+            with that and its `failure_code`, or 2.
+        errors: besides `ParameterError`, what the constructor raises when a file or value cannot be used.
+    """
+    signals: list[int] = []
+    for number in _SIGNALS:
+        signal.signal(number, lambda got, _: signals.append(got))
+    signal.pthread_sigmask(signal.SIG_BLOCK, _SIGNALS)  # in this thread, and in those that it starts meanwhile
+    unusable: tuple[type[Exception], ...] = (StartError, ParameterError, *errors)
+    try:
+        initialise()
+        made = make()
+    except unusable as error:
+        print("error:", " ".join(str(error).split()), file=sys.stderr)
+        sys.exit(2)
+    gc.freeze()  # what is there by now stays: looking through it again would hold up a tick
+    nodes = made if isinstance(made, tuple) else (made,)
+    executor = EventsExecutor()
+    for node in nodes:
+        executor.add_node(node)
+    try:
+        executor.spin_once(0.0)  # starts the executor's threads
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, _SIGNALS)
+        while not signals and not _failing(nodes):
+            executor.spin_once(_LOOK_UP)
+        deadline = time.monotonic() + _LAST_WORK
+        while any(getattr(node, "busy", bool)() for node in nodes) and time.monotonic() < deadline:
+            executor.spin_once(_LOOK_UP)
+    finally:
+        for node in nodes:
+            getattr(node, "close", lambda: None)()
+            _deliver(node)
+        failed = 0
+        for node in _failing(nodes)[:1]:
+            failed = getattr(node, "failure_code", 2)
+            print(f"error: {getattr(node, 'failure', '')}", file=sys.stderr)
+        end_within(_MIDDLEWARE, failed or int(sys.exc_info()[0] is not None))
+        for node in nodes:
+            node.destroy_node()
+        rclpy.try_shutdown()
+        for number in _SIGNALS:  # as the interpreter ends it undoes handlers
+            signal.signal(number, signal.SIG_IGN)
+    if failed:
+        sys.exit(failed)
+
+
+def _failing(nodes: tuple[Node, ...]) -> list[Node]:
+    """Those that cannot go on."""
+    return [node for node in nodes if getattr(node, "failure", "")]
+
+
+def _deliver(node: Node) -> None:
+    """What was sent must arrive: a publisher takes with it what its readers do not have yet."""
+    deadline = time.monotonic() + _DELIVERY
+    for publisher in node.publishers:
+        publisher.wait_for_all_acked(Duration(seconds=max(0.0, deadline - time.monotonic())))
+
+
+def steady_timer(node: Node, period: float, callback: Callable[[], object]) -> Timer:
+    """A timer by the wall clock, in s, whatever the simulated time is."""
+    return node.create_timer(period, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))

@@ -1,0 +1,60 @@
+"""SCHED_FIFO: taken where it is permitted, refused with a line that says what would permit it."""
+
+import os
+import re
+from typing import Any
+
+import pytest
+from rabbit_common.priority import (
+    BENEATH,
+    leave_priority,
+    scheduling,
+    step_back,
+    take_listeners_priority,
+    take_priority,
+)
+
+
+def test_zero_changes_nothing() -> None:
+    before = scheduling()
+    take_priority(0, pytest.fail)
+    assert scheduling() == before
+
+
+def test_refusal_names_priority_and_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: Any) -> None:
+        raise PermissionError(1, "Operation not permitted")
+
+    monkeypatch.setattr(os, "sched_setscheduler", refuse)
+    warnings: list[str] = []
+    take_priority(50, warnings.append)
+    (line,) = warnings
+    assert re.match(r"SCHED_FIFO priority 50: not permitted.*`ulimit -r 50`", line)
+
+
+def test_priority_is_taken_where_permitted() -> None:
+    take_priority(7, pytest.skip)
+    try:
+        assert scheduling() == "SCHED_FIFO 7"
+    finally:
+        leave_priority()
+    assert scheduling() == "ordinary"
+
+
+@pytest.mark.parametrize(("priority", "own"), [(7, "SCHED_FIFO 6"), (1, "SCHED_FIFO 1"), (0, "ordinary")])
+def test_who_steps_back_is_just_beneath(priority: int, own: str) -> None:
+    take_priority(priority, pytest.skip)
+    step_back()
+    found = scheduling()
+    leave_priority()
+    assert found == own
+
+
+@pytest.mark.parametrize(
+    ("priority", "own"), [(50, f"SCHED_FIFO {50 - BENEATH}"), (3, "SCHED_FIFO 1"), (0, "ordinary")]
+)
+def test_listeners_are_beneath(priority: int, own: str) -> None:
+    take_listeners_priority(priority, pytest.skip)
+    found = scheduling()
+    leave_priority()
+    assert (found, scheduling()) == (own, "ordinary")

@@ -1,0 +1,209 @@
+"""What is drawn: the ticks of one walk as arrays, in one numpy file. In-process runs and the recorder write the same.
+
+save_records(WalkRecords.from_ticks(records, landings, about), "records.npz")
+records = load_records("records.npz")
+"""
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+from zipfile import ZipFile
+
+import numpy as np
+from rabbit_description.atomic_file import replacing
+from rabbit_description.bounded_file import one_line, parse_json, read_bytes
+from rabbit_description.state import TICK_SECONDS, Array, RobotState
+from rabbit_description.yaml_file import shortened
+from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.simulation import Landing
+from rl_cbf_clf_controller.parameters import ControllerParameters
+from rl_trainer.rollout import Record
+
+RECORDS = "records.npz"  # in a run's folder
+LANDING = ("index", "tick", "l", "l_min", "l_max", "on_stone")
+DRAWN = (
+    *("controller", "friction_coeff", "friction_margin", "torque_limit"),
+    *("R1", "R2", "stone_margin", "eps", "kp", "kd"),
+)
+MOST_BYTES = 200_000_000  # of records; a tick has about a thousand, half as many in the file
+GAINS = ("eps", "kp", "kd")  # positive
+NUMBERS = {*DRAWN[1:], "link_bend", "stones"}
+MOST_NUMBER = 1e9
+WHOLE = ("tick", "touchdowns", "stance", "step_index")
+RESCUE_NEEDED = 0.01  # rad/s^2 of slack of last resort: a quadratic one gives way a little whenever its row is active
+
+
+class RecordsError(ValueError):
+    """A file that holds no records."""
+
+
+@dataclass(frozen=True)
+class WalkRecords:
+    """n ticks; names, shapes after n, and units as in `RobotState` and `ControllerOutput`.
+
+    `preview` (n, 2): l_min, l_max of the stone in sight, m, NaN where there is none; `stone_height` (n,): of its top
+    above the one before, as previewed, m. `landings` (k, 6): columns `LANDING`. In former files `measured` is NaN and
+    `stone_height` 0. `about`: what else a picture needs or says, see `about_walk`.
+    """
+
+    tick: Array
+    q: Array
+    dq: Array
+    foot_force: Array
+    contact: Array
+    touchdowns: Array
+    preview: Array
+    stone_height: Array
+    torque: Array
+    stance: Array
+    step_index: Array
+    phase: Array
+    eta: Array
+    V: Array
+    barriers: Array
+    barrier_rates: Array
+    mu: Array
+    mu_qp: Array
+    omega: Array
+    mu_held: Array
+    nominal_a: Array
+    nominal_b: Array
+    measured: Array
+    alpha: Array
+    beta: Array
+    LgV: Array
+    clf_slack: Array
+    rescue_slack: Array
+    landings: Array
+    about: dict[str, Any]
+
+    @classmethod
+    def from_ticks(cls, records: Sequence[Record], landings: Sequence[Landing], about: dict[str, Any]) -> "WalkRecords":
+        """From the ticks of a rollout."""
+        if not records:
+            raise RecordsError("no ticks: nothing to draw")
+        measured, chosen = [record.state for record in records], [record.output for record in records]
+        names = set(ARRAYS) - SEEN - {"landings"}
+        arrays = {n: np.array([getattr(each, n) for each in (measured if n in STATE else chosen)]) for n in names}
+        seen = [state.preview for state in measured]
+        preview = np.array([(stone.l_min, stone.l_max) if stone else (np.nan, np.nan) for stone in seen])
+        heights = np.array([stone.height if stone else 0.0 for stone in seen])
+        rows = np.array([[float(getattr(landing, name)) for name in LANDING] for landing in landings])
+        about = {"quantities": list(records[0].output.quantities), **about}
+        landed = rows.reshape(-1, len(LANDING))
+        return cls(**arrays, preview=preview, stone_height=heights, landings=landed, about=about)
+
+    @property
+    def time(self) -> Array:
+        """Seconds since the reset, (n,)."""
+        seconds: Array = self.tick * TICK_SECONDS
+        return seconds
+
+    @property
+    def stance_force(self) -> Array:
+        """On the foot that stands, mean over the tick before: tangential, normal, (n, 2), N."""
+        force: Array = self.foot_force[np.arange(len(self.tick)), self.stance]
+        return force
+
+    @property
+    def step_starts(self) -> Array:
+        """Rows at which a step begins, (steps,)."""
+        return np.flatnonzero(np.diff(self.step_index, prepend=-1))
+
+
+def about_walk(
+    controller: ControllerParameters, simulation: SimulationParameters, policy: str, seed: int, outcome: str
+) -> dict[str, Any]:
+    """The parameters that pictures draw or name; `policy` is its version or name."""
+    shown = drawn_parameters(controller)
+    plant = {name: getattr(simulation, name) for name in ("mass_scale", "payload", "link_bend", "stones", "terrain")}
+    load = f" + {simulation.payload:g} kg" if simulation.payload else ""
+    title = (
+        f"{controller.controller}, policy {policy}, mass scale {simulation.mass_scale:g}{load}, seed {seed}: {outcome}"
+    )
+    return {"title": title, "outcome": outcome, "seed": seed, "policy": policy, **shown, **plant}
+
+
+def drawn_parameters(controller: ControllerParameters) -> dict[str, Any]:
+    """Those of the controller that pictures draw."""
+    return {name: getattr(controller, name) for name in DRAWN}
+
+
+ARRAYS = tuple(field.name for field in fields(WalkRecords) if field.name != "about")
+SEEN = {"preview", "stone_height"}
+STATE = {field.name for field in fields(RobotState)}  # the others are of `ControllerOutput`
+
+
+def save_records(records: WalkRecords, path: Path) -> None:
+    """Write the file at once or not at all."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    arrays = {name: getattr(records, name) for name in ARRAYS}
+    with replacing(path) as partial, partial.open("wb") as file:
+        np.savez_compressed(file, about=np.array(json.dumps(records.about)), **arrays)
+
+
+def load_records(path: Path) -> WalkRecords:
+    """Read records; raises `RecordsError` where there are none, or they do not fit together."""
+    try:
+        content = _arrays(read_bytes(path, MOST_BYTES))
+        about = parse_json(str(content["about"]))
+        if not isinstance(about, dict):
+            raise ValueError("about: expected names, each with a value")
+        former = {"measured": np.full_like(content["nominal_b"], np.nan), "stone_height": np.zeros(len(content["q"]))}
+        content = former | content
+        arrays = {name: content[name] for name in ARRAYS}
+        _check(arrays, about)
+        return WalkRecords(**arrays, about=about)
+    except Exception as error:  # a damaged file may raise anything
+        raise RecordsError(f"{path}: no records of a walk: {one_line(error)}") from error
+
+
+def _arrays(data: bytes) -> dict[str, Any]:
+    """Of an npz file; raises `ValueError` for one that would take much more memory than bytes."""
+    with ZipFile(BytesIO(data)) as archive:
+        members = archive.infolist()
+        if sum(each.file_size for each in members) > MOST_BYTES:
+            raise ValueError(f"expected at most {MOST_BYTES} bytes of arrays")
+        return {each.filename.removesuffix(".npy"): _array(archive.read(each)) for each in members}
+
+
+def _array(data: bytes) -> Array:
+    stream = BytesIO(data)
+    if np.lib.format.read_magic(stream) != (1, 0):
+        raise ValueError("an array of another version")
+    shape, _, kind = np.lib.format.read_array_header_1_0(stream)
+    if math.prod(shape) * kind.itemsize != len(data) - stream.tell():
+        raise ValueError(f"an array {shape}: expected {len(data) - stream.tell()} bytes of it")
+    stream.seek(0)
+    found: Array = np.load(stream, allow_pickle=False)
+    return found
+
+
+def _check(arrays: Mapping[str, Array], about: Any) -> None:
+    """Raise `ValueError` for arrays that are not of the same ticks, and for words that nothing can be drawn with."""
+    n, quantities = arrays["nominal_b"].shape
+    inputs = arrays["mu"].shape[-1]
+    shapes: dict[str, tuple[int | None, ...]] = {"landings": (None, len(LANDING)), "foot_force": (n, 2, 2)}
+    shapes |= dict.fromkeys(("nominal_a", "alpha"), (n, quantities, inputs))
+    shapes |= dict.fromkeys(("nominal_b", "measured", "beta"), (n, quantities))
+    shapes |= dict.fromkeys(("mu", "mu_qp", "omega", "mu_held", "LgV"), (n, inputs))
+    shapes |= dict.fromkeys(("barriers", "barrier_rates", "eta"), (n, None))
+    shapes |= dict.fromkeys(("q", "dq"), (n, 7)) | dict.fromkeys(("contact", "preview"), (n, 2)) | {"torque": (n, 4)}
+    for name, array in arrays.items():
+        shape = shapes.get(name, (n,))
+        fits = array.ndim == len(shape) and all(b in (None, a) for a, b in zip(array.shape, shape, strict=True))
+        if not (fits and array.size < 2**31 and array.dtype.kind in ("i" if name in WHOLE else "fib") and n):
+            raise ValueError(f"{name} is {array.dtype} {array.shape}: expected numbers {shape}")
+    if not np.isin(arrays["stance"], (0, 1)).all():
+        raise ValueError("stance: expected 0 or 1")
+    names = about.get("quantities", [""] * quantities)
+    if not isinstance(names, list) or len(names) != quantities or not all(isinstance(each, str) for each in names):
+        raise ValueError(f"quantities = {shortened(names)}: expected {quantities} names")
+    for name, value in about.items():
+        is_number = isinstance(value, int | float) and math.isfinite(value) and abs(value) < MOST_NUMBER
+        if name in NUMBERS and not (is_number and (value > 0 or name not in GAINS)):
+            raise ValueError(f"{name} = {shortened(value)}: expected a number")

@@ -1,0 +1,61 @@
+"""What a browser may ask of a played walk. Each message is checked by its model, here and nowhere else."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field, TypeAdapter
+
+from rabbit_viewer.play.settings import Checked, Number, PlaySettings, Script
+
+LOAD = b"load "  # not from a browser: the path of a policy that was learned follows
+
+
+class Set(Checked):
+    """Choose settings; those that need it act from the next reset."""
+
+    do: Literal["set"]
+    settings: PlaySettings
+
+
+class Reset(Checked):
+    """Begin again, with the chosen settings."""
+
+    do: Literal["reset"]
+
+
+class Begin(Checked):
+    """Begin again as a script says, and do what it says at its ticks."""
+
+    do: Literal["begin"]
+    script: Script
+
+
+class Pause(Checked):
+    """Hold the walk, or let it go on."""
+
+    do: Literal["pause"]
+    paused: bool
+
+
+class Tick(Checked):
+    """Hold the walk after one more tick."""
+
+    do: Literal["tick"]
+
+
+class Speed(Checked):
+    """Times real time."""
+
+    do: Literal["speed"]
+    speed: Number = Field(ge=0.05, le=4)
+
+
+class PushNow(Checked):
+    """Push the torsos from the next tick on."""
+
+    do: Literal["push"]
+    force: Number = Field(ge=-1000, le=1000)
+    seconds: Number = Field(0.1, ge=0.001, le=1)
+
+
+Asked = Annotated[Set | Reset | Begin | Pause | Tick | Speed | PushNow, Field(discriminator="do")]
+ASKED: TypeAdapter[Asked] = TypeAdapter(Asked)

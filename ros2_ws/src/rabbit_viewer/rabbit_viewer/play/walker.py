@@ -1,0 +1,149 @@
+"""One robot of a played walk: plant and controller, tick by tick, as rows for the page. It goes limp where it fails."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from cbf_clf_qp.estimates import Estimates
+from rabbit_description.state import RobotState
+from rabbit_experiments.assembly import Assembly, resolve_policy
+from rabbit_experiments.walk_records import about_walk
+from rabbit_sim.parameters import SimulationParameters
+from rl_cbf_clf_controller.controller_output import ControllerOutput
+from rl_cbf_clf_controller.parameters import ControllerParameters
+from rl_cbf_clf_controller.policy import Policy
+from rl_cbf_clf_controller.scene import ControllerError
+
+from rabbit_viewer.page.rows import EVENTS, RowMaker
+from rabbit_viewer.play.settings import SHIPPED, SWAPPED_AT_ONCE, controller_of
+
+CLEAR_HEIGHT = 0.01  # m, of a swing foot that is well in the air
+LIMP_TICKS = 150  # of a robot that no controller moves any more, at most
+NOTHING = np.full(2, np.nan)
+NONE = Estimates.zero(1, 4)  # before the oracle nobody has estimated
+RUNNING = 1  # column of a row
+
+
+class Walker:
+    """`name`: of its controller, see `settings.CONTROLLERS`. `row`: the last one. `outcome`: empty while it walks."""
+
+    def __init__(
+        self, name: str, plant: SimulationParameters, base: ControllerParameters, seed: int, learned: str = SHIPPED
+    ) -> None:
+        """`learned`: the policy that this name means. Raises `GaitError`, `CourseError`, `PolicyFileError`."""
+        self.name, self._base, self.learned = name, base, learned
+        parameters, policy = self._choice(name)
+        self._assembly = Assembly(plant, parameters, resolve_policy(policy, parameters))
+        self._simulation, self._controller = self._assembly.build()
+        self._quantities = self._controller.qp.names
+        self._about = about_walk(parameters, plant, policy, seed, "")
+        self._maker = RowMaker(self._about, self._quantities, knows_plant=True)
+        self._oracle = self._make_oracle()
+        self._true = np.full(len(self._quantities), np.nan)
+        self._controller.reset(seed)
+        self._state = self._simulation.reset(seed)
+        self._output: ControllerOutput
+        self._pushed_until = self._limp = 0
+        self._swapped = False
+        self._next_plant: SimulationParameters | None = None
+        self.fault = self.outcome = ""
+        self.row: list[float] = []
+
+    @property
+    def about(self) -> dict[str, Any]:
+        """What the page needs to draw its rows."""
+        return {
+            **self._about,
+            "name": self.name,
+            "columns": self._maker.columns,
+            "quantities": self._quantities,
+        }
+
+    @property
+    def stones(self) -> int:
+        """Walked so far."""
+        return self._state.touchdowns
+
+    def close(self) -> None:
+        """Give back the plant."""
+        self._simulation.close()
+
+    def push(self, force: float, seconds: float) -> None:
+        """Push the torso; raises `ValueError` where the plant cannot be pushed."""
+        if not self.outcome:
+            self._simulation.push(force, seconds)
+            self._pushed_until = self._state.tick + round(seconds * 100)
+
+    def may_become(self, name: str) -> bool:
+        """Whether it can walk on with that controller, or needs a reset."""
+        return {name, self.name} <= SWAPPED_AT_ONCE
+
+    def become(self, name: str) -> None:
+        """Walk on with another controller, see `may_become`."""
+        parameters, policy = self._choice(name)
+        self._assembly = replace(self._assembly, policy=resolve_policy(policy, parameters))
+        self._controller.policy = self._assembly.make_policy()  # between two ticks
+        self.name, self._swapped = name, True
+
+    def change(self, plant: SimulationParameters) -> None:
+        """Walk on with another robot, once its swing foot is in the air."""
+        self._next_plant = plant
+
+    @property
+    def policy_version(self) -> str:
+        """Of the policy that it walks with."""
+        return self._controller.policy.version
+
+    def tick(self) -> None:
+        """Go on one tick; nothing, once the walk has ended."""
+        if self.outcome:
+            return
+        events = EVENTS["pushed"] * (self._state.tick < self._pushed_until) | EVENTS["swapped"] * self._swapped
+        self._swapped = False
+        if self._next_plant:
+            self._change(self._next_plant)
+        if not self.fault:
+            self._control()
+        self.row = self._maker.row(self._drawn(), self._output, events, self._true)
+        self.row[RUNNING] = float(not self.fault)
+        self._state = self._simulation.step(self._output.torque)
+        self._limp += bool(self.fault)
+        if not self._state.running or self._limp > LIMP_TICKS:
+            self.outcome = self.fault or self._simulation.outcome.value
+            self.row[RUNNING] = 0.0
+
+    def _drawn(self) -> RobotState:
+        """The state; where that is an estimate, which drifts over the ground, the robot as it is."""
+        reading = self._simulation.reading
+        return replace(self._state, q=reading.q, dq=reading.dq) if self._state.sensors else self._state
+
+    def _control(self) -> None:
+        try:
+            self._output = self._controller.step(self._state)
+            self.fault = self._output.fault
+            self._true = self._oracle.estimate(self._controller.scene, NONE).error(self._output.mu)
+        except (ControllerError, np.linalg.LinAlgError) as error:
+            self.fault = f"controller error: {error}"
+        if self.fault:
+            self._output = replace(
+                self._output, torque=np.zeros(4), V=np.nan, barriers=NOTHING, clf_slack=np.nan, rescue_slack=np.nan
+            )
+
+    def _change(self, plant: SimulationParameters) -> None:
+        reading = self._simulation.reading
+        if reading.contact.all() or reading.foot_position[:, 1].max() < CLEAR_HEIGHT:
+            return
+        self._simulation.change(plant)
+        self._next_plant = None
+        self._assembly = replace(self._assembly, simulation=plant)
+        self._oracle = self._make_oracle()
+        if self.name == "oracle":  # it knows the robot that it was made for
+            self._controller.policy = self._assembly.make_policy()
+
+    def _make_oracle(self) -> Policy:
+        """Gives the true error of the nominal model under any controller."""
+        return replace(self._assembly, policy="oracle").make_policy()
+
+    def _choice(self, name: str) -> tuple[ControllerParameters, str]:
+        parameters, policy = controller_of(self._base, name)
+        return parameters, self.learned if name == "learned" else policy

@@ -1,0 +1,346 @@
+"""A played walk is as repeatable as any other, whatever is asked of it and however badly."""
+
+import json
+import random
+import struct
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rabbit_description.state import Array
+from rabbit_sim.parameters import SimulationParameters
+from rabbit_viewer.page.broadcast import Broadcast
+from rabbit_viewer.page.server import LONGEST_MESSAGE
+from rabbit_viewer.play.player import Player
+from rabbit_viewer.play.serving import Door, tell, write_play
+from rabbit_viewer.play.settings import MOST_DEEDS, Change, PlaySettings, Push, Script, Start, controls
+from rl_cbf_clf_controller.parameters import ControllerParameters
+
+BASE = SimulationParameters(stop_at_miss=False, fall_height=0.35)
+LARGEST_FILE = 1_000_000  # bytes, of 20 stones
+BAD_MESSAGES = 5_000
+
+
+def start_of(**changes: Any) -> Start:
+    """What is played, one robot unless `changes` name a second."""
+    settings = PlaySettings.model_validate({"second": "none", "stones": 3, **changes})
+    return Start(settings=settings, plant=BASE, controller=ControllerParameters())
+
+
+class Played:
+    """A player without a clock, and what it has sent."""
+
+    def __init__(self, **changes: Any) -> None:
+        self.broadcast = Broadcast()
+        self.player = Player(start_of(**changes), partial(tell, self.broadcast))
+
+    def ask(self, **message: Any) -> None:
+        """As the server passes it on."""
+        self.player.take(json.dumps(message).encode())
+        self.player.flush()
+
+    def choose(self, **settings: Any) -> None:
+        """As a person does, on the page."""
+        self.ask(do="set", settings={**self.words["state"]["settings"], **settings})
+
+    def walk(self, ticks: int = 10_000) -> "Played":
+        """So many ticks, or to the end."""
+        for _ in range(ticks):
+            if self.player.has_ended:
+                break
+            self.player.tick()
+        self.player.flush()
+        return self
+
+    @property
+    def words(self) -> dict[str, Any]:
+        """The newest of each kind."""
+        return {word["type"]: word for word in self.broadcast.known[0]}
+
+    def rows(self, walker: int = 0) -> dict[str, Array]:
+        """Of one robot by column."""
+        columns = [each["columns"] for each in self.words["about"]["walkers"]]
+        data = self.broadcast.known[1]
+        table = np.array(struct.unpack(f"<{len(data) // 4}f", data)).reshape(-1, sum(map(len, columns)))
+        first = sum(map(len, columns[:walker]))
+        return dict(zip(columns[walker], table[:, first:].T, strict=False))
+
+    @property
+    def outcomes(self) -> list[tuple[str, int]]:
+        """How each robot's walk ended, and its stones."""
+        return [(each["outcome"], each["stones"]) for each in self.words["ended"]["walkers"]]
+
+
+@pytest.fixture
+def played() -> Iterator[Callable[..., Played]]:
+    """Makes players, and closes them."""
+    made: list[Played] = []
+
+    def make(**changes: Any) -> Played:
+        made.append(Played(**changes))
+        return made[-1]
+
+    yield make
+    for each in made:
+        each.player.close()
+
+
+def test_one_falls_and_the_other_walks_on(played: Callable[..., Played]) -> None:
+    both = played(first="learned", second="nominal", stones=5).walk()
+    (learned, stones), (nominal, fewer) = both.outcomes
+    assert (learned, stones) == ("walked", 5)
+    assert nominal != "walked"
+    assert fewer < 5
+    assert both.rows(1)["hip_z"][-1] < 0.5  # it is seen to fall
+    assert both.rows(0)["running"][:-1].all()
+
+
+def test_the_same_settings_are_the_same_fall(played: Callable[..., Played]) -> None:
+    one, two = (played(first="nominal", stones=5, seed=3).walk() for _ in range(2))
+    assert one.broadcast.known == two.broadcast.known
+
+
+def test_a_link_is_the_same_walk_with_all_that_was_done_to_it(played: Callable[..., Played]) -> None:
+    """In a second player, started with other settings, every number of every tick is the same."""
+    one = played(second="oracle", stones=6).walk(30)
+    one.ask(do="push", force=120, seconds=0.1)
+    one.walk(20)
+    one.choose(mass_scale=1.7, payload=4, stone_width=0.2, again="same course")
+    one.walk(25)
+    one.choose(first="nominal", velocity_noise=0.1)
+    one.walk()
+    script = one.words["state"]["script"]
+    assert script["pushes"] == [{"tick": 30, "force": 120, "seconds": 0.1}]
+    assert [(change["tick"], change["name"], change["value"]) for change in script["changes"]] == [
+        (50, "mass_scale", 1.7),
+        (50, "payload", 4),
+        (75, "first", "nominal"),
+        (75, "velocity_noise", 0.1),
+    ]
+    two = played(mass_scale=1.0, seed=9).walk(10)
+    two.ask(do="begin", script=script)
+    two.walk()
+    assert two.broadcast.known[1] == one.broadcast.known[1]
+    assert two.words["state"]["script"] == script
+    events = one.rows()["events"].astype(int)
+    assert np.flatnonzero(events & 4).tolist() == list(range(30, 40))
+    assert np.flatnonzero(events & 8).tolist() == [75]
+
+
+def test_a_reset_begins_with_the_settings_and_without_what_was_done(played: Callable[..., Played]) -> None:
+    one = played().walk(30)
+    one.ask(do="push", force=250, seconds=0.1)
+    one.choose(mass_scale=1.5)
+    one.walk()
+    one.ask(do="reset")
+    one.walk()
+    script = one.words["state"]["script"]
+    assert (script["settings"]["mass_scale"], script["pushes"], script["changes"]) == (1.5, [], [])
+    np.testing.assert_array_equal(one.rows()["hip_x"], played(mass_scale=1.5).walk().rows()["hip_x"])
+
+
+def test_the_newest_of_several_choices_between_two_ticks_is_in_the_link(played: Callable[..., Played]) -> None:
+    one = played().walk(10)
+    for payload in (5, 10, 0, 20):
+        one.choose(payload=payload)
+    assert one.words["state"]["script"]["changes"] == [{"tick": 10, "name": "payload", "value": 20}]
+
+
+def test_a_walk_takes_no_more_changes_and_pushes_than_its_link(played: Callable[..., Played]) -> None:
+    one = played()
+    for _ in range(MOST_DEEDS + 1):
+        one.ask(do="push", force=1, seconds=0.1)
+    assert "50 pushes" in one.words["note"]["text"]
+    for payload in range(1, MOST_DEEDS + 2):
+        one.choose(payload=payload)
+        one.player.tick()
+    assert "50 changes" in one.words["note"]["text"]
+    state = one.words["state"]
+    assert state["settings"]["payload"] == MOST_DEEDS
+    assert len(json.dumps({"do": "begin", "script": state["script"]})) < LONGEST_MESSAGE
+
+
+def test_policy_and_robot_change_at_once_and_the_course_from_the_next_reset(played: Callable[..., Played]) -> None:
+    one = played(mass_scale=1.0).walk(30)
+    one.choose(first="nominal", mass_scale=2.0, stone_width=0.1)
+    assert one.words["state"]["waiting"] == ["stone_width"]
+    one.walk(2)
+    assert one.rows()["events"].astype(int)[30] & 8
+    assert not one.rows()["estimated_V"][-1]  # over the tick before, by the zero policy
+    assert one.walk().rows()["F_N"].max() > 1.5 * played(mass_scale=1.0).walk().rows()["F_N"][30:].max()
+    one.ask(do="reset")
+    one.walk(1)
+    assert one.words["state"]["waiting"] == []
+    width = one.rows()["stone_far"] - one.rows()["stone_near"]
+    assert width[0] == pytest.approx(0.1, abs=1e-6)
+
+
+def test_the_oracle_knows_the_robot_that_it_becomes(played: Callable[..., Played]) -> None:
+    one = played(first="oracle", mass_scale=1.0, stones=8).walk(60)
+    one.choose(mass_scale=2.0)
+    assert one.walk().outcomes == [("walked", 8)]
+
+
+def test_the_true_error_is_drawn_whoever_controls(played: Callable[..., Played]) -> None:
+    """It is the oracle's estimate, and not the nominal robot's, which is zero."""
+    oracle, nominal = (played(first=name, mass_scale=1.5).walk(60).rows() for name in ("oracle", "nominal"))
+    np.testing.assert_allclose(oracle["true_V"], oracle["estimated_V"], rtol=1e-5)
+    assert not np.nan_to_num(nominal["estimated_V"]).any()
+    known = np.isfinite(nominal["true_B1"]) & np.isfinite(nominal["measured_B1"])
+    assert np.corrcoef(nominal["true_B1"][known], nominal["measured_B1"][known])[0, 1] > 0.9
+
+
+def test_another_kind_of_controller_waits_for_the_reset(played: Callable[..., Played]) -> None:
+    one = played().walk(5)
+    one.choose(first="identified", second="l1")
+    assert one.words["state"]["waiting"] == ["first", "second"]
+    one.ask(do="reset")
+    one.walk(1)
+    assert [walker["name"] for walker in one.words["about"]["walkers"]] == ["identified", "l1"]
+
+
+@pytest.mark.parametrize("name", ["oracle", "identified", "best", "l1"])
+def test_every_controller_plays(played: Callable[..., Played], name: str) -> None:
+    one = played(first=name, stones=2).walk()
+    assert one.outcomes[0][0]
+    assert len(one.rows()["V"]) > 20
+
+
+def test_with_a_labs_sensors_the_robot_is_drawn_where_it_is(played: Callable[..., Played]) -> None:
+    """The estimate drifts over the ground; the standing foot does not. Another load changes no sensor."""
+    one = played(first="nominal", sensors="lab", mass_scale=1.0).walk(30)
+    one.choose(payload=3.0)
+    rows = one.walk(60).rows()
+    standing = np.where(rows["stance"] == 0, rows["left_foot_z"], rows["right_foot_z"])
+    assert len(standing) == 90
+    assert np.abs(standing).max() < 0.003
+
+
+def test_pause_holds_and_a_tick_is_one(played: Callable[..., Played]) -> None:
+    one = played().walk(6)
+    one.ask(do="pause", paused=True)
+    assert not one.player.is_moving
+    one.ask(do="tick")
+    assert len(one.rows()["tick"]) == 7
+    one.ask(do="pause", paused=False)
+    assert one.player.is_moving
+    one.ask(do="speed", speed=0.5)
+    assert one.player.seconds == pytest.approx(0.02)
+
+
+def test_the_next_course_comes_by_itself(played: Callable[..., Played]) -> None:
+    one = played(first="nominal", again="next course", seed=5).walk()
+    while one.player.has_ended:
+        one.player.tick()
+    assert one.words["about"]["title"] == "course 6"
+    assert "ended" not in one.words
+
+
+def test_a_file_of_20_stones_is_small(tmp_path: Path) -> None:
+    path = write_play(start_of(second="nominal", stones=20), tmp_path / "walk.html")
+    assert path.stat().st_size <= LARGEST_FILE
+
+
+def bad_message(rng: random.Random, good: list[str]) -> str:
+    """JSON gone wrong, of any kind."""
+    kind = rng.randrange(5)
+    text = rng.choice(good)
+    if kind == 0:
+        return "".join(chr(rng.randrange(1, 0xD800)) for _ in range(rng.randrange(60)))
+    if kind == 1:
+        return text[: rng.randrange(len(text))]
+    values = [None, -1, 1e308, "x" * rng.randrange(200), [], {}, [[[]]], True, float("nan"), -(10**30), "\0"]
+    message = json.loads(text)
+    where = message
+    if kind == 2 and "settings" in message:
+        where = message["settings"]
+    if kind == 2 and "script" in message:
+        script = message["script"]
+        where = rng.choice([script, script["settings"], script["pushes"][0], script["changes"][0]])
+    name = rng.choice([*where, "do", "extra", "__class__", ""])
+    where[name] = rng.choice(values)
+    return json.dumps(message) if kind < 4 else json.dumps([message] * rng.randrange(1, 4))
+
+
+SCRIPT = Script(
+    settings=PlaySettings(),
+    pushes=(Push(tick=5, force=100, seconds=0.1),),
+    changes=(Change(tick=9, name="payload", value=3),),
+)
+GOOD = [
+    json.dumps({"do": "set", "settings": PlaySettings().model_dump(mode="json")}),
+    json.dumps({"do": "begin", "script": SCRIPT.model_dump(mode="json")}),
+    json.dumps({"do": "push", "force": 100, "seconds": 0.1}),
+    json.dumps({"do": "speed", "speed": 1}),
+    json.dumps({"do": "pause", "paused": True}),
+]
+
+
+def test_bad_messages_do_no_harm(played: Callable[..., Played]) -> None:
+    """Each is refused with a line, or was good after all; a player takes what passes, and walks as if nothing was."""
+    rng, one = random.Random(7), played()
+    passed: list[bytes] = []
+
+    def ask(message: bytes) -> str:
+        passed.append(message)
+        return ""
+
+    door = Door(start_of(), ask)
+    refused = 0
+    while refused < BAD_MESSAGES:
+        count = len(passed)
+        line = door(bad_message(rng, GOOD))
+        assert "\n" not in line
+        assert len(line) <= 300
+        assert bool(line) == (len(passed) == count)
+        refused += bool(line)
+        if refused % 50 == 0 and not one.player.has_ended:
+            one.player.tick()
+    assert len(passed) < refused / 4
+    np.testing.assert_array_equal(one.walk().rows()["hip_x"], played().walk().rows()["hip_x"])
+    for message in passed[:200]:
+        one.player.take(message)
+
+
+def test_what_the_plant_refuses_is_refused_at_the_door() -> None:
+    wide = {"do": "set", "settings": {"l_min_std": 0.08, "stone_width": 0.3}}
+    far = start_of().model_copy(update={"plant": BASE.model_copy(update={"l_min_mean": 0.5})})
+    assert "expected at most 0.9 m" in Door(far, lambda _: "")(json.dumps(wide))
+    push = '{"do": "push", "force": 10}'
+    rigid = start_of().model_copy(update={"plant": BASE.model_copy(update={"plant": "rigid"})})
+    for pushed in (push, json.dumps({"do": "begin", "script": SCRIPT.model_dump(mode="json")})):
+        assert "expected the plant pybullet or mujoco" in Door(rigid, lambda _: "")(pushed)
+    rubs = {"settings": {}, "changes": [{"tick": 30, "name": "coulomb", "value": 5.0}]}
+    begun = json.dumps({"do": "begin", "script": rubs})
+    assert "coulomb = 5 with plant rigid: expected 0, pybullet or mujoco" in Door(rigid, lambda _: "")(begun)
+    assert not Door(start_of(), lambda _: "")(begun)
+    assert not Door(start_of(), lambda _: "")(push)
+
+
+def any_settings(rng: random.Random) -> dict[str, Any]:
+    """Half of them anywhere within their bounds."""
+    chosen: dict[str, Any] = {}
+    for control in controls():
+        name = control["name"]
+        if "enum" in control:
+            chosen[name] = rng.choice(control["enum"])
+        elif control["type"] == "integer":
+            chosen[name] = rng.randint(1, 9)
+        elif rng.random() < 0.5:
+            chosen[name] = rng.uniform(control["minimum"], control["maximum"])
+    return chosen
+
+
+def test_whatever_is_chosen_the_player_goes_on(played: Callable[..., Played]) -> None:
+    rng, one = random.Random(5), played()
+    for _ in range(15):
+        one.ask(do="begin", script={"settings": any_settings(rng)})
+        for tick in range(60):
+            one.player.tick()
+            if tick % 20 == 10:
+                one.ask(do="push", force=rng.uniform(-1000, 1000), seconds=rng.uniform(0.01, 1))
+                one.ask(do="set", settings=any_settings(rng))
+        assert len(one.rows()["tick"]) > 5

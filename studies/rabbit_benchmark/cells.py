@@ -1,0 +1,136 @@
+"""The cells of the benchmark: what the true plant is, by name, and the plants of the storm.
+
+A name is TERRAIN/PLANT: `stones/scale-2`, `flat/40kg-ground-5e4`, `stones/storm`.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from fnmatch import fnmatchcase
+from functools import cache
+from importlib.resources import files
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+from rabbit_description.yaml_file import parse_yaml
+from rabbit_reproduce.catalogue.every_plant import PLANTS
+
+Terrain = Literal["stones", "flat"]
+Map = Literal["inside", "outside", "storm"]
+TERRAINS: tuple[Terrain, ...] = ("stones", "flat")
+STORM_PLANTS = 10  # of the storm, for each course of another cell
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A terrain and changes of `SimulationParameters`; those of the storm are another plant for each course."""
+
+    name: str
+    map: Map
+    terrain: Terrain
+    values: dict[str, Any] = field(default_factory=dict, hash=False)
+
+    def courses(self, courses: int) -> int:
+        """How many there are where another cell has `courses`."""
+        return courses * STORM_PLANTS if self.map == "storm" else courses
+
+    def plant(self, run: int, seed: int) -> dict[str, Any]:
+        """The changes for course `run`; `seed` is the protocol's."""
+        changes = storm_plant(run, seed, self.terrain) if self.map == "storm" else self.values
+        return {**changes, "terrain": self.terrain}
+
+
+class CellError(ValueError):
+    """No such cell."""
+
+
+class Storm(BaseModel):
+    """What storm.yaml says."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    share: Annotated[float, Field(gt=0, le=1)]
+    ranges: dict[str, tuple[float, float]]
+    choices: dict[str, str]
+    on_stones: dict[str, tuple[float, float]]
+
+    def on(self, terrain: Terrain) -> dict[str, tuple[float, float]]:
+        """Ranges by parameter."""
+        return self.ranges | (self.on_stones if terrain == "stones" else {})
+
+
+@cache
+def storm() -> Storm:
+    """The committed ranges."""
+    return Storm.model_validate(parse_yaml((files(__package__) / "storm.yaml").read_text(encoding="utf-8")))
+
+
+def storm_plant(number: int, seed: int, terrain: Terrain) -> dict[str, Any]:
+    """Plant `number` of the storm, the same for the same arguments on every machine."""
+    rng = np.random.default_rng([seed, number, TERRAINS.index(terrain)])
+    changes: dict[str, Any] = {}
+    for name, (low, high) in storm().on(terrain).items():
+        changed, value = rng.random() < storm().share, float(rng.uniform(low, high))
+        if changed:
+            changes[name] = round(value, 3) if name == "torque_delay" else value  # whole ms
+    return changes | {name: value for name, value in storm().choices.items() if rng.random() < storm().share}
+
+
+BASES: dict[str, dict[str, float]] = {"scale-2": {"mass_scale": 2.0}, "40kg": {"payload": 40.0}}
+OUTSIDE: dict[str, dict[str, Any]] = {
+    **{f"ground-{text}": {"ground_stiffness": float(text)} for text in ("2e5", "5e4", "2e4")},
+    **{f"friction-{value}": {"ground_friction": value} for value in (0.6, 0.4)},
+    **{f"slope-{value}": {"slope": float(value)} for value in (1, 2, -1, -2, -4)},
+    **{f"push-{value}": {"push": float(value)} for value in (10, 20)},
+    **{f"coulomb-{value}": {"coulomb": float(value)} for value in (5, 10)},
+    "unequal-motors": {"left_hip_gain": 0.8, "left_knee_gain": 1.0, "right_hip_gain": 1.1, "right_knee_gain": 0.9},
+    "backlash-0.5": {"backlash": 0.5},
+    "elastic-joints": {"gear_stiffness": 5000.0},
+    "swing-payload": {"swing_payload": 10.0},
+    "payload-ahead": {"payload": 10.0, "payload_ahead": 0.1},
+    "left-leg-1.3": {"left_leg_scale": 1.3},
+    **{f"delay-{ms}ms": {"torque_delay": ms / 1000} for ms in (4, 8)},
+    **{f"noise-{value}": {"velocity_noise": value} for value in (0.1, 0.2)},
+    "sensors-lab": {"sensors": "lab"},
+}
+OUTSIDE_STONES: dict[str, dict[str, Any]] = {
+    **{f"height-{cm}cm": {"stone_height": cm / 100} for cm in (2, 4)},
+    "height-1cm-unseen": {"stone_height": 0.01, "height_preview": False},
+    "width-3cm": {"stone_width": 0.03},
+}
+
+
+@cache
+def cells() -> dict[str, Cell]:
+    """All, by name, in the order of tables and pictures."""
+    found: list[Cell] = []
+    for terrain in TERRAINS:
+        found += (Cell(f"{terrain}/{_inside_name(each)}", "inside", terrain, each.values) for each in PLANTS)
+        changes = OUTSIDE | (OUTSIDE_STONES if terrain == "stones" else {})
+        for base, masses in BASES.items():
+            for name, values in changes.items():
+                both = masses | values
+                if name == "payload-ahead" and base == "40kg":
+                    both = masses | {"payload_ahead": 0.1}
+                found.append(Cell(f"{terrain}/{base}-{name}", "outside", terrain, both))
+        found.append(Cell(f"{terrain}/storm", "storm", terrain))
+    return {cell.name: cell for cell in found}
+
+
+def chosen(patterns: Sequence[str]) -> list[Cell]:
+    """Cells of these names, patterns (`flat/*`) or maps (`inside`), all where there are none; raises `CellError`."""
+    names: set[str] = set()
+    for pattern in patterns or ("*",):
+        matching = [name for name, cell in cells().items() if fnmatchcase(name, pattern) or pattern == cell.map]
+        if not matching:
+            raise CellError(f"{pattern}: expected cells, such as stones/scale-2 or 'flat/*' (--list has all)")
+        names.update(matching)
+    return [cell for name, cell in cells().items() if name in names]
+
+
+def _inside_name(plant: Any) -> str:
+    if plant.group == "payload (kg)":
+        return f"{plant.title}kg"
+    if plant.group == "mass scale":
+        return f"scale-{plant.title}"
+    return "scale-2-" + {"- bend": "bend-back"}.get(plant.title, plant.title)

@@ -1,0 +1,60 @@
+"""Methods by plants under one protocol."""
+
+import os
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+from rabbit_common.options import complaints, fail
+from rabbit_common.own_folder import own_folder
+
+app = typer.Typer(add_completion=False)
+
+
+@app.command()
+def benchmark(
+    methods: Annotated[list[str] | None, typer.Argument(help="by name; all of them")] = None,
+    cells: Annotated[str, typer.Option(help="names, patterns, maps: stones/scale-2,flat/*,inside (default: all)")] = "",
+    courses: Annotated[int, typer.Option(min=1, max=10_000, help="of a cell; the storm has ten times as many")] = 10,
+    seeds: Annotated[
+        Literal["development", "reported"], typer.Option(help="those to tune on, or those of the published table")
+    ] = "development",
+    sensors: Annotated[
+        Literal["exact", "lab"], typer.Option(help="lab: the state estimated from a lab's sensors in every cell")
+    ] = "exact",
+    out: Annotated[Path, typer.Option(help="folder; one that was stopped there goes on")] = Path("runs/benchmark"),
+    jobs: Annotated[int | None, typer.Option(min=1, max=4096, help="processes (default: all cores)")] = None,
+    show: Annotated[bool, typer.Option("--list", help="methods and cells, and nothing more")] = False,
+) -> None:
+    """Walk every method on every plant: DIR/benchmark.md has the map, intervals and a paired comparison."""
+    from rabbit_experiments.cache import Cache, JobError
+    from rabbit_experiments.engine import run
+
+    from rabbit_benchmark.cells import CellError, chosen
+    from rabbit_benchmark.methods import MethodError, method, names
+    from rabbit_benchmark.protocol import Protocol, plan
+    from rabbit_benchmark.report import Benchmark
+
+    with complaints(CellError, MethodError):
+        entered = [method(name) for name in dict.fromkeys(methods or names())]
+        wanted = chosen([name for name in cells.split(",") if name])
+    if show:
+        for each in entered:
+            print(f"{each.name:16s} {each.title}")
+        for cell in wanted:
+            print(f"{cell.name} ({cell.map})")
+        return
+    protocol, cache = Protocol(courses, seeds, sensors=sensors), Cache(own_folder(out, "benchmark") / "cache")
+    runs = plan(protocol, entered, wanted)
+    try:
+        with complaints(JobError):
+            walks = [job for each in runs.values() if not isinstance(each, str) for job in each]
+            done = run(walks, cache, jobs or _cores())
+    except KeyboardInterrupt:
+        fail("stopped; the same command goes on from the runs that are done", code=130)
+    page = Benchmark.from_cache(protocol, entered, wanted, runs, cache).write(out)
+    print(f"{done} runs made; written {page}")
+
+
+def _cores() -> int:
+    return os.cpu_count() or 1

@@ -1,0 +1,113 @@
+"""The methods of the benchmark, and those that packages bring.
+
+entry_points={"rabbit.methods": ["mine = my_package.method:MINE"]}      in a setup.py; MINE is a `Method`
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+from rabbit_description import plugins
+from rabbit_reproduce.controllers import (
+    GAIT,
+    IDENTIFIED,
+    INTEGRAL,
+    LIBRARY,
+    MARGIN,
+    PD,
+    PREDICTED,
+    SLOPES,
+    Contender,
+    variant,
+)
+
+from rabbit_benchmark.cells import Terrain
+
+GROUP = "rabbit.methods"
+REFERENCE = "identified"  # with which the others are compared
+
+
+class MethodError(ValueError):
+    """No such method, or what an entry point brings is none."""
+
+
+@dataclass(frozen=True)
+class Method:
+    """A name, a title for tables, what it was trained on, and a controller with parameters and policy by terrain.
+
+    It has no controller on a terrain that it cannot walk, and `trained_on` is empty where nothing was learned.
+    """
+
+    name: str
+    title: str
+    stones: Contender | None = None
+    flat: Contender | None = None
+    trained_on: str = ""
+
+    def on(self, terrain: Terrain) -> Contender | None:
+        """Its controller there."""
+        return self.stones if terrain == "stones" else self.flat
+
+
+PAPER_POLICY = "DDPG at mass scale 2, no motor lag, seed 1: 6,572 transitions on stones, 7,981 on flat ground"
+SPEED_MODEL = "its model of the speed: walks of random plants with random changes of the slope (rabbit speed)"
+ORACLE = "knows the true plant: the bound, not a method"
+
+
+def _method(name: str, title: str, policy: str, *law: dict[str, str], trained_on: str = "") -> Method:
+    """One that walks on both terrains, with a gait library and a margin on stones, and with a gait on flat ground."""
+    kinds = ("cbf-clf-qp", "clf-qp") if name.startswith("nominal") else ("rl-cbf-clf-qp", "rl-clf-qp")
+    stones = variant(title, kinds[0], policy, LIBRARY, MARGIN, *law)
+    return Method(name, title, stones, variant(title, kinds[1], policy, GAIT, *law), trained_on)
+
+
+def _on_slopes(name: str, title: str, policy: str, *law: dict[str, Any], trained_on: str = "") -> Method:
+    """One that regulates its speed by gaits for slopes, on both terrains; PD-centred, a margin of 5 mm."""
+    stones = variant(title, "rl-cbf-clf-qp", policy, SLOPES, PD, *law)
+    return Method(name, title, stones, variant(title, "rl-clf-qp", policy, SLOPES, PD, *law), trained_on)
+
+
+BUILT_IN = (
+    _method("nominal", "nominal, mu'mu", "zero"),
+    _method("nominal-pd", "nominal, PD-centred", "zero", PD),
+    Method("robust", "robust, mu'mu", stones=variant("robust", "robust-cbf-clf-qp", "zero", LIBRARY, MARGIN)),
+    Method("l1", "L1, mu'mu", flat=variant("L1", "l1-clf-qp", "zero", GAIT)),
+    _method(REFERENCE, "identified, PD-centred", "zero", IDENTIFIED, PD),
+    Method(
+        "paper",
+        "the paper's policy",
+        variant("paper", "rl-cbf-clf-qp", "rl-cbf-clf-qp"),
+        variant("paper", "rl-clf-qp", "rl-clf-qp"),
+        PAPER_POLICY,
+    ),
+    _on_slopes("best", "best", "zero", IDENTIFIED, PREDICTED, trained_on=SPEED_MODEL),
+    _on_slopes("best-unlearned", "best, speed by PI control", "zero", IDENTIFIED, PREDICTED, INTEGRAL),
+    _on_slopes("best-nominal", "best, not identified", "zero", trained_on=SPEED_MODEL),
+    _on_slopes("best-neither", "best, neither", "zero", INTEGRAL),
+    _method("oracle", "oracle, PD-centred", "oracle", PD, trained_on=ORACLE),
+    _on_slopes("oracle-slopes", "oracle, gaits for slopes", "oracle", trained_on=ORACLE),
+)
+
+
+def names() -> list[str]:
+    """Of all methods: those built in, then those of packages; raises `MethodError` where two have one name."""
+    own = [each.name for each in BUILT_IN]
+    try:
+        return [*own, *(name for name in plugins.names(GROUP) if name not in own)]
+    except LookupError as error:
+        raise MethodError(str(error)) from error
+
+
+def method(name: str) -> Method:
+    """The one of this name; raises `MethodError`."""
+    for each in BUILT_IN:
+        if each.name == name:
+            return each
+    if name not in names():
+        raise MethodError(f"{name}: expected some of {', '.join(names())}")
+    try:
+        found = plugins.load(GROUP, name)
+    except LookupError as error:
+        raise MethodError(str(error)) from error
+    if not isinstance(found, Method) or found.name != name:
+        raise MethodError(f"{GROUP} {name}: expected a Method of this name, found {found!r}")
+    return found

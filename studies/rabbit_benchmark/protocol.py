@@ -1,0 +1,78 @@
+"""The protocol: which seeds and courses every method gets, and the runs that follow from it."""
+
+import zlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from pydantic import ValidationError
+from rabbit_description.gait import GaitError
+from rabbit_experiments.assembly import AssemblyError
+from rabbit_experiments.evaluation import Walk, episode_seeds
+from rabbit_experiments.provenance import plain, provenance
+from rabbit_experiments.source_code import SourceError
+from rl_cbf_clf_controller.parameters import ParameterError
+from rl_cbf_clf_controller.weights import PolicyFileError
+
+from rabbit_benchmark.cells import Cell
+from rabbit_benchmark.methods import Method
+
+Seeds = Literal["development", "reported"]
+SEEDS: dict[Seeds, int] = {"development": 61001, "reported": 61002}  # nobody tunes on the second
+STONES = 20  # of a course
+
+
+@dataclass(frozen=True)
+class Protocol:
+    """Courses of a cell, and which seeds they have. Methods share courses, cells do not.
+
+    With a lab's `sensors` every plant has them, also those of cells that do not ask for it.
+    """
+
+    courses: int = 10
+    seeds: Seeds = "development"
+    stones: int = STONES
+    sensors: Literal["exact", "lab"] = "exact"
+
+    def walks(self, method: Method, cell: Cell) -> list[Walk]:
+        """A run for each course.
+
+        Raises:
+            CannotTake: the method has no controller for the cell, or one that does not fit.
+        """
+        contender = method.on(cell.terrain)
+        if contender is None:
+            raise CannotTake(f"no controller for {cell.terrain}")
+        seed = SEEDS[self.seeds]
+        courses = episode_seeds(seed + zlib.crc32(cell.name.encode()), cell.courses(self.courses))
+        try:
+            title = f"{method.name}, {cell.name}"
+            walks = []
+            for run, course in courses.items():
+                plant = cell.plant(run, seed) | ({"sensors": "lab"} if self.sensors == "lab" else {})
+                assembly = contender.assembly(stones=self.stones, **plant)
+                walks.append(Walk(assembly, course, run, title=title))
+            walks[0].assembly.make_policy()
+            provenance(plain(walks[0]))
+        except (SourceError, AssemblyError, GaitError, ParameterError, PolicyFileError, ValidationError) as error:
+            raise CannotTake(" ".join(str(error).split())) from error
+        return walks
+
+
+class CannotTake(ValueError):
+    """Why a method is not in a cell."""
+
+
+Plan = dict[tuple[Method, Cell], list[Walk] | str]
+
+
+def plan(protocol: Protocol, methods: Sequence[Method], cells: Sequence[Cell]) -> Plan:
+    """Runs by method and cell, or the reason why there are none."""
+    found: Plan = {}
+    for method in methods:
+        for cell in cells:
+            try:
+                found[method, cell] = protocol.walks(method, cell)
+            except CannotTake as reason:
+                found[method, cell] = str(reason)
+    return found

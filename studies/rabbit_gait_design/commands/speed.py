@@ -1,0 +1,50 @@
+"""How the speed follows from step to step: learned from walks with random changes of the slope."""
+
+import os
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rabbit_common.options import complaints, fail
+from rabbit_common.own_folder import own_folder
+
+app = typer.Typer(add_completion=False)
+FIT_SEED, JUDGE_SEED = 62001, 62003  # of plants and courses; the benchmark has others
+
+
+@app.command()
+def speed(
+    parameters: Annotated[str, typer.Option(help="of the controller: best or a YAML file with its gaits")] = "best",
+    plants: Annotated[int, typer.Option(min=5, max=100_000, help="of the storm, to fit on; 4 walks each")] = 40,
+    others: Annotated[int, typer.Option(min=5, max=100_000, help="plants to judge on")] = 20,
+    out: Annotated[Path, typer.Option(help="folder; one that was stopped there goes on")] = Path("runs/speed"),
+    jobs: Annotated[int | None, typer.Option(min=1, max=4096, help="processes (default: all cores)")] = None,
+) -> None:
+    """Learn the coefficients of `speed_regulation`; print them with their intervals and the errors on other plants."""
+    from itertools import chain
+
+    from rabbit_experiments.assembly import AssemblyError
+    from rabbit_experiments.cache import Cache, JobError
+    from rabbit_experiments.engine import run
+    from rl_cbf_clf_controller.parameters import ParameterError, load_parameters
+    from rl_cbf_clf_controller.speed_regulation import PER_SLOPE, RETAINED
+
+    from rabbit_gait_design.speed_model.fit import NAMES, SpeedModelError, errors, fitted
+    from rabbit_gait_design.speed_model.walks import exploring_walks, gathered
+
+    with complaints(AssemblyError, JobError, ParameterError, SpeedModelError):
+        law = load_parameters(parameters)
+        cache = Cache(own_folder(out, "speed") / "cache")
+        fit, judge = exploring_walks(plants, FIT_SEED, law), exploring_walks(others, JUDGE_SEED, law)
+        try:
+            run(list(chain(*fit, *judge)), cache, jobs or os.cpu_count() or 1)
+        except KeyboardInterrupt:
+            fail("stopped; the same command goes on from the walks that are done", code=130)
+        model = fitted(gathered(fit, cache))
+        wrong, spread = errors(model.coefficients, gathered(judge, cache))
+    print(f"{model.steps} steps on {model.plants} plants, seed {FIT_SEED}")
+    for name, value, half, used in zip(
+        NAMES, model.coefficients, model.half_widths, (RETAINED, *PER_SLOPE), strict=True
+    ):
+        print(f"{name:4} {value:+.3f} +- {half:.3f}   (in use: {used:+.3f})")
+    print(f"on {others} other plants, seed {JUDGE_SEED}: error {wrong:.3f} m/s of {spread:.3f} m/s")

@@ -1,0 +1,89 @@
+"""Walks over random plants in which each step is made for a slope that is changed at random."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+from rabbit_benchmark.cells import Terrain, storm_plant
+from rabbit_experiments.assembly import Assembly, AssemblyError, resolve_policy
+from rabbit_experiments.cache import Cache
+from rabbit_experiments.conditions import EVALUATION_LAG
+from rabbit_experiments.evaluation import SeededRun, episode, episode_seeds
+from rabbit_sim.parameters import SimulationParameters
+from rl_cbf_clf_controller.parameters import ControllerParameters
+from rl_cbf_clf_controller.speed_regulation import SpeedRegulation
+from rl_cbf_clf_controller.step_outputs import LibrarySteps
+
+CHANGE = 2.0  # degrees, the largest
+STEPS = 40
+WALKS = 4  # of each plant
+TERRAINS: tuple[Terrain, ...] = ("flat", "stones")
+
+
+class Steps(BaseModel):
+    """Of each step of a walk from the second on: the slope that it was made for, degrees, and its mean speed less that
+    of its periodic gait, m/s."""
+
+    model_config = ConfigDict(frozen=True)
+
+    slopes: list[float]
+    speeds: list[float]
+
+
+@dataclass
+class ExploringRegulation(SpeedRegulation):
+    """Changes each slope that the regulation chooses at random; `slopes` and `speeds` are of the steps that ended."""
+
+    rng: np.random.Generator
+    slopes: list[float] = field(default_factory=list)
+    speeds: list[float] = field(default_factory=list)
+
+    def after(self, rate_missing: float, speed_missing: float) -> float:
+        """The chosen slope and up to CHANGE more or less, within the library's."""
+        self.slopes.append(self.slope)
+        self.speeds.append(-speed_missing)
+        self.slope = self._clip(super().after(rate_missing, speed_missing) + self.rng.uniform(-CHANGE, CHANGE))
+        return self.slope
+
+
+@dataclass(frozen=True)
+class ExploringWalk(SeededRun):
+    """A walk with random changes of the slope."""
+
+    model = Steps
+
+    def do(self) -> Steps:
+        simulation, controller = self.assembly.build()
+        try:
+            steps = controller.steps
+            if not isinstance(steps, LibrarySteps):
+                raise AssemblyError("gait", f"{self.assembly.controller.gait}: expected a library with slopes")
+            rng = np.random.default_rng([self.seed, 1])
+            exploring = ExploringRegulation(steps.regulation.least, steps.regulation.most, rng)
+            steps.regulation = exploring
+            episode(simulation, controller, self.seed)
+        finally:
+            simulation.close()
+        return Steps(slopes=exploring.slopes, speeds=exploring.speeds)
+
+
+def exploring_walks(plants: int, seed: int, law: ControllerParameters) -> list[list[ExploringWalk]]:
+    """Walks by plant: so many of the storm, those of `seed` without pushes, half of them on flat ground."""
+    courses = iter(episode_seeds(seed, plants * WALKS).values())
+    found = []
+    for number in range(plants):
+        terrain = TERRAINS[number % 2]
+        changes = storm_plant(number, seed, terrain) | {"push": 0.0}
+        about = {"motor_lag": EVALUATION_LAG, "stones": STEPS, "terrain": terrain}
+        plant = SimulationParameters.model_validate(about | changes)
+        own = law if terrain == "stones" else law.model_copy(update={"controller": "rl-clf-qp"})
+        assembly = Assembly(plant, own, resolve_policy(None, own))
+        title = f"plant {number}, {terrain}"
+        found.append([ExploringWalk(assembly, next(courses), title=title) for _ in range(WALKS)])
+    return found
+
+
+def gathered(plants: Sequence[Sequence[ExploringWalk]], cache: Cache) -> list[list[Steps]]:
+    """What was seen of each plant."""
+    return [[cache.get(walk) for walk in walks] for walks in plants]

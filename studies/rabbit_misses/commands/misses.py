@@ -1,0 +1,52 @@
+"""How probable it is that a step misses its stone: fitted on some plants, judged on others."""
+
+import os
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rabbit_common.options import complaints, fail
+from rabbit_common.own_folder import own_folder
+
+app = typer.Typer(add_completion=False)
+
+
+@app.command()
+def misses(
+    parameters: Annotated[str, typer.Option(help="of the controller: ours, best, authors or a YAML file")] = "best",
+    model: Annotated[
+        Path | None, typer.Option(help="file of a fitted model; the command judges it and fits none")
+    ] = None,
+    fit_plants: Annotated[int, typer.Option(min=10, max=100_000, help="of the storm, to fit on")] = 1200,
+    plants: Annotated[int, typer.Option(min=1, max=100_000, help="other ones, to judge on")] = 500,
+    out: Annotated[Path, typer.Option(help="folder; one that was stopped there goes on")] = Path("runs/misses"),
+    jobs: Annotated[int | None, typer.Option(min=1, max=4096, help="processes (default: all cores)")] = None,
+) -> None:
+    """Fit the probability of a miss to walks in the storm, judge it in others: DIR/model.json, DIR/misses.md."""
+    from rabbit_experiments.cache import Cache, JobError
+    from rabbit_experiments.engine import run
+    from rl_cbf_clf_controller.parameters import ParameterError
+
+    from rabbit_misses.model import MissProbability, ModelError
+    from rabbit_misses.report import write
+    from rabbit_misses.study import FIT_SEED, JUDGE_SEED, gathered, judged, stormy_walks
+
+    with complaints(ModelError, ParameterError):
+        loaded = None if model is None else MissProbability.load(model)
+        fit = [] if loaded else stormy_walks(fit_plants, FIT_SEED, parameters)
+        judge = stormy_walks(plants, JUDGE_SEED, parameters)
+    cache = Cache(own_folder(out, "misses") / "cache")
+    try:
+        with complaints(JobError):
+            run([*fit, *judge], cache, jobs or os.cpu_count() or 1)
+    except KeyboardInterrupt:
+        fail("stopped; the same command goes on from the walks that are done", code=130)
+    with complaints(ModelError, OSError):
+        if loaded is None:
+            rows, missed = gathered(fit, cache)
+            about = f"parameters {parameters}, {fit_plants} plants of the storm on stones, seed {FIT_SEED}"
+            loaded = MissProbability.fitted(rows, missed, f"{about}: {len(rows)} steps, {int(missed.sum())} misses")
+        rows, missed = gathered(judge, cache)
+        p = loaded.at(rows)
+        page = write(loaded, judged(p, missed), p, missed, plants, out)
+    print(f"written {page}")

@@ -1,0 +1,184 @@
+"""Is the L1 baseline a fair one? Its gain, law and rate swept; first of all it must beat the CLF-QP at scale 1.2."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter, ScalarFormatter
+from rabbit_experiments.summary import Walks
+from rabbit_viewer import style
+
+from rabbit_reproduce.catalogue.clf_results import STEPS
+from rabbit_reproduce.controllers import CLF, L1_CLF
+from rabbit_reproduce.curves import WIDTH
+from rabbit_reproduce.experiment import Experiment
+from rabbit_reproduce.report import Cell, Claim, Table, judge
+from rabbit_reproduce.table_lines import MAIN, Found, Line, Runs, long_table, walk_table
+
+SCALES = (1.2, 2.0)
+GAINS = (0.01, 0.1, 1.0, 100.0, 1e4)
+RATES = {1: "100 Hz", 10: "1 kHz"}
+LOOKS = {"exact": (style.PURPLE, "o"), "euler": (style.ORANGE, "s")}
+NAMES = {"exact": "exact", "euler": "Euler", "piecewise": "piecewise"}
+WIDE = {"l1_slope_bound": 1e3, "l1_offset_bound": 1e4}
+RUNS = Runs(5, 2)
+TICKS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)  # rad
+CAPTION = (
+    "Tracking error over ten steps on flat ground against L1's adaptation gain, by law and rate; crosses: not all runs "
+    "walked. The piecewise constant law has no gain."
+)
+
+
+@dataclass(frozen=True)
+class Setting:
+    """Of L1; None has no meaning for the piecewise law."""
+
+    law: str
+    gain: float | None
+    substeps: int
+    wide: bool = False
+
+    @property
+    def parameters(self) -> dict[str, Any]:
+        """Of the controller."""
+        gain = {} if self.gain is None else {"l1_gain": self.gain}
+        return {"l1_law": self.law, "l1_substeps": self.substeps, **gain, **(WIDE if self.wide else {})}
+
+    @property
+    def text(self) -> str:
+        """In a table."""
+        gain = "" if self.gain is None else f", gain {self.gain:g}"
+        return f"L1 {NAMES[self.law]}{gain}, {RATES[self.substeps]}{', wide bounds' * self.wide}"
+
+
+DEFAULT = Setting("piecewise", None, 1)
+SWEPT = [Setting("piecewise", None, rate) for rate in RATES] + [
+    Setting(law, gain, rate) for law in LOOKS for rate in RATES for gain in GAINS
+]
+UNBOUND = [Setting(law, 100.0, rate, wide=True) for law in LOOKS for rate in RATES]  # at scale 1.2 only
+
+
+class L1Sweep(Experiment):
+    """Ten steps on flat ground; the main plant alone."""
+
+    name = "l1-sweep"
+    title = "L1-CLF-QP: gain, law and rate"
+    label = "sec:results, Simulation 1"
+    paper = (
+        "L1-CLF-QP bounds the CLF by a small value if the adaptation gain is sufficiently large; at scale 2 it fails. "
+        "Neither gain nor rate are given."
+    )
+    why = (
+        "L1-CLF-QP falls at scale 2 where its gain is small, too slow for an error that changes with mu within a "
+        "step, or where Euler's law diverges. The paper tells neither gain nor rate; its failure may be one of "
+        "these."
+    )
+
+    @cached_property
+    def grid(self) -> dict[tuple[float, Setting], Line]:
+        """A line for each scale and setting."""
+        cases = [(scale, setting) for scale in SCALES for setting in SWEPT] + [(SCALES[0], each) for each in UNBOUND]
+        return {
+            (scale, each): Line(
+                f"{each.text}, scale {scale:g}",
+                L1_CLF.assembly(each.parameters, mass_scale=scale, stones=STEPS),
+                runs=RUNS,
+                columns=(MAIN,),
+            )
+            for scale, each in cases
+        }
+
+    @cached_property
+    def nominal(self) -> dict[float, Line]:
+        """Without L1."""
+        return {
+            scale: Line(
+                f"{CLF.title}, scale {scale:g}",
+                CLF.assembly(mass_scale=scale, stones=STEPS),
+                runs=RUNS,
+                columns=(MAIN,),
+            )
+            for scale in SCALES
+        }
+
+    def lines(self) -> Sequence[Line]:
+        return [*self.nominal.values(), *self.grid.values()]
+
+    def tables(self, found: Found) -> Sequence[Table]:
+        walks = walk_table(self.lines(), found)
+        at = walks.columns.index(found.size.title(MAIN)) + 1
+        errors: list[tuple[Cell, ...]] = [
+            (f"{each.rms('rms_y'):.4f}", f"{each.rms('rms_dy'):.3f}") for each in map(found.walks, self.lines())
+        ]
+        rows = tuple((*row[:at], *error, *row[at:]) for row, error in zip(walks.rows, errors, strict=True))
+        columns = (*walks.columns[:at], "rms of y (rad)", "of its rate (rad/s)", *walks.columns[at:])
+        return Table(name="walks", columns=columns, rows=rows), long_table(self.lines(), found)
+
+    def figures(self, found: Found) -> dict[str, tuple[str, Figure]]:
+        figure, panels = style.figure(len(SCALES), height=2.1, width=WIDTH)
+        for axes, scale in zip(panels, SCALES, strict=True):
+            self._panel(axes, scale, found)
+        style.legend(panels[0], columns=3)
+        panels[-1].set_xlabel("adaptation gain")
+        return {"gain": (CAPTION, figure)}
+
+    def claims(self, found: Found) -> Sequence[Claim]:
+        """Against the CLF-QP, at scale 2, and Euler's law."""
+        little, twice = ({each: found.walks(self.grid[scale, each]) for each in SWEPT} for scale in SCALES)
+        nominal = found.walks(self.nominal[SCALES[0]])
+        best = little[DEFAULT]
+        better = [each for each, walks in little.items() if walks.passes and walks.rms("rms_y") < nominal.rms("rms_y")]
+        failing = [each for each, walks in twice.items() if not walks.passes]
+        unbound = {each: found.walks(self.grid[SCALES[0], each]) for each in UNBOUND}
+        return [
+            Claim(
+                claim=f"L1-CLF-QP beats the CLF-QP at scale {SCALES[0]:g}, so it is built properly",
+                ours=f"rms of y {best.rms('rms_y'):.4f} against {nominal.rms('rms_y'):.4f} rad; better with "
+                f"{len(better)} of {len(SWEPT)} settings",
+                verdict=judge({"walks": best.passes, "better": DEFAULT in better}),
+            ),
+            Claim(
+                claim="L1-CLF-QP fails at scale 2",
+                paper="fails",
+                ours=f"fails with {len(failing)} of {len(SWEPT)} settings"
+                + (": " + "; ".join(each.text for each in failing)) * bool(failing),
+                verdict=judge({"with some": bool(failing), "with all": len(failing) == len(SWEPT)}),
+            ),
+            Claim(
+                claim="a large gain fails by the sampling alone: Euler's law with wide bounds, scale 1.2",
+                ours="; ".join(f"{each.text}: {_outcome(walks)}" for each, walks in unbound.items()),
+            ),
+        ]
+
+    def _panel(self, axes: Axes, scale: float, found: Found) -> None:
+        """Of a scale."""
+        for (law, (colour, marker)), (substeps, rate) in ((a, b) for a in LOOKS.items() for b in RATES.items()):
+            walks = [found.walks(self.grid[scale, Setting(law, gain, substeps)]) for gain in GAINS]
+            line, fill = ("-", colour) if substeps == 1 else ("--", "white")
+            look: dict[str, Any] = {"color": colour, "marker": marker, "linestyle": line, "markerfacecolor": fill}
+            axes.plot(GAINS, _errors(walks), label=f"{NAMES[law]}, {rate}", markersize=4, **look)
+            bad = [not each.passes for each in walks]
+            axes.plot(np.array(GAINS)[bad], _errors(walks)[bad], "x", color=style.RED, markersize=9)
+        levels: Mapping[str, tuple[Line, str, str]] = {
+            "piecewise, 100 Hz": (self.grid[scale, DEFAULT], style.GREEN, ":"),
+            CLF.title: (self.nominal[scale], CLF.colour, CLF.line),
+        }
+        for label, (line_, colour, look_) in levels.items():
+            axes.axhline(found.walks(line_).rms("rms_y"), color=colour, linestyle=look_, label=label)
+        axes.set(xscale="log", yscale="log", ylabel="rms of $y$ (rad)")
+        axes.yaxis.set_major_formatter(ScalarFormatter())
+        axes.yaxis.set_minor_formatter(NullFormatter())
+        axes.set_yticks([tick for tick in TICKS if axes.get_ylim()[0] <= tick <= axes.get_ylim()[1]])
+        axes.set_title(f"scale {scale:g}", loc="right", fontsize=9)
+
+
+def _errors(walks: Sequence[Walks]) -> Any:
+    return np.array([each.rms("rms_y") for each in walks])
+
+
+def _outcome(walks: Walks) -> str:
+    return "walks" if walks.passes else f"fails after {walks.mean_stones:.1f} steps"

@@ -1,0 +1,70 @@
+"""The controllers that are compared, in the order and colours of every table and figure. A new one is a line here."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from rabbit_experiments.assembly import Assembly, resolve_policy
+from rabbit_experiments.conditions import EVALUATION_LAG
+from rabbit_sim.parameters import SimulationParameters
+from rabbit_viewer import style
+from rl_cbf_clf_controller.parameters import load_parameters
+
+
+@dataclass(frozen=True)
+class Contender:
+    """A controller by name, its policy (its own where None), how it is drawn, and parameters beside its name."""
+
+    title: str
+    controller: str
+    colour: str
+    policy: str | None = None
+    line: str = "-"
+    law: tuple[tuple[str, Any], ...] = ()
+
+    def with_policy(self, policy: str) -> "Contender":
+        """The same with another policy, by name or file."""
+        return replace(self, policy=policy)
+
+    def assembly(self, law: dict[str, Any] | None = None, /, **plant: Any) -> Assembly:
+        """On its own terrain, with the lag of evaluation; `law` are more controller parameters, `plant` the plant's.
+
+        Raises:
+            AssemblyError: no policy is shipped for it.
+        """
+        controller = load_parameters("ours", controller=self.controller, **dict(self.law), **(law or {}))
+        terrain = controller.terrain
+        simulation = SimulationParameters.model_validate({"motor_lag": EVALUATION_LAG, "terrain": terrain, **plant})
+        return Assembly(simulation, controller, resolve_policy(self.policy, controller))
+
+
+RL_CLF = Contender("RL-CLF-QP", "rl-clf-qp", style.BLUE)
+IO_RL = Contender("IO-RL + CLF-QP", "io-rl-clf-qp", style.ORANGE)
+CLF = Contender("nominal CLF-QP", "clf-qp", style.BLACK, line="--")
+CLF_ORACLE = Contender("RL-CLF-QP, oracle", "rl-clf-qp", style.GREEN, "oracle", ":")
+L1_CLF = Contender("L1-CLF-QP", "l1-clf-qp", style.PURPLE, line="-.")
+FLAT = (RL_CLF, IO_RL, L1_CLF, CLF)
+
+RL_CBF_CLF = Contender("RL-CBF-CLF-QP", "rl-cbf-clf-qp", style.BLUE)
+CBF_CLF = Contender("nominal CBF-CLF-QP", "cbf-clf-qp", style.BLACK, line="--")
+CBF_CLF_ORACLE = Contender("RL-CBF-CLF-QP, oracle", "rl-cbf-clf-qp", style.GREEN, "oracle", ":")
+ROBUST = Contender("robust CBF-CLF-QP", "robust-cbf-clf-qp", style.PURPLE, line="-.")
+STONES = (RL_CBF_CLF, ROBUST, CBF_CLF)
+RL_CBF_CLF_LIGHT = Contender("RL-CBF-CLF-QP trained at 0.7", "rl-cbf-clf-qp", style.SKY, "rl-cbf-clf-qp-scale-0.7")
+
+UNIVERSAL = str(Path(__file__).with_name("universal.safetensors"))  # withdrawn: gains nowhere, harms outside the map
+
+LIBRARY = {"gait": "paper_stones"}  # presses on the ground under every payload (gaits.md), and so does this one:
+SLOPES = {"gait": "slopes"}
+GAIT = {"gait": "stones_0350_084"}
+MARGIN = {"stone_margin": 0.01}
+PD = {"objective": "pd_centred"}
+IDENTIFIED = {"adaptation": "identification"}
+PREDICTED = {"prediction": True}
+INTEGRAL = {"speed_regulation": "integral"}
+
+
+def variant(title: str, controller: str, policy: str, *law: dict[str, Any]) -> Contender:
+    """One that stands in a map, so without a colour of its own."""
+    parameters = {name: value for each in law for name, value in each.items()}
+    return Contender(title, controller, style.BLACK, policy, law=tuple(parameters.items()))

@@ -1,0 +1,94 @@
+"""Curves of the paper's figures: errors and force ratio over time, and rates over a parameter."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from rabbit_description.force_ratio import force_ratio
+from rabbit_description.state import TICK_SECONDS, Array
+from rabbit_experiments.metrics import IMPACT_TICKS
+from rabbit_experiments.summary import Walks, wilson
+from rabbit_experiments.walk_records import WalkRecords
+from rabbit_viewer import style
+from rl_cbf_clf_controller.uncertainty import INPUTS
+
+from rabbit_reproduce.controllers import Contender
+
+WIDTH = 7.2  # inches, both columns of a paper
+RATIO_TOP = (1.0, 2.0)  # of the panel, at least and at most
+PANELS = (r"$\|y\|$ (rad)", r"$\|\dot y\|$ (rad/s)", r"$|F_T / F_N|$")
+
+
+def late_and_impact_ratio(walk: WalkRecords) -> tuple[Array, Array]:
+    """|F_T| / F_N of the stance foot, (n,), more than 30 ms after an impact and within; NaN elsewhere and unloaded."""
+    ratio = force_ratio(walk.stance_force)
+    starts = walk.tick[walk.step_starts]
+    age = walk.tick - starts[np.searchsorted(starts, walk.tick, side="right") - 1]
+    late = age >= IMPACT_TICKS
+    return np.where(late, ratio, np.nan), np.where(late, np.nan, ratio)
+
+
+def tracking_figure(walks: Mapping[Contender, WalkRecords]) -> Figure:
+    """Tracking error, its derivative and force ratio over time, a curve a controller; a cross where it ended badly."""
+    figure, panels = style.figure(len(PANELS), height=1.75, width=WIDTH)
+    for contender, walk in walks.items():
+        look: dict[str, Any] = {"color": contender.colour, "linestyle": contender.line, "linewidth": 1}
+        late, impact = late_and_impact_ratio(walk)
+        y, dy = (np.linalg.norm(part, axis=1) for part in (walk.eta[:, :INPUTS], walk.eta[:, INPUTS:]))
+        for axes, values in zip(panels, (y, dy, late), strict=True):
+            axes.plot(walk.time, values, label=contender.title if axes is panels[0] else None, **look)
+        panels[2].plot(walk.time, impact, ".", color=contender.colour, markersize=2, alpha=0.5)
+        if walk.about["outcome"] != "walked":
+            for axes, values in zip(panels[:2], (y, dy), strict=True):
+                axes.plot(walk.time[-1], values[-1], "x", color=contender.colour, markersize=7, clip_on=False)
+    finish_ratio(panels[2], next(iter(walks.values())))
+    for axes, label in zip(panels, PANELS, strict=True):
+        axes.set_ylabel(label)
+    for axes in panels[:2]:
+        axes.set_ylim(bottom=0)
+    style.legend(panels[0])
+    panels[-1].set_xlabel("time (s)")
+    panels[-1].set_xlim(0, max(len(walk.tick) for walk in walks.values()) * TICK_SECONDS)
+    figure.align_ylabels(panels)
+    return figure
+
+
+def finish_ratio(axes: Axes, walk: WalkRecords) -> None:
+    """Limit and range of a panel of force ratios."""
+    limit = float(walk.about["friction_coeff"])
+    style.limit(axes, limit, f"$k_f$ = {limit:g}")
+    axes.set_ylim(0, 1.05 * float(np.clip(axes.dataLim.y1, *RATIO_TOP)))
+    style.legend(axes)
+
+
+def rate_figure(
+    values: Sequence[float],
+    walks: Mapping[Contender, Sequence[Walks]],
+    label: str,
+    scale: float = 1.0,
+    marks: Sequence[tuple[Contender, float]] = (),
+) -> Figure:
+    """Share of runs that walked over a parameter, with Wilson's 95% interval; `scale` brings it to the label's unit.
+
+    `marks`: values that the paper names, each a vertical line in its controller's colour.
+    """
+    figure, (axes,) = style.figure(1, height=2.8, width=WIDTH / 1.3)
+    x = np.array(values) * scale
+    shift = 0.008 * float(np.ptp(x))  # beside one another, where they would hide each other
+    for i, (contender, row) in enumerate(walks.items()):
+        at = x + shift * (i - (len(walks) - 1) / 2)
+        rate = np.array([each.walked / each.runs for each in row])
+        ends = np.array([wilson(each.walked, each.runs) for each in row]).T
+        bars = np.abs(ends - rate)
+        look: dict[str, Any] = {"color": contender.colour, "linestyle": contender.line, "marker": "o"}
+        axes.plot(at, rate, markersize=4, label=contender.title, **look)
+        axes.errorbar(at, rate, yerr=bars, fmt="none", ecolor=contender.colour, elinewidth=0.8, alpha=0.45)
+    for contender, value in marks:
+        axes.axvline(value * scale, color=contender.colour, linewidth=3, alpha=0.25, label=f"paper: {contender.title}")
+    axes.set(xlabel=label, ylabel="courses walked", ylim=(-0.03, 1.03))
+    handles, labels = axes.get_legend_handles_labels()
+    once = dict(zip(labels, handles, strict=True))
+    axes.legend(once.values(), once.keys(), loc="lower left", bbox_to_anchor=(0, 1), ncols=2, borderaxespad=0.2)
+    return figure

@@ -1,0 +1,102 @@
+"""What every experiment is: claims of the paper, the lines of its table, and its figures."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from pathlib import Path
+from typing import ClassVar
+
+from matplotlib.figure import Figure
+from rabbit_experiments import provenance
+from rabbit_experiments.assembly import Assembly
+from rabbit_experiments.evaluation import SeededRun
+from rabbit_experiments.training_setup import POLICY
+from rabbit_viewer import style
+
+from rabbit_reproduce.recipes import Recipe
+from rabbit_reproduce.report import Claim, Report, Table
+from rabbit_reproduce.setting import OURS
+from rabbit_reproduce.table_lines import RIGID, Found, Line, Size, long_table, walk_table
+from rabbit_reproduce.training import that_made
+
+
+class Experiment(ABC):
+    """One figure or claim of the paper. `label` is the paper's own, in brackets, or the section's name.
+
+    One that `needs_training` is made with `--retrain` only. `why` tells why ours differs from the paper, where it does.
+    """
+
+    name: str
+    title: str
+    label: str
+    paper: str
+    why: str = ""
+    judged_on_rigid: ClassVar[bool] = False  # all claims hold of any plant's walks, but for those made on `MAIN` alone
+    needs_training: ClassVar[bool] = False
+
+    def lines(self) -> Sequence[Line]:
+        """What walks."""
+        return ()
+
+    @abstractmethod
+    def claims(self, found: Found) -> Sequence[Claim]:
+        """The verdicts."""
+
+    def recorded(self) -> Sequence[Line]:
+        """Lines whose first run a figure shows."""
+        return ()
+
+    def figures(self, found: Found) -> dict[str, tuple[str, Figure]]:
+        """Caption and figure by name."""
+        return {}
+
+    def jobs(self, size: Size) -> list[SeededRun]:
+        """Every run it needs."""
+        scenarios = [line.scenario(size, column) for line in self.lines() for column in size.columns(line.columns)]
+        recorded = [line.scenario(size).recorded for line in self.recorded()]
+        return [*(job for scenario in scenarios for job in scenario.walks), *recorded]
+
+    def trainings(self, size: Size) -> list[Recipe]:
+        """What `--retrain` trains for it: the shipped policies that it uses."""
+        return that_made(each.policy for job in self.jobs(size) for each in job.assemblies)
+
+    def tables(self, found: Found) -> Sequence[Table]:
+        """Of its lines."""
+        return (walk_table(self.lines(), found), long_table(self.lines(), found))
+
+    def _learned(self, found: Found) -> list[SeededRun]:
+        """Jobs with a policy file."""
+        return [job for job in self.jobs(found.size) if job.assembly.policy not in ("zero", "oracle")]
+
+    def _claims(self, found: Found) -> list[Claim]:
+        """With the verdicts on the rigid plant."""
+        is_beside = self.judged_on_rigid and found.size.columns([RIGID])
+        beside = self.claims(found.on_rigid) if is_beside else ()
+        verdicts = {claim.claim: claim.verdict for claim in beside}
+        return [claim.model_copy(update={"on_rigid": verdicts.get(claim.claim)}) for claim in self.claims(found)]
+
+    def report(self, found: Found) -> tuple[Report, dict[str, Figure]]:
+        """From results that are all there; raises `LookupError` where one is not."""
+        with style.look():
+            figures = self.figures(found)
+        report = Report(
+            name=self.name,
+            title=self.title,
+            label=self.label,
+            paper=self.paper,
+            why=self.why,
+            quick=found.size.quick,
+            retrained=found.size.trained is not None,
+            setting={} if found.size.setting == OURS else found.size.setting.model_dump(exclude_defaults=True),
+            commit=provenance.commit(),
+            policies={policy_name(job.assembly): found.policy(job.assembly) for job in self._learned(found)},
+            claims=tuple(self._claims(found)),
+            tables=tuple(self.tables(found)),
+            figures={name: caption for name, (caption, _) in figures.items()},
+        )
+        return report, {name: figure for name, (_, figure) in figures.items()}
+
+
+def policy_name(assembly: Assembly) -> str:
+    """What a policy file is called: its own name, or its training's."""
+    path = Path(assembly.policy)
+    return path.parent.name if path.name == POLICY else path.stem

@@ -1,0 +1,195 @@
+"""Lines of a table: assemblies, their runs on four plants (PyBullet and rigid, with the motors' lag and without)."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+from rabbit_experiments.assembly import Assembly
+from rabbit_experiments.cache import Cache
+from rabbit_experiments.conditions import EVALUATION_LAG
+from rabbit_experiments.evaluation import Scenario, SeededRun
+from rabbit_experiments.summary import Walks
+from rabbit_experiments.walk_records import WalkRecords
+
+from rabbit_reproduce.command_lines import evaluate_command
+from rabbit_reproduce.report import Cell, Table, Verdict
+from rabbit_reproduce.setting import OURS, Setting
+from rabbit_reproduce.training import Trained
+
+SUMMED = (
+    *("ticks", "ticks_over_cone", "ticks_over_cone_at_impact", "ticks_lost", "ticks_lost_at_impact"),
+    *("missed_stones", "saturated_ticks", "slack_ticks", "rescue_ticks", "qp_unanswered_ticks"),
+    "ecbf_start_violations",
+)
+PLANT_TITLES = {"pybullet": "PyBullet", "mujoco": "MuJoCo", "rigid": "rigid"}
+SEED = 50001  # of every course and first state here, where a line has no other, and of nothing else
+
+
+@dataclass(frozen=True)
+class Column:
+    """A plant; PyBullet stands for that of the setting."""
+
+    title: str
+    plant: Literal["pybullet", "rigid"]
+    lag: float  # s
+
+
+MAIN = Column("PyBullet", "pybullet", EVALUATION_LAG)
+RIGID = Column("rigid", "rigid", EVALUATION_LAG)  # the paper's own kind
+COLUMNS = (
+    MAIN,
+    Column("PyBullet, no lag", "pybullet", 0.0),
+    RIGID,
+    Column("rigid, no lag", "rigid", 0.0),
+)
+
+
+@dataclass(frozen=True)
+class Runs:
+    """Of a line on the main plant, where they are not the size's own."""
+
+    whole: int
+    quick: int
+
+
+@dataclass(frozen=True)
+class Size:
+    """How many runs: of a line on the main plant, and on each of the others; what `--retrain` has `trained`, if so.
+
+    And in which setting, and with which seed.
+    """
+
+    quick: bool
+    runs: int
+    beside: int
+    trained: Trained | None = None
+    setting: Setting = OURS
+    seed: int = SEED
+
+    def own(self, assembly: Assembly) -> Assembly:
+        """The same assembly in this setting; it takes the retrained policy if there is one."""
+        assembly = self.setting.own(assembly) if self.setting != OURS else assembly
+        return self.trained.own(assembly) if self.trained else assembly
+
+    def columns(self, columns: Sequence["Column"]) -> list["Column"]:
+        """Those with runs, none there twice: the setting's plant is the main one."""
+        beside = [each for each in columns if each.plant == "pybullet" or each.plant != self.setting.plant]
+        return [each for each in beside if self.beside or each is MAIN]
+
+    def title(self, column: "Column") -> str:
+        """Of a column."""
+        return column.title.replace(MAIN.title, PLANT_TITLES[self.setting.plant])
+
+
+FULL, QUICK = Size(False, 10, 4), Size(True, 2, 1)
+HEADLINE = Runs(20, 3)  # of the paper's own figures
+
+
+@dataclass(frozen=True)
+class Line:
+    """A line of a table; `nominal` is the nominal controller's on the same plant, if passing there shows nothing."""
+
+    what: str
+    assembly: Assembly
+    paper: str = ""
+    runs: Runs | None = None
+    columns: tuple[Column, ...] = COLUMNS
+    nominal: "Line | None" = None
+    seed: int | None = None  # the size's
+
+    def scenario(self, size: Size, column: Column = MAIN) -> Scenario:
+        """Its runs on a plant."""
+        plant = self.assembly.simulation.model_copy(update={"plant": column.plant, "motor_lag": column.lag})
+        assembly = size.own(replace(self.assembly, simulation=plant))
+        seed = size.seed if self.seed is None else self.seed
+        return Scenario(assembly, self._runs(size, column), seed, self.what)
+
+    def _runs(self, size: Size, column: Column) -> int:
+        if column is not MAIN:
+            return size.beside
+        own = self.runs or Runs(size.runs, size.runs)
+        return own.quick if size.quick else own.whole
+
+
+@dataclass(frozen=True)
+class Found:
+    """Results that are in the cache, of runs of one size; `column` is the plant whose walks are meant."""
+
+    cache: Cache
+    size: Size
+    column: Column = MAIN
+
+    @property
+    def on_rigid(self) -> "Found":
+        """The same runs on the paper's own kind of plant."""
+        return replace(self, column=RIGID)
+
+    def result(self, job: SeededRun) -> Any:
+        """A run's; raises `LookupError` where it was not made."""
+        result = self.cache.get(job)
+        if result is None:
+            raise LookupError(f"{job.title}, seed {job.seed}: expected a result in {self.cache.path}")
+        return result
+
+    def policy(self, assembly: Assembly) -> str:
+        """The version of its policy, a hash of the policy's bytes."""
+        return assembly.make_policy().version
+
+    def walks(self, line: Line, column: Column | None = None) -> Walks:
+        """The runs of a line on a plant."""
+        return Walks([self.result(job).row for job in line.scenario(self.size, column or self.column).walks])
+
+    def records(self, line: Line) -> WalkRecords:
+        """All ticks of a line's first run, on the main plant."""
+        records: WalkRecords = self.result(line.scenario(self.size).recorded)
+        return records
+
+
+def walk_table(lines: Sequence[Line], found: Found) -> Table:
+    """What, the paper's figure, each plant, whether it shows nothing, forces and the command."""
+    plants = found.size.columns([column for column in COLUMNS if any(column in line.columns for line in lines)])
+    paper, nominal = any(line.paper for line in lines), any(line.nominal for line in lines)
+    columns = (
+        *("what", *("paper",) * paper, *map(found.size.title, plants), *("shows",) * nominal),
+        *("over cone, lost", "largest ratio", "command"),
+    )
+    rows: list[tuple[Cell, ...]] = []
+    for line in lines:
+        main = found.walks(line)
+        forces = f"{main.total('ticks_over_cone')}, {main.total('ticks_lost')} of {main.total('ticks')}"
+        cells = [found.walks(line, column).text if column in line.columns else None for column in plants]
+        command = f"`{evaluate_command(line.scenario(found.size))}`"
+        head = (line.what, *(line.paper,) * paper, *cells, *(shows(line, found),) * nominal)
+        rows.append((*head, forces, f"{main.max_ratio:.2f}", command))
+    return Table(name="walks", columns=columns, rows=tuple(rows))
+
+
+def shows(line: Line, found: Found) -> str | None:
+    """Of a line that walks: whether it shows anything, the nominal controller passing too or not."""
+    if line.nominal is None or not found.walks(line).passes:
+        return None
+    return str(Verdict.NOTHING) if found.walks(line.nominal).passes else "nominal fails"
+
+
+def long_table(lines: Sequence[Line], found: Found) -> Table:
+    """A row for each line and plant."""
+    columns = (
+        *("what", "plant", "motor_lag", "policy", "seed", "runs", "walked", "low95", "high95", "walked_with_forces"),
+        *("mean_stones", "mean_low95", "mean_high95", "std_stones", "max_force_ratio", "rms_y", "rms_dy"),
+        *(*SUMMED, "falls", "command"),
+    )
+    rows = tuple(_long_row(line, column, found) for line in lines for column in found.size.columns(line.columns))
+    return Table(name="runs", columns=columns, rows=rows, long=True)
+
+
+def _long_row(line: Line, column: Column, found: Found) -> tuple[Cell, ...]:
+    walks, scenario = found.walks(line, column), line.scenario(found.size, column)
+    policy = found.policy(scenario.assembly)
+    return (
+        *(line.what, scenario.assembly.simulation.plant, column.lag, policy, scenario.seed, walks.runs, walks.walked),
+        *(*walks.interval, walks.with_forces, walks.mean_stones, *(walks.stones_interval or (None, None))),
+        *(walks.std_stones, walks.max_ratio, walks.rms("rms_y"), walks.rms("rms_dy")),
+        *(walks.total(name) for name in SUMMED),
+        "; ".join(f"{kind} {count}" for kind, count in sorted(walks.falls.items())),
+        evaluate_command(scenario),
+    )

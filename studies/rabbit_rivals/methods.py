@@ -1,0 +1,100 @@
+"""What enters the benchmark from here; a method whose file or library is missing is left blank, with the reason."""
+
+from dataclasses import dataclass
+from importlib.util import find_spec
+from typing import Any
+
+from rabbit_benchmark.methods import Method
+from rabbit_description.gait import load_gaits
+from rabbit_experiments.assembly import Assembly, AssemblyError, make_simulation
+from rabbit_reproduce.controllers import LIBRARY, MARGIN, Contender, variant
+from rabbit_sim.simulation import Simulation
+from rabbit_viewer import style
+from rl_cbf_clf_controller.policy import Policy
+
+from rabbit_rivals.gp_controller import GpController, gp_policy
+from rabbit_rivals.joint_targets import JointTargetController, network_policy, reference_alone
+from rabbit_rivals.model_file import SHIPPED
+
+CONFIDENCE = 1.0  # standard deviations; with 2, 40 % of the ticks on flat ground would be infeasible
+
+
+class GpAssembly(Assembly):
+    """With the cone programme; `policy` is a file of GPs."""
+
+    def build(self) -> tuple[Simulation, GpController]:
+        gait = load_gaits(self.controller.gait)
+        return make_simulation(self.simulation, gait), GpController(self.controller, gait, self.make_policy())
+
+    def make_policy(self) -> Policy:
+        if not find_spec("clarabel"):
+            raise AssemblyError("policy", "it needs the library clarabel, which is not installed")
+        return gp_policy(self.policy, self.controller.problem, CONFIDENCE)
+
+
+class JointTargetAssembly(Assembly):
+    """With joint targets; `policy` is a file of a network."""
+
+    def build(self) -> tuple[Simulation, JointTargetController]:
+        gait = load_gaits(self.controller.gait)
+        return make_simulation(self.simulation, gait), JointTargetController(self.controller, gait, self.make_policy())
+
+    def make_policy(self) -> Policy:
+        return reference_alone() if self.policy == "zero" else network_policy(self.policy)
+
+
+@dataclass(frozen=True)
+class FileContender(Contender):
+    """A controller whose policy is a model file, in an assembly of its own `kind`."""
+
+    kind: type[Assembly] = Assembly
+
+    def assembly(self, law: dict[str, Any] | None = None, /, **plant: Any) -> Assembly:
+        whole = super().assembly(law, **plant)
+        return self.kind(whole.simulation, whole.controller, whole.policy)
+
+
+def _with(kind: type[Assembly], title: str, controller: str, policy: str, *law: dict[str, Any]) -> FileContender:
+    given = tuple(item for each in law for item in each.items())
+    return FileContender(title, controller, style.BLACK, policy, law=given, kind=kind)
+
+
+def _joint_targets(name: str, title: str, policy: str, trained_on: str) -> Method:
+    """The paths of the gait library in the steps on both terrains."""
+    stones = _with(JointTargetAssembly, title, "cbf-clf-qp", policy, LIBRARY, MARGIN)
+    return Method(name, title, stones, _with(JointTargetAssembly, title, "clf-qp", policy, LIBRARY), trained_on)
+
+
+def _estimates(name: str, title: str, trained_on: str) -> Method:
+    """A policy file for each terrain, with the gait that it was trained on, as the paper's policy."""
+    stones = variant(title, "rl-cbf-clf-qp", shipped(f"{name}-stones"))
+    return Method(name, title, stones, variant(title, "rl-clf-qp", shipped(f"{name}-flat")), trained_on)
+
+
+def shipped(name: str) -> str:
+    """The file of a model that comes with this package."""
+    return str(SHIPPED / f"{name}.safetensors")
+
+
+GP_SOCP = Method(
+    "gp-socp",
+    "GP-CBF-CLF-SOCP",
+    _with(GpAssembly, "GP-SOCP", "rl-cbf-clf-qp", shipped("gp-socp-stones")),
+    _with(GpAssembly, "GP-SOCP", "rl-clf-qp", shipped("gp-socp-flat")),
+    "GPs at mass scale 2, no motor lag, seed 1: 6,727 transitions on stones, 7,567 on flat ground",
+)
+PPO_TRAINING = "PPO in MuJoCo at mass scale 2, 4 ms motor lag, seed 1: 638,976 ticks (1.8 h of walking)"
+PD = _joint_targets("pd", "PD on the gait library", "zero", "")
+PPO = _joint_targets("ppo", "PPO, joint targets", shipped("ppo"), PPO_TRAINING)
+SAC_TRAINING = "SAC in MuJoCo at mass scale 2, 4 ms motor lag, seed 1: 700,000 ticks (1.9 h of walking)"
+SAC = _joint_targets("sac", "SAC, joint targets", shipped("sac"), SAC_TRAINING)
+DDPG_SB3 = _estimates(
+    "ddpg-sb3",
+    "DDPG of stable-baselines3",
+    "DDPG at mass scale 2, no motor lag, seed 1: 20,000 ticks on stones, 20,000 on flat ground",
+)
+REGRESSION = _estimates(
+    "regression",
+    "regression",
+    "supervised, at mass scale 2, no motor lag, seed 1: 6,800 transitions on stones, 7,151 on flat ground",
+)

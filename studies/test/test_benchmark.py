@@ -1,0 +1,131 @@
+"""The benchmark: its statistics, its cells and storm, methods of someone else, and a run that goes on."""
+
+import csv
+from pathlib import Path
+
+import pytest
+from rabbit_benchmark import methods
+from rabbit_benchmark.cells import CellError, cells, chosen, storm, storm_plant
+from rabbit_benchmark.comparison import holm, paired
+from rabbit_benchmark.methods import BUILT_IN, MethodError, method
+from rabbit_benchmark.protocol import SEEDS, Protocol, plan
+from rabbit_benchmark.report import Benchmark
+from rabbit_experiments.cache import Cache
+from rabbit_experiments.engine import run
+from rabbit_sim.parameters import SimulationParameters
+from rl_cbf_clf_controller.parameters import load_parameters
+
+TINY = Protocol(courses=1, stones=1)
+
+
+def test_the_sign_test_is_binomial_over_discordant_courses() -> None:
+    five = paired([True] * 5 + [True, False], [False] * 5 + [True, False])
+    assert (five.courses, five.only_this, five.only_other) == (7, 5, 0)
+    assert five.p_value == pytest.approx(2 * 0.5**5)
+    assert paired([True, False], [True, False]).p_value == 1
+    assert paired([True, False], [False, True]).p_value == 1
+
+
+def test_holm_multiplies_the_least_by_all_and_never_decreases() -> None:
+    assert holm([0.01, 0.04, 0.03]) == pytest.approx([0.03, 0.06, 0.06])
+    assert holm([0.9, 0.8]) == [1, 1]
+    assert holm([]) == []
+
+
+def test_every_cell_is_a_plant() -> None:
+    for cell in cells().values():
+        SimulationParameters(**cell.plant(0, SEEDS["reported"]))
+    inside = [cell for cell in cells().values() if cell.map == "inside"]
+    assert len(inside) == 2 * 20
+
+
+def test_the_storm_is_drawn_by_its_seed_within_its_ranges() -> None:
+    for terrain in ("stones", "flat"):
+        drawn = [storm_plant(number, SEEDS["reported"], terrain) for number in range(100)]
+        assert drawn == [storm_plant(number, SEEDS["reported"], terrain) for number in range(100)]
+        assert drawn != [storm_plant(number, SEEDS["development"], terrain) for number in range(100)]
+        for plant in drawn:
+            SimulationParameters(**plant)
+            for name, value in plant.items() - storm().choices.items():
+                low, high = storm().on(terrain)[name]
+                assert low <= value <= high
+    assert "stone_height" not in storm().on("flat")
+    assert cells()["flat/storm"].courses(10) == 100
+
+
+def test_methods_share_courses_and_cells_do_not() -> None:
+    nominal, identified = method("nominal"), method("identified")
+    one, other = chosen(["flat/scale-1", "flat/scale-2"])
+    seeds = {
+        (name, cell.name): [walk.seed for walk in TINY.walks(each, cell)]
+        for name, each in (("nominal", nominal), ("identified", identified))
+        for cell in (one, other)
+    }
+    assert seeds["nominal", one.name] == seeds["identified", one.name] != seeds["nominal", other.name]
+
+
+def test_cells_are_chosen_by_name_pattern_or_map() -> None:
+    assert [cell.name for cell in chosen(["storm", "flat/scale-1"])] == ["stones/storm", "flat/scale-1", "flat/storm"]
+    assert {cell.map for cell in chosen(["inside"])} == {"inside"}
+    assert len(chosen(["inside"])) + len(chosen(["outside"])) + len(chosen(["storm"])) == len(cells())
+
+
+def test_with_a_lab_s_sensors_the_courses_are_the_same() -> None:
+    one, cell = method("best"), cells()["flat/scale-1"]
+    exact, lab = (Protocol(courses=2, sensors=each).walks(one, cell) for each in ("exact", "lab"))
+    assert [walk.seed for walk in exact] == [walk.seed for walk in lab]
+    assert {walk.assembly.simulation.sensors for walk in exact} == {"exact"}
+    assert {walk.assembly.simulation.sensors for walk in lab} == {"lab"}
+
+
+def test_the_method_best_is_the_parameter_file_best() -> None:
+    best = method("best")
+    assert best.stones
+    assert best.flat
+    assert best.stones.assembly().controller == load_parameters("best")
+    assert best.flat.assembly().controller == load_parameters("best", "flat")
+
+
+def test_an_unknown_cell_or_method_is_named() -> None:
+    with pytest.raises(CellError, match="flat/moon"):
+        chosen(["flat/moon"])
+    with pytest.raises(MethodError, match="nobody"):
+        method("nobody")
+
+
+def test_what_an_entry_point_brings_must_be_a_method(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(methods.plugins, "names", lambda group: ("mine",))
+    monkeypatch.setattr(methods.plugins, "load", lambda group, name: "text")
+    with pytest.raises(MethodError, match="expected a Method"):
+        method("mine")
+
+
+def test_a_benchmark_goes_on_and_leaves_a_blank_with_its_reason(tmp_path: Path) -> None:
+    entered = [each for each in BUILT_IN if each.name in ("nominal-pd", "robust", "identified")]
+    wanted, cache = chosen(["flat/scale-1"]), Cache(tmp_path / "cache")
+    runs = plan(TINY, entered, wanted)
+    jobs = [job for each in runs.values() if not isinstance(each, str) for job in each]
+    assert run(jobs[:1], cache) == 1
+    assert run(jobs, cache) == 1
+    page = Benchmark.from_cache(TINY, entered, wanted, runs, cache).write(tmp_path)
+    rows = {row["method"]: row for row in csv.DictReader((tmp_path / "benchmark.csv").open())}
+    assert rows["robust"]["reason"] == "no controller for flat"
+    assert rows["robust"]["walked"] == ""
+    assert rows["identified"]["courses"] == "1"
+    assert "robust is blank where it has no controller for flat" in page.read_text()
+    assert all((tmp_path / name).stat().st_size > 0 for name in ("maps.png", "cells.png"))
+
+
+def test_a_map_s_courses_are_those_of_its_cells(tmp_path: Path) -> None:
+    entered = [each for each in BUILT_IN if each.name in ("nominal-pd", "robust")]
+    wanted, cache = chosen(["flat/scale-1", "flat/scale-3", "flat/scale-2-slope-2"]), Cache(tmp_path / "cache")
+    runs = plan(TINY, entered, wanted)
+    run([job for each in runs.values() if not isinstance(each, str) for job in each], cache)
+    page = Benchmark.from_cache(TINY, entered, wanted, runs, cache).write(tmp_path).read_text()
+    rows = csv.DictReader((tmp_path / "benchmark.csv").open())
+    inside = sum(int(row["walked"]) for row in rows if row["method"] == "nominal-pd" and "slope" not in row["cell"])
+    lines = [line for line in page.partition("each map")[2].splitlines() if line.startswith("| ")]
+    assert lines[0] == "| method | inside, flat | outside, flat |"
+    nominal, robust = (line.split(" | ") for line in lines[2:4])
+    assert nominal[1].startswith(f"{inside} of 2 (")
+    assert robust[1:] == ["", " |"]

@@ -1,0 +1,104 @@
+"""The methods as the benchmark takes them, and files that are refused."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cbf_clf_qp.clf import ResClf
+from rabbit_benchmark.cells import cells
+from rabbit_benchmark.methods import method
+from rabbit_benchmark.protocol import CannotTake, Protocol
+from rabbit_description.gait import load_gaits
+from rabbit_experiments.provenance import plain
+from rabbit_rivals import methods
+from rabbit_rivals.gp_controller import GpAbout, GpController, GpPolicy
+from rabbit_rivals.joint_targets import NetworkAbout
+from rabbit_rivals.model_file import SHIPPED, ModelFile, read
+from rl_cbf_clf_controller.weights import PolicyFileError
+
+TINY = Protocol(courses=1, stones=1)
+
+
+@pytest.mark.parametrize("name", ["ddpg-sb3", "gp-socp", "pd", "ppo", "regression", "sac"])
+@pytest.mark.parametrize("terrain", ["stones", "flat"])
+def test_each_takes_a_step_in_the_benchmark(name: str, terrain: str) -> None:
+    if name == "gp-socp":
+        pytest.importorskip("clarabel")
+    (walk,) = TINY.walks(method(name), cells()[f"{terrain}/scale-1"])
+    row = walk.do().row
+    assert row.ticks > (5 if name == "ddpg-sb3" else 30)
+
+
+def test_two_networks_are_two_assemblies() -> None:
+    (one,), (other,) = (TINY.walks(method(name), cells()["flat/scale-1"]) for name in ("pd", "ppo"))
+    assert plain(one.assembly) != plain(other.assembly)
+
+
+def test_without_a_file_or_library_a_method_is_left_blank(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(methods, "find_spec", lambda name: None)
+    with pytest.raises(CannotTake, match="clarabel"):
+        TINY.walks(methods.GP_SOCP, cells()["flat/scale-1"])
+    gone = methods._joint_targets("gone", "", methods.shipped("gone"), "")
+    with pytest.raises(CannotTake, match=r"gone\.safetensors"):
+        TINY.walks(gone, cells()["flat/scale-1"])
+
+
+def test_a_gp_without_confidence_decides_as_the_qp() -> None:
+    pytest.importorskip("clarabel")
+    assembly = methods.GP_SOCP.on("stones").assembly(mass_scale=2.0)
+    simulation, _ = assembly.build()
+    policy = GpPolicy(read(Path(assembly.policy), GpAbout), 0.0)
+    controller = GpController(assembly.controller, load_gaits(assembly.controller.gait), policy)
+    state = simulation.reset(1)
+    controller.reset(1)
+    for _ in range(20):
+        state = simulation.step(controller.step(state).torque)
+    scene = controller.scene
+    qp = controller.qp.decide(scene.x, scene.p, controller.estimates)
+    assert controller.decided.mu == pytest.approx(qp.mu, abs=1e-2)
+    simulation.close()
+
+
+def test_more_confidence_asks_for_more() -> None:
+    pytest.importorskip("clarabel")
+    assembly = methods.GP_SOCP.on("flat").assembly(mass_scale=2.0)
+    simulation, _ = assembly.build()
+    state = simulation.reset(1)
+    file, found = read(Path(assembly.policy), GpAbout), []
+    for confidence in (0.0, 1.0, 3.0):
+        controller = GpController(assembly.controller, load_gaits(assembly.controller.gait), GpPolicy(file, confidence))
+        controller.reset(1)
+        controller.step(state)
+        mu, estimates = controller.decided.mu, controller.estimates
+        seen, p = controller.scene.seen, controller.parameters
+        a, b = seen.nominal_a[0] + estimates.alpha[0], seen.nominal_b[0] + estimates.beta[0]
+        slack = controller.decided.values.slack.sum() * np.linalg.norm(a)  # it is in units of mu
+        deviation = np.linalg.norm(controller.policy.deviations[0] @ [1, *mu])
+        bound = -float(ResClf(4, p.eps, (p.kp, p.kd)).rate) * seen.V[0]
+        assert a @ mu + b + confidence * deviation <= bound + slack + 1e-3 * abs(bound)
+        found.append(np.linalg.norm(mu))
+    assert found == sorted(found)
+    simulation.close()
+
+
+def test_files_are_refused_with_a_reason(tmp_path: Path) -> None:
+    file = read(SHIPPED / "ppo.safetensors", NetworkAbout)
+    path = tmp_path / "model.safetensors"
+    file.write(path)
+    assert read(path, NetworkAbout).version == file.version
+    data = path.read_bytes()
+    path.write_bytes(data[:-4] + b"\0\0\0\0")
+    with pytest.raises(PolicyFileError, match="its content has"):
+        read(path, NetworkAbout)
+    with pytest.raises(PolicyFileError, match="not a file of this model"):
+        read(path, GpAbout)
+    path.write_bytes(b"text")
+    with pytest.raises(PolicyFileError, match="not a file of this model"):
+        read(path, NetworkAbout)
+    with pytest.raises(PolicyFileError, match="cannot read"):
+        read(tmp_path / "none", NetworkAbout)
+    broken = {**file.arrays, "0.bias": np.full_like(file.arrays["0.bias"], np.nan)}
+    with pytest.raises(PolicyFileError, match="not finite"):
+        ModelFile(file.about, broken)
+    with pytest.raises(PolicyFileError, match="expected"):
+        ModelFile(file.about, {})

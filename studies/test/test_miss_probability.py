@@ -1,0 +1,140 @@
+"""The probability of a miss: what is seen of a walk's touchdowns, the fit, and how it is judged."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rabbit_experiments.assembly import Assembly
+from rabbit_experiments.evaluation import episode
+from rabbit_misses.model import MissProbability, ModelError
+from rabbit_misses.study import FIT_SEED, JUDGE_SEED, Bin, judged, stormy_walks
+from rabbit_misses.touchdowns import FEATURES, Touchdowns
+from rabbit_sim.parameters import SimulationParameters
+from rl_cbf_clf_controller.parameters import load_parameters
+from scipy.special import expit
+
+STEPS = 20_000
+
+
+def drawn(seed: int, strength: float = 1.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Features, misses and the true probabilities of a logistic world with two features that matter."""
+    rng = np.random.default_rng(seed)
+    rows = rng.standard_normal((STEPS, len(FEATURES)))
+    rows[:, 3] = 0.35  # one that never changes
+    p = expit(-3.5 + strength * (1.0 * rows[:, 0] - 0.7 * rows[:, 4]))
+    return rows, (rng.random(STEPS) < p).astype(float), p
+
+
+def fitted(seed: int, strength: float = 1.0) -> MissProbability:
+    return MissProbability.fitted(*drawn(seed, strength)[:2], "a logistic world")
+
+
+def test_the_true_probabilities_are_found() -> None:
+    rows, missed, p = drawn(2)
+    found = fitted(1).at(rows)
+    assert np.corrcoef(np.log(found), np.log(p))[0, 1] > 0.95
+    assert np.mean(np.abs(found - p)) < 0.01
+    judgement = judged(found, missed)
+    assert judgement.skill > 0.04
+    assert sum(each.holds for each in judgement.bins) >= len(judgement.bins) - 1
+
+
+def test_where_nothing_matters_it_is_the_mean_rate() -> None:
+    rows, missed, _ = drawn(3, strength=0.0)
+    found, rate = fitted(4, strength=0.0).at(rows), missed.mean()
+    # the fit's own variance in log-odds: each weight's is 1 / (n rate (1 - rate)) by the Fisher information
+    variance = len(FEATURES) / (STEPS * rate * (1 - rate))
+    assert np.mean(np.log(found / rate) ** 2) < 3 * variance
+    assert abs(judged(found, missed).skill) < 0.01
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_mean_probability_is_the_rate_of_misses_in_what_was_fitted(seed: int) -> None:
+    """The likelihood's derivative by the bias, zero at the fit, is the sum of p less that of the misses."""
+    rows, missed, _ = drawn(seed)
+    assert MissProbability.fitted(rows, missed, "").at(rows).mean() == pytest.approx(missed.mean(), rel=1e-3)
+
+
+def test_a_fit_needs_misses() -> None:
+    rows, missed, _ = drawn(5)
+    with pytest.raises(ModelError, match="0 misses: expected at least 12 to fit"):
+        MissProbability.fitted(rows, np.zeros_like(missed), "")
+
+
+def test_a_file_goes_there_and_back(tmp_path: Path) -> None:
+    model = fitted(6)
+    (tmp_path / "model.json").write_text(model.model_dump_json())
+    assert MissProbability.load(tmp_path / "model.json") == model
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"features": ("speed",)}, "features = ('speed',): expected"),
+        ({"weights": (1.0,)}, "weights = (1.0,): expected 17 finite numbers"),
+        ({"spread": (0.0,) * 17}, "expected positive numbers"),
+    ],
+)
+def test_a_bad_file_is_refused(change: dict[str, object], words: str, tmp_path: Path) -> None:
+    path = tmp_path / "model.json"
+    path.write_text(fitted(6).model_copy(update=change).model_dump_json())
+    with pytest.raises(ModelError, match=r"model\.json") as caught:
+        MissProbability.load(path)
+    assert words in str(caught.value)
+    with pytest.raises(ModelError, match="nowhere"):
+        MissProbability.load(tmp_path / "nowhere.json")
+
+
+def test_the_features_are_those_of_the_landings() -> None:
+    """Step lengths, stones and times as the simulator counts them."""
+    law = load_parameters("best")
+    plant = SimulationParameters(terrain="stones", stones=4, motor_lag=0.004, mass_scale=2.0)
+    simulation, controller = Assembly(plant, law, "zero").build()
+    seen, previews = Touchdowns(), dict[int, tuple[float, float]]()
+
+    def note(record: object) -> None:
+        stone = record.state.preview  # type: ignore[attr-defined]
+        previews[stone.index] = (stone.l_min, stone.l_max - stone.l_min)
+
+    episode(simulation, controller, 3, seen, note)
+    landings = simulation.landings
+    simulation.close()
+    rows = np.array(seen.rows)
+    column = {name: rows[:, at] for at, name in enumerate(FEATURES)}
+    assert column["step_index"].tolist() == [1, 2, 3]
+    assert column["step_length"] == pytest.approx([each.l for each in landings[:3]], abs=0.01)
+    assert list(zip(column["l_min"], column["stone_width"], strict=True)) == [previews[k] for k in (2, 3, 4)]
+    ticks = np.diff([0, *(each.tick for each in landings[:3])])
+    assert column["speed"] == pytest.approx(column["step_length"] / (0.01 * ticks))
+    assert np.all(column["largest_torque"] <= law.torque_limit + 1e-9)
+    assert np.all(np.isfinite(rows))
+
+
+def test_a_bin_holds_if_the_mean_lies_in_its_interval() -> None:
+    p, missed = np.array([0.005] * 1000 + [0.03] * 100), np.array([1.0] * 5 + [0.0] * 995 + [1.0] * 30 + [0.0] * 70)
+    low, high = judged(p, missed).bins
+    assert (low.misses, low.steps, low.holds) == (5, 1000, True)
+    assert (high.misses, high.steps, high.holds) == (30, 100, False)
+    assert Bin(0.0, 1.0, 0.5, 5, 10).holds
+
+
+def test_walks_that_fit_and_walks_that_judge_share_no_plant() -> None:
+    fit, judge = (stormy_walks(20, seed, "best") for seed in (FIT_SEED, JUDGE_SEED))
+    changed = [[each.assembly.simulation.model_dump_json() for each in walks] for walks in (fit, judge)]
+    alike = set(changed[0]) & set(changed[1])
+    unchanged = SimulationParameters(terrain="stones", stones=20, motor_lag=0.004).model_dump_json()
+    assert alike <= {unchanged}
+    assert not {each.seed for each in fit} & {each.seed for each in judge}
+
+
+def test_the_shipped_model_knows_a_bad_touchdown_from_a_good_one() -> None:
+    """One of the mean, and one after a step with torques and slack at their largest and little force on the ground."""
+    model = MissProbability.shipped()
+    good = np.array(model.mean)
+    bad = good.copy()
+    for name, change in (("largest_torque", 1.0), ("largest_output", 3.0), ("rescue_slack", 3.0)):
+        at = FEATURES.index(name)
+        bad[at] += change * model.spread[at]
+    p_good, p_bad = model.at(np.array([good, bad]))
+    assert p_good < 0.03
+    assert p_bad > 2 * p_good

@@ -1,0 +1,103 @@
+"""Verdicts, and which payload is the largest."""
+
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from rabbit_experiments.evaluation import SeededRun, Walk
+from rabbit_experiments.metrics import RunResult, RunRow
+from rabbit_experiments.summary import Walks
+from rabbit_reproduce.catalogue import EXPERIMENTS
+from rabbit_reproduce.controllers import CBF_CLF, CBF_CLF_ORACLE
+from rabbit_reproduce.experiment import Experiment
+from rabbit_reproduce.report import Verdict, judge, missing
+from rabbit_reproduce.sweep import largest, largest_text
+from rabbit_reproduce.table_lines import FULL, Found, Line, shows
+
+COUNTS = {name: 0 for name, field in RunRow.model_fields.items() if field.annotation in (int, float)}
+
+
+def walks(*stones: int, of: int = 20) -> Walks:
+    """Runs that came so far."""
+    rows = [
+        RunRow.model_validate(
+            COUNTS | {"outcome": "", "stones": n, "success": n == of, "success_with_forces": n == of, "ticks": 1}
+        )
+        for n in stones
+    ]
+    return Walks(rows)
+
+
+@given(st.dictionaries(st.text(min_size=1), st.booleans(), min_size=1), st.booleans())
+def test_verdict_by_parts(parts: dict[str, bool], nominal: bool) -> None:
+    verdict = judge(parts, nominal)
+    if all(parts.values()):
+        assert verdict is (Verdict.NOTHING if nominal else Verdict.REPRODUCED)
+        assert missing(parts) == ""
+    else:
+        assert verdict is (Verdict.PARTLY if any(parts.values()) else Verdict.NOT)
+        assert missing(parts).startswith("not: ")
+
+
+def test_a_claim_without_parts_is_refused() -> None:
+    with pytest.raises(ValueError, match="expected at least one"):
+        judge({})
+
+
+@pytest.mark.parametrize(("walked", "passes"), [(10, True), (9, True), (8, False), (0, False)])
+def test_nine_of_ten_walk(walked: int, passes: bool) -> None:
+    runs = walks(*[20] * walked, *[3] * (10 - walked))
+    assert runs.passes is passes
+    assert (runs.walked, runs.runs) == (walked, 10)
+    low, high = runs.interval
+    assert 0 <= low <= walked / 10 <= high <= 1
+    assert runs.mean_stones == pytest.approx((20 * walked + 3 * (10 - walked)) / 10)
+
+
+def test_deviation_and_interval_of_two() -> None:
+    """Of 2 and 4: deviation sqrt(2), standard error 1, Student's t of one degree of freedom 12.706."""
+    runs = walks(2, 4)
+    assert runs.std_stones == pytest.approx(2**0.5)
+    assert runs.stones_interval == pytest.approx((3 - 12.7062, 3 + 12.7062), abs=1e-3)
+    assert (walks(2).std_stones, walks(2).stones_interval) == (None, None)
+
+
+def test_largest_value_and_largest_without_a_hole() -> None:
+    good, bad = walks(20), walks(1)
+    assert largest({0.0: good, 8.0: bad, 16.0: good, 24.0: bad}) == (16.0, 0.0)
+    assert largest({0.0: good, 8.0: good, 16.0: bad}) == (8.0, 8.0)
+    assert largest({0.0: bad, 8.0: good}) == (8.0, None)
+    assert largest({0.0: bad}) == (None, None)
+    assert largest_text({0.0: good, 8.0: good}, 1, "kg") == "walks up to 8 kg"
+    assert "without a hole up to 0 kg" in largest_text({0.0: good, 8.0: bad, 16.0: good}, 1, "kg")
+
+
+@pytest.mark.parametrize(
+    ("learned", "nominal", "said"), [(20, 20, "shows nothing"), (20, 3, "nominal fails"), (3, 20, None), (3, 3, None)]
+)
+def test_a_row_that_nominal_passes_too_shows_nothing(learned: int, nominal: int, said: str | None) -> None:
+    beside = Line("nominal", CBF_CLF.assembly())
+    line = Line("learned", CBF_CLF_ORACLE.assembly(), nominal=beside)
+    found: Any = type("Found", (), {"walks": lambda _, line: walks(learned if line.what == "learned" else nominal)})()
+    assert shows(line, found) == said
+    assert shows(beside, found) is None
+
+
+@pytest.mark.parametrize(
+    "experiment", [each for each in EXPERIMENTS if each.judged_on_rigid and each.lines()], ids=lambda each: each.name
+)
+def test_claims_on_rigid_go_by_walks_on_rigid(experiment: Experiment) -> None:
+    """Runs in PyBullet, recorded ones too, are not there."""
+
+    def get(job: SeededRun) -> RunResult | None:
+        is_rigid = isinstance(job, Walk) and job.assembly.simulation.plant == "rigid"
+        found = RunResult(row=walks(20).rows[0], violations=[], tick_seconds=[])
+        return found if is_rigid and job.assembly.simulation.motor_lag > 0 else None
+
+    cache: Any = type("Cache", (), {"get": staticmethod(get), "path": "-"})
+    found = Found(cache, FULL)
+    on_rigid = {claim.claim for claim in experiment.claims(found.on_rigid)}
+    assert on_rigid
+    with pytest.raises(LookupError):
+        experiment.claims(found)
