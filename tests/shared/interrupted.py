@@ -24,6 +24,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from rabbit_description.atomic_file import PARTIAL
+
 RABBIT = (sys.executable, "-c", "from rabbit_bringup.cli import main; main()")
 SIGNALS = {"INT": signal.SIGINT, "TERM": signal.SIGTERM, "KILL": signal.SIGKILL}
 DISK = ("full", "read-only")
@@ -268,6 +270,8 @@ def chain(name: str, folder: Path, draw: random.Random) -> tuple[list[Interrupti
             return done, f"exit code {code}: {said[-2000:]}"
         if command.result(out) != expected:
             return done, f"not the reference: {command.result(out)}, expected {expected}"
+        if left := [path for path in out.rglob(".*") if PARTIAL.fullmatch(path.name)]:
+            return done, f"half written: {left}"
         if any(path.read_text() != FOREIGN for path in foreign):
             return done, "a foreign file is lost"
     return done, ""

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from rabbit_description.state import TICK_SECONDS, Array
 from rabbit_description.gait import load_gait
+from rabbit_description.state import TICK_SECONDS, Array
 from rabbit_experiments.assembly import Assembly
 from rabbit_experiments.evaluation import RecordedWalk
 from rabbit_experiments.reproduce.differentiation import (
