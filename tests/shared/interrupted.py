@@ -20,7 +20,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -153,6 +153,7 @@ def start(name: str, out: Path, mark: str = "", *more: str) -> subprocess.Popen[
         text=True,
         errors="replace",
         start_new_session=True,
+        preexec_fn=partial(signal.signal, signal.SIGINT, signal.SIG_DFL),  # a shell ignores it in the background
         env={"ROS_DOMAIN_ID": str(1 + os.getpid() % 100), **os.environ, MARK: mark, "COLUMNS": "200"},
         cwd=out.parent,
     )
@@ -172,12 +173,13 @@ def marked(mark: str) -> list[int]:
 class Interruption:
     """What `how` did after so many seconds, and what is `wrong`; nothing where all is well.
 
-    Without `is_early` the command had ended before.
+    Without `is_early` the command had ended before. It ended `later` seconds afterwards.
     """
 
     how: str
     is_early: bool
     after: float
+    later: float
     code: int
     wrong: str
 
@@ -188,7 +190,7 @@ def interrupt(name: str, out: Path, how: str, after: float) -> Interruption:
     process, disk_folder = start(name, out, mark), str(out.parent)
     with suppress(subprocess.TimeoutExpired):
         process.wait(after)
-    is_early = process.poll() is None
+    is_early, begin = process.poll() is None, time.monotonic()
     if is_early:
         if how == "INT":
             os.killpg(process.pid, signal.SIGINT)
@@ -206,9 +208,10 @@ def interrupt(name: str, out: Path, how: str, after: float) -> Interruption:
         process.kill()
         said, _ = process.communicate()
         said += "\nstill running"
+    later = time.monotonic() - begin
     if how in DISK:
         _mount("-o", "remount,rw,size=400m", disk_folder)
-    return Interruption(how, is_early, after, process.returncode, _wrong(how, process.returncode, said, mark))
+    return Interruption(how, is_early, after, later, process.returncode, _wrong(how, process.returncode, said, mark))
 
 
 def _wrong(how: str, code: int, said: str, mark: str) -> str:
@@ -288,7 +291,7 @@ def main() -> None:
             seen.update(f"{name} {each.how}" for each in done if each.is_early)
             lost += bool(wrong) or any(each.wrong and "orphan" not in each.wrong for each in done)
             orphans += sum("orphan" in each.wrong for each in done)
-            at = ", ".join(f"{each.how} {each.after:.1f} s: {each.code}" for each in done if each.is_early)
+            at = ", ".join(f"{each.how} {each.after:.1f} + {each.later:.1f} s: {each.code}" for each in done if each.is_early)
             print(
                 f"{seen.total():4d} {name}: {at}", *(f"\n{text}" for each in done if (text := each.wrong)), flush=True
             )
