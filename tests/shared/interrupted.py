@@ -288,10 +288,11 @@ def main() -> None:
         for name in reversed(COMMANDS):
             with tempfile.TemporaryDirectory() as folder:
                 done, wrong = chain(name, Path(folder) / "disk", draw)
-            seen.update(f"{name} {each.how}" for each in done if each.is_early)
+            early = [each for each in done if each.is_early]
+            seen.update(f"{name} {each.how}" for each in early)
             lost += bool(wrong) or any(each.wrong and "orphan" not in each.wrong for each in done)
             orphans += sum("orphan" in each.wrong for each in done)
-            at = ", ".join(f"{each.how} {each.after:.1f} + {each.later:.1f} s: {each.code}" for each in done if each.is_early)
+            at = ", ".join(f"{each.how} {each.after:.1f} + {each.later:.1f} s: {each.code}" for each in early)
             print(
                 f"{seen.total():4d} {name}: {at}", *(f"\n{text}" for each in done if (text := each.wrong)), flush=True
             )
