@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
+from rabbit_common.exit_codes import of_interrupt
 from rabbit_common.options import complaints, fail
 from rabbit_common.own_folder import own_folder
 
@@ -50,8 +51,8 @@ def benchmark(
         with complaints(JobError):
             walks = [job for each in runs.values() if not isinstance(each, str) for job in each]
             done = run(walks, cache, jobs or _cores())
-    except KeyboardInterrupt:
-        fail("stopped; the same command goes on from the runs that are done", code=130)
+    except KeyboardInterrupt as stop:
+        fail("stopped; the same command goes on from the runs that are done", code=of_interrupt(stop))
     page = Benchmark.from_cache(protocol, entered, wanted, runs, cache).write(out)
     print(f"{done} runs made; written {page}")
 

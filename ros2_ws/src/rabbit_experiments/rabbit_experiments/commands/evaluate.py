@@ -6,6 +6,7 @@ from typing import Any
 
 import typer
 from pydantic import BaseModel, ConfigDict, Field
+from rabbit_common.exit_codes import of_interrupt
 from rabbit_common.options import Defaults, Given, complaints, fail, options
 from rabbit_common.own_folder import own_folder
 from rabbit_description.plugins import load
@@ -123,8 +124,8 @@ def walk_all(scenario: Any, folder: Any, processes: int) -> tuple[list[Any], int
     try:
         with complaints(JobError):
             made = run(scenario.walks, folder.cache, processes, note=note)
-    except KeyboardInterrupt:
-        fail(f"stopped after {len(kept)} runs; the same command goes on from there", code=130)
+    except KeyboardInterrupt as stop:
+        fail(f"stopped after {len(kept)} runs; the same command goes on from there", code=of_interrupt(stop))
     return [kept[number] for number in sorted(kept)], made
 
 
