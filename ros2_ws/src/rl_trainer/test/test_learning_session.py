@@ -1,6 +1,7 @@
 """The episode loop in a tiny world: resuming, checkpoints, what the folder holds."""
 
 import itertools
+import time
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
@@ -56,10 +57,21 @@ def test_a_kill_after_a_checkpoint_loses_no_report(
         patch.setattr(SummaryWriter, "add_scalar", stopped)
         with pytest.raises(KeyboardInterrupt):
             next(reports)
+    wait_for_a_later_file(tmp_path / "tensorboard")
     again = Session(tmp_path, Trainer(PARAMETERS))
     assert [report.episode for report in again.run(toy_world, toy_controller)] == [2, 3]
     assert [episode["episode"] for episode in again.episodes] == [0, 1, 2, 3]
     assert logged(tmp_path) == [0, 1, 2, 3]
+
+
+def wait_for_a_later_file(folder: Path) -> None:
+    """TensorBoard reads its files in the order of their names: by second, then by how many this process has begun.
+
+    As words: after the ninth of a second comes the tenth first. A command that is called again takes longer.
+    """
+    (file,) = folder.iterdir()
+    while int(time.time()) <= int(file.name.split(".")[3]):
+        time.sleep(0.01)
 
 
 def stopped(*_: object) -> None:
