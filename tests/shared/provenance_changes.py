@@ -30,7 +30,7 @@ PACKAGES = (
 )
 LIBRARIES = {
     "walk": ("numpy", "pybullet", "osqp", "casadi", "pin", "scipy"),
-    "own": ("numpy", "mujoco", "daqp", "casadi", "pin", "scipy"),
+    "own": ("numpy", "mujoco", "osqp", "casadi", "pin", "scipy"),  # casadi brings DAQP
     "training": ("numpy", "torch", "casadi", "pin", "scipy"),
 }
 OWN = {
