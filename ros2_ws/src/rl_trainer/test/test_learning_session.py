@@ -32,9 +32,11 @@ def test_a_killed_run_resumes_with_nothing_lost(tmp_path: Path, toy_world: Any, 
     reports = list(whole.run(toy_world, toy_controller))
     cut = Session(tmp_path / "cut", Trainer(PARAMETERS))
     seen = list(itertools.islice(cut.run(toy_world, toy_controller), 2))
-    (tmp_path / "cut" / ".checkpoint.pt").write_bytes(b"killed here")
+    half = tmp_path / "cut" / f".{'0' * 32}.checkpoint.pt"
+    half.write_bytes(b"killed here")
     again = Session(tmp_path / "cut", Trainer(PARAMETERS))
     assert again.resumed
+    assert not half.exists()
     seen += list(again.run(toy_world, toy_controller))
     assert seen == reports
     assert [EpisodeReport(**untimed(episode)) for episode in again.episodes] == reports
