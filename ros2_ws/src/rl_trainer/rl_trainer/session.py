@@ -19,7 +19,7 @@ from typing import Any
 from zipfile import ZipFile
 
 import torch
-from rabbit_description.atomic_file import replace_text, replacing
+from rabbit_description.atomic_file import remove_partials, replace_text, replacing
 from rabbit_description.bounded_file import read_bytes
 from rabbit_description.yaml_file import dump_yaml
 from rl_cbf_clf_controller.policy import ActorPolicy, LearnedPolicy, ZeroPolicy
@@ -111,6 +111,7 @@ def open_folder(folder: Path, trainer: Trainer) -> dict[str, Any] | None:
     """
     try:
         (folder / "policies").mkdir(parents=True, exist_ok=True)
+        remove_partials(folder)
     except OSError as error:
         raise CheckpointError(f"folder {folder}: {error.strerror}") from error
     state = read_checkpoint(folder)
