@@ -17,7 +17,7 @@ from cbf_clf_qp.qp import ROUNDING as ACTIVE
 from rabbit_description.robot_states import RobotStates
 from rabbit_description.state import SWAP_STATE, SWAP_TORQUE, TICK_SECONDS, Array, Leg
 
-from rl_cbf_clf_controller.controller import NO_TORQUE, ROUNDING, SECONDS, Controller
+from rl_cbf_clf_controller.controller import NO_BARRIERS, NO_TORQUE, ROUNDING, SECONDS, Controller
 from rl_cbf_clf_controller.controller_output import ControllerOutput
 from rl_cbf_clf_controller.policy import LearnedPolicy, Policy
 from rl_cbf_clf_controller.scene import ControllerError, Scene
@@ -28,34 +28,88 @@ from rl_cbf_clf_controller.virtual_constraints import VirtualConstraints
 GLANCE = ("eta", "V", "LgV", "phase", "observation", "B1_state", "B2_state")  # what policy and figures read of a state
 
 
-@dataclass
-class BatchOutput:
-    """What a tick decides: `torque` (N, 4), left/right order, saturated, N m. `fields`: others of `ControllerOutput`
-    with a row a robot. `errors`: why the controller refuses a robot's state, `faults`: why its episode must end, both by
-    its number.
+@dataclass(frozen=True)
+class BatchScene:
+    """What is seen of N robots, a row each; see `Scene`, and `ControllerOutput` for the others.
+
+    `details`: of them `nominal_a`, `nominal_b`, `measured`, `mu_held`, where they are asked for. `errors`: why the
+    controller refuses a robot's state, `faults`: why its episode must end, both by its number.
     """
 
+    tick: Array
+    x: Array
+    p: Array
+    seen: BatchValues
+    force: Array
+    observation: Array
     torque: Array
-    fields: dict[str, Any]
-    decided: BatchDecided
-    shared: dict[str, Any]
+    stance: Array
+    step_index: Array
+    step_time: Array
+    details: dict[str, Array]
     errors: dict[int, str]
     faults: dict[int, str]
 
+    def fields(self, i: int) -> dict[str, Any]:
+        """What a `ControllerOutput` of robot `i` has of it."""
+        seen, barriers = self.seen, [NO_BARRIERS, NO_BARRIERS]
+        if "B1_state" in seen.places:
+            barriers = [np.array([seen.B1_state[i, order], seen.B2_state[i, order]]) for order in (0, 1)]
+        return {
+            "tick": int(self.tick[i]),
+            "stance": Leg(int(self.stance[i])),
+            "step_index": int(self.step_index[i]),
+            "step_time": float(self.step_time[i]),
+            "phase": float(seen.phase[i, 0]),
+            "eta": seen.eta[i].copy(),
+            "V": float(seen.V[i, 0]),
+            "barriers": barriers[0],
+            "barrier_rates": barriers[1],
+            "observation": self.observation[i].copy(),
+            "LgV": seen.LgV[i].copy(),
+            **{name: values[i] for name, values in self.details.items()},
+        }
+
+
+@dataclass(frozen=True)
+class BatchOutput:
+    """What a tick decides, a row a robot; see `ControllerOutput`. `torque` (N, 4): left/right order, saturated, N m.
+
+    `estimates`: of all estimators; `shared`: fields that are the same for all robots; `own`: others, by name.
+    """
+
+    scene: BatchScene
+    torque: Array
+    decided: BatchDecided
+    estimates: BatchEstimates
+    mu: Array
+    mu_qp: Array
+    omega: Array
+    saturated: Array
+    shared: dict[str, Any]
+    own: dict[str, Sequence[Any]]
+
     def __getitem__(self, i: int) -> ControllerOutput:
-        """Of robot `i`. Without details `nominal_a`, `nominal_b`, `measured` and `mu_held` are empty."""
+        """Of robot `i`; without details `nominal_a`, `nominal_b`, `measured` and `mu_held` are empty."""
         decided, layout = self.decided, self.decided.layout
         slack, margin = decided.values.slack[i], decided.values.margin[i].tolist()
         gives = slack.any()
         return ControllerOutput(
             torque=self.torque[i],
+            mu=self.mu[i],
+            mu_qp=self.mu_qp[i],
+            omega=self.omega[i],
+            alpha=self.estimates.alpha[i],
+            beta=self.estimates.beta[i],
             clf_slack=float(slack @ ~layout.rescues) if gives else 0.0,
             rescue_slack=float(slack @ layout.rescues) if gives else 0.0,
-            active=tuple(name for name, each in zip(layout.names, margin, strict=True) if each < ACTIVE),
+            active=tuple([name for name, each in zip(layout.names, margin, strict=True) if each < ACTIVE]),
+            saturated=bool(self.saturated[i]),
             solver=decided.solver[i],
             status=decided.status[i],
-            fault=self.faults.get(i, ""),
-            **{name: values[i] for name, values in self.fields.items()},
+            fault=self.scene.faults.get(i, ""),
+            **self.scene.fields(i),
+            **{name: values[i] for name, values in self.own.items()},
             **self.shared,
         )
 
@@ -92,6 +146,7 @@ class BatchController:
         self._p = np.tile(controller._p, (n, 1))
         self._last_tick, self._last_x, self._last_p = np.full(n, -2), np.zeros((n, 14)), self._p.copy()
         self._none = BatchEstimates.of([tick.no_error()])
+        self._no_output_error = tick.terms.inputs, tick.terms.inputs + 1
 
     def reset(self, i: int, seed: int) -> None:
         """Begin an episode of robot `i`; see `Controller.reset`."""
@@ -116,15 +171,15 @@ class BatchController:
         """The torques for one tick; see `Controller.step`. Those of a state that is refused mean nothing."""
         return self.decide(self.look(states))
 
-    def look(self, states: RobotStates) -> "BatchScene":
+    def look(self, states: RobotStates) -> BatchScene:
         """What is seen of the states, after those robots have changed legs that came down; see `Controller.look`."""
-        errors = self._refused(states)
-        unknown = np.array([i in errors for i in range(len(states))])
-        q, dq = (np.where(unknown[:, None], 0.0, each) for each in (states.q, states.dq))
+        q, dq, errors = states.q, states.dq, self._refused(states)
+        if errors:
+            known = np.array([[i not in errors] for i in range(len(states))])
+            q, dq = np.where(known, q, 0.0), np.where(known, dq, 0.0)
         is_known = np.isfinite(states.applied.sum(axis=1))
         if is_known.any():
-            applied = self._by_stance(states.applied, SWAP_TORQUE)
-            self._torque = np.where(is_known[:, None], applied, self._torque)
+            self._torque = np.where(is_known[:, None], self._by_stance(states.applied, SWAP_TORQUE), self._torque)
         if self._robots:
             q = np.array([robot.set_right(each) for robot, each in zip(self._robots, q, strict=True)])
         faults = self._swap_legs(states, q)
@@ -141,13 +196,28 @@ class BatchController:
         p[:, self._places["phase_scale"]] = self._scale
         force = self._by_stance(states.foot_force, [1, 0])
         p[:, self._places["force"]] = force[:, 0]
-        if states.previews[0] is not None:
-            p[:, self._stones] = states.stones
+        sees_stone = ~np.isnan(states.stones[:, :1])
+        p[:, self._stones] = np.where(sees_stone, states.stones, p[:, self._stones])
         seen = self._read(x, p)
-        observed = self._one._terrain.observed(states.previews[0], self._steps[0].wanted)
-        return BatchScene(states.tick, x, p, seen, force, seen.observation[:, :observed], errors, faults)
+        stone = next((each for each in states.previews if each), None)
+        observed = self._one._terrain.observed(stone, self._steps[0].wanted)
+        return BatchScene(
+            tick=states.tick,
+            x=x,
+            p=p,
+            seen=seen,
+            force=force,
+            observation=seen.observation[:, :observed],
+            torque=self._torque.copy(),
+            stance=self._stance.copy(),
+            step_index=self._index.copy(),
+            step_time=(states.tick - self._start_tick) * TICK_SECONDS,
+            details=self._detailed(states.tick, x, p, seen) if self._details else {},
+            errors=errors,
+            faults=faults,
+        )
 
-    def decide(self, scene: "BatchScene", estimates: BatchEstimates | None = None) -> BatchOutput:
+    def decide(self, scene: BatchScene, estimates: BatchEstimates | None = None) -> BatchOutput:
         """The torques at these scenes, from the estimates of all estimators; or with others in place of the policy's."""
         start = time.perf_counter()
         parts = self._estimated(scene, estimates)
@@ -158,14 +228,14 @@ class BatchController:
                 raise ControllerError(
                     "objective pd_centred: expected a structured policy, which gives the output error"
                 )
-            error = np.zeros((len(scene.x), *self._none.output_error.shape[1:]))
+            error = np.zeros((len(scene.x), *self._no_output_error))
         decided = self._answer(scene.x, scene.p, total.alpha, total.beta, error)
         output = self._output(scene, decided, total, parts)
         output.shared["solve_seconds"] = (time.perf_counter() - start) / len(scene.x)
         self._last_tick, self._last_x, self._last_p = scene.tick, scene.x, scene.p
         return output
 
-    def _estimated(self, scene: "BatchScene", given: BatchEstimates | None) -> list[BatchEstimates]:
+    def _estimated(self, scene: BatchScene, given: BatchEstimates | None) -> list[BatchEstimates]:
         """Of the policy, then of each other estimator."""
         if given is None and self._acts_at_once:
             given = self.policies[0].act_of_many(scene.observation, scene.seen.LgV)
@@ -182,15 +252,15 @@ class BatchController:
             found.append(parts)
         return [BatchEstimates.of(part) for part in zip(*found, strict=True)]
 
-    def _scene(self, s: "BatchScene", i: int) -> Scene:
+    def _scene(self, s: BatchScene, i: int) -> Scene:
         """As an estimator of robot `i` sees it."""
-        tick, torque, stance = int(s.tick[i]), self._torque[i].copy(), int(self._stance[i])
-        return Scene(s.x[i], s.p[i], s.seen.of(i), s.force[i], s.observation[i], tick, torque, stance, self._one._error)
+        tick, stance, error = int(s.tick[i]), int(s.stance[i]), self._one._error
+        return Scene(s.x[i], s.p[i], s.seen.of(i), s.force[i], s.observation[i], tick, s.torque[i], stance, error)
 
     def _output(
-        self, scene: "BatchScene", decided: BatchDecided, total: BatchEstimates, parts: list[BatchEstimates]
+        self, scene: BatchScene, decided: BatchDecided, total: BatchEstimates, parts: list[BatchEstimates]
     ) -> BatchOutput:
-        parameters, values, seen, n = self._one.parameters, decided.values, scene.seen, len(scene.x)
+        parameters, values, n = self._one.parameters, decided.values, len(scene.x)
         a, b = values.control_a, values.control_b
         mu_qp, wanted, omega, faults = values.mu, values.u, np.zeros((n, 4)), scene.faults
         for i in (~decided.solved).nonzero()[0].tolist():
@@ -209,49 +279,25 @@ class BatchController:
             mu = mu.copy()
             for i in saturated.nonzero()[0].tolist():
                 mu[i] = np.linalg.solve(a[i], torque[i] - b[i])
-        held, self._torque = self._torque, torque
-        fields = {
-            "tick": scene.tick.tolist(),
-            "stance": [Leg(leg) for leg in self._stance.tolist()],
-            "step_index": self._index.tolist(),
-            "step_time": ((scene.tick - self._start_tick) * TICK_SECONDS).tolist(),
-            "phase": seen.phase[:, 0].tolist(),
-            "eta": seen.eta,
-            "V": seen.V[:, 0].tolist(),
-            "barriers": self._of_barriers(seen, 0),
-            "barrier_rates": self._of_barriers(seen, 1),
-            "mu": mu,
-            "mu_qp": mu_qp,
-            "omega": omega,
-            "alpha": total.alpha,
-            "beta": total.beta,
-            "observation": scene.observation,
-            "LgV": seen.LgV,
-            "saturated": saturated.tolist(),
-            "answered": [solver == parameters.qp_solver for solver in decided.solver],
-            "policy_version": [policy.version for policy in self.policies],
-        }
-        if self._details:
-            fields |= self._detailed(scene, held, parts)
-        shared = {"quantities": self._one.qp.names, "objective": parameters.objective}
-        shared["adaptation"] = parameters.adaptation
-        return BatchOutput(self._by_stance(torque, SWAP_TORQUE), fields, decided, shared, scene.errors, faults)
+        self._torque = torque
+        own: dict[str, Sequence[Any]] = {"policy_version": [policy.version for policy in self.policies]}
+        own["answered"] = [solver == parameters.qp_solver for solver in decided.solver]
+        if self._robots and self._details:
+            own |= {
+                "identified": [robot.known for robot in self._robots],
+                "adapted": [parts[1][i].packed for i in range(n)],
+            }
+        shared = {"objective": parameters.objective, "adaptation": parameters.adaptation}
+        shared["quantities"] = self._one.qp.names
+        torque = self._by_stance(torque, SWAP_TORQUE)
+        return BatchOutput(scene, torque, decided, total, mu, mu_qp, omega, saturated, shared, own)
 
-    def _detailed(self, scene: "BatchScene", held: Array, parts: list[BatchEstimates]) -> dict[str, Any]:
-        seen, n = scene.seen, len(scene.x)
-        measured = self._measure(self._last_x, self._last_p, scene.x, scene.p, SECONDS).measured
-        measured[self._last_tick != scene.tick - 1] = np.nan
+    def _detailed(self, tick: Array, x: Array, p: Array, seen: BatchValues) -> dict[str, Array]:
+        measured = self._measure(self._last_x, self._last_p, x, p, SECONDS).measured
+        measured[self._last_tick != tick - 1] = np.nan
+        pairs = zip(seen.outputs_a, self._torque, seen.outputs_b, strict=True)
         found = {"nominal_a": seen.nominal_a, "nominal_b": seen.nominal_b, "measured": measured}
-        found["mu_held"] = np.array([seen.outputs_a[i] @ held[i] + seen.outputs_b[i] for i in range(n)])
-        if self._robots:
-            found["identified"] = [robot.known for robot in self._robots]
-            found["adapted"] = [parts[1][i].packed for i in range(n)]
-        return found
-
-    def _of_barriers(self, seen: BatchValues, order: int) -> Array:
-        if self._one.parameters.terrain != "stones":
-            return np.full((len(seen.row), 2), np.nan)
-        return np.stack([seen.B1_state[:, order], seen.B2_state[:, order]], axis=1)
+        return {**found, "mu_held": np.array([a @ torque + b for a, torque, b in pairs])}
 
     def _by_stance(self, values: Array, swapped: Any) -> Array:
         """From left/right to stance/swing order and back."""
@@ -300,21 +346,6 @@ class BatchController:
         self._path[i], self._scale[i] = constraints.row, constraints.scale
         lengths = self._steps[i].wanted
         self._p[i, self._places["step_length"]] = lengths[0] if lengths else 0.0
-
-
-@dataclass(frozen=True)
-class BatchScene:
-    """What is seen of N robots at a `tick` (N,); the other fields are a `Scene`'s with a row a robot. `errors`,
-    `faults`: see `BatchOutput`."""
-
-    tick: Array
-    x: Array
-    p: Array
-    seen: BatchValues
-    force: Array
-    observation: Array
-    errors: dict[int, str]
-    faults: dict[int, str]
 
 
 PER_ROBOT = {"policies", "_steps", "_estimators", "_rngs", "_constraints", "_stance", "_index", "_start_tick"}

@@ -15,6 +15,7 @@ from rabbit_experiments.benchmark.methods import REFERENCE, Method
 from rabbit_experiments.benchmark.protocol import SEEDS, Plan, Protocol
 from rabbit_experiments.cache import Cache
 from rabbit_experiments.metrics import RunResult
+from rabbit_experiments.reproduce.table_lines import PLANT_TITLES
 from rabbit_experiments.success_map import side_by_side, success_map
 from rabbit_experiments.summary import Walks, times
 from rabbit_experiments.tables import markdown_table, write_rows
@@ -89,7 +90,7 @@ class Benchmark:
         head = (
             f"# Benchmark\n\n    {provenance.command()}\n\n"
             f"Commit {provenance.commit() or 'unknown'}. The {seeds} seeds ({SEEDS[seeds]}), "
-            f"{self.protocol.courses} courses of {self.protocol.stones} stones or steps a cell, PyBullet. All methods "
+            f"{self.protocol.courses} courses of {self.protocol.stones} stones or steps a cell, {PLANT_TITLES[self.protocol.plant]}. All methods "
             "walk the same courses. Walked of courses, with Wilson's 95% interval.\n\n"
         )
         return (

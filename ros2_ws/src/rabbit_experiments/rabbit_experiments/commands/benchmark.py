@@ -47,7 +47,10 @@ def benchmark(
         for cell in wanted:
             print(f"{cell.name} ({cell.map})")
         return
-    protocol, cache = Protocol(courses, seeds, sensors=sensors, plant=plant), Cache(own_folder(out, "benchmark") / "cache")
+    protocol, cache = (
+        Protocol(courses, seeds, sensors=sensors, plant=plant),
+        Cache(own_folder(out, "benchmark") / "cache"),
+    )
     runs = plan(protocol, entered, wanted)
     try:
         with complaints(JobError):
