@@ -123,6 +123,7 @@ class BatchController:
     def __init__(self, controller: Controller, policies: Sequence[Policy], details: bool = False) -> None:
         n, tick = len(policies), controller.qp
         self._one, self._details, self.policies = controller, details, list(policies)
+        self.parameters = controller.parameters
         self._steps = [controller.steps.another() for _ in policies]
         self._estimators = [[each.another() for each in controller._estimators] for _ in policies]
         self._robots = [estimators[0] for estimators in self._estimators] if controller._robot else []
@@ -218,7 +219,7 @@ class BatchController:
         )
 
     def decide(self, scene: BatchScene, estimates: BatchEstimates | None = None) -> BatchOutput:
-        """The torques at these scenes, from the estimates of all estimators; or with others in place of the policy's."""
+        """The torques at these scenes, from all estimators; `estimates` take the place of the policy's."""
         start = time.perf_counter()
         parts = self._estimated(scene, estimates)
         total = sum(parts[1:], start=self._none + parts[0])
