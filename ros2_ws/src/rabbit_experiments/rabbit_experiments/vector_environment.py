@@ -1,7 +1,7 @@
 """RABBITs in MuJoCo as a vectorised Gymnasium environment, if wanted another robot in each episode.
 
-    env = make_vector_environment(TrainingParameters(), load_parameters("ours", controller="rl-cbf-clf-qp"),
-                                  SimulationParameters(plant="mujoco", sensors="lab"), robots=64, draw=random_plant)
+env = make_vector_environment(TrainingParameters(), load_parameters("ours", controller="rl-cbf-clf-qp"),
+                              SimulationParameters(plant="mujoco", sensors="lab"), robots=64, draw=random_plant)
 """
 
 from collections.abc import Callable

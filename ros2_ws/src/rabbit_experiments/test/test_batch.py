@@ -101,7 +101,7 @@ def test_every_tick_is_that_of_the_walk_alone(name: str, law: dict[str, Any], pl
             if not states.running[row]:
                 assert simulation.simulations[row].outcome is walks[i][1]
         left = [left[row] for row in go_on]
-        if left and not len(go_on) == len(states):
+        if left and len(go_on) != len(states):
             simulation.keep(np.array(go_on))
             controller.keep(np.array(go_on))
             states = simulation.states
@@ -138,8 +138,8 @@ def test_another_plant_is_refused() -> None:
         make_vector_environment(TrainingParameters(), controller, SimulationParameters(plant="rigid"), 2)
     with pytest.raises(ValueError, match="robots = 0: expected at least 1"):
         make_vector_environment(TrainingParameters(), controller, SimulationParameters(plant="mujoco"), 0)
+    best = load_parameters("best")
     with pytest.raises(ValueError, match="adaptation = identification: expected none"):
-        best = load_parameters("best")
         make_vector_environment(TrainingParameters(), best, SimulationParameters(plant="mujoco"), 2)
 
 
@@ -168,7 +168,8 @@ def test_the_vector_environment_is_the_single_one_row_by_row() -> None:
     assert many.observation_space.contains(observed)
     for i, one in enumerate(ones):
         alone, about = one.reset(seed=5 + i)
-        assert np.array_equal(alone, observed[i]) and np.array_equal(about["next_LgV"], info["next_LgV"][i])
+        assert np.array_equal(alone, observed[i])
+        assert np.array_equal(about["next_LgV"], info["next_LgV"][i])
     rng, ends = np.random.default_rng(0), 0
     for _ in range(90):
         actions = rng.uniform(-0.2, 0.2, many.action_space.shape).astype(np.float32)
@@ -179,7 +180,8 @@ def test_the_vector_environment_is_the_single_one_row_by_row() -> None:
             assert rewards[i] == pytest.approx(reward, rel=1e-9)
             if terminated or truncated:
                 ends += 1
-                assert info["_final_obs"][i] and np.array_equal(alone, info["final_obs"][i])
+                assert info["_final_obs"][i]
+                assert np.array_equal(alone, info["final_obs"][i])
                 alone, about = one.reset()
             assert np.array_equal(alone, observed[i])
             assert np.array_equal(about["next_LgV"], info["next_LgV"][i])

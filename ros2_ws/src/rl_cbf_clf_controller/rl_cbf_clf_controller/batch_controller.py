@@ -5,7 +5,6 @@ State, outputs, rows, QP, policy and torque are computed for all robots together
 estimator that learns within the walk or knows its plant (the identified robot, L1, an oracle), goes robot by robot.
 """
 
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -19,10 +18,11 @@ from rabbit_description.state import SWAP_STATE, SWAP_TORQUE, TICK_SECONDS, Arra
 
 from rl_cbf_clf_controller.controller import NO_BARRIERS, NO_TORQUE, ROUNDING, SECONDS, Controller
 from rl_cbf_clf_controller.controller_output import ControllerOutput
+from rl_cbf_clf_controller.identified_robot import IdentifiedRobot
+from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import LearnedPolicy, Policy
 from rl_cbf_clf_controller.scene import ControllerError, Scene
 from rl_cbf_clf_controller.step_outputs import Touchdown
-from rl_cbf_clf_controller.terrain import FARTHEST_STONE, HIGHEST_STONE
 from rl_cbf_clf_controller.virtual_constraints import VirtualConstraints
 
 GLANCE = ("eta", "V", "LgV", "phase", "observation", "B1_state", "B2_state")  # what policy and figures read of a state
@@ -75,7 +75,7 @@ class BatchScene:
 class BatchOutput:
     """What a tick decides, a row a robot; see `ControllerOutput`. `torque` (N, 4): left/right order, saturated, N m.
 
-    `estimates`: of all estimators; `shared`: fields that are the same for all robots; `own`: others, by name.
+    `estimates`: of all estimators; `policies`: whose they are among others; `own`: further fields, by name.
     """
 
     scene: BatchScene
@@ -86,7 +86,9 @@ class BatchOutput:
     mu_qp: Array
     omega: Array
     saturated: Array
-    shared: dict[str, Any]
+    quantities: tuple[str, ...]
+    policies: list[Policy]
+    parameters: ControllerParameters
     own: dict[str, Sequence[Any]]
 
     def __getitem__(self, i: int) -> ControllerOutput:
@@ -107,10 +109,15 @@ class BatchOutput:
             saturated=bool(self.saturated[i]),
             solver=decided.solver[i],
             status=decided.status[i],
+            answered=decided.solver[i] == self.parameters.qp_solver,
+            solve_seconds=decided.seconds,
+            policy_version=self.policies[i].version,
             fault=self.scene.faults.get(i, ""),
+            quantities=self.quantities,
+            objective=self.parameters.objective,
+            adaptation=self.parameters.adaptation,
             **self.scene.fields(i),
             **{name: values[i] for name, values in self.own.items()},
-            **self.shared,
         )
 
 
@@ -126,7 +133,8 @@ class BatchController:
         self.parameters = controller.parameters
         self._steps = [controller.steps.another() for _ in policies]
         self._estimators = [[each.another() for each in controller._estimators] for _ in policies]
-        self._robots = [estimators[0] for estimators in self._estimators] if controller._robot else []
+        firsts = [estimators[0] for estimators in self._estimators if estimators]
+        self._robots = [first for first in firsts if isinstance(first, IdentifiedRobot)]
         self._acts_at_once = isinstance(policies[0], LearnedPolicy) and len(set(map(id, policies))) == 1
         self._needs_scenes = not self._acts_at_once or bool(controller._estimators)
         names = [name for name in GLANCE if name in tick.terms.reads]
@@ -139,6 +147,8 @@ class BatchController:
         self._rngs = [np.random.default_rng(0) for _ in policies]
         self._constraints = [steps.first() for steps in self._steps]
         self._stance, self._index, self._start_tick = np.zeros((3, n), dtype=int)
+        self._orders: dict[int, Array] = {}  # of the columns, by their number, for the legs that stand
+        self._checked = np.full((n, 3), np.nan)  # stones
         self._has_begun, self._seconds_before = np.zeros(n, dtype=bool), np.zeros(n)
         self._torque = np.tile(NO_TORQUE, (n, 1))
         self._path, self._scale = (
@@ -153,6 +163,7 @@ class BatchController:
         """Begin an episode of robot `i`; see `Controller.reset`."""
         self._rngs[i] = np.random.default_rng(seed)
         self._stance[i] = self._index[i] = self._start_tick[i] = 0
+        self._orders.clear()
         self._seconds_before[i], self._torque[i], self._last_tick[i] = np.nan, NO_TORQUE, -2
         self._has_begun[i] = False
         self._follow(i, self._steps[i].first())
@@ -167,6 +178,7 @@ class BatchController:
                 setattr(self, name, value[rows] if isinstance(value, np.ndarray) else [value[i] for i in rows])
         self._robots = self._robots and [self._robots[i] for i in rows]
         self._answer.keep(rows)
+        self._orders.clear()
 
     def step(self, states: RobotStates) -> BatchOutput:
         """The torques for one tick; see `Controller.step`. Those of a state that is refused mean nothing."""
@@ -191,11 +203,12 @@ class BatchController:
             pairs = zip(self._robots, x, self._torque, strict=True)
             x = np.array([robot.predicted(each, torque) for robot, each, torque in pairs])
         p = self._p = self._p.copy()
-        desired = self._desired(self._phase(x[:, :7], self._scale).row, self._path)
+        phase = self._phase(x[:, :7], self._scale, keep=False)
+        desired = self._desired(phase.row, self._path, keep=False)
         for name in desired.places:
             p[:, self._places[name]] = desired[name]
         p[:, self._places["phase_scale"]] = self._scale
-        force = self._by_stance(states.foot_force, [1, 0])
+        force = self._by_stance(states.foot_force.reshape(-1, 4), SWAP_TORQUE).reshape(-1, 2, 2)
         p[:, self._places["force"]] = force[:, 0]
         sees_stone = ~np.isnan(states.stones[:, :1])
         p[:, self._stones] = np.where(sees_stone, states.stones, p[:, self._stones])
@@ -220,7 +233,6 @@ class BatchController:
 
     def decide(self, scene: BatchScene, estimates: BatchEstimates | None = None) -> BatchOutput:
         """The torques at these scenes, from all estimators; `estimates` take the place of the policy's."""
-        start = time.perf_counter()
         parts = self._estimated(scene, estimates)
         total = sum(parts[1:], start=self._none + parts[0])
         error = total.output_error
@@ -232,14 +244,14 @@ class BatchController:
             error = np.zeros((len(scene.x), *self._no_output_error))
         decided = self._answer(scene.x, scene.p, total.alpha, total.beta, error)
         output = self._output(scene, decided, total, parts)
-        output.shared["solve_seconds"] = (time.perf_counter() - start) / len(scene.x)
         self._last_tick, self._last_x, self._last_p = scene.tick, scene.x, scene.p
         return output
 
     def _estimated(self, scene: BatchScene, given: BatchEstimates | None) -> list[BatchEstimates]:
         """Of the policy, then of each other estimator."""
-        if given is None and self._acts_at_once:
-            given = self.policies[0].act_of_many(scene.observation, scene.seen.LgV)
+        policy = self.policies[0]
+        if given is None and self._acts_at_once and isinstance(policy, LearnedPolicy):
+            given = policy.act_of_many(scene.observation, scene.seen.LgV)
         if given is not None and not self._one._estimators:
             return [given]
         found = []
@@ -281,17 +293,15 @@ class BatchController:
             for i in saturated.nonzero()[0].tolist():
                 mu[i] = np.linalg.solve(a[i], torque[i] - b[i])
         self._torque = torque
-        own: dict[str, Sequence[Any]] = {"policy_version": [policy.version for policy in self.policies]}
-        own["answered"] = [solver == parameters.qp_solver for solver in decided.solver]
+        own: dict[str, Sequence[Any]] = {}
         if self._robots and self._details:
             own |= {
                 "identified": [robot.known for robot in self._robots],
                 "adapted": [parts[1][i].packed for i in range(n)],
             }
-        shared = {"objective": parameters.objective, "adaptation": parameters.adaptation}
-        shared["quantities"] = self._one.qp.names
         torque = self._by_stance(torque, SWAP_TORQUE)
-        return BatchOutput(scene, torque, decided, total, mu, mu_qp, omega, saturated, shared, own)
+        names, policies = self._one.qp.names, list(self.policies)
+        return BatchOutput(scene, torque, decided, total, mu, mu_qp, omega, saturated, names, policies, parameters, own)
 
     def _detailed(self, tick: Array, x: Array, p: Array, seen: BatchValues) -> dict[str, Array]:
         measured = self._measure(self._last_x, self._last_p, x, p, SECONDS).measured
@@ -301,20 +311,22 @@ class BatchController:
         return {**found, "mu_held": np.array([a @ torque + b for a, torque, b in pairs])}
 
     def _by_stance(self, values: Array, swapped: Any) -> Array:
-        """From left/right to stance/swing order and back."""
-        is_right = self._stance.astype(bool).reshape(-1, *[1] * (values.ndim - 1))
-        return np.where(is_right, values[:, swapped], values)
+        """Columns from left/right to stance/swing order and back."""
+        n, columns = values.shape
+        if columns not in self._orders:
+            order = np.where(self._stance[:, None], swapped, np.arange(columns))
+            self._orders[columns] = order + columns * np.arange(n)[:, None]
+        return values.ravel()[self._orders[columns]]
 
     def _refused(self, states: RobotStates) -> dict[int, str]:
         """What `Controller` refuses, by robot."""
-        is_sound = np.isfinite(states.q.sum(axis=1)) & np.isfinite(states.dq.sum(axis=1))
-        l_min, l_max, height = states.stones.T
+        refused, unsure = {}, ~(np.isfinite(states.q.sum(axis=1)) & np.isfinite(states.dq.sum(axis=1)))
         if self._one.parameters.terrain == "stones":
-            is_sound &= (l_min > 0) & (l_max > l_min) & (l_max < FARTHEST_STONE) & (np.abs(height) <= HIGHEST_STONE)
-        refused = {}
-        for i in (~is_sound).nonzero()[0].tolist():
+            unsure |= (states.stones != self._checked).any(axis=1)
+        for i in unsure.nonzero()[0].tolist():
             try:
                 self._one._check(states[i])
+                self._checked[i] = states.stones[i]
             except ControllerError as error:
                 refused[i] = f"controller error: {error}"
         return refused
@@ -322,14 +334,17 @@ class BatchController:
     def _swap_legs(self, states: RobotStates, q: Array) -> dict[int, str]:
         """Swap stance and swing at a touchdown; faults where this and the simulator's count disagree."""
         parameters = self._one.parameters
-        seconds = (states.tick - self._start_tick) * TICK_SECONDS
-        has_come_down = np.where(self._stance == 0, states.contact[:, 1], states.contact[:, 0])
-        for i in (has_come_down & (seconds > parameters.swap_time)).nonzero()[0].tolist():
+        has_come_down = states.contact[np.arange(len(states)), 1 - self._stance]
+        for i in has_come_down.nonzero()[0].tolist():
+            seconds = (int(states.tick[i]) - int(self._start_tick[i])) * TICK_SECONDS
+            if not seconds > parameters.swap_time:
+                continue
             q_s = q[i, SWAP_STATE] if self._stance[i] else q[i]
             if self._constraints[i].phase(q_s) > parameters.swap_phase:
                 self._stance[i] = 1 - self._stance[i]
+                self._orders.clear()
                 self._index[i] += 1
-                self._start_tick[i], self._seconds_before[i] = states.tick[i], seconds[i]
+                self._start_tick[i], self._seconds_before[i] = states.tick[i], seconds
                 self._torque[i], self._last_tick[i], self._has_begun[i] = NO_TORQUE, -2, False
         wrong = (states.touchdowns != self._index).nonzero()[0].tolist()
         return {i: f"contact disagreement: {states.touchdowns[i]} touchdowns, {self._index[i]} steps" for i in wrong}
@@ -350,4 +365,15 @@ class BatchController:
 
 
 PER_ROBOT = {"policies", "_steps", "_estimators", "_rngs", "_constraints", "_stance", "_index", "_start_tick"}
-PER_ROBOT |= {"_has_begun", "_seconds_before", "_torque", "_path", "_scale", "_p", "_last_tick", "_last_x", "_last_p"}
+PER_ROBOT |= {
+    "_has_begun",
+    "_seconds_before",
+    "_checked",
+    "_torque",
+    "_path",
+    "_scale",
+    "_p",
+    "_last_tick",
+    "_last_x",
+    "_last_p",
+}

@@ -2,7 +2,7 @@
 
 A robot whose episode has ended begins another one in the same step (`AutoresetMode.SAME_STEP`), if wanted as another
 robot: `make_plant` gives the one of an episode's seed. Environment i draws its seeds as a `WalkingEnv` does that was
-reset with seed + i. `infos` has `next_LgV` (N, m), the ticks' `transition` objects, and `final_obs` of those that ended.
+reset with seed + i. `infos` has `next_LgV` (N, m), each tick's `transition`, and `final_obs` of those that ended.
 """
 
 from collections.abc import Callable, Sequence
@@ -65,7 +65,9 @@ class VectorWalkingEnv(VectorEnv[Float32, Float32, NDArray[Any]]):
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Float32, dict[str, Any]]:
         """New walks; their robots, courses, first states and noise follow from the seed."""
-        seeds = [None if seed is None else seed + i for i in range(self.num_envs)] if not isinstance(seed, list) else seed
+        seeds = (
+            [None if seed is None else seed + i for i in range(self.num_envs)] if not isinstance(seed, list) else seed
+        )
         self._rngs = [rng if each is None else np_random(each)[0] for rng, each in zip(self._rngs, seeds, strict=True)]
         episodes = [self._next_episode(i) for i in range(self.num_envs)]
         self._batch = self._make_batch([self._make_plant(episode) for episode in episodes])
