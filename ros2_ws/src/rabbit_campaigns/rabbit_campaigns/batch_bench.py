@@ -47,11 +47,10 @@ def bench_batch(assembly: Assembly, robots: int, ticks: int, seed: int) -> dict[
     gait = load_gaits(assembly.controller.gait)
     seeds = list(episode_seeds(seed, robots).values())
     figures = walk_on(assembly, robots, ticks, seeds, gait)
-    runs, start = seeds[:ALONE], time.process_time()
     with parts(assembly):
         pass  # made before the clock starts, as a process makes them once
     start = time.process_time()
-    alone = [walk(assembly, run, each).row.ticks for run, each in enumerate(runs)]
+    alone = [walk(assembly, run, each).row.ticks for run, each in enumerate(seeds[:ALONE])]
     one = (time.process_time() - start) / sum(alone)
     start = time.process_time()
     found = [result.row.ticks for _, result in walk_together([assembly] * robots, range(robots), seeds)]
@@ -69,7 +68,7 @@ def walk_on(assembly: Assembly, robots: int, ticks: int, seeds: list[int], gait:
     states = batch.reset(seeds)
     for i, seed in enumerate(seeds):
         many.reset(i, seed)
-    timed = batch._rollout = TimedRollout(batch._rollout)
+    batch._rollout = timed = TimedRollout(batch._rollout)
     seconds, memory, rng = list[float](), list[int](), np.random.default_rng(seeds[0])
     for tick in range(WARM_UP + -(-ticks // robots)):
         timed.again = not tick % BARE_EVERY
@@ -86,8 +85,8 @@ def walk_on(assembly: Assembly, robots: int, ticks: int, seeds: list[int], gait:
         memory.append(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
     counted, inside = np.array(seconds[WARM_UP:]), np.array(timed.seconds[WARM_UP:])
     us = {
-        "a batch's tick": counted.mean() / robots * 1e6,
-        "the rollout in it": inside.mean() / robots * 1e6,
+        "a batch's tick": float(counted.mean()) / robots * 1e6,
+        "the rollout in it": float(inside.mean()) / robots * 1e6,
         "the bare rollout": float(np.mean(timed.bare[WARM_UP // BARE_EVERY :])) / robots * 1e6,
     }
     return {

@@ -91,8 +91,8 @@ class Benchmark:
             f"# Benchmark\n\n    {provenance.command()}\n\n"
             f"Commit {provenance.commit() or 'unknown'}. The {seeds} seeds ({SEEDS[seeds]}), "
             f"{self.protocol.courses} courses of {self.protocol.stones} stones or steps a cell, "
-            f"{PLANT_TITLES[self.protocol.plant]}. All methods walk the same courses. Walked of courses, with Wilson's 95% "
-            "interval.\n\n"
+            f"{PLANT_TITLES[self.protocol.plant]}. All methods walk the same courses. Walked of courses, with "
+            "Wilson's 95% interval.\n\n"
         )
         return (
             f"{head}## Courses walked on each map\n\n{self._maps_table()}\n![maps](maps.png)\n\n"
