@@ -14,6 +14,7 @@ from typing import Any
 
 import gymnasium
 import numpy as np
+from cbf_clf_qp.batch import BatchEstimates
 from cbf_clf_qp.estimates import Estimates
 from gymnasium.spaces import Box
 from numpy.typing import NDArray
@@ -42,11 +43,16 @@ class GivenAction(LearnedPolicy):
 
     def act(self, observation: Array, LgV: Array) -> Estimates:
         """The action times its scales; that of V also times |LgV| + 1."""
-        unit = Estimates.from_flat(self.action, self._inputs)
-        size = np.ones(len(unit.beta))
+        return self.estimates(self.action[None], LgV[None])[0]
+
+    def estimates(self, actions: Array, LgV: Array) -> BatchEstimates:
+        """Of N robots with these actions (N, (m + 1) n), at LgV (N, m)."""
+        slopes, beta = np.split(actions, [self._inputs * len(self._beta_scale)], axis=1)
+        size = np.ones(beta.shape)
         if self._has_clf:
-            size[0] += np.linalg.norm(LgV)
-        return Estimates(unit.alpha * self._alpha_scale * size[:, None], unit.beta * self._beta_scale * size)
+            size[:, 0] += np.linalg.norm(LgV, axis=1)
+        alpha = slopes.reshape(*beta.shape, self._inputs) * self._alpha_scale * size[..., None]
+        return BatchEstimates(alpha, beta * self._beta_scale * size, None)
 
 
 class WalkingEnv(gymnasium.Env[Float32, Float32]):
