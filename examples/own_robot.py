@@ -13,9 +13,8 @@ import casadi as ca
 import numpy as np
 from cbf_clf_qp.barrier import Barrier
 from cbf_clf_qp.clf import Clf
-from cbf_clf_qp.estimates import Estimates
+from cbf_clf_qp.estimates import Estimates, model_error
 from cbf_clf_qp.functions import NumpyFunction
-from cbf_clf_qp.measurement import model_error
 from cbf_clf_qp.system import mechanical
 from cbf_clf_qp.tick import Tick
 

@@ -14,10 +14,10 @@ import casadi as ca
 import numpy as np
 from cbf_clf_qp import Barrier, Clf, Estimates, NumpyFunction, System, Tick, model_error
 from cbf_clf_qp.functions import Array
-from cbf_clf_qp.problem import Problem
 from matplotlib.figure import Figure
 from rabbit_experiments.summary import mean_interval, wilson
 from rl_cbf_clf_controller.policy import ActorPolicy
+from rl_cbf_clf_controller.problem import Problem
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.system_transitions import SystemTicks
 from rl_trainer.training import Trainer

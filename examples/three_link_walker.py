@@ -15,9 +15,7 @@ from pathlib import Path
 
 import numpy as np
 from cbf_clf_qp.clf import Clf
-from cbf_clf_qp.estimates import Estimates
-from cbf_clf_qp.measurement import model_error
-from cbf_clf_qp.problem import Problem
+from cbf_clf_qp.estimates import Estimates, model_error
 from cbf_clf_qp.tick import Tick
 from rabbit_description.planar_urdf import scaled, with_planar_base
 from rabbit_description.state import TICK_SECONDS, Leg
@@ -29,6 +27,7 @@ from rabbit_sim.plant import PlantReading
 from rl_cbf_clf_controller.pinocchio_model import PinocchioModel
 from rl_cbf_clf_controller.planar_robot import PinnedRobot
 from rl_cbf_clf_controller.policy import LearnedPolicy, ZeroPolicy
+from rl_cbf_clf_controller.problem import Problem
 from rl_cbf_clf_controller.robot_numbers import read_robot
 from rl_cbf_clf_controller.virtual_constraints import Angles, OutputExpressions, VirtualConstraints
 from rl_trainer.parameters import TrainingParameters

@@ -15,8 +15,7 @@ from dataclasses import dataclass
 import casadi as ca
 
 from cbf_clf_qp.affine import Affine
-from cbf_clf_qp.quantity import Quantity
-from cbf_clf_qp.rows import Number, Rows, at_least
+from cbf_clf_qp.quantity import Number, Quantity, Rows, at_least
 from cbf_clf_qp.system import System
 
 RESCUE_WEIGHT = 1e6
@@ -59,7 +58,7 @@ class Barrier:
             system.affine(chain[-1], self.name),
             rows,
             lower=chain[degree - 1] if degree <= 2 else None,
-            slope=Affine(ca.SX.eye(1), ca.SX.zeros(1)),
+            slope=Affine.identity(1),
             reads={f"{self.name}_state": state, f"{self.name}_initial": ca.vertcat(*initial)},
         )
 

@@ -12,9 +12,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.answer import Decided
-from cbf_clf_qp.estimates import Estimates
+from cbf_clf_qp.estimates import Estimates, measure, model_error
 from cbf_clf_qp.functions import one_at_a_time, places_of
-from cbf_clf_qp.measurement import measure, model_error
 from cbf_clf_qp.quantity import Constrained
 from rabbit_description.gait import Gaits
 from rabbit_description.state import SWAP_STATE, SWAP_TORQUE, TICK_SECONDS, Array, Leg, RobotState, StonePreview
@@ -136,7 +135,7 @@ class Controller:
     @property
     def unanswered(self) -> int:
         """Ticks since construction that the chosen solver did not answer itself."""
-        return self.qp.unanswered
+        return self.qp.answer.unanswered
 
     def reset(self, seed: int) -> None:
         """Begin an episode: left leg stands; the exploration noise starts from `seed`."""
@@ -260,7 +259,7 @@ class Controller:
             objective=p.objective,
             adaptation=p.adaptation,
             identified=self._robot.known if self._robot else NOTHING,
-            adapted=self.parts[1].packed if self._robot else NOTHING,
+            adapted=self.parts[1].flat if self._robot else NOTHING,
         )
 
     def measured(self, last: Scene | None, now: Scene) -> Array:

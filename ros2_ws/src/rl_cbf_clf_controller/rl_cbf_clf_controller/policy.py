@@ -16,10 +16,10 @@ import casadi as ca
 import numpy as np
 from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.functions import NumpyFunction
-from cbf_clf_qp.problem import Problem
 from rabbit_description.state import Array
 
 from rl_cbf_clf_controller.estimator import Estimator
+from rl_cbf_clf_controller.problem import Problem
 from rl_cbf_clf_controller.scene import Scene
 from rl_cbf_clf_controller.weights import Actor, PolicyFile
 

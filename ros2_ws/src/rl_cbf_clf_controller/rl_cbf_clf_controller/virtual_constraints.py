@@ -165,7 +165,7 @@ class Outputs:
 
     def second_derivative(self, acceleration: Affine) -> Affine:
         """y-ddot (m), affine in whatever `acceleration` (n) is affine in."""
-        return acceleration.mapped(self.jacobian, self.bias)
+        return Affine(self.jacobian, self.bias).after(acceleration)
 
 
 class VirtualConstraints:

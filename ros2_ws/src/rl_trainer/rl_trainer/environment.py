@@ -42,7 +42,7 @@ class GivenAction(LearnedPolicy):
 
     def act(self, observation: Array, LgV: Array) -> Estimates:
         """The action times its scales; that of V also times |LgV| + 1."""
-        unit = Estimates.from_flat(self.action, self._inputs)
+        unit = Estimates.from_flat(self.action, len(self._beta_scale), self._inputs)
         size = np.ones(len(unit.beta))
         if self._has_clf:
             size[0] += np.linalg.norm(LgV)

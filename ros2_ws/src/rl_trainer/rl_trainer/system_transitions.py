@@ -9,11 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from cbf_clf_qp.answer import Decided
-from cbf_clf_qp.estimates import Estimates
+from cbf_clf_qp.estimates import Estimates, measure
 from cbf_clf_qp.functions import Array, Values
-from cbf_clf_qp.measurement import measure
-from cbf_clf_qp.problem import Problem
 from cbf_clf_qp.tick import Tick
+from rl_cbf_clf_controller.problem import Problem
 
 from rl_trainer.transitions import Doubt, Transition
 

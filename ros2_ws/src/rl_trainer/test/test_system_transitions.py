@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from cbf_clf_qp import Barrier, Clf, Estimates, System, Tick
 from cbf_clf_qp.functions import Array
-from cbf_clf_qp.problem import Problem
 from rl_cbf_clf_controller.policy import ActorPolicy
+from rl_cbf_clf_controller.problem import Problem
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.system_transitions import SystemTick, SystemTicks
 from rl_trainer.training import Trainer

@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
-from cbf_clf_qp.problem import Problem
 from pydantic import BaseModel, ConfigDict
+from rl_cbf_clf_controller.problem import Problem
 from rl_cbf_clf_controller.uncertainty import PAPER, RL_CBF_CLF_QP
 from rl_cbf_clf_controller.weights import policy_path
 from rl_trainer.parameters import TrainingParameters
