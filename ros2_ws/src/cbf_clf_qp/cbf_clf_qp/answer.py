@@ -85,10 +85,9 @@ class Answering:
         x, y = ca.SX.sym("x", layout.shape[1]), ca.SX.sym("y", layout.shape[0])
         said = reading(split(row, places), x, y, layout)
         self.reading = NumpyFunction.of("reading", {"row": row, "x": x, "y": y}, said, matrices=("control_a",))
-        given = self.programme.function.mx_in()
+        given, names = self.programme.function.mx_in(), self.programme.function.name_in()
         found = self.programme.function(*given)
         answer = self.reading.function(found, *by_daqp(split(found, places), layout))
-        names = self.programme.function.name_in()
         self.with_daqp = NumpyFunction(ca.Function("decided", given, [answer], names, ["values"]), self.reading.places)
 
     def __call__(self, *inputs: Array) -> Decided:

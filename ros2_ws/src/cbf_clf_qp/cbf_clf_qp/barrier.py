@@ -18,8 +18,6 @@ from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.quantity import Number, Quantity, Rows, at_least
 from cbf_clf_qp.system import System
 
-RESCUE_WEIGHT = 1e6
-
 
 @dataclass(frozen=True)
 class Barrier:
@@ -32,7 +30,7 @@ class Barrier:
     name: str
     B: ca.SX
     poles: Sequence[Number]
-    rescue_weight: Number = RESCUE_WEIGHT
+    rescue_weight: Number = 1e6
     has_row: bool = True
 
     def __post_init__(self) -> None:

@@ -19,7 +19,7 @@ from cbf_clf_qp.system import System
 from cbf_clf_qp.terms import Terms
 
 
-@dataclass(frozen=True)
+@dataclass  # not frozen: that would take a tick 1 us for each
 class Estimates:
     """`alpha` (n, m) and `beta` (n,) of n quantities over mu (m,), in the quantities' units (alpha: per unit of mu).
 
@@ -110,7 +110,7 @@ def model_error(terms: Terms) -> NumpyFunction:
     error = Affine.stacked(values).after(terms.control) - terms.nominal
     found = {"alpha": error.a, "beta": error.b, "output_error": ca.SX.zeros(terms.inputs, terms.inputs + 1)}
     if y_r and terms.outputs:
-        of_outputs = y_r.after(terms.control) - terms.outputs.after(terms.control)
-        found["output_error"] = ca.horzcat(of_outputs.a, of_outputs.b)
+        delta = y_r.after(terms.control) - terms.outputs.after(terms.control)
+        found["output_error"] = ca.horzcat(delta.a, delta.b)
     inputs = {"x": system.x, "p": system.p, "other": other}
     return NumpyFunction.of("model_error", inputs, found, matrices=("alpha", "output_error"))

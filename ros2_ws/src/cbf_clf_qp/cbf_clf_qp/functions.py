@@ -60,9 +60,8 @@ class NumpyFunction:
 
     def __init__(self, function: ca.Function, places: Mapping[str, Place]) -> None:
         self.function, self.places = function, places
-        sizes = [function.numel_in(i) for i in range(function.n_in())]
-        self._arguments, self._given = [(np.zeros(size), size) for size in sizes], 0
-        self._row = np.zeros(function.numel_out())
+        self._arguments = [(np.zeros(function.numel_in(i)), function.numel_in(i)) for i in range(function.n_in())]
+        self._given, self._row = 0, np.zeros(function.numel_out())  # inputs of the last call, outputs
         self._buffer, self.evaluate = function.buffer()  # `evaluate` computes with the memory as it is
         for i, (argument, _) in enumerate(self._arguments):
             self._buffer.set_arg(i, argument.data)  # type: ignore[call-arg]  # casadi's stub is of C++

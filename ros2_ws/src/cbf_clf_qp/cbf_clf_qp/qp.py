@@ -99,9 +99,9 @@ def build_qp(blocks: Sequence[Rows], objective: Objective | None, control: Affin
     of_mu = ca.vertcat(ca.SX(0, inputs), *(block.A for block in blocks))
     scale = ca.vertcat(*(ca.SX(block.slack_weight) for block, _ in each)) ** -0.5
     in_mu = ca.vertcat(*(ca.SX(block.in_mu) for block, _ in each))
-    units = ca.if_else(in_mu, ca.fmax(norms(of_mu), TINY), 1)  # of the slacks, in units of the row
+    units = ca.if_else(in_mu, ca.fmax(ca.sqrt(ca.sum2(of_mu**2)), TINY), 1)  # of the slacks, in units of the row
     A = ca.densify(ca.horzcat(of_mu @ unroot, ca.diag(-scale * units) @ layout.of_slacks))
-    size = ca.fmax(norms(A), TINY)
+    size = ca.fmax(ca.sqrt(ca.sum2(A**2)), TINY)  # norms of the rows
     A = A / ca.repmat(size, 1, layout.shape[1])
     q = ca.vertcat(-2 * objective.center, ca.SX.zeros(layout.of_slacks.shape[1]))
     lower, upper = (ca.vertcat(*bounds) / size for bounds in zip(*((b.lower, b.upper) for b in blocks), strict=True))
@@ -137,11 +137,6 @@ def reading(data: dict[str, ca.SX], x: ca.SX, y: ca.SX, layout: Layout) -> dict[
         "slack": ca.if_else(slack < ROUNDING, 0, slack),
         "margin": ca.fmin(upper - value, value - lower),
     }
-
-
-def norms(matrix: ca.SX) -> ca.SX:
-    """Of the rows."""
-    return ca.sqrt(ca.sum2(matrix**2))
 
 
 def is_finite(values: ca.SX) -> ca.SX:

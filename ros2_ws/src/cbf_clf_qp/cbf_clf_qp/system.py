@@ -39,8 +39,7 @@ class System:
         self, x: ca.SX, u: ca.SX, x_dot: ca.SX, parameters: Symbols | Iterable[ca.SX] = (), rates: Symbols | None = None
     ) -> None:
         self.x, self.u, self.x_dot, self.rates = x, u, x_dot, rates or {}
-        by_name = isinstance(parameters, Mapping)
-        named = list(parameters.items()) if by_name else [(symbol.name(), symbol) for symbol in parameters]
+        named = list(parameters.items() if isinstance(parameters, Mapping) else ((p.name(), p) for p in parameters))
         self.named, names = dict(named), ", ".join(name for name, _ in named)
         self.p = packed(self.named)
         if len(self.named) < len(named):

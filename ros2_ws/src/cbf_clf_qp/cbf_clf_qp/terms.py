@@ -1,7 +1,6 @@
 """The nominal terms of a tick as expressions, of which objectives, rows and corners are made."""
 
 from collections.abc import Callable, Mapping, Sequence
-from itertools import pairwise
 
 import casadi as ca
 import numpy as np
@@ -19,7 +18,6 @@ class Terms:
     `control` is u and `nominal` are the `quantities` (n,), both affine in mu; `outputs` is y^(r) affine in u, if there
     is a CLF. `estimates` (alpha, beta) and `output_error` (Delta_2, Delta_1), affine in mu, are of the `symbols` that a
     tick's function has as inputs. `reads`: what the quantities show, and what else was asked for, by name.
-
     Without a `control`: that of input-output linearisation [eq:io_input_model], where it can be, else u = mu.
     """
 
@@ -32,8 +30,8 @@ class Terms:
             raise ValueError(f"quantities {', '.join(self.names)}: expected different names")
         self.outputs = next((quantity.outputs for quantity in self.quantities if quantity.outputs), None)
         if control is None:
-            linearised = self.outputs and self.outputs.a.is_square()
-            control = self.outputs.inverse() if linearised else Affine.identity(system.u.numel())
+            y_r, identity = self.outputs, Affine.identity(system.u.numel())
+            control = y_r.inverse() if y_r and y_r.a.is_square() else identity
         nothing = Affine(ca.SX(0, system.u.numel()), ca.SX(0, 1))
         self.control = control
         self.nominal = Affine.stacked([nothing, *(quantity.value for quantity in self.quantities)]).after(control)
@@ -48,8 +46,8 @@ class Terms:
     def rows(self, value: Affine) -> list[Rows]:
         """The rows of all quantities, if they are `value` (n,), affine in mu."""
         at = np.cumsum([0, *(len(quantity.names) for quantity in self.quantities)]).tolist()
-        parts = [Affine(value.a[start:end, :], value.b[start:end]) for start, end in pairwise(at)]
-        return [row for quantity, part in zip(self.quantities, parts, strict=True) for row in quantity.rows(part)]
+        parts = zip(self.quantities, ca.vertsplit(value.a, at), ca.vertsplit(value.b, at), strict=True)
+        return [row for quantity, a, b in parts for row in quantity.rows(Affine(a, b))]
 
     def input_rows(self, limit: Number) -> list[Rows]:
         """Hard rows |u| <= `limit` on each component; the mu that gives u = 0 always meets them."""

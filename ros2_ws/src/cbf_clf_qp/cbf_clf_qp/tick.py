@@ -107,7 +107,11 @@ class Tick:
         inputs = (x, p) if estimates is None else self._inputs(x, p, estimates)
         decided = self.answer(*inputs)
         if not decided.solved:
-            self._check_finite(*inputs)
+            named = {"x": x, **{name: p[place] for name, (place, _) in self._places.items()}}
+            named |= dict(zip(("alpha", "beta", "output_error"), inputs[2:], strict=False))
+            for name, value in named.items():
+                if not np.isfinite(value).all():
+                    raise ValueError(f"{name} = {value}: expected finite numbers")
         return decided
 
     def programme(self, x: Array, p: Array, estimates: Estimates) -> Values:
@@ -142,10 +146,3 @@ class Tick:
         if self._needs_output_error:
             raise ValueError("output_error = None: expected (Delta_2 | Delta_1), on which the objective depends")
         return x, p, estimates.alpha, estimates.beta
-
-    def _check_finite(self, x: Array, p: Array, *estimates: Array) -> None:
-        parameters = {name: p[place] for name, (place, _) in self._places.items()}
-        named = dict(zip(("alpha", "beta", "output_error"), estimates, strict=False))
-        for name, value in {"x": x, **parameters, **named}.items():
-            if not np.isfinite(value).all():
-                raise ValueError(f"{name} = {value}: expected finite numbers")

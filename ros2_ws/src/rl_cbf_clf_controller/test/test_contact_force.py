@@ -1,7 +1,6 @@
 """The rows on the ground's force against the friction cone."""
 
 import casadi as ca
-import numpy as np
 import pytest
 from cbf_clf_qp.affine import Affine
 from rl_cbf_clf_controller.contact_force import ForceRows
