@@ -19,7 +19,7 @@ from cbf_clf_qp.answer import Decided
 from cbf_clf_qp.estimates import Estimates, measure, model_error
 from cbf_clf_qp.functions import Array, Values
 from cbf_clf_qp.tick import Tick
-from rl_cbf_clf_controller.policy import LearnedPolicy
+from rl_cbf_clf_controller.policy import ActorPolicy, LearnedPolicy
 from rl_cbf_clf_controller.problem import Problem
 
 from rl_trainer.parameters import TrainingParameters
@@ -150,4 +150,4 @@ def learn(
         mean = np.sqrt(np.mean(np.square(wrong)))
         say(f"seed {parameters.seed}, episode {plan.episode + 1}: {len(wrong)} ticks, error {mean:.2f}")
         trainer.learn_episode()
-    return policy_of(trainer.begin_episode(), parameters)
+    return ActorPolicy(trainer.policy_file())
