@@ -17,7 +17,7 @@ from tempfile import TemporaryDirectory
 from typing import Any, TypeVar
 
 import numpy as np
-from cbf_clf_qp import solvers
+from cbf_clf_qp import answer
 from cbf_clf_qp.functions import NumpyFunction
 from rabbit_bringup.launching.walk import Walk, WalkOptions
 from rabbit_description.state import TICK_SECONDS
@@ -132,7 +132,7 @@ def floors_timed(watch: StopWatch) -> Iterator[None]:
 
     with (
         replaced(NumpyFunction, "__call__", timed_call),
-        replaced(solvers.OsqpSolver, "solve", timed_solve),
+        replaced(answer.OsqpSolver, "solve", timed_solve),
     ):
         yield
 

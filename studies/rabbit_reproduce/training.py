@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
-from cbf_clf_qp.problem import Problem
 from pydantic import BaseModel, ConfigDict
 from rabbit_experiments.assembly import Assembly
 from rabbit_experiments.cache import Cache
@@ -17,6 +16,7 @@ from rabbit_experiments.conditions import TRAINING_SCALE
 from rabbit_experiments.engine import run
 from rabbit_experiments.tables import read_rows, write_rows
 from rabbit_experiments.training_setup import POLICY
+from rl_cbf_clf_controller.problem import Problem
 from rl_cbf_clf_controller.uncertainty import PAPER, RL_CBF_CLF_QP
 from rl_cbf_clf_controller.weights import policy_path
 from rl_trainer.parameters import TrainingParameters

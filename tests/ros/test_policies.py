@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from cbf_clf_qp.problem import Problem
 from numpy.typing import NDArray
 from rabbit_msgs.msg import Episode, EpisodePlan, PolicyWeights
 from rabbit_msgs.srv import LoadPolicy, ResetEpisode
 from rabbit_recording.checking import check_episodes
 from rl_cbf_clf_controller.parameters import ControllerParameters
+from rl_cbf_clf_controller.problem import Problem
 from rl_cbf_clf_controller.uncertainty import RL_CBF_CLF_QP, RL_CLF_QP
 from rl_cbf_clf_controller.weights import PROBE, Actor, PolicyFile, policy_path, probe_inputs, read
 from safetensors.numpy import save

@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cbf_clf_qp.problem import Problem
 from rabbit_description.gait import load_gait, load_gaits
 from rabbit_experiments.assembly import Assembly
 from rabbit_reproduce.controllers import UNIVERSAL
@@ -14,6 +13,7 @@ from rabbit_sim.simulation import Outcome
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import ActorPolicy
 from rl_cbf_clf_controller.policy_compatibility import STONE_WIDTH, fitted
+from rl_cbf_clf_controller.problem import Problem
 from rl_cbf_clf_controller.uncertainty import IO_RL_CLF_QP, RL_CBF_CLF_QP, RL_CLF_QP
 from rl_cbf_clf_controller.weights import (
     PolicyFile,

@@ -18,9 +18,9 @@ from typing import Any
 
 import numpy as np
 from cbf_clf_qp.estimates import Estimates
-from cbf_clf_qp.problem import Problem
 from rabbit_description.state import Array
 from rl_cbf_clf_controller.controller_output import ControllerOutput
+from rl_cbf_clf_controller.problem import Problem
 from rl_cbf_clf_controller.scene import Scene
 from rl_trainer.rollout import Record
 

@@ -297,7 +297,7 @@ class BatchController:
         if self._robots and self._details:
             own |= {
                 "identified": [robot.known for robot in self._robots],
-                "adapted": [parts[1][i].packed for i in range(n)],
+                "adapted": [parts[1][i].flat for i in range(n)],
             }
         torque = self._by_stance(torque, SWAP_TORQUE)
         names, policies = self._one.qp.names, list(self.policies)

@@ -22,7 +22,7 @@ class ControllerOutput:
     paper's d, the sum of the slacks of last resort; `active` names the rows that hold with equality; `answered` is
     False where the guard solver had to answer; `fault` is empty, or why the episode must end; `objective`, `adaptation`
     name what was minimised and adapted; `identified` (17,) is the robot as in `identified_robot.KNOWN`,
-    `adapted` (5n + 20,) its part of the estimates, as in `Estimates.packed`; both (0,) without adaptation.
+    `adapted` (5n + 20,) its part of the estimates, as in `Estimates.flat`; both (0,) without adaptation.
     """
 
     tick: int

@@ -3,7 +3,7 @@
 `identification.py` finds what the robot weighs, how its joints are damped and what its motors give;
 `joint_calibration.py` where its joints' angles are zero. A second model carries what is found, and the estimates are
 the difference of the quantities by this and by the nominal model, as the oracle's are by the plant's own
-(`cbf_clf_qp.measurement`). The policy's are added to them. The angles are corrected before anything is computed from
+(`cbf_clf_qp.estimates`). The policy's are added to them. The angles are corrected before anything is computed from
 them. Where the state is predicted (`state_prediction.py`), the identification still learns from the measured one.
 
 The identification uses a tick only if the stance foot was the only one on the ground, and had been for SETTLING ticks.

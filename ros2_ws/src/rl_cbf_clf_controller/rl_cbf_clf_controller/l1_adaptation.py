@@ -60,7 +60,7 @@ class L1Adaptation(Estimator):
         m: int = 4,
     ) -> None:
         clf = ResClf(m, eps, gains)
-        F, G, P, K = (np.array(ca.DM(matrix)) for matrix in (clf.F, clf.G, clf.P, clf.K))
+        F, G, P, K = (ca.DM(matrix).full() for matrix in (clf.F, clf.G, clf.P, clf.K))
         self._law, self._gain, self._cutoff, self._bounds = law, gain, cutoff, bounds
         self._substeps, self._h = substeps, TICK_SECONDS / substeps
         self._F, self._G = F, G

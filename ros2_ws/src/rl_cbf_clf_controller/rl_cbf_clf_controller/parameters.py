@@ -3,13 +3,13 @@
 from pathlib import Path
 from typing import Literal
 
-from cbf_clf_qp.problem import Problem
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from rabbit_description.bounded_file import FileError, one_line
 from rabbit_description.gait import DEFAULT_GAIT
 from rabbit_description.yaml_file import read_mapping, shortened, yaml_path
 
 from rl_cbf_clf_controller.kinds import ControllerName, find_kind
+from rl_cbf_clf_controller.problem import Problem
 
 L1Law = Literal["piecewise", "exact", "euler"]
 CONFIG = Path(__file__).parent / "config"

@@ -10,17 +10,17 @@ Plain, they are 5 outputs times (|LgV| + 1). Either way the action is the paper'
 """
 
 from abc import abstractmethod
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 
 import casadi as ca
 import numpy as np
 from cbf_clf_qp.batch import BatchEstimates, BatchFunction
 from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.functions import NumpyFunction
-from cbf_clf_qp.problem import Problem
 from rabbit_description.state import Array
 
 from rl_cbf_clf_controller.estimator import Estimator
+from rl_cbf_clf_controller.problem import Problem
 from rl_cbf_clf_controller.scene import Scene
 from rl_cbf_clf_controller.weights import Actor, PolicyFile
 
@@ -74,9 +74,10 @@ class ActorPolicy(LearnedPolicy):
         self.adaptation = form.adaptation or "none"
         self._center = np.array(form.observation_center)
         self._inverse_scale = 1 / np.array(form.observation_scale)
-        self._scales = np.array(form.alpha_scale), np.array(form.beta_scale)
         self._structured = form.structured
-        self._estimates = estimate_function(len(form.names), form.structured, "V" in form.names, form.m)
+        self._estimates = estimate_function(
+            form.alpha_scale, form.beta_scale, form.structured, "V" in form.names, form.m
+        )
         self._estimates_of_many = BatchFunction(self._estimates)
         self._actor = Actor(file.arrays)
 
@@ -87,12 +88,12 @@ class ActorPolicy(LearnedPolicy):
             ValueError: it reads the step length of a gait library, and there is none.
         """
         outputs = self._actor(self._scaled(observation))
-        found = self._estimates(outputs, LgV, *self._scales)
+        found = self._estimates(outputs, LgV)
         return Estimates(found.alpha, found.beta, found.output_error if self._structured else None)
 
     def act_of_many(self, observations: Array, LgV: Array) -> BatchEstimates:
         """The same for N robots, to the bit."""
-        found = self._estimates_of_many(self._actor.of_many(self._scaled(observations)), LgV, *self._scales)
+        found = self._estimates_of_many(self._actor.of_many(self._scaled(observations)), LgV)
         return BatchEstimates(found.alpha, found.beta, found.output_error if self._structured else None)
 
     def _scaled(self, observation: Array) -> Array:
@@ -123,14 +124,15 @@ class PartlyNominal(Policy):
         return Estimates(estimates.alpha * self._kept[:, None], estimates.beta * self._kept, output_error)
 
 
-def estimate_function(quantities: int, structured: bool, has_clf: bool, inputs: int) -> NumpyFunction:
-    """alpha (n, m), beta (n,) and output_error (m, m + 1) of (a network's outputs, LgV (m,), the scales (n,) of both).
+def estimate_function(
+    alpha_scale: Sequence[float], beta_scale: Sequence[float], structured: bool, has_clf: bool, inputs: int
+) -> NumpyFunction:
+    """alpha (n, m), beta (n,) and output_error (m, m + 1) of (a network's outputs, LgV (m,)), with scales (n,) of both.
 
     Structured outputs are (m (m + 1) + (m + 1) (n - 1),): [D2 | D1] row by row, then the alphas of the other
     quantities, then their betas. Plain ones are ((m + 1) n,): alphas, then betas.
     """
-    n, m = quantities, inputs
-    LgV, alpha_scale, beta_scale = ca.SX.sym("LgV", m), ca.SX.sym("alpha_scale", n), ca.SX.sym("beta_scale", n)
+    n, m, LgV = len(alpha_scale), inputs, ca.SX.sym("LgV", inputs)
     outputs = ca.SX.sym("outputs", (m + 1) * (m + n - 1) if structured else (m + 1) * n)
     output_error = ca.SX.zeros(m, m + 1)
     if structured:
@@ -144,9 +146,9 @@ def estimate_function(quantities: int, structured: bool, has_clf: bool, inputs: 
         if has_clf:
             size = ca.vertcat(ca.norm_2(LgV) + 1, ca.SX.ones(n - 1))
             alpha, beta = ca.diag(size) @ alpha, size * beta
-    found = {"alpha": ca.diag(alpha_scale) @ alpha, "beta": beta_scale * beta, "output_error": output_error}
-    inputs_of = {"outputs": outputs, "LgV": LgV, "alpha_scale": alpha_scale, "beta_scale": beta_scale}
-    return NumpyFunction.of("estimates", inputs_of, found, matrices=("alpha", "output_error"))
+    found = {"alpha": ca.diag(ca.DM(alpha_scale)) @ alpha, "beta": ca.DM(beta_scale) * beta}
+    found["output_error"] = output_error
+    return NumpyFunction.of("estimates", {"outputs": outputs, "LgV": LgV}, found, matrices=("alpha", "output_error"))
 
 
 def row_by_row(values: ca.SX, columns: int) -> ca.SX:

@@ -7,11 +7,10 @@ import casadi as ca
 from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.barrier import Barrier
 from cbf_clf_qp.clf import Clf, ResClf
-from cbf_clf_qp.objective import Objective, pd_centred
-from cbf_clf_qp.quantity import Constrained, Quantity
-from cbf_clf_qp.rows import Rows, at_most
+from cbf_clf_qp.qp import Objective, pd_centred
+from cbf_clf_qp.quantity import Constrained, Quantity, Rows, at_most
 from cbf_clf_qp.terms import Constraint, Terms
-from cbf_clf_qp.tick import Tick, least_mu, no_corners
+from cbf_clf_qp.tick import Tick
 
 from rl_cbf_clf_controller.contact_force import ForceRows, contact_force
 from rl_cbf_clf_controller.kinds import Estimators, Kind, find_kind
@@ -108,8 +107,8 @@ def make_tick(w: Walking, p: Parameters, further: Sequence[Constrained] = ()) ->
         control=w.output_dynamics.inverse(),
         limit=w.gains["torque_limit"],
         constraints=constraints,
-        objective=least_mu if p.objective == "paper" else pd_objective(w, kind.problem.corrects_input),
-        corners=kind.corners(w, p) if kind.corners else no_corners,
+        objective=None if p.objective == "paper" else pd_objective(w, kind.problem.corrects_input),
+        corners=kind.corners(w, p) if kind.corners else None,
         corrects_input=kind.problem.corrects_input,
         reads=reads(w, p),
         solver=p.qp_solver,

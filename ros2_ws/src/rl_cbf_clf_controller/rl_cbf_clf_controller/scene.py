@@ -13,7 +13,7 @@ class ControllerError(ValueError):
     """A state or policy that the controller refuses: names the field, its value and what was expected."""
 
 
-@dataclass(frozen=True)
+@dataclass(slots=True)  # not frozen: that would take a tick 2 us
 class Scene:
     """A state `x` = (q, q') (14,) in stance/swing order, and the tick's parameters `p` there.
 
@@ -21,7 +21,7 @@ class Scene:
     rows stance, swing foot; columns tangential, normal; `observation` (14,), with a stone (15,), there with a gait
     library (16,), see `Problem.observation`; `tick` counts from the episode's start; `torque` (4,), N m, was applied in
     the last tick, NaN: unknown; `stance` is 0 where the left leg stands, 1 where the right one does. `model_error`: a
-    function of (x, p, the parameters of another model), see `cbf_clf_qp.measurement`.
+    function of (x, p, the parameters of another model), see `cbf_clf_qp.estimates`.
     """
 
     x: Array

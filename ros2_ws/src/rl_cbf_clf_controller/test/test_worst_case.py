@@ -65,7 +65,7 @@ def corner_function(bounds):
     """The corners' alpha (2, 5, 4) and beta (2, 5) of (x, p)."""
     w = Walking()
     parameters = load_parameters("ours", controller="robust-cbf-clf-qp", robust_bounds=bounds)
-    terms = Terms.of(w.system, find_kind("robust-cbf-clf-qp").quantities(w, parameters), w.output_dynamics.inverse())
+    terms = Terms(w.system, find_kind("robust-cbf-clf-qp").quantities(w, parameters), w.output_dynamics.inverse())
     low, high = worst_cases(w, parameters)(terms)
     found = {"low_a": low.a, "low_b": low.b, "high_a": high.a, "high_b": high.b}
     return NumpyFunction.of("corners", {"x": w.system.x, "p": w.system.p}, found)

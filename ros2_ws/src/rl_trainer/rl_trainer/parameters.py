@@ -7,12 +7,12 @@ learning rates and all else are ours: docs/differences_from_paper.md.
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from cbf_clf_qp.problem import Problem
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from rabbit_description.bounded_file import FileError, one_line
 from rabbit_description.plugins import names
 from rabbit_description.yaml_file import read_mapping
 from rl_cbf_clf_controller.kinds import NamedProblem
+from rl_cbf_clf_controller.problem import Problem
 from rl_cbf_clf_controller.uncertainty import RL_CBF_CLF_QP, STEP_LENGTH
 
 Scales = tuple[float, ...]

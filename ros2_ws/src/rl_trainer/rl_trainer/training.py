@@ -165,11 +165,14 @@ class Trainer:
     def end_episode(self, plan: EpisodePlan, state: RobotState) -> EpisodeReport:
         """Take in the last state and learn; the next `begin_episode` has the new policy."""
         self.observe_end(state)
+        return self._report(plan, state, self.learn_episode())
+
+    def learn_episode(self) -> dict[str, float]:
+        """Learn from the episode whose transitions were taken in; its mean losses."""
         p = self.parameters
-        updates = max(p.updates_least, round(p.updates_per_tick * len(self._episode)))
-        losses = self.learn(updates)
+        losses = self.learn(max(p.updates_least, round(p.updates_per_tick * len(self._episode))))
         self.episode += 1
-        return self._report(plan, state, losses)
+        return losses
 
     def learn(self, updates: int) -> dict[str, float]:
         """So many updates from the replay buffer; mean losses, empty while there are too few transitions."""

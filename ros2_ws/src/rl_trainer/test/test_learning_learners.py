@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from cbf_clf_qp.problem import Problem
 from rl_cbf_clf_controller.policy import ActorPolicy
+from rl_cbf_clf_controller.problem import Problem
 from rl_cbf_clf_controller.uncertainty import IO_RL_CLF_QP, RL_CBF_CLF_QP, RL_CLF_QP
 from rl_trainer.ddpg import Ddpg
 from rl_trainer.parameters import TrainingParameters, paper_literal

@@ -6,8 +6,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 import torch
-from cbf_clf_qp.problem import Problem
 from rl_cbf_clf_controller.policy import ActorPolicy
+from rl_cbf_clf_controller.problem import Problem
 from rl_cbf_clf_controller.uncertainty import PAPER
 from rl_cbf_clf_controller.weights import decode
 from rl_trainer.actor import Actor

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from cbf_clf_qp.problem import Problem
+from rl_cbf_clf_controller.problem import Problem
 from rl_cbf_clf_controller.uncertainty import PAPER, RL_CBF_CLF_QP, RL_CLF_QP
 from rl_trainer.parameters import ParameterError, TrainingParameters, load_parameters, paper_literal
 from rl_trainer.replay import Replay, as_batch

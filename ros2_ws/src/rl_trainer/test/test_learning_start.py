@@ -7,7 +7,7 @@ from typing import Any, Literal
 import numpy as np
 import pytest
 import torch
-from cbf_clf_qp.problem import Problem
+from rl_cbf_clf_controller.problem import Problem
 from rl_cbf_clf_controller.uncertainty import PAPER, RL_CLF_QP
 from rl_cbf_clf_controller.weights import PROBE, PolicyFile, PolicyFileError
 from rl_trainer import training

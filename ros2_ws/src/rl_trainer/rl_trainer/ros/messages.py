@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 from builtin_interfaces.msg import Time
-from cbf_clf_qp.problem import Problem
 from rabbit_common.message_checks import Refused
 from rabbit_common.ros.conversions import state_of, torque_of
 from rabbit_msgs import msg
 from rl_cbf_clf_controller.kinds import find_problem
 from rl_cbf_clf_controller.message_fields import output_of
 from rl_cbf_clf_controller.policy import ActorPolicy, LearnedPolicy, ZeroPolicy
+from rl_cbf_clf_controller.problem import Problem
 from rl_cbf_clf_controller.weights import PolicyFile, decode
 
 from rl_trainer.parameters import TrainingParameters

@@ -3,7 +3,7 @@
 from typing import Any
 
 import pytest
-from cbf_clf_qp.problem import Problem
+from rl_cbf_clf_controller.problem import Problem
 
 GOOD: dict[str, Any] = {
     "name": "pendulum",
