@@ -12,9 +12,12 @@ install(
     "torch==2.13.0",
     "pydantic>=2",
     "tensorboard",
-    "gymnasium",
     entry_points={
-        "rabbit.learners": ["ddpg = rl_trainer.ddpg:Ddpg", "regression = rl_trainer.regression:Regression"],
+        "rabbit.learners": [
+            "ddpg = rl_trainer.ddpg:Ddpg",
+            "paper_ddpg = rl_trainer.paper_ddpg:PaperDdpg",
+            "regression = rl_trainer.regression:Regression",
+        ],
         "rabbit.nodes": ["trainer = rl_trainer.ros.node:main"],
     },
 )

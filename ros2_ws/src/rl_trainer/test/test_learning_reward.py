@@ -19,12 +19,14 @@ MakeTransition = Callable[..., Transition]
 
 
 def test_reward_is_the_weighted_sum_of_squares_and_the_penalty(random_transition: MakeTransition) -> None:
-    weight, unit = (1.0, 2.0, 3.0, 4.0, 5.0), (10.0, 1.0, 1.0, 100.0, 100.0)
-    parameters = TrainingParameters(weight=weight, error_scale=unit, failure_penalty=7, relative_clf=False)
-    transition = random_transition(RL_CBF_CLF_QP, np.random.default_rng(0), failed=True)
+    unit = (10.0, 1.0, 1.0, 100.0, 100.0)
+    problem = replace(RL_CBF_CLF_QP, name="other", error_scale=unit)
+    parameters = TrainingParameters(problem=problem, learner="paper_ddpg", failure_penalty=7)
+    transition = random_transition(problem, np.random.default_rng(0), failed=True)
     terms = reward_terms(transition, parameters)
+    size = np.array([np.linalg.norm(transition.LgV) + 1, 1, 1, 1, 1])
     estimate = transition.nominal + transition.alpha @ transition.mu + transition.beta
-    expected = -np.array(weight) * ((transition.measured - estimate) / unit) ** 2
+    expected = -(((transition.measured - estimate) / unit / size) ** 2)
     np.testing.assert_allclose(terms.estimation, expected)
     assert terms.total == pytest.approx(expected.sum() - 7)
     assert list(terms.named(RL_CBF_CLF_QP.quantities)) == ["V", "B1", "B2", "C1", "C2", "failure"]
@@ -47,8 +49,10 @@ def test_what_is_not_measured_costs_nothing(random_transition: MakeTransition) -
 
 
 def test_unit_of_the_clf_grows_with_LgV() -> None:
-    parameters = TrainingParameters(problem=RL_CLF_QP, error_scale=(10.0,))
-    np.testing.assert_allclose(error_unit(np.array([[0.0, 0, 0, 0], [3, 0, 4, 0]]), parameters), [[10], [60]])
+    LgV, (unit,) = np.array([[0.0, 0, 0, 0], [3, 0, 4, 0]]), RL_CLF_QP.error_scale
+    np.testing.assert_allclose(error_unit(LgV, TrainingParameters(problem=RL_CLF_QP)), [[unit], [6 * unit]])
+    same = error_unit(LgV, TrainingParameters(problem=RL_CLF_QP, relative_clf=False))
+    assert same[0] == same[1]
 
 
 def test_replay_drops_the_oldest(random_transition: MakeTransition) -> None:
@@ -86,20 +90,19 @@ def test_only_the_literal_learner_keeps_failures(random_transition: MakeTransiti
     )
     literal = paper_literal(RL_CLF_QP)
     assert Replay(literal).add(transition)
-    assert not Replay(TrainingParameters(problem=RL_CLF_QP, failure_penalty=10)).add(transition)
+    assert not Replay(TrainingParameters(problem=RL_CLF_QP)).add(transition)
     assert as_batch([transition], literal).penalty.item() == -literal.failure_penalty
 
 
 @pytest.mark.parametrize(
     "changes",
     [
-        {"discount": 0.9},
-        {"heads": "one"},
-        {"error_scale": (1.0,)},
-        {"weight": (1.0, 1, 1, 1, -1)},
+        {"failure_penalty": 1.0},
+        {"alpha_scale": (1.0,)},
+        {"beta_scale": (1.0, 1, 1, 1, -1)},
         {"batch": 0},
         {"sigma_factors": ()},
-        {"leave_out": ("everything",)},
+        {"measurement": "none"},
         {"speed": 1},
     ],
 )
