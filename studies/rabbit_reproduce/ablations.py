@@ -78,9 +78,9 @@ class Variant:
         )
 
 
-def _critic(meaning: str, against: str, learner: LearnerType, **changes: Any) -> Variant:
+def _critic(meaning: str, against: str, kind: LearnerType, **changes: Any) -> Variant:
     """A plain critic: its walks end soon, so it has the default's transitions and updates a tick, not its episodes."""
-    return Variant(meaning, {"updates_least": 0, **changes}, against, TRANSITIONS, learner=learner)
+    return Variant(meaning, {"updates_least": 0, **changes}, against, TRANSITIONS, learner=kind)
 
 
 _PENALTY = {"learner": "paper_ddpg", "failure_penalty": 10.0}  # ddpg has no use for a penalty

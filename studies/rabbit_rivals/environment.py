@@ -88,10 +88,11 @@ class WalkingEnv(gymnasium.Env[Float32, Float32]):
             scouted = self._scout.step(self._state)
             transition = self._builder.add(self._state, scouted)
         else:
-            scouted, transition = output, self._builder.end(self._state)
+            scouted, transition = output, self._builder.add(self._state)
         if transition is None:
             raise RuntimeError(f"tick {self._state.tick} does not follow tick {output.tick}")
-        reward = reward_terms(transition, self.parameters).total
+        terms, failure = reward_terms(transition, self.parameters)
+        reward = float(terms.sum()) + failure
         truncated = not transition.failed and (not self._state.running or bool(output.fault))
         return self._look(scouted), reward, transition.failed, truncated, vars(transition).copy()
 

@@ -13,12 +13,13 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
 
+from rabbit_description.bounded_file import one_line
 from rabbit_description.state import RobotState
 from rl_cbf_clf_controller.controller_output import ControllerOutput
 from rl_cbf_clf_controller.policy import ActorPolicy, LearnedPolicy
 from rl_cbf_clf_controller.weights import PolicyFile
 
-from rl_trainer.checkpoint import Checkpoint, line_of, transitions_of
+from rl_trainer.checkpoint import Checkpoint, CheckpointError, line_of, transitions_of
 from rl_trainer.publication_gate import PublicationGate, Verdict
 from rl_trainer.training import DivergenceError, EpisodePlan, EpisodeReport, Stopped, Trainer
 from rl_trainer.transitions import Transition
@@ -59,8 +60,11 @@ class LearningThread:
         self._gate = PublicationGate(trainer.parameters)
         self._checkpoint = Checkpoint(folder, trainer) if folder else None
         if self._checkpoint and (more := self._checkpoint.more) is not None:
-            self.taken = more.get("taken", trainer.replay.added)  # not in those of `rabbit train`
-            self._gate.held_out.extend(transitions_of(more.get("held_out", "").encode(), trainer.parameters)[0])
+            try:  # `rabbit train` keeps neither
+                self.taken = int(more.get("taken", trainer.replay.added))
+                self._gate.held_out.extend(transitions_of(more.get("held_out", "").encode(), trainer.parameters)[0])
+            except Exception as error:  # a damaged file may raise anything
+                raise CheckpointError(f"folder {folder}: {one_line(error)}") from error
         if beside:
             trainer.holds_out = self._gate.holds_out
         self._last: RobotState | None = None  # of the episode; None: nothing of it has come

@@ -101,12 +101,12 @@ def as_batch(transitions: list[Transition], parameters: TrainingParameters) -> B
 
 def _row(transition: Transition, parameters: TrainingParameters) -> dict[str, Any]:
     m, unit = len(parameters.observation), error_unit(transition.LgV, parameters)
-    terms = reward_terms(transition, parameters)
+    reward, penalty = reward_terms(transition, parameters)
     return vars(transition) | {
         "observation": transition.observation[:m],
         "unit": unit,
         "target": np.nan_to_num(transition.target / unit),
-        "reward": terms.estimation,
-        "penalty": terms.failure,
+        "reward": reward,
+        "penalty": penalty,
         "next_observation": transition.next_observation[:m],
     }

@@ -5,8 +5,6 @@
 1 / S_i^2 are the paper's weights. S_V may grow with |LgV| + 1 (`relative_clf`): docs/differences_from_paper.md.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from rabbit_description.state import Array
 
@@ -14,27 +12,10 @@ from rl_trainer.parameters import TrainingParameters
 from rl_trainer.transitions import Transition
 
 
-@dataclass(frozen=True)
-class RewardTerms:
-    """Terms, each zero or less: `estimation` by quantity (n,), 0 where not measured, and `failure`."""
-
-    estimation: Array
-    failure: float
-
-    @property
-    def total(self) -> float:
-        """R of this tick."""
-        return float(self.estimation.sum()) + self.failure
-
-    def named(self, quantities: tuple[str, ...]) -> dict[str, float]:
-        """For logs and messages."""
-        return {**dict(zip(quantities, self.estimation.tolist(), strict=True)), "failure": self.failure}
-
-
-def reward_terms(transition: Transition, parameters: TrainingParameters) -> RewardTerms:
-    """Each term of R for one transition."""
+def reward_terms(transition: Transition, parameters: TrainingParameters) -> tuple[Array, float]:
+    """The terms of R, zero or less: by quantity (n,), 0 where not measured; and the failure's."""
     scaled = np.nan_to_num(transition.error / error_unit(transition.LgV, parameters))
-    return RewardTerms(-(scaled * scaled), 0.0 - parameters.failure_penalty * transition.failed)
+    return -(scaled * scaled), 0.0 - parameters.failure_penalty * transition.failed
 
 
 def error_unit(LgV: Array, parameters: TrainingParameters) -> Array:

@@ -24,7 +24,7 @@ from rl_trainer.actor import Actor
 from rl_trainer.learner import Learner
 from rl_trainer.parameters import LEARNERS, TrainingParameters
 from rl_trainer.replay import Replay
-from rl_trainer.reward import RewardTerms, reward_terms
+from rl_trainer.reward import reward_terms
 from rl_trainer.transitions import Doubt, Transition, TransitionBuilder
 
 CRITIC_FIRST = 1000  # updates with a critic that knows nothing yet, which take an actor away from where it began
@@ -144,7 +144,7 @@ class Trainer:
 
     def observe_end(self, state: RobotState) -> Transition | None:
         """Take in the state that the episode ended in; returns the transition into it, if this was not done before."""
-        return self.take(self._builder.end(state))
+        return self.take(self._builder.add(state))
 
     def take(self, transition: Transition | None) -> Transition | None:
         """Take in a transition: those of before a kill come this way too."""
@@ -246,9 +246,9 @@ class Trainer:
 
     def _report(self, plan: EpisodePlan, state: RobotState, losses: dict[str, float]) -> EpisodeReport:
         p, episode = self.parameters, self.taken
-        terms = [reward_terms(t, p) for t in episode if self.replay.accepts(t)]
-        mean = np.mean([t.estimation for t in terms], axis=0) if terms else np.zeros(p.n)
-        failure = 0.0 - p.failure_penalty * float(episode[-1].failed) if episode else 0.0
+        terms = [reward_terms(t, p)[0] for t in episode if self.replay.accepts(t)]
+        mean = np.mean(terms, axis=0) if terms else np.zeros(p.n)
+        failure = reward_terms(episode[-1], p)[1] if episode else 0.0
         return EpisodeReport(
             episode=plan.episode,
             sigma=plan.sigma,
@@ -258,7 +258,7 @@ class Trainer:
             kept=self._kept,
             failed=bool(episode and episode[-1].failed),
             fault=self._fault,
-            reward=RewardTerms(mean, failure).named(p.problem.quantities),
+            reward=dict(zip((*p.problem.quantities, "failure"), (*mean.tolist(), failure), strict=True)),
             losses=losses,
             left_out={f.name.lower(): sum(f in t.doubt for t in episode) for f in Doubt if f.name},
         )

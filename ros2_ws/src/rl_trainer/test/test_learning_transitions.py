@@ -114,11 +114,11 @@ def test_the_last_transition_knows_of_failure_by_pose(tick: Tick, height: float,
     builder = TransitionBuilder(PARAMETERS)
     builder.add(*tick(7))
     state, _ = tick(8, state={"q": np.array([0, height, pitch, 0, 0, 0, 0]), "running": False})
-    last = builder.end(state)
+    last = builder.add(state)
     assert last is not None
     assert last.failed == failed
     assert last.doubt & Doubt.UNMEASURED
-    assert builder.end(state) is None
+    assert builder.add(state) is None
 
 
 def test_another_controllers_output_is_refused(tick: Tick) -> None:

@@ -57,10 +57,10 @@ class TrainerNode(Node):
         self._started = self._is_joining = False
         self._newest: msg.Episode | None = None  # where the simulator stands
         self._policies: dict[str, LearnedPolicy] = {}  # in force, by controller
-        hear = partial(create_checked_subscription, self)
-        self._inputs = [hear(of, part, partial(self._on_part, part), TICK, self._refuse) for part, of in PARTS.items()]
-        hear(msg.Episode, "episode", self._on_episode, EVENT, self._refuse)
-        hear(msg.PolicySwap, "policy_swap", self._on_swap, EVENT, self._refuse)
+        hear = partial(create_checked_subscription, self, refuse=self._refuse)
+        self._inputs = [hear(of, part, partial(self._on_part, part), TICK) for part, of in PARTS.items()]
+        hear(msg.Episode, "episode", self._on_episode, EVENT)
+        hear(msg.PolicySwap, "policy_swap", self._on_swap, EVENT)
         self._diagnostics = Diagnostics(self, self._counter, self._status)
         steady_timer(self, 0.5, self._look)
         self.get_logger().info(f"ready: learns {self._training.problem}, begins with policy {own.policy}")
@@ -85,15 +85,14 @@ class TrainerNode(Node):
             judged = "another controller"
         if judged == "again":
             self._counter.accept(f"{part} again")
-        elif judged != "good":
-            self._refuse(part, Refused(judged, f"episode {message.episode}, tick {message.tick}"))
-        else:
-            checked = None
-            try:
-                checked = checked_part(part, message, self._training.problem)
-                self._counter.accept(part)
-            except Refused as error:
-                self._refuse(part, error)
+            return
+        if judged != "good":
+            raise Refused(judged, f"episode {message.episode}, tick {message.tick}")
+        checked = None  # what is refused is lost
+        try:
+            checked = checked_part(part, message, self._training.problem)
+            self._counter.accept(part)
+        finally:
             if self._is_joining:
                 self._is_joining = False
                 self._ticks.join(*turn)
@@ -102,11 +101,7 @@ class TrainerNode(Node):
     def _on_episode(self, message: msg.Episode) -> None:
         if self._started and message.episode <= self._ticks.done and message.phase != msg.Episode.WAITING:
             self._on_known_episode(message)
-        try:
-            check_episode(message, self._ticks.done if self._started else 0)
-        except Refused as error:
-            self._refuse("episode", error)
-            return
+        check_episode(message, self._ticks.done if self._started else 0)
         self._counter.accept("episode")
         self._newest = message
         if policy := self._policies.get(message.controller):
@@ -134,11 +129,7 @@ class TrainerNode(Node):
             self._published.plan_again(message.episode)
 
     def _on_swap(self, message: msg.PolicySwap) -> None:
-        try:
-            policy = policy_of(message, self._training.problem)
-        except PolicyFileError as error:
-            self._refuse("policy_swap", Refused("not fit", str(error)))
-            return
+        policy = policy_of(message, self._training.problem)
         self._counter.accept("policy_swap")
         if policy is None:
             return
