@@ -129,6 +129,26 @@ def test_a_controller_of_a_users_own_is_alone_too(world: Any, name: str) -> None
     assert episodes[-1].controller == name
 
 
+def test_two_controllers_without_a_name_end_the_episode(world: Any) -> None:
+    """Nobody can tell them apart, and two laws may not be mixed; the same answer twice is one controller's."""
+    states, episodes = world.hear("state"), world.hear("episode")
+    world.start("simulator", start_paused=False, stones=1)
+    world.say("torque", TorqueCommand())
+    world.wait(lambda: bool(states))
+
+    def answer(tick: int, torque: float) -> None:
+        world.say("torque", TorqueCommand(episode=1, tick=tick, torque=[torque, 0.0, 0.0, 0.0]))
+
+    for tick in range(3):
+        answer(tick, 1.0)
+        answer(tick, 1.0)
+        world.wait(lambda tick=tick: states[-1].tick > tick)
+    answer(2, 2.0)
+    world.wait(lambda: episodes[-1].phase == Episode.ENDED)
+    assert (episodes[-1].outcome, episodes[-1].tick) == ("fault", 3)
+    assert "two controllers without a name" in episodes[-1].reason
+
+
 def test_in_real_time_the_torques_of_one_act(world: Any) -> None:
     begin(world, real_time=True, held_ticks=1000)
     timing = world.hear("timing")

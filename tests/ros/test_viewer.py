@@ -14,10 +14,20 @@ from page_client import PageClient
 from rabbit_description.force_ratio import force_ratio
 from rabbit_description.state import ACTUATED
 from rabbit_recording.reader import read_episodes
+from rabbit_viewer.live.graph_page import GraphPage
+from rabbit_viewer.live.messages import Reset
 from rabbit_viewer.skeleton import feet
 from rl_trainer.rollout import Record
 
 RABBIT = (sys.executable, "-c", "from rabbit_bringup.cli import app; app()")
+WRONG = {  # to the page, each with a word of its refusal
+    "no JSON": "JSON",
+    '{"do": "dance"}': "dance",
+    '{"do": "reset", "seed": -1}': "seed",
+    '{"do": "reset", "seed": 1, "more": 1}': "more",
+    '{"do": "load", "path": ""}': "path",
+    '{"do": "load"}': "path",
+}
 WALK = ("--no-pictures", "--no-video", "--no-trainer", "--stones", "4", "--seed", "4", "--view")
 
 
@@ -135,6 +145,63 @@ def test_rviz_hears_the_same(world: Any) -> None:
     state = known[stamp.sec, stamp.nanosec]
     torso = next(marker for marker in last if (marker.ns, marker.id) == ("robot", 2))
     assert (torso.points[0].x, torso.points[0].z) == (state.q[0], state.q[1])
+
+
+def test_wrong_ticks_are_refused_and_the_view_goes_on(world: Any) -> None:
+    """Each is counted under its reason, and shows nothing; the next episode is seen."""
+    from rabbit_msgs.msg import ControllerState, Episode, RabbitState
+    from rabbit_msgs.srv import ResetEpisode
+
+    port, episodes, diagnostics = free_port(), world.hear("episode"), world.hear("diagnostics")
+    world.start("viewer", port=port)
+    world.start("simulator", stones=1, motor_lag=0.004, pace=1.0, episodes=0)
+    world.start("controller", controller="cbf-clf-qp")
+    world.go()
+    with PageClient(f"http://127.0.0.1:{port}") as client:
+
+        def refused() -> set[str]:
+            return {v.key for m in diagnostics for s in m.status for v in s.values if v.key.startswith("refused tick")}
+
+        def shows(episode: int) -> bool:
+            client.hear(0.01)
+            title = client.words.get("about", {}).get("title", "")
+            return title.startswith(f"episode {episode},") and len(client.rows) > 3
+
+        assert world.ask(ResetEpisode, "reset_episode", seed=1).accepted
+        world.wait(lambda: bool(episodes) and episodes[-1].phase == Episode.ENDED)
+        now = episodes[-1]
+        world.wait(lambda: shows(now.episode))
+        wrong = {"not finite": (float("nan"), 0, now.controller), "no leg": (0.0, 2, now.controller)}
+        wrong |= {"another controller": (0.0, 0, "a stranger"), "no tick": (0.0, 0, now.controller)}
+        for number, (reason, (q, stance, sender)) in enumerate(wrong.items(), 10_000):
+            at = {"episode": now.episode, "tick": number}
+            world.say("state", RabbitState(**at, q=[q] * 7))
+            world.say("controller_state", ControllerState(**at, stance=stance, sender=sender, alpha=[0.0]))
+            world.wait(lambda reason=reason: f"refused tick: {reason}" in refused())
+        assert all(row[0]["tick"] < 10_000 for row in client.rows)
+        assert world.ask(ResetEpisode, "reset_episode", seed=1).accepted
+        world.wait(lambda: shows(now.episode + 1))
+
+
+def test_a_browser_asks_only_what_the_page_knows() -> None:
+    """A wrong message is answered with one line that names what is wrong, and asks the graph for nothing."""
+    page = GraphPage(0, control=True)
+    try:
+        with PageClient(page.page.address) as client:
+            for message, word in WRONG.items():
+                client.words.pop("refused", None)
+                client.say(message)
+                client.wait(lambda client: "refused" in client.words)
+                text = client.words["refused"]["text"]
+                assert word in text
+                assert "\n" not in text
+            assert page.asked.empty()
+            client.say({"do": "reset", "seed": 7})
+            client.say({"do": "pause", "paused": "perhaps"})
+            client.wait(lambda client: "paused" in client.words["refused"]["text"])
+        assert page.asked.get(timeout=10) == Reset(do="reset", seed=7)
+    finally:
+        page.close()
 
 
 def rabbit(*words: str) -> subprocess.CompletedProcess[str]:

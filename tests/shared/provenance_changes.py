@@ -30,7 +30,7 @@ PACKAGES = (
 )
 LIBRARIES = {
     "walk": ("numpy", "pybullet", "osqp", "casadi", "pin", "scipy"),
-    "own": ("numpy", "mujoco", "daqp", "casadi", "pin", "scipy"),
+    "own": ("numpy", "mujoco", "osqp", "casadi", "pin", "scipy"),  # casadi brings DAQP
     "training": ("numpy", "torch", "casadi", "pin", "scipy"),
 }
 OWN = {
@@ -200,7 +200,7 @@ class Changes:
         from rabbit_experiments import provenance, source_code
         from rabbit_experiments.cache import Cache
 
-        for each in (source_code.code_of, source_code.imports, provenance._parts):
+        for each in (source_code.code_of, provenance._parts):
             each.cache_clear()
         importlib.invalidate_caches()
         return Cache(self.folder / "cache")

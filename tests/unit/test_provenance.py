@@ -69,7 +69,7 @@ def rows(path: Path) -> list[dict[str, str]]:
 
 
 @pytest.mark.parametrize("what", ["walk", "own", "training"])
-@pytest.mark.parametrize("changes", [QUICK, pytest.param(MANY, marks=[pytest.mark.slow, pytest.mark.timeout(3600)])])
+@pytest.mark.parametrize("changes", [QUICK, pytest.param(MANY, marks=[pytest.mark.slow, pytest.mark.timeout(1800)])])
 def test_after_a_single_change_no_old_result_is_served(tmp_path: Path, what: str, changes: int) -> None:
     pytest.importorskip("mujoco")
     provenance_changes.make_workspace(tmp_path)

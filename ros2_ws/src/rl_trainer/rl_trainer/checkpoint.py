@@ -22,7 +22,7 @@ from zipfile import ZipFile
 
 import numpy as np
 import torch
-from rabbit_description.atomic_file import replace_text, replacing
+from rabbit_description.atomic_file import remove_partials, replace_text, replacing
 from rabbit_description.bounded_file import one_line, read_bytes
 from rabbit_description.yaml_file import dump_yaml
 
@@ -51,6 +51,7 @@ class Checkpoint:
         self._journal: BinaryIO | None = None
         try:
             (folder / "policies").mkdir(parents=True, exist_ok=True)
+            remove_partials(folder)
             state = read_checkpoint(folder)
             self.more: dict[str, Any] | None = state and self._restore(state)
             replace_text(folder / "parameters.yaml", dump_yaml(trainer.parameters.model_dump(mode="json")))

@@ -95,6 +95,9 @@ class SimulatorNode(Node):
         self._live_controllers.spoke()
         try:
             if self._state is not None and message.episode == self._episode.episode:
+                if fault := self._admission.mixed(message):
+                    self._end("fault", fault)
+                    return
                 self._admission.check(message.sender, is_asked_again=self._wait.reminders > 0)
             if self._state is None or self._torque is not None:
                 raise Refused("not awaited", f"episode {message.episode}, tick {message.tick}")
