@@ -1,11 +1,12 @@
 """A training session in a folder: the episode loop, which goes on there if it was killed, and TensorBoard.
 
-DIR/tensorboard/     reward terms, losses, steps walked; all else in DIR: `checkpoint.py`
+DIR/tensorboard/     reward terms, losses, steps walked, if TensorBoard is installed; all else in DIR: `checkpoint.py`
 """
 
 import json
 import time
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -49,28 +50,35 @@ class Session:
 
     def run(self, simulation: Simulation, make_controller: MakeController) -> Iterator[EpisodeReport]:
         """The rest of the episodes; all is on disk when an episode's report is yielded."""
-        from torch.utils.tensorboard import SummaryWriter  # half a second, for this alone
-
         newest = self.episodes[-1:]  # a kill after its checkpoint may have kept it from TensorBoard
-        writer = SummaryWriter(self.folder / "tensorboard", purge_step=self.trainer.episode - len(newest))
-        try:
+        with tensorboard(self.folder / "tensorboard", self.trainer.episode - len(newest)) as log:
             for episode in newest:
-                _log(writer, episode)
+                log(episode)
             start = time.perf_counter()
             for report in train(self.trainer, simulation, make_controller):
                 self.episodes.append({**asdict(report), "seconds": time.perf_counter() - start})
                 self._checkpoint.save(episodes=json.dumps(self.episodes))
-                _log(writer, self.episodes[-1])
+                log(self.episodes[-1])
                 yield report
                 start = time.perf_counter()
-        finally:
-            writer.close()
 
 
-def _log(writer: Any, episode: Mapping[str, Any]) -> None:
-    for name, value in scalars(episode).items():
-        writer.add_scalar(name, value, episode["episode"])
-    writer.flush()
+@contextmanager
+def tensorboard(folder: Path, first: int) -> Iterator[Callable[[Mapping[str, Any]], None]]:
+    """A function that logs an episode's report, from number `first` on; without TensorBoard it does nothing."""
+    try:
+        from torch.utils.tensorboard import SummaryWriter  # half a second, for this alone
+    except ModuleNotFoundError:
+        yield lambda _: None
+        return
+    with SummaryWriter(folder, purge_step=first) as writer:
+
+        def log(episode: Mapping[str, Any]) -> None:
+            for name, value in scalars(episode).items():
+                writer.add_scalar(name, value, episode["episode"])
+            writer.flush()
+
+        yield log
 
 
 def scalars(values: Mapping[str, Any]) -> dict[str, float]:
