@@ -1,5 +1,7 @@
 """The actor: observation to alpha and beta of every quantity, in torch; `rl_cbf_clf_controller.policy` is its twin."""
 
+from typing import Any
+
 import torch
 from rl_cbf_clf_controller.weights import PROBE, Arrays, probe_inputs
 from torch import Tensor, nn
@@ -49,7 +51,7 @@ class Actor(nn.Module):
         self.scaling = Scaling(parameters)
         matrix, others = (self.m if self.structured else 0), self.n - self.structured
         alphas = ([1.0] * self.m + [0.0]) * matrix + [1.0] * self.m * others + [0.0] * others
-        self.network = self.make_network(parameters, len(alphas))
+        self.network: Any = self.make_network(parameters, len(alphas))
         self.alpha_scale: Tensor
         self.beta_scale: Tensor
         for name, scales in zip(("alpha_scale", "beta_scale"), parameters.scales, strict=False):

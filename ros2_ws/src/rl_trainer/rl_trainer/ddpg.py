@@ -88,7 +88,8 @@ class AffineCritic(RewardCritic):
     @torch.no_grad()
     def steady_slopes(self, share: float) -> None:
         """Take `share` off the last layer's weights, not biases, of the slopes: what varies with the state decays."""
-        self.network[-1].weight[: -self.n].mul_(1 - share)
+        *_, last_weight, _ = self.network.parameters()
+        last_weight[: -self.n].mul_(1 - share)
 
     def see(self, batch: Batch) -> Seen:
         """The offset b_i (b, n) and the slope a_i (b, n, m)."""
