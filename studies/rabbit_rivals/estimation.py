@@ -21,10 +21,9 @@ from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.parameters import load_parameters
 from rl_cbf_clf_controller.policy import Policy
 from rl_cbf_clf_controller.weights import PROBE, Actor, Arrays, PolicyFile, PolicyMetadata, probe_inputs, problem_fields
+from rl_trainer.environment import WalkingEnv
 from rl_trainer.parameters import TrainingParameters
 from torch import nn
-
-from rabbit_rivals.environment import WalkingEnv
 
 ACTION_NOISE = 0.1  # of actions in [-1, 1]
 TICKS_A_LINE = 2000  # of what is printed

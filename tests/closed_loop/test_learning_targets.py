@@ -7,7 +7,6 @@ import pytest
 from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.problem import Problem
 from rabbit_description.gait import load_gait
-from rabbit_rivals.environment import WalkingEnv
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.robot_urdf import perturbed_urdf
 from rabbit_sim.simulation import Simulation
@@ -16,6 +15,7 @@ from rl_cbf_clf_controller.oracle import OraclePolicy, TruePlant
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import Policy, ZeroPolicy
 from rl_cbf_clf_controller.uncertainty import PAPER, RL_CBF_CLF_QP
+from rl_trainer.environment import WalkingEnv
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.reward import error_unit
 from rl_trainer.rollout import Record, rollout

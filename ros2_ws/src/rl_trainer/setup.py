@@ -12,6 +12,7 @@ install(
     "torch==2.13.0",
     "pydantic>=2",
     "tensorboard",
+    "gymnasium",
     entry_points={
         "rabbit.learners": [
             "ddpg = rl_trainer.ddpg:Ddpg",

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
-from rabbit_rivals.environment import WalkingEnv
 from rl_cbf_clf_controller.uncertainty import RL_CLF_QP
+from rl_trainer.environment import WalkingEnv
 from rl_trainer.parameters import TrainingParameters
 
 PARAMETERS = TrainingParameters(problem=RL_CLF_QP, sigma=0.0, relative_clf=False)

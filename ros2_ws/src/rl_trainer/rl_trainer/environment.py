@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from rabbit_description.state import Array, RobotState
 from rl_cbf_clf_controller.controller_output import ControllerOutput
 from rl_cbf_clf_controller.policy import LearnedPolicy, Policy, ZeroPolicy
+
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.reward import reward_terms
 from rl_trainer.rollout import Controller, Simulation
