@@ -13,6 +13,7 @@ from rabbit_experiments.metrics import RunResult
 from rabbit_experiments.summary import Walks, times
 from rabbit_experiments.tables import markdown_table, write_rows
 from rabbit_reproduce.success_map import side_by_side, success_map
+from rabbit_reproduce.table_lines import PLANT_TITLES
 
 from rabbit_benchmark.cells import Cell
 from rabbit_benchmark.comparison import holm, paired
@@ -89,8 +90,9 @@ class Benchmark:
         head = (
             f"# Benchmark\n\n    {provenance.command()}\n\n"
             f"Commit {provenance.commit() or 'unknown'}. The {seeds} seeds ({SEEDS[seeds]}), "
-            f"{self.protocol.courses} courses of {self.protocol.stones} stones or steps a cell, PyBullet. All methods "
-            "walk the same courses. Walked of courses, with Wilson's 95% interval.\n\n"
+            f"{self.protocol.courses} courses of {self.protocol.stones} stones or steps a cell, "
+            f"{PLANT_TITLES[self.protocol.plant]}. All methods walk the same courses. Walked of courses, with "
+            "Wilson's 95% interval.\n\n"
         )
         return (
             f"{head}## Courses walked on each map\n\n{self._maps_table()}\n![maps](maps.png)\n\n"

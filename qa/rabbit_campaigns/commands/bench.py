@@ -8,7 +8,7 @@ from typing import Any
 import typer
 from pydantic import BaseModel, ConfigDict, Field
 from rabbit_bringup.commands.walk import DEFAULTS, assembly_of_nodes
-from rabbit_common.options import Given, complaints, options
+from rabbit_common.options import Given, complaints, fail, options
 from rabbit_common.own_folder import new_file
 from rabbit_experiments.commands.evaluate import given_assembly
 from rabbit_sim.parameters import SimulationParameters
@@ -29,6 +29,8 @@ class BenchOptions(BaseModel):
     nodes: bool = Field(True, description="also walk through the nodes, where there is ROS")
     against: Path | None = Field(None, description="another checkout that is built: compare with it, in pairs")
     viewer: bool = Field(False, description="compare walks without and with `rabbit view`, in pairs")
+    batch: int = Field(0, ge=0, le=4096, description="so many robots at once in MuJoCo against the bare engine")
+    ticks: int = Field(100_000, ge=1, description="of all robots together, for --batch")
     pairs: int = Field(7, ge=1, le=1000, description="of walks, for --against and --viewer")
 
 
@@ -38,7 +40,8 @@ def bench(given: Given) -> None:
     """Time a tick, the plant, an evaluation and the nodes: each against its floor, in the same run.
 
     With `--against PATH`: how many times as long each takes there, by pairs of walks there and here. With `--viewer`:
-    what a viewer costs simulator and controller, by pairs of walks without and with it.
+    what a viewer costs simulator and controller, by pairs of walks without and with it. With `--batch N`: N robots at
+    once in MuJoCo against `mujoco.rollout` alone, and evaluation in a batch against one run at a time.
     """
     request = given.build(BenchOptions)
     out = new_file(request.out or Path("runs") / f"{datetime.now():%Y%m%d-%H%M%S}-bench.json")
@@ -48,6 +51,8 @@ def bench(given: Given) -> None:
 
     from rabbit_campaigns import bench, compare
 
+    if request.batch and assembly.simulation.plant != "mujoco":
+        fail(f"--batch {request.batch} with --plant {assembly.simulation.plant}: expected --plant mujoco")
     with complaints(LaunchError):
         figures: dict[str, Any] = {}
         if request.against is not None:
@@ -59,6 +64,11 @@ def bench(given: Given) -> None:
 
             figures["viewer"] = viewer_cost.measure(assembly, request.seed, request.pairs, print)
             show_viewer(figures["viewer"])
+        if request.batch:
+            from rabbit_campaigns.batch_bench import bench_batch
+
+            figures["batch"] = bench_batch(assembly, request.batch, request.ticks, request.seed)
+            show_batch(figures["batch"])
         if not figures:
             figures = bench.bench(assembly, request.seed)
             nodes = bench.bench_nodes(assembly, request.seed, figures["us"]) if request.nodes else None
@@ -87,6 +97,21 @@ def show(figures: dict[str, Any]) -> None:
     console = Console()
     console.print(times, ratios)
     print(f"a walk in process: {figures['real_time_factor']:.1f} times real time")
+
+
+def show_batch(found: dict[str, Any]) -> None:
+    """Times, memory and ratios."""
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table("", "", title=f"{found['robots']} robots, {found['robot_ticks']} ticks of a robot")
+    for name, us in found["us"].items():
+        table.add_row(f"{name}, us of CPU a robot and tick", f"{us:.1f}")
+    for name, mb in found["memory_mb"].items():
+        table.add_row(f"memory {name}, MB", f"{mb:.1f}")
+    for name, ratio in found["ratios"].items():
+        table.add_row(name, f"{ratio:.2f}")
+    Console().print(table)
 
 
 def show_pairs(ratios: dict[str, dict[str, float]], request: BenchOptions) -> None:

@@ -1,5 +1,6 @@
 """The same functions over N robots: `Function.map` of CasADi, so each row is to the bit what one robot gets."""
 
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -38,8 +39,11 @@ class BatchFunction:
         self.size = one.function.numel_out()
         self._mapped: dict[int, tuple[list[Array], Array, Any, Any]] = {}  # by N
 
-    def __call__(self, *values: Array) -> BatchValues:
-        """Of values (N, ...), or (n,) that are the same for all; raises ValueError where one has another size."""
+    def __call__(self, *values: Array, keep: bool = True) -> BatchValues:
+        """Of values (N, ...), or (n,) that are the same for all; raises ValueError where one has another size.
+
+        Without `keep` they are good until the next call, and need no memory of their own.
+        """
         n = len(values[0])
         arguments, row, evaluate, _ = self._mapped.get(n) or self._map(n)
         for i, (argument, value) in enumerate(zip(arguments, values, strict=True)):
@@ -48,7 +52,7 @@ class BatchFunction:
                 raise ValueError(f"{name} has {value.size} numbers; expected {argument.shape[1]} for each of {n}")
             argument[...] = value if value.ndim <= 2 else value.reshape(n, -1)
         evaluate()
-        return BatchValues(row.copy(), self.places)
+        return BatchValues(row.copy() if keep else row, self.places)
 
     @one_at_a_time
     def _map(self, n: int) -> tuple[list[Array], Array, Any, Any]:
@@ -56,8 +60,8 @@ class BatchFunction:
         buffer, evaluate = one.map(n).buffer()
         arguments, row = [np.zeros((n, one.numel_in(i))) for i in range(one.n_in())], np.zeros((n, one.numel_out()))
         for i, argument in enumerate(arguments):
-            buffer.set_arg(i, argument.data)
-        buffer.set_res(0, row.data)
+            buffer.set_arg(i, argument.data)  # type: ignore[call-arg]  # casadi's stub is of C++
+        buffer.set_res(0, row.data)  # type: ignore[call-arg]
         self._mapped[n] = arguments, row, evaluate, buffer
         return self._mapped[n]
 
@@ -89,13 +93,14 @@ class BatchEstimates:
 
 @dataclass
 class BatchDecided:
-    """What a tick decides for N robots; see `Decided`: `solved` (N,), `solver` and `status` a list."""
+    """What a tick decides for N robots, see `Decided`: `solved` (N,), lists `solver`, `status`; `seconds` a robot."""
 
     values: BatchValues
     layout: Layout
     solved: Array
     solver: list[str]
     status: list[str]
+    seconds: float = 0.0
 
 
 class BatchAnswering:
@@ -112,10 +117,10 @@ class BatchAnswering:
 
     def __call__(self, *inputs: Array) -> BatchDecided:
         """Of the inputs, a row a robot."""
-        n = len(inputs[0])
+        n, start = len(inputs[0]), time.perf_counter()
         if self._by_daqp:
-            data = self._programme(*inputs)
-            answer = self._solve(data.row)
+            data = self._programme(*inputs, keep=False)
+            answer = self._solve(data.row, keep=False)
             values = self._reading(data.row, answer.x, answer.y)
             solved = values.row[:, 0] < TOLERANCE
             decided = BatchDecided(values, self._layout, solved, ["daqp"] * n, ["solved"] * n)
@@ -126,12 +131,13 @@ class BatchAnswering:
             one = self._ones[i](*(each[i] for each in inputs))
             decided.values.row[i], decided.solved[i] = one.values.row, one.solved
             decided.solver[i], decided.status[i] = one.solver, one.status
+        decided.seconds = (time.perf_counter() - start) / n
         return decided
 
     def reset(self, i: int) -> None:
         """Forget the last programme of robot `i`."""
         self._ones[i].reset()
 
-    def keep(self, rows: Sequence[int]) -> None:
+    def keep(self, rows: Sequence[int] | Array) -> None:
         """Go on with some of the robots, by number."""
         self._ones = [self._ones[i] for i in rows]

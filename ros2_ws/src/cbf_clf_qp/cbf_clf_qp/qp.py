@@ -69,8 +69,8 @@ def build_qp(blocks: Sequence[Rows], objective: Objective | None, control: Affin
     scale = ca.vertcat(*(ca.repmat(ca.SX(block.slack_weight), len(block.names)) for block in blocks)) ** -0.5
     in_mu = ca.vertcat(*(ca.repmat(ca.SX(block.in_mu), len(block.names)) for block in blocks))
     units = ca.if_else(in_mu, ca.fmax(norms(of_mu), TINY), 1)  # of the slacks, in units of the row
-    A = ca.densify(ca.horzcat(of_mu @ unroot, ca.diag(-scale * units) @ layout.of_slacks))
-    size = ca.fmax(norms(A), TINY)
+    A = ca.horzcat(of_mu @ unroot, ca.diag(-scale * units) @ ca.sparsify(ca.DM(layout.of_slacks)))
+    size = ca.densify(ca.fmax(norms(A), TINY))
     A = A / ca.repmat(size, 1, layout.shape[1])
     q = ca.vertcat(-2 * objective.center, ca.SX.zeros(layout.of_slacks.shape[1]))
     lower, upper = (ca.vertcat(*bounds) / size for bounds in zip(*((b.lower, b.upper) for b in blocks), strict=True))
@@ -79,7 +79,7 @@ def build_qp(blocks: Sequence[Rows], objective: Objective | None, control: Affin
     is_valid = ca.mmin(ca.vertcat(sound, is_finite(ca.vertcat(*finite))))
     lower = ca.if_else(is_valid, ca.fmax(lower, -UNBOUNDED), -UNBOUNDED)  # so that a solver does not stop at a NaN
     upper = ca.if_else(is_valid, ca.fmin(upper, UNBOUNDED), UNBOUNDED)
-    data = {"q": q, "lower": lower, "upper": upper, "A": A, "is_valid": is_valid}
+    data = {"q": q, "lower": lower, "upper": upper, "A": ca.densify(A), "is_valid": is_valid}
     data |= {"unroot": unroot, "slack_scale": scale, "control_a": control.a, "control_b": control.b}
     return layout, data
 

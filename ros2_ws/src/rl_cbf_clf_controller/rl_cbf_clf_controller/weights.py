@@ -224,7 +224,8 @@ class Actor:
         """The same of N observations (N, m), to the bit; layer by layer, so that the weights stay near."""
         values = scaled.astype(np.float32)
         for layer, (weights, bias) in enumerate(self._layers):
-            given, values = values, np.tile(bias, (len(values), 1))
+            given, values = values, np.empty((len(values), len(bias)), np.float32)
+            values[:] = bias
             for row, result in zip(given, values, strict=True):
                 sgemv(1, weights, row, 1, result, 0, 1, 0, 1, 1, 1)  # transposed, into `result`
             if layer < len(self._layers) - 1:

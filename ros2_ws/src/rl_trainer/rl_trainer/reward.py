@@ -18,6 +18,12 @@ def reward_terms(transition: Transition, parameters: TrainingParameters) -> tupl
     return -(scaled * scaled), 0.0 - parameters.failure_penalty * transition.failed
 
 
+def reward(transition: Transition, parameters: TrainingParameters) -> float:
+    """R of one transition."""
+    terms, failure = reward_terms(transition, parameters)
+    return float(terms.sum()) + failure
+
+
 def error_unit(LgV: Array, parameters: TrainingParameters) -> Array:
     """S_i for LgV of shape (..., p): shape (..., n)."""
     unit: Array = np.broadcast_to(parameters.scales[2], (*LgV.shape[:-1], parameters.n)).copy()

@@ -17,7 +17,7 @@ from rl_cbf_clf_controller.policy import ActorPolicy, LearnedPolicy, ZeroPolicy
 from rl_cbf_clf_controller.weights import PolicyFile, PolicyFileError, decode
 
 from rl_trainer.parameters import TrainingParameters
-from rl_trainer.reward import reward_terms
+from rl_trainer.reward import reward, reward_terms
 from rl_trainer.training import EpisodePlan
 from rl_trainer.transitions import Doubt, Transition
 
@@ -30,13 +30,12 @@ def transition_message(
     transition: Transition, parameters: TrainingParameters, episode: int, at: Time
 ) -> SimpleNamespace:
     """The fields of a `Transition` message: with its reward, term by term."""
-    terms, failure = reward_terms(transition, parameters)
     return SimpleNamespace(
         stamp=at,
         episode=episode,
         problem=str(transition.problem),
-        reward_terms=terms,
-        reward=float(terms.sum()) + failure,
+        reward_terms=reward_terms(transition, parameters)[0],
+        reward=reward(transition, parameters),
         doubt=int(transition.doubt),
         **{name.lower(): getattr(transition, name) for name in (*NUMBERS, *ARRAYS)},
     )
