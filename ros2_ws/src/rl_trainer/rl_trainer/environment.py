@@ -99,7 +99,8 @@ class WalkingEnv(gymnasium.Env[Float32, Float32]):
         if transition is None:
             raise RuntimeError(f"tick {self._state.tick} does not follow tick {output.tick}")
         truncated = not transition.failed and (not self._state.running or bool(output.fault))
-        return self._look(scouted), reward(transition, self.parameters), transition.failed, truncated, vars(transition).copy()
+        earned = reward(transition, self.parameters)
+        return self._look(scouted), earned, transition.failed, truncated, vars(transition).copy()
 
     def _look(self, output: ControllerOutput) -> Float32:
         observation: Float32 = ((output.observation[: len(self._center)] - self._center) / self._scale).astype(
