@@ -5,6 +5,7 @@ ROOT/NAME-KEY/   a session of `rabbit train`, KEY the hash of all that decides i
 
 import math
 import shlex
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -39,6 +40,7 @@ class Recipe(Job):
     transitions: float = math.inf
     law: tuple[tuple[str, Any], ...] = ()  # controller parameters that are not `ours`
     engine: str = "pybullet"
+    learner: Callable[..., Any] | None = None  # in place of the one that the parameters name
     root: Path = field(default=Path("runs/training"), compare=False)
     model = TrainingReport
 
@@ -73,7 +75,7 @@ class Recipe(Job):
         return self.root / f"{self.name}-{provenance.key_of([asked, provenance.provenance(asked)])}"
 
     def do(self) -> TrainingReport:
-        from rl_trainer.session import CheckpointError  # torch
+        from rl_trainer.checkpoint import CheckpointError  # torch
         from rl_trainer.training import DivergenceError
 
         try:
@@ -91,7 +93,8 @@ class Recipe(Job):
         """Train, or go on training; the reports of all episodes."""
         from rabbit_experiments.training_setup import POLICY, training  # torch
 
-        with training(self.folder, self.parameters, self.controller, self.plant, self.command) as job:
+        about = self.folder, self.parameters, self.controller, self.plant, self.command, self.learner
+        with training(*about) as job:
             trainer = job.session.trainer
             while trainer.episode < self.parameters.episodes and trainer.transitions < self.transitions:
                 next(job.reports)

@@ -6,10 +6,10 @@ from typing import Any
 
 import pytest
 import typer
-from rabbit_experiments import ablations
 from rabbit_experiments.cache import JobError
 from rabbit_experiments.evaluation import Walk
 from rabbit_experiments.metrics import RunResult, RunRow
+from rabbit_reproduce import ablations
 from rabbit_reproduce.ablations import NEWEST, VARIANTS, Row, Study, markdown
 from rabbit_reproduce.recipes import Recipe, TrainingReport
 from rl_trainer.parameters import TrainingParameters
@@ -66,7 +66,11 @@ def test_a_variant_changes_what_it_says(name: str) -> None:
     assert variant.parameters(seed=7, episodes=4).episodes == 4
     if name != "default":
         other = VARIANTS[variant.against]
-        stops = (other.transitions, other.literal) != (variant.transitions, variant.literal)
+        stops = (other.transitions, other.literal, other.learner) != (
+            variant.transitions,
+            variant.literal,
+            variant.learner,
+        )
         assert stops or parameters != other.parameters(seed=7)
 
 

@@ -19,8 +19,8 @@ from rabbit_reproduce.table_lines import FULL, QUICK, Line, Runs
 from rabbit_reproduce.training import SHIPPED, Episode, Trained, read_log, recipes, retrain
 from rl_cbf_clf_controller.uncertainty import IO_RL_CLF_QP, PAPER, RL_CBF_CLF_QP, RL_CLF_QP
 from rl_cbf_clf_controller.weights import policy_path, read
+from rl_trainer.checkpoint import CheckpointError
 from rl_trainer.parameters import TrainingParameters
-from rl_trainer.session import CheckpointError
 from typer.testing import CliRunner
 
 PARAMETERS = TrainingParameters(problem=RL_CLF_QP, seed=4, episodes=1)

@@ -3,6 +3,7 @@
 import contextlib
 import tempfile
 from collections.abc import Callable
+from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
@@ -24,10 +25,9 @@ from rabbit_sim.stones import CourseError, read_course
 from rl_cbf_clf_controller.parameters import CONFIG
 from rl_cbf_clf_controller.parameters import ParameterError as ControllerParameterError
 from rl_cbf_clf_controller.parameters import load_parameters as load_controller
-from rl_trainer.journal import Journal
+from rl_trainer.checkpoint import CHECKPOINT, CheckpointError, journal_path, line_of, read_journal
 from rl_trainer.parameters import ParameterError
 from rl_trainer.parameters import load_parameters as load_training
-from rl_trainer.session import CHECKPOINT, CheckpointError
 
 MESSAGES = Path(__file__).resolve().parents[2] / "ros2_ws" / "src" / "rabbit_msgs"
 COURSE = yaml.safe_dump({"stones": [{"l_min": 0.35, "l_max": 0.4}, {"l_min": 0.36}]}).encode()
@@ -123,6 +123,7 @@ def test_simulator_memories(data: bytes) -> None:
 # What a trainer keeps
 
 CHECKPOINT_BYTES, JOURNAL_BYTES = kept_files()
+JOURNAL_LINES = [line_of(transition(tick), TINY) for tick in range(3)]
 
 
 @given(damaged(CHECKPOINT_BYTES) | st.binary(max_size=60))
@@ -132,18 +133,16 @@ def test_checkpoints(data: bytes) -> None:
 
 @given(damaged(JOURNAL_BYTES) | st.binary(max_size=60))
 def test_journals(data: bytes) -> None:
-    read_or_refused(go_on, CheckpointError, "journal-000000.bin", data)
+    read_or_refused(go_on, CheckpointError, journal_path(Path(), 0).name, data)
 
 
 @given(st.integers(0, len(JOURNAL_BYTES)))
 def test_a_cut_journal_holds_all_that_is_whole(length: int) -> None:
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "journal-000000.bin"
+        path = journal_path(Path(folder), 0)
         path.write_bytes(JOURNAL_BYTES[:length])
-        _, held = Journal(Path(folder), TINY).read(0)
-        head = JOURNAL_BYTES.index(b"\n") + 1
-        size = (len(JOURNAL_BYTES) - head) // 3
-        assert [each.tick for each in held] == list(range(max(0, length - head) // size))
+        held, ends = read_journal(path, TINY), list(accumulate(map(len, JOURNAL_LINES)))
+        assert [each.tick for each in held] == list(range(sum(length >= end - 1 for end in ends)))
         for each in held:
             np.testing.assert_array_equal(each.observation, transition(each.tick).observation)
 

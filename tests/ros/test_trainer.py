@@ -106,7 +106,7 @@ def test_learning_beside_publishes_policies_that_take_effect(world: Any) -> None
     world.start("simulator", **plant, pace=1.0, episodes=1000)
     world.start("controller", controller="rl-cbf-clf-qp")
     small = {"hidden1": 16, "hidden2": 16, "batch": 16, "updates_per_tick": 0.0, "updates_least": 0}
-    rough = {"actor_rate": 0.01, "act_with_average": False}  # in steps so large that one is worse soon
+    rough = {"actor_rate": 0.01, "polyak": 1.0}  # in steps so large that one is worse soon
     world.start("trainer", learn_beside=4, **small, **rough)
     world.go()
     world.wait(lambda: len(weights) >= 2)

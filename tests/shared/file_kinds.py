@@ -46,12 +46,10 @@ from rl_cbf_clf_controller.parameters import CONFIG
 from rl_cbf_clf_controller.parameters import ParameterError as ControllerParameterError
 from rl_cbf_clf_controller.parameters import load_parameters as load_controller
 from rl_cbf_clf_controller.uncertainty import RL_CLF_QP
-from rl_trainer.journal import Journal, record_type
-from rl_trainer.node_checkpoint import NodeCheckpoint
+from rl_trainer.checkpoint import CHECKPOINT, DIGEST, Checkpoint, CheckpointError, checksum, journal_path
+from rl_trainer.learning_thread import LearningThread
 from rl_trainer.parameters import ParameterError, TrainingParameters
 from rl_trainer.parameters import load_parameters as load_training
-from rl_trainer.publication_gate import PublicationGate
-from rl_trainer.session import CHECKPOINT, DIGEST, CheckpointError
 from rl_trainer.training import Trainer
 from rl_trainer.transitions import Doubt, Transition
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
@@ -88,23 +86,33 @@ def kept_files() -> tuple[bytes, bytes]:
     """A sound checkpoint and journal."""
     with tempfile.TemporaryDirectory() as folder:
         trainer = Trainer(TINY)
-        kept = NodeCheckpoint(Path(folder), trainer, PublicationGate(TINY))
+        kept = Checkpoint(Path(folder), trainer)
         kept.begin()
         for tick in range(3):
-            kept.add(trainer.take(transition(tick)) or transition(tick))
-        journal = (Path(folder) / "journal-000000.bin").read_bytes()
-        kept.save()
+            kept.append(trainer.take(transition(tick)) or transition(tick))
+        journal = journal_path(Path(folder), 0).read_bytes()
+        kept.save(taken=3, held_out=journal.decode())
         kept.close()
         return (Path(folder) / CHECKPOINT).read_bytes(), journal
 
 
 def go_on(path: Path) -> None:
     """As a trainer does that is started again."""
-    kept = NodeCheckpoint(path.parent, Trainer(TINY), PublicationGate(TINY))
+    learning = LearningThread(Trainer(TINY), Silent(), folder=path.parent)
     try:
-        kept.begin()
+        learning.take_up(0)
     finally:
-        kept.close()
+        learning.close()
+
+
+class Silent:
+    """Hears of nothing."""
+
+    def on_plan(self, plan: Any, after: int, report: Any) -> None: ...
+
+    def on_transition(self, transition: Any, tag: Any) -> None: ...
+
+    def on_policy(self, policy: Any, verdict: Any) -> None: ...
 
 
 def with_digest(data: bytes) -> bytes:
@@ -143,11 +151,9 @@ def with_hash(data: bytes) -> bytes:
 
 
 def mended(data: bytes) -> bytes:
-    """A journal whose records have the checksums of what is in them."""
-    journal = Journal(Path(), TINY)
-    head, size = journal._head, record_type(TINY).itemsize
-    rows = [data[at : at + size] for at in range(len(head), len(data) - size - 3, size + 4)]
-    return head + b"".join(row + journal._checksum(row).to_bytes(4, "little") for row in rows)
+    """A journal whose lines have the checksums of what is in them."""
+    lines = [line.partition(b" ")[2] for line in data.split(b"\n") if line]
+    return b"".join(b"\n%s %s\n" % (checksum(text, TINY), text) for text in lines)
 
 
 # Recordings
@@ -293,7 +299,7 @@ def kinds(walk: Walk) -> dict[str, Kind]:
         ),
         "database": Kind((("bag.db3", RECORDED["sqlite3"]),), use_recording, (RecordingError, RecordsError)),
         "metadata": Kind((("metadata.yaml", METADATA[0]),), use_metadata, (RecordingError,)),
-        "journal": Kind((("journal-000000.bin", journal),), go_on, (CheckpointError,), mended),
+        "journal": Kind(((journal_path(Path(), 0).name, journal),), go_on, (CheckpointError,), mended),
         "checkpoint": Kind(((CHECKPOINT, checkpoint),), go_on, (CheckpointError,), with_digest),
         "records": Kind(
             (("records.npz", stored(records)), ("records.npz", records)),

@@ -70,7 +70,7 @@ def tables_of(name: str) -> Callable[[Path], Any]:
 def trained(out: Path) -> Any:
     """The last policy's weights and the reports of all episodes."""
     from rl_cbf_clf_controller.weights import read
-    from rl_trainer.session import read_checkpoint
+    from rl_trainer.checkpoint import read_checkpoint
 
     arrays = {name: array.tobytes() for name, array in read(out / "policy.safetensors").arrays.items()}
     episodes = json.loads((read_checkpoint(out) or {})["more"]["episodes"])

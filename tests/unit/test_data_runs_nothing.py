@@ -21,7 +21,7 @@ from rabbit_sim.stones import CourseError, read_course
 from rl_cbf_clf_controller import parameters as controller
 from rl_cbf_clf_controller import weights
 from rl_trainer import parameters as training
-from rl_trainer.session import CHECKPOINT, CheckpointError, read_checkpoint
+from rl_trainer.checkpoint import CHECKPOINT, CheckpointError, read_checkpoint
 from rosbags.rosbag2 import StoragePlugin, Writer
 
 ROOT = Path(__file__).resolve().parents[2]

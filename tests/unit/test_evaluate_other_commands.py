@@ -104,7 +104,7 @@ def test_bench_against_itself(tmp_path: Path) -> None:
         (("policy", "verify", "nowhere"), "nowhere"),
         (("policy", "errors", "nowhere"), "nowhere"),
         (("policy", "errors", "nowhere", "--runs", 0), "--runs 0"),
-        (("train", "--out", "x", "--critic", "none"), "--critic none"),
+        (("train", "--out", "x", "--measurement", "none"), "--measurement none"),
         (("bench", "--policy", "nobody"), "--policy nobody"),
     ],
 )

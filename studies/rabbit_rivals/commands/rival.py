@@ -60,7 +60,7 @@ def gp(
     seed: Seed = 1,
 ) -> None:
     """Gaussian processes for the cone programme, from the transitions of a training session."""
-    from rl_trainer.session import CheckpointError
+    from rl_trainer.checkpoint import CheckpointError
 
     from rabbit_rivals.gp_fit import fit_session
 

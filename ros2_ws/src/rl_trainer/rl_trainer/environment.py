@@ -23,7 +23,7 @@ from rl_cbf_clf_controller.controller_output import ControllerOutput
 from rl_cbf_clf_controller.policy import LearnedPolicy, Policy, ZeroPolicy
 
 from rl_trainer.parameters import TrainingParameters
-from rl_trainer.reward import reward_terms
+from rl_trainer.reward import reward
 from rl_trainer.rollout import Controller, Simulation
 from rl_trainer.transitions import TransitionBuilder
 
@@ -95,12 +95,12 @@ class WalkingEnv(gymnasium.Env[Float32, Float32]):
             scouted = self._scout.step(self._state)
             transition = self._builder.add(self._state, scouted)
         else:
-            scouted, transition = output, self._builder.end(self._state)
+            scouted, transition = output, self._builder.add(self._state)
         if transition is None:
             raise RuntimeError(f"tick {self._state.tick} does not follow tick {output.tick}")
-        reward = reward_terms(transition, self.parameters).total
         truncated = not transition.failed and (not self._state.running or bool(output.fault))
-        return self._look(scouted), reward, transition.failed, truncated, vars(transition).copy()
+        earned = reward(transition, self.parameters)
+        return self._look(scouted), earned, transition.failed, truncated, vars(transition).copy()
 
     def _look(self, output: ControllerOutput) -> Float32:
         observation: Float32 = ((output.observation[: len(self._center)] - self._center) / self._scale).astype(

@@ -21,7 +21,7 @@ from rl_cbf_clf_controller.batch_controller import BatchController, BatchScene
 
 from rl_trainer.environment import Float32, GivenAction
 from rl_trainer.parameters import TrainingParameters
-from rl_trainer.reward import reward_terms
+from rl_trainer.reward import reward
 from rl_trainer.transitions import TransitionBuilder
 
 
@@ -93,7 +93,7 @@ class VectorWalkingEnv(VectorEnv[Float32, Float32, NDArray[Any]]):
             controller.reset(i, episode)
         self._scene = following = controller.look(batch.states)
         transitions = [ends.get(i) or self._transition(outputs[i], states, i, following) for i in range(n)]
-        rewards = np.array([reward_terms(each, self.parameters).total for each in transitions])
+        rewards = np.array([reward(each, self.parameters) for each in transitions])
         failed = np.array([each.failed for each in transitions])
         infos: dict[str, Any] = {"next_LgV": following.seen.LgV.copy(), "transition": transitions}
         if has_ended.any():
@@ -105,7 +105,7 @@ class VectorWalkingEnv(VectorEnv[Float32, Float32, NDArray[Any]]):
         self._builder.reset()
         self._builder.add(states[i], output)
         if following is None:
-            found = self._builder.end(states[i])
+            found = self._builder.add(states[i])
         else:
             unknown = np.full(output.mu.shape, np.nan)
             found = self._builder.add(states[i], replace(output, mu=unknown, **following.fields(i)))

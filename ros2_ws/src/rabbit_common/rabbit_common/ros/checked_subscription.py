@@ -26,7 +26,7 @@ def create_checked_subscription(
     qos: QoSProfile,
     refuse: Callable[[str, Refused], None],
 ) -> Subscription | DirectSubscription:
-    """Subscribe to `topic`; what is no message of this kind goes to `refuse` instead of `callback`.
+    """Subscribe to `topic`; what is no message of this kind, or what `callback` refuses, goes to `refuse`.
 
     Within one process (`direct`) `callback` gets what was published itself: an object with the message's fields.
     """
@@ -36,11 +36,9 @@ def create_checked_subscription(
 
     def take(data: bytes) -> None:
         try:
-            message = decoded(data, kind, limits)
+            callback(decoded(data, kind, limits))
         except Refused as error:
             refuse(topic, error)
-            return
-        callback(message)
 
     return node.create_subscription(kind, topic, take, qos, raw=True)
 
