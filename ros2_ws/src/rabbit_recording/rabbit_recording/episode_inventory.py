@@ -164,14 +164,15 @@ class Gathered:
 
 def missing(spans: Mapping[str, range], there: Mapping[str, Mapping[int, Any]]) -> int:
     """How many ticks are in the span of some topic and not there. A damaged number makes a span very long."""
-    known = set().union(*there.values())
-    partly = sum(any(tick in span and tick not in there[name] for name, span in spans.items()) for tick in known)
-    reached = wholly = 0
+    reached = spanned = 0
     for span in sorted((span for span in spans.values() if span), key=lambda span: span.start):
-        span = range(max(reached, span.start), span.stop)
-        wholly += len(span) - sum(tick in span for tick in known)
+        spanned += len(range(max(reached, span.start), span.stop))
         reached = max(reached, span.stop)
-    return partly + wholly
+    whole = 0
+    for tick in set().union(*there.values()):
+        of = [name for name, span in spans.items() if tick in span]
+        whole += bool(of) and all(tick in there[name] for name in of)
+    return spanned - whole
 
 
 class Gathering:

@@ -32,6 +32,7 @@ from rabbit_recording.message_header import turn_of
 from rabbit_recording.simulated_time import SimulatedTime
 
 IDLE_SECONDS = 0.3  # without a message, after which nothing more is on its way
+EXPECTED = ("simulator", "controller")  # nodes whose topics must be there before the recorder says that it is ready
 BACKLOG = 200  # messages of a topic that may wait: far more are announced at once only where somebody steps the robot
 FOREVER = QosTime(9223372036, 854775807)  # as `ros2 bag` writes it
 SENT = "source_timestamp"  # of a message, ns of the wall clock
@@ -43,9 +44,6 @@ class NodeParameters(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     path: str = Field("recording", min_length=1, description="folder to be made; if it is there, PATH-2 and so on")
-    expect: tuple[str, ...] = Field(
-        ("simulator", "controller"), description="nodes whose topics must be there before the recorder says it is ready"
-    )
 
 
 class RecorderNode(Node):
@@ -53,10 +51,10 @@ class RecorderNode(Node):
 
     def __init__(self) -> None:
         super().__init__("recorder")
-        self._own = declare(self, NodeParameters)
+        own = declare(self, NodeParameters)
         refuse_unknown(self)
         types = graph_types([Path(get_package_share_directory("rabbit_msgs"))])
-        self._path = free_path(Path(self._own.path))
+        self._path = free_path(Path(own.path))
         self._writer = BagWriter(self._path, types)
         self._message_counter = MessageCounter()
         self._time = SimulatedTime()
@@ -114,7 +112,7 @@ class RecorderNode(Node):
         figures = {"path": str(self._path), "episode, tick": "{} {}".format(*turn_of(self._newest_state))}
         if self._failure:
             return ERROR, self._failure, figures
-        expected = [topic.name for topic in published_by(self._own.expect)]
+        expected = [topic.name for topic in published_by(EXPECTED)]
         absent = [name for name in expected if not self._readers[name].get_publisher_count()]
         if absent:
             return WARN, f"waiting for {', '.join(absent)}", figures
