@@ -192,7 +192,7 @@ def bench_nodes(assembly: Assembly, seed: int, us: dict[str, dict[str, float]]) 
 
     measured = {"a bare round trip": quantiles(measure_round_trips())["p50"]}
     for name, one_process in (("a tick through nodes", False), ("a tick in one process", True)):
-        options = WalkOptions(seed=seed, trainer=False, record="none", one_process=one_process)
+        options = WalkOptions(seed=seed, trainer=False, record=False, one_process=one_process)
         with TemporaryDirectory() as folder:
             walked = walk_through(Walk.of(assembly, Path(folder), options))
         measured[name] = walked.seconds / sum(int(episode.tick) for episode in walked.ended.values()) * 1e6

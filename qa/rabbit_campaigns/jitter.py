@@ -21,7 +21,6 @@ from rabbit_bringup.launching.walk import MOST_EPISODES, Walk, WalkOptions
 from rabbit_experiments import provenance
 from rabbit_experiments.assembly import Assembly
 from rabbit_recording.contents import contents
-from rabbit_recording.open_recording import opened
 from rabbit_recording.timing import real_time_figures
 
 from rabbit_campaigns.wakeup_latency import sleeper
@@ -94,19 +93,16 @@ class Jitter:
 
 
 def figures(recording: Path) -> dict[str, Any]:
-    """Of one walk: timing, how its episodes ended, messages lost on the way to the recorder."""
+    """Of one walk: timing, how its episodes ended, ticks lost on the way to the recorder."""
     found = contents(recording)
     ended = [episode.outcome for episode in found.episodes if episode.outcome not in ("", CUT_OFF)]
     outcomes = {outcome: ended.count(outcome) for outcome in sorted(set(ended))}
-    with opened(recording) as reader:
-        counts = {c.topic.split("/")[-1]: c.msgcount for c in reader.connections}
-    lost = {topic.name.split("/")[-1]: topic.lost for topic in found.topics if topic.lost}
     return {
         **(real_time_figures(recording) or {}),
         "episodes": len(ended),
         "outcomes": outcomes,
-        "messages": counts,
-        "lost": lost,
+        "messages": {topic.name.split("/")[-1]: topic.messages for topic in found.topics},
+        "lost": sum(episode.lost for episode in found.episodes),
     }
 
 

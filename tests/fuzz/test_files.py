@@ -15,13 +15,15 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from rabbit_description import GAITS
 from rabbit_description.gait import GaitError, load_gait, load_gaits
-from rabbit_recording.bag_writer import BagWriter, RecordingError, Storage, graph_types
+from rabbit_recording import RecordingError
+from rabbit_recording.bag_writer import BagWriter
 from rabbit_recording.contents import contents
 from rabbit_recording.open_recording import one_line_errors, opened
 from rabbit_recording.reader import iterate_episodes
 from rabbit_recording.recover import recover
 from rabbit_sim.restart_file import RestartFile, RestartFileError
 from rabbit_sim.stones import CourseError, read_course
+from recorded_walk import TYPES, in_sqlite3
 from rl_cbf_clf_controller.parameters import CONFIG
 from rl_cbf_clf_controller.parameters import ParameterError as ControllerParameterError
 from rl_cbf_clf_controller.parameters import load_parameters as load_controller
@@ -29,7 +31,6 @@ from rl_trainer.checkpoint import CHECKPOINT, CheckpointError, journal_path, lin
 from rl_trainer.parameters import ParameterError
 from rl_trainer.parameters import load_parameters as load_training
 
-MESSAGES = Path(__file__).resolve().parents[2] / "ros2_ws" / "src" / "rabbit_msgs"
 COURSE = yaml.safe_dump({"stones": [{"l_min": 0.35, "l_max": 0.4}, {"l_min": 0.36}]}).encode()
 CSV = b"l_min,l_max\n0.35,0.40\n0.36,0.41\n"
 GAIT = (GAITS / "authors_035.yaml").read_bytes()
@@ -150,18 +151,18 @@ def test_a_cut_journal_holds_all_that_is_whole(length: int) -> None:
 # Recordings
 
 
-def recorded(storage: Storage) -> tuple[str, bytes]:
+def recorded(storage: str) -> tuple[str, bytes]:
     """Name and bytes of a small sound recording's file."""
     with tempfile.TemporaryDirectory() as folder:
-        types = graph_types([MESSAGES])
-        writer = BagWriter(Path(folder) / "bag", storage, types)
+        writer = BagWriter(Path(folder) / "bag", TYPES)
         writer.add("/state", "rabbit_msgs/msg/RabbitState", [])
         writer.add("/episode", "rabbit_msgs/msg/Episode", [])
         for tick in range(4):
             writer.write("/state", tick * 10_000_000, bytes([0, 1]) + bytes(200))
             writer.flush()
         writer.close()
-        (file,) = (each for each in (Path(folder) / "bag").iterdir() if each.suffix in (".mcap", ".db3"))
+        bag = writer.path if storage == "mcap" else in_sqlite3(writer.path, Path(folder) / "sqlite3")
+        (file,) = (each for each in bag.iterdir() if each.suffix in (".mcap", ".db3"))
         return file.name, file.read_bytes()
 
 

@@ -32,7 +32,7 @@ from rabbit_msgs.msg import (
     TorqueCommand,
 )
 from rabbit_recording.open_recording import opened
-from rabbit_recording.ros.recorder import NUMBER, SENT, RecorderNode
+from rabbit_recording.ros.recorder import SENT, RecorderNode
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.ros.node import SimulatorNode
 from rabbit_sim.simulation import Simulation
@@ -360,7 +360,6 @@ def test_a_recorder_that_is_busy_with_its_disk_misses_nothing(ros: None) -> None
             while recorder._writer.messages < 100 and time.monotonic() < end:
                 rclpy.spin_once(recorder, timeout_sec=0.1)
             assert recorder._writer.messages >= 100
-            assert not any(recorder._loss.lost.values())
 
 
 def test_a_recorder_that_ends_waits_for_what_was_sent_before(ros: None) -> None:
@@ -369,9 +368,9 @@ def test_a_recorder_that_ends_waits_for_what_was_sent_before(ros: None) -> None:
         hears = callbacks(recorder)
         assert recorder.busy()  # asked; nothing was heard for long
         before = time.time_ns() - 1
-        hears["torque"](bytes(serialize_message(SOUND["torque"][0])), {NUMBER: 1, SENT: time.time_ns()})
+        hears["torque"](bytes(serialize_message(SOUND["torque"][0])), {SENT: time.time_ns()})
         assert recorder.busy()
-        hears["state"](bytes(serialize_message(SOUND["state"][0])), {NUMBER: 1, SENT: before})
+        hears["state"](bytes(serialize_message(SOUND["state"][0])), {SENT: before})
         end = time.monotonic() + 60
         while recorder.busy() and time.monotonic() < end:
             time.sleep(0.01)
@@ -385,7 +384,7 @@ def test_recorder(recorder: RecorderNode, data: st.DataObject) -> None:
     before, hears = recorder._writer.messages, callbacks(recorder)
     topics = data.draw(st.lists(st.sampled_from(sorted(hears)), min_size=1, max_size=6))
     for number, topic in enumerate(topics):
-        hears[topic](data.draw(arriving(topic)), {NUMBER: number, SENT: number})
+        hears[topic](data.draw(arriving(topic)), {SENT: number})
     recorder._status()
     assert recorder._failure == ""
     assert recorder._writer.messages == before + len(topics)

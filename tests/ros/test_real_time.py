@@ -99,7 +99,7 @@ def test_the_measure_of_a_death_kills_and_hears_the_damping(tmp_path: Path) -> N
     """Of `rabbit jitter --kills`; how soon it is is measured there, not here."""
     from rabbit_campaigns.ros.kill_controller import die
 
-    request = WalkOptions(episodes=9, trainer=False, record="none", real_time=True, pace=PACE, namespace="death")
+    request = WalkOptions(episodes=9, trainer=False, record=False, real_time=True, pace=PACE, namespace="death")
     plant, controller = SimulationParameters(**PLANT), load_parameters("ours", controller="cbf-clf-qp")
     walk = Walk(folder=tmp_path, options=request, simulation=plant, controller=controller, policy="zero")
     death = die(walk, random.Random(1))

@@ -9,7 +9,7 @@ from rl_cbf_clf_controller.weights import policy_path, read
 from typed import ROOT, blocks, type_in
 
 WALK = "--stones 3 --no-video --no-pictures"
-ALONE = "--no-trainer --record none"
+ALONE = "--no-trainer --no-record"
 COURSES = "--runs 1 --stones 2"
 ELSEWHERE = {"docs/tutorials/own_barrier.md", "ros2_ws/src/cbf_clf_qp/README.md"}  # in tests of their own
 SHORTER = {

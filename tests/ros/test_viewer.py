@@ -1,7 +1,5 @@
 """A walking graph on the page and through RViz's topics, against the recording."""
 
-import json
-import re
 import socket
 import subprocess
 import sys
@@ -120,7 +118,7 @@ def test_rviz_hears_the_same(world: Any) -> None:
     world.start("simulator", stones=3, motor_lag=0.004, pace=0.3)
     world.start("controller", controller="cbf-clf-qp")
     world.go()
-    world.wait(lambda: len(arrays) > 20 and "area" in {marker.ns for marker in arrays[-1].markers})
+    world.wait(lambda: len(arrays) > 20 and len(arrays[-1].markers) > 3)
     world.wait(lambda: bool(urdf))
     assert 'robot name="rabbit"' in urdf[0].data
     frames, last = list(transforms), arrays[-1].markers
@@ -140,11 +138,8 @@ def test_rviz_hears_the_same(world: Any) -> None:
         q = known[stamp.sec, stamp.nanosec].q
         assert (moved["slide_x"].transform.translation.x, moved["slide_z"].transform.translation.z) == (q[0], q[1])
     assert last[0].action == Marker.DELETEALL
-    assert {marker.ns for marker in last[1:]} >= {"robot", "stones", "area", "cone", "words"}
-    stamp = last[1].header.stamp
-    state = known[stamp.sec, stamp.nanosec]
-    torso = next(marker for marker in last if (marker.ns, marker.id) == ("robot", 2))
-    assert (torso.points[0].x, torso.points[0].z) == (state.q[0], state.q[1])
+    near = [box.pose.position.x - box.scale.x / 2 for box in last[1:]]
+    assert near == sorted(near)
 
 
 def test_wrong_ticks_are_refused_and_the_view_goes_on(world: Any) -> None:
@@ -227,26 +222,9 @@ def test_a_taken_port_is_one_line() -> None:
     assert "Traceback" not in done.stderr, done.stderr
 
 
-@pytest.mark.parametrize("words", [("--port", "70000"), ("--rate", "0"), ("--namespace", "a b")])
+@pytest.mark.parametrize("words", [("--port", "70000"), ("--wait", "-1"), ("--namespace", "a b")])
 def test_bad_values_are_one_line(words: tuple[str, str]) -> None:
     done = rabbit("view", "--no-browser", *words)
     assert done.returncode == 2
     (line,) = done.stderr.splitlines()
     assert " ".join(words) in line
-
-
-def test_an_episode_of_a_graph_becomes_one_file(tmp_path: Path) -> None:
-    path, where = tmp_path / "walk.html", ("--namespace", "exported")
-    view = subprocess.Popen(
-        [*RABBIT, "view", "--no-browser", "--port", "0", *where, "--export", str(path)],
-        stdout=subprocess.PIPE,
-        text=True,
-    )
-    assert view.stdout
-    assert "in a browser" in view.stdout.readline()
-    done = rabbit("walk", "--out", str(tmp_path / "walk"), *WALK[:-1], *where, "--pace", "1")
-    assert done.returncode == 0, done.stderr
-    said, _ = view.communicate(timeout=180)
-    assert (view.returncode, said) == (0, f"{path}\n")
-    words = json.loads(re.findall(r'id="walk-data">(.*?)</script>', path.read_text(), re.DOTALL)[0])["words"]
-    assert {word["type"]: word for word in words}["ended"]["walkers"] == [{"outcome": "walked", "stones": 4}]

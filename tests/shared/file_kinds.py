@@ -23,7 +23,7 @@ from rabbit_experiments.results import ABOUT, ResultsError, ResultsFolder
 from rabbit_experiments.tables import read_rows
 from rabbit_experiments.walk_records import RecordsError, WalkRecords, about_walk, load_records, save_records
 from rabbit_misses import model as misses
-from rabbit_recording.bag_writer import BagWriter, RecordingError
+from rabbit_recording import RecordingError
 from rabbit_recording.checking import check_episodes
 from rabbit_recording.contents import contents
 from rabbit_recording.open_recording import one_line_errors, opened
@@ -161,21 +161,15 @@ def mended(data: bytes) -> bytes:
 
 def recorded(folder: Path, walk: Walk, form: str) -> bytes:
     """The walk's recording as one file: `mcap`, `sqlite3`, or `zstd`, MCAP with compressed chunks."""
-    writer: Any
+    storage = StoragePlugin.SQLITE3 if form == "sqlite3" else StoragePlugin.MCAP
+    writer = Writer(folder, version=9, storage_plugin=storage)
     if form == "zstd":
-        writer = Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP)
         writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
-        writer.open()
+    with writer:
         topics = {t: writer.add_connection(f"/{t}", f"rabbit_msgs/msg/{k}", typestore=TYPES) for t, k in TOPICS.items()}
-    else:
-        writer = BagWriter(folder, "mcap" if form == "mcap" else "sqlite3", TYPES)
-        for topic, kind in TOPICS.items():
-            writer.add(f"/{topic}", f"rabbit_msgs/msg/{kind}", [])
-        topics = {topic: f"/{topic}" for topic in TOPICS}
-    for topic, tick, message in told(walk):
-        data = bytes(TYPES.serialize_cdr(message, f"rabbit_msgs/msg/{TOPICS[topic]}"))
-        writer.write(topics[topic], tick * TICK_NS, data)
-    writer.close()
+        for topic, tick, message in told(walk):
+            data = bytes(TYPES.serialize_cdr(message, f"rabbit_msgs/msg/{TOPICS[topic]}"))
+            writer.write(topics[topic], tick * TICK_NS, data)
     (file,) = (each for each in folder.iterdir() if each.suffix in (".mcap", ".db3"))
     return file.read_bytes()
 
@@ -209,12 +203,6 @@ def every_message(path: Path) -> None:
     with opened(path) as reader, one_line_errors(path):
         for _ in reader.messages():
             pass
-
-
-def use_metadata(path: Path) -> None:
-    """A recording's metadata.yaml, next to a sound file."""
-    (path.parent / "bag.mcap").write_bytes(RECORDED["mcap"])
-    contents(path.parent)
 
 
 # Tables and results
@@ -251,7 +239,6 @@ def kinds(walk: Walk) -> dict[str, Kind]:
     with tempfile.TemporaryDirectory() as folder:
         for form in ("mcap", "zstd", "sqlite3"):
             RECORDED[form] = recorded(Path(folder) / form, walk, form)
-        METADATA.append((Path(folder) / "mcap" / "metadata.yaml").read_bytes().replace(b"mcap.mcap", b"bag.mcap"))
         about = about_walk(walk.law, SimulationParameters(stones=2), "zero", 1, "walked")
         save_records(WalkRecords.from_ticks(walk.records, walk.landings, about), Path(folder) / "records.npz")
         records = (Path(folder) / "records.npz").read_bytes()
@@ -298,7 +285,6 @@ def kinds(walk: Walk) -> dict[str, Kind]:
             without_checksums,
         ),
         "database": Kind((("bag.db3", RECORDED["sqlite3"]),), use_recording, (RecordingError, RecordsError)),
-        "metadata": Kind((("metadata.yaml", METADATA[0]),), use_metadata, (RecordingError,)),
         "journal": Kind(((journal_path(Path(), 0).name, journal),), go_on, (CheckpointError,), mended),
         "checkpoint": Kind(((CHECKPOINT, checkpoint),), go_on, (CheckpointError,), with_digest),
         "records": Kind(
@@ -325,7 +311,6 @@ def kinds(walk: Walk) -> dict[str, Kind]:
 
 
 RECORDED: dict[str, bytes] = {}
-METADATA: list[bytes] = []
 
 
 def stored(data: bytes) -> bytes:

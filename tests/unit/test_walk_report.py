@@ -17,7 +17,7 @@ def test_a_walk_between_two_controllers_says_so(
 ) -> None:
     walk = Walk(
         folder=tmp_path,
-        options=WalkOptions(record="none"),
+        options=WalkOptions(record=False),
         simulation=SimulationParameters(),
         controller=ControllerParameters(),
         policy="zero",

@@ -67,7 +67,7 @@ def soak(given: Given) -> None:
     further = {"simulator": {"trainer_timeout": TRAINER_TIMEOUT}}
     walk = Walk.of(assembly, make_folder(options), options, training=training, further=further)
     walk_beside_operator(walk, asked)
-    from rabbit_recording.bag_writer import RecordingError
+    from rabbit_recording import RecordingError
 
     with complaints(RecordingError):
         figures = judged(walk.folder)

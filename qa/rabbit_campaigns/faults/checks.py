@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rabbit_recording.bag_writer import RecordingError
+from rabbit_recording import RecordingError
 from rabbit_recording.recover import recover
-from rabbit_recording.stored_messages import recorded_turns
+from rabbit_recording.stored_messages import stored_messages
 from rl_trainer.checkpoint import Checkpoint, journal_path, read_journal
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.training import Trainer
@@ -61,7 +61,8 @@ def check_recording(path: Path, wanted: Iterable[tuple[int, int]], said: Monitor
     try:
         if not (path / "metadata.yaml").is_file():
             whole = recover(path).path
-        there = set(recorded_turns(whole, "state"))
+        with stored_messages(whole, "state") as states:
+            there = {state.turn for state in states}
         misread = misreadings(whole, said) if said else []
     except RecordingError as error:
         return {"readable": False, "recorded_ticks": 0, "missing": 0, "misread": [str(error)]}

@@ -27,7 +27,6 @@ RECORDING_END = 1.0  # s of which a killed recorder may lose all
 DELIVERY = 0.2  # s in which what a node said before it ended is heard here
 DYNAMIC = {"sigma": "controller", "pace": "simulator"}
 SECOND = "recorder2"
-LOST = "messages were lost"  # what a recorder says
 
 
 @dataclass
@@ -42,7 +41,6 @@ class Model:
     refused: int = 0
     away: set[str] = field(default_factory=lambda: {SECOND})
     stopped: set[str] = field(default_factory=set)
-    missed: set[str] = field(default_factory=set)  # were stopped: of more announcements than are latched some are lost
     full: dict[str, float] = field(default_factory=dict)  # since when its disk is or was full
     is_spoiled: bool = False  # the episode under way: it ends by some rule, but nobody says how
 
@@ -54,7 +52,6 @@ class Model:
 
     def restarted(self, node: str) -> None:
         """A node begins as it was first started."""
-        self.missed.discard(node)
         for name in [name for name, owner in DYNAMIC.items() if owner == node]:
             self.values[name] = 0.0
         if node == "controller":
@@ -240,7 +237,6 @@ class Sequence(RuleBasedStateMachine):
         """SIGCONT; a simulator that was stopped as it moved is held."""
         self.graph.processes.send(node, signal.SIGCONT)
         self.model.stopped.discard(node)
-        self.model.missed.add(node)
         if node == "simulator":
             self.graph.pause(True)
 
@@ -249,5 +245,4 @@ class Sequence(RuleBasedStateMachine):
 
     def _is_well(self, node: str) -> bool:
         said = self.graph.said.get(node)
-        lost_some = node in self.model.missed and said is not None and said.message.startswith(LOST)
-        return said is not None and (said.level == OK or lost_some)
+        return said is not None and said.level == OK

@@ -154,7 +154,7 @@ class FormerTime:
 def record(path: Path, arrived: Iterable[tuple[int, Sent]], times: Any = None) -> None:
     """As the recorder does."""
     times = times or SimulatedTime()
-    writer = BagWriter(path, "mcap", TYPES)
+    writer = BagWriter(path, TYPES)
     for topic, name in TOPICS.items():
         writer.add(f"/{topic}", f"rabbit_msgs/msg/{name}", [LATCHED])
     for i, each in arrived:
@@ -346,7 +346,7 @@ def test_settings_that_come_as_history_hold_from_the_beginning() -> None:
 @pytest.fixture
 def late(tmp_path: Path, walk: Walk) -> Path:
     """The walk as episode 3 from tick 40 on and as episode 4, recorded late: settings and policy are history."""
-    writer = BagWriter(tmp_path / "bag", "mcap", TYPES)
+    writer = BagWriter(tmp_path / "bag", TYPES)
     for topic, name in TOPICS.items():
         writer.add(f"/{topic}", f"rabbit_msgs/msg/{name}", [LATCHED])
     length = (len(walk.records) + 1) * TICK_NS

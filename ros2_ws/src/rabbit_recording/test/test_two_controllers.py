@@ -18,7 +18,7 @@ NEW_FIELDS = ("sender", "controller", "refused_controller")
 
 def write(path: Path, messages: Iterator[tuple[str, int, Any]], types: Any = TYPES) -> Path:
     """A recording of these."""
-    writer = BagWriter(path, "mcap", types)
+    writer = BagWriter(path, types)
     for topic, name in TOPICS.items():
         writer.add(f"/{topic}", f"rabbit_msgs/msg/{name}", [LATCHED])
     for topic, tick, what in messages:

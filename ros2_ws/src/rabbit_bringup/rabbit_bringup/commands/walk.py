@@ -26,10 +26,10 @@ OPTIONS = {  # of each node's parameters those that an option decides
     "controller": {"policy", "swap_at", *ControllerParameters.model_fields},
     "estimator": set(),
     "trainer": set(),
-    "recorder": {"storage"},
+    "recorder": set(),
     "viewer": {"port"},
 }
-RENAMED = {"storage": "record", "port": "view_port"}  # options of other names than their parameters
+RENAMED = {"port": "view_port"}  # options of other names than their parameters
 DEFAULTS = Defaults(
     always={"motor_lag": EVALUATION_LAG}, bare={"controller": "rl-cbf-clf-qp", "mass_scale": TRAINING_SCALE}
 )

@@ -15,7 +15,7 @@ from rabbit_common import exit_codes
 from rabbit_common.child_process import end_with_parent
 from rabbit_common.executables import LaunchError
 from rabbit_common.exit_codes import ExitCode, Interrupted
-from rabbit_recording.bag_writer import RecordingError
+from rabbit_recording import RecordingError
 
 from rabbit_bringup.launching.walk import Walk
 
@@ -45,7 +45,7 @@ def carry_out(walk: Walk, run: Callable[[Ended], Any]) -> int:
     except LaunchError as error:
         return _fail(walk, error)
     code = exit_codes.of_walk(outcomes)
-    if walk.options.record != "none":
+    if walk.options.record:
         _leave(walk, code, seconds)
     counted = exit_codes.counted(outcomes)
     print(f"written to {walk.folder}")
