@@ -90,13 +90,6 @@ def test_a_simulator_that_is_started_again_walks_on(world: Any) -> None:
     assert (states[heard].episode, states[heard].tick) == (1, 0)
 
 
-def test_in_one_process_a_lab_is_refused(world: Any) -> None:
-    world.start("one_process", simulator=PLANT, controller=LAW)
-    assert world.processes.wait("one_process", 60.0) == 2
-    *_, line = (world.folder / "log" / "one_process.log").read_text().splitlines()
-    assert line.startswith("error: parameter sensors = lab: expected exact in one process")
-
-
 @pytest.mark.parametrize(("name", "value"), [("jerk", -1.0), ("foot_radius", math.nan)])
 def test_a_parameter_that_cannot_be_used_ends_it(world: Any, name: str, value: float) -> None:
     world.start("estimator", **{name: value})

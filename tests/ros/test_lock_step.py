@@ -52,12 +52,10 @@ def assert_same(through: list[Record], inside: list[Record]) -> None:
             np.testing.assert_array_equal(getattr(ours.output, name), getattr(theirs.output, name), f"{name}")
 
 
-@pytest.mark.parametrize(
-    ("storage", "stones", "one_process"), [("mcap", STONES, False), ("sqlite3", 3, False), ("mcap", STONES, True)]
-)
-def test_nodes_equal_the_walk_without_ros(tmp_path: Path, storage: str, stones: int, one_process: bool) -> None:
+@pytest.mark.parametrize(("storage", "stones"), [("mcap", STONES), ("sqlite3", 3)])
+def test_nodes_equal_the_walk_without_ros(tmp_path: Path, storage: str, stones: int) -> None:
     plant, law = SimulationParameters(stones=stones, motor_lag=0.004), ControllerParameters()
-    (ended,) = walk_through_nodes(tmp_path, plant, law, record=storage, one_process=one_process)
+    (ended,) = walk_through_nodes(tmp_path, plant, law, record=storage)
     inside, simulation = walk_in_process(plant, law, SEED)
     episode: RecordedEpisode = read_episodes(tmp_path / "recording")[1]
     assert_same(episode.records, inside)

@@ -50,8 +50,6 @@ def prepare(given: Given) -> Walk:
     given, further = with_file(given)
     options = given.build(WalkOptions)
     assembly = assembly_of_nodes(given, options.policy, options.parameters)
-    if options.one_process and assembly.simulation.sensors == "lab":
-        fail("--one-process: expected --sensors exact; the state estimator, which lab needs, is a process of its own")
     own = further.get("trainer", {})
     training = given_training(options, assembly.controller, assembly.policy, own) if options.trainer else {}
     walk = Walk.of(assembly, make_folder(options), options, training=training, further=further)

@@ -5,7 +5,6 @@ from typing import Any
 from rclpy.node import Node
 
 from rabbit_common.ros.cdr import Encoder
-from rabbit_common.ros.direct import direct_of
 from rabbit_common.ros.qos import TICK
 
 
@@ -14,17 +13,13 @@ class TickPublisher:
 
     def __init__(self, node: Node, kind: Any, topic: str) -> None:
         self._publisher, self._encoder = node.create_publisher(kind, topic, TICK), Encoder(kind)
-        self._topic, self._direct = topic, direct_of(node, topic)
 
     @property
     def readers(self) -> int:
-        """Nodes that read the topic, in this process or elsewhere."""
-        here = self._direct.readers(self._topic) if self._direct else 0
-        return here + int(self._publisher.get_subscription_count())
+        """Nodes that read the topic."""
+        return int(self._publisher.get_subscription_count())
 
     def publish(self, message: Any) -> None:
         """Publish an object with the message's fields; raises `CdrError` for a value that does not fit."""
-        if self._direct:
-            self._direct.hand_over(self._topic, message)
         if self._publisher.get_subscription_count():
             self._publisher.publish(self._encoder.encode(message))

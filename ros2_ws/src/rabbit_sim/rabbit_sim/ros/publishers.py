@@ -7,7 +7,6 @@ from types import SimpleNamespace
 
 from builtin_interfaces.msg import Time
 from rabbit_common.ros.conversions import encoder_message, imu_message, joint_state, preview_message, state_message
-from rabbit_common.ros.direct import create_publisher
 from rabbit_common.ros.qos import EVENT
 from rabbit_common.ros.tick_publisher import TickPublisher
 from rabbit_description.state import BodySensors, RobotState, StonePreview
@@ -53,9 +52,9 @@ class SimulatorPublishers:
         self._states = TickPublisher(node, RabbitState, "measured" if self._lab else "state")
         self._joints = TickPublisher(node, JointState, "joint_states")
         self._clock = TickPublisher(node, Clock, "clock")
-        self._previews = create_publisher(node, PreviewMessage, "preview", EVENT)
+        self._previews = node.create_publisher(PreviewMessage, "preview", EVENT)
         self._landings = node.create_publisher(LandingMessage, "landing", EVENT)
-        self._episodes = create_publisher(node, Episode, "episode", EVENT)
+        self._episodes = node.create_publisher(Episode, "episode", EVENT)
         self._preview: StonePreview | None = None
         self._landings_sent = 0
 

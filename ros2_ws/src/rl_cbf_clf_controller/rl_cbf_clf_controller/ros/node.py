@@ -28,7 +28,6 @@ from rabbit_common.ros.conversions import (
     preview_of,
 )
 from rabbit_common.ros.diagnostics import OK, WARN, Diagnostics, Status
-from rabbit_common.ros.direct import Direct
 from rabbit_common.ros.parameters import ParameterError, declare, follow, refuse_unknown
 from rabbit_common.ros.qos import EVENT, TICK
 from rabbit_common.ros.spin import run
@@ -72,10 +71,8 @@ class NodeParameters(BaseModel):
 class ControllerNode(Node):
     """Answers states with torques."""
 
-    def __init__(self, direct: Direct | None = None) -> None:
-        """`direct`: hands topics over to a simulator in the same process."""
+    def __init__(self) -> None:
         super().__init__("controller")
-        self.direct = direct
         self._sender = f"{self.get_fully_qualified_name()} {secrets.token_hex(8)}"[-128:]
         self._own = declare(self, NodeParameters)
         self._settings = declare(self, ControllerParameters, dynamic=DYNAMIC)
