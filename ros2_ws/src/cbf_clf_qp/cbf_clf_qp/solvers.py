@@ -8,8 +8,6 @@ from typing import ClassVar
 
 import casadi as ca
 import numpy as np
-import osqp
-from scipy import sparse
 
 from cbf_clf_qp.functions import Array, Values
 from cbf_clf_qp.qp import UNBOUNDED, Layout
@@ -67,6 +65,9 @@ class OsqpSolver:
         return str(self._solver.info.status)
 
     def _set_up(self, p: Values, layout: Layout) -> None:
+        import osqp
+        from scipy import sparse
+
         pattern = np.hstack([np.ones((len(layout.names), layout.inputs)), layout.of_slacks])
         self._entries = pattern.T.nonzero()  # of A, column by column, as OSQP has them
         columns, rows = self._entries
