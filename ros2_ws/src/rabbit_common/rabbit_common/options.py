@@ -31,20 +31,9 @@ BAD_VALUE = 2
 LONGEST_LINE = 1500  # characters of an error
 CHOOSES = {"controller", "parameters"}  # options that say themselves which controller
 USUAL = {  # what most people set of plant, controller and learner
-    *("controller", "gait", "eps", "objective", "adaptation", "sigma"),
-    *(
-        "plant",
-        "terrain",
-        "stones",
-        "mass_scale",
-        "payload",
-        "motor_lag",
-        "ground_friction",
-        "slope",
-        "push",
-        "sensors",
-    ),
-    *("problem", "learner", "seed", "episodes"),
+    *("controller", "gait", "eps", "objective", "adaptation", "sigma", "problem", "learner", "seed", "episodes"),
+    *("plant", "terrain", "stones", "mass_scale", "payload", "motor_lag", "ground_friction", "slope", "push"),
+    "sensors",
 }
 Model = TypeVar("Model", bound=BaseModel)
 

@@ -18,7 +18,6 @@ from rabbit_common.ros.diagnostics import ERROR, OK, WARN, Diagnostics, Status
 from rabbit_common.ros.parameters import declare, refuse_unknown
 from rabbit_common.ros.qos import EVENT, TICK, WEIGHTS
 from rabbit_common.ros.spin import run, steady_timer
-from rabbit_common.ros.tick_publisher import TickPublisher
 from rabbit_msgs.msg import ControllerState, Episode, EpisodePlan, PolicySwap, PolicyWeights, RabbitState, TorqueCommand
 from rabbit_msgs.msg import Transition as TransitionMessage
 from rclpy.node import Node
@@ -80,7 +79,7 @@ class TrainerNode(Node):
         self._learning.close()
 
     def _connect(self) -> None:
-        self._transitions = TickPublisher(self, TransitionMessage, "transition")
+        self._transitions = self.create_publisher(TransitionMessage, "transition", TICK)
         self._weights = self.create_publisher(PolicyWeights, "policy", WEIGHTS)
         self._plan = self.create_publisher(EpisodePlan, "episode_plan", EVENT)
         kinds = (RabbitState, TorqueCommand, ControllerState)
@@ -225,7 +224,7 @@ class TrainerNode(Node):
 
     def on_transition(self, transition: Transition, tag: tuple[int, Time]) -> None:
         """A transition was taken in."""
-        if self._transitions.readers:
+        if self._transitions.get_subscription_count():
             self._transitions.publish(transition_message(transition, self._training, *tag))
 
     def on_policy(self, policy: PolicyFile) -> None:
