@@ -63,6 +63,8 @@ def commands() -> str:
 def one_command(name: str, command: Any, heading: str = "") -> str:
     """Its help text and the table of what it takes."""
     context = command.make_context(name, [], resilient_parsing=True)
+    for each in command.params:
+        each.hidden = False  # as in --help-all
     records = [each.get_help_record(context) for each in command.params]
     rows: list[tuple[str, ...]] = [(code(record[0]), record[1]) for record in records if record]
     title = f"{heading} rabbit {name}\n\n" if heading else ""

@@ -39,18 +39,13 @@ class World:
         self.hear("diagnostics")
 
     def start(self, name: str, arguments: tuple[str, ...] = (), **parameters: Any) -> None:
-        """Start a node under these parameters, and further ROS arguments. The simulator is paused until `go`.
-
-        Of `one_process` the parameters are those of its two nodes, by name.
-        """
+        """Start a node under these parameters, and further ROS arguments. The simulator is paused until `go`."""
         from rabbit_bringup.launching.parameter_file import write_parameters
 
-        by_node = parameters if name == "one_process" else {name: parameters}
-        if "simulator" in by_node:
-            by_node = {**by_node, "simulator": {"start_paused": True, **by_node["simulator"]}}
-        self._nodes += by_node
+        paused = {"start_paused": True} if name == "simulator" else {}
+        self._nodes.append(name)
         path = self.folder / f"{name}.yaml"
-        write_parameters(path, by_node)
+        write_parameters(path, {name: {**paused, **parameters}})
         options = ("--ros-args", "--params-file", str(path), "-r", f"__ns:=/{self.namespace}", "-r", "/clock:=clock")
         self.processes.start(name, (*options, *arguments))
 

@@ -52,10 +52,10 @@ def assert_same(through: list[Record], inside: list[Record]) -> None:
             np.testing.assert_array_equal(getattr(ours.output, name), getattr(theirs.output, name), f"{name}")
 
 
-@pytest.mark.parametrize(("stones", "one_process"), [(STONES, False), (STONES, True)])
-def test_nodes_equal_the_walk_without_ros(tmp_path: Path, stones: int, one_process: bool) -> None:
+@pytest.mark.parametrize("stones", [STONES])
+def test_nodes_equal_the_walk_without_ros(tmp_path: Path, stones: int) -> None:
     plant, law = SimulationParameters(stones=stones, motor_lag=0.004), ControllerParameters()
-    (ended,) = walk_through_nodes(tmp_path, plant, law, one_process=one_process)
+    (ended,) = walk_through_nodes(tmp_path, plant, law)
     inside, simulation = walk_in_process(plant, law, SEED)
     episode: RecordedEpisode = read_episodes(tmp_path / "recording")[1]
     assert_same(episode.records, inside)

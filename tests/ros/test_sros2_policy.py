@@ -8,7 +8,6 @@ from xml.etree import ElementTree
 
 import pytest
 from rabbit_bringup.launching.walk import Walk, WalkOptions
-from rabbit_bringup.ros.one_process import HANDED_OVER
 from rabbit_bringup.ros.walk_monitor import WalkMonitor
 from rabbit_sim.parameters import SimulationParameters
 from rclpy.node import NodeNameNonExistentError
@@ -97,21 +96,6 @@ def test_with_a_labs_sensors_the_state_is_the_estimators(root_world: Any) -> Non
         assert settled(root_world, node, expected) == expected, node
 
 
-def test_one_process_does_the_same_but_hears_nothing_of_what_it_hands_over(root_world: Any) -> None:
-    policy = enclaves()
-    handed_over = {f"/{name}" for name in HANDED_OVER}
-    for node, rights in (policy["/rabbit/simulator"] | policy["/rabbit/controller"]).items():
-        expected = {
-            **rights,
-            "publish": rights["publish"] - LAB,
-            "subscribe": rights["subscribe"] - handed_over,
-        }
-        assert policy["/rabbit/one_process"][node] == expected
-    root_world.start("one_process", simulator={}, controller={})
-    for node, rights in policy["/rabbit/one_process"].items():
-        assert settled(root_world, node, rights) == rights, node
-
-
 def test_a_viewer_that_may_control_calls_three_services_more(root_world: Any) -> None:
     policy = enclaves()
     more = {"/pause", "/reset_episode", "/load_policy"}
@@ -133,12 +117,10 @@ def test_the_operator_may_ask_only_for_what_there_is() -> None:
     assert operator["subscribe"] == set().union(*(rights["publish"] for rights in others))
 
 
-@pytest.mark.parametrize(("one_process", "sensors"), [(False, "lab"), (True, "exact")])
-def test_a_walk_puts_each_process_into_its_enclave(one_process: bool, sensors: Any, tmp_path: Path) -> None:
-    options = WalkOptions(view=True, one_process=one_process)
-    plant, law = SimulationParameters(sensors=sensors), ControllerParameters()
-    walk = Walk(folder=tmp_path, options=options, simulation=plant, controller=law, policy="zero")
-    for name in walk.executables:
+def test_a_walk_puts_each_process_into_its_enclave(tmp_path: Path) -> None:
+    plant, law = SimulationParameters(sensors="lab"), ControllerParameters()
+    walk = Walk(folder=tmp_path, options=WalkOptions(view=True), simulation=plant, controller=law, policy="zero")
+    for name in walk.names:
         words = walk.arguments(name)
         assert words[words.index("--enclave") + 1] == f"/rabbit/{name}"
         assert f"/rabbit/{name}" in enclaves()

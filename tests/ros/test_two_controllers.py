@@ -177,21 +177,3 @@ def test_the_trainer_learns_from_the_one_that_walks(world: Any) -> None:
     for transition in transitions:
         np.testing.assert_array_equal(transition.mu, own[transition.tick].mu)
         np.testing.assert_array_equal(transition.alpha, own[transition.tick].alpha)
-
-
-def test_in_one_process_the_recording_has_what_acted(world: Any) -> None:
-    """The simulator hears its own controller alone; the recorder hears both."""
-    for name in ("state", "torque", "episode"):
-        world.hear(name)
-    world.start("one_process", simulator={**SHORT, "pace": 1.0}, controller={})
-    world.start("recorder", path=str(world.folder / "recording"))
-    world.go()
-    world.wait(lambda: len(world.hear("state")) > 20)
-    start_other(world)
-    end = ended(world, 1)
-    world.wait(lambda: len({command.sender for command in world.hear("torque")}) == 2)
-    world.processes.stop(("one_process", "recorder"))
-    (checked,) = check_episodes(world.folder / "recording")
-    assert (checked.episode.controller, checked.episode.lost, checked.differing) == (end.controller, 0, [])
-    recorded = [record.output.torque for record in checked.episode.records]
-    np.testing.assert_array_equal(recorded, applied(world, 1))

@@ -167,7 +167,7 @@ def test_authors_parameters_and_an_option_over_them(tmp_path: Path) -> None:
 
 
 def test_every_parameter_has_an_option() -> None:
-    text = CliRunner().invoke(app, ["evaluate", "--help"], env={"COLUMNS": "300"}).output
+    text = CliRunner().invoke(app, ["evaluate", "--help-all"], env={"COLUMNS": "300"}).output
     for model in (SimulationParameters, ControllerParameters):
         for name in model.model_fields:
             assert f"--{name.replace('_', '-')}" in text

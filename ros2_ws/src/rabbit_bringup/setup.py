@@ -13,10 +13,7 @@ install(
     "rich",
     "typer",
     entry_points={
-        "rabbit.nodes": [
-            "launcher = rabbit_bringup.ros.launcher:main",
-            "one_process = rabbit_bringup.ros.one_process:main",
-        ],
+        "rabbit.nodes": ["launcher = rabbit_bringup.ros.launcher:main"],
         "rabbit.commands": ["run = rabbit_bringup.commands.run:app", "walk = rabbit_bringup.commands.walk:app"],
     },
     on_path="rabbit",

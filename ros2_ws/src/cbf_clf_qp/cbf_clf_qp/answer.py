@@ -16,8 +16,6 @@ from typing import ClassVar
 
 import casadi as ca
 import numpy as np
-import osqp
-from scipy import sparse
 
 from cbf_clf_qp.functions import Array, NumpyFunction, Values, free_symbols, one_at_a_time, packed, places_of, split
 from cbf_clf_qp.qp import ROUNDING, UNBOUNDED, Layout, reading
@@ -181,6 +179,9 @@ class OsqpSolver:
         return str(self._solver.info.status)
 
     def _set_up(self, p: Values, layout: Layout) -> None:
+        import osqp  # half a second, with scipy
+        from scipy import sparse
+
         pattern = np.hstack([np.ones((len(layout.names), layout.inputs)), layout.of_slacks])
         self._entries = pattern.T.nonzero()  # of A, column by column, as OSQP has them
         columns, rows = self._entries

@@ -14,7 +14,6 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
-from scipy.linalg import solve_continuous_lyapunov
 
 from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.quantity import Number, Quantity, at_most
@@ -36,6 +35,8 @@ class ResClf:
         closed = np.vstack([chain[:-1], -np.asarray(gains)])
         if np.linalg.eigvals(closed).real.max() >= 0:
             raise ValueError(f"gains = {list(gains)} do not stabilise {degree} integrators")
+        from scipy.linalg import solve_continuous_lyapunov  # slow to import
+
         p_0 = solve_continuous_lyapunov(closed.T, -np.eye(degree))
         identity = ca.DM.eye(outputs)
         scaling = ca.diag(ca.vertcat(*(ca.SX(eps) ** -k for k in range(degree - 1, -1, -1))))

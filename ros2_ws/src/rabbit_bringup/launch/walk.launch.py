@@ -56,7 +56,7 @@ def start(context: LaunchContext) -> list[LaunchDescriptionEntity]:
 
     def started(name: str, pid: int) -> list[LaunchDescriptionEntity]:
         pids[name] = pid
-        if len(pids) < len(walk.executables):
+        if len(pids) < len(walk.names):
             return []
         words = [f"{node}={number}" for node, number in pids.items()]
         command = [str(find_executable("rabbit_bringup", "launcher")), str(asked), *words]
@@ -72,7 +72,7 @@ def start(context: LaunchContext) -> list[LaunchDescriptionEntity]:
         raise RuntimeError(f"the walk ended with exit code {event.returncode}")  # which makes launch's own 1
 
     actions: list[LaunchDescriptionEntity] = []
-    for name in walk.executables:
+    for name in walk.names:
         node = Node(
             package=PACKAGES[name],
             executable=name,

@@ -8,12 +8,16 @@ that the rest costs nothing.
 
 import ast
 import errno
+import gc
+import os
 import signal
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
+
+os.environ.setdefault("TYPER_USE_RICH", "0")  # its panels make a help text twice as long, and later
 
 import typer
 from rabbit_common.exit_codes import Interrupted, of_interrupt
@@ -91,7 +95,9 @@ class LazyGroup(TyperGroup):
             from rabbit_common.options import fail  # which takes a while
 
             fail(f"{name} cannot be called: there is no module {entry.module}")
+        gc.disable()  # of what is imported nothing is garbage; looking for it takes a fifth of the time to a help text
         command = typer.main.get_command(entry.load())
+        gc.enable()
         if signal.getsignal(signal.SIGINT) is signal.SIG_DFL:
             signal.signal(signal.SIGINT, signal.default_int_handler)
         if signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:

@@ -14,6 +14,7 @@ from rabbit_common.exit_codes import Interrupted
 from typer.testing import CliRunner
 
 SOURCES = Path(__file__).resolve().parents[2]
+PLACES = (*SOURCES.iterdir(), SOURCES.parents[1] / "studies", SOURCES.parents[1] / "qa")
 DISTRIBUTION = "Metadata-Version: 2.1\nName: stranger\nVersion: 1\n"
 COMMAND = '''"""Dance: a stranger's command."""
 
@@ -47,7 +48,8 @@ def stranger(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callab
 
 
 def test_entry_points_and_modules_agree() -> None:
-    modules = {path.stem: path for path in SOURCES.glob("*/*/commands/*.py") if path.stem != "__init__"}
+    found = (path for place in PLACES for path in place.glob("*/commands/*.py"))
+    modules = {path.stem: path for path in found if path.stem != "__init__"}
     named = {name: f"{path.parents[1].name}.commands.{name}:app" for name, path in modules.items()}
     assert {name: command.value for name, command in commands().items()} == named
     assert list(commands()) == list(ORDER)
@@ -55,7 +57,7 @@ def test_entry_points_and_modules_agree() -> None:
 
 def test_the_help_text_is_the_first_line_of_the_docstring() -> None:
     for command in commands().values():
-        path = SOURCES / command.module.split(".")[0] / Path(*command.module.split(".")).with_suffix(".py")
+        (path,) = (path for place in PLACES if (path := place / f"{command.module.replace('.', '/')}.py").is_file())
         assert summary(command) == (ast.get_docstring(ast.parse(path.read_text())) or "").splitlines()[0]
 
 

@@ -30,8 +30,9 @@ MEANINGS = {
     ExitCode.FAULT: "an episode ended as fault, silent or reset: the graph, not the robot",
     ExitCode.NODE_DIED: "a node ended by itself, could not be started or was not ready in time",
 }
-EPILOG = "\n\n".join(
+EPILOG = "\n".join(
     [
+        "\b",  # one line each
         "Exit codes, the worst of all episodes:",
         *(f"{code.value}  {code.word}: {text}" for code, text in MEANINGS.items()),
         "128 + n  interrupted by signal n: 130 SIGINT (Ctrl-C), 143 SIGTERM, 129 SIGHUP",

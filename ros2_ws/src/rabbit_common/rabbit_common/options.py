@@ -6,7 +6,7 @@
         request = given.build(EvaluationOptions)
 
 A field of several models is one option. Values reach the models as text; a wrong one ends the command with one line and
-exit code 2.
+exit code 2. `--help` shows the first model's options and, of the others, those in `USUAL`; `--help-all` shows all.
 """
 
 import functools
@@ -30,6 +30,11 @@ from rabbit_common.executables import NAMESPACE
 BAD_VALUE = 2
 LONGEST_LINE = 1500  # characters of an error
 CHOOSES = {"controller", "parameters"}  # options that say themselves which controller
+USUAL = {  # what most people set of plant, controller and learner
+    *("controller", "gait", "eps", "objective", "adaptation", "sigma", "problem", "learner", "seed", "episodes"),
+    *("plant", "terrain", "stones", "mass_scale", "payload", "motor_lag", "ground_friction", "slope", "push"),
+    "sensors",
+}
 Model = TypeVar("Model", bound=BaseModel)
 
 
@@ -143,20 +148,25 @@ def option_name(field: str) -> str:
 
 
 def options(
-    *models: type[BaseModel], without: Collection[str] = (), defaults: Defaults = Defaults()
+    *models: type[BaseModel],
+    without: Collection[str] = (),
+    defaults: Defaults = Defaults(),
+    rare: Collection[str] = (),
 ) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Give a command the fields of `models` as options, `without` some; it is called with what was given.
 
-    Parameters of its own, after `given`, stay as they are.
+    Parameters of its own, after `given`, stay as they are. `rare`: those of the first model that `--help` leaves out.
     """
 
     def decorate(function: Callable[..., Any]) -> Callable[..., Any]:
         own = list(inspect.signature(function).parameters.values())[1:]
-        parameters = own + [each for each in _parameters(models, defaults) if each.name not in without]
+        parameters = own + [each for each in _parameters(models, defaults, rare) if each.name not in without]
+        parameters += [HELP_ALL] if len(models) > 1 else []
 
         @functools.wraps(function)
         def command(**values: Any) -> Any:
             kept = {each.name: values.pop(each.name) for each in own}
+            values.pop(HELP_ALL.name, None)
             given = {name: value for name, value in values.items() if value is not None}
             return function(Given(given, defaults), **kept)
 
@@ -172,14 +182,37 @@ def described(models: Collection[type[BaseModel]], defaults: Defaults = Defaults
     return {name: _help(name, info, defaults) for model in models for name, info in model.model_fields.items()}
 
 
-def _parameters(models: tuple[type[BaseModel], ...], defaults: Defaults) -> list[inspect.Parameter]:
+def _show_all(context: typer.Context, given: bool) -> None:
+    """Print the help text with the options that it leaves out otherwise."""
+    if given:
+        for parameter in context.command.params:
+            parameter.hidden = False  # type: ignore[attr-defined]
+        print(context.get_help())
+        raise typer.Exit
+
+
+def _keyword(name: str, kind: Any, default: Any = None) -> inspect.Parameter:
+    return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=kind)
+
+
+HELP_ALL = _keyword(
+    "help_all",
+    Annotated[bool, typer.Option("--help-all", is_eager=True, callback=_show_all, help="Show all options and exit.")],
+    default=False,
+)
+
+
+def _parameters(
+    models: tuple[type[BaseModel], ...], defaults: Defaults, rare: Collection[str]
+) -> list[inspect.Parameter]:
     fields: dict[str, Any] = {}
     for model in models:
         panel = re.findall(r"[A-Z][a-z]*|$", model.__name__)[0]
         for name, info in model.model_fields.items():
-            fields.setdefault(name, _annotation(name, info, _help(name, info, defaults), panel))
-    keyword = inspect.Parameter.KEYWORD_ONLY
-    return [inspect.Parameter(name, keyword, default=None, annotation=kind) for name, kind in fields.items()]
+            shown = {"help": _help(name, info, defaults), "rich_help_panel": panel}
+            shown["hidden"] = name in rare if model is models[0] else name not in USUAL
+            fields.setdefault(name, _annotation(name, info, **shown))
+    return [_keyword(name, kind) for name, kind in fields.items()]
 
 
 def _help(name: str, info: FieldInfo, defaults: Defaults) -> str:
@@ -187,12 +220,11 @@ def _help(name: str, info: FieldInfo, defaults: Defaults) -> str:
     return f"{info.description or ''} {defaults.text(name, default)}".strip()
 
 
-def _annotation(name: str, info: FieldInfo, help_text: str, panel: str) -> Any:
+def _annotation(name: str, info: FieldInfo, **shown: Any) -> Any:
     flag = option_name(name)
     if info.annotation is bool:
-        return Annotated[bool | None, typer.Option(f"{flag}/--no-{flag[2:]}", help=help_text, rich_help_panel=panel)]
-    metavar = _metavar(info.annotation)
-    return Annotated[str | None, typer.Option(flag, help=help_text, metavar=metavar, rich_help_panel=panel)]
+        return Annotated[bool | None, typer.Option(f"{flag}/--no-{flag[2:]}", **shown)]
+    return Annotated[str | None, typer.Option(flag, metavar=_metavar(info.annotation), **shown)]
 
 
 def _split(info: FieldInfo, value: Any) -> Any:

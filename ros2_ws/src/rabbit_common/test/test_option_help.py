@@ -1,7 +1,9 @@
 """What an option's help says of its default, and which default holds."""
 
+import typer
 from pydantic import BaseModel, Field
-from rabbit_common.options import Defaults, Given, described
+from rabbit_common.options import Defaults, Given, described, options
+from typer.testing import CliRunner
 
 
 class Options(BaseModel):
@@ -48,3 +50,18 @@ def test_what_a_file_says_counts_beneath_what_is_given() -> None:
 def test_what_was_typed_can_be_typed_again() -> None:
     given = Given({"scale": "3", "lag": "0.1", "browser": False, "learn": True, "course": "my stones.csv"})
     assert given.typed(but=("scale",)) == "--no-browser --course 'my stones.csv' --lag 0.1 --learn"
+
+
+def test_help_leaves_out_what_help_all_shows() -> None:
+    app = typer.Typer()
+
+    @app.command()
+    @options(Options, Robot, rare=("jobs",))
+    def walk(given: Given) -> None:
+        """Walk."""
+
+    short, whole = (CliRunner().invoke(app, [word]).output for word in ("--help", "--help-all"))
+    usual, others = ("--out", "--name", "--runs", "--controller", "--help-all"), ("--jobs", "--lag", "--scale")
+    assert all(name in short for name in usual)
+    assert not any(name in short for name in others)
+    assert all(name in whole for name in (*usual, *others))

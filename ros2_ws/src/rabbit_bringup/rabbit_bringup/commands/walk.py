@@ -1,6 +1,6 @@
 """Walk through the node graph: simulator, controller, trainer, recorder."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from datetime import datetime
 from functools import partial
 from itertools import count
@@ -18,7 +18,6 @@ from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
 from rabbit_bringup.launching.walk import Walk, WalkOptions
-from rabbit_bringup.launching.walk_report import Ended, carry_out
 
 MODELS = (WalkOptions, ControllerParameters, SimulationParameters)
 OPTIONS = {  # of each node's parameters those that an option decides
@@ -29,6 +28,7 @@ OPTIONS = {  # of each node's parameters those that an option decides
     "recorder": set(),
     "viewer": {"port"},
 }
+RARE = ("training", "swap_at", "priority", "view_port", "ready_timeout", "log_level")  # in --help-all alone
 RENAMED = {"port": "view_port"}  # options of other names than their parameters
 DEFAULTS = Defaults(
     always={"motor_lag": EVALUATION_LAG}, bare={"controller": "rl-cbf-clf-qp", "mass_scale": TRAINING_SCALE}
@@ -38,10 +38,12 @@ app = typer.Typer(add_completion=False)
 
 
 @app.command(epilog=exit_codes.EPILOG)
-@options(*MODELS, defaults=DEFAULTS)
+@options(*MODELS, defaults=DEFAULTS, rare=RARE)
 def walk(given: Given) -> None:
     """Walk through the node graph: simulator, controller, trainer, recorder."""
     walk = prepare(given)
+    from rabbit_bringup.launching.walk_report import carry_out
+
     raise typer.Exit(carry_out(walk, partial(walk_with_progress, walk)))
 
 
@@ -50,8 +52,6 @@ def prepare(given: Given) -> Walk:
     given, further = with_file(given)
     options = given.build(WalkOptions)
     assembly = assembly_of_nodes(given, options.policy, options.parameters)
-    if options.one_process and assembly.simulation.sensors == "lab":
-        fail("--one-process: expected --sensors exact; the state estimator, which lab needs, is a process of its own")
     own = further.get("trainer", {})
     training = given_training(options, assembly.controller, assembly.policy, own) if options.trainer else {}
     walk = Walk.of(assembly, make_folder(options), options, training=training, further=further)
@@ -126,7 +126,7 @@ def make_folder(request: WalkOptions) -> Path:
     return new_folder(next(path for path in (Path("runs") / name for name in names) if not path.exists()))
 
 
-def walk_with_progress(walk: Walk, ended: Ended) -> Any:
+def walk_with_progress(walk: Walk, ended: Callable[[Any], None]) -> Any:
     """Walk under a bar that says how it goes; returns the monitor."""
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 

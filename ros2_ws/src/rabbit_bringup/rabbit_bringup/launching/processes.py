@@ -27,9 +27,7 @@ PACKAGES = {  # of each node
     "trainer": "rl_trainer",
     "recorder": "rabbit_recording",
     "viewer": "rabbit_viewer",
-    "one_process": "rabbit_bringup",
 }
-ONE_PROCESS, WALKERS = "one_process", ("simulator", "controller")  # an executable, and the nodes in it
 UNKNOWN = 256  # as an exit code: it went to the process that started it
 
 
@@ -78,11 +76,6 @@ class Processes:
         """The nodes that were started and not yet ended or waited for."""
         return list(self._running)
 
-    @property
-    def nodes(self) -> list[str]:
-        """The nodes in these processes."""
-        return [node for name in self._running for node in (WALKERS if name == ONE_PROCESS else (name,))]
-
     def adopt(self, name: str, pid: int) -> None:
         """Look after a node that somebody else has started, and shows what it prints."""
         self._running[name] = Foreign(pid)
@@ -126,7 +119,7 @@ class Processes:
             yield
         finally:
             self._signal = self._signal or ENDING[0]
-            for names in ((*WALKERS, ONE_PROCESS), ("estimator", "trainer"), ()):
+            for names in (("simulator", "controller"), ("estimator", "trainer"), ()):
                 self.stop(names)
             for number, handler in before.items():
                 signal.signal(number, handler)

@@ -17,8 +17,6 @@ from rabbit_sim.parameters import SimulationParameters
 from rabbit_viewer.page.address import PORT
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
-from rabbit_bringup.launching.processes import ONE_PROCESS, WALKERS
-
 MOST_EPISODES = 10_000
 
 
@@ -32,7 +30,6 @@ class WalkOptions(BaseModel):
     episodes: int = Field(1, ge=1, le=MOST_EPISODES, description="episodes, their seeds counting up")
     policy: str | None = Field(None, description="zero, a shipped policy or a file")
     parameters: str = Field("ours", description="of the controller: ours, best, authors or a YAML file")
-    one_process: bool = Field(False, description="simulator and controller in one process: faster")
     trainer: bool = Field(True, description="the trainer learns beside the walk")
     training: Path | None = Field(None, description="YAML file of training parameters")
     swap_at: Literal["auto", "tick", "episode", "never"] = Field(
@@ -97,13 +94,6 @@ class Walk(BaseModel):
         wanted = {"estimator": self.simulation.sensors == "lab", "trainer": options.trainer}
         wanted |= {"recorder": options.record, "viewer": options.view}
         return ["simulator", "controller", *(name for name, is_wanted in wanted.items() if is_wanted)]
-
-    @property
-    def executables(self) -> list[str]:
-        """What is started: an executable for each node, or one for simulator and controller."""
-        if not self.options.one_process:
-            return self.names
-        return [ONE_PROCESS, *(name for name in self.names if name not in WALKERS)]
 
     @property
     def parameter_file(self) -> Path:

@@ -76,7 +76,7 @@ class WalkMonitor(GraphClient):
     def begin(self) -> None:
         """Let the simulator go on, once all nodes are ready; raises `LaunchError`."""
         timeout, began = self._options.ready_timeout, time.monotonic()
-        while missing := self.not_ready(self.processes.nodes):
+        while missing := self.not_ready(self.processes.names):
             self.check()
             if time.monotonic() - began > timeout:
                 lines = "; ".join(f"{name}: {line}" for name, line in missing.items())

@@ -51,7 +51,7 @@ def walking(
         if launched is None:
             check.look(walk.names)
             write_parameters(walk.parameter_file, walk.parameters())
-            for name in sorted(walk.executables, key=lambda name: name != "trainer"):  # which imports the longest
+            for name in sorted(walk.names, key=lambda name: name != "trainer"):  # which imports the longest
                 processes.check()
                 processes.start(name, walk.arguments(name))
         for name, pid in (launched or {}).items():

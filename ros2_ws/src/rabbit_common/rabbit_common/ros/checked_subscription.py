@@ -11,7 +11,6 @@ from rclpy.serialization import deserialize_message
 from rclpy.subscription import Subscription
 
 from rabbit_common.message_checks import Refused
-from rabbit_common.ros.direct import DirectSubscription, direct_of
 
 MOST_BYTES = 10_000_000  # of a message; the largest carries a policy file, of which 8 MB are read
 
@@ -25,13 +24,8 @@ def create_checked_subscription(
     callback: Callable[[Any], None],
     qos: QoSProfile,
     refuse: Callable[[str, Refused], None],
-) -> Subscription | DirectSubscription:
-    """Subscribe to `topic`; what is no message of this kind, or what `callback` refuses, goes to `refuse`.
-
-    Within one process (`direct`) `callback` gets what was published itself: an object with the message's fields.
-    """
-    if direct := direct_of(node, topic):
-        return direct.subscribe(node, topic, callback)
+) -> Subscription:
+    """Subscribe to `topic`; what is no message of this kind, or what `callback` refuses, goes to `refuse`."""
     limits = bounds(kind)
 
     def take(data: bytes) -> None:

@@ -6,10 +6,10 @@ Numbers travel as float64 in arrays of fixed size, so a value arrives with the s
 import math
 from collections.abc import Collection, Sequence
 from dataclasses import asdict
-from types import SimpleNamespace
 
 import numpy as np
 from builtin_interfaces.msg import Time
+from geometry_msgs.msg import Quaternion, Vector3
 from rabbit_description.state import (
     ACTUATED,
     COORDINATES,
@@ -21,6 +21,7 @@ from rabbit_description.state import (
 )
 from rabbit_msgs import msg
 from sensor_msgs.msg import Imu, JointState
+from std_msgs.msg import Header
 
 from rabbit_common.message_checks import Refused, check_finite
 
@@ -40,16 +41,16 @@ def nanoseconds(time: Time) -> int:
     return int(time.sec) * 1_000_000_000 + int(time.nanosec)
 
 
-def state_message(state: RobotState, episode: int, at: Time) -> SimpleNamespace:
-    """A measured state with the fields of a `RabbitState`; the preview travels on its own topic."""
-    return SimpleNamespace(
+def state_message(state: RobotState, episode: int, at: Time) -> msg.RabbitState:
+    """A measured state; the preview travels on its own topic."""
+    return msg.RabbitState(
         stamp=at,
         episode=episode,
         tick=state.tick,
         q=state.q,
         dq=state.dq,
         foot_force=state.foot_force.ravel(),
-        contact=state.contact,
+        contact=state.contact.tolist(),
         applied=state.applied,
         touchdowns=state.touchdowns,
         previewed=state.preview is not None,
@@ -120,17 +121,15 @@ def torque_of(message: msg.TorqueCommand) -> Array:
     return np.array(message.torque)
 
 
-def joint_state(state: RobotState, at: Time) -> SimpleNamespace:
-    """The fields of a `JointState`: positions and velocities by the URDF's joint names, the planar base's included."""
-    header = SimpleNamespace(stamp=at, frame_id="")
-    return SimpleNamespace(header=header, name=COORDINATES, position=state.q, velocity=state.dq, effort=())
+def joint_state(state: RobotState, at: Time) -> JointState:
+    """Positions and velocities by the URDF's joint names, the planar base's included."""
+    return JointState(header=Header(stamp=at), name=list(COORDINATES), position=state.q, velocity=state.dq)
 
 
-def encoder_message(sensors: BodySensors, at: Time) -> SimpleNamespace:
-    """The fields of a `JointState`: what the four joints' encoders say."""
-    header = SimpleNamespace(stamp=at, frame_id="")
+def encoder_message(sensors: BodySensors, at: Time) -> JointState:
+    """What the four joints' encoders say."""
     angles, rates = sensors.joint_angles, sensors.joint_rates
-    return SimpleNamespace(header=header, name=ACTUATED, position=angles, velocity=rates, effort=())
+    return JointState(header=Header(stamp=at), name=list(ACTUATED), position=angles, velocity=rates)
 
 
 def encoders_of(message: JointState) -> tuple[Array, Array]:
@@ -143,8 +142,8 @@ def encoders_of(message: JointState) -> tuple[Array, Array]:
     return np.array(message.position), np.array(message.velocity)
 
 
-def imu_message(sensors: BodySensors, at: Time, variances: Sequence[float]) -> SimpleNamespace:
-    """The fields of an `Imu` in the torso at the hip, which turns about y alone.
+def imu_message(sensors: BodySensors, at: Time, variances: Sequence[float]) -> Imu:
+    """An IMU in the torso at the hip, which turns about y alone.
 
     `variances`: of the attitude, rad^2, of the gyro, rad^2/s^2, and of the accelerometer, m^2/s^4.
     """
@@ -154,13 +153,13 @@ def imu_message(sensors: BodySensors, at: Time, variances: Sequence[float]) -> S
     force_covariance = _diagonal(accelerometer, 0.0, accelerometer)
     if np.isnan(sensors.specific_force).any():  # no tick has passed yet
         forward, up, force_covariance = 0.0, 0.0, _diagonal(UNKNOWN, 0.0, 0.0)
-    return SimpleNamespace(
-        header=SimpleNamespace(stamp=at, frame_id="torso"),
-        orientation=SimpleNamespace(x=0.0, y=y, z=0.0, w=w),
+    return Imu(
+        header=Header(stamp=at, frame_id="torso"),
+        orientation=Quaternion(y=y, w=w),
         orientation_covariance=_diagonal(0.0, attitude, 0.0),
-        angular_velocity=SimpleNamespace(x=0.0, y=sensors.pitch_rate, z=0.0),
+        angular_velocity=Vector3(y=sensors.pitch_rate),
         angular_velocity_covariance=_diagonal(0.0, gyro, 0.0),
-        linear_acceleration=SimpleNamespace(x=forward, y=0.0, z=up),
+        linear_acceleration=Vector3(x=forward, z=up),
         linear_acceleration_covariance=force_covariance,
     )
 

@@ -12,7 +12,6 @@ from rclpy.node import Node
 from std_msgs.msg import Header
 
 from rabbit_common.message_checks import MessageCounter
-from rabbit_common.ros.direct import direct_of
 from rabbit_common.ros.qos import DIAGNOSTICS
 from rabbit_common.ros.spin import steady_timer
 
@@ -43,8 +42,7 @@ class Diagnostics:
 
     def _readers(self) -> dict[str, int]:
         """Of each topic that the node publishes."""
-        counts = {p.topic_name.split("/")[-1]: p.get_subscription_count() for p in self._node.publishers}
-        return {name: n + (d.readers(name) if (d := direct_of(self._node, name)) else 0) for name, n in counts.items()}
+        return {p.topic_name.split("/")[-1]: p.get_subscription_count() for p in self._node.publishers}
 
     def _publish(self, level: bytes, line: str, figures: Mapping[str, object]) -> None:
         refused = sum(self._counter.refused.values())

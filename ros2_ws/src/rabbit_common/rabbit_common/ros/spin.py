@@ -1,4 +1,4 @@
-"""Runs a node, or several in one process, until a signal. Every node's `main` is a call of this."""
+"""Runs a node until a signal. Every node's `main` is a call of this."""
 
 import gc
 import signal
@@ -24,17 +24,16 @@ _MIDDLEWARE = 10  # s, that it may take to end
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
-def run(make: Callable[[], Node | tuple[Node, ...]], errors: tuple[type[Exception], ...] = ()) -> None:
-    """Make one node or several, spin, close them in this order.
+def run(make: Callable[[], Node], errors: tuple[type[Exception], ...] = ()) -> None:
+    """Make a node, spin, close it.
 
     SIGINT and SIGTERM end it between two callbacks; more of them change nothing. This thread alone hears them: a
     solver that answers SIGINT itself can then keep it off. If arguments or parameters cannot be used, it ends with one
     line and exit code 2. The process ends in any case, see `deadline`.
 
     Args:
-        make: the node's class, or what makes several nodes. If one has `busy()`, all are spun until that is False
-            (10 s at most); if it has `close()`, that is called at the end. If its `failure` becomes a line, all end
-            with that and its `failure_code`, or 2.
+        make: the node's class. If it has `busy()`, it is spun until that is False (10 s at most); if it has `close()`,
+            that is called at the end. If its `failure` becomes a line, it ends with that and its `failure_code`, or 2.
         errors: besides `ParameterError`, what the constructor raises when a file or value cannot be used.
     """
     signals: list[int] = []
@@ -44,44 +43,35 @@ def run(make: Callable[[], Node | tuple[Node, ...]], errors: tuple[type[Exceptio
     unusable: tuple[type[Exception], ...] = (StartError, ParameterError, *errors)
     try:
         initialise()
-        made = make()
+        node = make()
     except unusable as error:
         print("error:", " ".join(str(error).split()), file=sys.stderr)
         sys.exit(2)
     gc.freeze()  # what is there by now stays: looking through it again would hold up a tick
-    nodes = made if isinstance(made, tuple) else (made,)
     executor = EventsExecutor()
-    for node in nodes:
-        executor.add_node(node)
+    executor.add_node(node)
     try:
         executor.spin_once(0.0)  # starts the executor's threads
         signal.pthread_sigmask(signal.SIG_UNBLOCK, _SIGNALS)
-        while not signals and not _failing(nodes):
+        while not signals and not getattr(node, "failure", ""):
             executor.spin_once(_LOOK_UP)
         deadline = time.monotonic() + _LAST_WORK
-        while any(getattr(node, "busy", bool)() for node in nodes) and time.monotonic() < deadline:
+        while getattr(node, "busy", bool)() and time.monotonic() < deadline:
             executor.spin_once(_LOOK_UP)
     finally:
-        for node in nodes:
-            getattr(node, "close", lambda: None)()
-            _deliver(node)
+        getattr(node, "close", lambda: None)()
+        _deliver(node)
         failed = 0
-        for node in _failing(nodes)[:1]:
+        if failure := getattr(node, "failure", ""):
             failed = getattr(node, "failure_code", 2)
-            print(f"error: {getattr(node, 'failure', '')}", file=sys.stderr)
+            print(f"error: {failure}", file=sys.stderr)
         end_within(_MIDDLEWARE, failed or int(sys.exc_info()[0] is not None))
-        for node in nodes:
-            node.destroy_node()
+        node.destroy_node()
         rclpy.try_shutdown()
         for number in _SIGNALS:  # as the interpreter ends it undoes handlers
             signal.signal(number, signal.SIG_IGN)
     if failed:
         sys.exit(failed)
-
-
-def _failing(nodes: tuple[Node, ...]) -> list[Node]:
-    """Those that cannot go on."""
-    return [node for node in nodes if getattr(node, "failure", "")]
 
 
 def _deliver(node: Node) -> None:

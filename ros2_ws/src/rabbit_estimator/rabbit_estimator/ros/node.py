@@ -23,7 +23,6 @@ from rabbit_common.ros.diagnostics import OK, WARN, Diagnostics, Status
 from rabbit_common.ros.parameters import declare, refuse_unknown
 from rabbit_common.ros.qos import EVENT, TICK
 from rabbit_common.ros.spin import run
-from rabbit_common.ros.tick_publisher import TickPublisher
 from rabbit_description.state import BodySensors, RobotState
 from rabbit_msgs.msg import Episode, RabbitState
 from rclpy.node import Node
@@ -61,7 +60,7 @@ class EstimatorNode(Node):
         self._message_counter = MessageCounter()
         self._episode = Episode()
         self._forget()
-        self._states = TickPublisher(self, RabbitState, "state")
+        self._states = self.create_publisher(RabbitState, "state", TICK)
         self._inputs = create_checked_subscription(self, RabbitState, "measured", self._on_measured, TICK, self._refuse)
         for topic, (kind, _) in SENSORS.items():
             create_checked_subscription(self, kind, topic, partial(self._on_sensor, topic), TICK, self._refuse)

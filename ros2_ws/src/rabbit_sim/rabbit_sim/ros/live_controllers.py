@@ -5,7 +5,6 @@ A killed controller stays in the graph for 20 s, so being there is not enough.
 
 import time
 
-from rabbit_common.ros.direct import DirectSubscription
 from rclpy.node import Node
 from rclpy.subscription import Subscription
 
@@ -20,7 +19,7 @@ class LiveControllers:
     One that comes while a tick waits for another's answer has not been asked from the start: it keeps its chance.
     """
 
-    def __init__(self, node: Node, torques: Subscription | DirectSubscription) -> None:
+    def __init__(self, node: Node, torques: Subscription) -> None:
         self._node, self._torques = node, torques
         self._asked: frozenset[bytes] | None = None
         self._deaf: frozenset[bytes] = frozenset()

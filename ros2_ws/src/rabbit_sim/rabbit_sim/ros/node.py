@@ -12,8 +12,7 @@ from rabbit_common.priority import scheduling, take_priority
 from rabbit_common.ros.checked_subscription import create_checked_subscription
 from rabbit_common.ros.conversions import check_plan, stamp, torque_of
 from rabbit_common.ros.diagnostics import OK, WARN, Diagnostics, Status
-from rabbit_common.ros.direct import Direct
-from rabbit_common.ros.parameters import ParameterError, declare, follow, refuse_unknown
+from rabbit_common.ros.parameters import declare, follow, refuse_unknown
 from rabbit_common.ros.qos import EVENT, TICK
 from rabbit_common.ros.spin import run, steady_timer
 from rabbit_description.gait import GaitError, load_gaits
@@ -40,15 +39,11 @@ BY_SERVICE = "by service"  # reason of a reset after which another episode begin
 class SimulatorNode(Node):
     """Plays episodes with whoever answers its states."""
 
-    def __init__(self, direct: Direct | None = None) -> None:
-        """`direct`: hands topics over to a controller in the same process."""
+    def __init__(self) -> None:
         super().__init__("simulator")
-        self.direct = direct
         self._own = declare(self, NodeParameters, dynamic=("pace",))
         plant = declare(self, SimulationParameters)
         refuse_unknown(self)
-        if direct and plant.sensors == "lab":
-            raise ParameterError("parameter sensors = lab: expected exact in one process, the estimator is a node")
         take_priority(self._own.priority, self.get_logger().warning)
         self._simulation = Simulation(plant, load_gaits(self._own.gait))
         self._message_counter = MessageCounter()

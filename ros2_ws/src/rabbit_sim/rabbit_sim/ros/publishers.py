@@ -3,13 +3,10 @@
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from types import SimpleNamespace
 
 from builtin_interfaces.msg import Time
 from rabbit_common.ros.conversions import encoder_message, imu_message, joint_state, preview_message, state_message
-from rabbit_common.ros.direct import create_publisher
-from rabbit_common.ros.qos import EVENT
-from rabbit_common.ros.tick_publisher import TickPublisher
+from rabbit_common.ros.qos import EVENT, TICK
 from rabbit_description.state import BodySensors, RobotState, StonePreview
 from rabbit_msgs.msg import Episode, RabbitState
 from rabbit_msgs.msg import Landing as LandingMessage
@@ -28,8 +25,8 @@ class LabPublishers:
     """What a lab's IMU says, and the truth, for judges alone."""
 
     def __init__(self, node: Node, p: SimulationParameters) -> None:
-        self._imu = TickPublisher(node, Imu, "imu")
-        self._truth = TickPublisher(node, RabbitState, "true_state")
+        self._imu = node.create_publisher(Imu, "imu", TICK)
+        self._truth = node.create_publisher(RabbitState, "true_state", TICK)
         gyro, accelerometer = p.gyro_noise**2 + p.gyro_bias**2, p.accelerometer_noise**2 + p.accelerometer_bias**2
         self._variances = p.attitude_error**2, gyro, accelerometer
 
@@ -39,7 +36,7 @@ class LabPublishers:
 
     def truth(self, state: RobotState, reading: PlantReading, episode: int, at: Time) -> None:
         """Of the same tick, while somebody hears it."""
-        if self._truth.readers:
+        if self._truth.get_subscription_count():
             true = replace(state, q=reading.q, dq=reading.dq, foot_force=reading.foot_force)
             self._truth.publish(state_message(true, episode, at))
 
@@ -50,19 +47,19 @@ class SimulatorPublishers:
     def __init__(self, node: Node, parameters: SimulationParameters) -> None:
         self._log = node.get_logger()
         self._lab = LabPublishers(node, parameters) if parameters.sensors == "lab" else None
-        self._states = TickPublisher(node, RabbitState, "measured" if self._lab else "state")
-        self._joints = TickPublisher(node, JointState, "joint_states")
-        self._clock = TickPublisher(node, Clock, "clock")
-        self._previews = create_publisher(node, PreviewMessage, "preview", EVENT)
+        self._states = node.create_publisher(RabbitState, "measured" if self._lab else "state", TICK)
+        self._joints = node.create_publisher(JointState, "joint_states", TICK)
+        self._clock = node.create_publisher(Clock, "clock", TICK)
+        self._previews = node.create_publisher(PreviewMessage, "preview", EVENT)
         self._landings = node.create_publisher(LandingMessage, "landing", EVENT)
-        self._episodes = create_publisher(node, Episode, "episode", EVENT)
+        self._episodes = node.create_publisher(Episode, "episode", EVENT)
         self._preview: StonePreview | None = None
         self._landings_sent = 0
 
     @property
     def readers(self) -> int:
         """Nodes that hear the state, or what is measured of it."""
-        return self._states.readers
+        return int(self._states.get_subscription_count())
 
     def begin(self, e: Episode) -> None:
         """Another episode begins; logs it as in `episode 2 begins: seed 8, 20 stones, policy 1f2e3d4c5b6a`."""
@@ -91,10 +88,10 @@ class SimulatorPublishers:
             self._previews.publish(preview_message(state.preview, episode, at))
         self._preview = state.preview
         self._state(state, episode, at)
-        self._clock.publish(SimpleNamespace(clock=at))  # while the controller works
+        self._clock.publish(Clock(clock=at))  # while the controller works
         if self._lab:
             self._lab.truth(state, reading, episode, at)
-        else:
+        elif self._joints.get_subscription_count():
             self._joints.publish(joint_state(state, at))
         for landing in landings[self._landings_sent :]:
             fields = {name: getattr(landing, name) for name in ("tick", "index", "l", "l_min", "l_max", "on_stone")}

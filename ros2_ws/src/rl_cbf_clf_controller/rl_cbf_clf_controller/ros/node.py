@@ -11,7 +11,6 @@ import math
 import secrets
 from array import array
 from collections import deque
-from types import SimpleNamespace
 from typing import Literal
 
 import numpy as np
@@ -28,11 +27,9 @@ from rabbit_common.ros.conversions import (
     preview_of,
 )
 from rabbit_common.ros.diagnostics import OK, WARN, Diagnostics, Status
-from rabbit_common.ros.direct import Direct
 from rabbit_common.ros.parameters import ParameterError, declare, follow, refuse_unknown
 from rabbit_common.ros.qos import EVENT, TICK
 from rabbit_common.ros.spin import run
-from rabbit_common.ros.tick_publisher import TickPublisher
 from rabbit_description.bounded_file import FileError, read_bytes
 from rabbit_description.gait import GaitError, Gaits, load_gaits
 from rabbit_description.state import RobotState, StonePreview
@@ -72,10 +69,8 @@ class NodeParameters(BaseModel):
 class ControllerNode(Node):
     """Answers states with torques."""
 
-    def __init__(self, direct: Direct | None = None) -> None:
-        """`direct`: hands topics over to a simulator in the same process."""
+    def __init__(self) -> None:
         super().__init__("controller")
-        self.direct = direct
         self._sender = f"{self.get_fully_qualified_name()} {secrets.token_hex(8)}"[-128:]
         self._own = declare(self, NodeParameters)
         self._settings = declare(self, ControllerParameters, dynamic=DYNAMIC)
@@ -98,7 +93,7 @@ class ControllerNode(Node):
         self._held: RabbitState | None = None
         self._early: RabbitState | None = None  # of an episode that is not announced yet
         self._turn = (0, -1)  # episode and tick of the newest state
-        self._answer: SimpleNamespace | None = None  # to it, a `TorqueCommand`
+        self._answer: TorqueCommand | None = None  # to it
         self._connect()
         follow(self, self._settings, self._on_parameters)
         law = f"{self._settings.controller}, gait {self._gait.name}"
@@ -109,8 +104,8 @@ class ControllerNode(Node):
         self._intake.close()
 
     def _connect(self) -> None:
-        self._torques = TickPublisher(self, TorqueCommand, "torque")
-        self._details = TickPublisher(self, ControllerState, "controller_state")
+        self._torques = self.create_publisher(TorqueCommand, "torque", TICK)
+        self._details = self.create_publisher(ControllerState, "controller_state", TICK)
         self._swaps = self.create_publisher(PolicySwap, "policy_swap", EVENT)
         self._told_settings = self.create_publisher(ControllerSettings, "controller_settings", EVENT)
         self._states = create_checked_subscription(self, RabbitState, "state", self._on_state, TICK, self._refuse)
@@ -224,10 +219,10 @@ class ControllerNode(Node):
             self._give_up(message, str(error))
             return
         self._say(torque_message(output, message.episode, message.stamp, self._sender))
-        if self._details.readers:
+        if self._details.get_subscription_count():
             self._details.publish(controller_state(output, message.episode, message.stamp, self._sender))
 
-    def _say(self, answer: SimpleNamespace) -> None:
+    def _say(self, answer: TorqueCommand) -> None:
         self._answer = answer
         self._torques.publish(answer)
 
@@ -259,7 +254,7 @@ class ControllerNode(Node):
         """Answer with a fault: the simulator ends the episode under this reason."""
         self.get_logger().error(reason)
         self._say(
-            SimpleNamespace(
+            TorqueCommand(
                 stamp=message.stamp,
                 episode=message.episode,
                 tick=message.tick,

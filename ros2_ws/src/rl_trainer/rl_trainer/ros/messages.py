@@ -2,7 +2,6 @@
 
 from array import array
 from dataclasses import fields
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -28,16 +27,17 @@ ZERO = "zero"
 
 def transition_message(
     transition: Transition, parameters: TrainingParameters, episode: int, at: Time
-) -> SimpleNamespace:
-    """The fields of a `Transition` message: with its reward, term by term."""
-    return SimpleNamespace(
+) -> msg.Transition:
+    """A transition with its reward, term by term."""
+    return msg.Transition(
         stamp=at,
         episode=episode,
         problem=str(transition.problem),
         reward_terms=reward_terms(transition, parameters)[0],
         reward=reward(transition, parameters),
         doubt=int(transition.doubt),
-        **{name.lower(): getattr(transition, name) for name in (*NUMBERS, *ARRAYS)},
+        **{name: getattr(transition, name) for name in NUMBERS},
+        **{name.lower(): getattr(transition, name).ravel() for name in ARRAYS},
     )
 
 

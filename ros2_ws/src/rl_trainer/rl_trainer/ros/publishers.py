@@ -1,8 +1,7 @@
 """What the trainer publishes and logs of what was learned: plans, transitions, weights."""
 
 from builtin_interfaces.msg import Time
-from rabbit_common.ros.qos import EVENT, WEIGHTS
-from rabbit_common.ros.tick_publisher import TickPublisher
+from rabbit_common.ros.qos import EVENT, TICK, WEIGHTS
 from rabbit_msgs import msg
 from rclpy.node import Node
 from rl_cbf_clf_controller.weights import PolicyFile
@@ -19,7 +18,7 @@ class Publishers:
 
     def __init__(self, node: Node, training: TrainingParameters, plans_policies: bool) -> None:
         self._node, self._training, self._plans_policies = node, training, plans_policies
-        self._transitions = TickPublisher(node, msg.Transition, "transition")
+        self._transitions = node.create_publisher(msg.Transition, "transition", TICK)
         self._weights = node.create_publisher(msg.PolicyWeights, "policy", WEIGHTS)
         self._plan = node.create_publisher(msg.EpisodePlan, "episode_plan", EVENT)
         self._planned: tuple[EpisodePlan, int] | None = None  # the newest plan, and after which episode
@@ -44,7 +43,7 @@ class Publishers:
 
     def on_transition(self, transition: Transition, tag: tuple[int, Time]) -> None:
         """A transition was taken in."""
-        if self._transitions.readers:
+        if self._transitions.get_subscription_count():
             self._transitions.publish(transition_message(transition, self._training, *tag))
 
     def on_policy(self, policy: PolicyFile, verdict: Verdict) -> None:
