@@ -15,6 +15,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, TypeVar
+from unittest.mock import patch
 
 import numpy as np
 from cbf_clf_qp import solvers
@@ -113,39 +114,23 @@ def walk(assembly: Assembly, seed: int, watch: StopWatch, with_floors: bool = Fa
 @contextmanager
 def floors_timed(watch: StopWatch) -> Iterator[None]:
     """Meanwhile CasADi's evaluation and OSQP's own code are timed where Python calls them. DAQP is in a function."""
+    solve, call = solvers.OsqpSolver.solve, NumpyFunction.__call__
 
-    def timed_solve(solve: Any) -> Any:
-        def solve_and_ask(solver: Any, *given: Any) -> Any:
-            x, y, status = solve(solver, *given)
-            watch.add(SOLVER, 0.0 if status == "unconstrained" else solver._solver.info.run_time)
-            return x, y, status
+    def solve_and_ask(solver: Any, *given: Any) -> Any:
+        x, y, status = solve(solver, *given)
+        watch.add(SOLVER, 0.0 if status == "unconstrained" else solver._solver.info.run_time)
+        return x, y, status
 
-        return solve_and_ask
-
-    def timed_call(call: Any) -> Any:
-        def call_and_repeat(function: NumpyFunction, *given: Any) -> Any:
-            found = call(function, *given)
-            watch.time(TERMS, function.evaluate)  # with the same arguments
-            return found
-
-        return call_and_repeat
+    def call_and_repeat(function: NumpyFunction, *given: Any) -> Any:
+        found = call(function, *given)
+        watch.time(TERMS, function.evaluate)  # with the same arguments
+        return found
 
     with (
-        replaced(NumpyFunction, "__call__", timed_call),
-        replaced(solvers.OsqpSolver, "solve", timed_solve),
+        patch.object(NumpyFunction, "__call__", call_and_repeat),
+        patch.object(solvers.OsqpSolver, "solve", solve_and_ask),
     ):
         yield
-
-
-@contextmanager
-def replaced(owner: Any, name: str, make: Callable[[Any], Any]) -> Iterator[None]:
-    """Meanwhile `owner` has under this name what `make` makes of what it had."""
-    before = getattr(owner, name)
-    setattr(owner, name, make(before))
-    try:
-        yield
-    finally:
-        setattr(owner, name, before)
 
 
 def actor_layers(policy: Any) -> list[tuple[Any, Any]]:
@@ -163,23 +148,15 @@ def bare_steps(plant: Any) -> Callable[[StopWatch], None] | None:
 
     def steps(watch: StopWatch) -> None:
         state = client.saveState()
-        watch.time(ENGINE, repeat, client.stepSimulation)
+        watch.time(ENGINE, lambda: [client.stepSimulation() for _ in range(SUBSTEPS)])
         client.restoreState(state)
         client.removeState(state)
 
     return steps
 
 
-def repeat(step: Callable[[], object]) -> None:
-    """As often as a plant does in a tick."""
-    for _ in range(SUBSTEPS):
-        step()
-
-
 def bench_nodes(assembly: Assembly, seed: int, us: dict[str, dict[str, float]]) -> dict[str, Any] | None:
-    """A tick through the nodes, microseconds, and in one process; None without ROS, or with the oracle.
-
-    `us`: what `bench` has measured.
+    """A tick through the nodes, microseconds; None without ROS, or with the oracle. `us`: what `bench` has measured.
 
     Raises:
         LaunchError: a node cannot be started, ended by itself, or is not ready in time.
@@ -190,16 +167,10 @@ def bench_nodes(assembly: Assembly, seed: int, us: dict[str, dict[str, float]]) 
 
     from rabbit_campaigns.ros.round_trip import measure_round_trips
 
-    measured = {"a bare round trip": quantiles(measure_round_trips())["p50"]}
-    for name, one_process in (("a tick through nodes", False), ("a tick in one process", True)):
-        options = WalkOptions(seed=seed, trainer=False, record="none", one_process=one_process)
-        with TemporaryDirectory() as folder:
-            walked = walk_through(Walk.of(assembly, Path(folder), options))
-        measured[name] = walked.seconds / sum(int(episode.tick) for episode in walked.ended.values()) * 1e6
-    work = us[PLANT]["p50"] + us[TICK]["p50"]
-    ratios = {
-        "a tick through nodes / plant tick, tick and bare round trip": measured["a tick through nodes"]
-        / (work + measured["a bare round trip"]),
-        "a tick in one process / plant tick and tick": measured["a tick in one process"] / work,
-    }
-    return {"us": measured, "ratios": ratios}
+    floor = quantiles(measure_round_trips())["p50"]
+    with TemporaryDirectory() as folder:
+        walked = walk_through(Walk.of(assembly, Path(folder), WalkOptions(seed=seed, trainer=False, record="none")))
+    tick = walked.seconds / sum(int(episode.tick) for episode in walked.ended.values()) * 1e6
+    whole = us[PLANT]["p50"] + us[TICK]["p50"] + floor
+    ratios = {"a tick through nodes / plant tick, tick and bare round trip": tick / whole}
+    return {"us": {"a bare round trip": floor, "a tick through nodes": tick}, "ratios": ratios}

@@ -6,42 +6,25 @@ FOLDER/jitter.json
 """
 
 import contextlib
-import json
 import os
 import random
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from rabbit_bringup.launching.walk import MOST_EPISODES, Walk, WalkOptions
-from rabbit_experiments import provenance
 from rabbit_experiments.assembly import Assembly
 from rabbit_recording.contents import contents
-from rabbit_recording.open_recording import opened
 from rabbit_recording.timing import real_time_figures
 
-from rabbit_campaigns.wakeup_latency import sleeper
+from rabbit_campaigns.figures import write_figures
 
 LATE_LIMIT = 0.001  # share of ticks
 CUT_OFF = "reset"  # outcome of the episode in which the time was up
 BUSY = "while True: pass"
-
-
-@dataclass(frozen=True)
-class Case:
-    """One walk: so many busy processes beside it; SCHED_FIFO priority of simulator and controller, 0: ordinary."""
-
-    neighbours: int
-    priority: int
-
-    @property
-    def name(self) -> str:
-        """Of its folder."""
-        return f"neighbours-{self.neighbours}-priority-{self.priority}"
 
 
 class Jitter:
@@ -57,18 +40,18 @@ class Jitter:
         self.cases: list[dict[str, Any]] = []
         self.deaths: list[dict[str, Any]] = []
 
-    def walk(self, case: Case, seconds: float) -> None:
-        """Walk a case for so many s."""
+    def walk(self, neighbours: int, priority: int, seconds: float) -> None:
+        """Walk for so many s beside so many busy processes; SCHED_FIFO `priority` of simulator and controller, or 0."""
         from rabbit_bringup.ros.walking import walking
 
-        walk, load = self._prepared(case.name, case.priority), os.getloadavg()[0]
-        with busy(case.neighbours), sleeper(case.priority) as late_share, walking(walk) as monitor:
+        name = f"neighbours-{neighbours}-priority-{priority}"
+        walk, load = self._prepared(name, priority), os.getloadavg()[0]
+        with busy(neighbours), walking(walk) as monitor:
             began = time.monotonic()
             while (so_far := time.monotonic() - began) < seconds:
-                self._tell(f"{case.name}: {so_far:.0f} of {seconds:.0f} s, episode {monitor.glance().episode}")
-            machine = late_share()
-        loads = {"load_before": load, "load_after": os.getloadavg()[0], "sleeper_late_share": machine}
-        self.cases.append({**vars(case), **loads, **figures(walk.folder / "recording")})
+                self._tell(f"{name}: {so_far:.0f} of {seconds:.0f} s, episode {monitor.glance().episode}")
+        about = {"neighbours": neighbours, "priority": priority, "load_before": load, "load_after": os.getloadavg()[0]}
+        self.cases.append({**about, **figures(walk.folder / "recording")})
         self._keep()
 
     def kill(self, number: int, priority: int) -> None:
@@ -88,9 +71,8 @@ class Jitter:
         return Walk.of(self._assembly, self._folder / name, options)
 
     def _keep(self) -> None:
-        about = {"command": provenance.command(), "commit": provenance.commit(), "versions": provenance.versions()}
-        found = {"cases": self.cases, "deaths": self.deaths, "seed": self._seed, **about}
-        (self._folder / "jitter.json").write_text(json.dumps(found, indent=2) + "\n")
+        found = {"cases": self.cases, "deaths": self.deaths, "seed": self._seed}
+        write_figures(self._folder / "jitter.json", found)
 
 
 def figures(recording: Path) -> dict[str, Any]:
@@ -98,16 +80,8 @@ def figures(recording: Path) -> dict[str, Any]:
     found = contents(recording)
     ended = [episode.outcome for episode in found.episodes if episode.outcome not in ("", CUT_OFF)]
     outcomes = {outcome: ended.count(outcome) for outcome in sorted(set(ended))}
-    with opened(recording) as reader:
-        counts = {c.topic.split("/")[-1]: c.msgcount for c in reader.connections}
     lost = {topic.name.split("/")[-1]: topic.lost for topic in found.topics if topic.lost}
-    return {
-        **(real_time_figures(recording) or {}),
-        "episodes": len(ended),
-        "outcomes": outcomes,
-        "messages": counts,
-        "lost": lost,
-    }
+    return {**(real_time_figures(recording) or {}), "episodes": len(ended), "outcomes": outcomes, "lost": lost}
 
 
 @contextlib.contextmanager

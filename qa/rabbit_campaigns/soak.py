@@ -3,7 +3,6 @@
 FOLDER/samples.csv       every few seconds: ticks so far, load, and of each node memory, descriptors, threads, CPU time
 FOLDER/operations.csv    what the operator did (`soak_operations`)
 FOLDER/soak.json         what follows from them, with the bars
-FOLDER/soak.png          the samples as a picture
 
 What counts begins after a warm-up. Memory, descriptors and threads: the medians of the first and the last tenth of it.
 The rate: simulator's and controller's processor time a tick, by Theil and Sen's slope over the whole of it, since other
@@ -11,7 +10,6 @@ work on the machine moves single stretches by more than the bar.
 """
 
 import csv
-import json
 import os
 import time
 from collections.abc import Callable, Mapping
@@ -22,12 +20,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from rabbit_bringup.launching.walk import Walk
-from rabbit_experiments import provenance
 from scipy.optimize import nnls
 from scipy.stats import theilslopes
 
 from rabbit_campaigns.soak_operations import Operations
 
+EVERY = 5.0  # s between samples
 WARM_UP = 300.0  # s, a third of shorter soaks
 WINDOWS, STRETCHES = 10, 30
 GROWTH_LIMIT, DRIFT_LIMIT = 0.02, 0.05
@@ -41,10 +39,8 @@ MakeOperations = Callable[[Callable[[], object]], Operations]  # of what a wait 
 Samples = Mapping[str, NDArray[np.float64]]
 
 
-def soak(
-    walk: Walk, seconds: float, every: float, tell: Callable[[str], object], make_operations: MakeOperations | None
-) -> None:
-    """Walk for so many s and leave a sample `every` few; `make_operations` gives what else to do at each glance.
+def soak(walk: Walk, seconds: float, tell: Callable[[str], object], make_operations: MakeOperations | None) -> None:
+    """Walk for so many s and leave a sample every few; `make_operations` gives what else to do at each glance.
 
     Raises:
         LaunchError: a node cannot be started, ended by itself, or is not ready in time.
@@ -64,7 +60,7 @@ def soak(
         while (so_far := time.monotonic() - began) < seconds:
             now = monitor.glance()
             if so_far >= due:
-                due += every
+                due += EVERY
                 used = [number for name in names for number in usage(pids[name])]
                 rows.writerow([f"{so_far:.3f}", now.ticks, now.episode, os.getloadavg()[0], *used])
                 tell(f"{so_far / 60:.1f} of {seconds / 60:g} min, {now.ticks} ticks, episode {now.episode}")
@@ -164,12 +160,3 @@ def _processor_time(samples: Samples) -> tuple[float, list[float]]:
 def _slope(x: NDArray[np.float64], y: NDArray[np.float64], part: NDArray[np.bool_]) -> float:
     x, y = x[part], y[part]
     return float((y[-1] - y[0]) / max(x[-1] - x[0], 1e-9))
-
-
-def write_figures(folder: Path, walk: Mapping[str, Any], bars: Mapping[str, bool]) -> dict[str, Any]:
-    """Judge the samples in `folder` and keep that there, with what is known of the `walk` and of further bars."""
-    about = {"command": provenance.command(), "commit": provenance.commit(), "versions": provenance.versions()}
-    figures = {**judge(read_samples(folder / SAMPLES)), **walk}
-    figures["bars_kept"] |= bars
-    (folder / "soak.json").write_text(json.dumps({**figures, **about}, indent=2) + "\n", encoding="utf-8")
-    return figures

@@ -14,20 +14,25 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel
 from rabbit_description.gait import load_gaits
+from rabbit_experiments.tables import read_rows
 from rabbit_recording.reader import RecordedEpisode, iterate_episodes
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy_compatibility import fitted
-from rl_cbf_clf_controller.weights import PROBE, SHIPPED, Actor, PolicyFile, PolicyFileError, probe_inputs, read
+from rl_cbf_clf_controller.weights import (
+    PROBE,
+    SHIPPED,
+    Actor,
+    PolicyFile,
+    PolicyFileError,
+    policy_path,
+    probe_inputs,
+    read,
+)
 
 OPERATIONS = "operations.csv"
 KINDS = (
-    "good policy",
-    "published policy",
-    "unfit policy",
-    "good parameter",
-    "refused parameter",
-    "pause",
-    "reset",
+    *("good policy", "published policy", "unfit policy", "good parameter", "refused parameter"),
+    *("pause", "reset"),
 )
 LATCHED, LATCH_SECONDS = 20, 3.0  # swaps that the controller keeps for late readers: put there first, one so often
 RESET = ("reset", "by service")  # how an episode ends that an operator ends
@@ -64,9 +69,21 @@ def unfit_policy(law: ControllerParameters) -> Path:
 def near_policy(path: Path, number: int) -> PolicyFile:
     """A policy that acts as the file's does but for the last bias of each output, another one for each number."""
     file = read(path)
-    arrays = {**file.arrays, "2.bias": file.arrays["2.bias"] + np.float32(2e-4 * (number % 3))}
+    changes = {"2.bias": file.arrays["2.bias"] + np.float32(2e-4 * (number % 3))}
+    return _changed(file, changes, training_seed=number)
+
+
+def idle_policy(law: ControllerParameters) -> PolicyFile:
+    """A policy for this controller whose estimates are zero: beside the identified robot it changes nothing."""
+    file = read(policy_path(law.problem.name))
+    changes = {name: np.zeros_like(file.arrays[name]) for name in ("2.weight", "2.bias")}
+    return _changed(file, changes, adaptation=law.adaptation)
+
+
+def _changed(file: PolicyFile, arrays: dict[str, Any], **metadata: Any) -> PolicyFile:
+    arrays = {**file.arrays, **arrays}
     arrays[PROBE] = np.stack([Actor(arrays)(row) for row in probe_inputs(len(file.metadata.observation))])
-    return PolicyFile(file.metadata.model_copy(update={"training_seed": number}), arrays)
+    return PolicyFile(file.metadata.model_copy(update=metadata), arrays)
 
 
 class Operations:
@@ -109,21 +126,14 @@ class Operations:
         return next(self._kinds)
 
 
-def read_operations(path: Path) -> list[Operation]:
-    """The rows of `operations.csv`; none where there was no operator."""
-    if not path.exists():
-        return []
-    with path.open(encoding="utf-8") as file:
-        return [Operation.model_validate(row) for row in csv.DictReader(file)]
-
-
 def judge_operations(folder: Path) -> tuple[dict[str, Any], dict[str, bool]]:
     """How a soak walked and how its operations were answered; the bars of both.
 
     Raises:
         RecordingError: a recording cannot be read.
     """
-    operations = read_operations(folder / OPERATIONS)
+    path = folder / OPERATIONS
+    operations = read_rows(path, Operation) if path.exists() else []  # none where there was no operator
     asked, right = Counter(each.kind for each in operations), Counter(e.kind for e in operations if e.expected)
     walk = judge_walk(iterate_episodes(folder / "recording"), asked["reset"])
     bars = {

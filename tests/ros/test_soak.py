@@ -9,10 +9,11 @@ from rabbit_campaigns.ros.operator import Operator
 from rabbit_campaigns.soak_operations import (
     KINDS,
     LATCHED,
+    Operation,
     Operations,
-    read_operations,
     unfit_policy,
 )
+from rabbit_experiments.tables import read_rows
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.weights import policy_path
 
@@ -38,7 +39,7 @@ def test_every_operation_is_answered_as_expected(walking: Any, tmp_path: Path) -
         for half_seconds in range(LATCHED + len(KINDS) + 6):
             walking.spin(0.1)
             operations(0.5 * half_seconds)
-    rows = read_operations(tmp_path / "operations.csv")
+    rows = read_rows(tmp_path / "operations.csv", Operation)
     assert {row.kind for row in rows} == set(KINDS)
     assert all(row.expected for row in rows), json.dumps([row.__dict__ for row in rows if not row.expected])
 

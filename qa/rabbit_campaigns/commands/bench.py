@@ -1,13 +1,12 @@
-"""Time a tick, the plant, an evaluation and the nodes against their floors; or in pairs: another commit, a viewer."""
+"""Time a tick, the plant, an evaluation and the nodes, each against its floor."""
 
-import json
 from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 import typer
 from pydantic import BaseModel, ConfigDict, Field
-from rabbit_bringup.commands.walk import DEFAULTS, assembly_of_nodes
+from rabbit_bringup.commands.walk import DEFAULTS
 from rabbit_common.options import Given, complaints, options
 from rabbit_common.own_folder import new_file
 from rabbit_experiments.commands.evaluate import given_assembly
@@ -27,46 +26,25 @@ class BenchOptions(BaseModel):
     policy: str | None = Field(None, description="zero, oracle, a shipped policy or a file")
     parameters: str = Field("ours", description="of the controller: ours, best, authors or a YAML file")
     nodes: bool = Field(True, description="also walk through the nodes, where there is ROS")
-    against: Path | None = Field(None, description="another checkout that is built: compare with it, in pairs")
-    viewer: bool = Field(False, description="compare walks without and with `rabbit view`, in pairs")
-    pairs: int = Field(7, ge=1, le=1000, description="of walks, for --against and --viewer")
 
 
 @app.command()
 @options(BenchOptions, ControllerParameters, SimulationParameters, defaults=DEFAULTS)
 def bench(given: Given) -> None:
-    """Time a tick, the plant, an evaluation and the nodes: each against its floor, in the same run.
-
-    With `--against PATH`: how many times as long each takes there, by pairs of walks there and here. With `--viewer`:
-    what a viewer costs simulator and controller, by pairs of walks without and with it.
-    """
+    """Time a tick, the plant, an evaluation and the nodes: each against its floor, in the same run."""
     request = given.build(BenchOptions)
     out = new_file(request.out or Path("runs") / f"{datetime.now():%Y%m%d-%H%M%S}-bench.json")
     assembly = given_assembly(given, request.policy, request.parameters)
     from rabbit_common.executables import LaunchError
-    from rabbit_experiments import provenance
 
-    from rabbit_campaigns import bench, compare
+    from rabbit_campaigns import bench
+    from rabbit_campaigns.figures import write_figures
 
     with complaints(LaunchError):
-        figures: dict[str, Any] = {}
-        if request.against is not None:
-            figures["against"] = compare.compare(request.against, request.pairs, request.seed, print)
-            show_pairs(figures["against"], request)
-        if request.viewer:
-            assembly = assembly_of_nodes(given, request.policy, request.parameters)
-            from rabbit_campaigns.ros import viewer_cost
-
-            figures["viewer"] = viewer_cost.measure(assembly, request.seed, request.pairs, print)
-            show_viewer(figures["viewer"])
-        if not figures:
-            figures = bench.bench(assembly, request.seed)
-            nodes = bench.bench_nodes(assembly, request.seed, figures["us"]) if request.nodes else None
-            figures["nodes"] = nodes
-            show(figures)
-    about = {"command": provenance.command(), "commit": provenance.commit(), "versions": provenance.versions()}
-    out.parent.mkdir(parents=True, exist_ok=True)
-    out.write_text(json.dumps({**figures, **about}, indent=2), encoding="utf-8")
+        figures = bench.bench(assembly, request.seed)
+        figures["nodes"] = bench.bench_nodes(assembly, request.seed, figures["us"]) if request.nodes else None
+    show(figures)
+    write_figures(out, figures)
     print(f"written to {out}")
 
 
@@ -84,25 +62,5 @@ def show(figures: dict[str, Any]) -> None:
     ratios = Table("ratio", "")
     for name, ratio in {**figures["ratios"], **nodes["ratios"]}.items():
         ratios.add_row(name, f"{ratio:.2f}")
-    console = Console()
-    console.print(times, ratios)
+    Console().print(times, ratios)
     print(f"a walk in process: {figures['real_time_factor']:.1f} times real time")
-
-
-def show_pairs(ratios: dict[str, dict[str, float]], request: BenchOptions) -> None:
-    """How many times as fast it is here."""
-    from rich.console import Console
-    from rich.table import Table
-
-    table = Table("times as fast", "median", "least", "most", title=f"{request.pairs} pairs, against {request.against}")
-    for name, of in ratios.items():
-        table.add_row(name, *(f"{of[key]:.2f}" for key in ("median", "least", "most")))
-    Console().print(table)
-
-
-def show_viewer(found: dict[str, Any]) -> None:
-    """Medians and their intervals."""
-    for name, of in found["ratios"].items():
-        interval = "{:.3f} to {:.3f}".format(*of["interval"]) if of["interval"] else "too few pairs"
-        print(f"{name}, with a viewer over without: {of['median']:.3f} (95%: {interval})")
-    print(f"load before: {found['load']:.1f}")

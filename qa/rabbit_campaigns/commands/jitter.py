@@ -55,18 +55,21 @@ def jitter(given: Given) -> None:
 
     from rabbit_campaigns import jitter as experiment
 
-    cases = [experiment.Case(n, p) for n in told.neighbours for p in told.priority]
     with complaints(LaunchError, RecordingError), Console().status("starting") as status:
         try:
             found = experiment.Jitter(assembly, folder, told.seed, status.update)
-            for case in cases:
-                found.walk(case, told.minutes * 60)
+            for neighbours, priority in itertools.product(told.neighbours, told.priority):
+                found.walk(neighbours, priority, told.minutes * 60)
             for number, priority in itertools.product(range(told.kills), told.priority):
                 found.kill(number, priority)
         except Interrupted as error:
             fail(f"stopped by {error}; what was recorded is in {folder}", code=error.code)
     show(found.cases)
-    show_deaths(found.deaths)
+    for death in found.deaths:
+        how = (
+            "controller killed, SCHED_FIFO {priority}: joints damped {until_damping_ms:.1f} ms later, {held} held ticks"
+        )
+        print(how.format(**death))
     print(f"written to {folder}")
     if any(row["late_share"] > experiment.LATE_LIMIT for row in found.cases):
         raise typer.Exit(NOT_FIT)
@@ -83,23 +86,11 @@ def show(rows: list[dict[str, Any]]) -> None:
     Console().print(table)
 
 
-def show_deaths(deaths: list[dict[str, Any]]) -> None:
-    """A line for each priority."""
-    for priority in dict.fromkeys(death["priority"] for death in deaths):
-        its = [death for death in deaths if death["priority"] == priority]
-        held, until = ([death[what] for death in its] for what in ("held", "until_damping_ms"))
-        print(
-            f"controller killed {len(its)} times, SCHED_FIFO {priority or 'no'}: joints damped {min(until):.1f} to "
-            f"{max(until):.1f} ms later, after {min(held)} to {max(held)} held ticks"
-        )
-
-
 LINES: dict[str, Callable[[dict[str, Any]], str]] = {
     "SCHED_FIFO": lambda row: str(row["priority"] or "no"),
     "load before": lambda row: f"{row['load_before']:.1f}",
     "ticks": lambda row: str(row["ticks"]),
     "more than 2 ms late": lambda row: f"{row['late_share']:.3%}",
-    "a process that only sleeps": lambda row: f"{row['sleeper_late_share']:.3%}",
     "late: p99, max": lambda row: f"{row['late_ms']['p99']:.2f}, {row['late_ms']['max']:.1f}",
     "answer: median, p99": lambda row: f"{row['response_ms']['p50']:.1f}, {row['response_ms']['p99']:.1f}",
     "age of the torque: p99, max": lambda row: f"{row['age_ms']['p99']:.1f}, {row['age_ms']['max']:.1f}",

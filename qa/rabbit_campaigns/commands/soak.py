@@ -1,6 +1,7 @@
 """Walk for an hour with learning, recording and an operator on: does anything grow or fall?"""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,6 @@ from rabbit_bringup.launching.processes import Interrupted
 from rabbit_bringup.launching.walk import MOST_EPISODES, Walk, WalkOptions
 from rabbit_common.options import Defaults, Given, complaints, fail, options
 from rabbit_experiments.conditions import EVALUATION_LAG
-from rabbit_reproduce.controllers import UNIVERSAL
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
@@ -19,9 +19,8 @@ OVER = 1  # exit code where a bar is not kept
 READY = 600.0  # s for the nodes to find each other: a soak may begin on a busy machine
 TRAINER_TIMEOUT = 3600.0  # s
 CAPACITY = 5_000  # transitions kept: a replay buffer that still fills up would look like a leak
-SURE = {  # walks every course (docs/results_paper.md)
+SURE = {  # walks every course, whatever policy that does little is beside it
     "controller": "rl-cbf-clf-qp",
-    "policy": UNIVERSAL,
     "adaptation": "identification",
     "objective": "pd_centred",
     "gait": "paper_stones",
@@ -29,7 +28,7 @@ SURE = {  # walks every course (docs/results_paper.md)
     "mass_scale": 2.0,
 }
 DEFAULTS = Defaults(always={"motor_lag": EVALUATION_LAG}, bare=SURE)
-OF_WALK = {"out", "seed", "pace", "policy", "training"}
+OF_WALK = {"out", "seed", "pace"}
 
 app = typer.Typer(add_completion=False)
 
@@ -41,14 +40,9 @@ class SoakOptions(BaseModel):
 
     out: Path | None = Field(None, description="folder for recording, samples, figures (default: runs/DATE-seed-SEED)")
     minutes: float = Field(60.0, gt=0, le=10_000, description="of the wall clock")
-    every: float = Field(5.0, ge=0.5, le=600, description="s between samples")
     operate_every: float = Field(15.0, ge=0, le=3600, description="s between operations beside the walk; 0: none")
     pace: float | None = Field(None, ge=0, le=100, description="times real time at most; 0: no limit (default: 0)")
     seed: int = Field(1, ge=0, le=2**63 - 1, description="of the first episode, and of the operations")
-    policy: str | None = Field(
-        None, description="to begin with, and to load again: a shipped policy or a file; or zero"
-    )
-    training: Path | None = Field(None, description="YAML file of training parameters")
     parameters: str = Field("ours", description="of the controller: ours, best, authors or a YAML file")
 
 
@@ -57,22 +51,32 @@ class SoakOptions(BaseModel):
 def soak(given: Given) -> None:
     """Walk for an hour with learning, swapping, recording and an operator on; exit code 1 if a bar is not kept."""
     asked = given.build(SoakOptions)
-    assembly = assembly_of_nodes(given, asked.policy, asked.parameters)
-    if asked.operate_every and assembly.policy == "zero":
-        fail("--policy zero: expected a shipped policy or a file; zero with --operate-every 0")
+    assembly = assembly_of_nodes(given, "zero", asked.parameters)
+    if not assembly.controller.learns:
+        fail(f"--controller {assembly.controller.controller}: expected one that learns; its policies are swapped")
+    from rabbit_campaigns.soak_operations import idle_policy
+
     options = WalkOptions(**asked.model_dump(include=OF_WALK), episodes=MOST_EPISODES, ready_timeout=READY)
-    training = given_training(options, assembly.controller, assembly.policy)
-    if not asked.training:
-        training["capacity"] = CAPACITY
+    folder = make_folder(options)
+    idle_policy(assembly.controller).write(folder / "policy.safetensors")
+    assembly = replace(assembly, policy=str(folder / "policy.safetensors"))
+    training = given_training(options, assembly.controller, assembly.policy) | {"capacity": CAPACITY}
     further = {"simulator": {"trainer_timeout": TRAINER_TIMEOUT}}
-    walk = Walk.of(assembly, make_folder(options), options, training=training, further=further)
+    walk = Walk.of(assembly, folder, options, training=training, further=further)
     walk_beside_operator(walk, asked)
     from rabbit_recording.bag_writer import RecordingError
 
+    from rabbit_campaigns.figures import write_figures
+    from rabbit_campaigns.soak import SAMPLES, judge, read_samples
+    from rabbit_campaigns.soak_operations import judge_operations
+
     with complaints(RecordingError):
-        figures = judged(walk.folder)
+        of_walk, bars = judge_operations(folder)
+    figures = {**judge(read_samples(folder / SAMPLES)), **of_walk}
+    figures["bars_kept"] |= bars
+    write_figures(folder / "soak.json", figures)
     show(figures)
-    print(f"written to {walk.folder}")
+    print(f"written to {folder}")
     if not all(figures["bars_kept"].values()):
         raise typer.Exit(OVER)
 
@@ -93,31 +97,17 @@ def walk_beside_operator(walk: Walk, asked: SoakOptions) -> None:
 
     with complaints(LaunchError, ValueError), Console().status("starting") as status:
         try:
-            soak(walk, asked.minutes * 60, asked.every, status.update, operations if asked.operate_every else None)
+            soak(walk, asked.minutes * 60, status.update, operations if asked.operate_every else None)
         except Interrupted as error:
             fail(f"stopped by {error}; what was sampled is in {walk.folder}", code=error.code)
 
 
-def judged(folder: Path) -> dict[str, Any]:
-    """The figures and the picture of a soak, from what it left."""
-    from rabbit_campaigns.soak import SAMPLES, read_samples, write_figures
-    from rabbit_campaigns.soak_operations import judge_operations
-    from rabbit_campaigns.soak_picture import draw_soak
-
-    draw_soak(read_samples(folder / SAMPLES), folder / "soak.png")
-    return write_figures(folder, *judge_operations(folder))
-
-
 def show(figures: dict[str, Any]) -> None:
-    """A table on the screen."""
-    from rich.console import Console
-    from rich.table import Table
-
-    table = Table("node", "memory (MB)", "growth", "descriptors", "threads")
+    """The figures on the screen."""
     for name, node in figures["nodes"].items():
-        pairs = [" to ".join(f"{value:.{digits}f}" for value in node[what]) for what, digits in COLUMNS]
-        table.add_row(name, pairs[0], f"{node['growth']:+.1%}", *pairs[1:])
-    Console().print(table)
+        parts = ("memory_mb", "descriptors", "threads")
+        pairs = ("{} {:.0f} to {:.0f}".format(what.replace("_mb", " (MB)"), *node[what]) for what in parts)
+        print(f"{name}: {', '.join(pairs)}; memory grew by {node['growth']:.1%}")
     first, last = figures["ticks_per_second"]
     drift, low, high = figures["cpu_drift"]
     print(f"{figures['ticks']} ticks, {figures['episodes']} episodes; load {figures['load'][1]:.1f}")
@@ -125,9 +115,7 @@ def show(figures: dict[str, Any]) -> None:
         f"{first:.1f} to {last:.1f} ticks/s; simulator and controller {figures['cpu_ms_per_tick']:.2f} ms of processor"
     )
     print(f"time a tick, drift over the whole {drift:+.1%} ({low:+.1%} to {high:+.1%})")
-    print(
-        f"{figures['policies_put_in_force']} policies put in force, {figures['ticks_not_recorded']} ticks not recorded"
-    )
+    print(f"policies in force: {figures['policies_put_in_force']}; ticks not recorded: {figures['ticks_not_recorded']}")
     walks = figures["walks"]
     print(f"{walks['walked']} of {walks['ended']} episodes walked, {walks['reset']} were reset by the operator")
     for each in walks["fell"]:
@@ -136,6 +124,3 @@ def show(figures: dict[str, Any]) -> None:
         print("as expected: " + ", ".join(f"{kind} {right} of {asked}" for kind, (asked, right) in operations.items()))
     for bar, kept in figures["bars_kept"].items():
         print(f"{bar}: {'kept' if kept else 'NOT KEPT'}")
-
-
-COLUMNS = (("memory_mb", 1), ("descriptors", 0), ("threads", 0))

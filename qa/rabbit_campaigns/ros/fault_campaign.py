@@ -29,6 +29,8 @@ from rabbit_campaigns.ros.graph import CampaignGraph, Hang, Turn
 from rabbit_campaigns.ros.wrong_messages import HEARD, wrong_message
 
 SESSION = 40  # faults
+HANG = 180.0  # s after which a wait counts as one
+Rows = list[dict[str, Any]]
 WRONG = ("lost", "missing", "misread")  # what of a row must be nothing
 RECORDING_END = 1.0  # s of which a killed recorder may lose all
 NEW_TICKS = 3  # after which a graph has recovered
@@ -47,9 +49,7 @@ WALK = {
 }
 
 
-def run_campaign(
-    out: Path, runs: int, seed: int, hang_after: float, show: Callable[[dict[str, Any]], None]
-) -> list[dict[str, Any]]:
+def run_campaign(out: Path, runs: int, seed: int, show: Callable[[dict[str, Any]], None]) -> Rows:
     """Inject faults until there are `runs` lines in OUT/faults.jsonl; returns all of them.
 
     Raises:
@@ -61,17 +61,15 @@ def run_campaign(
     session = 1 + max((int(path.name.split("-")[1]) for path in out.glob("session-*")), default=0)
     while len(rows) < runs:
         faults = [draw(seed, number) for number in range(len(rows), min(len(rows) + SESSION, runs))]
-        rows += run_session(out, session, faults, hang_after, show)
+        rows += run_session(out, session, faults, show)
         session += 1
     return rows
 
 
-def run_session(
-    out: Path, number: int, faults: Sequence[Fault], hang_after: float, show: Callable[[dict[str, Any]], None]
-) -> list[dict[str, Any]]:
+def run_session(out: Path, number: int, faults: Sequence[Fault], show: Callable[[dict[str, Any]], None]) -> Rows:
     """One graph and its faults; it ends early where something was wrong."""
     rows: list[dict[str, Any]] = []
-    with closing(FaultyGraph(out / f"session-{number:03d}", number, hang_after)) as graph:
+    with closing(FaultyGraph(out / f"session-{number:03d}", number)) as graph:
         graph.begin()
         for fault in faults:
             rows.append({"session": number, **graph.inject(fault)})
@@ -87,12 +85,12 @@ def run_session(
 class FaultyGraph(CampaignGraph):
     """Short walks without end, learned from between them; injects faults and looks at what comes of them."""
 
-    def __init__(self, folder: Path, seed: int, hang_after: float) -> None:
+    def __init__(self, folder: Path, seed: int) -> None:
         folder.mkdir(parents=True)
         self._seed = seed
         self._halved = frozenset[Turn]()  # ticks in which simulator or controller was killed
         self._has_strangers = False  # in the present recording: messages of nobody's, which say what they like
-        super().__init__(folder, f"faults_{time.time_ns()}", Processes(folder / "log"), hang_after)
+        super().__init__(folder, f"faults_{time.time_ns()}", Processes(folder / "log"), HANG)
 
     def parameters(self, name: str) -> dict[str, Any]:
         """Parameters of a node."""
@@ -169,10 +167,7 @@ class FaultyGraph(CampaignGraph):
         else:
             if fault.kind == "full disk":
                 self.limit_files(name, 0)
-                self.wait(
-                    f"the {name} says: {FULL[name]}",
-                    lambda: name in self.said and FULL[name] in self.said[name].message,
-                )
+                self.wait(f"the {name} says: {FULL[name]}", lambda: FULL[name] in self.told_by(name))
                 self._walk(10)  # on
             self.processes.kill((name,))
         self.spin(max(0.0 if name == SECOND else fault.seconds, DELIVERY))
@@ -240,9 +235,6 @@ class FaultyGraph(CampaignGraph):
         has_strangers = self._has_strangers and fault.node != SECOND
         ended = {n: message.outcome for n, (message, at) in self.ended.items() if since <= at < before}
         seen = frozenset(self.heard["state"])
-        said = (
-            None
-            if has_strangers
-            else MonitorRecord(self.answered(since, before) - self._halved, seen, ended, is_cut, self._halved)
-        )
+        answered = self.answered(since, before) - self._halved
+        said = None if has_strangers else MonitorRecord(answered, seen, ended, is_cut, self._halved)
         return {**check_recording(path, wanted, said), "strangers": has_strangers}

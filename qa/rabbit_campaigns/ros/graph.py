@@ -112,6 +112,10 @@ class CampaignGraph(GraphClient):
         whole = set.intersection(*(set(times) for times in self.heard.values()))
         return frozenset(t for t in whole if all(since <= times[t] < before for times in self.heard.values()))
 
+    def told_by(self, name: str) -> str:
+        """The message of a node's newest status."""
+        return str(self.said[name].message) if name in self.said else ""
+
     def counted(self, name: str, key: str) -> int:
         """What a node counts under names that begin so."""
         values = self.said[name].values if name in self.said else ()
