@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 import typer
 from rabbit_bringup.cli import app, commands
-from rabbit_experiments import ablations
+from rabbit_reproduce import ablations
 from rabbit_rivals.commands import rival
 from typer.testing import CliRunner, Result
 

@@ -1,6 +1,6 @@
 """Single changes of all that decides a result, each followed by the question whether the old result is still found.
 
-    python tests/shared/provenance_changes.py WORKSPACE walk|own|training CHANGES SEED
+    python qa/test/provenance_changes.py WORKSPACE walk|own|training CHANGES SEED
 
 WORKSPACE is from `make_workspace`: copies of the project's packages and of files, which this process imports, reads and
 changes. What decides a run is seen from outside: every module that was loaded and every file that was opened in the

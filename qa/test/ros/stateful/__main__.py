@@ -1,8 +1,8 @@
 """Runs sequences of rules for hours: a line of JSON for each batch, which is drawn from its number alone.
 
 source ros2_ws/install/setup.bash
-python -m tests.ros.stateful --rules 5000 --out DIR      # the same command goes on where it was stopped
-python -m tests.ros.stateful --batch 12                  # once more, shrunk where it fails
+python -m qa.test.ros.stateful --rules 5000 --out DIR      # the same command goes on where it was stopped
+python -m qa.test.ros.stateful --batch 12                  # once more, shrunk where it fails
 """
 
 import argparse
@@ -19,7 +19,7 @@ RESULTS = "sequences.jsonl"
 SEQUENCES = 10  # of a batch
 LENGTHS = range(5, 31)  # rules of a sequence
 FAILED, INTERRUPTED = 1, 130
-SHARED = Path(__file__).parents[2] / "shared"  # what pytest has on its path
+SHARED = Path(__file__).parents[4] / "tests/shared"  # what pytest has on its path
 
 
 def main() -> int:

@@ -20,7 +20,7 @@ from rabbit_bringup.launching.processes import PACKAGES, POLL_SECONDS, Processes
 from rabbit_common.executables import find_executable
 
 GROUP = "rabbit.nodes"
-IMPORTED = "tests.ros.stateful.imported"
+IMPORTED = "qa.test.ros.stateful.imported"
 _PR_SET_PDEATHSIG = 1
 
 _context = multiprocessing.get_context("forkserver")

@@ -1,6 +1,6 @@
 """Long commands that are interrupted at random moments, and then called again: nothing may be lost, nothing left.
 
-    python tests/shared/interrupted.py 300 27     until 300 commands were interrupted, drawn from seed 27
+    python qa/test/interrupted.py 300 27     until 300 commands were interrupted, drawn from seed 27
 
 A signal reaches a command as from a terminal (SIGINT: the whole group) or from a supervisor (SIGTERM, SIGKILL: the
 process alone). The disk is a small tmpfs, which becomes full or read-only; where this user may not mount one, only

@@ -9,8 +9,9 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import provenance_changes
 import pytest
+
+from . import provenance_changes
 
 QUICK, MANY = 8, 120  # changes of each of three jobs
 OWN = """

@@ -1,6 +1,6 @@
 """Hostile files of every kind: each is read, or refused in its one line, within a second and 500 MB.
 
-    python tests/fuzz/hostile_files.py --cases 20000 --seed 1 --processes 2
+    python qa/test/hostile_files.py --cases 20000 --seed 1 --processes 2
 
 A case is a sound file with bits flipped, cut, spliced, with other numbers in it, or a bomb. It is drawn from the seed
 and its number alone: `--only N` reads case N again. What is measured is CPU time, and how much the largest resident
@@ -29,7 +29,7 @@ from functools import partial
 from pathlib import Path
 from types import FrameType
 
-sys.path.append(str(Path(__file__).resolve().parents[1] / "shared"))
+sys.path.append(str(Path(__file__).resolve().parents[2] / "tests/shared"))
 
 import numpy as np
 import torch

@@ -7,7 +7,8 @@ import time
 from pathlib import Path
 
 import pytest
-from interrupted import COMMANDS, ENDING, SIGNALS, chain, disk, finished, marked, may_mount, start
+
+from .interrupted import COMMANDS, ENDING, SIGNALS, chain, disk, finished, marked, may_mount, start
 
 SLOW = [pytest.param(name, seed, marks=pytest.mark.slow) for name in COMMANDS for seed in (2, 3)]
 EACH = [pytest.param(name, marks=() if name == "evaluate" else pytest.mark.slow) for name in COMMANDS]

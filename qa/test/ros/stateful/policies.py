@@ -16,7 +16,7 @@ from rl_cbf_clf_controller.uncertainty import RL_CLF_QP
 from rl_cbf_clf_controller.weights import SIZE_LIMIT, PolicyFile, decode, policy_path, read
 from rl_trainer.rollout import rollout
 
-from ..test_policies import policy, tampered
+from tests.ros.test_policies import policy, tampered
 
 LAW = ControllerParameters(controller="rl-cbf-clf-qp")
 PLANT = SimulationParameters(stones=2, motor_lag=0.004)
