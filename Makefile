@@ -1,7 +1,7 @@
 # make help lists what there is. PYTHON chooses the interpreter for the environment: make setup PYTHON=python3.12
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help setup build walk test test-all test-browser fuzz check format bench docs lock clean
+.PHONY: help setup studies tools build walk test test-all test-browser fuzz check format bench docs lock clean
 
 ifneq ($(words $(CURDIR)),1)
 $(error The path "$(CURDIR)" has a space in it: move the project to a path without one)
@@ -21,6 +21,12 @@ setup: ## create the environment from the locks, once
 	  { echo 'set-up: "$(PYTHON)" is not Python 3.11 or 3.12; install one, then call make again with PYTHON=python3.12' >&2; exit 1; }
 	@$(PYTHON) -B scripts/set_up.py
 
+studies: build ## install the studies: rabbit benchmark, reproduce, gait, misses, rival; and qa: rabbit bench, faults, soak
+	@.venv/bin/python -B scripts/set_up.py studies
+
+tools: setup # what tests and checks the project, and the studies
+	@.venv/bin/python -B scripts/set_up.py tests
+
 build: setup ## build the ROS 2 workspace, when something changed
 	@.venv/bin/python -B scripts/build_workspace.py
 
@@ -28,7 +34,7 @@ walk: build ## RABBIT walks over 20 stepping stones through the nodes: the paper
 	@$(WITH_WORKSPACE) rabbit walk $(ARGS)
 	@$(if $(ARGS),,$(WITH_WORKSPACE) rabbit walk $(HARDER))
 
-test: build ## all tests but slow ones; fails under 90 % coverage of the controller's mathematics
+test: build tools ## all tests but slow ones; fails under 90 % coverage of the controller's mathematics
 	@$(WITH_WORKSPACE) export OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 PYTEST_DISABLE_PLUGIN_AUTOLOAD=1 && \
 	  python -m pytest $(PLUGINS) -n 2 $(if $(SLOW),,-m "not slow") --cov --junitxml=.setup/tests.xml $(ARGS) && \
 	  python scripts/count_tests.py .setup/tests.xml
@@ -36,27 +42,27 @@ test: build ## all tests but slow ones; fails under 90 % coverage of the control
 test-all: ## all tests, with a training of some minutes
 	@$(MAKE) --no-print-directory test SLOW=1
 
-test-browser: build ## the page in a headless Chromium, if there is one: apt install chromium
+test-browser: build tools ## the page in a headless Chromium, if there is one: apt install chromium
 	@$(WITH_WORKSPACE) export OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 PYTEST_DISABLE_PLUGIN_AUTOLOAD=1 && \
 	  python -m pytest -p pytest_timeout -rs tests/browser $(ARGS)
 
-fuzz: build ## fuzz every entrance, 1,500 cases a test, 20,000 files, and the running graph: hours
+fuzz: build tools ## fuzz every entrance, 1,500 cases a test, 20,000 files, and the running graph: hours
 	@$(WITH_WORKSPACE) export OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 PYTEST_DISABLE_PLUGIN_AUTOLOAD=1 && \
 	  python -m pytest -p pytest_timeout -p _hypothesis_pytestplugin --hypothesis-profile=fuzz --hypothesis-show-statistics \
 	  --timeout=7200 tests/fuzz tests/metamorphic ros2_ws/src/rl_cbf_clf_controller/test/test_weights_bytes.py tests/ros/test_fuzz_nodes.py \
 	  qa/test/ros/test_stateful.py $(ARGS) && python qa/test/hostile_files.py --cases 20000 --processes 2
 
-check: setup ## ruff, mypy and import-linter
+check: tools ## ruff, mypy and import-linter
 	@.venv/bin/ruff check . && .venv/bin/ruff format --check . && .venv/bin/mypy $(CODE) && \
 	  PYTHONPATH="$$(printf '%s:' ros2_ws/src/* studies qa)" .venv/bin/lint-imports --no-cache --no-logo
 
-format: setup ## let ruff format and mend
+format: tools ## let ruff format and mend
 	@.venv/bin/ruff check --fix-only . && .venv/bin/ruff format .
 
-bench: build ## time a tick, an evaluation and the way through the nodes
+bench: studies ## time a tick, an evaluation and the way through the nodes
 	@$(WITH_WORKSPACE) rabbit bench $(ARGS)
 
-docs: build ## the site in docs/build/index.html
+docs: studies ## the site in docs/build/index.html
 	@$(WITH_WORKSPACE) python -B scripts/build_docs.py
 
 lock: ## write the locks anew (needs uv)

@@ -1,8 +1,8 @@
 """`make lock`: write the hashed locks in requirements/ from the `.in` files, for Python 3.11 and 3.12. Needs `uv`.
 
-torch, which stable-baselines3 needs, has locks of its own, installed after the others: the CPU build, which PyPI does
-not list, in torch_cpu.txt (by hand), tried first; PyPI's build in torch.txt; and what that one needs of CUDA in
-torch_cuda.txt.
+The product needs python.txt; studies.txt and tests.txt have the rest. torch has locks of its own, installed
+after the others: the CPU build, which PyPI does not list, in torch_cpu.txt (by hand), tried first; PyPI's build in
+torch.txt; and what that one needs of CUDA in torch_cuda.txt.
 """
 
 import re
@@ -29,11 +29,21 @@ def write(name: str, packages: list[str]) -> None:
     (REQUIREMENTS / name).write_text(HEADER + "".join(packages))
 
 
+def added(source: str, *locks: str) -> list[str]:
+    """The locked packages of an `.in` file that are in none of the `locks` before it, without torch and CUDA."""
+    text = "".join((REQUIREMENTS / lock).read_text() for lock in locks)
+    known = {*re.findall(r"^\S+?==", text, flags=re.MULTILINE)}
+    packages = compile_lock(source, "build.txt", "torch.in", *locks)
+    mine = [each for each in packages if not (TORCH.match(each) or CUDA.match(each))]
+    return [each for each in mine if each[: each.index("==") + 2] not in known]
+
+
 def main() -> None:
     """Lock everything, in the order in which one lock binds the next."""
     write("build.txt", compile_lock("build.in"))
-    packages = compile_lock("python.in", "build.txt", "torch.in")
-    write("python.txt", [package for package in packages if not (TORCH.match(package) or CUDA.match(package))])
+    write("python.txt", added("python.in"))
+    write("studies.txt", added("studies.in", "python.txt"))
+    write("tests.txt", added("tests.in", "python.txt", "studies.txt"))
     write("ros.txt", compile_lock("ros.in", "build.txt", "python.txt"))
     write("docs.txt", compile_lock("docs.in", "build.txt", "python.txt"))
     packages = compile_lock("torch.in", "build.txt", "python.txt")

@@ -47,6 +47,7 @@ def pip_install(*locks: str, first: bool = False, target: Path | None = None) ->
     )
     files = [part for lock in locks for part in ("-r", str(REQUIREMENTS / lock))]
     options = ["--disable-pip-version-check", "--no-input", "--no-deps", "--no-build-isolation", "--require-hashes"]
+    options += ["--no-compile"]  # Python compiles what is imported; all of it would be 0.3 GB
     options += ["--target", str(target)] if target else []
     command = [str(VENV / "bin" / "python"), "-I", "-m", "pip", "install", *options, *patience, *files]
     if logged(command, log):

@@ -1,7 +1,8 @@
 """`make setup`: the environment in .venv, from hashed locks, with the ROS 2 wheels or over a full ROS 2 Jazzy.
 
-Each step leaves a stamp with a hash of its inputs, so a second call does nothing and an interrupted one goes on.
-Called by the interpreter that the environment is to have (Python 3.11 or 3.12).
+Walking needs no more. The argument `studies` adds the studies with their libraries, `tests` also what tests and checks.
+Each step leaves a stamp with a hash of its inputs, so a second call does nothing and an interrupted one goes on. Called
+by the interpreter that the environment is to have (Python 3.11 or 3.12).
 """
 
 import os
@@ -11,6 +12,7 @@ import sys
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from checks import check_all, check_room
@@ -96,10 +98,16 @@ def install_torch() -> None:
 
 
 def install_studies() -> None:
-    """The studies and what a maintainer runs, as links: their commands are `rabbit`'s."""
+    """What the studies import besides, and the studies and qa themselves as links: their commands are `rabbit`'s."""
+    pip_install("studies.txt")
     command = [str(PYTHON), "-I", "-m", "pip", "install", "--no-deps", "--no-build-isolation", "--quiet"]
-    if logged([*command, "-e", str(ROOT / "studies"), "-e", str(ROOT / "qa")], STATE / "pip-studies.log"):
-        raise SetUpError("pip cannot install studies and qa (log: .setup/pip-studies.log)")
+    if logged([*command, "-e", str(ROOT / "studies"), "-e", str(ROOT / "qa")], STATE / "pip-links.log"):
+        raise SetUpError("pip cannot link studies and qa (log: .setup/pip-links.log)")
+
+
+def install_tests() -> None:
+    """pytest, Hypothesis, ruff, mypy and import-linter."""
+    pip_install("tests.txt")
 
 
 def mend_ros() -> None:
@@ -115,10 +123,11 @@ def mend_ros() -> None:
         )
 
 
-def steps() -> list[Step]:
-    """The steps in their order."""
+def steps(extent: str) -> list[Step]:
+    """The steps in their order, as far as `extent`, which is empty, `studies` or `tests`."""
     locks = [REQUIREMENTS / f"{name}.txt" for name in ("build", "python", "ros", "torch_cpu", "torch", "torch_cuda")]
-    return [
+    links = ROOT / "studies/pyproject.toml", ROOT / "qa/pyproject.toml"
+    walking = [
         Step("venv", "an environment in .venv", (), make_venv),
         Step("build", "build tools", (locks[0],), install_build),
         Step(
@@ -129,19 +138,23 @@ def steps() -> list[Step]:
         ),
         Step("torch", "torch", tuple(locks[3:]), install_torch),
         Step("mend", "set-up files for ROS 2", (locks[2], SCRIPTS / "mend_ros_wheels.py"), mend_ros),
-        Step("studies", "the studies", (ROOT / "studies/pyproject.toml", ROOT / "qa/pyproject.toml"), install_studies),
     ]
+    studies = [Step("studies", "the studies", (REQUIREMENTS / "studies.txt", *links), install_studies)]
+    tests = [Step("tests", "what tests and checks", (REQUIREMENTS / "tests.txt",), install_tests)]
+    return walking + (studies if extent else []) + (tests if extent == "tests" else [])
 
 
-def set_up() -> None:
+def set_up(extent: str = "") -> None:
     """Do each step that is not done, or whose inputs have changed."""
     place = (str(VENV), f"{sys.version_info.major}.{sys.version_info.minor}", str(system_ros()))
     if not PYTHON.exists():
         forget("venv")
-    missing = [(step, digest(step.inputs, *place)) for step in steps()]
+    missing = [(step, digest(step.inputs, *place)) for step in steps(extent)]
     missing = missing[next((i for i, (step, key) in enumerate(missing) if not is_done(step.name, key)), len(missing)) :]
     if missing:
         check_all()
+    if any(step.name == "venv" for step, _ in missing):
+        forget("studies", "tests")
     for step, key in missing:
         say(f"set-up: {step.says}")
         step.work()
@@ -149,4 +162,4 @@ def set_up() -> None:
 
 
 if __name__ == "__main__":
-    main(set_up)
+    main(partial(set_up, *sys.argv[1:2]))

@@ -20,9 +20,11 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
+
+from rabbit_description.atomic_file import PARTIAL
 
 RABBIT = (sys.executable, "-c", "from rabbit_bringup.cli import main; main()")
 SIGNALS = {"INT": signal.SIGINT, "TERM": signal.SIGTERM, "KILL": signal.SIGKILL}
@@ -76,8 +78,8 @@ def trained(out: Path) -> Any:
 
 
 def walked(out: Path) -> Any:
-    """How the episodes of a walk went."""
-    return json.loads((out / "summary.json").read_text())["episodes"]
+    """How the episodes of a walk went; the controller's id is drawn."""
+    return [{**each, "controller": ""} for each in json.loads((out / "summary.json").read_text())["episodes"]]
 
 
 TRAIN = ("--problem", "rl-clf-qp", "--episodes", "4", "--nominal-episodes", "1", "--walking-steps", "1", "--batch", "8")
@@ -151,6 +153,7 @@ def start(name: str, out: Path, mark: str = "", *more: str) -> subprocess.Popen[
         text=True,
         errors="replace",
         start_new_session=True,
+        preexec_fn=partial(signal.signal, signal.SIGINT, signal.SIG_DFL),  # a shell ignores it in the background
         env={"ROS_DOMAIN_ID": str(1 + os.getpid() % 100), **os.environ, MARK: mark, "COLUMNS": "200"},
         cwd=out.parent,
     )
@@ -170,12 +173,13 @@ def marked(mark: str) -> list[int]:
 class Interruption:
     """What `how` did after so many seconds, and what is `wrong`; nothing where all is well.
 
-    Without `is_early` the command had ended before.
+    Without `is_early` the command had ended before. It ended `later` seconds afterwards.
     """
 
     how: str
     is_early: bool
     after: float
+    later: float
     code: int
     wrong: str
 
@@ -186,7 +190,7 @@ def interrupt(name: str, out: Path, how: str, after: float) -> Interruption:
     process, disk_folder = start(name, out, mark), str(out.parent)
     with suppress(subprocess.TimeoutExpired):
         process.wait(after)
-    is_early = process.poll() is None
+    is_early, begin = process.poll() is None, time.monotonic()
     if is_early:
         if how == "INT":
             os.killpg(process.pid, signal.SIGINT)
@@ -204,13 +208,14 @@ def interrupt(name: str, out: Path, how: str, after: float) -> Interruption:
         process.kill()
         said, _ = process.communicate()
         said += "\nstill running"
+    later = time.monotonic() - begin
     if how in DISK:
         _mount("-o", "remount,rw,size=400m", disk_folder)
-    return Interruption(how, is_early, after, process.returncode, _wrong(how, process.returncode, said, mark))
+    return Interruption(how, is_early, after, later, process.returncode, _wrong(how, process.returncode, said, mark))
 
 
 def _wrong(how: str, code: int, said: str, mark: str) -> str:
-    words = ("still running",) if how in ("TERM", "KILL") else ("still running", "Traceback")
+    words = ("still running",) if how == "KILL" else ("still running", "Traceback")
     wrong = [word for word in words if word in said]  # a worker that has only just begun may miss its dead parent aloud
     lines = [line for line in said.splitlines() if line.startswith("rabbit: ")]
     allowed = (-SIGNALS[how], 128 + SIGNALS[how]) if how in SIGNALS else (2, 3, 4)
@@ -268,6 +273,8 @@ def chain(name: str, folder: Path, draw: random.Random) -> tuple[list[Interrupti
             return done, f"exit code {code}: {said[-2000:]}"
         if command.result(out) != expected:
             return done, f"not the reference: {command.result(out)}, expected {expected}"
+        if left := [path for path in out.rglob(".*") if PARTIAL.fullmatch(path.name)]:
+            return done, f"half written: {left}"
         if any(path.read_text() != FOREIGN for path in foreign):
             return done, "a foreign file is lost"
     return done, ""
@@ -281,10 +288,11 @@ def main() -> None:
         for name in reversed(COMMANDS):
             with tempfile.TemporaryDirectory() as folder:
                 done, wrong = chain(name, Path(folder) / "disk", draw)
-            seen.update(f"{name} {each.how}" for each in done if each.is_early)
+            early = [each for each in done if each.is_early]
+            seen.update(f"{name} {each.how}" for each in early)
             lost += bool(wrong) or any(each.wrong and "orphan" not in each.wrong for each in done)
             orphans += sum("orphan" in each.wrong for each in done)
-            at = ", ".join(f"{each.how} {each.after:.1f} s: {each.code}" for each in done if each.is_early)
+            at = ", ".join(f"{each.how} {each.after:.1f} + {each.later:.1f} s: {each.code}" for each in early)
             print(
                 f"{seen.total():4d} {name}: {at}", *(f"\n{text}" for each in done if (text := each.wrong)), flush=True
             )

@@ -33,6 +33,7 @@ class Protocol:
     seeds: Seeds = "development"
     stones: int = STONES
     sensors: Literal["exact", "lab"] = "exact"
+    plant: Literal["pybullet", "mujoco"] = "pybullet"
 
     def walks(self, method: Method, cell: Cell) -> list[Walk]:
         """A run for each course.
@@ -50,7 +51,7 @@ class Protocol:
             walks = []
             for run, course in courses.items():
                 plant = cell.plant(run, seed) | ({"sensors": "lab"} if self.sensors == "lab" else {})
-                assembly = contender.assembly(stones=self.stones, **plant)
+                assembly = contender.assembly(stones=self.stones, plant=self.plant, **plant)
                 walks.append(Walk(assembly, course, run, title=title))
             walks[0].assembly.make_policy()
             provenance(plain(walks[0]))

@@ -1,7 +1,10 @@
 """From a specification to a gait: solve, check, describe."""
 
+import signal
 import sys
-from collections.abc import Callable, Sequence
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from importlib.metadata import version
 from typing import Any
 
@@ -36,10 +39,10 @@ def design_gait(specification: GaitSpecification, progress: Progress | None = No
         "print_time": False,
         "ipopt": {"print_level": 0, "sb": "yes", "max_iter": specification.max_iterations, "tol": 1e-9},
     }
-    if progress is not None:
-        options["iteration_callback"] = _Watch(nlp, bounds, progress)
-    solver = ca.nlpsol("gait", "ipopt", nlp, options)
-    solution = solver(**bounds)
+    with _held_signals() as held:
+        options["iteration_callback"] = _Watch(nlp, bounds, progress or (lambda *_: None), held)
+        solver = ca.nlpsol("gait", "ipopt", nlp, options)
+        solution = solver(**bounds)
     stats = solver.stats()
     if not stats["success"]:
         raise GaitDesignError(_complaint(programme, stats["return_status"], solution["g"]))
@@ -85,11 +88,32 @@ def _as_gait(programme: Transcription, solution: dict[str, ca.DM], iterations: i
     return gait.model_copy(update={"metadata": metadata})
 
 
-class _Watch(ca.Callback):
-    """Hands IPOPT's iterates to a progress function; an interrupt there stops the solver."""
+@contextmanager
+def _held_signals() -> Iterator[list[int]]:
+    """SIGINT and SIGTERM that come meanwhile, heard at the end: CasADi may lose the exception that a handler raises."""
+    held: list[int] = []
+    in_main = threading.current_thread() is threading.main_thread()  # where Python hears signals
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM) if in_main}
+    handlers = {number: handler for number, handler in handlers.items() if callable(handler)}
+    for number in handlers:
+        signal.signal(number, lambda got, _: held.append(got))
+    try:
+        yield held
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+        if held:
+            signal.raise_signal(held[0])
 
-    def __init__(self, nlp: dict[str, ca.SX], bounds: dict[str, Array], progress: Progress) -> None:
+
+class _Watch(ca.Callback):
+    """Hands IPOPT's iterates to a progress function; a signal that is `held` stops the solver."""
+
+    def __init__(
+        self, nlp: dict[str, ca.SX], bounds: dict[str, Array], progress: Progress, held: Sequence[int]
+    ) -> None:
         ca.Callback.__init__(self)
+        self._held = held
         self._sizes = {"x": nlp["x"].numel(), "f": 1, "g": nlp["g"].numel(), "p": 0}
         self._bounds, self._progress, self._iteration = bounds, progress, 0
         self.construct("watch", {})
@@ -113,4 +137,4 @@ class _Watch(ca.Callback):
         violation = np.maximum(self._bounds["lbg"] - rows, rows - self._bounds["ubg"]).max()
         self._progress(self._iteration, float(values["f"]), float(max(violation, 0.0)))
         self._iteration += 1
-        return [0]
+        return [len(self._held)]

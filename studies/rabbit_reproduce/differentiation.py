@@ -86,7 +86,7 @@ class Step:
 def steps(walk: WalkRecords, gait: Gait, seed: int) -> list[Step]:
     """The steps of a walk with exact estimates on stones; the noise from `seed`."""
     rng = np.random.default_rng(seed)
-    rate = _rates(walk, gait)
+    rate = rates(walk, gait)
     made: list[Step] = []
     for index in np.unique(walk.step_index):
         ticks = np.flatnonzero(walk.step_index == index)
@@ -117,17 +117,19 @@ def _in_quantities(derivative: Array, LgV: Array) -> Array:
     return np.column_stack([V, derivative[:, OUTPUTS:]])
 
 
-def _rates(walk: WalkRecords, gait: Gait) -> Callable[[int, Array], Array]:
+def rates(walk: WalkRecords, gait: Gait) -> Callable[[int, Array], Array]:
     """What noise (5,) of the measured angle rates, left/right order, makes of z at a tick, (6,)."""
     outputs, barrier_rates, robot = VirtualConstraints(gait), barrier_rate_function(), read_robot().row
     radii = np.array([walk.about["R1"], walk.about["R2"]], dtype=float)
+    margins = float(walk.about["stone_margin"]) * np.array([1, -1])  # l_min and l_max that the barriers know
 
     def rate(tick: int, noise: Array) -> Array:
         dq, q = np.concatenate([np.zeros(2), noise]), walk.q[tick]
         if walk.stance[tick] == Leg.RIGHT:
             q, dq = q[SWAP_STATE], dq[SWAP_STATE]
-        rates = barrier_rates(q, dq, robot, walk.preview[tick][:3], radii).rates
-        return np.concatenate([outputs.evaluate(q, dq).dy, rates])
+        stone = np.append(walk.preview[tick] + margins, walk.stone_height[tick])
+        of_barriers = barrier_rates(q, dq, robot, stone, radii).rates
+        return np.concatenate([outputs.evaluate(q, dq).dy, of_barriers])
 
     return rate
 

@@ -1,5 +1,6 @@
 """A gait found by IPOPT, judged by pinocchio between the nodes as well as at them."""
 
+import signal
 from pathlib import Path
 from typing import Any
 
@@ -86,6 +87,21 @@ def test_walk_is_stable_and_has_momentum_to_spare(designed: Designed) -> None:
     figures = designed[0].metadata["figures"]
     assert 0 < figures["eigenvalue"] < 1
     assert figures["start_phase_rate"] > figures["least_phase_rate"]
+
+
+def test_a_signal_stops_the_search_and_is_heard() -> None:
+    """Not as a search that found nothing, and not lost in CasADi."""
+    iterations: list[int] = []
+
+    def interrupt(iteration: int, *_: float) -> None:
+        iterations.append(iteration)
+        if iteration == 2:
+            signal.raise_signal(signal.SIGINT)
+
+    with pytest.raises(KeyboardInterrupt):
+        design_gait(SPECIFICATION, interrupt)
+    assert iterations[-1] == 2
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
 def test_progress_ends_feasible(designed: Designed) -> None:

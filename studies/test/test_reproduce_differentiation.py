@@ -2,7 +2,10 @@
 
 import numpy as np
 import pytest
+from rabbit_description.gait import load_gait
 from rabbit_description.state import TICK_SECONDS, Array
+from rabbit_experiments.assembly import Assembly
+from rabbit_experiments.evaluation import RecordedWalk
 from rabbit_reproduce.differentiation import (
     CUTOFF,
     METHODS,
@@ -10,8 +13,12 @@ from rabbit_reproduce.differentiation import (
     Step,
     difference,
     low_passed,
+    rates,
     savitzky_golay,
+    steps,
 )
+from rabbit_sim.parameters import SimulationParameters
+from rl_cbf_clf_controller.parameters import ControllerParameters
 
 TICKS = np.arange(40) * TICK_SECONDS
 RNG = np.random.default_rng(1)
@@ -58,3 +65,14 @@ def test_errors_of_a_step_are_those_of_the_ticks_kept_and_grow_with_the_noise() 
     np.testing.assert_allclose(twice, 2 * once, atol=1e-9)
     np.testing.assert_allclose(once[:, 0], 0.1 * difference(noise)[4:, 0], atol=1e-9)
     np.testing.assert_allclose(once[:, 1:], 0.1 * difference(noise)[4:, 4:], atol=1e-9)
+
+
+def test_what_noise_makes_of_the_rates_is_what_the_true_rates_make() -> None:
+    """They are linear in the angles' rates, with no constant term: the robot's own give what the controller read."""
+    law, plant = ControllerParameters(controller="cbf-clf-qp"), SimulationParameters(stones=2, stone_height=0.02)
+    walk = RecordedWalk(Assembly(plant, law, "oracle"), 7).do()
+    gait = load_gait(law.gait)
+    rate = rates(walk, gait)
+    (first, second) = steps(walk, gait, 1)
+    z = np.array([rate(tick, dq[2:]) for tick, dq in enumerate(walk.dq[: len(first.z) + len(second.z)])])
+    np.testing.assert_allclose(z, np.concatenate([first.z, second.z]), atol=1e-9)

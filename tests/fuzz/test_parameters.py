@@ -7,7 +7,7 @@ from typing import Any, Literal, get_args, get_origin
 import numpy as np
 import pinocchio
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
 from pydantic import BaseModel, ValidationError
 from rabbit_bringup.launching.walk import WalkOptions
@@ -18,6 +18,7 @@ from rabbit_experiments.commands.train import SessionOptions
 from rabbit_gait_design.specification import GaitSpecification
 from rabbit_sim.actuation import Actuation
 from rabbit_sim.initial_state import initial_state
+from rabbit_sim.mujoco_plant import MujocoPlant
 from rabbit_sim.node_parameters import NodeParameters
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.robot_urdf import perturbed_urdf
@@ -106,6 +107,9 @@ def test_values_are_taken_or_refused(model: type[BaseModel], data: st.DataObject
         assert model.model_validate(taken.model_dump()) == taken or "nan" in str(taken).lower()
 
 
+@example({"link_bend": 1e-308}, 0)
+@example({"swing_payload": 1e-12}, 0)
+@example({"swing_payload": 1e-6}, 0)
 @given(likely_values_of(SimulationParameters, "course"), st.integers(0, 2**64 - 1))
 def test_a_plant_that_is_taken_can_be_made(values: dict[str, Any], seed: int) -> None:
     p = made(SimulationParameters, values)
@@ -116,6 +120,7 @@ def test_a_plant_that_is_taken_can_be_made(values: dict[str, Any], seed: int) ->
     assert np.isfinite([q, dq]).all()
     assert np.isfinite(Actuation(p).advance(np.full(4, 1e308))).all()
     pinocchio.buildModelFromXML(perturbed_urdf(p))
+    MujocoPlant(p).close()
 
 
 @given(likely_values_of(ControllerParameters))

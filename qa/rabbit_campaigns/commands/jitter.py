@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 from pydantic import BaseModel, ConfigDict, Field
 from rabbit_bringup.commands.walk import DEFAULTS, assembly_of_nodes
-from rabbit_bringup.launching.processes import Interrupted
+from rabbit_common.exit_codes import Interrupted
 from rabbit_common.options import Given, complaints, fail, options
 from rabbit_common.own_folder import new_folder
 from rabbit_sim.parameters import SimulationParameters

@@ -8,8 +8,8 @@ from typing import Any
 import typer
 from pydantic import BaseModel, ConfigDict, Field
 from rabbit_bringup.commands.walk import assembly_of_nodes, given_training, make_folder
-from rabbit_bringup.launching.processes import Interrupted
 from rabbit_bringup.launching.walk import MOST_EPISODES, Walk, WalkOptions
+from rabbit_common.exit_codes import Interrupted
 from rabbit_common.options import Defaults, Given, complaints, fail, options
 from rabbit_experiments.conditions import EVALUATION_LAG
 from rabbit_sim.parameters import SimulationParameters

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
+from rabbit_common.exit_codes import of_interrupt
 from rabbit_common.options import complaints, fail
 from rabbit_common.own_folder import own_folder
 
@@ -23,6 +24,8 @@ def benchmark(
         Literal["exact", "lab"], typer.Option(help="lab: the state estimated from a lab's sensors in every cell")
     ] = "exact",
     out: Annotated[Path, typer.Option(help="folder; one that was stopped there goes on")] = Path("runs/benchmark"),
+    plant: Annotated[Literal["pybullet", "mujoco"], typer.Option(help="physics engine")] = "pybullet",
+    batch: Annotated[int, typer.Option(min=1, max=4096, help="runs that a process walks at once (plant mujoco)")] = 1,
     jobs: Annotated[int | None, typer.Option(min=1, max=4096, help="processes (default: all cores)")] = None,
     show: Annotated[bool, typer.Option("--list", help="methods and cells, and nothing more")] = False,
 ) -> None:
@@ -38,20 +41,25 @@ def benchmark(
     with complaints(CellError, MethodError):
         entered = [method(name) for name in dict.fromkeys(methods or names())]
         wanted = chosen([name for name in cells.split(",") if name])
+    if batch > 1 and plant != "mujoco":
+        fail(f"--batch {batch} with --plant {plant}: expected --plant mujoco")
     if show:
         for each in entered:
             print(f"{each.name:16s} {each.title}")
         for cell in wanted:
             print(f"{cell.name} ({cell.map})")
         return
-    protocol, cache = Protocol(courses, seeds, sensors=sensors), Cache(own_folder(out, "benchmark") / "cache")
+    protocol, cache = (
+        Protocol(courses, seeds, sensors=sensors, plant=plant),
+        Cache(own_folder(out, "benchmark") / "cache"),
+    )
     runs = plan(protocol, entered, wanted)
     try:
         with complaints(JobError):
             walks = [job for each in runs.values() if not isinstance(each, str) for job in each]
-            done = run(walks, cache, jobs or _cores())
-    except KeyboardInterrupt:
-        fail("stopped; the same command goes on from the runs that are done", code=130)
+            done = run(walks, cache, jobs or _cores(), batch=batch)
+    except KeyboardInterrupt as stop:
+        fail("stopped; the same command goes on from the runs that are done", code=of_interrupt(stop))
     page = Benchmark.from_cache(protocol, entered, wanted, runs, cache).write(out)
     print(f"{done} runs made; written {page}")
 

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from rabbit_common.exit_codes import of_interrupt
 from rabbit_common.options import complaints, fail
 from rabbit_common.own_folder import own_folder
 
@@ -38,8 +39,8 @@ def speed(
         fit, judge = exploring_walks(plants, FIT_SEED, law), exploring_walks(others, JUDGE_SEED, law)
         try:
             run(list(chain(*fit, *judge)), cache, jobs or os.cpu_count() or 1)
-        except KeyboardInterrupt:
-            fail("stopped; the same command goes on from the walks that are done", code=130)
+        except KeyboardInterrupt as stop:
+            fail("stopped; the same command goes on from the walks that are done", code=of_interrupt(stop))
         model = fitted(gathered(fit, cache))
         wrong, spread = errors(model.coefficients, gathered(judge, cache))
     print(f"{model.steps} steps on {model.plants} plants, seed {FIT_SEED}")

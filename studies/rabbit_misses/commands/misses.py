@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from rabbit_common.exit_codes import of_interrupt
 from rabbit_common.options import complaints, fail
 from rabbit_common.own_folder import own_folder
 
@@ -39,8 +40,8 @@ def misses(
     try:
         with complaints(JobError):
             run([*fit, *judge], cache, jobs or os.cpu_count() or 1)
-    except KeyboardInterrupt:
-        fail("stopped; the same command goes on from the walks that are done", code=130)
+    except KeyboardInterrupt as stop:
+        fail("stopped; the same command goes on from the walks that are done", code=of_interrupt(stop))
     with complaints(ModelError, OSError):
         if loaded is None:
             rows, missed = gathered(fit, cache)

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import typer
+from rabbit_common.exit_codes import of_interrupt
 from rabbit_common.options import complaints, fail
 from rabbit_common.own_folder import own_folder
 
@@ -65,8 +66,8 @@ def reproduce(
                 wanted = dict.fromkeys(recipe for each in chosen for recipe in each.trainings(size))
                 size = replace(size, trained=trained_anew(list(wanted), out, processes, own))
             page, done = make(chosen, size, out, list(known), processes, backend)
-    except KeyboardInterrupt:
-        fail("stopped; the same command goes on from the runs that are done", code=130)
+    except KeyboardInterrupt as stop:
+        fail("stopped; the same command goes on from the runs that are done", code=of_interrupt(stop))
     print(f"{done} runs made; written {page}")
 
 
@@ -85,8 +86,8 @@ def search(
     try:
         with complaints(BackendError, SearchError):
             print(f"written {search_setting(trials, plant or 'pybullet', out, jobs or os.cpu_count() or 1)}")
-    except KeyboardInterrupt:
-        fail("stopped; the same command goes on", code=130)
+    except KeyboardInterrupt as stop:
+        fail("stopped; the same command goes on", code=of_interrupt(stop))
 
 
 def trained_anew(wanted: Sequence[Any], out: Path, processes: int, setting: Any) -> Any:

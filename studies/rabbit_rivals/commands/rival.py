@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
+from rabbit_common.exit_codes import of_interrupt
 from rabbit_common.options import complaints, fail
 from rabbit_common.own_folder import new_file, own_folder
 
@@ -31,8 +32,8 @@ def end_to_end(
     try:
         with complaints(SessionError):
             print(f"written {train(options, out)}")
-    except KeyboardInterrupt:
-        fail("stopped; the same command goes on from the last line of the curve", code=130)
+    except KeyboardInterrupt as stop:
+        fail("stopped; the same command goes on from the last line of the curve", code=of_interrupt(stop))
 
 
 @app.command()

@@ -6,6 +6,7 @@ is the other's guard: what counts is the KKT residual of an answer, and not what
 
 import time
 from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass
 
 import casadi as ca
@@ -66,17 +67,25 @@ class Answering:
             raise ValueError(f"rows or objective depend on {unknown}: expected {', '.join(inputs)}")
         if solver not in ("daqp", "osqp"):
             raise ValueError(f"solver = {solver}: expected daqp or osqp")
-        self._inputs, self._data, self._layout = inputs, data, layout
+        self._inputs, self._data, self.layout, self.solver = inputs, data, layout, solver
         self._osqp = OsqpSolver()
-        self._solvers = (self._by_daqp, self._by_osqp) if solver == "daqp" else (self._by_osqp, self._by_daqp)
         self.unanswered = 0  # programmes that the first solver did not answer
+
+    def another(self) -> "Answering":
+        """One with the same functions and an OSQP of its own, for another robot in the same thread."""
+        _ = self.programme, self.reading, self._with_daqp  # made once, and then shared
+        other = copy(self)
+        other._osqp, other.unanswered = OsqpSolver(), 0
+        return other
 
     def __call__(self, *inputs: Array) -> Decided:
         """The first solver's answer, or its guard's; `solved` is false where neither has one.
 
         After the first two inputs, a state and parameters, the others may be left out: they are zero.
         """
-        first, guard = self._solvers
+        first, guard = self._by_daqp, self._by_osqp
+        if self.solver == "osqp":
+            first, guard = guard, first
         decided = first(inputs)
         if decided.solved or not decided.values.is_valid[0]:
             return decided
@@ -92,7 +101,7 @@ class Answering:
         values = self._with_daqp(*inputs) if len(inputs) > 2 else self._of_two(*inputs)
         solved = bool(values.row[0] < TOLERANCE)
         status = "solved" if solved else "not solved" if values.is_valid[0] else "data not valid"
-        return Decided(values, self._layout, solved, "daqp", status, time.perf_counter() - start)
+        return Decided(values, self.layout, solved, "daqp", status, time.perf_counter() - start)
 
     def _by_osqp(self, inputs: Sequence[Array]) -> Decided:
         start = time.perf_counter()
@@ -100,10 +109,10 @@ class Answering:
         data = self.programme(*inputs, *zeros)
         if not data.is_valid[0]:
             return self._by_daqp(inputs)
-        x, y, status = self._osqp.solve(data, self._layout)
+        x, y, status = self._osqp.solve(data, self.layout)
         values = self.reading(data.row, x, y)
         solved = bool(values.row[0] < TOLERANCE)
-        return Decided(values, self._layout, solved, "osqp", status, time.perf_counter() - start)
+        return Decided(values, self.layout, solved, "osqp", status, time.perf_counter() - start)
 
     @built_once
     def programme(self) -> NumpyFunction:
@@ -112,16 +121,25 @@ class Answering:
     @built_once
     def reading(self) -> NumpyFunction:
         row = ca.SX.sym("row", packed(self._data).numel())
-        x, y = ca.SX.sym("x", self._layout.shape[1]), ca.SX.sym("y", self._layout.shape[0])
-        said = reading(split(row, places_of(self._data)), x, y, self._layout)
+        x, y = ca.SX.sym("x", self.layout.shape[1]), ca.SX.sym("y", self.layout.shape[0])
+        said = reading(split(row, places_of(self._data)), x, y, self.layout)
         return NumpyFunction.of("reading", {"row": row, "x": x, "y": y}, said, matrices=("control_a",))
+
+    @built_once
+    def solving(self) -> NumpyFunction:
+        """DAQP alone: x and y of a programme's row."""
+        row = ca.MX.sym("row", packed(self._data).numel())
+        x, y = by_daqp(split(row, places_of(self._data)), self.layout)
+        columns, rows = self.layout.shape[1], self.layout.shape[0]
+        places = {"x": (slice(0, columns), (columns,)), "y": (slice(columns, columns + rows), (rows,))}
+        return NumpyFunction(ca.Function("solving", [row], [ca.vertcat(x, y)], ["row"], ["answer"]), places)
 
     @built_once
     def _with_daqp(self) -> NumpyFunction:
         programme, read = self.programme.function, self.reading.function
         inputs = [ca.MX.sym(programme.name_in(i), programme.sparsity_in(i)) for i in range(programme.n_in())]
         row = programme(*inputs)
-        x, y = by_daqp(split(row, places_of(self._data)), self._layout)
+        x, y = by_daqp(split(row, places_of(self._data)), self.layout)
         function = ca.Function("decided", inputs, [read(row, x, y)], programme.name_in(), ["values"])
         return NumpyFunction(function, self.reading.places)
 

@@ -24,7 +24,7 @@ import numpy as np
 from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.answer import Answering, Decided
 from cbf_clf_qp.estimates import Estimates
-from cbf_clf_qp.functions import Array, NumpyFunction, Values, built_once, packed, places_of
+from cbf_clf_qp.functions import Array, NumpyFunction, Values, built_once, one_at_a_time, packed, places_of
 from cbf_clf_qp.objective import Objective
 from cbf_clf_qp.qp import build_qp, is_finite
 from cbf_clf_qp.quantity import Constrained
@@ -162,6 +162,12 @@ class Tick:
         terms, matrices = self.terms, {"nominal_a": self.terms.nominal.a, "control_a": self.terms.control.a}
         shown = {**matrices, "nominal_b": terms.nominal.b, "control_b": terms.control.b, **terms.reads}
         return NumpyFunction.of("look", {"x": self.system.x, "p": self.system.p}, shown, matrices)
+
+    @one_at_a_time
+    def glance(self, names: Sequence[str]) -> NumpyFunction:
+        """A `look` that reads only these of the terms' `reads`; what needs no dynamics takes a tenth of the time."""
+        shown = {name: self.terms.reads[name] for name in names}
+        return NumpyFunction.of("glance", {"x": self.system.x, "p": self.system.p}, shown)
 
     def _check_finite(self, x: Array, p: Array, estimates: Estimates | None) -> None:
         parameters = {name: p[place] for name, (place, _) in self._parameter_places.items()}

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import typer
+from rabbit_common.exit_codes import Interrupted, of_interrupt
 from typer.core import TyperCommand, TyperGroup
 
 GROUP = "rabbit.commands"
@@ -83,7 +84,7 @@ class LazyGroup(TyperGroup):
         return TyperCommand(cmd_name, help=summary(commands()[cmd_name])) if cmd_name in commands() else None
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        """The command itself. From here on a Ctrl-C is a `KeyboardInterrupt`, which it may answer."""
+        """The command itself. From here on a Ctrl-C or SIGTERM is a `KeyboardInterrupt`, which it may answer."""
         name, _, rest = super().resolve_command(ctx, args)
         entry = commands()[str(name)]
         if source(entry) is None:
@@ -93,6 +94,8 @@ class LazyGroup(TyperGroup):
         command = typer.main.get_command(entry.load())
         if signal.getsignal(signal.SIGINT) is signal.SIG_DFL:
             signal.signal(signal.SIGINT, signal.default_int_handler)
+        if signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
+            signal.signal(signal.SIGTERM, _terminate)
         return name, command, rest
 
     def invoke(self, ctx: Any) -> Any:
@@ -109,7 +112,12 @@ class LazyGroup(TyperGroup):
 
             fail(f"{error.filename}: {error.strerror}" if error.filename else error.strerror)
         except KeyboardInterrupt as error:
-            ctx.exit(getattr(error, "code", 128 + signal.SIGINT))
+            ctx.exit(of_interrupt(error))
+
+
+def _terminate(number: int, _: object) -> None:
+    signal.signal(number, signal.SIG_DFL)  # a second one ends the command at once
+    raise Interrupted(number)
 
 
 app = typer.Typer(cls=LazyGroup, add_completion=False, no_args_is_help=True, pretty_exceptions_show_locals=False)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 from rabbit_bringup.cli import GROUP, ORDER, app, commands, summary
-from rabbit_bringup.launching.processes import Interrupted
+from rabbit_common.exit_codes import Interrupted
 from typer.testing import CliRunner
 
 SOURCES = Path(__file__).resolve().parents[2]

@@ -7,7 +7,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from rabbit_bringup.launching.processes import ENDING, Interrupted, Processes
+from rabbit_bringup.launching.processes import ENDING, Processes
+from rabbit_common.exit_codes import Interrupted
 
 PATIENCE = 180.0  # s
 DEAF = "import signal; signal.signal(signal.SIGTERM, signal.SIG_IGN); print('deaf', flush=True); signal.pause()"

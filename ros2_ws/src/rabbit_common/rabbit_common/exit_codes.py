@@ -54,6 +54,19 @@ def of_signal(number: int) -> int:
     return 128 + signal.Signals(number)
 
 
+class Interrupted(KeyboardInterrupt):
+    """A signal asked the command to end."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__(signal.Signals(number).name)
+        self.code = of_signal(number)
+
+
+def of_interrupt(error: KeyboardInterrupt) -> int:
+    """The exit code of a command that it ended; a plain one is Ctrl-C's."""
+    return error.code if isinstance(error, Interrupted) else of_signal(signal.SIGINT)
+
+
 def _of_episode(outcome: str) -> ExitCode:
     if outcome == "walked":
         return ExitCode.WALKED

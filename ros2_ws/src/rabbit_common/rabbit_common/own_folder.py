@@ -2,17 +2,21 @@
 
 from pathlib import Path
 
+from rabbit_description.atomic_file import remove_partials
+
 from rabbit_common.options import fail
 
 
 def own_folder(path: Path, command: str) -> Path:
     """Make a folder, or take an empty one or one that `command` made; ends the command otherwise, nothing written.
 
-    The file `.rabbit-COMMAND` in it says whose it is.
+    The file `.rabbit-COMMAND` in it says whose it is. What a killed command has half written there is removed.
     """
     mark = path / f".rabbit-{command.replace(' ', '-')}"
     try:
-        if not mark.is_file():
+        if mark.is_file():
+            remove_partials(path)
+        else:
             _make(path, f"expected a new or empty folder, or one that `rabbit {command}` made")
             mark.touch()
     except OSError as error:

@@ -1,10 +1,14 @@
 """Files that are written whole or not at all, also when their writer is killed."""
 
+import fcntl
 import os
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from uuid import uuid4
+
+PARTIAL = re.compile(r"\.[0-9a-f]{32}\..+", re.DOTALL)  # the names that `replacing` gives
 
 
 @contextmanager
@@ -18,10 +22,12 @@ def replacing(path: Path) -> Iterator[Path]:
     """
     partial = path.with_name(f".{uuid4().hex}.{path.name}")
     try:
-        yield partial
-        with partial.open("rb") as file:
-            os.fsync(file.fileno())
-        partial.replace(path)
+        with partial.open("xb") as lock:
+            fcntl.flock(lock, fcntl.LOCK_SH)  # until this process ends: see `remove_partials`
+            yield partial
+            with partial.open("rb") as file:
+                os.fsync(file.fileno())
+            partial.replace(path)
     except OSError as error:
         if error.filename not in (None, str(partial)):
             raise
@@ -29,6 +35,15 @@ def replacing(path: Path) -> Iterator[Path]:
     finally:
         with suppress(OSError):  # a disk that is read-only by now
             partial.unlink(missing_ok=True)
+
+
+def remove_partials(folder: Path) -> None:
+    """Remove what killed writers have left in a folder and below; a writer that lives has a lock on its file."""
+    for path in folder.rglob(".*"):
+        if PARTIAL.fullmatch(path.name) and path.is_file():
+            with suppress(OSError), path.open("rb") as file:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                path.unlink()
 
 
 def replace_text(path: Path, text: str) -> None:

@@ -1,10 +1,12 @@
 """A file is replaced as a whole, or stays as it was."""
 
 import errno
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
-from rabbit_description.atomic_file import replace_text, replacing
+from rabbit_description.atomic_file import remove_partials, replace_text, replacing
 
 
 def test_what_was_written_takes_the_place_of_the_file(tmp_path: Path) -> None:
@@ -57,3 +59,33 @@ def test_two_writers_at_once_both_end_whole(tmp_path: Path) -> None:
         assert file.read_text() == "second"
     assert file.read_text() == "first"
     assert list(tmp_path.iterdir()) == [file]
+
+
+def test_what_a_killed_writer_leaves_is_removed_and_nothing_else(tmp_path: Path) -> None:
+    """Not what another writer is at, and nothing foreign."""
+    folder = tmp_path / "below"
+    folder.mkdir()
+    script = f"""
+from pathlib import Path
+from rabbit_description.atomic_file import replacing
+with replacing(Path({str(folder / "killed.txt")!r})) as partial:
+    partial.write_text("half")
+    print(flush=True)
+    input()
+"""
+    writer = subprocess.Popen([sys.executable, "-c", script], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    assert writer.stdout is not None
+    writer.stdout.readline()
+    writer.kill()
+    writer.communicate()
+    (left,) = folder.iterdir()
+    foreign = [folder / ".hidden", folder / "killed.txt", folder / f".{'0' * 31}.short", folder / f"{'0' * 32}.seen"]
+    for path in foreign:
+        path.write_text("theirs")
+    with replacing(folder / "living.txt") as partial:
+        partial.write_text("whole")
+        remove_partials(tmp_path)
+        assert partial.exists()
+    assert not left.exists()
+    assert sorted(folder.iterdir()) == sorted([*foreign, folder / "living.txt"])
+    assert (folder / "living.txt").read_text() == "whole"

@@ -7,7 +7,7 @@ ROOT/made_with/MADE.json     what that is: content of files, code, versions of l
 import gzip
 import json
 from abc import ABC, abstractmethod
-from collections.abc import Iterable
+from collections.abc import Hashable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -35,6 +35,16 @@ class Job(ABC):
     @abstractmethod
     def do(self) -> Any:
         """Compute the result."""
+
+    @property
+    def companions(self) -> Hashable:
+        """Jobs that have the same can be done at once by `do_together`; None: it is done alone."""
+        return None
+
+    @classmethod
+    def do_together(cls, jobs: Sequence[Any]) -> Iterator[tuple[Any, Any]]:
+        """Each of them with its result, as it is done."""
+        return ((job, job.do()) for job in jobs)
 
     def write(self, result: Any, path: Path) -> None:
         """Put a result into a file."""

@@ -7,6 +7,8 @@ import os
 import signal
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from itertools import chain
+from math import ceil
 from multiprocessing import resource_tracker
 from typing import Any, Literal
 
@@ -31,10 +33,11 @@ def run(
     processes: int = 1,
     backend: Backend = "loky",
     note: Callable[[Any, Any], str] = lambda job, _: str(job.title),
+    batch: int = 1,
 ) -> int:
     """Do what the cache lacks, with a bar; returns how many were done. Ctrl-C loses only jobs under way.
 
-    One process does them here and in order. `note(job, result)` is called once a result is kept; it returns what the
+    One process does them here and in order. At most `batch` jobs that are companions are done at once. `note(job, result)` is called once a result is kept; it returns what the
     bar says.
 
     Raises:
@@ -48,7 +51,7 @@ def run(
     errors: list[JobError] = []
     with progress_bar() as bar:
         task = bar.add_task("", total=len(unique), completed=len(unique) - len(left))
-        for job, result in _results(left, processes, backend):
+        for job, result in _results(batches(left, batch, processes), processes, backend):
             try:
                 if isinstance(result, JobError):
                     raise result
@@ -69,19 +72,32 @@ def progress_bar() -> Progress:
     return Progress(BarColumn(), MofNCompleteColumn(), *times, TextColumn("{task.description}"))
 
 
-def _results(left: Sequence[Job], processes: int, backend: Backend) -> Iterator[tuple[Job, Any]]:
+def batches(jobs: Sequence[Job], most: int, processes: int) -> list[list[Job]]:
+    """Companions together, at most so many, and no more than each process gets; the others alone."""
+    groups: dict[Any, list[Job]] = {}
+    for number, job in enumerate(jobs):
+        companions = job.companions if most > 1 else None
+        groups.setdefault(number if companions is None else companions, []).append(job)
+    found = []
+    for group in groups.values():
+        size = min(most, ceil(len(group) / processes))
+        found += [group[start : start + size] for start in range(0, len(group), size)]
+    return found
+
+
+def _results(left: Sequence[list[Job]], processes: int, backend: Backend) -> Iterator[tuple[Job, Any]]:
     """Jobs with their results, in the order in which they end."""
     if backend == "ray":
         yield from _through_ray(left, processes)
     elif processes == 1 or len(left) <= 1:
-        yield from map(_do, left)
+        yield from chain.from_iterable(map(_each, left))
     else:
         begin = {"initializer": end_with_parent, "initargs": (os.getpid(),)}
         with joblib.parallel_config(backend="loky", n_jobs=processes, inner_max_num_threads=1, **begin):
             parallel = joblib.Parallel(return_as="generator_unordered", batch_size=1, pre_dispatch="n_jobs")
             with _interrupts_held():
-                results = parallel(joblib.delayed(_do)(job) for job in left)
-            yield from results
+                results = parallel(joblib.delayed(_do)(jobs) for jobs in left)
+            yield from chain.from_iterable(results)
 
 
 @contextmanager
@@ -96,7 +112,7 @@ def _interrupts_held() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _through_ray(left: Sequence[Job], processes: int) -> Iterator[tuple[Job, Any]]:
+def _through_ray(left: Sequence[list[Job]], processes: int) -> Iterator[tuple[Job, Any]]:
     """The cluster that RAY_ADDRESS names, or one on this machine; every machine has the same installation."""
     try:
         from ray.util.joblib import register_ray
@@ -106,11 +122,20 @@ def _through_ray(left: Sequence[Job], processes: int) -> Iterator[tuple[Job, Any
     with joblib.parallel_config(backend="ray", n_jobs=processes):
         for first in range(0, len(left), ROUND * processes):
             some = left[first : first + ROUND * processes]
-            yield from joblib.Parallel(batch_size=1)(joblib.delayed(_do)(job) for job in some)
+            yield from chain.from_iterable(joblib.Parallel(batch_size=1)(joblib.delayed(_do)(jobs) for jobs in some))
 
 
-def _do(job: Job) -> tuple[Job, Any]:
-    try:
-        return job, job.do()
-    except JobError as error:
-        return job, error
+def _do(jobs: list[Job]) -> list[tuple[Job, Any]]:
+    return list(_each(jobs))
+
+
+def _each(jobs: list[Job]) -> Iterator[tuple[Job, Any]]:
+    """Several at once where they are companions; an error is of one that is alone."""
+    if len(jobs) > 1:
+        yield from type(jobs[0]).do_together(jobs)
+        return
+    for job in jobs:
+        try:
+            yield job, job.do()
+        except JobError as error:
+            yield job, error

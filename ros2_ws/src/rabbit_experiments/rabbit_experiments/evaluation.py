@@ -6,7 +6,7 @@ they began, so a run does not depend on its process or on the runs before it. A 
 
 import atexit
 import time
-from collections.abc import Iterator
+from collections.abc import Hashable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -21,6 +21,7 @@ from rl_trainer.rollout import Observer, Record, rollout
 from rl_trainer.rollout import Simulation as AnySimulation
 
 from rabbit_experiments.assembly import Assembly
+from rabbit_experiments.batch_evaluation import walk_together
 from rabbit_experiments.cache import Job
 from rabbit_experiments.metrics import RunResult, RunTally
 from rabbit_experiments.provenance import named_files, plain
@@ -134,6 +135,17 @@ class Walk(SeededRun):
 
     def do(self) -> RunResult:
         return walk(self.assembly, self.run, self.seed)
+
+    @property
+    def companions(self) -> Hashable:
+        """Walks of one controller in MuJoCo."""
+        a = self.assembly
+        return (a.controller, a.policy, a.nominal) if type(a) is Assembly and a.simulation.plant == "mujoco" else None
+
+    @classmethod
+    def do_together(cls, jobs: Sequence["Walk"]) -> Iterator[tuple["Walk", RunResult]]:
+        assemblies, numbers, seeds = zip(*((job.assembly, job.run, job.seed) for job in jobs), strict=True)
+        return ((jobs[place], result) for place, result in walk_together(assemblies, numbers, seeds))
 
 
 @dataclass(frozen=True)

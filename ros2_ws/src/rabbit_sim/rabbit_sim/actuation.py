@@ -10,6 +10,7 @@ Joint damping acts beside the motors: -d M_jj(q) dq_j on actuated joint j, so th
 -d dq_j to a joint free to move, whatever its inertia.
 """
 
+from collections.abc import Sequence
 from math import radians, sqrt
 
 import numpy as np
@@ -25,43 +26,67 @@ GEAR_DAMPING_RATIO = 0.2  # of a rotor against a joint that stands still
 
 
 class Actuation:
-    """The four motors. `torque` (4,): what they give at this instant, N m."""
+    """The four motors of a robot, or of N. `torque` (4,), (N, 4): what they give at this instant, N m."""
 
-    def __init__(self, parameters: SimulationParameters) -> None:
-        self._limit = parameters.torque_limit
-        gains = np.array([getattr(parameters, f"{joint}_gain") for joint in ACTUATED])
-        self._efficiency = gains * (1.0 - parameters.motor_loss)
-        self._most_change = parameters.torque_rate * SUBSTEP_SECONDS
-        self._delay = round(parameters.torque_delay / SUBSTEP_SECONDS)
-        self._from_torque, self._from_drive, self._mean = _lag_response(parameters.motor_lag)
+    def __init__(self, *parameters: SimulationParameters) -> None:
+        self._limit = np.array([[p.torque_limit] for p in parameters])
+        gains = np.array([[getattr(p, f"{joint}_gain") for joint in ACTUATED] for p in parameters])
+        self._efficiency = (gains * np.array([[1.0 - p.motor_loss] for p in parameters]))[:, None]
+        self._most_change = np.array([[p.torque_rate * SUBSTEP_SECONDS] for p in parameters])
+        delays = np.array([round(p.torque_delay / SUBSTEP_SECONDS) for p in parameters])
+        self._delay = int(delays.max())
+        self._comes_later = np.arange(self._delay + SUBSTEPS)[:, None] >= delays[:, None, None]  # than this tick begins
+        responses = [_lag_response(p.motor_lag) for p in parameters]
+        self._from_torque, self._from_drive, self._mean = (np.array(part) for part in zip(*responses, strict=True))
         self.reset()
+
+    @property
+    def torque(self) -> Array:
+        return self._torque[0] if len(self._torque) == 1 else self._torque
 
     def reset(self) -> None:
         """Motors at rest, no command on its way."""
-        self.torque = np.zeros(4)
-        self._drives = np.zeros((self._delay + SUBSTEPS, 4))  # of this tick's substeps, and those on their way
-        self._reached = np.zeros(4)  # with a rate limit, of the saturated torque
+        robots = len(self._limit)
+        self._torque = np.zeros((robots, 4))
+        self._drives = np.zeros((robots, self._delay + SUBSTEPS, 4))  # of this tick's substeps, and those on their way
+        self._reached = np.zeros((robots, 4))  # with a rate limit, of the saturated torque
+
+    def going_on(self, robots: Array, parameters: Sequence[SimulationParameters]) -> "Actuation":
+        """The motors of some robots, by number, with these parameters, as they are now."""
+        other = Actuation(*parameters)
+        known = min(self._delay, other._delay)
+        other._torque, other._reached = self._torque[robots], self._reached[robots]
+        other._drives[:, :known] = self._drives[robots, :known]
+        return other
+
+    def rest(self, robot: int) -> None:
+        """Those of one robot come to rest, no command on its way."""
+        self._torque[robot] = self._reached[robot] = self._drives[robot] = 0.0
 
     def advance(self, command: Array) -> Array:
-        """Torques held over the substeps of one tick, shape (SUBSTEPS, 4), N m, for a command of shape (4,)."""
-        self._drives[self._delay :] = command.clip(-self._limit, self._limit)
-        drive = self._drives[:SUBSTEPS].copy()
-        self._drives[: self._delay] = self._drives[SUBSTEPS:]
-        drive = self._efficiency * (self._slewed(drive) if self._most_change else drive)
-        if not self._mean:
-            self.torque = drive[-1]
-            return drive
-        ends = self._from_torque[:, None] * self.torque + self._from_drive @ drive
-        starts = np.empty_like(ends)
-        starts[0], starts[1:] = self.torque, ends[:-1]
-        self.torque = ends[-1]
-        return drive + self._mean * (starts - drive)
+        """Torques held over the substeps of one tick, N m: (SUBSTEPS, 4) for a command (4,), (N, SUBSTEPS, 4) for N."""
+        limited = command.reshape(-1, 4).clip(-self._limit, self._limit)
+        np.copyto(self._drives, limited[:, None], where=self._comes_later)
+        drive = self._drives[:, :SUBSTEPS].copy()
+        if self._delay:
+            self._drives[:, : self._delay] = self._drives[:, SUBSTEPS:]
+        drive = self._efficiency * (self._slewed(drive) if self._most_change.any() else drive)
+        if not self._mean.any():
+            self._torque = drive[:, -1]
+            return drive.reshape(*command.shape[:-1], SUBSTEPS, 4)
+        ends = self._from_torque[:, :, None] * self._torque[:, None] + self._from_drive @ drive
+        starts = np.concatenate([self._torque[:, None], ends[:, :-1]], axis=1)
+        self._torque = ends[:, -1]
+        held: Array = drive + self._mean[:, None, None] * (starts - drive)
+        return held.reshape(*command.shape[:-1], SUBSTEPS, 4)
 
     def _slewed(self, wanted: Array) -> Array:
-        """Torques (SUBSTEPS, 4) that follow the wanted ones as fast as the rate allows."""
-        for row in wanted:
-            self._reached = self._reached + (row - self._reached).clip(-self._most_change, self._most_change)
-            row[:] = self._reached
+        """Torques (N, SUBSTEPS, 4) that follow the wanted ones as fast as the rate allows; all, where there is none."""
+        most, is_free = self._most_change, self._most_change == 0
+        for substep in range(SUBSTEPS):
+            row = wanted[:, substep]
+            change = (row - self._reached).clip(-most, most)
+            wanted[:, substep] = self._reached = np.where(is_free, row, self._reached + change)
         return wanted
 
 

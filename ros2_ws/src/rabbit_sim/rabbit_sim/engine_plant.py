@@ -4,7 +4,7 @@ An engine says how it takes a substep, where the joints are, and with what force
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from rabbit_description.state import Array, Leg
@@ -22,6 +22,7 @@ STONE_DEPTH = 1.0  # m
 KNEES = np.array([0.0, 1.0, 0.0, 1.0])  # of the four joints
 
 JointStates = tuple[list[float], list[float]]  # q, dq: seven each
+Forces = list[list[float]]  # on each foot in a substep, rows left, right; columns x, z; N
 
 
 class EnginePlant(ABC):
@@ -38,6 +39,11 @@ class EnginePlant(ABC):
         self._gears = Gears(*gears) if any(gears) else None
         self._damping = JointDamping(legs, damping) if damping else None
         self._keeps_path = parameters.sensors == "lab"
+
+    @property
+    def feeds_back(self) -> bool:
+        """Whether joint torques depend on the state within a tick."""
+        return bool(self._gears or self._damping or self._parameters.knee_spring)
 
     def close(self) -> None:  # noqa: B027  MuJoCo has nothing
         """Nothing to give back, unless the engine has something."""
@@ -63,16 +69,50 @@ class EnginePlant(ABC):
 
     def advance(self, command: Array) -> None:
         """One tick under `command` (4,), N m."""
-        self._watch.begin_tick(self._feet)
+        self._take_in(self._walked(self._actuation.advance(command), self.next_pushes()))
+
+    def watch_with(self, clear: Array) -> None:
+        """Keep which feet are clear (2,) in this array; see `TouchdownDetector`."""
+        self._watch.clear = clear
+
+    @property
+    def is_crossing(self) -> bool:
+        """Whether a foot has just gone below the ground over a gap."""
+        return any(self._watch.crossings)
+
+    def next_pushes(self) -> list[float]:
+        """On the torso in the next tick's substeps, N."""
         pushes, self._push = self._push[:SUBSTEPS].tolist(), self._push[SUBSTEPS:]
-        pushes += [0.0] * (SUBSTEPS - len(pushes))
+        return [*pushes, *[0.0] * (SUBSTEPS - len(pushes))]
+
+    def follow(self, states: Array, forces: Array) -> None:
+        """Take in a tick that an engine has walked elsewhere from this plant's state, as if it had been walked here.
+
+        `states` (1 + SUBSTEPS, 14): q and dq as the tick began and after each substep; `forces` (SUBSTEPS, 2, 2), N.
+        """
+        first, *path = states.tolist()
+        self._states = first[:7], first[7:]
+        self._feet = self._locate_feet()
+        self._take_in(self._followed(path, forces.tolist()))
+
+    def _walked(self, torques: Array, pushes: list[float]) -> Iterator[Forces]:
+        for torque, push in zip(torques, pushes, strict=True):
+            self._substep(self.at_joints(torque), push)
+            self._states = None
+            yield self._contact_forces()
+
+    def _followed(self, path: list[list[float]], forces: list[Forces]) -> Iterator[Forces]:
+        for state, force in zip(path, forces, strict=True):
+            self._states = state[:7], state[7:]
+            yield force
+
+    def _take_in(self, substeps: Iterator[Forces]) -> None:
+        """What a tick's substeps leave behind."""
+        self._watch.begin_tick(self._feet)
         left_x = left_z = right_x = right_z = 0.0
         self._path = []
         left, right = False, False  # in contact at any moment: a foot may bounce within the tick
-        for torque, push in zip(self._actuation.advance(command), pushes, strict=True):
-            self._substep(self.at_joints(torque), push)
-            self._states = None
-            forces = self._contact_forces()
+        for forces in substeps:
             (x, z), (other_x, other_z) = forces
             left_x, left_z, right_x, right_z = left_x + x, left_z + z, right_x + other_x, right_z + other_z
             left, right = left or z > CONTACT_FORCE, right or other_z > CONTACT_FORCE
@@ -97,9 +137,9 @@ class EnginePlant(ABC):
 
     def at_joints(self, torque: Array) -> Array:
         """What of `torque` (4,) of the motors comes through the gears, with springs and damping, now, N m."""
-        spring = self._parameters.knee_spring
-        if not (self._gears or self._damping or spring):
+        if not self.feeds_back:
             return torque
+        spring = self._parameters.knee_spring
         q, dq = map(np.array, self._now())
         if self._gears:
             torque = self._gears.transmitted(torque, q[3:], dq[3:])
@@ -133,5 +173,5 @@ class EnginePlant(ABC):
         """Read from the engine."""
 
     @abstractmethod
-    def _contact_forces(self) -> list[list[float]]:
-        """Force on each foot in the last substep, rows left, right; columns x, z; N."""
+    def _contact_forces(self) -> Forces:
+        """Of the last substep."""

@@ -4,8 +4,9 @@ A leg's foot is base + R(a1) l + R(a2) l with a1 = pitch + hip, a2 = a1 + knee, 
 R a rotation about +y, so R(a) (x, z) = (x cos a + z sin a, z cos a - x sin a) and dR(a)v/da = (z, -x) of R(a) v.
 """
 
+import math
 from collections.abc import Sequence
-from math import cos, sin
+from typing import Any
 
 import numpy as np
 from rabbit_description.state import Array, Leg
@@ -15,10 +16,16 @@ LINK_LENGTH = 0.4  # m, thigh and shin of the URDF
 Point = tuple[float, float]  # x, z; m
 
 
-def _link(angle: float, bend: float) -> tuple[float, float]:
-    """(x, z) from a link's upper to its lower joint."""
-    c, s = cos(angle), sin(angle)
+def _link(angle: Any, bend: Any, by: Any = math) -> tuple[Any, Any]:
+    """(x, z) from a link's upper to its lower joint; of arrays of both `by` numpy."""
+    c, s = by.cos(angle), by.sin(angle)
     return LINK_LENGTH * (bend * c - s), -LINK_LENGTH * (bend * s + c)
+
+
+def foot(x: Any, z: Any, upper: Any, knee: Any, bend: Any, by: Any = math) -> tuple[Any, Any]:
+    """Where a leg's foot is, of the base, the thigh's absolute angle and the knee's; of arrays of all `by` numpy."""
+    thigh, shin = _link(upper, bend, by), _link(upper + knee, bend, by)
+    return x + thigh[0] + shin[0], z + thigh[1] + shin[1]
 
 
 class RabbitFeet:
@@ -36,11 +43,8 @@ class RabbitFeet:
     def points(self, q: Sequence[float]) -> tuple[Point, Point]:
         """The same of plain numbers, for what is asked many times a tick."""
         x, z, pitch, left_hip, left_knee, right_hip, right_knee = q
-        return self._foot(x, z, pitch + left_hip, left_knee), self._foot(x, z, pitch + right_hip, right_knee)
-
-    def _foot(self, x: float, z: float, upper: float, knee: float) -> Point:
-        thigh, shin = _link(upper, self._bend), _link(upper + knee, self._bend)
-        return x + thigh[0] + shin[0], z + thigh[1] + shin[1]
+        bend = self._bend
+        return foot(x, z, pitch + left_hip, left_knee, bend), foot(x, z, pitch + right_hip, right_knee, bend)
 
     def jacobian(self, q: Array, leg: Leg) -> Array:
         """Foot velocity over `dq`, shape (2, 7): rows x, z."""

@@ -21,7 +21,7 @@ import numpy as np
 import pinocchio
 from rabbit_description.state import Array
 
-from rabbit_sim.engine_plant import STONE_DEPTH, EnginePlant, JointStates
+from rabbit_sim.engine_plant import STONE_DEPTH, EnginePlant, Forces, JointStates
 from rabbit_sim.parameters import SUBSTEP_SECONDS, SimulationParameters
 from rabbit_sim.plant import FOOT_RADIUS, Span, gravity
 from rabbit_sim.terrain import KEPT_STONES
@@ -60,6 +60,17 @@ class MujocoPlant(EnginePlant):
             self._model.geom_solref[foot] = -k / 2, -b / 2  # MuJoCo divides by the impedance
             self._model.geom_solimp[foot] = IMPEDANCE
         self._stone_geoms = [i for i, name in enumerate(names) if name.startswith("stone")]
+        self._stone_places = self._model.body_pos[self._model.geom_bodyid[self._stone_geoms[0]] :]  # a view
+
+    @property
+    def model(self) -> mujoco.MjModel:
+        """For who steps it elsewhere: robot, ground, and the stones where they are."""
+        return self._model
+
+    def advance(self, command: Array) -> None:
+        """Each tick's contacts are solved from nothing, as `mujoco.rollout` does it for a batch of robots."""
+        self._data.qacc_warmstart[:] = 0.0
+        super().advance(command)
 
     def _make_world(self, q: Array, dq: Array) -> None:
         mujoco.mj_resetData(self._model, self._data)
@@ -76,7 +87,8 @@ class MujocoPlant(EnginePlant):
             half = np.array([(far - near) / 2 + FOOT_RADIUS, 0.5, STONE_DEPTH / 2])
             self._model.geom_size[geom], self._model.geom_aabb[geom, 3:] = half, half
             self._model.geom_rbound[geom] = np.linalg.norm(half)
-            self._data.mocap_pos[i] = (near + far) / 2, 0.0, top - FOOT_RADIUS - STONE_DEPTH / 2
+            self._stone_places[i] = (near + far) / 2, 0.0, top - FOOT_RADIUS - STONE_DEPTH / 2
+            self._data.mocap_pos[i] = self._stone_places[i]
 
     def _substep(self, torque: Array, push: float = 0.0) -> None:
         self._torque[:] = torque
@@ -86,7 +98,7 @@ class MujocoPlant(EnginePlant):
     def _joint_states(self) -> JointStates:
         return self._data.qpos[:7].tolist(), self._data.qvel[:7].tolist()
 
-    def _contact_forces(self) -> list[list[float]]:
+    def _contact_forces(self) -> Forces:
         left_x, _, left_z, right_x, _, right_z = self._pressing.tolist()
         return [[-left_x, -left_z], [-right_x, -right_z]]
 

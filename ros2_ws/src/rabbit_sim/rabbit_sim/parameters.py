@@ -3,7 +3,7 @@
 import math
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 from rabbit_description.plugins import names
 from rabbit_description.state import TORQUE_LIMIT
 
@@ -23,7 +23,11 @@ if TYPE_CHECKING:
     PlantName = str
 else:
     PlantName = Literal[*names(PLANTS)]
-Number = Annotated[float, Field(allow_inf_nan=False)]
+NEARLY_ZERO = 1e-300  # smaller numbers are zero: a product with one leaves the range in which MuJoCo reads
+LEAST_PENDULUM = 1e-6  # kg; MuJoCo takes no moving body whose inertia is below 1e-15 kg m^2
+Number = Annotated[
+    float, Field(allow_inf_nan=False), AfterValidator(lambda value: value if abs(value) >= NEARLY_ZERO else 0.0)
+]
 
 
 class SimulationParameters(BaseModel):
@@ -118,6 +122,12 @@ class SimulationParameters(BaseModel):
         if not self.course and farthest > FARTHEST_EDGE:
             names = "l_min_mean + l_min_truncation * l_min_std + stone_width"
             raise ValueError(f"{names} = {farthest:g}: expected at most {FARTHEST_EDGE} m")
+        return self
+
+    @model_validator(mode="after")
+    def _pendulum_has_mass(self) -> "SimulationParameters":
+        if 0 < self.swing_payload < LEAST_PENDULUM:
+            raise ValueError(f"swing_payload = {self.swing_payload:g}: expected 0 or at least {LEAST_PENDULUM:g} kg")
         return self
 
     @model_validator(mode="after")

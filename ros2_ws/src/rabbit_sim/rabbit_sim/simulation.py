@@ -114,6 +114,18 @@ class Simulation:
         return self._state()
 
     @property
+    def plant(self) -> Plant:
+        """The robot and its ground."""
+        return self._plant
+
+    @property
+    def is_exact(self) -> bool:
+        """Whether a state is the truth: no sensor draws noise or rounds, and nothing is estimated."""
+        p = self.parameters
+        noise = p.encoder_resolution, p.velocity_noise, p.force_noise
+        return p.sensors == "exact" and not any(noise) and self._estimate is unchanged
+
+    @property
     def stones(self) -> tuple[Span, ...]:
         """Edges of the ground placed since the reset, the first platform and the next stone included; world x, m."""
         return tuple(self._terrain.placed)
@@ -130,8 +142,12 @@ class Simulation:
             raise ValueError(f"torque = {torque}: expected four finite numbers, N m")
         if self.outcome is not Outcome.RUNNING:
             raise RuntimeError(f"outcome = {self.outcome}: expected a running episode, call reset first")
-        self._push_in_turn()
+        self.push_in_turn()
         self._plant.advance(torque)
+        return self.conclude(torque)
+
+    def conclude(self, torque: Array) -> RobotState:
+        """Take in the tick that the plant has walked under `torque`: landings, how the episode stands, measurements."""
         self._applied = torque.copy()
         self._tick += 1
         self.reading = self._plant.observe()
@@ -144,7 +160,7 @@ class Simulation:
         """Push the torso; raises `ValueError` where the plant cannot be pushed."""
         self._plant.push(force, seconds)
 
-    def _push_in_turn(self) -> None:
+    def push_in_turn(self) -> None:
         """Begin a push of the parameters' where one is due: forward first, then in turn."""
         turn, since = divmod(self._tick, max(round(self.parameters.push_interval / TICK_SECONDS), 1))
         if self.parameters.push and turn and not since:

@@ -5,6 +5,7 @@ A foot over a stone is never in a gap, however deep it sinks and however little 
 
 from collections.abc import Callable, Sequence
 from math import ceil, inf
+from typing import Any
 
 from rabbit_description.state import Leg
 
@@ -25,26 +26,26 @@ class TouchdownDetector:
     def __init__(self, locate: Callable[[], Feet]) -> None:
         self._locate = locate
         self.ground = Ground()
-        self._clear = [False, False]
-        self._crossings: list[Touch | None] = [None, None]  # of feet that have just gone below the ground
+        self.clear: Any = [False, False]  # been high since the last contact, so that it can come down
+        self.crossings: list[Touch | None] = [None, None]  # of feet that have just gone below the ground
         self.touches: list[Touch] = []
 
     def begin_tick(self, feet: Feet) -> None:
         """Forget the last tick's touches; `feet` are where they are now."""
         self.touches = []
         for leg in LEGS:
-            self._clear[leg] = self._clear[leg] or self._height(feet[leg]) > CLEAR_HEIGHT
+            self.clear[leg] = self.clear[leg] or self._height(feet[leg]) > CLEAR_HEIGHT
         self._see(feet)
 
     def substep(self, forces: Sequence[Sequence[float]]) -> None:
         """Take in the forces (rows left, right; columns x, z; N) of the substep that has just ended."""
         for leg in LEGS:
             if forces[leg][1] > CONTACT_FORCE:
-                if self._clear[leg]:
+                if self.clear[leg]:
                     feet = self._locate()
                     x, z = feet[leg]
                     self._touch(_touch(leg, feet, hold=z - self.ground.top(x) > -EDGE_DEPTH))
-                self._clear[leg] = False
+                self.clear[leg] = False
         self._unseen -= 1
         if self._unseen <= 0:
             self._watch_heights()
@@ -53,20 +54,20 @@ class TouchdownDetector:
         """Over a gap an engine may stop a foot at an edge once it is below the mouth: one that goes on has no stone."""
         feet = self._locate()
         for leg in LEGS:
-            crossing = self._crossings[leg]
-            if crossing is not None and self._clear[leg]:
+            crossing = self.crossings[leg]
+            if crossing is not None and self.clear[leg]:
                 self._touch(crossing)
             x, z = feet[leg]
-            if self._clear[leg] and not self.ground.is_under(x) and z < (mouth := self.ground.mouth(x)):
+            if self.clear[leg] and not self.ground.is_under(x) and z < (mouth := self.ground.mouth(x)):
                 above = self._last[leg][1] - mouth
                 share = above / (above - (z - mouth)) if above > 0 else 0.0
-                self._crossings[leg] = _touch(leg, _between(self._last, feet, share), hold=False)
+                self.crossings[leg] = _touch(leg, _between(self._last, feet, share), hold=False)
         self._see(feet)
 
     def _see(self, feet: Feet) -> None:
         """Look again in the substep before the first in which a clear foot may be below the highest top."""
         self._last = feet
-        height = min(feet[leg][1] - self.ground.highest if self._clear[leg] else inf for leg in LEGS)
+        height = min(feet[leg][1] - self.ground.highest if self.clear[leg] else inf for leg in LEGS)
         self._unseen = max(ceil(height / FASTEST_FALL) - 1, 1) if height < inf else inf
 
     def _height(self, foot: Point) -> float:
@@ -75,8 +76,8 @@ class TouchdownDetector:
 
     def _touch(self, touch: Touch) -> None:
         self.touches.append(touch)
-        self._clear[touch.leg] = False
-        self._crossings[touch.leg] = None
+        self.clear[touch.leg] = False
+        self.crossings[touch.leg] = None
 
 
 def _between(first: Feet, last: Feet, share: float) -> Feet:

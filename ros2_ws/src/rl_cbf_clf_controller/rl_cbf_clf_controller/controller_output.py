@@ -38,11 +38,7 @@ class ControllerOutput:
     mu: Array
     mu_qp: Array
     omega: Array
-    mu_held: Array
     quantities: tuple[str, ...]
-    nominal_a: Array
-    nominal_b: Array
-    measured: Array
     alpha: Array
     beta: Array
     observation: Array
@@ -56,6 +52,10 @@ class ControllerOutput:
     answered: bool
     solve_seconds: float
     policy_version: str
+    mu_held: Array = field(default_factory=lambda: NOTHING)
+    nominal_a: Array = field(default_factory=lambda: NOTHING)
+    nominal_b: Array = field(default_factory=lambda: NOTHING)
+    measured: Array = field(default_factory=lambda: NOTHING)
     fault: str = ""
     objective: str = "paper"
     adaptation: str = "none"

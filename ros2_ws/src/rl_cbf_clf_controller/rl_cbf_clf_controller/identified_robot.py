@@ -12,6 +12,8 @@ that bounces lands twice.) It forgets nothing when the legs swap: the robot is t
 begins with nothing known, and with some ticks in which only the noise of the rates is found (`rate_noise.py`).
 """
 
+from copy import copy
+
 import numpy as np
 from cbf_clf_qp.estimates import Estimates
 from rabbit_description.state import Array, RobotState
@@ -64,9 +66,21 @@ class IdentifiedRobot(Estimator):
         self._standing = 0  # ticks on end in which the stance foot alone stood
         self._believe()
 
+    def another(self) -> "IdentifiedRobot":
+        """See `Estimator`."""
+        other = copy(self)
+        other._identification, other._calibration = copy(self._identification), copy(self._calibration)
+        other._rate_noise = copy(self._rate_noise)
+        other.reset()
+        return other
+
     def corrected(self, state: RobotState) -> RobotState:
         """The state with its angles set right."""
-        return state.with_q(self._calibration.corrected(state.q))
+        return state.with_q(self.set_right(state.q))
+
+    def set_right(self, q: Array) -> Array:
+        """The angles in q (7,), in either order of the legs."""
+        return self._calibration.corrected(q)
 
     def predicted(self, x: Array, torque: Array) -> Array:
         """The state (14,) in which a torque that is computed from `x` takes effect, stance/swing order.

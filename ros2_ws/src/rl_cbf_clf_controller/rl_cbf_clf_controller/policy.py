@@ -14,6 +14,7 @@ from collections.abc import Collection
 
 import casadi as ca
 import numpy as np
+from cbf_clf_qp.batch import BatchEstimates, BatchFunction
 from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.functions import NumpyFunction
 from cbf_clf_qp.problem import Problem
@@ -40,6 +41,10 @@ class LearnedPolicy(Policy):
     @abstractmethod
     def act(self, observation: Array, LgV: Array) -> Estimates:
         """The estimates at `observation` (m,), raw, see `Problem.observation`, and `LgV` (4,)."""
+
+    def act_of_many(self, observations: Array, LgV: Array) -> BatchEstimates:
+        """The same for N robots, a row each."""
+        return BatchEstimates.of([self.act(*each) for each in zip(observations, LgV, strict=True)])
 
     def estimate(self, scene: Scene, before: Estimates) -> Estimates:
         """At a tick."""
@@ -72,6 +77,7 @@ class ActorPolicy(LearnedPolicy):
         self._scales = np.array(form.alpha_scale), np.array(form.beta_scale)
         self._structured = form.structured
         self._estimates = estimate_function(len(form.names), form.structured, "V" in form.names, form.m)
+        self._estimates_of_many = BatchFunction(self._estimates)
         self._actor = Actor(file.arrays)
 
     def act(self, observation: Array, LgV: Array) -> Estimates:
@@ -80,13 +86,22 @@ class ActorPolicy(LearnedPolicy):
         Raises:
             ValueError: it reads the step length of a gait library, and there is none.
         """
-        size = self._center.size
-        if observation.size < size:
-            read = self.file.metadata.observation[-1]
-            raise ValueError(f"policy {self.version} reads {read}: expected a gait library")
-        outputs = self._actor((observation[:size] - self._center) * self._inverse_scale)
+        outputs = self._actor(self._scaled(observation))
         found = self._estimates(outputs, LgV, *self._scales)
         return Estimates(found.alpha, found.beta, found.output_error if self._structured else None)
+
+    def act_of_many(self, observations: Array, LgV: Array) -> BatchEstimates:
+        """The same for N robots, to the bit."""
+        found = self._estimates_of_many(self._actor.of_many(self._scaled(observations)), LgV, *self._scales)
+        return BatchEstimates(found.alpha, found.beta, found.output_error if self._structured else None)
+
+    def _scaled(self, observation: Array) -> Array:
+        size = self._center.size
+        if observation.shape[-1] < size:
+            read = self.file.metadata.observation[-1]
+            raise ValueError(f"policy {self.version} reads {read}: expected a gait library")
+        scaled: Array = (observation[..., :size] - self._center) * self._inverse_scale
+        return scaled
 
 
 class PartlyNominal(Policy):

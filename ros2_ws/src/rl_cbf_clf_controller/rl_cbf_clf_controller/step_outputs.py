@@ -18,6 +18,7 @@ up again, for the body moves on. So beyond phase 1, where there are gaits for sl
 g, g' and g'' begin with 0, and g' goes to 1. `step_paths.descent` finds D.
 """
 
+from copy import copy
 from dataclasses import dataclass
 from typing import Protocol, TypeGuard
 
@@ -75,6 +76,9 @@ class Steps(Protocol):
     def first(self) -> VirtualConstraints:
         """Outputs before any step of an episode has begun."""
 
+    def another(self) -> "Steps":
+        """Those of another robot in the same thread, with the same functions."""
+
     def begin(self, touchdown: Touchdown) -> VirtualConstraints:
         """Outputs of the step that begins there."""
 
@@ -95,6 +99,10 @@ class SingleGait:
         """The gait's."""
         return self._outputs
 
+    def another(self) -> "SingleGait":
+        """See `Steps`: nothing is kept from step to step."""
+        return self
+
 
 class LibrarySteps:
     """Steps through a library: from where the feet stand to `aim`, a share of the stone's width, on the stone.
@@ -111,6 +119,12 @@ class LibrarySteps:
         self._has_slopes = len(library.slopes) > 1
         self._outputs = VirtualConstraints(library.gaits[0])
         self.wanted: tuple[float, ...] = (library.start_length,)
+
+    def another(self) -> "LibrarySteps":
+        """See `Steps`."""
+        other = copy(self)
+        other.regulation = type(self.regulation)(self.regulation.least, self.regulation.most)
+        return other
 
     @property
     def slope(self) -> float:

@@ -192,6 +192,21 @@ class VirtualConstraints:
         self._path, self._row = path, path_row(path)
         self._scale = np.array([1 / span, path.phase_angle_start / span])
 
+    @property
+    def functions(self) -> tuple[NumpyFunction, NumpyFunction]:
+        """The phase of (q, `scale`), and what is desired of (phase, `row`)."""
+        return self._phase, self._desired
+
+    @property
+    def row(self) -> Array:
+        """The numbers of the path."""
+        return self._row
+
+    @property
+    def scale(self) -> Array:
+        """What turns a phase angle into a phase, see `PARAMETERS`, (2,)."""
+        return self._scale
+
     def desired(self, phase: float) -> tuple[Array, Array, Array]:
         """The controlled angles (m,) at a phase, rad, and two derivatives in the phase."""
         found = self._desired(np.array([phase]), self._row)

@@ -220,6 +220,18 @@ class Actor:
         self._layers = [(arrays[f"{layer}.weight"].T, arrays[f"{layer}.bias"]) for layer in range(3)]
         self._zero = np.float32(0)
 
+    def of_many(self, scaled: NDArray[Any]) -> Float32:
+        """The same of N observations (N, m), to the bit; layer by layer, so that the weights stay near."""
+        values = scaled.astype(np.float32)
+        for layer, (weights, bias) in enumerate(self._layers):
+            given, values = values, np.tile(bias, (len(values), 1))
+            for row, result in zip(given, values, strict=True):
+                sgemv(1, weights, row, 1, result, 0, 1, 0, 1, 1, 1)  # transposed, into `result`
+            if layer < len(self._layers) - 1:
+                np.maximum(values, self._zero, out=values)
+        outputs: Float32 = np.tanh(values, out=values)
+        return outputs
+
     def __call__(self, scaled: NDArray[Any]) -> Float32:
         (first, first_bias), (second, second_bias), (last, last_bias) = self._layers
         values = sgemv(1, first, scaled, 1, first_bias, 0, 1, 0, 1, 1)  # transposed

@@ -13,10 +13,9 @@ import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from rabbit_common import exit_codes
 from rabbit_common.child_process import end_with_parent
 from rabbit_common.executables import LaunchError, find_executable
-from rabbit_common.exit_codes import ExitCode
+from rabbit_common.exit_codes import ExitCode, Interrupted
 
 PATIENCE = 12.0  # s for a node to end after SIGTERM: a recorder drains, a trainer ends its update
 POLL_SECONDS = 0.02
@@ -42,14 +41,6 @@ class NodeEnded(LaunchError):
         how = "" if returncode == UNKNOWN else how
         super().__init__(f"the {name} ended by itself{how}{last_words and f': {last_words}'}")
         self.code = ExitCode.REFUSED if returncode == ExitCode.REFUSED else ExitCode.NODE_DIED
-
-
-class Interrupted(KeyboardInterrupt):
-    """A signal asked the launcher to end."""
-
-    def __init__(self, number: int) -> None:
-        super().__init__(signal.Signals(number).name)
-        self.code = exit_codes.of_signal(number)
 
 
 class Foreign:

@@ -6,7 +6,7 @@ import signal
 import sys
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
+from multiprocessing import active_children, get_context
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +14,9 @@ from pydantic_core import to_json
 from rabbit_common import exit_codes
 from rabbit_common.child_process import end_with_parent
 from rabbit_common.executables import LaunchError
-from rabbit_common.exit_codes import ExitCode
+from rabbit_common.exit_codes import ExitCode, Interrupted
 from rabbit_recording.bag_writer import RecordingError
 
-from rabbit_bringup.launching.processes import Interrupted
 from rabbit_bringup.launching.walk import Walk
 
 Ended = Callable[[Any], None]  # gets the `Episode` message of an episode that has ended
@@ -96,10 +95,15 @@ def _show(walk: Walk) -> None:
 
     with ProcessPoolExecutor(1, get_context("spawn"), _begin_film, (os.getpid(),)) as other:
         film = other.submit(film_walk, walk.folder) if walk.options.video else None
-        if walk.options.pictures:
-            draw_pictures(walk.folder)
-        if film:
-            film.result()
+        try:
+            if walk.options.pictures:
+                draw_pictures(walk.folder)
+            if film:
+                film.result()
+        except KeyboardInterrupt:
+            for process in active_children():  # SIGTERM has reached this process alone
+                process.kill()
+            raise
 
 
 def _begin_film(parent: int) -> None:

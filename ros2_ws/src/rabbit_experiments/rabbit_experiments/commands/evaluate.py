@@ -6,6 +6,7 @@ from typing import Any
 
 import typer
 from pydantic import BaseModel, ConfigDict, Field
+from rabbit_common.exit_codes import of_interrupt
 from rabbit_common.options import Defaults, Given, complaints, fail, options
 from rabbit_common.own_folder import own_folder
 from rabbit_description.plugins import load
@@ -35,6 +36,7 @@ class EvaluationOptions(BaseModel):
     jobs: int = Field(
         default_factory=lambda: os.cpu_count() or 1, ge=1, le=4096, description="processes (default: all cores)"
     )
+    batch: int = Field(1, ge=1, le=4096, description="runs that a process walks at once (needs --plant mujoco)")
     pictures: bool = Field(False, description="draw the first run")
     overwrite: bool = Field(False, description="begin again in a folder of another evaluation")
 
@@ -45,13 +47,15 @@ def evaluate(given: Given) -> None:
     """Walk many seeded runs without ROS: success rate, stones, forces, solver and speed, in DIR/summary.json."""
     request = given.build(EvaluationOptions)
     assembly = given_assembly(given, request.policy, request.parameters, request.nominal)
+    if request.batch > 1 and assembly.simulation.plant != "mujoco":
+        fail(f"--batch {request.batch} with --plant {assembly.simulation.plant}: expected --plant mujoco")
     from rabbit_experiments.evaluation import Scenario
     from rabbit_experiments.results import ResultsError, ResultsFolder
 
     scenario, about = Scenario(assembly, request.runs, request.seed), describe(assembly, request.seed)
     with complaints(ResultsError):
         folder = ResultsFolder(own_folder(request.out, "evaluate"), about, request.overwrite)
-    results, made = walk_all(scenario, folder, request.jobs)
+    results, made = walk_all(scenario, folder, request.jobs, request.batch)
     show(conclude(scenario, folder, results, about))
     print(f"{made} runs made; written {request.out}")
     if request.pictures:
@@ -105,7 +109,7 @@ def describe(assembly: Any, seed: int) -> dict[str, Any]:
     }
 
 
-def walk_all(scenario: Any, folder: Any, processes: int) -> tuple[list[Any], int]:
+def walk_all(scenario: Any, folder: Any, processes: int, batch: int = 1) -> tuple[list[Any], int]:
     """Walk the runs that the folder lacks, its tables up to date after each; all results, and how many were made."""
     from rabbit_experiments.cache import JobError
     from rabbit_experiments.engine import run
@@ -122,9 +126,9 @@ def walk_all(scenario: Any, folder: Any, processes: int) -> tuple[list[Any], int
 
     try:
         with complaints(JobError):
-            made = run(scenario.walks, folder.cache, processes, note=note)
-    except KeyboardInterrupt:
-        fail(f"stopped after {len(kept)} runs; the same command goes on from there", code=130)
+            made = run(scenario.walks, folder.cache, processes, note=note, batch=batch)
+    except KeyboardInterrupt as stop:
+        fail(f"stopped after {len(kept)} runs; the same command goes on from there", code=of_interrupt(stop))
     return [kept[number] for number in sorted(kept)], made
 
 

@@ -5,6 +5,7 @@ from typing import Any
 
 import typer
 from pydantic import BaseModel, ConfigDict, Field
+from rabbit_common.exit_codes import of_interrupt
 from rabbit_common.options import Defaults, Given, complaints, fail, options
 from rabbit_common.own_folder import own_folder
 from rabbit_sim.parameters import SimulationParameters
@@ -64,8 +65,8 @@ def train(given: Given) -> None:
     ):
         try:
             follow(job, parameters.episodes)
-        except KeyboardInterrupt:
-            fail("stopped; the same command goes on from the last whole episode", code=130)
+        except KeyboardInterrupt as stop:
+            fail("stopped; the same command goes on from the last whole episode", code=of_interrupt(stop))
         job.session.trainer.policy_file().write(request.out / POLICY)
     print(f"written {request.out / POLICY}")
 

@@ -1,0 +1,96 @@
+"""Seeded runs walked side by side in MuJoCo: each leaves to the bit what it leaves alone, but for the times.
+
+A time is a robot's share of what all of them took.
+"""
+
+import time
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from rabbit_description.gait import load_gaits
+from rabbit_description.state import Array
+from rl_cbf_clf_controller.batch_controller import BatchController
+from rl_cbf_clf_controller.controller import Controller
+from rl_trainer.rollout import Record
+
+from rabbit_experiments.assembly import Assembly, make_simulation
+from rabbit_experiments.metrics import RunResult, RunTally
+
+if TYPE_CHECKING:
+    from rabbit_sim.batch_simulation import BatchSimulation
+
+
+class Run:
+    """One of them: its `place` among all, its tally, and its times."""
+
+    def __init__(self, place: int, number: int, seed: int, assembly: Assembly) -> None:
+        self.place, self.seed = place, seed
+        self.force: Array = np.zeros((2, 2))  # the true one at the present tick
+        self.tally = RunTally(number, assembly.controller, lambda: self.force)
+        self.seconds, self.controller, self.plant = 0.0, list[float](), list[float]()
+
+
+def walk_together(
+    assemblies: Sequence[Assembly], numbers: Sequence[int], seeds: Sequence[int]
+) -> Iterator[tuple[int, RunResult]]:
+    """Walks of assemblies that differ in their plants alone, each with its run's number and its episode's seed.
+
+    Yields the place and the result of each as it ends. Raises ValueError for a plant that is not MuJoCo's.
+    """
+    from rabbit_sim.batch_simulation import BatchSimulation  # needs MuJoCo, which not everybody has
+
+    first, gait = assemblies[0], load_gaits(assemblies[0].controller.gait)
+    simulation = BatchSimulation([make_simulation(each.simulation, gait) for each in assemblies])
+    policy = first.make_policy()
+    policies = [each.make_policy() if first.policy == "oracle" else policy for each in assemblies]
+    controller = BatchController(Controller(first.controller, gait, policy), policies)
+    numbered = enumerate(zip(numbers, seeds, assemblies, strict=True))
+    runs, states = [Run(place, *each) for place, each in numbered], simulation.reset(seeds)
+    for run in runs:
+        controller.reset(run.place, run.seed)
+    while runs:
+        start = time.perf_counter()
+        output = controller.step(states)
+        decided, go_on = time.perf_counter(), np.ones(len(runs), dtype=bool)
+        for row, run in enumerate(runs):
+            run.force = simulation.true_force[row]
+            if row in output.errors:
+                run.tally.fault = output.errors[row]
+            else:
+                run.tally(Record(states[row], output[row]))
+            go_on[row] = not run.tally.fault
+            run.controller.append((decided - start) / len(runs))
+        yield from ended(runs, simulation, go_on)
+        runs, torque = kept(runs, simulation, controller, go_on), output.torque[go_on]
+        if not runs:
+            return
+        begun = time.perf_counter()
+        states = simulation.step(torque)
+        now = time.perf_counter()
+        for run in runs:
+            run.plant.append((now - begun) / len(runs))
+            run.seconds += (now - start) / len(runs)
+        go_on = states.running.copy()
+        yield from ended(runs, simulation, go_on)
+        runs, states = kept(runs, simulation, controller, go_on), simulation.states
+
+
+def ended(runs: Sequence[Run], simulation: "BatchSimulation", go_on: Array) -> Iterator[tuple[int, RunResult]]:
+    """The results of those that do not go on."""
+    for row in (~go_on).nonzero()[0].tolist():
+        run, own = runs[row], simulation.simulations[row]
+        times = run.controller, run.plant, run.seconds
+        yield run.place, run.tally.result(run.seed, own.outcome, own.landings, *times)
+        own.close()
+
+
+def kept(runs: list[Run], simulation: "BatchSimulation", controller: BatchController, go_on: Array) -> list[Run]:
+    """Those that go on, alone in simulation and controller."""
+    if go_on.all():
+        return runs
+    rows = go_on.nonzero()[0]
+    if rows.size:
+        simulation.keep(rows)
+        controller.keep(rows)
+    return [runs[row] for row in rows]

@@ -1,0 +1,213 @@
+"""N robots in MuJoCo at once: `mujoco.rollout` walks a tick of all of them, numpy judges it.
+
+Each robot has a `Simulation` of its own, which knows its course, its landings and how its episode stands. In most ticks
+nothing of that can change: no foot that could come down is near the ground or carries anything, and the robot stands on
+a foot, high and upright. Such a tick is noted for all robots at once. Any other tick, and one whose sensors draw noise,
+goes through the robot's own `Simulation`, so each rule is written there and nowhere else. A robot whose joint torques
+depend on its state within the tick (gears, damping, springs), or that carries a pendulum, walks there entirely.
+"""
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+from mujoco.rollout import Rollout
+from rabbit_description.robot_states import RobotStates
+from rabbit_description.state import Array, RobotState
+
+from rabbit_sim.actuation import Actuation
+from rabbit_sim.kinematics import foot
+from rabbit_sim.mujoco_plant import MujocoPlant
+from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.plant import CLEAR_HEIGHT, CONTACT_FORCE, SUBSTEPS
+from rabbit_sim.simulation import SLIP_DISTANCE, SLIP_FRICTION, STALL_TICKS, Simulation
+
+COORDINATES = 7
+JOINT_TORQUES, PUSHES = mujoco.mjtState.mjSTATE_QFRC_APPLIED, mujoco.mjtState.mjSTATE_XFRC_APPLIED
+ROUNDING = 1e-9  # m, by which numpy may place a foot elsewhere: what is so near goes to `Simulation`
+
+
+class BatchSimulation:
+    """The robots of `simulations`, which are its own from now on.
+
+    `states`: what the controllers get; `true_force` (N, 2, 2): the feet's, without noise, N. Raises ValueError for a
+    plant that is not MuJoCo's.
+    """
+
+    def __init__(self, simulations: Sequence[Simulation]) -> None:
+        self.simulations = list(simulations)
+        for simulation in simulations:
+            plant_of(simulation)
+        self._rollout = Rollout(nthread=0)
+
+    def reset(self, seeds: Sequence[int]) -> RobotStates:
+        """Begin an episode with each robot; see `Simulation.reset`."""
+        pairs = zip(self.simulations, seeds, strict=True)
+        self.states = RobotStates.of([simulation.reset(seed) for simulation, seed in pairs])
+        n = len(self.states)
+        self._engine = np.zeros((n, 1 + 2 * COORDINATES))  # time, q, dq
+        self._feet_x, self._feet_z = np.zeros((2, n, 2))
+        self._is_clear = np.zeros((n, 2), dtype=bool)
+        self._is_airborne, self._is_crossing = np.zeros((2, n), dtype=bool)
+        self._stance = np.zeros(n, dtype=int)
+        self._stance_x, self._step_began, self._lowest, self._highest = np.zeros((4, n))
+        self.true_force = np.zeros((n, 2, 2))
+        self._actuation = Actuation(*(simulation.parameters for simulation in self.simulations))
+        self._arrange()
+        for i in range(n):
+            self._begin(i)
+        return self.states
+
+    def restart(self, i: int, simulation: Simulation, seed: int) -> None:
+        """Begin an episode with another robot in place of robot `i`, or with the same one."""
+        plant_of(simulation)
+        self.simulations[i] = simulation
+        self.states[i] = simulation.reset(seed)
+        self._actuation = self._actuation.going_on(np.arange(len(self.states)), self._parameters)
+        self._actuation.rest(i)
+        self._arrange()
+        self._begin(i)
+
+    def keep(self, rows: Array) -> None:
+        """Go on with some of the robots, by number."""
+        self.simulations = [self.simulations[i] for i in rows]
+        self.states = self.states.kept(rows)
+        for name in ROWS:
+            setattr(self, name, getattr(self, name)[rows])
+        self._actuation = self._actuation.going_on(rows, self._parameters)
+        self._arrange()
+
+    def step(self, torques: Array) -> RobotStates:
+        """Go on one tick under `torques` (N, 4), N m; see `Simulation.step`. All robots are running."""
+        states, n = self.states, self._together
+        states.tick = states.tick + 1
+        states.applied = torques.copy()
+        if self._models:
+            before = self._engine[n].copy()
+            path, forces = self._walked(before, torques)
+            self._engine[n] = self._after[:, -1]
+            states.q[n], states.dq[n] = path[:, -1, :COORDINATES], path[:, -1, COORDINATES:]
+            pressed = forces[..., 1] > CONTACT_FORCE
+            states.contact[n] = pressed.any(axis=1)
+            states.foot_force[n] = self.true_force[n] = forces.sum(axis=1) / SUBSTEPS
+            special = self._may_land(path) | self._is_doubtful()[n] | self._draws_noise[n]
+            for row in special.nonzero()[0].tolist():
+                i = self._numbers[row]
+                simulation = self._own(i)
+                plant_of(simulation).follow(np.concatenate([before[row : row + 1, 1:], path[row]]), forces[row])
+                self._note(i, simulation.conclude(torques[i]))
+        for i in self._alone:
+            self._note(i, self._own(i).step(torques[i]))
+        return states
+
+    def _walked(self, before: Array, torques: Array) -> tuple[Array, Array]:
+        """q and dq (n, SUBSTEPS, 14) after each substep, and the feet's forces in it (n, SUBSTEPS, 2, 2)."""
+        self._control[:, :, 3:COORDINATES] = self._actuation.advance(torques)[self._together]
+        for row in self._pushed:
+            simulation = self._own(self._numbers[row])
+            simulation.push_in_turn()
+            self._control[row, :, self._push_at] = plant_of(simulation).next_pushes()
+        self._rollout.rollout(
+            self._models,
+            self._data,
+            before,
+            self._control,
+            control_spec=self._applied,
+            nstep=SUBSTEPS,
+            state=self._after,
+            sensordata=self._sensed,
+            skip_checks=True,
+        )
+        return self._after[:, :, 1:], -self._sensed.reshape(-1, SUBSTEPS, 2, 3)[..., ::2]
+
+    def _may_land(self, path: Array) -> Array:
+        """Whether a foot may come down, or whether it is off the ground is not sure, (n,)."""
+        n, q = self._together, path[..., None]
+        over = self._feet_z[n] - self._highest[n, None]
+        clear, unsure = self._is_clear[n], self._feet_z[n] - self._lowest[n, None] > CLEAR_HEIGHT
+        clear |= over > CLEAR_HEIGHT
+        self._is_clear[n] = clear
+        upper, knee = q[..., 2, :] + path[..., 3:COORDINATES:2], path[..., 4:COORDINATES:2]
+        x, z = foot(q[..., 0, :], q[..., 1, :], upper, knee, self._bend, np)
+        self._feet_x[n], self._feet_z[n] = x[:, -1], z[:, -1]
+        is_low = z.min(axis=1) - self._highest[n, None] < ROUNDING
+        comes_down = clear & (is_low | self.states.contact[n]) | unsure & ~clear
+        return comes_down.any(axis=1) | self._is_crossing[n]
+
+    def _is_doubtful(self) -> Array:
+        """Whether the episode may end, (N,), or a flight begins, goes on or ends: what `Simulation` judges."""
+        states, p = self.states, self._limits
+        was_airborne, self._is_airborne = self._is_airborne, ~states.contact.any(axis=1)
+        travel = np.abs(self._feet_x[self._rows, self._stance] - self._stance_x)
+        is_sound = (states.q[:, 1] - self._highest >= p[0]) & (np.abs(states.q[:, 2]) <= p[1]) & (travel <= p[2])
+        is_sound &= np.isfinite(states.dq.sum(axis=1)) & (states.tick - self._step_began < STALL_TICKS)
+        return ~is_sound | was_airborne | self._is_airborne
+
+    def _own(self, i: int) -> Simulation:
+        """That of robot `i`, told how many ticks have been walked."""
+        simulation = self.simulations[i]
+        simulation._tick = int(self.states.tick[i]) - 1
+        return simulation
+
+    def _note(self, i: int, state: RobotState) -> None:
+        """What the own simulation of robot `i` says."""
+        simulation = self.simulations[i]
+        self.states[i] = state
+        self.true_force[i] = simulation.reading.foot_force
+        self._stance[i], self._stance_x[i] = simulation._stance, simulation._stance_x
+        self._step_began[i] = simulation._step_began
+        self._is_crossing[i] = plant_of(simulation).is_crossing
+        tops = [span.top for span in simulation._terrain.present]
+        self._lowest[i], self._highest[i] = min(0.0, *tops), max(0.0, *tops)
+
+    def _begin(self, i: int) -> None:
+        """Robot `i` has been reset."""
+        simulation = self.simulations[i]
+        self._engine[i, 1:] = np.concatenate([simulation.reading.q, simulation.reading.dq])
+        self._engine[i, 0] = 0.0
+        self._feet_x[i], self._feet_z[i] = simulation.reading.foot_position.T
+        self._is_clear[i] = False
+        self._is_airborne[i] = not simulation.reading.contact.any()
+        self._note(i, self.states[i])
+
+    @property
+    def _parameters(self) -> list[SimulationParameters]:
+        return [simulation.parameters for simulation in self.simulations]
+
+    def _arrange(self) -> None:
+        """What follows from which robots there are."""
+        plants, parameters = [plant_of(simulation) for simulation in self.simulations], self._parameters
+        self._rows = np.arange(len(plants))
+        is_alone = np.array([plant.feeds_back or plant.model.nq != COORDINATES for plant in plants])
+        self._alone, numbers = is_alone.nonzero()[0].tolist(), (~is_alone).nonzero()[0]
+        self._numbers, self._together = numbers.tolist(), numbers if is_alone.any() else slice(None)
+        self._draws_noise = np.array([not simulation.is_exact for simulation in self.simulations])
+        slips = [SLIP_DISTANCE - ROUNDING if p.ground_friction <= SLIP_FRICTION else np.inf for p in parameters]
+        heights, pitches = ([getattr(p, name) for p in parameters] for name in ("fall_height", "fall_pitch"))
+        self._limits = np.array([heights, pitches, slips])
+        self._bend = np.array([parameters[i].link_bend for i in self._numbers])[:, None, None]
+        self._models = [plants[i].model for i in self._numbers]
+        self._pushed = [row for row, i in enumerate(self._numbers) if parameters[i].push]
+        for i, plant in enumerate(plants):
+            plant.watch_with(self._is_clear[i])
+        if self._models:
+            model = self._models[0]
+            self._applied = int(JOINT_TORQUES | PUSHES if self._pushed else JOINT_TORQUES)
+            self._push_at = model.nv + 6 * model.body("torso").id
+            self._data = [mujoco.MjData(model)]
+            shape = len(self._models), SUBSTEPS
+            self._control = np.zeros((*shape, mujoco.mj_stateSize(model, self._applied)))
+            self._after = np.empty((*shape, 1 + 2 * COORDINATES))
+            self._sensed = np.empty((*shape, model.nsensordata))
+
+
+ROWS = ("_engine", "_feet_x", "_feet_z", "_is_clear", "_is_airborne", "_is_crossing", "_stance", "_stance_x")
+ROWS = (*ROWS, "_step_began", "_lowest", "_highest", "true_force")
+
+
+def plant_of(simulation: Simulation) -> MujocoPlant:
+    """Raises ValueError where it is not MuJoCo's."""
+    plant = simulation.plant
+    if not isinstance(plant, MujocoPlant):
+        raise ValueError(f"plant = {simulation.parameters.plant}: expected mujoco, in which a batch walks")
+    return plant

@@ -1,0 +1,321 @@
+"""The controller's tick of N robots at once: the functions of `controller.py`, mapped; each robot's torque is to the
+bit what a `Controller` of its own would give.
+
+State, outputs, rows, QP, policy and torque are computed for all robots together. What happens once a step, and an
+estimator that learns within the walk or knows its plant (the identified robot, L1, an oracle), goes robot by robot.
+"""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from cbf_clf_qp.batch import BatchAnswering, BatchDecided, BatchEstimates, BatchFunction, BatchValues
+from cbf_clf_qp.functions import places_of
+from cbf_clf_qp.qp import ROUNDING as ACTIVE
+from rabbit_description.robot_states import RobotStates
+from rabbit_description.state import SWAP_STATE, SWAP_TORQUE, TICK_SECONDS, Array, Leg
+
+from rl_cbf_clf_controller.controller import NO_TORQUE, ROUNDING, SECONDS, Controller
+from rl_cbf_clf_controller.controller_output import ControllerOutput
+from rl_cbf_clf_controller.policy import LearnedPolicy, Policy
+from rl_cbf_clf_controller.scene import ControllerError, Scene
+from rl_cbf_clf_controller.step_outputs import Touchdown
+from rl_cbf_clf_controller.terrain import FARTHEST_STONE, HIGHEST_STONE
+from rl_cbf_clf_controller.virtual_constraints import VirtualConstraints
+
+GLANCE = ("eta", "V", "LgV", "phase", "observation", "B1_state", "B2_state")  # what policy and figures read of a state
+
+
+@dataclass
+class BatchOutput:
+    """What a tick decides: `torque` (N, 4), left/right order, saturated, N m. `fields`: others of `ControllerOutput`
+    with a row a robot. `errors`: why the controller refuses a robot's state, `faults`: why its episode must end, both by
+    its number.
+    """
+
+    torque: Array
+    fields: dict[str, Any]
+    decided: BatchDecided
+    shared: dict[str, Any]
+    errors: dict[int, str]
+    faults: dict[int, str]
+
+    def __getitem__(self, i: int) -> ControllerOutput:
+        """Of robot `i`. Without details `nominal_a`, `nominal_b`, `measured` and `mu_held` are empty."""
+        decided, layout = self.decided, self.decided.layout
+        slack, margin = decided.values.slack[i], decided.values.margin[i].tolist()
+        gives = slack.any()
+        return ControllerOutput(
+            torque=self.torque[i],
+            clf_slack=float(slack @ ~layout.rescues) if gives else 0.0,
+            rescue_slack=float(slack @ layout.rescues) if gives else 0.0,
+            active=tuple(name for name, each in zip(layout.names, margin, strict=True) if each < ACTIVE),
+            solver=decided.solver[i],
+            status=decided.status[i],
+            fault=self.faults.get(i, ""),
+            **{name: values[i] for name, values in self.fields.items()},
+            **self.shared,
+        )
+
+
+class BatchController:
+    """N robots under copies of one `controller`, each with its policy; several may have the same one.
+
+    `details`: whether an output has all that a transition is made of. One object serves one thread.
+    """
+
+    def __init__(self, controller: Controller, policies: Sequence[Policy], details: bool = False) -> None:
+        n, tick = len(policies), controller.qp
+        self._one, self._details, self.policies = controller, details, list(policies)
+        self._steps = [controller.steps.another() for _ in policies]
+        self._estimators = [[each.another() for each in controller._estimators] for _ in policies]
+        self._robots = [estimators[0] for estimators in self._estimators] if controller._robot else []
+        self._acts_at_once = isinstance(policies[0], LearnedPolicy) and len(set(map(id, policies))) == 1
+        self._needs_scenes = not self._acts_at_once or bool(controller._estimators)
+        names = [name for name in GLANCE if name in tick.terms.reads]
+        self._read = BatchFunction(tick.look if details or self._needs_scenes else tick.glance(names))
+        self._phase, self._desired = map(BatchFunction, controller.steps.first().functions)
+        self._measure = BatchFunction(controller._measure)
+        self._answer = BatchAnswering(tick.answer, n)
+        self._places = {name: place for name, (place, _) in places_of(tick.system.named).items()}
+        self._stones = slice(self._places["l_min"].start, self._places["height"].stop)
+        self._rngs = [np.random.default_rng(0) for _ in policies]
+        self._constraints = [steps.first() for steps in self._steps]
+        self._stance, self._index, self._start_tick = np.zeros((3, n), dtype=int)
+        self._has_begun, self._seconds_before = np.zeros(n, dtype=bool), np.zeros(n)
+        self._torque = np.tile(NO_TORQUE, (n, 1))
+        self._path, self._scale = (
+            np.array([getattr(each, of) for each in self._constraints]) for of in ("row", "scale")
+        )
+        self._p = np.tile(controller._p, (n, 1))
+        self._last_tick, self._last_x, self._last_p = np.full(n, -2), np.zeros((n, 14)), self._p.copy()
+        self._none = BatchEstimates.of([tick.no_error()])
+
+    def reset(self, i: int, seed: int) -> None:
+        """Begin an episode of robot `i`; see `Controller.reset`."""
+        self._rngs[i] = np.random.default_rng(seed)
+        self._stance[i] = self._index[i] = self._start_tick[i] = 0
+        self._seconds_before[i], self._torque[i], self._last_tick[i] = np.nan, NO_TORQUE, -2
+        self._has_begun[i] = False
+        self._follow(i, self._steps[i].first())
+        self._answer.reset(i)
+        for estimator in (self.policies[i], *self._estimators[i]):
+            estimator.reset()
+
+    def keep(self, rows: Array) -> None:
+        """Go on with some of the robots, by number."""
+        for name, value in vars(self).items():
+            if name in PER_ROBOT:
+                setattr(self, name, value[rows] if isinstance(value, np.ndarray) else [value[i] for i in rows])
+        self._robots = self._robots and [self._robots[i] for i in rows]
+        self._answer.keep(rows)
+
+    def step(self, states: RobotStates) -> BatchOutput:
+        """The torques for one tick; see `Controller.step`. Those of a state that is refused mean nothing."""
+        return self.decide(self.look(states))
+
+    def look(self, states: RobotStates) -> "BatchScene":
+        """What is seen of the states, after those robots have changed legs that came down; see `Controller.look`."""
+        errors = self._refused(states)
+        unknown = np.array([i in errors for i in range(len(states))])
+        q, dq = (np.where(unknown[:, None], 0.0, each) for each in (states.q, states.dq))
+        is_known = np.isfinite(states.applied.sum(axis=1))
+        if is_known.any():
+            applied = self._by_stance(states.applied, SWAP_TORQUE)
+            self._torque = np.where(is_known[:, None], applied, self._torque)
+        if self._robots:
+            q = np.array([robot.set_right(each) for robot, each in zip(self._robots, q, strict=True)])
+        faults = self._swap_legs(states, q)
+        x = np.concatenate([self._by_stance(q, SWAP_STATE), self._by_stance(dq, SWAP_STATE)], axis=1)
+        for i in (~self._has_begun).nonzero()[0].tolist():
+            self._begin_step(i, x[i], states)
+        if self._robots and self._one.parameters.prediction:
+            pairs = zip(self._robots, x, self._torque, strict=True)
+            x = np.array([robot.predicted(each, torque) for robot, each, torque in pairs])
+        p = self._p = self._p.copy()
+        desired = self._desired(self._phase(x[:, :7], self._scale).row, self._path)
+        for name in desired.places:
+            p[:, self._places[name]] = desired[name]
+        p[:, self._places["phase_scale"]] = self._scale
+        force = self._by_stance(states.foot_force, [1, 0])
+        p[:, self._places["force"]] = force[:, 0]
+        if states.previews[0] is not None:
+            p[:, self._stones] = states.stones
+        seen = self._read(x, p)
+        observed = self._one._terrain.observed(states.previews[0], self._steps[0].wanted)
+        return BatchScene(states.tick, x, p, seen, force, seen.observation[:, :observed], errors, faults)
+
+    def decide(self, scene: "BatchScene", estimates: BatchEstimates | None = None) -> BatchOutput:
+        """The torques at these scenes, from the estimates of all estimators; or with others in place of the policy's."""
+        start = time.perf_counter()
+        parts = self._estimated(scene, estimates)
+        total = sum(parts[1:], start=self._none + parts[0])
+        error = total.output_error
+        if error is None:
+            if self._one.parameters.objective == "pd_centred" and not self._one._corrects_input:
+                raise ControllerError(
+                    "objective pd_centred: expected a structured policy, which gives the output error"
+                )
+            error = np.zeros((len(scene.x), *self._none.output_error.shape[1:]))
+        decided = self._answer(scene.x, scene.p, total.alpha, total.beta, error)
+        output = self._output(scene, decided, total, parts)
+        output.shared["solve_seconds"] = (time.perf_counter() - start) / len(scene.x)
+        self._last_tick, self._last_x, self._last_p = scene.tick, scene.x, scene.p
+        return output
+
+    def _estimated(self, scene: "BatchScene", given: BatchEstimates | None) -> list[BatchEstimates]:
+        """Of the policy, then of each other estimator."""
+        if given is None and self._acts_at_once:
+            given = self.policies[0].act_of_many(scene.observation, scene.seen.LgV)
+        if given is not None and not self._one._estimators:
+            return [given]
+        found = []
+        for i in range(len(scene.x)):
+            one = self._scene(scene, i)
+            parts = [self.policies[i].estimate(one, self._one.qp.no_error()) if given is None else given[i]]
+            total = self._one.qp.no_error() + parts[0]
+            for estimator in self._estimators[i]:
+                parts.append(estimator.estimate(one, total))
+                total = total + parts[-1]
+            found.append(parts)
+        return [BatchEstimates.of(part) for part in zip(*found, strict=True)]
+
+    def _scene(self, s: "BatchScene", i: int) -> Scene:
+        """As an estimator of robot `i` sees it."""
+        tick, torque, stance = int(s.tick[i]), self._torque[i].copy(), int(self._stance[i])
+        return Scene(s.x[i], s.p[i], s.seen.of(i), s.force[i], s.observation[i], tick, torque, stance, self._one._error)
+
+    def _output(
+        self, scene: "BatchScene", decided: BatchDecided, total: BatchEstimates, parts: list[BatchEstimates]
+    ) -> BatchOutput:
+        parameters, values, seen, n = self._one.parameters, decided.values, scene.seen, len(scene.x)
+        a, b = values.control_a, values.control_b
+        mu_qp, wanted, omega, faults = values.mu, values.u, np.zeros((n, 4)), scene.faults
+        for i in (~decided.solved).nonzero()[0].tolist():
+            faults.setdefault(i, f"no solver answered: {decided.status[i]}")
+            mu_qp[i] = 0.0
+            wanted[i] = a[i] @ mu_qp[i] + b[i]
+        mu = mu_qp
+        if parameters.sigma > 0:
+            omega = parameters.sigma * np.array([rng.standard_normal(4) for rng in self._rngs])
+            mu = mu_qp + omega
+            wanted = np.array([a[i] @ mu[i] + b[i] for i in range(n)])
+        limit = parameters.torque_limit
+        torque = wanted.clip(-limit, limit)
+        saturated = np.abs(wanted).max(axis=1) > limit + ROUNDING
+        if saturated.any():
+            mu = mu.copy()
+            for i in saturated.nonzero()[0].tolist():
+                mu[i] = np.linalg.solve(a[i], torque[i] - b[i])
+        held, self._torque = self._torque, torque
+        fields = {
+            "tick": scene.tick.tolist(),
+            "stance": [Leg(leg) for leg in self._stance.tolist()],
+            "step_index": self._index.tolist(),
+            "step_time": ((scene.tick - self._start_tick) * TICK_SECONDS).tolist(),
+            "phase": seen.phase[:, 0].tolist(),
+            "eta": seen.eta,
+            "V": seen.V[:, 0].tolist(),
+            "barriers": self._of_barriers(seen, 0),
+            "barrier_rates": self._of_barriers(seen, 1),
+            "mu": mu,
+            "mu_qp": mu_qp,
+            "omega": omega,
+            "alpha": total.alpha,
+            "beta": total.beta,
+            "observation": scene.observation,
+            "LgV": seen.LgV,
+            "saturated": saturated.tolist(),
+            "answered": [solver == parameters.qp_solver for solver in decided.solver],
+            "policy_version": [policy.version for policy in self.policies],
+        }
+        if self._details:
+            fields |= self._detailed(scene, held, parts)
+        shared = {"quantities": self._one.qp.names, "objective": parameters.objective}
+        shared["adaptation"] = parameters.adaptation
+        return BatchOutput(self._by_stance(torque, SWAP_TORQUE), fields, decided, shared, scene.errors, faults)
+
+    def _detailed(self, scene: "BatchScene", held: Array, parts: list[BatchEstimates]) -> dict[str, Any]:
+        seen, n = scene.seen, len(scene.x)
+        measured = self._measure(self._last_x, self._last_p, scene.x, scene.p, SECONDS).measured
+        measured[self._last_tick != scene.tick - 1] = np.nan
+        found = {"nominal_a": seen.nominal_a, "nominal_b": seen.nominal_b, "measured": measured}
+        found["mu_held"] = np.array([seen.outputs_a[i] @ held[i] + seen.outputs_b[i] for i in range(n)])
+        if self._robots:
+            found["identified"] = [robot.known for robot in self._robots]
+            found["adapted"] = [parts[1][i].packed for i in range(n)]
+        return found
+
+    def _of_barriers(self, seen: BatchValues, order: int) -> Array:
+        if self._one.parameters.terrain != "stones":
+            return np.full((len(seen.row), 2), np.nan)
+        return np.stack([seen.B1_state[:, order], seen.B2_state[:, order]], axis=1)
+
+    def _by_stance(self, values: Array, swapped: Any) -> Array:
+        """From left/right to stance/swing order and back."""
+        is_right = self._stance.astype(bool).reshape(-1, *[1] * (values.ndim - 1))
+        return np.where(is_right, values[:, swapped], values)
+
+    def _refused(self, states: RobotStates) -> dict[int, str]:
+        """What `Controller` refuses, by robot."""
+        is_sound = np.isfinite(states.q.sum(axis=1)) & np.isfinite(states.dq.sum(axis=1))
+        l_min, l_max, height = states.stones.T
+        if self._one.parameters.terrain == "stones":
+            is_sound &= (l_min > 0) & (l_max > l_min) & (l_max < FARTHEST_STONE) & (np.abs(height) <= HIGHEST_STONE)
+        refused = {}
+        for i in (~is_sound).nonzero()[0].tolist():
+            try:
+                self._one._check(states[i])
+            except ControllerError as error:
+                refused[i] = f"controller error: {error}"
+        return refused
+
+    def _swap_legs(self, states: RobotStates, q: Array) -> dict[int, str]:
+        """Swap stance and swing at a touchdown; faults where this and the simulator's count disagree."""
+        parameters = self._one.parameters
+        seconds = (states.tick - self._start_tick) * TICK_SECONDS
+        has_come_down = np.where(self._stance == 0, states.contact[:, 1], states.contact[:, 0])
+        for i in (has_come_down & (seconds > parameters.swap_time)).nonzero()[0].tolist():
+            q_s = q[i, SWAP_STATE] if self._stance[i] else q[i]
+            if self._constraints[i].phase(q_s) > parameters.swap_phase:
+                self._stance[i] = 1 - self._stance[i]
+                self._index[i] += 1
+                self._start_tick[i], self._seconds_before[i] = states.tick[i], seconds[i]
+                self._torque[i], self._last_tick[i], self._has_begun[i] = NO_TORQUE, -2, False
+        wrong = (states.touchdowns != self._index).nonzero()[0].tolist()
+        return {i: f"contact disagreement: {states.touchdowns[i]} touchdowns, {self._index[i]} steps" for i in wrong}
+
+    def _begin_step(self, i: int, x: Array, states: RobotStates) -> None:
+        """See `Controller`."""
+        seconds = None if np.isnan(self._seconds_before[i]) else float(self._seconds_before[i])
+        taken = -float(self._one._feet(x[:7]).swing[0])
+        self._follow(i, self._steps[i].begin(Touchdown(x[:7], x[7:], taken, seconds, states.previews[i])))
+        self._has_begun[i] = True
+
+    def _follow(self, i: int, constraints: VirtualConstraints) -> None:
+        """From now on robot `i` has these outputs."""
+        self._constraints[i] = constraints
+        self._path[i], self._scale[i] = constraints.row, constraints.scale
+        lengths = self._steps[i].wanted
+        self._p[i, self._places["step_length"]] = lengths[0] if lengths else 0.0
+
+
+@dataclass(frozen=True)
+class BatchScene:
+    """What is seen of N robots at a `tick` (N,); the other fields are a `Scene`'s with a row a robot. `errors`,
+    `faults`: see `BatchOutput`."""
+
+    tick: Array
+    x: Array
+    p: Array
+    seen: BatchValues
+    force: Array
+    observation: Array
+    errors: dict[int, str]
+    faults: dict[int, str]
+
+
+PER_ROBOT = {"policies", "_steps", "_estimators", "_rngs", "_constraints", "_stance", "_index", "_start_tick"}
+PER_ROBOT |= {"_has_begun", "_seconds_before", "_torque", "_path", "_scale", "_p", "_last_tick", "_last_x", "_last_p"}
