@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -35,16 +36,12 @@ class NumericalDerivatives(Experiment):
     label = "sec:discussion"
     paper = "The derivatives measured by numerical differentiation could be noisy in experiments; no figure is given."
 
+    shown = (CBF_CLF_ORACLE,)
+
     @cached_property
-    def line(self) -> Line:
-        """What walks."""
-        return Line(CBF_CLF_ORACLE.title, CBF_CLF_ORACLE.assembly(mass_scale=2.0), columns=(MAIN,))
-
-    def lines(self) -> Sequence[Line]:
-        return [self.line]
-
-    def recorded(self) -> Sequence[Line]:
-        return [self.line]
+    def by_key(self) -> dict[Any, Line]:
+        assembly = CBF_CLF_ORACLE.assembly(mass_scale=2.0)
+        return {CBF_CLF_ORACLE: Line(CBF_CLF_ORACLE.title, assembly, columns=(MAIN,))}
 
     def tables(self, found: Found) -> Sequence[Table]:
         errors = self._errors(found)
@@ -58,7 +55,7 @@ class NumericalDerivatives(Experiment):
     def figures(self, found: Found) -> dict[str, tuple[str, Figure]]:
         return {"derivatives": (CAPTION, _figure(self._errors(found)))}
 
-    def claims(self, found: Found) -> Sequence[Claim]:
+    def claims(self, found: Found) -> list[Claim]:
         """How much noise each way of differentiation takes."""
         errors = self._errors(found)
         return [
@@ -72,8 +69,9 @@ class NumericalDerivatives(Experiment):
 
     def _errors(self, found: Found) -> Mapping[str, Array]:
         """Relative errors (noise, quantity) by method."""
-        scenario = self.line.scenario(found.size)
-        walked = steps(found.records(self.line), load_gait(scenario.assembly.controller.gait), scenario.seed)
+        line = self.by_key[CBF_CLF_ORACLE]
+        scenario = line.scenario(found.size)
+        walked = steps(found.records(line), load_gait(scenario.assembly.controller.gait), scenario.seed)
         return {
             method: np.array([relative_errors(walked, derivative, sigma) for sigma in NOISE])
             for method, derivative in METHODS.items()

@@ -1,6 +1,6 @@
 """Ten steps on flat ground: tracking errors, force ratios [fig:clf-results], [fig:clf-torso-results]."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -15,36 +15,31 @@ from rabbit_reproduce.table_lines import HEADLINE, MAIN, Found, Line
 STEPS = 10
 AGAIN = 2  # ticks over the cone in a run, on average, that count as several steps
 EARLY = 2  # steps in which the paper's IO-RL leaves the cone
+WITH_ROWS = "force rows"  # that the paper proposes
 
 
 class TenSteps(Experiment):
     """`plant` has what is wrong with the model."""
 
     judged_on_rigid = True
+    shown = FLAT
     plant: ClassVar[Mapping[str, Any]]
 
     @cached_property
-    def by_contender(self) -> dict[Contender, Line]:
-        """A line each."""
+    def by_key(self) -> dict[Any, Line]:
         return {each: Line(each.title, each.assembly(stones=STEPS, **self.plant), runs=HEADLINE) for each in FLAT}
 
-    def lines(self) -> Sequence[Line]:
-        return list(self.by_contender.values())
-
-    def recorded(self) -> Sequence[Line]:
-        return self.lines()
-
     def figures(self, found: Found) -> dict[str, tuple[str, Figure]]:
-        walks = {each: found.records(line) for each, line in self.by_contender.items()}
+        walks: dict[Contender, Any] = {each: found.records(self.by_key[each]) for each in FLAT}
         caption = (
             f"{self.title}: tracking error, its derivative and force ratio of the first run. "
             "Dots: within 30 ms of an impact. Cross: it fell."
         )
         return {"tracking": (caption, tracking_figure(walks))}
 
-    def claims(self, found: Found) -> Sequence[Claim]:
+    def claims(self, found: Found) -> list[Claim]:
         """The learned ones walk, the nominal one does not."""
-        walks = {each: found.walks(line) for each, line in self.by_contender.items()}
+        walks = self.walks(found)
         return [
             Claim(
                 claim=f"{each.title} walks ten steps: {self.title[0].lower()}{self.title[1:]}",
@@ -77,27 +72,19 @@ class ClfResults(TenSteps):
     plant: ClassVar = {"mass_scale": 2.0}
 
     @cached_property
-    def with_rows(self) -> dict[Contender, Line]:
-        """With the force rows that the paper proposes."""
+    def by_key(self) -> dict[Any, Line]:
         law = {"flat_force_rows": True}
-        return {
-            each: Line(f"{each.title}, force rows", each.assembly(law, stones=STEPS, **self.plant))
+        with_rows = {
+            (each, WITH_ROWS): Line(f"{each.title}, {WITH_ROWS}", each.assembly(law, stones=STEPS, **self.plant))
             for each in (RL_CLF, IO_RL)
         }
+        return super().by_key | with_rows
 
-    def lines(self) -> Sequence[Line]:
-        """Also with force rows."""
-        return [*super().lines(), *self.with_rows.values()]
-
-    def recorded(self) -> Sequence[Line]:
-        """Without."""
-        return super().lines()
-
-    def claims(self, found: Found) -> Sequence[Claim]:
+    def claims(self, found: Found) -> list[Claim]:
         """Who walks, and who keeps the cone."""
-        walks = {each: found.walks(line) for each, line in self.by_contender.items()}
-        learned, l1 = walks[RL_CLF], walks[L1_CLF]
-        over = learned.total("ticks_over_cone")
+        walks = self.walks(found)
+        learned, l1, bare, kept = (walks[key] for key in (RL_CLF, L1_CLF, IO_RL, (IO_RL, WITH_ROWS)))
+        over, over_l1, over_bare, over_kept = (w.total("ticks_over_cone") for w in (learned, l1, bare, kept))
         return [
             *super().claims(found),
             *(
@@ -119,26 +106,20 @@ class ClfResults(TenSteps):
             Claim(
                 claim="L1-CLF-QP leaves the cone in several steps",
                 paper="violates it for multiple steps",
-                ours=f"{l1.total('ticks_over_cone')} of {l1.total('ticks')} ticks over, largest {l1.max_ratio:.2f}",
-                verdict=judge({"several a run": l1.total("ticks_over_cone") >= AGAIN * l1.runs}),
+                ours=f"{over_l1} of {l1.total('ticks')} ticks over, largest {l1.max_ratio:.2f}",
+                verdict=judge({"several a run": over_l1 >= AGAIN * l1.runs}),
             ),
-            self._force_rows(found, walks[IO_RL].total("ticks_over_cone")),
+            Claim(
+                claim="IO-RL + CLF-QP needs force rows to keep the cone",
+                paper="needs the inclusion of friction constraints",
+                ours=f"without: {over_bare} ticks over; with: {kept.text}, {over_kept} of {kept.total('ticks')} over",
+                verdict=judge({"leaves it without": over_bare > 0, "keeps it with": kept.passes and over_kept == 0}),
+            ),
         ]
-
-    def _force_rows(self, found: Found, over_without: int) -> Claim:
-        """The paper's remedy, on IO-RL."""
-        walks = found.walks(self.with_rows[IO_RL])
-        over = walks.total("ticks_over_cone")
-        return Claim(
-            claim="IO-RL + CLF-QP needs force rows to keep the cone",
-            paper="needs the inclusion of friction constraints",
-            ours=f"without: {over_without} ticks over; with: {walks.text}, {over} of {walks.total('ticks')} over",
-            verdict=judge({"leaves it without": over_without > 0, "keeps it with": walks.passes and over == 0}),
-        )
 
     def _first_steps(self, found: Found) -> Claim:
         """IO-RL in the figure's own walk."""
-        walk = found.records(self.by_contender[IO_RL])
+        walk = found.records(self.by_key[IO_RL])
         limit = float(walk.about["friction_coeff"])
         late, impact = (ratio > limit for ratio in late_and_impact_ratio(walk))
         early = walk.step_index < EARLY
