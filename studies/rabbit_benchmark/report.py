@@ -82,7 +82,8 @@ class Benchmark:
         head = (
             f"# Benchmark\n\n    {provenance.command()}\n\n"
             f"Commit {provenance.commit() or 'unknown'}. The {seeds} seeds ({SEEDS[seeds]}), "
-            f"{self.protocol.courses} courses of {self.protocol.stones} stones or steps a cell, {ENGINES[self.protocol.plant]}. "
+            f"{self.protocol.courses} courses of {self.protocol.stones} stones or steps a cell, "
+            f"{ENGINES[self.protocol.plant]}. "
             "All methods walk the same courses. Walked of courses, with Wilson's 95% interval.\n\n"
         )
         return (

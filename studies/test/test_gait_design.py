@@ -10,11 +10,12 @@ import pytest
 from pydantic import ValidationError
 from rabbit_description.gait import Gait, load_gait
 from rabbit_gait_design import GaitDesignError, GaitSpecification, design_gait, run
-from rabbit_gait_design.analysis import under_payload
 from rabbit_gait_design.guess import initial_guess, leg_angles
 from rabbit_gait_design.orbit import Orbit
 from rabbit_gait_design.runner import designed_stone
 from rabbit_gait_design.transcription import ConstraintRows
+
+from .oracle_walk import under_payload
 
 SPECIFICATION = GaitSpecification(
     name="test", step_length=0.36, speed=0.7, friction_limit=0.45, min_normal_force=150, intervals=30

@@ -77,9 +77,9 @@ class EveryPlant(Experiment):
         table = [[walks[row, plant] for plant in PLANTS] for row in self.rows]
         rate_map(axes[0], [row.title for row in self.rows], [f"{p.group} {p.title}" for p in PLANTS], table)
         caption = (
-            f"Courses of 20 {self.terrain} walked, of {table[0][0].runs} a cell (the numbers), by controller and plant. "
-            "mu'mu and PD-centred are the QP's objective. The policies trained at scale 2 walk with their own gait, "
-            f"all else with {self.gait}."
+            f"Courses of 20 {self.terrain} walked, of {table[0][0].runs} a cell (the numbers), by controller and "
+            "plant. mu'mu and PD-centred are the QP's objective. The policies trained at scale 2 walk with their own "
+            f"gait, all else with {self.gait}."
         )
         return {"map": (caption, figure)}
 
