@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 from rabbit_description.yaml_file import parse_yaml
-from rabbit_reproduce.catalogue.every_plant import PLANTS
+from rabbit_reproduce.catalogue.beyond import PLANTS
 
 Terrain = Literal["stones", "flat"]
 Map = Literal["inside", "outside", "storm"]
