@@ -25,7 +25,6 @@ exclude_patterns = [
     ".*",
     "docs/build",
     "docs/site",
-    "docs/reproduced/*/**",  # tables that docs/reproduced/results.md shows
     "ros2_ws/build",
     "ros2_ws/install",
     "ros2_ws/log",

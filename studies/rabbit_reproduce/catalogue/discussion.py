@@ -173,8 +173,8 @@ class SmallMass(Experiment):
     why = (
         "With these gains the nominal controllers do not fail at once at 0.7: they walk on flat ground, and half "
         "of the courses of stones. The policy trained at 0.7 walks 20 stones, but of 1,000 some 90: most episodes "
-        "of its training ended within a few steps (docs/history/lab-notes.md), and mu'mu with exact rows loses courses "
-        "of 20 there, too."
+        "of its training ended within a few steps (studies/docs/history/lab-notes.md), and mu'mu with exact rows loses "
+        "courses of 20 there, too."
     )
     judged_on_rigid = True
 
