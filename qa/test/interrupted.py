@@ -92,7 +92,7 @@ COMMANDS = {
         table("benchmark.csv"),
     ),
     "reproduce": Command(
-        ("reproduce", "numerical-derivatives", "--quick", "--jobs", "2"), tables_of("numerical-derivatives")
+        ("reproduce", "stepping-stone", "--quick", "--jobs", "2"), tables_of("stepping-stone")
     ),
     "train": Command(("train", *TRAIN, "--updates-least", "40", "--updates-per-tick", "0"), trained),
     "gait": Command(

@@ -13,7 +13,6 @@ from rabbit_reproduce.catalogue.feasibility import ClfAssumption, FeasibilityByE
 from rabbit_reproduce.catalogue.flat import ClfResults, ClfTorsoResults
 from rabbit_reproduce.catalogue.l1_sweep import L1Sweep
 from rabbit_reproduce.catalogue.learning_curves import LearningCurves
-from rabbit_reproduce.catalogue.numerical_derivatives import NumericalDerivatives
 from rabbit_reproduce.catalogue.payloads import PayloadFlat, PayloadStones
 from rabbit_reproduce.catalogue.stones import NominalStones, RlCbfClfResults, SteppingStone
 from rabbit_reproduce.experiment import Experiment
@@ -22,7 +21,7 @@ EXPERIMENTS: tuple[Experiment, ...] = (
     *(ClfResults(), ClfTorsoResults(), L1Sweep(), PayloadFlat()),
     *(RlCbfClfResults(), SteppingStone(), NominalStones(), PayloadStones()),
     *(MOTOR_POWER, JOINT_DAMPING, LINK_BENDING, SmallMass()),
-    *(LearningCurves(), NumericalDerivatives(), VELOCITY_NOISE),
+    *(LearningCurves(), VELOCITY_NOISE),
     *(ClfAssumption(), FeasibilityShare(), FeasibilityByEpisode(), DELAY),
     *(EveryPlantStones(), EveryPlantFlat(), WideStones()),
 )
