@@ -91,13 +91,9 @@ COMMANDS = {
         ("benchmark", "nominal", "--cells", "stones/scale-2", "--courses", "2", "--jobs", "2"),
         table("benchmark.csv"),
     ),
-    "reproduce": Command(
-        ("reproduce", "stepping-stone", "--quick", "--jobs", "2"), tables_of("stepping-stone")
-    ),
+    "reproduce": Command(("reproduce", "stepping-stone", "--quick", "--jobs", "2"), tables_of("stepping-stone")),
     "train": Command(("train", *TRAIN, "--updates-least", "40", "--updates-per-tick", "0"), trained),
-    "gait": Command(
-        ("gait", "--name", "g", "--payload-table", "", "--intervals", "10"), lambda out: (out / "g.yaml").read_bytes()
-    ),
+    "gait": Command(("gait", "--name", "g", "--intervals", "10"), lambda out: (out / "g.yaml").read_bytes()),
     "walk": Command(
         (
             "walk",
