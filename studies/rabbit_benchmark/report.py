@@ -4,6 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from pydantic import BaseModel, ConfigDict
 from rabbit_description.atomic_file import replace_text
@@ -12,7 +14,6 @@ from rabbit_experiments.cache import Cache
 from rabbit_experiments.metrics import RunResult
 from rabbit_experiments.summary import Walks, times
 from rabbit_experiments.tables import markdown_table, write_rows
-from rabbit_reproduce.curves import rate_map
 from rabbit_reproduce.table_lines import PLANT_TITLES as ENGINES
 from rabbit_viewer import style
 
@@ -163,3 +164,15 @@ class Benchmark:
 
 def _rate(walks: Walks | None) -> str:
     return walks.rate_text if walks else ""
+
+
+def rate_map(axes: Axes, rows: Sequence[str], columns: Sequence[str], walks: Sequence[Sequence[Walks | None]]) -> None:
+    """Share of courses walked as colour, their number in it, a row of `walks` for each of `rows`; None is blank."""
+    rates = np.array([[each.walked / each.runs if each else np.nan for each in row] for row in walks])
+    axes.imshow(rates, cmap="cividis", vmin=0, vmax=1, aspect="auto")
+    for (i, j), rate in np.ndenumerate(rates):
+        if each := walks[i][j]:
+            axes.text(j, i, str(each.walked), ha="center", va="center", color="black" if rate > 0.5 else "white")
+    axes.set_yticks(range(len(rows)), rows)
+    axes.set_xticks(range(len(columns)), columns, rotation=90)
+    axes.grid(visible=False)

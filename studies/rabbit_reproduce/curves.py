@@ -92,15 +92,3 @@ def rate_figure(
     once = dict(zip(labels, handles, strict=True))
     axes.legend(once.values(), once.keys(), loc="lower left", bbox_to_anchor=(0, 1), ncols=2, borderaxespad=0.2)
     return figure
-
-
-def rate_map(axes: Axes, rows: Sequence[str], columns: Sequence[str], walks: Sequence[Sequence[Walks | None]]) -> None:
-    """Share of courses walked as colour, their number in it, a row of `walks` for each of `rows`; None is blank."""
-    rates = np.array([[each.walked / each.runs if each else np.nan for each in row] for row in walks])
-    axes.imshow(rates, cmap="cividis", vmin=0, vmax=1, aspect="auto")
-    for (i, j), rate in np.ndenumerate(rates):
-        if each := walks[i][j]:
-            axes.text(j, i, str(each.walked), ha="center", va="center", color="black" if rate > 0.5 else "white")
-    axes.set_yticks(range(len(rows)), rows)
-    axes.set_xticks(range(len(columns)), columns, rotation=90)
-    axes.grid(visible=False)

@@ -1,6 +1,5 @@
 """All experiments, in the order of the page."""
 
-from rabbit_reproduce.catalogue.beyond import EveryPlantFlat, EveryPlantStones, WideStones
 from rabbit_reproduce.catalogue.discussion import (
     DELAY,
     JOINT_DAMPING,
@@ -15,6 +14,7 @@ from rabbit_reproduce.catalogue.l1_sweep import L1Sweep
 from rabbit_reproduce.catalogue.learning_curves import LearningCurves
 from rabbit_reproduce.catalogue.payloads import PayloadFlat, PayloadStones
 from rabbit_reproduce.catalogue.stones import NominalStones, RlCbfClfResults, SteppingStone
+from rabbit_reproduce.catalogue.wide_stones import WideStones
 from rabbit_reproduce.experiment import Experiment
 
 EXPERIMENTS: tuple[Experiment, ...] = (
@@ -23,5 +23,5 @@ EXPERIMENTS: tuple[Experiment, ...] = (
     *(MOTOR_POWER, JOINT_DAMPING, LINK_BENDING, SmallMass()),
     *(LearningCurves(), VELOCITY_NOISE),
     *(ClfAssumption(), FeasibilityShare(), FeasibilityByEpisode(), DELAY),
-    *(EveryPlantStones(), EveryPlantFlat(), WideStones()),
+    WideStones(),
 )

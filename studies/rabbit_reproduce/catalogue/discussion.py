@@ -131,7 +131,7 @@ LINK_BENDING = Perturbation(
     paper="Bending of links by up to 5% of their length: successful results.",
     why="A bend of thigh and shin is, to first order, a hip that is turned and does not tell: the outputs are "
     "wrong by it, and so is where the foot lands. The rows do not say so: the oracle, exact in all of them, "
-    "falls on stones as well (every-plant-stones), and what walks there calibrates its joints from the stance "
+    "falls on stones as well (the benchmark), and what walks there calibrates its joints from the stance "
     "foot. How the paper bent its links, and what its outputs knew of it, is not told.",
     field="link_bend",
     value=0.05,

@@ -75,7 +75,7 @@ class ClfAssumption(Judged):
     why = (
         "A torque that meets the true CLF row exists at scale 0.5 too. What falls there is this gait: on the "
         "library paper_stones the same exact rows walk nearly all courses, and all with an objective centred on "
-        "the PD input (every-plant-stones)."
+        "the PD input (the benchmark)."
     )
 
     def cases(self, size: Size) -> Iterable[Case]:
