@@ -5,6 +5,7 @@ from pathlib import Path
 import optuna
 import pytest
 import typer
+from optuna.storages.journal import JournalFileBackend, JournalStorage
 from optuna.trial import FixedTrial
 from rabbit_reproduce import search as module
 from rabbit_reproduce.report import Claim, Report, Verdict
@@ -49,7 +50,7 @@ def test_a_search_goes_on_and_leaves_the_best_setting(
     best = read_setting(out / "best.yaml")
     assert best.plant == "rigid"
     assert best.controller["eps"] < 0.05
-    storage = module.JournalStorage(module.JournalFileBackend(str(out / "search.log")))
+    storage = JournalStorage(JournalFileBackend(str(out / "search.log")))
     assert [each.number for each in optuna.load_study(study_name="claims", storage=storage).trials] == list(range(12))
 
 

@@ -140,7 +140,7 @@ class FeasibilityShare(Judged):
     )
     judged_on_rigid = True
 
-    def cases(self, size: Size) -> Iterable[Case]:
+    def cases(self, size: Size) -> list[tuple[str, Column]]:
         return [(group, column) for group in GROUPS for column in size.columns(COLUMNS)]
 
     def walks_of(self, size: Size, case: tuple[str, Column]) -> list[list[JudgedWalk]]:
@@ -155,7 +155,7 @@ class FeasibilityShare(Judged):
             *("with CLF, own path", "with CLF, common states", "ticks of own path, of all"),
         )
         rows = []
-        for group, column in self.cases(found.size):  # type: ignore[misc]
+        for group, column in self.cases(found.size):
             walks = self.judged(found, (group, column))
             for who, contender in enumerate(GROUPS[group]):
                 own = [walks[who]]

@@ -103,9 +103,11 @@ def by_contender(size: Size) -> dict[Contender, list[Session]]:
 
 def trained_lines(size: Size) -> dict[Recipe, Line]:
     """A line for the last policy of each training of `--retrain`, at the scale that it was trained at."""
+    if not (trained := size.trained):
+        return {}
     contenders, lines = {each.controller: each for each in PAPER}, dict[Recipe, Line]()
-    for recipe in size.trained.recipes if size.trained else ():
-        who = contenders[recipe.parameters.problem.name].with_policy(str(size.trained.policy(recipe)))
+    for recipe in trained.recipes:
+        who = contenders[recipe.parameters.problem.name].with_policy(str(trained.policy(recipe)))
         lines[recipe] = Line(recipe.name, who.assembly(mass_scale=recipe.mass_scale), columns=(MAIN,))
     return lines
 

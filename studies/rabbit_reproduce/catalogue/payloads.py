@@ -92,7 +92,7 @@ class PayloadStones(Payload):
     why = (
         "mu'mu falls with exact rows as well, from 16 kg on: with this gait, whose orbit needs the ground to pull "
         "under payload (studies/docs/gaits.md), no better estimate could mend it. The policy, trained at scale 2, errs "
-        "by half the mass without any payload. the benchmark has what carries 72 kg: other gaits, an objective "
+        "by half the mass without any payload. The benchmark has what carries 72 kg: other gaits, an objective "
         "centred on the PD input, the robot identified as it walks."
     )
     values = (0.0, 8.0, 16.0, 24.0, 32.0, 40.0, 43.0, 48.0, 56.0, 64.0, 72.0, 80.0)
