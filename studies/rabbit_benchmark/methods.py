@@ -66,24 +66,27 @@ def _on_slopes(name: str, title: str, policy: str, *law: dict[str, Any], trained
     return Method(name, title, stones, variant(title, "rl-clf-qp", policy, SLOPES, PD, *law), trained_on)
 
 
+def _paper(name: str, title: str, *law: dict[str, Any]) -> Method:
+    """The shipped policies, on the gait that they were trained on."""
+    stones, flat = (variant(title, kind, kind, *law) for kind in ("rl-cbf-clf-qp", "rl-clf-qp"))
+    return Method(name, title, stones, flat, PAPER_POLICY)
+
+
 BUILT_IN = (
     _method("nominal", "nominal, mu'mu", "zero"),
     _method("nominal-pd", "nominal, PD-centred", "zero", PD),
     Method("robust", "robust, mu'mu", stones=variant("robust", "robust-cbf-clf-qp", "zero", LIBRARY, MARGIN)),
     Method("l1", "L1, mu'mu", flat=variant("L1", "l1-clf-qp", "zero", GAIT)),
     _method(REFERENCE, "identified, PD-centred", "zero", IDENTIFIED, PD),
-    Method(
-        "paper",
-        "the paper's policy",
-        variant("paper", "rl-cbf-clf-qp", "rl-cbf-clf-qp"),
-        variant("paper", "rl-clf-qp", "rl-clf-qp"),
-        PAPER_POLICY,
-    ),
+    _method("identified-mu", "identified, mu'mu", "zero", IDENTIFIED),
+    _paper("paper", "the paper's policy"),
+    _paper("paper-pd", "the paper's policy, PD-centred", PD),
     _on_slopes("best", "best", "zero", IDENTIFIED, PREDICTED, trained_on=SPEED_MODEL),
     _on_slopes("best-unlearned", "best, speed by PI control", "zero", IDENTIFIED, PREDICTED, INTEGRAL),
     _on_slopes("best-nominal", "best, not identified", "zero", trained_on=SPEED_MODEL),
     _on_slopes("best-neither", "best, neither", "zero", INTEGRAL),
     _method("oracle", "oracle, PD-centred", "oracle", PD, trained_on=ORACLE),
+    _method("oracle-mu", "oracle, mu'mu", "oracle", trained_on=ORACLE),
     _on_slopes("oracle-slopes", "oracle, gaits for slopes", "oracle", trained_on=ORACLE),
 )
 

@@ -82,7 +82,7 @@ class MissProbability(BaseModel):
 
     @classmethod
     def shipped(cls) -> Self:
-        """That of `--parameters best`, see docs/misses.md."""
+        """That of `--parameters best`, see studies/docs/misses.md."""
         return cls.load(Path(__file__).with_name("best.json"))
 
     def at(self, rows: Array) -> Array:

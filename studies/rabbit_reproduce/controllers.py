@@ -1,7 +1,6 @@
 """The controllers that are compared, in the order and colours of every table and figure. A new one is a line here."""
 
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 from rabbit_experiments.assembly import Assembly, resolve_policy
@@ -51,8 +50,6 @@ CBF_CLF_ORACLE = Contender("RL-CBF-CLF-QP, oracle", "rl-cbf-clf-qp", style.GREEN
 ROBUST = Contender("robust CBF-CLF-QP", "robust-cbf-clf-qp", style.PURPLE, line="-.")
 STONES = (RL_CBF_CLF, ROBUST, CBF_CLF)
 RL_CBF_CLF_LIGHT = Contender("RL-CBF-CLF-QP trained at 0.7", "rl-cbf-clf-qp", style.SKY, "rl-cbf-clf-qp-scale-0.7")
-
-UNIVERSAL = str(Path(__file__).with_name("universal.safetensors"))  # withdrawn: gains nowhere, harms outside the map
 
 LIBRARY = {"gait": "paper_stones"}  # presses on the ground under every payload (gaits.md), and so does this one:
 SLOPES = {"gait": "slopes"}

@@ -65,7 +65,7 @@ class LearningCurves(Experiment):
     def figures(self, found: Found) -> dict[str, tuple[str, Figure]]:
         return {"learning_curves": (CAPTION, learning_figure(by_contender(found.size)))}
 
-    def claims(self, found: Found) -> Sequence[Claim]:
+    def claims(self, found: Found) -> list[Claim]:
         """Of each problem."""
         return [self._claim(each, own) for each, own in by_contender(found.size).items()]
 
@@ -103,16 +103,13 @@ def by_contender(size: Size) -> dict[Contender, list[Session]]:
 
 def trained_lines(size: Size) -> dict[Recipe, Line]:
     """A line for the last policy of each training of `--retrain`, at the scale that it was trained at."""
-    if not size.trained:
+    if not (trained := size.trained):
         return {}
-    contenders, trained = {each.controller: each for each in PAPER}, size.trained
-    assemblies = {
-        recipe: contenders[recipe.parameters.problem.name]
-        .with_policy(str(trained.policy(recipe)))
-        .assembly(mass_scale=recipe.mass_scale)
-        for recipe in trained.recipes
-    }
-    return {recipe: Line(recipe.name, assembly, columns=(MAIN,)) for recipe, assembly in assemblies.items()}
+    contenders, lines = {each.controller: each for each in PAPER}, dict[Recipe, Line]()
+    for recipe in trained.recipes:
+        who = contenders[recipe.parameters.problem.name].with_policy(str(trained.policy(recipe)))
+        lines[recipe] = Line(recipe.name, who.assembly(mass_scale=recipe.mass_scale), columns=(MAIN,))
+    return lines
 
 
 def first_whole(session: Session) -> int | None:

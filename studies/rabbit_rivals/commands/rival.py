@@ -37,22 +37,6 @@ def end_to_end(
 
 
 @app.command()
-def curve(
-    files: Annotated[list[Path], typer.Argument(help="curve.csv of sessions end to end")],
-    out: Annotated[Path, typer.Option(help="picture to write, .png or .svg")],
-) -> None:
-    """Draw learning curves in one picture; a file's name is its line's."""
-    from rabbit_viewer import style
-
-    from rabbit_rivals.learning_curve import CurveError, draw
-
-    new_file(out)
-    with complaints(CurveError):
-        style.save(draw(files), out, dpi=100)
-    print(f"written {out}")
-
-
-@app.command()
 def gp(
     session: Annotated[Path, typer.Argument(help="folder that rabbit train filled")],
     out: Out,
