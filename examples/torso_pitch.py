@@ -17,6 +17,7 @@ from cbf_clf_qp.barrier import Barrier
 from cbf_clf_qp.clf import Clf
 from cbf_clf_qp.quantity import Constrained
 from rl_cbf_clf_controller.kinds import Kind
+from rl_cbf_clf_controller.recipes import BARRIER_RESCUE_WEIGHT
 from rl_cbf_clf_controller.uncertainty import RL_CLF_QP
 from rl_cbf_clf_controller.walking import Walking
 
@@ -27,7 +28,7 @@ LIMIT, POLES = 0.345, (40.0, 40.0)  # rad; 1/s
 def quantities(w: Walking, parameters: Any) -> Sequence[Constrained]:
     """The CLF relaxed by d, and the barrier."""
     clf = Clf(w.outputs.y, w.gains["eps"], (parameters.kp, parameters.kd), w.gains["slack_weight"])
-    return clf, Barrier("pitch", LIMIT - w.robot.q[PITCH], POLES, w.gains["barrier_rescue_weight"])
+    return clf, Barrier("pitch", LIMIT - w.robot.q[PITCH], POLES, BARRIER_RESCUE_WEIGHT)
 
 
 PROBLEM = replace(

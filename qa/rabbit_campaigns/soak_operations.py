@@ -16,7 +16,7 @@ from pydantic import BaseModel
 from rabbit_description.gait import load_gaits
 from rabbit_recording.reader import RecordedEpisode, iterate_episodes
 from rl_cbf_clf_controller.parameters import ControllerParameters
-from rl_cbf_clf_controller.policy_compatibility import fitted
+from rl_cbf_clf_controller.policy import fitted
 from rl_cbf_clf_controller.weights import PROBE, SHIPPED, Actor, PolicyFile, PolicyFileError, probe_inputs, read
 
 OPERATIONS = "operations.csv"

@@ -15,10 +15,10 @@ from dataclasses import dataclass
 import numpy as np
 from rabbit_description.gait import Gait
 from rabbit_description.state import SWAP_STATE, Array
-from rl_cbf_clf_controller.pinocchio_model import PinocchioModel
 from rl_cbf_clf_controller.virtual_constraints import VirtualConstraints
 from scipy.integrate import solve_ivp
 
+from rabbit_gait_design.pinocchio_model import PinocchioModel
 from rabbit_gait_design.zero_dynamics import ZeroDynamics, loaded_model
 
 PAYLOADS = tuple(float(kg) for kg in range(0, 73, 8))  # kg

@@ -22,5 +22,4 @@ install(
             "train = rabbit_experiments.commands.train:app",
         ]
     },
-    extras={"ray": ["ray>=2.40"]},
 )

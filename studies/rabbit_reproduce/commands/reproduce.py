@@ -22,7 +22,6 @@ def reproduce(
     retrain: Annotated[bool, typer.Option("--retrain", help="train the policies first, into DIR/training")] = False,
     out: Annotated[Path, typer.Option(help="folder; one that was stopped there goes on")] = Path("runs/reproduce"),
     jobs: Annotated[int | None, typer.Option(min=1, max=4096, help="processes (default: all cores)")] = None,
-    backend: Annotated[Literal["loky", "ray"], typer.Option(help="processes here, or a Ray cluster's")] = "loky",
     setting: Annotated[
         str | None, typer.Option(help="YAML file, or a shipped one's name: what the paper does not print")
     ] = None,
@@ -34,7 +33,6 @@ def reproduce(
 ) -> None:
     """Make the paper's figures and tables anew: DIR/results.md has its figures beside ours, with verdicts."""
     from rabbit_experiments.cache import JobError
-    from rabbit_experiments.engine import BackendError
 
     from rabbit_reproduce.catalogue import EXPERIMENTS
     from rabbit_reproduce.page import make
@@ -60,11 +58,11 @@ def reproduce(
     chosen = [each for name, each in known.items() if name in (names or known) and (retrain or not each.needs_training)]
     size, processes = replace(QUICK if quick else FULL, setting=own), jobs or os.cpu_count() or 1
     try:
-        with complaints(BackendError, JobError):
+        with complaints(JobError):
             if retrain:
                 wanted = dict.fromkeys(recipe for each in chosen for recipe in each.trainings(size))
                 size = replace(size, trained=trained_anew(list(wanted), out, processes, own))
-            page, done = make(chosen, size, out, list(known), processes, backend)
+            page, done = make(chosen, size, out, list(known), processes)
     except KeyboardInterrupt:
         fail("stopped; the same command goes on from the runs that are done", code=130)
     print(f"{done} runs made; written {page}")
@@ -74,8 +72,6 @@ def search(
     trials: int, names: list[str] | None, setting: str | None, plant: str | None, out: Path, jobs: int | None
 ) -> None:
     """The search of a setting, which takes its own experiments."""
-    from rabbit_experiments.engine import BackendError
-
     from rabbit_reproduce.search import SearchError
     from rabbit_reproduce.search import search as search_setting
 
@@ -83,7 +79,7 @@ def search(
         fail(f"--search: expected no {'experiments' if names else '--setting'}, it judges all claims in many settings")
     own_folder(out, "reproduce")
     try:
-        with complaints(BackendError, SearchError):
+        with complaints(SearchError):
             print(f"written {search_setting(trials, plant or 'pybullet', out, jobs or os.cpu_count() or 1)}")
     except KeyboardInterrupt:
         fail("stopped; the same command goes on", code=130)

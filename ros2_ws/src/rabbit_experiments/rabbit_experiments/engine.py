@@ -1,4 +1,4 @@
-"""The engine of all seeded runs: does the jobs that a cache lacks, over processes or machines, and keeps each result.
+"""The engine of all seeded runs: does the jobs that a cache lacks, over processes, and keeps each result.
 
 run(Scenario(assembly, runs=50, seed=9001).walks, Cache(Path("runs/nominal/cache")), processes=2)
 """
@@ -8,7 +8,7 @@ import signal
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from multiprocessing import resource_tracker
-from typing import Any, Literal
+from typing import Any
 
 import joblib
 from joblib.externals.loky.backend import resource_tracker as loky_tracker
@@ -17,19 +17,11 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from rabbit_experiments.cache import Cache, Job, JobError
 
-Backend = Literal["loky", "ray"]
-ROUND = 8  # jobs a process between two returns of Ray, which hands nothing back before a round is over
-
-
-class BackendError(RuntimeError):
-    """A joblib backend that is not there."""
-
 
 def run(
     jobs: Sequence[Job],
     cache: Cache,
     processes: int = 1,
-    backend: Backend = "loky",
     note: Callable[[Any, Any], str] = lambda job, _: str(job.title),
 ) -> int:
     """Do what the cache lacks, with a bar; returns how many were done. Ctrl-C loses only jobs under way.
@@ -38,7 +30,6 @@ def run(
     bar says.
 
     Raises:
-        BackendError: Ray is asked for and not installed.
         JobError: of the first job that had no result, when the others are done.
     """
     unique = list({cache.key(job): job for job in jobs}.values())
@@ -48,7 +39,7 @@ def run(
     errors: list[JobError] = []
     with progress_bar() as bar:
         task = bar.add_task("", total=len(unique), completed=len(unique) - len(left))
-        for job, result in _results(left, processes, backend):
+        for job, result in _results(left, processes):
             try:
                 if isinstance(result, JobError):
                     raise result
@@ -69,11 +60,9 @@ def progress_bar() -> Progress:
     return Progress(BarColumn(), MofNCompleteColumn(), *times, TextColumn("{task.description}"))
 
 
-def _results(left: Sequence[Job], processes: int, backend: Backend) -> Iterator[tuple[Job, Any]]:
+def _results(left: Sequence[Job], processes: int) -> Iterator[tuple[Job, Any]]:
     """Jobs with their results, in the order in which they end."""
-    if backend == "ray":
-        yield from _through_ray(left, processes)
-    elif processes == 1 or len(left) <= 1:
+    if processes == 1 or len(left) <= 1:
         yield from map(_do, left)
     else:
         begin = {"initializer": end_with_parent, "initargs": (os.getpid(),)}
@@ -94,19 +83,6 @@ def _interrupts_held() -> Iterator[None]:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-def _through_ray(left: Sequence[Job], processes: int) -> Iterator[tuple[Job, Any]]:
-    """The cluster that RAY_ADDRESS names, or one on this machine; every machine has the same installation."""
-    try:
-        from ray.util.joblib import register_ray
-    except ImportError as error:
-        raise BackendError("--backend ray: expected Ray: pip install 'rabbit_experiments[ray]'") from error
-    register_ray()
-    with joblib.parallel_config(backend="ray", n_jobs=processes):
-        for first in range(0, len(left), ROUND * processes):
-            some = left[first : first + ROUND * processes]
-            yield from joblib.Parallel(batch_size=1)(joblib.delayed(_do)(job) for job in some)
 
 
 def _do(job: Job) -> tuple[Job, Any]:

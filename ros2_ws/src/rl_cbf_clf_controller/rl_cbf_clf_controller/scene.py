@@ -1,6 +1,7 @@
-"""What estimators read of a tick: the state, what the nominal model says of it, sensors."""
+"""What says how wrong the nominal quantities are, and what it reads of a tick: state, nominal model, sensors."""
 
 import math
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
 from cbf_clf_qp.affine import Affine
@@ -60,6 +61,17 @@ class Scene:
         other[: robot.size] = robot
         found = self.model_error(self.x, self.p, other)
         return Estimates(found.alpha, found.beta, found.output_error)
+
+
+class Estimator(ABC):
+    """A policy, an identified robot, an oracle, an adaptation; the estimates of all of a controller are added."""
+
+    @abstractmethod
+    def estimate(self, scene: Scene, before: Estimates) -> Estimates:
+        """Alpha and beta of every quantity, to be added to those of the estimators `before`; called once a tick."""
+
+    def reset(self) -> None:  # noqa: B027  most keep nothing
+        """Begin an episode: forget what the last one taught."""
 
 
 def is_finite(values: Array) -> bool:
