@@ -9,7 +9,6 @@ from package_setup import install
 
 install(
     "joblib",
-    "matplotlib",
     "numpy>=2",
     "pydantic>=2",
     "rich",
