@@ -16,9 +16,9 @@ from rabbit_description.planar_urdf import scaled, with_planar_base
 from rabbit_description.state import TICK_SECONDS, Leg
 from rabbit_experiments.summary import mean_interval
 from rabbit_gait_design.hybrid_zero_dynamics import RepeatedStep, Walker, impact_invariant
+from rabbit_gait_design.pinocchio_model import PinocchioModel
 from rabbit_sim.pinned_dynamics import PinnedDynamics, UrdfFeet, standing
 from rabbit_sim.planar_plant import PlanarPlant, ahead
-from rl_cbf_clf_controller.pinocchio_model import PinocchioModel
 from rl_cbf_clf_controller.planar_robot import PinnedRobot
 from rl_cbf_clf_controller.robot_numbers import read_robot
 from rl_cbf_clf_controller.virtual_constraints import Angles, OutputExpressions, VirtualConstraints

@@ -14,6 +14,7 @@ from typing import Any
 
 from cbf_clf_qp import Barrier, Clf
 from rl_cbf_clf_controller.kinds import Kind
+from rl_cbf_clf_controller.recipes import BARRIER_RESCUE_WEIGHT
 from rl_cbf_clf_controller.uncertainty import RL_CLF_QP
 from rl_cbf_clf_controller.walking import Walking
 
@@ -23,7 +24,7 @@ NAME, PITCH, LIMIT, POLES = "pitch-rl-clf-qp", 2, 0.345, (40.0, 40.0)  # -; its 
 def quantities(w: Walking, parameters: Any) -> tuple[Clf, Barrier]:
     """The CLF relaxed by d, and the barrier."""
     clf = Clf(w.outputs.y, w.gains["eps"], (parameters.kp, parameters.kd), w.gains["slack_weight"])
-    return clf, Barrier("pitch", LIMIT - w.robot.q[PITCH], POLES, w.gains["barrier_rescue_weight"])
+    return clf, Barrier("pitch", LIMIT - w.robot.q[PITCH], POLES, BARRIER_RESCUE_WEIGHT)
 
 
 SCALES: Any = {"alpha_scale": (1.5, 1.0), "beta_scale": (250, 60), "error_scale": (15, 10)}

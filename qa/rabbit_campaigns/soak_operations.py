@@ -17,7 +17,7 @@ from rabbit_description.gait import load_gaits
 from rabbit_experiments.tables import read_rows
 from rabbit_recording.reader import RecordedEpisode, iterate_episodes
 from rl_cbf_clf_controller.parameters import ControllerParameters
-from rl_cbf_clf_controller.policy_compatibility import fitted
+from rl_cbf_clf_controller.policy import fitted
 from rl_cbf_clf_controller.weights import (
     PROBE,
     SHIPPED,

@@ -136,7 +136,7 @@ def job_of(what: str, folder: Path, **changes: Any) -> Any:
 
     files = folder / "files"
     if what == "training":
-        from rabbit_reproduce.recipes import Recipe  # here alone: its modules decide no walk
+        from rabbit_reproduce.training_jobs import Recipe  # here alone: its modules decide no walk
 
         known = {"problem": "rl-cbf-clf-qp", "episodes": 1}
         law = (("gait", str(files / "gait.yaml")),)
@@ -172,7 +172,7 @@ class Changes:
         sys.addaudithook(watch)
         job = job_of(what, folder)
         if what == "training":
-            from rabbit_reproduce.recipes import TrainingReport
+            from rabbit_reproduce.training_jobs import TrainingReport
 
             for name in ("rl_trainer.ddpg", "rl_trainer.session", "rabbit_experiments.training_setup"):
                 importlib.import_module(name)

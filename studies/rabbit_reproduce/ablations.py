@@ -41,7 +41,7 @@ from rl_trainer.parameters import TrainingParameters, paper_literal
 from rl_trainer.training import LearnerType
 
 from rabbit_reproduce import ablated_learners as ablated
-from rabbit_reproduce.recipes import Recipe, TrainingReport
+from rabbit_reproduce.training_jobs import Recipe, TrainingReport
 
 TRANSITIONS = 6500  # what `default` collects in its 18 episodes: 5,900 to 7,200
 MOST_EPISODES = 600  # of a variant that trains until it has as many: walks that fail at once give 10 to 16 each

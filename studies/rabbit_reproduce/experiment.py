@@ -14,7 +14,7 @@ from rabbit_experiments.summary import Walks
 from rabbit_experiments.training_setup import POLICY
 from rabbit_viewer import style
 
-from rabbit_reproduce.recipes import Recipe
+from rabbit_reproduce.training_jobs import Recipe
 from rabbit_reproduce.report import Claim, Report, Table
 from rabbit_reproduce.setting import OURS
 from rabbit_reproduce.table_lines import RIGID, Found, Line, Size, long_table, walk_table

@@ -18,7 +18,7 @@ from rabbit_experiments.assembly import Assembly
 from rl_cbf_clf_controller.parameters import ParameterError, load_parameters
 from rl_trainer.parameters import TrainingParameters
 
-from rabbit_reproduce.recipes import Recipe
+from rabbit_reproduce.training_jobs import Recipe
 
 SETTINGS = Path(__file__).parent / "settings"
 OF_EXPERIMENTS = ("controller", "sigma", "adaptation")  # each experiment says these itself

@@ -21,7 +21,7 @@ from rl_cbf_clf_controller.uncertainty import PAPER, RL_CBF_CLF_QP
 from rl_cbf_clf_controller.weights import policy_path
 from rl_trainer.parameters import TrainingParameters
 
-from rabbit_reproduce.recipes import Recipe
+from rabbit_reproduce.training_jobs import Recipe
 from rabbit_reproduce.setting import OURS, Setting
 
 COMMITTED = Path(__file__).with_name("training_log.csv")

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from rabbit_description.gait import Gait
 from rabbit_description.state import SWAP_STATE, Array
+from rabbit_gait_design.pinocchio_model import PinocchioModel
 from rabbit_gait_design.zero_dynamics import ZeroDynamics, loaded_model
-from rl_cbf_clf_controller.pinocchio_model import PinocchioModel
 from rl_cbf_clf_controller.virtual_constraints import VirtualConstraints
 from scipy.integrate import solve_ivp
 

@@ -11,7 +11,7 @@ from rabbit_experiments.evaluation import Walk
 from rabbit_experiments.metrics import RunResult, RunRow
 from rabbit_reproduce import ablations
 from rabbit_reproduce.ablations import NEWEST, VARIANTS, Row, Study, markdown
-from rabbit_reproduce.recipes import Recipe, TrainingReport
+from rabbit_reproduce.training_jobs import Recipe, TrainingReport
 from rl_trainer.parameters import TrainingParameters
 from typer.testing import CliRunner, Result
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from rabbit_reproduce.commands.reproduce import app
 from rabbit_reproduce.controllers import CBF_CLF, RL_CBF_CLF, RL_CLF
-from rabbit_reproduce.recipes import Recipe
+from rabbit_reproduce.training_jobs import Recipe
 from rabbit_reproduce.setting import SETTINGS, Setting, SettingError, read_setting
 from rabbit_reproduce.table_lines import COLUMNS, MAIN, QUICK, RIGID, SEED, Line
 from rabbit_reproduce.training import SHIPPED, Trained

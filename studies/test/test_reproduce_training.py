@@ -14,7 +14,7 @@ from rabbit_reproduce.catalogue.learning_curves import first_whole, sessions, se
 from rabbit_reproduce.commands.reproduce import app
 from rabbit_reproduce.controllers import CBF_CLF, RL_CBF_CLF, RL_CLF
 from rabbit_reproduce.experiment import Experiment
-from rabbit_reproduce.recipes import Recipe
+from rabbit_reproduce.training_jobs import Recipe
 from rabbit_reproduce.table_lines import FULL, QUICK, Line, Runs
 from rabbit_reproduce.training import SHIPPED, Episode, Trained, read_log, recipes, retrain
 from rl_cbf_clf_controller.uncertainty import IO_RL_CLF_QP, PAPER, RL_CBF_CLF_QP, RL_CLF_QP

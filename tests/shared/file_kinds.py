@@ -29,7 +29,7 @@ from rabbit_recording.contents import contents
 from rabbit_recording.open_recording import one_line_errors, opened
 from rabbit_recording.reader import iterate_episodes
 from rabbit_recording.recover import recover
-from rabbit_reproduce.recipes import Recipe
+from rabbit_reproduce.training_jobs import Recipe
 from rabbit_reproduce.setting import SETTINGS, SettingError, read_setting
 from rabbit_reproduce.training import COMMITTED, Episode
 from rabbit_rivals import learning_curve, model_file

@@ -6,11 +6,11 @@ import pinocchio as pin
 import pytest
 from cbf_clf_qp.functions import NumpyFunction
 from rabbit_description.state import TICK_SECONDS
+from rabbit_gait_design.pinocchio_model import PinocchioModel
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.robot_urdf import perturbed_urdf
 from rl_cbf_clf_controller.identification import DAMPING, MOTOR_GAIN, THETA, Identification
 from rl_cbf_clf_controller.least_squares import LeastSquares, updated
-from rl_cbf_clf_controller.pinocchio_model import PinocchioModel
 from rl_cbf_clf_controller.planar_robot import PinnedRobot
 from rl_cbf_clf_controller.robot_numbers import RobotNumbers, read_robot
 

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from rabbit_gait_design.pinocchio_model import PinocchioModel
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.robot_urdf import perturbed_urdf
 from rl_cbf_clf_controller.joint_calibration import OFFSETS, JointCalibration
-from rl_cbf_clf_controller.pinocchio_model import PinocchioModel
 from rl_cbf_clf_controller.robot_numbers import read_robot
 
 POSE = np.array([0.0, 0.75, 0.1, -0.3, 0.5, -0.3, 0.6])

@@ -9,8 +9,7 @@ from rabbit_experiments.assembly import Assembly
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.simulation import Outcome
 from rl_cbf_clf_controller.parameters import ControllerParameters
-from rl_cbf_clf_controller.policy import ActorPolicy
-from rl_cbf_clf_controller.policy_compatibility import STONE_WIDTH, fitted
+from rl_cbf_clf_controller.policy import STONE_WIDTH, ActorPolicy, fitted
 from rl_cbf_clf_controller.problem import Problem
 from rl_cbf_clf_controller.uncertainty import IO_RL_CLF_QP, RL_CBF_CLF_QP, RL_CLF_QP
 from rl_cbf_clf_controller.weights import (

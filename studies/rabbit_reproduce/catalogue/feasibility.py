@@ -19,7 +19,7 @@ from rabbit_reproduce.controllers import CBF_CLF, CBF_CLF_ORACLE, CLF, CLF_ORACL
 from rabbit_reproduce.curves import WIDTH
 from rabbit_reproduce.experiment import Experiment
 from rabbit_reproduce.feasibility import Feasibility, JudgedWalk, RowSet, share, share_text, total
-from rabbit_reproduce.recipes import Recipe
+from rabbit_reproduce.training_jobs import Recipe
 from rabbit_reproduce.report import Claim, Table, judge
 from rabbit_reproduce.table_lines import COLUMNS, Column, Found, Size
 from rabbit_reproduce.training import recipes

@@ -17,7 +17,7 @@ from rl_trainer.parameters import TrainingParameters
 from rabbit_reproduce.controllers import IO_RL, RL_CBF_CLF, RL_CLF, Contender
 from rabbit_reproduce.curves import WIDTH
 from rabbit_reproduce.experiment import Experiment
-from rabbit_reproduce.recipes import Recipe
+from rabbit_reproduce.training_jobs import Recipe
 from rabbit_reproduce.report import Cell, Claim, Table, judge
 from rabbit_reproduce.table_lines import MAIN, Found, Line, Size
 from rabbit_reproduce.training import Episode, read_log, recipe_of, recipes

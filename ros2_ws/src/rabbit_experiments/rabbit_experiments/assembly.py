@@ -13,8 +13,7 @@ from rabbit_sim.simulation import Simulation
 from rl_cbf_clf_controller.controller import Controller, Further, nothing_further
 from rl_cbf_clf_controller.oracle import OraclePolicy, TruePlant
 from rl_cbf_clf_controller.parameters import ControllerParameters
-from rl_cbf_clf_controller.policy import PartlyNominal, Policy, ZeroPolicy
-from rl_cbf_clf_controller.policy_compatibility import fitted
+from rl_cbf_clf_controller.policy import PartlyNominal, Policy, ZeroPolicy, fitted
 from rl_cbf_clf_controller.weights import SHIPPED, PolicyFileError, policy_path, read
 
 

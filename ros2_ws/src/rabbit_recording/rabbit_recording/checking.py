@@ -9,8 +9,7 @@ import numpy as np
 from rabbit_description.state import Array
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.parameters import ControllerParameters
-from rl_cbf_clf_controller.policy import ZeroPolicy
-from rl_cbf_clf_controller.policy_compatibility import fitted
+from rl_cbf_clf_controller.policy import ZeroPolicy, fitted
 from rl_cbf_clf_controller.weights import PolicyFile, decode
 
 from rabbit_recording.open_recording import one_line_errors

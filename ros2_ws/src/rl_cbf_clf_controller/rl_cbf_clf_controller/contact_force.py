@@ -23,7 +23,7 @@ class ForceRows:
 
     min_normal_force: ca.SX
     friction_coeff: ca.SX
-    rescue_weight: ca.SX
+    rescue_weight: ca.SX | float
     is_literal: bool = False
 
     def __call__(self, force: Affine) -> list[Rows]:

@@ -18,7 +18,6 @@ import numpy as np
 from cbf_clf_qp.estimates import Estimates
 from rabbit_description.state import Array, RobotState
 
-from rl_cbf_clf_controller.estimator import Estimator
 from rl_cbf_clf_controller.identification import (
     DAMPING,
     IDENTIFIED,
@@ -30,7 +29,7 @@ from rl_cbf_clf_controller.identification import (
 from rl_cbf_clf_controller.joint_calibration import JointCalibration
 from rl_cbf_clf_controller.rate_noise import RateNoise
 from rl_cbf_clf_controller.robot_numbers import RobotNumbers
-from rl_cbf_clf_controller.scene import Scene, is_finite
+from rl_cbf_clf_controller.scene import Estimator, Scene, is_finite
 from rl_cbf_clf_controller.state_prediction import prediction_function
 
 KNOWN = (*IDENTIFIED, "hip_offset", "knee_offset")  # rad

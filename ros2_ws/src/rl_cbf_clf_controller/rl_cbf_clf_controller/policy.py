@@ -7,6 +7,10 @@ expression Delta^v = 2 eta' P G Delta = LgV Delta [eq70] says:
     alpha_V = scale_alpha LgV D2,    beta_V = scale_beta LgV D1
 
 Plain, they are 5 outputs times (|LgV| + 1). Either way the action is the paper's (25 values on stones).
+
+A policy fits the controller of the problem it was trained for. One for stones fits flat ground too: it is shown the
+stone in whose middle the gait's own step ends, and of its estimates those of V and of the outputs are taken, which are
+all that a controller without barriers and force rows has a use for.
 """
 
 from abc import abstractmethod
@@ -17,12 +21,17 @@ import numpy as np
 from cbf_clf_qp.batch import BatchEstimates, BatchFunction
 from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.functions import NumpyFunction
+from rabbit_description.gait import Gait, Gaits
 from rabbit_description.state import Array
 
-from rl_cbf_clf_controller.estimator import Estimator
+from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.problem import Problem
-from rl_cbf_clf_controller.scene import Scene
-from rl_cbf_clf_controller.weights import Actor, PolicyFile
+from rl_cbf_clf_controller.scene import Estimator, Scene
+from rl_cbf_clf_controller.step_outputs import has_lengths
+from rl_cbf_clf_controller.uncertainty import RL_CBF_CLF_QP, RL_CLF_QP, STEP_LENGTH
+from rl_cbf_clf_controller.weights import Actor, PolicyFile, PolicyFileError
+
+STONE_WIDTH = 0.05  # m, of the stones that the paper trains on
 
 
 class Policy(Estimator):
@@ -154,3 +163,37 @@ def estimate_function(
 def row_by_row(values: ca.SX, columns: int) -> ca.SX:
     """A column as a matrix with so many columns."""
     return ca.reshape(values, columns, values.numel() // columns).T
+
+
+class OnFlatGround(LearnedPolicy):
+    """A policy for stones where there are none; `step_length` is the gait's, m."""
+
+    def __init__(self, policy: LearnedPolicy, step_length: float) -> None:
+        self.version, self.adaptation = policy.version, policy.adaptation
+        self._policy = policy
+        self._stone = np.array([step_length - STONE_WIDTH / 2, step_length])
+
+    def act(self, observation: Array, LgV: Array) -> Estimates:
+        """The policy's estimates of V and of the outputs."""
+        whole = self._policy.act(np.append(observation, self._stone), LgV)
+        return Estimates(whole.alpha[:1], whole.beta[:1], whole.output_error)
+
+
+def fitted(file: PolicyFile, law: ControllerParameters, gaits: Gaits) -> Policy:
+    """The policy of a file for a controller with these parameters and this gait or library.
+
+    Raises:
+        PolicyFileError: it was trained for another problem, beside another adaptation, or reads the length of a gait
+            library's steps on stones and there is one gait.
+    """
+    own = file.metadata.adaptation or "none"
+    if own != law.adaptation:
+        raise PolicyFileError(f"policy: it was trained with adaptation {own}; this controller has {law.adaptation}")
+    policy, trained_for = ActorPolicy(file), file.metadata.problem
+    if file.metadata.fits(law.problem):
+        if law.terrain == "stones" and STEP_LENGTH in file.metadata.observation and not has_lengths(gaits):
+            raise PolicyFileError(f"policy: it reads {STEP_LENGTH}: expected a gait library, gait is {gaits.name}")
+        return policy
+    if (trained_for, law.problem) == (RL_CBF_CLF_QP.name, RL_CLF_QP):
+        return OnFlatGround(policy, gaits.step_length if isinstance(gaits, Gait) else gaits.start_length)
+    raise PolicyFileError(f"policy: it was trained for {file.metadata.about}; this controller needs {law.problem}")

@@ -24,8 +24,7 @@ from rclpy.node import Node
 from rclpy.task import Future
 
 from rl_cbf_clf_controller.parameters import ControllerParameters
-from rl_cbf_clf_controller.policy import Policy
-from rl_cbf_clf_controller.policy_compatibility import fitted
+from rl_cbf_clf_controller.policy import Policy, fitted
 from rl_cbf_clf_controller.weights import SIZE_LIMIT, PolicyFileError, decode
 
 MOST_WAITING = 20  # policies that wait for their check

@@ -16,7 +16,6 @@ import pinocchio as pin
 from cbf_clf_qp.affine import Affine
 from rabbit_description import URDF_PATH
 from rabbit_description.state import Array
-
 from rl_cbf_clf_controller.robot_numbers import PLANE
 
 
