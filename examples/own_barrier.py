@@ -14,8 +14,8 @@ from rl_trainer.rollout import rollout
 
 def highest_step(ceiling: float | None, steps: int, seed: int = 1) -> float:
     """Walk on flat ground and return the swing foot's greatest height over the stance foot, m."""
-    flat, law = SimulationParameters(terrain="flat", stones=steps), load_parameters("ours", controller="clf-qp")
-    simulation, controller = Assembly(flat, law, "zero").build(
+    flat, parameters = SimulationParameters(terrain="flat", stones=steps), load_parameters("ours", controller="clf-qp")
+    simulation, controller = Assembly(flat, parameters, "zero").build(
         further=lambda w: [Barrier("ceiling", ceiling - w.robot.swing[1], poles=(40.0, 40.0))] if ceiling else []
     )
     heights = list[float]()

@@ -1,4 +1,4 @@
-"""A wheeled pendulum learns to keep a speed limit, the task of Taylor et al. 2020: heavier and weaker than believed.
+"""A wheeled pendulum learns to keep a speed limit, the task of Taylor et al. 2020: heavier and weaker than its model.
 
     state x = (v, theta, omega): the wheels' speed, the lean (forward positive), its rate;  input: the motor's torque
     CLF:      y = theta - the lean that the rider asks for, relative degree 2; a soft row
@@ -18,7 +18,7 @@ from rl_trainer.systems import LearnedPolicy, Problem, SystemTicks, TrainingPara
 
 LIMIT, KEPT, HEIGHT, AHEAD, RATE = 3.0, 0.01, 1.2, 4.0, 4.0  # m/s; m/s over it; m; m/s a radian of lean; 1/s
 DT, TICKS, h, GRAVITY, RADIUS, WHEELS = 0.01, 800, 0.001, 9.81, 0.2, 12.0  # s; a ride; s, of a step; m/s^2; m, kg
-BELIEVED, TRUE = (60, 0.8, 5.0, 1.0, 0.5), (70, 0.85, 6.5, 0.8, 1.0)  # body, kg; center, m; kg m^2; motor; drag, Nm s
+NOMINAL, TRUE = (60, 0.8, 5.0, 1.0, 0.5), (70, 0.85, 6.5, 0.8, 1.0)  # body, kg; center, m; kg m^2; motor; drag, Nm s
 
 body, center, inertia, motor, drag, lean = p = [ca.SX.sym(s) for s in ("body", "center", "I", "motor", "drag", "lean")]
 v, theta, omega, torque = (ca.SX.sym(name) for name in ("v", "theta", "omega", "torque"))
@@ -45,7 +45,7 @@ def ride(seed: tuple[int, ...], policy: LearnedPolicy | str, noise: float = 0.0)
     x, lean, turn = rng.uniform((0, -0.05, 0), (1.5, 0.05, 0)), rng.uniform(0.1, 0.2), rng.integers(300, 450)
     RIDDEN.begin(policy if isinstance(policy, LearnedPolicy) else None, np.array(TRUE) if policy == "oracle" else None)
     for k in range(TICKS):  # the rider leans forward, back for a second, and forward again
-        p = np.array([*BELIEVED, -lean if turn < k < turn + 100 else lean])
+        p = np.array([*NOMINAL, -lean if turn < k < turn + 100 else lean])
         now = RIDDEN(x, p, noise * rng.standard_normal(1))
         speeds[k] = now.seen.look_ahead[0], x[0]
         for _ in range(round(DT / h)):

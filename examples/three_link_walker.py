@@ -1,4 +1,4 @@
-"""A walker of your own, twice as heavy as believed, learns to walk: torso, two straight legs, point feet, two motors.
+"""A walker of your own, twice as heavy as its model, learns to walk: torso, two straight legs, point feet, two motors.
 
 Plant with impacts, gait on its hybrid zero dynamics, nominal model, CLF-QP and learner all come from its URDF. Straight
 swing legs pass through the ground in mid-swing: a touchdown counts only ahead of the stance foot, after the foot has
@@ -25,7 +25,7 @@ from rl_cbf_clf_controller.virtual_constraints import Angles, OutputExpressions,
 from rl_trainer.systems import LearnedPolicy, Problem, SystemTicks, TrainingParameters, learn
 
 URDF = with_planar_base((Path(__file__).parent / "three_link_walker.urdf").read_text())
-HEAVY, BELIEVED = scaled(URDF, 2.0), read_robot(URDF)
+HEAVY, NOMINAL = scaled(URDF, 2.0), read_robot(URDF)
 SWAP = np.array([0, 1, 2, 4, 3])  # base x, z, pitch, left hip, right hip; the left leg's place is the stance leg's
 ANGLES = Angles(np.array([[0.0, 0, 1, 0, 0], [0.0, 0, 2, 1, 1]]), np.array([0.0, 0, 1, 1, 0]))  # y: pitch, legs; phase
 WALKER = Walker(PinocchioModel(URDF), ANGLES, SWAP)
@@ -34,7 +34,7 @@ PATH = impact_invariant(WALKER, LATER, phase_angle_end=0.2527)
 START, DESIRED = RepeatedStep(WALKER, PATH).start, VirtualConstraints(PATH, ANGLES)
 LIMIT, PITCH, HIP, LONGEST_STEP, EVALUATION = 100.0, 1.2, 0.5, 300, 2**32  # N m; rad, m: fallen; ticks; a seed
 
-robot = PinnedRobot(BELIEVED.structure)
+robot = PinnedRobot(NOMINAL.structure)
 outputs = OutputExpressions(robot.q, robot.dq, ANGLES)
 SYSTEM = robot.system(outputs.parameters, outputs.rates)
 SEEN = ca.vertcat(outputs.y, SYSTEM.derivative(outputs.y), outputs.phase, outputs.phase_rate)
@@ -60,7 +60,7 @@ def walk(urdf: str, seed: int, steps: int, policy: Any = None, oracle: bool = Fa
         if abs(now.q[2]) > PITCH or now.q[1] < HIP or now.foot_force[:, 1].min() < 0:
             break  # fallen, or the ground would have to pull
         order, motors = (slice(None), 1) if now.contact[Leg.LEFT] else (SWAP, -1)
-        p = np.concatenate([BELIEVED.row, DESIRED.parameters(now.q[order])])
+        p = np.concatenate([NOMINAL.row, DESIRED.parameters(now.q[order])])
         x = np.concatenate([now.q[order], now.dq[order]])
         plant.advance(TICKS(x, p, sigma * rng.standard_normal(2)).control[::motors])
         landed = len(plant.observe().touches)
@@ -80,7 +80,7 @@ def main(episodes: int = 12, seeds: int = 5, steps: int = 100, walks: int = 3) -
     """Nominal, learned and oracle CLF-QP on a robot of twice its mass: trainings of so many episodes, steps a walk."""
     taken = dict[str, list[float]]()
     for seed in range(1, seeds + 1):
-        cases: dict[str, Any] = {"nominal, true mass as believed": (URDF, None)}
+        cases: dict[str, Any] = {"nominal, true mass as in the model": (URDF, None)}
         cases |= {"nominal, twice the mass": (HEAVY, None), "oracle, twice the mass": (HEAVY, None, True)}
         cases |= {"learned, twice the mass": (HEAVY, train(seed, episodes))} if episodes else {}
         for name, (urdf, *estimates) in cases.items():

@@ -20,7 +20,7 @@ from unittest.mock import patch
 import numpy as np
 from cbf_clf_qp import answer
 from cbf_clf_qp.functions import NumpyFunction
-from rabbit_bringup.launching.walk import Walk, WalkOptions
+from rabbit_bringup.launching.walk import WalkOptions, WalkSettings
 from rabbit_description.state import TICK_SECONDS
 from rabbit_experiments.assembly import Assembly
 from rabbit_sim.plant import SUBSTEPS
@@ -169,7 +169,9 @@ def bench_nodes(assembly: Assembly, seed: int, us: dict[str, dict[str, float]]) 
 
     floor = quantiles(measure_round_trips())["p50"]
     with TemporaryDirectory() as folder:
-        walked = walk_through(Walk.of(assembly, Path(folder), WalkOptions(seed=seed, trainer=False, record=False)))
+        walked = walk_through(
+            WalkSettings.of(assembly, Path(folder), WalkOptions(seed=seed, trainer=False, record=False))
+        )
     tick = walked.seconds / sum(int(episode.tick) for episode in walked.ended.values()) * 1e6
     whole = us[PLANT]["p50"] + us[TICK]["p50"] + floor
     ratios = {"a tick through nodes / plant tick, tick and bare round trip": tick / whole}

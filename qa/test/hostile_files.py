@@ -202,12 +202,12 @@ def drawn(kind: Kind, rng: Rng) -> tuple[str, bytes]:
 
 def walked() -> Walk:
     """The first ticks of a walk."""
-    law = ControllerParameters(sigma=1.0)
-    gait = load_gait(law.gait)
+    parameters = ControllerParameters(sigma=1.0)
+    gait = load_gait(parameters.gait)
     simulation, records = Simulation(SimulationParameters(stones=1), gait), list[Record]()
-    rollout(simulation, Controller(law, gait, ZeroPolicy(law.problem)), SEED, records.append)
+    rollout(simulation, Controller(parameters, gait, ZeroPolicy(parameters.problem)), SEED, records.append)
     simulation.close()
-    return Walk(law, records[:TICKS], [])
+    return Walk(parameters, records[:TICKS], [])
 
 
 def resident(field: str) -> int:

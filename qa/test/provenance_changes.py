@@ -136,24 +136,24 @@ def job_of(what: str, folder: Path, **changes: Any) -> Any:
 
     files = folder / "files"
     if what == "training":
-        from rabbit_reproduce.training_jobs import Recipe  # here alone: its modules decide no walk
+        from rabbit_reproduce.training_jobs import TrainingJob  # here alone: its modules decide no walk
 
         known = {"problem": "rl-cbf-clf-qp", "episodes": 1}
-        law = (("gait", str(files / "gait.yaml")),)
-        return Recipe(TrainingParameters(**known | changed(TrainingParameters)), law=law)
+        tuning = (("gait", str(files / "gait.yaml")),)
+        return TrainingJob(TrainingParameters(**known | changed(TrainingParameters)), tuning=tuning)
     if what == "walk":
         plant = {"stones": 1, "course": str(files / "course.csv")}
-        law = load_parameters("ours", controller="rl-cbf-clf-qp", gait=str(files / "gait.yaml"))
+        tuning = load_parameters("ours", controller="rl-cbf-clf-qp", gait=str(files / "gait.yaml"))
         kind, policy = Assembly, str(files / "rl-cbf-clf-qp.safetensors")
     else:
         from own_package.assembly import Weaker
 
         plant = {"stones": 1, "plant": "own"}
-        law = load_parameters("ours", controller="own", qp_solver="daqp")
+        tuning = load_parameters("ours", controller="own", qp_solver="daqp")
         kind, policy = Weaker, "zero"
-    law = ControllerParameters.model_validate(law.model_dump() | changed(ControllerParameters))
+    tuning = ControllerParameters.model_validate(tuning.model_dump() | changed(ControllerParameters))
     simulation = SimulationParameters.model_validate(plant | changed(SimulationParameters))
-    return Walk(kind(simulation, law, policy), changes.get("episode_seed", 7))
+    return Walk(kind(simulation, tuning, policy), changes.get("episode_seed", 7))
 
 
 class Changes:

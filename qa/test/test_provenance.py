@@ -38,13 +38,13 @@ class Powerless(Assembly):
 
 @dataclass(frozen=True)
 class Own(Contender):
-    def assembly(self, law=None, /, **plant):
-        whole = super().assembly(law, **plant)
+    def assembly(self, tuning=None, /, **plant):
+        whole = super().assembly(tuning, **plant)
         return Powerless(whole.simulation, whole.controller, whole.policy)
 
 
 flat = method("nominal").flat
-MINE = Method("mine", "mine", flat=Own(flat.title, flat.controller, flat.colour, flat.policy, law=flat.law))
+MINE = Method("mine", "mine", flat=Own(flat.title, flat.controller, flat.colour, flat.policy, tuning=flat.tuning))
 """
 COURSE = [("l_min", "l_max"), *[("0.3", "0.4")] * 3]
 

@@ -120,8 +120,10 @@ def test_there_is_a_shipped_policy_that_does_not_fit() -> None:
 
 
 def test_the_policy_of_a_soak_fits_and_estimates_nothing() -> None:
-    law = ControllerParameters(controller="rl-cbf-clf-qp", adaptation="identification", gait="paper_stones")
-    file = idle_policy(law)
-    estimates = fitted(file, law, load_gaits(law.gait)).act(np.ones(len(file.metadata.observation)), np.ones(4))
+    parameters = ControllerParameters(controller="rl-cbf-clf-qp", adaptation="identification", gait="paper_stones")
+    file = idle_policy(parameters)
+    estimates = fitted(file, parameters, load_gaits(parameters.gait)).act(
+        np.ones(len(file.metadata.observation)), np.ones(4)
+    )
     assert not estimates.alpha.any()
     assert not estimates.beta.any()

@@ -53,22 +53,22 @@ SPEED_MODEL = "its model of the speed: walks of random plants with random change
 ORACLE = "knows the true plant: the bound, not a method"
 
 
-def _method(name: str, title: str, policy: str, *law: dict[str, str], trained_on: str = "") -> Method:
+def _method(name: str, title: str, policy: str, *tuning: dict[str, str], trained_on: str = "") -> Method:
     """One that walks on both terrains, with a gait library and a margin on stones, and with a gait on flat ground."""
     kinds = ("cbf-clf-qp", "clf-qp") if name.startswith("nominal") else ("rl-cbf-clf-qp", "rl-clf-qp")
-    stones = variant(title, kinds[0], policy, LIBRARY, MARGIN, *law)
-    return Method(name, title, stones, variant(title, kinds[1], policy, GAIT, *law), trained_on)
+    stones = variant(title, kinds[0], policy, LIBRARY, MARGIN, *tuning)
+    return Method(name, title, stones, variant(title, kinds[1], policy, GAIT, *tuning), trained_on)
 
 
-def _on_slopes(name: str, title: str, policy: str, *law: dict[str, Any], trained_on: str = "") -> Method:
+def _on_slopes(name: str, title: str, policy: str, *tuning: dict[str, Any], trained_on: str = "") -> Method:
     """One that regulates its speed by gaits for slopes, on both terrains; PD-centred, a margin of 5 mm."""
-    stones = variant(title, "rl-cbf-clf-qp", policy, SLOPES, PD, *law)
-    return Method(name, title, stones, variant(title, "rl-clf-qp", policy, SLOPES, PD, *law), trained_on)
+    stones = variant(title, "rl-cbf-clf-qp", policy, SLOPES, PD, *tuning)
+    return Method(name, title, stones, variant(title, "rl-clf-qp", policy, SLOPES, PD, *tuning), trained_on)
 
 
-def _paper(name: str, title: str, *law: dict[str, Any]) -> Method:
+def _paper(name: str, title: str, *tuning: dict[str, Any]) -> Method:
     """The shipped policies, on the gait that they were trained on."""
-    stones, flat = (variant(title, kind, kind, *law) for kind in ("rl-cbf-clf-qp", "rl-clf-qp"))
+    stones, flat = (variant(title, kind, kind, *tuning) for kind in ("rl-cbf-clf-qp", "rl-clf-qp"))
     return Method(name, title, stones, flat, PAPER_POLICY)
 
 

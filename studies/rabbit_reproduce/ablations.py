@@ -41,7 +41,7 @@ from rl_trainer.parameters import TrainingParameters, paper_literal
 from rl_trainer.training import LearnerType
 
 from rabbit_reproduce import ablated_learners as ablated
-from rabbit_reproduce.training_jobs import Recipe, TrainingReport
+from rabbit_reproduce.training_jobs import TrainingJob, TrainingReport
 
 TRANSITIONS = 6500  # what `default` collects in its 18 episodes: 5,900 to 7,200
 MOST_EPISODES = 600  # of a variant that trains until it has as many: walks that fail at once give 10 to 16 each
@@ -156,14 +156,14 @@ class Study:
         """What is done."""
         return Cache(self.out / "cache")
 
-    def recipe(self, name: str, seed: int) -> Recipe:
+    def recipe(self, name: str, seed: int) -> TrainingJob:
         """The training of a row."""
         variant = VARIANTS[name]
         parameters, root = variant.parameters(seed, self.episodes), self.out / "training"
         title = f"{name}, seed {seed}"
-        return Recipe(parameters, transitions=variant.transitions, root=root, title=title, learner=variant.learner)
+        return TrainingJob(parameters, transitions=variant.transitions, root=root, title=title, learner=variant.learner)
 
-    def scenario(self, recipe: Recipe) -> Scenario:
+    def scenario(self, recipe: TrainingJob) -> Scenario:
         """The courses that the policy of a training that is done is judged on."""
         simulation = SimulationParameters(mass_scale=TRAINING_SCALE, motor_lag=EVALUATION_LAG)
         controller = load_parameters("ours", controller=RL_CBF_CLF_QP.name)
@@ -183,7 +183,7 @@ class Study:
             self.write([row for row in rows if row])
         return None not in rows
 
-    def row(self, name: str, recipe: Recipe, cache: Cache) -> Row | None:
+    def row(self, name: str, recipe: TrainingJob, cache: Cache) -> Row | None:
         """A row, once its training and all of its walks are done."""
         report = cache.get(recipe)
         results = [cache.get(job) for job in self.scenario(recipe).walks] if report else [None]

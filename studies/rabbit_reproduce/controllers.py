@@ -19,19 +19,19 @@ class Contender:
     colour: str
     policy: str | None = None
     line: str = "-"
-    law: tuple[tuple[str, Any], ...] = ()
+    tuning: tuple[tuple[str, Any], ...] = ()
 
     def with_policy(self, policy: str) -> "Contender":
         """The same with another policy, by name or file."""
         return replace(self, policy=policy)
 
-    def assembly(self, law: dict[str, Any] | None = None, /, **plant: Any) -> Assembly:
-        """On its own terrain, with the lag of evaluation; `law` are more controller parameters, `plant` the plant's.
+    def assembly(self, tuning: dict[str, Any] | None = None, /, **plant: Any) -> Assembly:
+        """On its own terrain, with the lag of evaluation and the controller's `tuning`; `plant`: the plant's.
 
         Raises:
             AssemblyError: no policy is shipped for it.
         """
-        controller = load_parameters("ours", controller=self.controller, **dict(self.law), **(law or {}))
+        controller = load_parameters("ours", controller=self.controller, **dict(self.tuning), **(tuning or {}))
         terrain = controller.terrain
         simulation = SimulationParameters.model_validate({"motor_lag": EVALUATION_LAG, "terrain": terrain, **plant})
         return Assembly(simulation, controller, resolve_policy(self.policy, controller))
@@ -61,7 +61,7 @@ PREDICTED = {"prediction": True}
 INTEGRAL = {"speed_regulation": "integral"}
 
 
-def variant(title: str, controller: str, policy: str, *law: dict[str, Any]) -> Contender:
+def variant(title: str, controller: str, policy: str, *tuning: dict[str, Any]) -> Contender:
     """One that stands in a map, so without a colour of its own."""
-    parameters = {name: value for each in law for name, value in each.items()}
-    return Contender(title, controller, style.BLACK, policy, law=tuple(parameters.items()))
+    parameters = {name: value for each in tuning for name, value in each.items()}
+    return Contender(title, controller, style.BLACK, policy, tuning=tuple(parameters.items()))

@@ -14,11 +14,11 @@ from rabbit_experiments.summary import Walks
 from rabbit_experiments.training_setup import POLICY
 from rabbit_viewer import style
 
-from rabbit_reproduce.training_jobs import Recipe
 from rabbit_reproduce.report import Claim, Report, Table
 from rabbit_reproduce.setting import OURS
 from rabbit_reproduce.table_lines import RIGID, Found, Line, Size, long_table, walk_table
 from rabbit_reproduce.training import that_made
+from rabbit_reproduce.training_jobs import TrainingJob
 
 
 class Experiment(ABC):
@@ -63,7 +63,7 @@ class Experiment(ABC):
         recorded = [self.by_key[key].scenario(size).recorded for key in self.shown]
         return [*(job for scenario in scenarios for job in scenario.walks), *recorded]
 
-    def trainings(self, size: Size) -> list[Recipe]:
+    def trainings(self, size: Size) -> list[TrainingJob]:
         """What `--retrain` trains for it: the shipped policies that it uses."""
         return that_made(each.policy for job in self.jobs(size) for each in job.assemblies)
 

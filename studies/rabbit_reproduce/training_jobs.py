@@ -32,13 +32,13 @@ class TrainingReport(BaseModel):
 
 
 @dataclass(frozen=True)
-class Recipe(Job):
+class TrainingJob(Job):
     """A training as `rabbit train` does it; it ends with its number of episodes, or once it has `transitions`."""
 
     parameters: TrainingParameters
     mass_scale: float = TRAINING_SCALE
     transitions: float = math.inf
-    law: tuple[tuple[str, Any], ...] = ()  # controller parameters that are not `ours`
+    tuning: tuple[tuple[str, Any], ...] = ()  # controller parameters that are not `ours`
     engine: str = "pybullet"
     learner: Callable[..., Any] | None = None  # in place of the one that the parameters name
     root: Path = field(default=Path("runs/training"), compare=False)
@@ -60,7 +60,7 @@ class Recipe(Job):
     @property
     def controller(self) -> ControllerParameters:
         """That walks while it learns."""
-        return self._controller_of(self.law)
+        return self._controller_of(self.tuning)
 
     @property
     def plant(self) -> SimulationParameters:
@@ -85,9 +85,9 @@ class Recipe(Job):
         transitions = sum(episode["kept"] for episode in episodes)
         return TrainingReport(commit=provenance.commit(), transitions=transitions, episodes=episodes)
 
-    def _controller_of(self, law: tuple[tuple[str, Any], ...]) -> ControllerParameters:
+    def _controller_of(self, tuning: tuple[tuple[str, Any], ...]) -> ControllerParameters:
         always = {"controller": self.parameters.problem.name, "slack_weight": TRAINING_SLACK_WEIGHT}
-        return load_parameters("ours", **{**dict(law), **always})
+        return load_parameters("ours", **{**dict(tuning), **always})
 
     def _train(self) -> list[dict[str, Any]]:
         """Train, or go on training; the reports of all episodes."""

@@ -73,14 +73,14 @@ def train(
 
 def estimation_env(parameters: TrainingParameters) -> WalkingEnv:
     """The walk that `rabbit train` learns from."""
-    law = load_parameters("ours", controller=parameters.problem.name, slack_weight=TRAINING_SLACK_WEIGHT)
-    gait = load_gaits(law.gait)
+    tuning = load_parameters("ours", controller=parameters.problem.name, slack_weight=TRAINING_SLACK_WEIGHT)
+    gait = load_gaits(tuning.gait)
     plant = SimulationParameters.model_validate(
-        {**TRAINING_PLANT, "terrain": law.terrain, "stones": parameters.walking_steps}
+        {**TRAINING_PLANT, "terrain": tuning.terrain, "stones": parameters.walking_steps}
     )
 
     def make_controller(policy: Policy, sigma: float) -> Controller:
-        return Controller(law.model_copy(update={"sigma": sigma}), gait, policy)
+        return Controller(tuning.model_copy(update={"sigma": sigma}), gait, policy)
 
     return WalkingEnv(parameters, make_simulation(plant, gait), make_controller)
 

@@ -43,14 +43,14 @@ class FileContender(Contender):
 
     kind: type[Assembly] = Assembly
 
-    def assembly(self, law: dict[str, Any] | None = None, /, **plant: Any) -> Assembly:
-        whole = super().assembly(law, **plant)
+    def assembly(self, tuning: dict[str, Any] | None = None, /, **plant: Any) -> Assembly:
+        whole = super().assembly(tuning, **plant)
         return self.kind(whole.simulation, whole.controller, whole.policy)
 
 
-def _with(kind: type[Assembly], title: str, controller: str, policy: str, *law: dict[str, Any]) -> FileContender:
-    given = tuple(item for each in law for item in each.items())
-    return FileContender(title, controller, style.BLACK, policy, law=given, kind=kind)
+def _with(kind: type[Assembly], title: str, controller: str, policy: str, *tuning: dict[str, Any]) -> FileContender:
+    given = tuple(item for each in tuning for item in each.items())
+    return FileContender(title, controller, style.BLACK, policy, tuning=given, kind=kind)
 
 
 def _joint_targets(name: str, title: str, policy: str, trained_on: str) -> Method:

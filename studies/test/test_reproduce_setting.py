@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 from rabbit_reproduce.commands.reproduce import app
 from rabbit_reproduce.controllers import CBF_CLF, RL_CBF_CLF, RL_CLF
-from rabbit_reproduce.training_jobs import Recipe
 from rabbit_reproduce.setting import SETTINGS, Setting, SettingError, read_setting
 from rabbit_reproduce.table_lines import COLUMNS, MAIN, QUICK, RIGID, SEED, Line
 from rabbit_reproduce.training import SHIPPED, Trained
+from rabbit_reproduce.training_jobs import TrainingJob
 from typer.testing import CliRunner
 
 FAST = Setting(plant="rigid", controller={"gait": "stones_0350_084", "eps": 0.06}, training={"sigma": 4.0})
@@ -43,7 +43,7 @@ def test_trainings_are_of_the_setting_and_stand_in_for_the_shipped_policies(tmp_
     assert job.folder != replace(made, root=tmp_path).folder
     assert "--gait stones_0350_084" in job.command
     assert "--plant rigid" in job.command
-    assert made.command == Recipe(made.parameters).command
+    assert made.command == TrainingJob(made.parameters).command
     size = replace(SIZE, trained=trained)
     assert size.own(RL_CBF_CLF.assembly()).policy == str(trained.policy(made))
     assert size.own(RL_CLF.assembly()).policy == RL_CLF.assembly().policy

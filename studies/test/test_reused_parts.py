@@ -21,9 +21,9 @@ IDENTIFIED = {"adaptation": "identification", "objective": "pd_centred"}
 def assembly(
     controller: str = "rl-cbf-clf-qp", policy: str | None = None, plant: str = "pybullet", **changes: str
 ) -> Assembly:
-    law = ControllerParameters.model_validate({"controller": controller, **changes})
-    simulation = SimulationParameters.model_validate({**NOISY, "plant": plant, "terrain": law.terrain})
-    return Assembly(simulation, law, resolve_policy(policy, law))
+    tuning = ControllerParameters.model_validate({"controller": controller, **changes})
+    simulation = SimulationParameters.model_validate({**NOISY, "plant": plant, "terrain": tuning.terrain})
+    return Assembly(simulation, tuning, resolve_policy(policy, tuning))
 
 
 def figures(result: RunResult) -> dict[str, object]:

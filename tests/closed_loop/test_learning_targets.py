@@ -88,8 +88,8 @@ def test_environment_over_the_true_plant() -> None:
 def test_beside_an_adaptation_the_target_is_what_it_leaves() -> None:
     """The robot is found within a step; what is left to learn is less than a tenth of the nominal model's error."""
     simulation, _, parameters = parts(RL_CBF_CLF_QP, "rigid")
-    law = ControllerParameters(controller="rl-cbf-clf-qp", adaptation="identification", sigma=5.0)
-    controller = Controller(law, load_gait(law.gait), ZeroPolicy(law.problem))
+    tuning = ControllerParameters(controller="rl-cbf-clf-qp", adaptation="identification", sigma=5.0)
+    controller = Controller(tuning, load_gait(tuning.gait), ZeroPolicy(tuning.problem))
     builder = TransitionBuilder(parameters)
     left, whole = [], []
 

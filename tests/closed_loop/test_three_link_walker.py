@@ -68,5 +68,5 @@ def test_a_seed_gives_the_same_walk(example):
 def test_it_says_what_it_found(example, capsys):
     example.main(episodes=1, seeds=2, steps=2, walks=1)
     out = capsys.readouterr().out
-    assert "nominal, true mass as believed: 2.0 steps of 2" in out
+    assert "nominal, true mass as in the model: 2.0 steps of 2" in out
     assert "seed 2, episode 1:" in out

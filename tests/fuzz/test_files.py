@@ -107,7 +107,7 @@ def test_courses_in_csv(data: bytes) -> None:
 @example(DEEP)
 @given(texts(AUTHORS))
 def test_controller_parameters(data: bytes) -> None:
-    read_or_refused(load_controller, ControllerParameterError, "law.yaml", data)
+    read_or_refused(load_controller, ControllerParameterError, "parameters.yaml", data)
 
 
 @example(DEEP)

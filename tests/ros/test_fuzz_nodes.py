@@ -45,7 +45,7 @@ from rl_trainer.ros.node import TrainerNode
 from rl_trainer.training import Trainer
 
 HEADER = 4  # bytes before a message's own
-LAW = ControllerParameters(controller="rl-cbf-clf-qp")
+PARAMETERS = ControllerParameters(controller="rl-cbf-clf-qp")
 SMALL = {"problem": RL_CBF_CLF_QP, "hidden1": 4, "hidden2": 4, "batch": 4, "updates_least": 1, "capacity": 500}
 NUMBERS: dict[str, st.SearchStrategy[Any]] = {
     "double": st.floats(),
@@ -58,9 +58,9 @@ NUMBERS: dict[str, st.SearchStrategy[Any]] = {
 
 def sound_messages() -> dict[str, list[Any]]:
     """What goes over each topic in the first ticks of episode 1, and the policy files."""
-    gait = load_gait(LAW.gait)
+    gait = load_gait(PARAMETERS.gait)
     simulation = Simulation(SimulationParameters(stones=3), gait)
-    controller = Controller(LAW, gait, ZeroPolicy(LAW.problem))
+    controller = Controller(PARAMETERS, gait, ZeroPolicy(PARAMETERS.problem))
     policy = Trainer(TrainingParameters(**SMALL)).policy_file()
     state = simulation.reset(1)
     assert state.preview is not None
@@ -85,7 +85,7 @@ def sound_messages() -> dict[str, list[Any]]:
 
 def sound_measurements() -> dict[str, list[Any]]:
     """What a simulator with a lab's sensors says in the first ticks of episode 1."""
-    simulation = Simulation(SimulationParameters(stones=3, sensors="lab"), load_gait(LAW.gait))
+    simulation = Simulation(SimulationParameters(stones=3, sensors="lab"), load_gait(PARAMETERS.gait))
     made: dict[str, list[Any]] = {"measured": [], "joint_states": [], "imu": []}
     state = simulation.reset(1)
     for tick in range(4):
@@ -144,7 +144,7 @@ def spoil(draw: st.DrawFn, message: Any, name: str, kind: str) -> None:
 @pytest.fixture(scope="module")
 def ros(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     """ROS in this process, with the parameters of all nodes."""
-    told = {"stones": 3, "motor_lag": 0.004, "learn_beside": 0, "controller": LAW.controller}
+    told = {"stones": 3, "motor_lag": 0.004, "learn_beside": 0, "controller": PARAMETERS.controller}
     told |= {"hidden1": 4, "hidden2": 4, "batch": 4, "updates_least": 1, "capacity": 500}
     of = {"stones": "simulator", "motor_lag": "simulator", "controller": "controller", "path": "recorder"}
     told |= {"path": str(tmp_path_factory.mktemp("recorder") / "recording")}

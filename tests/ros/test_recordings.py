@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
-from rabbit_bringup.launching.walk import Walk, WalkOptions
+from rabbit_bringup.launching.walk import WalkOptions, WalkSettings
 from rabbit_bringup.ros.walking import walk_through
 from rabbit_msgs.msg import Episode
 from rabbit_msgs.srv import Pause
@@ -24,7 +24,7 @@ from rabbit_sim.parameters import SimulationParameters
 from rclpy.serialization import deserialize_message
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
-PLANT, LAW = {"motor_lag": 0.004, "stones": 4}, ControllerParameters()
+PLANT, PARAMETERS = {"motor_lag": 0.004, "stones": 4}, ControllerParameters()
 TICKS_A_SECOND = 100
 
 
@@ -103,7 +103,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Of a short walk."""
     folder = tmp_path_factory.mktemp("walk")
     options, plant = WalkOptions(trainer=False), SimulationParameters(stones=1)
-    walk_through(Walk(folder=folder, options=options, simulation=plant, controller=LAW, policy="zero"))
+    walk_through(WalkSettings(folder=folder, options=options, simulation=plant, controller=PARAMETERS, policy="zero"))
     return folder / "recording"
 
 

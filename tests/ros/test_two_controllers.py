@@ -12,7 +12,7 @@ from rabbit_recording.checking import check_episodes
 from rabbit_sim.real_time import Source
 
 SHORT = {"motor_lag": 0.004, "stones": 3}
-OTHER = ("-r", "__node:=other", "-p", "eps:=0.5")  # another law
+OTHER = ("-r", "__node:=other", "-p", "eps:=0.5")  # other gains
 
 
 def ended(world: Any, number: int) -> Episode:
@@ -28,7 +28,7 @@ def applied(world: Any, number: int) -> np.ndarray:
 
 
 def start_other(world: Any) -> None:
-    """A controller of another law comes into the same namespace, while the robot is held."""
+    """A controller with other gains comes into the same namespace, while the robot is held."""
     world.ask(Pause, "pause", paused=True)
     world.processes.start("other", ("--ros-args", "-r", f"__ns:=/{world.namespace}", *OTHER), kind="controller")
     world.wait(lambda: "other" in world.node.get_node_names())

@@ -29,9 +29,9 @@ from rabbit_recording.contents import contents
 from rabbit_recording.open_recording import one_line_errors, opened
 from rabbit_recording.reader import iterate_episodes
 from rabbit_recording.recover import recover
-from rabbit_reproduce.training_jobs import Recipe
 from rabbit_reproduce.setting import SETTINGS, SettingError, read_setting
 from rabbit_reproduce.training import COMMITTED, Episode
+from rabbit_reproduce.training_jobs import TrainingJob
 from rabbit_rivals import learning_curve, model_file
 from rabbit_rivals.gp_controller import GpAbout
 from rabbit_sim.parameters import SimulationParameters
@@ -215,7 +215,7 @@ def evaluation(path: Path) -> None:
 
 def cached(path: Path) -> Any:
     """A result of the cache, which is made again where it cannot be read."""
-    return Recipe(TINY).read(path)
+    return TrainingJob(TINY).read(path)
 
 
 # All
@@ -239,7 +239,7 @@ def kinds(walk: Walk) -> dict[str, Kind]:
     with tempfile.TemporaryDirectory() as folder:
         for form in ("mcap", "zstd", "sqlite3"):
             RECORDED[form] = recorded(Path(folder) / form, walk, form)
-        about = about_walk(walk.law, SimulationParameters(stones=2), "zero", 1, "walked")
+        about = about_walk(walk.parameters, SimulationParameters(stones=2), "zero", 1, "walked")
         save_records(WalkRecords.from_ticks(walk.records, walk.landings, about), Path(folder) / "records.npz")
         records = (Path(folder) / "records.npz").read_bytes()
     report = {"commit": "a", "transitions": 3, "episodes": [{"kept": 3}]}
@@ -263,7 +263,10 @@ def kinds(walk: Walk) -> dict[str, Kind]:
             (CourseError,),
         ),
         "controller parameters": Kind(
-            (("law.yaml", (CONFIG / "authors.yaml").read_bytes()), ("best.yaml", (CONFIG / "best.yaml").read_bytes())),
+            (
+                ("parameters.yaml", (CONFIG / "authors.yaml").read_bytes()),
+                ("best.yaml", (CONFIG / "best.yaml").read_bytes()),
+            ),
             load_controller,
             (ControllerParameterError,),
         ),
@@ -299,7 +302,7 @@ def kinds(walk: Walk) -> dict[str, Kind]:
         "misses": Kind(
             (("best.json", Path(misses.__file__).with_name("best.json").read_bytes()),),
             misses.MissProbability.load,
-            (misses.ModelError,),
+            (misses.MissModelError,),
         ),
         "evaluation": Kind(
             ((ABOUT, json.dumps({"key": "a", "made_with": {"numpy": "2"}}).encode()),), evaluation, (ResultsError,)

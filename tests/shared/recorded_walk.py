@@ -56,7 +56,7 @@ WHO = {"sender": CONTROLLER, "controller": CONTROLLER, "refused_controller": ""}
 class Walk:
     """What a rollout gave."""
 
-    law: ControllerParameters
+    parameters: ControllerParameters
     records: list[Record]
     landings: list[Landing]
 
@@ -64,13 +64,13 @@ class Walk:
 @pytest.fixture(scope="session")
 def walk() -> Walk:
     """Two stones under the nominal controller, with exploration so that its seed matters."""
-    law = ControllerParameters(sigma=1.0)
-    gait = load_gait(law.gait)
+    parameters = ControllerParameters(sigma=1.0)
+    gait = load_gait(parameters.gait)
     simulation = Simulation(SimulationParameters(stones=2), gait)
     records: list[Record] = []
-    rollout(simulation, Controller(law, gait, ZeroPolicy(law.problem)), SEED, records.append)
+    rollout(simulation, Controller(parameters, gait, ZeroPolicy(parameters.problem)), SEED, records.append)
     simulation.close()
-    return Walk(law, records, simulation.landings)
+    return Walk(parameters, records, simulation.landings)
 
 
 @pytest.fixture
@@ -121,8 +121,8 @@ def told(walk: Walk) -> Iterator[tuple[str, int, Any]]:
     yield "episode", 0, message("episode", 0, phase=1, touchdowns=0, outcome="", **episode)
     swap = {"version": "zero", "source": "built in", "accepted": True, "reason": "", "data": np.zeros(0, np.uint8)}
     yield "policy_swap", 0, message("policy_swap", 0, **swap)
-    gait = load_gait(walk.law.gait).model_dump_json()
-    settings = {"parameters": walk.law.model_dump_json(), "gait": gait}
+    gait = load_gait(walk.parameters.gait).model_dump_json()
+    settings = {"parameters": walk.parameters.model_dump_json(), "gait": gait}
     yield "controller_settings", 0, message("controller_settings", 0, **settings)
     seen = None
     for record in walk.records:

@@ -129,7 +129,7 @@ def updating(n: int, m: int) -> NumpyFunction:
 
 
 def test_least_squares_solve_the_normal_equations():
-    """Without noise in x: the weighted mean of what was believed and all that was measured."""
+    """Without noise in x: the weighted mean of the prior and all that was measured."""
     rng = np.random.default_rng(2)
     start, prior, noise = rng.normal(size=3), np.diag([1.0, 2.0, 3.0]), np.diag([0.5, 0.2])
     fit = LeastSquares(start, prior, np.zeros((3, 3)))

@@ -20,9 +20,9 @@ def test_a_bent_leg_is_a_turned_hip(bend):
     """To first order in the bend: what is left is below its square times the leg's length."""
     q, dq = random_state(np.random.default_rng(1))
     true = PinocchioModel(perturbed_urdf(SimulationParameters(link_bend=bend))).update(q, dq)
-    believed = PinocchioModel().update(q - OFFSETS @ np.array([bend, 0.0]), dq)
-    assert believed.hip == pytest.approx(true.hip, abs=0.8 * bend**2 + 1e-12)
-    assert believed.swing == pytest.approx(true.swing, abs=1.6 * bend**2 + 1e-12)
+    nominal = PinocchioModel().update(q - OFFSETS @ np.array([bend, 0.0]), dq)
+    assert nominal.hip == pytest.approx(true.hip, abs=0.8 * bend**2 + 1e-12)
+    assert nominal.swing == pytest.approx(true.swing, abs=1.6 * bend**2 + 1e-12)
 
 
 @pytest.mark.parametrize("offset", [0.05, -0.03, 0.0])

@@ -36,8 +36,8 @@ def make_file(problem: Problem, observations: int = -1, adaptation: str | None =
 
 @pytest.mark.parametrize("controller", ["io-rl-clf-qp", "rl-clf-qp", "rl-cbf-clf-qp"])
 def test_a_policy_fits_the_controller_of_its_problem(controller: str) -> None:
-    law = ControllerParameters.model_validate({"controller": controller})
-    assert isinstance(fitted(make_file(law.problem, 0), law, GAIT), ActorPolicy)
+    parameters = ControllerParameters.model_validate({"controller": controller})
+    assert isinstance(fitted(make_file(parameters.problem, 0), parameters, GAIT), ActorPolicy)
 
 
 def test_on_flat_ground_a_policy_for_stones_sees_the_stone_under_the_gaits_own_step() -> None:
@@ -66,7 +66,7 @@ def test_a_librarys_step_on_flat_ground_is_its_first() -> None:
 
 
 @pytest.mark.parametrize(
-    ("file", "law", "text"),
+    ("file", "parameters", "text"),
     [
         (lambda: make_file(RL_CLF_QP), STONES, "trained for rl-clf-qp; this controller needs rl-cbf-clf-qp"),
         (lambda: make_file(IO_RL_CLF_QP), FLAT, "trained for io-rl-clf-qp; this controller needs rl-clf-qp"),
@@ -82,17 +82,19 @@ def test_a_librarys_step_on_flat_ground_is_its_first() -> None:
         ),
     ],
 )
-def test_what_does_not_fit_is_refused(file: Callable[[], PolicyFile], law: ControllerParameters, text: str) -> None:
+def test_what_does_not_fit_is_refused(
+    file: Callable[[], PolicyFile], parameters: ControllerParameters, text: str
+) -> None:
     with pytest.raises(PolicyFileError, match=text):
-        fitted(file(), law, GAIT)
+        fitted(file(), parameters, GAIT)
 
 
 def test_one_file_walks_on_both_terrains() -> None:
     """The paper's policy for stones, on a robot of twice the mass."""
     path = policy_path("rl-cbf-clf-qp")
-    for terrain, law in {"flat": FLAT, "stones": STONES}.items():
+    for terrain, parameters in {"flat": FLAT, "stones": STONES}.items():
         plant = SimulationParameters.model_validate({"terrain": terrain, "mass_scale": 2.0, "stones": 3})
-        simulation, controller = Assembly(plant, law, str(path)).build()
+        simulation, controller = Assembly(plant, parameters, str(path)).build()
         rollout(simulation, controller, 7001)
         simulation.close()
         assert simulation.outcome is Outcome.WALKED

@@ -19,7 +19,7 @@ from rl_cbf_clf_controller.weights import policy_path
 
 from .conftest import SHORT
 
-LAW = ControllerParameters(controller="rl-cbf-clf-qp")
+PARAMETERS = ControllerParameters(controller="rl-cbf-clf-qp")
 GOOD = policy_path("rl-cbf-clf-qp")
 
 
@@ -27,14 +27,14 @@ GOOD = policy_path("rl-cbf-clf-qp")
 def walking(make_world: Any) -> Any:
     world = make_world("soak")
     world.start("simulator", **SHORT, episodes=1000, mass_scale=2.0, pace=1.0)
-    world.start("controller", controller=LAW.controller, policy=str(GOOD))
+    world.start("controller", controller=PARAMETERS.controller, policy=str(GOOD))
     world.go()
     return world
 
 
 @pytest.mark.timeout(900)
 def test_every_operation_is_answered_as_expected(walking: Any, tmp_path: Path) -> None:
-    operator = Operator(walking.namespace, tmp_path, (GOOD, unfit_policy(LAW)), 1.0, seed=3)
+    operator = Operator(walking.namespace, tmp_path, (GOOD, unfit_policy(PARAMETERS)), 1.0, seed=3)
     with Operations(operator, tmp_path, every=0.5, seed=3) as operations:
         for half_seconds in range(LATCHED + len(KINDS) + 6):
             walking.spin(0.1)
@@ -46,7 +46,7 @@ def test_every_operation_is_answered_as_expected(walking: Any, tmp_path: Path) -
 
 @pytest.mark.timeout(900)
 def test_what_is_answered_wrongly_is_found(walking: Any, tmp_path: Path) -> None:
-    swapped = (unfit_policy(LAW), GOOD)
+    swapped = (unfit_policy(PARAMETERS), GOOD)
     operator = Operator(walking.namespace, tmp_path, swapped, 1.0, seed=3)
     operator.patience = 3.0
     try:

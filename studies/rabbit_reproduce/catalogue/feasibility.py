@@ -19,10 +19,10 @@ from rabbit_reproduce.controllers import CBF_CLF, CBF_CLF_ORACLE, CLF, CLF_ORACL
 from rabbit_reproduce.curves import WIDTH
 from rabbit_reproduce.experiment import Experiment
 from rabbit_reproduce.feasibility import Feasibility, JudgedWalk, RowSet, share, share_text, total
-from rabbit_reproduce.training_jobs import Recipe
 from rabbit_reproduce.report import Claim, Table, judge
 from rabbit_reproduce.table_lines import COLUMNS, Column, Found, Size
 from rabbit_reproduce.training import recipes
+from rabbit_reproduce.training_jobs import TrainingJob
 
 WALKERS = (CBF_CLF, RL_CBF_CLF, CBF_CLF_ORACLE)  # whose walks are the common states
 SHORT, STEPS = 5, 10  # a walk
@@ -209,7 +209,7 @@ class FeasibilityByEpisode(Judged):
     )
     needs_training = True
 
-    def trainings(self, size: Size) -> list[Recipe]:
+    def trainings(self, size: Size) -> list[TrainingJob]:
         """Those of the stepping stones' problem."""
         return _on_stones(recipes(size.quick))
 
@@ -309,11 +309,11 @@ def _walks(
     return [[JudgedWalk(assembly, seed, judges, title=title) for seed in seeds] for assembly in assemblies]
 
 
-def _trained(found: Found) -> list[Recipe]:
+def _trained(found: Found) -> list[TrainingJob]:
     return _on_stones(found.size.trained.recipes) if found.size.trained else []
 
 
-def _on_stones(trainings: Sequence[Recipe]) -> list[Recipe]:
+def _on_stones(trainings: Sequence[TrainingJob]) -> list[TrainingJob]:
     """Those of the stepping stones' problem at scale 2."""
     own = [recipe for recipe in trainings if recipe.parameters.problem.name == RL_CBF_CLF.controller]
     return [recipe for recipe in own if recipe.mass_scale == TRAINING_SCALE]

@@ -73,9 +73,9 @@ class ClfResults(TenSteps):
 
     @cached_property
     def by_key(self) -> dict[Any, Line]:
-        law = {"flat_force_rows": True}
+        tuning = {"flat_force_rows": True}
         with_rows = {
-            (each, WITH_ROWS): Line(f"{each.title}, {WITH_ROWS}", each.assembly(law, stones=STEPS, **self.plant))
+            (each, WITH_ROWS): Line(f"{each.title}, {WITH_ROWS}", each.assembly(tuning, stones=STEPS, **self.plant))
             for each in (RL_CLF, IO_RL)
         }
         return super().by_key | with_rows

@@ -107,7 +107,7 @@ def active_share(walks: Walks) -> float:
     return walks.total("barrier_active_steps") / max(walks.total("steps"), 1)
 
 
-def _line(what: str, contender: Contender, law: dict[str, Any], reach: tuple[float, float] = WIDE) -> Line:
+def _line(what: str, contender: Contender, tuning: dict[str, Any], reach: tuple[float, float] = WIDE) -> Line:
     low, high = reach
     course = {
         "l_min_distribution": "uniform",
@@ -115,7 +115,7 @@ def _line(what: str, contender: Contender, law: dict[str, Any], reach: tuple[flo
         "l_min_std": round((high - low) / 2 / SPREAD, 6),
         "l_min_truncation": SPREAD,
     }
-    return Line(what, contender.assembly(law, mass_scale=2.0, **course), runs=RUNS, columns=(MAIN,))
+    return Line(what, contender.assembly(tuning, mass_scale=2.0, **course), runs=RUNS, columns=(MAIN,))
 
 
 def _draw_stones(axes: Axes, walk: WalkRecords) -> None:

@@ -18,7 +18,7 @@ from rl_trainer.rollout import rollout
 
 from tests.ros.test_policies import policy, tampered
 
-LAW = ControllerParameters(controller="rl-cbf-clf-qp")
+PARAMETERS = ControllerParameters(controller="rl-cbf-clf-qp")
 PLANT = SimulationParameters(stones=2, motor_lag=0.004)
 ZERO = "zero"
 SEEDS = (1, 2, 3)
@@ -68,10 +68,10 @@ def write_all(folder: Path) -> None:
 def torques_of(version: str, seed: int, sigma: float) -> list[bytes]:
     """The torques of a walk in process, tick by tick; it must walk, or the pool is wrong."""
     versions = {version_of(name): name for name in good()}
-    actor = ZeroPolicy(LAW.problem) if version == ZERO else ActorPolicy(decode(good()[versions[version]]))
-    gait, torques = load_gait(LAW.gait), []
+    actor = ZeroPolicy(PARAMETERS.problem) if version == ZERO else ActorPolicy(decode(good()[versions[version]]))
+    gait, torques = load_gait(PARAMETERS.gait), []
     simulation = Simulation(PLANT, gait)
-    controller = Controller(LAW.model_copy(update={"sigma": sigma}), gait, actor)
+    controller = Controller(PARAMETERS.model_copy(update={"sigma": sigma}), gait, actor)
     rollout(simulation, controller, seed, lambda record: torques.append(record.output.torque.tobytes()))
     outcome = simulation.outcome.value
     simulation.close()

@@ -18,7 +18,7 @@ SECONDS = 0.01
 
 @pytest.mark.parametrize("seed", range(5))
 def test_constant_acceleration_is_measured_exactly(make_plant: Any, seed: int) -> None:
-    """Of a cart under a held force, whatever mass its model believes: relative degrees 1 and 2, a wall that moves."""
+    """Of a cart under a held force, whatever mass its model has: relative degrees 1 and 2, a wall that moves."""
     plant = make_plant("cart")
     s, rng = plant.symbols, np.random.default_rng(seed)
     quantities = [Clf(s["x"] - 1), Barrier("wall", s["wall"] - s["x"], (2, 3)), Barrier("slow", 3 - s["v"], (1,))]

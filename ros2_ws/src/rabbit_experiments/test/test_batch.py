@@ -38,9 +38,9 @@ PLANTS: list[dict[str, Any]] = [
 SEEDS = range(71, 71 + len(PLANTS))
 
 
-def assemblies(name: str = "ours", plants: list[dict[str, Any]] = PLANTS, **law: Any) -> list[Assembly]:
+def assemblies(name: str = "ours", plants: list[dict[str, Any]] = PLANTS, **tuning: Any) -> list[Assembly]:
     """The same controller on each plant."""
-    controller = load_parameters(name, **law)
+    controller = load_parameters(name, **tuning)
     policy = resolve_policy(None, controller)
     shared = {"plant": "mujoco", "motor_lag": 0.004, "stones": 3, "terrain": controller.terrain}
     on_flat = {} if controller.terrain == "stones" else {"stone_height": 0.0, "loose_stone": 0}
@@ -74,8 +74,8 @@ def assert_same(one: Any, other: Any, but: set[str]) -> None:
     ],
     ids=["paper", "osqp", "exploring", "best", "l1", "robust"],
 )
-def test_every_tick_is_that_of_the_walk_alone(name: str, law: dict[str, Any], plants: list[dict[str, Any]]) -> None:
-    made = assemblies(name, plants, **law)
+def test_every_tick_is_that_of_the_walk_alone(name: str, tuning: dict[str, Any], plants: list[dict[str, Any]]) -> None:
+    made = assemblies(name, plants, **tuning)
     walks = [alone(assembly, seed) for assembly, seed in zip(made, SEEDS, strict=False)]
     lengths = {len(ticks) for ticks, _ in walks}
     assert len(lengths) > 1  # some end earlier
@@ -145,13 +145,13 @@ def test_another_plant_is_refused() -> None:
 
 def test_the_vector_environment_is_the_single_one_row_by_row() -> None:
     parameters = TrainingParameters(sigma=2.0)
-    law = load_parameters("ours", controller="rl-cbf-clf-qp", qp_solver="daqp")
+    tuning = load_parameters("ours", controller="rl-cbf-clf-qp", qp_solver="daqp")
     plant = SimulationParameters(plant="mujoco", stones=1, sensors="lab", push=3.0, push_interval=0.2)
-    robots, gait = 3, load_gaits(law.gait)
-    many = make_vector_environment(parameters, law, plant, robots, random_plant)
+    robots, gait = 3, load_gaits(tuning.gait)
+    many = make_vector_environment(parameters, tuning, plant, robots, random_plant)
 
     def make_controller(policy: Policy, sigma: float) -> Controller:
-        return Controller(law.model_copy(update={"sigma": sigma}), gait, policy)
+        return Controller(tuning.model_copy(update={"sigma": sigma}), gait, policy)
 
     class Renewed:
         """A plant that is another robot from each reset on."""

@@ -48,8 +48,8 @@ class Settings:
 
 
 def _settings(tick: int, message: Any) -> RecordedSettings:
-    law = ControllerParameters.model_validate_json(message.parameters)
-    return RecordedSettings(tick, law, parse_gaits(json.loads(message.gait)))
+    parameters = ControllerParameters.model_validate_json(message.parameters)
+    return RecordedSettings(tick, parameters, parse_gaits(json.loads(message.gait)))
 
 
 class Policies:

@@ -312,9 +312,9 @@ def test_messages_of_somebody_else_make_no_episodes(tmp_path: Path, templates: T
 
 def told_settings(episode: int, tick: int, eps: float) -> Any:
     """What the controller says that it goes by."""
-    law = ControllerParameters(eps=eps)
-    gait = load_gait(law.gait).model_dump_json()
-    what = message("controller_settings", tick, parameters=law.model_dump_json(), gait=gait)
+    parameters = ControllerParameters(eps=eps)
+    gait = load_gait(parameters.gait).model_dump_json()
+    what = message("controller_settings", tick, parameters=parameters.model_dump_json(), gait=gait)
     what.episode = episode
     return what
 

@@ -63,7 +63,7 @@ class IdentifiedRobot(Estimator):
         self._measured: Array | None = None
         self._measured_last: Array | None = None
         self._standing = 0  # ticks on end in which the stance foot alone stood
-        self._believe()
+        self._update_row()
 
     def another(self) -> "IdentifiedRobot":
         """See `Estimator`."""
@@ -112,9 +112,9 @@ class IdentifiedRobot(Estimator):
             variance = self._rate_noise.variance
             if variance is not None:
                 self._identification.learn(before, measured, (last.torque, now.torque), now.force, variance)
-            self._believe()
+            self._update_row()
 
-    def _believe(self) -> None:
+    def _update_row(self) -> None:
         found = self._identification.value
         self._row = self._nominal.with_links(found[THETA], found[MOTOR_GAIN], found[DAMPING]).row
 

@@ -179,7 +179,7 @@ class OnFlatGround(LearnedPolicy):
         return Estimates(whole.alpha[:1], whole.beta[:1], whole.output_error)
 
 
-def fitted(file: PolicyFile, law: ControllerParameters, gaits: Gaits) -> Policy:
+def fitted(file: PolicyFile, parameters: ControllerParameters, gaits: Gaits) -> Policy:
     """The policy of a file for a controller with these parameters and this gait or library.
 
     Raises:
@@ -187,13 +187,17 @@ def fitted(file: PolicyFile, law: ControllerParameters, gaits: Gaits) -> Policy:
             library's steps on stones and there is one gait.
     """
     own = file.metadata.adaptation or "none"
-    if own != law.adaptation:
-        raise PolicyFileError(f"policy: it was trained with adaptation {own}; this controller has {law.adaptation}")
+    if own != parameters.adaptation:
+        raise PolicyFileError(
+            f"policy: it was trained with adaptation {own}; this controller has {parameters.adaptation}"
+        )
     policy, trained_for = ActorPolicy(file), file.metadata.problem
-    if file.metadata.fits(law.problem):
-        if law.terrain == "stones" and STEP_LENGTH in file.metadata.observation and not has_lengths(gaits):
+    if file.metadata.fits(parameters.problem):
+        if parameters.terrain == "stones" and STEP_LENGTH in file.metadata.observation and not has_lengths(gaits):
             raise PolicyFileError(f"policy: it reads {STEP_LENGTH}: expected a gait library, gait is {gaits.name}")
         return policy
-    if (trained_for, law.problem) == (RL_CBF_CLF_QP.name, RL_CLF_QP):
+    if (trained_for, parameters.problem) == (RL_CBF_CLF_QP.name, RL_CLF_QP):
         return OnFlatGround(policy, gaits.step_length if isinstance(gaits, Gait) else gaits.start_length)
-    raise PolicyFileError(f"policy: it was trained for {file.metadata.about}; this controller needs {law.problem}")
+    raise PolicyFileError(
+        f"policy: it was trained for {file.metadata.about}; this controller needs {parameters.problem}"
+    )

@@ -117,7 +117,7 @@ def test_estimates_shift_the_quantities_and_only_them():
     np.testing.assert_allclose(with_force, rows)
     unilateral = built.qp.layout.names.index("C1")
     per_newton = np.linalg.norm(rows[unilateral]) / np.linalg.norm(scene.seen.nominal_a[3])
-    assert (shifted - upper)[unilateral] == pytest.approx(100.0 * per_newton)  # F_N is 100 N more than believed
+    assert (shifted - upper)[unilateral] == pytest.approx(100.0 * per_newton)  # F_N is 100 N more than nominal
     assert (shifted - upper)[:3] == pytest.approx(0)
 
 

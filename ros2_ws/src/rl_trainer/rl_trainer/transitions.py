@@ -155,30 +155,30 @@ class TransitionBuilder:
 
 
 def nominal_value(last: ControllerOutput, output: ControllerOutput | None, p: TrainingParameters) -> Array:
-    """The quantities without the policy's word over the same tick, (n,); at its start where there is no `output`.
+    """The quantities without the policy's estimate over the same tick, (n,); at its start where there is no `output`.
 
     That is by the nominal model, or with an adaptation by the robot that it knows.
     """
     first_approach = p.problem.corrects_input
     v: Array = last.mu + last.alpha @ last.mu + last.beta if first_approach else last.mu
-    start = believed(last, v)
+    start = predicted(last, v)
     if output is None or p.measurement == "paper" or not np.isfinite(output.mu_held).all():
         return start
-    mean: Array = (start + believed(output, output.mu_held)) / 2
+    mean: Array = (start + predicted(output, output.mu_held)) / 2
     if "V" in last.quantities:
         ends = _y_ddot(last, v) + _y_ddot(output, output.mu_held)
         mean[0] = last.nominal_b[0] + last.LgV @ ends / 2
     return mean
 
 
-def believed(output: ControllerOutput, v: Array) -> Array:
-    """The quantities (n,) of a tick at the input v (4,), without the policy's word."""
+def predicted(output: ControllerOutput, v: Array) -> Array:
+    """The quantities (n,) of a tick at the input v (4,), without the policy's estimate."""
     value: Array = output.nominal_a @ v + output.nominal_b + adapted(output).error(v)
     return value
 
 
 def _y_ddot(output: ControllerOutput, v: Array) -> Array:
-    """y'' (4,) at the input v (4,), without the policy's word."""
+    """y'' (4,) at the input v (4,), without the policy's estimate."""
     error = adapted(output).output_error
     return v if error is None else v + error[:, :-1] @ v + error[:, -1]
 

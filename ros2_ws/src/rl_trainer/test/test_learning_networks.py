@@ -1,4 +1,4 @@
-"""Actor against its numpy twin, critics against the reward's form."""
+"""The actor in torch against the one in numpy, critics against the reward's form."""
 
 from collections.abc import Callable
 
@@ -22,7 +22,7 @@ MakeTransition = Callable[..., Transition]
 @pytest.mark.parametrize("problem", PAPER)
 @pytest.mark.parametrize("structured", [True, False])
 @pytest.mark.parametrize("observe_l_min", [True, False])
-def test_actor_and_its_numpy_twin(problem: Problem, structured: bool, observe_l_min: bool) -> None:
+def test_actor_in_torch_and_in_numpy(problem: Problem, structured: bool, observe_l_min: bool) -> None:
     parameters = TrainingParameters(
         problem=problem, structured=structured, observe_l_min=observe_l_min, hidden1=12, hidden2=9
     )

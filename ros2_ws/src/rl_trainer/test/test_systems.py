@@ -9,7 +9,7 @@ from cbf_clf_qp import Barrier, Clf, Estimates, System, Tick
 from cbf_clf_qp.functions import Array
 from rl_trainer.systems import EpisodePlan, LearnedPolicy, Problem, SystemTicks, TrainingParameters, Transition, learn
 
-SECONDS, SCALE, PUSH = 0.01, 2.0, 3.0  # s; true over believed mass; m/s^2, nothing that the model knows
+SECONDS, SCALE, PUSH = 0.01, 2.0, 3.0  # s; true over nominal mass; m/s^2, nothing that the model knows
 PROBLEM = Problem("integrator", 1, ("V",), ("y", "dy"), (("y", 0.0, 1.0), ("dy", 0.0, 1.0)), (1.0,), (10.0,), (1.0,))
 Y, DY, U, MASS, WALL = (ca.SX.sym(name) for name in ("y", "dy", "u", "mass", "wall"))
 INTEGRATOR = System(ca.vertcat(Y, DY), U, ca.vertcat(DY, U / MASS), parameters=[MASS, WALL])

@@ -65,7 +65,7 @@ class WalkOptions(BaseModel):
         return self.trainer and self.swap_at == "episode"
 
 
-class Walk(BaseModel):
+class WalkSettings(BaseModel):
     """Who walks, and where it leaves what.
 
     `policy`: zero or a file; `training`: of the trainer; `further`: parameters by node that nothing else decides.
@@ -82,8 +82,8 @@ class Walk(BaseModel):
     further: dict[str, dict[str, Any]] = Field(default_factory=dict)
 
     @classmethod
-    def of(cls, assembly: Any, folder: Path, options: WalkOptions, **more: Any) -> "Walk":
-        """The walk of an `Assembly`."""
+    def of(cls, assembly: Any, folder: Path, options: WalkOptions, **more: Any) -> "WalkSettings":
+        """Those of an `Assembly`."""
         its = {name: getattr(assembly, name) for name in ("simulation", "controller", "policy")}
         return cls(folder=folder, options=options, **its, **more)
 

@@ -1,4 +1,4 @@
-"""Which controller's torques act: those of one controller in an episode, so that no two laws are mixed.
+"""Which controller's torques act: those of one controller in an episode, so that no two controllers are mixed.
 
 A sender is what a controller writes into its torques. The empty one is a sender too; two controllers that have it show
 by two answers to one tick.

@@ -41,7 +41,7 @@ from rl_cbf_clf_controller.controller import DYNAMIC, Controller
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import ZeroPolicy
 from rl_cbf_clf_controller.ros.messages import controller_state, torque_message
-from rl_cbf_clf_controller.ros.policy_loader import Decided, PolicyLoader, check
+from rl_cbf_clf_controller.ros.policy_loader import CheckedPolicy, PolicyLoader, check
 from rl_cbf_clf_controller.ros.preview_buffer import PreviewBuffer
 from rl_cbf_clf_controller.scene import ControllerError
 from rl_cbf_clf_controller.weights import SIZE_LIMIT, PolicyFileError, policy_path
@@ -78,13 +78,13 @@ class ControllerNode(Node):
         take_priority(self._own.priority, self.get_logger().warning)
         self._gait = load_gaits(self._settings.gait)
         problem = self._settings.problem
-        self._zero = Decided(ZERO, "built in", False, ZeroPolicy(problem))
+        self._zero = CheckedPolicy(ZERO, "built in", False, ZeroPolicy(problem))
         self._in_force = (
             self._zero if self._own.policy == ZERO else first_policy(self._own.policy, self._settings, self._gait)
         )
-        self._waiting: deque[Decided] = deque(maxlen=WAITING)  # not in force yet, the newest last
-        self._refused: deque[Decided] = deque(maxlen=REFUSED)
-        self._decided: deque[Decided] = deque()  # from the other thread
+        self._waiting: deque[CheckedPolicy] = deque(maxlen=WAITING)  # not in force yet, the newest last
+        self._refused: deque[CheckedPolicy] = deque(maxlen=REFUSED)
+        self._checked: deque[CheckedPolicy] = deque()  # from the other thread
         self._controller = Controller(self._settings, self._gait, self._in_force.policy or ZeroPolicy(problem))
         self._controller.rehearse()
         self._message_counter = MessageCounter()
@@ -96,8 +96,8 @@ class ControllerNode(Node):
         self._answer: TorqueCommand | None = None  # to it
         self._connect()
         follow(self, self._settings, self._on_parameters)
-        law = f"{self._settings.controller}, gait {self._gait.name}"
-        self.get_logger().info(f"ready: {law}, policy {self._in_force.version}")
+        chosen = f"{self._settings.controller}, gait {self._gait.name}"
+        self.get_logger().info(f"ready: {chosen}, policy {self._in_force.version}")
 
     def close(self) -> None:
         """End the thread that checks policies."""
@@ -115,7 +115,7 @@ class ControllerNode(Node):
         self._tell_swap(self._in_force)
         self._tell_settings()
         hears_published = self._own.swap_at != "never"
-        self._intake = PolicyLoader(self, self._settings, self._gait, self._on_decided, hears_published)
+        self._intake = PolicyLoader(self, self._settings, self._gait, self._on_checked, hears_published)
 
     # What comes in
 
@@ -188,16 +188,16 @@ class ControllerNode(Node):
             self._on_state(early)
         self._go_on()
 
-    def _on_decided(self, decided: Decided) -> None:
+    def _on_checked(self, checked: CheckedPolicy) -> None:
         """Called in the other thread."""
-        self._decided.append(decided)
+        self._checked.append(checked)
         if self.executor is not None:
             self.executor.create_task(self._go_on)
 
     # The tick
 
     def _go_on(self) -> None:
-        self._take_decided()
+        self._take_checked()
         message = self._held
         if message is None:
             return
@@ -267,23 +267,23 @@ class ControllerNode(Node):
 
     # Policies and parameters, between two ticks
 
-    def _take_decided(self) -> None:
-        while self._decided:
-            decided = self._decided.popleft()
-            if decided.policy is None:
-                if decided.version:
-                    self._refused.append(decided)
-                self._refuse("policy", Refused("not fit", f"{decided.source}: {decided.reason}"))
-                self._tell_swap(decided)
+    def _take_checked(self) -> None:
+        while self._checked:
+            checked = self._checked.popleft()
+            if checked.policy is None:
+                if checked.version:
+                    self._refused.append(checked)
+                self._refuse("policy", Refused("not fit", f"{checked.source}: {checked.reason}"))
+                self._tell_swap(checked)
             else:
                 self._message_counter.accept("policy")
-                self._waiting.append(decided)
+                self._waiting.append(checked)
 
     def _wanted(self) -> str:
         """The policy that the episode names; empty: any."""
         return "" if self._own.swap_at == "never" else str(self._episode.policy_version)
 
-    def _here(self, version: str) -> Decided | None:
+    def _here(self, version: str) -> CheckedPolicy | None:
         return next((d for d in (self._zero, self._in_force, *self._waiting) if d.version == version), None)
 
     def _swap(self, tick: int) -> None:
@@ -299,16 +299,16 @@ class ControllerNode(Node):
             since = f"from tick {tick} of episode {self._turn[0]} on"
             self.get_logger().info(f"policy {new.version} of {new.source} in force {since}")
 
-    def _tell_swap(self, decided: Decided) -> None:
+    def _tell_swap(self, checked: CheckedPolicy) -> None:
         self._swaps.publish(
             PolicySwap(
                 episode=max(self._turn[0], 0),
                 tick=max(self._turn[1], 0),
-                version=decided.version,
-                source=decided.source[-128:],
-                accepted=decided.policy is not None,
-                reason=decided.reason,
-                data=array("B", decided.data),
+                version=checked.version,
+                source=checked.source[-128:],
+                accepted=checked.policy is not None,
+                reason=checked.reason,
+                data=array("B", checked.data),
                 sender=self._sender,
             )
         )
@@ -355,15 +355,15 @@ class ControllerNode(Node):
         return OK, f"episode {self._turn[0]}", figures
 
 
-def first_policy(name: str, law: ControllerParameters, gaits: Gaits) -> Decided:
+def first_policy(name: str, parameters: ControllerParameters, gaits: Gaits) -> CheckedPolicy:
     """The shipped policy of this name, or the file; raises `PolicyFileError`."""
     try:
-        decided = check(read_bytes(policy_path(name), SIZE_LIMIT), name, law, gaits)
+        checked = check(read_bytes(policy_path(name), SIZE_LIMIT), name, parameters, gaits)
     except FileError as error:
         raise PolicyFileError(f"policy {name}: neither a shipped one nor a file: {error}") from error
-    if decided.policy is None:
-        raise PolicyFileError(f"policy {name}: {decided.reason}")
-    return decided
+    if checked.policy is None:
+        raise PolicyFileError(f"policy {name}: {checked.reason}")
+    return checked
 
 
 def main() -> None:
