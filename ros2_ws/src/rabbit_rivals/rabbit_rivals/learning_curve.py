@@ -5,7 +5,7 @@ import io
 from pathlib import Path
 
 from matplotlib.figure import Figure
-from rabbit_description.bounded_file import read_text
+from rabbit_description.bounded_file import one_line, read_text
 from rabbit_viewer import style
 
 MOST_BYTES = 10_000_000
@@ -39,4 +39,4 @@ def read(path: Path) -> dict[str, list[float]]:
         rows = list(csv.DictReader(io.StringIO(read_text(path, MOST_BYTES), newline="")))
         return {name: [float(row[name]) for row in rows] for name in ("steps", *PANELS)}
     except (csv.Error, KeyError, TypeError, ValueError) as error:
-        raise CurveError(f"{path}: not a learning curve: {error!r}") from error
+        raise CurveError(f"{path}: not a learning curve: {one_line(repr(error))}") from error

@@ -110,3 +110,7 @@ def test_the_picture_has_the_figures_of_the_curves(tmp_path: Path) -> None:
     path.write_text("steps,hours\n1,2\n")
     with pytest.raises(CurveError, match="not a learning curve"):
         draw([path])
+    path.write_text(f"steps,stones,flat_steps\n1,{'x' * 100_000},3\n")
+    with pytest.raises(CurveError, match="not a learning curve") as refused:
+        draw([path])
+    assert len(str(refused.value)) < 5000
