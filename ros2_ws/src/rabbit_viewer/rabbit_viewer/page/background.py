@@ -33,7 +33,9 @@ class BackgroundPage:
         self._loop.call_soon_threadsafe(what, *arguments)
 
     def close(self) -> None:
-        """Serve no more, once all that was to be done is done."""
+        """Serve no more, once all that was to be done is done; nothing if that was said before."""
+        if not self._thread.is_alive():
+            return
         asyncio.run_coroutine_threadsafe(self._page.aclose(), self._loop).result()
         self._loop.call_soon_threadsafe(self._loop.stop)
         self._thread.join()
