@@ -11,7 +11,6 @@ import time
 from typing import Any
 
 import numpy as np
-from mujoco.rollout import Rollout
 from rabbit_description.gait import load_gaits
 from rabbit_experiments.assembly import Assembly, make_simulation
 from rabbit_experiments.batch_evaluation import walk_together
@@ -25,9 +24,9 @@ ALONE = 4  # runs that are walked one at a time
 
 
 class TimedRollout:
-    """A rollout that notes its CPU seconds; where `again`, those of doing the same once more."""
+    """A `mujoco.rollout.Rollout` that notes its CPU seconds; where `again`, those of doing the same once more."""
 
-    def __init__(self, own: Rollout) -> None:
+    def __init__(self, own: Any) -> None:
         self._own, self.again = own, False
         self.seconds, self.bare = list[float](), list[float]()
 
@@ -68,7 +67,8 @@ def walk_on(assembly: Assembly, robots: int, ticks: int, seeds: list[int], gait:
     states = batch.reset(seeds)
     for i, seed in enumerate(seeds):
         many.reset(i, seed)
-    batch._rollout = timed = TimedRollout(batch._rollout)
+    timed: Any = TimedRollout(batch._rollout)
+    batch._rollout = timed
     seconds, memory, rng = list[float](), list[int](), np.random.default_rng(seeds[0])
     for tick in range(WARM_UP + -(-ticks // robots)):
         timed.again = not tick % BARE_EVERY

@@ -54,6 +54,23 @@ def test_best_walks_on_flat_ground_without_another_option(tmp_path: Path) -> Non
     assert used["controller"]["prediction"]
 
 
+def test_a_batch_leaves_the_same_rows_and_needs_mujoco(tmp_path: Path) -> None:
+    words = "--runs", 3, "--controller", "cbf-clf-qp", "--plant", "mujoco", "--qp-solver", "daqp"
+    for name, batch in (("alone", 1), ("batch", 2)):
+        done = evaluate(tmp_path / name, *words, "--batch", batch)
+        assert done.exit_code == 0, done.output
+    times = {"tick_ms_p50", "tick_ms_p99", "plant_ms_p50", "walk_seconds"}
+    for one, other in zip(rows(tmp_path / "alone"), rows(tmp_path / "batch"), strict=True):
+        assert {name for name in one if one[name] != other[name]} <= times
+    for wrong, text in (
+        (("--batch", 4), "--batch 4 with --plant pybullet: expected --plant mujoco"),
+        (("--batch", 0, "--plant", "mujoco"), "--batch"),
+    ):
+        refused = evaluate(tmp_path / "refused", *wrong)
+        assert refused.exit_code == 2
+        assert text in refused.output
+
+
 def test_files_of_an_evaluation(tmp_path: Path) -> None:
     done = evaluate(tmp_path, "--runs", 2, "--mass-scale", 1.1, "--eps", 0.06, "--no-force-rows", "--torque-limit", 150)
     assert done.exit_code == 0, done.output

@@ -141,3 +141,19 @@ def test_within_its_play_a_gear_passes_nothing():
     before = SUBSTEP_SECONDS * np.arange(1, len(ways) + 1) < crossing - SUBSTEP_SECONDS
     assert not ways[before, 3].any()
     assert ways[-1, 3] > 0
+
+
+def test_motors_of_several_robots_are_those_of_each():
+    """Also when some of them go on without the others."""
+    changes = [{}, {"motor_lag": 0.004, "torque_delay": 0.013}, {"torque_rate": 5000.0}, {"motor_loss": 0.1}]
+    parameters = [SimulationParameters(**each) for each in changes]
+    alone, together = [Actuation(each) for each in parameters], Actuation(*parameters)
+    commands = np.random.default_rng(1).uniform(-250, 250, (6, 4, 4))
+    left = np.arange(4)
+    for tick, command in enumerate(commands):
+        if tick == 3:
+            left = np.array([1, 2])
+            together = together.going_on(left, [parameters[i] for i in left])
+        held = together.advance(command[left])
+        for row, i in enumerate(left):
+            assert np.array_equal(held[row], alone[i].advance(command[i]))
