@@ -9,7 +9,7 @@ counts is the KKT residual of an answer, and not what a solver says of it.
 
 import signal
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -75,10 +75,8 @@ class Answering:
             raise ValueError(f"rows or objective depend on {unknown}: expected {', '.join(inputs)}")
         if solver not in ("daqp", "osqp"):
             raise ValueError(f"solver = {solver}: expected daqp or osqp")
-        self._layout, self._osqp = layout, OsqpSolver()
+        self._layout, self._osqp, self._said = layout, OsqpSolver(), ""
         self.reset = self._osqp.reset
-        solvers = ("daqp", self._by_daqp), ("osqp", self._by_osqp)
-        self._first, self._guard = solvers if solver == "daqp" else solvers[::-1]
         self.unanswered = 0  # programmes that the first solver did not answer
         self.programme = NumpyFunction.of("programme", inputs, data, matrices=("A", "unroot", "control_a"))
         row, places = ca.SX.sym("row", self.programme.function.numel_out()), places_of(data)
@@ -89,30 +87,29 @@ class Answering:
         found = self.programme.function(*given)
         answer = self.reading.function(found, *by_daqp(split(found, places), layout))
         self.with_daqp = NumpyFunction(ca.Function("decided", given, [answer], names, ["values"]), self.reading.places)
+        solvers: list[tuple[str, Callable[..., Values]]] = [("daqp", self.with_daqp), ("osqp", self._by_osqp)]
+        self._first, self._guard = solvers if solver == "daqp" else solvers[::-1]
 
     def __call__(self, *inputs: Array) -> Decided:
         """The first solver's answer, or its guard's; `solved` is false where neither has one. Inputs left out are 0."""
         start = time.perf_counter()
         solver, solve = self._first
-        values, status = solve(*inputs)
+        values = solve(*inputs)
         if not values.row[0] < TOLERANCE and values.is_valid[0]:
             self.unanswered += 1
             solver, solve = self._guard
-            values, status = solve(*inputs)
+            values = solve(*inputs)
         solved = bool(values.row[0] < TOLERANCE)
+        status = self._said if solver == "osqp" else "solved" if solved else "not solved"
         status = status if solved or values.is_valid[0] else "data not valid"
         return Decided(values, self._layout, solved, solver, status, time.perf_counter() - start)
 
-    def _by_daqp(self, *inputs: Array) -> tuple[Values, str]:
-        values = self.with_daqp(*inputs)
-        return values, "solved" if values.row[0] < TOLERANCE else "not solved"
-
-    def _by_osqp(self, *inputs: Array) -> tuple[Values, str]:
+    def _by_osqp(self, *inputs: Array) -> Values:
         data = self.programme(*inputs)
         if not data.is_valid[0]:
-            return self._by_daqp(*inputs)
-        x, y, status = self._osqp.solve(data, self._layout)
-        return self.reading(data.row, x, y), status
+            return self.with_daqp(*inputs)
+        x, y, self._said = self._osqp.solve(data, self._layout)
+        return self.reading(data.row, x, y)
 
 
 def by_daqp(p: dict[str, ca.MX], layout: Layout) -> tuple[ca.MX, ca.MX]:
