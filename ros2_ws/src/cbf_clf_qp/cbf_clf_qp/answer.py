@@ -9,7 +9,7 @@ counts is the KKT residual of an answer, and not what a solver says of it.
 
 import signal
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from copy import copy
 from dataclasses import dataclass
 from typing import ClassVar
@@ -75,7 +75,6 @@ class Answering:
         if solver not in ("daqp", "osqp"):
             raise ValueError(f"solver = {solver}: expected daqp or osqp")
         self.layout, self.solver = layout, solver
-        self._begin()
         self.programme = NumpyFunction.of("programme", inputs, data, matrices=("A", "unroot", "control_a"))
         row, places = ca.SX.sym("row", self.programme.function.numel_out()), places_of(data)
         x, y = ca.SX.sym("x", layout.shape[1]), ca.SX.sym("y", layout.shape[0])
@@ -89,12 +88,14 @@ class Answering:
         found = self.programme.function(*given)
         answer = self.reading.function(found, *by_daqp(split(found, places), layout))
         self.with_daqp = NumpyFunction(ca.Function("decided", given, [answer], names, ["values"]), self.reading.places)
+        self._begin()
 
     def _begin(self) -> None:
         """Solvers of one's own."""
-        self._osqp, self.unanswered = OsqpSolver(), 0  # programmes that the first solver did not answer
+        self._osqp, self._said = OsqpSolver(), ""
         self.reset = self._osqp.reset
-        solvers = ("daqp", self._by_daqp), ("osqp", self._by_osqp)
+        self.unanswered = 0  # programmes that the first solver did not answer
+        solvers: list[tuple[str, Callable[..., Values]]] = [("daqp", self.with_daqp), ("osqp", self._by_osqp)]
         self._first, self._guard = solvers if self.solver == "daqp" else solvers[::-1]
 
     def another(self) -> "Answering":
@@ -107,25 +108,22 @@ class Answering:
         """The first solver's answer, or its guard's; `solved` is false where neither has one. Inputs left out are 0."""
         start = time.perf_counter()
         solver, solve = self._first
-        values, status = solve(*inputs)
+        values = solve(*inputs)
         if not values.row[0] < TOLERANCE and values.is_valid[0]:
             self.unanswered += 1
             solver, solve = self._guard
-            values, status = solve(*inputs)
+            values = solve(*inputs)
         solved = bool(values.row[0] < TOLERANCE)
+        status = self._said if solver == "osqp" else "solved" if solved else "not solved"
         status = status if solved or values.is_valid[0] else "data not valid"
         return Decided(values, self.layout, solved, solver, status, time.perf_counter() - start)
 
-    def _by_daqp(self, *inputs: Array) -> tuple[Values, str]:
-        values = self.with_daqp(*inputs)
-        return values, "solved" if values.row[0] < TOLERANCE else "not solved"
-
-    def _by_osqp(self, *inputs: Array) -> tuple[Values, str]:
+    def _by_osqp(self, *inputs: Array) -> Values:
         data = self.programme(*inputs)
         if not data.is_valid[0]:
-            return self._by_daqp(*inputs)
-        x, y, status = self._osqp.solve(data, self.layout)
-        return self.reading(data.row, x, y), status
+            return self.with_daqp(*inputs)
+        x, y, self._said = self._osqp.solve(data, self.layout)
+        return self.reading(data.row, x, y)
 
 
 def by_daqp(p: dict[str, ca.MX], layout: Layout) -> tuple[ca.MX, ca.MX]:
