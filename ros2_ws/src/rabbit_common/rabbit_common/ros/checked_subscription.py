@@ -25,16 +25,14 @@ def create_checked_subscription(
     qos: QoSProfile,
     refuse: Callable[[str, Refused], None],
 ) -> Subscription:
-    """Subscribe to `topic`; what is no message of this kind goes to `refuse` instead of `callback`."""
+    """Subscribe to `topic`; `refuse` hears of what is no message of this kind, and of what `callback` raises."""
     limits = bounds(kind)
 
     def take(data: bytes) -> None:
         try:
-            message = decoded(data, kind, limits)
+            callback(decoded(data, kind, limits))
         except Refused as error:
             refuse(topic, error)
-            return
-        callback(message)
 
     return node.create_subscription(kind, topic, take, qos, raw=True)
 
