@@ -25,7 +25,6 @@ exclude_patterns = [
     ".*",
     "docs/build",
     "docs/site",
-    "docs/reproduced/*/**",  # tables that docs/reproduced/results.md shows
     "ros2_ws/build",
     "ros2_ws/install",
     "ros2_ws/log",
@@ -46,6 +45,13 @@ html_copy_source = False
 html_show_sourcelink = False
 html_extra_path = ["site/index.html", "pictures/walk.html"]  # the first opens the first page, the second is on it
 PICTURE = re.compile(r"^\[!\[[^]]*\]\([^)]*walk.png\)\]\([^)]*walk.html\)\n\n\*[^*]*\*\n", re.MULTILINE)
+
+OUTSIDE = re.compile(r"\]\(((?:\.\./)*(?:studies|qa)/docs/[^)#\s]+\.md)(?:#[^)\s]*)?\)")
+
+
+def link_files(_app: Sphinx, _page: str, source: list[str]) -> None:
+    """Pages of the studies and of the campaigns are files beside the site."""
+    source[0] = OUTSIDE.sub(r"](path:\1)", source[0])
 
 
 def make_first_page(_app: Sphinx, page: str, source: list[str]) -> None:
@@ -93,5 +99,6 @@ def escaped(text: str) -> str:
 def setup(app: Sphinx) -> None:
     """Register what is ours."""
     app.connect("source-read", make_first_page)
+    app.connect("source-read", link_files)
     app.connect("autodoc-process-docstring", as_rst, priority=400)  # before napoleon
     app.add_directive("reference", Reference)

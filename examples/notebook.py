@@ -23,12 +23,12 @@ reader.add_argument("--out", type=Path, default=Path("figures"))
 options, _ = reader.parse_known_args()
 options.out.mkdir(parents=True, exist_ok=True)
 
-# %% 2. The true robot has twice the mass that the controller believes in; its motors lag by 4 ms
+# %% 2. The true robot has twice the mass of the controller's model; its motors lag by 4 ms
 heavy = SimulationParameters(mass_scale=2.0, motor_lag=0.004, stones=options.stones)
 
 # %% 3. A shipped policy, and the nominal controller; in place of the name, the path of your own file will do
-law = load_parameters("ours", controller="rl-cbf-clf-qp")
-learned = Assembly(heavy, law, resolve_policy("rl-cbf-clf-qp", law))
+parameters = load_parameters("ours", controller="rl-cbf-clf-qp")
+learned = Assembly(heavy, parameters, resolve_policy("rl-cbf-clf-qp", parameters))
 nominal = Assembly(heavy, load_parameters("ours", controller="cbf-clf-qp"), "zero")
 
 # %% 4. Both walk the same courses: run i of either has the i-th seed

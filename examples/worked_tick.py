@@ -15,14 +15,14 @@ def line(name: str, values: Iterable[float] | float) -> None:
     print(f"{name:22}", " ".join(f"{float(value):9.3g}" for value in numbers))
 
 
-law = load_parameters("ours", controller="rl-cbf-clf-qp")
+parameters = load_parameters("ours", controller="rl-cbf-clf-qp")
 heavy = SimulationParameters(mass_scale=2.0, motor_lag=0.004)
-simulation, controller = Assembly(heavy, law, resolve_policy(None, law)).build()
+simulation, controller = Assembly(heavy, parameters, resolve_policy(None, parameters)).build()
 state = simulation.reset(1)
 controller.reset(1)
 for _ in range(TICK):
     state = simulation.step(controller.step(state).torque)
-tick, poles = controller.step(state), (law.barrier_pole_1, law.barrier_pole_2)
+tick, poles = controller.step(state), (parameters.barrier_pole_1, parameters.barrier_pole_2)
 mu, (B1, _), (dB1, _) = tick.mu_qp, tick.barriers, tick.barrier_rates
 nominal, error = tick.nominal_a @ mu + tick.nominal_b, tick.alpha @ mu + tick.beta
 

@@ -18,9 +18,9 @@ from typing import Any, TypeVar
 from unittest.mock import patch
 
 import numpy as np
-from cbf_clf_qp import solvers
+from cbf_clf_qp import answer
 from cbf_clf_qp.functions import NumpyFunction
-from rabbit_bringup.launching.walk import Walk, WalkOptions
+from rabbit_bringup.launching.walk import WalkOptions, WalkSettings
 from rabbit_description.state import TICK_SECONDS
 from rabbit_experiments.assembly import Assembly
 from rabbit_sim.plant import SUBSTEPS
@@ -114,7 +114,7 @@ def walk(assembly: Assembly, seed: int, watch: StopWatch, with_floors: bool = Fa
 @contextmanager
 def floors_timed(watch: StopWatch) -> Iterator[None]:
     """Meanwhile CasADi's evaluation and OSQP's own code are timed where Python calls them. DAQP is in a function."""
-    solve, call = solvers.OsqpSolver.solve, NumpyFunction.__call__
+    solve, call = answer.OsqpSolver.solve, NumpyFunction.__call__
 
     def solve_and_ask(solver: Any, *given: Any) -> Any:
         x, y, status = solve(solver, *given)
@@ -128,7 +128,7 @@ def floors_timed(watch: StopWatch) -> Iterator[None]:
 
     with (
         patch.object(NumpyFunction, "__call__", call_and_repeat),
-        patch.object(solvers.OsqpSolver, "solve", solve_and_ask),
+        patch.object(answer.OsqpSolver, "solve", solve_and_ask),
     ):
         yield
 
@@ -169,7 +169,9 @@ def bench_nodes(assembly: Assembly, seed: int, us: dict[str, dict[str, float]]) 
 
     floor = quantiles(measure_round_trips())["p50"]
     with TemporaryDirectory() as folder:
-        walked = walk_through(Walk.of(assembly, Path(folder), WalkOptions(seed=seed, trainer=False, record="none")))
+        walked = walk_through(
+            WalkSettings.of(assembly, Path(folder), WalkOptions(seed=seed, trainer=False, record=False))
+        )
     tick = walked.seconds / sum(int(episode.tick) for episode in walked.ended.values()) * 1e6
     whole = us[PLANT]["p50"] + us[TICK]["p50"] + floor
     ratios = {"a tick through nodes / plant tick, tick and bare round trip": tick / whole}

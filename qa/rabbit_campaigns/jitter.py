@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from rabbit_bringup.launching.walk import MOST_EPISODES, Walk, WalkOptions
+from rabbit_bringup.launching.walk import MOST_EPISODES, WalkOptions, WalkSettings
 from rabbit_experiments.assembly import Assembly
 from rabbit_recording.contents import contents
 from rabbit_recording.timing import real_time_figures
@@ -64,11 +64,11 @@ class Jitter:
         self.deaths.append({"priority": priority, **vars(death)})
         self._keep()
 
-    def _prepared(self, name: str, priority: int) -> Walk:
+    def _prepared(self, name: str, priority: int) -> WalkSettings:
         (self._folder / name).mkdir(parents=True)
         many = {"seed": self._seed, "episodes": MOST_EPISODES}
         options = WalkOptions(**many, trainer=False, real_time=True, priority=priority)
-        return Walk.of(self._assembly, self._folder / name, options)
+        return WalkSettings.of(self._assembly, self._folder / name, options)
 
     def _keep(self) -> None:
         found = {"cases": self.cases, "deaths": self.deaths, "seed": self._seed}
@@ -76,12 +76,17 @@ class Jitter:
 
 
 def figures(recording: Path) -> dict[str, Any]:
-    """Of one walk: timing, how its episodes ended, messages lost on the way to the recorder."""
+    """Of one walk: timing, how its episodes ended, ticks lost on the way to the recorder."""
     found = contents(recording)
     ended = [episode.outcome for episode in found.episodes if episode.outcome not in ("", CUT_OFF)]
     outcomes = {outcome: ended.count(outcome) for outcome in sorted(set(ended))}
-    lost = {topic.name.split("/")[-1]: topic.lost for topic in found.topics if topic.lost}
-    return {**(real_time_figures(recording) or {}), "episodes": len(ended), "outcomes": outcomes, "lost": lost}
+    return {
+        **(real_time_figures(recording) or {}),
+        "episodes": len(ended),
+        "outcomes": outcomes,
+        "messages": {topic.name.split("/")[-1]: topic.messages for topic in found.topics},
+        "lost": sum(episode.lost for episode in found.episodes),
+    }
 
 
 @contextlib.contextmanager

@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rabbit_bringup.launching.walk import Walk
+from rabbit_bringup.launching.walk import WalkSettings
 from scipy.optimize import nnls
 from scipy.stats import theilslopes
 
@@ -39,7 +39,9 @@ MakeOperations = Callable[[Callable[[], object]], Operations]  # of what a wait 
 Samples = Mapping[str, NDArray[np.float64]]
 
 
-def soak(walk: Walk, seconds: float, tell: Callable[[str], object], make_operations: MakeOperations | None) -> None:
+def soak(
+    walk: WalkSettings, seconds: float, tell: Callable[[str], object], make_operations: MakeOperations | None
+) -> None:
     """Walk for so many s and leave a sample every few; `make_operations` gives what else to do at each glance.
 
     Raises:

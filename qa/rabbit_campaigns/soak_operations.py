@@ -17,7 +17,7 @@ from rabbit_description.gait import load_gaits
 from rabbit_experiments.tables import read_rows
 from rabbit_recording.reader import RecordedEpisode, iterate_episodes
 from rl_cbf_clf_controller.parameters import ControllerParameters
-from rl_cbf_clf_controller.policy_compatibility import fitted
+from rl_cbf_clf_controller.policy import fitted
 from rl_cbf_clf_controller.weights import (
     PROBE,
     SHIPPED,
@@ -56,11 +56,11 @@ def draw_kinds(rng: random.Random) -> Iterator[str]:
         yield from rng.sample(KINDS, len(KINDS))
 
 
-def unfit_policy(law: ControllerParameters) -> Path:
+def unfit_policy(parameters: ControllerParameters) -> Path:
     """A shipped policy that this controller refuses."""
     for path in sorted(SHIPPED.glob("*.safetensors")):
         try:
-            fitted(read(path), law, load_gaits(law.gait))
+            fitted(read(path), parameters, load_gaits(parameters.gait))
         except PolicyFileError:
             return path
     raise ValueError("every shipped policy fits")
@@ -73,11 +73,11 @@ def near_policy(path: Path, number: int) -> PolicyFile:
     return _changed(file, changes, training_seed=number)
 
 
-def idle_policy(law: ControllerParameters) -> PolicyFile:
+def idle_policy(parameters: ControllerParameters) -> PolicyFile:
     """A policy for this controller whose estimates are zero: beside the identified robot it changes nothing."""
-    file = read(policy_path(law.problem.name))
+    file = read(policy_path(parameters.problem.name))
     changes = {name: np.zeros_like(file.arrays[name]) for name in ("2.weight", "2.bias")}
-    return _changed(file, changes, adaptation=law.adaptation)
+    return _changed(file, changes, adaptation=parameters.adaptation)
 
 
 def _changed(file: PolicyFile, arrays: dict[str, Any], **metadata: Any) -> PolicyFile:

@@ -12,11 +12,14 @@ from rabbit_campaigns.soak import LAUNCHER, WARM_UP, judge
 from rabbit_campaigns.soak_operations import (
     KINDS,
     draw_kinds,
+    idle_policy,
     judge_walk,
     unfit_policy,
 )
+from rabbit_description.gait import load_gaits
 from rabbit_recording.reader import RecordedEpisode
 from rl_cbf_clf_controller.parameters import ControllerParameters
+from rl_cbf_clf_controller.policy import fitted
 
 NODES = ("simulator", "controller", LAUNCHER)
 SECONDS = np.arange(0.0, 3600.0, 5.0)
@@ -114,3 +117,13 @@ def test_operations_are_drawn_from_the_seed_all_kinds_alike() -> None:
 
 def test_there_is_a_shipped_policy_that_does_not_fit() -> None:
     assert unfit_policy(ControllerParameters(controller="rl-cbf-clf-qp")).is_file()
+
+
+def test_the_policy_of_a_soak_fits_and_estimates_nothing() -> None:
+    parameters = ControllerParameters(controller="rl-cbf-clf-qp", adaptation="identification", gait="paper_stones")
+    file = idle_policy(parameters)
+    estimates = fitted(file, parameters, load_gaits(parameters.gait)).act(
+        np.ones(len(file.metadata.observation)), np.ones(4)
+    )
+    assert not estimates.alpha.any()
+    assert not estimates.beta.any()

@@ -1,1 +1,1 @@
-"""Methods by cells under one protocol: `rabbit benchmark` (docs/benchmark.md)."""
+"""Methods by cells under one protocol: `rabbit benchmark` (studies/docs/benchmark.md)."""

@@ -13,7 +13,6 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 from rabbit_description.yaml_file import parse_yaml
-from rabbit_reproduce.catalogue.every_plant import PLANTS
 
 Terrain = Literal["stones", "flat"]
 Map = Literal["inside", "outside", "storm"]
@@ -76,6 +75,14 @@ def storm_plant(number: int, seed: int, terrain: Terrain) -> dict[str, Any]:
     return changes | {name: value for name, value in storm().choices.items() if rng.random() < storm().share}
 
 
+INSIDE: dict[str, dict[str, float]] = {
+    **{f"scale-{scale:g}": {"mass_scale": scale} for scale in (0.5, 0.7, 1.0, 1.5, 2.0, 2.5, 3.0)},
+    **{f"{kg}kg": {"payload": float(kg)} for kg in range(8, 73, 8)},
+    "scale-2-power": {"mass_scale": 2.0, "motor_loss": 0.15},
+    "scale-2-damping": {"mass_scale": 2.0, "joint_damping": 1.0},
+    "scale-2-bend": {"mass_scale": 2.0, "link_bend": 0.05},
+    "scale-2-bend-back": {"mass_scale": 2.0, "link_bend": -0.05},
+}
 BASES: dict[str, dict[str, float]] = {"scale-2": {"mass_scale": 2.0}, "40kg": {"payload": 40.0}}
 OUTSIDE: dict[str, dict[str, Any]] = {
     **{f"ground-{text}": {"ground_stiffness": float(text)} for text in ("2e5", "5e4", "2e4")},
@@ -105,7 +112,7 @@ def cells() -> dict[str, Cell]:
     """All, by name, in the order of tables and pictures."""
     found: list[Cell] = []
     for terrain in TERRAINS:
-        found += (Cell(f"{terrain}/{_inside_name(each)}", "inside", terrain, each.values) for each in PLANTS)
+        found += (Cell(f"{terrain}/{name}", "inside", terrain, values) for name, values in INSIDE.items())
         changes = OUTSIDE | (OUTSIDE_STONES if terrain == "stones" else {})
         for base, masses in BASES.items():
             for name, values in changes.items():
@@ -126,11 +133,3 @@ def chosen(patterns: Sequence[str]) -> list[Cell]:
             raise CellError(f"{pattern}: expected cells, such as stones/scale-2 or 'flat/*' (--list has all)")
         names.update(matching)
     return [cell for name, cell in cells().items() if name in names]
-
-
-def _inside_name(plant: Any) -> str:
-    if plant.group == "payload (kg)":
-        return f"{plant.title}kg"
-    if plant.group == "mass scale":
-        return f"scale-{plant.title}"
-    return "scale-2-" + {"- bend": "bend-back"}.get(plant.title, plant.title)

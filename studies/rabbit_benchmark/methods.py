@@ -53,17 +53,23 @@ SPEED_MODEL = "its model of the speed: walks of random plants with random change
 ORACLE = "knows the true plant: the bound, not a method"
 
 
-def _method(name: str, title: str, policy: str, *law: dict[str, str], trained_on: str = "") -> Method:
+def _method(name: str, title: str, policy: str, *tuning: dict[str, str], trained_on: str = "") -> Method:
     """One that walks on both terrains, with a gait library and a margin on stones, and with a gait on flat ground."""
     kinds = ("cbf-clf-qp", "clf-qp") if name.startswith("nominal") else ("rl-cbf-clf-qp", "rl-clf-qp")
-    stones = variant(title, kinds[0], policy, LIBRARY, MARGIN, *law)
-    return Method(name, title, stones, variant(title, kinds[1], policy, GAIT, *law), trained_on)
+    stones = variant(title, kinds[0], policy, LIBRARY, MARGIN, *tuning)
+    return Method(name, title, stones, variant(title, kinds[1], policy, GAIT, *tuning), trained_on)
 
 
-def _on_slopes(name: str, title: str, policy: str, *law: dict[str, Any], trained_on: str = "") -> Method:
+def _on_slopes(name: str, title: str, policy: str, *tuning: dict[str, Any], trained_on: str = "") -> Method:
     """One that regulates its speed by gaits for slopes, on both terrains; PD-centred, a margin of 5 mm."""
-    stones = variant(title, "rl-cbf-clf-qp", policy, SLOPES, PD, *law)
-    return Method(name, title, stones, variant(title, "rl-clf-qp", policy, SLOPES, PD, *law), trained_on)
+    stones = variant(title, "rl-cbf-clf-qp", policy, SLOPES, PD, *tuning)
+    return Method(name, title, stones, variant(title, "rl-clf-qp", policy, SLOPES, PD, *tuning), trained_on)
+
+
+def _paper(name: str, title: str, *tuning: dict[str, Any]) -> Method:
+    """The shipped policies, on the gait that they were trained on."""
+    stones, flat = (variant(title, kind, kind, *tuning) for kind in ("rl-cbf-clf-qp", "rl-clf-qp"))
+    return Method(name, title, stones, flat, PAPER_POLICY)
 
 
 BUILT_IN = (
@@ -72,18 +78,15 @@ BUILT_IN = (
     Method("robust", "robust, mu'mu", stones=variant("robust", "robust-cbf-clf-qp", "zero", LIBRARY, MARGIN)),
     Method("l1", "L1, mu'mu", flat=variant("L1", "l1-clf-qp", "zero", GAIT)),
     _method(REFERENCE, "identified, PD-centred", "zero", IDENTIFIED, PD),
-    Method(
-        "paper",
-        "the paper's policy",
-        variant("paper", "rl-cbf-clf-qp", "rl-cbf-clf-qp"),
-        variant("paper", "rl-clf-qp", "rl-clf-qp"),
-        PAPER_POLICY,
-    ),
+    _method("identified-mu", "identified, mu'mu", "zero", IDENTIFIED),
+    _paper("paper", "the paper's policy"),
+    _paper("paper-pd", "the paper's policy, PD-centred", PD),
     _on_slopes("best", "best", "zero", IDENTIFIED, PREDICTED, trained_on=SPEED_MODEL),
     _on_slopes("best-unlearned", "best, speed by PI control", "zero", IDENTIFIED, PREDICTED, INTEGRAL),
     _on_slopes("best-nominal", "best, not identified", "zero", trained_on=SPEED_MODEL),
     _on_slopes("best-neither", "best, neither", "zero", INTEGRAL),
     _method("oracle", "oracle, PD-centred", "oracle", PD, trained_on=ORACLE),
+    _method("oracle-mu", "oracle, mu'mu", "oracle", trained_on=ORACLE),
     _on_slopes("oracle-slopes", "oracle, gaits for slopes", "oracle", trained_on=ORACLE),
 )
 

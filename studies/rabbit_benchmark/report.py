@@ -4,15 +4,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from pydantic import BaseModel, ConfigDict
-from rabbit_description.atomic_file import replace_text, replacing
+from rabbit_description.atomic_file import replace_text
 from rabbit_experiments import provenance
 from rabbit_experiments.cache import Cache
 from rabbit_experiments.metrics import RunResult
 from rabbit_experiments.summary import Walks, times
 from rabbit_experiments.tables import markdown_table, write_rows
-from rabbit_reproduce.success_map import side_by_side, success_map
+from rabbit_reproduce.table_lines import PLANT_TITLES as ENGINES
+from rabbit_viewer import style
 
 from rabbit_benchmark.cells import Cell
 from rabbit_benchmark.comparison import holm, paired
@@ -56,11 +59,9 @@ class Benchmark:
         return cls(protocol, methods, cells, results)
 
     def write(self, out: Path) -> Path:
-        """benchmark.csv, maps.png, cells.png and benchmark.md, which is returned."""
+        """benchmark.csv, cells.png and benchmark.md, which is returned."""
         write_rows(out / "benchmark.csv", BenchmarkRow, self.rows())
-        for name, figure in (("maps.png", self.maps_figure()), ("cells.png", self.cells_figure())):
-            with replacing(out / name) as partial:
-                figure.savefig(partial, format="png", dpi=150, bbox_inches="tight")
+        style.save(self.figure(), out / "cells.png", dpi=150)
         page = out / "benchmark.md"
         replace_text(page, self.page())
         return page
@@ -69,19 +70,12 @@ class Benchmark:
         """One for each method and cell."""
         return [self._row(method, cell) for method in self.methods for cell in self.cells]
 
-    def maps_figure(self) -> Figure:
-        """Courses walked, a row for each method, a column for each map and terrain."""
-        columns, walks = self._maps()
-        return success_map([method.title for method in self.methods], columns, walks)[0]
-
-    def cells_figure(self) -> Figure:
-        """Courses walked, a panel for each terrain, a row for each of its cells."""
-        panels = dict[str, tuple[list[str], list[list[Walks | None]]]]()
-        for terrain in dict.fromkeys(cell.terrain for cell in self.cells):
-            cells = [cell for cell in self.cells if cell.terrain == terrain]
-            walks = [[self._walks(method, cell) for method in self.methods] for cell in cells]
-            panels[terrain] = [cell.name.removeprefix(f"{terrain}/") for cell in cells], walks
-        return side_by_side(panels, [method.name for method in self.methods])
+    def figure(self) -> Figure:
+        """Courses walked, a column for each method, a row for each cell."""
+        figure, (axes,) = style.figure(1, height=1.2 + 0.2 * len(self.cells), width=3.0 + 0.5 * len(self.methods))
+        walks = [[self._walks(method, cell) for method in self.methods] for cell in self.cells]
+        rate_map(axes, [cell.name for cell in self.cells], [method.name for method in self.methods], walks)
+        return figure
 
     def page(self) -> str:
         """The page."""
@@ -89,31 +83,28 @@ class Benchmark:
         head = (
             f"# Benchmark\n\n    {provenance.command()}\n\n"
             f"Commit {provenance.commit() or 'unknown'}. The {seeds} seeds ({SEEDS[seeds]}), "
-            f"{self.protocol.courses} courses of {self.protocol.stones} stones or steps a cell, PyBullet. All methods "
-            "walk the same courses. Walked of courses, with Wilson's 95% interval.\n\n"
+            f"{self.protocol.courses} courses of {self.protocol.stones} stones or steps a cell, "
+            f"{ENGINES[self.protocol.plant]}. "
+            "All methods walk the same courses. Walked of courses, with Wilson's 95% interval.\n\n"
         )
         return (
-            f"{head}## Courses walked on each map\n\n{self._maps_table()}\n![maps](maps.png)\n\n"
+            f"{head}## Courses walked on each map\n\n{self._maps()}\n"
             f"## Courses walked in each cell\n\n{self._table()}\n![cells](cells.png)\n\n"
             f"## Compared with {REFERENCE}\n\n{self._comparison()}\n"
             f"## Cost and training data\n\n{self._cost()}"
         )
 
-    def _maps(self) -> tuple[list[str], list[list[Walks | None]]]:
-        """Columns, one for each map and terrain, and for each method the walks in its cells; None if one lacks."""
+    def _maps(self) -> str:
+        """A column for each map and terrain; blank where a cell lacks."""
         groups = dict[str, list[Cell]]()
         for cell in self.cells:
             groups.setdefault(f"{cell.map}, {cell.terrain}", []).append(cell)
-        walks = [
-            [_together([self._walks(method, cell) for cell in cells]) for cells in groups.values()]
-            for method in self.methods
-        ]
-        return list(groups), walks
-
-    def _maps_table(self) -> str:
-        columns, walks = self._maps()
-        lines = [[method.title, *map(_rate, row)] for method, row in zip(self.methods, walks, strict=True)]
-        return markdown_table(("method", *columns), lines)
+        lines = []
+        for method in self.methods:
+            walks = [[self._walks(method, cell) for cell in cells] for cells in groups.values()]
+            whole = [None if None in each else Walks([row for w in each if w for row in w.rows]) for each in walks]
+            lines.append([method.title, *map(_rate, whole)])
+        return markdown_table(("method", *groups), lines)
 
     def _table(self) -> str:
         lines = [[cell.name, *(_rate(self._walks(each, cell)) for each in self.methods)] for cell in self.cells]
@@ -126,26 +117,20 @@ class Benchmark:
         others = [each for each in self.methods if each != reference]
         if not reference or not others:
             return f"Nothing to compare: it takes {REFERENCE} and another method.\n"
-        pairs = {}
+        pairs = []
         for other in others:
-            walked: tuple[list[bool], list[bool]] = [], []
-            for cell in self.cells:
-                mine, its = self.results[other, cell], self.results[reference, cell]
-                if not isinstance(mine, str) and not isinstance(its, str):
-                    walked[0].extend(each.row.success for each in mine)
-                    walked[1].extend(each.row.success for each in its)
-            pairs[other] = paired(*walked)
-        adjusted = holm([each.p_value for each in pairs.values()])
+            both = [(self.results[other, cell], self.results[reference, cell]) for cell in self.cells]
+            walked = [
+                (its.row.success, mine.row.success)
+                for one, two in both
+                if not isinstance(one, str) and not isinstance(two, str)
+                for its, mine in zip(one, two, strict=True)
+            ]
+            pairs.append(paired([its for its, _ in walked], [mine for _, mine in walked]))
+        adjusted = holm([each.p_value for each in pairs])
         lines = [
-            (
-                other.title,
-                str(each.courses),
-                str(each.only_this),
-                str(each.only_other),
-                f"{each.p_value:.2g}",
-                f"{p:.2g}",
-            )
-            for (other, each), p in zip(pairs.items(), adjusted, strict=True)
+            [other.title, *map(str, (each.courses, each.only_this, each.only_other)), f"{each.p_value:.2g}", f"{p:.2g}"]
+            for other, each, p in zip(others, pairs, adjusted, strict=True)
         ]
         columns = ("method", "common courses", "it alone walked", f"{REFERENCE} alone", "p", "p (Holm)")
         text = (
@@ -159,8 +144,8 @@ class Benchmark:
         for method in self.methods:
             found = [self.results[method, cell] for cell in self.cells]
             every = [result for each in found if not isinstance(each, str) for result in each]
-            tick = times(every)["tick_ms_p50"] if every else None
-            lines.append((method.title, "" if tick is None else f"{tick:.2f}", method.trained_on or "nothing"))
+            tick = f"{times(every)['tick_ms_p50']:.2f}" if every else ""
+            lines.append((method.title, tick, method.trained_on or "nothing"))
         return markdown_table(("method", "tick, median (ms)", "trained on"), lines)
 
     def _walks(self, method: Method, cell: Cell) -> Walks | None:
@@ -168,28 +153,26 @@ class Benchmark:
         return None if isinstance(results, str) else Walks([each.row for each in results])
 
     def _row(self, method: Method, cell: Cell) -> BenchmarkRow:
-        results = self.results[method, cell]
+        about, results = {"method": method.name, "cell": cell.name}, self.results[method, cell]
         if isinstance(results, str):
-            return BenchmarkRow(method=method.name, cell=cell.name, reason=results)
+            return BenchmarkRow(**about, reason=results)
         walks = Walks([each.row for each in results])
-        low, high = walks.interval
-        return BenchmarkRow(
-            method=method.name,
-            cell=cell.name,
-            walked=walks.walked,
-            courses=walks.runs,
-            low=low,
-            high=high,
-            mean_stones=walks.mean_stones,
-            tick_ms=times(results)["tick_ms_p50"],
-        )
+        (low, high), tick = walks.interval, times(results)["tick_ms_p50"]
+        figures = {"walked": walks.walked, "courses": walks.runs, "low": low, "high": high}
+        return BenchmarkRow(**about, **figures, mean_stones=walks.mean_stones, tick_ms=tick)
 
 
 def _rate(walks: Walks | None) -> str:
     return walks.rate_text if walks else ""
 
 
-def _together(walks: Sequence[Walks | None]) -> Walks | None:
-    """All of them as one, None if one is missing."""
-    rows = [each.rows for each in walks if each]
-    return Walks([row for each in rows for row in each]) if len(rows) == len(walks) else None
+def rate_map(axes: Axes, rows: Sequence[str], columns: Sequence[str], walks: Sequence[Sequence[Walks | None]]) -> None:
+    """Share of courses walked as colour, their number in it, a row of `walks` for each of `rows`; None is blank."""
+    rates = np.array([[each.walked / each.runs if each else np.nan for each in row] for row in walks])
+    axes.imshow(rates, cmap="cividis", vmin=0, vmax=1, aspect="auto")
+    for (i, j), rate in np.ndenumerate(rates):
+        if each := walks[i][j]:
+            axes.text(j, i, str(each.walked), ha="center", va="center", color="black" if rate > 0.5 else "white")
+    axes.set_yticks(range(len(rows)), rows)
+    axes.set_xticks(range(len(columns)), columns, rotation=90)
+    axes.grid(visible=False)

@@ -79,7 +79,7 @@ class Path:
         return x[:24].reshape(4, DEGREE + 1, order="F"), x[24:26]
 
 
-class Walk:
+class PeriodicWalk:
     """One periodic walk along the path, of the robot with `payload` kg: variables, dynamics, impact."""
 
     def __init__(self, path: Path, payload: float, specification: GaitSpecification, rows: ConstraintRows) -> None:
@@ -169,14 +169,16 @@ class Transcription:
         self._guess = guess
         self.rows = ConstraintRows()
         self.path = Path()
-        self.nominal, *self.loaded = (Walk(self.path, payload, spec, self.rows) for payload in (0.0, *spec.payloads))
+        self.nominal, *self.loaded = (
+            PeriodicWalk(self.path, payload, spec, self.rows) for payload in (0.0, *spec.payloads)
+        )
         self._add_path()
         self._add_nominal()
         for walk in self.loaded:
             walk.limit_force(spec.payload_friction_limit, spec.payload_min_normal_force)
 
     @property
-    def walks(self) -> list[Walk]:
+    def walks(self) -> list[PeriodicWalk]:
         """The nominal walk, then the loaded ones."""
         return [self.nominal, *self.loaded]
 

@@ -13,9 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 from rabbit_description.state import Array
-from rl_cbf_clf_controller.pinocchio_model import PinocchioModel
 from rl_cbf_clf_controller.virtual_constraints import RABBIT_ANGLES, Angles, Path, VirtualConstraints
 from scipy.integrate import solve_ivp
+
+from rabbit_gait_design.pinocchio_model import PinocchioModel
 
 TORSO_COM_HEIGHT = 0.24  # m above the hip
 

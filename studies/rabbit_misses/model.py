@@ -24,7 +24,7 @@ CLIP = 4.0  # spreads from the mean
 LEAST_MISSES = 12  # that a fit takes
 
 
-class ModelError(ValueError):
+class MissModelError(ValueError):
     """A file that is no model of the probability of a miss, or too little to fit one: names what is wrong."""
 
 
@@ -58,10 +58,10 @@ class MissProbability(BaseModel):
         """Of `rows` (n, 17) of touchdowns and whether each step `missed` (n,).
 
         Raises:
-            ModelError: fewer misses than LEAST_MISSES.
+            MissModelError: fewer misses than LEAST_MISSES.
         """
         if missed.sum() < LEAST_MISSES:
-            raise ModelError(f"{int(missed.sum())} misses: expected at least {LEAST_MISSES} to fit")
+            raise MissModelError(f"{int(missed.sum())} misses: expected at least {LEAST_MISSES} to fit")
         mean, spread, weights, bias = _fit(rows, missed)
         return cls(
             features=FEATURES,
@@ -74,15 +74,15 @@ class MissProbability(BaseModel):
 
     @classmethod
     def load(cls, path: Path) -> Self:
-        """Read a file; raises `ModelError`."""
+        """Read a file; raises `MissModelError`."""
         try:
             return cls.model_validate_json(read_bytes(path, MOST_BYTES))
         except (FileError, ValidationError) as error:
-            raise ModelError(f"{path}: {one_line(error)}") from error
+            raise MissModelError(f"{path}: {one_line(error)}") from error
 
     @classmethod
     def shipped(cls) -> Self:
-        """That of `--parameters best`, see docs/misses.md."""
+        """That of `--parameters best`, see studies/docs/misses.md."""
         return cls.load(Path(__file__).with_name("best.json"))
 
     def at(self, rows: Array) -> Array:

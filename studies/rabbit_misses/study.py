@@ -49,12 +49,14 @@ class SteppedWalk(SeededRun):
 
 def stormy_walks(plants: int, seed: int, parameters: str) -> list[SteppedWalk]:
     """One walk on each of so many plants of the storm, those of `seed`, on stones."""
-    law = load_parameters(parameters)
+    tuning = load_parameters(parameters)
     walks = []
     for number, course in episode_seeds(seed, plants).items():
         values: dict[str, Any] = {"motor_lag": EVALUATION_LAG, "terrain": "stones", "stones": STONES}
         plant = SimulationParameters.model_validate({**values, **storm_plant(number, seed, "stones")})
-        walks.append(SteppedWalk(Assembly(plant, law, resolve_policy(None, law)), course, title=f"plant {number}"))
+        walks.append(
+            SteppedWalk(Assembly(plant, tuning, resolve_policy(None, tuning)), course, title=f"plant {number}")
+        )
     return walks
 
 

@@ -38,8 +38,10 @@ from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import load_parameters
 from rl_cbf_clf_controller.uncertainty import RL_CBF_CLF_QP
 from rl_trainer.parameters import TrainingParameters, paper_literal
+from rl_trainer.training import LearnerType
 
-from rabbit_reproduce.recipes import Recipe, TrainingReport
+from rabbit_reproduce import ablated_learners as ablated
+from rabbit_reproduce.training_jobs import TrainingJob, TrainingReport
 
 TRANSITIONS = 6500  # what `default` collects in its 18 episodes: 5,900 to 7,200
 MOST_EPISODES = 600  # of a variant that trains until it has as many: walks that fail at once give 10 to 16 each
@@ -51,7 +53,8 @@ ROWS, TABLE = "ablations.csv", "ablations.md"
 class Variant:
     """`changes` to the training parameters, from those that work or the paper's; trains until it has `transitions`.
 
-    Without `transitions` the number of episodes alone ends it. `against` is the variant to compare it with.
+    `learner` is in place of the one that they name. Without `transitions` the number of episodes alone ends it.
+    `against` is the variant to compare it with.
     """
 
     meaning: str
@@ -59,6 +62,7 @@ class Variant:
     against: str = "default"
     transitions: float = math.inf
     literal: bool = False
+    learner: LearnerType | None = None
 
     def parameters(self, seed: int, episodes: int | None = None) -> TrainingParameters:
         """Of a training, `episodes` in place of its own number."""
@@ -74,36 +78,38 @@ class Variant:
         )
 
 
-def _critic(meaning: str, against: str, **changes: Any) -> Variant:
+def _critic(meaning: str, against: str, kind: LearnerType, **changes: Any) -> Variant:
     """A plain critic: its walks end soon, so it has the default's transitions and updates a tick, not its episodes."""
-    return Variant(meaning, {"critic": "plain", "updates_least": 0, **changes}, against, TRANSITIONS)
+    return Variant(meaning, {"updates_least": 0, **changes}, against, TRANSITIONS, learner=kind)
 
 
-_UNLABELLED = {"relabel": False}
+_PENALTY = {"learner": "paper_ddpg", "failure_penalty": 10.0}  # ddpg has no use for a penalty
 VARIANTS = {
     "default": Variant("the parameters that work", against=""),
-    "plain-critic": _critic("a network for each quantity's Q in place of the reward's form", "default"),
-    "no-relabel": _critic("plain critic, learns from the actions taken only", "plain-critic", **_UNLABELLED),
-    "gamma-0.9": _critic("discount 0.9", "no-relabel", **_UNLABELLED, discount=0.9),
-    "gamma-0.99": _critic("discount 0.99, no penalty", "no-relabel", **_UNLABELLED, discount=0.99),
-    "penalty": _critic(
-        "discount 0.99, penalty 10 for a failure", "gamma-0.99", **_UNLABELLED, discount=0.99, failure_penalty=10.0
+    "plain-critic": _critic(
+        "a network for each quantity's Q in place of the reward's form", "default", ablated.PlainCritic
     ),
-    "one-head": _critic("one Q for the sum of all terms", "no-relabel", **_UNLABELLED, heads="one"),
-    "absolute-error": Variant("absolute errors in the reward, not squared", {"error_norm": "absolute"}),
+    "no-relabel": _critic("plain critic, learns from the actions taken only", "plain-critic", ablated.NoRelabel),
+    "gamma-0.9": _critic("discount 0.9", "no-relabel", ablated.Gamma09),
+    "gamma-0.99": _critic("discount 0.99, no penalty", "no-relabel", ablated.Gamma099),
+    "penalty": _critic("discount 0.99, penalty 10 for a failure", "gamma-0.99", ablated.Gamma099, **_PENALTY),
+    "one-head": _critic("one Q for the sum of all terms", "no-relabel", ablated.OneHead),
+    "absolute-error": Variant("absolute errors in the reward, not squared", learner=ablated.AbsoluteError),
     "separate-networks": Variant(
         "a network for each quantity (Remark 1), 300-225 so that a policy file holds them",
-        {"shared": False, "hidden1": 300, "hidden2": 225},
+        {"hidden1": 300, "hidden2": 225},
+        learner=ablated.SeparateNetworks,
     ),
     "no-l-min": Variant("the stone ahead is not observed (contribution 3)", {"observe_l_min": False}),
     "plain-clf": Variant("CLF outputs of their own, not a matrix contracted with LgV", {"structured": False}),
-    "varying-alpha": Variant("alpha free to vary with the state", {"alpha_decay": 0.0}),
-    "not-affine": Variant("the critic does not know that errors are affine in mu", {"affine": False}),
-    "V-difference": Variant("V-dot from V's own difference", {"clf_difference": "value"}),
-    "nominal-at-start": Variant("nominal values of a tick's start, not its mean", {"nominal_value": "start"}),
+    "varying-alpha": Variant("alpha free to vary with the state", learner=ablated.VaryingAlpha),
+    "not-affine": Variant("the critic does not know that errors are affine in mu", learner=ablated.NotAffine),
+    "paper-measurement": Variant(
+        "V-dot from V's own difference, nominal values of a tick's start", {"measurement": "paper"}
+    ),
     "absolute-clf": Variant("V-dot's error not in units of abs(LgV) + 1", {"relative_clf": False}),
-    "every-tick": Variant("no measured tick is left out", {"leave_out": ()}),
-    "latest-weights": Variant("the actor walks, not its average", {"act_with_average": False}),
+    "every-tick": Variant("no measured tick is left out", {"every_tick": True}),
+    "latest-weights": Variant("the actor walks, not its average", {"polyak": 1.0}),
     "one-sigma": Variant("the same exploration in all episodes", {"sigma_factors": (1.0,)}),
     "no-nominal-episodes": Variant("on-policy from the first episode", {"nominal_episodes": 0}),
     "regression": Variant("regression in place of DDPG", {"learner": "regression"}),
@@ -150,13 +156,14 @@ class Study:
         """What is done."""
         return Cache(self.out / "cache")
 
-    def recipe(self, name: str, seed: int) -> Recipe:
+    def recipe(self, name: str, seed: int) -> TrainingJob:
         """The training of a row."""
         variant = VARIANTS[name]
         parameters, root = variant.parameters(seed, self.episodes), self.out / "training"
-        return Recipe(parameters, transitions=variant.transitions, root=root, title=f"{name}, seed {seed}")
+        title = f"{name}, seed {seed}"
+        return TrainingJob(parameters, transitions=variant.transitions, root=root, title=title, learner=variant.learner)
 
-    def scenario(self, recipe: Recipe) -> Scenario:
+    def scenario(self, recipe: TrainingJob) -> Scenario:
         """The courses that the policy of a training that is done is judged on."""
         simulation = SimulationParameters(mass_scale=TRAINING_SCALE, motor_lag=EVALUATION_LAG)
         controller = load_parameters("ours", controller=RL_CBF_CLF_QP.name)
@@ -176,7 +183,7 @@ class Study:
             self.write([row for row in rows if row])
         return None not in rows
 
-    def row(self, name: str, recipe: Recipe, cache: Cache) -> Row | None:
+    def row(self, name: str, recipe: TrainingJob, cache: Cache) -> Row | None:
         """A row, once its training and all of its walks are done."""
         report = cache.get(recipe)
         results = [cache.get(job) for job in self.scenario(recipe).walks] if report else [None]

@@ -16,13 +16,13 @@ from rl_cbf_clf_controller.weights import policy_path
 def evaluate_command(scenario: Scenario) -> str:
     """Every option that is not `rabbit evaluate`'s own default."""
     assembly = scenario.assembly
-    law, plant = assembly.controller, assembly.simulation
-    terrain = law.terrain
-    usual_law = load_parameters("ours", controller=law.controller)
+    tuning, plant = assembly.controller, assembly.simulation
+    terrain = tuning.terrain
+    usual = load_parameters("ours", controller=tuning.controller)
     usual_plant = SimulationParameters(motor_lag=EVALUATION_LAG, terrain=terrain)
-    words = ["rabbit", "evaluate", "--controller", law.controller, *_policy(assembly)]
+    words = ["rabbit", "evaluate", "--controller", tuning.controller, *_policy(assembly)]
     words += ["--nominal", ",".join(assembly.nominal)] if assembly.nominal else []
-    words += changed_options(plant, usual_plant) + changed_options(law, usual_law, but=SimulationParameters)
+    words += changed_options(plant, usual_plant) + changed_options(tuning, usual, but=SimulationParameters)
     return shlex.join([*words, "--runs", str(scenario.runs), "--seed", str(scenario.seed), "--out", "DIR"])
 
 

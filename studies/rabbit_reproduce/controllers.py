@@ -1,7 +1,6 @@
 """The controllers that are compared, in the order and colours of every table and figure. A new one is a line here."""
 
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 from rabbit_experiments.assembly import Assembly, resolve_policy
@@ -20,19 +19,19 @@ class Contender:
     colour: str
     policy: str | None = None
     line: str = "-"
-    law: tuple[tuple[str, Any], ...] = ()
+    tuning: tuple[tuple[str, Any], ...] = ()
 
     def with_policy(self, policy: str) -> "Contender":
         """The same with another policy, by name or file."""
         return replace(self, policy=policy)
 
-    def assembly(self, law: dict[str, Any] | None = None, /, **plant: Any) -> Assembly:
-        """On its own terrain, with the lag of evaluation; `law` are more controller parameters, `plant` the plant's.
+    def assembly(self, tuning: dict[str, Any] | None = None, /, **plant: Any) -> Assembly:
+        """On its own terrain, with the lag of evaluation and the controller's `tuning`; `plant`: the plant's.
 
         Raises:
             AssemblyError: no policy is shipped for it.
         """
-        controller = load_parameters("ours", controller=self.controller, **dict(self.law), **(law or {}))
+        controller = load_parameters("ours", controller=self.controller, **dict(self.tuning), **(tuning or {}))
         terrain = controller.terrain
         simulation = SimulationParameters.model_validate({"motor_lag": EVALUATION_LAG, "terrain": terrain, **plant})
         return Assembly(simulation, controller, resolve_policy(self.policy, controller))
@@ -52,8 +51,6 @@ ROBUST = Contender("robust CBF-CLF-QP", "robust-cbf-clf-qp", style.PURPLE, line=
 STONES = (RL_CBF_CLF, ROBUST, CBF_CLF)
 RL_CBF_CLF_LIGHT = Contender("RL-CBF-CLF-QP trained at 0.7", "rl-cbf-clf-qp", style.SKY, "rl-cbf-clf-qp-scale-0.7")
 
-UNIVERSAL = str(Path(__file__).with_name("universal.safetensors"))  # withdrawn: gains nowhere, harms outside the map
-
 LIBRARY = {"gait": "paper_stones"}  # presses on the ground under every payload (gaits.md), and so does this one:
 SLOPES = {"gait": "slopes"}
 GAIT = {"gait": "stones_0350_084"}
@@ -64,7 +61,7 @@ PREDICTED = {"prediction": True}
 INTEGRAL = {"speed_regulation": "integral"}
 
 
-def variant(title: str, controller: str, policy: str, *law: dict[str, Any]) -> Contender:
+def variant(title: str, controller: str, policy: str, *tuning: dict[str, Any]) -> Contender:
     """One that stands in a map, so without a colour of its own."""
-    parameters = {name: value for each in law for name, value in each.items()}
-    return Contender(title, controller, style.BLACK, policy, law=tuple(parameters.items()))
+    parameters = {name: value for each in tuning for name, value in each.items()}
+    return Contender(title, controller, style.BLACK, policy, tuning=tuple(parameters.items()))

@@ -2,21 +2,23 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from functools import cached_property
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from matplotlib.figure import Figure
 from rabbit_experiments import provenance
 from rabbit_experiments.assembly import Assembly
 from rabbit_experiments.evaluation import SeededRun
+from rabbit_experiments.summary import Walks
 from rabbit_experiments.training_setup import POLICY
 from rabbit_viewer import style
 
-from rabbit_reproduce.recipes import Recipe
 from rabbit_reproduce.report import Claim, Report, Table
 from rabbit_reproduce.setting import OURS
 from rabbit_reproduce.table_lines import RIGID, Found, Line, Size, long_table, walk_table
 from rabbit_reproduce.training import that_made
+from rabbit_reproduce.training_jobs import TrainingJob
 
 
 class Experiment(ABC):
@@ -32,18 +34,24 @@ class Experiment(ABC):
     why: str = ""
     judged_on_rigid: ClassVar[bool] = False  # all claims hold of any plant's walks, but for those made on `MAIN` alone
     needs_training: ClassVar[bool] = False
+    shown: ClassVar[Sequence[Any]] = ()  # keys of the lines whose first run a figure shows
+
+    @cached_property
+    def by_key(self) -> dict[Any, Line]:
+        """What walks, each line under a key of the experiment's own."""
+        return {}
 
     def lines(self) -> Sequence[Line]:
-        """What walks."""
-        return ()
+        """In the order of the table."""
+        return list(self.by_key.values())
+
+    def walks(self, found: Found) -> dict[Any, Walks]:
+        """The runs of each line."""
+        return {key: found.walks(line) for key, line in self.by_key.items()}
 
     @abstractmethod
-    def claims(self, found: Found) -> Sequence[Claim]:
+    def claims(self, found: Found) -> list[Claim]:
         """The verdicts."""
-
-    def recorded(self) -> Sequence[Line]:
-        """Lines whose first run a figure shows."""
-        return ()
 
     def figures(self, found: Found) -> dict[str, tuple[str, Figure]]:
         """Caption and figure by name."""
@@ -52,10 +60,10 @@ class Experiment(ABC):
     def jobs(self, size: Size) -> list[SeededRun]:
         """Every run it needs."""
         scenarios = [line.scenario(size, column) for line in self.lines() for column in size.columns(line.columns)]
-        recorded = [line.scenario(size).recorded for line in self.recorded()]
+        recorded = [self.by_key[key].scenario(size).recorded for key in self.shown]
         return [*(job for scenario in scenarios for job in scenario.walks), *recorded]
 
-    def trainings(self, size: Size) -> list[Recipe]:
+    def trainings(self, size: Size) -> list[TrainingJob]:
         """What `--retrain` trains for it: the shipped policies that it uses."""
         return that_made(each.policy for job in self.jobs(size) for each in job.assemblies)
 
@@ -70,7 +78,7 @@ class Experiment(ABC):
     def _claims(self, found: Found) -> list[Claim]:
         """With the verdicts on the rigid plant."""
         is_beside = self.judged_on_rigid and found.size.columns([RIGID])
-        beside = self.claims(found.on_rigid) if is_beside else ()
+        beside = self.claims(found.on_rigid) if is_beside else []
         verdicts = {claim.claim: claim.verdict for claim in beside}
         return [claim.model_copy(update={"on_rigid": verdicts.get(claim.claim)}) for claim in self.claims(found)]
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rabbit_description.atomic_file import replace_text
 from rabbit_experiments.cache import Cache
-from rabbit_experiments.engine import Backend, run
+from rabbit_experiments.engine import run
 
 from rabbit_reproduce.experiment import Experiment
 from rabbit_reproduce.report import Report, Table, Verdict, read_report
@@ -43,7 +43,6 @@ def make(
     out: Path,
     names: Sequence[str],
     jobs: int = 1,
-    backend: Backend = "loky",
 ) -> tuple[Path, int]:
     """Run what the cache in `out` lacks, then write; the page has all of `names` that `out` holds.
 
@@ -51,13 +50,10 @@ def make(
 
     Returns:
         The page, and how many runs were made.
-
-    Raises:
-        BackendError: see `run`.
     """
     cache = Cache(out / "cache")
     try:
-        done = run([job for each in experiments for job in each.jobs(size)], cache, jobs, backend)
+        done = run([job for each in experiments for job in each.jobs(size)], cache, jobs)
     except KeyboardInterrupt:
         _write([each for each in experiments if all(cache.get(job) for job in each.jobs(size))], cache, size, out)
         write_page(out, names)

@@ -18,7 +18,7 @@ from rabbit_experiments.assembly import Assembly
 from rl_cbf_clf_controller.parameters import ParameterError, load_parameters
 from rl_trainer.parameters import TrainingParameters
 
-from rabbit_reproduce.recipes import Recipe
+from rabbit_reproduce.training_jobs import TrainingJob
 
 SETTINGS = Path(__file__).parent / "settings"
 OF_EXPERIMENTS = ("controller", "sigma", "adaptation")  # each experiment says these itself
@@ -71,12 +71,12 @@ class Setting(BaseModel):
         whole = {**assembly.controller.model_dump(), **changes}
         return replace(assembly, controller=type(usual).model_validate(whole), simulation=plant)
 
-    def recipe(self, recipe: Recipe) -> Recipe:
+    def recipe(self, recipe: TrainingJob) -> TrainingJob:
         """The same training in this setting."""
         return replace(
             recipe,
             parameters=recipe.parameters.model_copy(update=self.training),
-            law=tuple(self.controller.items()),
+            tuning=tuple(self.controller.items()),
             engine=self.plant,
         )
 

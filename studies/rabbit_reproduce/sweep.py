@@ -1,6 +1,6 @@
 """An experiment over one parameter of the plant: every controller at every value, and the rates as a figure."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -31,55 +31,36 @@ class Sweep(Experiment):
     paper_values: ClassVar[Mapping[tuple[Contender, float], str]] = {}
     nominal: ClassVar[Contender | None] = None
 
-    @property
-    def unit(self) -> str:
-        """Of the axis."""
-        return self.axis.rpartition("(")[2].rstrip(")")
-
     @cached_property
-    def grid(self) -> dict[Contender, dict[float, Line]]:
-        """A line for each controller and value."""
-        return {each: {value: self._line(each, value) for value in self.values} for each in self.plants}
+    def by_key(self) -> dict[Any, Line]:
+        return {(each, value): self._line(each, value) for each in self.plants for value in self.values}
 
-    def lines(self) -> Sequence[Line]:
-        return [line for row in self.grid.values() for line in row.values()]
-
-    def walks(self, found: Found, contender: Contender) -> dict[float, Walks]:
-        """A controller's runs on the main plant, by value."""
-        return {value: found.walks(line) for value, line in self.grid[contender].items()}
+    def row(self, found: Found, contender: Contender) -> dict[float, Walks]:
+        """A controller's runs, by value."""
+        return {value: found.walks(self.by_key[contender, value]) for value in self.values}
 
     def figures(self, found: Found) -> dict[str, tuple[str, Figure]]:
-        rates = {each: list(self.walks(found, each).values()) for each in self.plants}
-        return {
-            "rates": (self.caption, rate_figure(self.values, rates, self.axis, self.scale, list(self.paper_values)))
-        }
+        rates = {each: list(self.row(found, each).values()) for each in self.plants}
+        figure = rate_figure(self.values, rates, self.axis, self.scale, list(self.paper_values))
+        return {"rates": (self.caption, figure)}
+
+    def largest(self, walks: Mapping[float, Walks]) -> str:
+        """The largest value that walks, in words, and up to which one all do."""
+        ordered = sorted(walks.items())
+        passing = [value for value, each in ordered if each.passes]
+        whole = [value for i, (value, _) in enumerate(ordered) if all(each.passes for _, each in ordered[: i + 1])]
+        if not passing:
+            return "walks at none"
+        if whole and whole[-1] == passing[-1]:
+            return f"walks up to {self._text(whole[-1])}"
+        up_to = f"without a hole up to {self._text(whole[-1])}" if whole else "not at the least"
+        return f"largest {self._text(passing[-1])}, {up_to}"
+
+    def _text(self, value: float) -> str:
+        return f"{value * self.scale:g} {self.axis.rpartition('(')[2].rstrip(')')}"
 
     def _line(self, contender: Contender, value: float) -> Line:
         assembly = contender.assembly(**self.plants[contender], **{self.field: value})
         paper = self.paper_values.get((contender, value), "")
         beside = self._line(self.nominal, value) if self.nominal and contender is not self.nominal else None
-        return Line(
-            f"{contender.title}, {value * self.scale:g} {self.unit}", assembly, paper, runs=RUNS, nominal=beside
-        )
-
-
-def largest(walks: Mapping[float, Walks]) -> tuple[float | None, float | None]:
-    """The largest value that walks, and the largest below which every smaller one walks too; None where none does."""
-    passing = [value for value, each in sorted(walks.items()) if each.passes]
-    unbroken = None
-    for value, each in sorted(walks.items()):
-        if not each.passes:
-            break
-        unbroken = value
-    return (passing[-1] if passing else None), unbroken
-
-
-def largest_text(walks: Mapping[float, Walks], scale: float, unit: str) -> str:
-    """The same in words."""
-    last, unbroken = largest(walks)
-    if last is None:
-        return "walks at none"
-    if unbroken == last:
-        return f"walks up to {last * scale:g} {unit}"
-    up_to = f"without a hole up to {unbroken * scale:g} {unit}" if unbroken is not None else "not at the least"
-    return f"largest {last * scale:g} {unit}, {up_to}"
+        return Line(f"{contender.title}, {self._text(value)}", assembly, paper, runs=RUNS, nominal=beside)

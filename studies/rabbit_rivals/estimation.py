@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 import torch
-from cbf_clf_qp.problem import Problem
 from rabbit_description.gait import load_gaits
 from rabbit_experiments import provenance
 from rabbit_experiments.assembly import make_simulation
@@ -20,6 +19,7 @@ from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.parameters import load_parameters
 from rl_cbf_clf_controller.policy import Policy
+from rl_cbf_clf_controller.problem import Problem
 from rl_cbf_clf_controller.weights import PROBE, Actor, Arrays, PolicyFile, PolicyMetadata, probe_inputs, problem_fields
 from rl_trainer.environment import WalkingEnv
 from rl_trainer.parameters import TrainingParameters
@@ -73,14 +73,14 @@ def train(
 
 def estimation_env(parameters: TrainingParameters) -> WalkingEnv:
     """The walk that `rabbit train` learns from."""
-    law = load_parameters("ours", controller=parameters.problem.name, slack_weight=TRAINING_SLACK_WEIGHT)
-    gait = load_gaits(law.gait)
+    tuning = load_parameters("ours", controller=parameters.problem.name, slack_weight=TRAINING_SLACK_WEIGHT)
+    gait = load_gaits(tuning.gait)
     plant = SimulationParameters.model_validate(
-        {**TRAINING_PLANT, "terrain": law.terrain, "stones": parameters.walking_steps}
+        {**TRAINING_PLANT, "terrain": tuning.terrain, "stones": parameters.walking_steps}
     )
 
     def make_controller(policy: Policy, sigma: float) -> Controller:
-        return Controller(law.model_copy(update={"sigma": sigma}), gait, policy)
+        return Controller(tuning.model_copy(update={"sigma": sigma}), gait, policy)
 
     return WalkingEnv(parameters, make_simulation(plant, gait), make_controller)
 

@@ -15,10 +15,10 @@ import numpy as np
 from cbf_clf_qp.answer import Decided
 from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.functions import Array
-from cbf_clf_qp.problem import Problem
 from pydantic import Field
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.policy import Policy
+from rl_cbf_clf_controller.problem import Problem
 from rl_cbf_clf_controller.scene import Scene
 from rl_cbf_clf_controller.weights import PolicyFileError
 

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from cbf_clf_qp.functions import Array
 from rabbit_description.yaml_file import read_mapping
+from rl_trainer.checkpoint import CheckpointError, read_checkpoint
 from rl_trainer.parameters import TrainingParameters
-from rl_trainer.session import CheckpointError, read_checkpoint
 
 from rabbit_rivals.gaussian_process import MU_UNIT, fit, spread
 from rabbit_rivals.gp_controller import GpAbout

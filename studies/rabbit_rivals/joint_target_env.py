@@ -115,7 +115,7 @@ class JointTargetEnv(gymnasium.Env[Float32, Float32]):
             course = {"stone_width": width, "l_min_mean": MIDDLE - width / 2} if width else {}
             plant = SimulationParameters.model_validate({"terrain": terrain, **course, **self._plant})
             self._simulations[width] = Simulation(plant, self._gaits)
-            law = walking_parameters(terrain)
-            idle = ZeroPolicy(law.problem)
-            self._controllers.setdefault(terrain, JointTargetController(law, self._gaits, idle))
+            tuning = walking_parameters(terrain)
+            idle = ZeroPolicy(tuning.problem)
+            self._controllers.setdefault(terrain, JointTargetController(tuning, self._gaits, idle))
         return self._simulations[width], self._controllers["stones" if width else "flat"]

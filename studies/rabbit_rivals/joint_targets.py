@@ -127,7 +127,7 @@ class JointTargetController(Controller):
         scene, seen, step = self.scene, self.scene.seen, self._step
         in_order = torque[SWAP_TORQUE] if step.stance is Leg.RIGHT else torque
         mu = scene.output_dynamics(in_order)
-        nothing = self.qp.no_error()
+        nothing, (barriers, barrier_rates) = self.qp.no_error(), self._barriers(seen)
         return ControllerOutput(
             tick=state.tick,
             torque=torque,
@@ -137,8 +137,8 @@ class JointTargetController(Controller):
             phase=float(seen.phase[0]),
             eta=seen.eta,
             V=float(seen.V[0]),
-            barriers=self._of_barriers(0),
-            barrier_rates=self._of_barriers(1),
+            barriers=barriers,
+            barrier_rates=barrier_rates,
             mu=mu,
             mu_qp=mu,
             omega=NO_NOISE,

@@ -5,10 +5,8 @@ from importlib.util import find_spec
 from typing import Any
 
 from rabbit_benchmark.methods import Method
-from rabbit_description.gait import load_gaits
-from rabbit_experiments.assembly import Assembly, AssemblyError, make_simulation
+from rabbit_experiments.assembly import Assembly, AssemblyError
 from rabbit_reproduce.controllers import LIBRARY, MARGIN, Contender, variant
-from rabbit_sim.simulation import Simulation
 from rabbit_viewer import style
 from rl_cbf_clf_controller.policy import Policy
 
@@ -22,9 +20,7 @@ CONFIDENCE = 1.0  # standard deviations; with 2, 40 % of the ticks on flat groun
 class GpAssembly(Assembly):
     """With the cone programme; `policy` is a file of GPs."""
 
-    def build(self) -> tuple[Simulation, GpController]:
-        gait = load_gaits(self.controller.gait)
-        return make_simulation(self.simulation, gait), GpController(self.controller, gait, self.make_policy())
+    kind = GpController
 
     def make_policy(self) -> Policy:
         if not find_spec("clarabel"):
@@ -35,9 +31,7 @@ class GpAssembly(Assembly):
 class JointTargetAssembly(Assembly):
     """With joint targets; `policy` is a file of a network."""
 
-    def build(self) -> tuple[Simulation, JointTargetController]:
-        gait = load_gaits(self.controller.gait)
-        return make_simulation(self.simulation, gait), JointTargetController(self.controller, gait, self.make_policy())
+    kind = JointTargetController
 
     def make_policy(self) -> Policy:
         return reference_alone() if self.policy == "zero" else network_policy(self.policy)
@@ -49,14 +43,14 @@ class FileContender(Contender):
 
     kind: type[Assembly] = Assembly
 
-    def assembly(self, law: dict[str, Any] | None = None, /, **plant: Any) -> Assembly:
-        whole = super().assembly(law, **plant)
+    def assembly(self, tuning: dict[str, Any] | None = None, /, **plant: Any) -> Assembly:
+        whole = super().assembly(tuning, **plant)
         return self.kind(whole.simulation, whole.controller, whole.policy)
 
 
-def _with(kind: type[Assembly], title: str, controller: str, policy: str, *law: dict[str, Any]) -> FileContender:
-    given = tuple(item for each in law for item in each.items())
-    return FileContender(title, controller, style.BLACK, policy, law=given, kind=kind)
+def _with(kind: type[Assembly], title: str, controller: str, policy: str, *tuning: dict[str, Any]) -> FileContender:
+    given = tuple(item for each in tuning for item in each.items())
+    return FileContender(title, controller, style.BLACK, policy, tuning=given, kind=kind)
 
 
 def _joint_targets(name: str, title: str, policy: str, trained_on: str) -> Method:

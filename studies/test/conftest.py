@@ -1,6 +1,6 @@
 """A tiny experiment: one stone, nominal and oracle."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import pytest
 from matplotlib.figure import Figure
@@ -19,21 +19,15 @@ class OneStone(Experiment):
     label = "fig:none"
     paper = "Nothing."
 
+    shown = ("nominal",)
+
     def __init__(self, mass_scale: float = 1.0) -> None:
-        self.nominal = Line("nominal", CBF_CLF.assembly(stones=1, mass_scale=mass_scale), "walks")
-        self.oracle = Line("oracle", CBF_CLF_ORACLE.assembly(stones=1, mass_scale=mass_scale))
+        assembly, oracle = (each.assembly(stones=1, mass_scale=mass_scale) for each in (CBF_CLF, CBF_CLF_ORACLE))
+        self.by_key = {"nominal": Line("nominal", assembly, "walks"), "oracle": Line("oracle", oracle)}
 
-    def lines(self) -> Sequence[Line]:
-        """Both."""
-        return self.nominal, self.oracle
-
-    def recorded(self) -> Sequence[Line]:
-        """One."""
-        return (self.nominal,)
-
-    def claims(self, found: Found) -> Sequence[Claim]:
+    def claims(self, found: Found) -> list[Claim]:
         """It walks."""
-        walks = found.walks(self.nominal)
+        walks = found.walks(self.by_key["nominal"])
         return [
             Claim(
                 claim="it walks", paper="walks", ours=walks.text, verdict=judge({"walks": walks.walked == walks.runs})
@@ -42,7 +36,7 @@ class OneStone(Experiment):
 
     def figures(self, found: Found) -> dict[str, tuple[str, Figure]]:
         """One."""
-        return {"errors": ("Errors", tracking_figure({CBF_CLF: found.records(self.nominal)}))}
+        return {"errors": ("Errors", tracking_figure({CBF_CLF: found.records(self.by_key["nominal"])}))}
 
 
 @pytest.fixture

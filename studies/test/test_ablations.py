@@ -6,12 +6,12 @@ from typing import Any
 
 import pytest
 import typer
-from rabbit_experiments import ablations
 from rabbit_experiments.cache import JobError
 from rabbit_experiments.evaluation import Walk
 from rabbit_experiments.metrics import RunResult, RunRow
+from rabbit_reproduce import ablations
 from rabbit_reproduce.ablations import NEWEST, VARIANTS, Row, Study, markdown
-from rabbit_reproduce.recipes import Recipe, TrainingReport
+from rabbit_reproduce.training_jobs import TrainingJob, TrainingReport
 from rl_trainer.parameters import TrainingParameters
 from typer.testing import CliRunner, Result
 
@@ -42,7 +42,7 @@ def trained(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """Trainings asked for, in place of trainings; no walk is walked."""
     asked: list[str] = []
 
-    def instead(recipe: Recipe) -> TrainingReport:
+    def instead(recipe: TrainingJob) -> TrainingReport:
         asked.append(recipe.title)
         if recipe.title.startswith("penalty"):
             raise JobError(f"{recipe.title}: no such state")
@@ -52,7 +52,7 @@ def trained(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         values = dict.fromkeys(RunRow.model_fields, 0) | {"outcome": "walked", "success": True, "stones": 20}
         return RunResult(row=RunRow.model_validate(values), violations=[], tick_seconds=[])
 
-    monkeypatch.setattr(Recipe, "do", instead)
+    monkeypatch.setattr(TrainingJob, "do", instead)
     monkeypatch.setattr(Walk, "do", no_walk)
     return asked
 
@@ -66,7 +66,11 @@ def test_a_variant_changes_what_it_says(name: str) -> None:
     assert variant.parameters(seed=7, episodes=4).episodes == 4
     if name != "default":
         other = VARIANTS[variant.against]
-        stops = (other.transitions, other.literal) != (variant.transitions, variant.literal)
+        stops = (other.transitions, other.literal, other.learner) != (
+            variant.transitions,
+            variant.literal,
+            variant.learner,
+        )
         assert stops or parameters != other.parameters(seed=7)
 
 
@@ -96,10 +100,10 @@ def test_what_was_stopped_leaves_the_rows_that_are_whole(
 ) -> None:
     assert run("default", "--out", tmp_path, "--seeds", 1).exit_code == 0
 
-    def stop(_: Recipe) -> TrainingReport:
+    def stop(_: TrainingJob) -> TrainingReport:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(Recipe, "do", stop)
+    monkeypatch.setattr(TrainingJob, "do", stop)
     assert run("default", "no-l-min", "--out", tmp_path, "--seeds", 1).exit_code == 130
     assert [row["variant"] for row in table(tmp_path)] == ["default"]
 

@@ -113,7 +113,7 @@ def test_a_benchmark_goes_on_and_leaves_a_blank_with_its_reason(tmp_path: Path) 
     assert rows["robust"]["walked"] == ""
     assert rows["identified"]["courses"] == "1"
     assert "robust is blank where it has no controller for flat" in page.read_text()
-    assert all((tmp_path / name).stat().st_size > 0 for name in ("maps.png", "cells.png"))
+    assert (tmp_path / "cells.png").stat().st_size > 0
 
 
 def test_a_map_s_courses_are_those_of_its_cells(tmp_path: Path) -> None:

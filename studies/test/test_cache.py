@@ -39,7 +39,7 @@ def plant(job: Walk, **changes: Any) -> Walk:
     return replace(job, assembly=replace(job.assembly, simulation=simulation))
 
 
-def law(job: Walk, **changes: Any) -> Walk:
+def tuning(job: Walk, **changes: Any) -> Walk:
     """The job with another controller."""
     controller = job.assembly.controller.model_copy(update=changes)
     return replace(job, assembly=replace(job.assembly, controller=controller))
@@ -60,8 +60,8 @@ def test_the_same_content_is_not_run_again(tmp_path: Path, counted: list[int]) -
         RecordedWalk(JOB.assembly, JOB.seed),
         plant(JOB, mass_scale=1.1),
         plant(JOB, plant="rigid"),
-        law(JOB, eps=0.06),
-        law(JOB, gait="authors_035"),
+        tuning(JOB, eps=0.06),
+        tuning(JOB, gait="authors_035"),
         replace(JOB, assembly=replace(JOB.assembly, policy="oracle")),
         replace(JOB, assembly=replace(JOB.assembly, nominal=("V",))),
         JudgedWalk(JOB.assembly, JOB.seed, (JOB.assembly,)),

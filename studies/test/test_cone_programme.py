@@ -9,7 +9,7 @@ from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.answer import Answering
 from cbf_clf_qp.functions import Values
 from cbf_clf_qp.qp import Layout, build_qp
-from cbf_clf_qp.rows import HARD, Rows, at_least, at_most
+from cbf_clf_qp.quantity import HARD, Rows, at_least, at_most
 from rabbit_description.state import Array
 
 pytest.importorskip("clarabel")

@@ -1,4 +1,4 @@
-"""A session end to end that was stopped goes on where it stood; its curve is drawn."""
+"""A session end to end that was stopped goes on where it stood."""
 
 import csv
 from pathlib import Path
@@ -9,7 +9,6 @@ import pytest
 from rabbit_rivals import end_to_end
 from rabbit_rivals.end_to_end import COLUMNS, EndToEndOptions, SessionError, train
 from rabbit_rivals.joint_targets import NetworkAbout
-from rabbit_rivals.learning_curve import CurveError, draw
 from rabbit_rivals.model_file import read
 from stable_baselines3 import PPO, SAC
 
@@ -96,17 +95,3 @@ def test_another_session_or_a_lost_checkpoint_is_refused(tmp_path: Path) -> None
     (tmp_path / "checkpoint-256.zip").unlink()
     with pytest.raises(SessionError, match="not there"):
         train(EndToEndOptions(learner="ppo", steps=TICKS, seed=1), tmp_path)
-
-
-def test_the_picture_has_the_figures_of_the_curves(tmp_path: Path) -> None:
-    path = tmp_path / "ppo.csv"
-    path.write_text(
-        "steps,hours,level,stones,stones_walked,flat_steps,flat_walked\n1000,0,0,3.5,0,20,10\n2000,0,1,9,2,19,9\n"
-    )
-    stones, flat = draw([path]).axes
-    assert stones.get_lines()[0].get_label() == "ppo"
-    assert stones.get_lines()[0].get_xydata().tolist() == [[1, 3.5], [2, 9]]
-    assert flat.get_lines()[0].get_xydata().tolist() == [[1, 20], [2, 19]]
-    path.write_text("steps,hours\n1,2\n")
-    with pytest.raises(CurveError, match="not a learning curve"):
-        draw([path])

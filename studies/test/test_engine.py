@@ -1,7 +1,5 @@
-"""Runs over processes, and over a Ray cluster of two workers (the extra `ray`), are those of one process."""
+"""Runs over processes are those of one process."""
 
-import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -15,44 +13,16 @@ WANTED = [Walk(CBF_CLF.assembly(stones=1), seed) for seed in range(4)]
 TIMES = {"tick_ms_p50", "tick_ms_p99", "plant_ms_p50", "walk_seconds"}
 
 
-@pytest.fixture
-def cluster() -> Iterator[Any]:
-    """Two nodes on this machine, a core each."""
-    ray = pytest.importorskip("ray", reason="the extra `ray` is not installed")
-    from ray.cluster_utils import Cluster
-
-    nodes = Cluster(initialize_head=True, head_node_args={"num_cpus": 1, "include_dashboard": False})
-    nodes.add_node(num_cpus=1)
-    ray.init(address=nodes.address)
-    yield ray
-    ray.shutdown()
-    nodes.shutdown()
-
-
 def figures(cache: Cache) -> list[dict[str, Any]]:
     """All but times, in which -1 stands for NaN."""
     rows = [cache.get(job).row.model_dump(exclude=TIMES) for job in WANTED]
     return [{name: -1 if value != value else value for name, value in row.items()} for row in rows]
 
 
-def test_two_workers_make_the_same_runs_as_one_process(tmp_path: Path, cluster: Any) -> None:
-    assert sum(node["Alive"] for node in cluster.nodes()) == 2
-    here, there = Cache(tmp_path / "here"), Cache(tmp_path / "there")
-    assert engine.run(WANTED, here, 1) == engine.run(WANTED, there, 2, "ray") == 4
-    assert figures(there) == figures(here)
-
-
 def test_two_processes_make_the_same_runs_as_one(tmp_path: Path) -> None:
     here, there = Cache(tmp_path / "here"), Cache(tmp_path / "there")
     assert engine.run(WANTED, here, 1) == engine.run(WANTED, there, 2) == 4
     assert figures(there) == figures(here)
-
-
-def test_without_ray_one_line_says_what_is_missing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "ray", None)
-    monkeypatch.setitem(sys.modules, "ray.util.joblib", None)
-    with pytest.raises(engine.BackendError, match=r"rabbit_experiments\[ray\]"):
-        engine.run(WANTED, Cache(tmp_path), 2, "ray")
 
 
 def test_a_job_without_a_result_leaves_the_others(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -58,7 +58,7 @@ def test_path_starts_and_ends_at_the_outer_control_points() -> None:
         assert q_s[3:] == pytest.approx(DEGREE * (coeffs[:, ends[1]] - coeffs[:, ends[0]]), abs=1e-12)
         assert q[2] + q[3] + q[4] / 2 == pytest.approx(phase_range[int(s)], abs=1e-12)
         stance, _ = symbolic_robot.feet()(q)
-        assert np.array(ca.DM(stance)).ravel() == pytest.approx([0, 0], abs=1e-12)
+        assert ca.DM(stance).full().ravel() == pytest.approx([0, 0], abs=1e-12)
 
 
 def test_weight_alone_holds_a_robot_that_does_not_move() -> None:

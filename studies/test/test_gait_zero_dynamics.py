@@ -5,10 +5,11 @@ import pinocchio as pin
 import pytest
 from rabbit_description.gait import GaitLibrary, load_gait, load_gaits
 from rabbit_description.state import Array
-from rabbit_gait_design.analysis import OracleWalk, fixed_point, pinned_state, poincare_eigenvalue
 from rabbit_gait_design.orbit import Orbit, start_phase_rate
 from rabbit_gait_design.zero_dynamics import ZeroDynamics, loaded_model
 from rl_cbf_clf_controller.virtual_constraints import VirtualConstraints
+
+from .oracle_walk import OracleWalk, fixed_point, pinned_state, poincare_eigenvalue
 
 GAIT = load_gait("stones_0350_070")
 POINTS = [(0.0, 1.7), (0.3, 2.4), (0.7, 2.0), (1.0, 3.0)]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from rabbit_experiments.assembly import Assembly
 from rabbit_experiments.evaluation import episode
-from rabbit_misses.model import MissProbability, ModelError
+from rabbit_misses.model import MissModelError, MissProbability
 from rabbit_misses.study import FIT_SEED, JUDGE_SEED, Bin, judged, stormy_walks
 from rabbit_misses.touchdowns import FEATURES, Touchdowns
 from rabbit_sim.parameters import SimulationParameters
@@ -57,7 +57,7 @@ def test_the_mean_probability_is_the_rate_of_misses_in_what_was_fitted(seed: int
 
 def test_a_fit_needs_misses() -> None:
     rows, missed, _ = drawn(5)
-    with pytest.raises(ModelError, match="0 misses: expected at least 12 to fit"):
+    with pytest.raises(MissModelError, match="0 misses: expected at least 12 to fit"):
         MissProbability.fitted(rows, np.zeros_like(missed), "")
 
 
@@ -78,18 +78,18 @@ def test_a_file_goes_there_and_back(tmp_path: Path) -> None:
 def test_a_bad_file_is_refused(change: dict[str, object], words: str, tmp_path: Path) -> None:
     path = tmp_path / "model.json"
     path.write_text(fitted(6).model_copy(update=change).model_dump_json())
-    with pytest.raises(ModelError, match=r"model\.json") as caught:
+    with pytest.raises(MissModelError, match=r"model\.json") as caught:
         MissProbability.load(path)
     assert words in str(caught.value)
-    with pytest.raises(ModelError, match="nowhere"):
+    with pytest.raises(MissModelError, match="nowhere"):
         MissProbability.load(tmp_path / "nowhere.json")
 
 
 def test_the_features_are_those_of_the_landings() -> None:
     """Step lengths, stones and times as the simulator counts them."""
-    law = load_parameters("best")
+    tuning = load_parameters("best")
     plant = SimulationParameters(terrain="stones", stones=4, motor_lag=0.004, mass_scale=2.0)
-    simulation, controller = Assembly(plant, law, "zero").build()
+    simulation, controller = Assembly(plant, tuning, "zero").build()
     seen, previews = Touchdowns(), dict[int, tuple[float, float]]()
 
     def note(record: object) -> None:
@@ -106,7 +106,7 @@ def test_the_features_are_those_of_the_landings() -> None:
     assert list(zip(column["l_min"], column["stone_width"], strict=True)) == [previews[k] for k in (2, 3, 4)]
     ticks = np.diff([0, *(each.tick for each in landings[:3])])
     assert column["speed"] == pytest.approx(column["step_length"] / (0.01 * ticks))
-    assert np.all(column["largest_torque"] <= law.torque_limit + 1e-9)
+    assert np.all(column["largest_torque"] <= tuning.torque_limit + 1e-9)
     assert np.all(np.isfinite(rows))
 
 

@@ -86,7 +86,6 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, one_stone:
     [
         (("nobody",), ("nobody: expected some of", "clf-results")),
         (("--jobs", 0), ("--jobs",)),
-        (("--backend", "dask"), ("--backend",)),
     ],
 )
 def test_what_is_wrong_ends_with_exit_code_2(words: tuple[object, ...], told: tuple[str, ...]) -> None:

@@ -1,20 +1,15 @@
-"""A setting of what the paper does not print: where it counts, what it refuses, and the search over settings."""
+"""A setting of what the paper does not print: where it counts, what it refuses."""
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
-from rabbit_reproduce.catalogue import EXPERIMENTS
 from rabbit_reproduce.commands.reproduce import app
 from rabbit_reproduce.controllers import CBF_CLF, RL_CBF_CLF, RL_CLF
-from rabbit_reproduce.recipes import Recipe
-from rabbit_reproduce.report import Verdict
-from rabbit_reproduce.search import BOX, GATE, JUDGED, OURS, suggested
 from rabbit_reproduce.setting import SETTINGS, Setting, SettingError, read_setting
 from rabbit_reproduce.table_lines import COLUMNS, MAIN, QUICK, RIGID, SEED, Line
 from rabbit_reproduce.training import SHIPPED, Trained
-from rl_trainer.parameters import TrainingParameters
+from rabbit_reproduce.training_jobs import TrainingJob
 from typer.testing import CliRunner
 
 FAST = Setting(plant="rigid", controller={"gait": "stones_0350_084", "eps": 0.06}, training={"sigma": 4.0})
@@ -48,7 +43,7 @@ def test_trainings_are_of_the_setting_and_stand_in_for_the_shipped_policies(tmp_
     assert job.folder != replace(made, root=tmp_path).folder
     assert "--gait stones_0350_084" in job.command
     assert "--plant rigid" in job.command
-    assert made.command == Recipe(made.parameters).command
+    assert made.command == TrainingJob(made.parameters).command
     size = replace(SIZE, trained=trained)
     assert size.own(RL_CBF_CLF.assembly()).policy == str(trained.policy(made))
     assert size.own(RL_CLF.assembly()).policy == RL_CLF.assembly().policy
@@ -82,12 +77,7 @@ def test_a_shipped_setting_has_a_name_and_lies_in_the_box() -> None:
     paths = list(SETTINGS.glob("*.yaml"))
     assert SETTINGS / "most_claims.yaml" in paths
     for path in paths:
-        setting = read_setting(path.stem)
-        assert setting == read_setting(path)
-        for part, values in (("controller", setting.controller), ("training", setting.training)):
-            for name, value in values.items():
-                box = BOX[f"{part}.{name}"]
-                assert value in box if isinstance(value, str) else box[0] <= value <= box[-1]
+        assert read_setting(path.stem) == read_setting(path)
     with pytest.raises(SettingError, match=r"no_such\.yaml"):
         read_setting("no_such")
 
@@ -102,37 +92,3 @@ def test_an_experiment_in_a_setting(tmp_path: Path) -> None:
     assert '{"plant": "rigid", "controller": {"gait": "stones_0350_084"}}' in page
     assert "--plant rigid --mass-scale 2 --gait stones_0350_084" in page
     assert "| PyBullet" not in page
-
-
-class Middle:
-    """In place of Optuna's trial: the middle of every range."""
-
-    def suggest_float(self, _: str, low: float, high: float, log: bool) -> float:
-        return (low * high) ** 0.5 if log else (low + high) / 2
-
-    def suggest_categorical(self, _: str, choices: list[str]) -> str:
-        return choices[len(choices) // 2]
-
-
-def test_the_box_has_our_own_setting_and_only_settings() -> None:
-    assert suggested(Middle(), "rigid").plant == "rigid"
-    for name, (*_, high) in BOX.items():
-        low: Any = BOX[name][0]
-        inside = OURS[name] in BOX[name] if isinstance(low, str) else low <= OURS[name] <= high
-        assert inside, name
-    assert OURS["training.sigma"] == TrainingParameters().sigma
-
-
-def test_the_search_judges_all_claims_but_those_that_are_none_of_the_papers() -> None:
-    left = {each.name for each in EXPERIMENTS} - {each.name for each in JUDGED}
-    assert left == {"every-plant-stones", "every-plant-flat", "wide-stones", "delay", "velocity-noise"} | {
-        "numerical-derivatives"
-    }
-    assert Verdict.REPRODUCED == "reproduced"
-    assert set(GATE.values()) == {True, False}
-
-
-def test_no_experiment_goes_with_a_search(tmp_path: Path) -> None:
-    refused = CliRunner().invoke(app, ["payload-flat", "--search", "3", "--out", str(tmp_path)])
-    assert refused.exit_code == 2
-    assert "--search: expected no experiments" in " ".join(refused.stderr.split())

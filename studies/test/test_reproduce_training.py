@@ -14,17 +14,17 @@ from rabbit_reproduce.catalogue.learning_curves import first_whole, sessions, se
 from rabbit_reproduce.commands.reproduce import app
 from rabbit_reproduce.controllers import CBF_CLF, RL_CBF_CLF, RL_CLF
 from rabbit_reproduce.experiment import Experiment
-from rabbit_reproduce.recipes import Recipe
 from rabbit_reproduce.table_lines import FULL, QUICK, Line, Runs
 from rabbit_reproduce.training import SHIPPED, Episode, Trained, read_log, recipes, retrain
+from rabbit_reproduce.training_jobs import TrainingJob
 from rl_cbf_clf_controller.uncertainty import IO_RL_CLF_QP, PAPER, RL_CBF_CLF_QP, RL_CLF_QP
 from rl_cbf_clf_controller.weights import policy_path, read
+from rl_trainer.checkpoint import CheckpointError
 from rl_trainer.parameters import TrainingParameters
-from rl_trainer.session import CheckpointError
 from typer.testing import CliRunner
 
 PARAMETERS = TrainingParameters(problem=RL_CLF_QP, seed=4, episodes=1)
-ONE = Recipe(PARAMETERS)  # nominal, so that nothing is learned yet
+ONE = TrainingJob(PARAMETERS)  # nominal, so that nothing is learned yet
 
 
 def session(*steps: int) -> tuple[Episode, ...]:
@@ -47,7 +47,7 @@ def test_a_training_is_made_once_and_logged(tmp_path: Path, monkeypatch: pytest.
     assert 0 < row.kept <= row.ticks
     assert row.transitions == row.kept == about.transitions
     assert read_log(tmp_path / "episodes.csv") == [row]
-    monkeypatch.setattr(Recipe, "do", lambda *_: pytest.fail("trained again"))
+    monkeypatch.setattr(TrainingJob, "do", lambda *_: pytest.fail("trained again"))
     assert retrain([ONE], tmp_path, 1) == trained
 
 
@@ -70,9 +70,9 @@ def test_other_code_trains_again(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_training_does_not_go_on_with_another_robot_or_gait(tmp_path: Path, what: str) -> None:
     gait = tmp_path / "gait.yaml"
     load_gaits(ONE.controller.gait).save(gait)
-    law, out = ONE.controller.model_copy(update={"gait": str(gait)}), tmp_path / "out"
+    tuning, out = ONE.controller.model_copy(update={"gait": str(gait)}), tmp_path / "out"
     for _ in range(2):
-        with training(out, PARAMETERS, law, ONE.plant):
+        with training(out, PARAMETERS, tuning, ONE.plant):
             pass
     plant, told = ONE.plant, "gait.yaml"
     if what == "gait":
@@ -82,7 +82,7 @@ def test_a_training_does_not_go_on_with_another_robot_or_gait(tmp_path: Path, wh
     else:
         (out / what).write_text("{")
         told = what
-    with pytest.raises(CheckpointError, match=f"begun with another .*{told}"), training(out, PARAMETERS, law, plant):
+    with pytest.raises(CheckpointError, match=f"begun with another .*{told}"), training(out, PARAMETERS, tuning, plant):
         pass
 
 

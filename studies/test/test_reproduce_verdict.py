@@ -9,10 +9,10 @@ from rabbit_experiments.evaluation import SeededRun, Walk
 from rabbit_experiments.metrics import RunResult, RunRow
 from rabbit_experiments.summary import Walks
 from rabbit_reproduce.catalogue import EXPERIMENTS
+from rabbit_reproduce.catalogue.payloads import PayloadFlat
 from rabbit_reproduce.controllers import CBF_CLF, CBF_CLF_ORACLE
 from rabbit_reproduce.experiment import Experiment
 from rabbit_reproduce.report import Verdict, judge, missing
-from rabbit_reproduce.sweep import largest, largest_text
 from rabbit_reproduce.table_lines import FULL, Found, Line, shows
 
 COUNTS = {name: 0 for name, field in RunRow.model_fields.items() if field.annotation in (int, float)}
@@ -65,12 +65,12 @@ def test_deviation_and_interval_of_two() -> None:
 
 def test_largest_value_and_largest_without_a_hole() -> None:
     good, bad = walks(20), walks(1)
-    assert largest({0.0: good, 8.0: bad, 16.0: good, 24.0: bad}) == (16.0, 0.0)
-    assert largest({0.0: good, 8.0: good, 16.0: bad}) == (8.0, 8.0)
-    assert largest({0.0: bad, 8.0: good}) == (8.0, None)
-    assert largest({0.0: bad}) == (None, None)
-    assert largest_text({0.0: good, 8.0: good}, 1, "kg") == "walks up to 8 kg"
-    assert "without a hole up to 0 kg" in largest_text({0.0: good, 8.0: bad, 16.0: good}, 1, "kg")
+    largest = PayloadFlat().largest
+    assert largest({0.0: good, 8.0: bad, 16.0: good, 24.0: bad}) == "largest 16 kg, without a hole up to 0 kg"
+    assert largest({0.0: good, 8.0: good, 16.0: bad}) == "walks up to 8 kg"
+    assert largest({0.0: bad, 8.0: good}) == "largest 8 kg, not at the least"
+    assert largest({0.0: bad}) == "walks at none"
+    assert largest({0.0: good, 8.0: good}) == "walks up to 8 kg"
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,6 @@ from rabbit_description.gait import load_gaits
 from rabbit_experiments.assembly import Assembly, resolve_policy
 from rabbit_experiments.evaluation import _kept, forget_parts, parts, record_walk, walk
 from rabbit_experiments.metrics import RunResult
-from rabbit_reproduce.controllers import UNIVERSAL
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.weights import SHIPPED
@@ -22,9 +21,9 @@ IDENTIFIED = {"adaptation": "identification", "objective": "pd_centred"}
 def assembly(
     controller: str = "rl-cbf-clf-qp", policy: str | None = None, plant: str = "pybullet", **changes: str
 ) -> Assembly:
-    law = ControllerParameters.model_validate({"controller": controller, **changes})
-    simulation = SimulationParameters.model_validate({**NOISY, "plant": plant, "terrain": law.terrain})
-    return Assembly(simulation, law, resolve_policy(policy, law))
+    tuning = ControllerParameters.model_validate({"controller": controller, **changes})
+    simulation = SimulationParameters.model_validate({**NOISY, "plant": plant, "terrain": tuning.terrain})
+    return Assembly(simulation, tuning, resolve_policy(policy, tuning))
 
 
 def figures(result: RunResult) -> dict[str, object]:
@@ -39,7 +38,7 @@ def figures(result: RunResult) -> dict[str, object]:
         assembly(),
         assembly(plant="mujoco"),
         assembly(plant="rigid"),
-        assembly(policy=UNIVERSAL, **IDENTIFIED),
+        assembly(policy="zero", **IDENTIFIED),
         assembly("l1-clf-qp"),
     ],
     ids=["pybullet", "mujoco", "rigid", "identified", "l1"],

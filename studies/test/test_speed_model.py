@@ -80,12 +80,12 @@ def test_a_regulation_that_explores_stays_within_the_library() -> None:
 
 
 def test_a_walk_explores_and_a_gait_without_slopes_is_refused() -> None:
-    law = load_parameters("best")
-    walks = exploring_walks(2, 5, law)
+    tuning = load_parameters("best")
+    walks = exploring_walks(2, 5, tuning)
     assert [each[0].assembly.simulation.terrain for each in walks] == ["flat", "stones"]
     assert {walk.assembly.simulation.push for each in walks for walk in each} == {0.0}
     steps = walks[0][0].do()
     assert len(steps.slopes) == len(steps.speeds) >= 1
     assert walks[0][0].do() == steps, "the same seed, the same walk"
     with pytest.raises(AssemblyError, match="expected a library with slopes"):
-        exploring_walks(1, 5, law.model_copy(update={"gait": "stones_0350_080"}))[0][0].do()
+        exploring_walks(1, 5, tuning.model_copy(update={"gait": "stones_0350_080"}))[0][0].do()

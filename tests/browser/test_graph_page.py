@@ -10,7 +10,7 @@ from chromium import Chromium
 from served import RABBIT, Served
 
 NAMESPACE = "page_test"
-WALK = ("--no-pictures", "--no-video", "--no-trainer", "--record", "none", "--episodes", "50", "--pace", "1")
+WALK = ("--no-pictures", "--no-video", "--no-trainer", "--no-record", "--episodes", "50", "--pace", "1")
 
 
 @pytest.fixture

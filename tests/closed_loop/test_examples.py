@@ -24,7 +24,7 @@ def load(name):
 
 @pytest.mark.parametrize("path", sorted(EXAMPLES.glob("*.py")), ids=lambda p: p.stem)
 def test_an_example_is_short(path):
-    assert len(path.read_text().splitlines()) <= {"segway": 110, "three_link_walker": 150}.get(path.stem, 80)
+    assert len(path.read_text().splitlines()) <= {"segway": 90, "three_link_walker": 100}.get(path.stem, 80)
 
 
 def test_cruise_control_follows_the_closed_form_while_the_clf_alone_is_active():

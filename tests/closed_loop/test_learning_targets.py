@@ -5,7 +5,6 @@ from typing import Any
 import numpy as np
 import pytest
 from cbf_clf_qp.estimates import Estimates
-from cbf_clf_qp.problem import Problem
 from rabbit_description.gait import load_gait
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.robot_urdf import perturbed_urdf
@@ -14,6 +13,7 @@ from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.oracle import OraclePolicy, TruePlant
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import Policy, ZeroPolicy
+from rl_cbf_clf_controller.problem import Problem
 from rl_cbf_clf_controller.uncertainty import PAPER, RL_CBF_CLF_QP
 from rl_trainer.environment import WalkingEnv
 from rl_trainer.parameters import TrainingParameters
@@ -88,8 +88,8 @@ def test_environment_over_the_true_plant() -> None:
 def test_beside_an_adaptation_the_target_is_what_it_leaves() -> None:
     """The robot is found within a step; what is left to learn is less than a tenth of the nominal model's error."""
     simulation, _, parameters = parts(RL_CBF_CLF_QP, "rigid")
-    law = ControllerParameters(controller="rl-cbf-clf-qp", adaptation="identification", sigma=5.0)
-    controller = Controller(law, load_gait(law.gait), ZeroPolicy(law.problem))
+    tuning = ControllerParameters(controller="rl-cbf-clf-qp", adaptation="identification", sigma=5.0)
+    controller = Controller(tuning, load_gait(tuning.gait), ZeroPolicy(tuning.problem))
     builder = TransitionBuilder(parameters)
     left, whole = [], []
 
@@ -97,7 +97,7 @@ def test_beside_an_adaptation_the_target_is_what_it_leaves() -> None:
         transition = builder.add(record.state, record.output)
         if transition is not None and not transition.doubt & ~Doubt.SATURATED and transition.step_index:
             assert not transition.alpha.any()  # the policy's own
-            found = Estimates.from_packed(previous[0].adapted, 4)
+            found = Estimates.from_flat(previous[0].adapted, 5, 4)
             left.append(transition.target)
             whole.append(transition.target + found.error(transition.mu))
         previous[0] = record.output

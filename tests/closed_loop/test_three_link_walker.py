@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rl_cbf_clf_controller.policy import ZeroPolicy
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.publication_gate import estimation_error
 
@@ -23,11 +22,6 @@ def example():
     return module
 
 
-def oracle(example):
-    """The controller with exact estimates."""
-    return example.Controller(ZeroPolicy(example.PROBLEM), example.HEAVY)
-
-
 def test_the_gait_repeats(example):
     step = example.RepeatedStep(example.WALKER, example.PATH)
     assert step.exists
@@ -38,17 +32,17 @@ def test_the_gait_repeats(example):
 
 @pytest.mark.parametrize("seed", [1, 2])
 def test_at_twice_the_mass_the_oracle_walks_and_the_nominal_falls(example, seed):
-    nominal = example.Controller(ZeroPolicy(example.PROBLEM))
-    assert example.walk(nominal, example.URDF, seed, STEPS)[0] == STEPS
-    assert example.walk(nominal, example.HEAVY, seed, STEPS)[0] <= STEPS / 2
-    assert example.walk(oracle(example), example.HEAVY, seed, STEPS)[0] == STEPS
+    assert example.walk(example.URDF, seed, STEPS) == STEPS
+    assert example.walk(example.HEAVY, seed, STEPS) <= STEPS / 2
+    assert example.walk(example.HEAVY, seed, STEPS, oracle=True) == STEPS
 
 
 def test_the_oracles_estimates_are_what_is_measured(example):
     """But for what changes within a tick."""
-    steps, measured = example.walk(oracle(example), example.HEAVY, 3, 6, sigma=1.0)
-    assert steps == 6
-    errors, targets = (np.array([getattr(item, name)[0] for item in measured]) for name in ("error", "target"))
+    assert example.walk(example.HEAVY, 3, 6, oracle=True, sigma=1.0) == 6
+    errors, targets = (
+        np.array([getattr(item, name)[0] for item in example.TICKS.transitions]) for name in ("error", "target")
+    )
     assert np.sqrt(np.mean(errors**2)) < 0.03 * np.sqrt(np.mean(targets**2))
 
 
@@ -57,23 +51,22 @@ def test_a_short_training_finds_most_of_the_error(example, capsys):
     """Held out: steps of the oracle's walk, which no training saw; 1 is the nominal controller's error."""
     policy = example.train(seed=1, episodes=4)
     assert "episode 4" in capsys.readouterr().out
-    _, held_out = example.walk(oracle(example), example.HEAVY, example.EVALUATION, 6, sigma=1.0)
-    error = estimation_error(policy, held_out, TrainingParameters(problem=example.PROBLEM))
+    example.walk(example.HEAVY, example.EVALUATION, 6, oracle=True, sigma=1.0)
+    error = estimation_error(policy, example.TICKS.transitions, TrainingParameters(problem=example.PROBLEM))
     assert error[0] < 0.3
-    assert example.walk(example.Controller(policy), example.HEAVY, example.EVALUATION, 6)[0] == 6
+    assert example.walk(example.HEAVY, example.EVALUATION, 6, policy) == 6
 
 
 def test_a_seed_gives_the_same_walk(example):
-    nominal = example.Controller(ZeroPolicy(example.PROBLEM))
-    walks = [example.walk(nominal, example.HEAVY, 5, 2, sigma=1.0)[1] for _ in range(2)]
-    np.testing.assert_array_equal([item.measured for item in walks[0]], [item.measured for item in walks[1]])
+    walks = []
+    for _ in range(2):
+        example.walk(example.HEAVY, 5, 2, sigma=1.0)
+        walks.append([item.measured for item in example.TICKS.transitions])
+    np.testing.assert_array_equal(*walks)
 
 
-def test_it_says_what_it_found(example, capsys, monkeypatch):
-    monkeypatch.setattr(
-        sys, "argv", ["three_link_walker", "--train", "1", "--seeds", "2", "--steps", "2", "--walks", "1"]
-    )
-    example.main()
+def test_it_says_what_it_found(example, capsys):
+    example.main(episodes=1, seeds=2, steps=2, walks=1)
     out = capsys.readouterr().out
-    assert "nominal, true mass as believed: 2.0 steps of 2" in out
+    assert "nominal, true mass as in the model: 2.0 steps of 2" in out
     assert "seed 2, episode 1:" in out

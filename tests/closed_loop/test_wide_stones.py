@@ -12,7 +12,7 @@ from rl_trainer.rollout import Record
 
 MakeAssembly = Callable[..., Assembly]
 WIDE = {"l_min_distribution": "uniform", "l_min_mean": 0.375, "l_min_std": 0.05, "l_min_truncation": 2.5, "stones": 5}
-LAW = {"objective": "pd_centred", "adaptation": "identification", "stone_margin": 0.007}
+PARAMETERS = {"objective": "pd_centred", "adaptation": "identification", "stone_margin": 0.007}
 
 
 @pytest.fixture
@@ -21,7 +21,7 @@ def wide(make_assembly: MakeAssembly) -> Callable[..., Assembly]:
 
     def make(**changes: Any) -> Assembly:
         parts = make_assembly("rl-cbf-clf-qp", mass_scale=2.0, **WIDE)
-        return replace(parts, controller=parts.controller.model_copy(update={"gait": "wide", **LAW, **changes}))
+        return replace(parts, controller=parts.controller.model_copy(update={"gait": "wide", **PARAMETERS, **changes}))
 
     return make
 

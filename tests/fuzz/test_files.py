@@ -3,6 +3,7 @@
 import contextlib
 import tempfile
 from collections.abc import Callable
+from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
@@ -14,22 +15,22 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from rabbit_description import GAITS
 from rabbit_description.gait import GaitError, load_gait, load_gaits
-from rabbit_recording.bag_writer import BagWriter, RecordingError, Storage, graph_types
+from rabbit_recording import RecordingError
+from rabbit_recording.bag_writer import BagWriter
 from rabbit_recording.contents import contents
 from rabbit_recording.open_recording import one_line_errors, opened
 from rabbit_recording.reader import iterate_episodes
 from rabbit_recording.recover import recover
 from rabbit_sim.restart_file import RestartFile, RestartFileError
 from rabbit_sim.stones import CourseError, read_course
+from recorded_walk import TYPES, in_sqlite3
 from rl_cbf_clf_controller.parameters import CONFIG
 from rl_cbf_clf_controller.parameters import ParameterError as ControllerParameterError
 from rl_cbf_clf_controller.parameters import load_parameters as load_controller
-from rl_trainer.journal import Journal
+from rl_trainer.checkpoint import CHECKPOINT, CheckpointError, journal_path, line_of, read_journal
 from rl_trainer.parameters import ParameterError
 from rl_trainer.parameters import load_parameters as load_training
-from rl_trainer.session import CHECKPOINT, CheckpointError
 
-MESSAGES = Path(__file__).resolve().parents[2] / "ros2_ws" / "src" / "rabbit_msgs"
 COURSE = yaml.safe_dump({"stones": [{"l_min": 0.35, "l_max": 0.4}, {"l_min": 0.36}]}).encode()
 CSV = b"l_min,l_max\n0.35,0.40\n0.36,0.41\n"
 GAIT = (GAITS / "authors_035.yaml").read_bytes()
@@ -106,7 +107,7 @@ def test_courses_in_csv(data: bytes) -> None:
 @example(DEEP)
 @given(texts(AUTHORS))
 def test_controller_parameters(data: bytes) -> None:
-    read_or_refused(load_controller, ControllerParameterError, "law.yaml", data)
+    read_or_refused(load_controller, ControllerParameterError, "parameters.yaml", data)
 
 
 @example(DEEP)
@@ -123,6 +124,7 @@ def test_simulator_memories(data: bytes) -> None:
 # What a trainer keeps
 
 CHECKPOINT_BYTES, JOURNAL_BYTES = kept_files()
+JOURNAL_LINES = [line_of(transition(tick), TINY) for tick in range(3)]
 
 
 @given(damaged(CHECKPOINT_BYTES) | st.binary(max_size=60))
@@ -132,18 +134,16 @@ def test_checkpoints(data: bytes) -> None:
 
 @given(damaged(JOURNAL_BYTES) | st.binary(max_size=60))
 def test_journals(data: bytes) -> None:
-    read_or_refused(go_on, CheckpointError, "journal-000000.bin", data)
+    read_or_refused(go_on, CheckpointError, journal_path(Path(), 0).name, data)
 
 
 @given(st.integers(0, len(JOURNAL_BYTES)))
 def test_a_cut_journal_holds_all_that_is_whole(length: int) -> None:
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "journal-000000.bin"
+        path = journal_path(Path(folder), 0)
         path.write_bytes(JOURNAL_BYTES[:length])
-        _, held = Journal(Path(folder), TINY).read(0)
-        head = JOURNAL_BYTES.index(b"\n") + 1
-        size = (len(JOURNAL_BYTES) - head) // 3
-        assert [each.tick for each in held] == list(range(max(0, length - head) // size))
+        held, ends = read_journal(path, TINY), list(accumulate(map(len, JOURNAL_LINES)))
+        assert [each.tick for each in held] == list(range(sum(length >= end - 1 for end in ends)))
         for each in held:
             np.testing.assert_array_equal(each.observation, transition(each.tick).observation)
 
@@ -151,18 +151,18 @@ def test_a_cut_journal_holds_all_that_is_whole(length: int) -> None:
 # Recordings
 
 
-def recorded(storage: Storage) -> tuple[str, bytes]:
+def recorded(storage: str) -> tuple[str, bytes]:
     """Name and bytes of a small sound recording's file."""
     with tempfile.TemporaryDirectory() as folder:
-        types = graph_types([MESSAGES])
-        writer = BagWriter(Path(folder) / "bag", storage, types)
+        writer = BagWriter(Path(folder) / "bag", TYPES)
         writer.add("/state", "rabbit_msgs/msg/RabbitState", [])
         writer.add("/episode", "rabbit_msgs/msg/Episode", [])
         for tick in range(4):
             writer.write("/state", tick * 10_000_000, bytes([0, 1]) + bytes(200))
             writer.flush()
         writer.close()
-        (file,) = (each for each in (Path(folder) / "bag").iterdir() if each.suffix in (".mcap", ".db3"))
+        bag = writer.path if storage == "mcap" else in_sqlite3(writer.path, Path(folder) / "sqlite3")
+        (file,) = (each for each in bag.iterdir() if each.suffix in (".mcap", ".db3"))
         return file.name, file.read_bytes()
 
 

@@ -7,7 +7,7 @@ import pytest
 from drawn_runs import Run, Tick, assert_same, runs, tick_of, walk
 from hypothesis import Phase, assume, given, settings
 from rabbit_bringup.cli import app
-from rabbit_bringup.launching.walk import Walk, WalkOptions
+from rabbit_bringup.launching.walk import WalkOptions, WalkSettings
 from rabbit_bringup.ros.walking import walk_through
 from rabbit_experiments.assembly import resolve_policy
 from rabbit_recording.checking import check_episodes
@@ -35,7 +35,9 @@ def test_the_walk_through_nodes_and_its_replay(tmp_path_factory: pytest.TempPath
     options = WalkOptions(seed=run.seed, trainer=False)
     policy = resolve_policy(run.policy, run.controller)
     walk_through(
-        Walk(folder=folder, options=options, simulation=run.simulation, controller=run.controller, policy=policy)
+        WalkSettings(
+            folder=folder, options=options, simulation=run.simulation, controller=run.controller, policy=policy
+        )
     )
     with run.parts() as parts:
         inside = [tick_of(found) for found in walk(run, parts) if not isinstance(found, str)]

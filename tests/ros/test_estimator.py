@@ -13,7 +13,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import Imu, JointState
 
 PLANT = {"motor_lag": 0.004, "stones": 3, "sensors": "lab", "gait": "paper_stones"}
-LAW = {
+PARAMETERS = {
     **{"controller": "rl-cbf-clf-qp", "adaptation": "identification", "objective": "pd_centred"},
     **{"gait": "paper_stones", "stone_margin": 0.01},
 }
@@ -38,7 +38,7 @@ def begin(world: Any, **simulator: Any) -> tuple[list[Any], list[Any]]:
     heard = world.hear("state"), world.hear("episode")
     world.start("simulator", **{**PLANT, **simulator})
     world.start("estimator")
-    world.start("controller", **LAW)
+    world.start("controller", **PARAMETERS)
     world.go()
     return heard
 

@@ -333,11 +333,11 @@ def test_gains_change_in_the_middle_of_a_walk(world: Any) -> None:
     assert not refused.successful
     assert "kp" in refused.reason
     world.wait(ended(heard["episode"]))
-    laws = [
+    all_tuning = [
         (said.tick, ControllerParameters.model_validate_json(said.parameters)) for said in heard["controller_settings"]
     ]
-    assert [law.eps for _, law in laws] == [0.04, 0.05, 0.05, 0.04]
-    first, told = laws[0][1], dict(laws)
+    assert [tuning.eps for _, tuning in all_tuning] == [0.04, 0.05, 0.05, 0.04]
+    first, told = all_tuning[0][1], dict(all_tuning)
     inside = Controller(first, load_gait(first.gait), ZeroPolicy(first.problem))
     inside.reset(heard["episode"][-1].seed)
     stones = {message.index: preview_of(message) for message in heard["preview"]}
@@ -361,9 +361,9 @@ def test_gains_change_in_the_middle_of_a_walk(world: Any) -> None:
         ("controller", {"policy": "/nowhere"}, "policy /nowhere"),
         ("controller", {"eps": math.nan}, "eps"),
         ("trainer", {"plant": "scale 2"}, "not JSON"),
-        ("trainer", {"discount": 2.0}, "discount"),
+        ("trainer", {"polyak": 2.0}, "polyak"),
         ("trainer", {"problem": "nosuch"}, "error: parameter problem = 'nosuch': expected 'rl-cbf-clf-qp' or "),
-        ("trainer", {"discount": 0.5}, "error: critic = reward holds no future"),
+        ("trainer", {"failure_penalty": 0.5}, "error: failure_penalty > 0: expected learner = paper_ddpg"),
         ("trainer", {"policy": "/nowhere"}, "cannot read /nowhere"),
         ("recorder", {"path": "/proc/nowhere"}, "/proc/nowhere"),
     ],

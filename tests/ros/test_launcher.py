@@ -23,7 +23,7 @@ from rl_trainer.training import Trainer
 RABBIT = (sys.executable, "-c", "from rabbit_bringup.cli import app; app()")
 QUICK = ("--no-pictures", "--no-video")
 SLOW = ("--pace", "0.5", "--stones", "200", "--ready-timeout", "180")
-SMALL = ("--stones", "1", "--no-trainer", "--record", "none", "--ready-timeout", "180")
+SMALL = ("--stones", "1", "--no-trainer", "--no-record", "--ready-timeout", "180")
 
 
 def rabbit(*words: object, timeout: float = 300.0) -> subprocess.CompletedProcess[str]:
@@ -129,7 +129,7 @@ def test_the_trainer_learns_on_from_the_policy_that_walks(tmp_path: Path) -> Non
 
 def test_a_fall_has_an_exit_code_of_its_own(tmp_path: Path) -> None:
     heavy = ("--controller", "cbf-clf-qp", "--mass-scale", 2)
-    done = rabbit("walk", "--out", tmp_path, *heavy, "--no-trainer", "--record", "none")
+    done = rabbit("walk", "--out", tmp_path, *heavy, "--no-trainer", "--no-record")
     assert done.returncode == ExitCode.FELL
     assert "20 stones" in done.stdout
     assert done.stdout.splitlines()[-1] == "fell: 0 of 1 episodes walked"
@@ -181,7 +181,7 @@ def test_of_a_recorder_that_dies_what_it_had_is_summarised(walking: subprocess.P
 
 
 def test_an_episode_that_an_operator_asks_for_is_walked_to_its_end(tmp_path: Path, root_world: Any) -> None:
-    slow = ("--pace", 1, "--stones", 3, "--no-trainer", "--record", "none")
+    slow = ("--pace", 1, "--stones", 3, "--no-trainer", "--no-record")
     process = subprocess.Popen(
         [*RABBIT, "walk", "--out", str(tmp_path / "walk"), *map(str, slow)], stdout=subprocess.PIPE, text=True
     )
@@ -256,7 +256,6 @@ def test_of_several_that_begin_at_once_one_walks(tmp_path: Path) -> None:
         (("--mass-scale", "99"), "--mass-scale 99"),
         (("--policy", "oracle"), "--policy oracle"),
         (("--policy", "nowhere"), "nowhere"),
-        (("--record", "vhs"), "--record vhs"),
         (("--namespace", "a b"), "--namespace a b"),
         (("--training", "/nowhere.yaml"), "/nowhere.yaml"),
         (("--out", "/proc"), "--out /proc"),

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rabbit_bringup.launching.walk import Walk, WalkOptions
+from rabbit_bringup.launching.walk import WalkOptions, WalkSettings
 from rabbit_bringup.ros.walking import walk_through
 from rabbit_description.gait import load_gait
 from rabbit_experiments.assembly import make_simulation
@@ -24,21 +24,23 @@ UNTIMED = [name for name in ControllerOutput.__dataclass_fields__ if name != "so
 
 
 def walk_in_process(
-    plant: SimulationParameters, law: ControllerParameters, seed: int
+    plant: SimulationParameters, parameters: ControllerParameters, seed: int
 ) -> tuple[list[Record], Simulation]:
     """The reference."""
-    gait = load_gait(law.gait)
+    gait = load_gait(parameters.gait)
     simulation = make_simulation(plant, gait)
     records: list[Record] = []
-    rollout(simulation, Controller(law, gait, ZeroPolicy(law.problem)), seed, records.append)
+    rollout(simulation, Controller(parameters, gait, ZeroPolicy(parameters.problem)), seed, records.append)
     simulation.close()
     return records, simulation
 
 
-def walk_through_nodes(folder: Path, plant: SimulationParameters, law: ControllerParameters, **options: Any) -> Any:
+def walk_through_nodes(
+    folder: Path, plant: SimulationParameters, parameters: ControllerParameters, **options: Any
+) -> Any:
     """Simulator, controller and recorder."""
     request = WalkOptions(seed=SEED, trainer=False, **options)
-    walk = Walk(folder=folder, options=request, simulation=plant, controller=law, policy="zero")
+    walk = WalkSettings(folder=folder, options=request, simulation=plant, controller=parameters, policy="zero")
     return list(walk_through(walk).ended.values())
 
 
@@ -52,11 +54,11 @@ def assert_same(through: list[Record], inside: list[Record]) -> None:
             np.testing.assert_array_equal(getattr(ours.output, name), getattr(theirs.output, name), f"{name}")
 
 
-@pytest.mark.parametrize(("storage", "stones"), [("mcap", STONES), ("sqlite3", 3)])
-def test_nodes_equal_the_walk_without_ros(tmp_path: Path, storage: str, stones: int) -> None:
-    plant, law = SimulationParameters(stones=stones, motor_lag=0.004), ControllerParameters()
-    (ended,) = walk_through_nodes(tmp_path, plant, law, record=storage)
-    inside, simulation = walk_in_process(plant, law, SEED)
+@pytest.mark.parametrize("stones", [STONES])
+def test_nodes_equal_the_walk_without_ros(tmp_path: Path, stones: int) -> None:
+    plant, parameters = SimulationParameters(stones=stones, motor_lag=0.004), ControllerParameters()
+    (ended,) = walk_through_nodes(tmp_path, plant, parameters)
+    inside, simulation = walk_in_process(plant, parameters, SEED)
     episode: RecordedEpisode = read_episodes(tmp_path / "recording")[1]
     assert_same(episode.records, inside)
     assert (episode.seed, episode.outcome, episode.lost) == (SEED, simulation.outcome.value, 0)
@@ -66,9 +68,9 @@ def test_nodes_equal_the_walk_without_ros(tmp_path: Path, storage: str, stones: 
 
 def test_noise_of_the_controller_follows_the_seed(tmp_path: Path) -> None:
     plant = SimulationParameters(stones=2, motor_lag=0.004, encoder_resolution=1e-4, velocity_noise=0.01)
-    law = ControllerParameters(sigma=3.0)
-    walk_through_nodes(tmp_path, plant, law)
-    inside, _ = walk_in_process(plant, law, SEED)
+    parameters = ControllerParameters(sigma=3.0)
+    walk_through_nodes(tmp_path, plant, parameters)
+    inside, _ = walk_in_process(plant, parameters, SEED)
     assert any(record.output.omega.any() for record in inside)
     assert_same(read_episodes(tmp_path / "recording")[1].records, inside)
 
@@ -76,11 +78,11 @@ def test_noise_of_the_controller_follows_the_seed(tmp_path: Path) -> None:
 def test_adaptation_through_nodes_is_the_one_in_process(tmp_path: Path) -> None:
     """Two episodes: what is learned comes from the messages alone, and is forgotten between them."""
     plant = SimulationParameters(stones=3, motor_lag=0.004, mass_scale=2.5, velocity_noise=0.01)
-    law = ControllerParameters(objective="pd_centred", adaptation="identification")
-    walk_through_nodes(tmp_path, plant, law, episodes=2)
+    parameters = ControllerParameters(objective="pd_centred", adaptation="identification")
+    walk_through_nodes(tmp_path, plant, parameters, episodes=2)
     episodes = read_episodes(tmp_path / "recording")
     for number in (1, 2):
-        inside, _ = walk_in_process(plant, law, SEED + number - 1)
+        inside, _ = walk_in_process(plant, parameters, SEED + number - 1)
         assert inside[-1].output.identified[0] == pytest.approx(30.0, rel=0.1)  # the torso, kg
         assert_same(episodes[number].records, inside)
 
@@ -88,11 +90,11 @@ def test_adaptation_through_nodes_is_the_one_in_process(tmp_path: Path) -> None:
 def test_a_state_estimated_through_nodes_is_the_one_in_process(tmp_path: Path) -> None:
     """Two episodes: attitude and specific force come as an `Imu`, the encoders as a `JointState`."""
     plant = SimulationParameters(stones=3, motor_lag=0.004, sensors="lab", gyro_bias=0.01)
-    law = ControllerParameters(objective="pd_centred")
-    ended = walk_through_nodes(tmp_path, plant, law, episodes=2)
+    parameters = ControllerParameters(objective="pd_centred")
+    ended = walk_through_nodes(tmp_path, plant, parameters, episodes=2)
     episodes = read_episodes(tmp_path / "recording")
     for number in (1, 2):
-        inside, simulation = walk_in_process(plant, law, SEED + number - 1)
+        inside, simulation = walk_in_process(plant, parameters, SEED + number - 1)
         assert_same(episodes[number].records, inside)
         assert ended[number - 1].outcome == simulation.outcome.value
     true = [m for topic, m in messages(tmp_path / "recording", "true_state") if m.episode == 2]
@@ -116,8 +118,8 @@ def test_recording_has_qos_and_definitions(tmp_path: Path) -> None:
 
 
 def test_two_episodes_take_the_next_seed(tmp_path: Path) -> None:
-    plant, law = SimulationParameters(stones=1), ControllerParameters()
-    walk_through_nodes(tmp_path, plant, law, episodes=2)
+    plant, parameters = SimulationParameters(stones=1), ControllerParameters()
+    walk_through_nodes(tmp_path, plant, parameters, episodes=2)
     episodes = read_episodes(tmp_path / "recording")
     assert [episodes[number].seed for number in (1, 2)] == [SEED, SEED + 1]
-    assert_same(episodes[2].records, walk_in_process(plant, law, SEED + 1)[0])
+    assert_same(episodes[2].records, walk_in_process(plant, parameters, SEED + 1)[0])

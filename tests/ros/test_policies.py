@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from cbf_clf_qp.problem import Problem
 from numpy.typing import NDArray
 from rabbit_msgs.msg import Episode, EpisodePlan, PolicyWeights
 from rabbit_msgs.srv import LoadPolicy, ResetEpisode
 from rabbit_recording.checking import check_episodes
 from rl_cbf_clf_controller.parameters import ControllerParameters
+from rl_cbf_clf_controller.problem import Problem
 from rl_cbf_clf_controller.uncertainty import RL_CBF_CLF_QP, RL_CLF_QP
 from rl_cbf_clf_controller.weights import PROBE, Actor, PolicyFile, policy_path, probe_inputs, read
 from safetensors.numpy import save
@@ -24,7 +24,7 @@ from untrained_policy import policy_metadata
 
 PLANT = {"motor_lag": 0.004, "stones": 5}
 SHORT = {"motor_lag": 0.004, "stones": 2}
-LAW = ControllerParameters(controller="rl-cbf-clf-qp")
+PARAMETERS = ControllerParameters(controller="rl-cbf-clf-qp")
 SMALL = (8, 8)
 SHIPPED = read(policy_path("rl-cbf-clf-qp"))
 
@@ -83,7 +83,7 @@ def test_a_hundred_swaps_in_one_walk(world: Any) -> None:
     """At twice the mass, from messages and files: no tick lost, no stone missed, a replay gives the torques."""
     commands, swaps, episodes = world.hear("torque"), world.hear("policy_swap"), world.hear("episode")
     world.start("simulator", pace=0.8, **{**PLANT, "stones": 20, "mass_scale": 2.0})
-    world.start("controller", **LAW.model_dump())
+    world.start("controller", **PARAMETERS.model_dump())
     world.start("recorder", path=str(world.folder / "recording"))
     world.say("policy", weights(near_shipped(0)))
     world.go()
@@ -129,7 +129,7 @@ def test_bad_policies_are_refused_with_a_reason_and_the_old_one_goes_on(world: A
     }
     good.write(tmp_path / "good")
     world.start("simulator", pace=1.0, **{**PLANT, "stones": 200})
-    world.start("controller", policy=str(tmp_path / "good"), **LAW.model_dump())
+    world.start("controller", policy=str(tmp_path / "good"), **PARAMETERS.model_dump())
     world.go()
     world.wait(lambda: bool(commands and swaps))
     messages = {**bad, "the message says version": policy(2).encode()}
@@ -157,7 +157,7 @@ def test_bad_policies_are_refused_with_a_reason_and_the_old_one_goes_on(world: A
 def test_when_policies_take_effect(world: Any, tmp_path: Path, swap_at: str) -> None:
     commands, episodes = world.hear("torque"), world.hear("episode")
     world.start("simulator", pace=2.0, episodes=0, **PLANT)
-    world.start("controller", swap_at=swap_at, **LAW.model_dump())
+    world.start("controller", swap_at=swap_at, **PARAMETERS.model_dump())
     world.go()
     assert world.ask(ResetEpisode, "reset_episode", seed=1).accepted
     world.wait(lambda: len(commands) > 10)
@@ -184,7 +184,7 @@ def test_what_was_refused_changes_nothing_of_later_episodes(world: Any, tmp_path
     (tmp_path / "junk").write_bytes(b"junk")
     policy(1).write(tmp_path / "good")
     world.start("simulator", episodes=0, **SHORT)
-    world.start("controller", policy=str(tmp_path / "good"), swap_at=swap_at, **LAW.model_dump())
+    world.start("controller", policy=str(tmp_path / "good"), swap_at=swap_at, **PARAMETERS.model_dump())
     world.go()
     world.wait(lambda: bool(swaps))
     for number in (1, 2, 3):
@@ -205,7 +205,7 @@ def test_never_hears_no_published_policy(world: Any, tmp_path: Path) -> None:
     commands, swaps = world.hear("torque"), world.hear("policy_swap")
     policy(1).write(tmp_path / "one")
     world.start("simulator", episodes=0, **SHORT)
-    world.start("controller", swap_at="never", **LAW.model_dump())
+    world.start("controller", swap_at="never", **PARAMETERS.model_dump())
     world.go()
     assert world.node.count_subscribers(f"/{world.namespace}/policy") == 0
     assert world.ask(LoadPolicy, "load_policy", path=str(tmp_path / "one")).accepted
@@ -218,7 +218,7 @@ def test_never_hears_no_published_policy(world: Any, tmp_path: Path) -> None:
 def planned(world: Any, version: str) -> None:
     """A simulator that follows plans, a controller, and a plan of episode 1 with this policy."""
     world.start("simulator", trainer="follow", **SHORT)
-    world.start("controller", swap_at="episode", **LAW.model_dump())
+    world.start("controller", swap_at="episode", **PARAMETERS.model_dump())
     world.say("episode_plan", EpisodePlan(seed=1, policy_version=version))
 
 
@@ -274,7 +274,7 @@ def diagnostic(world: Any, node: str, key: str) -> str:
 
 def test_no_thread_of_a_controller_with_a_priority_is_ordinary(world: Any) -> None:
     """One that checks policies holds the interpreter's lock now and then; a busy machine must not keep it there."""
-    world.start("controller", priority=20, **LAW.model_dump())
+    world.start("controller", priority=20, **PARAMETERS.model_dump())
     world.wait(lambda: bool(diagnostic(world, "controller", "scheduling")))
     if diagnostic(world, "controller", "scheduling") == "ordinary":
         pytest.skip("this user may not take SCHED_FIFO")
@@ -294,7 +294,7 @@ def load(*words: object) -> tuple[int, str]:
 def test_an_operator_loads_policies_by_command(world: Any, tmp_path: Path) -> None:
     swaps, file = world.hear("policy_swap"), tmp_path / "one.safetensors"
     policy(1).write(file)
-    world.start("controller", **LAW.model_dump())
+    world.start("controller", **PARAMETERS.model_dump())
     world.wait(lambda: bool(swaps))
     there = ("--namespace", world.namespace)
     assert load(file, *there) == (0, f"{file}: loaded, version {policy(1).version}\n")
@@ -317,6 +317,6 @@ def test_a_policy_is_loaded_into_a_graph_that_is_still_starting(world: Any, tmp_
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as loading:
         assert loading.stderr is not None
         assert loading.stderr.readline() == f"waiting for /{world.namespace}/load_policy, 300 s at most\n"
-        world.start("controller", **LAW.model_dump())
+        world.start("controller", **PARAMETERS.model_dump())
         said, _ = loading.communicate(timeout=300)
     assert (loading.returncode, said) == (0, f"{file}: loaded, version {policy(1).version}\n")

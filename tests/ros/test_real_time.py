@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
-from rabbit_bringup.launching.walk import Walk, WalkOptions
+from rabbit_bringup.launching.walk import WalkOptions, WalkSettings
 from rabbit_description.state import TICK_SECONDS
 from rabbit_msgs.msg import Episode, Timing, TorqueCommand
 from rabbit_msgs.srv import Pause
@@ -99,9 +99,9 @@ def test_the_measure_of_a_death_kills_and_hears_the_damping(tmp_path: Path) -> N
     """Of `rabbit jitter --kills`; how soon it is is measured there, not here."""
     from rabbit_campaigns.ros.kill_controller import die
 
-    request = WalkOptions(episodes=9, trainer=False, record="none", real_time=True, pace=PACE, namespace="death")
+    request = WalkOptions(episodes=9, trainer=False, record=False, real_time=True, pace=PACE, namespace="death")
     plant, controller = SimulationParameters(**PLANT), load_parameters("ours", controller="cbf-clf-qp")
-    walk = Walk(folder=tmp_path, options=request, simulation=plant, controller=controller, policy="zero")
+    walk = WalkSettings(folder=tmp_path, options=request, simulation=plant, controller=controller, policy="zero")
     death = die(walk, random.Random(1))
     assert death.held == HELD
     assert 0.0 < death.until_damping_ms < death.until_simulated_ms

@@ -7,7 +7,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 import pytest
-from rabbit_bringup.launching.walk import Walk, WalkOptions
+from rabbit_bringup.launching.walk import WalkOptions, WalkSettings
 from rabbit_bringup.ros.walk_monitor import WalkMonitor
 from rabbit_sim.parameters import SimulationParameters
 from rclpy.node import NodeNameNonExistentError
@@ -118,8 +118,10 @@ def test_the_operator_may_ask_only_for_what_there_is() -> None:
 
 
 def test_a_walk_puts_each_process_into_its_enclave(tmp_path: Path) -> None:
-    plant, law = SimulationParameters(sensors="lab"), ControllerParameters()
-    walk = Walk(folder=tmp_path, options=WalkOptions(view=True), simulation=plant, controller=law, policy="zero")
+    plant, parameters = SimulationParameters(sensors="lab"), ControllerParameters()
+    walk = WalkSettings(
+        folder=tmp_path, options=WalkOptions(view=True), simulation=plant, controller=parameters, policy="zero"
+    )
     for name in walk.names:
         words = walk.arguments(name)
         assert words[words.index("--enclave") + 1] == f"/rabbit/{name}"

@@ -18,7 +18,7 @@ from rl_trainer.session import train
 from rl_trainer.training import Provenance, Trainer
 
 PLANT = SimulationParameters(mass_scale=2.0, stones=3)
-LAW = ControllerParameters(controller="rl-cbf-clf-qp")
+PARAMETERS = ControllerParameters(controller="rl-cbf-clf-qp")
 TRAINING = TrainingParameters(
     seed=4, episodes=3, nominal_episodes=1, hidden1=16, hidden2=16, batch=16, updates_least=20, updates_per_tick=0.0
 )
@@ -26,11 +26,11 @@ TRAINING = TrainingParameters(
 
 def versions_in_process() -> list[str]:
     """Policies of episodes 2 and 3 and the one after."""
-    gait = load_gait(LAW.gait)
+    gait = load_gait(PARAMETERS.gait)
     trainer = Trainer(TRAINING, Provenance(command="trainer node"))
 
     def make_controller(policy: Policy, sigma: float) -> Controller:
-        return Controller(LAW.model_copy(update={"sigma": sigma}), gait, policy)
+        return Controller(PARAMETERS.model_copy(update={"sigma": sigma}), gait, policy)
 
     return [trainer.policy_file().version for _ in train(trainer, Simulation(PLANT, gait), make_controller)]
 
@@ -39,7 +39,7 @@ def test_graph_learns_the_same_weights(world: Any) -> None:
     weights, episodes, plans = world.hear("policy"), world.hear("episode"), world.hear("episode_plan")
     transitions, commands = world.hear("transition"), world.hear("torque")
     world.start("simulator", trainer="follow", episodes=3, **PLANT.model_dump())
-    world.start("controller", swap_at="episode", **LAW.model_dump())
+    world.start("controller", swap_at="episode", **PARAMETERS.model_dump())
     world.start("trainer", plan_episodes=True, **TRAINING.model_dump(mode="json"))
     world.go()
     world.wait(lambda: len(plans) == 4)
@@ -58,7 +58,7 @@ def test_graph_learns_the_same_weights(world: Any) -> None:
 def test_a_trainer_whose_learning_diverges_ends_at_once(world: Any) -> None:
     """With one line that says so; nobody waits until the simulator gives it up."""
     world.start("simulator", trainer="wait", episodes=3, trainer_timeout=80000.0, **PLANT.model_dump())
-    world.start("controller", **LAW.model_dump())
+    world.start("controller", **PARAMETERS.model_dump())
     rates = {"actor_rate": 1.0, "critic_rate": 1.0}
     world.start("trainer", **(TRAINING.model_dump(mode="json") | rates | {"updates_least": 200}))
     world.go()
@@ -91,12 +91,12 @@ def test_it_learns_where_the_controller_has_a_gait_library(world: Any) -> None:
     """Its observation has the step length too."""
     transitions, episodes = world.hear("transition"), world.hear("episode")
     world.start("simulator", motor_lag=0.004, stones=2, gait="paper_stones")
-    world.start("controller", controller=LAW.controller, gait="paper_stones", sigma=5.0)
+    world.start("controller", controller=PARAMETERS.controller, gait="paper_stones", sigma=5.0)
     world.start("trainer", learn_beside=0, folder=str(world.folder / "training"))
     world.go()
     world.wait(lambda: bool(episodes) and episodes[-1].phase == Episode.ENDED)
     world.wait(lambda: len(transitions) == episodes[-1].tick)
-    assert {len(t.observation) for t in transitions} == {len(LAW.problem.observations[-1])}
+    assert {len(t.observation) for t in transitions} == {len(PARAMETERS.problem.observations[-1])}
 
 
 def test_learning_beside_publishes_policies_that_take_effect(world: Any) -> None:
@@ -106,7 +106,7 @@ def test_learning_beside_publishes_policies_that_take_effect(world: Any) -> None
     world.start("simulator", **plant, pace=1.0, episodes=1000)
     world.start("controller", controller="rl-cbf-clf-qp")
     small = {"hidden1": 16, "hidden2": 16, "batch": 16, "updates_per_tick": 0.0, "updates_least": 0}
-    rough = {"actor_rate": 0.01, "act_with_average": False}  # in steps so large that one is worse soon
+    rough = {"actor_rate": 0.01, "polyak": 1.0}  # in steps so large that one is worse soon
     world.start("trainer", learn_beside=4, **small, **rough)
     world.go()
     world.wait(lambda: len(weights) >= 2)

@@ -9,11 +9,11 @@ from rl_cbf_clf_controller.weights import policy_path, read
 from typed import ROOT, blocks, type_in
 
 WALK = "--stones 3 --no-video --no-pictures"
-ALONE = "--no-trainer --record none"
+ALONE = "--no-trainer --no-record"
 COURSES = "--runs 1 --stones 2"
 ELSEWHERE = {"docs/tutorials/own_barrier.md", "ros2_ws/src/cbf_clf_qp/README.md"}  # in tests of their own
 SHORTER = {
-    "docs/benchmark.md": {"rabbit benchmark": "--cells flat/scale-1 --courses 1"},
+    "studies/docs/benchmark.md": {"rabbit benchmark": "--cells flat/scale-1 --courses 1"},
     "docs/evaluate.md": {"rabbit evaluate": COURSES},
     "docs/get_started.md": {
         "rabbit walk --controller cbf-clf-qp": f"{ALONE} --stones 6",
@@ -40,7 +40,14 @@ def test_every_page_with_blocks_is_run() -> None:
 
 
 @pytest.mark.parametrize(
-    "page", ["docs/benchmark.md", "docs/evaluate.md", "docs/learning.md", "docs/plant.md", "docs/tutorials/notebook.md"]
+    "page",
+    [
+        "studies/docs/benchmark.md",
+        "docs/evaluate.md",
+        "docs/learning.md",
+        "docs/plant.md",
+        "docs/tutorials/notebook.md",
+    ],
 )
 def test_a_page_does_what_it_says(page: str, tmp_path: Path) -> None:
     type_in(page, tmp_path, SHORTER[page])

@@ -12,7 +12,7 @@ from rabbit_recording.checking import check_episodes
 from rabbit_sim.real_time import Source
 
 SHORT = {"motor_lag": 0.004, "stones": 3}
-OTHER = ("-r", "__node:=other", "-p", "eps:=0.5")  # another law
+OTHER = ("-r", "__node:=other", "-p", "eps:=0.5")  # other gains
 
 
 def ended(world: Any, number: int) -> Episode:
@@ -28,7 +28,7 @@ def applied(world: Any, number: int) -> np.ndarray:
 
 
 def start_other(world: Any) -> None:
-    """A controller of another law comes into the same namespace, while the robot is held."""
+    """A controller with other gains comes into the same namespace, while the robot is held."""
     world.ask(Pause, "pause", paused=True)
     world.processes.start("other", ("--ros-args", "-r", f"__ns:=/{world.namespace}", *OTHER), kind="controller")
     world.wait(lambda: "other" in world.node.get_node_names())
@@ -127,6 +127,26 @@ def test_a_controller_of_a_users_own_is_alone_too(world: Any, name: str) -> None
     said = [list(s.applied) for s in states if s.tick > 1]
     assert said == [[1.0, 0.0, 1.0, 0.0]] * len(said)
     assert episodes[-1].controller == name
+
+
+def test_two_controllers_without_a_name_end_the_episode(world: Any) -> None:
+    """Nobody can tell them apart, and two laws may not be mixed; the same answer twice is one controller's."""
+    states, episodes = world.hear("state"), world.hear("episode")
+    world.start("simulator", start_paused=False, stones=1)
+    world.say("torque", TorqueCommand())
+    world.wait(lambda: bool(states))
+
+    def answer(tick: int, torque: float) -> None:
+        world.say("torque", TorqueCommand(episode=1, tick=tick, torque=[torque, 0.0, 0.0, 0.0]))
+
+    for tick in range(3):
+        answer(tick, 1.0)
+        answer(tick, 1.0)
+        world.wait(lambda tick=tick: states[-1].tick > tick)
+    answer(2, 2.0)
+    world.wait(lambda: episodes[-1].phase == Episode.ENDED)
+    assert (episodes[-1].outcome, episodes[-1].tick) == ("fault", 3)
+    assert "two controllers without a name" in episodes[-1].reason
 
 
 def test_in_real_time_the_torques_of_one_act(world: Any) -> None:

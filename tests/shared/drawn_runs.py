@@ -161,7 +161,6 @@ def controllers(draw: st.DrawFn) -> ControllerParameters:
     values["clf_row"] = draw(st.sampled_from(("normalised", "literal")))
     values["speed_regulation"] = draw(st.sampled_from(("learned", "integral")))
     values["l1_law"] = draw(st.sampled_from(("piecewise", "exact", "euler")))
-    values["robust_bounds"] = draw(st.sampled_from(("mass_scale", "norm")))
     return ControllerParameters.model_validate(values)
 
 

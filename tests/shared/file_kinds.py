@@ -23,15 +23,15 @@ from rabbit_experiments.results import ABOUT, ResultsError, ResultsFolder
 from rabbit_experiments.tables import read_rows
 from rabbit_experiments.walk_records import RecordsError, WalkRecords, about_walk, load_records, save_records
 from rabbit_misses import model as misses
-from rabbit_recording.bag_writer import BagWriter, RecordingError
+from rabbit_recording import RecordingError
 from rabbit_recording.checking import check_episodes
 from rabbit_recording.contents import contents
 from rabbit_recording.open_recording import one_line_errors, opened
 from rabbit_recording.reader import iterate_episodes
 from rabbit_recording.recover import recover
-from rabbit_reproduce.recipes import Recipe
 from rabbit_reproduce.setting import SETTINGS, SettingError, read_setting
 from rabbit_reproduce.training import COMMITTED, Episode
+from rabbit_reproduce.training_jobs import TrainingJob
 from rabbit_rivals import learning_curve, model_file
 from rabbit_rivals.gp_controller import GpAbout
 from rabbit_sim.parameters import SimulationParameters
@@ -46,12 +46,10 @@ from rl_cbf_clf_controller.parameters import CONFIG
 from rl_cbf_clf_controller.parameters import ParameterError as ControllerParameterError
 from rl_cbf_clf_controller.parameters import load_parameters as load_controller
 from rl_cbf_clf_controller.uncertainty import RL_CLF_QP
-from rl_trainer.journal import Journal, record_type
-from rl_trainer.node_checkpoint import NodeCheckpoint
+from rl_trainer.checkpoint import CHECKPOINT, DIGEST, Checkpoint, CheckpointError, checksum, journal_path
+from rl_trainer.learning_thread import LearningThread
 from rl_trainer.parameters import ParameterError, TrainingParameters
 from rl_trainer.parameters import load_parameters as load_training
-from rl_trainer.publication_gate import PublicationGate
-from rl_trainer.session import CHECKPOINT, DIGEST, CheckpointError
 from rl_trainer.training import Trainer
 from rl_trainer.transitions import Doubt, Transition
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
@@ -88,23 +86,33 @@ def kept_files() -> tuple[bytes, bytes]:
     """A sound checkpoint and journal."""
     with tempfile.TemporaryDirectory() as folder:
         trainer = Trainer(TINY)
-        kept = NodeCheckpoint(Path(folder), trainer, PublicationGate(TINY))
+        kept = Checkpoint(Path(folder), trainer)
         kept.begin()
         for tick in range(3):
-            kept.add(trainer.take(transition(tick)) or transition(tick))
-        journal = (Path(folder) / "journal-000000.bin").read_bytes()
-        kept.save()
+            kept.append(trainer.take(transition(tick)) or transition(tick))
+        journal = journal_path(Path(folder), 0).read_bytes()
+        kept.save(taken=3, held_out=journal.decode())
         kept.close()
         return (Path(folder) / CHECKPOINT).read_bytes(), journal
 
 
 def go_on(path: Path) -> None:
     """As a trainer does that is started again."""
-    kept = NodeCheckpoint(path.parent, Trainer(TINY), PublicationGate(TINY))
+    learning = LearningThread(Trainer(TINY), Silent(), folder=path.parent)
     try:
-        kept.begin()
+        learning.take_up(0)
     finally:
-        kept.close()
+        learning.close()
+
+
+class Silent:
+    """Hears of nothing."""
+
+    def on_plan(self, plan: Any, after: int, report: Any) -> None: ...
+
+    def on_transition(self, transition: Any, tag: Any) -> None: ...
+
+    def on_policy(self, policy: Any, verdict: Any) -> None: ...
 
 
 def with_digest(data: bytes) -> bytes:
@@ -143,11 +151,9 @@ def with_hash(data: bytes) -> bytes:
 
 
 def mended(data: bytes) -> bytes:
-    """A journal whose records have the checksums of what is in them."""
-    journal = Journal(Path(), TINY)
-    head, size = journal._head, record_type(TINY).itemsize
-    rows = [data[at : at + size] for at in range(len(head), len(data) - size - 3, size + 4)]
-    return head + b"".join(row + journal._checksum(row).to_bytes(4, "little") for row in rows)
+    """A journal whose lines have the checksums of what is in them."""
+    lines = [line.partition(b" ")[2] for line in data.split(b"\n") if line]
+    return b"".join(b"\n%s %s\n" % (checksum(text, TINY), text) for text in lines)
 
 
 # Recordings
@@ -155,21 +161,15 @@ def mended(data: bytes) -> bytes:
 
 def recorded(folder: Path, walk: Walk, form: str) -> bytes:
     """The walk's recording as one file: `mcap`, `sqlite3`, or `zstd`, MCAP with compressed chunks."""
-    writer: Any
+    storage = StoragePlugin.SQLITE3 if form == "sqlite3" else StoragePlugin.MCAP
+    writer = Writer(folder, version=9, storage_plugin=storage)
     if form == "zstd":
-        writer = Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP)
         writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
-        writer.open()
+    with writer:
         topics = {t: writer.add_connection(f"/{t}", f"rabbit_msgs/msg/{k}", typestore=TYPES) for t, k in TOPICS.items()}
-    else:
-        writer = BagWriter(folder, "mcap" if form == "mcap" else "sqlite3", TYPES)
-        for topic, kind in TOPICS.items():
-            writer.add(f"/{topic}", f"rabbit_msgs/msg/{kind}", [])
-        topics = {topic: f"/{topic}" for topic in TOPICS}
-    for topic, tick, message in told(walk):
-        data = bytes(TYPES.serialize_cdr(message, f"rabbit_msgs/msg/{TOPICS[topic]}"))
-        writer.write(topics[topic], tick * TICK_NS, data)
-    writer.close()
+        for topic, tick, message in told(walk):
+            data = bytes(TYPES.serialize_cdr(message, f"rabbit_msgs/msg/{TOPICS[topic]}"))
+            writer.write(topics[topic], tick * TICK_NS, data)
     (file,) = (each for each in folder.iterdir() if each.suffix in (".mcap", ".db3"))
     return file.read_bytes()
 
@@ -205,12 +205,6 @@ def every_message(path: Path) -> None:
             pass
 
 
-def use_metadata(path: Path) -> None:
-    """A recording's metadata.yaml, next to a sound file."""
-    (path.parent / "bag.mcap").write_bytes(RECORDED["mcap"])
-    contents(path.parent)
-
-
 # Tables and results
 
 
@@ -221,7 +215,7 @@ def evaluation(path: Path) -> None:
 
 def cached(path: Path) -> Any:
     """A result of the cache, which is made again where it cannot be read."""
-    return Recipe(TINY).read(path)
+    return TrainingJob(TINY).read(path)
 
 
 # All
@@ -245,8 +239,7 @@ def kinds(walk: Walk) -> dict[str, Kind]:
     with tempfile.TemporaryDirectory() as folder:
         for form in ("mcap", "zstd", "sqlite3"):
             RECORDED[form] = recorded(Path(folder) / form, walk, form)
-        METADATA.append((Path(folder) / "mcap" / "metadata.yaml").read_bytes().replace(b"mcap.mcap", b"bag.mcap"))
-        about = about_walk(walk.law, SimulationParameters(stones=2), "zero", 1, "walked")
+        about = about_walk(walk.parameters, SimulationParameters(stones=2), "zero", 1, "walked")
         save_records(WalkRecords.from_ticks(walk.records, walk.landings, about), Path(folder) / "records.npz")
         records = (Path(folder) / "records.npz").read_bytes()
     report = {"commit": "a", "transitions": 3, "episodes": [{"kept": 3}]}
@@ -270,7 +263,10 @@ def kinds(walk: Walk) -> dict[str, Kind]:
             (CourseError,),
         ),
         "controller parameters": Kind(
-            (("law.yaml", (CONFIG / "authors.yaml").read_bytes()), ("best.yaml", (CONFIG / "best.yaml").read_bytes())),
+            (
+                ("parameters.yaml", (CONFIG / "authors.yaml").read_bytes()),
+                ("best.yaml", (CONFIG / "best.yaml").read_bytes()),
+            ),
             load_controller,
             (ControllerParameterError,),
         ),
@@ -292,8 +288,7 @@ def kinds(walk: Walk) -> dict[str, Kind]:
             without_checksums,
         ),
         "database": Kind((("bag.db3", RECORDED["sqlite3"]),), use_recording, (RecordingError, RecordsError)),
-        "metadata": Kind((("metadata.yaml", METADATA[0]),), use_metadata, (RecordingError,)),
-        "journal": Kind((("journal-000000.bin", journal),), go_on, (CheckpointError,), mended),
+        "journal": Kind(((journal_path(Path(), 0).name, journal),), go_on, (CheckpointError,), mended),
         "checkpoint": Kind(((CHECKPOINT, checkpoint),), go_on, (CheckpointError,), with_digest),
         "records": Kind(
             (("records.npz", stored(records)), ("records.npz", records)),
@@ -307,7 +302,7 @@ def kinds(walk: Walk) -> dict[str, Kind]:
         "misses": Kind(
             (("best.json", Path(misses.__file__).with_name("best.json").read_bytes()),),
             misses.MissProbability.load,
-            (misses.ModelError,),
+            (misses.MissModelError,),
         ),
         "evaluation": Kind(
             ((ABOUT, json.dumps({"key": "a", "made_with": {"numpy": "2"}}).encode()),), evaluation, (ResultsError,)
@@ -319,7 +314,6 @@ def kinds(walk: Walk) -> dict[str, Kind]:
 
 
 RECORDED: dict[str, bytes] = {}
-METADATA: list[bytes] = []
 
 
 def stored(data: bytes) -> bytes:

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 from rabbit_description.gait import load_gait
-from rabbit_recording.bag_writer import BagWriter, Storage, graph_types
+from rabbit_recording.bag_writer import BagWriter, graph_types
+from rabbit_recording.open_recording import opened
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.simulation import Landing, Simulation
 from rl_cbf_clf_controller.controller import Controller
@@ -18,6 +19,7 @@ from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import ZeroPolicy
 from rl_trainer.rollout import Record, rollout
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
+from rosbags.rosbag2 import StoragePlugin, Writer
 
 MESSAGES = Path(__file__).resolve().parents[2] / "ros2_ws" / "src" / "rabbit_msgs"
 TYPES = graph_types([MESSAGES])
@@ -54,7 +56,7 @@ WHO = {"sender": CONTROLLER, "controller": CONTROLLER, "refused_controller": ""}
 class Walk:
     """What a rollout gave."""
 
-    law: ControllerParameters
+    parameters: ControllerParameters
     records: list[Record]
     landings: list[Landing]
 
@@ -62,21 +64,21 @@ class Walk:
 @pytest.fixture(scope="session")
 def walk() -> Walk:
     """Two stones under the nominal controller, with exploration so that its seed matters."""
-    law = ControllerParameters(sigma=1.0)
-    gait = load_gait(law.gait)
+    parameters = ControllerParameters(sigma=1.0)
+    gait = load_gait(parameters.gait)
     simulation = Simulation(SimulationParameters(stones=2), gait)
     records: list[Record] = []
-    rollout(simulation, Controller(law, gait, ZeroPolicy(law.problem)), SEED, records.append)
+    rollout(simulation, Controller(parameters, gait, ZeroPolicy(parameters.problem)), SEED, records.append)
     simulation.close()
-    return Walk(law, records, simulation.landings)
+    return Walk(parameters, records, simulation.landings)
 
 
 @pytest.fixture
 def write_bag(walk: Walk) -> Callable[..., Path]:
     """Records the walk into a folder; `change` may alter a (topic, message) or drop it (None)."""
 
-    def write(path: Path, storage: Storage = "mcap", change: Any = lambda topic, message: message) -> Path:
-        writer = BagWriter(path, storage, TYPES)
+    def write(path: Path, storage: str = "mcap", change: Any = lambda topic, message: message) -> Path:
+        writer = BagWriter(path if storage == "mcap" else path.with_name("in_mcap"), TYPES)
         for topic, name in TOPICS.items():
             writer.add(f"/{topic}", f"rabbit_msgs/msg/{name}", [LATCHED])
         for topic, tick, message in told(walk):
@@ -84,9 +86,24 @@ def write_bag(walk: Walk) -> Callable[..., Path]:
                 data = bytes(TYPES.serialize_cdr(kept, f"rabbit_msgs/msg/{TOPICS[topic]}"))
                 writer.write(f"/{topic}", tick * TICK_NS, data)
         writer.close()
-        return path
+        return path if storage == "mcap" else in_sqlite3(writer.path, path)
 
     return write
+
+
+def in_sqlite3(recording: Path, out: Path) -> Path:
+    """The recording in the format that version 0.1 also wrote."""
+    with opened(recording) as reader, Writer(out, version=9, storage_plugin=StoragePlugin.SQLITE3) as writer:
+        topics: dict[str, Any] = {}
+        for each in reader.connections:
+            ext: Any = each.ext
+            qos = ext.offered_qos_profiles
+            topics[each.topic] = writer.add_connection(
+                each.topic, each.msgtype, typestore=TYPES, offered_qos_profiles=qos
+            )
+        for connection, nanoseconds, data in reader.messages():
+            writer.write(topics[connection.topic], nanoseconds, data)
+    return out
 
 
 def message(topic: str, tick: int, **fields: Any) -> Any:
@@ -104,8 +121,8 @@ def told(walk: Walk) -> Iterator[tuple[str, int, Any]]:
     yield "episode", 0, message("episode", 0, phase=1, touchdowns=0, outcome="", **episode)
     swap = {"version": "zero", "source": "built in", "accepted": True, "reason": "", "data": np.zeros(0, np.uint8)}
     yield "policy_swap", 0, message("policy_swap", 0, **swap)
-    gait = load_gait(walk.law.gait).model_dump_json()
-    settings = {"parameters": walk.law.model_dump_json(), "gait": gait}
+    gait = load_gait(walk.parameters.gait).model_dump_json()
+    settings = {"parameters": walk.parameters.model_dump_json(), "gait": gait}
     yield "controller_settings", 0, message("controller_settings", 0, **settings)
     seen = None
     for record in walk.records:

@@ -4,8 +4,8 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from cbf_clf_qp.problem import Problem
 from rabbit_description.state import Array
+from rl_cbf_clf_controller.problem import Problem
 from rl_cbf_clf_controller.weights import PROBE, Actor, PolicyFile, PolicyMetadata, probe_inputs, problem_fields
 
 

@@ -11,7 +11,7 @@ PACKAGES = {path.parent.name for path in WORKSPACE.glob("src/*/package.xml")}
 TESTED = PACKAGES - {"rabbit_msgs"}  # it has messages alone
 SHORT = " or ".join(  # a file of each, since `make test` runs the rest
     ("test_estimates", "urdf", "conversions", "exit_codes", "impact", "previews", "reward", "symbolic", "counting")
-    + ("geometry", "intervals", "leg_kinematics", "commands", "wakeup_latency", "play_settings", "gaussian_process")
+    + ("geometry", "intervals", "leg_kinematics", "commands", "play_settings", "gaussian_process")
 )
 
 

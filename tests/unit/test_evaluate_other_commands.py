@@ -77,23 +77,9 @@ def test_bench_measures_and_asserts_nothing(tmp_path: Path) -> None:
     assert all(value > 0 for value in figures["ratios"].values())
 
 
-def test_bench_against_itself(tmp_path: Path) -> None:
-    """One pair: every figure is measured here and there."""
-    root = Path(__file__).parents[2]
-    done = rabbit("bench", "--out", tmp_path / "bench.json", "--against", root, "--pairs", 1)
-    assert done.exit_code == 0, done.output
-    ratios = json.loads((tmp_path / "bench.json").read_text())["against"]
-    assert ratios.keys() == {
-        *("tick", "tick, p99", "plant tick", "a walk in process"),
-        *("nodes", "nodes, with trainer and recorder", "one process"),
-    }
-    assert all(ratio["least"] == ratio["median"] > 0 for ratio in ratios.values())
-
-
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (("bench", "--against", "nowhere"), "--against nowhere: expected a checkout that is built"),
         (("gait", "--step-length", 0.9, "--name", "x"), "--step-length 0.9: expected less than or equal to 0.7"),
         (("gait",), "--name: missing"),
         (("gait", "--name", "x", "--library", "0.4,0.3"), "--library: lengths = [0.4, 0.3]: expected"),
@@ -104,7 +90,7 @@ def test_bench_against_itself(tmp_path: Path) -> None:
         (("policy", "verify", "nowhere"), "nowhere"),
         (("policy", "errors", "nowhere"), "nowhere"),
         (("policy", "errors", "nowhere", "--runs", 0), "--runs 0"),
-        (("train", "--out", "x", "--critic", "none"), "--critic none"),
+        (("train", "--out", "x", "--measurement", "none"), "--measurement none"),
         (("bench", "--policy", "nobody"), "--policy nobody"),
     ],
 )

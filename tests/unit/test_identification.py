@@ -6,11 +6,11 @@ import pinocchio as pin
 import pytest
 from cbf_clf_qp.functions import NumpyFunction
 from rabbit_description.state import TICK_SECONDS
+from rabbit_gait_design.pinocchio_model import PinocchioModel
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.robot_urdf import perturbed_urdf
 from rl_cbf_clf_controller.identification import DAMPING, MOTOR_GAIN, THETA, Identification
 from rl_cbf_clf_controller.least_squares import LeastSquares, updated
-from rl_cbf_clf_controller.pinocchio_model import PinocchioModel
 from rl_cbf_clf_controller.planar_robot import PinnedRobot
 from rl_cbf_clf_controller.robot_numbers import RobotNumbers, read_robot
 
@@ -129,7 +129,7 @@ def updating(n: int, m: int) -> NumpyFunction:
 
 
 def test_least_squares_solve_the_normal_equations():
-    """Without noise in x: the weighted mean of what was believed and all that was measured."""
+    """Without noise in x: the weighted mean of the prior and all that was measured."""
     rng = np.random.default_rng(2)
     start, prior, noise = rng.normal(size=3), np.diag([1.0, 2.0, 3.0]), np.diag([0.5, 0.2])
     fit = LeastSquares(start, prior, np.zeros((3, 3)))

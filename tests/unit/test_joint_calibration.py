@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from rabbit_gait_design.pinocchio_model import PinocchioModel
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.robot_urdf import perturbed_urdf
 from rl_cbf_clf_controller.joint_calibration import OFFSETS, JointCalibration
-from rl_cbf_clf_controller.pinocchio_model import PinocchioModel
 from rl_cbf_clf_controller.robot_numbers import read_robot
 
 POSE = np.array([0.0, 0.75, 0.1, -0.3, 0.5, -0.3, 0.6])
@@ -20,9 +20,9 @@ def test_a_bent_leg_is_a_turned_hip(bend):
     """To first order in the bend: what is left is below its square times the leg's length."""
     q, dq = random_state(np.random.default_rng(1))
     true = PinocchioModel(perturbed_urdf(SimulationParameters(link_bend=bend))).update(q, dq)
-    believed = PinocchioModel().update(q - OFFSETS @ np.array([bend, 0.0]), dq)
-    assert believed.hip == pytest.approx(true.hip, abs=0.8 * bend**2 + 1e-12)
-    assert believed.swing == pytest.approx(true.swing, abs=1.6 * bend**2 + 1e-12)
+    nominal = PinocchioModel().update(q - OFFSETS @ np.array([bend, 0.0]), dq)
+    assert nominal.hip == pytest.approx(true.hip, abs=0.8 * bend**2 + 1e-12)
+    assert nominal.swing == pytest.approx(true.swing, abs=1.6 * bend**2 + 1e-12)
 
 
 @pytest.mark.parametrize("offset", [0.05, -0.03, 0.0])

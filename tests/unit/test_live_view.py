@@ -1,7 +1,6 @@
 """The live view for RViz: what is drawn lies where the walk's records have it."""
 
 import struct
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,19 +14,14 @@ from rabbit_experiments.walk_records import WalkRecords
 from rabbit_msgs import msg
 from rabbit_sim.kinematics import RabbitFeet
 from rabbit_sim.parameters import SimulationParameters
-from rabbit_viewer.live.snapshot import Limits, Snapshot
-from rabbit_viewer.ros.markers import WORLD, markers, transforms
 from rabbit_viewer.ros.newest_ticks import KEPT, TickMessages
+from rabbit_viewer.ros.rviz import WORLD, markers, transforms
 from rabbit_viewer.scene import stone_spans
 from rabbit_viewer.skeleton import feet
 from rl_cbf_clf_controller.parameters import load_parameters
 from scipy.spatial.transform import Rotation
 from visualization_msgs.msg import Marker
 
-LIMITS = Limits(
-    **{"R1": 1.0, "R2": 0.5, "stone_margin": 0.005, "friction_coeff": 0.8, "link_bend": 0.0, "friction_margin": 0.2},
-    **{"torque_limit": 200.0, "eps": 0.04, "kp": 0.5, "kd": 0.87},
-)
 RNG = np.random.default_rng(0)
 
 
@@ -38,96 +32,47 @@ def walk() -> WalkRecords:
     return record_walk(Assembly(plant, load_parameters("ours", controller="cbf-clf-qp"), "zero"), seed=1)
 
 
-def snapshot_at(walk: WalkRecords, row: int) -> Snapshot:
-    """A row of the records as the viewer sees it."""
-    landed = walk.landings[walk.landings[:, 0] <= walk.touchdowns[row]]
-    tick = int(walk.tick[row])
-    state = msg.RabbitState(
-        stamp=stamp(tick),
-        episode=1,
-        tick=tick,
-        q=walk.q[row],
-        foot_force=walk.foot_force[row].ravel(),
-        touchdowns=int(walk.touchdowns[row]),
-        applied=walk.torque[row],
-    )
-    details = msg.ControllerState(
-        stance=int(walk.stance[row]),
-        clf=float(walk.V[row]),
-        barriers=walk.barriers[row],
-        clf_slack=float(walk.clf_slack[row]),
-        rescue_slack=float(walk.rescue_slack[row]),
-        policy_version="zero",
-    )
-    stone = StonePreview(0, *walk.preview[row]) if np.isfinite(walk.preview[row, 0]) else None
-    landings = tuple(msg.Landing(l=row[2], l_min=row[3], l_max=row[4]) for row in landed)
-    return Snapshot(state, details, 3, stone, landings, LIMITS)
+def state_at(walk: WalkRecords, row: int) -> msg.RabbitState:
+    """A row of the records as the simulator publishes it."""
+    tick, landed = int(walk.tick[row]), int(walk.touchdowns[row])
+    return msg.RabbitState(stamp=stamp(tick), episode=1, tick=tick, q=walk.q[row], touchdowns=landed)
 
 
-def drawn(snapshot: Snapshot, group: str) -> list[Marker]:
-    """The markers of a group."""
-    return [marker for marker in markers(snapshot).markers if marker.ns == group]
-
-
-def edges(box: Marker) -> tuple[float, float]:
-    """Where a box begins and ends."""
-    return (box.pose.position.x - box.scale.x / 2, box.pose.position.x + box.scale.x / 2)
-
-
-def points(marker: Marker) -> Any:
-    """A marker's points (n, 2), x and z."""
-    assert not any(point.y for point in marker.points)
-    return np.array([(point.x, point.z) for point in marker.points])
+def edges(walk: WalkRecords, row: int, landings: slice = slice(None), sees: bool = True) -> list[tuple[float, float]]:
+    """Where the boxes of a row begin and end, for a viewer that has heard some of the landings so far."""
+    landed = walk.landings[walk.landings[:, 0] <= walk.touchdowns[row]][landings]
+    heard = [msg.Landing(l=each[2], l_min=each[3], l_max=each[4]) for each in landed]
+    ahead = StonePreview(0, *walk.preview[row]) if sees and np.isfinite(walk.preview[row, 0]) else None
+    foot = float(RabbitFeet().positions(walk.q[row])[walk.stance[row]][0])
+    first, *boxes = markers(state_at(walk, row), foot, ahead, heard).markers
+    assert first.action == Marker.DELETEALL
+    return [(b.pose.position.x - b.scale.x / 2, b.pose.position.x + b.scale.x / 2) for b in boxes]
 
 
 def test_stones_lie_where_the_film_has_them(walk: WalkRecords) -> None:
     """The film sees the whole walk; the viewer lays them out backwards from the foot that stands."""
     spans = stone_spans(walk, feet(walk.q))
     for row in range(0, len(walk.tick), 7):
-        boxes = [edges(box) for box in drawn(snapshot_at(walk, row), "stones")]
         expected = [span[:2] for span in spans[: int(walk.step_index[row]) + 2]]
-        np.testing.assert_allclose(boxes, expected, atol=5e-3)  # each landing yields a millimetre
+        np.testing.assert_allclose(edges(walk, row), expected, atol=5e-3)  # each landing yields a millimetre
 
 
 def test_a_viewer_that_came_late_draws_the_stones_it_knows_of(walk: WalkRecords) -> None:
     row = int(walk.step_starts[2])
-    snapshot = snapshot_at(walk, row)
-    late = replace(snapshot, landings=snapshot.landings[-1:])
-    assert [*map(edges, drawn(late, "stones"))] == [*map(edges, drawn(snapshot, "stones"))][-2:]
+    assert edges(walk, row, slice(-1, None)) == edges(walk, row)[-2:]
 
 
 def test_flat_ground_lies_under_the_foot(walk: WalkRecords) -> None:
-    (ground,) = drawn(replace(snapshot_at(walk, 3), stone=None, landings=()), "stones")
-    near, far = edges(ground)
+    ((near, far),) = edges(walk, 3, slice(0), sees=False)
     assert near < feet(walk.q[3:4])[0, 0, 0] < far
 
 
-def test_force_begins_in_the_stance_foot_and_lies_in_the_cone(walk: WalkRecords) -> None:
-    for row in range(5, len(walk.tick), 11):
-        snapshot = snapshot_at(walk, row)
-        (arrow,), (cone,) = drawn(snapshot, "force"), drawn(snapshot, "cone")
-        start, tip = points(arrow)
-        foot = RabbitFeet().positions(snapshot.q)[snapshot.stance]
-        np.testing.assert_allclose([start, points(cone)[0]], [foot, foot], atol=1e-12)
-        x, z = tip - start
-        assert x * snapshot.force[1] == pytest.approx(z * snapshot.force[0])
-        slope = points(cone)[1] - foot
-        assert (abs(x) <= LIMITS.friction_coeff * z) == (abs(x) * slope[1] <= z * slope[0])
-
-
-def test_without_parameters_nothing_is_invented(walk: WalkRecords) -> None:
-    snapshot = replace(snapshot_at(walk, 3), limits=None)
-    assert not drawn(snapshot, "area")
-    assert not drawn(snapshot, "cone")
-    assert len(drawn(snapshot, "robot")) == 3
-
-
 def test_frames_carry_the_links_to_where_the_feet_are(walk: WalkRecords) -> None:
-    snapshot = snapshot_at(walk, 3)
+    state = state_at(walk, 3)
     for q in RNG.uniform(-1, 1, (10, 7)):
-        snapshot.state.q = q
+        state.q = q
         at: dict[str, tuple[Any, Any]] = {WORLD: (np.zeros(3), Rotation.identity())}
-        for frame in transforms(snapshot).transforms:
+        for frame in transforms(state).transforms:
             origin, turned = at[frame.header.frame_id]
             moved, turn = frame.transform.translation, frame.transform.rotation
             place = origin + turned.apply([moved.x, moved.y, moved.z])
@@ -162,9 +107,3 @@ def test_parts_of_different_ticks_are_not_mixed() -> None:
     assert ticks.key == (1, 9)
     ticks.clear()
     assert ticks.key is None
-
-
-def test_lines_of_the_robot_meet_in_the_hip(walk: WalkRecords) -> None:
-    snapshot = snapshot_at(walk, 3)
-    for line in drawn(snapshot, "robot"):
-        np.testing.assert_array_equal(points(line)[0], snapshot.q[:2])

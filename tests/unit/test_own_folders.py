@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 import typer
 from rabbit_bringup.cli import app, commands
-from rabbit_experiments import ablations
+from rabbit_reproduce import ablations
 from rabbit_rivals.commands import rival
 from typer.testing import CliRunner, Result
 
@@ -20,7 +20,6 @@ FOLDERS = {
     "train": (),
     "benchmark": ("nominal", "--cells", "flat/scale-1", "--courses", 1),
     "reproduce": ("stepping-stone", "--quick"),
-    "reproduce, search": ("--search", 1),
     "misses": ("--fit-plants", 10),
     "speed": ("--plants", 5),
     "estimator": (),
@@ -36,7 +35,6 @@ FILES = {
     "bag record": (),
     "bench": ("--no-nodes",),
     "policy errors": ("rl-cbf-clf-qp",),
-    "rival curve": ("curve.csv",),
     "rival gp": ("session",),
     "rival ddpg": (),
 }

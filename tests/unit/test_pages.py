@@ -16,7 +16,7 @@ PAGES = sorted(
     for name in subprocess.run(
         ["git", "ls-files", "-co", "--exclude-standard", "*.md"], cwd=ROOT, capture_output=True, text=True, check=True
     ).stdout.split()
-    if not re.match(r"docs/reproduced/.+/", name) and (ROOT / name).is_file()
+    if not re.match(r"studies/docs/reproduced/.+/", name) and (ROOT / name).is_file()
 )
 CONTENTS = (ROOT / "docs" / "site" / "contents.md").read_text(encoding="utf-8")
 FENCE = re.compile(r"^( *)(```+|:::+)(.*?)\n(.*?)^\1\2 *$", re.MULTILINE | re.DOTALL)
@@ -66,7 +66,9 @@ def test_programs_that_a_page_shows_have_what_it_shows() -> None:
 def test_the_site_has_every_page_once() -> None:
     listed = re.findall(r"^(?!:|```)(\S+)$", CONTENTS, re.MULTILINE)
     pages = [
-        name_of(path).removesuffix(".md") for path in PAGES if not name_of(path).startswith(("docs/site/", "README.md"))
+        name_of(path).removesuffix(".md")
+        for path in PAGES
+        if not name_of(path).startswith(("docs/site/", "README.md", "studies/", "qa/"))
     ]
     assert sorted(listed) == sorted(pages)
 
@@ -75,7 +77,7 @@ def command_lines() -> list[str]:
     """Each `rabbit ...` that stands on a line of its own in a code block of a page, with the lines that go on."""
     found: set[str] = set()
     for path in PAGES:
-        if not name_of(path).startswith(("docs/history/", "CHANGELOG")):
+        if not name_of(path).startswith(("studies/docs/history/", "qa/docs/history/", "CHANGELOG")):
             text = path.read_text(encoding="utf-8").replace("\\\n", " ")
             found |= set(re.findall(r"^(?:    |```\w*\n)?(?:\$ )?(rabbit (?:[a-z]+ )?.*)$", text, re.MULTILINE))
     return sorted(line for line in found if line.split()[1] in commands())

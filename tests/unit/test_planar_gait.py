@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from rabbit_description.planar_urdf import with_planar_base
 from rabbit_gait_design.hybrid_zero_dynamics import RepeatedStep, Walker, impact_invariant
+from rabbit_gait_design.pinocchio_model import PinocchioModel
 from rabbit_gait_design.planar_design import PlanarDesignError, PlanarSpecification, design
-from rl_cbf_clf_controller.pinocchio_model import PinocchioModel
 from rl_cbf_clf_controller.step_paths import StepPath
 from rl_cbf_clf_controller.virtual_constraints import Angles
 from scipy.integrate import solve_ivp

@@ -1,23 +1,21 @@
 """Which policy file fits which controller: the problem, the adaptation, the gait; stones' policies on flat ground."""
 
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
-from cbf_clf_qp.problem import Problem
 from rabbit_description.gait import load_gait, load_gaits
 from rabbit_experiments.assembly import Assembly
-from rabbit_reproduce.controllers import UNIVERSAL
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.simulation import Outcome
 from rl_cbf_clf_controller.parameters import ControllerParameters
-from rl_cbf_clf_controller.policy import ActorPolicy
-from rl_cbf_clf_controller.policy_compatibility import STONE_WIDTH, fitted
+from rl_cbf_clf_controller.policy import STONE_WIDTH, ActorPolicy, fitted
+from rl_cbf_clf_controller.problem import Problem
 from rl_cbf_clf_controller.uncertainty import IO_RL_CLF_QP, RL_CBF_CLF_QP, RL_CLF_QP
 from rl_cbf_clf_controller.weights import (
     PolicyFile,
     PolicyFileError,
+    policy_path,
     read,
 )
 from rl_trainer.rollout import rollout
@@ -38,8 +36,8 @@ def make_file(problem: Problem, observations: int = -1, adaptation: str | None =
 
 @pytest.mark.parametrize("controller", ["io-rl-clf-qp", "rl-clf-qp", "rl-cbf-clf-qp"])
 def test_a_policy_fits_the_controller_of_its_problem(controller: str) -> None:
-    law = ControllerParameters.model_validate({"controller": controller})
-    assert isinstance(fitted(make_file(law.problem, 0), law, GAIT), ActorPolicy)
+    parameters = ControllerParameters.model_validate({"controller": controller})
+    assert isinstance(fitted(make_file(parameters.problem, 0), parameters, GAIT), ActorPolicy)
 
 
 def test_on_flat_ground_a_policy_for_stones_sees_the_stone_under_the_gaits_own_step() -> None:
@@ -68,7 +66,7 @@ def test_a_librarys_step_on_flat_ground_is_its_first() -> None:
 
 
 @pytest.mark.parametrize(
-    ("file", "law", "text"),
+    ("file", "parameters", "text"),
     [
         (lambda: make_file(RL_CLF_QP), STONES, "trained for rl-clf-qp; this controller needs rl-cbf-clf-qp"),
         (lambda: make_file(IO_RL_CLF_QP), FLAT, "trained for io-rl-clf-qp; this controller needs rl-clf-qp"),
@@ -84,19 +82,20 @@ def test_a_librarys_step_on_flat_ground_is_its_first() -> None:
         ),
     ],
 )
-def test_what_does_not_fit_is_refused(file: Callable[[], PolicyFile], law: ControllerParameters, text: str) -> None:
+def test_what_does_not_fit_is_refused(
+    file: Callable[[], PolicyFile], parameters: ControllerParameters, text: str
+) -> None:
     with pytest.raises(PolicyFileError, match=text):
-        fitted(file(), law, GAIT)
+        fitted(file(), parameters, GAIT)
 
 
 def test_one_file_walks_on_both_terrains() -> None:
-    """A policy trained beside the identification, on a robot of twice the mass."""
-    path, laws = UNIVERSAL, {"flat": FLAT, "stones": STONES}
-    for terrain, law in laws.items():
-        changes = {"gait": "paper_stones", "adaptation": "identification", "objective": "pd_centred"}
+    """The paper's policy for stones, on a robot of twice the mass."""
+    path = policy_path("rl-cbf-clf-qp")
+    for terrain, parameters in {"flat": FLAT, "stones": STONES}.items():
         plant = SimulationParameters.model_validate({"terrain": terrain, "mass_scale": 2.0, "stones": 3})
-        simulation, controller = Assembly(plant, law.model_copy(update=changes), path).build()
+        simulation, controller = Assembly(plant, parameters, str(path)).build()
         rollout(simulation, controller, 7001)
         simulation.close()
         assert simulation.outcome is Outcome.WALKED
-        assert controller.policy.version == read(Path(UNIVERSAL)).version
+        assert controller.policy.version == read(path).version

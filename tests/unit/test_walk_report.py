@@ -5,7 +5,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from rabbit_bringup.launching.walk import Walk, WalkOptions
+from rabbit_bringup.launching.walk import WalkOptions, WalkSettings
 from rabbit_bringup.launching.walk_report import carry_out
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
@@ -15,9 +15,9 @@ from rl_cbf_clf_controller.parameters import ControllerParameters
 def test_a_walk_between_two_controllers_says_so(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], refused: str, ending: str
 ) -> None:
-    walk = Walk(
+    walk = WalkSettings(
         folder=tmp_path,
-        options=WalkOptions(record="none"),
+        options=WalkOptions(record=False),
         simulation=SimulationParameters(),
         controller=ControllerParameters(),
         policy="zero",

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 from cbf_clf_qp.estimates import Estimates
-from cbf_clf_qp.problem import Problem
 from rl_cbf_clf_controller.policy import ActorPolicy, ZeroPolicy, estimate_function
+from rl_cbf_clf_controller.problem import Problem
 from rl_cbf_clf_controller.uncertainty import PAPER, RL_CBF_CLF_QP, RL_CLF_QP, STEP_LENGTH
 from rl_cbf_clf_controller.weights import (
     PROBE,
@@ -131,8 +131,8 @@ def test_metadata_that_does_not_fit(changes: dict[str, Any]) -> None:
 def test_structured_row_is_LgV_times_the_matrix() -> None:
     rng = np.random.default_rng(1)
     D2, D1, LgV, others = rng.standard_normal((4, 4)), rng.standard_normal(4), rng.standard_normal(4), np.arange(20.0)
-    outputs, scales = np.concatenate([np.column_stack([D2, D1]).ravel(), others]), (np.full(5, 2.0), np.full(5, 3.0))
-    estimates = estimate_function(5, structured=True, has_clf=True, inputs=4)(outputs, LgV, *scales)
+    outputs, scales = np.concatenate([np.column_stack([D2, D1]).ravel(), others]), ([2.0] * 5, [3.0] * 5)
+    estimates = estimate_function(*scales, structured=True, has_clf=True, inputs=4)(outputs, LgV)
     np.testing.assert_allclose(estimates.alpha[0], 2 * LgV @ D2)
     np.testing.assert_allclose(estimates.beta[0], 3 * LgV @ D1)
     np.testing.assert_array_equal(estimates.alpha[1:].ravel(), 2 * others[:16])
@@ -184,12 +184,12 @@ def test_no_network_reads_the_step_length_without_the_stone() -> None:
 
 
 def test_flat_vector_is_in_the_papers_order() -> None:
-    estimates = Estimates.from_flat(np.arange(25.0), 4)
+    estimates = Estimates.from_flat(np.arange(25.0), 5, 4)
     np.testing.assert_array_equal(estimates.alpha[1], [4, 5, 6, 7])
     np.testing.assert_array_equal(estimates.beta, [20, 21, 22, 23, 24])
     np.testing.assert_array_equal(estimates.flat, np.arange(25.0))
-    with pytest.raises(ValueError, match="5 values"):
-        Estimates.from_flat(np.arange(24.0), 4)
+    with pytest.raises(ValueError, match="expected 25"):
+        Estimates.from_flat(np.arange(24.0), 5, 4)
 
 
 @pytest.mark.parametrize("problem", PAPER)

@@ -7,7 +7,7 @@ from typing import Any
 import typer
 from pydantic import BaseModel, ConfigDict, Field
 from rabbit_bringup.commands.walk import DEFAULTS
-from rabbit_common.options import Given, complaints, options
+from rabbit_common.options import Given, complaints, fail, options
 from rabbit_common.own_folder import new_file
 from rabbit_experiments.commands.evaluate import given_assembly
 from rabbit_sim.parameters import SimulationParameters
@@ -26,12 +26,18 @@ class BenchOptions(BaseModel):
     policy: str | None = Field(None, description="zero, oracle, a shipped policy or a file")
     parameters: str = Field("ours", description="of the controller: ours, best, authors or a YAML file")
     nodes: bool = Field(True, description="also walk through the nodes, where there is ROS")
+    batch: int = Field(0, ge=0, le=4096, description="so many robots at once in MuJoCo against the bare engine")
+    ticks: int = Field(100_000, ge=1, description="of all robots together, for --batch")
 
 
 @app.command()
 @options(BenchOptions, ControllerParameters, SimulationParameters, defaults=DEFAULTS)
 def bench(given: Given) -> None:
-    """Time a tick, the plant, an evaluation and the nodes: each against its floor, in the same run."""
+    """Time a tick, the plant, an evaluation and the nodes: each against its floor, in the same run.
+
+    With `--batch N`: N robots at once in MuJoCo against `mujoco.rollout` alone, and evaluation in a batch against one
+    run at a time.
+    """
     request = given.build(BenchOptions)
     out = new_file(request.out or Path("runs") / f"{datetime.now():%Y%m%d-%H%M%S}-bench.json")
     assembly = given_assembly(given, request.policy, request.parameters)
@@ -40,10 +46,18 @@ def bench(given: Given) -> None:
     from rabbit_campaigns import bench
     from rabbit_campaigns.figures import write_figures
 
+    if request.batch and assembly.simulation.plant != "mujoco":
+        fail(f"--batch {request.batch} with --plant {assembly.simulation.plant}: expected --plant mujoco")
     with complaints(LaunchError):
-        figures = bench.bench(assembly, request.seed)
-        figures["nodes"] = bench.bench_nodes(assembly, request.seed, figures["us"]) if request.nodes else None
-    show(figures)
+        if request.batch:
+            from rabbit_campaigns.batch_bench import bench_batch
+
+            figures = bench_batch(assembly, request.batch, request.ticks, request.seed)
+            show_batch(figures)
+        else:
+            figures = bench.bench(assembly, request.seed)
+            figures["nodes"] = bench.bench_nodes(assembly, request.seed, figures["us"]) if request.nodes else None
+            show(figures)
     write_figures(out, figures)
     print(f"written to {out}")
 
@@ -64,3 +78,18 @@ def show(figures: dict[str, Any]) -> None:
         ratios.add_row(name, f"{ratio:.2f}")
     Console().print(times, ratios)
     print(f"a walk in process: {figures['real_time_factor']:.1f} times real time")
+
+
+def show_batch(found: dict[str, Any]) -> None:
+    """Times, memory and ratios."""
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table("", "", title=f"{found['robots']} robots, {found['robot_ticks']} ticks of a robot")
+    for name, us in found["us"].items():
+        table.add_row(f"{name}, us of CPU a robot and tick", f"{us:.1f}")
+    for name, mb in found["memory_mb"].items():
+        table.add_row(f"memory {name}, MB", f"{mb:.1f}")
+    for name, ratio in found["ratios"].items():
+        table.add_row(name, f"{ratio:.2f}")
+    Console().print(table)

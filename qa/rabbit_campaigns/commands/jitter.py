@@ -50,7 +50,7 @@ def jitter(given: Given) -> None:
     assembly = assembly_of_nodes(given, told.policy, told.parameters)
     folder = new_folder(told.out or Path("runs") / f"{datetime.now():%Y%m%d-%H%M%S}-jitter")
     from rabbit_common.executables import LaunchError
-    from rabbit_recording.bag_writer import RecordingError
+    from rabbit_recording import RecordingError
     from rich.console import Console
 
     from rabbit_campaigns import jitter as experiment
@@ -96,5 +96,5 @@ LINES: dict[str, Callable[[dict[str, Any]], str]] = {
     "age of the torque: p99, max": lambda row: f"{row['age_ms']['p99']:.1f}, {row['age_ms']['max']:.1f}",
     "ticks not answered in time": lambda row: f"{row['missed']}, {row['damped']} of them damped",
     "walked": lambda row: f"{row['outcomes'].get('walked', 0)} of {row['episodes']}",
-    "messages lost": lambda row: str(sum(row["lost"].values())),
+    "ticks lost": lambda row: str(row["lost"]),
 }

@@ -8,7 +8,7 @@ from typing import Any
 import typer
 from pydantic import BaseModel, ConfigDict, Field
 from rabbit_bringup.commands.walk import assembly_of_nodes, given_training, make_folder
-from rabbit_bringup.launching.walk import MOST_EPISODES, Walk, WalkOptions
+from rabbit_bringup.launching.walk import MOST_EPISODES, WalkOptions, WalkSettings
 from rabbit_common.exit_codes import Interrupted
 from rabbit_common.options import Defaults, Given, complaints, fail, options
 from rabbit_experiments.conditions import EVALUATION_LAG
@@ -62,9 +62,9 @@ def soak(given: Given) -> None:
     assembly = replace(assembly, policy=str(folder / "policy.safetensors"))
     training = given_training(options, assembly.controller, assembly.policy) | {"capacity": CAPACITY}
     further = {"simulator": {"trainer_timeout": TRAINER_TIMEOUT}}
-    walk = Walk.of(assembly, folder, options, training=training, further=further)
+    walk = WalkSettings.of(assembly, folder, options, training=training, further=further)
     walk_beside_operator(walk, asked)
-    from rabbit_recording.bag_writer import RecordingError
+    from rabbit_recording import RecordingError
 
     from rabbit_campaigns.figures import write_figures
     from rabbit_campaigns.soak import SAMPLES, judge, read_samples
@@ -81,7 +81,7 @@ def soak(given: Given) -> None:
         raise typer.Exit(OVER)
 
 
-def walk_beside_operator(walk: Walk, asked: SoakOptions) -> None:
+def walk_beside_operator(walk: WalkSettings, asked: SoakOptions) -> None:
     """Walk for as long as `asked`, with an operator if it is to; a line on the screen says how it goes."""
     from rabbit_common.executables import LaunchError
     from rich.console import Console

@@ -5,13 +5,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rabbit_recording.bag_writer import RecordingError
+from rabbit_recording import RecordingError
 from rabbit_recording.recover import recover
-from rabbit_recording.stored_messages import recorded_turns
-from rl_trainer.journal import Journal
-from rl_trainer.node_checkpoint import NodeCheckpoint
+from rabbit_recording.stored_messages import stored_messages
+from rl_trainer.checkpoint import Checkpoint, journal_path, read_journal
 from rl_trainer.parameters import TrainingParameters
-from rl_trainer.publication_gate import PublicationGate
 from rl_trainer.training import Trainer
 from rl_trainer.transitions import Transition
 
@@ -32,14 +30,14 @@ def check_transitions(told: Sequence[Transition], folder: Path) -> dict[str, int
         How many are nowhere on disk, `lost`; how many the trainer counts in all, `kept`; and `told_transitions`.
     """
     trainer = Trainer(TRAINING)
-    kept = NodeCheckpoint(folder, trainer, PublicationGate(TRAINING))
-    _, in_journal = Journal(folder, TRAINING).read(trainer.episode)
+    taken = (Checkpoint(folder, trainer).more or {}).get("taken", 0)
+    in_journal = read_journal(journal_path(folder, trainer.episode), TRAINING)
     learned = trainer.replay.rows(slice(0, len(trainer.replay)))
     columns = (learned.observation, learned.mu, learned.LgV, learned.next_mu)
     there = {row.tobytes() for row in np.hstack([column.numpy() for column in columns])}
     there |= {_key(transition) for transition in in_journal}
     lost = sum(trainer.replay.accepts(each) and _key(each) not in there for each in told)
-    total = kept.taken + len(in_journal)
+    total = taken + len(in_journal)
     return {"lost": max(lost, len(told) - total), "kept": total, "told_transitions": len(told)}
 
 
@@ -63,7 +61,8 @@ def check_recording(path: Path, wanted: Iterable[tuple[int, int]], said: Monitor
     try:
         if not (path / "metadata.yaml").is_file():
             whole = recover(path).path
-        there = set(recorded_turns(whole, "state"))
+        with stored_messages(whole, "state") as states:
+            there = {state.turn for state in states}
         misread = misreadings(whole, said) if said else []
     except RecordingError as error:
         return {"readable": False, "recorded_ticks": 0, "missing": 0, "misread": [str(error)]}

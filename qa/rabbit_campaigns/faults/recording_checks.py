@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from rabbit_recording.bag_writer import RecordingError
+from rabbit_recording import RecordingError
 from rabbit_recording.checking import Checked, check_episodes
 from rabbit_recording.contents import contents
 from rabbit_recording.episode_inventory import EpisodeInventory, Presence

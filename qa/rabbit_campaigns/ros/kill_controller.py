@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from itertools import takewhile
 from typing import Any
 
-from rabbit_bringup.launching.walk import Walk
+from rabbit_bringup.launching.walk import WalkSettings
 from rabbit_bringup.ros.walking import walking
 from rabbit_common.executables import LaunchError
 from rabbit_common.ros.client import GraphClient
@@ -35,7 +35,7 @@ class Death:
     until_simulated_ms: float
 
 
-def die(walk: Walk, rng: random.Random) -> Death:
+def die(walk: WalkSettings, rng: random.Random) -> Death:
     """Walk, kill the controller, and listen.
 
     Raises:

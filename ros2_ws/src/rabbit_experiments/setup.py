@@ -9,7 +9,6 @@ from package_setup import install
 
 install(
     "joblib",
-    "matplotlib",
     "numpy>=2",
     "pydantic>=2",
     "rich",
@@ -22,5 +21,4 @@ install(
             "train = rabbit_experiments.commands.train:app",
         ]
     },
-    extras={"ray": ["ray>=2.40"]},
 )

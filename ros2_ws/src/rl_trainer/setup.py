@@ -14,7 +14,11 @@ install(
     "tensorboard",
     "gymnasium",
     entry_points={
-        "rabbit.learners": ["ddpg = rl_trainer.ddpg:Ddpg", "regression = rl_trainer.regression:Regression"],
+        "rabbit.learners": [
+            "ddpg = rl_trainer.ddpg:Ddpg",
+            "paper_ddpg = rl_trainer.paper_ddpg:PaperDdpg",
+            "regression = rl_trainer.regression:Regression",
+        ],
         "rabbit.nodes": ["trainer = rl_trainer.ros.node:main"],
     },
 )

@@ -1,6 +1,5 @@
 """Find a gait: periodic, within the limits of robot and ground, both stone barriers kept."""
 
-import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -22,10 +21,7 @@ class FolderOptions(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    out: Path = Field(Path("runs/gaits"), description="folder for NAME.yaml, NAME.png and the payload table")
-    payload_table: tuple[float, ...] = Field(
-        tuple(float(kg) for kg in range(0, 73, 8)), description="payloads to report on, kg; '' for none"
-    )
+    out: Path = Field(Path("runs/gaits"), description="folder for NAME.yaml and NAME.png")
     library: tuple[float, ...] = Field((), description="step lengths of a gait library, m, increasing; '' for one gait")
     library_slopes: tuple[float, ...] = Field(
         (), description="rises of the ground that the library has gaits for, degrees, increasing; '' for --slope alone"
@@ -62,9 +58,9 @@ def gait(given: Given) -> None:
                     folder.library_slopes,
                     lambda name: progress(f"{name}: "),
                 )
-                show_library(made, console)
+                show(made.gaits, console)
             else:
-                show(*run(specification, folder.out, progress(), folder.payload_table), console)
+                show([run(specification, folder.out, progress())], console)
     except ValueError as error:
         fail(f"--library: {error}")
     except GaitDesignError as error:
@@ -80,27 +76,11 @@ def progress_text(iteration: int, cost: float, violation: float) -> str:
     return f"iteration {iteration}: cost {cost:.4g}, constraints broken by {violation:.1e}"
 
 
-def show_library(made: Any, console: Any) -> None:
-    """A row a gait."""
+def show(gaits: Sequence[Any], console: Any) -> None:
+    """A row for each of the figures, a column for each gait."""
     from rich.table import Table
 
-    columns = ("speed", "step_time", "peak_torque", "friction_used", "least_normal_force", "foot_height", "eigenvalue")
-    table = Table("step (m)", "slope (degrees)", *columns)
-    for gait in made.gaits:
-        place = f"{gait.step_length:g}", f"{gait.slope:g}"
-        table.add_row(*place, *(f"{gait.metadata['figures'][name]:.3g}" for name in columns))
+    table = Table("", *(f"{gait.step_length:g} m" + f", {gait.slope:g}°" * bool(gait.slope) for gait in gaits))
+    for name in gaits[0].metadata["figures"]:
+        table.add_row(name, *(f"{gait.metadata['figures'][name]:.4g}" for gait in gaits))
     console.print(table)
-
-
-def show(made: Any, reports: Sequence[Any], console: Any) -> None:
-    """Figures of the gait, and under payload."""
-    from rich.table import Table
-
-    for name, value in made.metadata["figures"].items():
-        console.print(f"{name:>24} {value:.4g}", highlight=False)
-    if reports:
-        table = Table("payload (kg)", "phase rate (1/s)", "least (1/s)", "eigenvalue", "peak torque (N m)")
-        for report in reports:
-            figures = (report.phase_rate, report.least_phase_rate, report.eigenvalue, report.peak_torque)
-            table.add_row(f"{report.payload:g}", *(f"{f:.3g}" if math.isfinite(f) else "-" for f in figures))
-        console.print(table)

@@ -34,9 +34,9 @@ def speed(
     from rabbit_gait_design.speed_model.walks import exploring_walks, gathered
 
     with complaints(AssemblyError, JobError, ParameterError, SpeedModelError):
-        law = load_parameters(parameters)
+        tuning = load_parameters(parameters)
         cache = Cache(own_folder(out, "speed") / "cache")
-        fit, judge = exploring_walks(plants, FIT_SEED, law), exploring_walks(others, JUDGE_SEED, law)
+        fit, judge = exploring_walks(plants, FIT_SEED, tuning), exploring_walks(others, JUDGE_SEED, tuning)
         try:
             run(list(chain(*fit, *judge)), cache, jobs or os.cpu_count() or 1)
         except KeyboardInterrupt as stop:

@@ -68,7 +68,7 @@ class ExploringWalk(SeededRun):
         return Steps(slopes=exploring.slopes, speeds=exploring.speeds)
 
 
-def exploring_walks(plants: int, seed: int, law: ControllerParameters) -> list[list[ExploringWalk]]:
+def exploring_walks(plants: int, seed: int, tuning: ControllerParameters) -> list[list[ExploringWalk]]:
     """Walks by plant: so many of the storm, those of `seed` without pushes, half of them on flat ground."""
     courses = iter(episode_seeds(seed, plants * WALKS).values())
     found = []
@@ -77,7 +77,7 @@ def exploring_walks(plants: int, seed: int, law: ControllerParameters) -> list[l
         changes = storm_plant(number, seed, terrain) | {"push": 0.0}
         about = {"motor_lag": EVALUATION_LAG, "stones": STEPS, "terrain": terrain}
         plant = SimulationParameters.model_validate(about | changes)
-        own = law if terrain == "stones" else law.model_copy(update={"controller": "rl-clf-qp"})
+        own = tuning if terrain == "stones" else tuning.model_copy(update={"controller": "rl-clf-qp"})
         assembly = Assembly(plant, own, resolve_policy(None, own))
         title = f"plant {number}, {terrain}"
         found.append([ExploringWalk(assembly, next(courses), title=title) for _ in range(WALKS)])

@@ -28,11 +28,11 @@ def misses(
     from rabbit_experiments.engine import run
     from rl_cbf_clf_controller.parameters import ParameterError
 
-    from rabbit_misses.model import MissProbability, ModelError
+    from rabbit_misses.model import MissModelError, MissProbability
     from rabbit_misses.report import write
     from rabbit_misses.study import FIT_SEED, JUDGE_SEED, gathered, judged, stormy_walks
 
-    with complaints(ModelError, ParameterError):
+    with complaints(MissModelError, ParameterError):
         loaded = None if model is None else MissProbability.load(model)
         fit = [] if loaded else stormy_walks(fit_plants, FIT_SEED, parameters)
         judge = stormy_walks(plants, JUDGE_SEED, parameters)
@@ -42,7 +42,7 @@ def misses(
             run([*fit, *judge], cache, jobs or os.cpu_count() or 1)
     except KeyboardInterrupt as stop:
         fail("stopped; the same command goes on from the walks that are done", code=of_interrupt(stop))
-    with complaints(ModelError, OSError):
+    with complaints(MissModelError, OSError):
         if loaded is None:
             rows, missed = gathered(fit, cache)
             about = f"parameters {parameters}, {fit_plants} plants of the storm on stones, seed {FIT_SEED}"

@@ -1,8 +1,9 @@
 """Is the L1 baseline a fair one? Its gain, law and rate swept; first of all it must beat the CLF-QP at scale 1.2."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -12,11 +13,11 @@ from matplotlib.ticker import NullFormatter, ScalarFormatter
 from rabbit_experiments.summary import Walks
 from rabbit_viewer import style
 
-from rabbit_reproduce.catalogue.clf_results import STEPS
+from rabbit_reproduce.catalogue.flat import STEPS
 from rabbit_reproduce.controllers import CLF, L1_CLF
 from rabbit_reproduce.curves import WIDTH
 from rabbit_reproduce.experiment import Experiment
-from rabbit_reproduce.report import Cell, Claim, Table, judge
+from rabbit_reproduce.report import Claim, Table, judge
 from rabbit_reproduce.table_lines import MAIN, Found, Line, Runs, long_table, walk_table
 
 SCALES = (1.2, 2.0)
@@ -79,41 +80,22 @@ class L1Sweep(Experiment):
     )
 
     @cached_property
-    def grid(self) -> dict[tuple[float, Setting], Line]:
-        """A line for each scale and setting."""
+    def by_key(self) -> dict[Any, Line]:
+        """By scale and setting; without L1 by the scale alone."""
         cases = [(scale, setting) for scale in SCALES for setting in SWEPT] + [(SCALES[0], each) for each in UNBOUND]
-        return {
-            (scale, each): Line(
-                f"{each.text}, scale {scale:g}",
-                L1_CLF.assembly(each.parameters, mass_scale=scale, stones=STEPS),
-                runs=RUNS,
-                columns=(MAIN,),
-            )
-            for scale, each in cases
-        }
-
-    @cached_property
-    def nominal(self) -> dict[float, Line]:
-        """Without L1."""
-        return {
-            scale: Line(
-                f"{CLF.title}, scale {scale:g}",
-                CLF.assembly(mass_scale=scale, stones=STEPS),
-                runs=RUNS,
-                columns=(MAIN,),
-            )
-            for scale in SCALES
-        }
-
-    def lines(self) -> Sequence[Line]:
-        return [*self.nominal.values(), *self.grid.values()]
+        more: dict[str, Any] = {"runs": RUNS, "columns": (MAIN,)}
+        lines: dict[Any, Line] = {}
+        for scale in SCALES:
+            lines[scale] = Line(f"{CLF.title}, scale {scale:g}", CLF.assembly(mass_scale=scale, stones=STEPS), **more)
+        for scale, each in cases:
+            assembly = L1_CLF.assembly(each.parameters, mass_scale=scale, stones=STEPS)
+            lines[scale, each] = Line(f"{each.text}, scale {scale:g}", assembly, **more)
+        return lines
 
     def tables(self, found: Found) -> Sequence[Table]:
         walks = walk_table(self.lines(), found)
         at = walks.columns.index(found.size.title(MAIN)) + 1
-        errors: list[tuple[Cell, ...]] = [
-            (f"{each.rms('rms_y'):.4f}", f"{each.rms('rms_dy'):.3f}") for each in map(found.walks, self.lines())
-        ]
+        errors = [(f"{each.rms('rms_y'):.4f}", f"{each.rms('rms_dy'):.3f}") for each in self.walks(found).values()]
         rows = tuple((*row[:at], *error, *row[at:]) for row, error in zip(walks.rows, errors, strict=True))
         columns = (*walks.columns[:at], "rms of y (rad)", "of its rate (rad/s)", *walks.columns[at:])
         return Table(name="walks", columns=columns, rows=rows), long_table(self.lines(), found)
@@ -126,14 +108,15 @@ class L1Sweep(Experiment):
         panels[-1].set_xlabel("adaptation gain")
         return {"gain": (CAPTION, figure)}
 
-    def claims(self, found: Found) -> Sequence[Claim]:
+    def claims(self, found: Found) -> list[Claim]:
         """Against the CLF-QP, at scale 2, and Euler's law."""
-        little, twice = ({each: found.walks(self.grid[scale, each]) for each in SWEPT} for scale in SCALES)
-        nominal = found.walks(self.nominal[SCALES[0]])
+        every = self.walks(found)
+        little, twice = ({each: every[scale, each] for each in SWEPT} for scale in SCALES)
+        nominal = every[SCALES[0]]
         best = little[DEFAULT]
         better = [each for each, walks in little.items() if walks.passes and walks.rms("rms_y") < nominal.rms("rms_y")]
         failing = [each for each, walks in twice.items() if not walks.passes]
-        unbound = {each: found.walks(self.grid[SCALES[0], each]) for each in UNBOUND}
+        unbound = {each: every[SCALES[0], each] for each in UNBOUND}
         return [
             Claim(
                 claim=f"L1-CLF-QP beats the CLF-QP at scale {SCALES[0]:g}, so it is built properly",
@@ -156,19 +139,17 @@ class L1Sweep(Experiment):
 
     def _panel(self, axes: Axes, scale: float, found: Found) -> None:
         """Of a scale."""
-        for (law, (colour, marker)), (substeps, rate) in ((a, b) for a in LOOKS.items() for b in RATES.items()):
-            walks = [found.walks(self.grid[scale, Setting(law, gain, substeps)]) for gain in GAINS]
+        every = self.walks(found)
+        for (law, (colour, marker)), (substeps, rate) in product(LOOKS.items(), RATES.items()):
+            walks = [every[scale, Setting(law, gain, substeps)] for gain in GAINS]
             line, fill = ("-", colour) if substeps == 1 else ("--", "white")
             look: dict[str, Any] = {"color": colour, "marker": marker, "linestyle": line, "markerfacecolor": fill}
             axes.plot(GAINS, _errors(walks), label=f"{NAMES[law]}, {rate}", markersize=4, **look)
             bad = [not each.passes for each in walks]
             axes.plot(np.array(GAINS)[bad], _errors(walks)[bad], "x", color=style.RED, markersize=9)
-        levels: Mapping[str, tuple[Line, str, str]] = {
-            "piecewise, 100 Hz": (self.grid[scale, DEFAULT], style.GREEN, ":"),
-            CLF.title: (self.nominal[scale], CLF.colour, CLF.line),
-        }
-        for label, (line_, colour, look_) in levels.items():
-            axes.axhline(found.walks(line_).rms("rms_y"), color=colour, linestyle=look_, label=label)
+        piecewise, nominal = (every[key].rms("rms_y") for key in ((scale, DEFAULT), scale))
+        axes.axhline(piecewise, color=style.GREEN, linestyle=":", label="piecewise, 100 Hz")
+        axes.axhline(nominal, color=CLF.colour, linestyle=CLF.line, label=CLF.title)
         axes.set(xscale="log", yscale="log", ylabel="rms of $y$ (rad)")
         axes.yaxis.set_major_formatter(ScalarFormatter())
         axes.yaxis.set_minor_formatter(NullFormatter())

@@ -17,10 +17,10 @@ from rl_trainer.parameters import TrainingParameters
 from rabbit_reproduce.controllers import IO_RL, RL_CBF_CLF, RL_CLF, Contender
 from rabbit_reproduce.curves import WIDTH
 from rabbit_reproduce.experiment import Experiment
-from rabbit_reproduce.recipes import Recipe
 from rabbit_reproduce.report import Cell, Claim, Table, judge
 from rabbit_reproduce.table_lines import MAIN, Found, Line, Size
 from rabbit_reproduce.training import Episode, read_log, recipe_of, recipes
+from rabbit_reproduce.training_jobs import TrainingJob
 
 PAPER = {IO_RL: 110, RL_CLF: 79, RL_CBF_CLF: 133}  # episodes of the final agent
 COLOURS = {IO_RL: style.ORANGE, RL_CLF: style.BLUE, RL_CBF_CLF: style.GREEN}
@@ -44,7 +44,7 @@ class LearningCurves(Experiment):
         "The final agents were obtained after 110 (IO-RL + CLF-QP), 79 (RL-CLF-QP) and 133 (RL-CBF-CLF-QP) episodes."
     )
 
-    def trainings(self, size: Size) -> list[Recipe]:
+    def trainings(self, size: Size) -> list[TrainingJob]:
         """All."""
         return recipes(size.quick)
 
@@ -65,7 +65,7 @@ class LearningCurves(Experiment):
     def figures(self, found: Found) -> dict[str, tuple[str, Figure]]:
         return {"learning_curves": (CAPTION, learning_figure(by_contender(found.size)))}
 
-    def claims(self, found: Found) -> Sequence[Claim]:
+    def claims(self, found: Found) -> list[Claim]:
         """Of each problem."""
         return [self._claim(each, own) for each, own in by_contender(found.size).items()]
 
@@ -101,18 +101,15 @@ def by_contender(size: Size) -> dict[Contender, list[Session]]:
     }
 
 
-def trained_lines(size: Size) -> dict[Recipe, Line]:
+def trained_lines(size: Size) -> dict[TrainingJob, Line]:
     """A line for the last policy of each training of `--retrain`, at the scale that it was trained at."""
-    if not size.trained:
+    if not (trained := size.trained):
         return {}
-    contenders, trained = {each.controller: each for each in PAPER}, size.trained
-    assemblies = {
-        recipe: contenders[recipe.parameters.problem.name]
-        .with_policy(str(trained.policy(recipe)))
-        .assembly(mass_scale=recipe.mass_scale)
-        for recipe in trained.recipes
-    }
-    return {recipe: Line(recipe.name, assembly, columns=(MAIN,)) for recipe, assembly in assemblies.items()}
+    contenders, lines = {each.controller: each for each in PAPER}, dict[TrainingJob, Line]()
+    for recipe in trained.recipes:
+        who = contenders[recipe.parameters.problem.name].with_policy(str(trained.policy(recipe)))
+        lines[recipe] = Line(recipe.name, who.assembly(mass_scale=recipe.mass_scale), columns=(MAIN,))
+    return lines
 
 
 def first_whole(session: Session) -> int | None:
@@ -136,7 +133,7 @@ def span(values: Sequence[int | None]) -> str:
     return text + f" (in {len(values) - len(known)} none)" * (len(known) < len(values))
 
 
-def _row(session: Session, walks: dict[Recipe, str]) -> tuple[Cell, ...]:
+def _row(session: Session, walks: dict[TrainingJob, str]) -> tuple[Cell, ...]:
     end = session[-1]
     recipe = recipe_of(find_problem(end.problem), end.seed, end.mass_scale)
     marks = (first_whole(session), settled(session))

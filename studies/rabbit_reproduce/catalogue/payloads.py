@@ -1,6 +1,5 @@
 """The payloads with which each controller still walks: on flat ground (Simulation 1), over stones (Simulation 2)."""
 
-from collections.abc import Sequence
 from typing import ClassVar
 
 from rabbit_experiments.summary import ENOUGH
@@ -18,7 +17,7 @@ from rabbit_reproduce.controllers import (
     Contender,
 )
 from rabbit_reproduce.report import Claim, judge, missing
-from rabbit_reproduce.sweep import Sweep, largest_text
+from rabbit_reproduce.sweep import Sweep
 from rabbit_reproduce.table_lines import Found
 
 PAPER = {RL_CLF: 72.0, IO_RL: 53.0}  # kg
@@ -56,27 +55,25 @@ class PayloadFlat(Payload):
         "row for the ground's force: in PyBullet it lifts the stance foot, without a payload too. On `rigid`, "
         "whose stance foot is pinned, it cannot, as in the paper. IO-RL + CLF-QP adds what it has learned at "
         "scale 2, whatever the plant. With exact estimates the QP keeps to the gait, whose orbit needs the ground "
-        "to pull under payload (docs/gaits.md)."
+        "to pull under payload (studies/docs/gaits.md)."
     )
     values = (0.0, 8.0, 16.0, 24.0, 32.0, 40.0, 48.0, 53.0, 56.0, 64.0, 72.0, 80.0)
     plants: ClassVar = {each: {} for each in (*FLAT, CLF_ORACLE)}
     nominal = CLF
     paper_values: ClassVar = {(each, most): f"up to {most:g} kg" for each, most in PAPER.items()}
 
-    def claims(self, found: Found) -> Sequence[Claim]:
+    def claims(self, found: Found) -> list[Claim]:
         """How far each comes."""
-        return [self._claim(found, each) for each in PAPER]
+        return [self._claim(found, each, most) for each, most in PAPER.items()]
 
-    def _claim(self, found: Found, contender: Contender) -> Claim:
-        walks, nominal = self.walks(found, contender), self.walks(found, CLF)
-        most = PAPER[contender]
+    def _claim(self, found: Found, contender: Contender, most: float) -> Claim:
+        walks, nominal = self.row(found, contender), self.row(found, CLF)
         inside = [value for value in self.values if LEAST <= value <= most]
         parts = {f"{value:g} kg": walks[value].passes for value in inside}
-        unit = "kg"
         return Claim(
             claim=f"{contender.title} walks with {LEAST:g} to {most:g} kg",
             paper=f"up to {most:g} kg",
-            ours=f"{largest_text(walks, 1, unit)}; nominal {largest_text(nominal, 1, unit)}",
+            ours=f"{self.largest(walks)}; nominal {self.largest(nominal)}",
             verdict=judge(parts, all(nominal[value].passes for value in inside)),
         )
 
@@ -94,8 +91,8 @@ class PayloadStones(Payload):
     )
     why = (
         "mu'mu falls with exact rows as well, from 16 kg on: with this gait, whose orbit needs the ground to pull "
-        "under payload (docs/gaits.md), no better estimate could mend it. The policy, trained at scale 2, errs by "
-        "half the mass without any payload. every-plant-stones has what carries 72 kg: other gaits, an objective "
+        "under payload (studies/docs/gaits.md), no better estimate could mend it. The policy, trained at scale 2, errs "
+        "by half the mass without any payload. The benchmark has what carries 72 kg: other gaits, an objective "
         "centred on the PD input, the robot identified as it walks."
     )
     values = (0.0, 8.0, 16.0, 24.0, 32.0, 40.0, 43.0, 48.0, 56.0, 64.0, 72.0, 80.0)
@@ -103,20 +100,17 @@ class PayloadStones(Payload):
     nominal = CBF_CLF
     paper_values: ClassVar = {(RL_CBF_CLF, most): "walks" for most in RANGE}
 
-    def claims(self, found: Found) -> Sequence[Claim]:
+    def claims(self, found: Found) -> list[Claim]:
         """The paper's range, stones and forces kept."""
-        walks, nominal = self.walks(found, RL_CBF_CLF), self.walks(found, CBF_CLF)
+        walks, nominal = self.row(found, RL_CBF_CLF), self.row(found, CBF_CLF)
         inside = [value for value in self.values if RANGE[0] <= value <= RANGE[1]]
         parts = {f"{value:g} kg": walks[value].with_forces >= ENOUGH * walks[value].runs for value in inside}
-        ours = (
-            f"{missing(parts) or 'all of them'}; without regard to forces {largest_text(walks, 1, 'kg')}, "
-            f"nominal {largest_text(nominal, 1, 'kg')}"
-        )
         return [
             Claim(
                 claim="RL-CBF-CLF-QP keeps stones and forces with 43 to 72 kg",
                 paper="43 to 72 kg",
-                ours=ours,
+                ours=f"{missing(parts) or 'all of them'}; without regard to forces {self.largest(walks)}, "
+                f"nominal {self.largest(nominal)}",
                 verdict=judge(parts, all(nominal[value].passes for value in inside)),
             )
         ]

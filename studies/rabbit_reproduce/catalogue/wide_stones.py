@@ -1,6 +1,5 @@
 """Stones of 0.25 to 0.50 m, and further: a gait library and one-step preview, beside the single gait (ours)."""
 
-from collections.abc import Sequence
 from functools import cached_property
 from typing import Any
 
@@ -13,7 +12,7 @@ from rabbit_experiments.summary import Walks
 from rabbit_experiments.walk_records import WalkRecords
 from rabbit_viewer import style
 
-from rabbit_reproduce.controllers import UNIVERSAL, Contender
+from rabbit_reproduce.controllers import IDENTIFIED, PD, Contender, variant
 from rabbit_reproduce.curves import WIDTH
 from rabbit_reproduce.experiment import Experiment
 from rabbit_reproduce.report import Claim, Table
@@ -22,13 +21,11 @@ from rabbit_reproduce.table_lines import MAIN, Found, Line, Runs
 LIBRARY, SINGLE = "wide", "stones_0350_084"
 RUNS = Runs(10, 3)
 BAR_SHARE = 0.3  # of steps with an active barrier row
-LAW = (("objective", "pd_centred"), ("adaptation", "identification"), ("stone_margin", 0.007))
-OURS = Contender("identified + universal", "rl-cbf-clf-qp", style.BLUE, UNIVERSAL, law=LAW)
-IDENTIFIED = Contender("identified", "rl-cbf-clf-qp", style.BLUE, "zero", law=LAW)
-EXACT = Contender("oracle", "rl-cbf-clf-qp", style.GREEN, "oracle", law=(LAW[0], LAW[2]))
-UNADAPTED = Contender("no estimates", "rl-cbf-clf-qp", style.BLACK, "zero", law=(LAW[0], LAW[2]))
-WIDE = (0.25, 0.50)  # m, of l_min
-WIDER = (0.20, 0.60)
+CENTRED = {**PD, "stone_margin": 0.007}
+OURS = variant("identified", "rl-cbf-clf-qp", "zero", CENTRED, IDENTIFIED)
+EXACT = variant("oracle", "rl-cbf-clf-qp", "oracle", CENTRED)
+UNADAPTED = variant("no estimates", "rl-cbf-clf-qp", "zero", CENTRED)
+WIDE, WIDER = (0.25, 0.50), (0.20, 0.60)  # m, of l_min
 SPREAD = 2.5  # std from the mean to either end
 SHOWN = {  # of the figure: key, name, marker, colour
     "near edge": ("library, barriers on", "o", style.BLUE),
@@ -48,35 +45,27 @@ class WideStones(Experiment):
     title = "Wide stones: l_min uniform in 0.25 to 0.50 m, mass scale 2"
     label = "ours"
     paper = "Not in the paper: its stones lie within 0.05 m of its gait's step length."
+    shown = tuple(SHOWN)
 
     @cached_property
-    def by_name(self) -> dict[str, Line]:
-        """Lines by a short name."""
+    def by_key(self) -> dict[Any, Line]:
         near: dict[str, Any] = {"gait": LIBRARY, "stone_aim": 0.0}
         middle: dict[str, Any] = {"gait": LIBRARY, "stone_aim": 0.5}
-        off = {"barrier_rows": False}
+        single, off = {"gait": SINGLE}, {"barrier_rows": False}
         return {
             "near edge": _line("library, near edge, barriers on", OURS, near),
             "near edge, off": _line("library, near edge, barriers off", OURS, near | off),
             "middle": _line("library, middle, barriers on", OURS, middle),
             "middle, off": _line("library, middle, barriers off", OURS, middle | off),
-            "single": _line("single gait, barriers on", OURS, {"gait": SINGLE}),
-            "single, off": _line("single gait, barriers off", OURS, {"gait": SINGLE} | off),
-            "no policy": _line("library, near edge, barriers on, no policy", IDENTIFIED, near),
-            "middle, no policy": _line("library, middle, barriers on, no policy", IDENTIFIED, middle),
+            "single": _line("single gait, barriers on", OURS, single),
+            "single, off": _line("single gait, barriers off", OURS, single | off),
             "oracle": _line("library, near edge, barriers on, oracle", EXACT, near),
             "no estimates": _line("library, near edge, barriers on, no estimates", UNADAPTED, near),
             "wider": _line("library, near edge, barriers on, l_min 0.20 to 0.60 m", OURS, near, WIDER),
             "wider, middle": _line("library, middle, barriers on, l_min 0.20 to 0.60 m", OURS, middle, WIDER),
         }
 
-    def lines(self) -> Sequence[Line]:
-        return list(self.by_name.values())
-
-    def recorded(self) -> Sequence[Line]:
-        return [self.by_name[key] for key in SHOWN]
-
-    def tables(self, found: Found) -> Sequence[Table]:
+    def tables(self, found: Found) -> tuple[Table, ...]:
         """Active barriers by line, then the usual ones."""
         columns = ("what", "walked, mean stones", "steps with a barrier active", "worst margin (mm)")
         rows = []
@@ -86,9 +75,9 @@ class WideStones(Experiment):
             rows.append((line.what, walks.text, f"{active_share(walks):.0%}", f"{1e3 * margin:.1f}"))
         return Table(name="barriers", columns=columns, rows=tuple(rows)), *super().tables(found)
 
-    def claims(self, found: Found) -> Sequence[Claim]:
+    def claims(self, found: Found) -> list[Claim]:
         """Ours, so without a verdict on the paper."""
-        walks = {name: found.walks(line) for name, line in self.by_name.items()}
+        walks = self.walks(found)
         on, off, single = walks["near edge"], walks["near edge, off"], walks["single"]
         holds = on.passes and active_share(on) >= BAR_SHARE and not off.passes and not single.passes
         return [
@@ -100,11 +89,8 @@ class WideStones(Experiment):
         ]
 
     def figures(self, found: Found) -> dict[str, tuple[str, Figure]]:
-        return {"landings": (CAPTION, self._landings(found))}
-
-    def _landings(self, found: Found) -> Figure:
         figure, (axes,) = style.figure(1, height=2.8, width=WIDTH)
-        walks = {key: found.records(self.by_name[key]) for key in SHOWN}
+        walks = {key: found.records(self.by_key[key]) for key in SHOWN}
         _draw_stones(axes, walks["near edge"])
         for key, (name, marker, colour) in SHOWN.items():
             index, l = walks[key].landings[:, 0], walks[key].landings[:, 2]  # noqa: E741
@@ -113,7 +99,7 @@ class WideStones(Experiment):
         axes.set(xlabel="stone", ylabel="$l$ from the stance foot (m)", ylim=(0.2, 0.6))
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
         style.legend(axes, columns=3)
-        return figure
+        return {"landings": (CAPTION, figure)}
 
 
 def active_share(walks: Walks) -> float:
@@ -121,7 +107,7 @@ def active_share(walks: Walks) -> float:
     return walks.total("barrier_active_steps") / max(walks.total("steps"), 1)
 
 
-def _line(what: str, contender: Contender, law: dict[str, Any], reach: tuple[float, float] = WIDE) -> Line:
+def _line(what: str, contender: Contender, tuning: dict[str, Any], reach: tuple[float, float] = WIDE) -> Line:
     low, high = reach
     course = {
         "l_min_distribution": "uniform",
@@ -129,7 +115,7 @@ def _line(what: str, contender: Contender, law: dict[str, Any], reach: tuple[flo
         "l_min_std": round((high - low) / 2 / SPREAD, 6),
         "l_min_truncation": SPREAD,
     }
-    return Line(what, contender.assembly(law, mass_scale=2.0, **course), runs=RUNS, columns=(MAIN,))
+    return Line(what, contender.assembly(tuning, mass_scale=2.0, **course), runs=RUNS, columns=(MAIN,))
 
 
 def _draw_stones(axes: Axes, walk: WalkRecords) -> None:

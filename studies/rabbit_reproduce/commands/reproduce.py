@@ -1,10 +1,9 @@
 """Make the paper's figures and tables anew, with its figures beside ours."""
 
 import os
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import typer
 from rabbit_common.exit_codes import of_interrupt
@@ -23,24 +22,20 @@ def reproduce(
     retrain: Annotated[bool, typer.Option("--retrain", help="train the policies first, into DIR/training")] = False,
     out: Annotated[Path, typer.Option(help="folder; one that was stopped there goes on")] = Path("runs/reproduce"),
     jobs: Annotated[int | None, typer.Option(min=1, max=4096, help="processes (default: all cores)")] = None,
-    backend: Annotated[Literal["loky", "ray"], typer.Option(help="processes here, or a Ray cluster's")] = "loky",
     setting: Annotated[
         str | None, typer.Option(help="YAML file, or a shipped one's name: what the paper does not print")
     ] = None,
     plant: Annotated[PlantName | None, typer.Option(help="on which the claims are judged (default: pybullet)")] = None,
-    trials: Annotated[
-        int | None, typer.Option("--search", min=1, metavar="TRIALS", help="search the setting of most claims (Optuna)")
-    ] = None,
     show: Annotated[bool, typer.Option("--list", help="the experiments, and nothing more")] = False,
 ) -> None:
     """Make the paper's figures and tables anew: DIR/results.md has its figures beside ours, with verdicts."""
     from rabbit_experiments.cache import JobError
-    from rabbit_experiments.engine import BackendError
 
     from rabbit_reproduce.catalogue import EXPERIMENTS
     from rabbit_reproduce.page import make
     from rabbit_reproduce.setting import OURS, SettingError, read_setting
     from rabbit_reproduce.table_lines import FULL, QUICK
+    from rabbit_reproduce.training import retrain as retrained
 
     known = {each.name: each for each in EXPERIMENTS}
     if show:
@@ -51,9 +46,6 @@ def reproduce(
         fail(f"{wrong[0]}: expected some of {', '.join(known)}")
     if wrong := [name for name in names or () if known[name].needs_training and not retrain]:
         fail(f"{wrong[0]}: expected --retrain, it needs the policies of all episodes of a training")
-    if trials:
-        search(trials, names, setting, plant, out, jobs)
-        return
     with complaints(SettingError):
         own = read_setting(setting) if setting else OURS
     own_folder(out, "reproduce")
@@ -61,40 +53,11 @@ def reproduce(
     chosen = [each for name, each in known.items() if name in (names or known) and (retrain or not each.needs_training)]
     size, processes = replace(QUICK if quick else FULL, setting=own), jobs or os.cpu_count() or 1
     try:
-        with complaints(BackendError, JobError):
+        with complaints(JobError):
             if retrain:
                 wanted = dict.fromkeys(recipe for each in chosen for recipe in each.trainings(size))
-                size = replace(size, trained=trained_anew(list(wanted), out, processes, own))
-            page, done = make(chosen, size, out, list(known), processes, backend)
+                size = replace(size, trained=retrained(list(wanted), out / "training", processes, own))
+            page, done = make(chosen, size, out, list(known), processes)
     except KeyboardInterrupt as stop:
         fail("stopped; the same command goes on from the runs that are done", code=of_interrupt(stop))
     print(f"{done} runs made; written {page}")
-
-
-def search(
-    trials: int, names: list[str] | None, setting: str | None, plant: str | None, out: Path, jobs: int | None
-) -> None:
-    """The search of a setting, which takes its own experiments."""
-    from rabbit_experiments.engine import BackendError
-
-    from rabbit_reproduce.search import SearchError
-    from rabbit_reproduce.search import search as search_setting
-
-    if names or setting:
-        fail(f"--search: expected no {'experiments' if names else '--setting'}, it judges all claims in many settings")
-    own_folder(out, "reproduce")
-    try:
-        with complaints(BackendError, SearchError):
-            print(f"written {search_setting(trials, plant or 'pybullet', out, jobs or os.cpu_count() or 1)}")
-    except KeyboardInterrupt as stop:
-        fail("stopped; the same command goes on", code=of_interrupt(stop))
-
-
-def trained_anew(wanted: Sequence[Any], out: Path, processes: int, setting: Any) -> Any:
-    """These trainings in `out`, those that are missing made; a damaged one ends the command."""
-    from rabbit_experiments.cache import JobError
-
-    from rabbit_reproduce.training import retrain
-
-    with complaints(JobError):
-        return retrain(wanted, out / "training", processes, setting)

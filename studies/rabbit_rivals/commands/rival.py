@@ -37,22 +37,6 @@ def end_to_end(
 
 
 @app.command()
-def curve(
-    files: Annotated[list[Path], typer.Argument(help="curve.csv of sessions end to end")],
-    out: Annotated[Path, typer.Option(help="picture to write, .png or .svg")],
-) -> None:
-    """Draw learning curves in one picture; a file's name is its line's."""
-    from rabbit_viewer import style
-
-    from rabbit_rivals.learning_curve import CurveError, draw
-
-    new_file(out)
-    with complaints(CurveError):
-        style.save(draw(files), out, dpi=100)
-    print(f"written {out}")
-
-
-@app.command()
 def gp(
     session: Annotated[Path, typer.Argument(help="folder that rabbit train filled")],
     out: Out,
@@ -60,7 +44,7 @@ def gp(
     seed: Seed = 1,
 ) -> None:
     """Gaussian processes for the cone programme, from the transitions of a training session."""
-    from rl_trainer.session import CheckpointError
+    from rl_trainer.checkpoint import CheckpointError
 
     from rabbit_rivals.gp_fit import fit_session
 

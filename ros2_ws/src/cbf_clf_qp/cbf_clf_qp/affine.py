@@ -34,16 +34,12 @@ class Affine:
 
     def after(self, inner: "Affine") -> "Affine":
         """Composition: this of `inner`."""
-        return Affine(self.a @ inner.a, self.a @ inner.b + self.b)
+        return Affine(self.a @ inner.a, self(inner.b))
 
     def inverse(self) -> "Affine":
         """The inverse map of a square one, as an expression."""
         a_inverse = inverse(self.a)
         return Affine(a_inverse, -a_inverse @ self.b)
-
-    def mapped(self, matrix: Any, offset: Any = 0.0) -> "Affine":
-        """`matrix value(w) + offset`."""
-        return Affine(matrix @ self.a, matrix @ self.b + offset)
 
     def __add__(self, other: "Affine") -> "Affine":
         return Affine(self.a + other.a, self.b + other.b)

@@ -1,20 +1,24 @@
-"""A programme as a function of a tick's inputs: numbers in, mu and u out.
+"""The solvers: a programme as a function of a tick's inputs, numbers in, mu and u out.
 
-With DAQP the programme, the solver and the reading of its answer are one CasADi function; OSQP solves between two. Each
-is the other's guard: what counts is the KKT residual of an answer, and not what a solver says of it.
+    min x'x + q'x  subject to  lower <= A x <= upper;  multipliers y are positive at an upper bound
+
+DAQP, a dual active-set method, is exact and starts from nothing at every tick; programme, solver and the reading of its
+answer are one CasADi function. OSQP starts from its last answer and solves between two. Each is the other's guard: what
+counts is the KKT residual of an answer, and not what a solver says of it.
 """
 
+import signal
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from copy import copy
 from dataclasses import dataclass
+from typing import ClassVar
 
 import casadi as ca
 import numpy as np
 
-from cbf_clf_qp.functions import Array, NumpyFunction, Values, built_once, free_symbols, packed, places_of, split
-from cbf_clf_qp.qp import ROUNDING, Layout, reading
-from cbf_clf_qp.solvers import OsqpSolver, by_daqp
+from cbf_clf_qp.functions import Array, NumpyFunction, Values, free_symbols, one_at_a_time, packed, places_of, split
+from cbf_clf_qp.qp import ROUNDING, UNBOUNDED, Layout, reading
 
 TOLERANCE = 1e-6  # KKT residual that is let pass, relative to 1 + |x|
 
@@ -36,12 +40,12 @@ class Decided:
     @property
     def u(self) -> Array:
         """The input."""
-        return self.values["u"]
+        return self.values.u
 
     @property
     def mu(self) -> Array:
         """The auxiliary input (m,)."""
-        return self.values["mu"]
+        return self.values.mu
 
     @property
     def slack(self) -> dict[str, float]:
@@ -59,90 +63,144 @@ class Decided:
 class Answering:
     """The answer to a programme of which the `data`, see `qp.build_qp`, are expressions of `inputs`.
 
-    `solver`: the one that is asked first, `daqp` or `osqp`. Raises ValueError for another one, or an unknown symbol.
+    Functions: `programme`, the data of the inputs; `reading`, what an answer says, of (data, x, y); `solving`, DAQP of
+    the data; `with_daqp`, all three. `solver`: the one that is asked first, `daqp` or `osqp`. Raises ValueError for
+    another one, or an unknown symbol.
     """
 
+    @one_at_a_time
     def __init__(self, inputs: Mapping[str, ca.SX], data: Mapping[str, ca.SX], layout: Layout, solver: str) -> None:
         if unknown := free_symbols(packed(data), inputs.values()):
             raise ValueError(f"rows or objective depend on {unknown}: expected {', '.join(inputs)}")
         if solver not in ("daqp", "osqp"):
             raise ValueError(f"solver = {solver}: expected daqp or osqp")
-        self._inputs, self._data, self.layout, self.solver = inputs, data, layout, solver
-        self._osqp = OsqpSolver()
-        self.unanswered = 0  # programmes that the first solver did not answer
+        self.layout, self.solver = layout, solver
+        self._begin()
+        self.programme = NumpyFunction.of("programme", inputs, data, matrices=("A", "unroot", "control_a"))
+        row, places = ca.SX.sym("row", self.programme.function.numel_out()), places_of(data)
+        x, y = ca.SX.sym("x", layout.shape[1]), ca.SX.sym("y", layout.shape[0])
+        said = reading(split(row, places), x, y, layout)
+        self.reading = NumpyFunction.of("reading", {"row": row, "x": x, "y": y}, said, matrices=("control_a",))
+        given, names = self.programme.function.mx_in(), self.programme.function.name_in()
+        programme = ca.MX.sym("row", row.numel())
+        solution = ca.vertcat(*by_daqp(split(programme, places), layout))
+        found_at = {"x": (slice(0, x.numel()), x.shape[:1]), "y": (slice(x.numel(), None), y.shape[:1])}
+        self.solving = NumpyFunction(ca.Function("solving", [programme], [solution], ["row"], ["answer"]), found_at)
+        found = self.programme.function(*given)
+        answer = self.reading.function(found, *by_daqp(split(found, places), layout))
+        self.with_daqp = NumpyFunction(ca.Function("decided", given, [answer], names, ["values"]), self.reading.places)
+
+    def _begin(self) -> None:
+        """Solvers of one's own."""
+        self._osqp, self.unanswered = OsqpSolver(), 0  # programmes that the first solver did not answer
+        self.reset = self._osqp.reset
+        solvers = ("daqp", self._by_daqp), ("osqp", self._by_osqp)
+        self._first, self._guard = solvers if self.solver == "daqp" else solvers[::-1]
 
     def another(self) -> "Answering":
         """One with the same functions and an OSQP of its own, for another robot in the same thread."""
-        _ = self.programme, self.reading, self._with_daqp  # made once, and then shared
         other = copy(self)
-        other._osqp, other.unanswered = OsqpSolver(), 0
+        other._begin()
         return other
 
     def __call__(self, *inputs: Array) -> Decided:
-        """The first solver's answer, or its guard's; `solved` is false where neither has one.
+        """The first solver's answer, or its guard's; `solved` is false where neither has one. Inputs left out are 0."""
+        start = time.perf_counter()
+        solver, solve = self._first
+        values, status = solve(*inputs)
+        if not values.row[0] < TOLERANCE and values.is_valid[0]:
+            self.unanswered += 1
+            solver, solve = self._guard
+            values, status = solve(*inputs)
+        solved = bool(values.row[0] < TOLERANCE)
+        status = status if solved or values.is_valid[0] else "data not valid"
+        return Decided(values, self.layout, solved, solver, status, time.perf_counter() - start)
 
-        After the first two inputs, a state and parameters, the others may be left out: they are zero.
-        """
-        first, guard = self._by_daqp, self._by_osqp
-        if self.solver == "osqp":
-            first, guard = guard, first
-        decided = first(inputs)
-        if decided.solved or not decided.values.is_valid[0]:
-            return decided
-        self.unanswered += 1
-        return guard(inputs)
+    def _by_daqp(self, *inputs: Array) -> tuple[Values, str]:
+        values = self.with_daqp(*inputs)
+        return values, "solved" if values.row[0] < TOLERANCE else "not solved"
+
+    def _by_osqp(self, *inputs: Array) -> tuple[Values, str]:
+        data = self.programme(*inputs)
+        if not data.is_valid[0]:
+            return self._by_daqp(*inputs)
+        x, y, status = self._osqp.solve(data, self.layout)
+        return self.reading(data.row, x, y), status
+
+
+def by_daqp(p: dict[str, ca.MX], layout: Layout) -> tuple[ca.MX, ca.MX]:
+    """x (n,) and y (k,) as expressions of a programme's data: DAQP inside a CasADi function."""
+    hessian = 2 * ca.DM.eye(layout.shape[1])
+    shapes = {"h": hessian.sparsity(), "a": ca.Sparsity.dense(*layout.shape)}
+    solve = ca.conic("daqp", "daqp", shapes, {"error_on_fail": False, "daqp": {"primal_tol": 1e-9}})
+    answer = solve(h=hessian, g=p["q"], a=p["A"], lba=p["lower"], uba=p["upper"], lbx=-UNBOUNDED, ubx=UNBOUNDED)
+    return answer["x"], answer["lam_a"]
+
+
+class OsqpSolver:
+    """OSQP, set up once for a layout and updated at every tick.
+
+    While it solves, OSQP answers SIGINT itself: it stops, and nobody else hears of the signal. So a Ctrl-C waits until
+    the programme is solved. If another thread took the signal, it is raised again and the programme is solved again.
+    OSQP's own polishing prints to stdout where no row is active; `polished` does not.
+    """
+
+    STEPS: ClassVar = {"scaling": 0, "check_termination": 10, "max_iter": 4000, "adaptive_rho_interval": 50}
+    SETTINGS: ClassVar = {"eps_abs": 1e-6, "eps_rel": 1e-6, "eps_prim_inf": 1e-8, "verbose": False, **STEPS}
+
+    _layout: Layout | None = None
 
     def reset(self) -> None:
-        """Forget the last programme, so that an episode does not depend on the one before."""
-        self._osqp.reset()
+        """The next programme sets the solver up again: no warm start."""
+        self._layout = None
 
-    def _by_daqp(self, inputs: Sequence[Array]) -> Decided:
-        start = time.perf_counter()
-        values = self._with_daqp(*inputs) if len(inputs) > 2 else self._of_two(*inputs)
-        solved = bool(values.row[0] < TOLERANCE)
-        status = "solved" if solved else "not solved" if values.is_valid[0] else "data not valid"
-        return Decided(values, self.layout, solved, "daqp", status, time.perf_counter() - start)
+    def solve(self, p: Values, layout: Layout) -> tuple[Array, Array, str]:
+        """x (n,), y (k,) and what OSQP says; it is not asked where the minimum without rows meets them all."""
+        free = p.q * -0.5
+        value = p.A @ free
+        if (value >= p.lower).all() and (value <= p.upper).all():
+            return free, np.zeros(len(p.upper)), "unconstrained"
+        if layout is self._layout:
+            self._solver.update_data_vec(p.q, p.lower, p.upper)
+            self._solver.update_data_mat(None, None, p.A.T[self._entries], None)
+        else:
+            self._set_up(p, layout)
+        while self._solved() == "interrupted":
+            signal.raise_signal(signal.SIGINT)
+        solution = self._solver.solution
+        return (*polished(p, solution.x, solution.y), self._solver.info.status)
 
-    def _by_osqp(self, inputs: Sequence[Array]) -> Decided:
-        start = time.perf_counter()
-        zeros = [np.zeros(symbol.numel()) for symbol in [*self._inputs.values()][len(inputs) :]]
-        data = self.programme(*inputs, *zeros)
-        if not data.is_valid[0]:
-            return self._by_daqp(inputs)
-        x, y, status = self._osqp.solve(data, self.layout)
-        values = self.reading(data.row, x, y)
-        solved = bool(values.row[0] < TOLERANCE)
-        return Decided(values, self.layout, solved, "osqp", status, time.perf_counter() - start)
+    def _solved(self) -> str:
+        blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            self._solver.solve()
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
+        return str(self._solver.info.status)
 
-    @built_once
-    def programme(self) -> NumpyFunction:
-        return NumpyFunction.of("programme", self._inputs, self._data, matrices=("A", "unroot", "control_a"))
+    def _set_up(self, p: Values, layout: Layout) -> None:
+        import osqp  # half a second, with scipy
+        from scipy import sparse
 
-    @built_once
-    def reading(self) -> NumpyFunction:
-        row = ca.SX.sym("row", packed(self._data).numel())
-        x, y = ca.SX.sym("x", self.layout.shape[1]), ca.SX.sym("y", self.layout.shape[0])
-        said = reading(split(row, places_of(self._data)), x, y, self.layout)
-        return NumpyFunction.of("reading", {"row": row, "x": x, "y": y}, said, matrices=("control_a",))
+        pattern = np.hstack([np.ones((len(layout.names), layout.inputs)), layout.of_slacks])
+        self._entries = pattern.T.nonzero()  # of A, column by column, as OSQP has them
+        columns, rows = self._entries
+        A = sparse.csc_matrix((p.A[rows, columns], (rows, columns)), shape=layout.shape)
+        problem = osqp.OSQP()
+        problem.setup(sparse.eye(len(p.q), format="csc") * 2, p.q, A, p.lower, p.upper, **self.SETTINGS)
+        self._solver = problem._solver  # the compiled one: its wrapper costs a tick as much as solving does
+        self._layout = layout
 
-    @built_once
-    def solving(self) -> NumpyFunction:
-        """DAQP alone: x and y of a programme's row."""
-        row = ca.MX.sym("row", packed(self._data).numel())
-        x, y = by_daqp(split(row, places_of(self._data)), self.layout)
-        columns, rows = self.layout.shape[1], self.layout.shape[0]
-        places = {"x": (slice(0, columns), (columns,)), "y": (slice(columns, columns + rows), (rows,))}
-        return NumpyFunction(ca.Function("solving", [row], [ca.vertcat(x, y)], ["row"], ["answer"]), places)
 
-    @built_once
-    def _with_daqp(self) -> NumpyFunction:
-        programme, read = self.programme.function, self.reading.function
-        inputs = [ca.MX.sym(programme.name_in(i), programme.sparsity_in(i)) for i in range(programme.n_in())]
-        row = programme(*inputs)
-        x, y = by_daqp(split(row, places_of(self._data)), self.layout)
-        function = ca.Function("decided", inputs, [read(row, x, y)], programme.name_in(), ["values"])
-        return NumpyFunction(function, self.reading.places)
-
-    @built_once
-    def _of_two(self) -> NumpyFunction:
-        return NumpyFunction(self._with_daqp.function, self.reading.places, inputs=2)
+def polished(p: Values, x: Array, y: Array) -> tuple[Array, Array]:
+    """The exact solution if those rows are active that seem to be, A_a x = b:  A_a A_a' y_a = -(2 b + A_a q)."""
+    value = p.A @ x
+    at_upper = p.upper - value < y
+    active = at_upper | (value - p.lower < -y)
+    A, b = p.A[active], np.where(at_upper, p.upper, p.lower)[active]
+    exact = np.zeros_like(y)
+    try:
+        exact[active] = np.linalg.solve(A @ A.T, -(2 * b + A @ p.q))
+    except np.linalg.LinAlgError:
+        return x, y
+    return -0.5 * (p.q + exact @ p.A), exact

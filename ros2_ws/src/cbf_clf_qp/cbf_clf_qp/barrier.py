@@ -15,11 +15,8 @@ from dataclasses import dataclass
 import casadi as ca
 
 from cbf_clf_qp.affine import Affine
-from cbf_clf_qp.quantity import Quantity
-from cbf_clf_qp.rows import Number, Rows, at_least
+from cbf_clf_qp.quantity import Number, Quantity, Rows, at_least
 from cbf_clf_qp.system import System
-
-RESCUE_WEIGHT = 1e6
 
 
 @dataclass(frozen=True)
@@ -33,7 +30,7 @@ class Barrier:
     name: str
     B: ca.SX
     poles: Sequence[Number]
-    rescue_weight: Number = RESCUE_WEIGHT
+    rescue_weight: Number = 1e6
     has_row: bool = True
 
     def __post_init__(self) -> None:
@@ -59,7 +56,7 @@ class Barrier:
             system.affine(chain[-1], self.name),
             rows,
             lower=chain[degree - 1] if degree <= 2 else None,
-            slope=Affine(ca.SX.eye(1), ca.SX.zeros(1)),
+            slope=Affine.identity(1),
             reads={f"{self.name}_state": state, f"{self.name}_initial": ca.vertcat(*initial)},
         )
 

@@ -16,8 +16,7 @@ import casadi as ca
 import numpy as np
 
 from cbf_clf_qp.affine import Affine
-from cbf_clf_qp.quantity import Quantity
-from cbf_clf_qp.rows import Number, Rows, at_most
+from cbf_clf_qp.quantity import Number, Quantity, at_most
 from cbf_clf_qp.system import System
 
 
@@ -79,15 +78,11 @@ class Clf:
         eta, y_r = ca.vertcat(*chain[:-1]), system.affine(chain[-1])
         clf = ResClf(m, self.eps, self.gains)
         V, V_dot = clf.value(eta), clf.derivative(eta)
-
-        def rows(value: Affine) -> list[Rows]:
-            upper = -clf.rate * V - value.b
-            return [at_most(("CLF",), value.a, upper, self.slack_weight, self.rescue, self.in_mu)]
-
+        bound = -clf.rate * V
         return Quantity(
             ("V",),
             V_dot.after(y_r),
-            rows,
+            lambda value: [at_most(("CLF",), value.a, bound - value.b, self.slack_weight, self.rescue, self.in_mu)],
             lower=eta[-m:] if degree <= 2 else None,
             slope=V_dot,
             outputs=y_r,

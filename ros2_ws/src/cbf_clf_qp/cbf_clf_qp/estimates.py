@@ -1,19 +1,25 @@
-"""What is known of the model's error: for each quantity, an error that is affine in mu.
+"""The model's error: for each quantity one that is affine in mu. What is known of it, and how it is measured.
 
     true value = nominal value(mu) + alpha(x) mu + beta(x)        [CLF_estimate], [eq:cbf_der], [eq_const]
 
 A policy learns them, an identified model computes them, an oracle has them; the estimates of several are added.
+`measure` says what the quantities really were over a tick: it asks no model and takes one difference [Remark 3]; a
+learner compares that with the nominal value. `model_error` gives the estimates that turn the nominal model into another
+one: those of an oracle, or of a robot that has been identified.
 """
 
 from dataclasses import dataclass
 
+import casadi as ca
 import numpy as np
 
 from cbf_clf_qp.affine import Affine
-from cbf_clf_qp.functions import Array
+from cbf_clf_qp.functions import Array, NumpyFunction, one_at_a_time
+from cbf_clf_qp.system import System
+from cbf_clf_qp.terms import Terms
 
 
-@dataclass(frozen=True)
+@dataclass  # not frozen: that would take a tick 1 us for each
 class Estimates:
     """`alpha` (n, m) and `beta` (n,) of n quantities over mu (m,), in the quantities' units (alpha: per unit of mu).
 
@@ -41,38 +47,70 @@ class Estimates:
         return cls(np.zeros((n, m)), np.zeros(n), np.zeros((m, m + 1)))
 
     @classmethod
-    def from_flat(cls, flat: Array, inputs: int) -> "Estimates":
-        """From `flat`; raises ValueError where the vector has another length than (inputs + 1) n."""
-        n, rest = divmod(flat.size, inputs + 1)
-        if flat.ndim != 1 or rest or n == 0:
-            raise ValueError(f"estimates: {flat.shape} values; expected {inputs + 1} values for each quantity")
-        return cls(flat[: inputs * n].reshape(n, inputs), flat[inputs * n :])
-
-    @classmethod
-    def from_packed(cls, packed: Array, inputs: int) -> "Estimates":
-        """From `packed`."""
-        start = packed.size - inputs * (inputs + 1)
-        rows = cls.from_flat(packed[:start], inputs)
-        return cls(rows.alpha, rows.beta, packed[start:].reshape(inputs, inputs + 1))
+    def from_flat(cls, flat: Array, n: int, m: int) -> "Estimates":
+        """From `flat`, of n quantities over m inputs; raises ValueError where the vector has another length."""
+        sizes = n * (m + 1), (n + m) * (m + 1)
+        if flat.shape not in ((sizes[0],), (sizes[1],)):
+            raise ValueError(f"estimates: {flat.shape} values; expected {sizes[0]}, or {sizes[1]} with an output error")
+        alpha, beta, error = np.split(flat, [n * m, sizes[0]])
+        return cls(alpha.reshape(n, m), beta, error.reshape(m, m + 1) if error.size else None)
 
     @property
     def flat(self) -> Array:
-        """The paper's order (alpha_V, alpha_B1, ..., beta_V, beta_B1, ...), shape ((m + 1) n,)."""
-        return np.concatenate([self.alpha.ravel(), self.beta])
-
-    @property
-    def packed(self) -> Array:
-        """`flat`, then the output error row by row, shape ((n + m) (m + 1),); one that is not known is 0."""
-        m = self.alpha.shape[1]
-        known = np.zeros(m * (m + 1)) if self.output_error is None else self.output_error.ravel()
-        return np.concatenate([self.flat, known])
-
-    @property
-    def affine(self) -> Affine:
-        """The errors (n,), affine in mu."""
-        return Affine(self.alpha, self.beta)
+        """The paper's order (alpha_V, alpha_B1, ..., beta_V, beta_B1, ...), then the output error where it is known."""
+        known = [] if self.output_error is None else [self.output_error.ravel()]
+        return np.concatenate([self.alpha.ravel(), self.beta, *known])
 
     def error(self, mu: Array) -> Array:
         """The errors (n,) at `mu` (m,)."""
         error: Array = self.alpha @ mu + self.beta
         return error
+
+
+@one_at_a_time
+def measure(terms: Terms) -> NumpyFunction:
+    """`measured` (n,) of (x_0, p_0, x_1, p_1, seconds): the means of all quantities between two states.
+
+    Raises ValueError for a quantity of relative degree 3 or more: one difference does not isolate its error.
+    """
+    x, p, seconds = terms.system.x, terms.system.p, ca.SX.sym("seconds")
+    start, end = ((ca.SX.sym("x", x.numel()), ca.SX.sym("p", p.numel())) for _ in range(2))
+    measured = []
+    for quantity in terms.quantities:
+        if quantity.sensor is not None:
+            measured += ca.substitute([quantity.sensor], [x, p], end)
+        elif quantity.lower is not None and quantity.slope is not None:
+            (before,), (after,) = (ca.substitute([quantity.lower], [x, p], at) for at in (start, end))
+            slope = Affine(*ca.substitute([quantity.slope.a, quantity.slope.b], [x, p], start))
+            measured.append(slope((after - before) / seconds))
+        else:
+            raise ValueError(f"{quantity.names[0]}: one difference measures relative degrees 1 and 2 only (Remark 3)")
+    symbols = dict(zip(("x_0", "p_0", "x_1", "p_1", "seconds"), (*start, *end, seconds), strict=True))
+    return NumpyFunction.of("measure", symbols, {"measured": ca.vertcat(*measured)})
+
+
+@one_at_a_time
+def model_error(terms: Terms) -> NumpyFunction:
+    """`alpha` (n, m), `beta` (n,), `output_error` (m, m + 1) of (x, p, other): the parameters of another model.
+
+    The other model says how the state moves. What a barrier or an output is of a state does not change with it. The
+    error is zero where the two models are the same.
+    """
+    system, other = terms.system, ca.SX.sym("other", terms.system.p.numel())
+    (x_dot,) = ca.substitute([system.x_dot], [system.p], [other])
+    moved = System(system.x, system.u, x_dot, {**system.named, "other": other}, system.rates)
+    values, y_r = list[Affine](), terms.outputs
+    for quantity in terms.quantities:
+        if quantity.lower is None or quantity.slope is None:
+            values.append(Affine(*ca.substitute([quantity.value.a, quantity.value.b], [system.p], [other])))
+        else:
+            rate = moved.affine(moved.derivative(quantity.lower))
+            values.append(quantity.slope.after(rate))
+            y_r = rate if quantity.outputs is not None and quantity.outputs is terms.outputs else y_r
+    error = Affine.stacked(values).after(terms.control) - terms.nominal
+    found = {"alpha": error.a, "beta": error.b, "output_error": ca.SX.zeros(terms.inputs, terms.inputs + 1)}
+    if y_r and terms.outputs:
+        delta = y_r.after(terms.control) - terms.outputs.after(terms.control)
+        found["output_error"] = ca.horzcat(delta.a, delta.b)
+    inputs = {"x": system.x, "p": system.p, "other": other}
+    return NumpyFunction.of("model_error", inputs, found, matrices=("alpha", "output_error"))

@@ -1,7 +1,18 @@
-"""The quadratic programme of a tick, built from rows as expressions; solving it is in `solvers.py`.
+"""The quadratic programme of a tick, built from rows as expressions; solving it is in `answer.py`.
 
-    minimise   |root mu - center|^2 + sum_i w_i s_i^2      the paper's: root = I, center = 0; see `objective.py`
-    subject to lower_i <= A_i mu - s_i <= upper_i          s_i = 0 where row i is hard
+    minimise   |root mu - center|^2 + sum_i w_i s_i^2      s_i = 0 where row i is hard
+    subject to lower_i <= A_i mu - s_i <= upper_i
+
+What is minimised over mu beside the cost of slacks, the objective:
+
+    none         mu' mu                                        the paper's: the least correction of the pre-control
+    nearest      |weights (u(mu) - wanted)|^2                  a safety filter: the least change of a wanted input
+    pd_centred   |E mu + Delta - v_PD|^2 + mu_weight |mu|^2    the outputs, as estimated, follow a PD law
+
+y'' = E mu + Delta is the present estimate of the output dynamics: E = I + Delta_2, Delta = Delta_1 [delta_IO2]. The PD
+law is that of the CLF's own Riccati equation (Q = I):  v_PD = -y / eps^2 - sqrt(3) dy / eps. mu' mu asks for the
+smallest mu, whatever it does to the outputs: where the model is wrong and eta near 0, the smallest mu lets the error
+Delta_1 drive the outputs away until the CLF row holds them, and the torque jumps from tick to tick.
 
 The solver's variable is x = (root mu, scaled slacks), so that its Hessian is 2 I whatever the objective:
 
@@ -19,13 +30,37 @@ import numpy as np
 
 from cbf_clf_qp.affine import Affine, inverse
 from cbf_clf_qp.functions import Array
-from cbf_clf_qp.objective import Objective
-from cbf_clf_qp.rows import Rows
+from cbf_clf_qp.quantity import HARD, Number, Rows
 
 ROUNDING = 1e-6  # a slack or a margin below this is the solver's tolerance
 UNBOUNDED = 1e30  # what the solvers take for infinity
 TINY = 1e-9  # norm of a row with no input in it
 CLOSEST = 1e-6  # bounds that are closer to each other, over 1 + |x|, count as so far apart
+
+
+@dataclass(frozen=True)
+class Objective:
+    """|`root` mu - `center`|^2; `root` (m, m) regular, `center` (m,)."""
+
+    root: ca.SX
+    center: ca.SX
+
+
+def nearest(control: Affine, wanted: ca.SX, weights: Number = 1.0) -> Objective:
+    """The input u = `control`(mu) that is nearest to `wanted` (m,), each component times its weight."""
+    scale = ca.diag(weights * ca.SX.ones(wanted.numel()))
+    return Objective(scale @ control.a, scale @ (wanted - control.b))
+
+
+def pd_centred(y: ca.SX, dy: ca.SX, eps: Number, output_error: Affine, mu_weight: Number) -> Objective:
+    """See above: E = I + `output_error.a`, Delta = `output_error.b`; y (m,) and dy (m,) are the outputs.
+
+    root is upper triangular with root' root = E'E + mu_weight I, and root' center = E' (v_PD - Delta).
+    """
+    identity = ca.SX.eye(y.numel())
+    E, wanted = identity + output_error.a, -y / eps**2 - np.sqrt(3) * dy / eps
+    root = ca.chol(E.T @ E + mu_weight * identity)
+    return Objective(root, inverse(root).T @ (E.T @ (wanted - output_error.b)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,14 +76,6 @@ class Layout:
     rescues: Array
     of_slacks: Array
 
-    @classmethod
-    def of(cls, blocks: Sequence[Rows], inputs: int) -> "Layout":
-        """Of blocks of rows."""
-        names = tuple(name for block in blocks for name in block.names)
-        is_soft = np.array([not block.is_hard for block in blocks for _ in block.names], dtype=bool)
-        rescues = is_soft & np.array([block.rescue for block in blocks for _ in block.names], dtype=bool)
-        return cls(names, inputs, rescues, np.eye(len(names))[:, is_soft])
-
     @property
     def shape(self) -> tuple[int, int]:
         """Of A."""
@@ -61,16 +88,20 @@ def build_qp(blocks: Sequence[Rows], objective: Objective | None, control: Affin
     `is_valid`: 1 where the data are finite and no row's bounds are out of order or out of reach, else 0.
     mu = `unroot` times the first variables; a slack = `slack_scale` times its variable.
     """
-    inputs = control.a.shape[1]
-    layout = Layout.of(blocks, inputs)
+    inputs, each = control.a.shape[1], [(block, name) for block in blocks for name in block.names]
+    is_soft = np.array(
+        [isinstance(block.slack_weight, ca.SX) or block.slack_weight < HARD for block, _ in each], dtype=bool
+    )
+    rescues = is_soft & np.array([block.rescue for block, _ in each], dtype=bool)
+    layout = Layout(tuple(name for _, name in each), inputs, rescues, np.eye(len(each))[:, is_soft])
     objective = objective or Objective(ca.SX.eye(inputs), ca.SX.zeros(inputs))
     unroot = inverse(objective.root)
     of_mu = ca.vertcat(ca.SX(0, inputs), *(block.A for block in blocks))
-    scale = ca.vertcat(*(ca.repmat(ca.SX(block.slack_weight), len(block.names)) for block in blocks)) ** -0.5
-    in_mu = ca.vertcat(*(ca.repmat(ca.SX(block.in_mu), len(block.names)) for block in blocks))
-    units = ca.if_else(in_mu, ca.fmax(norms(of_mu), TINY), 1)  # of the slacks, in units of the row
-    A = ca.densify(ca.horzcat(of_mu @ unroot, ca.diag(-scale * units) @ layout.of_slacks))
-    size = ca.fmax(norms(A), TINY)
+    scale = ca.vertcat(*(ca.SX(block.slack_weight) for block, _ in each)) ** -0.5
+    in_mu = ca.vertcat(*(ca.SX(block.in_mu) for block, _ in each))
+    units = ca.if_else(in_mu, ca.fmax(ca.sqrt(ca.sum2(of_mu**2)), TINY), 1)  # of the slacks, in units of the row
+    A = ca.horzcat(of_mu @ unroot, ca.diag(-scale * units) @ ca.sparsify(ca.DM(layout.of_slacks)))
+    size = ca.densify(ca.fmax(ca.sqrt(ca.sum2(A**2)), TINY))  # norms of the rows
     A = A / ca.repmat(size, 1, layout.shape[1])
     q = ca.vertcat(-2 * objective.center, ca.SX.zeros(layout.of_slacks.shape[1]))
     lower, upper = (ca.vertcat(*bounds) / size for bounds in zip(*((b.lower, b.upper) for b in blocks), strict=True))
@@ -79,7 +110,7 @@ def build_qp(blocks: Sequence[Rows], objective: Objective | None, control: Affin
     is_valid = ca.mmin(ca.vertcat(sound, is_finite(ca.vertcat(*finite))))
     lower = ca.if_else(is_valid, ca.fmax(lower, -UNBOUNDED), -UNBOUNDED)  # so that a solver does not stop at a NaN
     upper = ca.if_else(is_valid, ca.fmin(upper, UNBOUNDED), UNBOUNDED)
-    data = {"q": q, "lower": lower, "upper": upper, "A": A, "is_valid": is_valid}
+    data = {"q": q, "lower": lower, "upper": upper, "A": ca.densify(A), "is_valid": is_valid}
     data |= {"unroot": unroot, "slack_scale": scale, "control_a": control.a, "control_b": control.b}
     return layout, data
 
@@ -100,19 +131,12 @@ def reading(data: dict[str, ca.SX], x: ca.SX, y: ca.SX, layout: Layout) -> dict[
     mu, slack = data["unroot"] @ rooted, data["slack_scale"] * (layout.of_slacks @ slacks)
     return {
         "residual": ca.if_else(data["is_valid"], residual, ca.inf),
-        "is_valid": data["is_valid"],
+        **{name: data[name] for name in ("is_valid", "control_a", "control_b")},
         "mu": mu,
         "u": data["control_a"] @ mu + data["control_b"],
-        "control_a": data["control_a"],
-        "control_b": data["control_b"],
         "slack": ca.if_else(slack < ROUNDING, 0, slack),
         "margin": ca.fmin(upper - value, value - lower),
     }
-
-
-def norms(matrix: ca.SX) -> ca.SX:
-    """Of the rows."""
-    return ca.sqrt(ca.sum2(matrix**2))
 
 
 def is_finite(values: ca.SX) -> ca.SX:

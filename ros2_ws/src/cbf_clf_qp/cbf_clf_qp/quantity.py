@@ -6,15 +6,47 @@ measured   = slope (change of `lower` in a tick) / seconds + offset,    slope an
 rows       = of mu, if the value is such an affine function of mu
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
 import casadi as ca
 
 from cbf_clf_qp.affine import Affine
-from cbf_clf_qp.rows import Rows
 from cbf_clf_qp.system import System
+
+HARD = float("inf")  # weight of a row without slack
+Number = ca.SX | float
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Named rows `lower <= A mu - slack <= upper` of the QP, k of them, as expressions over mu (m,).
+
+    `slack_weight`: the cost w s^2 of violating a row by s, positive; HARD: no slack. `in_mu`: s is in units of mu, that
+    is s times the norm of the row of A is its violation; else in the row's own.
+    `rescue` separates a slack of last resort, whose use is published, from one that the problem has (the paper's d).
+    """
+
+    names: tuple[str, ...]
+    A: ca.SX
+    lower: ca.SX
+    upper: ca.SX
+    slack_weight: Number = HARD
+    rescue: bool = True
+    in_mu: bool = True
+
+
+def at_most(
+    names: Sequence[str], A: ca.SX, upper: ca.SX, slack_weight: Number, rescue: bool = True, in_mu: bool = True
+) -> Rows:
+    """`A mu <= upper`, each row with a slack of its own."""
+    return Rows(tuple(names), A, ca.SX(-ca.inf * ca.DM.ones(len(names))), upper, slack_weight, rescue, in_mu)
+
+
+def at_least(names: Sequence[str], A: ca.SX, lower: ca.SX, slack_weight: Number, rescue: bool = True) -> Rows:
+    """`A mu >= lower`, each row with a slack of its own."""
+    return at_most(names, -A, -lower, slack_weight, rescue)
 
 
 @dataclass(frozen=True)

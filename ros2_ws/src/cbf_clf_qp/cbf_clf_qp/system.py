@@ -11,8 +11,6 @@ of them can be stale. One that moves by itself should declare its rate, for exam
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
-from functools import cached_property
 from typing import Any
 
 import casadi as ca
@@ -22,52 +20,39 @@ from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.functions import free_symbols, packed
 
 ROUNDING = 1e-11  # what is left where u cancels, relative to what cancels
+Symbols = Mapping[str, ca.SX]
 
 
 class DegreeError(ValueError):
     """A constraint whose relative degree is another one than was said."""
 
 
-@dataclass(frozen=True)
 class System:
     """State `x` (n,), input `u` (m,), both symbols, and the expression `x_dot` (n,), affine in u.
 
     `parameters`: symbols by name, or scalar symbols, which have names of their own; `rates`: the time derivatives of
-    some of them, by name. Raises ValueError where these do not fit together, or depend on another symbol.
+    some of them, by name. `named` has the parameters by name, `p` as one column. Raises ValueError where these do not
+    fit together, or depend on another symbol.
     """
 
-    x: ca.SX
-    u: ca.SX
-    x_dot: ca.SX
-    parameters: Mapping[str, ca.SX] | Iterable[ca.SX] = ()
-    rates: Mapping[str, ca.SX] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
+    def __init__(
+        self, x: ca.SX, u: ca.SX, x_dot: ca.SX, parameters: Symbols | Iterable[ca.SX] = (), rates: Symbols | None = None
+    ) -> None:
+        self.x, self.u, self.x_dot, self.rates = x, u, x_dot, rates or {}
+        named = list(parameters.items() if isinstance(parameters, Mapping) else ((p.name(), p) for p in parameters))
+        self.named, names = dict(named), ", ".join(name for name, _ in named)
+        self.p = packed(self.named)
+        if len(self.named) < len(named):
+            raise ValueError(f"parameters {names}: expected different names")
         if self.rates.keys() - self.named.keys():
-            raise ValueError(f"rates of {', '.join(self.rates)}: expected parameters, {', '.join(self.named)}")
-        if self.x_dot.shape != self.x.shape:
-            raise ValueError(f"x_dot has {self.x_dot.numel()} components; expected {self.x.numel()}")
-        for name, expression in {"x_dot": self.x_dot, **{f"the rate of {k}": r for k, r in self.rates.items()}}.items():
-            self.check_known(name, expression)
-        self.affine(self.x_dot, "x_dot")
+            raise ValueError(f"rates of {', '.join(self.rates)}: expected parameters, {names}")
+        if x_dot.shape != x.shape:
+            raise ValueError(f"x_dot has {x_dot.numel()} components; expected {x.numel()}")
+        for name, expression in {"x_dot": x_dot, **{f"the rate of {k}": r for k, r in self.rates.items()}}.items():
+            self._check_known(name, expression)
+        self.affine(x_dot, "x_dot")
 
-    @cached_property
-    def named(self) -> dict[str, ca.SX]:
-        """The parameters' symbols by name."""
-        if isinstance(self.parameters, Mapping):
-            return dict(self.parameters)
-        named = [(symbol.name(), symbol) for symbol in self.parameters]
-        if len(dict(named)) < len(named):
-            raise ValueError(f"parameters {', '.join(name for name, _ in named)}: expected different names")
-        return dict(named)
-
-    @cached_property
-    def p(self) -> ca.SX:
-        """All parameters as one column, in their order."""
-        return packed(self.named)
-
-    def check_known(self, name: str, expression: ca.SX) -> None:
-        """Raise ValueError where an expression has a symbol that is neither state, input nor parameter."""
+    def _check_known(self, name: str, expression: ca.SX) -> None:
         if unknown := free_symbols(expression, (self.x, self.u, self.p)):
             raise ValueError(f"{name} depends on {unknown}: expected x, u and declared parameters")
 
@@ -83,7 +68,7 @@ class System:
 
         Raises DegreeError, with the `name`, where u enters earlier or not at all.
         """
-        self.check_known(name, expression)
+        self._check_known(name, expression)
         if ca.depends_on(expression, self.u):
             raise DegreeError(f"{name}: relative degree 0, but {degree} was given")
         chain = [expression]

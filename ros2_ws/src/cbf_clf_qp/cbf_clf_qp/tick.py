@@ -15,7 +15,7 @@ cart that is pulled to x = 1 m and must not pass a wall, wherever the wall is at
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from copy import copy
 from typing import Any
 
 import casadi as ca
@@ -24,22 +24,11 @@ import numpy as np
 from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.answer import Answering, Decided
 from cbf_clf_qp.estimates import Estimates
-from cbf_clf_qp.functions import Array, NumpyFunction, Values, built_once, one_at_a_time, packed, places_of
-from cbf_clf_qp.objective import Objective
-from cbf_clf_qp.qp import build_qp, is_finite
-from cbf_clf_qp.quantity import Constrained
-from cbf_clf_qp.rows import Number
+from cbf_clf_qp.functions import Array, NumpyFunction, Values, one_at_a_time, packed, places_of
+from cbf_clf_qp.qp import Objective, build_qp, is_finite
+from cbf_clf_qp.quantity import Constrained, Number
 from cbf_clf_qp.system import System
 from cbf_clf_qp.terms import Constraint, Reads, Terms
-
-
-def least_mu(terms: Terms) -> None:
-    """The paper's objective, mu' mu."""
-
-
-def no_corners(terms: Terms) -> list[Affine]:
-    """The estimates are numbers, and not the corners of a set."""
-    return []
 
 
 class Tick:
@@ -49,16 +38,18 @@ class Tick:
         control: u affine in mu. None: y^(r) = mu where a CLF has as many outputs as there are inputs, else u = mu.
         limit: of |u|, hard, on each component; an expression or a number.
         constraints: further rows.
-        objective: of the terms; None as its value means mu' mu.
+        objective: of the terms; None, for itself or as its value, means the paper's mu' mu.
         corners: further errors of the quantities (n,), affine in mu; every row is to hold at each of them.
         corrects_input: alpha and beta are part of the input, u = control(mu + alpha mu + beta) [approach1_input].
         reads: further expressions that `look` gives, by name.
         solver: the one that is asked first, `daqp` or `osqp`; the other one is its guard.
 
+    `look`: what can be read, of x and p: `nominal_a`, `nominal_b`, `control_a`, `control_b`, and `reads` by name.
     One object serves one thread. Raises DegreeError for a barrier or CLF of another relative degree than was said,
     ValueError for an expression with an undeclared symbol or two quantities of one name.
     """
 
+    @one_at_a_time
     def __init__(
         self,
         system: System,
@@ -67,28 +58,33 @@ class Tick:
         control: Affine | None = None,
         limit: Number | None = None,
         constraints: Sequence[Constraint] = (),
-        objective: Callable[[Terms], Objective | None] = least_mu,
-        corners: Callable[[Terms], list[Affine]] = no_corners,
+        objective: Callable[[Terms], Objective | None] | None = None,
+        corners: Callable[[Terms], list[Affine]] | None = None,
         corrects_input: bool = False,
         reads: Reads = None,
         solver: str = "daqp",
     ) -> None:
-        self.terms = terms = Terms.of(system, quantities, control, reads)
-        self.names, self.system = terms.names, system
+        self.terms = Terms(system, quantities, control, reads)
+        terms = copy(self.terms)
         if corrects_input:
-            corrected = terms.control.after(Affine.identity(terms.inputs) + terms.estimates)
-            cases, terms = [terms.nominal], replace(terms, control=corrected)
+            cases = [terms.nominal]
+            terms.control = terms.control.after(Affine.identity(terms.inputs) + terms.estimates)
         else:
             value = terms.nominal + terms.estimates
-            cases = [value + corner for corner in corners(terms)] or [value]
+            cases = [value + corner for corner in corners(terms)] if corners else [value]
         rows = [block for case in cases for block in terms.rows(case)]
         rows += [block for constraint in constraints for block in constraint(terms)]
         rows += [] if limit is None else terms.input_rows(limit)
-        self.layout, data = build_qp(rows, objective(terms), terms.control)
+        self.layout, data = build_qp(rows, objective(terms) if objective else None, terms.control)
         self._needs_output_error = ca.depends_on(packed(data), ca.vec(terms.symbols["output_error"]))
         data["is_valid"] *= is_finite(packed(terms.symbols))
         self.answer = Answering(terms.symbols, data, self.layout, solver)
-        self._parameter_places, self._parameters_size = places_of(system.named), int(system.p.numel())
+        matrices = {"nominal_a": self.terms.nominal.a, "control_a": self.terms.control.a}
+        shown = {**matrices, "nominal_b": self.terms.nominal.b, "control_b": self.terms.control.b, **terms.reads}
+        self.look = NumpyFunction.of("look", {"x": system.x, "p": system.p}, shown, matrices)
+        self.names, self.system = terms.names, system
+        self.reset = self.answer.reset  # forgets the last programme, so that no episode depends on the one before
+        self._places, self._p_size = places_of(system.named), int(system.p.numel())
 
     def __call__(
         self, x: Any, alpha: Any = None, beta: Any = None, output_error: Any = None, **parameters: Any
@@ -100,7 +96,7 @@ class Tick:
         estimates = None
         if not (alpha is None and beta is None and output_error is None):
             given = zip((alpha, beta, output_error), vars(self.no_error()).values(), strict=True)
-            estimates = Estimates(*(np.asarray(zero if value is None else value, float) for value, zero in given))
+            estimates = Estimates(*(zero if value is None else np.asarray(value, float) for value, zero in given))
         return self.decide(np.asarray(x, float), self.p(**parameters), estimates)
 
     def decide(self, x: Array, p: Array, estimates: Estimates | None = None) -> Decided:
@@ -108,27 +104,23 @@ class Tick:
 
         Raises ValueError where a value is not finite or of the wrong size, or an output error is needed and not known.
         """
-        decided = self.answer(x, p) if estimates is None else self.answer(x, p, *self._arrays(estimates))
+        inputs = (x, p) if estimates is None else self._inputs(x, p, estimates)
+        decided = self.answer(*inputs)
         if not decided.solved:
-            self._check_finite(x, p, estimates)
+            named = {"x": x, **{name: p[place] for name, (place, _) in self._places.items()}}
+            named |= dict(zip(("alpha", "beta", "output_error"), inputs[2:], strict=False))
+            for name, value in named.items():
+                if not np.isfinite(value).all():
+                    raise ValueError(f"{name} = {value}: expected finite numbers")
         return decided
 
     def programme(self, x: Array, p: Array, estimates: Estimates) -> Values:
         """The data of the QP, see `qp.build_qp`; for who solves it in another way."""
-        return self.answer.programme(x, p, *self._arrays(estimates))
-
-    def _arrays(self, estimates: Estimates) -> tuple[Array, Array, Array]:
-        """As the functions take them: an output error that is not known is zero where nothing depends on it."""
-        error = estimates.output_error
-        if error is None:
-            if self._needs_output_error:
-                raise ValueError("output_error = None: expected (Delta_2 | Delta_1), on which the objective depends")
-            error = np.zeros((self.terms.inputs, self.terms.inputs + 1))
-        return estimates.alpha, estimates.beta, error
+        return self.answer.programme(*self._inputs(x, p, estimates))
 
     def p(self, **parameters: Any) -> Array:
         """All parameters as one array, for `decide`; raises ValueError where one is missing, unknown or too long."""
-        row, places = np.empty(self._parameters_size), self._parameter_places
+        row, places = np.empty(self._p_size), self._places
         if parameters.keys() != places.keys():
             missing, unknown = places.keys() - parameters.keys(), parameters.keys() - places.keys()
             problem = f"{', '.join(sorted(missing))} missing" if missing else f"{', '.join(sorted(unknown))} unknown"
@@ -136,9 +128,9 @@ class Tick:
         for name, (place, shape) in places.items():
             value = parameters[name]
             try:
-                if shape != (1,) and np.shape(value) != shape:
+                if shape != (1,) and (value := np.asarray(value, float)).shape != shape:
                     raise ValueError
-                row[place] = value if len(shape) == 1 else np.ravel(value)
+                row[place] = value if len(shape) == 1 else value.ravel()
             except (TypeError, ValueError):
                 raise ValueError(f"parameter {name} = {value}: expected numbers of shape {shape}") from None
         return row
@@ -147,30 +139,16 @@ class Tick:
         """The estimates of a nominal controller."""
         return Estimates.zero(len(self.names), self.terms.inputs)
 
-    @property
-    def unanswered(self) -> int:
-        """Ticks that the first solver did not answer, so that its guard was asked."""
-        return self.answer.unanswered
-
-    def reset(self) -> None:
-        """Forget the last programme, so that an episode does not depend on the one before."""
-        self.answer.reset()
-
-    @built_once
-    def look(self) -> NumpyFunction:
-        """What can be read, of x and p: `nominal_a`, `nominal_b`, `control_a`, `control_b`, and `reads` by name."""
-        terms, matrices = self.terms, {"nominal_a": self.terms.nominal.a, "control_a": self.terms.control.a}
-        shown = {**matrices, "nominal_b": terms.nominal.b, "control_b": terms.control.b, **terms.reads}
-        return NumpyFunction.of("look", {"x": self.system.x, "p": self.system.p}, shown, matrices)
-
     @one_at_a_time
     def glance(self, names: Sequence[str]) -> NumpyFunction:
-        """A `look` that reads only these of the terms' `reads`; what needs no dynamics takes a tenth of the time."""
+        """A `look` at some of `reads` alone; what needs no dynamics takes a tenth of the time."""
         shown = {name: self.terms.reads[name] for name in names}
         return NumpyFunction.of("glance", {"x": self.system.x, "p": self.system.p}, shown)
 
-    def _check_finite(self, x: Array, p: Array, estimates: Estimates | None) -> None:
-        parameters = {name: p[place] for name, (place, _) in self._parameter_places.items()}
-        for name, value in {"x": x, **parameters, **(vars(estimates) if estimates else {})}.items():
-            if value is not None and not np.isfinite(value).all():
-                raise ValueError(f"{name} = {value}: expected finite numbers")
+    def _inputs(self, x: Array, p: Array, estimates: Estimates) -> tuple[Array, ...]:
+        """Of the functions; an output error that is not known is zero where nothing depends on it."""
+        if estimates.output_error is not None:
+            return x, p, estimates.alpha, estimates.beta, estimates.output_error
+        if self._needs_output_error:
+            raise ValueError("output_error = None: expected (Delta_2 | Delta_1), on which the objective depends")
+        return x, p, estimates.alpha, estimates.beta

@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from cbf_clf_qp.clf import Clf, ResClf
-from cbf_clf_qp.rows import HARD
+from cbf_clf_qp.quantity import HARD
 from cbf_clf_qp.tick import Tick
 
 SETTINGS = [(0.05, (0.5, 3**0.5 / 2)), (0.07, (1.0, 1.8)), (0.3, (2.0,)), (0.5, (1.0, 3.0, 3.0))]

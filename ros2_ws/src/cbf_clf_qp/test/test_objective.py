@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.answer import Answering
-from cbf_clf_qp.objective import nearest, pd_centred
-from cbf_clf_qp.qp import build_qp
-from cbf_clf_qp.rows import at_most
+from cbf_clf_qp.qp import build_qp, nearest, pd_centred
+from cbf_clf_qp.quantity import at_most
 
 M = 3
 

@@ -9,10 +9,9 @@ import daqp
 import numpy as np
 import pytest
 from cbf_clf_qp.affine import Affine
-from cbf_clf_qp.answer import Answering
-from cbf_clf_qp.objective import Objective
-from cbf_clf_qp.qp import build_qp
-from cbf_clf_qp.rows import HARD, Rows, at_least, at_most
+from cbf_clf_qp.answer import TOLERANCE, Answering
+from cbf_clf_qp.qp import Objective, build_qp
+from cbf_clf_qp.quantity import HARD, Rows, at_least, at_most
 
 M, SOFT, LIMIT = 3, 5, 2.0  # inputs, soft rows; of |mu|
 
@@ -90,7 +89,7 @@ def test_an_answer_that_is_wrong_is_not_solved(monkeypatch: pytest.MonkeyPatch) 
         return x, np.linalg.lstsq(p.A.T, -(2 * x + p.q), rcond=None)[0], "solved"
 
     monkeypatch.setattr(answering._osqp, "solve", wrong)
-    assert not answering._by_osqp(data).solved
+    assert answering._by_osqp(*data)[0].residual[0] > TOLERANCE
     guarded = answering(*data)
     assert (right.solver, guarded.solver, answering.unanswered) == ("osqp", "daqp", 1)
     assert guarded.mu == pytest.approx(right.mu, abs=1e-6)
@@ -151,7 +150,7 @@ import numpy as np
 from cbf_clf_qp import Affine
 from cbf_clf_qp.answer import Answering
 from cbf_clf_qp.qp import build_qp
-from cbf_clf_qp.rows import at_least
+from cbf_clf_qp.quantity import at_least
 
 heard = []
 

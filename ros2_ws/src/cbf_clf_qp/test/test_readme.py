@@ -34,7 +34,7 @@ def test_the_learned_error_is_the_true_one(names: dict[str, Any]) -> None:
 
 def test_a_rate_that_is_not_declared_costs_what_is_said(names: dict[str, Any]) -> None:
     tick, np, x, speed = names["tick"], names["np"], names["np"].zeros(2), names["SPEED"]
-    for k in range(3000):  # a cart as believed
-        acceleration = tick(x, wall=1.2 + speed * 1e-3 * k, speed=0.0).u[0] / names["BELIEVED"]
+    for k in range(3000):  # a cart as its model
+        acceleration = tick(x, wall=1.2 + speed * 1e-3 * k, speed=0.0).u[0] / names["NOMINAL"]
         x = x + 1e-3 * np.array([x[1] + 5e-4 * acceleration, acceleration])
     assert 1.2 + speed * 3 - x[0] == pytest.approx(-0.05, abs=1e-3)

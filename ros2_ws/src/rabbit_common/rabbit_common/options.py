@@ -131,13 +131,14 @@ def fault(error: ValidationError) -> str:
     """Option, value and expectation of the first thing that is wrong."""
     first: ErrorDetails = error.errors()[0]
     text = re.sub(r"^(Input should be|Value error,)( a valid)? ?(expected )?", "", first["msg"])
+    parts = "".join(f"[{part}]" for part in first["loc"][1:])
     if first["type"] == "extra_forbidden":
-        return f"{first['loc'][0]}: no such parameter"
+        return f"{first['loc'][0]}{parts}: no such parameter"
     if first["type"] == "model_type":
         text = "names, each with a value"
     if not first["loc"]:
         return f"expected {text}" if first["type"] == "model_type" else first["msg"].removeprefix("Value error, ")
-    name = option_name(str(first["loc"][0])) + "".join(f"[{part}]" for part in first["loc"][1:])
+    name = option_name(str(first["loc"][0])) + parts
     return f"{name}: missing" if first["type"] == "missing" else f"{name} {first['input']}: expected {text}"
 
 

@@ -211,10 +211,10 @@ class ContactAidedFilter:
         h = self._h[rows]
         across = h @ self.covariance
         innovation = Innovation(value, across @ h.T + noise[rows, rows])
-        believed = self._gate.believed(innovation)
-        if not believed.all():
-            across = across[believed]
-            innovation = Innovation(value[believed], innovation.covariance[np.ix_(believed, believed)])
+        accepted = self._gate.accepted(innovation)
+        if not accepted.all():
+            across = across[accepted]
+            innovation = Innovation(value[accepted], innovation.covariance[np.ix_(accepted, accepted)])
         self.innovation = innovation
         gain = np.linalg.solve(innovation.covariance, across).T
         self.mean = self.mean + gain @ innovation.value

@@ -1,4 +1,4 @@
-"""Which encoders are believed in a tick: a reading that cannot be is refused.
+"""Which encoders are used in a tick: a gate refuses a reading that cannot be.
 
 A joint's innovation nu (2,), of its angle and its rate, has the covariance S. The gate refuses it where
 
@@ -9,7 +9,7 @@ impact's innovation is not Gaussian, and reached 15 in 10,572 ticks on twenty pl
 of an impact, when S is large: on those plants no impact changed a rate by more than 22 rad/s, or moved an angle by more
 than 0.17 rad from where it was expected (3,929 ticks).
 An encoder that was refused in `PATIENCE` ticks in a row may have slipped: its zero is then no longer known, so that it
-is believed again.
+is used again.
 """
 
 from dataclasses import dataclass
@@ -45,7 +45,7 @@ class EncoderGate:
     def __init__(self) -> None:
         self.refused = np.zeros(JOINTS, dtype=int)
 
-    def believed(self, innovation: Innovation) -> Array:
+    def accepted(self, innovation: Innovation) -> Array:
         """Which rows of the innovation, (m,) of bool, are to be used."""
         rows = np.ones(len(innovation.value), dtype=bool)
         for joint in range(JOINTS):

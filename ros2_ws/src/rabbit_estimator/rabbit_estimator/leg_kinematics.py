@@ -1,4 +1,4 @@
-"""Where a foot is from the hip, as the controller believes: straight links of equal length, a small round foot.
+"""Where a foot is from the hip, by the controller's model: straight links of equal length, a small round foot.
 
 With the world angles a = pitch + hip of the thigh and b = a + knee of the shin, the foot's centre is at
 -L (sin a + sin b, cos a + cos b) from the hip. A foot of radius r that stands rolls: its centre moves r for each radian

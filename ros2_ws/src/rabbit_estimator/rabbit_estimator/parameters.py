@@ -1,4 +1,4 @@
-"""What the state estimator believes of its sensors and of the robot's motion."""
+"""What the state estimator assumes of its sensors and of the robot's motion."""
 
 from math import pi, sqrt
 from typing import Annotated

@@ -155,7 +155,7 @@ def turned(tick, joint, angle):
 @pytest.mark.parametrize("joint", range(4))
 @pytest.mark.parametrize("glitch", [0.05, -0.3, 3.0])
 def test_a_glitch_of_an_encoder_is_refused(joint, glitch):
-    """The estimate goes on within the encoders' resolution, and the next reading is believed."""
+    """The estimate goes on within the encoders' resolution, and the next reading is used."""
     estimator = ContactAidedFilter(EstimatorParameters())
     for tick in range(50):
         before = estimator.update(state(tick))
@@ -163,7 +163,7 @@ def test_a_glitch_of_an_encoder_is_refused(joint, glitch):
     for estimate in (during, after):
         assert estimate.q == pytest.approx(before.q, abs=4e-4)
         assert estimate.dq == pytest.approx(before.dq, abs=0.05)
-    assert estimator.innovation.value.size == MEASURED  # all are believed again
+    assert estimator.innovation.value.size == MEASURED  # all are used again
 
 
 @pytest.mark.parametrize("joint", range(4))

@@ -1,4 +1,4 @@
-"""Seeded runs of plant, controller and policy: metrics, ablations; `reproduce`: the paper's claims."""
+"""Seeded runs of plant, controller and policy: one or many, their figures, training."""
 
 from rabbit_common.threads import use_one_thread
 

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
 from rabbit_description.gait import Gaits, load_gaits
 from rabbit_estimator.contact_aided_filter import ContactAidedFilter
@@ -9,11 +10,10 @@ from rabbit_estimator.parameters import EstimatorParameters
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.robot_urdf import perturbed_urdf
 from rabbit_sim.simulation import Simulation
-from rl_cbf_clf_controller.controller import Controller
+from rl_cbf_clf_controller.controller import Controller, Further, nothing_further
 from rl_cbf_clf_controller.oracle import OraclePolicy, TruePlant
 from rl_cbf_clf_controller.parameters import ControllerParameters
-from rl_cbf_clf_controller.policy import PartlyNominal, Policy, ZeroPolicy
-from rl_cbf_clf_controller.policy_compatibility import fitted
+from rl_cbf_clf_controller.policy import PartlyNominal, Policy, ZeroPolicy, fitted
 from rl_cbf_clf_controller.weights import SHIPPED, PolicyFileError, policy_path, read
 
 
@@ -29,8 +29,11 @@ class AssemblyError(ValueError):
 class Assembly:
     """What an episode is made of, but for its seed. `policy` is `zero`, `oracle` or the path of a policy file.
 
-    Its estimates of the quantities in `nominal`, by name, are set to zero.
+    Its estimates of the quantities in `nominal`, by name, are set to zero. A method of its own kind of controller
+    derives from this and names that.
     """
+
+    kind: ClassVar[type[Controller]] = Controller
 
     simulation: SimulationParameters
     controller: ControllerParameters
@@ -46,10 +49,13 @@ class Assembly:
                 raise AssemblyError("nominal", f"{name}: expected some of {', '.join(known)}")
         object.__setattr__(self, "nominal", tuple(name for name in known if name in self.nominal))
 
-    def build(self) -> tuple[Simulation, Controller]:
-        """A plant and a controller that have seen nothing yet; raises `GaitError`, `CourseError`, `PolicyFileError`."""
+    def build(self, further: Further = nothing_further) -> tuple[Simulation, Controller]:
+        """A plant and a controller that have seen nothing yet; `further` quantities of your own, see `Controller`.
+
+        Raises `GaitError`, `CourseError`, `PolicyFileError`.
+        """
         gait = load_gaits(self.controller.gait)
-        return make_simulation(self.simulation, gait), Controller(self.controller, gait, self.make_policy())
+        return make_simulation(self.simulation, gait), self.kind(self.controller, gait, self.make_policy(), further)
 
     def make_policy(self) -> Policy:
         """The policy object."""

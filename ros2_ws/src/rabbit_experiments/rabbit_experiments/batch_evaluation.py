@@ -55,8 +55,8 @@ def walk_together(
         decided, go_on = time.perf_counter(), np.ones(len(runs), dtype=bool)
         for row, run in enumerate(runs):
             run.force = simulation.true_force[row]
-            if row in output.errors:
-                run.tally.fault = output.errors[row]
+            if row in output.scene.errors:
+                run.tally.fault = output.scene.errors[row]
             else:
                 run.tally(Record(states[row], output[row]))
             go_on[row] = not run.tally.fault

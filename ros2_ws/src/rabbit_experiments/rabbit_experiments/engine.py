@@ -1,4 +1,4 @@
-"""The engine of all seeded runs: does the jobs that a cache lacks, over processes or machines, and keeps each result.
+"""The engine of all seeded runs: does the jobs that a cache lacks, over processes, and keeps each result.
 
 run(Scenario(assembly, runs=50, seed=9001).walks, Cache(Path("runs/nominal/cache")), processes=2)
 """
@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from itertools import chain
 from math import ceil
 from multiprocessing import resource_tracker
-from typing import Any, Literal
+from typing import Any
 
 import joblib
 from joblib.externals.loky.backend import resource_tracker as loky_tracker
@@ -19,29 +19,21 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from rabbit_experiments.cache import Cache, Job, JobError
 
-Backend = Literal["loky", "ray"]
-ROUND = 8  # jobs a process between two returns of Ray, which hands nothing back before a round is over
-
-
-class BackendError(RuntimeError):
-    """A joblib backend that is not there."""
-
 
 def run(
     jobs: Sequence[Job],
     cache: Cache,
     processes: int = 1,
-    backend: Backend = "loky",
     note: Callable[[Any, Any], str] = lambda job, _: str(job.title),
     batch: int = 1,
 ) -> int:
     """Do what the cache lacks, with a bar; returns how many were done. Ctrl-C loses only jobs under way.
 
-    One process does them here and in order. At most `batch` jobs that are companions are done at once. `note(job, result)` is called once a result is kept; it returns what the
+    One process does them here and in order. At most `batch` jobs that are companions are done at once.
+    `note(job, result)` is called once a result is kept; it returns what the
     bar says.
 
     Raises:
-        BackendError: Ray is asked for and not installed.
         JobError: of the first job that had no result, when the others are done.
     """
     unique = list({cache.key(job): job for job in jobs}.values())
@@ -51,7 +43,7 @@ def run(
     errors: list[JobError] = []
     with progress_bar() as bar:
         task = bar.add_task("", total=len(unique), completed=len(unique) - len(left))
-        for job, result in _results(batches(left, batch, processes), processes, backend):
+        for job, result in _results(batches(left, batch, processes), processes):
             try:
                 if isinstance(result, JobError):
                     raise result
@@ -85,11 +77,9 @@ def batches(jobs: Sequence[Job], most: int, processes: int) -> list[list[Job]]:
     return found
 
 
-def _results(left: Sequence[list[Job]], processes: int, backend: Backend) -> Iterator[tuple[Job, Any]]:
+def _results(left: Sequence[list[Job]], processes: int) -> Iterator[tuple[Job, Any]]:
     """Jobs with their results, in the order in which they end."""
-    if backend == "ray":
-        yield from _through_ray(left, processes)
-    elif processes == 1 or len(left) <= 1:
+    if processes == 1 or len(left) <= 1:
         yield from chain.from_iterable(map(_each, left))
     else:
         begin = {"initializer": end_with_parent, "initargs": (os.getpid(),)}
@@ -110,19 +100,6 @@ def _interrupts_held() -> Iterator[None]:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-def _through_ray(left: Sequence[list[Job]], processes: int) -> Iterator[tuple[Job, Any]]:
-    """The cluster that RAY_ADDRESS names, or one on this machine; every machine has the same installation."""
-    try:
-        from ray.util.joblib import register_ray
-    except ImportError as error:
-        raise BackendError("--backend ray: expected Ray: pip install 'rabbit_experiments[ray]'") from error
-    register_ray()
-    with joblib.parallel_config(backend="ray", n_jobs=processes):
-        for first in range(0, len(left), ROUND * processes):
-            some = left[first : first + ROUND * processes]
-            yield from chain.from_iterable(joblib.Parallel(batch_size=1)(joblib.delayed(_do)(jobs) for jobs in some))
 
 
 def _do(jobs: list[Job]) -> list[tuple[Job, Any]]:

@@ -8,15 +8,13 @@ F_N > 20 N) or without a push from the ground (F_N <= 0, "lost").
 
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict
-from rabbit_description.force_ratio import LOADED
+from rabbit_description.force_ratio import force_ratio
 from rabbit_description.state import Array
 from rabbit_sim.simulation import Landing, Outcome
-from rl_cbf_clf_controller.controller_output import ControllerOutput
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_trainer.rollout import Record
 
@@ -37,8 +35,6 @@ EVENTS = (  # ticks and steps of a run that are counted
     "saturated_ticks",
     "ecbf_start_violations",
 )
-LARGEST = ("max_torque", "max_clf", "max_slack", "max_rescue_slack")
-COUNTED = (*EVENTS, *(f"active_{name}" for name in ROWS))
 
 
 class RunRow(BaseModel):
@@ -114,112 +110,35 @@ class RunResult(BaseModel):
     tick_seconds: list[float]
 
 
-@dataclass
-class ForceTally:
-    """Stance forces against the unilateral constraint and the cone of `friction_coeff`; `counts` as in `RunRow`."""
-
-    run: int
-    friction_coeff: float
-    violations: list[ForceTick] = field(default_factory=list)
-    counts: Counter[str] = field(default_factory=Counter)
-    max_ratio: float = 0.0
-    min_normal: float = np.inf
-
-    def add(self, output: ControllerOutput, age: int, force: Array) -> None:
-        """Take in a tick, `age` ticks after the legs swapped, with the `force` (2,) on the foot that stands, N."""
-        if output.tick == 0:
-            return  # no tick before it, no force yet
-        tangential, normal = force.tolist()
-        ratio = abs(tangential) / normal if normal > LOADED else 0.0
-        at_impact = age < IMPACT_TICKS
-        if not at_impact:
-            self.min_normal = min(self.min_normal, normal)
-            self.max_ratio = max(self.max_ratio, ratio)
-        self.counts["ticks_normal_force_negative"] += normal < 0
-        if ratio <= self.friction_coeff and normal > 0:
-            return
-        kind: Literal["lost", "over_cone"] = "lost" if normal <= 0 else "over_cone"
-        self.counts[f"ticks_{kind}" + "_at_impact" * at_impact] += 1
-        self.violations.append(
-            ForceTick(
-                run=self.run,
-                kind=kind,
-                tick=output.tick,
-                step=output.step_index,
-                ticks_since_landing=age,
-                at_impact=at_impact,
-                tangential_force=tangential,
-                normal_force=normal,
-                ratio=ratio,
-            )
-        )
-
-
 class RunTally:
     """Observes a rollout; `result` reduces it. `foot_force` gives the true forces, (2, 2), at the present tick."""
 
     def __init__(self, run: int, parameters: ControllerParameters, foot_force: Callable[[], Array]) -> None:
-        self._foot_force = foot_force
-        self.run = run
-        self.ticks = 0
+        self.run, self._foot_force = run, foot_force
         self.fault = ""
-        self._forces = ForceTally(run, parameters.friction_coeff)
-        self._pole = parameters.barrier_pole_1
-        self._eta: list[Array] = []
+        self._friction_coeff, self._pole = parameters.friction_coeff, parameters.barrier_pole_1
+        self._numbers: list[tuple[float, ...]] = []
+        self._active: list[tuple[str, ...]] = []
         self._torque: list[Array] = []
-        self._sizes: list[tuple[float, ...]] = []  # V, CLF slack, rescue slack
-        self._active: Counter[tuple[str, ...]] = Counter()
-        self._counts: Counter[str] = Counter()
-        self._barrier_steps: set[int] = set()
-        self._step, self._step_tick = -1, 0
+        self._eta: list[Array] = []
+        self._rates: list[Array] = []
+
+    @property
+    def ticks(self) -> int:
+        """So far."""
+        return len(self._numbers)
 
     def __call__(self, record: Record) -> None:
         """Take in a tick."""
-        state, output = record.state, record.output
-        self.ticks += 1
+        output = record.output
         self.fault = output.fault
-        self._eta.append(output.eta)
+        force, slacks = self._foot_force()[output.stance].tolist(), (output.clf_slack, output.rescue_slack)
+        flags = output.answered, output.saturated
+        self._numbers.append((output.tick, output.step_index, *force, output.V, *slacks, *flags))
+        self._active.append(output.active)
         self._torque.append(output.torque)
-        self._sizes.append((output.V, output.clf_slack, output.rescue_slack))
-        self._active[output.active] += 1
-        if output.step_index != self._step:
-            self._step, self._step_tick = output.step_index, state.tick
-            self._counts["ecbf_start_violations"] += self._starts_outside(output)
-        self._forces.add(output, state.tick - self._step_tick, self._foot_force()[output.stance])
-        self._count(output)
-
-    def _starts_outside(self, output: ControllerOutput) -> bool:
-        """Whether a barrier's B' + p1 B is negative where the step begins: from there an ECBF promises nothing."""
-        return bool((output.barrier_rates + self._pole * output.barriers < 0).any())
-
-    def _count(self, output: ControllerOutput) -> None:
-        if "B1" in output.active or "B2" in output.active:
-            self._barrier_steps.add(output.step_index)
-        self._counts["qp_unanswered_ticks"] += not output.answered
-        self._counts["qp_unconstrained_ticks"] += not output.active
-        self._counts["slack_ticks"] += output.clf_slack > 0
-        self._counts["rescue_ticks"] += output.rescue_slack > RESCUE_NEEDED
-        self._counts["saturated_ticks"] += output.saturated
-
-    def _counted(self) -> dict[str, int]:
-        """`COUNTED`, of all ticks."""
-        counts = self._counts + self._forces.counts
-        for active, ticks in self._active.items():
-            rows = {name if name in ROWS else name[: 1 if name[0] == "u" else 2] for name in active}
-            counts.update({f"active_{name}": ticks for name in rows & set(ROWS)})
-        return {name: counts[name] for name in COUNTED}
-
-    def _most(self) -> dict[str, float]:
-        """The largest of all ticks, 0 at least."""
-        if not self.ticks:
-            return dict.fromkeys(LARGEST, 0.0)
-        sizes = np.column_stack([np.abs(self._torque).max(axis=1), self._sizes])
-        return dict(zip(LARGEST, np.fmax.reduce(sizes, axis=0, initial=0.0).tolist(), strict=True))
-
-    def _rms(self, of: slice) -> float:
-        """Of the columns of eta."""
-        squares = np.square(np.array(self._eta).reshape(-1, 8)).sum(axis=0)
-        return float(np.sqrt(squares[of].mean() / max(self.ticks, 1)))
+        self._eta.append(output.eta)
+        self._rates.append(output.barrier_rates + self._pole * output.barriers)
 
     def result(
         self,
@@ -231,33 +150,76 @@ class RunTally:
         walk_seconds: float = 0.0,
     ) -> RunResult:
         """The run in figures, once it is over; seconds that each controller and plant tick took, and the whole walk."""
+        columns = np.array(self._numbers, dtype=float).reshape(-1, 9).T
+        tick, step, tangential, normal, V, slack, rescue, answered, saturated = columns
+        starts = np.diff(step, prepend=-1) != 0
+        age = tick - tick[starts][np.cumsum(starts) - 1]
+        ratio = np.nan_to_num(force_ratio(columns[2:4].T))
+        measured, at_impact = tick > 0, age < IMPACT_TICKS  # at tick 0 there is no force yet
+        over, lost, late = measured & (ratio > self._friction_coeff), measured & (normal <= 0), measured & ~at_impact
+        outside = starts & (np.reshape(self._rates, (-1, 2)) < 0).any(axis=1)  # from there an ECBF promises nothing
+        active, steps = Counter[str](), set[float]()
+        for names, at in zip(self._active, step, strict=True):
+            rows = {name if name in ROWS else name[: 1 if name[0] == "u" else 2] for name in names}
+            active.update(rows)
+            steps |= {at} if rows & {"B1", "B2"} else set()
+        happened = {
+            "ticks_over_cone": over & ~at_impact,
+            "ticks_over_cone_at_impact": over & at_impact,
+            "ticks_normal_force_negative": measured & (normal < 0),
+            "ticks_lost": lost & ~at_impact,
+            "ticks_lost_at_impact": lost & at_impact,
+            "qp_unanswered_ticks": answered == 0,
+            "qp_unconstrained_ticks": [not names for names in self._active],
+            "slack_ticks": slack > 0,
+            "rescue_ticks": rescue > RESCUE_NEEDED,
+            "saturated_ticks": saturated == 1,
+            "ecbf_start_violations": outside,
+        }
+        counts: dict[str, int] = {name: int(np.sum(happened[name])) for name in EVENTS}
+        counts |= {f"active_{name}": active[name] for name in ROWS}
         missed = [landing.missed or not landing.on_stone for landing in landings]
-        stones = missed.index(True) if True in missed else len(missed)
         success = outcome is Outcome.WALKED and not self.fault and not any(missed)
-        forces, milliseconds = self._forces, np.array(ticks) * 1e3
-        counts = self._counted()
-        counted: dict[str, Any] = self._most() | counts
+        squares = np.square(np.reshape(self._eta, (-1, 8))).sum(axis=0) / max(self.ticks, 1)
+        milliseconds = np.array(ticks) * 1e3
         row = RunRow(
             run=self.run,
             seed=seed,
             outcome=self.fault.split(":")[0] or outcome.value,
             success=success,
             success_with_forces=success and not counts["ticks_over_cone"] and not counts["ticks_lost"],
-            stones=stones,
+            stones=missed.index(True) if True in missed else len(missed),
             missed_stones=sum(missed),
-            steps=self._step + 1,
+            steps=int(step[-1]) + 1 if self.ticks else 0,
             ticks=self.ticks,
             worst_margin=min((min(step.l - step.l_min, step.l_max - step.l) for step in landings), default=np.nan),
-            max_force_ratio=forces.max_ratio,
-            min_normal_force=forces.min_normal if np.isfinite(forces.min_normal) else np.nan,
-            barrier_active_steps=len(self._barrier_steps),
-            rms_y=self._rms(slice(4)),
-            rms_dy=self._rms(slice(4, 8)),
+            max_force_ratio=ratio[late].max(initial=0.0),
+            min_normal_force=normal[late].min() if late.any() else np.nan,
+            barrier_active_steps=len(steps),
+            max_torque=np.abs(np.reshape(self._torque, (-1, 4))).max(initial=0.0),
+            rms_y=float(np.sqrt(squares[:4].mean())),
+            rms_dy=float(np.sqrt(squares[4:].mean())),
+            max_clf=np.fmax.reduce(V, initial=0.0),
+            max_slack=np.fmax.reduce(slack, initial=0.0),
+            max_rescue_slack=np.fmax.reduce(rescue, initial=0.0),
             tick_ms_p50=float(np.percentile(milliseconds, 50)),
             tick_ms_p99=float(np.percentile(milliseconds, 99)),
             plant_ms_p50=float(np.median(plant_ticks)) * 1e3 if plant_ticks else np.nan,
             walk_seconds=walk_seconds,
-            **counted,
+            **counts,
         )
-        seconds = [round(tick, 7) for tick in ticks]
-        return RunResult(row=row, violations=forces.violations, tick_seconds=seconds)
+        violations = [
+            ForceTick(
+                run=self.run,
+                kind="lost" if lost[i] else "over_cone",
+                tick=tick[i],
+                step=step[i],
+                ticks_since_landing=age[i],
+                at_impact=at_impact[i],
+                tangential_force=tangential[i],
+                normal_force=normal[i],
+                ratio=ratio[i],
+            )
+            for i in np.flatnonzero(over | lost)
+        ]
+        return RunResult(row=row, violations=violations, tick_seconds=[round(seconds, 7) for seconds in ticks])

@@ -18,9 +18,9 @@ from typing import Any
 
 import numpy as np
 from cbf_clf_qp.estimates import Estimates
-from cbf_clf_qp.problem import Problem
 from rabbit_description.state import Array
 from rl_cbf_clf_controller.controller_output import ControllerOutput
+from rl_cbf_clf_controller.problem import Problem
 from rl_cbf_clf_controller.scene import Scene
 from rl_trainer.rollout import Record
 
@@ -57,16 +57,16 @@ def compare(assembly: Assembly, walker: str, seeds: Iterable[int]) -> dict[str, 
     if not ticks:
         raise NoTicksError(f"no walk of the {walker} lasted {SETTLED} s")
     outputs, scenes = zip(*ticks, strict=True)
-    law = assembly.controller
-    nothing = Estimates.zero(len(law.problem.quantities), law.problem.inputs)
-    cone = ("C2+", "C2-") if law.cone == "two_rows" else ("C2",)
-    rows = ("CLF", "B1", "B2", "C1", *cone) if law.terrain == "stones" else ("CLF",)
+    parameters = assembly.controller
+    nothing = Estimates.zero(len(parameters.problem.quantities), parameters.problem.inputs)
+    cone = ("C2+", "C2-") if parameters.cone == "two_rows" else ("C2",)
+    rows = ("CLF", "B1", "B2", "C1", *cone) if parameters.terrain == "stones" else ("CLF",)
     return {
         "walks": walks,
         "ticks": len(ticks),
         "active_share": {row: sum(row in output.active for output in outputs) / len(ticks) for row in rows},
         "quantities": errors(
-            law.problem,
+            parameters.problem,
             [policy.estimate(each, nothing) for each in scenes],
             [oracle.estimate(each, nothing) for each in scenes],
             np.array([output.mu for output in outputs]),

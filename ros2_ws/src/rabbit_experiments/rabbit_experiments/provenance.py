@@ -159,8 +159,9 @@ def _strings(asked: Any, key: str = "") -> Iterator[tuple[str, str]]:
 def _parts() -> dict[str, dict[str, str]]:
     """The parts that packages bring: by name, what each group has under it."""
     found: dict[str, dict[str, str]] = {}
+    every = entry_points()
     for group in PARTS:
-        for each in entry_points(group=group):
+        for each in every.select(group=group):
             found.setdefault(each.name, {})[f"{group} {each.name}"] = each.value
     return found
 

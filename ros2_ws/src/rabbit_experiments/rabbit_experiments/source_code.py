@@ -49,22 +49,22 @@ def code_of(modules: frozenset[str]) -> dict[str, str]:
         else:
             files[name] = path
             todo += [name.rpartition(".")[0]] if "." in name else []
-            todo += imports(path, name)
+            package = name if path.name == "__init__.py" else name.rpartition(".")[0]
+            todo += imports(path.read_bytes(), package)
     return {**{top: _version(top) for top in libraries}, **_hashes(files)}
 
 
 @cache
-def imports(path: Path, module: str) -> tuple[str, ...]:
-    """Modules that a file imports, and names that may be modules; none of a file that is no Python."""
+def imports(source: bytes, package: str) -> tuple[str, ...]:
+    """Modules that a file of a package imports, and names that may be modules; none of a file that is no Python."""
     try:
-        return tuple(_imports(path, module))
+        return tuple(_imports(source, package))
     except (SyntaxError, ValueError):
         return ()
 
 
-def _imports(path: Path, module: str) -> Iterator[str]:
-    package = module if path.name == "__init__.py" else module.rpartition(".")[0]
-    for node in ast.walk(ast.parse(path.read_bytes())):
+def _imports(source: bytes, package: str) -> Iterator[str]:
+    for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.Import):
             yield from (each.name for each in node.names)
         elif isinstance(node, ast.ImportFrom):

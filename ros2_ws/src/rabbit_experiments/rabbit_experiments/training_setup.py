@@ -10,9 +10,10 @@ from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import Policy
+from rl_trainer.checkpoint import CheckpointError
 from rl_trainer.parameters import TrainingParameters
-from rl_trainer.session import CheckpointError, Session
-from rl_trainer.training import EpisodeReport, Provenance, Trainer
+from rl_trainer.session import Session
+from rl_trainer.training import EpisodeReport, LearnerType, Provenance, Trainer, make_learner
 
 from rabbit_experiments import provenance
 from rabbit_experiments.assembly import make_simulation
@@ -35,12 +36,14 @@ def training(
     controller: ControllerParameters,
     plant: SimulationParameters,
     command: str | None = None,
+    learner: LearnerType | None = None,
 ) -> Iterator[Training]:
     """Begin a session, or go on with the one in `folder` if plant, gait and code are those that it began with.
 
     Raises `GaitError`, `CourseError`, `CheckpointError`.
 
-    `command` goes into the policy files, this process's own where it is not given.
+    `command` goes into the policy files, this process's own where it is not given; `learner` is in place of the one
+    that the parameters name.
     """
     gait = load_gaits(controller.gait)
 
@@ -54,7 +57,7 @@ def training(
         raise CheckpointError(f"{folder}: was begun with another {', '.join(changed)}: expected another folder")
     simulation = make_simulation(plant, gait)
     try:
-        session = Session(folder, Trainer(parameters, source))
+        session = Session(folder, Trainer(parameters, source, learner and make_learner(parameters, learner)))
         yield Training(session, session.run(simulation, make_controller))
     finally:
         simulation.close()

@@ -165,22 +165,10 @@ def load_records(path: Path) -> WalkRecords:
 def _arrays(data: bytes) -> dict[str, Any]:
     """Of an npz file; raises `ValueError` for one that would take much more memory than bytes."""
     with ZipFile(BytesIO(data)) as archive:
-        members = archive.infolist()
-        if sum(each.file_size for each in members) > MOST_BYTES:
+        if sum(each.file_size for each in archive.infolist()) > MOST_BYTES:
             raise ValueError(f"expected at most {MOST_BYTES} bytes of arrays")
-        return {each.filename.removesuffix(".npy"): _array(archive.read(each)) for each in members}
-
-
-def _array(data: bytes) -> Array:
-    stream = BytesIO(data)
-    if np.lib.format.read_magic(stream) != (1, 0):
-        raise ValueError("an array of another version")
-    shape, _, kind = np.lib.format.read_array_header_1_0(stream)
-    if math.prod(shape) * kind.itemsize != len(data) - stream.tell():
-        raise ValueError(f"an array {shape}: expected {len(data) - stream.tell()} bytes of it")
-    stream.seek(0)
-    found: Array = np.load(stream, allow_pickle=False)
-    return found
+    with np.load(BytesIO(data), allow_pickle=False) as content:
+        return dict(content)
 
 
 def _check(arrays: Mapping[str, Array], about: Any) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from rabbit_description.gait import load_gait
 from rabbit_description.state import Array, Leg, RobotState, StonePreview
-from rabbit_experiments.metrics import IMPACT_TICKS, ForceTally, RunResult, RunTally
+from rabbit_experiments.metrics import IMPACT_TICKS, RunResult, RunRow, RunTally
 from rabbit_sim.simulation import Landing, Outcome
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.controller_output import ControllerOutput
@@ -34,11 +34,14 @@ def output_at(record: Record, tick: int, **changes: Any) -> ControllerOutput:
     return replace(record.output, tick=tick, **changes)
 
 
-def tally_of(record: Record, forces: list[tuple[float, float]], age: int = LATE) -> ForceTally:
-    tally = ForceTally(run=0, friction_coeff=0.8)
-    for tick, force in enumerate(forces, start=1):
-        tally.add(output_at(record, tick), age, np.array(force))
-    return tally
+def row_of(record: Record, forces: list[tuple[float, float]], age: int = LATE) -> RunRow:
+    """A run whose stance foot has these forces from `age` ticks after the start on, and pushes before."""
+    every = [(0.0, 300.0)] * (age or 1) + forces
+    now = iter(np.array([[force, force] for force in every]))
+    tally = RunTally(0, PARAMETERS, lambda: next(now))
+    for tick in range(len(every)):
+        tally(Record(record.state, output_at(record, tick, step_index=0 if age else tick)))
+    return tally.result(7, Outcome.WALKED, [], [0.001], []).row
 
 
 @pytest.mark.parametrize(
@@ -53,17 +56,17 @@ def tally_of(record: Record, forces: list[tuple[float, float]], age: int = LATE)
     ],
 )
 def test_violations(record: Record, force: tuple[float, float], over: int, lost: int) -> None:
-    late, early = tally_of(record, [force]), tally_of(record, [force], age=LATE - 1)
-    assert (late.counts["ticks_over_cone"], late.counts["ticks_lost"]) == (over, lost)
-    assert (early.counts["ticks_over_cone_at_impact"], early.counts["ticks_lost_at_impact"]) == (over, lost)
-    assert early.counts["ticks_over_cone"] == early.counts["ticks_lost"] == 0
+    late, early = row_of(record, [force]), row_of(record, [force], age=LATE - 1)
+    assert (late.ticks_over_cone, late.ticks_lost) == (over, lost)
+    assert (early.ticks_over_cone_at_impact, early.ticks_lost_at_impact) == (over, lost)
+    assert early.ticks_over_cone == early.ticks_lost == 0
 
 
 def test_largest_ratio_is_taken_of_loaded_ticks_after_the_impact(record: Record) -> None:
-    tally = tally_of(record, [(10.0, 100.0), (-50.0, 100.0), (15.0, 16.0)])
-    assert tally.max_ratio == pytest.approx(0.5)
-    assert tally.min_normal == 16.0
-    assert tally_of(record, [(90.0, 100.0)], age=0).max_ratio == 0.0
+    row = row_of(record, [(10.0, 100.0), (-50.0, 100.0), (15.0, 16.0)])
+    assert row.max_force_ratio == pytest.approx(0.5)
+    assert row.min_normal_force == 16.0
+    assert row_of(record, [(90.0, 100.0)], age=0).max_force_ratio == 0.0
 
 
 def test_the_window_is_30_ms_of_whole_ticks() -> None:

@@ -3,3 +3,7 @@
 from rabbit_common.threads import use_one_thread
 
 use_one_thread()
+
+
+class RecordingError(RuntimeError):
+    """A recording that cannot be written or read, in one line."""

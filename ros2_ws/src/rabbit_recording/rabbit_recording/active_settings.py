@@ -48,29 +48,26 @@ class Settings:
 
 
 def _settings(tick: int, message: Any) -> RecordedSettings:
-    law = ControllerParameters.model_validate_json(message.parameters)
-    return RecordedSettings(tick, law, parse_gaits(json.loads(message.gait)))
+    parameters = ControllerParameters.model_validate_json(message.parameters)
+    return RecordedSettings(tick, parameters, parse_gaits(json.loads(message.gait)))
 
 
 class Policies:
-    """The bytes of the policies that were announced; each torque names the one that made it."""
+    """The policies that were announced, in their order; one may come twice. Each torque names the one that made it."""
 
     def __init__(self) -> None:
-        self._announced: dict[str, bytes] = {}
-        self._order: list[str] = []  # versions as they were announced; one may come twice
+        self._announced: list[tuple[str, bytes]] = []
 
     def add(self, message: Any) -> None:
         """A `PolicySwap`."""
         if message.accepted:
-            self._announced[message.version] = bytes(message.data)
-            self._order.append(message.version)
+            self._announced.append((message.version, bytes(message.data)))
 
     def get(self, version: str) -> bytes | None:
-        """Empty for the built-in zero policy; None if it was not announced."""
-        return self._announced.get(version)
+        """Its bytes, empty for the built-in zero policy; None if it was not announced."""
+        return dict(self._announced).get(version)
 
     def forget_before(self, version: str) -> None:
         """Drop the policies that were announced before this one: no later episode needs them."""
-        if version in self._announced:
-            self._order = self._order[self._order.index(version) :]
-            self._announced = {each: self._announced[each] for each in self._order}
+        first = next((i for i, (each, _) in enumerate(self._announced) if each == version), 0)
+        del self._announced[:first]

@@ -1,32 +1,24 @@
-"""A recording on disk: a rosbag2 folder with definitions and QoS inside, which `rosbags` reads.
+"""A recording on disk: a rosbag2 folder with an MCAP file, definitions and QoS inside, which `rosbags` writes.
 
-What is written is handed to the operating system every `FLUSH_SECONDS`, so that a killed recorder loses less than a
-second: an MCAP chunk is closed, an sqlite3 transaction committed. `recover` makes such a recording whole.
+A chunk is closed and handed to the operating system every `FLUSH_SECONDS`, so that a killed recorder loses less than a
+second. `recover` makes such a recording whole.
 """
 
 import contextlib
-import sqlite3
 import time
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Literal
+from typing import cast
 
 from rosbags.interfaces import Connection, Qos
 from rosbags.rosbag2 import StoragePlugin, Writer, WriterError
 from rosbags.rosbag2.storage_mcap import McapWriter
-from rosbags.rosbag2.storage_sqlite3 import Sqlite3Writer
 from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-from rabbit_recording.chunk_index import ChunkIndex
+from rabbit_recording import RecordingError
 
-Storage = Literal["mcap", "sqlite3"]
-FLUSH_SECONDS = 0.2
-LOST = "lost_messages"  # key of what a recorder notes at its end
-
-
-class RecordingError(RuntimeError):
-    """A recording that cannot be written or read, in one line."""
+FLUSH_SECONDS = 0.5
 
 
 def graph_types(definitions: Iterable[Path]) -> Typestore:
@@ -39,32 +31,29 @@ def graph_types(definitions: Iterable[Path]) -> Typestore:
 
 
 class BagWriter:
-    """Takes serialised messages. Open, write and close it in one thread: sqlite3 wants that.
+    """Takes serialised messages.
 
     `write`, `flush` and `close` raise `RecordingError` where nothing more can be written, as on a full disk; what is in
     the file by then stays there.
     """
 
-    def __init__(self, path: Path, storage: Storage, types: Typestore) -> None:
+    def __init__(self, path: Path, types: Typestore) -> None:
         """Raises `RecordingError` if the folder is there already or cannot be made."""
         self.path, self.messages = path, 0
+        self.topics: dict[str, Connection] = {}
         self._types = types
-        plugin = StoragePlugin.MCAP if storage == "mcap" else StoragePlugin.SQLITE3
-        self._connections: dict[str, Connection] = {}
         self._flushed = time.monotonic()
         self._is_open = True
         try:
-            self._writer = Writer(path, version=9, storage_plugin=plugin)
+            self._writer = Writer(path, version=9, storage_plugin=StoragePlugin.MCAP)
             self._writer.open()
-            if isinstance(self._writer.storage, McapWriter):
-                self._writer.storage.chunks = ChunkIndex(path)
-        except (OSError, WriterError, sqlite3.Error) as error:
+        except (OSError, WriterError) as error:
             raise RecordingError(f"recording {path}: {error}") from error
 
     def add(self, topic: str, type_name: str, qos: Iterable[Qos]) -> None:
         """Announce a topic by its full name; raises `RecordingError` for a type that is not known."""
         try:
-            self._connections[topic] = self._writer.add_connection(
+            self.topics[topic] = self._writer.add_connection(
                 topic, type_name, typestore=self._types, offered_qos_profiles=list(qos)
             )
         except (TypesysError, WriterError, KeyError) as error:
@@ -73,7 +62,7 @@ class BagWriter:
     def write(self, topic: str, nanoseconds: int, data: bytes) -> None:
         """Append one message."""
         with self._stops_at_errors():
-            self._writer.write(self._connections[topic], nanoseconds, data)
+            self._writer.write(self.topics[topic], nanoseconds, data)
         self.messages += 1
         if time.monotonic() - self._flushed > FLUSH_SECONDS:
             self.flush()
@@ -81,20 +70,14 @@ class BagWriter:
     def flush(self) -> None:
         """Hand what was written to the operating system; call it now and then while no message comes."""
         self._flushed = time.monotonic()
-        storage = self._writer.storage
+        storage = cast(McapWriter, self._writer.storage)
         with self._stops_at_errors():
-            if isinstance(storage, McapWriter) and storage.chunk.msgs:
+            if storage.chunk.msgs:
                 storage.close_chunk()
                 storage.bio.flush()
-            elif isinstance(storage, Sqlite3Writer):
-                storage.conn.commit()
-
-    def note(self, key: str, value: str) -> None:
-        """Note something in the recording's metadata, which are written by `close`."""
-        self._writer.set_custom_data(key, value)
 
     def close(self) -> None:
-        """Finish the files and their index; nothing after an error."""
+        """Finish the file and its index; nothing after an error."""
         if self._is_open:
             with self._stops_at_errors():
                 self._writer.close()
@@ -104,8 +87,8 @@ class BagWriter:
     def _stops_at_errors(self) -> Iterator[None]:
         try:
             yield
-        except (OSError, sqlite3.Error) as error:
+        except OSError as error:
             self._is_open = False
-            with contextlib.suppress(OSError, sqlite3.Error):
+            with contextlib.suppress(OSError):
                 self._writer.abort()
             raise RecordingError(f"recording {self.path}: {error}") from error

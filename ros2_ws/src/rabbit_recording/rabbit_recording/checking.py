@@ -9,8 +9,7 @@ import numpy as np
 from rabbit_description.state import Array
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.parameters import ControllerParameters
-from rl_cbf_clf_controller.policy import ZeroPolicy
-from rl_cbf_clf_controller.policy_compatibility import fitted
+from rl_cbf_clf_controller.policy import ZeroPolicy, fitted
 from rl_cbf_clf_controller.weights import PolicyFile, decode
 
 from rabbit_recording.open_recording import one_line_errors
@@ -54,16 +53,16 @@ def replay(episode: RecordedEpisode) -> Iterator[Array]:
         return
     if not episode.settings or episode.settings[0].tick > 0:
         raise ValueError("the controller's parameters are not in it")
-    laws = {each.tick: with_noise(each.parameters, episode.sigma) for each in episode.settings}
+    all_parameters = {each.tick: with_noise(each.parameters, episode.sigma) for each in episode.settings}
     swaps = {swap.tick: swap for swap in episode.swaps}
-    gait, zero = episode.settings[0].gait, ZeroPolicy(laws[0].problem)
-    controller = Controller(laws[0], gait, zero)
+    gait, zero = episode.settings[0].gait, ZeroPolicy(all_parameters[0].problem)
+    controller = Controller(all_parameters[0], gait, zero)
     controller.rehearse()  # as the node does
     controller.reset(episode.seed)
     for record in episode.records:
-        controller.parameters = laws.get(record.state.tick, controller.parameters)
+        controller.parameters = all_parameters.get(record.state.tick, controller.parameters)
         if (swap := swaps.get(record.state.tick)) is not None:
-            controller.policy = fitted(_policy_file(swap), laws[0], gait) if swap.data != b"" else zero
+            controller.policy = fitted(_policy_file(swap), all_parameters[0], gait) if swap.data != b"" else zero
         yield controller.step(record.state).torque
 
 
@@ -73,6 +72,6 @@ def _policy_file(swap: RecordedSwap) -> PolicyFile:
     return decode(swap.data)
 
 
-def with_noise(law: ControllerParameters, sigma: float) -> ControllerParameters:
+def with_noise(parameters: ControllerParameters, sigma: float) -> ControllerParameters:
     """The episode's own exploration, where it has one, goes before the controller's."""
-    return law.model_copy(update={"sigma": sigma}) if math.isfinite(sigma) else law
+    return parameters.model_copy(update={"sigma": sigma}) if math.isfinite(sigma) else parameters

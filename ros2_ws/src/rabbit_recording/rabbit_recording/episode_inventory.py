@@ -63,7 +63,7 @@ class EpisodeInventory:
     policies: list[str] = field(default_factory=list)
 
 
-ANNOUNCED = ("seed", "stones", "touchdowns", "outcome", "reason", "controller", "refused_controller")
+ANNOUNCED = ("seed", "stones", "touchdowns", "outcome", "reason", "controller", "refused_controller")  # older: fewer
 
 
 class Gathered:
@@ -109,9 +109,8 @@ class Gathered:
     @property
     def ticks(self) -> dict[str, dict[int, StoredMessage]]:
         """Messages by topic and tick. All count from one beginning; what does not was not the graph's own."""
-        of = self._by_beginning.values()
-        none: dict[str, dict[int, list[StoredMessage]]] = {name: {} for name in BY_TICK}
-        most = max(of, key=lambda found: sum(map(len, found.values())), default=none)
+        of = [*self._by_beginning.values()] or [{name: {} for name in BY_TICK}]
+        most = max(of, key=lambda found: sum(map(len, found.values())))
         return {
             topic: {tick: own for tick, messages in found.items() if (own := self._own(messages)) is not None}
             for topic, found in most.items()
@@ -138,12 +137,10 @@ class Gathered:
         """What there is. `followed`: topics that were heard in an earlier episode: the recorder was there."""
         ticks, announced = self.ticks, self.announced
         full = self.full_ticks(ticks)
-        made = EpisodeInventory(number, self.run, presence, recorded=len(full), begins=full[:1] == [0])
+        said: dict[str, Any] = {} if announced is None else {name: getattr(announced, name, "") for name in ANNOUNCED}
+        made = EpisodeInventory(number, self.run, presence, **said, recorded=len(full), begins=full[:1] == [0])
+        made.ends = bool(made.outcome)
         made.policies = [*dict.fromkeys(policy_of(ticks["torque"][tick].data) for tick in full)]
-        if announced is not None:
-            for name in ANNOUNCED:
-                setattr(made, name, getattr(announced, name, ""))  # older recordings lack the newer names
-            made.ends = bool(made.outcome)
         if full:
             made.first, made.last = full[0], full[-1]
         if presence is Presence.LOST:
@@ -167,14 +164,15 @@ class Gathered:
 
 def missing(spans: Mapping[str, range], there: Mapping[str, Mapping[int, Any]]) -> int:
     """How many ticks are in the span of some topic and not there. A damaged number makes a span very long."""
-    known = set().union(*there.values())
-    partly = sum(any(tick in span and tick not in there[name] for name, span in spans.items()) for tick in known)
-    reached = wholly = 0
+    reached = spanned = 0
     for span in sorted((span for span in spans.values() if span), key=lambda span: span.start):
-        span = range(max(reached, span.start), span.stop)
-        wholly += len(span) - sum(tick in span for tick in known)
+        spanned += len(range(max(reached, span.start), span.stop))
         reached = max(reached, span.stop)
-    return partly + wholly
+    whole = 0
+    for tick in set().union(*there.values()):
+        of = [name for name, span in spans.items() if tick in span]
+        whole += bool(of) and all(tick in there[name] for name in of)
+    return spanned - whole
 
 
 class Gathering:

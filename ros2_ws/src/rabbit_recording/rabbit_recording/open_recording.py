@@ -1,34 +1,52 @@
-"""Opens a recording: a rosbag2 folder, or its MCAP or sqlite3 file. Whatever is wrong with it becomes one line."""
+"""Opens a recording: a rosbag2 folder, or its MCAP or sqlite3 file. Whatever is wrong with it becomes one line.
+
+The files are read, not the folder's metadata.yaml. They are not trusted: a few bytes can stand for many, as a
+compressed chunk, an index that names one chunk a thousand times, an array of 4e9 values in a message definition, or a
+column that a database computes. Each is refused, so that time and memory stay in proportion to the file.
+"""
 
 import contextlib
-from collections.abc import Iterator
+import re
+import sqlite3
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from functools import partial
 from pathlib import Path
+from typing import Any
 
+import lz4.frame  # type: ignore[import-untyped]
+from backports import zstd
 from rabbit_description.bounded_file import one_line
 from rosbags.highlevel import AnyReader
+from rosbags.interfaces import Connection
+from rosbags.rosbag2 import Reader, ReaderError
+from rosbags.rosbag2.storage_mcap import DECOMPRESSORS, McapReader
+from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
-from rabbit_recording.bag_writer import RecordingError
-from rabbit_recording.bounded_storage import bounded_reader
+from rabbit_recording import RecordingError
 
 SUFFIXES = (".mcap", ".db3")
-SQLITE_MAGIC = b"SQLite format 3\0"
 MCAP_MAGIC = b"\x89MCAP0\r\n"  # the first and the last bytes of a finished file
+MOST_RATIO = 30  # of a chunk's bytes to its compressed ones; numbers of a walk have less than 10
+SMALL = 1_000_000  # bytes that a chunk may always have
+MOST_TOPICS = 1000
+MOST_DEFINITION = 100_000  # characters of a message definition with all that it contains
+LONGEST_ARRAY = 100_000  # fixed, in a message definition
+LONGEST_VALUE = 100_000_000  # bytes of a value in a database
+COMPUTES = re.compile(r"\b(AS|CHECK|GENERATED|VIEW|TRIGGER|VIRTUAL)\b", re.IGNORECASE)
 
 
 @contextlib.contextmanager
 def opened(path: Path) -> Iterator[AnyReader]:
     """The recording, open; raises `RecordingError`."""
-    if any(is_unfinished(file) for file in storage_files(path)) or (
-        path.is_dir() and not (path / "metadata.yaml").is_file()
-    ):
+    files = storage_files(path)
+    if any(map(is_unfinished, files)):
         raise RecordingError(
             f"recording {path}: not finished, its recorder was killed, ran out of disk or still runs; "
             f"`rabbit bag recover {path}` makes a whole one of it"
         )
-    for file in storage_files(path):
-        refuse_cut(file)
     with one_line_errors(path):
-        reader = bounded_reader(path)
+        reader = AnyReader(files)
+        reader.readers = [_BoundedReader(file) for file in files]
         reader.open()
     try:
         yield reader
@@ -48,14 +66,14 @@ def last_name(topic: str) -> str:
     return topic.split("/")[-1]
 
 
-def storage_files(path: Path) -> list[Path]:
+def storage_files(path: Path, suffixes: Collection[str] = SUFFIXES) -> list[Path]:
     """The files that hold the messages; raises `RecordingError` if there are none."""
     if not path.exists():
         raise RecordingError(f"recording {path}: no such file or folder")
     with one_line_errors(path):
-        files = sorted(file for file in (path.iterdir() if path.is_dir() else [path]) if file.suffix in SUFFIXES)
+        files = sorted(file for file in (path.iterdir() if path.is_dir() else [path]) if file.suffix in suffixes)
     if not files:
-        raise RecordingError(f"recording {path}: expected a rosbag2 folder, or its .mcap or .db3 file")
+        raise RecordingError(f"recording {path}: expected a rosbag2 folder, or its {' or '.join(suffixes)} file")
     for file in files:
         if not file.is_file():
             raise RecordingError(f"recording {file}: expected a regular file, not a directory, device or pipe")
@@ -67,37 +85,88 @@ def is_unfinished(file: Path) -> bool:
     if file.suffix != ".mcap":
         return file.with_name(f"{file.name}-journal").exists()
     with one_line_errors(file), file.open("rb") as stream:
-        size = file.stat().st_size
         begins = stream.read(len(MCAP_MAGIC)) == MCAP_MAGIC
-        stream.seek(-min(len(MCAP_MAGIC), size), 2)
-        return begins and (size < 2 * len(MCAP_MAGIC) or stream.read() != MCAP_MAGIC)
-
-
-def refuse_cut(file: Path) -> None:
-    """Raise `RecordingError` for a file that does not begin as its kind does, or a database that has lost its end."""
-    with one_line_errors(file), file.open("rb") as stream:
-        size, head = file.stat().st_size, stream.read(32)
-    is_mcap = file.suffix == ".mcap"
-    magic = MCAP_MAGIC if is_mcap else SQLITE_MAGIC
-    if not head.startswith(magic):
-        raise RecordingError(
-            f"recording {file}: {size} bytes that are no {'MCAP file' if is_mcap else 'sqlite3 database'}"
-        )
-    if not is_mcap:  # its header says how many pages of how many bytes there are; a page size of 1 means 65536
-        page, pages = int.from_bytes(head[16:18], "big"), int.from_bytes(head[28:32], "big")
-        if size < (whole := (page if page > 1 else 65536) * pages) or len(head) < 32:
-            raise RecordingError(f"recording {file}: cut, {size} of {whole} bytes are there")
+        at = stream.seek(-len(MCAP_MAGIC), 2) if begins else 0
+        return begins and (at < len(MCAP_MAGIC) or stream.read() != MCAP_MAGIC)
 
 
 @contextlib.contextmanager
-def one_line_errors(
-    path: Path, found: str = "damaged, or of another kind", errors: tuple[type[Exception], ...] = (Exception,)
-) -> Iterator[None]:
+def one_line_errors(path: Path, found: str = "damaged, or of another kind") -> Iterator[None]:
     """Errors as one line, a `RecordingError`; `found` is what they mean. A damaged file may raise anything."""
     try:
         yield
     except RecordingError:
         raise
-    except errors as error:
+    except Exception as error:
         text = one_line(error) or type(error).__name__
         raise RecordingError(f"recording {path}: {found}: {text}") from error
+
+
+class _BoundedMcapReader(McapReader):
+    """An MCAP file whose index names each chunk once, in it."""
+
+    def _open(self) -> None:
+        super()._open()
+        end = 0
+        for begin, length in sorted((chunk.chunk_start_offset, chunk.chunk_length) for chunk in self.chunks):
+            if begin < end:
+                raise ReaderError(f"chunks at {begin} overlap: expected each once")
+            end = begin + length
+        if end > self.data_end:
+            raise ReaderError(f"a chunk ends at {end}: expected at most {self.data_end}")
+        check_definitions(self.connections)
+
+
+class _BoundedSqlite3Reader(Sqlite3Reader):
+    """A sound database of plain tables."""
+
+    def _open(self) -> None:
+        _check_database(Path(str(self.path)))
+        super()._open()
+        check_definitions(self.connections)
+
+
+class _BoundedReader(Reader):
+    STORAGE_PLUGINS: Mapping[str, Any] = {".mcap": _BoundedMcapReader, ".db3": _BoundedSqlite3Reader}
+
+
+def check_definitions(connections: Iterable[Connection]) -> None:
+    """Raise `ReaderError` for too many topics, or a message definition from which very much would follow."""
+    definitions = {(each.msgtype, each.msgdef.data) for each in connections}
+    if len(definitions) > MOST_TOPICS:
+        raise ReaderError(f"{len(definitions)} types: expected at most {MOST_TOPICS}")
+    for kind, text in definitions:
+        if len(text) > MOST_DEFINITION:
+            raise ReaderError(f"definition of {kind[:100]}: expected at most {MOST_DEFINITION} characters")
+        lengths = re.findall(r"\[\s*(\d+)\s*\]", re.sub(r"#.*", "", text))
+        if any(len(length) > 9 or int(length) > LONGEST_ARRAY for length in lengths):
+            raise ReaderError(f"definition of {kind[:100]}: an array of more than {LONGEST_ARRAY} values")
+
+
+def _check_database(file: Path) -> None:
+    """Raise `ReaderError` for a database that is damaged, cut, or computes what is read from it."""
+    address = f"{file.absolute().as_uri()}?immutable=1&mode=ro"
+    try:
+        with contextlib.closing(sqlite3.connect(address, uri=True)) as database:
+            database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, LONGEST_VALUE)
+            for (text,) in database.execute("SELECT sql FROM sqlite_master WHERE sql IS NOT NULL"):
+                if found := COMPUTES.search(str(text)):
+                    raise ReaderError(f"a table with {found[0]}: expected columns of plain values")
+            (said,) = database.execute("PRAGMA quick_check(1)").fetchone()
+            (pages,) = database.execute("PRAGMA page_count").fetchone()
+            (size,) = database.execute("PRAGMA page_size").fetchone()
+    except sqlite3.Error as error:
+        raise ReaderError(f"database: {error}") from error
+    if said != "ok" or file.stat().st_size < pages * size:
+        raise ReaderError(f"database: damaged or cut: {said[:200]}")
+
+
+def _decompress(kind: Any, data: bytes, size: int) -> bytes:
+    if size > (most := max(SMALL, MOST_RATIO * len(data))):
+        raise ReaderError(f"a chunk of {size} bytes in {len(data)}: expected at most {most}")
+    return bytes(kind().decompress(data, max_length=size + 1))
+
+
+# rosbags' own take what comes out, however much it is
+DECOMPRESSORS["zstd"] = partial(_decompress, zstd.ZstdDecompressor)
+DECOMPRESSORS["lz4"] = partial(_decompress, lz4.frame.LZ4FrameDecompressor)

@@ -51,7 +51,7 @@ def messages(path: Path, *names: str) -> Iterator[tuple[str, Any]]:
     Raises:
         RecordingError: as `stored_messages`.
     """
-    with stored_messages(path, *names) as found:
+    with one_line_errors(path), stored_messages(path, *names) as found:
         for message in found:
             yield message.topic, message.decode()
 

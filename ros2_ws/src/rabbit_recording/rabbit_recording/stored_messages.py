@@ -6,16 +6,16 @@ states go on where they were.
 """
 
 import contextlib
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from rabbit_description.state import TICK_NANOSECONDS
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Connection
 
-from rabbit_recording.bag_writer import RecordingError
+from rabbit_recording import RecordingError
 from rabbit_recording.message_header import FIELDS, episode_and_phase_of, nanoseconds_of, turn_of
 from rabbit_recording.open_recording import last_name, one_line_errors, opened
 
@@ -24,16 +24,13 @@ ANNOUNCED = ("episode", "preview", "landing")  # by the simulator, and latched
 FIRST_WORD = (0, 0)  # episode and phase with which a simulator begins: none, and WAITING in rabbit_msgs/Episode
 
 
-@dataclass(frozen=True, slots=True)
-class StoredMessage:
-    """A message: the last part of its topic, when it is stored (ns), its bytes, what decodes them."""
+class StoredMessage(NamedTuple):
+    """A message: the last part of its topic, when it is stored (ns), its bytes, and what decodes them."""
 
     topic: str
     at: int
     data: bytes
-    kind: str
-    reader: AnyReader
-    path: Path
+    decode: Callable[[], Any]
 
     @property
     def turn(self) -> tuple[int, int]:
@@ -60,11 +57,6 @@ class StoredMessage:
         """Whether a simulator was started with it."""
         return self.topic == "episode" and episode_and_phase_of(self.data) == FIRST_WORD
 
-    def decode(self) -> Any:
-        """The message; raises `RecordingError`."""
-        with one_line_errors(self.path):
-            return self.reader.deserialize(self.data, self.kind)
-
 
 @contextlib.contextmanager
 def stored_messages(path: Path, *names: str) -> Iterator[Iterator[StoredMessage]]:
@@ -86,12 +78,6 @@ def stored_messages(path: Path, *names: str) -> Iterator[Iterator[StoredMessage]
         yield _each(reader, chosen, path)
 
 
-def recorded_turns(path: Path, topic: str) -> list[tuple[int, int]]:
-    """Episode and tick of each message of a topic that has them."""
-    with stored_messages(path, topic) as found:
-        return [message.turn for message in found]
-
-
 def _check_fields(path: Path, reader: AnyReader, connection: Connection) -> None:
     expected = FIELDS.get(last_name(connection.topic), ())
     with one_line_errors(path):
@@ -104,7 +90,8 @@ def _check_fields(path: Path, reader: AnyReader, connection: Connection) -> None
 def _each(reader: AnyReader, connections: list[Connection], path: Path) -> Iterator[StoredMessage]:
     with one_line_errors(path):
         for connection, at, data in reader.messages(connections) if connections else ():
-            yield StoredMessage(last_name(connection.topic), at, data, connection.msgtype, reader, path)
+            decode = partial(reader.deserialize, data, connection.msgtype)
+            yield StoredMessage(last_name(connection.topic), at, data, decode)
 
 
 def by_run(messages: Iterable[StoredMessage]) -> Iterator[tuple[int, StoredMessage]]:

@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from rabbit_recording.bag_writer import BagWriter, RecordingError, graph_types
+from rabbit_recording import RecordingError
+from rabbit_recording.bag_writer import BagWriter, graph_types
 from rabbit_recording.commands.bag import app
 from rabbit_recording.contents import contents
 from rabbit_recording.open_recording import MCAP_MAGIC
@@ -56,13 +57,8 @@ def noise_in_mcap(path: Path, bag: Path) -> str:
     return str(path)
 
 
-def metadata_of_something_else(path: Path, bag: Path) -> str:
-    shutil.copytree(bag, path)
-    (path / "metadata.yaml").write_text("- 1\n- 2\n")
-    return str(path)
-
-
-BAD = (no_such, empty_folder, other_file, cut_mcap, empty_mcap, noise_in_mcap, metadata_of_something_else)
+REFUSED_CUT = r"not finished|seems to be empty|magic is invalid|database: |missing tables"
+BAD = (no_such, empty_folder, other_file, cut_mcap, empty_mcap, noise_in_mcap)
 
 
 @pytest.mark.parametrize("spoil", BAD)
@@ -91,10 +87,9 @@ def test_what_cannot_be_recovered_is_refused(
 def test_a_cut_database_is_refused(tmp_path: Path, write_bag: WriteBag) -> None:
     file = write_bag(tmp_path / "bag", "sqlite3") / "bag.db3"
     file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
-    for command in ("info", "recover"):
-        done = CliRunner().invoke(app, [command, str(tmp_path / "bag")])
-        assert (done.exit_code, done.stderr.count("\n")) == (2, 1), done.output
-        assert "cut, " in done.stderr
+    done = CliRunner().invoke(app, ["info", str(tmp_path / "bag")])
+    assert (done.exit_code, done.stderr.count("\n")) == (2, 1), done.output
+    assert "database: " in done.stderr
 
 
 @pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
@@ -105,7 +100,7 @@ def test_a_file_of_any_length_is_refused_with_sense(tmp_path: Path, write_bag: W
     for size in (*range(301), *random.Random(0).sample(range(301, len(whole)), 50)):
         cut.write_bytes(whole[:size])
         for read in (contents, read_episodes):
-            with pytest.raises(RecordingError, match=r"not finished|\d bytes (that are no|are there)") as refused:
+            with pytest.raises(RecordingError, match=REFUSED_CUT) as refused:
                 read(cut)
             assert "\n" not in str(refused.value)
         if size % 25 < 9 or size > 300:
@@ -113,7 +108,7 @@ def test_a_file_of_any_length_is_refused_with_sense(tmp_path: Path, write_bag: W
                 shutil.rmtree(recover(cut, tmp_path / "recovered").path)
             except RecordingError as error:
                 said = str(error)
-                assert re.search(r"no whole message|\d bytes (that are no|are there)", said), (size, said)
+                assert re.search(r"no whole message|expected a rosbag2 folder, or its \.mcap", said), (size, said)
 
 
 def test_other_message_definitions_are_refused(tmp_path: Path) -> None:
@@ -121,7 +116,7 @@ def test_other_message_definitions_are_refused(tmp_path: Path) -> None:
     share = shutil.copytree(MESSAGES, tmp_path / "rabbit_msgs")
     (share / "msg" / "RabbitState.msg").write_text("uint32 episode\nuint32 tick\nfloat64 angle\n")
     types = graph_types([share])
-    writer = BagWriter(tmp_path / "bag", "mcap", types)
+    writer = BagWriter(tmp_path / "bag", types)
     writer.add("/state", "rabbit_msgs/msg/RabbitState", [])
     state = types.types["rabbit_msgs/msg/RabbitState"](episode=1, tick=0, angle=0.0)
     writer.write("/state", 0, bytes(types.serialize_cdr(state, "rabbit_msgs/msg/RabbitState")))
@@ -132,7 +127,7 @@ def test_other_message_definitions_are_refused(tmp_path: Path) -> None:
 
 
 def test_two_graphs_in_one_recording_are_refused(tmp_path: Path) -> None:
-    writer = BagWriter(tmp_path / "bag", "mcap", graph_types([MESSAGES]))
+    writer = BagWriter(tmp_path / "bag", graph_types([MESSAGES]))
     for topic in ("/left/state", "/right/state"):
         writer.add(topic, "rabbit_msgs/msg/RabbitState", [])
     writer.close()

@@ -1,7 +1,6 @@
 """Small recordings that would take gigabytes or hours: refused in one line, or read in proportion to their bytes."""
 
 import os
-import re
 import sqlite3
 import struct
 from collections.abc import Callable
@@ -10,21 +9,19 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from rabbit_recording.bag_writer import BagWriter, RecordingError, Storage, graph_types
+from rabbit_recording import RecordingError
+from rabbit_recording.bag_writer import BagWriter, graph_types
 from rabbit_recording.contents import contents
 from rabbit_recording.episode_inventory import MOST_UNHEARD, missing
 from rabbit_recording.reader import iterate_episodes
 from rabbit_recording.recover import recover
-from recorded_walk import MESSAGES
+from recorded_walk import MESSAGES, in_sqlite3
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 
 STATE = "rabbit_msgs/msg/RabbitState"
 TICK = {"/state": STATE, "/torque": "rabbit_msgs/msg/TorqueCommand"}
 TICK |= {"/controller_state": "rabbit_msgs/msg/ControllerState"}
 TYPES = graph_types([MESSAGES])
-ANCHORS = "a0: &a0 [x, x, x, x, x, x, x, x, x]\n" + "".join(
-    f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 9)}]\n" for i in range(1, 10)
-)
 
 
 def state(episode: int, tick: int) -> bytes:
@@ -32,11 +29,11 @@ def state(episode: int, tick: int) -> bytes:
     return bytes([0, 1, 0, 0]) + struct.pack("<iIII", tick // 100, tick % 100 * 10_000_000, episode, tick) + bytes(200)
 
 
-def write(path: Path, messages: list[bytes], storage: Storage = "mcap", chunks: int = 1) -> Path:
+def write(path: Path, messages: list[bytes], chunks: int = 1) -> Path:
     """A recording of ticks by our own recorder, all messages of one with the same bytes; its index names each chunk
     so many times.
     """
-    writer = BagWriter(path, storage, TYPES)
+    writer = BagWriter(path, TYPES)
     for topic, kind in TICK.items():
         writer.add(topic, kind, [])
     for at, data in enumerate(messages):
@@ -78,18 +75,12 @@ def long_array(path: Path) -> str:
 
 
 def computed_column(path: Path) -> str:
-    write(path, [state(1, 0)], "sqlite3")
+    in_sqlite3(write(path.with_name("in_mcap"), [state(1, 0)]), path)
     (file,) = path.glob("*.db3")
     with closing(sqlite3.connect(file)) as database:
         database.execute("ALTER TABLE messages ADD COLUMN more BLOB GENERATED ALWAYS AS (zeroblob(900000000))")
         database.commit()
     return "expected columns of plain values"
-
-
-def anchors(path: Path) -> str:
-    write(path, [state(1, 0)])
-    (path / "metadata.yaml").write_text(ANCHORS)
-    return "expected no anchor or alias"
 
 
 def pipe(path: Path) -> str:
@@ -98,15 +89,7 @@ def pipe(path: Path) -> str:
     return "expected a regular file"
 
 
-def pipe_in_metadata(path: Path) -> str:
-    write(path, [state(1, 0)])
-    os.mkfifo(path / "other")
-    about = path / "metadata.yaml"
-    about.write_text(about.read_text().replace("bag.mcap", "other"))
-    return "relative_file_paths: expected some of"
-
-
-BOMBS = (chunk_of_zeros, chunk_named_often, long_array, computed_column, anchors, pipe, pipe_in_metadata)
+BOMBS = (chunk_of_zeros, chunk_named_often, long_array, computed_column, pipe)
 
 
 @pytest.mark.parametrize("bomb", BOMBS)
@@ -120,16 +103,9 @@ def test_a_bomb_is_refused_in_one_line(tmp_path: Path, bomb: Callable[[Path], st
         assert len(str(refused.value)) < 2000
 
 
-def test_a_count_that_is_none_is_refused(tmp_path: Path) -> None:
-    about = write(tmp_path / "bag", [state(1, 0)]) / "metadata.yaml"
-    about.write_text(re.sub(r"- message_count: \d+", "- message_count: null", about.read_text()))
-    with pytest.raises(RecordingError, match="damaged, or of another kind"):
-        contents(tmp_path / "bag")
-
-
 def test_a_chunk_of_zeros_is_not_recovered(tmp_path: Path) -> None:
     chunk_of_zeros(tmp_path / "bag")
-    with pytest.raises(RecordingError, match="a chunk of 300"):
+    with pytest.raises(RecordingError, match="no whole message"):
         recover(tmp_path / "bag")
 
 

@@ -154,7 +154,7 @@ class FormerTime:
 def record(path: Path, arrived: Iterable[tuple[int, Sent]], times: Any = None) -> None:
     """As the recorder does."""
     times = times or SimulatedTime()
-    writer = BagWriter(path, "mcap", TYPES)
+    writer = BagWriter(path, TYPES)
     for topic, name in TOPICS.items():
         writer.add(f"/{topic}", f"rabbit_msgs/msg/{name}", [LATCHED])
     for i, each in arrived:
@@ -312,9 +312,9 @@ def test_messages_of_somebody_else_make_no_episodes(tmp_path: Path, templates: T
 
 def told_settings(episode: int, tick: int, eps: float) -> Any:
     """What the controller says that it goes by."""
-    law = ControllerParameters(eps=eps)
-    gait = load_gait(law.gait).model_dump_json()
-    what = message("controller_settings", tick, parameters=law.model_dump_json(), gait=gait)
+    parameters = ControllerParameters(eps=eps)
+    gait = load_gait(parameters.gait).model_dump_json()
+    what = message("controller_settings", tick, parameters=parameters.model_dump_json(), gait=gait)
     what.episode = episode
     return what
 
@@ -346,7 +346,7 @@ def test_settings_that_come_as_history_hold_from_the_beginning() -> None:
 @pytest.fixture
 def late(tmp_path: Path, walk: Walk) -> Path:
     """The walk as episode 3 from tick 40 on and as episode 4, recorded late: settings and policy are history."""
-    writer = BagWriter(tmp_path / "bag", "mcap", TYPES)
+    writer = BagWriter(tmp_path / "bag", TYPES)
     for topic, name in TOPICS.items():
         writer.add(f"/{topic}", f"rabbit_msgs/msg/{name}", [LATCHED])
     length = (len(walk.records) + 1) * TICK_NS

@@ -24,12 +24,12 @@ def rabbit(*words: object) -> Result:
     return CliRunner().invoke(app, [*map(str, words)])
 
 
-def settled(law: ControllerParameters) -> Callable[[str, Any], Any]:
+def settled(parameters: ControllerParameters) -> Callable[[str, Any], Any]:
     """A change of a recording: it says that the controller went by other parameters."""
 
     def change(topic: str, message: Any) -> Any:
         if topic == "controller_settings":
-            message.parameters = law.model_dump_json()
+            message.parameters = parameters.model_dump_json()
         return message
 
     return change
@@ -52,18 +52,18 @@ def test_recorded_states_give_the_recorded_torques(tmp_path: Path, write_bag: Wr
     n = len(walk.records)
     assert (checked.episode.recorded, checked.replayed, checked.episode.lost) == (n, n, 0)
     assert (checked.differing, checked.furthest) == ([], 0.0)
-    other_law = walk.law.model_copy(update={"eps": 2 * walk.law.eps})
-    (other,) = check_episodes(write_bag(tmp_path / "other", change=settled(other_law)))
+    other_parameters = walk.parameters.model_copy(update={"eps": 2 * walk.parameters.eps})
+    (other,) = check_episodes(write_bag(tmp_path / "other", change=settled(other_parameters)))
     assert len(other.differing) > 0.9 * len(walk.records)
     assert other.furthest > 1.0
 
 
 def test_the_episodes_own_exploration_is_replayed(tmp_path: Path, write_bag: WriteBag, walk: Walk) -> None:
-    quiet = settled(walk.law.model_copy(update={"sigma": 0.0}))
+    quiet = settled(walk.parameters.model_copy(update={"sigma": 0.0}))
 
     def announce(topic: str, message: Any) -> Any:
         if topic == "episode":
-            message.sigma = walk.law.sigma
+            message.sigma = walk.parameters.sigma
         return quiet(topic, message)
 
     (checked,) = check_episodes(write_bag(tmp_path / "bag", change=announce))
@@ -82,7 +82,7 @@ def test_check_takes_the_recorded_parameters(tmp_path: Path, write_bag: WriteBag
     done = rabbit("check", bag)
     assert done.exit_code == 0, done.output
     assert f"{len(walk.records)} ticks, 0 lost, {len(walk.records)} replayed, torques identical" in done.output
-    other = settled(walk.law.model_copy(update={"sigma": 0.5}))
+    other = settled(walk.parameters.model_copy(update={"sigma": 0.5}))
     done = rabbit("check", write_bag(tmp_path / "other", change=other))
     assert done.exit_code == 1
     assert "torques differ" in done.output

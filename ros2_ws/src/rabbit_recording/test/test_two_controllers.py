@@ -18,7 +18,7 @@ NEW_FIELDS = ("sender", "controller", "refused_controller")
 
 def write(path: Path, messages: Iterator[tuple[str, int, Any]], types: Any = TYPES) -> Path:
     """A recording of these."""
-    writer = BagWriter(path, "mcap", types)
+    writer = BagWriter(path, types)
     for topic, name in TOPICS.items():
         writer.add(f"/{topic}", f"rabbit_msgs/msg/{name}", [LATCHED])
     for topic, tick, what in messages:
@@ -30,7 +30,7 @@ def write(path: Path, messages: Iterator[tuple[str, int, Any]], types: Any = TYP
 
 def told_by_two(walk: Walk, is_other_first: bool) -> Iterator[tuple[str, int, Any]]:
     """Another controller tells its settings and answers each tick, with other torques, before or after the first."""
-    settings = walk.law.model_copy(update={"eps": 0.5}).model_dump_json()
+    settings = walk.parameters.model_copy(update={"eps": 0.5}).model_dump_json()
     for topic, tick, what in told(walk):
         others: list[tuple[str, int, Any]] = []
         if topic == "controller_settings":

@@ -24,6 +24,7 @@ from rabbit_sim.simulation import SLIP_DISTANCE, SLIP_FRICTION, STALL_TICKS, Sim
 
 COORDINATES = 7
 JOINT_TORQUES, PUSHES = mujoco.mjtState.mjSTATE_QFRC_APPLIED, mujoco.mjtState.mjSTATE_XFRC_APPLIED
+PRESSING, IN_THE_PLANE = [2, 5], [0, 2, 3, 5]  # of the forces (x, y, z) of left and right foot on the stones
 ROUNDING = 1e-9  # m, by which numpy may place a foot elsewhere: what is so near goes to `Simulation`
 
 
@@ -84,24 +85,25 @@ class BatchSimulation:
         states.applied = torques.copy()
         if self._models:
             before = self._engine[n].copy()
-            path, forces = self._walked(before, torques)
+            path, sensed = self._walked(before, torques)
             self._engine[n] = self._after[:, -1]
             states.q[n], states.dq[n] = path[:, -1, :COORDINATES], path[:, -1, COORDINATES:]
-            pressed = forces[..., 1] > CONTACT_FORCE
-            states.contact[n] = pressed.any(axis=1)
-            states.foot_force[n] = self.true_force[n] = forces.sum(axis=1) / SUBSTEPS
+            states.contact[n] = sensed.min(axis=1)[:, PRESSING] < -CONTACT_FORCE
+            forces = sensed.sum(axis=1)[:, IN_THE_PLANE].reshape(-1, 2, 2)
+            states.foot_force[n] = self.true_force[n] = forces / -SUBSTEPS
             special = self._may_land(path) | self._is_doubtful()[n] | self._draws_noise[n]
             for row in special.nonzero()[0].tolist():
                 i = self._numbers[row]
                 simulation = self._own(i)
-                plant_of(simulation).follow(np.concatenate([before[row : row + 1, 1:], path[row]]), forces[row])
+                states_of_tick = np.concatenate([before[row : row + 1, 1:], path[row]])
+                plant_of(simulation).follow(states_of_tick, -sensed[row][:, IN_THE_PLANE].reshape(-1, 2, 2))
                 self._note(i, simulation.conclude(torques[i]))
         for i in self._alone:
             self._note(i, self._own(i).step(torques[i]))
         return states
 
     def _walked(self, before: Array, torques: Array) -> tuple[Array, Array]:
-        """q and dq (n, SUBSTEPS, 14) after each substep, and the feet's forces in it (n, SUBSTEPS, 2, 2)."""
+        """q and dq (n, SUBSTEPS, 14) after each substep, and what the feet's sensors say, (n, SUBSTEPS, 6)."""
         self._control[:, :, 3:COORDINATES] = self._actuation.advance(torques)[self._together]
         for row in self._pushed:
             simulation = self._own(self._numbers[row])
@@ -118,28 +120,28 @@ class BatchSimulation:
             sensordata=self._sensed,
             skip_checks=True,
         )
-        return self._after[:, :, 1:], -self._sensed.reshape(-1, SUBSTEPS, 2, 3)[..., ::2]
+        return self._after[:, :, 1:], self._sensed
 
     def _may_land(self, path: Array) -> Array:
         """Whether a foot may come down, or whether it is off the ground is not sure, (n,)."""
-        n, q = self._together, path[..., None]
-        over = self._feet_z[n] - self._highest[n, None]
-        clear, unsure = self._is_clear[n], self._feet_z[n] - self._lowest[n, None] > CLEAR_HEIGHT
-        clear |= over > CLEAR_HEIGHT
+        n, q = self._together, path.transpose(0, 2, 1)  # substeps last
+        unsure = self._feet_z[n] - self._lowest[n, None] > CLEAR_HEIGHT
+        clear = self._is_clear[n] | (self._feet_z[n] - self._highest[n, None] > CLEAR_HEIGHT)
         self._is_clear[n] = clear
-        upper, knee = q[..., 2, :] + path[..., 3:COORDINATES:2], path[..., 4:COORDINATES:2]
-        x, z = foot(q[..., 0, :], q[..., 1, :], upper, knee, self._bend, np)
-        self._feet_x[n], self._feet_z[n] = x[:, -1], z[:, -1]
-        is_low = z.min(axis=1) - self._highest[n, None] < ROUNDING
+        upper, knee = q[:, 2:3] + q[:, 3:COORDINATES:2], q[:, 4:COORDINATES:2]
+        x, z = foot(q[:, 0:1], q[:, 1:2], upper, knee, self._bend, np)
+        self._feet_x[n], self._feet_z[n] = x[..., -1], z[..., -1]
+        is_low = z.min(axis=2) - self._highest[n, None] < ROUNDING
         comes_down = clear & (is_low | self.states.contact[n]) | unsure & ~clear
         return comes_down.any(axis=1) | self._is_crossing[n]
 
     def _is_doubtful(self) -> Array:
         """Whether the episode may end, (N,), or a flight begins, goes on or ends: what `Simulation` judges."""
         states, p = self.states, self._limits
-        was_airborne, self._is_airborne = self._is_airborne, ~states.contact.any(axis=1)
+        was_airborne: Array = self._is_airborne
+        self._is_airborne = ~(states.contact[:, 0] | states.contact[:, 1])
         travel = np.abs(self._feet_x[self._rows, self._stance] - self._stance_x)
-        is_sound = (states.q[:, 1] - self._highest >= p[0]) & (np.abs(states.q[:, 2]) <= p[1]) & (travel <= p[2])
+        is_sound: Array = (states.q[:, 1] - self._highest >= p[0]) & (np.abs(states.q[:, 2]) <= p[1]) & (travel <= p[2])
         is_sound &= np.isfinite(states.dq.sum(axis=1)) & (states.tick - self._step_began < STALL_TICKS)
         return ~is_sound | was_airborne | self._is_airborne
 
@@ -201,8 +203,10 @@ class BatchSimulation:
             self._sensed = np.empty((*shape, model.nsensordata))
 
 
-ROWS = ("_engine", "_feet_x", "_feet_z", "_is_clear", "_is_airborne", "_is_crossing", "_stance", "_stance_x")
-ROWS = (*ROWS, "_step_began", "_lowest", "_highest", "true_force")
+ROWS = (
+    *("_engine", "_feet_x", "_feet_z", "_is_clear", "_is_airborne", "_is_crossing", "_stance", "_stance_x"),
+    *("_step_began", "_lowest", "_highest", "true_force"),
+)
 
 
 def plant_of(simulation: Simulation) -> MujocoPlant:

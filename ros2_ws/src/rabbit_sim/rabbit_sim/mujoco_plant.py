@@ -12,7 +12,7 @@ and lets go where friction carries the leg (Painleve).
 """
 
 from collections.abc import Sequence
-from math import radians
+from math import hypot, radians
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
@@ -59,8 +59,10 @@ class MujocoPlant(EnginePlant):
             b = min(b, 1 / SUBSTEP_SECONDS)
             self._model.geom_solref[foot] = -k / 2, -b / 2  # MuJoCo divides by the impedance
             self._model.geom_solimp[foot] = IMPEDANCE
-        self._stone_geoms = [i for i, name in enumerate(names) if name.startswith("stone")]
-        self._stone_places = self._model.body_pos[self._model.geom_bodyid[self._stone_geoms[0]] :]  # a view
+        stones = slice(names.index("stone_0"), names.index("stone_0") + KEPT_STONES)
+        self._stone_sizes, self._stone_boxes = self._model.geom_size[stones], self._model.geom_aabb[stones, 3:]  # views
+        self._stone_reaches, first = self._model.geom_rbound[stones], self._model.geom_bodyid[stones.start]
+        self._stone_places = self._model.body_pos[first : first + KEPT_STONES]
 
     @property
     def model(self) -> mujoco.MjModel:
@@ -82,13 +84,12 @@ class MujocoPlant(EnginePlant):
 
     def _place(self, spans: Sequence[Span]) -> None:
         """Place and resize boxes; those that are not needed lie far away."""
-        for i, geom in enumerate(self._stone_geoms):
-            near, far, top = spans[i] if i < len(spans) else Span(AWAY, AWAY)
-            half = np.array([(far - near) / 2 + FOOT_RADIUS, 0.5, STONE_DEPTH / 2])
-            self._model.geom_size[geom], self._model.geom_aabb[geom, 3:] = half, half
-            self._model.geom_rbound[geom] = np.linalg.norm(half)
-            self._stone_places[i] = (near + far) / 2, 0.0, top - FOOT_RADIUS - STONE_DEPTH / 2
-            self._data.mocap_pos[i] = self._stone_places[i]
+        placed = [*spans, *[Span(AWAY, AWAY)] * (KEPT_STONES - len(spans))]
+        halves = [((far - near) / 2 + FOOT_RADIUS, 0.5, STONE_DEPTH / 2) for near, far, _ in placed]
+        self._stone_sizes[:] = self._stone_boxes[:] = halves
+        self._stone_reaches[:] = [hypot(*half) for half in halves]
+        places = [((near + far) / 2, 0.0, top - FOOT_RADIUS - STONE_DEPTH / 2) for near, far, top in placed]
+        self._stone_places[:] = self._data.mocap_pos[:] = places
 
     def _substep(self, torque: Array, push: float = 0.0) -> None:
         self._torque[:] = torque

@@ -1,4 +1,4 @@
-"""What is drawn besides the robot: the area the barriers allow, the friction cone, the ground's force. x, z; m."""
+"""What is drawn besides the robot: the area the barriers allow, the ground's force. x, z; m."""
 
 import numpy as np
 from rabbit_description.state import Array
@@ -7,7 +7,6 @@ from rabbit_experiments.walk_records import WalkRecords
 DEPTH = 0.12  # m, of a drawn stone
 AREA_HEIGHT = 0.2  # m, up to which the barriers' area is shown
 AREA_LEFT = -0.45  # m, from the stance foot, where it ends to the left
-CONE_HEIGHT = 0.3  # m, up to which the friction cone is shown
 FORCE_SCALE = 1e-3  # m per N
 LONGEST_ARROW = 0.9  # m
 PLATFORM = -1.0  # m, where the first platform begins
@@ -35,25 +34,6 @@ def area_at(walk: WalkRecords, row: int) -> Array | None:
         return None
     margin, R1, R2 = (float(walk.about.get(n, d)) for n, d in (("stone_margin", 0.0), ("R1", 1.0), ("R2", 0.5)))
     return allowed_area(near + margin, far - margin, R1, R2)
-
-
-def area_triangles(corners: Array) -> Array:
-    """The area of `allowed_area` as triangles (m, 3, 2): columns between its lower and its upper edge."""
-    inner, outer, left = corners[:ARC], corners[ARC:-2], corners[-2:]
-    lower = np.concatenate([left[1:], inner, outer[:1]])
-    upper = np.concatenate([left[:1], outer[::-1]])
-    x = np.unique(corners[:, 0])
-    bottom = np.stack([x, np.interp(x, *lower.T)], axis=1)
-    top = np.stack([x, np.interp(x, *upper.T)], axis=1)
-    first = np.stack([bottom[:-1], bottom[1:], top[1:]], axis=1)
-    second = np.stack([bottom[:-1], top[1:], top[:-1]], axis=1)
-    return np.concatenate([first, second])
-
-
-def friction_cone(friction_coeff: float) -> Array:
-    """Corners (3, 2) of the forces that the ground can bear, from the stance foot, at the arrows' slope."""
-    reach = friction_coeff * CONE_HEIGHT
-    return np.array([(0.0, 0.0), (reach, CONE_HEIGHT), (-reach, CONE_HEIGHT)])
 
 
 def force_arrow(force: Array) -> Array:

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from rabbit_experiments.walk_records import RECORDS, WalkRecords, drawn_parameters, load_records
-from rabbit_recording.bag_writer import RecordingError
+from rabbit_recording import RecordingError
 from rabbit_recording.reader import RecordedEpisode, iterate_episodes
 
 from rabbit_viewer.pictures import draw

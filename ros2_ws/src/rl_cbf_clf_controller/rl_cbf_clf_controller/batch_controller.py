@@ -5,7 +5,6 @@ State, outputs, rows, QP, policy and torque are computed for all robots together
 estimator that learns within the walk or knows its plant (the identified robot, L1, an oracle), goes robot by robot.
 """
 
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -17,46 +16,108 @@ from cbf_clf_qp.qp import ROUNDING as ACTIVE
 from rabbit_description.robot_states import RobotStates
 from rabbit_description.state import SWAP_STATE, SWAP_TORQUE, TICK_SECONDS, Array, Leg
 
-from rl_cbf_clf_controller.controller import NO_TORQUE, ROUNDING, SECONDS, Controller
+from rl_cbf_clf_controller.controller import NO_BARRIERS, NO_TORQUE, ROUNDING, SECONDS, Controller
 from rl_cbf_clf_controller.controller_output import ControllerOutput
+from rl_cbf_clf_controller.identified_robot import IdentifiedRobot
+from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import LearnedPolicy, Policy
 from rl_cbf_clf_controller.scene import ControllerError, Scene
 from rl_cbf_clf_controller.step_outputs import Touchdown
-from rl_cbf_clf_controller.terrain import FARTHEST_STONE, HIGHEST_STONE
 from rl_cbf_clf_controller.virtual_constraints import VirtualConstraints
 
 GLANCE = ("eta", "V", "LgV", "phase", "observation", "B1_state", "B2_state")  # what policy and figures read of a state
 
 
-@dataclass
-class BatchOutput:
-    """What a tick decides: `torque` (N, 4), left/right order, saturated, N m. `fields`: others of `ControllerOutput`
-    with a row a robot. `errors`: why the controller refuses a robot's state, `faults`: why its episode must end, both by
-    its number.
+@dataclass(frozen=True)
+class BatchScene:
+    """What is seen of N robots, a row each; see `Scene`, and `ControllerOutput` for the others.
+
+    `details`: of them `nominal_a`, `nominal_b`, `measured`, `mu_held`, where they are asked for. `errors`: why the
+    controller refuses a robot's state, `faults`: why its episode must end, both by its number.
     """
 
+    tick: Array
+    x: Array
+    p: Array
+    seen: BatchValues
+    force: Array
+    observation: Array
     torque: Array
-    fields: dict[str, Any]
-    decided: BatchDecided
-    shared: dict[str, Any]
+    stance: Array
+    step_index: Array
+    step_time: Array
+    details: dict[str, Array]
     errors: dict[int, str]
     faults: dict[int, str]
 
+    def fields(self, i: int) -> dict[str, Any]:
+        """What a `ControllerOutput` of robot `i` has of it."""
+        seen, barriers = self.seen, [NO_BARRIERS, NO_BARRIERS]
+        if "B1_state" in seen.places:
+            barriers = [np.array([seen.B1_state[i, order], seen.B2_state[i, order]]) for order in (0, 1)]
+        return {
+            "tick": int(self.tick[i]),
+            "stance": Leg(int(self.stance[i])),
+            "step_index": int(self.step_index[i]),
+            "step_time": float(self.step_time[i]),
+            "phase": float(seen.phase[i, 0]),
+            "eta": seen.eta[i].copy(),
+            "V": float(seen.V[i, 0]),
+            "barriers": barriers[0],
+            "barrier_rates": barriers[1],
+            "observation": self.observation[i].copy(),
+            "LgV": seen.LgV[i].copy(),
+            **{name: values[i] for name, values in self.details.items()},
+        }
+
+
+@dataclass(frozen=True)
+class BatchOutput:
+    """What a tick decides, a row a robot; see `ControllerOutput`. `torque` (N, 4): left/right order, saturated, N m.
+
+    `estimates`: of all estimators; `policies`: whose they are among others; `own`: further fields, by name.
+    """
+
+    scene: BatchScene
+    torque: Array
+    decided: BatchDecided
+    estimates: BatchEstimates
+    mu: Array
+    mu_qp: Array
+    omega: Array
+    saturated: Array
+    quantities: tuple[str, ...]
+    policies: list[Policy]
+    parameters: ControllerParameters
+    own: dict[str, Sequence[Any]]
+
     def __getitem__(self, i: int) -> ControllerOutput:
-        """Of robot `i`. Without details `nominal_a`, `nominal_b`, `measured` and `mu_held` are empty."""
+        """Of robot `i`; without details `nominal_a`, `nominal_b`, `measured` and `mu_held` are empty."""
         decided, layout = self.decided, self.decided.layout
         slack, margin = decided.values.slack[i], decided.values.margin[i].tolist()
         gives = slack.any()
         return ControllerOutput(
             torque=self.torque[i],
+            mu=self.mu[i],
+            mu_qp=self.mu_qp[i],
+            omega=self.omega[i],
+            alpha=self.estimates.alpha[i],
+            beta=self.estimates.beta[i],
             clf_slack=float(slack @ ~layout.rescues) if gives else 0.0,
             rescue_slack=float(slack @ layout.rescues) if gives else 0.0,
-            active=tuple(name for name, each in zip(layout.names, margin, strict=True) if each < ACTIVE),
+            active=tuple([name for name, each in zip(layout.names, margin, strict=True) if each < ACTIVE]),
+            saturated=bool(self.saturated[i]),
             solver=decided.solver[i],
             status=decided.status[i],
-            fault=self.faults.get(i, ""),
-            **{name: values[i] for name, values in self.fields.items()},
-            **self.shared,
+            answered=decided.solver[i] == self.parameters.qp_solver,
+            solve_seconds=decided.seconds,
+            policy_version=self.policies[i].version,
+            fault=self.scene.faults.get(i, ""),
+            quantities=self.quantities,
+            objective=self.parameters.objective,
+            adaptation=self.parameters.adaptation,
+            **self.scene.fields(i),
+            **{name: values[i] for name, values in self.own.items()},
         )
 
 
@@ -69,9 +130,11 @@ class BatchController:
     def __init__(self, controller: Controller, policies: Sequence[Policy], details: bool = False) -> None:
         n, tick = len(policies), controller.qp
         self._one, self._details, self.policies = controller, details, list(policies)
+        self.parameters = controller.parameters
         self._steps = [controller.steps.another() for _ in policies]
         self._estimators = [[each.another() for each in controller._estimators] for _ in policies]
-        self._robots = [estimators[0] for estimators in self._estimators] if controller._robot else []
+        firsts = [estimators[0] for estimators in self._estimators if estimators]
+        self._robots = [first for first in firsts if isinstance(first, IdentifiedRobot)]
         self._acts_at_once = isinstance(policies[0], LearnedPolicy) and len(set(map(id, policies))) == 1
         self._needs_scenes = not self._acts_at_once or bool(controller._estimators)
         names = [name for name in GLANCE if name in tick.terms.reads]
@@ -84,6 +147,8 @@ class BatchController:
         self._rngs = [np.random.default_rng(0) for _ in policies]
         self._constraints = [steps.first() for steps in self._steps]
         self._stance, self._index, self._start_tick = np.zeros((3, n), dtype=int)
+        self._orders: dict[int, Array] = {}  # of the columns, by their number, for the legs that stand
+        self._checked = np.full((n, 3), np.nan)  # stones
         self._has_begun, self._seconds_before = np.zeros(n, dtype=bool), np.zeros(n)
         self._torque = np.tile(NO_TORQUE, (n, 1))
         self._path, self._scale = (
@@ -92,11 +157,13 @@ class BatchController:
         self._p = np.tile(controller._p, (n, 1))
         self._last_tick, self._last_x, self._last_p = np.full(n, -2), np.zeros((n, 14)), self._p.copy()
         self._none = BatchEstimates.of([tick.no_error()])
+        self._no_output_error = tick.terms.inputs, tick.terms.inputs + 1
 
     def reset(self, i: int, seed: int) -> None:
         """Begin an episode of robot `i`; see `Controller.reset`."""
         self._rngs[i] = np.random.default_rng(seed)
         self._stance[i] = self._index[i] = self._start_tick[i] = 0
+        self._orders.clear()
         self._seconds_before[i], self._torque[i], self._last_tick[i] = np.nan, NO_TORQUE, -2
         self._has_begun[i] = False
         self._follow(i, self._steps[i].first())
@@ -111,20 +178,21 @@ class BatchController:
                 setattr(self, name, value[rows] if isinstance(value, np.ndarray) else [value[i] for i in rows])
         self._robots = self._robots and [self._robots[i] for i in rows]
         self._answer.keep(rows)
+        self._orders.clear()
 
     def step(self, states: RobotStates) -> BatchOutput:
         """The torques for one tick; see `Controller.step`. Those of a state that is refused mean nothing."""
         return self.decide(self.look(states))
 
-    def look(self, states: RobotStates) -> "BatchScene":
+    def look(self, states: RobotStates) -> BatchScene:
         """What is seen of the states, after those robots have changed legs that came down; see `Controller.look`."""
-        errors = self._refused(states)
-        unknown = np.array([i in errors for i in range(len(states))])
-        q, dq = (np.where(unknown[:, None], 0.0, each) for each in (states.q, states.dq))
+        q, dq, errors = states.q, states.dq, self._refused(states)
+        if errors:
+            known = np.array([[i not in errors] for i in range(len(states))])
+            q, dq = np.where(known, q, 0.0), np.where(known, dq, 0.0)
         is_known = np.isfinite(states.applied.sum(axis=1))
         if is_known.any():
-            applied = self._by_stance(states.applied, SWAP_TORQUE)
-            self._torque = np.where(is_known[:, None], applied, self._torque)
+            self._torque = np.where(is_known[:, None], self._by_stance(states.applied, SWAP_TORQUE), self._torque)
         if self._robots:
             q = np.array([robot.set_right(each) for robot, each in zip(self._robots, q, strict=True)])
         faults = self._swap_legs(states, q)
@@ -135,21 +203,36 @@ class BatchController:
             pairs = zip(self._robots, x, self._torque, strict=True)
             x = np.array([robot.predicted(each, torque) for robot, each, torque in pairs])
         p = self._p = self._p.copy()
-        desired = self._desired(self._phase(x[:, :7], self._scale).row, self._path)
+        phase = self._phase(x[:, :7], self._scale, keep=False)
+        desired = self._desired(phase.row, self._path, keep=False)
         for name in desired.places:
             p[:, self._places[name]] = desired[name]
         p[:, self._places["phase_scale"]] = self._scale
-        force = self._by_stance(states.foot_force, [1, 0])
+        force = self._by_stance(states.foot_force.reshape(-1, 4), SWAP_TORQUE).reshape(-1, 2, 2)
         p[:, self._places["force"]] = force[:, 0]
-        if states.previews[0] is not None:
-            p[:, self._stones] = states.stones
+        sees_stone = ~np.isnan(states.stones[:, :1])
+        p[:, self._stones] = np.where(sees_stone, states.stones, p[:, self._stones])
         seen = self._read(x, p)
-        observed = self._one._terrain.observed(states.previews[0], self._steps[0].wanted)
-        return BatchScene(states.tick, x, p, seen, force, seen.observation[:, :observed], errors, faults)
+        stone = next((each for each in states.previews if each), None)
+        observed = self._one._terrain.observed(stone, self._steps[0].wanted)
+        return BatchScene(
+            tick=states.tick,
+            x=x,
+            p=p,
+            seen=seen,
+            force=force,
+            observation=seen.observation[:, :observed],
+            torque=self._torque.copy(),
+            stance=self._stance.copy(),
+            step_index=self._index.copy(),
+            step_time=(states.tick - self._start_tick) * TICK_SECONDS,
+            details=self._detailed(states.tick, x, p, seen) if self._details else {},
+            errors=errors,
+            faults=faults,
+        )
 
-    def decide(self, scene: "BatchScene", estimates: BatchEstimates | None = None) -> BatchOutput:
-        """The torques at these scenes, from the estimates of all estimators; or with others in place of the policy's."""
-        start = time.perf_counter()
+    def decide(self, scene: BatchScene, estimates: BatchEstimates | None = None) -> BatchOutput:
+        """The torques at these scenes, from all estimators; `estimates` take the place of the policy's."""
         parts = self._estimated(scene, estimates)
         total = sum(parts[1:], start=self._none + parts[0])
         error = total.output_error
@@ -158,17 +241,17 @@ class BatchController:
                 raise ControllerError(
                     "objective pd_centred: expected a structured policy, which gives the output error"
                 )
-            error = np.zeros((len(scene.x), *self._none.output_error.shape[1:]))
+            error = np.zeros((len(scene.x), *self._no_output_error))
         decided = self._answer(scene.x, scene.p, total.alpha, total.beta, error)
         output = self._output(scene, decided, total, parts)
-        output.shared["solve_seconds"] = (time.perf_counter() - start) / len(scene.x)
         self._last_tick, self._last_x, self._last_p = scene.tick, scene.x, scene.p
         return output
 
-    def _estimated(self, scene: "BatchScene", given: BatchEstimates | None) -> list[BatchEstimates]:
+    def _estimated(self, scene: BatchScene, given: BatchEstimates | None) -> list[BatchEstimates]:
         """Of the policy, then of each other estimator."""
-        if given is None and self._acts_at_once:
-            given = self.policies[0].act_of_many(scene.observation, scene.seen.LgV)
+        policy = self.policies[0]
+        if given is None and self._acts_at_once and isinstance(policy, LearnedPolicy):
+            given = policy.act_of_many(scene.observation, scene.seen.LgV)
         if given is not None and not self._one._estimators:
             return [given]
         found = []
@@ -182,15 +265,15 @@ class BatchController:
             found.append(parts)
         return [BatchEstimates.of(part) for part in zip(*found, strict=True)]
 
-    def _scene(self, s: "BatchScene", i: int) -> Scene:
+    def _scene(self, s: BatchScene, i: int) -> Scene:
         """As an estimator of robot `i` sees it."""
-        tick, torque, stance = int(s.tick[i]), self._torque[i].copy(), int(self._stance[i])
-        return Scene(s.x[i], s.p[i], s.seen.of(i), s.force[i], s.observation[i], tick, torque, stance, self._one._error)
+        tick, stance, error = int(s.tick[i]), int(s.stance[i]), self._one._error
+        return Scene(s.x[i], s.p[i], s.seen.of(i), s.force[i], s.observation[i], tick, s.torque[i], stance, error)
 
     def _output(
-        self, scene: "BatchScene", decided: BatchDecided, total: BatchEstimates, parts: list[BatchEstimates]
+        self, scene: BatchScene, decided: BatchDecided, total: BatchEstimates, parts: list[BatchEstimates]
     ) -> BatchOutput:
-        parameters, values, seen, n = self._one.parameters, decided.values, scene.seen, len(scene.x)
+        parameters, values, n = self._one.parameters, decided.values, len(scene.x)
         a, b = values.control_a, values.control_b
         mu_qp, wanted, omega, faults = values.mu, values.u, np.zeros((n, 4)), scene.faults
         for i in (~decided.solved).nonzero()[0].tolist():
@@ -209,65 +292,41 @@ class BatchController:
             mu = mu.copy()
             for i in saturated.nonzero()[0].tolist():
                 mu[i] = np.linalg.solve(a[i], torque[i] - b[i])
-        held, self._torque = self._torque, torque
-        fields = {
-            "tick": scene.tick.tolist(),
-            "stance": [Leg(leg) for leg in self._stance.tolist()],
-            "step_index": self._index.tolist(),
-            "step_time": ((scene.tick - self._start_tick) * TICK_SECONDS).tolist(),
-            "phase": seen.phase[:, 0].tolist(),
-            "eta": seen.eta,
-            "V": seen.V[:, 0].tolist(),
-            "barriers": self._of_barriers(seen, 0),
-            "barrier_rates": self._of_barriers(seen, 1),
-            "mu": mu,
-            "mu_qp": mu_qp,
-            "omega": omega,
-            "alpha": total.alpha,
-            "beta": total.beta,
-            "observation": scene.observation,
-            "LgV": seen.LgV,
-            "saturated": saturated.tolist(),
-            "answered": [solver == parameters.qp_solver for solver in decided.solver],
-            "policy_version": [policy.version for policy in self.policies],
-        }
-        if self._details:
-            fields |= self._detailed(scene, held, parts)
-        shared = {"quantities": self._one.qp.names, "objective": parameters.objective}
-        shared["adaptation"] = parameters.adaptation
-        return BatchOutput(self._by_stance(torque, SWAP_TORQUE), fields, decided, shared, scene.errors, faults)
+        self._torque = torque
+        own: dict[str, Sequence[Any]] = {}
+        if self._robots and self._details:
+            own |= {
+                "identified": [robot.known for robot in self._robots],
+                "adapted": [parts[1][i].flat for i in range(n)],
+            }
+        torque = self._by_stance(torque, SWAP_TORQUE)
+        names, policies = self._one.qp.names, list(self.policies)
+        return BatchOutput(scene, torque, decided, total, mu, mu_qp, omega, saturated, names, policies, parameters, own)
 
-    def _detailed(self, scene: "BatchScene", held: Array, parts: list[BatchEstimates]) -> dict[str, Any]:
-        seen, n = scene.seen, len(scene.x)
-        measured = self._measure(self._last_x, self._last_p, scene.x, scene.p, SECONDS).measured
-        measured[self._last_tick != scene.tick - 1] = np.nan
+    def _detailed(self, tick: Array, x: Array, p: Array, seen: BatchValues) -> dict[str, Array]:
+        measured = self._measure(self._last_x, self._last_p, x, p, SECONDS).measured
+        measured[self._last_tick != tick - 1] = np.nan
+        pairs = zip(seen.outputs_a, self._torque, seen.outputs_b, strict=True)
         found = {"nominal_a": seen.nominal_a, "nominal_b": seen.nominal_b, "measured": measured}
-        found["mu_held"] = np.array([seen.outputs_a[i] @ held[i] + seen.outputs_b[i] for i in range(n)])
-        if self._robots:
-            found["identified"] = [robot.known for robot in self._robots]
-            found["adapted"] = [parts[1][i].packed for i in range(n)]
-        return found
-
-    def _of_barriers(self, seen: BatchValues, order: int) -> Array:
-        if self._one.parameters.terrain != "stones":
-            return np.full((len(seen.row), 2), np.nan)
-        return np.stack([seen.B1_state[:, order], seen.B2_state[:, order]], axis=1)
+        return {**found, "mu_held": np.array([a @ torque + b for a, torque, b in pairs])}
 
     def _by_stance(self, values: Array, swapped: Any) -> Array:
-        """From left/right to stance/swing order and back."""
-        is_right = self._stance.astype(bool).reshape(-1, *[1] * (values.ndim - 1))
-        return np.where(is_right, values[:, swapped], values)
+        """Columns from left/right to stance/swing order and back."""
+        n, columns = values.shape
+        if columns not in self._orders:
+            order = np.where(self._stance[:, None], swapped, np.arange(columns))
+            self._orders[columns] = order + columns * np.arange(n)[:, None]
+        return values.ravel()[self._orders[columns]]
 
     def _refused(self, states: RobotStates) -> dict[int, str]:
         """What `Controller` refuses, by robot."""
-        is_sound = np.isfinite(states.q.sum(axis=1)) & np.isfinite(states.dq.sum(axis=1))
-        l_min, l_max, height = states.stones.T
+        refused, unsure = {}, ~(np.isfinite(states.q.sum(axis=1)) & np.isfinite(states.dq.sum(axis=1)))
         if self._one.parameters.terrain == "stones":
-            is_sound &= (l_min > 0) & (l_max > l_min) & (l_max < FARTHEST_STONE) & (np.abs(height) <= HIGHEST_STONE)
-        refused = {}
-        for i in (~is_sound).nonzero()[0].tolist():
+            unsure |= (states.stones != self._checked).any(axis=1)
+        for i in unsure.nonzero()[0].tolist():
             try:
                 self._one._check(states[i])
+                self._checked[i] = states.stones[i]
             except ControllerError as error:
                 refused[i] = f"controller error: {error}"
         return refused
@@ -275,14 +334,17 @@ class BatchController:
     def _swap_legs(self, states: RobotStates, q: Array) -> dict[int, str]:
         """Swap stance and swing at a touchdown; faults where this and the simulator's count disagree."""
         parameters = self._one.parameters
-        seconds = (states.tick - self._start_tick) * TICK_SECONDS
-        has_come_down = np.where(self._stance == 0, states.contact[:, 1], states.contact[:, 0])
-        for i in (has_come_down & (seconds > parameters.swap_time)).nonzero()[0].tolist():
+        has_come_down = states.contact[np.arange(len(states)), 1 - self._stance]
+        for i in has_come_down.nonzero()[0].tolist():
+            seconds = (int(states.tick[i]) - int(self._start_tick[i])) * TICK_SECONDS
+            if not seconds > parameters.swap_time:
+                continue
             q_s = q[i, SWAP_STATE] if self._stance[i] else q[i]
             if self._constraints[i].phase(q_s) > parameters.swap_phase:
                 self._stance[i] = 1 - self._stance[i]
+                self._orders.clear()
                 self._index[i] += 1
-                self._start_tick[i], self._seconds_before[i] = states.tick[i], seconds[i]
+                self._start_tick[i], self._seconds_before[i] = states.tick[i], seconds
                 self._torque[i], self._last_tick[i], self._has_begun[i] = NO_TORQUE, -2, False
         wrong = (states.touchdowns != self._index).nonzero()[0].tolist()
         return {i: f"contact disagreement: {states.touchdowns[i]} touchdowns, {self._index[i]} steps" for i in wrong}
@@ -302,20 +364,16 @@ class BatchController:
         self._p[i, self._places["step_length"]] = lengths[0] if lengths else 0.0
 
 
-@dataclass(frozen=True)
-class BatchScene:
-    """What is seen of N robots at a `tick` (N,); the other fields are a `Scene`'s with a row a robot. `errors`,
-    `faults`: see `BatchOutput`."""
-
-    tick: Array
-    x: Array
-    p: Array
-    seen: BatchValues
-    force: Array
-    observation: Array
-    errors: dict[int, str]
-    faults: dict[int, str]
-
-
 PER_ROBOT = {"policies", "_steps", "_estimators", "_rngs", "_constraints", "_stance", "_index", "_start_tick"}
-PER_ROBOT |= {"_has_begun", "_seconds_before", "_torque", "_path", "_scale", "_p", "_last_tick", "_last_x", "_last_p"}
+PER_ROBOT |= {
+    "_has_begun",
+    "_seconds_before",
+    "_checked",
+    "_torque",
+    "_path",
+    "_scale",
+    "_p",
+    "_last_tick",
+    "_last_x",
+    "_last_p",
+}

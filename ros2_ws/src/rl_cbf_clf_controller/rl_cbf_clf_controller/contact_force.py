@@ -11,8 +11,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 from cbf_clf_qp.affine import Affine
-from cbf_clf_qp.quantity import Quantity
-from cbf_clf_qp.rows import Rows, at_least
+from cbf_clf_qp.quantity import Quantity, Rows, at_least
 
 
 @dataclass(frozen=True)
@@ -24,7 +23,7 @@ class ForceRows:
 
     min_normal_force: ca.SX
     friction_coeff: ca.SX
-    rescue_weight: ca.SX
+    rescue_weight: ca.SX | float
     is_literal: bool = False
 
     def __call__(self, force: Affine) -> list[Rows]:
@@ -37,7 +36,7 @@ class ForceRows:
             sides = (ca.horzcat(self.friction_coeff, side) for side in (-1, 1))
             names = ("C1", "C2+", "C2-")
             cone = ca.vertcat(ca.horzcat(1, 0), *sides)
-        rows = force.mapped(cone)
+        rows = Affine(cone, ca.SX.zeros(len(names))).after(force)
         least = ca.vertcat(self.min_normal_force, ca.SX.zeros(len(names) - 1))
         return [at_least(names, rows.a, least - rows.b, self.rescue_weight)]
 

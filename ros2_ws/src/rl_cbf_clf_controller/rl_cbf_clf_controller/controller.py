@@ -6,15 +6,13 @@
 Which leg stands, exploration and what is kept from tick to tick are here; what a controller constrains is its recipe.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.answer import Decided
-from cbf_clf_qp.estimates import Estimates
-from cbf_clf_qp.functions import one_at_a_time, places_of
-from cbf_clf_qp.measurement import measure, model_error
+from cbf_clf_qp.estimates import Estimates, measure, model_error
+from cbf_clf_qp.functions import Values, one_at_a_time, places_of
 from cbf_clf_qp.quantity import Constrained
 from rabbit_description.gait import Gaits
 from rabbit_description.state import SWAP_STATE, SWAP_TORQUE, TICK_SECONDS, Array, Leg, RobotState, StonePreview
@@ -29,14 +27,23 @@ from rl_cbf_clf_controller.recipes import make_tick
 from rl_cbf_clf_controller.robot_numbers import read_robot
 from rl_cbf_clf_controller.scene import ControllerError, Scene, is_finite
 from rl_cbf_clf_controller.step_outputs import Touchdown, make_steps
+from rl_cbf_clf_controller.virtual_constraints import PARAMETERS
 from rl_cbf_clf_controller.walking import GAINS, Walking
 
 NO_BARRIERS = np.full(2, np.nan)
 ROUNDING = 1e-6  # N m, by which the QP may be over the limit
 NO_TORQUE = np.full(4, np.nan)
+SWAP_X = np.concatenate([SWAP_STATE, 7 + SWAP_STATE])
 NO_NOISE = np.zeros(4)
 SECONDS = np.array([TICK_SECONDS])
 DYNAMIC = ("sigma", "swap_time", "swap_phase", *GAINS)  # parameters that may change between two ticks
+
+Further = Callable[[Walking], Sequence[Constrained]]  # quantities of RABBIT's symbols
+
+
+def nothing_further(walking: Walking) -> Sequence[Constrained]:
+    """The controller's own quantities are all."""
+    return ()
 
 
 @dataclass
@@ -73,7 +80,7 @@ class Controller:
         parameters: ControllerParameters,
         gait: Gaits,
         policy: Policy,
-        further: Callable[[Walking], Sequence[Constrained]] = lambda walking: (),
+        further: Further = nothing_further,
         urdf: str | None = None,
     ) -> None:
         self._kind = find_kind(parameters.controller)
@@ -83,7 +90,10 @@ class Controller:
         self._error, self._measure = model_error(self.qp.terms), measure(self.qp.terms)
         self._p = np.zeros(walking.system.p.numel())  # parameters of a tick, each a view by its name
         self._views = {name: self._p[place] for name, (place, _) in places_of(walking.system.named).items()}
+        self._path, self._stone = (self._between(names) for names in (PARAMETERS, vars(walking.stone)))
         self._p[: robot.row.size] = robot.row
+        rescues = self.qp.layout.rescues
+        self._nothing, self._slacks = self.qp.no_error(), np.array([~rescues, rescues], dtype=float)
         self._parameters = parameters
         self.parameters = parameters
         self._robot = IdentifiedRobot(robot) if parameters.adaptation == "identification" else None
@@ -136,7 +146,7 @@ class Controller:
     @property
     def unanswered(self) -> int:
         """Ticks since construction that the chosen solver did not answer itself."""
-        return self.qp.unanswered
+        return self.qp.answer.unanswered
 
     def reset(self, seed: int) -> None:
         """Begin an episode: left leg stands; the exploration noise starts from `seed`."""
@@ -179,16 +189,17 @@ class Controller:
     def look(self, state: RobotState) -> Scene:
         """What is seen of a state, with the present stance leg."""
         views, stance, stone, lengths = self._views, self._step.stance, state.preview, self.steps.wanted
-        x = np.concatenate([self._relabel(state.q), self._relabel(state.dq)])
+        x = np.concatenate((state.q, state.dq))
+        if stance is Leg.RIGHT:
+            x = x[SWAP_X]
         if self._robot and self.parameters.prediction:
             x = self._robot.predicted(x, self._step.torque)
-        for name, value in self._constraints.parameters(x[:7]).items():
-            views[name][:] = value
+        self._path[...] = self._constraints.parameters(x[:7])
         force = state.foot_force if stance is Leg.LEFT else state.foot_force[::-1]
-        views["force"][:] = force[0]
-        views["step_length"][:] = lengths[0] if lengths else 0.0
+        views["force"][...] = force[0]
+        views["step_length"][0] = lengths[0] if lengths else 0.0
         if stone is not None:
-            views["l_min"][:], views["l_max"][:], views["height"][:] = stone.l_min, stone.l_max, stone.height
+            self._stone[...] = stone.l_min, stone.l_max, stone.height
         p = self._p.copy()
         seen = self.qp.look(x, p)
         observation = seen.observation[: self._terrain.observed(stone, lengths)]
@@ -196,8 +207,9 @@ class Controller:
 
     def decide(self, scene: Scene) -> Decided:
         """mu at a tick, from the estimates of all estimators."""
-        parts, total = list[Estimates](), self.qp.no_error()
-        for estimator in (self.policy, *self._estimators):
+        total = self.policy.estimate(scene, self._nothing)
+        parts = [total]
+        for estimator in self._estimators:
             parts.append(estimator.estimate(scene, total))
             total = total + parts[-1]
         self.parts, self.estimates = parts, total
@@ -207,23 +219,24 @@ class Controller:
 
     def _output(self, state: RobotState, fault: str) -> ControllerOutput:
         p, step, decided, scene = self.parameters, self._step, self.decided, self.scene
-        mu_qp, wanted, omega = decided.mu, decided.u, NO_NOISE
-        control = Affine(decided.values.control_a, decided.values.control_b)
+        values, seen = decided.values, scene.seen
+        mu_qp, wanted, omega = values.mu, values.u, NO_NOISE
         if not decided.solved:
             fault, mu_qp = fault or f"no solver answered: {decided.status}", np.zeros(4)
-            wanted = control(mu_qp)
+            wanted = values.control_b
         mu = mu_qp
         if p.sigma > 0:
             omega = p.sigma * step.rng.standard_normal(4)
             mu = mu_qp + omega
-            wanted = control(mu)
+            wanted = values.control_a @ mu + values.control_b
         largest = max(map(abs, wanted.tolist()))
         torque = wanted if largest <= p.torque_limit else np.clip(wanted, -p.torque_limit, p.torque_limit)
         saturated = largest > p.torque_limit + ROUNDING
         if saturated:
-            mu = np.linalg.solve(control.a, torque - control.b)
+            mu = np.linalg.solve(values.control_a, torque - values.control_b)
         step.torque = torque
-        seen, slack = scene.seen, decided.values.slack
+        clf_slack, rescue_slack = (self._slacks @ values.slack).tolist()
+        barriers, barrier_rates = self._barriers(seen)
         return ControllerOutput(
             tick=state.tick,
             torque=torque[SWAP_TORQUE] if step.stance is Leg.RIGHT else torque,
@@ -233,12 +246,12 @@ class Controller:
             phase=float(seen.phase[0]),
             eta=seen.eta,
             V=float(seen.V[0]),
-            barriers=self._of_barriers(0),
-            barrier_rates=self._of_barriers(1),
+            barriers=barriers,
+            barrier_rates=barrier_rates,
             mu=mu,
             mu_qp=mu_qp,
             omega=omega,
-            mu_held=scene.output_dynamics(scene.torque),
+            mu_held=seen.outputs_a @ scene.torque + seen.outputs_b,
             quantities=self.qp.names,
             nominal_a=seen.nominal_a,
             nominal_b=seen.nominal_b,
@@ -246,9 +259,9 @@ class Controller:
             alpha=self.estimates.alpha,
             beta=self.estimates.beta,
             observation=scene.observation,
-            LgV=scene.LgV,
-            clf_slack=float(slack @ ~decided.layout.rescues),
-            rescue_slack=float(slack @ decided.layout.rescues),
+            LgV=seen.LgV,
+            clf_slack=clf_slack,
+            rescue_slack=rescue_slack,
             active=decided.active,
             saturated=saturated,
             solver=decided.solver,
@@ -260,7 +273,7 @@ class Controller:
             objective=p.objective,
             adaptation=p.adaptation,
             identified=self._robot.known if self._robot else NOTHING,
-            adapted=self.parts[1].packed if self._robot else NOTHING,
+            adapted=self.parts[1].flat if self._robot else NOTHING,
         )
 
     def measured(self, last: Scene | None, now: Scene) -> Array:
@@ -269,12 +282,18 @@ class Controller:
             return np.full(len(self.qp.names), np.nan)
         return self._measure(last.x, last.p, now.x, now.p, SECONDS).measured
 
-    def _of_barriers(self, order: int) -> Array:
-        """B1 and B2 (2,), or their first derivatives."""
-        seen = self.scene.seen
-        if self.parameters.terrain != "stones":
-            return NO_BARRIERS
-        return np.array([seen.B1_state[order], seen.B2_state[order]])
+    def _barriers(self, seen: Values) -> tuple[Array, Array]:
+        """B1 and B2 (2,), and their first derivatives."""
+        if self._terrain.name != "stones":
+            return NO_BARRIERS, NO_BARRIERS
+        (B1, dB1), (B2, dB2) = seen.B1_state.tolist(), seen.B2_state.tolist()
+        return np.array((B1, B2)), np.array((dB1, dB2))
+
+    def _between(self, names: Iterable[str]) -> Array:
+        """The view of several parameters of a tick, which follow each other."""
+        first, *_, last = names
+        places = places_of(self.qp.system.named)
+        return self._p[places[first][0].start : places[last][0].stop]
 
     def _relabel(self, values: Array) -> Array:
         return values[SWAP_STATE] if self._step.stance is Leg.RIGHT else values

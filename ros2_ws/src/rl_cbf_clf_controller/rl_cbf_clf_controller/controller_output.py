@@ -1,7 +1,6 @@
 """All of a controller's tick that others read: recorders, the trainer, the page, you."""
 
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from rabbit_description.state import Array, Leg
@@ -22,7 +21,7 @@ class ControllerOutput:
     paper's d, the sum of the slacks of last resort; `active` names the rows that hold with equality; `answered` is
     False where the guard solver had to answer; `fault` is empty, or why the episode must end; `objective`, `adaptation`
     name what was minimised and adapted; `identified` (17,) is the robot as in `identified_robot.KNOWN`,
-    `adapted` (5n + 20,) its part of the estimates, as in `Estimates.packed`; both (0,) without adaptation.
+    `adapted` (5n + 20,) its part of the estimates, as in `Estimates.flat`; both (0,) without adaptation.
     """
 
     tick: int
@@ -61,18 +60,3 @@ class ControllerOutput:
     adaptation: str = "none"
     identified: Array = field(default_factory=lambda: NOTHING)
     adapted: Array = field(default_factory=lambda: NOTHING)
-
-    @classmethod
-    def deferring(cls, later: object, **known: Any) -> "ControllerOutput":
-        """An output of which the other fields are attributes of `later`, asked for when they are first read."""
-        output = cls.__new__(cls)
-        known["_later"] = later
-        output.__dict__ = known
-        return output
-
-    def __getattr__(self, name: str) -> Any:
-        """A field that nobody has read yet."""
-        if name not in self.__dataclass_fields__:
-            raise AttributeError(f"ControllerOutput has no {name}")
-        value = self.__dict__[name] = getattr(self._later, name)
-        return value

@@ -16,7 +16,7 @@ towards none. So both sides go through the same low-pass (FILTER_TIME) first, wh
 the noise is M times that of q'', which is in R with the rates' variance; the other entries of R are for what the means
 over a tick leave out.
 
-What is believed at first: the nominal robot, and around it a mass scale, a point mass at the torso's centre of mass
+The prior: the nominal robot, and around it a mass scale, a point mass at the torso's centre of mass
 and, much less, any change of any link. M_jj is that of the last x. d, kappa, theta are told apart because F is
 measured in newtons and not in torques.
 """
@@ -43,7 +43,7 @@ FILTER_TIME = 0.03  # s
 FORCE_NOISE = 30.0  # N, rows of the base's slides
 MOMENT_NOISE = 5.0  # N m, rows of pitch and joints
 RATE_NOISE = 0.1  # m/s and rad/s, of rates that are measured without noise
-SCALE_SPREAD = 1.0  # standard deviations of what is believed at first: of the mass scale about 1
+SCALE_SPREAD = 1.0  # standard deviations of the prior: of the mass scale about 1
 PAYLOAD_SPREAD = 40.0  # of a point mass on the torso, kg
 LINK_SPREAD = 0.1  # of each parameter of a link, relative
 DAMPING_SPREAD = 1.0  # 1/s
@@ -71,7 +71,7 @@ class Identification:
         self.reset()
 
     def reset(self) -> None:
-        """Believe in the nominal robot again."""
+        """Return to the prior: the nominal robot."""
         self._fit = LeastSquares(self._start, self._prior, WALK * self._prior)
         self.value = self._start
         self.interrupt()

@@ -3,7 +3,7 @@
 `identification.py` finds what the robot weighs, how its joints are damped and what its motors give;
 `joint_calibration.py` where its joints' angles are zero. A second model carries what is found, and the estimates are
 the difference of the quantities by this and by the nominal model, as the oracle's are by the plant's own
-(`cbf_clf_qp.measurement`). The policy's are added to them. The angles are corrected before anything is computed from
+(`cbf_clf_qp.estimates`). The policy's are added to them. The angles are corrected before anything is computed from
 them. Where the state is predicted (`state_prediction.py`), the identification still learns from the measured one.
 
 The identification uses a tick only if the stance foot was the only one on the ground, and had been for SETTLING ticks.
@@ -18,7 +18,6 @@ import numpy as np
 from cbf_clf_qp.estimates import Estimates
 from rabbit_description.state import Array, RobotState
 
-from rl_cbf_clf_controller.estimator import Estimator
 from rl_cbf_clf_controller.identification import (
     DAMPING,
     IDENTIFIED,
@@ -30,7 +29,7 @@ from rl_cbf_clf_controller.identification import (
 from rl_cbf_clf_controller.joint_calibration import JointCalibration
 from rl_cbf_clf_controller.rate_noise import RateNoise
 from rl_cbf_clf_controller.robot_numbers import RobotNumbers
-from rl_cbf_clf_controller.scene import Scene, is_finite
+from rl_cbf_clf_controller.scene import Estimator, Scene, is_finite
 from rl_cbf_clf_controller.state_prediction import prediction_function
 
 KNOWN = (*IDENTIFIED, "hip_offset", "knee_offset")  # rad
@@ -64,7 +63,7 @@ class IdentifiedRobot(Estimator):
         self._measured: Array | None = None
         self._measured_last: Array | None = None
         self._standing = 0  # ticks on end in which the stance foot alone stood
-        self._believe()
+        self._update_row()
 
     def another(self) -> "IdentifiedRobot":
         """See `Estimator`."""
@@ -113,9 +112,9 @@ class IdentifiedRobot(Estimator):
             variance = self._rate_noise.variance
             if variance is not None:
                 self._identification.learn(before, measured, (last.torque, now.torque), now.force, variance)
-            self._believe()
+            self._update_row()
 
-    def _believe(self) -> None:
+    def _update_row(self) -> None:
         found = self._identification.value
         self._row = self._nominal.with_links(found[THETA], found[MOTOR_GAIN], found[DAMPING]).row
 

@@ -10,7 +10,7 @@ linearised in what is left of them,
 
 which least squares solve (`least_squares.py`), the legs being alike. A velocity and not the foot's height: the ground
 need not be level. The foot's rubber gives way as the load comes, which looks like an offset of the knee that changes
-along the step; so of the knee little is believed.
+along the step; so the knee's prior is narrow.
 """
 
 import casadi as ca

@@ -9,13 +9,13 @@ from functools import cache
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cbf_clf_qp.affine import Affine
-from cbf_clf_qp.problem import Problem
 from cbf_clf_qp.quantity import Constrained
 from cbf_clf_qp.terms import Terms
 from pydantic import BeforeValidator, PlainSerializer
 from rabbit_description import plugins
 
-from rl_cbf_clf_controller.estimator import Estimator
+from rl_cbf_clf_controller.problem import Problem
+from rl_cbf_clf_controller.scene import Estimator
 from rl_cbf_clf_controller.terrain import FlatGround, SteppingStones
 from rl_cbf_clf_controller.walking import Walking
 

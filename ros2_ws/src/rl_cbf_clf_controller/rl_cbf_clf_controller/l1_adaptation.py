@@ -29,40 +29,22 @@ from cbf_clf_qp.estimates import Estimates
 from rabbit_description.state import TICK_SECONDS, Array
 from scipy.linalg import expm
 
-from rl_cbf_clf_controller.estimator import Estimator
-from rl_cbf_clf_controller.parameters import L1Law
-from rl_cbf_clf_controller.scene import Scene
+from rl_cbf_clf_controller.parameters import ControllerParameters
+from rl_cbf_clf_controller.scene import Estimator, Scene
 
 DY, ESTIMATE, FILTERED = 1, 2, 3  # rows of the state: predictor's error in y and y-dot, estimate, filtered estimate
 
 
 class L1Adaptation(Estimator):
-    """The adaptation's memory; `estimate` is called once a tick.
+    """The adaptation's memory for m outputs of relative degree 2; `estimate` is called once a tick."""
 
-    Args:
-        eps, gains: of the CLF of m outputs of relative degree 2.
-        law: `piecewise`, `exact` or `euler`.
-        gain: of the adaptation; `piecewise` has none.
-        cutoff: of the filter, 1/s.
-        bounds: of |slope|, 1, and of |offset|, rad/s^2.
-        substeps: of a tick.
-    """
-
-    def __init__(
-        self,
-        eps: float,
-        gains: tuple[float, float],
-        law: L1Law,
-        gain: float,
-        cutoff: float,
-        bounds: tuple[float, float],
-        substeps: int = 1,
-        m: int = 4,
-    ) -> None:
-        clf = ResClf(m, eps, gains)
-        F, G, P, K = (np.array(ca.DM(matrix)) for matrix in (clf.F, clf.G, clf.P, clf.K))
-        self._law, self._gain, self._cutoff, self._bounds = law, gain, cutoff, bounds
-        self._substeps, self._h = substeps, TICK_SECONDS / substeps
+    def __init__(self, parameters: ControllerParameters, m: int = 4) -> None:
+        p = parameters
+        clf = ResClf(m, p.eps, (p.kp, p.kd))
+        F, G, P, K = (ca.DM(matrix).full() for matrix in (clf.F, clf.G, clf.P, clf.K))
+        self._law, self._gain, self._cutoff = p.l1_law, p.l1_gain, p.l1_cutoff
+        self._bounds = p.l1_slope_bound, p.l1_offset_bound
+        self._substeps, self._h = p.l1_substeps, TICK_SECONDS / p.l1_substeps
         self._F, self._G = F, G
         self._closed = (F + G @ K)[::m, ::m]  # the same 2x2 for every output
         self._s = (G.T @ P)[0, ::m]

@@ -1,19 +1,24 @@
 """The controller's parameters: typed, bounded, described. One model serves files, the command line and ROS."""
 
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
-from cbf_clf_qp.problem import Problem
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from rabbit_description.bounded_file import FileError, one_line
 from rabbit_description.gait import DEFAULT_GAIT
 from rabbit_description.yaml_file import read_mapping, shortened, yaml_path
 
 from rl_cbf_clf_controller.kinds import ControllerName, find_kind
+from rl_cbf_clf_controller.problem import Problem
 
-L1Law = Literal["piecewise", "exact", "euler"]
 CONFIG = Path(__file__).parent / "config"
 ON_FLAT_GROUND = "on_flat_ground"
+FORMER = {  # parameters that were, with the values that now always hold: files and recordings may still have them
+    **{"mu_weight": 0.01, "clf_rescue_weight": 1e6, "barrier_rescue_weight": 1e3, "force_rescue_weight": 1e5},
+    **{"robust_bounds": "mass_scale", "robust_offset": 75.0, "robust_slope": 0.5},
+    **{"robust_barrier_offset": 8.0, "robust_barrier_slope": 0.5},
+}
+NO_FORMER = object()
 
 
 class ParameterError(ValueError):
@@ -40,7 +45,6 @@ class ControllerParameters(BaseModel):
         "paper",
         description="what the QP minimises: mu'mu, or the distance of the estimated output dynamics from a PD law",
     )
-    mu_weight: float = Field(0.01, ge=1e-6, le=1e3, description="weight of |mu|^2 in the objective pd_centred")
     adaptation: Literal["none", "identification"] = Field(
         "none", description="whether the true robot is identified as it walks"
     )
@@ -68,56 +72,40 @@ class ControllerParameters(BaseModel):
     )
     min_normal_force: float = Field(20.0, ge=0, le=1000, description="least normal force of row C1, N")
     torque_limit: float = Field(200.0, ge=1e-6, le=10000, description="saturation, N m")
-    clf_rescue_weight: float = Field(1e6, ge=1e-6, le=1e9, description="slack of last resort on a hard CLF row")
-    barrier_rescue_weight: float = Field(1e3, ge=1e-6, le=1e9, description="slack of last resort on barrier rows")
-    force_rescue_weight: float = Field(1e5, ge=1e-6, le=1e9, description="slack of last resort on force rows")
     sigma: float = Field(0.0, ge=0, le=1000, description="standard deviation of the exploration noise on mu, rad/s^2")
     qp_solver: Literal["osqp", "daqp"] = Field("osqp", description="QP solver; the other one is its guard")
     swap_time: float = Field(0.15, ge=0, le=5, description="least time of a step before the legs swap, s")
     swap_phase: float = Field(0.5, ge=0, le=1, description="least phase before the legs swap")
-    l1_law: L1Law = Field("piecewise", description="adaptation law of L1")
+    l1_law: Literal["piecewise", "exact", "euler"] = Field("piecewise", description="adaptation law of L1")
     l1_gain: float = Field(1.0, ge=1e-6, le=1e9, description="adaptation gain of L1; the piecewise law has none")
     l1_cutoff: float = Field(100.0, ge=1e-6, le=1e4, description="cut-off of L1's low-pass filter, 1/s")
     l1_substeps: int = Field(1, ge=1, le=100, description="steps of L1's adaptation in a tick")
     l1_slope_bound: float = Field(1.0, ge=1e-6, le=1e6, description="bound of L1's estimate in proportion to |mu|")
     l1_offset_bound: float = Field(500.0, ge=1e-6, le=1e6, description="bound of the rest of L1's estimate, rad/s^2")
-    robust_bounds: Literal["mass_scale", "norm"] = Field(
-        "mass_scale", description="what bounds the model error of the robust controller"
-    )
     robust_scale_min: float = Field(1.0, ge=0.1, le=10, description="least mass scale that the robust rows allow for")
     robust_scale_max: float = Field(
         2.0, ge=1e-6, le=10, description="largest mass scale that the robust rows allow for"
     )
-    robust_offset: float = Field(75.0, ge=0, le=1e4, description="norm bounds: of Delta_1, rad/s^2")
-    robust_slope: float = Field(0.5, ge=0, lt=1, description="norm bounds: of Delta_2, relative to what it multiplies")
-    robust_barrier_offset: float = Field(8.0, ge=0, le=1e4, description="norm bounds: error of B'' at B'' = 0, m/s^2")
-    robust_barrier_slope: float = Field(0.5, ge=0, lt=1, description="norm bounds: error of B'' relative to it")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _without_former(cls, values: Any) -> Any:
+        if not isinstance(values, dict):
+            return values
+        return {name: value for name, value in values.items() if FORMER.get(name, NO_FORMER) != value}
 
     @model_validator(mode="after")
-    def _some_cone_is_left(self) -> "ControllerParameters":
-        if self.friction_margin >= self.friction_coeff:
-            raise ValueError(
-                f"friction_margin = {self.friction_margin}: expected less than friction_coeff = {self.friction_coeff}"
-            )
-        return self
-
-    @model_validator(mode="after")
-    def _scales_are_in_order(self) -> "ControllerParameters":
-        if self.robust_scale_min > self.robust_scale_max:
-            low, high = self.robust_scale_min, self.robust_scale_max
+    def _fit_together(self) -> "ControllerParameters":
+        margin, coeff = self.friction_margin, self.friction_coeff
+        low, high, adaptation = self.robust_scale_min, self.robust_scale_max, self.adaptation
+        if margin >= coeff:
+            raise ValueError(f"friction_margin = {margin}: expected less than friction_coeff = {coeff}")
+        if low > high:
             raise ValueError(f"robust_scale_min = {low}: expected at most robust_scale_max = {high}")
-        return self
-
-    @model_validator(mode="after")
-    def _adaptation_has_rows(self) -> "ControllerParameters":
-        if self.adaptation != "none" and self.problem.corrects_input:
-            raise ValueError(f"adaptation = {self.adaptation}: expected none, {self.controller} estimates no rows")
-        return self
-
-    @model_validator(mode="after")
-    def _prediction_has_a_model(self) -> "ControllerParameters":
-        if self.prediction and self.adaptation != "identification":
-            raise ValueError(f"prediction = True: expected adaptation = identification, not {self.adaptation}")
+        if adaptation != "none" and self.problem.corrects_input:
+            raise ValueError(f"adaptation = {adaptation}: expected none, {self.controller} estimates no rows")
+        if self.prediction and adaptation != "identification":
+            raise ValueError(f"prediction = True: expected adaptation = identification, not {adaptation}")
         return self
 
     @property

@@ -149,7 +149,7 @@ class PinnedRobot:
         right = ca.horzcat(torques, -free.T @ (bias + mass @ held))
         accelerations = free @ solved(free.T @ mass @ free, right)
         acceleration = Affine(accelerations[:, :m], accelerations[:, m] + held)
-        return acceleration, acceleration.mapped(mass[:SLIDES, :], bias[:SLIDES])
+        return acceleration, Affine(mass[:SLIDES, :], bias[:SLIDES]).after(acceleration)
 
     @property
     def acceleration(self) -> Affine:

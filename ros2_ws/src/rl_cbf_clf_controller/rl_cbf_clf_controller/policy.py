@@ -7,22 +7,31 @@ expression Delta^v = 2 eta' P G Delta = LgV Delta [eq70] says:
     alpha_V = scale_alpha LgV D2,    beta_V = scale_beta LgV D1
 
 Plain, they are 5 outputs times (|LgV| + 1). Either way the action is the paper's (25 values on stones).
+
+A policy fits the controller of the problem it was trained for. One for stones fits flat ground too: it is shown the
+stone in whose middle the gait's own step ends, and of its estimates those of V and of the outputs are taken, which are
+all that a controller without barriers and force rows has a use for.
 """
 
 from abc import abstractmethod
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 
 import casadi as ca
 import numpy as np
 from cbf_clf_qp.batch import BatchEstimates, BatchFunction
 from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.functions import NumpyFunction
-from cbf_clf_qp.problem import Problem
+from rabbit_description.gait import Gait, Gaits
 from rabbit_description.state import Array
 
-from rl_cbf_clf_controller.estimator import Estimator
-from rl_cbf_clf_controller.scene import Scene
-from rl_cbf_clf_controller.weights import Actor, PolicyFile
+from rl_cbf_clf_controller.parameters import ControllerParameters
+from rl_cbf_clf_controller.problem import Problem
+from rl_cbf_clf_controller.scene import Estimator, Scene
+from rl_cbf_clf_controller.step_outputs import has_lengths
+from rl_cbf_clf_controller.uncertainty import RL_CBF_CLF_QP, RL_CLF_QP, STEP_LENGTH
+from rl_cbf_clf_controller.weights import Actor, PolicyFile, PolicyFileError
+
+STONE_WIDTH = 0.05  # m, of the stones that the paper trains on
 
 
 class Policy(Estimator):
@@ -74,9 +83,10 @@ class ActorPolicy(LearnedPolicy):
         self.adaptation = form.adaptation or "none"
         self._center = np.array(form.observation_center)
         self._inverse_scale = 1 / np.array(form.observation_scale)
-        self._scales = np.array(form.alpha_scale), np.array(form.beta_scale)
         self._structured = form.structured
-        self._estimates = estimate_function(len(form.names), form.structured, "V" in form.names, form.m)
+        self._estimates = estimate_function(
+            form.alpha_scale, form.beta_scale, form.structured, "V" in form.names, form.m
+        )
         self._estimates_of_many = BatchFunction(self._estimates)
         self._actor = Actor(file.arrays)
 
@@ -87,12 +97,12 @@ class ActorPolicy(LearnedPolicy):
             ValueError: it reads the step length of a gait library, and there is none.
         """
         outputs = self._actor(self._scaled(observation))
-        found = self._estimates(outputs, LgV, *self._scales)
+        found = self._estimates(outputs, LgV)
         return Estimates(found.alpha, found.beta, found.output_error if self._structured else None)
 
     def act_of_many(self, observations: Array, LgV: Array) -> BatchEstimates:
         """The same for N robots, to the bit."""
-        found = self._estimates_of_many(self._actor.of_many(self._scaled(observations)), LgV, *self._scales)
+        found = self._estimates_of_many(self._actor.of_many(self._scaled(observations)), LgV)
         return BatchEstimates(found.alpha, found.beta, found.output_error if self._structured else None)
 
     def _scaled(self, observation: Array) -> Array:
@@ -123,14 +133,15 @@ class PartlyNominal(Policy):
         return Estimates(estimates.alpha * self._kept[:, None], estimates.beta * self._kept, output_error)
 
 
-def estimate_function(quantities: int, structured: bool, has_clf: bool, inputs: int) -> NumpyFunction:
-    """alpha (n, m), beta (n,) and output_error (m, m + 1) of (a network's outputs, LgV (m,), the scales (n,) of both).
+def estimate_function(
+    alpha_scale: Sequence[float], beta_scale: Sequence[float], structured: bool, has_clf: bool, inputs: int
+) -> NumpyFunction:
+    """alpha (n, m), beta (n,) and output_error (m, m + 1) of (a network's outputs, LgV (m,)), with scales (n,) of both.
 
     Structured outputs are (m (m + 1) + (m + 1) (n - 1),): [D2 | D1] row by row, then the alphas of the other
     quantities, then their betas. Plain ones are ((m + 1) n,): alphas, then betas.
     """
-    n, m = quantities, inputs
-    LgV, alpha_scale, beta_scale = ca.SX.sym("LgV", m), ca.SX.sym("alpha_scale", n), ca.SX.sym("beta_scale", n)
+    n, m, LgV = len(alpha_scale), inputs, ca.SX.sym("LgV", inputs)
     outputs = ca.SX.sym("outputs", (m + 1) * (m + n - 1) if structured else (m + 1) * n)
     output_error = ca.SX.zeros(m, m + 1)
     if structured:
@@ -144,11 +155,49 @@ def estimate_function(quantities: int, structured: bool, has_clf: bool, inputs: 
         if has_clf:
             size = ca.vertcat(ca.norm_2(LgV) + 1, ca.SX.ones(n - 1))
             alpha, beta = ca.diag(size) @ alpha, size * beta
-    found = {"alpha": ca.diag(alpha_scale) @ alpha, "beta": beta_scale * beta, "output_error": output_error}
-    inputs_of = {"outputs": outputs, "LgV": LgV, "alpha_scale": alpha_scale, "beta_scale": beta_scale}
-    return NumpyFunction.of("estimates", inputs_of, found, matrices=("alpha", "output_error"))
+    found = {"alpha": ca.diag(ca.DM(alpha_scale)) @ alpha, "beta": ca.DM(beta_scale) * beta}
+    found["output_error"] = output_error
+    return NumpyFunction.of("estimates", {"outputs": outputs, "LgV": LgV}, found, matrices=("alpha", "output_error"))
 
 
 def row_by_row(values: ca.SX, columns: int) -> ca.SX:
     """A column as a matrix with so many columns."""
     return ca.reshape(values, columns, values.numel() // columns).T
+
+
+class OnFlatGround(LearnedPolicy):
+    """A policy for stones where there are none; `step_length` is the gait's, m."""
+
+    def __init__(self, policy: LearnedPolicy, step_length: float) -> None:
+        self.version, self.adaptation = policy.version, policy.adaptation
+        self._policy = policy
+        self._stone = np.array([step_length - STONE_WIDTH / 2, step_length])
+
+    def act(self, observation: Array, LgV: Array) -> Estimates:
+        """The policy's estimates of V and of the outputs."""
+        whole = self._policy.act(np.append(observation, self._stone), LgV)
+        return Estimates(whole.alpha[:1], whole.beta[:1], whole.output_error)
+
+
+def fitted(file: PolicyFile, parameters: ControllerParameters, gaits: Gaits) -> Policy:
+    """The policy of a file for a controller with these parameters and this gait or library.
+
+    Raises:
+        PolicyFileError: it was trained for another problem, beside another adaptation, or reads the length of a gait
+            library's steps on stones and there is one gait.
+    """
+    own = file.metadata.adaptation or "none"
+    if own != parameters.adaptation:
+        raise PolicyFileError(
+            f"policy: it was trained with adaptation {own}; this controller has {parameters.adaptation}"
+        )
+    policy, trained_for = ActorPolicy(file), file.metadata.problem
+    if file.metadata.fits(parameters.problem):
+        if parameters.terrain == "stones" and STEP_LENGTH in file.metadata.observation and not has_lengths(gaits):
+            raise PolicyFileError(f"policy: it reads {STEP_LENGTH}: expected a gait library, gait is {gaits.name}")
+        return policy
+    if (trained_for, parameters.problem) == (RL_CBF_CLF_QP.name, RL_CLF_QP):
+        return OnFlatGround(policy, gaits.step_length if isinstance(gaits, Gait) else gaits.start_length)
+    raise PolicyFileError(
+        f"policy: it was trained for {file.metadata.about}; this controller needs {parameters.problem}"
+    )

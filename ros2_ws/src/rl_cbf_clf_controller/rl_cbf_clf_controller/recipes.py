@@ -7,14 +7,13 @@ import casadi as ca
 from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.barrier import Barrier
 from cbf_clf_qp.clf import Clf, ResClf
-from cbf_clf_qp.objective import Objective, pd_centred
-from cbf_clf_qp.quantity import Constrained, Quantity
-from cbf_clf_qp.rows import Rows, at_most
+from cbf_clf_qp.qp import Objective, pd_centred
+from cbf_clf_qp.quantity import Constrained, Quantity, Rows, at_most
 from cbf_clf_qp.terms import Constraint, Terms
-from cbf_clf_qp.tick import Tick, least_mu, no_corners
+from cbf_clf_qp.tick import Tick
 
 from rl_cbf_clf_controller.contact_force import ForceRows, contact_force
-from rl_cbf_clf_controller.kinds import Estimators, Kind, find_kind
+from rl_cbf_clf_controller.kinds import Kind, find_kind
 from rl_cbf_clf_controller.l1_adaptation import L1Adaptation
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.stone_barriers import stone_barriers
@@ -24,11 +23,13 @@ from rl_cbf_clf_controller.walking import Walking
 from rl_cbf_clf_controller.worst_case import worst_cases
 
 Parameters = ControllerParameters
+CLF_RESCUE_WEIGHT, BARRIER_RESCUE_WEIGHT, FORCE_RESCUE_WEIGHT = 1e6, 1e3, 1e5  # of the rows' slacks of last resort
+MU_WEIGHT = 0.01  # of |mu|^2 in `pd_centred`
 
 
 def flat(w: Walking, p: Parameters) -> list[Constrained]:
     """The CLF's row, hard but for a slack of last resort."""
-    return [Clf(w.outputs.y, w.gains["eps"], (p.kp, p.kd), w.gains["clf_rescue_weight"], rescue=True)]
+    return [Clf(w.outputs.y, w.gains["eps"], (p.kp, p.kd), CLF_RESCUE_WEIGHT, rescue=True)]
 
 
 def stones(w: Walking, p: Parameters) -> list[Constrained]:
@@ -37,7 +38,7 @@ def stones(w: Walking, p: Parameters) -> list[Constrained]:
     clf = Clf(w.outputs.y, g["eps"], (p.kp, p.kd), g["slack_weight"], in_mu=p.clf_row == "normalised")
     edges = stone.l_min + g["stone_margin"], stone.l_max - g["stone_margin"]
     found = stone_barriers(w.robot.swing, *edges, stone.height, g["R1"], g["R2"])
-    poles, weight = (g["barrier_pole_1"], g["barrier_pole_2"]), g["barrier_rescue_weight"]
+    poles, weight = (g["barrier_pole_1"], g["barrier_pole_2"]), BARRIER_RESCUE_WEIGHT
     barriers = [Barrier(f"B{i + 1}", B, poles, weight, p.barrier_rows) for i, B in enumerate(found)]
     return [clf, *barriers, contact_force(w.robot.force, w.force, force_rows(w, p) if p.force_rows else None)]
 
@@ -53,7 +54,7 @@ def force_rows(w: Walking, p: Parameters) -> ForceRows:
     """With the margin taken off the friction coefficient."""
     g = w.gains
     coeff = g["friction_coeff"] - g["friction_margin"]
-    return ForceRows(g["min_normal_force"], coeff, g["force_rescue_weight"], p.cone == "literal")
+    return ForceRows(g["min_normal_force"], coeff, FORCE_RESCUE_WEIGHT, p.cone == "literal")
 
 
 def res_clf(w: Walking, p: Parameters) -> ResClf:
@@ -68,7 +69,7 @@ def reference_clf(w: Walking, p: Parameters) -> Constraint:
         clf = res_clf(w, p)
         V_dot = clf.derivative(w.eta)
         upper = -clf.rate * clf.value(w.eta) - V_dot.b
-        return [at_most(("CLF",), V_dot.a, upper, w.gains["clf_rescue_weight"])]
+        return [at_most(("CLF",), V_dot.a, upper, CLF_RESCUE_WEIGHT)]
 
     return rows
 
@@ -79,15 +80,9 @@ def nominal_force(w: Walking, p: Parameters) -> Constraint:
     return lambda terms: build(force.value.after(terms.control))
 
 
-def l1(p: Parameters) -> Estimators:
-    """The L1 adaptation, whose input cancels the error of the outputs' accelerations."""
-    bounds = (p.l1_slope_bound, p.l1_offset_bound)
-    return (L1Adaptation(p.eps, (p.kp, p.kd), p.l1_law, p.l1_gain, p.l1_cutoff, bounds, p.l1_substeps),)
-
-
 CLF = Kind(RL_CLF_QP, flat)
 RL_CLF = Kind(RL_CLF_QP, flat, learns=True)
-L1_CLF = Kind(IO_RL_CLF_QP, outputs, estimators=l1)
+L1_CLF = Kind(IO_RL_CLF_QP, outputs, estimators=lambda p: (L1Adaptation(p),))
 IO_RL_CLF = Kind(IO_RL_CLF_QP, outputs, learns=True)
 CBF_CLF = Kind(RL_CBF_CLF_QP, stones, SteppingStones)
 RL_CBF_CLF = Kind(RL_CBF_CLF_QP, stones, SteppingStones, learns=True)
@@ -108,8 +103,8 @@ def make_tick(w: Walking, p: Parameters, further: Sequence[Constrained] = ()) ->
         control=w.output_dynamics.inverse(),
         limit=w.gains["torque_limit"],
         constraints=constraints,
-        objective=least_mu if p.objective == "paper" else pd_objective(w, kind.problem.corrects_input),
-        corners=kind.corners(w, p) if kind.corners else no_corners,
+        objective=None if p.objective == "paper" else pd_objective(w, kind.problem.corrects_input),
+        corners=kind.corners(w, p) if kind.corners else None,
         corrects_input=kind.problem.corrects_input,
         reads=reads(w, p),
         solver=p.qp_solver,
@@ -132,7 +127,7 @@ def pd_objective(w: Walking, corrects_input: bool) -> Any:
     def objective(terms: Terms) -> Objective:
         m = terms.inputs
         error = Affine(ca.SX.zeros(m, m), ca.SX.zeros(m)) if corrects_input else terms.output_error
-        return pd_centred(w.eta[:m], w.eta[m:], w.gains["eps"], error, w.gains["mu_weight"])
+        return pd_centred(w.eta[:m], w.eta[m:], w.gains["eps"], error, MU_WEIGHT)
 
     return objective
 

@@ -1,7 +1,10 @@
-"""What estimators read of a tick: the state, what the nominal model says of it, sensors."""
+"""What says how wrong the nominal quantities are, and what it reads of a tick: state, nominal model, sensors."""
 
 import math
+from abc import ABC, abstractmethod
+from copy import copy
 from dataclasses import dataclass
+from typing import Self
 
 from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.estimates import Estimates
@@ -13,7 +16,7 @@ class ControllerError(ValueError):
     """A state or policy that the controller refuses: names the field, its value and what was expected."""
 
 
-@dataclass(frozen=True)
+@dataclass(slots=True)  # not frozen: that would take a tick 2 us
 class Scene:
     """A state `x` = (q, q') (14,) in stance/swing order, and the tick's parameters `p` there.
 
@@ -21,7 +24,7 @@ class Scene:
     rows stance, swing foot; columns tangential, normal; `observation` (14,), with a stone (15,), there with a gait
     library (16,), see `Problem.observation`; `tick` counts from the episode's start; `torque` (4,), N m, was applied in
     the last tick, NaN: unknown; `stance` is 0 where the left leg stands, 1 where the right one does. `model_error`: a
-    function of (x, p, the parameters of another model), see `cbf_clf_qp.measurement`.
+    function of (x, p, the parameters of another model), see `cbf_clf_qp.estimates`.
     """
 
     x: Array
@@ -60,6 +63,24 @@ class Scene:
         other[: robot.size] = robot
         found = self.model_error(self.x, self.p, other)
         return Estimates(found.alpha, found.beta, found.output_error)
+
+
+class Estimator(ABC):
+    """A policy, an identified robot, an oracle, an adaptation; the estimates of all of a controller are added."""
+
+    @abstractmethod
+    def estimate(self, scene: Scene, before: Estimates) -> Estimates:
+        """Alpha and beta of every quantity, to be added to those of the estimators `before`; called once a tick."""
+
+    def another(self) -> Self:
+        """One for another robot in the same thread: the same functions, nothing learned. Of one with parts that learn,
+        these must be others too."""
+        other = copy(self)
+        other.reset()
+        return other
+
+    def reset(self) -> None:  # noqa: B027  most keep nothing
+        """Begin an episode: forget what the last one taught."""
 
 
 def is_finite(values: Array) -> bool:

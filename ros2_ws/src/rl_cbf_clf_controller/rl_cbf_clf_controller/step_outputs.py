@@ -20,7 +20,7 @@ g, g' and g'' begin with 0, and g' goes to 1. `step_paths.descent` finds D.
 
 from copy import copy
 from dataclasses import dataclass
-from typing import Protocol, TypeGuard
+from typing import TypeGuard
 
 import numpy as np
 from rabbit_description.gait import Gait, GaitLibrary, Gaits
@@ -66,41 +66,24 @@ class Touchdown:
     stone: StonePreview | None = None
 
 
-class Steps(Protocol):
-    """Where the outputs of each step come from."""
-
-    @property
-    def wanted(self) -> tuple[float, ...]:
-        """The step length, m, that a policy may see; empty where there is one gait."""
-
-    def first(self) -> VirtualConstraints:
-        """Outputs before any step of an episode has begun."""
-
-    def another(self) -> "Steps":
-        """Those of another robot in the same thread, with the same functions."""
-
-    def begin(self, touchdown: Touchdown) -> VirtualConstraints:
-        """Outputs of the step that begins there."""
-
-
 class SingleGait:
     """The same outputs in every step."""
 
-    wanted: tuple[float, ...] = ()
+    wanted: tuple[float, ...] = ()  # the step length, m, that a policy may see
 
     def __init__(self, gait: Gait) -> None:
         self._outputs = VirtualConstraints(gait)
 
     def first(self) -> VirtualConstraints:
-        """The gait's."""
+        """Outputs before any step of an episode has begun: the gait's."""
         return self._outputs
 
     def begin(self, touchdown: Touchdown) -> VirtualConstraints:
-        """The gait's."""
+        """Outputs of the step that begins there: the gait's."""
         return self._outputs
 
     def another(self) -> "SingleGait":
-        """See `Steps`: nothing is kept from step to step."""
+        """For another robot in the same thread: nothing is kept from step to step."""
         return self
 
 
@@ -121,7 +104,7 @@ class LibrarySteps:
         self.wanted: tuple[float, ...] = (library.start_length,)
 
     def another(self) -> "LibrarySteps":
-        """See `Steps`."""
+        """For another robot in the same thread, with the same functions."""
         other = copy(self)
         other.regulation = type(self.regulation)(self.regulation.least, self.regulation.most)
         return other
@@ -160,6 +143,9 @@ class LibrarySteps:
         gait_s_rate = start_rate(self._library, touchdown.length, self.slope)
         speed, gait_s_speed = touchdown.length / seconds, speed_of(self._library, *self.wanted)
         self.regulation.after(gait_s_rate - rate, gait_s_speed - speed)
+
+
+Steps = SingleGait | LibrarySteps
 
 
 def has_lengths(gaits: Gaits) -> TypeGuard[GaitLibrary]:

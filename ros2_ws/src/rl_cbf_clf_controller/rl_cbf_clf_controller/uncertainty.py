@@ -8,7 +8,7 @@ In the first approach the quantities are the outputs' accelerations `y1` to `y4`
 estimate but an input: u = u~(mu) + (LgLfh)^-1 (alpha mu + beta) [approach1_input].
 """
 
-from cbf_clf_qp.problem import Problem
+from rl_cbf_clf_controller.problem import Problem
 
 INPUTS = 4  # RABBIT's motors; mu has one component for each output
 STEP_LENGTH = "step_length"  # what a gait library steps at; seen after l_min

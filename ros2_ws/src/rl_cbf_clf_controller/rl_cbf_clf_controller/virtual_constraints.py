@@ -165,14 +165,14 @@ class Outputs:
 
     def second_derivative(self, acceleration: Affine) -> Affine:
         """y-ddot (m), affine in whatever `acceleration` (n) is affine in."""
-        return acceleration.mapped(self.jacobian, self.bias)
+        return Affine(self.jacobian, self.bias).after(acceleration)
 
 
 class VirtualConstraints:
     """The outputs of a path as numbers. One object, with all that it makes by `along`, serves one thread."""
 
     def __init__(self, path: Path, angles: Angles = RABBIT_ANGLES) -> None:
-        self._outputs, self._phase, self._desired = output_functions(angles)
+        self._outputs, self._phase, self._desired, self._parameters = output_functions(angles)
         self._set(path)
 
     def along(self, path: Path) -> "VirtualConstraints":
@@ -212,9 +212,9 @@ class VirtualConstraints:
         found = self._desired(np.array([phase]), self._row)
         return found.desired_0, found.desired_1, found.desired_2
 
-    def parameters(self, q_s: Array) -> dict[str, Array]:
-        """`desired_0` to `desired_2` (m,) at `q_s` (n,), and `phase_scale` (2,): what a tick takes of the path."""
-        return dict(zip(PARAMETERS, (*self.desired(self.phase(q_s)), self._scale), strict=True))
+    def parameters(self, q_s: Array) -> Array:
+        """The `PARAMETERS` at `q_s` (n,), one after the other: what a tick takes of the path."""
+        return self._parameters(q_s, self._scale, self._row).row
 
     def phase(self, q_s: Array) -> float:
         """Of the step, at `q_s` (n,)."""
@@ -222,12 +222,13 @@ class VirtualConstraints:
 
     def evaluate(self, q_s: Array, dq_s: Array) -> Outputs:
         """Outputs at `q_s`, `dq_s` (n,), stance/swing order."""
-        found = self._outputs(q_s, dq_s, *self.parameters(q_s).values())
+        found = self._outputs(q_s, dq_s, self.parameters(q_s))
         return Outputs(found.eta, found.jacobian, found.bias, float(found.phase[0]), float(found.phase_rate[0]))
 
 
-def output_functions(angles: Angles) -> tuple[NumpyFunction, NumpyFunction, NumpyFunction]:
-    """`Outputs` of (q, dq, parameters); the phase of (q, phase_scale); what is desired, of (phase, row of a path)."""
+def output_functions(angles: Angles) -> tuple[NumpyFunction, ...]:
+    """`Outputs` of (q, dq, parameters); the phase of (q, scale); what is desired, of (phase, row of a path); the
+    parameters of (q, scale, row of a path)."""
     m, n = angles.controlled.shape
     q, dq, ddq, path = ca.SX.sym("q", n), ca.SX.sym("dq", n), ca.SX.sym("ddq", n), path_symbols(m)
     outputs = OutputExpressions(q, dq, angles)
@@ -238,8 +239,11 @@ def output_functions(angles: Angles) -> tuple[NumpyFunction, NumpyFunction, Nump
     found |= {"phase": outputs.phase, "phase_rate": outputs.phase_rate}
     scale, phase = outputs.parameters["phase_scale"], ca.SX.sym("phase")
     orders = dict(zip(PARAMETERS, desired(phase, path), strict=False))
+    along = dict(zip(orders, ca.substitute([*orders.values()], [phase], [outputs.phase]), strict=True))
+    of_path = {"q": q, "scale": scale, "path": packed(path)}
     return (
-        NumpyFunction.of("outputs", {"q": q, "dq": dq, **outputs.parameters}, found),
+        NumpyFunction.of("outputs", {"q": q, "dq": dq, "parameters": packed(outputs.parameters)}, found),
         NumpyFunction.of("phase", {"q": q, "scale": scale}, {"phase": outputs.phase}),
         NumpyFunction.of("desired", {"phase": phase, "path": packed(path)}, orders),
+        NumpyFunction.of("parameters", of_path, {**along, "phase_scale": scale}),
     )

@@ -16,7 +16,6 @@ from rl_cbf_clf_controller.virtual_constraints import OutputExpressions
 
 GAINS = (
     "eps",
-    "mu_weight",
     "slack_weight",
     "barrier_pole_1",
     "barrier_pole_2",
@@ -27,15 +26,8 @@ GAINS = (
     "friction_margin",
     "min_normal_force",
     "torque_limit",
-    "clf_rescue_weight",
-    "barrier_rescue_weight",
-    "force_rescue_weight",
     "robust_scale_min",
     "robust_scale_max",
-    "robust_offset",
-    "robust_slope",
-    "robust_barrier_offset",
-    "robust_barrier_slope",
 )
 
 

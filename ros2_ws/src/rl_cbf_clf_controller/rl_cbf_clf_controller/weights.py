@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from cbf_clf_qp.problem import Problem
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from rabbit_description.atomic_file import replacing
@@ -22,6 +21,7 @@ from safetensors import SafetensorError
 from safetensors.numpy import load, save
 from scipy.linalg.blas import sgemv
 
+from rl_cbf_clf_controller.problem import Problem
 from rl_cbf_clf_controller.uncertainty import PAPER
 
 Float32 = NDArray[np.float32]
@@ -32,6 +32,7 @@ SHIPPED = Path(__file__).parent / "policies"
 PROBE = "probe.outputs"
 PROBE_TOLERANCE = 1e-3  # of outputs in [-1, 1]; float32 sums in another order differ by 1e-6
 _KEY = "rabbit_policy"
+PAPERS = {problem.name: problem for problem in PAPER}
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
@@ -72,11 +73,10 @@ class PolicyMetadata(BaseModel):
     def _fits_the_problem(self) -> "PolicyMetadata":
         if (self.inputs is None) != (self.quantities is None):
             raise ValueError("inputs and quantities: expected both or neither")
-        paper = _paper(self.problem)
-        if self.quantities is None and paper is None:
+        if self.quantities is None and self.problem not in PAPERS:
             raise ValueError(f"problem = {self.problem}: expected inputs and quantities, it is none of the paper's")
-        if self.quantities is None and paper and self.observation not in paper.observations:
-            raise ValueError(f"observation = {self.observation}; {self.problem} has {paper.observations[-1]}")
+        if self.quantities is None and self.observation not in (known := PAPERS[self.problem].observations):
+            raise ValueError(f"observation = {self.observation}; {self.problem} has {known[-1]}")
         n = len(self.names)
         if {len(self.observation_center), len(self.observation_scale)} != {len(self.observation)}:
             raise ValueError(f"observation_center and observation_scale need {len(self.observation)} values each")
@@ -89,14 +89,12 @@ class PolicyMetadata(BaseModel):
     @property
     def names(self) -> tuple[str, ...]:
         """Of the n quantities."""
-        paper = _paper(self.problem)
-        return self.quantities or (paper.quantities if paper else ())
+        return self.quantities or PAPERS[self.problem].quantities
 
     @property
     def m(self) -> int:
         """Components of mu."""
-        paper = _paper(self.problem)
-        return self.inputs or (paper.inputs if paper else 0)
+        return self.inputs or PAPERS[self.problem].inputs
 
     def fits(self, problem: Problem) -> bool:
         """Whether it was trained for this problem, as it is now."""
@@ -224,7 +222,8 @@ class Actor:
         """The same of N observations (N, m), to the bit; layer by layer, so that the weights stay near."""
         values = scaled.astype(np.float32)
         for layer, (weights, bias) in enumerate(self._layers):
-            given, values = values, np.tile(bias, (len(values), 1))
+            given, values = values, np.empty((len(values), len(bias)), np.float32)
+            values[:] = bias
             for row, result in zip(given, values, strict=True):
                 sgemv(1, weights, row, 1, result, 0, 1, 0, 1, 1, 1)  # transposed, into `result`
             if layer < len(self._layers) - 1:
@@ -247,11 +246,6 @@ def problem_fields(problem: Problem) -> dict[str, Any]:
     """The metadata that say what a policy was trained for; the paper's problems need no more than their name."""
     known = {"problem": problem.name}
     return known if problem in PAPER else {**known, "inputs": problem.inputs, "quantities": problem.quantities}
-
-
-def _paper(name: str) -> Problem | None:
-    """The paper's problem of this name."""
-    return next((problem for problem in PAPER if problem.name == name), None)
 
 
 def probe_inputs(size: int) -> Float32:

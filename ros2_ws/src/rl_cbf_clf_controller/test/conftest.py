@@ -8,7 +8,7 @@ import pytest
 from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.functions import NumpyFunction, packed
 from rabbit_description.state import Array
-from rl_cbf_clf_controller.pinocchio_model import Kinematics, PinnedDynamics, PinocchioModel
+from rabbit_gait_design.pinocchio_model import Kinematics, PinnedDynamics, PinocchioModel
 from rl_cbf_clf_controller.planar_robot import PinnedRobot
 from rl_cbf_clf_controller.robot_numbers import read_robot
 

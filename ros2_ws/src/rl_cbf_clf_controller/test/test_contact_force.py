@@ -1,7 +1,6 @@
 """The rows on the ground's force against the friction cone."""
 
 import casadi as ca
-import numpy as np
 import pytest
 from cbf_clf_qp.affine import Affine
 from rl_cbf_clf_controller.contact_force import ForceRows
@@ -11,7 +10,7 @@ def upper(force, is_literal=False):
     """By how much each row is kept, if the force is (F_N, F_T) whatever mu."""
     rows = ForceRows(ca.SX(20.0), ca.SX(0.8), ca.SX(1e5), is_literal)
     (block,) = rows(Affine(ca.SX.zeros(2, 4), ca.SX(ca.DM(force))))
-    return np.array(ca.evalf(block.upper)).ravel()
+    return ca.evalf(block.upper).full().ravel()
 
 
 @pytest.mark.parametrize(("force", "ok"), [((100, 79), True), ((100, -79), True), ((100, 81), False), ((10, 0), False)])

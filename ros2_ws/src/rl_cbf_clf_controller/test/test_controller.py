@@ -10,7 +10,7 @@ from cbf_clf_qp.estimates import Estimates
 from rabbit_description.gait import DEFAULT_GAIT, load_gait
 from rabbit_description.state import SWAP_STATE, SWAP_TORQUE, Leg, RobotState, StonePreview
 from rl_cbf_clf_controller.controller import Controller
-from rl_cbf_clf_controller.parameters import ControllerParameters, ParameterError, load_parameters
+from rl_cbf_clf_controller.parameters import FORMER, ControllerParameters, ParameterError, load_parameters
 from rl_cbf_clf_controller.policy import Policy, ZeroPolicy
 from rl_cbf_clf_controller.scene import ControllerError
 from rl_cbf_clf_controller.walking import GAINS
@@ -117,7 +117,7 @@ def test_estimates_shift_the_quantities_and_only_them():
     np.testing.assert_allclose(with_force, rows)
     unilateral = built.qp.layout.names.index("C1")
     per_newton = np.linalg.norm(rows[unilateral]) / np.linalg.norm(scene.seen.nominal_a[3])
-    assert (shifted - upper)[unilateral] == pytest.approx(100.0 * per_newton)  # F_N is 100 N more than believed
+    assert (shifted - upper)[unilateral] == pytest.approx(100.0 * per_newton)  # F_N is 100 N more than nominal
     assert (shifted - upper)[:3] == pytest.approx(0)
 
 
@@ -244,6 +244,13 @@ def test_shipped_parameter_files_load():
     assert load_parameters("authors").eps == 0.07
 
 
+def test_a_file_with_a_former_parameter_loads_where_its_value_still_holds():
+    text = ControllerParameters(eps=0.05).model_dump() | FORMER
+    assert ControllerParameters.model_validate(text) == ControllerParameters(eps=0.05)
+    with pytest.raises(ParameterError, match="robust_bounds"):
+        load_parameters("ours", robust_bounds="norm")
+
+
 def test_a_parameter_file_may_say_what_is_different_on_flat_ground(tmp_path):
     path = tmp_path / "mine.yaml"
     path.write_text("{controller: cbf-clf-qp, eps: 0.05, on_flat_ground: {controller: clf-qp}}")
@@ -258,7 +265,6 @@ def test_a_parameter_file_may_say_what_is_different_on_flat_ground(tmp_path):
 
 CHANGED = {
     "eps": 0.05,
-    "mu_weight": 0.5,
     "slack_weight": 100.0,
     "barrier_pole_1": 30.0,
     "barrier_pole_2": 110.0,
@@ -269,15 +275,8 @@ CHANGED = {
     "friction_margin": 0.35,
     "min_normal_force": 80.0,
     "torque_limit": 60.0,
-    "clf_rescue_weight": 1e4,
-    "barrier_rescue_weight": 1e5,
-    "force_rescue_weight": 1e3,
     "robust_scale_min": 0.6,
     "robust_scale_max": 2.7,
-    "robust_offset": 20.0,
-    "robust_slope": 0.1,
-    "robust_barrier_offset": 2.0,
-    "robust_barrier_slope": 0.2,
 }
 
 

@@ -1,4 +1,4 @@
-"""What adaptation learns from, what it believes, and whose estimates it adds to."""
+"""What adaptation learns from, what it estimates, and whose estimates it adds to."""
 
 from dataclasses import replace
 

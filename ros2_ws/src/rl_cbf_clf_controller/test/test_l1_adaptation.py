@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from rabbit_description.state import TICK_SECONDS as DT
 from rl_cbf_clf_controller.l1_adaptation import L1Adaptation, into_ball
+from rl_cbf_clf_controller.parameters import ControllerParameters
 
-CLF = 0.04, (0.5, 3**0.5 / 2)  # eps, gains
 BELIEF = Affine(np.eye(4), np.zeros(4))  # the torque is mu
 ERROR = np.array([30.0, -20.0, 5.0, 40.0])
 MU = np.array([1.0, -0.5, 0.0, 2.0])
@@ -19,7 +19,10 @@ VECTORS = arrays(float, 4, elements=st.floats(-1e3, 1e3))
 
 
 def make(law="piecewise", gain=1.0, substeps=1, cutoff=50.0, bounds=(100.0, 1000.0)):
-    return L1Adaptation(*CLF, law, gain, cutoff, bounds, substeps)
+    slope, offset = bounds
+    values = {"law": law, "gain": gain, "cutoff": cutoff, "substeps": substeps, "slope_bound": slope}
+    values |= {"offset_bound": offset}
+    return L1Adaptation(ControllerParameters.model_construct(**{f"l1_{name}": value for name, value in values.items()}))
 
 
 def move(eta, acceleration):

@@ -10,6 +10,7 @@ from rabbit_description.state import RobotState, StonePreview
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.parameters import load_parameters
 from rl_cbf_clf_controller.policy import Policy, ZeroPolicy
+from rl_cbf_clf_controller.recipes import MU_WEIGHT
 from rl_cbf_clf_controller.scene import ControllerError
 
 GAIT = load_gait(DEFAULT_GAIT)
@@ -39,7 +40,7 @@ def test_without_a_binding_row_mu_follows_the_pd_law():
     y, dy = np.split(output.eta, 2)
     wanted = -y / p.eps**2 - np.sqrt(3) * dy / p.eps
     assert output.active == ()
-    assert output.mu == pytest.approx(wanted / (1 + p.mu_weight), rel=1e-5, abs=1e-6)
+    assert output.mu == pytest.approx(wanted / (1 + MU_WEIGHT), rel=1e-5, abs=1e-6)
 
 
 class Untold(Policy):

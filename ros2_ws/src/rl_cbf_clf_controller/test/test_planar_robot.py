@@ -9,7 +9,7 @@ import pytest
 from rabbit_description import URDF_PATH
 from rabbit_description.planar_urdf import scaled, with_planar_base
 from rabbit_description.state import ROBOT_MASS
-from rl_cbf_clf_controller.pinocchio_model import PinocchioModel, input_map
+from rabbit_gait_design.pinocchio_model import PinocchioModel, input_map
 from rl_cbf_clf_controller.planar_robot import Structure
 from rl_cbf_clf_controller.robot_numbers import read_robot
 

@@ -31,21 +31,20 @@ STATES = st.tuples(
     arrays(float, 7, elements=st.floats(-3, 3)),
 )
 INPUTS = arrays(float, 4, elements=st.floats(-500, 500))
-UNIT = arrays(float, 4, elements=st.floats(-1, 1)).map(lambda v: v / max(1.0, float(np.linalg.norm(v))))
 BOUNDED_ABOVE = np.array([1.0, -1.0, -1.0])  # V-dot from above, B'' from below: the sign that makes more worse
 CONE = np.array([[-1.0, 0.0], [-0.6, 1.0], [-0.6, -1.0]])  # C1 and both cone rows, in (F_N, F_T), from above
 
 
 @cache
-def controller(kind, bounds="mass_scale"):
-    parameters = load_parameters("ours", controller=kind, robust_bounds=bounds)
+def controller(kind):
+    parameters = load_parameters("ours", controller=kind)
     return Controller(parameters, GAIT, ZeroPolicy(parameters.problem))
 
 
-def make(kind="robust-cbf-clf-qp", robust_bounds="mass_scale", **gains):
+def make(kind="robust-cbf-clf-qp", **gains):
     """A controller with other gains, which are inputs of its tick."""
-    built = controller(kind, robust_bounds)
-    built.parameters = load_parameters("ours", controller=kind, robust_bounds=robust_bounds, **gains)
+    built = controller(kind)
+    built.parameters = load_parameters("ours", controller=kind, **gains)
     return built
 
 
@@ -61,11 +60,11 @@ def violations(built, scene, mu, estimates=NONE):
 
 
 @cache
-def corner_function(bounds):
+def corner_function():
     """The corners' alpha (2, 5, 4) and beta (2, 5) of (x, p)."""
     w = Walking()
-    parameters = load_parameters("ours", controller="robust-cbf-clf-qp", robust_bounds=bounds)
-    terms = Terms.of(w.system, find_kind("robust-cbf-clf-qp").quantities(w, parameters), w.output_dynamics.inverse())
+    parameters = load_parameters("ours", controller="robust-cbf-clf-qp")
+    terms = Terms(w.system, find_kind("robust-cbf-clf-qp").quantities(w, parameters), w.output_dynamics.inverse())
     low, high = worst_cases(w, parameters)(terms)
     found = {"low_a": low.a, "low_b": low.b, "high_a": high.a, "high_b": high.b}
     return NumpyFunction.of("corners", {"x": w.system.x, "p": w.system.p}, found)
@@ -73,7 +72,7 @@ def corner_function(bounds):
 
 def corners(built, scene, mu):
     """The errors (2, 5) at `mu`."""
-    found = corner_function(built.parameters.robust_bounds)(scene.x, scene.p)
+    found = corner_function()(scene.x, scene.p)
     return np.array([found.low_a @ mu + found.low_b, found.high_a @ mu + found.high_b])
 
 
@@ -112,31 +111,11 @@ def test_the_corners_are_the_models_at_the_ends(state, mu):
         assert error == pytest.approx(true, rel=1e-6, abs=1e-6 * (1 + np.abs(true).max()))
 
 
-@settings(max_examples=60, deadline=None)
-@given(state=STATES, mu=INPUTS, direction=UNIT, r=st.floats(-1, 1), b=st.floats(-1, 1), b_slope=st.floats(-1, 1))
-def test_norm_bounds_hold_for_every_error_within_them(state, mu, direction, r, b, b_slope):
-    robust = make(robust_bounds="norm")
-    p, scene = robust.parameters, look(robust, state)
-    nominal, LgV = scene.seen.nominal_a @ mu + scene.seen.nominal_b, scene.LgV
-    true = np.array(
-        [
-            LgV @ (p.robust_offset * direction + p.robust_slope * r * mu),
-            *(b * p.robust_barrier_offset + b_slope * p.robust_barrier_slope * nominal[1:3]),
-        ]
-    )
-    found = corners(robust, scene, mu)
-    rounding = 1e-9 * (1 + np.abs(found).max())
-    assert (BOUNDED_ABOVE * true <= (BOUNDED_ABOVE * found[:, :3]).max(axis=0) + rounding).all()
-    assert found[:, 3:] == pytest.approx(0)
-
-
 @settings(max_examples=30, deadline=None)
 @given(state=STATES, mu=INPUTS)
 def test_bounds_of_no_width_are_the_nominal_rows(state, mu):
-    nothing = {"robust_offset": 0.0, "robust_slope": 0.0, "robust_barrier_offset": 0.0, "robust_barrier_slope": 0.0}
     plain = make("cbf-clf-qp")
     expected = violations(plain, look(plain, state), mu)
-    for bounds in ({"robust_scale_max": 1.0}, {"robust_bounds": "norm", **nothing}):
-        robust = make(**bounds)
-        found = violations(robust, look(robust, state), mu)
-        assert found == pytest.approx(np.vstack([expected, expected]), rel=1e-6, abs=1e-6)
+    robust = make(robust_scale_max=1.0)
+    found = violations(robust, look(robust, state), mu)
+    assert found == pytest.approx(np.vstack([expected, expected]), rel=1e-6, abs=1e-6)

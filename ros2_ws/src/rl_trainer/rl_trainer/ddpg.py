@@ -1,64 +1,159 @@
-"""DDPG [SectionRL], literal and as it works: the parameters choose.
+"""DDPG as it works here: a deterministic policy gradient through a critic that has the reward's form.
 
-    critic: fit   Q(s, mu, a)  to  r + discount (1 - failed) Q'(s', mu', pi'(s'))
-    actor:  ascend  Q(s, mu, pi(s))                                               deterministic policy gradient
+    critic: fit   Q_i(s, mu, a) = -(alpha_i mu + beta_i - t_i(s, mu))^2   to the rewards of sampled actions a
+    actor:  ascend  sum_i Q_i(s, mu, pi(s))                                      all in units of the error
 
-Literal: a plain network with one output that does not see mu, stored actions, discount > 0. What works: discount 0, a
-head for each quantity, mu known to the critic, the critic in the reward's form, and the reward recomputed for sampled
-actions, which it can be because the measured error does not depend on the action. With discount 0 this is a contextual
-bandit: no value is carried from one tick to another.
+The reward of a tick depends on the estimates of that tick alone, so there is no discount: this is a contextual bandit.
+The measured error does not depend on the action, so the reward of any action at a transition is known; each minibatch
+draws actions about the actor's. Only t_i, the measured error, is unknown to the critic. The model's error is affine in
+mu, so t_i is affine about the QP's answer mu_qp: the noise mu - mu_qp does not depend on the state and is small beside
+mu; with a slope of its own it counts.
+
+    t_i(s, mu) = a_i(s, mu_qp) (mu - mu_qp) + b_i(s, mu_qp)         a_V = LgV A_V, the structure of [eq70]
+
+In the first approach t depends on the whole input instead, t(s, v), v = mu + alpha mu + beta, and the gradient goes
+through it. The paper's own DDPG is in `paper_ddpg.py`.
 """
 
-import copy
-from dataclasses import replace
 from typing import Any
 
 import torch
 from torch import Tensor, nn
 
-from rl_trainer.actor import Actor
-from rl_trainer.critic import Action, AffineCritic, Seen, make_critic
-from rl_trainer.learner import AveragedActor, ClippedAdam, follow, weights_of
+from rl_trainer.actor import Scaling, hidden_layers
+from rl_trainer.learner import AveragedActor, ClippedAdam
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.replay import Batch
-from rl_trainer.reward import norm
 
-RELABEL_MU = 0.4  # of a typical mu: deviation of the mu that another action is asked for in the first approach
+NOISE = 0.2  # of a typical mu: makes exploration a factor of about one
+SAMPLED_ACTION = 0.3  # deviation of sampled actions from the actor's, outputs' unit
+SAMPLED_MU = 0.4  # of a typical mu: deviation of the mu that a sampled action is asked for in the first approach
+
+Seen = tuple[Tensor, ...]
+
+
+def correction(alpha: Tensor, beta: Tensor, mu: Tensor) -> Tensor:
+    """alpha mu + beta, (b, n), of alpha (b, n, p), beta (b, n) and mu (b, p)."""
+    return torch.bmm(alpha, mu[..., None])[..., 0] + beta
+
+
+class RewardCritic(nn.Module):
+    """The reward's own form with the measured error t as the only unknown, a network of (s, mu).
+
+    What it makes of the states alone (`see`) serves every mu and action that it is asked about.
+    """
+
+    def __init__(self, parameters: TrainingParameters) -> None:
+        super().__init__()
+        self.n, self.mu_unit = parameters.n, parameters.problem.mu_unit
+        self.first_approach = parameters.problem.corrects_input
+        self.scaling = Scaling(parameters)
+        m = parameters.problem.inputs
+        self.network = hidden_layers(len(parameters.observation) + m, parameters, self.outputs(m))
+
+    def outputs(self, m: int) -> int:
+        """Of the network, for m inputs."""
+        return self.n
+
+    def see(self, batch: Batch) -> Seen:
+        """The scaled observations."""
+        return (self.scaling(batch.observation),)
+
+    def forward(self, batch: Batch, seen: Seen, mu: Tensor, alpha: Tensor, beta: Tensor) -> Tensor:
+        """Q_i, shape (b, n), of alpha (b, n, p) and beta (b, n) in the quantities' units."""
+        corrected = correction(alpha, beta, mu)
+        t = self.target(batch, seen, mu + corrected if self.first_approach else mu)
+        return self.reward(corrected / batch.unit - t)
+
+    def reward(self, error: Tensor) -> Tensor:
+        """Of a scaled error, each (b, n)."""
+        return -(error * error)
+
+    def target(self, batch: Batch, seen: Seen, x: Tensor) -> Tensor:
+        """t(s, x), the error expected where x is the input, (b, n)."""
+        t: Tensor = self.network(torch.cat([*seen, x / self.mu_unit], 1))
+        return t
+
+    def steady_slopes(self, share: float) -> None:
+        """Nothing here varies with the state that should not."""
+
+
+class AffineCritic(RewardCritic):
+    """t affine in the exploration about the QP's answer, with V's slope contracted with LgV."""
+
+    def outputs(self, m: int) -> int:
+        """V's slope (m, m), the others' (m), and an offset each."""
+        return m * m + m * (self.n - 1) + self.n
+
+    @torch.no_grad()
+    def steady_slopes(self, share: float) -> None:
+        """Take `share` off the last layer's weights, not biases, of the slopes: what varies with the state decays."""
+        *_, last_weight, _ = self.network.parameters()
+        last_weight[: -self.n].mul_(1 - share)
+
+    def see(self, batch: Batch) -> Seen:
+        """The offset b_i (b, n) and the slope a_i (b, n, m)."""
+        n, m = self.n, batch.mu.shape[1]
+        out: Tensor = self.network(torch.cat([*super().see(batch), batch.mu_qp / self.mu_unit], 1))
+        direction = batch.LgV / (torch.linalg.vector_norm(batch.LgV, dim=1, keepdim=True) + 1)
+        matrix, others, offset = out.split([m * m, m * (n - 1), n], 1)
+        clf = torch.bmm(direction[:, None], matrix.reshape(-1, m, m))
+        return offset, torch.cat([clf, others.reshape(len(out), n - 1, m)], 1)
+
+    def target(self, batch: Batch, seen: Seen, x: Tensor) -> Tensor:
+        """t(s, mu), (b, n)."""
+        offset, slope = seen
+        return correction(slope, offset, (x - batch.mu_qp) / (NOISE * self.mu_unit))
 
 
 class Ddpg(AveragedActor):
-    """Actor and critic with their averages; see `TrainingParameters` for its options."""
+    """Actor, its average, which walks, and critic."""
 
     def __init__(self, parameters: TrainingParameters) -> None:
         super().__init__(parameters)
-        self._critic = make_critic(parameters)
-        self._target_critic = copy.deepcopy(self._critic).requires_grad_(False)
-        self._critic_optimizer = ClippedAdam(self._critic, parameters.critic_rate, parameters.gradient_clip)
+        self._critic = self.make_critic(parameters)
+        self._critic_optimizer = ClippedAdam(self._critic, parameters.critic_rate)
         self._generator = torch.Generator().manual_seed(parameters.seed + 1)
-        self._weights = torch.tensor(parameters.weights)
+
+    def make_critic(self, parameters: TrainingParameters) -> RewardCritic:
+        """Affine, where mu itself is the input."""
+        return (AffineCritic if parameters.problem.has_clf else RewardCritic)(parameters)
 
     def update(self, batch: Batch, rate: float) -> dict[str, float]:
         """One step of the critic, then one of the actor."""
-        size = self.actor.clf_size(batch.LgV)
-        action = self._act(self.actor, batch.observation, batch.LgV, size)
+        p, size = self._parameters, self.actor.clf_size(batch.LgV)
+        action = self.actor.unit_action(batch.observation, batch.LgV, size)
         seen = self._critic.see(batch)
-        critic_loss = self._critic_loss(batch, seen, size, action)
+        mu, alpha, beta, reward = self.sample(batch, size, action.detach())
+        critic_loss = nn.functional.smooth_l1_loss(self._critic(batch, seen, mu, alpha, beta), reward)
         self._critic_optimizer.descend(critic_loss, rate)
-        if isinstance(self._critic, AffineCritic):
-            self._critic.steady_slopes(self._parameters.alpha_decay * self._parameters.critic_rate * rate)
+        self._critic.steady_slopes(self.alpha_decay * p.critic_rate * rate)
         seen = tuple(each.detach() for each in seen)  # an affine critic has said it all before this step
-        actor_loss = -self._critic(batch, seen, self._probe(batch), action).sum(1).mean()
+        probe = batch.mu
+        if isinstance(self._critic, AffineCritic):  # it knows of any mu about mu_qp
+            probe = batch.mu_qp + p.probe_noise * self._noise(batch.mu)
+        actor_loss = -self._critic(batch, seen, probe, *self.actor.in_units(action, size)).sum(1).mean()
         self.descend(actor_loss, rate)
-        if self._parameters.discount > 0:
-            follow(weights_of(self._target_critic), weights_of(self._critic), self._parameters.polyak)
         return {"critic": critic_loss.item(), "actor": actor_loss.item()}
+
+    @torch.no_grad()
+    def sample(self, batch: Batch, size: Tensor, action: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+        """The mu that another action is asked for, its alpha and beta, and the reward that it would have had.
+
+        In the first approach the same input v was measured; it is what another action makes of another mu.
+        """
+        mu, (alpha, beta) = batch.mu, self.actor.in_units(action + SAMPLED_ACTION * self._noise(action), size)
+        if self._parameters.problem.corrects_input:
+            v = mu + correction(batch.alpha, batch.beta, mu)
+            mu = mu + SAMPLED_MU * self._parameters.problem.mu_unit * self._noise(mu)
+            beta = v - mu - torch.einsum("bij,bj->bi", alpha, mu)
+        return mu, alpha, beta, self._critic.reward(correction(alpha, beta, mu) / batch.unit - batch.target)
 
     def state_dict(self) -> dict[str, Any]:
         """All that a checkpoint must hold."""
         return {
             "actor": super().state_dict(),
             "critic": self._critic.state_dict(),
-            "target_critic": self._target_critic.state_dict(),
             "optimizer": self._critic_optimizer.state_dict(),
             "generator": self._generator.get_state(),
         }
@@ -67,65 +162,8 @@ class Ddpg(AveragedActor):
         """Go on from a checkpoint."""
         super().load_state_dict(state["actor"])
         self._critic.load_state_dict(state["critic"])
-        self._target_critic.load_state_dict(state["target_critic"])
         self._critic_optimizer.load_state_dict(state["optimizer"])
         self._generator.set_state(state["generator"])
-
-    def _critic_loss(self, batch: Batch, seen: Seen, size: Tensor, acted: Action) -> Tensor:
-        p = self._parameters
-        if p.relabel:
-            mu, action, reward = self._relabelled(batch, size, acted)
-        else:
-            mu, action, reward = batch.mu, self._stored(batch, size), batch.reward
-        wanted = reward + batch.penalty[:, None] / p.n
-        if p.heads == "one":
-            wanted = wanted.sum(1, keepdim=True)
-        if p.discount > 0:
-            wanted = wanted + p.discount * (1 - batch.failed[:, None]) * self._next_value(batch)
-        loss = nn.functional.smooth_l1_loss if p.critic_loss == "huber" else nn.functional.mse_loss
-        return loss(self._critic(batch, seen, mu, action), wanted)
-
-    @torch.no_grad()
-    def _next_value(self, batch: Batch) -> Tensor:
-        size = self.actor.clf_size(batch.next_LgV)
-        action = self._act(self.average, batch.next_observation, batch.next_LgV, size)
-        following = replace(batch, observation=batch.next_observation, LgV=batch.next_LgV)
-        q: Tensor = self._target_critic(following, self._target_critic.see(following), batch.next_mu, action)
-        return q
-
-    def _act(self, actor: Actor, observation: Tensor, LgV: Tensor, size: Tensor) -> Action:
-        flat = actor.unit_action(observation, LgV, size)
-        return Action(*actor.in_units(flat, size), flat)
-
-    def _stored(self, batch: Batch, size: Tensor) -> Action:
-        """The action that was taken."""
-        alpha_scale, beta_scale = self.actor.units(size)
-        flat = torch.cat([(batch.alpha / alpha_scale).flatten(1), batch.beta / beta_scale], 1)
-        return Action(batch.alpha, batch.beta, flat)
-
-    @torch.no_grad()
-    def _relabelled(self, batch: Batch, size: Tensor, acted: Action) -> tuple[Tensor, Action, Tensor]:
-        """Another action, the mu it is asked for, and the reward it would have had: -w norm(correction - target).
-
-        In the first approach the same input v was measured; it is what another action makes of another mu.
-        """
-        p = self._parameters
-        flat = acted.flat.detach()
-        flat = flat + p.relabel_noise * self._noise(flat)
-        mu, action = batch.mu, Action(*self.actor.in_units(flat, size), flat)
-        if p.problem.corrects_input:
-            v = batch.mu + self._stored(batch, size).correction(batch.mu)
-            mu = batch.mu + RELABEL_MU * p.problem.mu_unit * self._noise(batch.mu)
-            beta = v - mu - torch.einsum("bij,bj->bi", action.alpha, mu)
-            action = Action(action.alpha, beta, torch.empty(0))
-        error = action.correction(mu) / batch.unit - batch.target
-        return mu, action, -self._weights * norm(error, p.error_norm)
-
-    def _probe(self, batch: Batch) -> Tensor:
-        """The mu at which the critic judges the actor: the executed, or, if t is affine, any about mu_qp."""
-        if not self._parameters.is_affine:
-            return batch.mu
-        return batch.mu_qp + self._parameters.probe_noise * self._noise(batch.mu)
 
     def _noise(self, like: Tensor) -> Tensor:
         return torch.randn(like.shape, generator=self._generator)

@@ -14,6 +14,7 @@ from typing import Any
 
 import gymnasium
 import numpy as np
+from cbf_clf_qp.batch import BatchEstimates
 from cbf_clf_qp.estimates import Estimates
 from gymnasium.spaces import Box
 from numpy.typing import NDArray
@@ -22,7 +23,7 @@ from rl_cbf_clf_controller.controller_output import ControllerOutput
 from rl_cbf_clf_controller.policy import LearnedPolicy, Policy, ZeroPolicy
 
 from rl_trainer.parameters import TrainingParameters
-from rl_trainer.reward import reward_terms
+from rl_trainer.reward import reward
 from rl_trainer.rollout import Controller, Simulation
 from rl_trainer.transitions import TransitionBuilder
 
@@ -42,11 +43,16 @@ class GivenAction(LearnedPolicy):
 
     def act(self, observation: Array, LgV: Array) -> Estimates:
         """The action times its scales; that of V also times |LgV| + 1."""
-        unit = Estimates.from_flat(self.action, self._inputs)
-        size = np.ones(len(unit.beta))
+        return self.estimates(self.action[None], LgV[None])[0]
+
+    def estimates(self, actions: Array, LgV: Array) -> BatchEstimates:
+        """Of N robots with these actions (N, (m + 1) n), at LgV (N, m)."""
+        slopes, beta = np.split(actions, [self._inputs * len(self._beta_scale)], axis=1)
+        size = np.ones(beta.shape)
         if self._has_clf:
-            size[0] += np.linalg.norm(LgV)
-        return Estimates(unit.alpha * self._alpha_scale * size[:, None], unit.beta * self._beta_scale * size)
+            size[:, 0] += np.linalg.norm(LgV, axis=1)
+        alpha = slopes.reshape(*beta.shape, self._inputs) * self._alpha_scale * size[..., None]
+        return BatchEstimates(alpha, beta * self._beta_scale * size, None)
 
 
 class WalkingEnv(gymnasium.Env[Float32, Float32]):
@@ -89,12 +95,12 @@ class WalkingEnv(gymnasium.Env[Float32, Float32]):
             scouted = self._scout.step(self._state)
             transition = self._builder.add(self._state, scouted)
         else:
-            scouted, transition = output, self._builder.end(self._state)
+            scouted, transition = output, self._builder.add(self._state)
         if transition is None:
             raise RuntimeError(f"tick {self._state.tick} does not follow tick {output.tick}")
-        reward = reward_terms(transition, self.parameters).total
         truncated = not transition.failed and (not self._state.running or bool(output.fault))
-        return self._look(scouted), reward, transition.failed, truncated, vars(transition).copy()
+        earned = reward(transition, self.parameters)
+        return self._look(scouted), earned, transition.failed, truncated, vars(transition).copy()
 
     def _look(self, output: ControllerOutput) -> Float32:
         observation: Float32 = ((output.observation[: len(self._center)] - self._center) / self._scale).astype(

@@ -13,12 +13,13 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
 
+from rabbit_description.bounded_file import one_line
 from rabbit_description.state import RobotState
 from rl_cbf_clf_controller.controller_output import ControllerOutput
 from rl_cbf_clf_controller.policy import ActorPolicy, LearnedPolicy
 from rl_cbf_clf_controller.weights import PolicyFile
 
-from rl_trainer.node_checkpoint import NodeCheckpoint
+from rl_trainer.checkpoint import Checkpoint, CheckpointError, line_of, transitions_of
 from rl_trainer.publication_gate import PublicationGate, Verdict
 from rl_trainer.training import DivergenceError, EpisodePlan, EpisodeReport, Stopped, Trainer
 from rl_trainer.transitions import Transition
@@ -30,19 +31,21 @@ NICENESS = 10
 class Listener(Protocol):
     """Who gets what was learned. All are called in the thread."""
 
-    def on_plan(self, plan: EpisodePlan, after: int) -> None: ...
+    def on_plan(self, plan: EpisodePlan, after: int, report: EpisodeReport | None) -> None:
+        """How to walk the episode after number `after`, and what was learned from that one."""
 
-    def on_transition(self, transition: Transition, tag: Any) -> None: ...
+    def on_transition(self, transition: Transition, tag: Any) -> None:
+        """A transition was taken in, and is on disk."""
 
-    def on_policy(self, policy: PolicyFile) -> None: ...
-
-    def on_verdict(self, verdict: Verdict) -> None: ...
-
-    def on_report(self, report: EpisodeReport) -> None: ...
+    def on_policy(self, policy: PolicyFile, verdict: Verdict) -> None:
+        """New weights, judged; to be published if they pass."""
 
 
 class LearningThread:
-    """The thread. `kept`: what it keeps on disk; `error`: why it ended by itself, else empty."""
+    """The thread. `taken`: transitions ever taken in; `error`: why it ended by itself.
+
+    `disk_error`: why nothing is kept any more; learning goes on.
+    """
 
     def __init__(self, trainer: Trainer, listener: Listener, beside: int = 0, folder: Path | None = None) -> None:
         """Go on from what is in `folder`; None: nothing is kept. A transition is handed to the listener once kept.
@@ -52,10 +55,16 @@ class LearningThread:
         Raises:
             CheckpointError: the folder holds a training of other parameters, or a damaged one.
         """
-        self.trainer, self.error = trainer, ""
+        self.trainer, self.error, self.disk_error, self.taken = trainer, "", "", 0
         self._listener, self._beside, self._beside_updates = listener, beside, 0
         self._gate = PublicationGate(trainer.parameters)
-        self.kept = NodeCheckpoint(folder, trainer, self._gate)
+        self._checkpoint = Checkpoint(folder, trainer) if folder else None
+        if self._checkpoint and (more := self._checkpoint.more) is not None:
+            try:  # `rabbit train` keeps neither
+                self.taken = int(more.get("taken", trainer.replay.added))
+                self._gate.held_out.extend(transitions_of(more.get("held_out", "").encode(), trainer.parameters)[0])
+            except Exception as error:  # a damaged file may raise anything
+                raise CheckpointError(f"folder {folder}: {one_line(error)}") from error
         if beside:
             trainer.holds_out = self._gate.holds_out
         self._last: RobotState | None = None  # of the episode; None: nothing of it has come
@@ -63,12 +72,16 @@ class LearningThread:
         self._thread = threading.Thread(target=self._run, name="learning", daemon=True)
 
     def start(self, after: int = 0) -> None:
-        """Plan the episode after number `after` and begin; raises `CheckpointError` at a wrong journal."""
-        self._plan = self.trainer.begin_episode()
-        for transition in self.kept.begin():
-            self.trainer.take(transition)
-        self._listener.on_plan(self._plan, after)
+        """Begin, and plan the episode after number `after`; raises `CheckpointError` at a wrong journal."""
+        self.take_up(after)
         self._thread.start()
+
+    def take_up(self, after: int) -> None:
+        """Plan that episode; what the journal holds of it from before a kill is taken in."""
+        self._plan = self.trainer.begin_episode()
+        self._on_disk(lambda checkpoint: checkpoint.begin())
+        self.taken += len(self.trainer.taken)
+        self._listener.on_plan(self._plan, after, None)
 
     def tick(self, state: RobotState, output: ControllerOutput, tag: Any = None) -> None:
         """A tick of the walk; `tag` comes back with its transition."""
@@ -93,7 +106,8 @@ class LearningThread:
         self._queue.put(None)
         if self._thread.is_alive():
             self._thread.join(timeout=5.0)
-        self.kept.close()
+        if self._checkpoint:
+            self._checkpoint.close()
 
     def _run(self) -> None:
         os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))  # learning can wait, whatever the node's priority
@@ -120,13 +134,10 @@ class LearningThread:
         return self._queue.get()
 
     def _publish(self) -> None:
-        """Publish the present weights, if the gate lets them pass."""
+        """Have the present weights judged."""
         file = self.trainer.policy_file()
-        verdict = self._gate.judge(ActorPolicy(file))
-        if verdict is not None:
-            self._listener.on_verdict(verdict)
-            if verdict.passes:
-                self._listener.on_policy(file)
+        if verdict := self._gate.judge(ActorPolicy(file)):
+            self._listener.on_policy(file, verdict)
 
     def _observe(self, state: RobotState, output: ControllerOutput, tag: Any) -> None:
         self._last = state
@@ -134,16 +145,28 @@ class LearningThread:
 
     def _end_episode(self, state: RobotState | None, number: int, tag: Any) -> None:
         """Learn from the episode, and plan the next; if nothing of it has come, the plan still holds."""
+        report = None
         if self._last is not None:
             last = state or self._last
             self._keep(self.trainer.observe_end(last), tag)
-            self._listener.on_report(self.trainer.end_episode(self._plan, last))
-            self.kept.save()
+            report = self.trainer.end_episode(self._plan, last)
+            held_out = b"".join(line_of(each, self.trainer.parameters) for each in self._gate.held_out).decode()
+            self._on_disk(lambda checkpoint: checkpoint.save(taken=self.taken, held_out=held_out))
             self._plan, self._last = self.trainer.begin_episode(), None
             if self._beside:
                 self._publish()
-        self._listener.on_plan(self._plan, number)
+        self._listener.on_plan(self._plan, number, report)
 
     def _keep(self, transition: Transition | None, tag: Any) -> None:
-        if transition is not None and self.kept.add(transition):
-            self._listener.on_transition(transition, tag)
+        if transition is not None:
+            self.taken += 1
+            self._on_disk(lambda checkpoint: checkpoint.append(transition))
+            if not self.disk_error:
+                self._listener.on_transition(transition, tag)
+
+    def _on_disk(self, action: Callable[[Checkpoint], object]) -> None:
+        if self._checkpoint and not self.disk_error:
+            try:
+                action(self._checkpoint)
+            except OSError as error:
+                self.disk_error = f"{error}; transitions, checkpoints and policies are not kept any more"

@@ -1,18 +1,18 @@
 """Every parameter of the training, flat, so that a YAML file or a node's parameters can name them.
 
-The paper states the observations, actions, networks, T_s and ten steps an episode. Reward weights, penalty, noise,
-learning rates and all else are ours: docs/differences_from_paper.md.
+The paper states the observations, actions, networks, T_s and ten steps an episode. Penalty, noise, learning rates and
+all else are ours: docs/differences_from_paper.md.
 """
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from cbf_clf_qp.problem import Problem
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from rabbit_description.bounded_file import FileError, one_line
 from rabbit_description.plugins import names
 from rabbit_description.yaml_file import read_mapping
 from rl_cbf_clf_controller.kinds import NamedProblem
+from rl_cbf_clf_controller.problem import Problem
 from rl_cbf_clf_controller.uncertainty import RL_CBF_CLF_QP, STEP_LENGTH
 
 Scales = tuple[float, ...]
@@ -44,43 +44,29 @@ class TrainingParameters(BaseModel):
     structured: bool = Field(True, description="CLF outputs are a 4x5 matrix contracted with LgV")
     observe_l_min: bool = Field(True, description="l_min is part of the observation (contribution 3)")
     observe_step_length: bool = Field(False, description="so is what a gait library steps at, m")
-    shared: bool = Field(True, description="one network for all quantities (Remark 1), or one each")
-    alpha_decay: float = Field(
-        10.0, ge=0, le=1000, description="decay of the weights that let alpha vary with the state"
-    )
     hidden1: int = Field(400, ge=1, le=4096, description="width of the first hidden layer")
     hidden2: int = Field(300, ge=1, le=4096, description="width of the second hidden layer")
     alpha_scale: Scales = Field((), description="alpha at an output of 1, one a quantity; empty: the default")
     beta_scale: Scales = Field((), description="beta at an output of 1, one a quantity; empty: the default")
 
-    # reward: -sum of weight * norm(error / error_scale) - failure_penalty
-    error_scale: Scales = Field((), description="unit of each quantity's error; empty: the default")
-    weight: Scales = Field((), description="weight of each quantity's term; empty: 1 each")
-    relative_clf: bool = Field(True, description="the error of V-dot is measured in units of |LgV| + 1")
-    error_norm: Literal["squared", "absolute"] = Field("squared", description="norm of the scaled error")
-    failure_penalty: float = Field(0.0, ge=0, le=1e6, description="l_e, subtracted when the pose failed")
-
-    # DDPG
-    critic: Literal["reward", "plain"] = Field("reward", description="critic of the reward's form, or a network")
-    heads: Literal["one", "each"] = Field("each", description="one Q, or one for each quantity")
-    affine: bool = Field(True, description="the reward's form knows that the error is affine in mu")
-    probe_noise: float = Field(
-        30.0, ge=0, le=1000, description="deviation of the mu that an affine critic judges the actor at, rad/s^2"
+    # transitions and reward: -sum of (error / its unit)^2 - failure_penalty
+    measurement: Literal["mean", "paper"] = Field(
+        "mean", description="means over the tick, V-dot by the rates; or V's own difference, against the tick's start"
     )
-    critic_sees_mu: bool = Field(True, description="mu is part of the critic's state")
-    relabel: bool = Field(True, description="recompute the reward for sampled actions in each minibatch")
-    relabel_noise: float = Field(0.3, gt=0, le=2, description="their deviation from the actor's, outputs' unit")
-    critic_loss: Literal["huber", "squared"] = Field("huber", description="of Q against its target")
-    discount: float = Field(0.0, ge=0, lt=1, description="gamma")
-    polyak: float = Field(1e-3, gt=0, le=1, description="tau of target networks and of the actor's average")
-    act_with_average: bool = Field(True, description="walk with the actor's average, not the actor itself")
+    every_tick: bool = Field(False, description="learn from every measured tick, doubtful ones too")
+    relative_clf: bool = Field(True, description="the error of V-dot is measured in units of |LgV| + 1")
+    failure_penalty: float = Field(0.0, ge=0, le=1e6, description="l_e, subtracted when the pose failed")
+    fall_height: float = Field(0.70, ge=0, le=2, description="base below this has failed, m")
+    fall_pitch: float = Field(1.0472, gt=0, le=3.15, description="pitch beyond this has failed, rad")
 
     # optimisation
     actor_rate: float = Field(1e-3, gt=0, le=1, description="Adam's learning rate, actor")
     critic_rate: float = Field(1.6e-3, gt=0, le=1, description="Adam's learning rate, critic")
-    rate_half_life: float = Field(4000.0, gt=0, description="transitions in which both rates halve")
-    rate_floor: float = Field(0.05, ge=0, le=1, description="the least share of both rates")
-    gradient_clip: float = Field(1.0, gt=0, description="largest norm of a gradient")
+    rate_half_life: float = Field(4000.0, ge=0, description="transitions in which both rates halve; 0: they stay")
+    polyak: float = Field(1e-3, gt=0, le=1, description="tau of target networks and of the actor's average")
+    probe_noise: float = Field(
+        30.0, ge=0, le=1000, description="deviation of the mu that an affine critic judges the actor at, rad/s^2"
+    )
     batch: int = Field(128, ge=1, le=65_536, description="transitions a minibatch")
     updates_per_tick: float = Field(1.0, ge=0, le=100, description="updates for each tick walked")
     updates_least: int = Field(200, ge=0, description="least number of updates an episode")
@@ -93,55 +79,26 @@ class TrainingParameters(BaseModel):
         (0.0, 0.5, 1.0, 2.0), min_length=1, description="sigma's factor, drawn anew each episode"
     )
 
-    # transitions: how they are measured, which are left out
-    clf_difference: Literal["rates", "value"] = Field(
-        "rates", description="V-dot from the difference of dy and the gradient of V, or of V itself"
-    )
-    nominal_value: Literal["mean", "start"] = Field(
-        "mean", description="nominal value of a tick: the mean of its ends under the held torque, or its start"
-    )
-    settle_time: float = Field(0.04, ge=0, le=1, description="s after an impact")
-    far_position: float = Field(0.6, gt=0, description="abs(y) beyond this is far off the gait, rad")
-    far_velocity: float = Field(12.0, gt=0, description="abs(dy) beyond this is far off the gait, rad/s")
-    leave_out: tuple[Literal["settling", "flight", "scuff", "saturated", "far", "edge"], ...] = Field(
-        ("settling", "flight", "scuff", "saturated", "far", "edge"), description="kinds of ticks not learned from"
-    )
-    fall_height: float = Field(0.70, ge=0, le=2, description="base below this has failed, m")
-    fall_pitch: float = Field(1.0472, gt=0, le=3.15, description="pitch beyond this has failed, rad")
-
     @model_validator(mode="after")
     def _fits(self) -> "TrainingParameters":
-        n = len(self.problem.quantities)
-        for name in ("alpha_scale", "beta_scale", "error_scale", "weight"):
+        if not self.problem.error_scale:
+            raise ValueError(f"problem = {self.problem}: expected an error_scale, the unit of each quantity's error")
+        for name in ("alpha_scale", "beta_scale"):
             values: Scales = getattr(self, name)
-            if not values and name != "weight" and not getattr(self.problem, name):
-                raise ValueError(f"{name}: expected {n} values, {self.problem} has no default")
-            if values and (len(values) != n or not all(value > 0 for value in values)):
-                raise ValueError(f"{name} = {values}; expected {n} positive values for {self.problem.quantities}")
-        if self.critic == "reward" and (self.discount > 0 or self.heads == "one"):
-            raise ValueError("critic = reward holds no future and has a head each: it needs discount = 0, heads = each")
+            if not values and not getattr(self.problem, name):
+                raise ValueError(f"{name}: expected {self.n} values, {self.problem} has no default")
+            if values and (len(values) != self.n or not all(value > 0 for value in values)):
+                raise ValueError(f"{name} = {values}; expected {self.n} positive values for {self.problem.quantities}")
         if self.observe_step_length and self.observation not in self.problem.observations:
             raise ValueError("observe_step_length = True: expected stones, rl-cbf-clf-qp, and observe_l_min = True")
-        if self.relabel and self.discount > 0:
-            raise ValueError("relabel = True with discount > 0: another action would have led to another next state")
-        if self.relabel and self.critic == "plain" and self.problem.corrects_input:
-            raise ValueError("relabel = True: in io-rl-clf-qp another action would have given another acceleration")
+        if self.failure_penalty > 0 and self.learner in ("ddpg", "regression"):
+            raise ValueError(f"failure_penalty > 0: expected learner = paper_ddpg; {self.learner} looks one tick ahead")
         return self
 
     @property
     def n(self) -> int:
         """Number of learned quantities."""
         return len(self.problem.quantities)
-
-    @property
-    def learns_failures(self) -> bool:
-        """The learner has a use for a transition of which nothing is measured but the failure."""
-        return self.learner == "ddpg" and self.critic == "plain" and not self.relabel
-
-    @property
-    def is_affine(self) -> bool:
-        """`affine`, where the critic has the reward's form and mu itself is the input."""
-        return self.affine and self.critic == "reward" and self.problem.has_clf
 
     @property
     def key(self) -> str:
@@ -162,43 +119,28 @@ class TrainingParameters(BaseModel):
     @property
     def scales(self) -> tuple[Scales, Scales, Scales]:
         """Scales of alpha, beta and error, the defaults filled in."""
-        alpha, beta, error = self.problem.alpha_scale, self.problem.beta_scale, self.problem.error_scale
-        if error and self.problem.has_clf and not self.relative_clf:
+        error = self.problem.error_scale
+        if self.problem.has_clf and not self.relative_clf:
             error = (error[0] * TYPICAL_LGV, *error[1:])
-        return self.alpha_scale or alpha, self.beta_scale or beta, self.error_scale or error
-
-    @property
-    def weights(self) -> Scales:
-        """Weights of the reward's terms."""
-        return self.weight or (1.0,) * self.n
+        return self.alpha_scale or self.problem.alpha_scale, self.beta_scale or self.problem.beta_scale, error
 
 
 def paper_literal(problem: Problem | str, **changes: Any) -> TrainingParameters:
     """DDPG as the paper states it; what it leaves open is taken from the DDPG paper or our working set."""
     literal: dict[str, Any] = {
+        "learner": "paper_ddpg",
         "structured": False,
-        "clf_difference": "value",
-        "nominal_value": "start",
+        "measurement": "paper",
+        "every_tick": True,
         "relative_clf": False,
-        "critic": "plain",
-        "alpha_decay": 0.0,
-        "heads": "one",
-        "critic_sees_mu": False,
-        "relabel": False,
-        "critic_loss": "squared",
-        "discount": 0.99,
-        "polyak": 1e-3,
         "failure_penalty": 10.0,
-        "act_with_average": False,
         "actor_rate": 1e-4,
         "critic_rate": 1e-3,
-        "rate_floor": 1.0,
+        "rate_half_life": 0.0,
         "batch": 64,
-        "updates_per_tick": 1.0,
         "updates_least": 0,
         "nominal_episodes": 0,
         "sigma_factors": (1.0,),
-        "leave_out": (),
     }
     return TrainingParameters.model_validate({"problem": problem, **literal, **changes})
 

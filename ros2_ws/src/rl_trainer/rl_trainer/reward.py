@@ -1,12 +1,9 @@
 """The paper's reward [SectionRL], term by term:
 
-    R = -sum_i w_i (error_i / S_i)^2 - l_e        i over the learned quantities, S_i the unit of an error
+    R = -sum_i (error_i / S_i)^2 - l_e        i over the learned quantities, S_i the unit of an error
 
-S_V may grow with |LgV| + 1 (`relative_clf`), a weight w_v that depends on the state: docs/differences_from_paper.md.
+1 / S_i^2 are the paper's weights. S_V may grow with |LgV| + 1 (`relative_clf`): docs/differences_from_paper.md.
 """
-
-from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from rabbit_description.state import Array
@@ -15,28 +12,16 @@ from rl_trainer.parameters import TrainingParameters
 from rl_trainer.transitions import Transition
 
 
-@dataclass(frozen=True)
-class RewardTerms:
-    """Weighted terms, each zero or less: `estimation` by quantity (n,), 0 where not measured, and `failure`."""
-
-    estimation: Array
-    failure: float
-
-    @property
-    def total(self) -> float:
-        """R of this tick."""
-        return float(self.estimation.sum()) + self.failure
-
-    def named(self, quantities: tuple[str, ...]) -> dict[str, float]:
-        """For logs and messages."""
-        return {**dict(zip(quantities, self.estimation.tolist(), strict=True)), "failure": self.failure}
-
-
-def reward_terms(transition: Transition, parameters: TrainingParameters) -> RewardTerms:
-    """Each term of R for one transition."""
+def reward_terms(transition: Transition, parameters: TrainingParameters) -> tuple[Array, float]:
+    """The terms of R, zero or less: by quantity (n,), 0 where not measured; and the failure's."""
     scaled = np.nan_to_num(transition.error / error_unit(transition.LgV, parameters))
-    terms = -np.array(parameters.weights) * norm(scaled, parameters.error_norm)
-    return RewardTerms(terms, 0.0 - parameters.failure_penalty * transition.failed)
+    return -(scaled * scaled), 0.0 - parameters.failure_penalty * transition.failed
+
+
+def reward(transition: Transition, parameters: TrainingParameters) -> float:
+    """R of one transition."""
+    terms, failure = reward_terms(transition, parameters)
+    return float(terms.sum()) + failure
 
 
 def error_unit(LgV: Array, parameters: TrainingParameters) -> Array:
@@ -45,8 +30,3 @@ def error_unit(LgV: Array, parameters: TrainingParameters) -> Array:
     if parameters.relative_clf and parameters.problem.has_clf:
         unit[..., 0] *= np.linalg.norm(LgV, axis=-1) + 1
     return unit
-
-
-def norm(scaled: Any, kind: str) -> Any:
-    """Of a scaled error, array or tensor: its square (the paper's), or its absolute value."""
-    return scaled * scaled if kind == "squared" else abs(scaled)

@@ -24,22 +24,16 @@ from rl_trainer.actor import Actor
 from rl_trainer.learner import Learner
 from rl_trainer.parameters import LEARNERS, TrainingParameters
 from rl_trainer.replay import Replay
-from rl_trainer.reward import RewardTerms, reward_terms
+from rl_trainer.reward import reward_terms
 from rl_trainer.transitions import Doubt, Transition, TransitionBuilder
 
 CRITIC_FIRST = 1000  # updates with a critic that knows nothing yet, which take an actor away from where it began
+RATE_FLOOR = 0.05  # the least share of both learning rates
 FORM = (  # of a policy file, that a training must share to go on from it
-    "problem",
-    "names",
-    "m",
-    "observation",
-    "observation_center",
-    "observation_scale",
-    "hidden",
-    "structured",
-    "alpha_scale",
-    "beta_scale",
+    *("problem", "names", "m", "observation", "observation_center", "observation_scale"),
+    *("hidden", "structured", "alpha_scale", "beta_scale"),
 )
+LearnerType = Callable[[TrainingParameters], Learner]
 
 
 class Stopped(Exception):
@@ -123,10 +117,7 @@ class Trainer:
             if here != there:
                 raise PolicyFileError(f"policy {policy.version}: {name} = {there}; this training has {here}")
         actor = Actor(self.parameters)
-        try:
-            actor.load_arrays(policy.arrays)
-        except ValueError as error:
-            raise PolicyFileError(f"policy {policy.version}: {error}") from error
+        actor.load_arrays(policy.arrays)
         self.episode, self._earlier, self._updates = policy.metadata.episodes, policy.metadata.transitions, 0
         self._start = actor.state_dict()
         self._set_actor(self._start)
@@ -153,23 +144,27 @@ class Trainer:
 
     def observe_end(self, state: RobotState) -> Transition | None:
         """Take in the state that the episode ended in; returns the transition into it, if this was not done before."""
-        return self.take(self._builder.end(state))
+        return self.take(self._builder.add(state))
 
     def take(self, transition: Transition | None) -> Transition | None:
         """Take in a transition: those of before a kill come this way too."""
         if transition is not None:
-            self._episode.append(transition)
+            self.taken.append(transition)
             self._kept += not self.holds_out(transition) and self.replay.add(transition)
         return transition
 
     def end_episode(self, plan: EpisodePlan, state: RobotState) -> EpisodeReport:
         """Take in the last state and learn; the next `begin_episode` has the new policy."""
         self.observe_end(state)
+        return self._report(plan, state, self.learn_episode())
+
+    def learn_episode(self) -> dict[str, float]:
+        """Learn from the episode whose transitions were taken in; its mean losses."""
         p = self.parameters
-        updates = max(p.updates_least, round(p.updates_per_tick * len(self._episode)))
+        updates = max(p.updates_least, round(p.updates_per_tick * len(self.taken)))
         losses = self.learn(updates)
         self.episode += 1
-        return self._report(plan, state, losses)
+        return losses
 
     def learn(self, updates: int) -> dict[str, float]:
         """So many updates from the replay buffer; mean losses, empty while there are too few transitions."""
@@ -194,8 +189,8 @@ class Trainer:
     @property
     def rate(self) -> float:
         """Factor on both learning rates, by the transitions so far."""
-        p = self.parameters
-        return max(p.rate_floor, float(0.5 ** (self.transitions / p.rate_half_life)))
+        half_life = self.parameters.rate_half_life
+        return max(RATE_FLOOR, float(0.5 ** (self.transitions / half_life))) if half_life else 1.0
 
     def policy_file(self) -> PolicyFile:
         """The present policy with all that says where it comes from.
@@ -250,14 +245,14 @@ class Trainer:
 
     def _clear(self) -> None:
         self._builder.reset()
-        self._episode: list[Transition] = []
+        self.taken: list[Transition] = []  # in this episode
         self._kept, self._fault = 0, ""
 
     def _report(self, plan: EpisodePlan, state: RobotState, losses: dict[str, float]) -> EpisodeReport:
-        p, episode = self.parameters, self._episode
-        terms = [reward_terms(t, p) for t in episode if self.replay.accepts(t)]
-        mean = np.mean([t.estimation for t in terms], axis=0) if terms else np.zeros(p.n)
-        failure = 0.0 - p.failure_penalty * float(episode[-1].failed) if episode else 0.0
+        p, episode = self.parameters, self.taken
+        terms = [reward_terms(t, p)[0] for t in episode if self.replay.accepts(t)]
+        mean = np.mean(terms, axis=0) if terms else np.zeros(p.n)
+        failure = reward_terms(episode[-1], p)[1] if episode else 0.0
         return EpisodeReport(
             episode=plan.episode,
             sigma=plan.sigma,
@@ -267,7 +262,7 @@ class Trainer:
             kept=self._kept,
             failed=bool(episode and episode[-1].failed),
             fault=self._fault,
-            reward=RewardTerms(mean, failure).named(p.problem.quantities),
+            reward=dict(zip((*p.problem.quantities, "failure"), (*mean.tolist(), failure), strict=True)),
             losses=losses,
             left_out={f.name.lower(): sum(f in t.doubt for t in episode) for f in Doubt if f.name},
         )
@@ -280,10 +275,9 @@ def with_actor(state: Any, actor: dict[str, Any]) -> Any:
     return actor if state.keys() == actor.keys() else {name: with_actor(value, actor) for name, value in state.items()}
 
 
-def make_learner(parameters: TrainingParameters) -> Learner:
-    """The learner that the parameters name, its first weights from the seed alone."""
+def make_learner(parameters: TrainingParameters, kind: LearnerType | None = None) -> Learner:
+    """The learner that the parameters name, or of this kind; its first weights from the seed alone."""
     torch.set_num_threads(1)
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(parameters.seed)
-        learner: Learner = load(LEARNERS, parameters.learner)(parameters)
-        return learner
+        return (kind or load(LEARNERS, parameters.learner))(parameters)

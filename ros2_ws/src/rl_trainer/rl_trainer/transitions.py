@@ -6,11 +6,12 @@ A quantity is measured by one numerical difference over the tick [SectionRL, Rem
 
 and the stance foot's force is the one averaged over that tick; each quantity's `measure` says so, and the controller
 publishes it. A difference across a change of stance means nothing.
-V is quadratic in dy, so its own difference is off by dt |G y''|^2 in the metric P; with `clf_difference = rates` the
-known gradient of V takes the difference of dy instead: V-dot = LfV + LgV (dy' - dy) / dt.
+V is quadratic in dy, so its own difference is off by dt |G y''|^2 in the metric P; so the known gradient of V takes the
+difference of dy instead: V-dot = LfV + LgV (dy' - dy) / dt.
 
 A difference is a mean over the tick, in which the torque is held and the state moves on; so the nominal value that it
-is compared to is the mean of those at the tick's ends (`nominal_value = mean`), both under the torque that was applied.
+is compared to is the mean of those at the tick's ends, both under the torque that was applied. With `measurement =
+paper` V's own difference is compared with the nominal value of the tick's start.
 """
 
 from dataclasses import dataclass
@@ -18,13 +19,15 @@ from enum import IntFlag
 
 import numpy as np
 from cbf_clf_qp.estimates import Estimates
-from cbf_clf_qp.problem import Problem
 from rabbit_description.state import TICK_SECONDS, Array, RobotState
 from rl_cbf_clf_controller.controller_output import ControllerOutput
+from rl_cbf_clf_controller.problem import Problem
 
 from rl_trainer.parameters import TrainingParameters
 
 CONTACT_FORCE = 1.0  # N; a foot that carries less is in the air
+SETTLED = 0.04 - TICK_SECONDS / 2  # s after an impact
+FAR_POSITION, FAR_VELOCITY = 0.6, 12.0  # rad, rad/s; y and dy beyond these are far off the gait
 
 
 class Doubt(IntFlag):
@@ -101,29 +104,23 @@ class TransitionBuilder:
         """Begin an episode."""
         self._last: ControllerOutput | None = None
 
-    def add(self, state: RobotState, output: ControllerOutput) -> Transition | None:
-        """The transition that ends at this tick; None at the episode's first and after a gap."""
-        if output.quantities != self._parameters.problem.quantities:
-            raise ValueError(f"quantities = {output.quantities}; expected {self._parameters.problem.quantities}")
-        last, self._last = self._last, output
-        if last is None or output.tick != last.tick + 1:
-            return None
-        return self._transition(last, state, output)
+    def add(self, state: RobotState, output: ControllerOutput | None = None) -> Transition | None:
+        """The transition that ends at this tick; None at the episode's first and after a gap.
 
-    def end(self, state: RobotState) -> Transition | None:
-        """The episode's last transition, into a state without an output; nothing is measured but the failure."""
-        last, self._last = self._last, None
+        Without an output it is the episode's last one; nothing is measured but the failure.
+        """
+        p, (last, self._last) = self._parameters, (self._last, output)
+        if output is not None and output.quantities != p.problem.quantities:
+            raise ValueError(f"quantities = {output.quantities}; expected {p.problem.quantities}")
         if last is None or state.tick != last.tick + 1:
             return None
-        return self._transition(last, state, None)
-
-    def _transition(self, last: ControllerOutput, state: RobotState, output: ControllerOutput | None) -> Transition:
-        following = output or last
-        doubt = self._doubt(last, state, output)
-        measurable = not doubt & Doubt.UNMEASURED
-        unmeasured = np.full(len(last.quantities), np.nan)
+        following, doubt = output or last, self._doubt(last, state, output)
+        usable = None if doubt & Doubt.UNMEASURED else output
+        measured = usable.measured.copy() if usable else np.full(p.n, np.nan)
+        if usable and p.measurement == "paper" and p.problem.has_clf:
+            measured[0] = (usable.V - last.V) / TICK_SECONDS
         return Transition(
-            problem=self._parameters.problem,
+            problem=p.problem,
             tick=last.tick,
             step_index=last.step_index,
             observation=last.observation,
@@ -132,74 +129,56 @@ class TransitionBuilder:
             mu_qp=last.mu_qp,
             alpha=last.alpha - adapted(last).alpha,
             beta=last.beta - adapted(last).beta,
-            nominal=nominal_value(last, output if measurable else None, self._parameters),
-            measured=measure(last, output, self._parameters) if measurable and output else unmeasured,
+            nominal=nominal_value(last, usable, p),
+            measured=measured,
             next_observation=following.observation,
             next_LgV=following.LgV,
             next_mu=following.mu,
-            failed=output is None and self._failed(state),
+            failed=output is None and bool(state.q[1] < p.fall_height or abs(state.q[2]) > p.fall_pitch),
             doubt=doubt,
         )
 
     def _doubt(self, last: ControllerOutput, state: RobotState, output: ControllerOutput | None) -> Doubt:
-        p = self._parameters
         y, dy = np.abs(last.eta[:4]).max(), np.abs(last.eta[4:]).max()
         normal_force = state.foot_force[:, 1]
+        acted_otherwise = np.isfinite(state.applied).all() and (state.applied != last.torque).any()  # it came late
         reasons = {
-            Doubt.UNMEASURED: output is None or output.step_index != last.step_index or _acted_otherwise(last, state),
-            Doubt.SETTLING: last.step_time < p.settle_time - TICK_SECONDS / 2
-            if last.step_index
-            else last.adapted.size > 0,
+            Doubt.UNMEASURED: output is None or output.step_index != last.step_index or acted_otherwise,
+            Doubt.SETTLING: last.step_time < SETTLED if last.step_index else last.adapted.size > 0,
             Doubt.FLIGHT: normal_force[last.stance] < CONTACT_FORCE,
             Doubt.SCUFF: normal_force[last.stance.other] >= CONTACT_FORCE,
             Doubt.SATURATED: last.saturated,
-            Doubt.FAR: y > p.far_position or dy > p.far_velocity,
+            Doubt.FAR: y > FAR_POSITION or dy > FAR_VELOCITY,
             Doubt.EDGE: output is not None and any((last.phase < edge) != (output.phase < edge) for edge in (0, 1)),
         }
         return Doubt(sum(flag for flag, holds in reasons.items() if holds))
 
-    def _failed(self, state: RobotState) -> bool:
-        return bool(state.q[1] < self._parameters.fall_height or abs(state.q[2]) > self._parameters.fall_pitch)
-
-
-def _acted_otherwise(last: ControllerOutput, state: RobotState) -> bool:
-    """Whether the plant took another torque than `last`'s, as it does when that comes late in real time."""
-    return bool(np.isfinite(state.applied).all() and (state.applied != last.torque).any())
-
-
-def measure(last: ControllerOutput, output: ControllerOutput, p: TrainingParameters) -> Array:
-    """All quantities over the tick from `last` to `output`, (n,), in their units."""
-    values = output.measured.copy()
-    if p.clf_difference == "value" and "V" in last.quantities:
-        values[0] = (output.V - last.V) / TICK_SECONDS
-    return values
-
 
 def nominal_value(last: ControllerOutput, output: ControllerOutput | None, p: TrainingParameters) -> Array:
-    """The quantities without the policy's word over the same tick, (n,); at its start where there is no `output`.
+    """The quantities without the policy's estimate over the same tick, (n,); at its start where there is no `output`.
 
     That is by the nominal model, or with an adaptation by the robot that it knows.
     """
     first_approach = p.problem.corrects_input
     v: Array = last.mu + last.alpha @ last.mu + last.beta if first_approach else last.mu
-    start = believed(last, v)
-    if output is None or p.nominal_value == "start" or not np.isfinite(output.mu_held).all():
+    start = predicted(last, v)
+    if output is None or p.measurement == "paper" or not np.isfinite(output.mu_held).all():
         return start
-    mean: Array = (start + believed(output, output.mu_held)) / 2
-    if p.clf_difference == "rates" and "V" in last.quantities:
+    mean: Array = (start + predicted(output, output.mu_held)) / 2
+    if "V" in last.quantities:
         ends = _y_ddot(last, v) + _y_ddot(output, output.mu_held)
         mean[0] = last.nominal_b[0] + last.LgV @ ends / 2
     return mean
 
 
-def believed(output: ControllerOutput, v: Array) -> Array:
-    """The quantities (n,) of a tick at the input v (4,), without the policy's word."""
+def predicted(output: ControllerOutput, v: Array) -> Array:
+    """The quantities (n,) of a tick at the input v (4,), without the policy's estimate."""
     value: Array = output.nominal_a @ v + output.nominal_b + adapted(output).error(v)
     return value
 
 
 def _y_ddot(output: ControllerOutput, v: Array) -> Array:
-    """y'' (4,) at the input v (4,), without the policy's word."""
+    """y'' (4,) at the input v (4,), without the policy's estimate."""
     error = adapted(output).output_error
     return v if error is None else v + error[:, :-1] @ v + error[:, -1]
 
@@ -207,4 +186,4 @@ def _y_ddot(output: ControllerOutput, v: Array) -> Array:
 def adapted(output: ControllerOutput) -> Estimates:
     """What an adaptation added to a tick's quantities (n,) and to its y'' (4,)."""
     n, m = output.nominal_a.shape
-    return Estimates.from_packed(output.adapted, m) if output.adapted.size else Estimates.zero(n, m)
+    return Estimates.from_flat(output.adapted, n, m) if output.adapted.size else Estimates.zero(n, m)

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.clf import ResClf
-from cbf_clf_qp.problem import Problem
 from rabbit_description.state import TICK_SECONDS, Array, Leg, RobotState
 from rl_cbf_clf_controller.controller_output import ControllerOutput
 from rl_cbf_clf_controller.policy import LearnedPolicy
+from rl_cbf_clf_controller.problem import Problem
 from rl_cbf_clf_controller.uncertainty import RL_CBF_CLF_QP, RL_CLF_QP
 from rl_trainer.transitions import Doubt, Transition
 
 _CLF = ResClf(4, 0.1, (0.5, 0.8660254037844386))
-F, G, P = (np.array(ca.DM(matrix)) for matrix in (_CLF.F, _CLF.G, _CLF.P))
+F, G, P = (ca.DM(matrix).full() for matrix in (_CLF.F, _CLF.G, _CLF.P))
 MakeTransition = Callable[..., Transition]
 
 

@@ -1,15 +1,19 @@
 """The learners find errors that are known in closed form, from measured transitions alone."""
 
+import copy
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 import torch
-from cbf_clf_qp.problem import Problem
 from rl_cbf_clf_controller.policy import ActorPolicy
+from rl_cbf_clf_controller.problem import Problem
 from rl_cbf_clf_controller.uncertainty import IO_RL_CLF_QP, RL_CBF_CLF_QP, RL_CLF_QP
+from rl_trainer import paper_ddpg
 from rl_trainer.ddpg import Ddpg
+from rl_trainer.paper_ddpg import PaperDdpg
 from rl_trainer.parameters import TrainingParameters, paper_literal
 from rl_trainer.replay import as_batch
 from rl_trainer.training import Trainer
@@ -18,7 +22,6 @@ from rl_trainer.transitions import Transition
 MakeTransition = Callable[..., Transition]
 SMALL = {"hidden1": 96, "hidden2": 64, "batch": 128, "actor_rate": 2e-3, "critic_rate": 2e-3, "polyak": 5e-3}
 DDPG, REGRESSION = {"learner": "ddpg"}, {"learner": "regression"}
-STORED = {"learner": "ddpg", "relabel": False}
 
 
 def trained(parameters: TrainingParameters, make: MakeTransition, updates: int) -> Trainer:
@@ -56,50 +59,89 @@ def test_closed_form_errors_are_recovered(
     assert share.max() < 0.05, share
 
 
-@pytest.mark.parametrize(
-    "parameters",
-    [
-        paper_literal(RL_CBF_CLF_QP, hidden1=32, hidden2=24),
-        paper_literal(IO_RL_CLF_QP, hidden1=32, hidden2=24),
-        TrainingParameters(critic="plain", hidden1=32, hidden2=24),
-        TrainingParameters(critic="plain", heads="one", relabel=False, discount=0.9, hidden1=32, hidden2=24),
-        TrainingParameters(error_norm="absolute", critic_loss="squared", hidden1=32, hidden2=24),
-        TrainingParameters(relabel=False, shared=False, observe_l_min=False, hidden1=32, hidden2=24),
-    ],
-)
-def test_every_variant_learns_without_a_nan(parameters: TrainingParameters, random_transition: MakeTransition) -> None:
-    trainer = trained(parameters, random_transition, 30)
-    assert all(weight.isfinite().all() for weight in trainer.learner.acting.parameters())
-    assert np.isfinite(list(trainer.learn(5).values())).all()
-
-
-def test_value_of_a_constant_reward(random_transition: MakeTransition) -> None:
+def test_value_of_a_constant_reward(random_transition: MakeTransition, monkeypatch: pytest.MonkeyPatch) -> None:
     """With reward -1 everywhere the critic's value tends to -1 / (1 - discount), and to -1 where the pose fails."""
-    parameters = paper_literal(
-        RL_CLF_QP,
-        discount=0.5,
-        hidden1=32,
-        hidden2=24,
-        polyak=0.05,
-        critic_rate=3e-3,
-        actor_rate=1e-9,
-        error_scale=(1.0,),
-    )
+    monkeypatch.setattr(paper_ddpg, "DISCOUNT", 0.5)
+    problem = replace(RL_CLF_QP, name="unit", error_scale=(0.1,))  # times `TYPICAL_LGV`
+    rates = {"polyak": 0.05, "critic_rate": 3e-3, "actor_rate": 1e-9}
+    parameters = paper_literal(problem, hidden1=32, hidden2=24, **rates)
     rng = np.random.default_rng(2)
     unit_error = {"measured": np.array([1.0]), "nominal": np.zeros(1)}
     going, failed = (
-        as_batch([random_transition(parameters.problem, rng, failed=f, **unit_error) for _ in range(64)], parameters)
+        as_batch([random_transition(problem, rng, failed=f, **unit_error) for _ in range(64)], parameters)
         for f in (False, True)
     )
     failed.penalty.zero_()
     for batch, value in ((going, -2.0), (failed, -1.0)):
         torch.manual_seed(0)
-        learner = Ddpg(parameters)
+        learner = PaperDdpg(parameters)
         for _ in range(600):
             learner.update(batch, 1.0)
-        with torch.no_grad():
-            q = learner._next_value(batch)
-        assert q.mean().item() == pytest.approx(value, abs=0.1)
+        assert learner.next_value(batch).mean().item() == pytest.approx(value, abs=0.1)
+
+
+@pytest.mark.parametrize("kind", [Ddpg, PaperDdpg])
+def test_an_update_is_the_one_that_the_equations_say(
+    kind: type[Ddpg | PaperDdpg], random_transition: MakeTransition, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Both losses, by numpy from the weights; the noise of sampled actions and probes is zero."""
+    monkeypatch.setattr(Ddpg, "_noise", lambda _, like: torch.zeros_like(like))
+    parameters = (paper_literal if kind is PaperDdpg else of_what_works)(RL_CBF_CLF_QP, hidden1=6, hidden2=5)
+    torch.manual_seed(4)
+    learner, rng, n = kind(parameters), np.random.default_rng(3), 5
+    batch = as_batch([random_transition(RL_CBF_CLF_QP, rng, failed=k == 2) for k in range(4)], parameters)
+    values = {name: value.double().numpy() for name, value in vars(batch).items()}
+    actor = copy.deepcopy(learner.acting)
+    before = copy.deepcopy(learner._critic)
+    losses = learner.update(batch, 1.0)
+    center, scale = np.array([RL_CBF_CLF_QP.unit(name) for name in RL_CBF_CLF_QP.observation]).T
+    scaled = (values["observation"] - center) / scale
+    alpha, beta = (value.detach().double().numpy() for value in actor(batch.observation, batch.LgV))
+    if kind is PaperDdpg:
+        size = np.ones((4, n))
+        size[:, 0] += np.linalg.norm(values["LgV"], axis=1)
+        alpha_unit, beta_unit = (np.array(each) * size for each in parameters.scales[:2])
+
+        def flat(alpha: Any, beta: Any) -> Any:
+            return np.hstack([(alpha / alpha_unit[..., None]).reshape(4, -1), beta / beta_unit])
+
+        next_scaled = (values["next_observation"] - center) / scale
+        next_action = flat(*(each.detach().double().numpy() for each in actor(batch.next_observation, batch.next_LgV)))
+        reward = values["reward"].sum(1) + values["penalty"]
+        wanted = reward + 0.99 * (1 - values["failed"]) * network(before, next_scaled, next_action)[:, 0]
+        q = network(before, scaled, flat(values["alpha"], values["beta"]))[:, 0]
+        assert losses["critic"] == pytest.approx(np.mean((q - wanted) ** 2), rel=1e-4)
+        q = network(learner._critic, scaled, flat(alpha, beta))[:, 0]
+        assert losses["actor"] == pytest.approx(-q.mean(), rel=1e-4)
+        return
+    out = network(before, scaled, values["mu_qp"] / RL_CBF_CLF_QP.mu_unit)
+    direction = values["LgV"] / (np.linalg.norm(values["LgV"], axis=1, keepdims=True) + 1)
+    matrix, others, offset = out[:, :16].reshape(4, 4, 4), out[:, 16:32].reshape(4, 4, 4), out[:, 32:]
+    slope = np.concatenate([np.einsum("bi,bij->bj", direction, matrix)[:, None], others], 1)
+
+    def q_of(mu: Any) -> Any:
+        t = offset + np.einsum("bnj,bj->bn", slope, (mu - values["mu_qp"]) / (0.2 * RL_CBF_CLF_QP.mu_unit))
+        return -(((np.einsum("bnj,bj->bn", alpha, mu) + beta) / values["unit"] - t) ** 2)
+
+    estimate = np.einsum("bnj,bj->bn", alpha, values["mu"]) + beta
+    wrong = np.abs(q_of(values["mu"]) + (estimate / values["unit"] - values["target"]) ** 2)
+    huber = np.where(wrong < 1, wrong**2 / 2, wrong - 0.5)
+    assert losses["critic"] == pytest.approx(huber.mean(), rel=1e-4)
+    assert losses["actor"] == pytest.approx(-q_of(values["mu_qp"]).sum(1).mean(), rel=1e-4)
+
+
+def of_what_works(problem: Problem, **changes: Any) -> TrainingParameters:
+    """The counterpart of `paper_literal`."""
+    return TrainingParameters(problem=problem, **changes)
+
+
+def network(critic: torch.nn.Module, *inputs: Any) -> Any:
+    """A critic's network, by numpy."""
+    values = np.hstack(inputs)
+    *hidden, last = [layer for layer in critic.network if isinstance(layer, torch.nn.Linear)]
+    for layer in hidden:
+        values = np.maximum(values @ layer.weight.detach().double().numpy().T + layer.bias.detach().numpy(), 0)
+    return values @ last.weight.detach().double().numpy().T + last.bias.detach().numpy()
 
 
 def test_the_same_seed_gives_the_same_weights(random_transition: MakeTransition) -> None:

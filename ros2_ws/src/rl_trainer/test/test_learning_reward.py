@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from cbf_clf_qp.problem import Problem
+from rl_cbf_clf_controller.problem import Problem
 from rl_cbf_clf_controller.uncertainty import PAPER, RL_CBF_CLF_QP, RL_CLF_QP
 from rl_trainer.parameters import ParameterError, TrainingParameters, load_parameters, paper_literal
 from rl_trainer.replay import Replay, as_batch
@@ -19,15 +19,16 @@ MakeTransition = Callable[..., Transition]
 
 
 def test_reward_is_the_weighted_sum_of_squares_and_the_penalty(random_transition: MakeTransition) -> None:
-    weight, unit = (1.0, 2.0, 3.0, 4.0, 5.0), (10.0, 1.0, 1.0, 100.0, 100.0)
-    parameters = TrainingParameters(weight=weight, error_scale=unit, failure_penalty=7, relative_clf=False)
-    transition = random_transition(RL_CBF_CLF_QP, np.random.default_rng(0), failed=True)
-    terms = reward_terms(transition, parameters)
+    unit = (10.0, 1.0, 1.0, 100.0, 100.0)
+    problem = replace(RL_CBF_CLF_QP, name="other", error_scale=unit)
+    parameters = TrainingParameters(problem=problem, learner="paper_ddpg", failure_penalty=7)
+    transition = random_transition(problem, np.random.default_rng(0), failed=True)
+    terms, failure = reward_terms(transition, parameters)
+    size = np.array([np.linalg.norm(transition.LgV) + 1, 1, 1, 1, 1])
     estimate = transition.nominal + transition.alpha @ transition.mu + transition.beta
-    expected = -np.array(weight) * ((transition.measured - estimate) / unit) ** 2
-    np.testing.assert_allclose(terms.estimation, expected)
-    assert terms.total == pytest.approx(expected.sum() - 7)
-    assert list(terms.named(RL_CBF_CLF_QP.quantities)) == ["V", "B1", "B2", "C1", "C2", "failure"]
+    expected = -(((transition.measured - estimate) / unit / size) ** 2)
+    np.testing.assert_allclose(terms, expected)
+    assert failure == -7
 
 
 @pytest.mark.parametrize("problem", PAPER)
@@ -38,17 +39,20 @@ def test_true_errors_earn_no_penalty(problem: Problem, random_transition: MakeTr
     if problem.corrects_input:  # the input is corrected, so the plant answers mu itself
         nominal, measured = transition.mu + alpha @ transition.mu + beta, transition.mu
     transition = replace(transition, alpha=alpha, beta=beta, nominal=nominal, measured=measured)
-    assert reward_terms(transition, TrainingParameters(problem=problem)).total == pytest.approx(0, abs=1e-20)
+    terms, _ = reward_terms(transition, TrainingParameters(problem=problem))
+    np.testing.assert_allclose(terms, 0, atol=1e-20)
 
 
 def test_what_is_not_measured_costs_nothing(random_transition: MakeTransition) -> None:
     transition = random_transition(RL_CLF_QP, np.random.default_rng(2), measured=np.array([np.nan]))
-    assert reward_terms(transition, TrainingParameters(problem=RL_CLF_QP)).total == 0
+    assert reward_terms(transition, TrainingParameters(problem=RL_CLF_QP)) == (0, 0)
 
 
 def test_unit_of_the_clf_grows_with_LgV() -> None:
-    parameters = TrainingParameters(problem=RL_CLF_QP, error_scale=(10.0,))
-    np.testing.assert_allclose(error_unit(np.array([[0.0, 0, 0, 0], [3, 0, 4, 0]]), parameters), [[10], [60]])
+    LgV, (unit,) = np.array([[0.0, 0, 0, 0], [3, 0, 4, 0]]), RL_CLF_QP.error_scale
+    np.testing.assert_allclose(error_unit(LgV, TrainingParameters(problem=RL_CLF_QP)), [[unit], [6 * unit]])
+    same = error_unit(LgV, TrainingParameters(problem=RL_CLF_QP, relative_clf=False))
+    assert same[0] == same[1]
 
 
 def test_replay_drops_the_oldest(random_transition: MakeTransition) -> None:
@@ -77,7 +81,7 @@ def test_batch_of_transitions(random_transition: MakeTransition) -> None:
     batch = as_batch(transitions, parameters)
     assert batch.observation.shape == (3, 14)
     np.testing.assert_allclose(batch.target * batch.unit, [t.target for t in transitions], rtol=1e-5)
-    np.testing.assert_allclose(batch.reward.sum(1), [reward_terms(t, parameters).total for t in transitions], rtol=1e-5)
+    np.testing.assert_allclose(batch.reward, [reward_terms(t, parameters)[0] for t in transitions], rtol=1e-5)
 
 
 def test_only_the_literal_learner_keeps_failures(random_transition: MakeTransition) -> None:
@@ -86,20 +90,19 @@ def test_only_the_literal_learner_keeps_failures(random_transition: MakeTransiti
     )
     literal = paper_literal(RL_CLF_QP)
     assert Replay(literal).add(transition)
-    assert not Replay(TrainingParameters(problem=RL_CLF_QP, failure_penalty=10)).add(transition)
+    assert not Replay(TrainingParameters(problem=RL_CLF_QP)).add(transition)
     assert as_batch([transition], literal).penalty.item() == -literal.failure_penalty
 
 
 @pytest.mark.parametrize(
     "changes",
     [
-        {"discount": 0.9},
-        {"heads": "one"},
-        {"error_scale": (1.0,)},
-        {"weight": (1.0, 1, 1, 1, -1)},
+        {"failure_penalty": 1.0},
+        {"alpha_scale": (1.0,)},
+        {"beta_scale": (1.0, 1, 1, 1, -1)},
         {"batch": 0},
         {"sigma_factors": ()},
-        {"leave_out": ("everything",)},
+        {"measurement": "none"},
         {"speed": 1},
     ],
 )

@@ -1,6 +1,7 @@
 """The episode loop in a tiny world: resuming, checkpoints, what the folder holds."""
 
 import itertools
+import time
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
@@ -14,9 +15,10 @@ from rl_cbf_clf_controller.controller_output import ControllerOutput
 from rl_cbf_clf_controller.policy import ZeroPolicy
 from rl_cbf_clf_controller.uncertainty import RL_CLF_QP
 from rl_cbf_clf_controller.weights import read
+from rl_trainer.checkpoint import CHECKPOINT, CheckpointError
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.rollout import Record, rollout
-from rl_trainer.session import CHECKPOINT, CheckpointError, Session, scalars
+from rl_trainer.session import Session, scalars
 from rl_trainer.training import DivergenceError, EpisodeReport, Provenance, Trainer
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 from torch.utils.tensorboard import SummaryWriter
@@ -31,9 +33,11 @@ def test_a_killed_run_resumes_with_nothing_lost(tmp_path: Path, toy_world: Any, 
     reports = list(whole.run(toy_world, toy_controller))
     cut = Session(tmp_path / "cut", Trainer(PARAMETERS))
     seen = list(itertools.islice(cut.run(toy_world, toy_controller), 2))
-    (tmp_path / "cut" / ".checkpoint.pt").write_bytes(b"killed here")
+    half = tmp_path / "cut" / f".{'0' * 32}.checkpoint.pt"
+    half.write_bytes(b"killed here")
     again = Session(tmp_path / "cut", Trainer(PARAMETERS))
-    assert again.resumed
+    assert len(again.episodes) == 2
+    assert not half.exists()
     seen += list(again.run(toy_world, toy_controller))
     assert seen == reports
     assert [EpisodeReport(**untimed(episode)) for episode in again.episodes] == reports
@@ -56,10 +60,21 @@ def test_a_kill_after_a_checkpoint_loses_no_report(
         patch.setattr(SummaryWriter, "add_scalar", stopped)
         with pytest.raises(KeyboardInterrupt):
             next(reports)
+    wait_for_a_later_file(tmp_path / "tensorboard")
     again = Session(tmp_path, Trainer(PARAMETERS))
     assert [report.episode for report in again.run(toy_world, toy_controller)] == [2, 3]
     assert [episode["episode"] for episode in again.episodes] == [0, 1, 2, 3]
     assert logged(tmp_path) == [0, 1, 2, 3]
+
+
+def wait_for_a_later_file(folder: Path) -> None:
+    """TensorBoard reads its files in the order of their names: by second, then by how many this process has begun.
+
+    As words: after the ninth of a second comes the tenth first. A command that is called again takes longer.
+    """
+    (file,) = folder.iterdir()
+    while int(time.time()) <= int(file.name.split(".")[3]):
+        time.sleep(0.01)
 
 
 def stopped(*_: object) -> None:

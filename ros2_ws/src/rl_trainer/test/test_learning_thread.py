@@ -31,20 +31,16 @@ class Heard:
     reports: list[EpisodeReport] = field(default_factory=list)
     verdicts: list[Verdict] = field(default_factory=list)
 
-    def on_plan(self, plan: EpisodePlan, after: int) -> None:
+    def on_plan(self, plan: EpisodePlan, after: int, report: EpisodeReport | None) -> None:
         self.plans.append(plan)
+        self.reports += [report] if report else []
 
     def on_transition(self, transition: Transition, tag: Any) -> None:
         self.transitions.append((transition, tag))
 
-    def on_policy(self, policy: PolicyFile) -> None:
-        self.policies.append(policy)
-
-    def on_verdict(self, verdict: Verdict) -> None:
+    def on_policy(self, policy: PolicyFile, verdict: Verdict) -> None:
         self.verdicts.append(verdict)
-
-    def on_report(self, report: EpisodeReport) -> None:
-        self.reports.append(report)
+        self.policies += [policy] if verdict.passes else []
 
 
 def wait_for(holds: Callable[[], bool], seconds: float = 120.0) -> None:
@@ -83,7 +79,7 @@ def test_the_transition_into_a_failure_is_told(toy_world: Any, toy_controller: A
 def test_what_is_learned_beside_passes_the_gate(toy_world: Any, toy_controller: Any) -> None:
     """Published is what is no worse than the policy in force; nothing is, once that one is far ahead."""
     heard, toy_world.ticks = Heard(), 10 * EVERY * STEP
-    learning = LearningThread(Trainer(PARAMETERS.model_copy(update={"settle_time": 0.0})), heard, beside=20)
+    learning = LearningThread(Trainer(PARAMETERS), heard, beside=20)
     learning.start()
     walk(learning, 1, toy_world, toy_controller)
     wait_for(lambda: len(heard.policies) > 2)
@@ -95,16 +91,16 @@ def test_what_is_learned_beside_passes_the_gate(toy_world: Any, toy_controller: 
     assert published == [policy.version for policy in heard.policies]
     for verdict in heard.verdicts:
         assert verdict.passes == (verdict.error <= verdict.error_in_force)
-    measured = [t for t, _ in heard.transitions if np.isfinite(t.measured).all()]
-    assert learning.trainer.replay.added == len(measured) * (EVERY - 1) // EVERY
+    sound = [t for t, _ in heard.transitions if not t.doubt]
+    assert learning.trainer.replay.added == len(sound) * (EVERY - 1) // EVERY
 
 
 def test_a_plans_policy_has_no_gate_and_nothing_is_held_out(toy_world: Any, toy_controller: Any) -> None:
     heard, toy_world.ticks = Heard(), 10 * EVERY * STEP
-    learning = LearningThread(Trainer(PARAMETERS.model_copy(update={"settle_time": 0.0})), heard)
+    learning = LearningThread(Trainer(PARAMETERS), heard)
     learning.start()
     walk(learning, 1, toy_world, toy_controller)
     wait_for(lambda: len(heard.plans) == 2)
     learning.close()
     assert not heard.verdicts
-    assert learning.trainer.replay.added == sum(bool(np.isfinite(t.measured).all()) for t, _ in heard.transitions)
+    assert learning.trainer.replay.added == sum(not t.doubt for t, _ in heard.transitions)

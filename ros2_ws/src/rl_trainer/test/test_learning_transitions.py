@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 from rabbit_description.state import Leg, RobotState
 from rl_cbf_clf_controller.controller_output import ControllerOutput
-from rl_cbf_clf_controller.uncertainty import IO_RL_CLF_QP, RL_CBF_CLF_QP, RL_CLF_QP
+from rl_cbf_clf_controller.uncertainty import IO_RL_CLF_QP, RL_CLF_QP
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.replay import Replay
 from rl_trainer.transitions import Doubt, Transition, TransitionBuilder
 
 Tick = Callable[..., tuple[RobotState, ControllerOutput]]
-PARAMETERS = TrainingParameters(problem=RL_CBF_CLF_QP, clf_difference="value")
+PARAMETERS = TrainingParameters()
+PAPER = TrainingParameters(measurement="paper")
 
 
 def join(*ticks: tuple[RobotState, ControllerOutput], parameters: TrainingParameters = PARAMETERS) -> Transition:
@@ -29,8 +30,8 @@ def test_what_the_controller_measured_belongs_to_the_tick_before(tick: Tick) -> 
     measured = np.array([40.0, 10.0, 20.0, 310.0, -40.0])
     first = tick(20, output={"V": 2.0, "measured": np.full(5, 7.0)})
     second = tick(21, output={"V": 2.5, "measured": measured})
-    np.testing.assert_array_equal(join(first, second, parameters=TrainingParameters()).measured, measured)
-    np.testing.assert_allclose(join(first, second).measured, [50.0, *measured[1:]])
+    np.testing.assert_array_equal(join(first, second).measured, measured)
+    np.testing.assert_allclose(join(first, second, parameters=PAPER).measured, [50.0, *measured[1:]])
 
 
 def test_nominal_is_taken_at_the_executed_mu(tick: Tick) -> None:
@@ -47,9 +48,8 @@ def test_nominal_of_a_tick_is_the_mean_of_its_ends_under_the_held_torque(tick: T
     second = tick(21, output={"mu_held": mu_held, "nominal_a": next_a})
     expected = (a @ mu + next_a @ mu_held) / 2
     expected[0] = a[0] @ (mu + mu_held) / 2
-    np.testing.assert_allclose(join(first, second, parameters=TrainingParameters()).nominal, expected)
-    at_start = TrainingParameters(nominal_value="start")
-    np.testing.assert_allclose(join(first, second, parameters=at_start).nominal, a @ mu)
+    np.testing.assert_allclose(join(first, second).nominal, expected)
+    np.testing.assert_allclose(join(first, second, parameters=PAPER).nominal, a @ mu)
 
 
 def test_error_is_the_papers_loss(tick: Tick) -> None:
@@ -62,7 +62,7 @@ def test_error_is_the_papers_loss(tick: Tick) -> None:
         "alpha": alpha,
         "beta": np.array([5.0, 0, 0, 0, 0]),
     }
-    transition = join(tick(20, output=output), tick(21, output={"V": 0.5}))
+    transition = join(tick(20, output=output), tick(21, output={"V": 0.5}), parameters=PAPER)
     assert transition.target[0] == pytest.approx(40)
     assert transition.error[0] == pytest.approx(-15)
 
@@ -114,11 +114,11 @@ def test_the_last_transition_knows_of_failure_by_pose(tick: Tick, height: float,
     builder = TransitionBuilder(PARAMETERS)
     builder.add(*tick(7))
     state, _ = tick(8, state={"q": np.array([0, height, pitch, 0, 0, 0, 0]), "running": False})
-    last = builder.end(state)
+    last = builder.add(state)
     assert last is not None
     assert last.failed == failed
     assert last.doubt & Doubt.UNMEASURED
-    assert builder.end(state) is None
+    assert builder.add(state) is None
 
 
 def test_another_controllers_output_is_refused(tick: Tick) -> None:

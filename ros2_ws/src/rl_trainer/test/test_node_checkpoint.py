@@ -10,19 +10,15 @@ import numpy as np
 import pytest
 from rl_cbf_clf_controller.policy import ZeroPolicy
 from rl_cbf_clf_controller.uncertainty import RL_CLF_QP
-from rl_trainer import session
-from rl_trainer.journal import Journal
+from rl_trainer.checkpoint import Checkpoint, CheckpointError, journal_path, read_journal
 from rl_trainer.learning_thread import LearningThread
-from rl_trainer.node_checkpoint import NodeCheckpoint
 from rl_trainer.parameters import TrainingParameters
-from rl_trainer.publication_gate import PublicationGate
 from rl_trainer.rollout import Record, rollout
-from rl_trainer.session import CheckpointError, read_checkpoint
 from rl_trainer.training import Trainer
 from rl_trainer.transitions import Transition
 
 PARAMETERS = TrainingParameters(
-    problem=RL_CLF_QP, batch=8, updates_least=2, hidden1=6, hidden2=5, capacity=500, leave_out=()
+    problem=RL_CLF_QP, batch=8, updates_least=2, hidden1=6, hidden2=5, capacity=500, every_tick=True
 )
 FORK = multiprocessing.get_context("fork")
 FIELDS = ("observation", "LgV", "mu", "mu_qp", "alpha", "beta", "nominal", "measured", "next_observation", "next_mu")
@@ -33,19 +29,13 @@ class Told:
 
     def __init__(self) -> None:
         self.transitions: list[Transition] = []
-        self.plans = 0
 
-    def on_plan(self, plan: Any, after: int) -> None:
-        self.plans += 1
+    def on_plan(self, plan: Any, after: int, report: Any) -> None: ...
 
     def on_transition(self, transition: Transition, tag: Any) -> None:
         self.transitions.append(transition)
 
-    def on_policy(self, policy: Any) -> None: ...
-
-    def on_verdict(self, verdict: Any) -> None: ...
-
-    def on_report(self, report: Any) -> None: ...
+    def on_policy(self, policy: Any, verdict: Any) -> None: ...
 
 
 def walk(learning: LearningThread, world: Any, make_controller: Any, episode: int, ends: bool) -> None:
@@ -64,9 +54,7 @@ def walk(learning: LearningThread, world: Any, make_controller: Any, episode: in
 def begun(folder: Path, told: Told) -> LearningThread:
     """A learning thread's object whose thread is not started: the test takes what it would take."""
     learning = LearningThread(Trainer(PARAMETERS), told, folder=folder)
-    learning._plan = learning.trainer.begin_episode()
-    for transition in learning.kept.begin():
-        learning.trainer.take(transition)
+    learning.take_up(0)
     return learning
 
 
@@ -85,11 +73,11 @@ def assert_same(one: Transition, other: Transition) -> None:
 def test_what_was_told_in_a_broken_episode_is_learned_from(tmp_path: Path, toy_world: Any, toy_controller: Any) -> None:
     told = Told()
     walk(begun(tmp_path, told), toy_world, toy_controller, 1, ends=False)  # and is never heard of again
-    _, held = Journal(tmp_path, PARAMETERS).read(0)
+    held = read_journal(journal_path(tmp_path, 0), PARAMETERS)
     for one, other in zip(held, told.transitions, strict=True):
         assert_same(one, other)
     again = begun(tmp_path, Told())
-    assert again.kept.taken == len(told.transitions) > 0
+    assert again.taken == len(told.transitions) > 0
     assert again.trainer.replay.added == sum(again.trainer.replay.accepts(each) for each in told.transitions) > 0
 
 
@@ -97,9 +85,9 @@ def test_after_an_episode_all_is_in_the_checkpoint(tmp_path: Path, toy_world: An
     told = Told()
     learning = begun(tmp_path, told)
     walk(learning, toy_world, toy_controller, 1, ends=True)
-    assert [path.name for path in tmp_path.glob("journal-*")] == ["journal-000001.bin"]
+    assert [path.name for path in tmp_path.glob("journal-*")] == [journal_path(tmp_path, 1).name]
     again = begun(tmp_path, Told())
-    assert again.kept.taken == len(told.transitions)
+    assert again.taken == len(told.transitions)
     assert again.trainer.replay.added == learning.trainer.replay.added
     assert again.trainer.policy_file().version == learning.trainer.policy_file().version
 
@@ -110,58 +98,44 @@ def test_a_kill_between_checkpoint_and_journal_doubles_nothing(
     told = Told()
     learning = begun(tmp_path, told)
     walk(learning, toy_world, toy_controller, 1, ends=False)
-    old = (tmp_path / "journal-000000.bin").read_bytes()
+    old = journal_path(tmp_path, 0).read_bytes()
     learning.end(None, 1)
     learning._queue.get()()
-    (tmp_path / "journal-000001.bin").unlink()
-    (tmp_path / "journal-000000.bin").write_bytes(old)
+    journal_path(tmp_path, 1).unlink()
+    journal_path(tmp_path, 0).write_bytes(old)
     again = begun(tmp_path, Told())
-    assert again.kept.taken == len(told.transitions)
-    assert not (tmp_path / "journal-000000.bin").exists()
+    assert again.taken == len(told.transitions)
+    assert not journal_path(tmp_path, 0).exists()
 
 
 def test_what_is_held_out_comes_back(tmp_path: Path, toy_world: Any, toy_controller: Any) -> None:
-    gate, trainer = PublicationGate(PARAMETERS), Trainer(PARAMETERS)
     told = Told()
-    walk(begun(tmp_path / "other", told), toy_world, toy_controller, 1, ends=False)
-    gate.held_out.extend(told.transitions)
-    kept = NodeCheckpoint(tmp_path, trainer, gate)
-    kept.begin()
-    kept.save()
-    other = PublicationGate(PARAMETERS)
-    NodeCheckpoint(tmp_path, Trainer(PARAMETERS), other)
-    for one, two in zip(other.held_out, gate.held_out, strict=True):
+    learning = begun(tmp_path, told)
+    learning._gate.held_out.extend(told.transitions)
+    walk(learning, toy_world, toy_controller, 1, ends=True)
+    for one, two in zip(begun(tmp_path, Told())._gate.held_out, learning._gate.held_out, strict=True):
         assert_same(one, two)
 
 
-def test_a_checkpoint_with_other_records_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    NodeCheckpoint(tmp_path, Trainer(PARAMETERS), PublicationGate(PARAMETERS)).begin()
-    NodeCheckpoint(tmp_path, Trainer(PARAMETERS), PublicationGate(PARAMETERS)).save()
-    state = read_checkpoint(tmp_path)
-    assert state is not None
-    state["more"]["record"] -= 16
-    monkeypatch.setattr(session, "read_checkpoint", lambda _: state)
-    with pytest.raises(CheckpointError, match="another version"):
-        NodeCheckpoint(tmp_path, Trainer(PARAMETERS), PublicationGate(PARAMETERS))
-
-
-def test_a_journal_of_other_parameters_is_refused(tmp_path: Path) -> None:
-    NodeCheckpoint(tmp_path, Trainer(PARAMETERS), PublicationGate(PARAMETERS)).begin()
-    other = PARAMETERS.model_copy(update={"seed": 7})
+def test_a_journal_of_other_parameters_is_refused(tmp_path: Path, toy_world: Any, toy_controller: Any) -> None:
+    walk(begun(tmp_path, Told()), toy_world, toy_controller, 1, ends=False)
     with pytest.raises(CheckpointError, match="made with other parameters"):
-        NodeCheckpoint(tmp_path, Trainer(other), PublicationGate(other)).begin()
+        Checkpoint(tmp_path, Trainer(PARAMETERS.model_copy(update={"seed": 7}))).begin()
 
 
 def take_until_full(folder: Path, transition: Transition, result: Any) -> None:
     """Files may not grow: the error is told once, and nothing is raised."""
-    kept = NodeCheckpoint(folder, Trainer(PARAMETERS), PublicationGate(PARAMETERS))
-    kept.begin()
-    may_be_told = [kept.add(transition)]
+    told = Told()
+    learning = begun(folder, told)
+    learning._keep(transition, None)
     resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))
-    may_be_told += [kept.add(replace(transition, tick=9)), kept.add(replace(transition, tick=10))]
-    kept.save()
-    is_right = "not kept any more" in kept.error and may_be_told == [True, False, False]
-    result.value = int(is_right) + 2 * kept.taken
+    for tick in (9, 10):
+        learning._keep(replace(transition, tick=tick), None)
+    learning.end(None, 1)
+    learning._queue.get()()
+    told_ticks = [each.tick for each in told.transitions]
+    is_right = "not kept any more" in learning.disk_error and told_ticks == [transition.tick]
+    result.value = int(is_right) + 2 * learning.taken
 
 
 def test_a_full_disk_stops_the_keeping_not_the_learning(tmp_path: Path, toy_world: Any, toy_controller: Any) -> None:
@@ -172,5 +146,5 @@ def test_a_full_disk_stops_the_keeping_not_the_learning(tmp_path: Path, toy_worl
     process.start()
     process.join(60)
     assert (process.exitcode, result.value) == (0, 1 + 2 * 3)
-    _, held = Journal(tmp_path / "full", PARAMETERS).read(0)
+    held = read_journal(journal_path(tmp_path / "full", 0), PARAMETERS)
     assert [each.tick for each in held] == [told.transitions[0].tick]

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 from cbf_clf_qp.estimates import Estimates
-from cbf_clf_qp.problem import Problem
 from rabbit_description.state import Array
 from rl_cbf_clf_controller.policy import LearnedPolicy, ZeroPolicy
+from rl_cbf_clf_controller.problem import Problem
 from rl_cbf_clf_controller.uncertainty import PAPER, RL_CBF_CLF_QP
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.publication_gate import EVERY, NEWEST, PublicationGate, estimation_error

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from rl_trainer.tick_synchronizer import End, Tick, Walk
+from rl_trainer.tick_synchronizer import End, Tick, TickSynchronizer
 
 PARTS = ("state", "torque", "details")
 
@@ -21,7 +21,7 @@ def arrivals(episode: int, last: int) -> dict[str, list[tuple[str, int, int, Any
     return topics
 
 
-def feed(walk: Walk, message: tuple[str, int, int, Any]) -> list[tuple[int, Tick | End]]:
+def feed(walk: TickSynchronizer, message: tuple[str, int, int, Any]) -> list[tuple[int, Tick | End]]:
     """Hand a message to the walk."""
     part, episode, tick, content = message
     return walk.end(episode, tick, content) if part == "end" else walk.add(part, episode, tick, content)
@@ -30,7 +30,7 @@ def feed(walk: Walk, message: tuple[str, int, int, Any]) -> list[tuple[int, Tick
 @given(last=st.integers(0, 5), data=st.data())
 def test_any_interleaving_of_two_episodes_comes_out_in_order(last: int, data: st.DataObject) -> None:
     queues = [[*first, *second] for first, second in zip(*(arrivals(e, last).values() for e in (1, 2)), strict=True)]
-    walk, out = Walk(PARTS), []
+    walk, out = TickSynchronizer(PARTS), []
     while any(queues):
         queue = data.draw(st.sampled_from([queue for queue in queues if queue]))
         out += feed(walk, queue.pop(0))
@@ -44,7 +44,7 @@ def test_any_interleaving_of_two_episodes_comes_out_in_order(last: int, data: st
 
 @pytest.mark.parametrize(("part", "tick"), list(itertools.product(PARTS, (0, 2, 4))))
 def test_a_lost_message_costs_its_tick_alone(part: str, tick: int) -> None:
-    walk, out = Walk(PARTS), []
+    walk, out = TickSynchronizer(PARTS), []
     for messages in arrivals(1, 5).values():
         for message in messages:
             if message[:3] != (part, 1, tick):
@@ -57,7 +57,7 @@ def test_a_lost_message_costs_its_tick_alone(part: str, tick: int) -> None:
 
 
 def test_a_refused_message_is_a_lost_one() -> None:
-    walk = Walk(PARTS)
+    walk = TickSynchronizer(PARTS)
     for tick in range(3):
         for part in PARTS:
             walk.add(part, 1, tick, None if (part, tick) == ("details", 1) else "good")
@@ -68,7 +68,7 @@ def test_a_refused_message_is_a_lost_one() -> None:
 
 
 def test_a_fault_is_a_tick_with_an_answer() -> None:
-    walk, out = Walk(PARTS), []
+    walk, out = TickSynchronizer(PARTS), []
     for tick in range(2):
         for part in PARTS:
             out += walk.add(part, 1, tick, (part, tick))
@@ -78,7 +78,7 @@ def test_a_fault_is_a_tick_with_an_answer() -> None:
 
 
 def test_what_comes_after_the_end_is_ignored() -> None:
-    walk = Walk(PARTS, done=3)
+    walk = TickSynchronizer(PARTS, done=3)
     assert walk.add("state", 3, 0, "old") == []
     assert walk.end(3, 0, acted=False) == []
     assert not walk.is_held_up
@@ -86,7 +86,7 @@ def test_what_comes_after_the_end_is_ignored() -> None:
 
 def test_a_jump_is_as_fast_as_it_is_long() -> None:
     """A tick that is far ahead costs no more than one that is near."""
-    walk = Walk(PARTS)
+    walk = TickSynchronizer(PARTS)
     for part in PARTS:
         walk.add(part, 1, 0, part)
         walk.add(part, 1, 10**9, part)
@@ -97,7 +97,7 @@ def test_a_jump_is_as_fast_as_it_is_long() -> None:
 
 
 def test_each_message_is_judged_by_its_turn() -> None:
-    walk = Walk(PARTS, done=3, announced=4)
+    walk = TickSynchronizer(PARTS, done=3, announced=4)
     walk.add("state", 4, 0, "first")
     walk.add("state", 4, 1, "second")
     judged = {turn: walk.judge("state", *turn) for turn in [(3, 0), (4, 0), (4, 1), (4, 2), (4, 5001), (4, 5002)]}
@@ -106,7 +106,7 @@ def test_each_message_is_judged_by_its_turn() -> None:
 
 
 def test_who_joins_in_the_middle_has_lost_nothing() -> None:
-    walk, out = Walk(PARTS, done=0, announced=1), []
+    walk, out = TickSynchronizer(PARTS, done=0, announced=1), []
     walk.join(1, 40)
     for tick in (40, 41):
         for part in PARTS:
@@ -116,7 +116,7 @@ def test_who_joins_in_the_middle_has_lost_nothing() -> None:
 
 
 def test_a_later_announcement_gives_up_an_episode_whose_end_was_not_heard() -> None:
-    walk = Walk(PARTS, done=0, announced=1)
+    walk = TickSynchronizer(PARTS, done=0, announced=1)
     for part in PARTS:
         walk.add(part, 1, 0, part)
     assert not walk.is_held_up
@@ -127,7 +127,7 @@ def test_a_later_announcement_gives_up_an_episode_whose_end_was_not_heard() -> N
 
 
 def test_a_new_simulator_counts_from_one_again() -> None:
-    walk = Walk(PARTS, done=6, announced=7)
+    walk = TickSynchronizer(PARTS, done=6, announced=7)
     walk.add("state", 7, 0, "old")
     assert isinstance(walk.restart()[-1][1], End)
     assert walk.judge("state", 1, 0) == "good"

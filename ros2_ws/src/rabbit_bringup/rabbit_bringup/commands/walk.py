@@ -17,7 +17,7 @@ from rabbit_experiments.conditions import EVALUATION_LAG, TRAINING_SCALE
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
-from rabbit_bringup.launching.walk import Walk, WalkOptions
+from rabbit_bringup.launching.walk import WalkOptions, WalkSettings
 
 MODELS = (WalkOptions, ControllerParameters, SimulationParameters)
 OPTIONS = {  # of each node's parameters those that an option decides
@@ -25,11 +25,11 @@ OPTIONS = {  # of each node's parameters those that an option decides
     "controller": {"policy", "swap_at", *ControllerParameters.model_fields},
     "estimator": set(),
     "trainer": set(),
-    "recorder": {"storage"},
+    "recorder": set(),
     "viewer": {"port"},
 }
 RARE = ("training", "swap_at", "priority", "view_port", "ready_timeout", "log_level")  # in --help-all alone
-RENAMED = {"storage": "record", "port": "view_port"}  # options of other names than their parameters
+RENAMED = {"port": "view_port"}  # options of other names than their parameters
 DEFAULTS = Defaults(
     always={"motor_lag": EVALUATION_LAG}, bare={"controller": "rl-cbf-clf-qp", "mass_scale": TRAINING_SCALE}
 )
@@ -47,14 +47,14 @@ def walk(given: Given) -> None:
     raise typer.Exit(carry_out(walk, partial(walk_with_progress, walk)))
 
 
-def prepare(given: Given) -> Walk:
+def prepare(given: Given) -> WalkSettings:
     """The walk that is asked for; makes its folder. Ends the command if it cannot be."""
     given, further = with_file(given)
     options = given.build(WalkOptions)
     assembly = assembly_of_nodes(given, options.policy, options.parameters)
     own = further.get("trainer", {})
     training = given_training(options, assembly.controller, assembly.policy, own) if options.trainer else {}
-    walk = Walk.of(assembly, make_folder(options), options, training=training, further=further)
+    walk = WalkSettings.of(assembly, make_folder(options), options, training=training, further=further)
     if options.view:
         port = options.view_port
         print(f"open http://127.0.0.1:{port} in a browser" if port else "the page: see log/viewer.log")
@@ -126,7 +126,7 @@ def make_folder(request: WalkOptions) -> Path:
     return new_folder(next(path for path in (Path("runs") / name for name in names) if not path.exists()))
 
 
-def walk_with_progress(walk: Walk, ended: Callable[[Any], None]) -> Any:
+def walk_with_progress(walk: WalkSettings, ended: Callable[[Any], None]) -> Any:
     """Walk under a bar that says how it goes; returns the monitor."""
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 

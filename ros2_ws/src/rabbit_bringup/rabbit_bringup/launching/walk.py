@@ -8,9 +8,9 @@ FOLDER/summary.json, records.npz, pictures/, walk.mp4, walk.gif    made from the
 
 import json
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field
 from rabbit_common.executables import NAMESPACE
 from rabbit_estimator.parameters import EstimatorParameters
 from rabbit_sim.parameters import SimulationParameters
@@ -18,13 +18,6 @@ from rabbit_viewer.page.address import PORT
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
 MOST_EPISODES = 10_000
-STORAGES = {"true": "mcap", "1": "mcap", "false": "none", "0": "none"}
-
-
-def _storage(value: object) -> str:
-    """A truth value, as launch files have it, in place of a format."""
-    text = str(value).strip().lower()
-    return STORAGES.get(text, text)
 
 
 class WalkOptions(BaseModel):
@@ -44,9 +37,7 @@ class WalkOptions(BaseModel):
         description="when the trainer's policies take effect; with episode it also plans each episode; "
         "auto: tick for a controller that learns, else never",
     )
-    record: Annotated[Literal["mcap", "sqlite3", "none"], BeforeValidator(_storage)] = Field(
-        "mcap", description="format of the recording; true is mcap, false none"
-    )
+    record: bool = Field(True, description="record every topic")
     pictures: bool = Field(True, description="draw the walk")
     video: bool = Field(True, description="film the walk")
     real_time: bool = Field(False, description="100 Hz by the wall clock instead of lock-step")
@@ -74,7 +65,7 @@ class WalkOptions(BaseModel):
         return self.trainer and self.swap_at == "episode"
 
 
-class Walk(BaseModel):
+class WalkSettings(BaseModel):
     """Who walks, and where it leaves what.
 
     `policy`: zero or a file; `training`: of the trainer; `further`: parameters by node that nothing else decides.
@@ -91,8 +82,8 @@ class Walk(BaseModel):
     further: dict[str, dict[str, Any]] = Field(default_factory=dict)
 
     @classmethod
-    def of(cls, assembly: Any, folder: Path, options: WalkOptions, **more: Any) -> "Walk":
-        """The walk of an `Assembly`."""
+    def of(cls, assembly: Any, folder: Path, options: WalkOptions, **more: Any) -> "WalkSettings":
+        """Those of an `Assembly`."""
         its = {name: getattr(assembly, name) for name in ("simulation", "controller", "policy")}
         return cls(folder=folder, options=options, **its, **more)
 
@@ -101,7 +92,7 @@ class Walk(BaseModel):
         """The nodes: simulator and controller; an estimator if need be; trainer, recorder and viewer if wanted."""
         options = self.options
         wanted = {"estimator": self.simulation.sensors == "lab", "trainer": options.trainer}
-        wanted |= {"recorder": options.record != "none", "viewer": options.view}
+        wanted |= {"recorder": options.record, "viewer": options.view}
         return ["simulator", "controller", *(name for name, is_wanted in wanted.items() if is_wanted)]
 
     @property
@@ -151,7 +142,7 @@ class Walk(BaseModel):
                 "seed": options.seed,
                 **self.training,
             },
-            "recorder": {"path": str(self.folder / "recording"), "storage": options.record},
+            "recorder": {"path": str(self.folder / "recording")},
             "viewer": {"port": options.view_port, "wait": 0.0},
         }
         return {name: {**self.further.get(name, {}), **by_node[name]} for name in self.names}

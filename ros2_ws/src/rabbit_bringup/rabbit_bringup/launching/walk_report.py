@@ -15,15 +15,15 @@ from rabbit_common import exit_codes
 from rabbit_common.child_process import end_with_parent
 from rabbit_common.executables import LaunchError
 from rabbit_common.exit_codes import ExitCode, Interrupted
-from rabbit_recording.bag_writer import RecordingError
+from rabbit_recording import RecordingError
 
-from rabbit_bringup.launching.walk import Walk
+from rabbit_bringup.launching.walk import WalkSettings
 
 Ended = Callable[[Any], None]  # gets the `Episode` message of an episode that has ended
 UNTIMED = {"tick_ms_p50", "tick_ms_p99", "plant_ms_p50", "walk_seconds"}  # figures that no recording has
 
 
-def carry_out(walk: Walk, run: Callable[[Ended], Any]) -> int:
+def carry_out(walk: WalkSettings, run: Callable[[Ended], Any]) -> int:
     """Walk as `run` does, which returns the monitor; say how it went; leave the summary.
 
     Returns:
@@ -45,7 +45,7 @@ def carry_out(walk: Walk, run: Callable[[Ended], Any]) -> int:
     except LaunchError as error:
         return _fail(walk, error)
     code = exit_codes.of_walk(outcomes)
-    if walk.options.record != "none":
+    if walk.options.record:
         _leave(walk, code, seconds)
     counted = exit_codes.counted(outcomes)
     print(f"written to {walk.folder}")
@@ -69,7 +69,7 @@ def complain(text: object) -> None:
     print("rabbit:", " ".join(str(text).split()), file=sys.stderr, flush=True)
 
 
-def _leave(walk: Walk, code: ExitCode, seconds: float) -> None:
+def _leave(walk: WalkSettings, code: ExitCode, seconds: float) -> None:
     """Summary, pictures and film from the recording."""
     from rich.console import Console
 
@@ -89,7 +89,7 @@ def _leave(walk: Walk, code: ExitCode, seconds: float) -> None:
             _show(walk)
 
 
-def _show(walk: Walk) -> None:
+def _show(walk: WalkSettings) -> None:
     """Draw, while another process films."""
     from rabbit_viewer.walk_pictures import draw_pictures, film_walk
 
@@ -111,7 +111,7 @@ def _begin_film(parent: int) -> None:
     end_with_parent(parent)
 
 
-def _fail(walk: Walk, error: LaunchError) -> int:
+def _fail(walk: WalkSettings, error: LaunchError) -> int:
     """The graph did not come to its end: say why, and summarise what it recorded until then."""
     recording = walk.folder / "recording"
     if not recording.exists():
@@ -138,7 +138,7 @@ def _fail(walk: Walk, error: LaunchError) -> int:
 
 
 def write_summary(
-    walk: Walk, recording: Path, code: ExitCode, seconds: float | None, failure: str = ""
+    walk: WalkSettings, recording: Path, code: ExitCode, seconds: float | None, failure: str = ""
 ) -> dict[str, Any]:
     """Write `summary.json`, a row an episode as in `rabbit evaluate`, and `records.npz` of the last one with ticks.
 
@@ -188,7 +188,7 @@ def write_summary(
     return summary
 
 
-def describe(walk: Walk, episode: Any) -> dict[str, Any]:
+def describe(walk: WalkSettings, episode: Any) -> dict[str, Any]:
     """A `RecordedEpisode` in figures."""
     from rabbit_experiments.metrics import RunTally
     from rabbit_sim.simulation import Outcome

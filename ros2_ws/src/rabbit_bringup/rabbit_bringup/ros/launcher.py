@@ -10,7 +10,7 @@ from pathlib import Path
 from rabbit_common.child_process import end_with_parent
 from rabbit_common.exit_codes import ExitCode
 
-from rabbit_bringup.launching.walk import Walk
+from rabbit_bringup.launching.walk import WalkSettings
 from rabbit_bringup.launching.walk_report import carry_out, complain
 from rabbit_bringup.ros.walking import walk_through
 
@@ -19,7 +19,7 @@ def main() -> None:
     """The executable `launcher`."""
     try:
         file, *nodes = sys.argv[1:]
-        walk = Walk.model_validate_json(Path(file).read_bytes())
+        walk = WalkSettings.model_validate_json(Path(file).read_bytes())
         launched = {name: int(pid) for name, _, pid in (node.partition("=") for node in nodes)}
     except (ValueError, OSError):
         complain("expected a walk and the nodes' process ids; it is walk.launch.py that calls this")

@@ -10,14 +10,14 @@ from rabbit_common.ros.namespace_check import NamespaceCheck
 
 from rabbit_bringup.launching.parameter_file import write_parameters
 from rabbit_bringup.launching.processes import Processes
-from rabbit_bringup.launching.walk import Walk
+from rabbit_bringup.launching.walk import WalkSettings
 from rabbit_bringup.ros.walk_monitor import Progress, WalkMonitor
 
 Tell = Callable[[Any], object]  # gets the `Episode` message of an episode that has ended
 
 
 def walk_through(
-    walk: Walk,
+    walk: WalkSettings,
     tell: Tell = lambda _: None,
     show: Callable[[Progress], object] = lambda _: None,
     launched: Mapping[str, int] | None = None,
@@ -31,7 +31,7 @@ def walk_through(
 
 @contextlib.contextmanager
 def walking(
-    walk: Walk, tell: Tell = lambda _: None, launched: Mapping[str, int] | None = None
+    walk: WalkSettings, tell: Tell = lambda _: None, launched: Mapping[str, int] | None = None
 ) -> Iterator[WalkMonitor]:
     """A graph that walks, seen by the monitor, as long as that is called now and then; all nodes have ended at the end.
 

@@ -25,7 +25,7 @@ def create_checked_subscription(
     qos: QoSProfile,
     refuse: Callable[[str, Refused], None],
 ) -> Subscription:
-    """Subscribe to `topic`; `refuse` hears of what is no message of this kind, and of what `callback` raises."""
+    """Subscribe to `topic`; what is no message of this kind, or what `callback` refuses, goes to `refuse`."""
     limits = bounds(kind)
 
     def take(data: bytes) -> None:

@@ -49,7 +49,7 @@ TOPICS = (
     Topic("torque", msg.TorqueCommand, TICK, "controller", ("simulator", "trainer")),
     Topic("controller_state", msg.ControllerState, TICK, "controller", ("trainer", "launcher", "viewer")),
     Topic("policy_swap", msg.PolicySwap, EVENT, "controller", ("trainer",)),
-    Topic("controller_settings", msg.ControllerSettings, EVENT, "controller"),
+    Topic("controller_settings", msg.ControllerSettings, EVENT, "controller", ("viewer",)),
     Topic("transition", msg.Transition, TICK, "trainer"),
     Topic("policy", msg.PolicyWeights, WEIGHTS, "trainer"),  # read by a controller unless its swap_at is never
     Topic("episode_plan", msg.EpisodePlan, EVENT, "trainer", ("simulator", "launcher")),

@@ -45,8 +45,8 @@ def train(given: Given) -> None:
     from rabbit_sim.stones import CourseError
     from rl_cbf_clf_controller.parameters import ParameterError, load_parameters
     from rl_cbf_clf_controller.scene import ControllerError
+    from rl_trainer.checkpoint import CheckpointError
     from rl_trainer.parameters import paper_literal
-    from rl_trainer.session import CheckpointError
     from rl_trainer.training import DivergenceError
 
     from rabbit_experiments.training_setup import POLICY, training

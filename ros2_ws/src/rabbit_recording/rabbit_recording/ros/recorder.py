@@ -7,7 +7,6 @@ started again begins another recording beside the first.
 """
 
 import inspect
-import json
 import time
 from collections.abc import Callable
 from functools import partial
@@ -27,19 +26,16 @@ from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 
-from rabbit_recording.bag_writer import FLUSH_SECONDS, LOST, BagWriter, RecordingError, Storage, graph_types
+from rabbit_recording import RecordingError
+from rabbit_recording.bag_writer import FLUSH_SECONDS, BagWriter, graph_types
 from rabbit_recording.message_header import turn_of
-from rabbit_recording.message_loss import Loss
 from rabbit_recording.simulated_time import SimulatedTime
 
 IDLE_SECONDS = 0.3  # without a message, after which nothing more is on its way
+EXPECTED = ("simulator", "controller")  # nodes whose topics must be there before the recorder says that it is ready
 BACKLOG = 200  # messages of a topic that may wait: far more are announced at once only where somebody steps the robot
 FOREVER = QosTime(9223372036, 854775807)  # as `ros2 bag` writes it
-
-
-NUMBER = "publication_sequence_number"  # how many messages its publisher had sent with this one
-SENT = "source_timestamp"  # when, ns of the wall clock
-_TWO = [inspect.Parameter(name, inspect.Parameter.POSITIONAL_ONLY) for name in ("message", "info")]
+SENT = "source_timestamp"  # of a message, ns of the wall clock
 
 
 class NodeParameters(BaseModel):
@@ -48,10 +44,6 @@ class NodeParameters(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     path: str = Field("recording", min_length=1, description="folder to be made; if it is there, PATH-2 and so on")
-    storage: Storage = Field("mcap", description="file format")
-    expect: tuple[str, ...] = Field(
-        ("simulator", "controller"), description="nodes whose topics must be there before the recorder says it is ready"
-    )
 
 
 class RecorderNode(Node):
@@ -59,13 +51,12 @@ class RecorderNode(Node):
 
     def __init__(self) -> None:
         super().__init__("recorder")
-        self._own = declare(self, NodeParameters)
+        own = declare(self, NodeParameters)
         refuse_unknown(self)
         types = graph_types([Path(get_package_share_directory("rabbit_msgs"))])
-        self._path = free_path(Path(self._own.path))
-        self._writer = BagWriter(self._path, self._own.storage, types)
+        self._path = free_path(Path(own.path))
+        self._writer = BagWriter(self._path, types)
         self._message_counter = MessageCounter()
-        self._loss = Loss()
         self._time = SimulatedTime()
         self._heard = time.monotonic()
         self._sent = self._asked = 0  # when the newest message was sent; when the node was asked to end; ns
@@ -85,7 +76,6 @@ class RecorderNode(Node):
 
     def close(self) -> None:
         """Finish the recording."""
-        self._writer.note(LOST, json.dumps(self._loss.lost))
         if self._ends_at_errors(self._writer.close):
             self.get_logger().info(f"{self._writer.messages} messages in {self._path}")
 
@@ -102,8 +92,6 @@ class RecorderNode(Node):
             self._newest_state = data
         if self._failure:
             return
-        if topic.publisher != "all":
-            self._loss.heard(name, info[NUMBER], self._readers[topic.name].get_publisher_count)
         at = self._time.of(topic.name, topic.publisher, data, info[SENT])
         if self._ends_at_errors(partial(self._writer.write, name, at, data)):
             self._message_counter.accept(name)
@@ -121,14 +109,13 @@ class RecorderNode(Node):
         return True
 
     def _status(self) -> Status:
-        lost = {f"lost {name}": n for name, n in self._loss.lost.items() if n}
-        figures = {"path": str(self._path), "episode, tick": "{} {}".format(*turn_of(self._newest_state)), **lost}
+        figures = {"path": str(self._path), "episode, tick": "{} {}".format(*turn_of(self._newest_state))}
         if self._failure:
             return ERROR, self._failure, figures
-        expected = [topic.name for topic in published_by(self._own.expect)]
+        expected = [topic.name for topic in published_by(EXPECTED)]
         absent = [name for name in expected if not self._readers[name].get_publisher_count()]
-        if absent or lost:
-            return WARN, f"waiting for {', '.join(absent)}" if absent else f"messages were lost: {lost}", figures
+        if absent:
+            return WARN, f"waiting for {', '.join(absent)}", figures
         return OK, "recording", figures
 
 
@@ -140,10 +127,9 @@ def with_info(callback: Callable[[Any, dict[str, Any]], None]) -> Callable[..., 
     """
 
     def take(*got: Any) -> None:
-        message, info = got if len(got) == len(_TWO) else got[0]
-        callback(message, info)
+        callback(*(got[0] if len(got) == 1 else got))
 
-    take.__signature__ = inspect.Signature(_TWO)  # type: ignore[attr-defined]
+    take.__signature__ = inspect.signature(callback)  # type: ignore[attr-defined]
     return take
 
 
@@ -160,17 +146,9 @@ def listening(profile: QoSProfile) -> QoSProfile:
 
 def offered(profile: QoSProfile) -> Qos:
     """A QoS profile as a recording notes it."""
-    return Qos(
-        history=QosHistory[profile.history.name],
-        depth=profile.depth,
-        reliability=QosReliability[profile.reliability.name],
-        durability=QosDurability[profile.durability.name],
-        deadline=FOREVER,
-        lifespan=FOREVER,
-        liveliness=QosLiveliness.AUTOMATIC,
-        liveliness_lease_duration=FOREVER,
-        avoid_ros_namespace_conventions=False,
-    )
+    durability, reliability = QosDurability[profile.durability.name], QosReliability[profile.reliability.name]
+    asked = QosHistory[profile.history.name], profile.depth, reliability, durability
+    return Qos(*asked, FOREVER, FOREVER, QosLiveliness.AUTOMATIC, FOREVER, avoid_ros_namespace_conventions=False)
 
 
 def main() -> None:

@@ -1,6 +1,7 @@
-"""Which controller's torques act: those of one controller in an episode, so that no two laws are mixed.
+"""Which controller's torques act: those of one controller in an episode, so that no two controllers are mixed.
 
-A sender is what a controller writes into its torques. The empty one is a sender too.
+A sender is what a controller writes into its torques. The empty one is a sender too; two controllers that have it show
+by two answers to one tick.
 """
 
 from rabbit_common.message_checks import Refused
@@ -16,6 +17,7 @@ class ControllerAdmission:
 
     def __init__(self) -> None:
         self.controller: str | None = None
+        self._last = TorqueCommand()
         self.begin()
 
     def begin(self) -> None:
@@ -33,10 +35,17 @@ class ControllerAdmission:
     def admit(self, message: TorqueCommand) -> str:
         """Its torque is sound. Returns why it ends the episode; empty: it acts."""
         before, has_answered = self.controller, self._has_answered
-        self.controller, self._has_answered = message.sender, True
+        self.controller, self._has_answered, self._last = message.sender, True, message
         if message.fault or message.sender == before or not has_answered:
             return str(message.fault)
         return f"{named(message.sender)} answers in place of {named(before)}"
+
+    def mixed(self, message: TorqueCommand) -> str:
+        """Why this torque ends the episode: a tick has another answer by then, and both are without a name."""
+        ours, last = ((each.episode, each.tick, each.sender) for each in (message, self._last))
+        if ours != last or message.sender or list(message.torque) == list(self._last.torque):
+            return ""
+        return f"two controllers without a name answer tick {message.tick}: expected a `sender` of its own in each"
 
 
 def named(sender: str | None) -> str:

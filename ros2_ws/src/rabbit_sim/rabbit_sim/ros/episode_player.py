@@ -124,8 +124,14 @@ class EpisodePlayer:
         self.wait.give_up()
 
     def checked(self, message: TorqueCommand) -> Array:
-        """The torque (4,) that answers the state, N m; raises `Refused` if this message's does not."""
+        """The torque (4,) that answers the state, N m; raises `Refused` if this message's does not.
+
+        Two controllers that cannot be told apart end the episode.
+        """
         if self.state is not None and message.episode == self.episode.episode:
+            if fault := self.admission.mixed(message):
+                self.end("fault", fault)
+                raise Refused("two without a name", fault)
             self.admission.check(message.sender, is_asked_again=self.wait.reminders > 0)
         if self.state is None or self.torque is not None:
             raise Refused("not awaited", f"episode {message.episode}, tick {message.tick}")

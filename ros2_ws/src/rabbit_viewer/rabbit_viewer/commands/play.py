@@ -11,9 +11,7 @@ from rl_cbf_clf_controller.parameters import ControllerParameters
 from rabbit_viewer.page.address import PORT
 from rabbit_viewer.play.settings import Choice, OtherChoice, PlaySettings
 
-DEFAULTS = Defaults(
-    always={"motor_lag": 0.004, "mass_scale": 2.0, "stop_at_miss": False, "fall_height": 0.35},
-)
+DEFAULTS = Defaults(always={"motor_lag": 0.004, "mass_scale": 2.0, "stop_at_miss": False, "fall_height": 0.35})
 CHOSEN = ("controller", "adaptation")  # by --first and --second
 IN_THE_LINK = (*PlaySettings.model_fields, "motor_loss")
 UNIMPORTANT = ("port", "browser", "export")  # for the walk

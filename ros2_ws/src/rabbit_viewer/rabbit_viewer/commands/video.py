@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 from rabbit_common.options import complaints
+from rabbit_recording import RecordingError
 
 app = typer.Typer(add_completion=False)
 
@@ -14,17 +15,13 @@ def video(
     source: Annotated[Path, typer.Argument(help="a run's folder, or a recording: folder, .mcap or .db3 file")],
     speed: Annotated[float, typer.Option(help="times real time", min=0.02, max=20)] = 1.0,
     gif: Annotated[bool, typer.Option(help="also a GIF")] = True,
-    pictures: Annotated[bool, typer.Option(help="also draw the pictures again")] = False,
     episode: Annotated[int | None, typer.Option(help="of a recording (default: the last with ticks)", min=1)] = None,
 ) -> None:
     """Film a run, walk.mp4 and walk.gif in its folder; or a recording, BAG.mp4 and BAG.gif beside it."""
     from rabbit_experiments.walk_records import RecordsError
-    from rabbit_recording.bag_writer import RecordingError
 
     from rabbit_viewer.video import VideoError
-    from rabbit_viewer.walk_pictures import draw_pictures, film_walk
+    from rabbit_viewer.walk_pictures import film_walk
 
     with complaints(RecordsError, RecordingError, VideoError):
-        made = film_walk(source, gif, speed, episode) + (draw_pictures(source, None, episode) if pictures else [])
-    for path in made:
-        print(path)
+        print(*film_walk(source, gif, speed, episode), sep="\n")

@@ -1,7 +1,5 @@
 """A running graph on the page: episodes begin, ticks are shown, episodes end. What browsers ask waits in `asked`."""
 
-from dataclasses import asdict
-from pathlib import Path
 from queue import SimpleQueue
 from typing import Any
 
@@ -9,17 +7,15 @@ from rabbit_description.state import TICK_SECONDS, RobotState
 from rl_cbf_clf_controller.controller_output import ControllerOutput
 
 from rabbit_viewer.live.messages import Asked, checked
-from rabbit_viewer.live.snapshot import Limits
 from rabbit_viewer.page.address import HOST
 from rabbit_viewer.page.background import BackgroundPage
-from rabbit_viewer.page.export import write_page
 from rabbit_viewer.page.rows import RowMaker, packed
 
 ONLY_LOOKS = "this view only looks; start it with --control"
 
 
 class GraphPage:
-    """`has_ended`: the present episode, with ticks of it shown."""
+    """The page of a graph, and what it shows."""
 
     def __init__(self, port: int, control: bool = False, host: str = HOST) -> None:
         """Raises `PageError`."""
@@ -28,18 +24,17 @@ class GraphPage:
         self.page = BackgroundPage(port, self._answer, host)
         self._maker: RowMaker | None = None
         self._of: tuple[Any, ...] = ()
-        self.has_ended = False
 
     def close(self) -> None:
         """Serve no more."""
         self.page.close()
 
-    def show(self, episode: Any, limits: Limits | None, state: RobotState, output: ControllerOutput) -> None:
-        """Show a tick of `episode`, an object with the fields of `Episode`."""
-        of = (episode.episode, episode.seed, limits, output.quantities)
+    def show(self, episode: Any, drawn: dict[str, Any], state: RobotState, output: ControllerOutput) -> None:
+        """Show a tick of `episode`, an object with the fields of `Episode`; `drawn`: see `drawn_parameters`."""
+        of = (episode.episode, episode.seed, drawn, output.quantities)
         if self._maker is None or of != self._of:
             self._of = of
-            self._begin(episode, limits, output)
+            self._begin(episode, drawn, output)
         assert self._maker
         row = self._maker.row(state, output)
         self.page.do(self.page.broadcast.add, packed(row))
@@ -49,30 +44,20 @@ class GraphPage:
         word = {"phase": phase, "episode": episode.episode, "seed": episode.seed, "reason": episode.reason}
         self._say("graph", word)
         if phase == "ended" and self._maker and self._of[0] == episode.episode:
-            self.has_ended = True
             self._say("ended", {"walkers": [{"outcome": episode.outcome, "stones": episode.touchdowns}]})
 
     def note(self, text: str) -> None:
         """A line for all who watch."""
         self._say("note", {"text": text})
 
-    def write(self, path: Path) -> None:
-        """Write the page with the episode to a file; raises `PageError`. The last thing that is done with it."""
-        self.page.close()
-        write_page(path, self.page.broadcast)
-
-    def _begin(self, episode: Any, limits: Limits | None, output: ControllerOutput) -> None:
-        drawn = asdict(limits) if limits else {}
+    def _begin(self, episode: Any, drawn: dict[str, Any], output: ControllerOutput) -> None:
         self._maker = RowMaker(drawn, output.quantities)
-        self.has_ended = False
-        name = f"policy {output.policy_version}"
-        walker = {**drawn, "name": name, "columns": self._maker.columns, "quantities": output.quantities}
         about = {
             "mode": "graph",
             "title": f"episode {episode.episode}, seed {episode.seed}",
             "stones": episode.stones or None,
             "tick_seconds": TICK_SECONDS,
-            "walkers": [walker],
+            "walkers": [self._maker.about(f"policy {output.policy_version}")],
             "control": self._control,
         }
         self.page.do(self.page.broadcast.begin, about)

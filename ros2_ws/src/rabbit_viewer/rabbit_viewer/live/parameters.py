@@ -14,8 +14,6 @@ class ViewerParameters(BaseModel):
     host: str = Field(
         HOST, min_length=1, description="address to listen on; browsers ask for 127.0.0.1 or localhost in any case"
     )
-    rate: float = Field(30.0, gt=0, le=100, description="pictures per second of the wall clock, at most")
     browser: bool = Field(False, description="open the page in a browser")
     control: bool = Field(False, description="the page may pause, reset and load policies")
-    export: str = Field("", description="write the first episode that ends to this HTML file, and end")
     wait: float = Field(60.0, ge=0, le=86400, description="s to wait for a graph before giving up; 0: for ever")

@@ -3,6 +3,7 @@
 import asyncio
 import threading
 from collections.abc import Callable
+from contextlib import AsyncExitStack
 from typing import Any
 
 from rabbit_viewer.page.address import HOST
@@ -16,16 +17,11 @@ class BackgroundPage:
     def __init__(self, port: int, answer: Answer, host: str = HOST) -> None:
         """Raises `PageError`; `answer` is called in the thread."""
         self.broadcast = Broadcast()
-        self.address = ""
-        self._loop = asyncio.new_event_loop()
-        self._end = asyncio.Event()
-        self._error: Exception | None = None
-        ready = threading.Event()
-        self._thread = threading.Thread(target=self._run, args=(port, answer, host, ready), daemon=True)
+        self._loop, self._page = asyncio.new_event_loop(), AsyncExitStack()
+        self._thread = threading.Thread(target=self._loop.run_forever, daemon=True)
         self._thread.start()
-        ready.wait()
-        if self._error:
-            raise self._error
+        serving = self._page.enter_async_context(PageServer(self.broadcast, answer).serving(port, host))
+        self.address = asyncio.run_coroutine_threadsafe(serving, self._loop).result()
 
     @property
     def is_watched(self) -> bool:
@@ -38,17 +34,6 @@ class BackgroundPage:
 
     def close(self) -> None:
         """Serve no more, once all that was to be done is done."""
-        self.do(self._end.set)
+        asyncio.run_coroutine_threadsafe(self._page.aclose(), self._loop).result()
+        self._loop.call_soon_threadsafe(self._loop.stop)
         self._thread.join()
-
-    def _run(self, port: int, answer: Answer, host: str, ready: threading.Event) -> None:
-        self._loop.run_until_complete(self._serve(port, answer, host, ready))
-
-    async def _serve(self, port: int, answer: Answer, host: str, ready: threading.Event) -> None:
-        try:
-            async with PageServer(self.broadcast, answer).serving(port, host) as self.address:
-                ready.set()
-                await self._end.wait()
-        except Exception as error:  # for the owner, who waits
-            self._error = error
-            ready.set()

@@ -1,5 +1,6 @@
 """A run or a recording on the page: all rows at once, and a time line to drag."""
 
+import asyncio
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -11,7 +12,7 @@ from rabbit_experiments.walk_records import ARRAYS, SEEN, WalkRecords
 from rabbit_viewer.page.broadcast import Broadcast
 from rabbit_viewer.page.export import write_page
 from rabbit_viewer.page.rows import RowMaker, packed
-from rabbit_viewer.page.server import serve_page
+from rabbit_viewer.page.server import serve_until
 from rabbit_viewer.walk_pictures import records_of
 
 
@@ -27,22 +28,17 @@ def show_recording(source: Path, port: int, opens_browser: bool, export: Path | 
     if export:
         print(write_page(export, broadcast))
     else:
-        serve_page(broadcast, refuse, port, opens_browser)
-
-
-def refuse(message: str) -> str:
-    """Nothing can be asked of a recording."""
-    return "a recording takes no messages"
+        answer = "a recording takes no messages"
+        asyncio.run(serve_until(asyncio.Event(), broadcast, lambda _: answer, port, opens_browser))
 
 
 def fill(broadcast: Broadcast, walk: WalkRecords, name: str) -> None:
     """Tell all of a walk."""
     quantities = walk.about.get("quantities", [f"quantity {i + 1}" for i in range(walk.nominal_b.shape[1])])
     maker = RowMaker(walk.about, quantities)
-    walker = {**walk.about, "name": str(walk.about.get("controller", name))}
     about = {"mode": "recording", "title": str(walk.about.get("title", name)), "tick_seconds": TICK_SECONDS}
-    columns = {"columns": maker.columns, "quantities": list(quantities)}
-    broadcast.begin({**about, "stones": walk.about.get("stones"), "walkers": [{**walker, **columns}]})
+    walker = maker.about(str(walk.about.get("controller", name)))
+    broadcast.begin({**about, "stones": walk.about.get("stones"), "walkers": [walker]})
     rows = [number for tick in ticks(walk) for number in maker.row(tick, tick)]
     broadcast.add(packed(rows))
     ended = {"outcome": str(walk.about.get("outcome") or "not recorded to its end"), "stones": int(walk.touchdowns[-1])}

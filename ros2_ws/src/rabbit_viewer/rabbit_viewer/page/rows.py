@@ -39,19 +39,20 @@ class RowMaker:
         """`knows_plant`: `row` is given the true errors."""
         kinds = ("estimated", "measured", "true") if knows_plant else ("estimated", "measured")
         self.columns = (*FIXED, *(f"{kind}_{name}" for kind in kinds for name in quantities))
-        self._kinds = len(kinds)
+        self._about, self._quantities, self._kinds = about, list(quantities), len(kinds)
         self._bend = float(about.get("link_bend", 0.0))
         self._limits = tuple(float(about.get(name, math.nan)) for name in ("torque_limit", "friction_coeff"))
         self._decay = clf_decay(about)
         self._unknown = np.full(len(quantities), np.nan)
-        self.begin()
-
-    def begin(self) -> None:
-        """Forget the ticks before: another episode."""
+        # of the ticks before
         self._step = self._touchdowns = -1
         self._start = (0, math.nan)  # of the step: tick, V
         self._stone = (math.nan, math.nan, 0.0)
         self._last: tuple[int, Array, list[Array]] | None = None  # tick, nominal, errors
+
+    def about(self, name: str) -> dict[str, Any]:
+        """What the page needs to draw the rows."""
+        return {**self._about, "name": name, "columns": self.columns, "quantities": self._quantities}
 
     @np.errstate(all="ignore")
     def row(self, state: Any, output: Any, events: int = 0, true: Array | None = None) -> list[float]:

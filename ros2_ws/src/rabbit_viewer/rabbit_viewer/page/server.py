@@ -146,15 +146,6 @@ class PageServer:
                 await asyncio.sleep(SEND_SECONDS)
 
 
-def serve_page(broadcast: Broadcast, answer: Answer, port: int, opens_browser: bool) -> None:
-    """Serve until Ctrl-C; raises `PageError`."""
-
-    async def serve_it() -> None:
-        await serve_until(asyncio.Event(), broadcast, answer, port, opens_browser)
-
-    asyncio.run(serve_it())
-
-
 async def serve_until(
     ended: asyncio.Event, broadcast: Broadcast, answer: Answer, port: int, opens_browser: bool
 ) -> None:

@@ -6,45 +6,18 @@ takes it. So a process may wait for the server, and neither can block the other 
 
 import asyncio
 import multiprocessing
-import select
 import signal
 import socket
 import struct
 import sys
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager, suppress
+from multiprocessing.connection import Connection
 from typing import Any
 
-LENGTH = struct.Struct("<I")
+LENGTH = struct.Struct("!i")  # as the process's end has it, a `Connection` of the standard library
 MOST_KEPT = 65_536  # bytes for a process that does not take them
 ENDING_SECONDS = 0.7  # for a process to close what it has opened
-
-
-class Channel:
-    """The process's end. Its methods raise `EOFError` or `ConnectionError` once the server has ended."""
-
-    def __init__(self, end: socket.socket) -> None:
-        self._end = end
-
-    def send(self, message: bytes) -> None:
-        """Send it, and wait until there is room for it."""
-        self._end.sendall(LENGTH.pack(len(message)) + message)
-
-    def receive(self, seconds: float) -> bytes | None:
-        """The next message; None if none comes within `seconds`."""
-        if not select.select([self._end], [], [], seconds)[0]:
-            return None
-        (length,) = LENGTH.unpack(self._read(LENGTH.size))
-        return self._read(length)
-
-    def _read(self, length: int) -> bytes:
-        data = b""
-        while len(data) < length:
-            more = self._end.recv(length - len(data))
-            if not more:
-                raise EOFError
-            data += more
-        return data
 
 
 class ServerChannel:
@@ -85,10 +58,10 @@ async def process(
     here, there = socket.socketpair()
     reader, writer = await asyncio.open_connection(sock=here)
     channel = ServerChannel(reader, writer)
-    words = (target, there, *arguments)
-    started = multiprocessing.get_context("spawn").Process(target=until_ended, args=words, daemon=True)
-    started.start()
-    there.close()
+    with Connection(there.detach()) as end_there:
+        words = (target, end_there, *arguments)
+        started = multiprocessing.get_context("spawn").Process(target=until_ended, args=words, daemon=True)
+        started.start()
     hearing = asyncio.create_task(channel.hear(take, end))
     try:
         yield channel
@@ -101,9 +74,9 @@ async def process(
         await hearing
 
 
-def until_ended(target: Callable[..., None], end: socket.socket, *arguments: Any) -> None:
+def until_ended(target: Callable[..., None], end: Connection, *arguments: Any) -> None:
     """A process ends with the server or at SIGTERM, and closes what it opened; Ctrl-C is for the server."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit())
     with end, suppress(EOFError, ConnectionError):
-        target(Channel(end), *arguments)
+        target(end, *arguments)

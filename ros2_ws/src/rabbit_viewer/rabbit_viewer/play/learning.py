@@ -3,13 +3,13 @@
 import json
 import os
 from dataclasses import asdict
+from multiprocessing.connection import Connection
 from pathlib import Path
 
-from rabbit_viewer.play.channel import Channel
 from rabbit_viewer.play.settings import Start
 
 
-def learn(channel: Channel, start: Start, folder: Path) -> None:
+def learn(channel: Connection, start: Start, folder: Path) -> None:
     """Train on the chosen plant's masses until done; sends each episode's report with its policy's path, as JSON."""
     from rabbit_experiments.conditions import TRAINING_PLANT, TRAINING_SLACK_WEIGHT
     from rabbit_experiments.training_setup import training
@@ -27,4 +27,4 @@ def learn(channel: Channel, start: Start, folder: Path) -> None:
         for report in job.reports:
             policy = folder / "policies" / f"{report.episode + 1:03d}.safetensors"
             word = {**asdict(report), "policy": str(policy), "of": parameters.episodes}
-            channel.send(json.dumps(word).encode())
+            channel.send_bytes(json.dumps(word).encode())

@@ -9,6 +9,7 @@ import json
 import time
 from collections.abc import Callable, Iterator
 from contextlib import closing
+from multiprocessing.connection import Connection
 from typing import Any
 
 from pydantic import ValidationError
@@ -19,7 +20,6 @@ from rabbit_sim.stones import CourseError
 from rl_cbf_clf_controller.weights import PolicyFileError
 
 from rabbit_viewer.page.rows import packed
-from rabbit_viewer.play.channel import Channel
 from rabbit_viewer.play.messages import ASKED, LOAD, Asked, Begin, Pause, PushNow, Reset, Set, Speed, Tick
 from rabbit_viewer.play.settings import (
     MOST_DEEDS,
@@ -247,26 +247,25 @@ class Player:
         self._after_end = int(all(walker.outcome for walker in self._walkers))
 
 
-def play(channel: Channel, start: Start) -> None:
+def play(channel: Connection, start: Start) -> None:
     """Play until the server ends: raises `EOFError` or `ConnectionError` then."""
     try:
-        player = Player(start, channel.send)
+        player = Player(start, channel.send_bytes)
     except UNUSABLE as error:
         option = f"--{error.option} " if isinstance(error, AssemblyError) else ""
-        channel.send(b"E" + f"{option}{error}".encode())
+        channel.send_bytes(b"E" + f"{option}{error}".encode())
         return
     with closing(player):
         _play(channel, player)
 
 
-def _play(channel: Channel, player: Player) -> None:
+def _play(channel: Connection, player: Player) -> None:
     now = due = shown = time.monotonic()
     pace = (due, 0)
     while True:
         until = min(due, shown) if player.is_moving else shown
-        message = channel.receive(max(until - now, 0))
-        if message:
-            player.take(message)
+        if channel.poll(max(until - now, 0)):
+            player.take(channel.recv_bytes())
         now = time.monotonic()
         if not player.is_moving or now - due > BEHIND:
             due, pace = now, (now, 0)

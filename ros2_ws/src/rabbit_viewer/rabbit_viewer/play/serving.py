@@ -5,6 +5,7 @@ import json
 from collections.abc import Callable
 from contextlib import AsyncExitStack
 from functools import partial
+from multiprocessing.connection import Connection
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -15,7 +16,7 @@ from rabbit_common.options import fault
 from rabbit_viewer.page.broadcast import Broadcast
 from rabbit_viewer.page.export import write_page
 from rabbit_viewer.page.server import refused, serve_until
-from rabbit_viewer.play.channel import Channel, ServerChannel, process
+from rabbit_viewer.play.channel import ServerChannel, process
 from rabbit_viewer.play.learning import learn
 from rabbit_viewer.play.messages import ASKED, LOAD, Begin, PushNow, Set
 from rabbit_viewer.play.settings import Start, plant_of
@@ -111,7 +112,7 @@ class Lessons:
         self._broadcast.say("learning", {"text": text, "episodes": self._episodes[-KEPT_EPISODES:]})
 
 
-def play(channel: Channel, start: Start) -> None:
+def play(channel: Connection, start: Start) -> None:
     """The player's process, which alone imports the engines."""
     from rabbit_viewer.play.player import play
 

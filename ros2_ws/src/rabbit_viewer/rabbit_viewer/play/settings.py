@@ -16,53 +16,23 @@ Choice = Literal["nominal", "learned", "identified", "best", "oracle", "l1"]
 OtherChoice = Literal["none", "nominal", "learned", "identified", "best", "oracle", "l1"]
 NOBODY = "none"
 LEARNED_ROWS: dict[str, Any] = {"controller": "rl-cbf-clf-qp", "adaptation": "none"}
+IDENTIFIED = {**LEARNED_ROWS, "adaptation": "identification", "objective": "pd_centred", "gait": "paper_stones"}
 SHIPPED = "rl-cbf-clf-qp"  # policy
 CONTROLLERS: dict[str, tuple[dict[str, Any], str]] = {  # changed parameters, policy
     "nominal": (LEARNED_ROWS, "zero"),
     "learned": (LEARNED_ROWS, SHIPPED),
     "oracle": (LEARNED_ROWS, "oracle"),
-    "identified": (
-        {
-            "controller": "rl-cbf-clf-qp",
-            "adaptation": "identification",
-            "objective": "pd_centred",
-            "gait": "paper_stones",
-        },
-        "zero",
-    ),
+    "identified": (IDENTIFIED, "zero"),
     "best": (load_parameters("best").model_dump(exclude_defaults=True), "zero"),
     "l1": ({"controller": "l1-clf-qp"}, "zero"),
 }
 SWAPPED_AT_ONCE = {"nominal", "learned", "oracle"}  # the same controller with another policy
 ROBOTS = ("first", "second")
-PLANT_AT_ONCE = (  # the other settings of the plant are its course, drawn at a reset
-    "mass_scale",
-    "payload",
-    "ground_friction",
-    "motor_power",
-    "motor_lag",
-    "torque_delay",
-    "velocity_noise",
-    "ground_stiffness",
-    "ground_damping",
-    "slope",
-    "payload_ahead",
-    "swing_payload",
-    "left_leg_scale",
-    "left_hip_gain",
-    "left_knee_gain",
-    "right_hip_gain",
-    "right_knee_gain",
-    "torque_rate",
-    "coulomb",
-    "knee_spring",
-    "gear_stiffness",
-    "backlash",
-)
 MOST_DEEDS = 50  # pushes of a walk, and as many changes
 NOW: dict[str, Any] = {"when": "now"}
 NEXT: dict[str, Any] = {"when": "reset"}
 LAB: dict[str, Any] = {**NOW, "group": "laboratory"}
+LAB_NEXT = {**LAB, **NEXT}
 Number = Annotated[float, Field(allow_inf_nan=False)]
 
 
@@ -72,87 +42,58 @@ class Checked(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
+def shown(default: float, low: float, high: float, step: float, title: str, unit: str = "", **how: str) -> Any:
+    """A number's bounds, and what the page shows; `how`: when it acts, at once unless it says so, and its group."""
+    extra = {**(how or NOW), "step": step, **({"unit": unit} if unit else {})}
+    return Field(default, ge=low, le=high, title=title, json_schema_extra=extra)
+
+
 class PlaySettings(Checked):
     """Flat; `title`, unit and step are for the page."""
 
     first: Choice = Field("learned", title="controller", json_schema_extra=NOW)
     second: OtherChoice = Field("nominal", title="on the same course", json_schema_extra=NOW)
-    mass_scale: Number = Field(2.0, ge=0.5, le=3, title="mass scale", json_schema_extra={**NOW, "step": 0.05})
-    payload: Number = Field(0.0, ge=0, le=80, title="payload", json_schema_extra={**NOW, "step": 1, "unit": "kg"})
-    ground_friction: Number = Field(1.5, ge=0.2, le=2, title="friction", json_schema_extra={**NOW, "step": 0.05})
-    motor_power: Number = Field(1.0, ge=0.3, le=1, title="motor power", json_schema_extra={**NOW, "step": 0.05})
-    motor_lag: Number = Field(
-        0.004, ge=0, le=0.05, title="motor lag", json_schema_extra={**NOW, "step": 0.001, "unit": "s"}
-    )
-    torque_delay: Number = Field(
-        0.0, ge=0, le=0.03, title="delay", json_schema_extra={**NOW, "step": 0.001, "unit": "s"}
-    )
-    velocity_noise: Number = Field(
-        0.0, ge=0, le=2, title="noise", json_schema_extra={**NOW, "step": 0.05, "unit": "rad/s"}
-    )
-    sensors: Literal["exact", "lab"] = Field("exact", title="sensors", json_schema_extra={**LAB, **NEXT})
-    l_min_std: Number = Field(
-        0.02, ge=0, le=0.08, title="stone spread", json_schema_extra={**NEXT, "step": 0.005, "unit": "m"}
-    )
-    stone_width: Number = Field(
-        0.05, ge=0.01, le=0.3, title="stone width", json_schema_extra={**NEXT, "step": 0.005, "unit": "m"}
-    )
+    mass_scale: Number = shown(2.0, 0.5, 3, 0.05, "mass scale")
+    payload: Number = shown(0.0, 0, 80, 1, "payload", "kg")
+    ground_friction: Number = shown(1.5, 0.2, 2, 0.05, "friction")
+    motor_power: Number = shown(1.0, 0.3, 1, 0.05, "motor power")
+    motor_lag: Number = shown(0.004, 0, 0.05, 0.001, "motor lag", "s")
+    torque_delay: Number = shown(0.0, 0, 0.03, 0.001, "delay", "s")
+    velocity_noise: Number = shown(0.0, 0, 2, 0.05, "noise", "rad/s")
+    sensors: Literal["exact", "lab"] = Field("exact", title="sensors", json_schema_extra=LAB_NEXT)
+    l_min_std: Number = shown(0.02, 0, 0.08, 0.005, "stone spread", "m", **NEXT)
+    stone_width: Number = shown(0.05, 0.01, 0.3, 0.005, "stone width", "m", **NEXT)
     stones: int = Field(20, ge=1, le=200, title="stones", json_schema_extra=NEXT)
     seed: int = Field(1, ge=0, le=2**31 - 1, title="course", json_schema_extra=NEXT)
     again: Literal["wait", "same course", "next course"] = Field("wait", title="at the end", json_schema_extra=NOW)
 
-    ground_stiffness: Number = Field(
-        1e6, ge=1e4, le=1e6, title="ground stiffness", json_schema_extra={**LAB, "step": 1e4, "unit": "N/m"}
-    )
-    ground_damping: Number = Field(
-        3e4, ge=0, le=3e4, title="ground damping", json_schema_extra={**LAB, "step": 500, "unit": "N s/m"}
-    )
-    slope: Number = Field(0.0, ge=-20, le=20, title="slope", json_schema_extra={**LAB, "step": 0.5, "unit": "degrees"})
-    stone_height: Number = Field(
-        0.0, ge=0, le=0.2, title="stone height", json_schema_extra={**LAB, **NEXT, "step": 0.005, "unit": "m"}
-    )
-    loose_stone: int = Field(0, ge=0, le=200, title="stone that gives way, 0: none", json_schema_extra={**LAB, **NEXT})
-    loose_depth: Number = Field(
-        0.02, ge=0.001, le=0.2, title="by", json_schema_extra={**LAB, **NEXT, "step": 0.001, "unit": "m"}
-    )
-    push: Number = Field(
-        0.0, ge=0, le=100, title="pushes in turn", json_schema_extra={**LAB, **NEXT, "step": 1, "unit": "N s"}
-    )
-    push_interval: Number = Field(
-        1.5, ge=0.1, le=60, title="a push each", json_schema_extra={**LAB, **NEXT, "step": 0.1, "unit": "s"}
-    )
-    payload_ahead: Number = Field(
-        0.0, ge=-0.5, le=0.5, title="payload ahead", json_schema_extra={**LAB, "step": 0.01, "unit": "m"}
-    )
-    swing_payload: Number = Field(
-        0.0, ge=0, le=100, title="swinging payload", json_schema_extra={**LAB, "step": 1, "unit": "kg"}
-    )
-    left_leg_scale: Number = Field(1.0, ge=0.5, le=2, title="left leg", json_schema_extra={**LAB, "step": 0.05})
-    left_hip_gain: Number = Field(1.0, ge=0.1, le=2, title="left hip's motor", json_schema_extra={**LAB, "step": 0.05})
-    left_knee_gain: Number = Field(
-        1.0, ge=0.1, le=2, title="left knee's motor", json_schema_extra={**LAB, "step": 0.05}
-    )
-    right_hip_gain: Number = Field(
-        1.0, ge=0.1, le=2, title="right hip's motor", json_schema_extra={**LAB, "step": 0.05}
-    )
-    right_knee_gain: Number = Field(
-        1.0, ge=0.1, le=2, title="right knee's motor", json_schema_extra={**LAB, "step": 0.05}
-    )
-    torque_rate: Number = Field(
-        0.0, ge=0, le=1e6, title="torque rate, 0: any", json_schema_extra={**LAB, "step": 1000, "unit": "N m/s"}
-    )
-    coulomb: Number = Field(
-        0.0, ge=0, le=100, title="dry friction", json_schema_extra={**LAB, "step": 0.5, "unit": "N m"}
-    )
-    knee_spring: Number = Field(
-        0.0, ge=0, le=200, title="knees' springs", json_schema_extra={**LAB, "step": 10, "unit": "N m/rad"}
-    )
-    gear_stiffness: Number = Field(
-        0.0, ge=0, le=2e4, title="gear stiffness, 0: rigid", json_schema_extra={**LAB, "step": 100, "unit": "N m/rad"}
-    )
-    backlash: Number = Field(
-        0.0, ge=0, le=5, title="backlash", json_schema_extra={**LAB, "step": 0.1, "unit": "degrees"}
-    )
+    ground_stiffness: Number = shown(1e6, 1e4, 1e6, 1e4, "ground stiffness", "N/m", **LAB)
+    ground_damping: Number = shown(3e4, 0, 3e4, 500, "ground damping", "N s/m", **LAB)
+    slope: Number = shown(0.0, -20, 20, 0.5, "slope", "degrees", **LAB)
+    stone_height: Number = shown(0.0, 0, 0.2, 0.005, "stone height", "m", **LAB_NEXT)
+    loose_stone: int = Field(0, ge=0, le=200, title="stone that gives way, 0: none", json_schema_extra=LAB_NEXT)
+    loose_depth: Number = shown(0.02, 0.001, 0.2, 0.001, "by", "m", **LAB_NEXT)
+    push: Number = shown(0.0, 0, 100, 1, "pushes in turn", "N s", **LAB_NEXT)
+    push_interval: Number = shown(1.5, 0.1, 60, 0.1, "a push each", "s", **LAB_NEXT)
+    payload_ahead: Number = shown(0.0, -0.5, 0.5, 0.01, "payload ahead", "m", **LAB)
+    swing_payload: Number = shown(0.0, 0, 100, 1, "swinging payload", "kg", **LAB)
+    left_leg_scale: Number = shown(1.0, 0.5, 2, 0.05, "left leg", **LAB)
+    left_hip_gain: Number = shown(1.0, 0.1, 2, 0.05, "left hip's motor", **LAB)
+    left_knee_gain: Number = shown(1.0, 0.1, 2, 0.05, "left knee's motor", **LAB)
+    right_hip_gain: Number = shown(1.0, 0.1, 2, 0.05, "right hip's motor", **LAB)
+    right_knee_gain: Number = shown(1.0, 0.1, 2, 0.05, "right knee's motor", **LAB)
+    torque_rate: Number = shown(0.0, 0, 1e6, 1000, "torque rate, 0: any", "N m/s", **LAB)
+    coulomb: Number = shown(0.0, 0, 100, 0.5, "dry friction", "N m", **LAB)
+    knee_spring: Number = shown(0.0, 0, 200, 10, "knees' springs", "N m/rad", **LAB)
+    gear_stiffness: Number = shown(0.0, 0, 2e4, 100, "gear stiffness, 0: rigid", "N m/rad", **LAB)
+    backlash: Number = shown(0.0, 0, 5, 0.1, "backlash", "degrees", **LAB)
+
+
+PLANT_AT_ONCE = tuple(  # the other settings of the plant are its course, drawn at a reset
+    name
+    for name, schema in PlaySettings.model_json_schema()["properties"].items()
+    if schema["when"] == "now" and name not in (*ROBOTS, "again")
+)
 
 
 class Push(Checked):

@@ -35,11 +35,10 @@ class Walker:
         parameters, policy = self._choice(name)
         self._assembly = Assembly(plant, parameters, resolve_policy(policy, parameters))
         self._simulation, self._controller = self._assembly.build()
-        self._quantities = self._controller.qp.names
-        self._about = about_walk(parameters, plant, policy, seed, "")
-        self._maker = RowMaker(self._about, self._quantities, knows_plant=True)
+        quantities = self._controller.qp.names
+        self._maker = RowMaker(about_walk(parameters, plant, policy, seed, ""), quantities, knows_plant=True)
         self._oracle = self._make_oracle()
-        self._true = np.full(len(self._quantities), np.nan)
+        self._true = np.full(len(quantities), np.nan)
         self._controller.reset(seed)
         self._state = self._simulation.reset(seed)
         self._output: ControllerOutput
@@ -52,12 +51,7 @@ class Walker:
     @property
     def about(self) -> dict[str, Any]:
         """What the page needs to draw its rows."""
-        return {
-            **self._about,
-            "name": self.name,
-            "columns": self._maker.columns,
-            "quantities": self._quantities,
-        }
+        return self._maker.about(self.name)
 
     @property
     def stones(self) -> int:

@@ -6,11 +6,15 @@ the walkers' processors from them. So messages stay bytes: most ticks are never 
 
 from typing import Any
 
+from rabbit_common.message_checks import Refused, check_finite
+from rabbit_common.ros.checked_subscription import decoded
+from rabbit_msgs.msg import ControllerState, RabbitState
 from rabbit_recording.message_header import turn_of
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 NEWEST = QoSProfile(depth=3, reliability=ReliabilityPolicy.BEST_EFFORT)
+TICK_TOPICS = {"state": RabbitState, "controller_state": ControllerState}
 KEPT = 16  # ticks that wait for their last part
 
 
@@ -51,8 +55,8 @@ class NewestTicks(TickMessages):
     is named after `node`, and hears the topics under the names that `node` was given for them.
     """
 
-    def __init__(self, node: Node, topics: dict[str, Any]) -> None:
-        super().__init__(*topics)
+    def __init__(self, node: Node) -> None:
+        super().__init__(*TICK_TOPICS)
         self._node = Node(
             f"_{node.get_name()}_ticks",
             namespace=node.get_namespace(),
@@ -62,7 +66,7 @@ class NewestTicks(TickMessages):
         )
         self._heard = {
             name: self._node.create_subscription(kind, node.resolve_topic_name(name), lambda _: None, NEWEST, raw=True)
-            for name, kind in topics.items()
+            for name, kind in TICK_TOPICS.items()
         }
 
     def take(self) -> None:
@@ -78,3 +82,13 @@ class NewestTicks(TickMessages):
     def close(self) -> None:
         """Hear no more."""
         self._node.destroy_node()
+
+
+def checked_tick(parts: dict[str, bytes]) -> tuple[Any, Any]:
+    """State and controller state of a tick; raises `Refused`."""
+    state, details = (decoded(parts[name], kind, {}) for name, kind in TICK_TOPICS.items())
+    check_finite("q", state.q)
+    check_finite("foot_force", state.foot_force)
+    if details.stance not in (0, 1):
+        raise Refused("no leg", f"stance = {details.stance}; expected 0 or 1")
+    return state, details

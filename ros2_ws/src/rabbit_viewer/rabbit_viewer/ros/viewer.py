@@ -1,59 +1,46 @@
 """The viewer: hears a graph, shows its newest ticks some times a second, on the page and to RViz.
 
-It asks nothing of the nodes that walk but their parameters, and with `control` what a browser asks.
+It asks nothing of the nodes that walk but, with `control`, what a browser asks.
 
 Ticks are heard as bytes with best effort, taken when a picture is due and looked at if somebody watches, so that a walk
 is hardly slower for it. A viewer may come late, and stay while graphs come and go.
 """
 
 import os
-import signal
 import threading
 import time
 import webbrowser
 from collections.abc import Iterator
 from contextlib import contextmanager
-from itertools import takewhile
-from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydantic import ValidationError
 from rabbit_common.message_checks import MessageCounter, Refused, check_finite
-from rabbit_common.ros.checked_subscription import decoded
+from rabbit_common.options import fault
 from rabbit_common.ros.conversions import preview_of
 from rabbit_common.ros.diagnostics import OK, Diagnostics, Status
 from rabbit_common.ros.parameters import declare, refuse_unknown
-from rabbit_common.ros.qos import EVENT, WEIGHTS
+from rabbit_common.ros.qos import EVENT
 from rabbit_common.ros.spin import run, steady_timer
-from rabbit_description import URDF_PATH
-from rabbit_description.state import RobotState, StonePreview
+from rabbit_description.state import Leg, RobotState, StonePreview
+from rabbit_experiments.walk_records import drawn_parameters
 from rabbit_msgs import msg
 from rclpy.node import Node
-from rclpy.serialization import serialize_message
 from rl_cbf_clf_controller.message_fields import output_of
-from std_msgs.msg import String
-from tf2_msgs.msg import TFMessage
-from visualization_msgs.msg import MarkerArray
+from rl_cbf_clf_controller.parameters import ControllerParameters
 
 from rabbit_viewer.live.graph_page import GraphPage
 from rabbit_viewer.live.parameters import ViewerParameters
-from rabbit_viewer.live.snapshot import Snapshot
 from rabbit_viewer.page.address import PageError
-from rabbit_viewer.ros.graph_limits import GraphLimits
 from rabbit_viewer.ros.graph_services import GraphServices
-from rabbit_viewer.ros.markers import markers, transforms
-from rabbit_viewer.ros.newest_ticks import NewestTicks
+from rabbit_viewer.ros.newest_ticks import NewestTicks, checked_tick
+from rabbit_viewer.ros.rviz import RvizTopics
 
-PHASES = {
-    msg.Episode.WAITING: "waiting",
-    msg.Episode.RUNNING: "running",
-    msg.Episode.PAUSED: "paused",
-    msg.Episode.ENDED: "ended",
-}
-TICK_TOPICS = {"state": msg.RabbitState, "controller_state": msg.ControllerState}
+PHASES = {getattr(msg.Episode, name.upper()): name for name in ("waiting", "running", "paused", "ended")}
+PICTURE_SECONDS = 1 / 30  # of the wall clock, from one picture to the next
+MOST_CONTROLLERS = 8  # whose parameters are kept
 AGAIN_SECONDS = 0.3  # without a new tick, after which the last one is shown again: somebody may just have come
-SHOWN_STEPS = 12  # stones drawn behind the robot
-RVIZ_DEPTH = 10
 
 
 class ViewerNode(Node):
@@ -64,30 +51,26 @@ class ViewerNode(Node):
         own = declare(self, ViewerParameters)
         refuse_unknown(self)
         # first, since it takes the middleware up to 0.1 s to find the graph
-        self._ticks = NewestTicks(self, TICK_TOPICS)
+        self._ticks = NewestTicks(self)
         self._page = GraphPage(own.port, own.control, own.host)
-        self._export = Path(own.export) if own.export else None
         print(f"open {self._page.page.address} in a browser", flush=True)
         if own.browser:
             threading.Thread(target=webbrowser.open, args=(self._page.page.address,), daemon=True).start()
         self.failure = ""  # what ends the node
-        self._tf = self.create_publisher(TFMessage, "tf", RVIZ_DEPTH)
-        self._markers = self.create_publisher(MarkerArray, "markers", RVIZ_DEPTH)
-        description = self.create_publisher(String, "robot_description", WEIGHTS)
-        description.publish(String(data=URDF_PATH.read_text(encoding="utf-8")))
-        self._limits = GraphLimits(self)
+        self._rviz = RvizTopics(self)
         self._graph_services = GraphServices(self, self._page.note) if own.control else None
         self._message_counter = MessageCounter()
         self._episode = msg.Episode()
         self._previews: dict[int, StonePreview] = {}  # of this episode, by stone
-        self._landings: dict[int, msg.Landing] = {}
+        self._drawn: dict[str, dict[str, Any]] = {}  # parameters that the page draws, by controller, the newest last
         self._shown: tuple[Any, float] = (None, 0.0)
         self._patience = (time.monotonic() + own.wait, own.wait)
         self.create_subscription(msg.Episode, "episode", self._on_episode, EVENT)
         self.create_subscription(msg.StonePreview, "preview", self._on_preview, EVENT)
         self.create_subscription(msg.Landing, "landing", self._on_landing, EVENT)
+        self.create_subscription(msg.ControllerSettings, "controller_settings", self._on_settings, EVENT)
         self._diagnostics = Diagnostics(self, self._message_counter, self._status)
-        steady_timer(self, 1 / own.rate, self._look)
+        steady_timer(self, PICTURE_SECONDS, self._look)
 
     def close(self) -> None:
         """Stop serving."""
@@ -106,8 +89,7 @@ class ViewerNode(Node):
 
     def _begin(self, episode: int) -> None:
         self._episode = msg.Episode(episode=episode)
-        self._previews, self._landings = {}, {}
-        self._limits.ask_again()
+        self._previews, self._rviz.landings = {}, {}
 
     def _on_preview(self, message: msg.StonePreview) -> None:
         with self._refusals("preview"):
@@ -119,7 +101,18 @@ class ViewerNode(Node):
         with self._refusals("landing"):
             check_finite("l", (message.l,))
             if self._is_present(message.episode):
-                self._landings[message.index] = message
+                self._rviz.landings[message.index] = message
+
+    def _on_settings(self, message: msg.ControllerSettings) -> None:
+        with self._refusals("controller_settings"):
+            try:
+                parameters = ControllerParameters.model_validate_json(message.parameters)
+            except ValidationError as error:
+                raise Refused("no parameters", fault(error)) from error
+            self._drawn.pop(message.sender, None)  # the newest is last
+            self._drawn[message.sender] = drawn_parameters(parameters)
+            if len(self._drawn) > MOST_CONTROLLERS:
+                del self._drawn[next(iter(self._drawn))]
 
     @contextmanager
     def _refusals(self, topic: str) -> Iterator[None]:
@@ -141,9 +134,6 @@ class ViewerNode(Node):
         """Show the newest ticks if there are new ones, or the last again now and then."""
         while self._graph_services and not self._page.asked.empty():
             self._graph_services.ask(self._page.asked.get())
-        if self._export and self._page.has_ended:
-            self._write(self._export)
-            return
         self._ticks.take()
         now = time.monotonic()
         until, wait = self._patience
@@ -159,23 +149,14 @@ class ViewerNode(Node):
             with self._refusals("tick"):
                 self._show(is_new)
 
-    def _write(self, path: Path) -> None:
-        """Write the page's file, and end."""
-        try:
-            self._page.write(path)
-            print(path, flush=True)
-            signal.raise_signal(signal.SIGINT)
-        except PageError as error:
-            self.failure = str(error)
-
     def _show(self, is_new: bool) -> None:
-        if is_new and (self._page.page.is_watched or self._export):
+        if is_new and self._page.page.is_watched:
             for parts in (*self._ticks.earlier, self._ticks.parts):
                 self._show_row(parts)
-        if self._tf.get_subscription_count() or self._markers.get_subscription_count():
-            snapshot = self._snapshot()
-            self._tf.publish(serialize_message(transforms(snapshot)))
-            self._markers.publish(serialize_message(markers(snapshot)))
+        if self._rviz.is_watched:
+            state, details = self._checked(self._ticks.parts)
+            self._is_present(state.episode)
+            self._rviz.show(state, Leg(details.stance), self._ahead(state))
         self._message_counter.accept("tick")
 
     def _show_row(self, parts: dict[str, bytes]) -> None:
@@ -183,12 +164,12 @@ class ViewerNode(Node):
         state, details = self._checked(parts)
         if not self._is_present(state.episode):
             return
-        stone = self._previews.get(state.touchdowns + 1) if state.previewed else None
         try:
             output = output_of(details, np.array(state.applied))
         except ValueError as error:
             raise Refused("no tick", str(error)) from error
-        self._page.show(self._episode, self._limits.known, RobotState.of_message(state, stone), output)
+        drawn = self._drawn.get(self._episode.controller) or next(reversed(self._drawn.values()), {})
+        self._page.show(self._episode, drawn, RobotState.of_message(state, self._ahead(state)), output)
 
     def _checked(self, parts: dict[str, bytes]) -> tuple[Any, Any]:
         """A tick's messages; raises `Refused`, also where the controller's is of one whose torques do not act."""
@@ -198,30 +179,11 @@ class ViewerNode(Node):
             raise Refused("another controller", f"{details.sender}; {e.controller} walks episode {e.episode}")
         return state, details
 
-    def _snapshot(self) -> Snapshot:
-        state, details = self._checked(self._ticks.parts)
-        self._is_present(state.episode)
-        landed = state.touchdowns
-        stone = self._previews.get(landed + 1) if state.previewed else None
-        return Snapshot(state, details, self._episode.stones, stone, self._last_landings(landed), self._limits.known)
-
-    def _last_landings(self, landed: int) -> tuple[msg.Landing, ...]:
-        """Those up to `landed` without a gap, the newest last."""
-        indices = takewhile(self._landings.__contains__, range(landed, landed - SHOWN_STEPS, -1))
-        return tuple(self._landings[index] for index in indices)[::-1]
+    def _ahead(self, state: Any) -> StonePreview | None:
+        return self._previews.get(state.touchdowns + 1) if state.previewed else None
 
     def _status(self) -> Status:
         return OK, "serving", {"address": self._page.page.address, "watched": self._page.page.is_watched}
-
-
-def checked_tick(parts: dict[str, bytes]) -> tuple[Any, Any]:
-    """State and controller state of a tick; raises `Refused`."""
-    state, details = (decoded(parts[name], kind, {}) for name, kind in TICK_TOPICS.items())
-    check_finite("q", state.q)
-    check_finite("foot_force", state.foot_force)
-    if details.stance not in (0, 1):
-        raise Refused("no leg", f"stance = {details.stance}; expected 0 or 1")
-    return state, details
 
 
 def main() -> None:

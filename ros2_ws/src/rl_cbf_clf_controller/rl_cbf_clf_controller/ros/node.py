@@ -53,8 +53,8 @@ class ControllerNode(Node):
         self._answer: msg.TorqueCommand | None = None  # the newest
         self._connect()
         follow(self, self._settings, self._on_parameters)
-        law = f"{self._settings.controller}, gait {self._gait.name}"
-        self.get_logger().info(f"ready: {law}, policy {self._policies.in_force.version}")
+        chosen = f"{self._settings.controller}, gait {self._gait.name}"
+        self.get_logger().info(f"ready: {chosen}, policy {self._policies.in_force.version}")
 
     def close(self) -> None:
         """End the thread that checks policies."""

@@ -17,7 +17,7 @@ from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import Policy, ZeroPolicy
 from rl_cbf_clf_controller.ros.messages import swap_message
 from rl_cbf_clf_controller.ros.node_parameters import ZERO, NodeParameters
-from rl_cbf_clf_controller.ros.policy_loader import Decided, PolicyLoader, check
+from rl_cbf_clf_controller.ros.policy_loader import CheckedPolicy, PolicyLoader, check
 from rl_cbf_clf_controller.weights import SIZE_LIMIT, PolicyFileError, policy_path
 
 WAITING = 4  # policies kept until they are due; an episode may name an older one than the newest
@@ -31,24 +31,24 @@ class Policies:
         self,
         node: Node,
         own: NodeParameters,
-        law: ControllerParameters,
+        parameters: ControllerParameters,
         gaits: Gaits,
         sender: str,
-        on_decided: Callable[[], object],
+        on_checked: Callable[[], object],
     ) -> None:
         """Begin with zero, the shipped policy of this name, or the file; raises `PolicyFileError`.
 
-        `on_decided` is called in the executor once there is something to `take`.
+        `on_checked` is called in the executor once there is something to `take`.
         """
-        self._zero = Decided(ZERO, "built in", False, ZeroPolicy(law.problem))
-        self.in_force = self._zero if own.policy == ZERO else first_policy(own.policy, law, gaits)
-        self._node, self._swap_at, self._sender, self._on_decided = node, own.swap_at, sender, on_decided
-        self._decided: deque[Decided] = deque()  # from the other thread
-        self._waiting: deque[Decided] = deque(maxlen=WAITING)  # the newest last
-        self._refused: deque[Decided] = deque(maxlen=REFUSED)
+        self._zero = CheckedPolicy(ZERO, "built in", False, ZeroPolicy(parameters.problem))
+        self.in_force = self._zero if own.policy == ZERO else first_policy(own.policy, parameters, gaits)
+        self._node, self._swap_at, self._sender, self._on_checked = node, own.swap_at, sender, on_checked
+        self._checked: deque[CheckedPolicy] = deque()  # from the other thread
+        self._waiting: deque[CheckedPolicy] = deque(maxlen=WAITING)  # the newest last
+        self._refused: deque[CheckedPolicy] = deque(maxlen=REFUSED)
         self._swaps = node.create_publisher(PolicySwap, "policy_swap", EVENT)
         self._tell(self.in_force, (0, 0))
-        self._loader = PolicyLoader(node, law, gaits, self._decide, own.swap_at != "never")
+        self._loader = PolicyLoader(node, parameters, gaits, self._decide, own.swap_at != "never")
 
     def close(self) -> None:
         """End the thread that checks."""
@@ -62,17 +62,17 @@ class Policies:
     def take(
         self, turn: tuple[int, int], accept: Callable[[str], None], refuse: Callable[[str, Refused], None]
     ) -> None:
-        """Keep what has been decided of those that came in."""
-        while self._decided:
-            decided = self._decided.popleft()
-            if decided.policy is not None:
+        """Keep what was found of those that came in."""
+        while self._checked:
+            checked = self._checked.popleft()
+            if checked.policy is not None:
                 accept("policy")
-                self._waiting.append(decided)
+                self._waiting.append(checked)
                 continue
-            if decided.version:
-                self._refused.append(decided)
-            refuse("policy", Refused("not fit", f"{decided.source}: {decided.reason}"))
-            self._tell(decided, turn)
+            if checked.version:
+                self._refused.append(checked)
+            refuse("policy", Refused("not fit", f"{checked.source}: {checked.reason}"))
+            self._tell(checked, turn)
 
     def missing(self, named: str) -> str:
         """The policy that an episode names, where it is not here."""
@@ -99,25 +99,25 @@ class Policies:
         self._node.get_logger().info(f"policy {new.version} of {new.source} in force {since}")
         return new.policy
 
-    def _tell(self, decided: Decided, turn: tuple[int, int]) -> None:
-        self._swaps.publish(swap_message(decided, turn, self._sender))
+    def _tell(self, checked: CheckedPolicy, turn: tuple[int, int]) -> None:
+        self._swaps.publish(swap_message(checked, turn, self._sender))
 
-    def _decide(self, decided: Decided) -> None:
+    def _keep(self, checked: CheckedPolicy) -> None:
         """Called in the other thread."""
-        self._decided.append(decided)
+        self._checked.append(checked)
         if self._node.executor is not None:
-            self._node.executor.create_task(self._on_decided)
+            self._node.executor.create_task(self._on_checked)
 
-    def _here(self, version: str) -> Decided | None:
+    def _here(self, version: str) -> CheckedPolicy | None:
         return next((d for d in (self._zero, self.in_force, *self._waiting) if d.version == version), None)
 
 
-def first_policy(name: str, law: ControllerParameters, gaits: Gaits) -> Decided:
+def first_policy(name: str, parameters: ControllerParameters, gaits: Gaits) -> CheckedPolicy:
     """The shipped policy of this name, or the file; raises `PolicyFileError`."""
     try:
-        decided = check(read_bytes(policy_path(name), SIZE_LIMIT), name, law, gaits)
+        checked = check(read_bytes(policy_path(name), SIZE_LIMIT), name, parameters, gaits)
     except FileError as error:
         raise PolicyFileError(f"policy {name}: neither a shipped one nor a file: {error}") from error
-    if decided.policy is None:
-        raise PolicyFileError(f"policy {name}: {decided.reason}")
-    return decided
+    if checked.policy is None:
+        raise PolicyFileError(f"policy {name}: {checked.reason}")
+    return checked

@@ -24,15 +24,14 @@ from rclpy.node import Node
 from rclpy.task import Future
 
 from rl_cbf_clf_controller.parameters import ControllerParameters
-from rl_cbf_clf_controller.policy import Policy
-from rl_cbf_clf_controller.policy_compatibility import fitted
+from rl_cbf_clf_controller.policy import Policy, fitted
 from rl_cbf_clf_controller.weights import SIZE_LIMIT, PolicyFileError, decode
 
 MOST_WAITING = 20  # policies that wait for their check
 
 
 @dataclass(frozen=True)
-class Decided:
+class CheckedPolicy:
     """The word on what came in: a policy ready to use, or the reason it is refused.
 
     `version` is computed from the bytes, whatever a message says; empty when they are no policy.
@@ -52,13 +51,13 @@ class PolicyLoader:
     def __init__(
         self,
         node: Node,
-        law: ControllerParameters,
+        parameters: ControllerParameters,
         gaits: Gaits,
-        decided: Callable[[Decided], None],
+        checked: Callable[[CheckedPolicy], None],
         hears_published: bool,
     ) -> None:
         """`decided` is called in the thread that checks."""
-        self._node, self._needs, self._decided = node, (law, gaits), decided
+        self._node, self._needs, self._checked = node, (parameters, gaits), checked
         self._limits = bounds(PolicyWeights)
         self._jobs: queue.SimpleQueue[Callable[[], None] | None] = queue.SimpleQueue()
         self._thread = threading.Thread(target=self._work, name="policies", daemon=True)
@@ -80,7 +79,7 @@ class PolicyLoader:
             if self._jobs.qsize() >= MOST_WAITING:
                 raise Refused("too many", f"{MOST_WAITING} policies wait for their check already")
         except Refused as error:
-            self._decided(Decided("", "policy", False, None, str(error)))
+            self._checked(CheckedPolicy("", "policy", False, None, str(error)))
             return
         self._jobs.put(partial(self._check_message, data))
 
@@ -100,32 +99,34 @@ class PolicyLoader:
         try:
             message = decoded(data, PolicyWeights, self._limits)
         except Refused as error:
-            self._decided(Decided("", "policy", False, None, str(error)))
+            self._checked(CheckedPolicy("", "policy", False, None, str(error)))
             return
-        decided = check(bytes(message.data), message.source, *self._needs)
-        if decided.policy is not None and decided.version != message.version:
-            text = f"the message says version {message.version}; its content has {decided.version}"
-            decided = Decided("", message.source, False, None, text)
-        self._decided(decided)
+        checked = check(bytes(message.data), message.source, *self._needs)
+        if checked.policy is not None and checked.version != message.version:
+            text = f"the message says version {message.version}; its content has {checked.version}"
+            checked = CheckedPolicy("", message.source, False, None, text)
+        self._checked(checked)
 
     def _check_file(self, path: str, response: LoadPolicy.Response, answer: Future) -> None:
         try:
-            decided = check(read_bytes(Path(path), SIZE_LIMIT), path, *self._needs, by_operator=True)
+            checked = check(read_bytes(Path(path), SIZE_LIMIT), path, *self._needs, by_operator=True)
         except FileError as error:
-            decided = Decided("", path, True, None, f"cannot read {path}: {error}")
-        self._decided(decided)
-        response.accepted, response.message = decided.policy is not None, decided.reason
-        response.version = decided.version
+            checked = CheckedPolicy("", path, True, None, f"cannot read {path}: {error}")
+        self._checked(checked)
+        response.accepted, response.message = checked.policy is not None, checked.reason
+        response.version = checked.version
         answer.set_result(response)
 
 
-def check(data: bytes, source: str, law: ControllerParameters, gaits: Gaits, by_operator: bool = False) -> Decided:
+def check(
+    data: bytes, source: str, parameters: ControllerParameters, gaits: Gaits, by_operator: bool = False
+) -> CheckedPolicy:
     """Decode a policy and fit it to the controller; never raises."""
     version = ""
     try:
         file = decode(data)
         version = file.version
-        policy = fitted(file, law, gaits)
+        policy = fitted(file, parameters, gaits)
     except PolicyFileError as error:
-        return Decided(version, source, by_operator, None, str(error))
-    return Decided(version, source, by_operator, policy, "", data)
+        return CheckedPolicy(version, source, by_operator, None, str(error))
+    return CheckedPolicy(version, source, by_operator, policy, "", data)

@@ -6,17 +6,17 @@ from typing import Any
 
 import numpy as np
 from builtin_interfaces.msg import Time
-from cbf_clf_qp.problem import Problem
 from rabbit_common.message_checks import Refused
 from rabbit_common.ros.conversions import state_of, torque_of
 from rabbit_msgs import msg
 from rl_cbf_clf_controller.kinds import find_problem
 from rl_cbf_clf_controller.message_fields import output_of
 from rl_cbf_clf_controller.policy import ActorPolicy, LearnedPolicy, ZeroPolicy
-from rl_cbf_clf_controller.weights import PolicyFile, decode
+from rl_cbf_clf_controller.problem import Problem
+from rl_cbf_clf_controller.weights import PolicyFile, PolicyFileError, decode
 
 from rl_trainer.parameters import TrainingParameters
-from rl_trainer.reward import reward_terms
+from rl_trainer.reward import reward, reward_terms
 from rl_trainer.training import EpisodePlan
 from rl_trainer.transitions import Doubt, Transition
 
@@ -29,13 +29,12 @@ def transition_message(
     transition: Transition, parameters: TrainingParameters, episode: int, at: Time
 ) -> msg.Transition:
     """A transition with its reward, term by term."""
-    terms = reward_terms(transition, parameters)
     return msg.Transition(
         stamp=at,
         episode=episode,
         problem=str(transition.problem),
-        reward_terms=terms.estimation,
-        reward=terms.total,
+        reward_terms=reward_terms(transition, parameters)[0],
+        reward=reward(transition, parameters),
         doubt=int(transition.doubt),
         **{name: getattr(transition, name) for name in NUMBERS},
         **{name.lower(): getattr(transition, name).ravel() for name in ARRAYS},
@@ -79,7 +78,10 @@ def checked_part(part: str, message: Any, problem: Problem) -> Any:
 
 
 def policy_of(message: msg.PolicySwap, problem: Problem) -> LearnedPolicy | None:
-    """The policy that a swap put in force; None of a refused one. Raises `PolicyFileError`."""
+    """The policy that a swap put in force; None of a refused one. Raises `Refused`."""
     if not message.accepted:
         return None
-    return ActorPolicy(decode(bytes(message.data), problem)) if message.data else ZeroPolicy(problem)
+    try:
+        return ActorPolicy(decode(bytes(message.data), problem)) if message.data else ZeroPolicy(problem)
+    except PolicyFileError as error:
+        raise Refused("not fit", str(error)) from error

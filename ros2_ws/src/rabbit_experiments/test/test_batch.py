@@ -1,0 +1,188 @@
+"""A walk in a batch is the walk alone, to the bit: MuJoCo, controller, policy, sensors, tally, environment."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from rabbit_description.gait import load_gaits
+from rabbit_experiments.assembly import Assembly, make_simulation, resolve_policy
+from rabbit_experiments.batch_evaluation import walk_together
+from rabbit_experiments.engine import batches
+from rabbit_experiments.evaluation import Scenario, walk
+from rabbit_experiments.random_plants import random_plant
+from rabbit_experiments.vector_environment import make_vector_environment
+from rabbit_sim.batch_simulation import BatchSimulation
+from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.simulation import Outcome
+from rl_cbf_clf_controller.batch_controller import BatchController
+from rl_cbf_clf_controller.controller import Controller
+from rl_cbf_clf_controller.parameters import load_parameters
+from rl_cbf_clf_controller.policy import Policy
+from rl_trainer.environment import WalkingEnv
+from rl_trainer.parameters import TrainingParameters
+from rl_trainer.rollout import Record, rollout
+
+TIMES = {"tick_ms_p50", "tick_ms_p99", "plant_ms_p50", "walk_seconds"}
+PLANTS: list[dict[str, Any]] = [
+    {"mass_scale": 2.0},
+    {"mass_scale": 0.5},  # soon falls
+    {"mass_scale": 1.5, "ground_friction": 0.7, "stone_width": 0.04},
+    {"payload": 20.0, "slope": 1.0, "torque_delay": 0.004},
+    {"mass_scale": 1.2, "stone_height": 0.02, "torque_rate": 15e3},
+    {"mass_scale": 1.8, "velocity_noise": 0.02, "force_noise": 5.0},
+    {"mass_scale": 2.0, "sensors": "lab"},
+    {"mass_scale": 2.0, "joint_damping": 1.0, "backlash": 0.2},
+    {"mass_scale": 2.0, "push": 5.0, "push_interval": 0.2},
+    {"swing_payload": 3.0, "loose_stone": 1},
+]
+SEEDS = range(71, 71 + len(PLANTS))
+
+
+def assemblies(name: str = "ours", plants: list[dict[str, Any]] = PLANTS, **tuning: Any) -> list[Assembly]:
+    """The same controller on each plant."""
+    controller = load_parameters(name, **tuning)
+    policy = resolve_policy(None, controller)
+    shared = {"plant": "mujoco", "motor_lag": 0.004, "stones": 3, "terrain": controller.terrain}
+    on_flat = {} if controller.terrain == "stones" else {"stone_height": 0.0, "loose_stone": 0}
+    return [Assembly(SimulationParameters(**{**shared, **each, **on_flat}), controller, policy) for each in plants]
+
+
+def alone(assembly: Assembly, seed: int) -> tuple[list[Record], Outcome]:
+    """Its ticks, and how it ended."""
+    ticks: list[Record] = []
+    simulation, controller = assembly.build()
+    rollout(simulation, controller, seed, ticks.append)
+    return ticks, simulation.outcome
+
+
+def assert_same(one: Any, other: Any, but: set[str]) -> None:
+    for name in one.__dataclass_fields__.keys() - but:
+        mine, theirs = getattr(one, name), getattr(other, name)
+        same = np.array_equal(mine, theirs, equal_nan=True) if isinstance(mine, np.ndarray) else mine == theirs
+        assert same or mine != mine, f"{name}: {mine} alone, {theirs} in the batch"
+
+
+@pytest.mark.parametrize(
+    ("name", "law", "plants"),
+    [
+        ("ours", {"controller": "rl-cbf-clf-qp", "qp_solver": "daqp"}, PLANTS),
+        ("ours", {"controller": "rl-cbf-clf-qp", "qp_solver": "osqp"}, PLANTS[:3]),
+        ("ours", {"controller": "rl-cbf-clf-qp", "qp_solver": "daqp", "sigma": 5.0}, PLANTS[:3]),
+        ("best", {"qp_solver": "daqp"}, PLANTS[:7]),
+        ("ours", {"controller": "l1-clf-qp", "qp_solver": "daqp"}, PLANTS[:3]),
+        ("ours", {"controller": "robust-cbf-clf-qp", "qp_solver": "daqp"}, PLANTS[:2]),
+    ],
+    ids=["paper", "osqp", "exploring", "best", "l1", "robust"],
+)
+def test_every_tick_is_that_of_the_walk_alone(name: str, tuning: dict[str, Any], plants: list[dict[str, Any]]) -> None:
+    made = assemblies(name, plants, **tuning)
+    walks = [alone(assembly, seed) for assembly, seed in zip(made, SEEDS, strict=False)]
+    lengths = {len(ticks) for ticks, _ in walks}
+    assert len(lengths) > 1  # some end earlier
+    gait = load_gaits(made[0].controller.gait)
+    simulation = BatchSimulation([make_simulation(each.simulation, gait) for each in made])
+    policies: list[Policy] = [made[0].make_policy()] * len(made)
+    controller = BatchController(Controller(made[0].controller, gait, policies[0]), policies, details=True)
+    states = simulation.reset(list(SEEDS[: len(made)]))
+    for i in range(len(made)):
+        controller.reset(i, SEEDS[i])
+    left, tick = list(range(len(made))), 0
+    while left:
+        output = controller.step(states)
+        for row, i in enumerate(left):
+            expected = walks[i][0][tick]
+            assert_same(expected.state, states[row], but={"sensors"})
+            assert_same(expected.output, output[row], but={"solve_seconds"})
+        faulty = set(output.scene.faults)
+        states, tick = simulation.step(output.torque), tick + 1
+        go_on = [row for row, i in enumerate(left) if tick < len(walks[i][0])]
+        for row, i in enumerate(left):
+            assert states.running[row] == (row in go_on or row in faulty)
+            if not states.running[row]:
+                assert simulation.simulations[row].outcome is walks[i][1]
+        left = [left[row] for row in go_on]
+        if left and len(go_on) != len(states):
+            simulation.keep(np.array(go_on))
+            controller.keep(np.array(go_on))
+            states = simulation.states
+
+
+def test_a_run_in_a_batch_leaves_the_row_of_the_run_alone() -> None:
+    made = assemblies(plants=PLANTS[:5], controller="rl-cbf-clf-qp", qp_solver="daqp")
+    together = dict(walk_together(made, range(5), SEEDS[:5]))
+    for i, assembly in enumerate(made):
+        expected = walk(assembly, i, SEEDS[i])
+        rows = [each.row.model_dump(exclude=TIMES) for each in (together[i], expected)]
+        assert repr(rows[0]) == repr(rows[1])  # all digits, and NaN is NaN
+        assert together[i].violations == expected.violations
+        assert len(together[i].tick_seconds) == expected.row.ticks
+
+
+def test_jobs_that_go_together_have_one_controller_and_mujoco() -> None:
+    first, second = assemblies(plants=PLANTS[:2]), assemblies(plants=PLANTS[:1], eps=0.05)
+    walks = [job for each in (*first, *second) for job in Scenario(each, runs=3, seed=1).walks]
+    assert sorted(map(len, batches(walks, most=64, processes=1))) == [3, 6]
+    assert sorted(map(len, batches(walks, most=4, processes=1))) == [2, 3, 4]
+    assert sorted(map(len, batches(walks, most=64, processes=2))) == [1, 2, 3, 3]
+    assert list(map(len, batches(walks, most=1, processes=1))) == [1] * 9
+    in_pybullet = Scenario(Assembly(SimulationParameters(), first[0].controller, "zero"), runs=3, seed=1).walks
+    assert list(map(len, batches(in_pybullet, most=64, processes=1))) == [1] * 3
+
+
+def test_another_plant_is_refused() -> None:
+    gait = load_gaits("stones_0350_084")
+    with pytest.raises(ValueError, match="plant = pybullet: expected mujoco"):
+        BatchSimulation([make_simulation(SimulationParameters(stones=1), gait)])
+    controller = load_parameters("ours", controller="rl-cbf-clf-qp")
+    with pytest.raises(ValueError, match="plant = rigid: expected mujoco"):
+        make_vector_environment(TrainingParameters(), controller, SimulationParameters(plant="rigid"), 2)
+    with pytest.raises(ValueError, match="robots = 0: expected at least 1"):
+        make_vector_environment(TrainingParameters(), controller, SimulationParameters(plant="mujoco"), 0)
+    best = load_parameters("best")
+    with pytest.raises(ValueError, match="adaptation = identification: expected none"):
+        make_vector_environment(TrainingParameters(), best, SimulationParameters(plant="mujoco"), 2)
+
+
+def test_the_vector_environment_is_the_single_one_row_by_row() -> None:
+    parameters = TrainingParameters(sigma=2.0)
+    tuning = load_parameters("ours", controller="rl-cbf-clf-qp", qp_solver="daqp")
+    plant = SimulationParameters(plant="mujoco", stones=1, sensors="lab", push=3.0, push_interval=0.2)
+    robots, gait = 3, load_gaits(tuning.gait)
+    many = make_vector_environment(parameters, tuning, plant, robots, random_plant)
+
+    def make_controller(policy: Policy, sigma: float) -> Controller:
+        return Controller(tuning.model_copy(update={"sigma": sigma}), gait, policy)
+
+    class Renewed:
+        """A plant that is another robot from each reset on."""
+
+        def reset(self, seed: int) -> Any:
+            self.own = make_simulation(random_plant(plant, seed), gait)
+            return self.own.reset(seed)
+
+        def step(self, torque: Any) -> Any:
+            return self.own.step(torque)
+
+    ones = [WalkingEnv(parameters, Renewed(), make_controller) for _ in range(robots)]
+    observed, info = many.reset(seed=5)
+    assert many.observation_space.contains(observed)
+    for i, one in enumerate(ones):
+        alone, about = one.reset(seed=5 + i)
+        assert np.array_equal(alone, observed[i])
+        assert np.array_equal(about["next_LgV"], info["next_LgV"][i])
+    rng, ends = np.random.default_rng(0), 0
+    for _ in range(90):
+        actions = rng.uniform(-0.2, 0.2, many.action_space.shape).astype(np.float32)
+        observed, rewards, failed, cut, info = many.step(actions)
+        for i, one in enumerate(ones):
+            alone, reward, terminated, truncated, about = one.step(actions[i])
+            assert (terminated, truncated) == (failed[i], cut[i])
+            assert rewards[i] == pytest.approx(reward, rel=1e-9)
+            if terminated or truncated:
+                ends += 1
+                assert info["_final_obs"][i]
+                assert np.array_equal(alone, info["final_obs"][i])
+                alone, about = one.reset()
+            assert np.array_equal(alone, observed[i])
+            assert np.array_equal(about["next_LgV"], info["next_LgV"][i])
+    assert ends > 1

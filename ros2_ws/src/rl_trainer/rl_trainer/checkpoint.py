@@ -1,0 +1,207 @@
+"""What a training keeps in its folder, so that it can be killed at any time and goes on with nothing lost.
+
+DIR/parameters.yaml             what was asked for
+DIR/checkpoint.pt               all of the trainer after an episode, with a checksum; replaced at once or not at all
+DIR/checkpoint-before.pt        the one before; training goes on from it where the newest is damaged
+DIR/policies/NNN.safetensors    the policy after episode NNN
+DIR/journal-NNNNNN.txt          a node's transitions since then: a line of JSON each, after its checksum
+
+A line is handed to the operating system before its transition is published, not synced: a killed process loses
+nothing, a power cut may. An empty line between two others keeps a cut or damaged one from spoiling its neighbour.
+"""
+
+import hashlib
+import io
+import json
+import logging
+import zlib
+from dataclasses import fields
+from pathlib import Path
+from typing import Any, BinaryIO
+from zipfile import ZipFile
+
+import numpy as np
+import torch
+from rabbit_description.atomic_file import remove_partials, replace_text, replacing
+from rabbit_description.bounded_file import one_line, read_bytes
+from rabbit_description.yaml_file import dump_yaml
+
+from rl_trainer.parameters import TrainingParameters
+from rl_trainer.training import Trainer
+from rl_trainer.transitions import Doubt, Transition
+
+CHECKPOINT, BEFORE = "checkpoint.pt", "checkpoint-before.pt"
+MOST_BYTES = 10_000_000_000  # of a checkpoint; 5,000,000 transitions have half of it
+MOST_JOURNAL_BYTES = 500_000_000  # a transition has about three thousand
+DIGEST = hashlib.sha256().digest_size  # bytes at the head of a checkpoint
+
+log = logging.getLogger(__name__)
+
+
+class CheckpointError(Exception):
+    """A folder that training cannot go on from."""
+
+
+class Checkpoint:
+    """The folder of a trainer, which goes on from what is there. `more`: what else was kept, None at the start."""
+
+    def __init__(self, folder: Path, trainer: Trainer) -> None:
+        """Raises `CheckpointError`: damaged, of other parameters (but for the number of episodes), or no folder."""
+        self._folder, self._trainer = folder, trainer
+        self._journal: BinaryIO | None = None
+        try:
+            (folder / "policies").mkdir(parents=True, exist_ok=True)
+            remove_partials(folder)
+            state = read_checkpoint(folder)
+            self.more: dict[str, Any] | None = state and self._restore(state)
+            replace_text(folder / "parameters.yaml", dump_yaml(trainer.parameters.model_dump(mode="json")))
+        except OSError as error:
+            raise CheckpointError(f"folder {folder}: {error.strerror}") from error
+
+    def begin(self) -> list[Transition]:
+        """Begin the journal of the trainer's episode; what it holds from before a kill is taken in, and returned.
+
+        Raises `CheckpointError`: it is of another training; `OSError`: the disk is full.
+        """
+        path = journal_path(self._folder, self._trainer.episode)
+        held = read_journal(path, self._trainer.parameters)
+        try:
+            for transition in held:
+                self._trainer.take(transition)
+        except Exception as error:  # sizes that do not fit
+            raise CheckpointError(f"journal {path}: {one_line(error)}") from error
+        self._open_journal("ab")
+        return held
+
+    def append(self, transition: Transition) -> None:
+        """Add a transition to the journal; raises `OSError` where the disk is full."""
+        assert self._journal is not None
+        data = line_of(transition, self._trainer.parameters)
+        while data:  # a nearly full disk takes a part, then says so
+            data = data[self._journal.write(data) :]
+
+    def save(self, **more: Any) -> None:
+        """After an episode: the policy, all of the trainer's state and what `more` is to be kept, the next journal."""
+        trainer, newest, content = self._trainer, self._folder / CHECKPOINT, io.BytesIO()
+        trainer.policy_file().write(self._folder / "policies" / f"{trainer.episode:03d}.safetensors")
+        torch.save({"parameters": trainer.parameters.key, **trainer.state_dict(), "more": more}, content)
+        data = content.getvalue()
+        with replacing(newest) as partial:
+            partial.write_bytes(hashlib.sha256(data).digest() + data)
+            if newest.exists():
+                newest.replace(self._folder / BEFORE)
+        if self._journal:
+            self._open_journal("wb")
+
+    def close(self) -> None:
+        """Let go of the journal."""
+        if self._journal:
+            self._journal.close()
+
+    def _open_journal(self, mode: str) -> None:
+        """That of the trainer's episode; what those before it hold is in the checkpoint."""
+        self.close()
+        path = journal_path(self._folder, self._trainer.episode)
+        for other in self._folder.glob("journal-*"):
+            if other.name < path.name:
+                other.unlink()
+        self._journal = path.open(mode, buffering=0)  # type: ignore[assignment]
+
+    def _restore(self, state: dict[str, Any]) -> dict[str, Any]:
+        """Bring the trainer to where the checkpoint was taken; returns what else was kept."""
+        path = self._folder / CHECKPOINT
+        if state.pop("parameters", None) != self._trainer.parameters.key:
+            raise CheckpointError(
+                f"checkpoint {path}: made with other parameters; use another folder, or the same ones"
+            )
+        try:
+            more: dict[str, Any] = dict(state.pop("more"))
+            self._trainer.load_state_dict(state)
+        except Exception as error:  # of a learner of the user's own
+            raise CheckpointError(f"checkpoint {path}: {type(error).__name__}: {one_line(error, 200)}") from error
+        return more
+
+
+def read_checkpoint(folder: Path) -> dict[str, Any] | None:
+    """The newest checkpoint that is whole, None where there is none. One that is damaged is said.
+
+    Raises:
+        CheckpointError: none is whole.
+    """
+    wrong = []
+    for path in (folder / CHECKPOINT, folder / BEFORE):
+        if path.exists():
+            try:
+                state = _read(path)
+            except Exception as error:  # a damaged file may raise anything
+                wrong.append(f"checkpoint {path}: {one_line(error, 200)}")
+                continue
+            for text in wrong:
+                log.warning("%s; going on from %s", text, path.name)
+            return state
+    if wrong:
+        raise CheckpointError(wrong[0])
+    return None
+
+
+def _read(path: Path) -> dict[str, Any]:
+    data = read_bytes(path, MOST_BYTES)
+    if hashlib.sha256(data[DIGEST:]).digest() != data[:DIGEST]:
+        raise ValueError("damaged, or of another version: its checksum is not that of its content")
+    content = io.BytesIO(data[DIGEST:])
+    with ZipFile(content) as archive:  # torch writes no other, and would decompress whatever comes
+        if any(each.file_size > each.compress_size for each in archive.infolist()):
+            raise ValueError("compressed: expected plain tensors")
+    content.seek(0)
+    state = torch.load(content, weights_only=True)
+    if not isinstance(state, dict) or not isinstance(state.get("episode"), int):
+        raise ValueError("expected names with values, `episode` a whole number")
+    return state
+
+
+def journal_path(folder: Path, episode: int) -> Path:
+    """The journal of an episode."""
+    return folder / f"journal-{episode:06d}.txt"
+
+
+def read_journal(path: Path, parameters: TrainingParameters) -> list[Transition]:
+    """The sound transitions of a journal, none where there is no file. What is cut or damaged is said.
+
+    Raises:
+        CheckpointError: none is sound.
+    """
+    if not path.exists():
+        return []
+    try:
+        data = read_bytes(path, MOST_JOURNAL_BYTES)
+        found, lines = transitions_of(data, parameters)
+    except Exception as error:  # sound checksums of what is no transition
+        raise CheckpointError(f"journal {path}: {one_line(error)}") from error
+    if not found and data.endswith(b"\n") and lines:  # else the first one is cut
+        raise CheckpointError(f"journal {path}: made with other parameters, or damaged; use another folder")
+    if len(found) < lines:
+        log.warning("journal %s: cut or damaged; %d of %d transitions are sound and taken", path, len(found), lines)
+    return found
+
+
+def line_of(transition: Transition, parameters: TrainingParameters) -> bytes:
+    """A transition as a line, every number as it is."""
+    names = [field.name for field in fields(Transition) if field.name != "problem"]
+    text = json.dumps({name: np.asarray(getattr(transition, name)).tolist() for name in names}).encode()
+    return b"\n%s %s\n" % (checksum(text, parameters), text)
+
+
+def transitions_of(data: bytes, parameters: TrainingParameters) -> tuple[list[Transition], int]:
+    """The sound transitions of these lines, and how many lines there are."""
+    lines, found = [line for line in data.split(b"\n") if line], []
+    for found_sum, _, text in (line.partition(b" ") for line in lines):
+        if found_sum == checksum(text, parameters):
+            values = json.loads(text)
+            values = {name: np.array(value) if isinstance(value, list) else value for name, value in values.items()}
+            found.append(Transition(**{**values, "problem": parameters.problem, "doubt": Doubt(values["doubt"])}))
+    return found, len(lines)
+
+
+def checksum(text: bytes, parameters: TrainingParameters) -> bytes:
+    """Of the text and of the training that it belongs to."""
+    return b"%08x" % zlib.crc32(text, zlib.crc32(parameters.key.encode()))

@@ -1,0 +1,216 @@
+"""Over stones at twice the mass: swing foot and force ratio [fig:rl-cbf-clf-results], the grey area in which the foot
+stays during the whole step [fig:stepping-stone], and the nominal controller [sec:results, Simulation 2]."""
+
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.patches import Polygon, Rectangle
+from rabbit_description.state import TICK_SECONDS, Array
+from rabbit_experiments.walk_records import WalkRecords
+from rabbit_viewer import style
+from rabbit_viewer.geometry import allowed_area
+from rabbit_viewer.pictures import plot_steps, plot_stones, swing_foot
+
+from rabbit_reproduce.controllers import CBF_CLF, CBF_CLF_ORACLE, RL_CBF_CLF, ROBUST
+from rabbit_reproduce.curves import WIDTH, finish_ratio, late_and_impact_ratio
+from rabbit_reproduce.experiment import Experiment
+from rabbit_reproduce.report import Claim, judge
+from rabbit_reproduce.table_lines import HEADLINE, Found, Line, Runs
+
+SHOWN = 3  # steps of the grey area: with the nearest stone, the middle one, the farthest
+DEPTH, TOP = 0.02, 0.15  # m, of a drawn stone, and of the panel
+PAPER_MEAN, PAPER_STD = 5.6, 4.64
+PAPER_RUNS = Runs(10, 10)
+PAPER_INTERVAL = (2.28, 8.92)  # Student's 95%, of the paper's mean
+AGAIN = 2  # violations in each run, on average, that count as "repeatedly"
+SWING_FOOT = (
+    "First run of RL-CBF-CLF-QP over 20 stones at mass scale 2. Top: swing foot against the stones' edges; dots are "
+    "landings. Bottom: force ratio; dots are within 30 ms of an impact."
+)
+GREY_AREA = (
+    "Stance foot at 0, the next stone, and the grey area that both barriers allow, with the swing foot's path: the "
+    "steps with the nearest, the middle and the farthest stone of the first run (RL-CBF-CLF-QP, mass scale 2)."
+)
+
+
+class RlCbfClfResults(Experiment):
+    """The paper's main result; nominal controller and oracle beside."""
+
+    name = "rl-cbf-clf-results"
+    title = "20 stones at twice the mass"
+    label = "fig:rl-cbf-clf-results"
+    paper = "The foot placement is always on the stones, and the contact force never exceeds the friction limit of 0.8."
+    judged_on_rigid = True
+    shown = (RL_CBF_CLF,)
+
+    @cached_property
+    def by_key(self) -> dict[Any, Line]:
+        each_paper = {RL_CBF_CLF: "20 of 20 stones, once", CBF_CLF: "5.6 stones", ROBUST: "", CBF_CLF_ORACLE: ""}
+        return {
+            who: Line(who.title, who.assembly(mass_scale=2.0), paper, HEADLINE) for who, paper in each_paper.items()
+        }
+
+    def figures(self, found: Found) -> dict[str, tuple[str, Figure]]:
+        return {"swing_foot": (SWING_FOOT, swing_foot_figure(found.records(self.by_key[RL_CBF_CLF])))}
+
+    def claims(self, found: Found) -> list[Claim]:
+        """Stones and forces, over all runs."""
+        walks = self.walks(found)
+        learned, nominal = walks[RL_CBF_CLF], walks[CBF_CLF]
+        over, at_impact = learned.total("ticks_over_cone"), learned.total("ticks_over_cone_at_impact")
+        clean = nominal.total("ticks_over_cone") == 0
+        return [
+            Claim(
+                claim="RL-CBF-CLF-QP walks 20 stones at scale 2, the foot always on the stone",
+                paper="always, in one walk",
+                ours=f"{learned.text} stones; nominal {nominal.text}",
+                verdict=judge({"walks": learned.passes}, nominal.passes),
+            ),
+            Claim(
+                claim="its contact force never exceeds the friction limit",
+                paper="|F_T/F_N| <= 0.8",
+                ours=f"{over} of {learned.total('ticks')} ticks over, {at_impact} more within 30 ms of an impact; "
+                f"largest ratio {learned.max_ratio:.2f}",
+                verdict=judge({"never over": over == 0}, nominal.passes and clean),
+            ),
+        ]
+
+
+class SteppingStone(Experiment):
+    """In the walk of [fig:rl-cbf-clf-results]."""
+
+    name = "stepping-stone"
+    title = "Stones and grey area"
+    label = "fig:stepping-stone"
+    paper = (
+        "Two barriers keep the swing foot within the grey area during the entire step, so that it lands on the stone."
+    )
+    shown = (RL_CBF_CLF,)
+
+    @cached_property
+    def by_key(self) -> dict[Any, Line]:
+        return {RL_CBF_CLF: Line(RL_CBF_CLF.title, RL_CBF_CLF.assembly(mass_scale=2.0), runs=HEADLINE)}
+
+    def figures(self, found: Found) -> dict[str, tuple[str, Figure]]:
+        return {"grey_area": (GREY_AREA, grey_area_figure(found.records(self.by_key[RL_CBF_CLF])))}
+
+    def claims(self, found: Found) -> list[Claim]:
+        """Both barriers with the stone's true edges, at every tick of the first run."""
+        walk = found.records(self.by_key[RL_CBF_CLF])
+        least = barriers(walk).min(axis=1)
+        steps = {int(step) for step in walk.step_index[least < 0]}
+        return [
+            Claim(
+                claim="the swing foot stays in the grey area during the entire step",
+                paper="always",
+                ours=f"first run: outside in {(least < 0).sum()} of {len(least)} ticks, in {len(steps)} of "
+                f"{walk.step_index[-1] + 1} steps, by {max(0.0, -least.min()) * 1e3:.1f} mm at most",
+                verdict=judge({"always": not steps}),
+            )
+        ]
+
+
+class NominalStones(Experiment):
+    """The paper does not say at which scale the force rows were left out: scale 2, as everything there, and 1."""
+
+    name = "nominal-stones"
+    title = "Nominal CBF-CLF-QP on stones, ten runs"
+    label = "sec:results, Simulation 2"
+    paper = (
+        "With force rows it leaves the stones after 5.6 +- 4.64 steps (10 runs of 20). Without them it violates the "
+        "friction cone and the unilateral normal force repeatedly."
+    )
+    judged_on_rigid = True
+
+    @cached_property
+    def by_key(self) -> dict[Any, Line]:
+        """With all rows, and without force rows."""
+        all_rows = CBF_CLF.assembly(mass_scale=2.0)
+        lines = {"whole": Line(f"{CBF_CLF.title}, scale 2", all_rows, "5.6 +- 4.64 stones", PAPER_RUNS)}
+        for who, scale in ((CBF_CLF, 2.0), (CBF_CLF, 1.0), (RL_CBF_CLF, 2.0)):
+            what = f"{who.title}, no force rows, scale {scale:g}"
+            lines[what] = Line(what, who.assembly({"force_rows": False}, mass_scale=scale), "", PAPER_RUNS)
+        return lines
+
+    def claims(self, found: Found) -> list[Claim]:
+        """How far, and the two forces."""
+        walks = self.walks(found)
+        whole, without = walks["whole"], walks[f"{CBF_CLF.title}, no force rows, scale 2"]
+        low, high = whole.stones_interval or (whole.mean_stones,) * 2
+        alike = low <= PAPER_INTERVAL[1] and high >= PAPER_INTERVAL[0]
+        over, lost = without.total("ticks_over_cone"), without.total("ticks_lost")
+        return [
+            Claim(
+                claim="the nominal CBF-CLF-QP leaves the stones before the twentieth, after about as many as in the "
+                "paper",
+                paper=f"{PAPER_MEAN} +- {PAPER_STD} steps (mean's interval {PAPER_INTERVAL[0]} to {PAPER_INTERVAL[1]})",
+                ours=f"{whole.mean_stones:.2f} +- {whole.std_stones or 0:.2f} ({low:.2f} to {high:.2f}), "
+                f"{whole.walked} of {whole.runs} courses walked",
+                verdict=judge({"leaves them": not whole.passes, "intervals of the means overlap": alike}),
+            ),
+            Claim(
+                claim="without force rows it violates cone and unilateral force repeatedly",
+                paper="repeatedly",
+                ours=f"{over} ticks over the cone, {lost} without a push from the ground, in {without.runs} runs",
+                verdict=judge({"cone": over >= AGAIN * without.runs, "unilateral": lost >= AGAIN * without.runs}),
+            ),
+        ]
+
+
+def swing_foot_figure(walk: WalkRecords) -> Figure:
+    """The paper's two panels over time."""
+    figure, (length, ratio) = style.figure(2, height=2.0, width=WIDTH)
+    plot_stones(walk, length)
+    plot_steps(walk, length, swing_foot(walk)[:, 0], style.BLUE, "swing foot $l_f$")
+    seconds = walk.landings[:, 1] * TICK_SECONDS
+    length.plot(seconds, walk.landings[:, 2], "o", color=style.BLACK, markersize=3, label="landing")
+    length.set_ylabel("$l_f$ (m)")
+    style.legend(length)
+    late, impact = late_and_impact_ratio(walk)
+    ratio.plot(walk.time, late, color=style.BLUE, linewidth=1)
+    ratio.plot(walk.time, impact, ".", color=style.BLUE, markersize=2, alpha=0.5)
+    finish_ratio(ratio, walk)
+    end = float(np.max(seconds, initial=walk.time[-1]))
+    ratio.set(ylabel=r"$|F_T / F_N|$", xlabel="time (s)", xlim=(0, 1.01 * end))
+    figure.align_ylabels()
+    return figure
+
+
+def barriers(walk: WalkRecords) -> Array:
+    """B1 and B2 for the stones' own edges, no margin, (n, 2), m."""
+    (length, height), (near, far) = swing_foot(walk).T, walk.preview.T
+    R1, R2 = float(walk.about["R1"]), float(walk.about["R2"])
+    outer = R1 + far - np.hypot(R1 + length, height)
+    inner = np.hypot(length - near / 2, height + R2) - np.hypot(near / 2, R2)
+    return np.stack([outer, inner], axis=1)
+
+
+def grey_area_figure(walk: WalkRecords) -> Figure:
+    """A panel a step."""
+    steps = np.unique(walk.step_index[walk.step_index < len(walk.landings)])
+    first = np.array([np.flatnonzero(walk.step_index == step)[0] for step in steps])
+    by_edge = first[np.argsort(walk.preview[first, 0])]
+    chosen = by_edge[np.linspace(0, len(by_edge) - 1, min(SHOWN, len(by_edge))).round().astype(int)]
+    figure, panels = style.figure(len(chosen), height=1.5, width=WIDTH)
+    foot = swing_foot(walk)
+    for axes, row in zip(panels, chosen.tolist(), strict=True):
+        near, far = walk.preview[row].tolist()
+        half = (far - near) / 2
+        area = allowed_area(near, far, float(walk.about["R1"]), float(walk.about["R2"]))
+        axes.add_patch(Polygon(area.tolist(), facecolor=style.AREA, linewidth=0, label="grey area"))
+        for left in (-half, near):
+            axes.add_patch(Rectangle((left, -DEPTH), 2 * half, DEPTH, color=style.STONE, linewidth=0))
+        step = walk.step_index == walk.step_index[row]
+        axes.plot(*foot[step].T, color=style.BLUE, label="swing foot $F$")
+        axes.plot(walk.landings[walk.step_index[row], 2], 0.0, "o", color=style.BLUE, markersize=4, label="landing")
+        for edge, name in ((near, "$l_{min}$"), (far, "$l_{max}$")):
+            axes.axvline(edge, color=style.RED, linestyle="--", linewidth=0.8)
+            axes.annotate(name, (edge, 0.96 * TOP), ha="right" if edge == near else "left", va="top")
+        axes.set(ylabel="$h_f$ (m)", ylim=(-DEPTH, TOP), xlim=(-0.45, 0.55))
+        axes.set_title(f"stone {walk.step_index[row] + 1}: $l_{{min}}$ = {near:.3f} m", loc="right", fontsize=9)
+        axes.grid(visible=False)
+    style.legend(panels[0])
+    panels[-1].set_xlabel("from the stance foot (m)")
+    return figure
