@@ -8,7 +8,7 @@ import pkgutil
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-import rl_cbf_clf_controller.ros.node
+import rl_cbf_clf_controller.ros.node_parameters
 import rl_trainer.ros.trainer_setup
 import typer
 from common import WORKSPACE
@@ -26,7 +26,7 @@ from rl_trainer.parameters import TrainingParameters
 SOURCES = WORKSPACE / "src"
 NODES: Mapping[str, tuple[type[BaseModel], ...]] = {
     "simulator": (SimulatorParameters, SimulationParameters),
-    "controller": (rl_cbf_clf_controller.ros.node.NodeParameters, ControllerParameters),
+    "controller": (rl_cbf_clf_controller.ros.node_parameters.NodeParameters, ControllerParameters),
     "trainer": (rl_trainer.ros.trainer_setup.NodeParameters, TrainingParameters),
     "recorder": (recorder.NodeParameters,),
     "viewer": (ViewerParameters,),

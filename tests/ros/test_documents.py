@@ -6,8 +6,8 @@ import re
 from pathlib import Path
 from typing import Any
 
-import rabbit_estimator.ros.node
-import rl_cbf_clf_controller.ros.node
+import rabbit_estimator.parameters
+import rl_cbf_clf_controller.ros.node_parameters
 import rl_trainer.ros.node
 import yaml
 from pydantic import BaseModel
@@ -26,8 +26,8 @@ BRINGUP = ROOT / "ros2_ws" / "src" / "rabbit_bringup"
 PAGE = (ROOT / "docs" / "topics.md").read_text(encoding="utf-8")
 MODELS: dict[str, tuple[type[BaseModel], ...]] = {
     "simulator": (simulator.NodeParameters, SimulationParameters),
-    "estimator": (rabbit_estimator.ros.node.NodeParameters, EstimatorParameters),
-    "controller": (rl_cbf_clf_controller.ros.node.NodeParameters, ControllerParameters),
+    "estimator": (rabbit_estimator.parameters.NodeParameters, EstimatorParameters),
+    "controller": (rl_cbf_clf_controller.ros.node_parameters.NodeParameters, ControllerParameters),
     "trainer": (rl_trainer.ros.node.NodeParameters, TrainingParameters),
     "recorder": (recorder_node.NodeParameters,),
     "viewer": (ViewerParameters,),

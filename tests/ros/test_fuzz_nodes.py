@@ -193,9 +193,9 @@ def simulator(ros: None) -> Iterator[SimulatorNode]:
 @given(data=st.data())
 def test_simulator(simulator: SimulatorNode, data: st.DataObject) -> None:
     """Each example begins with tick 0 of an episode of number 1."""
-    simulator._state = None
-    simulator._episode.episode = 0
-    simulator._begin(data.draw(st.integers(0, 2**64 - 1)))
+    simulator._player.state = None
+    simulator._player.episode.episode = 0
+    simulator._player.begin(data.draw(st.integers(0, 2**64 - 1)))
     feed(data, callbacks(simulator))
     simulator._look()
     simulator._status()
@@ -228,7 +228,7 @@ def test_a_state_before_the_announcement_of_its_episode_is_kept_until_then(ros: 
 def test_controller(controller: ControllerNode, data: st.DataObject) -> None:
     """Each example begins with an announced episode, or in the middle of it."""
     hears = callbacks(controller)
-    controller._turn = (0, -1)
+    controller._ticks.turn = (0, -1)
     for topic in ("episode", "preview"):
         hears[topic](bytes(serialize_message(SOUND[topic][0])))
     for state in SOUND["state"][: data.draw(st.integers(0, 3))]:

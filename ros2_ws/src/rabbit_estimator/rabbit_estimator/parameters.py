@@ -8,6 +8,14 @@ from pydantic import BaseModel, ConfigDict, Field
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
+class NodeParameters(BaseModel):
+    """Parameters of the estimator's node besides the estimator's."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    priority: int = Field(0, ge=0, le=99, description="SCHED_FIFO priority, where permitted; 0: an ordinary process")
+
+
 class EstimatorParameters(BaseModel):
     """Flat, immutable and checked. Standard deviations, unless said otherwise."""
 

@@ -14,7 +14,6 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
 from rabbit_common.message_checks import MessageCounter, Refused, check_finite, check_turn
 from rabbit_common.priority import scheduling, take_priority
 from rabbit_common.ros.checked_subscription import create_checked_subscription
@@ -29,7 +28,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import Imu, JointState
 
 from rabbit_estimator.contact_aided_filter import ContactAidedFilter, EstimatorError
-from rabbit_estimator.parameters import EstimatorParameters
+from rabbit_estimator.parameters import EstimatorParameters, NodeParameters
 
 SENSORS: dict[str, tuple[Any, Callable[[Any], tuple[Any, ...]]]] = {  # by topic; the fields of `BodySensors` in turn
     "joint_states": (JointState, encoders_of),
@@ -37,14 +36,6 @@ SENSORS: dict[str, tuple[Any, Callable[[Any], tuple[Any, ...]]]] = {  # by topic
 }
 NEWEST = 100  # messages of a sensor that are kept for their tick
 LONG = 0.5  # s that a tick may wait for its sensors
-
-
-class NodeParameters(BaseModel):
-    """Parameters of the node besides those of the estimator."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    priority: int = Field(0, ge=0, le=99, description="SCHED_FIFO priority, where permitted; 0: an ordinary process")
 
 
 class EstimatorNode(Node):
@@ -82,21 +73,17 @@ class EstimatorNode(Node):
 
     def _on_measured(self, message: RabbitState) -> None:
         turn = (message.episode, message.tick)
-        try:
-            if message.running:
-                check_finite("foot_force", message.foot_force)
-            if turn == self._turn:
-                self._repeat(message)
-                return
-            if message.episode > self._episode.episode:
-                self._early = message
-                return
-            begins = self._turn[0] < message.episode == self._episode.episode
-            if not begins or not message.running:
-                check_turn(turn, (self._turn[0], self._turn[1] + 1))
-        except Refused as error:
-            self._refuse("measured", error)
+        if message.running:
+            check_finite("foot_force", message.foot_force)
+        if turn == self._turn:
+            self._repeat(message)
             return
+        if message.episode > self._episode.episode:
+            self._early = message
+            return
+        begins = self._turn[0] < message.episode == self._episode.episode
+        if not begins or not message.running:
+            check_turn(turn, (self._turn[0], self._turn[1] + 1))
         self._message_counter.accept("measured")
         self._turn, self._early, self._answer = turn, None, None
         if begins:
@@ -120,13 +107,9 @@ class EstimatorNode(Node):
     def _on_sensor(self, topic: str, message: Any) -> None:
         """Keep what it says for its tick; of two with the same stamp the later one counts."""
         at, said = nanoseconds(message.header.stamp), self._said[topic]
-        try:
-            if at < self._used:
-                raise Refused("late", f"stamp {at} ns; expected {self._used} or a later one")
-            reading = SENSORS[topic][1](message)
-        except Refused as error:
-            self._refuse(topic, error)
-            return
+        if at < self._used:
+            raise Refused("late", f"stamp {at} ns; expected {self._used} or a later one")
+        reading = SENSORS[topic][1](message)
         if at == self._used:
             self._message_counter.accept(f"{topic} again")
             return
@@ -137,17 +120,16 @@ class EstimatorNode(Node):
         self._go_on()
 
     def _on_episode(self, message: Episode) -> None:
-        try:
-            check_episode(message, self._turn[0])
-        except Refused as error:
-            self._refuse("episode", error)
-            return
+        check_episode(message, self._turn[0])
         self._message_counter.accept("episode")
         if is_new_simulator(message) and self._turn[0] > 0:
             self._forget()
         self._episode = message
         if self._early is not None and self._early.episode == message.episode:
-            self._on_measured(self._early)
+            try:
+                self._on_measured(self._early)
+            except Refused as error:
+                self._refuse("measured", error)
 
     def _refuse(self, topic: str, error: Refused) -> None:
         self.get_logger().warning(self._message_counter.refuse(topic, error), throttle_duration_sec=1.0)
@@ -216,7 +198,3 @@ class EstimatorNode(Node):
 def main() -> None:
     """The executable `estimator`."""
     run(EstimatorNode)
-
-
-if __name__ == "__main__":
-    main()

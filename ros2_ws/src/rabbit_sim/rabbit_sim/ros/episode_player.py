@@ -1,0 +1,174 @@
+"""Plays the simulator's episodes: begins, steps, ends and announces them, and publishes every tick."""
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+from rabbit_common.message_checks import Refused, check_turn
+from rabbit_common.ros.conversions import stamp, torque_of
+from rabbit_description.gait import load_gaits
+from rabbit_description.state import Array, RobotState
+from rabbit_msgs.msg import Episode, TorqueCommand
+from rclpy.node import Node
+
+from rabbit_sim.node_parameters import NodeParameters
+from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.real_time import Source, StandIn
+from rabbit_sim.restart_file import RestartFile
+from rabbit_sim.ros.controller_admission import ControllerAdmission
+from rabbit_sim.ros.live_controllers import REPEAT_SECONDS, Wait
+from rabbit_sim.ros.publishers import SimulatorPublishers, episode_of, restart_point
+from rabbit_sim.ros.tick_clock import TickClock
+from rabbit_sim.simulation import Simulation
+
+BY_SERVICE = "by service"  # reason of a reset after which another episode begins at once
+
+
+class EpisodePlayer:
+    """`episode`: where it stands; `state`: whose torque is awaited, None between episodes; `torque`: its answer.
+
+    `wait`: for that, or for what the next episode needs; `ticks`: their pace; `admission`: who may answer;
+    `stand_in`: what acts in real time where nobody does.
+    """
+
+    def __init__(
+        self, node: Node, own: NodeParameters, plant: SimulationParameters, on_due: Callable[[], None]
+    ) -> None:
+        """`on_due` is called when a tick is due. Raises `GaitError`, `CourseError`, `RestartFileError`."""
+        self._log, self._own = node.get_logger(), own
+        self.simulation = Simulation(plant, load_gaits(own.gait))
+        self._memory = RestartFile(Path(own.memory) if own.memory else None)
+        before = self._memory.stand  # of a simulator that was killed
+        self._clock_ticks = before.clock_ticks
+        self.episode = episode_of(before, plant.stones)
+        self.state: RobotState | None = None
+        self.torque: Array | None = None
+        self.stand_in = StandIn(own.held_ticks, own.damped_ticks, own.damping)
+        self.admission, self.wait = ControllerAdmission(), Wait()
+        self.ticks = TickClock(node, own.late_limit, on_due)
+        self._topics = SimulatorPublishers(node, plant)
+        if before.running:
+            self._log.warning(f"episode {before.episode}, tick {before.tick}: {self.episode.reason}")
+
+    @property
+    def readers(self) -> int:
+        """Nodes that hear the state."""
+        return self._topics.readers
+
+    def begin(self, seed: int, sigma: float = math.nan, policy: str = "") -> None:
+        """Reset the plant; tick 0 goes out at once."""
+        plant = self.simulation.parameters
+        if plant.sensors == "lab":
+            self._clock_ticks += 1  # what the sensors say is matched by its stamp: each tick has one of its own
+        self.torque = None
+        self.stand_in.begin()
+        self.admission.begin()
+        self.state = state = self.simulation.reset(seed)
+        number = self.episode.episode + 1
+        self.episode = Episode(episode=number, seed=seed, sigma=sigma, policy_version=policy, stones=plant.stones)
+        self._topics.begin(self.episode)
+        self.announce(Episode.RUNNING)
+        self._publish(state)
+
+    def step_answered(self, torque: Array) -> None:
+        """Simulate a tick under its answer, (4,) N m."""
+        self.stand_in.answered(torque)
+        self._step(torque, Source.ANSWER)
+
+    def step_without_answer(self) -> bool:
+        """Simulate a tick under what stands in, but no first one. Returns whether no answer counts from now on."""
+        if self.state is None or self.state.tick == 0:
+            self.ticks.due = False  # the first tick begins at the next pace after its torque
+            return False
+        torque, source = self.stand_in.missed(self.state.joint_rates)
+        gave_up = source is Source.HELD and self.stand_in.gave_up
+        self._step(torque, source)
+        return gave_up
+
+    def _step(self, torque: Array, source: Source) -> None:
+        """Ends the episode if it is over."""
+        before = stamp(self._clock_ticks), self.episode.episode, self.episode.tick
+        self.state, self.torque = self.simulation.step(torque), None
+        self.episode.tick, self.episode.touchdowns = self.state.tick, self.state.touchdowns
+        self._clock_ticks += 1
+        self.ticks.wait()
+        if self._own.real_time:
+            self.ticks.simulated(*before, source)
+        self._publish(self.state)
+        if not self.state.running or self.stand_in.is_over:
+            self.end(*self.stand_in.verdict(self.simulation.outcome.value))
+
+    def end(self, outcome: str, reason: str = "") -> None:
+        """End the episode, if one runs."""
+        if self.state is None:
+            return
+        self.episode.outcome, self.episode.reason = outcome, reason[:128]
+        self.announce(Episode.ENDED)
+        self._topics.end(self.episode)
+        if 0 < self._own.episodes <= self.episode.episode and reason != BY_SERVICE:
+            self._log.info("all episodes are done")
+        self.state = self.torque = None
+        self.wait.begin()
+
+    def announce(self, phase: int) -> None:
+        """Publish where the episode stands."""
+        self.episode.phase, self.episode.stamp = phase, stamp(self._clock_ticks)
+        self._memory.note(restart_point(self.episode, self._clock_ticks))
+        self._topics.episode(self.episode)
+
+    def give_up(self, reason: str) -> None:
+        """The next episode cannot begin: say so once."""
+        self.episode.outcome, self.episode.reason = "silent", reason
+        self._log.warning(reason)
+        self.announce(Episode.ENDED)
+        self.wait.give_up()
+
+    def checked(self, message: TorqueCommand) -> Array:
+        """The torque (4,) that answers the state, N m; raises `Refused` if this message's does not.
+
+        Two controllers that cannot be told apart end the episode.
+        """
+        if self.state is not None and message.episode == self.episode.episode:
+            if fault := self.admission.mixed(message):
+                self.end("fault", fault)
+                raise Refused("two without a name", fault)
+            self.admission.check(message.sender, is_asked_again=self.wait.reminders > 0)
+        if self.state is None or self.torque is not None:
+            raise Refused("not awaited", f"episode {message.episode}, tick {message.tick}")
+        check_turn((message.episode, message.tick), (self.episode.episode, self.state.tick))
+        if self.stand_in.gave_up:
+            raise Refused("too late", f"the joints are damped since tick {self.state.tick}")
+        return torque_of(message)
+
+    @property
+    def missing(self) -> str:
+        """The torque that is late; empty: none is."""
+        if self.state is None or self.torque is not None or self.wait.seconds <= REPEAT_SECONDS:
+            return ""
+        who = "the controller" if self.state.sensors is None else "estimator or controller"
+        return f"{who}: no torque for tick {self.state.tick} of episode {self.episode.episode}"
+
+    def name_controllers(self) -> None:
+        """Announce whose torques act and whose are refused, where that is new."""
+        e, now = self.episode, (self.admission.controller or "", self.admission.refused)
+        if now == (e.controller, e.refused_controller):
+            return
+        if now[1] != e.refused_controller:
+            self._log.error(f"two controllers answer: torques of {now[1]} are refused, those of {now[0]} act")
+        e.controller, e.refused_controller = now
+        self.announce(e.phase)
+
+    def ask_again(self, state: RobotState) -> None:
+        """Announce the episode and publish the state once more."""
+        self.announce(Episode.RUNNING)
+        self._topics.again(state, self.episode.episode, stamp(self._clock_ticks))
+
+    def _publish(self, state: RobotState) -> None:
+        """A tick's messages."""
+        self._memory.note(restart_point(self.episode, self._clock_ticks))
+        now, truth = stamp(self._clock_ticks), self.simulation.reading
+        self._topics.tick(state, self.episode.episode, now, self.simulation.landings, truth)
+        self.ticks.sent()
+        if self.wait.reminders:
+            self._log.warning(f"goes on with tick {state.tick} of episode {self.episode.episode}")
+        self.wait.begin()
