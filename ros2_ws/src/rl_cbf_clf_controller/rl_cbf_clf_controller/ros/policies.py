@@ -48,7 +48,7 @@ class Policies:
         self._refused: deque[CheckedPolicy] = deque(maxlen=REFUSED)
         self._swaps = node.create_publisher(PolicySwap, "policy_swap", EVENT)
         self._tell(self.in_force, (0, 0))
-        self._loader = PolicyLoader(node, parameters, gaits, self._decide, own.swap_at != "never")
+        self._loader = PolicyLoader(node, parameters, gaits, self._keep, own.swap_at != "never")
 
     def close(self) -> None:
         """End the thread that checks."""
