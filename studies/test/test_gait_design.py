@@ -90,8 +90,10 @@ def test_walk_is_stable_and_has_momentum_to_spare(designed: Designed) -> None:
     assert figures["start_phase_rate"] > figures["least_phase_rate"]
 
 
-def test_a_signal_stops_the_search_and_is_heard() -> None:
+def test_a_signal_stops_the_search_and_is_heard(request: pytest.FixtureRequest) -> None:
     """Not as a search that found nothing, and not lost in CasADi."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell in the background ignores it
+    request.addfinalizer(lambda: signal.signal(signal.SIGINT, before))
     iterations: list[int] = []
 
     def interrupt(iteration: int, *_: float) -> None:

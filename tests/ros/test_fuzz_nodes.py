@@ -287,11 +287,18 @@ def test_damaged_sensors_are_refused_and_change_nothing_that_comes_after(ros: No
         assert refused(estimator) >= 4 * 4
 
 
+def begin(node: TrainerNode) -> None:
+    """Have the trainer begin where a simulator stands that has walked nothing yet."""
+    callbacks(node)["episode"](bytes(serialize_message(Episode(phase=Episode.WAITING, sigma=math.nan))))
+    node._look()
+    assert node._started
+
+
 @pytest.fixture(scope="module")
 def trainer(ros: None) -> Iterator[TrainerNode]:
     """A trainer that has heard of a simulator."""
     with closing_node(TrainerNode()) as node:
-        node._start(Episode())
+        begin(node)
         yield node
         assert refused(node) > 0
         assert node._learning.error == ""
@@ -300,14 +307,14 @@ def trainer(ros: None) -> Iterator[TrainerNode]:
 def test_a_trainer_that_was_led_ahead_goes_back_to_where_the_simulator_stands(ros: None) -> None:
     """Somebody announces the end of an episode that never was; the simulator waits for the plan after its own."""
     with closing_node(TrainerNode()) as node:
-        node._start(Episode())
+        begin(node)
         for number in (49, 13):
             ended = Episode(episode=number, phase=Episode.ENDED, tick=5, outcome="walked", sigma=math.nan)
             callbacks(node)["episode"](bytes(serialize_message(ended)))
-            node._hand_on(node._walk.give_up())
-            assert node._walk.done == number
+            node._hand_on(node._ticks.give_up())
+            assert node._ticks.done == number
         end = time.monotonic() + 60
-        while node._planned is None or node._planned[1] != 13:
+        while node._published._planned is None or node._published._planned[1] != 13:
             assert time.monotonic() < end
             time.sleep(0.01)
 
@@ -323,7 +330,7 @@ def test_trainer(trainer: TrainerNode, data: st.DataObject) -> None:
             hears[topic](bytes(serialize_message(SOUND[topic][tick])))
     feed(data, hears)
     if data.draw(st.booleans()):
-        trainer._hand_on(trainer._walk.give_up())
+        trainer._hand_on(trainer._ticks.give_up())
     trainer._look()
     trainer._status()
     assert trainer._learning.error == ""

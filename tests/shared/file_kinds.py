@@ -32,7 +32,7 @@ from rabbit_recording.recover import recover
 from rabbit_reproduce.setting import SETTINGS, SettingError, read_setting
 from rabbit_reproduce.training import COMMITTED, Episode
 from rabbit_reproduce.training_jobs import TrainingJob
-from rabbit_rivals import learning_curve, model_file
+from rabbit_rivals import model_file
 from rabbit_rivals.gp_controller import GpAbout
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.restart_file import RestartFile, RestartFileError
@@ -245,7 +245,6 @@ def kinds(walk: Walk) -> dict[str, Kind]:
     report = {"commit": "a", "transitions": 3, "episodes": [{"kept": 3}]}
     log = "\n".join(COMMITTED.read_text(encoding="utf-8").splitlines()[:6]).encode()
     parameters = b"/**/simulator: {ros__parameters: {stones: 3, mass_scale: 1.5}}\n"
-    curve = b"steps,stones,flat_steps\n0,1,2\n100,3,4.5\n"
     return {
         "policy": Kind(
             (("tiny.safetensors", tiny.encode()), ("policy.safetensors", shipped.read_bytes())),
@@ -298,7 +297,6 @@ def kinds(walk: Walk) -> dict[str, Kind]:
         ),
         "memory": Kind((("memory", memory()),), RestartFile, (RestartFileError,)),
         "table": Kind((("log.csv", log),), lambda p: read_rows(p, Episode), (ValueError,)),
-        "curve": Kind((("curve.csv", curve),), learning_curve.read, (learning_curve.CurveError,)),
         "misses": Kind(
             (("best.json", Path(misses.__file__).with_name("best.json").read_bytes()),),
             misses.MissProbability.load,

@@ -58,7 +58,7 @@ def test_paper_literal_learner_has_the_papers_form(tmp_path: Path) -> None:
     done = rabbit("train", "--out", tmp_path, "--problem", "rl-clf-qp", "--paper-literal", *SHORT, "--batch", 9)
     assert done.exit_code == 0, done.output
     assert not read(tmp_path / "policy.safetensors").metadata.structured
-    assert "critic: plain" in (tmp_path / "parameters.yaml").read_text()
+    assert "learner: paper_ddpg" in (tmp_path / "parameters.yaml").read_text()
     assert "batch: 9" in (tmp_path / "parameters.yaml").read_text()
 
 

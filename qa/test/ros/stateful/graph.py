@@ -17,7 +17,7 @@ from rabbit_msgs.msg import Episode
 from rabbit_msgs.srv import Pause
 
 from .forked import ForkedProcesses
-from .policies import PLANT, SEEDS, TUNING, write_all
+from .policies import PARAMETERS, PLANT, SEEDS, write_all
 
 NODES = ("simulator", "controller", "trainer", "recorder")
 ASKED_AGAIN = 2.0  # s
@@ -74,7 +74,7 @@ class HeldGraph(CampaignGraph):
         own = {
             "simulator": {"episodes": 1_000_000, "readers": 1 + len(NODES[1:]), "trainer": "wait", "start_paused": True}
             | {"memory": str(self.folder / "simulator.memory"), "answer_timeout": 600.0, **PLANT.model_dump()},
-            "controller": TUNING.model_dump(mode="json"),
+            "controller": PARAMETERS.model_dump(mode="json"),
             "trainer": {"folder": str(self.training), "learn_beside": 0, **TRAINING.model_dump(mode="json")},
             "recorder": {"path": str(self.folder / "recording")},
         }
@@ -149,7 +149,7 @@ class HeldGraph(CampaignGraph):
         hears |= {"torque": lambda m: torques.__setitem__(m.tick, m.torque.tobytes())}
         for name, hear in hears.items():
             self.node.create_subscription(TOPIC[name].type, f"/{namespace}/{name}", hear, TOPIC[name].qos)
-        own = {"simulator": PLANT.model_dump() | {"seed": SEEDS[0]}, "controller": TUNING.model_dump(mode="json")}
+        own = {"simulator": PLANT.model_dump() | {"seed": SEEDS[0]}, "controller": PARAMETERS.model_dump(mode="json")}
         path = self.folder / "elsewhere.yaml"
         write_parameters(path, own)
         for name in own:

@@ -63,7 +63,7 @@ def assert_same(one: Any, other: Any, but: set[str]) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "law", "plants"),
+    ("name", "tuning", "plants"),
     [
         ("ours", {"controller": "rl-cbf-clf-qp", "qp_solver": "daqp"}, PLANTS),
         ("ours", {"controller": "rl-cbf-clf-qp", "qp_solver": "osqp"}, PLANTS[:3]),

@@ -51,7 +51,7 @@ class TrainerNode(Node):
         folder = Path(own.folder) if own.folder else None
         self._published = Publishers(self, self._training, own.plan_episodes)
         self._learning = LearningThread(make_trainer(self._training, own), self._published, beside, folder)
-        self._counter = MessageCounter()
+        self._message_counter = MessageCounter()
         self._ticks = TickSynchronizer(tuple(PARTS))
         self._held_up_since: float | None = None
         self._started = self._is_joining = False
@@ -61,7 +61,7 @@ class TrainerNode(Node):
         self._inputs = [hear(of, part, partial(self._on_part, part), TICK) for part, of in PARTS.items()]
         hear(msg.Episode, "episode", self._on_episode, EVENT)
         hear(msg.PolicySwap, "policy_swap", self._on_swap, EVENT)
-        self._diagnostics = Diagnostics(self, self._counter, self._status)
+        self._diagnostics = Diagnostics(self, self._message_counter, self._status)
         steady_timer(self, 0.5, self._look)
         self.get_logger().info(f"ready: learns {self._training.problem}, begins with policy {own.policy}")
 
@@ -84,14 +84,14 @@ class TrainerNode(Node):
         if part != "state" and not self._walks(message.sender, message.episode):
             judged = "another controller"
         if judged == "again":
-            self._counter.accept(f"{part} again")
+            self._message_counter.accept(f"{part} again")
             return
         if judged != "good":
             raise Refused(judged, f"episode {message.episode}, tick {message.tick}")
         checked = None  # what is refused is lost
         try:
             checked = checked_part(part, message, self._training.problem)
-            self._counter.accept(part)
+            self._message_counter.accept(part)
         finally:
             if self._is_joining:
                 self._is_joining = False
@@ -102,7 +102,7 @@ class TrainerNode(Node):
         if self._started and message.episode <= self._ticks.done and message.phase != msg.Episode.WAITING:
             self._on_known_episode(message)
         check_episode(message, self._ticks.done if self._started else 0)
-        self._counter.accept("episode")
+        self._message_counter.accept("episode")
         self._newest = message
         if policy := self._policies.get(message.controller):
             self._learning.in_force(policy)
@@ -130,7 +130,7 @@ class TrainerNode(Node):
 
     def _on_swap(self, message: msg.PolicySwap) -> None:
         policy = policy_of(message, self._training.problem)
-        self._counter.accept("policy_swap")
+        self._message_counter.accept("policy_swap")
         if policy is None:
             return
         self._policies[message.sender] = policy
@@ -145,7 +145,7 @@ class TrainerNode(Node):
         return newest is None or newest.episode != episode or newest.controller in ("", controller)
 
     def _refuse(self, topic: str, error: Refused) -> None:
-        self.get_logger().warning(self._counter.refuse(topic, error), throttle_duration_sec=1.0)
+        self.get_logger().warning(self._message_counter.refuse(topic, error), throttle_duration_sec=1.0)
 
     # What goes on
 
