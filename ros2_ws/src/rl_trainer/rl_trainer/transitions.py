@@ -78,7 +78,7 @@ class Transition:
 
     @property
     def target(self) -> Array:
-        """What the correction should have been, (n,): the model's error at the executed mu.
+        """What the correction (n,) should have been, the model's error at the executed mu.
 
         In the first approach the correction is part of the input v = mu + correction, which the nominal model takes for
         y''; the target is v - y''.
