@@ -89,6 +89,10 @@ class LazyGroup(TyperGroup):
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """The command itself. From here on a Ctrl-C or SIGTERM is a `KeyboardInterrupt`, which it may answer."""
+        if args[0] in ORDER and args[0] not in commands():
+            from rabbit_common.options import fail
+
+            fail(f"{args[0]} is not installed: call make studies, or pip install ./studies ./qa")
         name, _, rest = super().resolve_command(ctx, args)
         entry = commands()[str(name)]
         if source(entry) is None:

@@ -88,6 +88,14 @@ def test_a_command_without_a_module_hurts_nobody_else(stranger: Callable[[str], 
     assert "dance cannot be called: there is no module nowhere.at_all" in refused.stderr
 
 
+def test_a_studys_command_says_how_to_install_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    product = {name: command for name, command in commands().items() if name != "benchmark"}
+    monkeypatch.setattr("rabbit_bringup.cli.commands", lambda: product)
+    refused = CliRunner().invoke(app, ["benchmark", "--list"])
+    assert (refused.exit_code, refused.stderr.count("\n")) == (2, 1)
+    assert "benchmark is not installed: call make studies" in refused.stderr
+
+
 @pytest.mark.parametrize(("error", "code"), [(KeyboardInterrupt(), 130), (Interrupted(signal.SIGTERM), 143)])
 def test_a_command_that_a_signal_ends_has_the_shells_code(
     stranger: Callable[[str], None], monkeypatch: pytest.MonkeyPatch, error: BaseException, code: int
