@@ -9,7 +9,6 @@ point is one of this whole map, found by walking, and its eigenvalue that of the
 The least phase rate is the manifold's own (`ZeroDynamics.least_phase_rate`): slower post-impact starts fall backwards.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,7 +19,6 @@ from rabbit_gait_design.zero_dynamics import ZeroDynamics, loaded_model
 from rl_cbf_clf_controller.virtual_constraints import VirtualConstraints
 from scipy.integrate import solve_ivp
 
-PAYLOADS = tuple(float(kg) for kg in range(0, 73, 8))  # kg
 LONGEST_STEP = 3.0  # s
 HIP_FALL = 0.5  # m
 SHAPE = slice(2, 7)  # pitch and joints: the pinned robot's own coordinates
@@ -181,8 +179,3 @@ def under_payload(gait: Gait, payload: float, eps: float = 0.05) -> PayloadRepor
         friction_used=float(np.abs(taken.force[:, 0] / taken.force[:, 1]).max()),
         least_normal_force=float(taken.force[:, 1].min()),
     )
-
-
-def over_payloads(gait: Gait, payloads: Sequence[float] = PAYLOADS) -> list[PayloadReport]:
-    """`under_payload` at each payload, kg."""
-    return [under_payload(gait, payload) for payload in payloads]

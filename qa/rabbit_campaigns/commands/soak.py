@@ -19,7 +19,7 @@ OVER = 1  # exit code where a bar is not kept
 READY = 600.0  # s for the nodes to find each other: a soak may begin on a busy machine
 TRAINER_TIMEOUT = 3600.0  # s
 CAPACITY = 5_000  # transitions kept: a replay buffer that still fills up would look like a leak
-SURE = {  # walks every course, whatever policy that does little is beside it
+SURE = {  # walks every course, with any policy whose estimates are small
     "controller": "rl-cbf-clf-qp",
     "adaptation": "identification",
     "objective": "pd_centred",

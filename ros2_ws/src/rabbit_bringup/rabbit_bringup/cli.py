@@ -26,23 +26,8 @@ from typer.core import TyperCommand, TyperGroup
 GROUP = "rabbit.commands"
 # as the help text lists them; those of other packages follow by name
 ORDER = (
-    *(
-        "play",
-        "walk",
-        "view",
-        "run",
-        "evaluate",
-        "benchmark",
-        "misses",
-        "speed",
-        "reproduce",
-        "gait",
-        "train",
-        "policy",
-        "estimator",
-        "rival",
-    ),
-    *("bench", "jitter", "soak", "faults", "bag", "video"),
+    *("play", "walk", "view", "run", "evaluate", "benchmark", "misses", "speed", "reproduce", "gait", "train"),
+    *("policy", "estimator", "rival", "bench", "jitter", "soak", "faults", "bag", "video"),
 )
 
 

@@ -1,1 +1,1 @@
-"""What the nodes share: parameters, QoS, checks of every message, conversions, diagnostics."""
+"""What nodes and commands share: options and ROS parameters, checks of messages, exit codes; `ros`: QoS."""

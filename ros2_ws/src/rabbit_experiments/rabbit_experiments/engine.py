@@ -29,9 +29,8 @@ def run(
 ) -> int:
     """Do what the cache lacks, with a bar; returns how many were done. Ctrl-C loses only jobs under way.
 
-    One process does them here and in order. At most `batch` jobs that are companions are done at once.
-    `note(job, result)` is called once a result is kept; it returns what the
-    bar says.
+    One process does them here and in order. At most `batch` jobs that are companions are done at once. `note(job,
+    result)` is called once a result is kept; it returns what the bar says.
 
     Raises:
         JobError: of the first job that had no result, when the others are done.

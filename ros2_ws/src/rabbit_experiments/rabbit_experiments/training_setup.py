@@ -42,8 +42,8 @@ def training(
 
     Raises `GaitError`, `CourseError`, `CheckpointError`.
 
-    `command` goes into the policy files, this process's own where it is not given; `learner` is in place of the one
-    that the parameters name.
+    `command` goes into the policy files; by default it is this process's own. `learner` replaces the one that the
+    parameters name.
     """
     gait = load_gaits(controller.gait)
 

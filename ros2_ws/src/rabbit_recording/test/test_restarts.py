@@ -1,4 +1,4 @@
-"""A simulator started anew within a recording, and settings that changed."""
+"""Recordings in which the simulator was started again or settings changed."""
 
 from collections.abc import Callable
 from dataclasses import replace

@@ -364,16 +364,7 @@ class BatchController:
         self._p[i, self._places["step_length"]] = lengths[0] if lengths else 0.0
 
 
-PER_ROBOT = {"policies", "_steps", "_estimators", "_rngs", "_constraints", "_stance", "_index", "_start_tick"}
-PER_ROBOT |= {
-    "_has_begun",
-    "_seconds_before",
-    "_checked",
-    "_torque",
-    "_path",
-    "_scale",
-    "_p",
-    "_last_tick",
-    "_last_x",
-    "_last_p",
+PER_ROBOT = {
+    *("policies", "_steps", "_estimators", "_rngs", "_constraints", "_stance", "_index", "_start_tick", "_has_begun"),
+    *("_seconds_before", "_checked", "_torque", "_path", "_scale", "_p", "_last_tick", "_last_x", "_last_p"),
 }
