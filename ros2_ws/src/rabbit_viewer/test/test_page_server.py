@@ -14,12 +14,10 @@ from pathlib import Path
 
 import pytest
 from page_client import PageClient
-from rabbit_viewer.page.address import PageError
-from rabbit_viewer.page.background import BackgroundPage
+from rabbit_viewer.page import PageError
 from rabbit_viewer.page.broadcast import KEPT_BYTES, Broadcast
-from rabbit_viewer.page.export import page_with, write_page
-from rabbit_viewer.page.files import contents, find_file
-from rabbit_viewer.page.server import LONGEST_MESSAGE, MOST_MESSAGES
+from rabbit_viewer.page.files import contents, find_file, page_with, write_page
+from rabbit_viewer.page.server import LONGEST_MESSAGE, MOST_MESSAGES, PageServer
 from websockets.exceptions import InvalidStatus
 
 WALKER = {"name": "nominal", "columns": ["tick", "V"], "quantities": []}
@@ -32,10 +30,17 @@ def rows(first: int, count: int) -> bytes:
 
 
 @pytest.fixture
-def page() -> Iterator[BackgroundPage]:
+def broadcast() -> Broadcast:
+    """A walk that has begun."""
+    begun = Broadcast()
+    begun.begin(ABOUT)
+    return begun
+
+
+@pytest.fixture
+def page(broadcast: Broadcast) -> Iterator[PageServer]:
     """Answers each message with itself as the refusal, if it is a word."""
-    served = BackgroundPage(0, lambda message: message if message.isalpha() else "")
-    served.do(served.broadcast.begin, ABOUT)
+    served = PageServer(broadcast, lambda message: message if message.isalpha() else "", 0)
     yield served
     served.close()
 
@@ -48,7 +53,7 @@ def get(address: str, path: str, **headers: str) -> tuple[int, str]:
     return answer.status, answer.read().decode(errors="replace")
 
 
-def test_all_files_that_the_page_names_are_served(page: BackgroundPage) -> None:
+def test_all_files_that_the_page_names_are_served(page: PageServer) -> None:
     status, index = get(page.address, "/")
     assert status == 200
     named = re.findall(r'(?:href|src)="([^"]+?\.(?:css|js|html))"', index) + re.findall(r'"\./(\w+\.js)"', index)
@@ -61,7 +66,7 @@ def test_all_files_that_the_page_names_are_served(page: BackgroundPage) -> None:
 
 
 @pytest.mark.parametrize("path", ["/../server.py", "/uplot/../../server.py", "/static", "/nowhere", "/%2e%2e/x"])
-def test_nothing_else_is_served(page: BackgroundPage, path: str) -> None:
+def test_nothing_else_is_served(page: PageServer, path: str) -> None:
     assert get(page.address, path)[0] == 404
 
 
@@ -70,30 +75,30 @@ def test_nothing_else_is_served(page: BackgroundPage, path: str) -> None:
     [{"Host": "evil.example"}, {"Host": "evil.example:80"}, {"Host": ""}, {"Origin": "http://evil.example"}]
     + [{"Origin": "null"}, {"Origin": "http://127.0.0.1:1"}],
 )
-def test_another_sites_page_gets_nothing(page: BackgroundPage, headers: dict[str, str]) -> None:
+def test_another_sites_page_gets_nothing(page: PageServer, headers: dict[str, str]) -> None:
     assert get(page.address, "/", **headers)[0] == 403
     if "Origin" in headers:
         with pytest.raises(InvalidStatus, match="403"), PageClient(page.address, timeout=5, **headers):
             pass
 
 
-def test_two_browsers_and_a_late_third_see_the_same(page: BackgroundPage) -> None:
+def test_two_browsers_and_a_late_third_see_the_same(page: PageServer, broadcast: Broadcast) -> None:
     with PageClient(page.address) as one, PageClient(page.address) as two:
         for first in range(0, 50, 10):
-            page.do(page.broadcast.add, rows(first, 10))
+            broadcast.add(rows(first, 10))
         for client in (one, two):
             client.wait(lambda client: len(client.rows) == 50)
-        page.do(page.broadcast.say, "state", {"paused": True})
+        broadcast.say("state", {"paused": True})
         with PageClient(page.address) as three:
             three.wait(lambda client: len(client.rows) == 50 and "state" in client.words)
             assert three.rows == one.rows == two.rows
         assert one.rows[7] == [{"tick": 7.0, "V": 3.5}]
-        page.do(page.broadcast.begin, {**ABOUT, "title": "next"})
-        page.do(page.broadcast.add, rows(0, 3))
+        broadcast.begin({**ABOUT, "title": "next"})
+        broadcast.add(rows(0, 3))
         two.wait(lambda client: client.words["about"]["title"] == "next" and len(client.rows) == 3)
 
 
-def test_a_refusal_goes_to_the_browser_that_asked(page: BackgroundPage) -> None:
+def test_a_refusal_goes_to_the_browser_that_asked(page: PageServer) -> None:
     with PageClient(page.address) as one, PageClient(page.address) as two:
         one.say("no")
         one.wait(lambda client: "refused" in client.words)
@@ -104,16 +109,16 @@ def test_a_refusal_goes_to_the_browser_that_asked(page: BackgroundPage) -> None:
         assert not two.hear(0.1) or "refused" not in two.words
 
 
-def test_too_long_a_message_ends_the_connection_alone(page: BackgroundPage) -> None:
+def test_too_long_a_message_ends_the_connection_alone(page: PageServer, broadcast: Broadcast) -> None:
     with PageClient(page.address) as one, PageClient(page.address) as two:
         one.say("x" * (LONGEST_MESSAGE + 1))
         while not one.has_ended:
             one.hear()
-        page.do(page.broadcast.add, rows(0, 5))
+        broadcast.add(rows(0, 5))
         two.wait(lambda client: len(client.rows) == 5)
 
 
-def test_too_many_messages_are_refused(page: BackgroundPage) -> None:
+def test_too_many_messages_are_refused(page: PageServer) -> None:
     with PageClient(page.address) as one:
         for _ in range(5 * MOST_MESSAGES):
             one.say("1")
@@ -127,19 +132,19 @@ def test_a_taken_port_is_one_line() -> None:
         taken.listen()
         port = taken.getsockname()[1]
         with pytest.raises(PageError, match=rf"^page at 127.0.0.1:{port}: Address already in use; expected [^\n]*$"):
-            BackgroundPage(port, str)
+            PageServer(Broadcast(), str, port)
 
 
 def test_a_host_that_is_no_name_is_one_line() -> None:
     with pytest.raises(PageError, match=r"^page at a{70}:0: [^\n]*label too long[^\n]*; expected this machine's"):
-        BackgroundPage(0, str, "a" * 70)
+        PageServer(Broadcast(), str, 0, "a" * 70)
 
 
-def test_slow_readers_do_not_hold_up_the_end(page: BackgroundPage) -> None:
+def test_slow_readers_do_not_hold_up_the_end(page: PageServer, broadcast: Broadcast) -> None:
     with ExitStack() as stack:
         for _ in range(3):
             stack.enter_context(PageClient(page.address))
-        page.do(page.broadcast.add, rows(0, 2_000_000))  # 16 MB, more than sockets hold
+        broadcast.add(rows(0, 2_000_000))  # 16 MB, more than sockets hold
         while not page.is_watched:
             pass
         closing = threading.Thread(target=page.close, daemon=True)
@@ -170,21 +175,21 @@ def test_an_episode_without_end_does_not_fill_the_memory() -> None:
     assert kept % 8 == 0
 
 
-def test_a_saved_page_holds_the_walk_and_asks_nobody(page: BackgroundPage, tmp_path: Path) -> None:
-    page.do(page.broadcast.add, rows(0, 20))
+def test_a_saved_page_holds_the_walk_and_asks_nobody(page: PageServer, broadcast: Broadcast, tmp_path: Path) -> None:
+    broadcast.add(rows(0, 20))
     with PageClient(page.address) as one:
         one.wait(lambda client: len(client.rows) == 20)
     status, served = get(page.address, "/walk.html")
     assert status == 200
-    text = write_page(tmp_path / "walk.html", page.broadcast).read_text(encoding="utf-8")
-    assert text == served == page_with(page.broadcast)
+    text = write_page(tmp_path / "walk.html", broadcast).read_text(encoding="utf-8")
+    assert text == served == page_with(broadcast)
     inside = json.loads(re.findall(r'id="walk-data">(.*?)</script>', text, re.DOTALL)[0])
     assert inside["words"] == [{"type": "about", **ABOUT}]
     assert base64.b64decode(inside["rows"]) == rows(0, 20)
     assert not re.findall(r'(?:src|href)="(?!data:|walk\.html)', text)
     assert "default-src 'none'" in text
     with pytest.raises(PageError, match=r"^--export /nowhere/walk\.html: No such file"):
-        write_page(Path("/nowhere/walk.html"), page.broadcast)
+        write_page(Path("/nowhere/walk.html"), broadcast)
 
 
 def test_paths_that_are_asked_for_are_not_kept() -> None:

@@ -14,6 +14,7 @@ from rabbit_description.state import Array
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_viewer.page.broadcast import Broadcast
 from rabbit_viewer.page.server import LONGEST_MESSAGE
+from rabbit_viewer.play.messages import ASKED, Asked
 from rabbit_viewer.play.player import Player
 from rabbit_viewer.play.serving import Door, tell, write_play
 from rabbit_viewer.play.settings import MOST_DEEDS, Change, PlaySettings, Push, Script, Start, controls
@@ -39,8 +40,8 @@ class Played:
 
     def ask(self, **message: Any) -> None:
         """As the server passes it on."""
-        self.player.take(json.dumps(message).encode())
-        self.player.flush()
+        self.player.take(ASKED.validate_python(message))
+        self.player.say_state()
 
     def choose(self, **settings: Any) -> None:
         """As a person does, on the page."""
@@ -52,7 +53,7 @@ class Played:
             if self.player.has_ended:
                 break
             self.player.tick()
-        self.player.flush()
+        self.player.say_state()
         return self
 
     @property
@@ -282,10 +283,10 @@ GOOD = [
 def test_bad_messages_do_no_harm(played: Callable[..., Played]) -> None:
     """Each is refused with a line, or was good after all; a player takes what passes, and walks as if nothing was."""
     rng, one = random.Random(7), played()
-    passed: list[bytes] = []
+    passed: list[Asked] = []
 
-    def ask(message: bytes) -> str:
-        passed.append(message)
+    def ask(asked: Asked) -> str:
+        passed.append(asked)
         return ""
 
     door = Door(start_of(), ask)
@@ -301,8 +302,8 @@ def test_bad_messages_do_no_harm(played: Callable[..., Played]) -> None:
             one.player.tick()
     assert len(passed) < refused / 4
     np.testing.assert_array_equal(one.walk().rows()["hip_x"], played().walk().rows()["hip_x"])
-    for message in passed[:200]:
-        one.player.take(message)
+    for asked in passed[:200]:
+        one.player.take(asked)
 
 
 def test_what_the_plant_refuses_is_refused_at_the_door() -> None:

@@ -14,7 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from rabbit_common.executables import NAMESPACE
 from rabbit_estimator.parameters import EstimatorParameters
 from rabbit_sim.parameters import SimulationParameters
-from rabbit_viewer.page.address import PORT
+from rabbit_viewer.page import PORT
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
 MOST_EPISODES = 10_000

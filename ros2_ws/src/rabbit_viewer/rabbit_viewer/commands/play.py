@@ -8,7 +8,7 @@ from rabbit_common.options import Defaults, Given, complaints, options
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
-from rabbit_viewer.page.address import PORT
+from rabbit_viewer.page import PORT, PageError
 from rabbit_viewer.play.settings import Choice, OtherChoice, PlaySettings
 
 DEFAULTS = Defaults(always={"motor_lag": 0.004, "mass_scale": 2.0, "stop_at_miss": False, "fall_height": 0.35})
@@ -37,18 +37,12 @@ class PlayOptions(BaseModel):
 @options(PlayOptions, ControllerParameters, SimulationParameters, without=CHOSEN, defaults=DEFAULTS)
 def play(given: Given) -> None:
     """Play with a walk in the browser: push it, load it, change its course and controller."""
-    import asyncio
-
-    from rabbit_description.gait import GaitError
-    from rabbit_sim.stones import CourseError
-
-    from rabbit_viewer.page.address import PageError
-    from rabbit_viewer.play.serving import PlayError, serve_play, write_play
-    from rabbit_viewer.play.settings import Start, settings_of
+    from rabbit_viewer.play.serving import serve_play, write_play
+    from rabbit_viewer.play.settings import PlayError, Start, settings_of
 
     chosen = given.build(PlayOptions)
     plant, controller = given.build(SimulationParameters), given.build(ControllerParameters)
-    with complaints(PageError, PlayError, GaitError, CourseError):
+    with complaints(PageError, PlayError):
         again = "same course" if chosen.learn else "wait"
         settings = settings_of(plant, first=chosen.first, second=chosen.second, seed=chosen.seed, again=again)
         options = given.typed(but={*IN_THE_LINK, *UNIMPORTANT})
@@ -56,4 +50,4 @@ def play(given: Given) -> None:
         if chosen.export:
             print(write_play(start, chosen.export))
         else:
-            asyncio.run(serve_play(start, chosen.port, chosen.browser))
+            serve_play(start, chosen.port, chosen.browser)

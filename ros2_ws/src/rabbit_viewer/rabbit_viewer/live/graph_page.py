@@ -7,9 +7,10 @@ from rabbit_description.state import TICK_SECONDS, RobotState
 from rl_cbf_clf_controller.controller_output import ControllerOutput
 
 from rabbit_viewer.live.messages import Asked, checked
-from rabbit_viewer.page.address import HOST
-from rabbit_viewer.page.background import BackgroundPage
+from rabbit_viewer.page import HOST
+from rabbit_viewer.page.broadcast import Broadcast
 from rabbit_viewer.page.rows import RowMaker, packed
+from rabbit_viewer.page.server import PageServer
 
 ONLY_LOOKS = "this view only looks; start it with --control"
 
@@ -21,7 +22,8 @@ class GraphPage:
         """Raises `PageError`."""
         self._control = control
         self.asked: SimpleQueue[Asked] = SimpleQueue()
-        self.page = BackgroundPage(port, self._answer, host)
+        self._broadcast = Broadcast()
+        self.page = PageServer(self._broadcast, self._answer, port, host)
         self._maker: RowMaker | None = None
         self._of: tuple[Any, ...] = ()
 
@@ -36,19 +38,18 @@ class GraphPage:
             self._of = of
             self._begin(episode, drawn, output)
         assert self._maker
-        row = self._maker.row(state, output)
-        self.page.do(self.page.broadcast.add, packed(row))
+        self._broadcast.add(packed(self._maker.row(state, output)))
 
     def say_episode(self, episode: Any, phase: str) -> None:
         """Say how the episode stands; `phase` as a word."""
         word = {"phase": phase, "episode": episode.episode, "seed": episode.seed, "reason": episode.reason}
-        self._say("graph", word)
+        self._broadcast.say("graph", word)
         if phase == "ended" and self._maker and self._of[0] == episode.episode:
-            self._say("ended", {"walkers": [{"outcome": episode.outcome, "stones": episode.touchdowns}]})
+            self._broadcast.say("ended", {"walkers": [{"outcome": episode.outcome, "stones": episode.touchdowns}]})
 
     def note(self, text: str) -> None:
         """A line for all who watch."""
-        self._say("note", {"text": text})
+        self._broadcast.say("note", {"text": text})
 
     def _begin(self, episode: Any, drawn: dict[str, Any], output: ControllerOutput) -> None:
         self._maker = RowMaker(drawn, output.quantities)
@@ -60,10 +61,7 @@ class GraphPage:
             "walkers": [self._maker.about(f"policy {output.policy_version}")],
             "control": self._control,
         }
-        self.page.do(self.page.broadcast.begin, about)
-
-    def _say(self, kind: str, word: dict[str, Any]) -> None:
-        self.page.do(self.page.broadcast.say, kind, word)
+        self._broadcast.begin(about)
 
     def _answer(self, message: str) -> str:
         if not self._control:

@@ -2,7 +2,7 @@
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from rabbit_viewer.page.address import HOST, PORT
+from rabbit_viewer.page import HOST, PORT
 
 
 class ViewerParameters(BaseModel):

@@ -1,4 +1,13 @@
 """The page in the browser: the same for a simulated robot, a running graph, a recording, and a file without a server.
 
-`rows`: a tick as numbers. `server`: what browsers get and say. `export`: all of it in one HTML file.
+A source tells a `broadcast` of a walk: `rows` of a tick's numbers, and words. `server`: what browsers get and say.
+`files`: what the page is made of, and all of it in one HTML file.
 """
+
+HOST = "127.0.0.1"
+NAMES = (HOST, "localhost")  # of this machine, that a browser may ask for
+PORT = 8765
+
+
+class PageError(RuntimeError):
+    """The page cannot be served or written; one line that says why."""

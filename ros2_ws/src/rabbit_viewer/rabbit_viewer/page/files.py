@@ -1,7 +1,17 @@
-"""The files of the page. `index.html` names its modules in an import map, so that `export` can put them inside."""
+"""The files of the page; and one HTML file with the page and a walk, which opens from disk and asks nobody.
 
+`index.html` names its modules in an import map, so that all of them can be put inside.
+"""
+
+import base64
+import json
+import re
 from functools import cache
 from importlib.resources import files
+from pathlib import Path
+
+from rabbit_viewer.page import PageError
+from rabbit_viewer.page.broadcast import Broadcast
 
 SOCKET = "/walk"  # path of the websocket
 SAVED = "/walk.html"  # the page and its walk in one file
@@ -13,6 +23,10 @@ KINDS = {
 }
 INDEX = "index.html"
 STATIC = files("rabbit_viewer.page") / "static"
+ALONE = (
+    '<meta http-equiv="Content-Security-Policy" content="default-src \'none\'; '
+    "script-src 'unsafe-inline' data:; style-src 'unsafe-inline'; img-src data:\">"
+)
 
 
 def find_file(path: str) -> tuple[str, bytes] | None:
@@ -27,3 +41,38 @@ def contents() -> dict[str, tuple[str, bytes]]:
     found = [*STATIC.iterdir(), *(STATIC / "uplot").iterdir()]
     named = {(f"uplot/{file.name}" if "uPlot" in file.name else file.name): file for file in found if file.is_file()}
     return {name: (KINDS[name.rpartition(".")[2]], file.read_bytes()) for name, file in named.items() if "." in name}
+
+
+def write_page(path: Path, broadcast: Broadcast) -> Path:
+    """Write what a browser that comes now would see.
+
+    Raises:
+        PageError: the file cannot be written.
+    """
+    try:
+        path.write_text(page_with(broadcast), encoding="utf-8")
+    except OSError as error:
+        raise PageError(f"--export {path}: {error.strerror}") from error
+    return path
+
+
+def page_with(broadcast: Broadcast) -> str:
+    """The whole file's text."""
+    words, rows = broadcast.known
+    walk = json.dumps({"words": words, "rows": base64.b64encode(rows).decode()}).replace("<", "\\u003c")
+    page = text(INDEX)
+    page = page.replace('<meta charset="utf-8">', f'<meta charset="utf-8">\n{ALONE}')
+    page = re.sub(r'<link rel="stylesheet" href="(.*?)">', lambda m: f"<style>{text(m[1])}</style>", page)
+    page = re.sub(r'<script src="(.*?)">', lambda m: f"<script>{text(m[1])}", page)
+    page = re.sub(r'"\./(\w+\.js)"', lambda m: f'"data:text/javascript;base64,{encoded(m[1])}"', page)
+    return page.replace("<body>", f'<body>\n<script type="application/json" id="walk-data">{walk}</script>')
+
+
+def text(name: str) -> str:
+    """Of a file of the page."""
+    return contents()[name][1].decode()
+
+
+def encoded(name: str) -> str:
+    """A file of the page in base64."""
+    return base64.b64encode(contents()[name][1]).decode()

@@ -1,6 +1,7 @@
 """A run or a recording on the page: all rows at once, and a time line to drag."""
 
-import asyncio
+import time
+from contextlib import closing, suppress
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -10,9 +11,9 @@ from rabbit_description.state import TICK_SECONDS, StonePreview
 from rabbit_experiments.walk_records import ARRAYS, SEEN, WalkRecords
 
 from rabbit_viewer.page.broadcast import Broadcast
-from rabbit_viewer.page.export import write_page
+from rabbit_viewer.page.files import write_page
 from rabbit_viewer.page.rows import RowMaker, packed
-from rabbit_viewer.page.server import serve_until
+from rabbit_viewer.page.server import PageServer
 from rabbit_viewer.walk_pictures import records_of
 
 
@@ -29,7 +30,10 @@ def show_recording(source: Path, port: int, opens_browser: bool, export: Path | 
         print(write_page(export, broadcast))
     else:
         answer = "a recording takes no messages"
-        asyncio.run(serve_until(asyncio.Event(), broadcast, lambda _: answer, port, opens_browser))
+        with closing(PageServer(broadcast, lambda _: answer, port)) as page, suppress(KeyboardInterrupt):
+            page.announce(opens_browser)
+            while True:
+                time.sleep(1)
 
 
 def fill(broadcast: Broadcast, walk: WalkRecords, name: str) -> None:

@@ -8,10 +8,9 @@ import asyncio
 import contextlib
 import json
 import os
-import signal
 import threading
 import webbrowser
-from collections.abc import AsyncIterator, Callable
+from collections.abc import Callable
 from http import HTTPStatus
 from typing import Any
 from weakref import WeakSet
@@ -21,10 +20,9 @@ from websockets.datastructures import Headers
 from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
-from rabbit_viewer.page.address import HOST, NAMES, PageError
+from rabbit_viewer.page import HOST, NAMES, PageError
 from rabbit_viewer.page.broadcast import Broadcast
-from rabbit_viewer.page.export import page_with
-from rabbit_viewer.page.files import SAVED, SOCKET, find_file
+from rabbit_viewer.page.files import SAVED, SOCKET, find_file, page_with
 from rabbit_viewer.page.log import log, log_error
 
 LONGEST_MESSAGE = 8192  # bytes, from a browser
@@ -44,22 +42,45 @@ Answer = Callable[[str], str]  # of a message: empty, or one line that says why 
 
 
 class PageServer:
-    """The page of one `Broadcast`; `answer` is called with each message of a browser."""
+    """The page of a `Broadcast`, served from a thread of its own. `address`: of the page."""
 
-    def __init__(self, broadcast: Broadcast, answer: Answer) -> None:
-        self._broadcast, self._answer = broadcast, answer
-        self._server: Server
-        self._connections: WeakSet[ServerConnection] = WeakSet()  # those too that have asked for nothing yet
-
-    @contextlib.asynccontextmanager
-    async def serving(self, port: int, host: str = HOST) -> AsyncIterator[str]:
-        """Serve at `port`, 0: any free one; gives the page's address.
+    def __init__(self, broadcast: Broadcast, answer: Answer, port: int, host: str = HOST) -> None:
+        """`answer` is called in the thread with each message of a browser; `port` 0: any free one.
 
         Raises:
             PageError: the port is taken, or `host` is no address of this machine.
         """
+        self._broadcast, self._answer = broadcast, answer
+        self._connections: WeakSet[ServerConnection] = WeakSet()  # those too that have asked for nothing yet
+        self._loop = asyncio.new_event_loop()
+        self._loop.set_exception_handler(log_error)
+        self._thread = threading.Thread(target=self._loop.run_forever, daemon=True)
+        self._thread.start()
+        self._server: Server = asyncio.run_coroutine_threadsafe(self._serve(port, host), self._loop).result()
+        self.address = f"http://{HOST}:{self._server.sockets[0].getsockname()[1]}"
+
+    @property
+    def is_watched(self) -> bool:
+        """Some browser is there."""
+        return self._broadcast.followers > 0
+
+    def announce(self, opens_browser: bool) -> None:
+        """Say where the page is."""
+        print(f"open {self.address} in a browser; Ctrl-C ends", flush=True)
+        if opens_browser:
+            threading.Thread(target=webbrowser.open, args=(self.address,), daemon=True).start()
+
+    def close(self) -> None:
+        """Serve no more; nothing if that was said before."""
+        if not self._thread.is_alive():
+            return
+        asyncio.run_coroutine_threadsafe(self._close(), self._loop).result()
+        self._loop.call_soon_threadsafe(self._loop.stop)
+        self._thread.join()
+
+    async def _serve(self, port: int, host: str) -> Server:
         try:
-            self._server = await serve(
+            return await serve(
                 self._on_browser,
                 host,
                 port,
@@ -74,12 +95,6 @@ class PageServer:
             number = getattr(error, "errno", None) or 0
             reason = os.strerror(number) if number > 0 else getattr(error, "strerror", error)
             raise PageError(f"page at {host}:{port}: {reason}; expected this machine's address, a free port") from error
-        asyncio.get_running_loop().set_exception_handler(log_error)
-        port = self._server.sockets[0].getsockname()[1]
-        try:
-            yield f"http://{HOST}:{port}"
-        finally:
-            await self._close()
 
     async def _close(self) -> None:
         """Close each connection; one that has not closed within `CLOSING_SECONDS` is cut."""
@@ -144,20 +159,6 @@ class PageServer:
                 for word in words:
                     await connection.send(word)
                 await asyncio.sleep(SEND_SECONDS)
-
-
-async def serve_until(
-    ended: asyncio.Event, broadcast: Broadcast, answer: Answer, port: int, opens_browser: bool
-) -> None:
-    """Serve until Ctrl-C or until `ended`; raises `PageError`."""
-    loop = asyncio.get_running_loop()
-    for name in (signal.SIGINT, signal.SIGTERM):
-        loop.add_signal_handler(name, ended.set)
-    async with PageServer(broadcast, answer).serving(port) as address:
-        print(f"open {address} in a browser; Ctrl-C ends", flush=True)
-        if opens_browser:
-            threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
-        await ended.wait()
 
 
 def refused(text: Any) -> str:

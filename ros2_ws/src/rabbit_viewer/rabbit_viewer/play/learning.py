@@ -1,16 +1,27 @@
 """A training next to the walk, as `rabbit train` does it, in a process of its own: a policy after each episode."""
 
-import json
 import os
+from collections.abc import Callable
 from dataclasses import asdict
-from multiprocessing.connection import Connection
 from pathlib import Path
+from queue import Queue
+from typing import Any
 
+from rabbit_viewer.play.messages import Asked, Learned
 from rabbit_viewer.play.settings import Start
 
+SHOWN = ("episode", "steps", "ticks", "reward", "losses")  # of an episode's report
+KEPT_EPISODES = 20
 
-def learn(channel: Connection, start: Start, folder: Path) -> None:
-    """Train on the chosen plant's masses until done; sends each episode's report with its policy's path, as JSON."""
+
+def learn(send: Callable[..., None], start: Start, folder: Path, wishes: "Queue[Asked | Learned]") -> None:
+    """Train on the chosen plant's masses until done; show each episode, and give the player its policy."""
+    episodes: list[dict[str, Any]] = []
+
+    def say(text: str) -> None:
+        send("say", "learning", {"text": text, "episodes": episodes[-KEPT_EPISODES:]})
+
+    say("the first episode begins")
     from rabbit_experiments.conditions import TRAINING_PLANT, TRAINING_SLACK_WEIGHT
     from rabbit_experiments.training_setup import training
     from rabbit_sim.parameters import SimulationParameters
@@ -23,8 +34,12 @@ def learn(channel: Connection, start: Start, folder: Path) -> None:
     course = {"terrain": controller.terrain, "stones": parameters.walking_steps}
     masses = {"mass_scale": start.settings.mass_scale, "payload": start.settings.payload}
     plant = SimulationParameters.model_validate({**TRAINING_PLANT, **course, **masses})
-    with training(folder, parameters, controller, plant) as job:
-        for report in job.reports:
-            policy = folder / "policies" / f"{report.episode + 1:03d}.safetensors"
-            word = {**asdict(report), "policy": str(policy), "of": parameters.episodes}
-            channel.send_bytes(json.dumps(word).encode())
+    try:
+        with training(folder, parameters, controller, plant) as job:
+            for report in job.reports:
+                shown = asdict(report)
+                episodes.append({name: shown[name] for name in SHOWN})
+                say(f"{len(episodes)} of {parameters.episodes} episodes")
+                wishes.put(Learned(str(folder / "policies" / f"{report.episode + 1:03d}.safetensors")))
+    finally:
+        say(f"ended after {len(episodes)} episodes")

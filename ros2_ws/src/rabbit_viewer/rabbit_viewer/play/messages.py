@@ -1,12 +1,11 @@
 """What a browser may ask of a played walk. Each message is checked by its model, here and nowhere else."""
 
+from dataclasses import dataclass
 from typing import Annotated, Literal
 
 from pydantic import Field, TypeAdapter
 
 from rabbit_viewer.play.settings import Checked, Number, PlaySettings, Script
-
-LOAD = b"load "  # not from a browser: the path of a policy that was learned follows
 
 
 class Set(Checked):
@@ -59,3 +58,10 @@ class PushNow(Checked):
 
 Asked = Annotated[Set | Reset | Begin | Pause | Tick | Speed | PushNow, Field(discriminator="do")]
 ASKED: TypeAdapter[Asked] = TypeAdapter(Asked)
+
+
+@dataclass(frozen=True)
+class Learned:
+    """Not from a browser: the file of a policy that was learned next to the walk."""
+
+    path: str

@@ -1,15 +1,12 @@
 """Plays a walk: the robots on one course, in real time, as a person asks. Runs in a process of its own.
 
-It takes a message between two ticks, more if there is time: so the walk goes on, however much is asked. It sends to the
-server: `b"R"` and rows; `b"A"` and JSON, another episode; `b"W"`, a word (its kind, JSON); `b"E"`, a line, if it cannot
-begin.
+It takes a message between two ticks, more if there is time: so the walk goes on, however much is asked.
 """
 
-import json
+import queue
 import time
 from collections.abc import Callable, Iterator
-from contextlib import closing
-from multiprocessing.connection import Connection
+from contextlib import closing, suppress
 from typing import Any
 
 from pydantic import ValidationError
@@ -20,13 +17,14 @@ from rabbit_sim.stones import CourseError
 from rl_cbf_clf_controller.weights import PolicyFileError
 
 from rabbit_viewer.page.rows import packed
-from rabbit_viewer.play.messages import ASKED, LOAD, Asked, Begin, Pause, PushNow, Reset, Set, Speed, Tick
+from rabbit_viewer.play.messages import Asked, Begin, Learned, Pause, PushNow, Reset, Set, Speed, Tick
 from rabbit_viewer.play.settings import (
     MOST_DEEDS,
     NOBODY,
     PLANT_AT_ONCE,
     ROBOTS,
     SHIPPED,
+    PlayError,
     PlaySettings,
     Push,
     Script,
@@ -36,28 +34,31 @@ from rabbit_viewer.play.settings import (
 )
 from rabbit_viewer.play.walker import Walker
 
-SHOWN_SECONDS = 0.03  # from one `flush` to the next
+STATE_SECONDS = 0.03  # from one look at whether the state has changed to the next
 BEHIND = 0.25  # s, after which lost time is not caught up with
 PACE_TICKS = 100  # over which the pace is measured
 AGAIN_TICKS = 200  # after the end, before the next episode
 UNUSABLE = (GaitError, CourseError, PolicyFileError, AssemblyError)
-Send = Callable[[bytes], None]
+Send = Callable[..., None]
 
 
 class Player:
-    """`is_moving`: whether ticks are due; `seconds`: from one to the next."""
+    """`is_moving`: whether ticks are due; `seconds`: from one to the next. `send`: see `serving.tell`."""
 
     def __init__(self, start: Start, send: Send) -> None:
+        """Raises `PlayError`."""
         self._start, self._send = start, send
         self._chosen = start.settings
         self._walkers: list[Walker] = []
-        self._rows: list[float] = []
-        self._words: dict[str, dict[str, Any]] = {}
         self._has_changed = False  # the state, since it was sent
         self._learned = "zero" if start.learns else SHIPPED
         self.is_paused, self.speed = False, 1.0
         self._next: Script | None = None  # wanted; its settings are those chosen
-        self.reset(Script(settings=start.settings))
+        try:
+            self.reset(Script(settings=start.settings))
+        except UNUSABLE as error:
+            option = f"--{error.option} " if isinstance(error, AssemblyError) else ""
+            raise PlayError(f"{option}{error}") from error
 
     @property
     def is_moving(self) -> bool:
@@ -81,7 +82,6 @@ class Player:
         names = [name for name in (settings.first, settings.second) if name != NOBODY]
         base, seed = self._start.controller, settings.seed
         walkers = [Walker(name, plant, base, seed, self._learned) for name in names]
-        self.flush()
         self.close()
         self._walkers, self._settings, self._script = walkers, settings, script
         self._tick = self._after_end = 0
@@ -95,7 +95,7 @@ class Player:
             "learns": self._start.learns,
             "options": self._start.options,
         }
-        self._send(b"A" + json.dumps(about).encode())
+        self._send("begin", about)
         self._has_changed = True
 
     def close(self) -> None:
@@ -103,50 +103,12 @@ class Player:
         for walker in self._walkers:
             walker.close()
 
-    def take(self, message: bytes) -> None:
+    def take(self, asked: Asked | Learned) -> None:
         """Do what the server passes on; it has checked it."""
-        if message.startswith(LOAD):
-            self._load(message.removeprefix(LOAD).decode())
-        else:
-            self._do(ASKED.validate_json(message))
-            self._has_changed = True
-
-    def tick(self) -> None:
-        """Go on one tick, or to the next episode."""
-        if self._after_end > AGAIN_TICKS:
-            if self._chosen.again == "next course":
-                self._chosen = self._chosen.model_copy(update={"seed": (self._chosen.seed + 1) % 2**31})
-            self._next = Script(settings=self._chosen)
-        if self._next:
-            self._try_reset(self._next)
-        if self._after_end:
-            self._after_end += 1
-            return
-        self._do_what_the_script_says()
-        walking = [walker for walker in self._walkers if not walker.outcome]
-        for walker in walking:
-            walker.tick()
-        self._rows += [number for walker in self._walkers for number in walker.row]
-        self._tick += 1
-        if any(walker.outcome for walker in walking):
-            self._say_ended()
-
-    def flush(self) -> None:
-        """Send words and rows that wait; of each kind of word the newest."""
-        if self._has_changed:
-            self.say("state", self._state())
-        for kind, word in self._words.items():
-            self._send(b"W" + json.dumps([kind, word]).encode())
-        if self._rows:
-            self._send(b"R" + packed(self._rows))
-        self._rows, self._words, self._has_changed = [], {}, False
-
-    def say(self, kind: str, word: dict[str, Any]) -> None:
-        """Send a word at the next `flush`."""
-        self._words[kind] = word
-
-    def _do(self, asked: Asked) -> None:
         match asked:
+            case Learned():
+                self._load(asked.path)
+                return
             case Set():
                 self._set(asked.settings)
             case Reset():
@@ -164,6 +126,37 @@ class Player:
                 self._push_now(Push(tick=self._tick, force=asked.force, seconds=asked.seconds))
         if self._next and not self.is_moving:
             self._try_reset(self._next)
+        self._has_changed = True
+
+    def tick(self) -> None:
+        """Go on one tick, or to the next episode."""
+        if self._after_end > AGAIN_TICKS:
+            if self._chosen.again == "next course":
+                self._chosen = self._chosen.model_copy(update={"seed": (self._chosen.seed + 1) % 2**31})
+            self._next = Script(settings=self._chosen)
+        if self._next:
+            self._try_reset(self._next)
+        if self._after_end:
+            self._after_end += 1
+            return
+        self._do_what_the_script_says()
+        walking = [walker for walker in self._walkers if not walker.outcome]
+        for walker in walking:
+            walker.tick()
+        self._send("add", packed([number for walker in self._walkers for number in walker.row]))
+        self._tick += 1
+        if any(walker.outcome for walker in walking):
+            self._say_ended()
+
+    def say_state(self) -> None:
+        """Say how everything stands, if that has changed."""
+        if self._has_changed:
+            self._has_changed = False
+            self.say("state", self._state())
+
+    def say(self, kind: str, word: dict[str, Any]) -> None:
+        """A word for all who watch."""
+        self._send("say", kind, word)
 
     def _try_reset(self, script: Script) -> None:
         self._next = None
@@ -247,25 +240,24 @@ class Player:
         self._after_end = int(all(walker.outcome for walker in self._walkers))
 
 
-def play(channel: Connection, start: Start) -> None:
-    """Play until the server ends: raises `EOFError` or `ConnectionError` then."""
+def play(send: Send, start: Start, wishes: "queue.Queue[Asked | Learned]") -> None:
+    """Play until the process ends."""
     try:
-        player = Player(start, channel.send_bytes)
-    except UNUSABLE as error:
-        option = f"--{error.option} " if isinstance(error, AssemblyError) else ""
-        channel.send_bytes(b"E" + f"{option}{error}".encode())
+        player = Player(start, send)
+    except PlayError as error:
+        send("fail", str(error))
         return
     with closing(player):
-        _play(channel, player)
+        _play(player, wishes)
 
 
-def _play(channel: Connection, player: Player) -> None:
+def _play(player: Player, wishes: "queue.Queue[Asked | Learned]") -> None:
     now = due = shown = time.monotonic()
     pace = (due, 0)
     while True:
         until = min(due, shown) if player.is_moving else shown
-        if channel.poll(max(until - now, 0)):
-            player.take(channel.recv_bytes())
+        with suppress(queue.Empty):
+            player.take(wishes.get(timeout=max(until - now, 0)))
         now = time.monotonic()
         if not player.is_moving or now - due > BEHIND:
             due, pace = now, (now, 0)
@@ -274,8 +266,8 @@ def _play(channel: Connection, player: Player) -> None:
             due += player.seconds
             pace = _measured(pace, player)
         if now >= shown:
-            player.flush()
-            shown = now + SHOWN_SECONDS
+            player.say_state()
+            shown = now + STATE_SECONDS
 
 
 def _measured(pace: tuple[float, int], player: Player) -> tuple[float, int]:

@@ -1,39 +1,43 @@
-"""The processes of `rabbit play`, and the page between them and the browsers."""
+"""The processes of `rabbit play`, and the page between them and the browsers.
 
-import asyncio
-import json
-from collections.abc import Callable
-from contextlib import AsyncExitStack
+A process tells its news through a pipe, each as a method of `Broadcast` with its arguments: see `tell`. What browsers
+ask waits in a queue, from which the player takes it between two ticks. The page never waits for a process.
+"""
+
+import multiprocessing
+import os
+import queue
+import signal
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, closing, contextmanager, suppress
 from functools import partial
-from multiprocessing.connection import Connection
+from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
 from pydantic import ValidationError
+from rabbit_common.child_process import end_with_parent
 from rabbit_common.options import fault
 
 from rabbit_viewer.page.broadcast import Broadcast
-from rabbit_viewer.page.export import write_page
-from rabbit_viewer.page.server import refused, serve_until
-from rabbit_viewer.play.channel import ServerChannel, process
+from rabbit_viewer.page.files import write_page
+from rabbit_viewer.page.server import PageServer, refused
 from rabbit_viewer.play.learning import learn
-from rabbit_viewer.play.messages import ASKED, LOAD, Begin, PushNow, Set
-from rabbit_viewer.play.settings import Start, plant_of
+from rabbit_viewer.play.messages import ASKED, Asked, Begin, Learned, PushNow, Set
+from rabbit_viewer.play.settings import PlayError, Start, plant_of
 
 BUSY = "the walk has not yet done what was asked before: ask again"
-SHOWN = ("episode", "steps", "ticks", "reward", "losses")  # of an episode's report
-KEPT_EPISODES = 20
-
-
-class PlayError(ValueError):
-    """What is given cannot walk."""
+MOST_WAITING = 100  # messages for the player
+ENDING_SECONDS = 0.7  # for a process to close what it has opened
+SPAWN = multiprocessing.get_context("spawn")
 
 
 class Door:
     """Checks what browsers ask of a walk, and hands it to `ask`, which says why it is refused, or nothing."""
 
-    def __init__(self, start: Start, ask: Callable[[bytes], str]) -> None:
+    def __init__(self, start: Start, ask: Callable[[Asked], str]) -> None:
         self._start, self._ask = start, ask
 
     def __call__(self, message: str) -> str:
@@ -50,94 +54,95 @@ class Door:
         pushes = isinstance(asked, PushNow) or (isinstance(asked, Begin) and asked.script.pushes)
         if pushes and self._start.plant.plant == "rigid":
             return "push: expected the plant pybullet or mujoco"
-        return self._ask(asked.model_dump_json().encode())
+        return self._ask(asked)
 
 
-async def serve_play(start: Start, port: int, opens_browser: bool) -> None:
-    """Play and serve until Ctrl-C, or until the player has ended.
+def serve_play(start: Start, port: int, opens_browser: bool) -> None:
+    """Play and serve until Ctrl-C or SIGTERM, or until the player has ended.
 
     Raises:
         PageError: the port is taken.
         PlayError: what is given cannot walk.
     """
-    ended, broadcast = asyncio.Event(), Broadcast()
-    errors: list[str] = []
-
-    def take(message: bytes) -> None:
-        if message[:1] == b"E":
-            errors.append(message[1:].decode())
-        else:
-            tell(broadcast, message)
-
-    async with AsyncExitStack() as stack:
-        player = await stack.enter_async_context(process(play, start, take=take, end=ended.set))
+    broadcast, wishes = Broadcast(), SPAWN.Queue(MOST_WAITING)
+    wishes.cancel_join_thread()  # what the player has not taken at the end is lost
+    with ExitStack() as stack:
+        page = PageServer(broadcast, Door(start, partial(ask, wishes)), port)
+        stack.enter_context(closing(page))
+        stack.enter_context(suppress(KeyboardInterrupt))
+        page.announce(opens_browser)
+        player = stack.enter_context(process(play, start, wishes))
+        sources = [player]
         if start.learns:
             folder = Path(stack.enter_context(TemporaryDirectory(prefix="rabbit_play_")))
-            lessons = Lessons(broadcast, player.send)
-            learner = process(learn, start, folder, take=lessons.take, end=lessons.end)
-            await stack.enter_async_context(learner)
-        await serve_until(ended, broadcast, Door(start, partial(pass_on, player)), port, opens_browser)
-    if errors:
-        raise PlayError(errors[0])
+            sources.append(stack.enter_context(process(learn, start, folder, wishes)))
+        while player in sources:
+            for source in wait(sources):
+                try:
+                    tell(broadcast, *source.recv())
+                except (EOFError, ConnectionError):
+                    sources.remove(source)
 
 
-def pass_on(player: ServerChannel, message: bytes) -> str:
+def ask(wishes: "queue.Queue[Asked | Learned]", asked: Asked) -> str:
     """Ask the player; a line where it is too busy to be asked."""
-    if player.is_full:
+    try:
+        wishes.put_nowait(asked)
+    except queue.Full:
         return BUSY
-    player.send(message)
     return ""
 
 
-class Lessons:
-    """Shows the training's episodes on the page, and hands each policy to the player."""
-
-    def __init__(self, broadcast: Broadcast, send: Callable[[bytes], None]) -> None:
-        self._broadcast, self._send = broadcast, send
-        self._episodes: list[dict[str, Any]] = []
-        self._say("the first episode begins")
-
-    def take(self, message: bytes) -> None:
-        """An episode's report."""
-        report = json.loads(message)
-        self._episodes.append({name: report[name] for name in SHOWN})
-        self._say(f"{len(self._episodes)} of {report['of']} episodes")
-        self._send(LOAD + report["policy"].encode())
-
-    def end(self) -> None:
-        """The training is over."""
-        self._say(f"ended after {len(self._episodes)} episodes")
-
-    def _say(self, text: str) -> None:
-        self._broadcast.say("learning", {"text": text, "episodes": self._episodes[-KEPT_EPISODES:]})
+def tell(broadcast: Broadcast, method: str, *arguments: Any) -> None:
+    """What a process sends: a method of `Broadcast` with its arguments, or `fail` with the line of a `PlayError`."""
+    if method == "fail":
+        raise PlayError(*arguments)
+    getattr(broadcast, method)(*arguments)
 
 
-def play(channel: Connection, start: Start) -> None:
+@contextmanager
+def process(target: Callable[..., None], *arguments: Any) -> Iterator[Connection]:
+    """A process that calls `target(send, *arguments)`, and from which one reads what it sends.
+
+    On leaving it ends, at the latest after `ENDING_SECONDS`.
+    """
+    here, there = SPAWN.Pipe(duplex=False)
+    started = SPAWN.Process(target=until_ended, args=(os.getpid(), target, there, *arguments), daemon=True)
+    started.start()
+    there.close()
+    try:
+        yield here
+    finally:
+        started.terminate()
+        started.join(ENDING_SECONDS)
+        started.kill()  # the target has returned; all that is left is Python's own end
+        started.join()
+        here.close()
+
+
+def until_ended(server: int, target: Callable[..., None], channel: Connection, *arguments: Any) -> None:
+    """A process ends with the server or at SIGTERM, and closes what it opened; Ctrl-C is for the server."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit())
+    end_with_parent(server)
+    with channel, suppress(ConnectionError):
+        target(lambda *message: channel.send(message), *arguments)
+
+
+def play(send: Callable[..., None], start: Start, wishes: "queue.Queue[Asked | Learned]") -> None:
     """The player's process, which alone imports the engines."""
     from rabbit_viewer.play.player import play
 
-    play(channel, start)
-
-
-def tell(broadcast: Broadcast, message: bytes) -> None:
-    """Tell what a message of the player says, see `player`."""
-    kind, rest = message[:1], message[1:]
-    if kind == b"R":
-        broadcast.add(rest)
-    elif kind == b"A":
-        broadcast.begin(json.loads(rest))
-    else:
-        broadcast.say(*json.loads(rest))
+    play(send, start, wishes)
 
 
 def write_play(start: Start, path: Path) -> Path:
-    """Walk one episode as fast as it goes, and write it; raises `PageError`."""
+    """Walk one episode as fast as it goes, and write it; raises `PlayError`, `PageError`."""
     from rabbit_viewer.play.player import Player
 
     broadcast = Broadcast()
-    player = Player(start, partial(tell, broadcast))
-    while not player.has_ended:
-        player.tick()
-    player.flush()
-    player.close()
+    with closing(Player(start, partial(tell, broadcast))) as player:
+        while not player.has_ended:
+            player.tick()
+        player.say_state()
     return write_page(path, broadcast)

@@ -36,6 +36,10 @@ LAB_NEXT = {**LAB, **NEXT}
 Number = Annotated[float, Field(allow_inf_nan=False)]
 
 
+class PlayError(ValueError):
+    """What is given cannot walk."""
+
+
 class Checked(BaseModel):
     """Exactly these fields."""
 

@@ -32,7 +32,7 @@ from rl_cbf_clf_controller.parameters import ControllerParameters
 
 from rabbit_viewer.live.graph_page import GraphPage
 from rabbit_viewer.live.parameters import ViewerParameters
-from rabbit_viewer.page.address import PageError
+from rabbit_viewer.page import PageError
 from rabbit_viewer.ros.graph_services import GraphServices
 from rabbit_viewer.ros.newest_ticks import NewestTicks, checked_tick
 from rabbit_viewer.ros.rviz import RvizTopics
