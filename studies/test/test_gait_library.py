@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from rabbit_description import LIBRARIES
-from rabbit_description.gait import DEFAULT_GAIT, Gait, GaitError, GaitLibrary, load_gait, load_gaits, shipped_libraries
+from rabbit_description import DEFAULT_GAIT, LIBRARIES
+from rabbit_description.gait import Gait, GaitError, GaitLibrary, load_gait, load_gaits, shipped_libraries
 from rabbit_description.state import Array, StonePreview
 from rabbit_description.yaml_file import dump_yaml, read_mapping
 from rabbit_gait_design import GaitSpecification

@@ -7,3 +7,5 @@ DATA = Path(str(files(__package__)))
 URDF_PATH = DATA / "urdf" / "rabbit.urdf"
 GAITS = DATA / "gaits"
 LIBRARIES = DATA / "gait_libraries"
+DEFAULT_GAIT = "stones_0350_080"
+TORQUE_LIMIT = 200.0  # N m at each joint

@@ -18,8 +18,6 @@ from rabbit_description.bounded_file import FileError, one_line, read_text
 from rabbit_description.state import Array
 from rabbit_description.yaml_file import MOST_BYTES, dump_yaml, parse_yaml
 
-DEFAULT_GAIT = "stones_0350_080"
-
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Row = Annotated[list[Finite], Field(min_length=6, max_length=6)]
 State = Annotated[list[Finite], Field(min_length=7, max_length=7)]

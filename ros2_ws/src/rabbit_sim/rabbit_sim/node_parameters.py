@@ -3,7 +3,7 @@
 from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
-from rabbit_description.gait import DEFAULT_GAIT
+from rabbit_description import DEFAULT_GAIT
 
 
 class NodeParameters(BaseModel):

@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 WALK = """
-from rabbit_description.gait import DEFAULT_GAIT, load_gait
+from rabbit_description import DEFAULT_GAIT
+from rabbit_description.gait import load_gait
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.simulation import Simulation
 simulation = Simulation(SimulationParameters(plant="{plant}"), load_gait(DEFAULT_GAIT))

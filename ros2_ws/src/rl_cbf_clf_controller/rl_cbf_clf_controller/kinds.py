@@ -4,20 +4,23 @@ A package brings its own by an entry point in the group `rabbit.controllers`, wh
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from cbf_clf_qp.affine import Affine
-from cbf_clf_qp.quantity import Constrained
-from cbf_clf_qp.terms import Terms
 from pydantic import BeforeValidator, PlainSerializer
 from rabbit_description import plugins
 
 from rl_cbf_clf_controller.problem import Problem
-from rl_cbf_clf_controller.scene import Estimator
-from rl_cbf_clf_controller.terrain import FlatGround, SteppingStones
-from rl_cbf_clf_controller.walking import Walking
+
+if TYPE_CHECKING:  # a help text lists controllers, and computes nothing
+    from cbf_clf_qp.affine import Affine
+    from cbf_clf_qp.quantity import Constrained
+    from cbf_clf_qp.terms import Terms
+
+    from rl_cbf_clf_controller.scene import Estimator
+    from rl_cbf_clf_controller.terrain import FlatGround
+    from rl_cbf_clf_controller.walking import Walking
 
 GROUP = "rabbit.controllers"
 NAMES = plugins.names(GROUP)
@@ -26,9 +29,12 @@ if TYPE_CHECKING:
 else:  # so that `--help` and `ros2 param describe` list them
     ControllerName = Literal[*NAMES]
 
-Quantities = Callable[[Walking, Any], Sequence[Constrained]]
-Corners = Callable[[Walking, Any], Callable[[Terms], list[Affine]]]
-Estimators = tuple[Estimator, ...]
+
+def flat_ground() -> "type[FlatGround]":
+    """What most controllers walk on."""
+    from rl_cbf_clf_controller.terrain import FlatGround
+
+    return FlatGround
 
 
 @dataclass(frozen=True)
@@ -41,10 +47,10 @@ class Kind:
     """
 
     problem: Problem
-    quantities: Quantities
-    terrain: type[FlatGround | SteppingStones] = FlatGround
-    estimators: Callable[[Any], Estimators] = lambda parameters: ()
-    corners: Corners | None = None
+    quantities: "Callable[[Walking, Any], Sequence[Constrained]]"
+    terrain: "type[FlatGround]" = field(default_factory=flat_ground)
+    estimators: "Callable[[Any], tuple[Estimator, ...]]" = lambda parameters: ()
+    corners: "Callable[[Walking, Any], Callable[[Terms], list[Affine]]] | None" = None
     learns: bool = False
 
 

@@ -4,8 +4,8 @@ from pathlib import Path
 from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from rabbit_description import DEFAULT_GAIT
 from rabbit_description.bounded_file import FileError, one_line
-from rabbit_description.gait import DEFAULT_GAIT
 from rabbit_description.yaml_file import read_mapping, shortened, yaml_path
 
 from rl_cbf_clf_controller.kinds import ControllerName, find_kind

@@ -7,7 +7,8 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 from cbf_clf_qp.estimates import Estimates
-from rabbit_description.gait import DEFAULT_GAIT, load_gait
+from rabbit_description import DEFAULT_GAIT
+from rabbit_description.gait import load_gait
 from rabbit_description.state import SWAP_STATE, SWAP_TORQUE, Leg, RobotState, StonePreview
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.parameters import FORMER, ControllerParameters, ParameterError, load_parameters

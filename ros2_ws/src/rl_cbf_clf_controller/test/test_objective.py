@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from cbf_clf_qp.estimates import Estimates
-from rabbit_description.gait import DEFAULT_GAIT, load_gait
+from rabbit_description import DEFAULT_GAIT
+from rabbit_description.gait import load_gait
 from rabbit_description.state import RobotState, StonePreview
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.parameters import load_parameters

@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from rabbit_description.gait import DEFAULT_GAIT, load_gaits
+from rabbit_description import DEFAULT_GAIT
+from rabbit_description.gait import load_gaits
 from rabbit_description.state import TICK_SECONDS
 from rl_cbf_clf_controller.robot_numbers import read_robot
 from rl_cbf_clf_controller.state_prediction import MOST, prediction_function

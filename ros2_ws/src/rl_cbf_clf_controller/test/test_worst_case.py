@@ -10,8 +10,8 @@ from cbf_clf_qp.terms import Terms
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from rabbit_description import URDF_PATH
-from rabbit_description.gait import DEFAULT_GAIT, load_gait
+from rabbit_description import DEFAULT_GAIT, URDF_PATH
+from rabbit_description.gait import load_gait
 from rabbit_description.planar_urdf import scaled
 from rabbit_description.state import RobotState, StonePreview
 from rl_cbf_clf_controller.controller import Controller
