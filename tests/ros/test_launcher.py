@@ -257,7 +257,6 @@ def test_of_several_that_begin_at_once_one_walks(tmp_path: Path) -> None:
         (("--policy", "oracle"), "--policy oracle"),
         (("--policy", "nowhere"), "nowhere"),
         (("--namespace", "a b"), "--namespace a b"),
-        (("--training", "/nowhere.yaml"), "/nowhere.yaml"),
         (("--out", "/proc"), "--out /proc"),
         (("--params-file", "/nowhere.yaml"), "/nowhere.yaml: No such file"),
         (("--params-file", "/proc/version"), "/proc/version: has more bytes"),

@@ -12,9 +12,9 @@ from page_client import PageClient
 from rabbit_description.force_ratio import force_ratio
 from rabbit_description.state import ACTUATED
 from rabbit_recording.reader import read_episodes
+from rabbit_viewer.geometry import feet
 from rabbit_viewer.live.graph_page import GraphPage
 from rabbit_viewer.live.messages import Reset
-from rabbit_viewer.skeleton import feet
 from rl_trainer.rollout import Record
 
 RABBIT = (sys.executable, "-c", "from rabbit_bringup.cli import app; app()")

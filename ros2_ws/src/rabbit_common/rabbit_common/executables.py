@@ -6,7 +6,6 @@ from pathlib import Path
 from rabbit_common.exit_codes import ExitCode
 
 NAMESPACE = r"^(/?[a-zA-Z_]\w*)*$"  # of a graph
-INDEX = Path("share/ament_index/resource_index/packages")
 
 
 class LaunchError(RuntimeError):
@@ -27,15 +26,15 @@ def find_executable(package: str, name: str) -> Path:
     Raises:
         LaunchError: nothing is sourced, no such package, or no such executable in it.
     """
-    prefixes = [Path(prefix) for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if prefix]
-    if not prefixes:
-        raise LaunchError("no ROS 2 workspace is sourced: source ros2_ws/install/setup.bash")
-    homes = [prefix for prefix in prefixes if (prefix / INDEX / package).is_file()]
-    if not homes:
-        raise LaunchError(
-            f"package {package}: not in the sourced workspaces; call make build, then source its setup.bash"
-        )
-    folder = homes[0] / "lib" / package
+    try:
+        from ament_index_python import get_package_prefix
+
+        folder = Path(get_package_prefix(package), "lib", package)
+    except (ImportError, OSError) as error:
+        raise LaunchError("no ROS 2 workspace is sourced: source ros2_ws/install/setup.bash") from error
+    except (LookupError, ValueError) as error:
+        text = "not in the sourced workspaces; call make build, then source its setup.bash"
+        raise LaunchError(f"package {package}: {text}") from error
     path = folder / name
     if not (path.is_file() and os.access(path, os.X_OK)):
         there = ", ".join(sorted(p.name for p in folder.glob("*") if os.access(p, os.X_OK))) or "none"

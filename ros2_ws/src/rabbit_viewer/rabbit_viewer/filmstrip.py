@@ -11,9 +11,8 @@ from rabbit_description.state import Array, Leg
 from rabbit_experiments.walk_records import WalkRecords
 
 from rabbit_viewer import style
-from rabbit_viewer.geometry import ARC, area_at
+from rabbit_viewer.geometry import ARC, area_at, leg_points, torso_points
 from rabbit_viewer.scene import stone_spans
-from rabbit_viewer.skeleton import leg_points, torso_points
 
 STEPS = 9  # shown at most
 COLOURS = {Leg.LEFT: style.BLUE, Leg.RIGHT: style.ORANGE}

@@ -11,7 +11,7 @@ from rabbit_experiments.walk_records import RESCUE_NEEDED, WalkRecords
 
 from rabbit_viewer import style
 from rabbit_viewer.filmstrip import draw_walk
-from rabbit_viewer.skeleton import feet
+from rabbit_viewer.geometry import feet
 
 IMPACT = 0.04  # s: a mean over a tick that begins within 30 ms of impact
 MILLIMETRES = 1e3  # in a metre

@@ -18,9 +18,8 @@ from rabbit_description.state import TICK_SECONDS, Array, Leg
 from rabbit_experiments.walk_records import WalkRecords
 
 from rabbit_viewer import style
-from rabbit_viewer.geometry import DEPTH, PLATFORM, area_at, force_arrow
+from rabbit_viewer.geometry import DEPTH, PLATFORM, area_at, force_arrow, leg_points, torso_points
 from rabbit_viewer.lettering import Lettering
-from rabbit_viewer.skeleton import leg_points, torso_points
 
 VIEW = (-1.2, 1.2, -0.25, 1.6)  # m: left, right, bottom, top, from below the hip
 SIZE = (960, 740)  # pixels, the view's own shape

@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 from rabbit_description.state import Array, Leg, StonePreview
 from rabbit_sim.kinematics import RabbitFeet
-from rabbit_viewer.geometry import ARC, allowed_area, force_arrow
-from rabbit_viewer.skeleton import feet, leg_points, torso_points
+from rabbit_viewer.geometry import ARC, allowed_area, feet, force_arrow, leg_points, torso_points
 from rl_cbf_clf_controller.stone_barriers import stone_barriers
 
 RNG = np.random.default_rng(0)

@@ -28,7 +28,7 @@ OPTIONS = {  # of each node's parameters those that an option decides
     "recorder": set(),
     "viewer": {"port"},
 }
-RARE = ("training", "swap_at", "priority", "view_port", "ready_timeout", "log_level")  # in --help-all alone
+RARE = ("swap_at", "priority", "view_port", "ready_timeout", "log_level")  # in --help-all alone
 RENAMED = {"port": "view_port"}  # options of other names than their parameters
 DEFAULTS = Defaults(
     always={"motor_lag": EVALUATION_LAG}, bare={"controller": "rl-cbf-clf-qp", "mass_scale": TRAINING_SCALE}
@@ -87,16 +87,14 @@ def with_file(given: Given) -> tuple[Given, Mapping[str, dict[str, Any]]]:
 def given_training(
     request: WalkOptions, controller: ControllerParameters, policy: str, own: Mapping[str, Any] = MappingProxyType({})
 ) -> dict[str, Any]:
-    """The trainer's parameters: the file's, or the trainer's `own` and those that fit the policy, for this problem."""
-    from rl_trainer.parameters import ParameterError, TrainingParameters, load_parameters
+    """The trainer's parameters for this problem: its `own`, and those that fit the policy."""
+    from rl_trainer.parameters import TrainingParameters
 
-    known: dict[str, Any] = {"problem": controller.problem, "seed": request.seed}
-    if not request.training:
-        known = {name: value for name, value in own.items() if name in TrainingParameters.model_fields} | known
-        known |= form_of(Path(policy)) if policy != "zero" else {}
-    with complaints(ParameterError):
-        training = load_parameters(request.training, **known) if request.training else TrainingParameters(**known)
-    return training.model_dump(mode="json")
+    known: dict[str, Any] = {n: value for n, value in own.items() if n in TrainingParameters.model_fields}
+    known |= {"problem": controller.problem, "seed": request.seed}
+    known |= form_of(Path(policy)) if policy != "zero" else {}
+    with complaints():
+        return TrainingParameters(**known).model_dump(mode="json")
 
 
 def form_of(policy: Path) -> dict[str, Any]:

@@ -31,7 +31,6 @@ class WalkOptions(BaseModel):
     policy: str | None = Field(None, description="zero, a shipped policy or a file")
     parameters: str = Field("ours", description="of the controller: ours, best, authors or a YAML file")
     trainer: bool = Field(True, description="the trainer learns beside the walk")
-    training: Path | None = Field(None, description="YAML file of training parameters")
     swap_at: Literal["auto", "tick", "episode", "never"] = Field(
         "auto",
         description="when the trainer's policies take effect; with episode it also plans each episode; "

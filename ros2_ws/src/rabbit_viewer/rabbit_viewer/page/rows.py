@@ -16,7 +16,7 @@ from cbf_clf_qp.clf import ResClf
 from rabbit_description.force_ratio import force_ratio
 from rabbit_description.state import ACTUATED, TICK_SECONDS, Array, Leg
 
-from rabbit_viewer.skeleton import leg_points, torso_points
+from rabbit_viewer.geometry import leg_points, torso_points
 
 POINTS = ("hip", "head", "left_knee", "left_foot", "right_knee", "right_foot")
 FIXED = (

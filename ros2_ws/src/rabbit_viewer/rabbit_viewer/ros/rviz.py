@@ -17,8 +17,7 @@ from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import Marker, MarkerArray
 
 from rabbit_viewer.colours import GREEN, STONE, rgb
-from rabbit_viewer.geometry import DEPTH, PLATFORM
-from rabbit_viewer.skeleton import LEG_LINK, leg_points
+from rabbit_viewer.geometry import DEPTH, LEG_LINK, PLATFORM, leg_points
 
 WORLD = "world"
 DEPTH_OF_TOPICS = 10
