@@ -3,8 +3,8 @@
 import os
 from collections.abc import Callable
 from dataclasses import asdict
+from multiprocessing.queues import Queue
 from pathlib import Path
-from queue import Queue
 from typing import Any
 
 from rabbit_viewer.play.messages import Asked, Learned

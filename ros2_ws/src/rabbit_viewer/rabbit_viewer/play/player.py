@@ -7,6 +7,7 @@ import queue
 import time
 from collections.abc import Callable, Iterator
 from contextlib import closing, suppress
+from multiprocessing.queues import Queue
 from typing import Any
 
 from pydantic import ValidationError
@@ -240,7 +241,7 @@ class Player:
         self._after_end = int(all(walker.outcome for walker in self._walkers))
 
 
-def play(send: Send, start: Start, wishes: "queue.Queue[Asked | Learned]") -> None:
+def play(send: Send, start: Start, wishes: "Queue[Asked | Learned]") -> None:
     """Play until the process ends."""
     try:
         player = Player(start, send)
@@ -251,7 +252,7 @@ def play(send: Send, start: Start, wishes: "queue.Queue[Asked | Learned]") -> No
         _play(player, wishes)
 
 
-def _play(player: Player, wishes: "queue.Queue[Asked | Learned]") -> None:
+def _play(player: Player, wishes: "Queue[Asked | Learned]") -> None:
     now = due = shown = time.monotonic()
     pace = (due, 0)
     while True:

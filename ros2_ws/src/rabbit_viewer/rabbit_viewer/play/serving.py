@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing, contextmanager, suppress
 from functools import partial
 from multiprocessing.connection import Connection, wait
+from multiprocessing.queues import Queue
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -77,14 +78,15 @@ def serve_play(start: Start, port: int, opens_browser: bool) -> None:
             folder = Path(stack.enter_context(TemporaryDirectory(prefix="rabbit_play_")))
             sources.append(stack.enter_context(process(learn, start, folder, wishes)))
         while player in sources:
-            for source in wait(sources):
+            ready: list[Any] = wait(sources)
+            for source in ready:
                 try:
                     tell(broadcast, *source.recv())
                 except (EOFError, ConnectionError):
                     sources.remove(source)
 
 
-def ask(wishes: "queue.Queue[Asked | Learned]", asked: Asked) -> str:
+def ask(wishes: "Queue[Asked | Learned]", asked: Asked) -> str:
     """Ask the player; a line where it is too busy to be asked."""
     try:
         wishes.put_nowait(asked)
@@ -129,7 +131,7 @@ def until_ended(server: int, target: Callable[..., None], channel: Connection, *
         target(lambda *message: channel.send(message), *arguments)
 
 
-def play(send: Callable[..., None], start: Start, wishes: "queue.Queue[Asked | Learned]") -> None:
+def play(send: Callable[..., None], start: Start, wishes: "Queue[Asked | Learned]") -> None:
     """The player's process, which alone imports the engines."""
     from rabbit_viewer.play.player import play
 

@@ -23,7 +23,7 @@ CONTROLLERS: dict[str, tuple[dict[str, Any], str]] = {  # changed parameters, po
     "learned": (LEARNED_ROWS, SHIPPED),
     "oracle": (LEARNED_ROWS, "oracle"),
     "identified": (IDENTIFIED, "zero"),
-    "best": (load_parameters("best").model_dump(exclude_defaults=True), "zero"),
+    "best": ({}, "zero"),  # and what the file `best` says
     "l1": ({"controller": "l1-clf-qp"}, "zero"),
 }
 SWAPPED_AT_ONCE = {"nominal", "learned", "oracle"}  # the same controller with another policy
@@ -178,6 +178,8 @@ def settings_of(base: SimulationParameters, **others: Any) -> PlaySettings:
 def controller_of(base: ControllerParameters, name: str) -> tuple[ControllerParameters, str]:
     """Parameters and policy of one of `CONTROLLERS`."""
     changes, policy = CONTROLLERS[name]
+    if name == "best":
+        changes = load_parameters("best").model_dump(exclude_defaults=True)
     return ControllerParameters.model_validate({**base.model_dump(), **changes}), policy
 
 
