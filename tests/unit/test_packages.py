@@ -30,6 +30,7 @@ BROUGHT_BY = {
     "pydantic_core": "pydantic",
     "annotated_types": "pydantic",
     "mpl_toolkits": "matplotlib",
+    "PIL": "matplotlib",
     "lz4": "rosbags",
     "backports": "rosbags",
 }
