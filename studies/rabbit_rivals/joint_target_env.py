@@ -16,9 +16,8 @@ import gymnasium
 import numpy as np
 from gymnasium.spaces import Box
 from numpy.typing import NDArray
-from rabbit_description import TORQUE_LIMIT
 from rabbit_description.gait import load_gaits
-from rabbit_description.state import RobotState
+from rabbit_description.state import TORQUE_LIMIT, RobotState
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.simulation import Outcome, Simulation
 from rl_cbf_clf_controller.parameters import ControllerParameters, load_parameters

@@ -8,4 +8,3 @@ URDF_PATH = DATA / "urdf" / "rabbit.urdf"
 GAITS = DATA / "gaits"
 LIBRARIES = DATA / "gait_libraries"
 DEFAULT_GAIT = "stones_0350_080"
-TORQUE_LIMIT = 200.0  # N m at each joint

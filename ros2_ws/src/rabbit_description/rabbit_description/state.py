@@ -13,6 +13,7 @@ Array = NDArray[Any]  # float64 unless said otherwise
 
 TICK_SECONDS = 0.01  # s, the paper's T_s
 TICK_NANOSECONDS = round(TICK_SECONDS * 1e9)
+TORQUE_LIMIT = 200.0  # N m at each joint
 ROBOT_MASS = 32.0  # kg, nominal
 
 COORDINATES = ("base_x", "base_z", "base_pitch", "left_hip", "left_knee", "right_hip", "right_knee")

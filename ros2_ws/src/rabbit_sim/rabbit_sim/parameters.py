@@ -4,8 +4,8 @@ import math
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
-from rabbit_description import TORQUE_LIMIT
 from rabbit_description.plugins import names
+from rabbit_description.state import TORQUE_LIMIT
 
 SUBSTEP_SECONDS = 0.001
 FARTHEST_EDGE = 0.9  # m from the stance foot, of any stone

@@ -36,10 +36,6 @@ LAB_NEXT = {**LAB, **NEXT}
 Number = Annotated[float, Field(allow_inf_nan=False)]
 
 
-class PlayError(ValueError):
-    """What is given cannot walk."""
-
-
 class Checked(BaseModel):
     """Exactly these fields."""
 
@@ -147,6 +143,10 @@ class Script(Checked):
     def with_push(self, push: Push) -> "Script":
         """The same, and a push; raises `ValidationError` where these are too many."""
         return Script(settings=self.settings, pushes=(*self.pushes, push), changes=self.changes)
+
+
+class PlayError(ValueError):
+    """What is given cannot walk."""
 
 
 class Start(BaseModel):
