@@ -138,6 +138,7 @@ def test_what_is_learned_next_to_the_walk_walks_at_once(started: Callable[..., P
         (("--mass-scale", "9"), "rabbit: --mass-scale 9"),
         (("--first", "nobody"), "rabbit: --first nobody: expected"),
         (("--terrain", "flat"), "rabbit: --terrain flat: expected stones"),
+        (("--terrain", "flat", "--export", "/nowhere/walk.html"), "rabbit: --terrain flat: expected stones"),
         (("--gait", "nowhere"), "rabbit: gait: no file nowhere; "),
         (("--export", "/nowhere/walk.html", *ALONE), "rabbit: --export /nowhere/walk.html: No such file"),
     ],
