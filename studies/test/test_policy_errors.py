@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from cbf_clf_qp.estimates import Estimates
 from rabbit_description.state import Array
+from rabbit_estimation.policy_errors import NoTicksError, compare, errors
 from rabbit_experiments.assembly import Assembly
 from rabbit_experiments.conditions import EVALUATION_LAG
-from rabbit_experiments.policy_errors import NoTicksError, compare, errors
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import load_parameters
 from rl_cbf_clf_controller.policy import LearnedPolicy, PartlyNominal
