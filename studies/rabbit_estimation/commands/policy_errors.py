@@ -5,11 +5,11 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 from rabbit_common.options import Defaults, Given, complaints, options
 from rabbit_common.own_folder import new_file
 from rabbit_experiments.commands.evaluate import describe, given_assembly
-from rabbit_experiments.conditions import EVALUATION_LAG, TRAINING_SCALE
+from rabbit_experiments.conditions import EVALUATION_LAG, TRAINING_SCALE, WalkOptions
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
@@ -18,19 +18,15 @@ DEFAULTS = Defaults(always={"mass_scale": TRAINING_SCALE, "motor_lag": EVALUATIO
 app = typer.Typer(add_completion=False)
 
 
-class ErrorsOptions(BaseModel):
+class ErrorsOptions(WalkOptions):
     """Options of `rabbit policy-errors` besides those of plant and controller."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
     runs: int = Field(5, ge=1, le=10_000, description="walks of the policy, and as many of the oracle")
-    seed: int = Field(9001, ge=0, le=2**63 - 1, description="of courses, first states and sensor noise")
-    parameters: str = Field("ours", description="of the controller: ours, best, authors or a YAML file")
     out: Path | None = Field(None, description="file for the figures, JSON")
 
 
 @app.command()
-@options(ErrorsOptions, ControllerParameters, SimulationParameters, without=("controller",), defaults=DEFAULTS)
+@options(ErrorsOptions, ControllerParameters, SimulationParameters, without=("controller", "policy"), defaults=DEFAULTS)
 def policy_errors(
     given: Given,
     file: Annotated[Path, typer.Argument(help="policy file (.safetensors), or the name of a shipped one")],

@@ -9,8 +9,7 @@ from rabbit_experiments.assembly import Assembly, make_simulation, resolve_polic
 from rabbit_experiments.batch_evaluation import walk_together
 from rabbit_experiments.engine import batches
 from rabbit_experiments.evaluation import Scenario, walk
-from rabbit_experiments.random_plants import random_plant
-from rabbit_experiments.vector_environment import make_vector_environment
+from rabbit_experiments.vector_environment import make_vector_environment, random_plant
 from rabbit_sim.batch_simulation import BatchSimulation
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.simulation import Outcome

@@ -10,7 +10,6 @@ from dataclasses import replace
 from typing import Any, Protocol
 
 import numpy as np
-from gymnasium.spaces import Box
 from gymnasium.utils.seeding import np_random
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
@@ -52,11 +51,10 @@ class VectorWalkingEnv(VectorEnv[Float32, Float32, NDArray[Any]]):
         self.parameters, self._controller = parameters, controller
         self._make_plant, self._make_batch = make_plant, make_batch
         self._policy, self._builder = GivenAction(parameters), TransitionBuilder(parameters)
-        self._center, self._scale = np.array([parameters.problem.unit(name) for name in parameters.observation]).T
         self.num_envs = len(controller.policies)
         self.metadata = {"autoreset_mode": AutoresetMode.SAME_STEP}
-        self.single_observation_space = Box(-np.inf, np.inf, (len(parameters.observation),), np.float32)
-        self.single_action_space = Box(-1.0, 1.0, self._policy.action.shape, np.float32)
+        self.single_observation_space = self._policy.observation_space
+        self.single_action_space = self._policy.action_space
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self._rngs = [np_random(None)[0] for _ in range(self.num_envs)]
@@ -65,9 +63,7 @@ class VectorWalkingEnv(VectorEnv[Float32, Float32, NDArray[Any]]):
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Float32, dict[str, Any]]:
         """New walks; their robots, courses, first states and noise follow from the seed."""
-        seeds = (
-            [None if seed is None else seed + i for i in range(self.num_envs)] if not isinstance(seed, list) else seed
-        )
+        seeds = seed if isinstance(seed, list) else [seed if seed is None else seed + i for i in range(self.num_envs)]
         self._rngs = [rng if each is None else np_random(each)[0] for rng, each in zip(self._rngs, seeds, strict=True)]
         episodes = [self._next_episode(i) for i in range(self.num_envs)]
         self._batch = self._make_batch([self._make_plant(episode) for episode in episodes])
@@ -75,7 +71,7 @@ class VectorWalkingEnv(VectorEnv[Float32, Float32, NDArray[Any]]):
         for i, episode in enumerate(episodes):
             self._controller.reset(i, episode)
         self._scene = self._controller.look(self._batch.states)
-        return self._observed(self._scene), {"next_LgV": self._scene.seen.LgV.copy()}
+        return self._policy.scaled(self._scene.observation), {"next_LgV": self._scene.seen.LgV.copy()}
 
     def step(self, actions: Float32) -> tuple[Float32, NDArray[Any], NDArray[Any], NDArray[Any], dict[str, Any]]:
         """One tick with `actions` (N, 5n) as the estimates."""
@@ -97,8 +93,8 @@ class VectorWalkingEnv(VectorEnv[Float32, Float32, NDArray[Any]]):
         failed = np.array([each.failed for each in transitions])
         infos: dict[str, Any] = {"next_LgV": following.seen.LgV.copy(), "transition": transitions}
         if has_ended.any():
-            infos |= {"final_obs": self._observed(scene), "_final_obs": has_ended}
-        return self._observed(following), rewards, failed, has_ended & ~failed, infos
+            infos |= {"final_obs": self._policy.scaled(scene.observation), "_final_obs": has_ended}
+        return self._policy.scaled(following.observation), rewards, failed, has_ended & ~failed, infos
 
     def _transition(self, output: Any, states: RobotStates, i: int, following: BatchScene | None) -> Any:
         """Of robot `i`, from its output to what is seen next, or to the end."""
@@ -115,8 +111,3 @@ class VectorWalkingEnv(VectorEnv[Float32, Float32, NDArray[Any]]):
 
     def _next_episode(self, i: int) -> int:
         return int(self._rngs[i].integers(2**32))
-
-    def _observed(self, scene: BatchScene) -> Float32:
-        seen = scene.observation[:, : len(self._center)]
-        observed: Float32 = ((seen - self._center) / self._scale).astype(np.float32)
-        return observed

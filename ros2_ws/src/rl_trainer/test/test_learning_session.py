@@ -3,7 +3,6 @@
 import itertools
 import time
 from collections.abc import Callable
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +18,7 @@ from rl_trainer.checkpoint import CHECKPOINT, CheckpointError
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.rollout import Record, rollout
 from rl_trainer.session import Session, scalars
-from rl_trainer.training import DivergenceError, EpisodeReport, Provenance, Trainer
+from rl_trainer.training import DivergenceError, Provenance, Trainer
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 from torch.utils.tensorboard import SummaryWriter
 
@@ -36,18 +35,14 @@ def test_a_killed_run_resumes_with_nothing_lost(tmp_path: Path, toy_world: Any, 
     half = tmp_path / "cut" / f".{'0' * 32}.checkpoint.pt"
     half.write_bytes(b"killed here")
     again = Session(tmp_path / "cut", Trainer(PARAMETERS))
-    assert len(again.episodes) == 2
+    assert len(again.trainer.reports) == 2
     assert not half.exists()
     seen += list(again.run(toy_world, toy_controller))
     assert seen == reports
-    assert [EpisodeReport(**untimed(episode)) for episode in again.episodes] == reports
+    assert again.trainer.reports == reports
+    assert all(report.seconds > 0 for report in again.trainer.reports)
     assert again.trainer.policy_file().encode() == whole.trainer.policy_file().encode()
     assert not list(Session(tmp_path / "cut", Trainer(PARAMETERS)).run(toy_world, toy_controller))
-
-
-def untimed(episode: dict[str, Any]) -> dict[str, Any]:
-    """But for the seconds that it took."""
-    return {name: value for name, value in episode.items() if name != "seconds"}
 
 
 def test_a_kill_after_a_checkpoint_loses_no_report(
@@ -63,7 +58,7 @@ def test_a_kill_after_a_checkpoint_loses_no_report(
     wait_for_a_later_file(tmp_path / "tensorboard")
     again = Session(tmp_path, Trainer(PARAMETERS))
     assert [report.episode for report in again.run(toy_world, toy_controller)] == [2, 3]
-    assert [episode["episode"] for episode in again.episodes] == [0, 1, 2, 3]
+    assert [report.episode for report in again.trainer.reports] == [0, 1, 2, 3]
     assert logged(tmp_path) == [0, 1, 2, 3]
 
 
@@ -136,7 +131,7 @@ def test_reports(tmp_path: Path, toy_world: Any, toy_controller: Any) -> None:
     assert first.ticks == toy_world.ticks  # the last transition is not measured
     assert first.kept == toy_world.ticks - 1
     names = {"reward/V", "reward/failure", "losses/actor", "episode/steps", "left_out/settling"}
-    assert set(scalars(asdict(first))) >= names
+    assert set(scalars(first)) >= names
 
 
 def test_schedule_depends_on_seed_and_episode_alone() -> None:

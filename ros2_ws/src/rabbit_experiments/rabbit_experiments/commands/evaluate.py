@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import typer
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 from rabbit_common.exit_codes import of_interrupt
 from rabbit_common.options import Defaults, Given, complaints, fail, options
 from rabbit_common.own_folder import own_folder
@@ -13,26 +13,18 @@ from rabbit_description.plugins import load
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
-from rabbit_experiments.conditions import EVALUATION_LAG
+from rabbit_experiments.conditions import EVALUATION_LAG, WalkOptions
 
 DEFAULTS = Defaults(always={"motor_lag": EVALUATION_LAG})
 
 app = typer.Typer(add_completion=False)
 
 
-class EvaluationOptions(BaseModel):
+class EvaluationOptions(WalkOptions):
     """Options of `rabbit evaluate` besides those of plant and controller."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
     out: Path = Field(description="folder for runs.csv, violations.csv, summary.json")
-    runs: int = Field(10, ge=1, le=1_000_000, description="number of runs")
-    seed: int = Field(9001, ge=0, le=2**63 - 1, description="of courses, first states and sensor noise")
-    policy: str | None = Field(
-        None, description="zero, oracle, a shipped policy or a file; a controller that learns has its own by default"
-    )
     nominal: tuple[str, ...] = Field((), description="quantities whose estimates are set to zero, such as V,B2")
-    parameters: str = Field("ours", description="of the controller: ours, best, authors or a YAML file")
     jobs: int = Field(
         default_factory=lambda: os.cpu_count() or 1, ge=1, le=4096, description="processes (default: all cores)"
     )

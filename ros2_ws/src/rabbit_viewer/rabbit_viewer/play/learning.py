@@ -23,8 +23,8 @@ def learn(channel: Connection, start: Start, folder: Path) -> None:
     course = {"terrain": controller.terrain, "stones": parameters.walking_steps}
     masses = {"mass_scale": start.settings.mass_scale, "payload": start.settings.payload}
     plant = SimulationParameters.model_validate({**TRAINING_PLANT, **course, **masses})
-    with training(folder, parameters, controller, plant) as job:
-        for report in job.reports:
+    with training(folder, parameters, controller, plant) as (_, reports):
+        for report in reports:
             policy = folder / "policies" / f"{report.episode + 1:03d}.safetensors"
             word = {**asdict(report), "policy": str(policy), "of": parameters.episodes}
             channel.send_bytes(json.dumps(word).encode())
