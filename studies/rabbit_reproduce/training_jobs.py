@@ -94,8 +94,7 @@ class TrainingJob(Job):
         from rabbit_experiments.training_setup import POLICY, training  # torch
 
         about = self.folder, self.parameters, self.controller, self.plant, self.command, self.learner
-        with training(*about) as (session, reports):
-            trainer = session.trainer
+        with training(*about) as (trainer, reports):
             while trainer.episode < self.parameters.episodes and trainer.transitions < self.transitions:
                 next(reports)
             trainer.policy_file().write(self.folder / POLICY)

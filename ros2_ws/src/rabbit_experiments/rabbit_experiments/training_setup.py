@@ -9,9 +9,9 @@ from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import Policy
-from rl_trainer.checkpoint import CheckpointError
+from rl_trainer.checkpoint import Checkpoint, CheckpointError
 from rl_trainer.parameters import TrainingParameters
-from rl_trainer.session import Session
+from rl_trainer.session import resume
 from rl_trainer.training import EpisodeReport, LearnerType, Provenance, Trainer, make_learner
 
 from rabbit_experiments import provenance
@@ -28,11 +28,12 @@ def training(
     plant: SimulationParameters,
     command: str | None = None,
     learner: LearnerType | None = None,
-) -> Iterator[tuple[Session, Iterator[EpisodeReport]]]:
-    """A session, and the reports of the episodes that are left.
+) -> Iterator[tuple[Trainer, Iterator[EpisodeReport]]]:
+    """A trainer, and the reports of the episodes that are left.
 
-    It begins, or goes on with the one in `folder` if plant, gait and code are those that it began with. `command` goes
-    into the policy files; by default it is this process's own. `learner` replaces the one that the parameters name.
+    It begins, or goes on with the training in `folder` if plant, gait and code are those that this one began with.
+    `command` goes into the policy files; by default it is this process's own. `learner` replaces the one that the
+    parameters name.
 
     Raises `GaitError`, `CourseError`, `CheckpointError`.
     """
@@ -48,7 +49,7 @@ def training(
         raise CheckpointError(f"{folder}: was begun with another {', '.join(changed)}: expected another folder")
     simulation = make_simulation(plant, gait)
     try:
-        session = Session(folder, Trainer(parameters, source, learner and make_learner(parameters, learner)))
-        yield session, session.run(simulation, make_controller)
+        trainer = Trainer(parameters, source, learner and make_learner(parameters, learner))
+        yield trainer, resume(Checkpoint(folder, trainer), simulation, make_controller)
     finally:
         simulation.close()

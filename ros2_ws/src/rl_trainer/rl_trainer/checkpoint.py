@@ -47,7 +47,7 @@ class Checkpoint:
 
     def __init__(self, folder: Path, trainer: Trainer) -> None:
         """Raises `CheckpointError`: damaged, of other parameters (but for the number of episodes), or no folder."""
-        self._folder, self._trainer = folder, trainer
+        self.folder, self.trainer = folder, trainer
         try:
             (folder / "policies").mkdir(parents=True, exist_ok=True)
             remove_partials(folder)
@@ -62,28 +62,28 @@ class Checkpoint:
 
         Raises `CheckpointError`: it is of another training.
         """
-        path = journal_path(self._folder, self._trainer.episode)
-        for other in self._folder.glob("journal-*"):
+        path = journal_path(self.folder, self.trainer.episode)
+        for other in self.folder.glob("journal-*"):
             if other.name < path.name:
                 other.unlink()
-        held = read_journal(path, self._trainer.parameters)
+        held = read_journal(path, self.trainer.parameters)
         try:
             for transition in held:
-                self._trainer.take(transition)
+                self.trainer.take(transition)
         except Exception as error:  # sizes that do not fit
             raise CheckpointError(f"journal {path}: {one_line(error)}") from error
 
     def append(self, transition: Transition) -> None:
         """Add a transition to the journal of the trainer's episode; raises `OSError` where the disk is full."""
-        data = line_of(transition, self._trainer.parameters)
-        with journal_path(self._folder, self._trainer.episode).open("ab", buffering=0) as journal:
+        data = line_of(transition, self.trainer.parameters)
+        with journal_path(self.folder, self.trainer.episode).open("ab", buffering=0) as journal:
             while data:  # a nearly full disk takes a part, then says so
                 data = data[journal.write(data) :]
 
     def save(self) -> None:
         """After an episode: the policy and all of the trainer's state; what journals hold is in there."""
-        trainer, newest, content = self._trainer, self._folder / CHECKPOINT, io.BytesIO()
-        trainer.policy_file().write(self._folder / "policies" / f"{trainer.episode:03d}.safetensors")
+        trainer, newest, content = self.trainer, self.folder / CHECKPOINT, io.BytesIO()
+        trainer.policy_file().write(self.folder / "policies" / f"{trainer.episode:03d}.safetensors")
         held_out = b"".join(line_of(each, trainer.parameters) for each in trainer.gate.held_out)
         state = {"parameters": trainer.parameters.key, "held_out": held_out.decode(), **trainer.state_dict()}
         torch.save(state, content)
@@ -91,13 +91,13 @@ class Checkpoint:
         with replacing(newest) as partial:
             partial.write_bytes(hashlib.sha256(data).digest() + data)
             if newest.exists():
-                newest.replace(self._folder / BEFORE)
-        for journal in self._folder.glob("journal-*"):
+                newest.replace(self.folder / BEFORE)
+        for journal in self.folder.glob("journal-*"):
             journal.unlink()
 
     def _restore(self, state: dict[str, Any]) -> None:
         """Bring the trainer to where the checkpoint was taken."""
-        path, trainer = self._folder / CHECKPOINT, self._trainer
+        path, trainer = self.folder / CHECKPOINT, self.trainer
         if state.get("parameters") != trainer.parameters.key:
             raise CheckpointError(
                 f"checkpoint {path}: made with other parameters; use another folder, or the same ones"

@@ -1,4 +1,4 @@
-"""A training session in a folder: the episode loop, which goes on there if it was killed, and TensorBoard.
+"""The episode loop in process, in a folder if wanted, where it goes on if it was killed, and TensorBoard.
 
 DIR/tensorboard/     reward terms, losses, steps walked, if TensorBoard is installed; all else in DIR: `checkpoint.py`
 """
@@ -31,24 +31,17 @@ def policy_of(plan: EpisodePlan, parameters: TrainingParameters) -> LearnedPolic
     return ActorPolicy(plan.policy) if plan.policy else ZeroPolicy(parameters.problem)
 
 
-class Session:
-    """Trains in a folder, and goes on there if it was killed."""
-
-    def __init__(self, folder: Path, trainer: Trainer) -> None:
-        """Raises `CheckpointError`, see `Checkpoint`."""
-        self.folder, self.trainer = folder, trainer
-        self._checkpoint = Checkpoint(folder, trainer)
-
-    def run(self, simulation: Simulation, make_controller: MakeController) -> Iterator[EpisodeReport]:
-        """The rest of the episodes; all is on disk when an episode's report is yielded."""
-        newest = self.trainer.reports[-1:]  # a kill after its checkpoint may have kept it from TensorBoard
-        with tensorboard(self.folder / "tensorboard", self.trainer.episode - len(newest)) as log:
-            for report in newest:
-                log(report)
-            for report in train(self.trainer, simulation, make_controller):
-                self._checkpoint.save()
-                log(report)
-                yield report
+def resume(checkpoint: Checkpoint, simulation: Simulation, make_controller: MakeController) -> Iterator[EpisodeReport]:
+    """The rest of a training's episodes; all is on disk when an episode's report is yielded."""
+    trainer = checkpoint.trainer
+    newest = trainer.reports[-1:]  # a kill after its checkpoint may have kept it from TensorBoard
+    with tensorboard(checkpoint.folder / "tensorboard", trainer.episode - len(newest)) as log:
+        for report in newest:
+            log(report)
+        for report in train(trainer, simulation, make_controller):
+            checkpoint.save()
+            log(report)
+            yield report
 
 
 @contextmanager

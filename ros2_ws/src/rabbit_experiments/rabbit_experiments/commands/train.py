@@ -58,13 +58,13 @@ def train(given: Given) -> None:
     own_folder(request.out, "train")
     with (
         complaints(GaitError, CourseError, CheckpointError, DivergenceError, ControllerError),
-        training(request.out, parameters, controller, plant) as (session, reports),
+        training(request.out, parameters, controller, plant) as (trainer, reports),
     ):
         try:
-            follow(session.trainer, reports)
+            follow(trainer, reports)
         except KeyboardInterrupt as stop:
             fail("stopped; the same command goes on from the last whole episode", code=of_interrupt(stop))
-        session.trainer.policy_file().write(request.out / POLICY)
+        trainer.policy_file().write(request.out / POLICY)
     print(f"written {request.out / POLICY}")
 
 
