@@ -46,7 +46,7 @@ def compare(assembly: Assembly, walker: str, seeds: Iterable[int]) -> dict[str, 
     Raises:
         NoTicksError: no walk lasted long enough.
     """
-    with_oracle = replace(assembly, policy="oracle", nominal=())
+    with_oracle = replace(assembly, policy="oracle")
     policy, oracle = assembly.make_policy(), with_oracle.make_policy()
     walks, ticks = [], []
     for seed in seeds:

@@ -24,7 +24,6 @@ class EvaluationOptions(WalkOptions):
     """Options of `rabbit evaluate` besides those of plant and controller."""
 
     out: Path = Field(description="folder for runs.csv, violations.csv, summary.json")
-    nominal: tuple[str, ...] = Field((), description="quantities whose estimates are set to zero, such as V,B2")
     jobs: int = Field(
         default_factory=lambda: os.cpu_count() or 1, ge=1, le=4096, description="processes (default: all cores)"
     )
@@ -38,7 +37,7 @@ class EvaluationOptions(WalkOptions):
 def evaluate(given: Given) -> None:
     """Walk many seeded runs without ROS: success rate, stones, forces, solver and speed, in DIR/summary.json."""
     request = given.build(EvaluationOptions)
-    assembly = given_assembly(given, request.policy, request.parameters, request.nominal)
+    assembly = given_assembly(given, request.policy, request.parameters)
     if request.batch > 1 and assembly.simulation.plant != "mujoco":
         fail(f"--batch {request.batch} with --plant {assembly.simulation.plant}: expected --plant mujoco")
     from rabbit_experiments.evaluation import Scenario
@@ -54,9 +53,7 @@ def evaluate(given: Given) -> None:
         draw_first(scenario, request.out)
 
 
-def given_assembly(
-    given: Given, policy: str | None = None, parameters: str = "ours", nominal: tuple[str, ...] = ()
-) -> Any:
+def given_assembly(given: Given, policy: str | None = None, parameters: str = "ours") -> Any:
     """Plant, controller and policy as the command line has them; flat terrain where the controller has no stones."""
     from rabbit_description.gait import GaitError
     from rabbit_sim.stones import CourseError
@@ -72,7 +69,7 @@ def given_assembly(
     simulation = given.build(SimulationParameters, terrain=controller.terrain)
     with complaints(GaitError, CourseError, PolicyFileError):
         try:
-            assembly = Assembly(simulation, controller, resolve_policy(policy, controller), nominal)
+            assembly = Assembly(simulation, controller, resolve_policy(policy, controller))
         except AssemblyError as error:
             fail(f"--{error.option} {error}")
         assembly.build()[0].close()
@@ -108,29 +105,31 @@ def walk_all(scenario: Any, folder: Any, processes: int, batch: int = 1) -> tupl
     from rabbit_experiments.summary import Walks
 
     kept = {job.run: result for job in scenario.walks if (result := folder.cache.get(job))}
-    folder.write_runs([kept[number] for number in sorted(kept)])
+
+    def in_order() -> list[Any]:
+        return [kept[number] for number in sorted(kept)]
 
     def note(job: Any, result: Any) -> str:
         kept[job.run] = result
-        folder.write_runs([kept[number] for number in sorted(kept)])
+        folder.write_runs(in_order())
         walks = Walks([each.row for each in kept.values()])
         return f"walked {walks.walked}, mean stones {walks.mean_stones:.1f}"
 
+    folder.write_runs(in_order())
     try:
         with complaints(JobError):
             made = run(scenario.walks, folder.cache, processes, note=note, batch=batch)
     except KeyboardInterrupt as stop:
         fail(f"stopped after {len(kept)} runs; the same command goes on from there", code=of_interrupt(stop))
-    return [kept[number] for number in sorted(kept)], made
+    return in_order(), made
 
 
 def conclude(scenario: Any, folder: Any, results: list[Any], about: dict[str, Any]) -> dict[str, Any]:
-    """Write the tables and the summary."""
+    """Write the summary."""
     from rabbit_experiments.summary import summarise
 
     figures = summarise(results, scenario.assembly.controller.qp_solver)
     summary = {"runs": scenario.runs, "stones": scenario.assembly.simulation.stones, **figures, **about}
-    folder.write_runs(results)
     folder.write_summary(summary)
     return summary
 
