@@ -19,7 +19,7 @@ WARM_UP = 0.1  # an average over the last tenth of few updates, so that it forge
 class Learner(ABC):
     """Bring your own: derive from this, and give it an actor to walk with, `acting`, and an `update`.
 
-    Its networks, optimisers, generators and whole numbers, each a member of its own, are what a checkpoint holds.
+    Its networks, optimisers, generators and numbers, each a member of its own, are what a checkpoint holds.
     """
 
     acting: Actor
@@ -40,7 +40,7 @@ class Learner(ABC):
         for name, part in vars(self).items():
             if isinstance(part, torch.Generator):
                 state[name] = part.get_state()
-            elif isinstance(part, int):
+            elif isinstance(part, int | float):
                 state[name] = part
             elif isinstance(part, nn.Module | torch.optim.Optimizer):
                 state[name] = part.state_dict()
@@ -51,7 +51,7 @@ class Learner(ABC):
         for name, part in vars(self).items():
             if isinstance(part, torch.Generator):
                 part.set_state(state[name])
-            elif isinstance(part, int):
+            elif isinstance(part, int | float):
                 setattr(self, name, state[name])
             elif isinstance(part, nn.Module | torch.optim.Optimizer):
                 part.load_state_dict(state[name])
