@@ -19,7 +19,7 @@ app = typer.Typer(add_completion=False)
 
 
 class ErrorsOptions(WalkOptions):
-    """Options of `rabbit policy-errors` besides those of plant and controller."""
+    """Options of `rabbit estimates` besides those of plant and controller."""
 
     runs: int = Field(5, ge=1, le=10_000, description="walks of the policy, and as many of the oracle")
     out: Path | None = Field(None, description="file for the figures, JSON")
@@ -27,7 +27,7 @@ class ErrorsOptions(WalkOptions):
 
 @app.command()
 @options(ErrorsOptions, ControllerParameters, SimulationParameters, without=("controller", "policy"), defaults=DEFAULTS)
-def policy_errors(
+def estimates(
     given: Given,
     file: Annotated[Path, typer.Argument(help="policy file (.safetensors), or the name of a shipped one")],
 ) -> None:
