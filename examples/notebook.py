@@ -10,7 +10,6 @@ import matplotlib.pyplot as plt
 import numpy as np
 from rabbit_experiments.assembly import Assembly, resolve_policy
 from rabbit_experiments.evaluation import episode_seeds, record_walk, walk
-from rabbit_experiments.policy_errors import compare
 from rabbit_experiments.summary import wilson
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import load_parameters
@@ -50,20 +49,21 @@ only = [pairs.count((True, False)), pairs.count((False, True))]
 p_value = binomtest(only[0], sum(only)).pvalue if sum(only) else 1.0
 print(f"only learned: {only[0]}, only nominal: {only[1]}, p = {p_value:.2g}")
 
-# %% 7. The estimates against the true errors, which the oracle computes at the same states (1: as bad as none)
-errors = compare(learned, "policy", list(seeds.values())[:2])["quantities"]
-plt.bar(list(errors), [each["error"] for each in errors.values()])
-plt.ylabel("rms error of the estimates / rms of the truth")
-plt.savefig(options.out / "estimates.pdf")
-plt.close()
+# %% 7. One course with all its ticks, by both controllers
+one, other = (record_walk(each, seeds[0]) for each in (learned, nominal))
 
-# %% 8. One course with all its ticks, by both controllers
-ticks = {name: record_walk(each, seeds[0]) for name, each in (("learned", learned), ("nominal", nominal))}
+# %% 8. The estimates against the measured errors, some time after each impact (1: as bad as none)
+late = np.flatnonzero((one.phase[:-1] > 0.2) & (np.diff(one.step_index) == 0))
+true = one.measured[late + 1] - (np.einsum("tnm,tm->tn", one.nominal_a, one.mu) + one.nominal_b)[late]
+wrong = (np.einsum("tnm,tm->tn", one.alpha, one.mu) + one.beta)[late] - true
+errors = np.sqrt((wrong**2).mean(axis=0) / (true**2).mean(axis=0))
+plt.bar(one.about["quantities"], errors)
+plt.ylabel("rms error of the estimates / rms of the measured error")
+plt.savefig(options.out / "estimates.pdf")
 
 # %% 9. The figure: the CLF, the barriers, and the force's ratio with the cone's limit
 figure, axes = plt.subplots(3, sharex=True, figsize=(6, 6))
-for name, line in (("learned", "-"), ("nominal", "--")):
-    records = ticks[name]
+for name, line, records in (("learned", "-", one), ("nominal", "--", other)):
     force = np.abs(records.stance_force[:, 0]) / np.maximum(records.stance_force[:, 1], 20.0)
     for axis, values in zip(axes, (records.V, records.barriers, force), strict=True):
         axis.plot(records.time, values, line, label=name if values.ndim == 1 else [f"B1 {name}", f"B2 {name}"])

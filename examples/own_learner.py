@@ -1,12 +1,11 @@
-"""A learner of your own in the training loop, without an edit to it: 20 lines and no critic.
+"""A learner of your own in the training loop, without an edit to it: 15 lines and no critic.
 
     minimise  sum |alpha mu + beta - measured error|  by RMSprop on the actor itself
 
-A learner is anything with `acting`, `update`, `state_dict` and `load_state_dict` (`rl_trainer.learner.Learner`).
+A learner derives from `rl_trainer.learner.Learner`; it has the actor that walks, `acting`, and an `update`.
 """
 
 import argparse
-from typing import Any
 
 import torch
 from rabbit_description.gait import load_gait
@@ -16,13 +15,14 @@ from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.parameters import load_parameters
 from rl_cbf_clf_controller.policy import Policy
 from rl_trainer.actor import Actor
+from rl_trainer.learner import Learner
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.replay import Batch
 from rl_trainer.session import train
 from rl_trainer.training import Trainer
 
 
-class AbsoluteErrors:
+class AbsoluteErrors(Learner):
     """Fits the actor to the measured errors of all quantities at once."""
 
     def __init__(self, parameters: TrainingParameters) -> None:
@@ -39,15 +39,6 @@ class AbsoluteErrors:
         loss.backward()
         self._optimizer.step()
         return {"absolute error": loss.item()}
-
-    def state_dict(self) -> dict[str, Any]:
-        """What a checkpoint holds."""
-        return {"actor": self.acting.state_dict(), "optimizer": self._optimizer.state_dict()}
-
-    def load_state_dict(self, state: dict[str, Any]) -> None:
-        """Go on from a checkpoint."""
-        self.acting.load_state_dict(state["actor"])
-        self._optimizer.load_state_dict(state["optimizer"])
 
 
 def learn(episodes: int, steps: int, scale: float = 2.0) -> list[float]:

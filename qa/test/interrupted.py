@@ -73,8 +73,8 @@ def trained(out: Path) -> Any:
     from rl_trainer.checkpoint import read_checkpoint
 
     arrays = {name: array.tobytes() for name, array in read(out / "policy.safetensors").arrays.items()}
-    episodes = json.loads((read_checkpoint(out) or {})["more"]["episodes"])
-    return arrays, [{**episode, "seconds": 0.0} for episode in episodes]
+    reports = (read_checkpoint(out) or {})["reports"]
+    return arrays, [{**report, "seconds": 0.0} for report in reports]
 
 
 def walked(out: Path) -> Any:

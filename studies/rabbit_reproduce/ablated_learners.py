@@ -1,7 +1,6 @@
 """Learners with one choice of `rl_trainer.ddpg.Ddpg` undone, for the ablations."""
 
 import copy
-from typing import Any
 
 import numpy as np
 import torch
@@ -150,22 +149,6 @@ class PlainCritic(AveragedActor):
         action = self.acting.unit_action(batch.next_observation, batch.next_LgV, size)
         q: Tensor = self._target_critic(batch.next_observation, batch.next_mu, action)
         return q
-
-    def state_dict(self) -> dict[str, Any]:
-        """All that a checkpoint must hold."""
-        parts = {name: part.state_dict() for name, part in self._parts().items()}
-        return {"actor": super().state_dict(), "generator": self._generator.get_state(), **parts}
-
-    def load_state_dict(self, state: dict[str, Any]) -> None:
-        """Go on from a checkpoint."""
-        super().load_state_dict(state["actor"])
-        self._generator.set_state(state["generator"])
-        for name, part in self._parts().items():
-            part.load_state_dict(state[name])
-
-    def _parts(self) -> dict[str, Any]:
-        critics = {"critic": self._critic, "target_critic": self._target_critic}
-        return {**critics, "optimizer": self._critic_optimizer}
 
 
 class NoRelabel(PlainCritic):

@@ -21,7 +21,6 @@ def evaluate_command(scenario: Scenario) -> str:
     usual = load_parameters("ours", controller=tuning.controller)
     usual_plant = SimulationParameters(motor_lag=EVALUATION_LAG, terrain=terrain)
     words = ["rabbit", "evaluate", "--controller", tuning.controller, *_policy(assembly)]
-    words += ["--nominal", ",".join(assembly.nominal)] if assembly.nominal else []
     words += changed_options(plant, usual_plant) + changed_options(tuning, usual, but=SimulationParameters)
     return shlex.join([*words, "--runs", str(scenario.runs), "--seed", str(scenario.seed), "--out", "DIR"])
 

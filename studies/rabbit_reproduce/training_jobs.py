@@ -6,7 +6,7 @@ ROOT/NAME-KEY/   a session of `rabbit train`, KEY the hash of all that decides i
 import math
 import shlex
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -94,9 +94,8 @@ class TrainingJob(Job):
         from rabbit_experiments.training_setup import POLICY, training  # torch
 
         about = self.folder, self.parameters, self.controller, self.plant, self.command, self.learner
-        with training(*about) as job:
-            trainer = job.session.trainer
+        with training(*about) as (trainer, reports):
             while trainer.episode < self.parameters.episodes and trainer.transitions < self.transitions:
-                next(job.reports)
+                next(reports)
             trainer.policy_file().write(self.folder / POLICY)
-            return job.session.episodes
+            return [asdict(report) for report in trainer.reports]

@@ -63,7 +63,6 @@ def test_the_same_content_is_not_run_again(tmp_path: Path, counted: list[int]) -
         tuning(JOB, eps=0.06),
         tuning(JOB, gait="authors_035"),
         replace(JOB, assembly=replace(JOB.assembly, policy="oracle")),
-        replace(JOB, assembly=replace(JOB.assembly, nominal=("V",))),
         JudgedWalk(JOB.assembly, JOB.seed, (JOB.assembly,)),
     ],
 )

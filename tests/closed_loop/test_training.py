@@ -20,10 +20,10 @@ def train(folder: Path, seed: int, episodes: int = EPISODES) -> Path:
     controller = load_parameters("ours", controller="rl-cbf-clf-qp", slack_weight=TRAINING_SLACK_WEIGHT)
     parameters = TrainingParameters(seed=seed, episodes=episodes, walking_steps=STONES)
     plant = SimulationParameters(mass_scale=TRAINING_SCALE, stones=STONES, stop_at_miss=False)
-    with training(folder, parameters, controller, plant) as job:
-        list(job.reports)
+    with training(folder, parameters, controller, plant) as (trainer, reports):
+        list(reports)
         file = folder / "policy.safetensors"
-        job.session.trainer.policy_file().write(file)
+        trainer.policy_file().write(file)
     return file
 
 

@@ -91,8 +91,8 @@ def kept_files() -> tuple[bytes, bytes]:
         for tick in range(3):
             kept.append(trainer.take(transition(tick)) or transition(tick))
         journal = journal_path(Path(folder), 0).read_bytes()
-        kept.save(taken=3, held_out=journal.decode())
-        kept.close()
+        trainer.gate.held_out.extend(map(transition, range(3)))
+        kept.save()
         return (Path(folder) / CHECKPOINT).read_bytes(), journal
 
 

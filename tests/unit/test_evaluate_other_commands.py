@@ -31,7 +31,7 @@ def test_training_leaves_a_sound_policy_and_goes_on(tmp_path: Path) -> None:
     assert (plant["mass_scale"], plant["motor_lag"], plant["stop_at_miss"]) == (2, 0, False)
     assert rabbit("policy", "verify", tmp_path / "policy.safetensors").exit_code == 0
     assert first.content_hash in rabbit("policy", "show", tmp_path / "policy.safetensors").output
-    errors = ("policy", "errors", tmp_path / "policy.safetensors", "--runs", 1, "--stones", 1, "--payload", 5)
+    errors = ("estimates", tmp_path / "policy.safetensors", "--runs", 1, "--stones", 1, "--payload", 5)
     assert rabbit(*errors, "--out", tmp_path / "errors.json").exit_code == 0
     found = json.loads((tmp_path / "errors.json").read_text())
     used = found["parameters"]["simulation"]
@@ -88,8 +88,8 @@ def test_bench_measures_and_asserts_nothing(tmp_path: Path) -> None:
         (("gait", "--name", "x", "--barrier-poles", "70"), "--barrier-poles"),
         (("video", "nowhere"), "nowhere"),
         (("policy", "verify", "nowhere"), "nowhere"),
-        (("policy", "errors", "nowhere"), "nowhere"),
-        (("policy", "errors", "nowhere", "--runs", 0), "--runs 0"),
+        (("estimates", "nowhere"), "nowhere"),
+        (("estimates", "nowhere", "--runs", 0), "--runs 0"),
         (("train", "--out", "x", "--measurement", "none"), "--measurement none"),
         (("bench", "--policy", "nobody"), "--policy nobody"),
     ],

@@ -34,7 +34,7 @@ FOLDERS = {
 FILES = {
     "bag record": (),
     "bench": ("--no-nodes",),
-    "policy errors": ("rl-cbf-clf-qp",),
+    "estimates": ("rl-cbf-clf-qp",),
     "rival gp": ("session",),
     "rival ddpg": (),
 }

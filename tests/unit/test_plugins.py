@@ -2,20 +2,29 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 from rabbit_description.plugins import load, names
+from rl_cbf_clf_controller.weights import read
 
-MODULE = """
+MODULE = '''
+"""Count the letters of a word."""
+
 from pathlib import Path
 
+import torch
+import typer
 from rabbit_benchmark.methods import Method
 from rabbit_reproduce.controllers import variant
 from rabbit_sim.rigid_plant import RigidPlant
-from rl_trainer.regression import Regression
+from rl_trainer.actor import Actor
+from rl_trainer.learner import Learner
+
+app = typer.Typer()
 
 
 class SlowMotor(RigidPlant):
@@ -24,14 +33,30 @@ class SlowMotor(RigidPlant):
         super().advance(command)
 
 
-class Noted(Regression):
+class Noted(Learner):
     def __init__(self, parameters):
-        Path("learning").touch()
-        super().__init__(parameters)
+        self.acting = Actor(parameters)
+        self._optimizer = torch.optim.SGD(self.acting.parameters(), lr=1e-3)
+        self.updates = 0
+
+    def update(self, batch, rate):
+        alpha, beta = self.acting(batch.observation, batch.LgV)
+        loss = ((torch.einsum("bij,bj->bi", alpha, batch.mu) + beta) / batch.unit - batch.target).square().mean()
+        self._optimizer.zero_grad()
+        loss.backward()
+        self._optimizer.step()
+        self.updates += 1
+        Path("updates").write_text(str(self.updates))
+        return {"error": loss.item()}
+
+
+@app.command()
+def count(word: str):
+    print(len(word))
 
 
 STIFF = Method("stiff", "mine, stiffer", flat=variant("stiff", "clf-qp", "zero", {"eps": 0.08}))
-"""
+'''
 ENTRY_POINTS = """
 [rabbit.plants]
 slow_motor = other_package:SlowMotor
@@ -39,8 +64,10 @@ slow_motor = other_package:SlowMotor
 noted = other_package:Noted
 [rabbit.methods]
 stiff = other_package:STIFF
+[rabbit.commands]
+count = other_package:app
 """
-TRAINING = ("--episodes", "1", "--walking-steps", "1", "--learner", "noted")
+TRAINING = ("--walking-steps", "1", "--batch", "8", "--updates-least", "5", "--learner", "noted", "--out", "out")
 
 
 def install(folder: Path, name: str = "other_package", entries: str = ENTRY_POINTS) -> None:
@@ -77,11 +104,21 @@ def test_another_packages_method_enters_the_benchmark(tmp_path: Path) -> None:
     assert "mine, stiffer" in listed.stdout
 
 
-def test_another_packages_learner_trains(tmp_path: Path) -> None:
+def test_another_packages_learner_trains_and_goes_on_where_it_was(tmp_path: Path) -> None:
     install(tmp_path)
-    done = rabbit(tmp_path, "train", *TRAINING, "--plant", "slow_motor", "--out", "out")
-    assert done.returncode == 0, done.stderr
-    assert (tmp_path / "learning").exists()
+    updates = []
+    for episodes in ("1", "2"):
+        done = rabbit(tmp_path, "train", *TRAINING, "--updates-per-tick", "0", "--episodes", episodes)
+        assert done.returncode == 0, done.stderr
+        updates.append((tmp_path / "updates").read_text())
+    assert updates == ["5", "10"]
+    assert read(tmp_path / "out" / "policy.safetensors").metadata.learner == "noted"
+
+
+def test_another_packages_subcommand_is_listed_and_called(tmp_path: Path) -> None:
+    install(tmp_path)
+    assert re.search(r"count +Count the letters of a word", rabbit(tmp_path, "--help").stdout)
+    assert rabbit(tmp_path, "count", "stone").stdout == "5\n"
 
 
 @pytest.mark.parametrize(

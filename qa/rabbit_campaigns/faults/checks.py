@@ -30,14 +30,14 @@ def check_transitions(told: Sequence[Transition], folder: Path) -> dict[str, int
         How many are nowhere on disk, `lost`; how many the trainer counts in all, `kept`; and `told_transitions`.
     """
     trainer = Trainer(TRAINING)
-    taken = (Checkpoint(folder, trainer).more or {}).get("taken", 0)
+    Checkpoint(folder, trainer)
     in_journal = read_journal(journal_path(folder, trainer.episode), TRAINING)
     learned = trainer.replay.rows(slice(0, len(trainer.replay)))
     columns = (learned.observation, learned.mu, learned.LgV, learned.next_mu)
     there = {row.tobytes() for row in np.hstack([column.numpy() for column in columns])}
     there |= {_key(transition) for transition in in_journal}
     lost = sum(trainer.replay.accepts(each) and _key(each) not in there for each in told)
-    total = taken + len(in_journal)
+    total = trainer.taken + len(in_journal)
     return {"lost": max(lost, len(told) - total), "kept": total, "told_transitions": len(told)}
 
 

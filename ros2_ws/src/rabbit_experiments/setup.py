@@ -8,6 +8,7 @@ sys.path.append(str(Path(__file__).resolve().parents[1]))
 from package_setup import install
 
 install(
+    "gymnasium",
     "joblib",
     "numpy>=2",
     "pydantic>=2",

@@ -5,11 +5,11 @@ from pathlib import Path
 from typing import Any
 
 import typer
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 from rabbit_common.options import Defaults, Given, options
 from rabbit_common.own_folder import own_folder
 from rabbit_experiments.commands.evaluate import given_assembly
-from rabbit_experiments.conditions import EVALUATION_LAG
+from rabbit_experiments.conditions import EVALUATION_LAG, WalkOptions
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
@@ -18,16 +18,10 @@ DEFAULTS = Defaults(always={"motor_lag": EVALUATION_LAG, "sensors": "lab"})
 app = typer.Typer(add_completion=False)
 
 
-class EstimatorOptions(BaseModel):
+class EstimatorOptions(WalkOptions):
     """Options of `rabbit estimator` besides those of plant and controller."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
     out: Path = Field(description="folder for errors.json and errors.png")
-    runs: int = Field(10, ge=1, le=100_000, description="number of walks")
-    seed: int = Field(9001, ge=0, le=2**63 - 1, description="of courses, first states and sensor noise")
-    policy: str | None = Field(None, description="as in rabbit evaluate")
-    parameters: str = Field("ours", description="of the controller: ours, best, authors or a YAML file")
 
 
 @app.command()

@@ -27,7 +27,7 @@ GROUP = "rabbit.commands"
 # as the help text lists them; those of other packages follow by name
 ORDER = (
     *("play", "walk", "view", "run", "evaluate", "benchmark", "misses", "speed", "reproduce", "gait", "train"),
-    *("policy", "estimator", "rival", "bench", "jitter", "soak", "faults", "bag", "video"),
+    *("policy", "estimates", "estimator", "rival", "bench", "jitter", "soak", "faults", "bag", "video"),
 )
 
 

@@ -13,7 +13,7 @@ from rabbit_sim.simulation import Simulation
 from rl_cbf_clf_controller.controller import Controller, Further, nothing_further
 from rl_cbf_clf_controller.oracle import OraclePolicy, TruePlant
 from rl_cbf_clf_controller.parameters import ControllerParameters
-from rl_cbf_clf_controller.policy import PartlyNominal, Policy, ZeroPolicy, fitted
+from rl_cbf_clf_controller.policy import Policy, ZeroPolicy, fitted
 from rl_cbf_clf_controller.weights import SHIPPED, PolicyFileError, policy_path, read
 
 
@@ -29,8 +29,7 @@ class AssemblyError(ValueError):
 class Assembly:
     """What an episode is made of, but for its seed. `policy` is `zero`, `oracle` or the path of a policy file.
 
-    Its estimates of the quantities in `nominal`, by name, are set to zero. A method of its own kind of controller
-    derives from this and names that.
+    A method of its own kind of controller derives from this and names that.
     """
 
     kind: ClassVar[type[Controller]] = Controller
@@ -38,16 +37,10 @@ class Assembly:
     simulation: SimulationParameters
     controller: ControllerParameters
     policy: str
-    nominal: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if self.controller.terrain == "stones" and self.simulation.terrain == "flat":
             raise AssemblyError("terrain", f"flat: expected stones, {self.controller.controller} steps on them")
-        known = self.controller.problem.quantities
-        for name in self.nominal:
-            if name not in known:
-                raise AssemblyError("nominal", f"{name}: expected some of {', '.join(known)}")
-        object.__setattr__(self, "nominal", tuple(name for name in known if name in self.nominal))
 
     def build(self, further: Further = nothing_further) -> tuple[Simulation, Controller]:
         """A plant and a controller that have seen nothing yet; `further` quantities of your own, see `Controller`.
@@ -59,10 +52,6 @@ class Assembly:
 
     def make_policy(self) -> Policy:
         """The policy object."""
-        policy = self._whole_policy()
-        return PartlyNominal(policy, self.controller.problem, self.nominal) if self.nominal else policy
-
-    def _whole_policy(self) -> Policy:
         if self.policy == "zero":
             return ZeroPolicy(self.controller.problem)
         if self.policy == "oracle":

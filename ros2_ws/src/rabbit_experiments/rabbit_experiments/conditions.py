@@ -1,8 +1,28 @@
-"""Under which conditions controllers are evaluated and policies trained, unless a command says otherwise."""
+"""How controllers are evaluated and policies trained, unless a command says otherwise, and what such commands ask."""
 
 from typing import Any
+
+from pydantic import BaseModel, ConfigDict, Field
 
 EVALUATION_LAG = 0.004  # s, of the motors in evaluation, as in the paper
 TRAINING_SCALE = 2.0  # the paper's training plant: twice the mass, no motor lag, no noise
 TRAINING_PLANT: dict[str, Any] = {"mass_scale": TRAINING_SCALE, "stop_at_miss": False}  # the pose ends an episode
 TRAINING_SLACK_WEIGHT = 3.0  # p while learning: the softer CLF keeps the first, wrong policies on their feet
+
+
+class TuningOptions(BaseModel):
+    """Options of a command with a controller, besides the controller's own."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    parameters: str = Field("ours", description="of the controller: ours, best, authors or a YAML file")
+
+
+class WalkOptions(TuningOptions):
+    """Options of a command that walks in process."""
+
+    runs: int = Field(10, ge=1, le=1_000_000, description="number of runs")
+    seed: int = Field(9001, ge=0, le=2**63 - 1, description="of courses, first states and sensor noise")
+    policy: str | None = Field(
+        None, description="zero, oracle, a shipped policy or a file; a controller that learns has its own by default"
+    )

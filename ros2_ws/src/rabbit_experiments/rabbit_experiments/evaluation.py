@@ -140,7 +140,7 @@ class Walk(SeededRun):
     def companions(self) -> Hashable:
         """Walks of one controller in MuJoCo."""
         a = self.assembly
-        return (a.controller, a.policy, a.nominal) if type(a) is Assembly and a.simulation.plant == "mujoco" else None
+        return (a.controller, a.policy) if type(a) is Assembly and a.simulation.plant == "mujoco" else None
 
     @classmethod
     def do_together(cls, jobs: Sequence["Walk"]) -> Iterator[tuple["Walk", RunResult]]:

@@ -6,9 +6,10 @@ happens in the tick before the one that swaps the legs, so from the fourth tick 
 F_N > 20 N) or without a push from the ground (F_N <= 0, "lost").
 """
 
+import math
 from collections import Counter
-from collections.abc import Callable
-from typing import Literal
+from collections.abc import Callable, Iterable
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict
@@ -22,19 +23,16 @@ from rabbit_experiments.walk_records import RESCUE_NEEDED
 
 IMPACT_TICKS = 4  # of a step's beginning, whose mean force may hold some of the 30 ms after impact
 ROWS = ("CLF", "B1", "B2", "C1", "C2", "u")  # of the QP, both cone rows as C2 and all saturation rows as u
-EVENTS = (  # ticks and steps of a run that are counted
-    "ticks_over_cone",
-    "ticks_over_cone_at_impact",
-    "ticks_normal_force_negative",
-    "ticks_lost",
-    "ticks_lost_at_impact",
-    "qp_unanswered_ticks",
-    "qp_unconstrained_ticks",
-    "slack_ticks",
-    "rescue_ticks",
-    "saturated_ticks",
-    "ecbf_start_violations",
-)
+
+
+def least(values: Iterable[float]) -> float | None:
+    """The least that is finite."""
+    return min(filter(math.isfinite, values), default=None)
+
+
+Count = Annotated[int, sum]  # with what a summary makes of all runs' figures
+Most = Annotated[float, max]
+Least = Annotated[float, least]
 
 
 class RunRow(BaseModel):
@@ -48,23 +46,23 @@ class RunRow(BaseModel):
     success: bool
     success_with_forces: bool
     stones: int
-    missed_stones: int
+    missed_stones: Count
     steps: int
-    ticks: int
-    worst_margin: float
-    max_force_ratio: float
-    min_normal_force: float
-    ticks_over_cone: int
-    ticks_over_cone_at_impact: int
-    ticks_normal_force_negative: int
-    ticks_lost: int
-    ticks_lost_at_impact: int
-    qp_unanswered_ticks: int
-    qp_unconstrained_ticks: int
-    slack_ticks: int
-    rescue_ticks: int
-    saturated_ticks: int
-    ecbf_start_violations: int
+    ticks: Count
+    worst_margin: Least
+    max_force_ratio: Most
+    min_normal_force: Least
+    ticks_over_cone: Count
+    ticks_over_cone_at_impact: Count
+    ticks_normal_force_negative: Count
+    ticks_lost: Count
+    ticks_lost_at_impact: Count
+    qp_unanswered_ticks: Count
+    qp_unconstrained_ticks: Count
+    slack_ticks: Count
+    rescue_ticks: Count
+    saturated_ticks: Count
+    ecbf_start_violations: Count
     active_CLF: int
     active_B1: int
     active_B2: int
@@ -72,12 +70,12 @@ class RunRow(BaseModel):
     active_C2: int
     active_u: int
     barrier_active_steps: int
-    max_torque: float
+    max_torque: Most
     rms_y: float
     rms_dy: float
     max_clf: float
-    max_slack: float
-    max_rescue_slack: float
+    max_slack: Most
+    max_rescue_slack: Most
     tick_ms_p50: float
     tick_ms_p99: float
     plant_ms_p50: float
@@ -150,11 +148,11 @@ class RunTally:
         walk_seconds: float = 0.0,
     ) -> RunResult:
         """The run in figures, once it is over; seconds that each controller and plant tick took, and the whole walk."""
-        columns = np.array(self._numbers, dtype=float).reshape(-1, 9).T
-        tick, step, tangential, normal, V, slack, rescue, answered, saturated = columns
+        numbers = np.array(self._numbers, dtype=float).reshape(-1, 9).T
+        tick, step, tangential, normal, V, slack, rescue, answered, saturated = numbers
         starts = np.diff(step, prepend=-1) != 0
         age = tick - tick[starts][np.cumsum(starts) - 1]
-        ratio = np.nan_to_num(force_ratio(columns[2:4].T))
+        ratio = np.nan_to_num(force_ratio(numbers[2:4].T))
         measured, at_impact = tick > 0, age < IMPACT_TICKS  # at tick 0 there is no force yet
         over, lost, late = measured & (ratio > self._friction_coeff), measured & (normal <= 0), measured & ~at_impact
         outside = starts & (np.reshape(self._rates, (-1, 2)) < 0).any(axis=1)  # from there an ECBF promises nothing
@@ -176,7 +174,7 @@ class RunTally:
             "saturated_ticks": saturated == 1,
             "ecbf_start_violations": outside,
         }
-        counts: dict[str, int] = {name: int(np.sum(happened[name])) for name in EVENTS}
+        counts = {name: int(np.sum(ticks)) for name, ticks in happened.items()}
         counts |= {f"active_{name}": active[name] for name in ROWS}
         missed = [landing.missed or not landing.on_stone for landing in landings]
         success = outcome is Outcome.WALKED and not self.fault and not any(missed)
@@ -208,18 +206,10 @@ class RunTally:
             walk_seconds=walk_seconds,
             **counts,
         )
+        when = {"tick": tick, "step": step, "ticks_since_landing": age, "at_impact": at_impact}
+        columns = {**when, "tangential_force": tangential, "normal_force": normal, "ratio": ratio}
         violations = [
-            ForceTick(
-                run=self.run,
-                kind="lost" if lost[i] else "over_cone",
-                tick=tick[i],
-                step=step[i],
-                ticks_since_landing=age[i],
-                at_impact=at_impact[i],
-                tangential_force=tangential[i],
-                normal_force=normal[i],
-                ratio=ratio[i],
-            )
+            ForceTick(run=self.run, kind="lost" if lost[i] else "over_cone", **{n: v[i] for n, v in columns.items()})
             for i in np.flatnonzero(over | lost)
         ]
         return RunResult(row=row, violations=violations, tick_seconds=[round(seconds, 7) for seconds in ticks])

@@ -15,6 +15,7 @@ from enum import Enum
 from functools import cache
 from importlib.metadata import PackageNotFoundError, entry_points, version
 from pathlib import Path
+from types import FunctionType
 from typing import Any
 
 from pydantic import BaseModel
@@ -53,7 +54,7 @@ def command() -> str:
 
 
 def plain(value: Any) -> Any:
-    """Dataclasses, models, sequences and mappings as JSON has them, each with its class.
+    """Dataclasses, models, sequences and mappings as JSON has them, each with its class; classes, functions by name.
 
     Raises:
         TypeError: of anything else.
@@ -64,8 +65,8 @@ def plain(value: Any) -> Any:
         return value
     if isinstance(value, Path):
         return str(value)
-    if isinstance(value, type):
-        return {CLASS: _class_name(value)}
+    if isinstance(value, type | FunctionType):
+        return {CLASS: _name(value)}
     if isinstance(value, Mapping):
         return {str(name): plain(each) for name, each in value.items()}
     if isinstance(value, tuple | list):
@@ -76,7 +77,7 @@ def plain(value: Any) -> Any:
         names = [each.name for each in fields(value) if each.compare]
     else:
         raise TypeError(f"{value!r}: expected plain data, a model or a dataclass")
-    return {CLASS: _class_name(type(value)), **{name: plain(getattr(value, name)) for name in names}}
+    return {CLASS: _name(type(value)), **{name: plain(getattr(value, name)) for name in names}}
 
 
 def provenance(asked: Any, hash_file: Callable[[Path], str] = hash_of) -> dict[str, str]:
@@ -139,8 +140,8 @@ def key_of(asked: Any) -> str:
     return hash_of_text(json.dumps(asked, sort_keys=True))
 
 
-def _class_name(kind: type) -> str:
-    return f"{kind.__module__}:{kind.__qualname__}"
+def _name(code: type | FunctionType) -> str:
+    return f"{code.__module__}:{code.__qualname__}"
 
 
 def _strings(asked: Any, key: str = "") -> Iterator[tuple[str, str]]:

@@ -9,8 +9,9 @@ import hashlib
 import os
 import site
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from functools import cache
+from importlib.machinery import PathFinder
 from importlib.metadata import PackageNotFoundError, packages_distributions, version
 from importlib.util import find_spec, resolve_name
 from pathlib import Path
@@ -55,23 +56,21 @@ def code_of(modules: frozenset[str]) -> dict[str, str]:
 
 
 @cache
-def imports(source: bytes, package: str) -> tuple[str, ...]:
+def imports(source: bytes, package: str) -> list[str]:
     """Modules that a file of a package imports, and names that may be modules; none of a file that is no Python."""
+    found: list[str] = []
     try:
-        return tuple(_imports(source, package))
+        nodes = list(ast.walk(ast.parse(source)))
     except (SyntaxError, ValueError):
-        return ()
-
-
-def _imports(source: bytes, package: str) -> Iterator[str]:
-    for node in ast.walk(ast.parse(source)):
+        return found
+    for node in nodes:
         if isinstance(node, ast.Import):
-            yield from (each.name for each in node.names)
+            found += [each.name for each in node.names]
         elif isinstance(node, ast.ImportFrom):
             name = "." * node.level + (node.module or "")
             origin = resolve_name(name, package) if node.level else name
-            yield origin
-            yield from (f"{origin}.{each.name}" for each in node.names)
+            found += [origin, *(f"{origin}.{each.name}" for each in node.names)]
+    return found
 
 
 def _file(module: str) -> Path | None:
@@ -84,13 +83,10 @@ def _file(module: str) -> Path | None:
         spec = find_spec(top)
     except ValueError:  # `__main__` of a prompt
         return None
-    if spec is None:
-        return None
-    if not rest:
-        return Path(spec.origin) if spec.has_location and spec.origin else None
-    bases = (Path(folder, *rest) for folder in spec.submodule_search_locations or ())
-    files = (path for base in bases for path in (base / "__init__.py", base.with_suffix(".py")))
-    return next((path for path in files if path.is_file()), None)
+    for part in rest:  # found without importing what is around it
+        folders = spec and spec.submodule_search_locations
+        spec = PathFinder.find_spec(part, folders) if folders else None
+    return Path(spec.origin) if spec and spec.has_location and spec.origin else None
 
 
 def _hashes(files: dict[str, Path]) -> dict[str, str]:
@@ -128,9 +124,7 @@ def hash_of(path: Path) -> str:
 
 
 def _version(top: str) -> str:
-    names: Iterable[str] = (DISTRIBUTIONS.get(top, top),)
     try:
-        return " ".join(map(version, names))
+        return version(DISTRIBUTIONS.get(top, top))
     except PackageNotFoundError:
-        names = packages_distributions().get(top, ())
-        return " ".join(map(version, names)) or "unknown"
+        return " ".join(map(version, packages_distributions().get(top, ()))) or "unknown"

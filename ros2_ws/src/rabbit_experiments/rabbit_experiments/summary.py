@@ -2,7 +2,7 @@
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from rabbit_description.state import TICK_SECONDS
 from scipy import stats
 
-from rabbit_experiments.metrics import EVENTS, ROWS, RunResult, RunRow
+from rabbit_experiments.metrics import ROWS, RunResult, RunRow
 
 ENDED_WELL = "walked"
 ENOUGH = 0.9  # share of runs from which something "walks"
@@ -78,6 +78,12 @@ class Walks:
         """How many runs ended otherwise than walked, by kind."""
         return dict(Counter(row.outcome for row in self.rows if row.outcome != ENDED_WELL))
 
+    @property
+    def over_all(self) -> dict[str, Any]:
+        """Counts and extremes: of each column of `RunRow` that says how, that of all runs."""
+        over = {name: info.metadata[0] for name, info in RunRow.model_fields.items() if info.metadata}
+        return {name: combine(getattr(row, name) for row in self.rows) for name, combine in over.items()}
+
     def total(self, name: str) -> int:
         """Sum of a count of `RunRow`."""
         return sum(getattr(row, name) for row in self.rows)
@@ -101,9 +107,8 @@ class Walks:
 
 def summarise(results: Sequence[RunResult], qp_solver: str) -> dict[str, Any]:
     """The figures of summary.json."""
-    rows = [result.row for result in results]
-    walks = Walks(rows)
-    ticks = walks.total("ticks")
+    walks = Walks([result.row for result in results])
+    ticks = max(walks.total("ticks"), 1)
     return {
         "runs": walks.runs,
         "success_rate": walks.walked / walks.runs,
@@ -113,20 +118,13 @@ def summarise(results: Sequence[RunResult], qp_solver: str) -> dict[str, Any]:
         "mean_stones_ci95": walks.stones_interval,
         "std_stones": walks.std_stones,
         "falls": walks.falls,
-        "max_force_ratio": walks.max_ratio,
-        "min_normal_force": _least(row.min_normal_force for row in rows),
-        "worst_margin": _least(row.worst_margin for row in rows),
-        "ticks": ticks,
-        **{name: walks.total(name) for name in ("missed_stones", *EVENTS)},
+        **walks.over_all,
         "qp_solver": qp_solver,
-        "qp_solver_share": 1 - walks.total("qp_unanswered_ticks") / max(ticks, 1),
-        "active_share": {name: walks.total(f"active_{name}") / max(ticks, 1) for name in ROWS},
+        "qp_solver_share": 1 - walks.total("qp_unanswered_ticks") / ticks,
+        "active_share": {name: walks.total(f"active_{name}") / ticks for name in ROWS},
         "barrier_active_step_share": walks.total("barrier_active_steps") / max(walks.total("steps"), 1),
         "rms_y": walks.rms("rms_y"),
         "rms_dy": walks.rms("rms_dy"),
-        "max_torque": max(row.max_torque for row in rows),
-        "max_slack": max(row.max_slack for row in rows),
-        "max_rescue_slack": max(row.max_rescue_slack for row in rows),
         **times(results),
     }
 
@@ -155,7 +153,3 @@ def mean_interval(values: NDArray[np.float64]) -> tuple[float, float] | None:
         return None
     half = float(stats.t.ppf(0.975, len(values) - 1) * values.std(ddof=1)) / math.sqrt(len(values))
     return float(values.mean()) - half, float(values.mean()) + half
-
-
-def _least(values: Iterable[float]) -> float | None:
-    return min(filter(math.isfinite, values), default=None)

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 
 from rabbit_description.gait import load_gaits
@@ -10,23 +9,15 @@ from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import Policy
-from rl_trainer.checkpoint import CheckpointError
+from rl_trainer.checkpoint import Checkpoint, CheckpointError
 from rl_trainer.parameters import TrainingParameters
-from rl_trainer.session import Session
+from rl_trainer.session import resume
 from rl_trainer.training import EpisodeReport, LearnerType, Provenance, Trainer, make_learner
 
 from rabbit_experiments import provenance
 from rabbit_experiments.assembly import make_simulation
 
 POLICY = "policy.safetensors"  # in the session's folder
-
-
-@dataclass(frozen=True)
-class Training:
-    """A session in `folder`, and the reports of the episodes that are left."""
-
-    session: Session
-    reports: Iterator[EpisodeReport]
 
 
 @contextmanager
@@ -37,13 +28,14 @@ def training(
     plant: SimulationParameters,
     command: str | None = None,
     learner: LearnerType | None = None,
-) -> Iterator[Training]:
-    """Begin a session, or go on with the one in `folder` if plant, gait and code are those that it began with.
+) -> Iterator[tuple[Trainer, Iterator[EpisodeReport]]]:
+    """A trainer, and the reports of the episodes that are left.
 
-    Raises `GaitError`, `CourseError`, `CheckpointError`.
-
+    It begins, or goes on with the training in `folder` if plant, gait and code are those that this one began with.
     `command` goes into the policy files; by default it is this process's own. `learner` replaces the one that the
     parameters name.
+
+    Raises `GaitError`, `CourseError`, `CheckpointError`.
     """
     gait = load_gaits(controller.gait)
 
@@ -51,13 +43,13 @@ def training(
         return Controller(controller.model_copy(update={"sigma": sigma}), gait, policy)
 
     source = Provenance(plant.model_dump(), provenance.commit(), command or provenance.command())
-    asked, walking = provenance.plain((Training, parameters)), provenance.plain((controller, plant))
+    asked, walking = provenance.plain((training, parameters)), provenance.plain((controller, plant))
     made_with = {"plant or controller": provenance.key_of(walking), **provenance.provenance([asked, walking])}
     if changed := provenance.changed_since(folder, made_with):
         raise CheckpointError(f"{folder}: was begun with another {', '.join(changed)}: expected another folder")
     simulation = make_simulation(plant, gait)
     try:
-        session = Session(folder, Trainer(parameters, source, learner and make_learner(parameters, learner)))
-        yield Training(session, session.run(simulation, make_controller))
+        trainer = Trainer(parameters, source, learner and make_learner(parameters, learner))
+        yield trainer, resume(Checkpoint(folder, trainer), simulation, make_controller)
     finally:
         simulation.close()

@@ -1,49 +1,146 @@
-"""RABBITs in MuJoCo as a vectorised Gymnasium environment, if wanted another robot in each episode.
+"""N walks of RABBITs in MuJoCo as a `gymnasium.vector.VectorEnv`, a row a robot.
 
-env = make_vector_environment(TrainingParameters(), load_parameters("ours", controller="rl-cbf-clf-qp"),
-                              SimulationParameters(plant="mujoco", sensors="lab"), robots=64, draw=random_plant)
+env = VectorWalkingEnv(TrainingParameters(), load_parameters("ours", controller="rl-cbf-clf-qp"),
+                       SimulationParameters(plant="mujoco", sensors="lab"), robots=64, draw=random_plant)
+
+Actions, observations and rewards are those of `WalkingEnv`. A robot whose episode has ended begins another one in the
+same step (`AutoresetMode.SAME_STEP`), if wanted as another robot. Environment i draws its seeds as a `WalkingEnv` does
+that was reset with seed + i. `infos` has `next_LgV` (N, m), each tick's `transition`, and `final_obs` of those that
+ended.
 """
 
+import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
+import numpy as np
+from gymnasium.utils.seeding import np_random
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
 from rabbit_description.gait import load_gaits
+from rabbit_description.robot_states import RobotStates
+from rabbit_sim.batch_simulation import BatchSimulation
 from rabbit_sim.parameters import SimulationParameters
-from rl_cbf_clf_controller.batch_controller import BatchController
+from rabbit_sim.simulation import Simulation
+from rl_cbf_clf_controller.batch_controller import BatchController, BatchScene
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import ZeroPolicy
+from rl_trainer.environment import Float32, GivenAction
 from rl_trainer.parameters import TrainingParameters
-from rl_trainer.vector_environment import VectorWalkingEnv
+from rl_trainer.reward import reward
+from rl_trainer.transitions import TransitionBuilder
 
 from rabbit_experiments.assembly import make_simulation
+
+SCALES = (0.5, 3.0)
+PAYLOAD = 72.0  # kg
+LOSS, DAMPING, BEND = 0.15, 1.0, 0.05
 
 Draw = Callable[[SimulationParameters, int], SimulationParameters]
 
 
-def make_vector_environment(
-    parameters: TrainingParameters,
-    controller: ControllerParameters,
-    plant: SimulationParameters,
-    robots: int,
-    draw: Draw = lambda plant, seed: plant,
-) -> VectorWalkingEnv:
-    """`draw`: the plant of an episode from its seed, such as `random_plants.random_plant`.
+def random_plant(parameters: SimulationParameters, seed: int) -> SimulationParameters:
+    """`parameters` with a mass scale or a payload, and a power loss, a damping and a bend, each as likely as not."""
+    rng = np.random.default_rng([seed, 1])
+    if rng.random() < 0.5:
+        masses = {"mass_scale": math.exp(rng.uniform(*np.log(SCALES))), "payload": 0.0}
+    else:
+        masses = {"mass_scale": 1.0, "payload": rng.uniform(0.0, PAYLOAD)}
+    others = {
+        "motor_loss": rng.uniform(0, LOSS),
+        "joint_damping": rng.uniform(0, DAMPING),
+        "link_bend": rng.uniform(-BEND, BEND),
+    }
+    return parameters.model_copy(update=masses | {name: value for name, value in others.items() if rng.random() < 0.5})
 
-    Raises:
-        ValueError: no robot, another plant than MuJoCo's, or a controller with an adaptation.
-    """
-    from rabbit_sim.batch_simulation import BatchSimulation
 
-    if robots < 1:
-        raise ValueError(f"robots = {robots}: expected at least 1")
-    gait = load_gaits(controller.gait)
-    policy = ZeroPolicy(controller.problem)  # the actions take its place
-    own = controller.model_copy(update={"sigma": parameters.sigma})
-    batch = BatchController(Controller(own, gait, policy), [policy] * robots, details=True)
+class VectorWalkingEnv(VectorEnv[Float32, Float32, NDArray[Any]]):
+    """`draw`: the plant of an episode from its seed, such as `random_plant`."""
 
-    def make_plant(seed: int) -> Any:
-        return make_simulation(draw(plant, seed), gait)
+    def __init__(
+        self,
+        parameters: TrainingParameters,
+        controller: ControllerParameters,
+        plant: SimulationParameters,
+        robots: int,
+        draw: Draw = lambda plant, seed: plant,
+    ) -> None:
+        """Raises ValueError: no robot, another plant than MuJoCo's, or a controller with an adaptation."""
+        if robots < 1:
+            raise ValueError(f"robots = {robots}: expected at least 1")
+        if plant.plant != "mujoco":
+            raise ValueError(f"plant = {plant.plant}: expected mujoco")
+        if controller.adaptation != "none":
+            raise ValueError(f"adaptation = {controller.adaptation}: expected none in a vector environment")
+        self.parameters, self._plant, self._draw = parameters, plant, draw
+        self._gait = load_gaits(controller.gait)
+        zero = ZeroPolicy(controller.problem)  # the actions take its place
+        own = controller.model_copy(update={"sigma": parameters.sigma})
+        self._controller = BatchController(Controller(own, self._gait, zero), [zero] * robots, details=True)
+        self._policy, self._builder = GivenAction(parameters), TransitionBuilder(parameters)
+        self.num_envs = robots
+        self.metadata = {"autoreset_mode": AutoresetMode.SAME_STEP}
+        self.single_observation_space = self._policy.observation_space
+        self.single_action_space = self._policy.action_space
+        self.observation_space = batch_space(self.single_observation_space, robots)
+        self.action_space = batch_space(self.single_action_space, robots)
+        self._rngs = [np_random(None)[0] for _ in range(robots)]
 
-    BatchSimulation([make_plant(0)])  # complains here of a plant that cannot be in a batch
-    return VectorWalkingEnv(parameters, batch, make_plant, BatchSimulation)
+    def reset(
+        self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Float32, dict[str, Any]]:
+        """New walks; their robots, courses, first states and noise follow from the seed."""
+        seeds = seed if isinstance(seed, list) else [seed if seed is None else seed + i for i in range(self.num_envs)]
+        self._rngs = [rng if each is None else np_random(each)[0] for rng, each in zip(self._rngs, seeds, strict=True)]
+        episodes = [self._next_episode(i) for i in range(self.num_envs)]
+        self._batch = BatchSimulation([self._make_plant(episode) for episode in episodes])
+        self._batch.reset(episodes)
+        for i, episode in enumerate(episodes):
+            self._controller.reset(i, episode)
+        self._scene = self._controller.look(self._batch.states)
+        return self._policy.scaled(self._scene.observation), {"next_LgV": self._scene.seen.LgV.copy()}
+
+    def step(self, actions: Float32) -> tuple[Float32, NDArray[Any], NDArray[Any], NDArray[Any], dict[str, Any]]:
+        """One tick with `actions` (N, 5n) as the estimates."""
+        batch, controller, n = self._batch, self._controller, self.num_envs
+        estimates = self._policy.estimates(np.asarray(actions, dtype=float), self._scene.seen.LgV)
+        scene, output = self._scene, controller.decide(self._scene, estimates)
+        outputs = [output[i] for i in range(n)]
+        states = batch.step(output.torque)
+        has_ended, ends = ~states.running, {}
+        has_ended[[*scene.faults, *scene.errors]] = True
+        for i in has_ended.nonzero()[0].tolist():
+            ends[i] = self._transition(outputs[i], states, i, None)
+            episode = self._next_episode(i)
+            batch.restart(i, self._make_plant(episode), episode)
+            controller.reset(i, episode)
+        self._scene = following = controller.look(batch.states)
+        transitions = [ends.get(i) or self._transition(outputs[i], states, i, following) for i in range(n)]
+        rewards = np.array([reward(each, self.parameters) for each in transitions])
+        failed = np.array([each.failed for each in transitions])
+        infos: dict[str, Any] = {"next_LgV": following.seen.LgV.copy(), "transition": transitions}
+        if has_ended.any():
+            infos |= {"final_obs": self._policy.scaled(scene.observation), "_final_obs": has_ended}
+        return self._policy.scaled(following.observation), rewards, failed, has_ended & ~failed, infos
+
+    def _transition(self, output: Any, states: RobotStates, i: int, following: BatchScene | None) -> Any:
+        """Of robot `i`, from its output to what is seen next, or to the end."""
+        self._builder.reset()
+        self._builder.add(states[i], output)
+        if following is None:
+            found = self._builder.add(states[i])
+        else:
+            unknown = np.full(output.mu.shape, np.nan)
+            found = self._builder.add(states[i], replace(output, mu=unknown, **following.fields(i)))
+        if found is None:
+            raise RuntimeError(f"tick {states.tick[i]} does not follow tick {output.tick}")
+        return found
+
+    def _make_plant(self, seed: int) -> Simulation:
+        return make_simulation(self._draw(self._plant, seed), self._gait)
+
+    def _next_episode(self, i: int) -> int:
+        return int(self._rngs[i].integers(2**32))

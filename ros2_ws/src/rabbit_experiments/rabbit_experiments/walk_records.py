@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from io import BytesIO
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, get_type_hints
 from zipfile import ZipFile
 
 import numpy as np
@@ -41,44 +41,47 @@ class RecordsError(ValueError):
     """A file that holds no records."""
 
 
+Number = Annotated[Array, "n"]  # a tick; shapes are of n ticks, k quantities, m inputs; None: any
+
+
 @dataclass(frozen=True)
 class WalkRecords:
     """n ticks; names, shapes after n, and units as in `RobotState` and `ControllerOutput`.
 
     `preview` (n, 2): l_min, l_max of the stone in sight, m, NaN where there is none; `stone_height` (n,): of its top
-    above the one before, as previewed, m. `landings` (k, 6): columns `LANDING`. In former files `measured` is NaN and
-    `stone_height` 0. `about`: what else a picture needs or says, see `about_walk`.
+    above the one before, as previewed, m. `landings` has a row each, columns `LANDING`. In former files `measured` is
+    NaN and `stone_height` 0. `about`: what else a picture needs or says, see `about_walk`.
     """
 
-    tick: Array
-    q: Array
-    dq: Array
-    foot_force: Array
-    contact: Array
-    touchdowns: Array
-    preview: Array
-    stone_height: Array
-    torque: Array
-    stance: Array
-    step_index: Array
-    phase: Array
-    eta: Array
-    V: Array
-    barriers: Array
-    barrier_rates: Array
-    mu: Array
-    mu_qp: Array
-    omega: Array
-    mu_held: Array
-    nominal_a: Array
-    nominal_b: Array
-    measured: Array
-    alpha: Array
-    beta: Array
-    LgV: Array
-    clf_slack: Array
-    rescue_slack: Array
-    landings: Array
+    tick: Number
+    q: Annotated[Array, "n", 7]
+    dq: Annotated[Array, "n", 7]
+    foot_force: Annotated[Array, "n", 2, 2]
+    contact: Annotated[Array, "n", 2]
+    touchdowns: Number
+    preview: Annotated[Array, "n", 2]
+    stone_height: Number
+    torque: Annotated[Array, "n", 4]
+    stance: Number
+    step_index: Number
+    phase: Number
+    eta: Annotated[Array, "n", None]
+    V: Number
+    barriers: Annotated[Array, "n", None]
+    barrier_rates: Annotated[Array, "n", None]
+    mu: Annotated[Array, "n", "m"]
+    mu_qp: Annotated[Array, "n", "m"]
+    omega: Annotated[Array, "n", "m"]
+    mu_held: Annotated[Array, "n", "m"]
+    nominal_a: Annotated[Array, "n", "k", "m"]
+    nominal_b: Annotated[Array, "n", "k"]
+    measured: Annotated[Array, "n", "k"]
+    alpha: Annotated[Array, "n", "k", "m"]
+    beta: Annotated[Array, "n", "k"]
+    LgV: Annotated[Array, "n", "m"]
+    clf_slack: Number
+    rescue_slack: Number
+    landings: Annotated[Array, None, len(LANDING)]
     about: dict[str, Any]
 
     @classmethod
@@ -87,7 +90,7 @@ class WalkRecords:
         if not records:
             raise RecordsError("no ticks: nothing to draw")
         measured, chosen = [record.state for record in records], [record.output for record in records]
-        names = set(ARRAYS) - SEEN - {"landings"}
+        names = ARRAYS.keys() - SEEN - {"landings"}
         arrays = {n: np.array([getattr(each, n) for each in (measured if n in STATE else chosen)]) for n in names}
         seen = [state.preview for state in measured]
         preview = np.array([(stone.l_min, stone.l_max) if stone else (np.nan, np.nan) for stone in seen])
@@ -133,9 +136,10 @@ def drawn_parameters(controller: ControllerParameters) -> dict[str, Any]:
     return {name: getattr(controller, name) for name in DRAWN}
 
 
-ARRAYS = tuple(field.name for field in fields(WalkRecords) if field.name != "about")
+HINTS = get_type_hints(WalkRecords, include_extras=True)
+ARRAYS: dict[str, tuple[Any, ...]] = {name: kind.__metadata__ for name, kind in HINTS.items() if name != "about"}
 SEEN = {"preview", "stone_height"}
-STATE = {field.name for field in fields(RobotState)}  # the others are of `ControllerOutput`
+STATE = {each.name for each in fields(RobotState)}  # the others are of `ControllerOutput`
 
 
 def save_records(records: WalkRecords, path: Path) -> None:
@@ -174,15 +178,9 @@ def _arrays(data: bytes) -> dict[str, Any]:
 def _check(arrays: Mapping[str, Array], about: Any) -> None:
     """Raise `ValueError` for arrays that are not of the same ticks, and for words that nothing can be drawn with."""
     n, quantities = arrays["nominal_b"].shape
-    inputs = arrays["mu"].shape[-1]
-    shapes: dict[str, tuple[int | None, ...]] = {"landings": (None, len(LANDING)), "foot_force": (n, 2, 2)}
-    shapes |= dict.fromkeys(("nominal_a", "alpha"), (n, quantities, inputs))
-    shapes |= dict.fromkeys(("nominal_b", "measured", "beta"), (n, quantities))
-    shapes |= dict.fromkeys(("mu", "mu_qp", "omega", "mu_held", "LgV"), (n, inputs))
-    shapes |= dict.fromkeys(("barriers", "barrier_rates", "eta"), (n, None))
-    shapes |= dict.fromkeys(("q", "dq"), (n, 7)) | dict.fromkeys(("contact", "preview"), (n, 2)) | {"torque": (n, 4)}
+    sizes = {"n": n, "k": quantities, "m": arrays["mu"].shape[-1]}
     for name, array in arrays.items():
-        shape = shapes.get(name, (n,))
+        shape = tuple(sizes.get(size, size) for size in ARRAYS[name])
         fits = array.ndim == len(shape) and all(b in (None, a) for a, b in zip(array.shape, shape, strict=True))
         if not (fits and array.size < 2**31 and array.dtype.kind in ("i" if name in WHOLE else "fib") and n):
             raise ValueError(f"{name} is {array.dtype} {array.shape}: expected numbers {shape}")

@@ -9,8 +9,7 @@ from rabbit_experiments.assembly import Assembly, make_simulation, resolve_polic
 from rabbit_experiments.batch_evaluation import walk_together
 from rabbit_experiments.engine import batches
 from rabbit_experiments.evaluation import Scenario, walk
-from rabbit_experiments.random_plants import random_plant
-from rabbit_experiments.vector_environment import make_vector_environment
+from rabbit_experiments.vector_environment import VectorWalkingEnv, random_plant
 from rabbit_sim.batch_simulation import BatchSimulation
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.simulation import Outcome
@@ -135,12 +134,12 @@ def test_another_plant_is_refused() -> None:
         BatchSimulation([make_simulation(SimulationParameters(stones=1), gait)])
     controller = load_parameters("ours", controller="rl-cbf-clf-qp")
     with pytest.raises(ValueError, match="plant = rigid: expected mujoco"):
-        make_vector_environment(TrainingParameters(), controller, SimulationParameters(plant="rigid"), 2)
+        VectorWalkingEnv(TrainingParameters(), controller, SimulationParameters(plant="rigid"), 2)
     with pytest.raises(ValueError, match="robots = 0: expected at least 1"):
-        make_vector_environment(TrainingParameters(), controller, SimulationParameters(plant="mujoco"), 0)
+        VectorWalkingEnv(TrainingParameters(), controller, SimulationParameters(plant="mujoco"), 0)
     best = load_parameters("best")
     with pytest.raises(ValueError, match="adaptation = identification: expected none"):
-        make_vector_environment(TrainingParameters(), best, SimulationParameters(plant="mujoco"), 2)
+        VectorWalkingEnv(TrainingParameters(), best, SimulationParameters(plant="mujoco"), 2)
 
 
 def test_the_vector_environment_is_the_single_one_row_by_row() -> None:
@@ -148,7 +147,7 @@ def test_the_vector_environment_is_the_single_one_row_by_row() -> None:
     tuning = load_parameters("ours", controller="rl-cbf-clf-qp", qp_solver="daqp")
     plant = SimulationParameters(plant="mujoco", stones=1, sensors="lab", push=3.0, push_interval=0.2)
     robots, gait = 3, load_gaits(tuning.gait)
-    many = make_vector_environment(parameters, tuning, plant, robots, random_plant)
+    many = VectorWalkingEnv(parameters, tuning, plant, robots, random_plant)
 
     def make_controller(policy: Policy, sigma: float) -> Controller:
         return Controller(tuning.model_copy(update={"sigma": sigma}), gait, policy)

@@ -14,7 +14,7 @@ all that a controller without barriers and force rows has a use for.
 """
 
 from abc import abstractmethod
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 
 import casadi as ca
 import numpy as np
@@ -112,25 +112,6 @@ class ActorPolicy(LearnedPolicy):
             raise ValueError(f"policy {self.version} reads {read}: expected a gait library")
         scaled: Array = (observation[..., :size] - self._center) * self._inverse_scale
         return scaled
-
-
-class PartlyNominal(Policy):
-    """`policy`, but for some quantities, `nominal` by name: their estimates are zero, so their rows are nominal."""
-
-    def __init__(self, policy: Policy, problem: Problem, nominal: Collection[str]) -> None:
-        zeroed = [name for name in problem.quantities if name in nominal]
-        self.version = f"{policy.version}, nominal {','.join(zeroed)}"
-        self.adaptation = policy.adaptation
-        self._policy = policy
-        self._outputs_kept = "V" not in zeroed
-        self._kept = np.array([name not in zeroed for name in problem.quantities], dtype=float)
-
-    def estimate(self, scene: Scene, before: Estimates) -> Estimates:
-        """The policy's estimates, zero in the rows of the nominal quantities; the outputs go with V."""
-        estimates = self._policy.estimate(scene, before)
-        m = estimates.alpha.shape[1]
-        output_error = estimates.output_error if self._outputs_kept else np.zeros((m, m + 1))
-        return Estimates(estimates.alpha * self._kept[:, None], estimates.beta * self._kept, output_error)
 
 
 def estimate_function(

@@ -218,26 +218,24 @@ class Actor:
         self._layers = [(arrays[f"{layer}.weight"].T, arrays[f"{layer}.bias"]) for layer in range(3)]
         self._zero = np.float32(0)
 
+    def __call__(self, scaled: NDArray[Any]) -> Float32:
+        values = scaled
+        for layer, (weights, bias) in enumerate(self._layers):
+            if layer:
+                np.maximum(values, self._zero, out=values)
+            values = sgemv(1, weights, values, 1, bias, 0, 1, 0, 1, 1)  # transposed
+        outputs: Float32 = np.tanh(values, out=values)
+        return outputs
+
     def of_many(self, scaled: NDArray[Any]) -> Float32:
         """The same of N observations (N, m), to the bit; layer by layer, so that the weights stay near."""
         values = scaled.astype(np.float32)
         for layer, (weights, bias) in enumerate(self._layers):
-            given, values = values, np.empty((len(values), len(bias)), np.float32)
-            values[:] = bias
+            if layer:
+                np.maximum(values, self._zero, out=values)
+            given, values = values, np.tile(bias, (len(values), 1))
             for row, result in zip(given, values, strict=True):
                 sgemv(1, weights, row, 1, result, 0, 1, 0, 1, 1, 1)  # transposed, into `result`
-            if layer < len(self._layers) - 1:
-                np.maximum(values, self._zero, out=values)
-        outputs: Float32 = np.tanh(values, out=values)
-        return outputs
-
-    def __call__(self, scaled: NDArray[Any]) -> Float32:
-        (first, first_bias), (second, second_bias), (last, last_bias) = self._layers
-        values = sgemv(1, first, scaled, 1, first_bias, 0, 1, 0, 1, 1)  # transposed
-        np.maximum(values, self._zero, out=values)
-        values = sgemv(1, second, values, 1, second_bias, 0, 1, 0, 1, 1)
-        np.maximum(values, self._zero, out=values)
-        values = sgemv(1, last, values, 1, last_bias, 0, 1, 0, 1, 1)
         outputs: Float32 = np.tanh(values, out=values)
         return outputs
 

@@ -17,7 +17,7 @@ import logging
 import zlib
 from dataclasses import fields
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 from zipfile import ZipFile
 
 import numpy as np
@@ -43,83 +43,70 @@ class CheckpointError(Exception):
 
 
 class Checkpoint:
-    """The folder of a trainer, which goes on from what is there. `more`: what else was kept, None at the start."""
+    """The folder of a trainer, which goes on from what is there."""
 
     def __init__(self, folder: Path, trainer: Trainer) -> None:
         """Raises `CheckpointError`: damaged, of other parameters (but for the number of episodes), or no folder."""
-        self._folder, self._trainer = folder, trainer
-        self._journal: BinaryIO | None = None
+        self.folder, self.trainer = folder, trainer
         try:
             (folder / "policies").mkdir(parents=True, exist_ok=True)
             remove_partials(folder)
-            state = read_checkpoint(folder)
-            self.more: dict[str, Any] | None = state and self._restore(state)
+            if state := read_checkpoint(folder):
+                self._restore(state)
             replace_text(folder / "parameters.yaml", dump_yaml(trainer.parameters.model_dump(mode="json")))
         except OSError as error:
             raise CheckpointError(f"folder {folder}: {error.strerror}") from error
 
-    def begin(self) -> list[Transition]:
-        """Begin the journal of the trainer's episode; what it holds from before a kill is taken in, and returned.
+    def begin(self) -> None:
+        """Take in what the journal of the trainer's episode holds from before a kill; earlier ones are done with.
 
-        Raises `CheckpointError`: it is of another training; `OSError`: the disk is full.
+        Raises `CheckpointError`: it is of another training.
         """
-        path = journal_path(self._folder, self._trainer.episode)
-        held = read_journal(path, self._trainer.parameters)
+        path = journal_path(self.folder, self.trainer.episode)
+        for other in self.folder.glob("journal-*"):
+            if other.name < path.name:
+                other.unlink()
+        held = read_journal(path, self.trainer.parameters)
         try:
             for transition in held:
-                self._trainer.take(transition)
+                self.trainer.take(transition)
         except Exception as error:  # sizes that do not fit
             raise CheckpointError(f"journal {path}: {one_line(error)}") from error
-        self._open_journal("ab")
-        return held
 
     def append(self, transition: Transition) -> None:
-        """Add a transition to the journal; raises `OSError` where the disk is full."""
-        assert self._journal is not None
-        data = line_of(transition, self._trainer.parameters)
-        while data:  # a nearly full disk takes a part, then says so
-            data = data[self._journal.write(data) :]
+        """Add a transition to the journal of the trainer's episode; raises `OSError` where the disk is full."""
+        data = line_of(transition, self.trainer.parameters)
+        with journal_path(self.folder, self.trainer.episode).open("ab", buffering=0) as journal:
+            while data:  # a nearly full disk takes a part, then says so
+                data = data[journal.write(data) :]
 
-    def save(self, **more: Any) -> None:
-        """After an episode: the policy, all of the trainer's state and what `more` is to be kept, the next journal."""
-        trainer, newest, content = self._trainer, self._folder / CHECKPOINT, io.BytesIO()
-        trainer.policy_file().write(self._folder / "policies" / f"{trainer.episode:03d}.safetensors")
-        torch.save({"parameters": trainer.parameters.key, **trainer.state_dict(), "more": more}, content)
+    def save(self) -> None:
+        """After an episode: the policy and all of the trainer's state; what journals hold is in there."""
+        trainer, newest, content = self.trainer, self.folder / CHECKPOINT, io.BytesIO()
+        trainer.policy_file().write(self.folder / "policies" / f"{trainer.episode:03d}.safetensors")
+        held_out = b"".join(line_of(each, trainer.parameters) for each in trainer.gate.held_out)
+        state = {"parameters": trainer.parameters.key, "held_out": held_out.decode(), **trainer.state_dict()}
+        torch.save(state, content)
         data = content.getvalue()
         with replacing(newest) as partial:
             partial.write_bytes(hashlib.sha256(data).digest() + data)
             if newest.exists():
-                newest.replace(self._folder / BEFORE)
-        if self._journal:
-            self._open_journal("wb")
+                newest.replace(self.folder / BEFORE)
+        for journal in self.folder.glob("journal-*"):
+            journal.unlink()
 
-    def close(self) -> None:
-        """Let go of the journal."""
-        if self._journal:
-            self._journal.close()
-
-    def _open_journal(self, mode: str) -> None:
-        """That of the trainer's episode; what those before it hold is in the checkpoint."""
-        self.close()
-        path = journal_path(self._folder, self._trainer.episode)
-        for other in self._folder.glob("journal-*"):
-            if other.name < path.name:
-                other.unlink()
-        self._journal = path.open(mode, buffering=0)  # type: ignore[assignment]
-
-    def _restore(self, state: dict[str, Any]) -> dict[str, Any]:
-        """Bring the trainer to where the checkpoint was taken; returns what else was kept."""
-        path = self._folder / CHECKPOINT
-        if state.pop("parameters", None) != self._trainer.parameters.key:
+    def _restore(self, state: dict[str, Any]) -> None:
+        """Bring the trainer to where the checkpoint was taken."""
+        path, trainer = self.folder / CHECKPOINT, self.trainer
+        if state.get("parameters") != trainer.parameters.key:
             raise CheckpointError(
                 f"checkpoint {path}: made with other parameters; use another folder, or the same ones"
             )
         try:
-            more: dict[str, Any] = dict(state.pop("more"))
-            self._trainer.load_state_dict(state)
+            trainer.load_state_dict(state)
+            trainer.gate.held_out.extend(transitions_of(state["held_out"].encode(), trainer.parameters)[0])
         except Exception as error:  # of a learner of the user's own
             raise CheckpointError(f"checkpoint {path}: {type(error).__name__}: {one_line(error, 200)}") from error
-        return more
 
 
 def read_checkpoint(folder: Path) -> dict[str, Any] | None:

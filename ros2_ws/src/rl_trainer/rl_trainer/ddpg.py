@@ -15,8 +15,6 @@ In the first approach t depends on the whole input instead, t(s, v), v = mu + al
 through it. The paper's own DDPG is in `paper_ddpg.py`.
 """
 
-from typing import Any
-
 import torch
 from torch import Tensor, nn
 
@@ -148,22 +146,6 @@ class Ddpg(AveragedActor):
             mu = mu + SAMPLED_MU * self._parameters.problem.mu_unit * self._noise(mu)
             beta = v - mu - torch.einsum("bij,bj->bi", alpha, mu)
         return mu, alpha, beta, self._critic.reward(correction(alpha, beta, mu) / batch.unit - batch.target)
-
-    def state_dict(self) -> dict[str, Any]:
-        """All that a checkpoint must hold."""
-        return {
-            "actor": super().state_dict(),
-            "critic": self._critic.state_dict(),
-            "optimizer": self._critic_optimizer.state_dict(),
-            "generator": self._generator.get_state(),
-        }
-
-    def load_state_dict(self, state: dict[str, Any]) -> None:
-        """Go on from a checkpoint."""
-        super().load_state_dict(state["actor"])
-        self._critic.load_state_dict(state["critic"])
-        self._critic_optimizer.load_state_dict(state["optimizer"])
-        self._generator.set_state(state["generator"])
 
     def _noise(self, like: Tensor) -> Tensor:
         return torch.randn(like.shape, generator=self._generator)

@@ -19,7 +19,6 @@ from cbf_clf_qp.estimates import Estimates
 from gymnasium.spaces import Box
 from numpy.typing import NDArray
 from rabbit_description.state import Array, RobotState
-from rl_cbf_clf_controller.controller_output import ControllerOutput
 from rl_cbf_clf_controller.policy import LearnedPolicy, Policy, ZeroPolicy
 
 from rl_trainer.parameters import TrainingParameters
@@ -31,12 +30,15 @@ Float32 = NDArray[np.float32]
 
 
 class GivenAction(LearnedPolicy):
-    """A policy that answers with the action it was given."""
+    """A policy that answers with the action it was given, and the spaces of one robot."""
 
     version = "environment"
 
     def __init__(self, parameters: TrainingParameters) -> None:
         self.action: Array = np.zeros((parameters.problem.inputs + 1) * parameters.n)
+        self._center, self._scale = np.array([parameters.problem.unit(name) for name in parameters.observation]).T
+        self.observation_space = Box(-np.inf, np.inf, self._center.shape, np.float32)
+        self.action_space = Box(-1.0, 1.0, self.action.shape, np.float32)
         alpha, beta, _ = parameters.scales
         self._alpha_scale, self._beta_scale = np.array(alpha)[:, None], np.array(beta)
         self._has_clf, self._inputs = parameters.problem.has_clf, parameters.problem.inputs
@@ -54,6 +56,11 @@ class GivenAction(LearnedPolicy):
         alpha = slopes.reshape(*beta.shape, self._inputs) * self._alpha_scale * size[..., None]
         return BatchEstimates(alpha, beta * self._beta_scale * size, None)
 
+    def scaled(self, observation: Array) -> Float32:
+        """What a learner sees of observations (..., k)."""
+        seen: Float32 = ((observation[..., : len(self._center)] - self._center) / self._scale).astype(np.float32)
+        return seen
+
 
 class WalkingEnv(gymnasium.Env[Float32, Float32]):
     """One episode is one walk of the simulation that was passed in; a time limit or a fault truncates it."""
@@ -68,9 +75,7 @@ class WalkingEnv(gymnasium.Env[Float32, Float32]):
         self._policy, self._builder = GivenAction(parameters), TransitionBuilder(parameters)
         self._controller = make_controller(self._policy, parameters.sigma)
         self._scout = make_controller(ZeroPolicy(parameters.problem), 0.0)
-        self._center, self._scale = np.array([parameters.problem.unit(name) for name in parameters.observation]).T
-        self.observation_space = Box(-np.inf, np.inf, (len(parameters.observation),), np.float32)
-        self.action_space = Box(-1.0, 1.0, self._policy.action.shape, np.float32)
+        self.observation_space, self.action_space = self._policy.observation_space, self._policy.action_space
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -82,7 +87,7 @@ class WalkingEnv(gymnasium.Env[Float32, Float32]):
         self._controller.reset(episode)
         self._scout.reset(episode)
         seen = self._scout.step(self._state)
-        return self._look(seen), {"next_LgV": seen.LgV}
+        return self._policy.scaled(seen.observation), {"next_LgV": seen.LgV}
 
     def step(self, action: Float32) -> tuple[Float32, float, bool, bool, dict[str, Any]]:
         """One tick with `action` (5n,) as the estimates."""
@@ -100,10 +105,4 @@ class WalkingEnv(gymnasium.Env[Float32, Float32]):
             raise RuntimeError(f"tick {self._state.tick} does not follow tick {output.tick}")
         truncated = not transition.failed and (not self._state.running or bool(output.fault))
         earned = reward(transition, self.parameters)
-        return self._look(scouted), earned, transition.failed, truncated, vars(transition).copy()
-
-    def _look(self, output: ControllerOutput) -> Float32:
-        observation: Float32 = ((output.observation[: len(self._center)] - self._center) / self._scale).astype(
-            np.float32
-        )
-        return observation
+        return self._policy.scaled(scouted.observation), earned, transition.failed, truncated, vars(transition).copy()

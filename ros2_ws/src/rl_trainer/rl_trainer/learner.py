@@ -1,9 +1,11 @@
 """What a learner is: it owns an actor and improves it from minibatches. DDPG and regression are two of them."""
 
 import copy
-from typing import Any, Protocol
+from abc import ABC, abstractmethod
+from typing import Any
 
 import torch
+from rl_cbf_clf_controller.weights import Arrays
 from torch import Tensor, nn
 
 from rl_trainer.actor import Actor
@@ -14,24 +16,48 @@ GRADIENT_CLIP = 1.0  # largest norm of a gradient
 WARM_UP = 0.1  # an average over the last tenth of few updates, so that it forgets the untrained actor
 
 
-class Learner(Protocol):
-    """Bring your own: `rl_trainer.training.Trainer` takes any object with these."""
+class Learner(ABC):
+    """Bring your own: derive from this, and give it an actor to walk with, `acting`, and an `update`.
 
-    @property
-    def acting(self) -> Actor:
-        """The actor to walk with."""
+    Its networks, optimisers, generators and numbers, each a member of its own, are what a checkpoint holds.
+    """
 
+    acting: Actor
+
+    @abstractmethod
     def update(self, batch: Batch, rate: float) -> dict[str, float]:
         """One update; `rate` multiplies the learning rates. Returns named losses."""
 
+    def set_actors(self, arrays: Arrays) -> None:
+        """Give these weights to every actor; all else stays."""
+        for part in vars(self).values():
+            if isinstance(part, Actor):
+                part.load_arrays(arrays)
+
     def state_dict(self) -> dict[str, Any]:
         """All that a checkpoint must hold."""
+        state: dict[str, Any] = {}
+        for name, part in vars(self).items():
+            if isinstance(part, torch.Generator):
+                state[name] = part.get_state()
+            elif isinstance(part, int | float):
+                state[name] = part
+            elif isinstance(part, nn.Module | torch.optim.Optimizer):
+                state[name] = part.state_dict()
+        return state
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
         """Go on from a checkpoint."""
+        for name, part in vars(self).items():
+            if isinstance(part, torch.Generator):
+                part.set_state(state[name])
+            elif isinstance(part, int | float):
+                setattr(self, name, state[name])
+            elif isinstance(part, nn.Module | torch.optim.Optimizer):
+                part.load_state_dict(state[name])
 
 
-class AveragedActor:
+class AveragedActor(Learner):
     """An actor, its optimiser, and the running average of its weights, which walks.
 
     `alpha_decay`: of the weights that let alpha vary with the state, a share of the learning rate.
@@ -53,22 +79,6 @@ class AveragedActor:
         self.actor.steady_alphas(self.alpha_decay * self._parameters.actor_rate * rate)
         self._updates += 1
         follow(self.acting, self.actor, max(self._parameters.polyak, 1 / (1 + WARM_UP * self._updates)))
-
-    def state_dict(self) -> dict[str, Any]:
-        """Weights, average, optimiser and the number of updates."""
-        return {
-            "actor": self.actor.state_dict(),
-            "average": self.acting.state_dict(),
-            "optimizer": self._optimizer.state_dict(),
-            "updates": self._updates,
-        }
-
-    def load_state_dict(self, state: dict[str, Any]) -> None:
-        """The inverse of `state_dict`."""
-        self.actor.load_state_dict(state["actor"])
-        self.acting.load_state_dict(state["average"])
-        self._optimizer.load_state_dict(state["optimizer"])
-        self._updates = state["updates"]
 
 
 class ClippedAdam(torch.optim.Adam):

@@ -13,14 +13,13 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
 
-from rabbit_description.bounded_file import one_line
 from rabbit_description.state import RobotState
 from rl_cbf_clf_controller.controller_output import ControllerOutput
 from rl_cbf_clf_controller.policy import ActorPolicy, LearnedPolicy
 from rl_cbf_clf_controller.weights import PolicyFile
 
-from rl_trainer.checkpoint import Checkpoint, CheckpointError, line_of, transitions_of
-from rl_trainer.publication_gate import PublicationGate, Verdict
+from rl_trainer.checkpoint import Checkpoint
+from rl_trainer.publication_gate import Verdict
 from rl_trainer.training import DivergenceError, EpisodePlan, EpisodeReport, Stopped, Trainer
 from rl_trainer.transitions import Transition
 
@@ -42,10 +41,7 @@ class Listener(Protocol):
 
 
 class LearningThread:
-    """The thread. `taken`: transitions ever taken in; `error`: why it ended by itself.
-
-    `disk_error`: why nothing is kept any more; learning goes on.
-    """
+    """The thread. `error`: why it ended by itself; `disk_error`: why nothing is kept any more (it learns on)."""
 
     def __init__(self, trainer: Trainer, listener: Listener, beside: int = 0, folder: Path | None = None) -> None:
         """Go on from what is in `folder`; None: nothing is kept. A transition is handed to the listener once kept.
@@ -55,18 +51,10 @@ class LearningThread:
         Raises:
             CheckpointError: the folder holds a training of other parameters, or a damaged one.
         """
-        self.trainer, self.error, self.disk_error, self.taken = trainer, "", "", 0
+        self.trainer, self.error, self.disk_error = trainer, "", ""
         self._listener, self._beside, self._beside_updates = listener, beside, 0
-        self._gate = PublicationGate(trainer.parameters)
         self._checkpoint = Checkpoint(folder, trainer) if folder else None
-        if self._checkpoint and (more := self._checkpoint.more) is not None:
-            try:  # `rabbit train` keeps neither
-                self.taken = int(more.get("taken", trainer.replay.added))
-                self._gate.held_out.extend(transitions_of(more.get("held_out", "").encode(), trainer.parameters)[0])
-            except Exception as error:  # a damaged file may raise anything
-                raise CheckpointError(f"folder {folder}: {one_line(error)}") from error
-        if beside:
-            trainer.holds_out = self._gate.holds_out
+        trainer.holds_out = beside > 0
         self._last: RobotState | None = None  # of the episode; None: nothing of it has come
         self._queue: queue.SimpleQueue[Callable[[], None] | None] = queue.SimpleQueue()  # None ends the thread
         self._thread = threading.Thread(target=self._run, name="learning", daemon=True)
@@ -79,8 +67,7 @@ class LearningThread:
     def take_up(self, after: int) -> None:
         """Plan that episode; what the journal holds of it from before a kill is taken in."""
         self._plan = self.trainer.begin_episode()
-        self._on_disk(lambda checkpoint: checkpoint.begin())
-        self.taken += len(self.trainer.taken)
+        self._on_disk(Checkpoint.begin)
         self._listener.on_plan(self._plan, after, None)
 
     def tick(self, state: RobotState, output: ControllerOutput, tag: Any = None) -> None:
@@ -93,7 +80,12 @@ class LearningThread:
 
     def in_force(self, policy: LearnedPolicy) -> None:
         """The controller walks with this policy now."""
-        self._queue.put(partial(setattr, self._gate, "in_force", policy))
+        self._queue.put(partial(setattr, self.trainer.gate, "in_force", policy))
+
+    @property
+    def taken(self) -> int:
+        """Transitions ever taken in."""
+        return self.trainer.taken
 
     @property
     def waiting(self) -> int:
@@ -106,8 +98,6 @@ class LearningThread:
         self._queue.put(None)
         if self._thread.is_alive():
             self._thread.join(timeout=5.0)
-        if self._checkpoint:
-            self._checkpoint.close()
 
     def _run(self) -> None:
         os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))  # learning can wait, whatever the node's priority
@@ -136,7 +126,7 @@ class LearningThread:
     def _publish(self) -> None:
         """Have the present weights judged."""
         file = self.trainer.policy_file()
-        if verdict := self._gate.judge(ActorPolicy(file)):
+        if verdict := self.trainer.gate.judge(ActorPolicy(file)):
             self._listener.on_policy(file, verdict)
 
     def _observe(self, state: RobotState, output: ControllerOutput, tag: Any) -> None:
@@ -150,8 +140,7 @@ class LearningThread:
             last = state or self._last
             self._keep(self.trainer.observe_end(last), tag)
             report = self.trainer.end_episode(self._plan, last)
-            held_out = b"".join(line_of(each, self.trainer.parameters) for each in self._gate.held_out).decode()
-            self._on_disk(lambda checkpoint: checkpoint.save(taken=self.taken, held_out=held_out))
+            self._on_disk(Checkpoint.save)
             self._plan, self._last = self.trainer.begin_episode(), None
             if self._beside:
                 self._publish()
@@ -159,7 +148,6 @@ class LearningThread:
 
     def _keep(self, transition: Transition | None, tag: Any) -> None:
         if transition is not None:
-            self.taken += 1
             self._on_disk(lambda checkpoint: checkpoint.append(transition))
             if not self.disk_error:
                 self._listener.on_transition(transition, tag)

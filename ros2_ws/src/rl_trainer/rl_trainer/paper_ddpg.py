@@ -8,13 +8,12 @@ the quantities. What works instead is in `ddpg.py`; docs/learning.md says why.
 """
 
 import copy
-from typing import Any
 
 import torch
 from torch import Tensor, nn
 
 from rl_trainer.actor import Actor, Scaling, hidden_layers
-from rl_trainer.learner import ClippedAdam, follow
+from rl_trainer.learner import ClippedAdam, Learner, follow
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.replay import Batch
 
@@ -36,7 +35,7 @@ class PlainCritic(nn.Module):
         return q
 
 
-class PaperDdpg:
+class PaperDdpg(Learner):
     """Actor and critic, each with its target network and optimiser; the actor itself walks."""
 
     def __init__(self, parameters: TrainingParameters) -> None:
@@ -70,22 +69,3 @@ class PaperDdpg:
         action = actor.unit_action(batch.next_observation, batch.next_LgV, actor.clf_size(batch.next_LgV))
         q: Tensor = self._target_critic(batch.next_observation, action)
         return q
-
-    def state_dict(self) -> dict[str, Any]:
-        """All that a checkpoint must hold."""
-        return {name: part.state_dict() for name, part in self._parts().items()}
-
-    def load_state_dict(self, state: dict[str, Any]) -> None:
-        """Go on from a checkpoint."""
-        for name, part in self._parts().items():
-            part.load_state_dict(state[name])
-
-    def _parts(self) -> dict[str, Any]:
-        return {
-            "actor": self.acting,
-            "critic": self._critic,
-            "target_actor": self._target_actor,
-            "target_critic": self._target_critic,
-            "actor_optimizer": self._actor_optimizer,
-            "critic_optimizer": self._critic_optimizer,
-        }

@@ -1,15 +1,11 @@
-"""A training session in a folder: the episode loop, which goes on there if it was killed, and TensorBoard.
+"""The episode loop in process, in a folder if wanted, where it goes on if it was killed, and TensorBoard.
 
 DIR/tensorboard/     reward terms, losses, steps walked, if TensorBoard is installed; all else in DIR: `checkpoint.py`
 """
 
-import json
-import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
 from rl_cbf_clf_controller.policy import ActorPolicy, LearnedPolicy, ZeroPolicy
 
@@ -35,36 +31,21 @@ def policy_of(plan: EpisodePlan, parameters: TrainingParameters) -> LearnedPolic
     return ActorPolicy(plan.policy) if plan.policy else ZeroPolicy(parameters.problem)
 
 
-class Session:
-    """Trains in a folder, and goes on there if it was killed.
-
-    `episodes`: of each episode its `EpisodeReport` as a dict, with the `seconds` that it took. They are part of the
-    checkpoint, so that a kill loses none.
-    """
-
-    def __init__(self, folder: Path, trainer: Trainer) -> None:
-        """Raises `CheckpointError`, see `Checkpoint`."""
-        self.folder, self.trainer = folder, trainer
-        self._checkpoint = Checkpoint(folder, trainer)
-        self.episodes: list[dict[str, Any]] = json.loads((self._checkpoint.more or {}).get("episodes", "[]"))
-
-    def run(self, simulation: Simulation, make_controller: MakeController) -> Iterator[EpisodeReport]:
-        """The rest of the episodes; all is on disk when an episode's report is yielded."""
-        newest = self.episodes[-1:]  # a kill after its checkpoint may have kept it from TensorBoard
-        with tensorboard(self.folder / "tensorboard", self.trainer.episode - len(newest)) as log:
-            for episode in newest:
-                log(episode)
-            start = time.perf_counter()
-            for report in train(self.trainer, simulation, make_controller):
-                self.episodes.append({**asdict(report), "seconds": time.perf_counter() - start})
-                self._checkpoint.save(episodes=json.dumps(self.episodes))
-                log(self.episodes[-1])
-                yield report
-                start = time.perf_counter()
+def resume(checkpoint: Checkpoint, simulation: Simulation, make_controller: MakeController) -> Iterator[EpisodeReport]:
+    """The rest of a training's episodes; all is on disk when an episode's report is yielded."""
+    trainer = checkpoint.trainer
+    newest = trainer.reports[-1:]  # a kill after its checkpoint may have kept it from TensorBoard
+    with tensorboard(checkpoint.folder / "tensorboard", trainer.episode - len(newest)) as log:
+        for report in newest:
+            log(report)
+        for report in train(trainer, simulation, make_controller):
+            checkpoint.save()
+            log(report)
+            yield report
 
 
 @contextmanager
-def tensorboard(folder: Path, first: int) -> Iterator[Callable[[Mapping[str, Any]], None]]:
+def tensorboard(folder: Path, first: int) -> Iterator[Callable[[EpisodeReport], None]]:
     """A function that logs an episode's report, from number `first` on; without TensorBoard it does nothing."""
     try:
         from torch.utils.tensorboard import SummaryWriter  # half a second, for this alone
@@ -73,16 +54,17 @@ def tensorboard(folder: Path, first: int) -> Iterator[Callable[[Mapping[str, Any
         return
     with SummaryWriter(folder, purge_step=first) as writer:
 
-        def log(episode: Mapping[str, Any]) -> None:
-            for name, value in scalars(episode).items():
-                writer.add_scalar(name, value, episode["episode"])
+        def log(report: EpisodeReport) -> None:
+            for name, value in scalars(report).items():
+                writer.add_scalar(name, value, report.episode)
             writer.flush()
 
         yield log
 
 
-def scalars(values: Mapping[str, Any]) -> dict[str, float]:
-    """What is logged of an episode, by name, from its report as a dict."""
-    walk = {f"episode/{name}": float(values[name]) for name in ("steps", "ticks", "kept", "failed", "sigma")}
-    groups = {f"{group}/{name}": v for group in ("reward", "losses", "left_out") for name, v in values[group].items()}
-    return walk | groups
+def scalars(report: EpisodeReport) -> dict[str, float]:
+    """What is logged of an episode, by name."""
+    found = {f"episode/{name}": float(getattr(report, name)) for name in ("steps", "ticks", "kept", "failed", "sigma")}
+    for group in ("reward", "losses", "left_out"):
+        found |= {f"{group}/{name}": value for name, value in getattr(report, group).items()}
+    return found

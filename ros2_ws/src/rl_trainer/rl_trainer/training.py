@@ -9,8 +9,9 @@ while the robot walks on may call `learn` in between.
 """
 
 import threading
+import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
@@ -18,11 +19,11 @@ import torch
 from rabbit_description.plugins import load
 from rabbit_description.state import RobotState
 from rl_cbf_clf_controller.controller_output import ControllerOutput
-from rl_cbf_clf_controller.weights import PolicyFile, PolicyFileError, PolicyMetadata, problem_fields
+from rl_cbf_clf_controller.weights import Arrays, PolicyFile, PolicyFileError, PolicyMetadata, problem_fields
 
-from rl_trainer.actor import Actor
 from rl_trainer.learner import Learner
 from rl_trainer.parameters import LEARNERS, TrainingParameters
+from rl_trainer.publication_gate import PublicationGate
 from rl_trainer.replay import Replay
 from rl_trainer.reward import reward_terms
 from rl_trainer.transitions import Doubt, Transition, TransitionBuilder
@@ -67,7 +68,8 @@ class EpisodePlan:
 class EpisodeReport:
     """An episode in figures: touchdowns, ticks, transitions kept, their mean reward terms, mean losses.
 
-    `failed` by pose; `fault` is the controller's reason to end it, or empty; `left_out` counts the ticks of each doubt.
+    `failed` by pose; `fault` is the controller's reason to end it, or empty; `left_out` counts the ticks of each doubt;
+    `seconds` that it took.
     """
 
     episode: int
@@ -81,10 +83,15 @@ class EpisodeReport:
     reward: dict[str, float]
     losses: dict[str, float]
     left_out: dict[str, int]
+    seconds: float = field(compare=False)
 
 
 class Trainer:
-    """Collects transitions, learns from them, and hands out policies. What `holds_out` takes is not learned from."""
+    """Collects transitions, learns from them, and hands out policies.
+
+    `taken`: transitions ever taken in; `reports`: of the newest `episodes` ones. With `holds_out`, transitions that the
+    `gate` judges by are not learned from.
+    """
 
     def __init__(
         self, parameters: TrainingParameters, provenance: Provenance | None = None, learner: Learner | None = None
@@ -95,10 +102,11 @@ class Trainer:
         self.episode = 0
         self.learner = learner or make_learner(parameters)
         self.replay = Replay(parameters)
-        self.holds_out: Callable[[Transition], bool] = lambda _: False
+        self.gate, self.holds_out = PublicationGate(parameters), False
+        self.taken, self.reports = 0, list[EpisodeReport]()
         self.stop = threading.Event()  # set by another thread: the next update raises `Stopped`
         self._builder = TransitionBuilder(parameters)
-        self._start: dict[str, Any] | None = None  # weights to set the actor back to
+        self._start: Arrays | None = None  # weights to set the actor back to
         self._adaptation: str | None = None  # that the controller walks with
         self._earlier = self._updates = 0  # transitions that the policy it began with has seen; updates
         self._clear()
@@ -116,11 +124,9 @@ class Trainer:
             here, there = (getattr(file.metadata, name) for file in (self.policy_file(), policy))
             if here != there:
                 raise PolicyFileError(f"policy {policy.version}: {name} = {there}; this training has {here}")
-        actor = Actor(self.parameters)
-        actor.load_arrays(policy.arrays)
         self.episode, self._earlier, self._updates = policy.metadata.episodes, policy.metadata.transitions, 0
-        self._start = actor.state_dict()
-        self._set_actor(self._start)
+        self._start = policy.arrays
+        self.learner.set_actors(policy.arrays)
 
     def begin_episode(self) -> EpisodePlan:
         """Seed, noise and policy of the next episode, from the seed and the episode's number alone."""
@@ -149,19 +155,23 @@ class Trainer:
     def take(self, transition: Transition | None) -> Transition | None:
         """Take in a transition: those of before a kill come this way too."""
         if transition is not None:
-            self.taken.append(transition)
-            self._kept += not self.holds_out(transition) and self.replay.add(transition)
+            self.taken += 1
+            self._walk.append(transition)
+            is_held_out = self.holds_out and self.gate.holds_out(transition)
+            self._kept += not is_held_out and self.replay.add(transition)
         return transition
 
     def end_episode(self, plan: EpisodePlan, state: RobotState) -> EpisodeReport:
         """Take in the last state and learn; the next `begin_episode` has the new policy."""
         self.observe_end(state)
-        return self._report(plan, state, self.learn_episode())
+        report = self._report(plan, state, self.learn_episode())
+        self.reports = [*self.reports, report][-self.parameters.episodes :]
+        return report
 
     def learn_episode(self) -> dict[str, float]:
         """Learn from the episode whose transitions were taken in; its mean losses."""
         p = self.parameters
-        updates = max(p.updates_least, round(p.updates_per_tick * len(self.taken)))
+        updates = max(p.updates_least, round(p.updates_per_tick * len(self._walk)))
         losses = self.learn(updates)
         self.episode += 1
         return losses
@@ -178,7 +188,7 @@ class Trainer:
                 total[name] = total.get(name, 0.0) + loss / updates
             self._updates += 1
             if self._start and self._updates == CRITIC_FIRST:
-                self._set_actor(self._start)
+                self.learner.set_actors(self._start)
         return total
 
     @property
@@ -231,6 +241,8 @@ class Trainer:
             "adaptation": self._adaptation,
             "learner": self.learner.state_dict(),
             "replay": self.replay.state_dict(),
+            "taken": self.taken,
+            "reports": [asdict(report) for report in self.reports],
         }
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
@@ -239,17 +251,15 @@ class Trainer:
         self.episode, self._adaptation = state["episode"], state["adaptation"]
         self.learner.load_state_dict(state["learner"])
         self.replay.load_state_dict(state["replay"])
-
-    def _set_actor(self, weights: dict[str, Any]) -> None:
-        self.learner.load_state_dict(with_actor(self.learner.state_dict(), weights))
+        self.taken, self.reports = state["taken"], [EpisodeReport(**report) for report in state["reports"]]
 
     def _clear(self) -> None:
         self._builder.reset()
-        self.taken: list[Transition] = []  # in this episode
-        self._kept, self._fault = 0, ""
+        self._walk: list[Transition] = []  # of this episode
+        self._kept, self._fault, self._began = 0, "", time.perf_counter()
 
     def _report(self, plan: EpisodePlan, state: RobotState, losses: dict[str, float]) -> EpisodeReport:
-        p, episode = self.parameters, self.taken
+        p, episode = self.parameters, self._walk
         terms = [reward_terms(t, p)[0] for t in episode if self.replay.accepts(t)]
         mean = np.mean(terms, axis=0) if terms else np.zeros(p.n)
         failure = reward_terms(episode[-1], p)[1] if episode else 0.0
@@ -265,14 +275,8 @@ class Trainer:
             reward=dict(zip((*p.problem.quantities, "failure"), (*mean.tolist(), failure), strict=True)),
             losses=losses,
             left_out={f.name.lower(): sum(f in t.doubt for t in episode) for f in Doubt if f.name},
+            seconds=time.perf_counter() - self._began,
         )
-
-
-def with_actor(state: Any, actor: dict[str, Any]) -> Any:
-    """A learner's state in which every actor has these weights."""
-    if not isinstance(state, dict):
-        return state
-    return actor if state.keys() == actor.keys() else {name: with_actor(value, actor) for name, value in state.items()}
 
 
 def make_learner(parameters: TrainingParameters, kind: LearnerType | None = None) -> Learner:

@@ -8,10 +8,10 @@ from typing import Any
 import pytest
 from rl_cbf_clf_controller.policy import ZeroPolicy
 from rl_cbf_clf_controller.uncertainty import RL_CLF_QP
-from rl_trainer.checkpoint import BEFORE, CHECKPOINT, CheckpointError, journal_path, line_of, read_journal
+from rl_trainer.checkpoint import BEFORE, CHECKPOINT, Checkpoint, CheckpointError, journal_path, line_of, read_journal
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.rollout import Record, rollout
-from rl_trainer.session import Session
+from rl_trainer.session import resume
 from rl_trainer.training import Trainer
 from rl_trainer.transitions import Transition
 
@@ -63,33 +63,33 @@ def test_no_flipped_bit_of_a_journal_is_taken(
 def test_no_flipped_bit_of_a_checkpoint_is_taken(
     tmp_path: Path, toy_world: Any, toy_controller: Any, caplog: pytest.LogCaptureFixture
 ) -> None:
-    whole = Session(tmp_path, Trainer(PARAMETERS))
-    list(itertools.islice(whole.run(toy_world, toy_controller), 2))
+    whole = Checkpoint(tmp_path, Trainer(PARAMETERS))
+    list(itertools.islice(resume(whole, toy_world, toy_controller), 2))
     path = tmp_path / CHECKPOINT
     data = path.read_bytes()
     for damaged in flips(data):
         caplog.clear()
         path.write_bytes(damaged)
-        assert Session(tmp_path, Trainer(PARAMETERS)).trainer.episode == 1
+        assert Checkpoint(tmp_path, Trainer(PARAMETERS)).trainer.episode == 1
         assert f"checkpoint {path}: damaged" in caplog.text
         assert f"going on from {BEFORE}" in caplog.text
-    again = Session(tmp_path, Trainer(PARAMETERS))
-    assert [report.episode for report in again.run(toy_world, toy_controller)] == [1, 2]
-    list(whole.run(toy_world, toy_controller))
+    again = Checkpoint(tmp_path, Trainer(PARAMETERS))
+    assert [report.episode for report in resume(again, toy_world, toy_controller)] == [1, 2]
+    list(resume(whole, toy_world, toy_controller))
     assert again.trainer.policy_file().encode() == whole.trainer.policy_file().encode()
 
 
 def test_a_kill_between_two_checkpoints_goes_on_from_the_one_before(
     tmp_path: Path, toy_world: Any, toy_controller: Any
 ) -> None:
-    list(itertools.islice(Session(tmp_path, Trainer(PARAMETERS)).run(toy_world, toy_controller), 2))
+    list(itertools.islice(resume(Checkpoint(tmp_path, Trainer(PARAMETERS)), toy_world, toy_controller), 2))
     (tmp_path / CHECKPOINT).unlink()
-    assert Session(tmp_path, Trainer(PARAMETERS)).trainer.episode == 1
+    assert Checkpoint(tmp_path, Trainer(PARAMETERS)).trainer.episode == 1
 
 
 def test_without_a_sound_checkpoint_nothing_is_taken(tmp_path: Path, toy_world: Any, toy_controller: Any) -> None:
-    list(itertools.islice(Session(tmp_path, Trainer(PARAMETERS)).run(toy_world, toy_controller), 2))
+    list(itertools.islice(resume(Checkpoint(tmp_path, Trainer(PARAMETERS)), toy_world, toy_controller), 2))
     for name in (CHECKPOINT, BEFORE):
         (tmp_path / name).write_bytes(flipped((tmp_path / name).read_bytes(), 999))
     with pytest.raises(CheckpointError, match=r"checkpoint\.pt: damaged"):
-        Session(tmp_path, Trainer(PARAMETERS))
+        Checkpoint(tmp_path, Trainer(PARAMETERS))

@@ -22,7 +22,7 @@ def test_check_env(toy_world: Any, toy_controller: Any) -> None:
 @pytest.mark.filterwarnings("ignore:.*WARN.*")
 def test_check_env_over_the_robot_as_the_docs_make_it() -> None:
     page = (Path(__file__).resolve().parents[4] / "docs" / "learning.md").read_text(encoding="utf-8")
-    (code,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    _, code = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
     made: dict[str, Any] = {}
     exec(code, made)
     assert made["env"].observation_space.contains(made["observation"])

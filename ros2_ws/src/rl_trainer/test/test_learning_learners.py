@@ -1,8 +1,10 @@
 """The learners find errors that are known in closed form, from measured transitions alone."""
 
 import copy
+import re
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,7 +18,7 @@ from rl_trainer.ddpg import Ddpg
 from rl_trainer.paper_ddpg import PaperDdpg
 from rl_trainer.parameters import TrainingParameters, paper_literal
 from rl_trainer.replay import as_batch
-from rl_trainer.training import Trainer
+from rl_trainer.training import Trainer, make_learner
 from rl_trainer.transitions import Transition
 
 MakeTransition = Callable[..., Transition]
@@ -150,3 +152,18 @@ def test_the_same_seed_gives_the_same_weights(random_transition: MakeTransition)
     assert versions[0] == versions[1]
     other = trained(TrainingParameters(hidden1=16, hidden2=12, seed=2), random_transition, 20)
     assert other.policy_file().version != versions[0]
+
+
+def test_the_learner_of_the_docs_learns_and_is_all_in_its_state(random_transition: MakeTransition) -> None:
+    page = (Path(__file__).resolve().parents[4] / "docs" / "learning.md").read_text(encoding="utf-8")
+    code, _ = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    scope: dict[str, Any] = {}
+    exec(code, scope)
+    parameters, rng = TrainingParameters(problem=RL_CLF_QP, hidden1=48, hidden2=32), np.random.default_rng(0)
+    learner = make_learner(parameters, scope["LeastSquares"])
+    batch = as_batch([random_transition(RL_CLF_QP, rng) for _ in range(64)], parameters)
+    losses = [learner.update(batch, 1.0)["error"] for _ in range(300)]
+    assert losses[-1] < losses[0] / 10
+    other = make_learner(parameters, scope["LeastSquares"])
+    other.load_state_dict(copy.deepcopy(learner.state_dict()))
+    assert other.update(batch, 1.0) == learner.update(batch, 1.0)

@@ -3,7 +3,6 @@
 import itertools
 import time
 from collections.abc import Callable
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -15,11 +14,11 @@ from rl_cbf_clf_controller.controller_output import ControllerOutput
 from rl_cbf_clf_controller.policy import ZeroPolicy
 from rl_cbf_clf_controller.uncertainty import RL_CLF_QP
 from rl_cbf_clf_controller.weights import read
-from rl_trainer.checkpoint import CHECKPOINT, CheckpointError
+from rl_trainer.checkpoint import CHECKPOINT, Checkpoint, CheckpointError
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.rollout import Record, rollout
-from rl_trainer.session import Session, scalars
-from rl_trainer.training import DivergenceError, EpisodeReport, Provenance, Trainer
+from rl_trainer.session import resume, scalars
+from rl_trainer.training import DivergenceError, Provenance, Trainer
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 from torch.utils.tensorboard import SummaryWriter
 
@@ -29,41 +28,37 @@ PARAMETERS = TrainingParameters(
 
 
 def test_a_killed_run_resumes_with_nothing_lost(tmp_path: Path, toy_world: Any, toy_controller: Any) -> None:
-    whole = Session(tmp_path / "whole", Trainer(PARAMETERS))
-    reports = list(whole.run(toy_world, toy_controller))
-    cut = Session(tmp_path / "cut", Trainer(PARAMETERS))
-    seen = list(itertools.islice(cut.run(toy_world, toy_controller), 2))
+    whole = Checkpoint(tmp_path / "whole", Trainer(PARAMETERS))
+    reports = list(resume(whole, toy_world, toy_controller))
+    cut = Checkpoint(tmp_path / "cut", Trainer(PARAMETERS))
+    seen = list(itertools.islice(resume(cut, toy_world, toy_controller), 2))
     half = tmp_path / "cut" / f".{'0' * 32}.checkpoint.pt"
     half.write_bytes(b"killed here")
-    again = Session(tmp_path / "cut", Trainer(PARAMETERS))
-    assert len(again.episodes) == 2
+    again = Checkpoint(tmp_path / "cut", Trainer(PARAMETERS))
+    assert len(again.trainer.reports) == 2
     assert not half.exists()
-    seen += list(again.run(toy_world, toy_controller))
+    seen += list(resume(again, toy_world, toy_controller))
     assert seen == reports
-    assert [EpisodeReport(**untimed(episode)) for episode in again.episodes] == reports
+    assert again.trainer.reports == reports
+    assert all(report.seconds > 0 for report in again.trainer.reports)
     assert again.trainer.policy_file().encode() == whole.trainer.policy_file().encode()
-    assert not list(Session(tmp_path / "cut", Trainer(PARAMETERS)).run(toy_world, toy_controller))
-
-
-def untimed(episode: dict[str, Any]) -> dict[str, Any]:
-    """But for the seconds that it took."""
-    return {name: value for name, value in episode.items() if name != "seconds"}
+    assert not list(resume(Checkpoint(tmp_path / "cut", Trainer(PARAMETERS)), toy_world, toy_controller))
 
 
 def test_a_kill_after_a_checkpoint_loses_no_report(
     tmp_path: Path, toy_world: Any, toy_controller: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    cut = Session(tmp_path, Trainer(PARAMETERS))
-    reports = cut.run(toy_world, toy_controller)
+    cut = Checkpoint(tmp_path, Trainer(PARAMETERS))
+    reports = resume(cut, toy_world, toy_controller)
     next(reports)
     with monkeypatch.context() as patch:
         patch.setattr(SummaryWriter, "add_scalar", stopped)
         with pytest.raises(KeyboardInterrupt):
             next(reports)
     wait_for_a_later_file(tmp_path / "tensorboard")
-    again = Session(tmp_path, Trainer(PARAMETERS))
-    assert [report.episode for report in again.run(toy_world, toy_controller)] == [2, 3]
-    assert [episode["episode"] for episode in again.episodes] == [0, 1, 2, 3]
+    again = Checkpoint(tmp_path, Trainer(PARAMETERS))
+    assert [report.episode for report in resume(again, toy_world, toy_controller)] == [2, 3]
+    assert [report.episode for report in again.trainer.reports] == [0, 1, 2, 3]
     assert logged(tmp_path) == [0, 1, 2, 3]
 
 
@@ -91,7 +86,7 @@ def logged(folder: Path) -> list[int]:
 
 def test_learning_that_diverges_keeps_the_checkpoint(tmp_path: Path, toy_world: Any, toy_controller: Any) -> None:
     trainer = Trainer(PARAMETERS)
-    reports = Session(tmp_path, trainer).run(toy_world, toy_controller)
+    reports = resume(Checkpoint(tmp_path, trainer), toy_world, toy_controller)
     next(reports)
     kept = (tmp_path / CHECKPOINT).read_bytes()
     with torch.no_grad():
@@ -100,27 +95,27 @@ def test_learning_that_diverges_keeps_the_checkpoint(tmp_path: Path, toy_world: 
     with pytest.raises(DivergenceError, match=r"by the end of episode 1.*not finite.*learning rates"):
         next(reports)
     assert (tmp_path / CHECKPOINT).read_bytes() == kept
-    assert Session(tmp_path, Trainer(PARAMETERS)).trainer.episode == 1
+    assert Checkpoint(tmp_path, Trainer(PARAMETERS)).trainer.episode == 1
 
 
 def test_a_finished_run_goes_on_to_more_episodes(tmp_path: Path, toy_world: Any, toy_controller: Any) -> None:
-    list(Session(tmp_path, Trainer(PARAMETERS)).run(toy_world, toy_controller))
+    list(resume(Checkpoint(tmp_path, Trainer(PARAMETERS)), toy_world, toy_controller))
     longer = Trainer(PARAMETERS.model_copy(update={"episodes": 5}))
-    assert [report.episode for report in Session(tmp_path, longer).run(toy_world, toy_controller)] == [4]
+    assert [report.episode for report in resume(Checkpoint(tmp_path, longer), toy_world, toy_controller)] == [4]
 
 
 def test_a_checkpoint_of_other_parameters_is_refused(tmp_path: Path, toy_world: Any, toy_controller: Any) -> None:
-    list(itertools.islice(Session(tmp_path, Trainer(PARAMETERS)).run(toy_world, toy_controller), 1))
+    list(itertools.islice(resume(Checkpoint(tmp_path, Trainer(PARAMETERS)), toy_world, toy_controller), 1))
     with pytest.raises(CheckpointError, match="other parameters"):
-        Session(tmp_path, Trainer(PARAMETERS.model_copy(update={"seed": 2})))
+        Checkpoint(tmp_path, Trainer(PARAMETERS.model_copy(update={"seed": 2})))
     (tmp_path / "checkpoint.pt").write_bytes(b"not a checkpoint")
     with pytest.raises(CheckpointError, match=r"checkpoint\.pt"):
-        Session(tmp_path, Trainer(PARAMETERS))
+        Checkpoint(tmp_path, Trainer(PARAMETERS))
 
 
 def test_the_folder_holds_a_policy_an_episode(tmp_path: Path, toy_world: Any, toy_controller: Any) -> None:
     trainer = Trainer(PARAMETERS, Provenance(plant={"mass_scale": 2.0}, commit="abc", command="rabbit train"))
-    reports = list(Session(tmp_path, trainer).run(toy_world, toy_controller))
+    reports = list(resume(Checkpoint(tmp_path, trainer), toy_world, toy_controller))
     files = sorted((tmp_path / "policies").iterdir())
     assert [file.stem for file in files] == ["001", "002", "003", "004"]
     metadata = read(files[-1], RL_CLF_QP).metadata
@@ -130,13 +125,13 @@ def test_the_folder_holds_a_policy_an_episode(tmp_path: Path, toy_world: Any, to
 
 
 def test_reports(tmp_path: Path, toy_world: Any, toy_controller: Any) -> None:
-    first, *others = Session(tmp_path, Trainer(PARAMETERS)).run(toy_world, toy_controller)
+    first, *others = resume(Checkpoint(tmp_path, Trainer(PARAMETERS)), toy_world, toy_controller)
     assert first.nominal
     assert not any(report.nominal for report in others)
     assert first.ticks == toy_world.ticks  # the last transition is not measured
     assert first.kept == toy_world.ticks - 1
     names = {"reward/V", "reward/failure", "losses/actor", "episode/steps", "left_out/settling"}
-    assert set(scalars(asdict(first))) >= names
+    assert set(scalars(first)) >= names
 
 
 def test_schedule_depends_on_seed_and_episode_alone() -> None:

@@ -47,11 +47,11 @@ def test_counts_go_on_and_all_else_begins_as_from_scratch() -> None:
     assert (trainer.episode, trainer.transitions, trainer.policy_file().metadata.transitions) == (16, 4000, 4000)
     assert trainer.rate == 0.5 ** (4000 / parameters.rate_half_life)
     begun = trainer.learner.state_dict()
-    assert all(torch.equal(value, scratch["critic"][name]) for name, value in begun["critic"].items())
-    assert all(torch.equal(value, begun["actor"]["average"][name]) for name, value in begun["actor"]["actor"].items())
-    assert begun["actor"]["updates"] == 0
-    assert not begun["optimizer"]["state"]
-    assert not begun["actor"]["optimizer"]["state"]
+    assert all(torch.equal(value, scratch["_critic"][name]) for name, value in begun["_critic"].items())
+    assert all(torch.equal(value, begun["acting"][name]) for name, value in begun["actor"].items())
+    assert begun["_updates"] == 0
+    assert not begun["_critic_optimizer"]["state"]
+    assert not begun["_optimizer"]["state"]
 
 
 def test_the_actor_is_set_back_once_the_critic_has_learned(

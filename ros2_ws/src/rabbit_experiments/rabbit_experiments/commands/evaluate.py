@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import typer
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 from rabbit_common.exit_codes import of_interrupt
 from rabbit_common.options import Defaults, Given, complaints, fail, options
 from rabbit_common.own_folder import own_folder
@@ -13,26 +13,17 @@ from rabbit_description.plugins import load
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
-from rabbit_experiments.conditions import EVALUATION_LAG
+from rabbit_experiments.conditions import EVALUATION_LAG, WalkOptions
 
 DEFAULTS = Defaults(always={"motor_lag": EVALUATION_LAG})
 
 app = typer.Typer(add_completion=False)
 
 
-class EvaluationOptions(BaseModel):
+class EvaluationOptions(WalkOptions):
     """Options of `rabbit evaluate` besides those of plant and controller."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
     out: Path = Field(description="folder for runs.csv, violations.csv, summary.json")
-    runs: int = Field(10, ge=1, le=1_000_000, description="number of runs")
-    seed: int = Field(9001, ge=0, le=2**63 - 1, description="of courses, first states and sensor noise")
-    policy: str | None = Field(
-        None, description="zero, oracle, a shipped policy or a file; a controller that learns has its own by default"
-    )
-    nominal: tuple[str, ...] = Field((), description="quantities whose estimates are set to zero, such as V,B2")
-    parameters: str = Field("ours", description="of the controller: ours, best, authors or a YAML file")
     jobs: int = Field(
         default_factory=lambda: os.cpu_count() or 1, ge=1, le=4096, description="processes (default: all cores)"
     )
@@ -46,7 +37,7 @@ class EvaluationOptions(BaseModel):
 def evaluate(given: Given) -> None:
     """Walk many seeded runs without ROS: success rate, stones, forces, solver and speed, in DIR/summary.json."""
     request = given.build(EvaluationOptions)
-    assembly = given_assembly(given, request.policy, request.parameters, request.nominal)
+    assembly = given_assembly(given, request.policy, request.parameters)
     if request.batch > 1 and assembly.simulation.plant != "mujoco":
         fail(f"--batch {request.batch} with --plant {assembly.simulation.plant}: expected --plant mujoco")
     from rabbit_experiments.evaluation import Scenario
@@ -62,9 +53,7 @@ def evaluate(given: Given) -> None:
         draw_first(scenario, request.out)
 
 
-def given_assembly(
-    given: Given, policy: str | None = None, parameters: str = "ours", nominal: tuple[str, ...] = ()
-) -> Any:
+def given_assembly(given: Given, policy: str | None = None, parameters: str = "ours") -> Any:
     """Plant, controller and policy as the command line has them; flat terrain where the controller has no stones."""
     from rabbit_description.gait import GaitError
     from rabbit_sim.stones import CourseError
@@ -80,7 +69,7 @@ def given_assembly(
     simulation = given.build(SimulationParameters, terrain=controller.terrain)
     with complaints(GaitError, CourseError, PolicyFileError):
         try:
-            assembly = Assembly(simulation, controller, resolve_policy(policy, controller), nominal)
+            assembly = Assembly(simulation, controller, resolve_policy(policy, controller))
         except AssemblyError as error:
             fail(f"--{error.option} {error}")
         assembly.build()[0].close()
@@ -116,29 +105,31 @@ def walk_all(scenario: Any, folder: Any, processes: int, batch: int = 1) -> tupl
     from rabbit_experiments.summary import Walks
 
     kept = {job.run: result for job in scenario.walks if (result := folder.cache.get(job))}
-    folder.write_runs([kept[number] for number in sorted(kept)])
+
+    def in_order() -> list[Any]:
+        return [kept[number] for number in sorted(kept)]
 
     def note(job: Any, result: Any) -> str:
         kept[job.run] = result
-        folder.write_runs([kept[number] for number in sorted(kept)])
+        folder.write_runs(in_order())
         walks = Walks([each.row for each in kept.values()])
         return f"walked {walks.walked}, mean stones {walks.mean_stones:.1f}"
 
+    folder.write_runs(in_order())
     try:
         with complaints(JobError):
             made = run(scenario.walks, folder.cache, processes, note=note, batch=batch)
     except KeyboardInterrupt as stop:
         fail(f"stopped after {len(kept)} runs; the same command goes on from there", code=of_interrupt(stop))
-    return [kept[number] for number in sorted(kept)], made
+    return in_order(), made
 
 
 def conclude(scenario: Any, folder: Any, results: list[Any], about: dict[str, Any]) -> dict[str, Any]:
-    """Write the tables and the summary."""
+    """Write the summary."""
     from rabbit_experiments.summary import summarise
 
     figures = summarise(results, scenario.assembly.controller.qp_solver)
     summary = {"runs": scenario.runs, "stones": scenario.assembly.simulation.stones, **figures, **about}
-    folder.write_runs(results)
     folder.write_summary(summary)
     return summary
 

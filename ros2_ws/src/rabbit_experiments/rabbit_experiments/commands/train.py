@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any
 
 import typer
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 from rabbit_common.exit_codes import of_interrupt
 from rabbit_common.options import Defaults, Given, complaints, fail, options
 from rabbit_common.own_folder import own_folder
@@ -12,21 +12,18 @@ from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_trainer.parameters import TrainingParameters
 
-from rabbit_experiments.conditions import TRAINING_PLANT, TRAINING_SLACK_WEIGHT
+from rabbit_experiments.conditions import TRAINING_PLANT, TRAINING_SLACK_WEIGHT, TuningOptions
 
 DEFAULTS = Defaults(always={"slack_weight": TRAINING_SLACK_WEIGHT, **TRAINING_PLANT})
 
 app = typer.Typer(add_completion=False)
 
 
-class SessionOptions(BaseModel):
+class SessionOptions(TuningOptions):
     """Options of `rabbit train` besides those of learner, controller and plant."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     out: Path = Field(description="folder of the session; one that was stopped there goes on")
     paper_literal: bool = Field(False, description="DDPG as the paper states it, in place of the one that works")
-    parameters: str = Field("ours", description="of the controller: ours, best, authors or a YAML file")
 
 
 @app.command()
@@ -61,24 +58,23 @@ def train(given: Given) -> None:
     own_folder(request.out, "train")
     with (
         complaints(GaitError, CourseError, CheckpointError, DivergenceError, ControllerError),
-        training(request.out, parameters, controller, plant) as job,
+        training(request.out, parameters, controller, plant) as (trainer, reports),
     ):
         try:
-            follow(job, parameters.episodes)
+            follow(trainer, reports)
         except KeyboardInterrupt as stop:
             fail("stopped; the same command goes on from the last whole episode", code=of_interrupt(stop))
-        job.session.trainer.policy_file().write(request.out / POLICY)
+        trainer.policy_file().write(request.out / POLICY)
     print(f"written {request.out / POLICY}")
 
 
-def follow(job: Any, episodes: int) -> None:
+def follow(trainer: Any, reports: Any) -> None:
     """A bar with the newest episode's figures while the session runs."""
     from rabbit_experiments.engine import progress_bar
 
     with progress_bar() as progress:
-        done = job.session.trainer.episode
-        task = progress.add_task("walking", total=episodes, completed=done)
-        for report in job.reports:
+        task = progress.add_task("walking", total=trainer.parameters.episodes, completed=trainer.episode)
+        for report in reports:
             text = report_text(report)
             progress.update(task, advance=1, description=text)
             progress.console.print(f"episode {report.episode + 1:3d}  {text}", highlight=False, soft_wrap=True)

@@ -35,8 +35,8 @@ def learn(send: Callable[..., None], start: Start, folder: Path, wishes: "Queue[
     masses = {"mass_scale": start.settings.mass_scale, "payload": start.settings.payload}
     plant = SimulationParameters.model_validate({**TRAINING_PLANT, **course, **masses})
     try:
-        with training(folder, parameters, controller, plant) as job:
-            for report in job.reports:
+        with training(folder, parameters, controller, plant) as (_, reports):
+            for report in reports:
                 shown = asdict(report)
                 episodes.append({name: shown[name] for name in SHOWN})
                 say(f"{len(episodes)} of {parameters.episodes} episodes")

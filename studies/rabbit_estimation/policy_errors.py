@@ -19,13 +19,12 @@ from typing import Any
 import numpy as np
 from cbf_clf_qp.estimates import Estimates
 from rabbit_description.state import Array
+from rabbit_experiments.assembly import Assembly
+from rabbit_experiments.evaluation import ended, episode
 from rl_cbf_clf_controller.controller_output import ControllerOutput
 from rl_cbf_clf_controller.problem import Problem
 from rl_cbf_clf_controller.scene import Scene
 from rl_trainer.rollout import Record
-
-from rabbit_experiments.assembly import Assembly
-from rabbit_experiments.evaluation import ended, episode
 
 SETTLED = 0.05  # s after an impact, from which a tick counts
 ROUNDING = 1e-6  # what of a truth is no more than rounding, in the quantity's unit
@@ -47,7 +46,7 @@ def compare(assembly: Assembly, walker: str, seeds: Iterable[int]) -> dict[str, 
     Raises:
         NoTicksError: no walk lasted long enough.
     """
-    with_oracle = replace(assembly, policy="oracle", nominal=())
+    with_oracle = replace(assembly, policy="oracle")
     policy, oracle = assembly.make_policy(), with_oracle.make_policy()
     walks, ticks = [], []
     for seed in seeds:

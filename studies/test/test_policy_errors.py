@@ -3,13 +3,11 @@
 import numpy as np
 import pytest
 from cbf_clf_qp.estimates import Estimates
-from rabbit_description.state import Array
+from rabbit_estimation.policy_errors import NoTicksError, compare, errors
 from rabbit_experiments.assembly import Assembly
 from rabbit_experiments.conditions import EVALUATION_LAG
-from rabbit_experiments.policy_errors import NoTicksError, compare, errors
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import load_parameters
-from rl_cbf_clf_controller.policy import LearnedPolicy, PartlyNominal
 from rl_cbf_clf_controller.uncertainty import RL_CBF_CLF_QP
 
 STONES = RL_CBF_CLF_QP
@@ -88,24 +86,3 @@ def test_the_first_ticks_after_an_impact_do_not_count() -> None:
     assert found["ticks"] == sum(walk["ticks"] for walk in found["walks"]) - 2 * 2 * 5
     with pytest.raises(NoTicksError, match=r"0\.05 s"):
         compare(assembly("rl-cbf-clf-qp", "oracle", fall_height=0.8), "policy", [1])
-
-
-class Ones(LearnedPolicy):
-    """A policy that says one to everything."""
-
-    version = "ones"
-
-    def act(self, observation: Array, LgV: Array) -> Estimates:
-        return Estimates(np.ones((5, 4)), np.ones(5))
-
-
-def test_nominal_quantities_have_no_estimate_and_the_others_theirs() -> None:
-    policy = PartlyNominal(Ones(), STONES, ("B2", "V"))
-    simulation, controller = assembly("rl-cbf-clf-qp", "zero").build()
-    controller.step(simulation.reset(1))
-    simulation.close()
-    estimates = policy.estimate(controller.scene, NONE)
-    kept: Array = np.array([0.0, 1, 0, 1, 1])
-    assert (estimates.alpha == kept[:, None]).all()
-    assert (estimates.beta == kept).all()
-    assert policy.version == "ones, nominal V,B2"
