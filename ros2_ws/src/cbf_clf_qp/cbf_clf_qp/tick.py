@@ -97,7 +97,7 @@ class Tick:
         if not (alpha is None and beta is None and output_error is None):
             given = zip((alpha, beta, output_error), vars(self.no_error()).values(), strict=True)
             estimates = Estimates(*(zero if value is None else np.asarray(value, float) for value, zero in given))
-        return self.decide(np.asarray(x, float), self.p(**parameters), estimates)
+        return self.decide(np.asarray(x, float), self._packed(parameters), estimates)
 
     def decide(self, x: Array, p: Array, estimates: Estimates | None = None) -> Decided:
         """The tick, of a nominal controller without estimates.
@@ -120,6 +120,9 @@ class Tick:
 
     def p(self, **parameters: Any) -> Array:
         """All parameters as one array, for `decide`; raises ValueError where one is missing, unknown or too long."""
+        return self._packed(parameters)
+
+    def _packed(self, parameters: dict[str, Any]) -> Array:
         row, places = np.empty(self._p_size), self._places
         if parameters.keys() != places.keys():
             missing, unknown = places.keys() - parameters.keys(), parameters.keys() - places.keys()
@@ -128,9 +131,12 @@ class Tick:
         for name, (place, shape) in places.items():
             value = parameters[name]
             try:
-                if shape != (1,) and (value := np.asarray(value, float)).shape != shape:
+                if shape == (1,):
+                    row[place.start] = value if isinstance(value, float) else np.asarray(value, float).item()
+                elif (value := np.asarray(value, float)).shape == shape:
+                    row[place] = value if len(shape) == 1 else value.ravel()
+                else:
                     raise ValueError
-                row[place] = value if len(shape) == 1 else value.ravel()
             except (TypeError, ValueError):
                 raise ValueError(f"parameter {name} = {value}: expected numbers of shape {shape}") from None
         return row
