@@ -8,10 +8,10 @@ counts is the KKT residual of an answer, and not what a solver says of it.
 """
 
 import signal
-import time
 from collections.abc import Callable, Mapping
 from copy import copy
 from dataclasses import dataclass
+from time import perf_counter
 from typing import ClassVar
 
 import casadi as ca
@@ -107,17 +107,20 @@ class Answering:
 
     def __call__(self, *inputs: Array) -> Decided:
         """The first solver's answer, or its guard's; `solved` is false where neither has one. Inputs left out are 0."""
-        start = time.perf_counter()
+        start = perf_counter()
         solver, solve = self._first
         values = solve(*inputs)
-        if not values.row[0] < TOLERANCE and values.is_valid[0]:
+        solved = values.row.item(0) < TOLERANCE  # the residual
+        if not solved and values.is_valid[0]:
             self.unanswered += 1
             solver, solve = self._guard
             values = solve(*inputs)
-        solved = bool(values.row[0] < TOLERANCE)
-        status = self._said if solver == "osqp" else "solved" if solved else "not solved"
-        status = status if solved or values.is_valid[0] else "data not valid"
-        return Decided(values, self.layout, solved, solver, status, time.perf_counter() - start)
+            solved = values.row.item(0) < TOLERANCE
+        if not (solved or values.is_valid[0]):
+            status = "data not valid"
+        else:
+            status = self._said if solver == "osqp" else "solved" if solved else "not solved"
+        return Decided(values, self.layout, solved, solver, status, perf_counter() - start)
 
     def _by_osqp(self, *inputs: Array) -> Values:
         data = self.programme(*inputs)

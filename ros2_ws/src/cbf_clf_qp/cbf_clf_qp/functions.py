@@ -49,7 +49,9 @@ class Values:
 
 def view(place: slice, shape: tuple[int, ...]) -> property:
     """One of them."""
-    return property(lambda values: values.row[place] if len(shape) == 1 else values.row[place].reshape(shape))
+    if len(shape) == 1:
+        return property(lambda values: values.row[place])
+    return property(lambda values: values.row[place].reshape(shape))
 
 
 class NumpyFunction:
@@ -60,10 +62,11 @@ class NumpyFunction:
 
     def __init__(self, function: ca.Function, places: Mapping[str, Place]) -> None:
         self.function, self.places = function, places
-        self._arguments = [(np.zeros(function.numel_in(i)), function.numel_in(i)) for i in range(function.n_in())]
+        sizes = [function.numel_in(i) for i in range(function.n_in())]
+        self._arguments = [(np.zeros(size), size, name) for size, name in zip(sizes, function.name_in(), strict=True)]
         self._given, self._row = 0, np.zeros(function.numel_out())  # inputs of the last call, outputs
         self._buffer, self.evaluate = function.buffer()  # `evaluate` computes with the memory as it is
-        for i, (argument, _) in enumerate(self._arguments):
+        for i, (argument, *_) in enumerate(self._arguments):
             self._buffer.set_arg(i, argument.data)  # type: ignore[call-arg]  # casadi's stub is of C++
         self._buffer.set_res(0, self._row.data)  # type: ignore[call-arg]
         self.values = type("Values", (Values,), {name: view(*place) for name, place in places.items()})
@@ -81,13 +84,14 @@ class NumpyFunction:
     def __call__(self, *values: Array) -> Values:
         """The outputs; inputs left out are zero. Raises ValueError where one has another size than its symbol."""
         if len(values) != self._given:
-            for argument, _ in self._arguments[len(values) :]:
+            if len(values) > len(self._arguments):
+                raise ValueError(f"{len(values)} inputs; expected {', '.join(self.function.name_in())}")
+            for argument, *_ in self._arguments[len(values) :]:
                 argument[...] = 0
             self._given = len(values)
-        for i, value in enumerate(values):
-            argument, size = self._arguments[i]
+        for value, (argument, size, name) in zip(values, self._arguments):  # noqa: B905  those left out are zero
             if value.size != size:
-                raise ValueError(f"{self.function.name_in(i)} has {value.size} numbers; expected {size}")
+                raise ValueError(f"{name} has {value.size} numbers; expected {size}")
             argument[...] = value if value.ndim == 1 else value.ravel()
         self.evaluate()
         return self.values(self._row.copy())

@@ -84,7 +84,7 @@ class Tick:
         self.look = NumpyFunction.of("look", {"x": system.x, "p": system.p}, shown, matrices)
         self.names, self.system = terms.names, system
         self.reset = self.answer.reset  # forgets the last programme, so that no episode depends on the one before
-        self._places, self._p_size = places_of(system.named), int(system.p.numel())
+        self._places, self._row = places_of(system.named), np.empty(system.p.numel())  # of a call by name
 
     def __call__(
         self, x: Any, alpha: Any = None, beta: Any = None, output_error: Any = None, **parameters: Any
@@ -97,7 +97,7 @@ class Tick:
         if not (alpha is None and beta is None and output_error is None):
             given = zip((alpha, beta, output_error), vars(self.no_error()).values(), strict=True)
             estimates = Estimates(*(zero if value is None else np.asarray(value, float) for value, zero in given))
-        return self.decide(np.asarray(x, float), self.p(**parameters), estimates)
+        return self.decide(np.asarray(x, float), self._filled(self._row, parameters), estimates)
 
     def decide(self, x: Array, p: Array, estimates: Estimates | None = None) -> Decided:
         """The tick, of a nominal controller without estimates.
@@ -120,7 +120,10 @@ class Tick:
 
     def p(self, **parameters: Any) -> Array:
         """All parameters as one array, for `decide`; raises ValueError where one is missing, unknown or too long."""
-        row, places = np.empty(self._p_size), self._places
+        return self._filled(np.empty(self._row.size), parameters)
+
+    def _filled(self, row: Array, parameters: dict[str, Any]) -> Array:
+        places = self._places
         if parameters.keys() != places.keys():
             missing, unknown = places.keys() - parameters.keys(), parameters.keys() - places.keys()
             problem = f"{', '.join(sorted(missing))} missing" if missing else f"{', '.join(sorted(unknown))} unknown"
@@ -128,9 +131,12 @@ class Tick:
         for name, (place, shape) in places.items():
             value = parameters[name]
             try:
-                if shape != (1,) and (value := np.asarray(value, float)).shape != shape:
+                if shape == (1,):
+                    row[place.start] = value if isinstance(value, float) else np.asarray(value, float).item()
+                elif (value := np.asarray(value, float)).shape == shape:
+                    row[place] = value if len(shape) == 1 else value.ravel()
+                else:
                     raise ValueError
-                row[place] = value if len(shape) == 1 else value.ravel()
             except (TypeError, ValueError):
                 raise ValueError(f"parameter {name} = {value}: expected numbers of shape {shape}") from None
         return row

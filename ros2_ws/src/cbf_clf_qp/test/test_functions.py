@@ -24,6 +24,8 @@ def test_inputs_left_out_are_zero() -> None:
     assert function(given, matrix).sum == pytest.approx([44, 67])
     with pytest.raises(ValueError, match="b has 2 numbers; expected 4"):
         function(given, given)
+    with pytest.raises(ValueError, match="3 inputs; expected a, b"):
+        function(given, matrix, given)
     with pytest.raises(AttributeError, match="no value difference: expected one of sum, b"):
         _ = first.difference
 

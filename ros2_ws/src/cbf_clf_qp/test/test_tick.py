@@ -118,6 +118,21 @@ def test_no_estimates_are_those_that_are_zero(solver: str) -> None:
         tick.decide(x * np.nan, p)
 
 
+def test_a_call_by_name_shares_nothing_with_the_next_one() -> None:
+    """Neither its answer nor its parameters as an array."""
+    tick, x, other = cart_tick(), np.array([0.3, 1.0]), {**DEFAULTS, "wall": 0.5}
+    first, p = tick(x, **DEFAULTS), tick.p(**DEFAULTS)
+    answer, u, given = first.values.row.tolist(), first.u.tolist(), p.tolist()
+    later, q = tick(x, **other), tick.p(**other)
+    assert (first.values.row.tolist(), first.u.tolist(), p.tolist()) == (answer, u, given)
+    assert (later.u.tolist(), q.tolist()) != (u, given)
+    assert not np.shares_memory(first.values.row, later.values.row)
+    assert not np.shares_memory(p, q)
+    q[:] = np.nan  # of which no later call may hear
+    assert tick(x, **DEFAULTS).u.tolist() == u
+    assert tick.p(**DEFAULTS).tolist() == given
+
+
 def segway_tick(plant: Any, **options: Any) -> Tick:
     v, theta, omega = (plant.symbols[name] for name in ("v", "theta", "omega"))
     slow = Barrier("slow", 3 - v - 1.2 * ca.cos(theta) * omega - 4 * ca.sin(theta), poles=(4,))
