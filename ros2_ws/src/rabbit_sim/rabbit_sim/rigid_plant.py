@@ -22,7 +22,9 @@ class RigidPlant(PlanarPlant):
     def __init__(self, parameters: SimulationParameters) -> None:
         self._actuation = Actuation(parameters)
         feet = RabbitFeet(parameters.link_bend)
-        dynamics = PinnedDynamics(perturbed_urdf(parameters), feet, parameters.joint_damping, parameters.slope)
+        urdf = perturbed_urdf(parameters)
+        beside = [torque for each in parameters.in_force() if (torque := each.joint_torque(urdf))]
+        dynamics = PinnedDynamics(urdf, feet, beside, parameters.slope)
         super().__init__(dynamics, keeps_path=parameters.sensors == "lab")
 
     def reset(self, q: Array, dq: Array, stance: Leg) -> None:
