@@ -35,7 +35,7 @@ class EnginePlant(ABC):
         self._kinematics = RabbitFeet(parameters.link_bend)
         self._transmissions = [found for each in self._perturbations if (found := each.transmission())]
         self._joint_torques = [torque for each in self._perturbations if (torque := each.joint_torque(legs))]
-        self._keeps_path = parameters.sensors == "lab"
+        self._keeps_path = parameters.needs_path
 
     @property
     def feeds_back(self) -> bool:

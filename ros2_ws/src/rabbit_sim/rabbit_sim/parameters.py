@@ -1,14 +1,24 @@
 """Everything about the true plant, its course and its start that can be set."""
 
 import math
+from functools import cache
 from typing import TYPE_CHECKING, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, Field, model_validator
 from rabbit_description.plugins import names
 
-from rabbit_sim.perturbation import ENGINES_ALONE, Control, EngineNumber, Number, Perturbation, setting
+from rabbit_sim.perturbation import (
+    CONFIG,
+    ENGINES_ALONE,
+    WHOLE_SUBSTEPS,
+    Control,
+    EngineNumber,
+    Number,
+    Perturbation,
+    setting,
+)
 from rabbit_sim.perturbations import KINDS
-from rabbit_sim.plant import FARTHEST_EDGE, HIGHEST_TOP
+from rabbit_sim.plant import FARTHEST_EDGE, HIGHEST_TOP, SUBSTEP_SECONDS
 
 PLANTS = "rabbit.plants"  # entry points; see rabbit_description.plugins
 if TYPE_CHECKING:
@@ -21,6 +31,8 @@ else:
 
 class Episode(BaseModel):
     """Which plant, its course, its first state, and what ends an episode."""
+
+    model_config = CONFIG
 
     plant: PlantName = Field("pybullet", description="physics engine, or rigid: the paper's hybrid model")
 
@@ -67,9 +79,17 @@ class Episode(BaseModel):
 
     @model_validator(mode="after")
     def _plant_can(self) -> Self:
-        for name in NEEDS_ENGINE if self.plant == "rigid" else ():
+        for name in marked(ENGINES_ALONE) if self.plant == "rigid" else ():
             if (value := getattr(self, name)) != (default := type(self).model_fields[name].default):
                 raise ValueError(f"{name} = {value:g} with plant rigid: expected {default:g}, pybullet or mujoco")
+        return self
+
+    @model_validator(mode="after")
+    def _times_are_whole_substeps(self) -> Self:
+        for name in marked(WHOLE_SUBSTEPS):
+            steps = getattr(self, name) / SUBSTEP_SECONDS
+            if abs(steps - round(steps)) > 1e-6:
+                raise ValueError(f"{name} = {getattr(self, name):g}: expected a multiple of {SUBSTEP_SECONDS:g} s")
         return self
 
 
@@ -79,17 +99,21 @@ class SimulationParameters(Perturbed, Episode):
     Its fields are those of `Episode` and of each file of `perturbations/`.
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=False)
-
     if TYPE_CHECKING:  # the fields that are found, too
 
         def __init__(self, **values: Any) -> None: ...
+
+    @property
+    def needs_path(self) -> bool:
+        """Whether a sensor is faster than a tick."""
+        return any(sensor.needs_path for each in self.in_force() if (sensor := each.sensor()))
 
     def in_force(self) -> list[Perturbation]:
         """The perturbations that are not at their defaults, in the order in which they act."""
         return [kind.of(self) for kind in KINDS if kind.is_in_force(self)]
 
 
-NEEDS_ENGINE = tuple(  # `rigid` has none of them
-    name for name, field in SimulationParameters.model_fields.items() if ENGINES_ALONE in field.metadata
-)
+@cache
+def marked(mark: str) -> list[str]:
+    """The fields with a mark, such as `ENGINES_ALONE`."""
+    return [name for name, field in SimulationParameters.model_fields.items() if mark in field.metadata]

@@ -14,15 +14,18 @@ import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 from rabbit_description.state import Array, BodySensors
 
-from rabbit_sim.plant import SUBSTEP_SECONDS, PlantReading
+from rabbit_sim.plant import PlantReading
 
 Parameters = Any  # `SimulationParameters`, which is made of the perturbations
+CONFIG = ConfigDict(extra="forbid", frozen=True, defer_build=True)  # building takes time that --help has not
 NEARLY_ZERO = 1e-300  # smaller numbers are zero: a product with one leaves the range in which MuJoCo reads
 Number = Annotated[
     float, Field(allow_inf_nan=False), AfterValidator(lambda value: value if abs(value) >= NEARLY_ZERO else 0.0)
 ]
 ENGINES_ALONE = "engines alone"  # marks a field that the plant `rigid` cannot have
+WHOLE_SUBSTEPS = "whole substeps"  # marks a time that is a number of them
 EngineNumber = Annotated[Number, ENGINES_ALONE]
+WholeSubsteps = Annotated[Number, WHOLE_SUBSTEPS]
 
 
 @dataclass(frozen=True)
@@ -47,13 +50,6 @@ def setting(default: Any, low: Any, high: Any, description: str, control: Contro
     return Field(default, ge=low, le=high, description=description, json_schema_extra=extra)
 
 
-def check_whole_substeps(name: str, seconds: float) -> None:
-    """Raise ValueError for a time that is none."""
-    steps = seconds / SUBSTEP_SECONDS
-    if abs(steps - round(steps)) > 1e-6:
-        raise ValueError(f"{name} = {seconds:g}: expected a multiple of {SUBSTEP_SECONDS:g} s")
-
-
 def child(element: Element, path: str) -> Element:
     """Of a URDF's element; raises ValueError where there is none."""
     found = element.find(path)
@@ -75,7 +71,9 @@ class Measured:
 class Sensor:
     """What is between the truth and the controller in one episode. `parameters` may change between two ticks."""
 
-    def __init__(self, parameters: Parameters, rng: np.random.Generator) -> None:
+    needs_path: ClassVar[bool] = False  # of the states within a tick
+
+    def __init__(self, parameters: Parameters, rng: "np.random.Generator") -> None:
         self.parameters, self.rng = parameters, rng
 
     def measure(self, measured: Measured, reading: PlantReading) -> Measured:
@@ -100,7 +98,7 @@ Force = Callable[[int], Array]  # of the tick, counted from the reset: in its su
 class Perturbation(BaseModel):
     """See above. Of those that have the same hook, the one of the lower `order` acts first."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
+    model_config = CONFIG
 
     order: ClassVar[int] = 500
     acts_always: ClassVar[bool] = False  # also with its fields at their defaults
@@ -154,7 +152,7 @@ class Perturbation(BaseModel):
         """Beside the motors, of the robot in `urdf` with nothing attached. It remembers nothing, so `rigid` has it."""
         return None
 
-    def force(self, rng: np.random.Generator) -> Force | None:
+    def force(self, rng: "np.random.Generator") -> Force | None:
         """Along the ground on the torso's centre of mass; `rng` is the episode's and this perturbation's own."""
         return None
 

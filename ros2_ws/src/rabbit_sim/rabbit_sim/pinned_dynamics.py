@@ -18,13 +18,12 @@ from rabbit_description.planar_urdf import BASE, UrdfError
 from rabbit_description.state import Array, Leg
 
 from rabbit_sim.pinned_chain import SLIDES, PinnedChain
+from rabbit_sim.perturbation import JointTorque
 from rabbit_sim.plant import gravity
 
 PLANE = [0, 2]  # x and z of a spatial vector
 OUT_OF_PLANE = [1, 3, 5]  # y, and the turns about x and z
 BASE_COORDINATES = len(BASE)
-
-JointTorque = Callable[[Array, Array], Array]
 
 
 class Feet(Protocol):

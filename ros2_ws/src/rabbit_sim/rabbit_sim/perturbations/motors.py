@@ -1,17 +1,19 @@
 """From commanded torque to joint torque: saturation, dead time, rate limit, power loss, lag, in this order.
 
-u_sat(t) = clip(u(t - delay), -limit, limit)     |du_rate/dt| <= rate towards u_sat; the same without a rate
-T dtau/dt = gain (1 - loss) u_rate - tau
+    u_sat(t) = clip(u(t - delay), -limit, limit)     |du_rate/dt| <= rate towards u_sat; the same without a rate
+    T dtau/dt = gain (1 - loss) u_rate - tau
+
+A plant holds one torque over a substep; it gets the mean over the substep, which has the same impulse.
 """
 
 from functools import cached_property
 from typing import Annotated
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field
 from rabbit_description.state import ACTUATED, TORQUE_LIMIT, Array
 
-from rabbit_sim.perturbation import Control, Number, Perturbation, check_whole_substeps, setting
+from rabbit_sim.perturbation import Control, Number, Perturbation, WholeSubsteps, setting
 from rabbit_sim.plant import SUBSTEP_SECONDS, SUBSTEPS
 
 
@@ -32,14 +34,9 @@ class DeadTime(Perturbation):
 
     order = 50
 
-    torque_delay: Number = setting(
+    torque_delay: WholeSubsteps = setting(
         0.0, 0, 0.1, "dead time of the motors, whole ms, s", Control("delay", 0.001, "s", high=0.03, first=True)
     )
-
-    @model_validator(mode="after")
-    def _torque_delay_is_whole_substeps(self) -> "DeadTime":
-        check_whole_substeps("torque_delay", self.torque_delay)
-        return self
 
     @cached_property
     def delays(self) -> Array:
@@ -104,8 +101,7 @@ class MotorGains(Perturbation):
 class MotorLag(Perturbation):
     """Solved exactly over each substep h, in which u is constant: tau(t + h) = tau + (1 - exp(-h/T)) (u - tau).
 
-    A plant holds one torque over a substep; it gets the mean over the substep, which has the same impulse. The state is
-    tau.
+    The state is tau.
     """
 
     order = 80

@@ -23,7 +23,7 @@ class Pushes(Perturbation):
         1.5, 0.1, 60, "from the beginning of a push to the next, s", Control("a push each", 0.1, "s", at_reset=True)
     )
 
-    def force(self, rng: np.random.Generator) -> Force | None:
+    def force(self, rng: "np.random.Generator") -> Force | None:
         return self._in_tick if self.push else None
 
     def _in_tick(self, tick: int) -> Array:

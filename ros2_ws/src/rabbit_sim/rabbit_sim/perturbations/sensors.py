@@ -10,7 +10,6 @@ from math import pi, radians
 from typing import Literal
 
 import numpy as np
-from pydantic import model_validator
 from rabbit_description.state import TICK_SECONDS, Array, BodySensors, orientation_of
 
 from rabbit_sim.perturbation import (
@@ -20,7 +19,7 @@ from rabbit_sim.perturbation import (
     Parameters,
     Perturbation,
     Sensor,
-    check_whole_substeps,
+    WholeSubsteps,
     setting,
 )
 from rabbit_sim.plant import SUBSTEP_SECONDS, SUBSTEPS, PlantReading, gravity
@@ -62,12 +61,7 @@ class Laboratory(Perturbation):
     accelerometer_noise: Number = setting(0.1, 0, 10, "std of the accelerometer, m/s^2 (lab)")
     accelerometer_bias: Number = setting(0.05, 0, 10, "std of its constant error, m/s^2 (lab)")
     attitude_error: Number = setting(0.003, 0, 0.1, "std of the IMU's first attitude, rad (lab)")
-    sensor_delay: Number = setting(0.0, 0, 0.01, "age of their readings, whole ms, s (lab)")
-
-    @model_validator(mode="after")
-    def _sensor_delay_is_whole_substeps(self) -> "Laboratory":
-        check_whole_substeps("sensor_delay", self.sensor_delay)
-        return self
+    sensor_delay: WholeSubsteps = setting(0.0, 0, 0.01, "age of their readings, whole ms, s (lab)")
 
     def sensor(self) -> type[Sensor] | None:
         return LabSensors if self.sensors == "lab" else None
@@ -91,7 +85,9 @@ class NoisySensors(Sensor):
 class LabSensors(Sensor):
     """Encoders and an IMU, each with constant errors that an episode draws; no base, no true rate."""
 
-    def __init__(self, parameters: Parameters, rng: np.random.Generator) -> None:
+    needs_path = True
+
+    def __init__(self, parameters: Parameters, rng: "np.random.Generator") -> None:
         super().__init__(parameters, rng)
         p = parameters
         self._offset = p.encoder_offset * rng.standard_normal(4)

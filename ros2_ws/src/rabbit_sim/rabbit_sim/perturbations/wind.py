@@ -20,7 +20,7 @@ class Wind(Perturbation):
     gusts: EngineNumber = setting(0.0, 0, 200, "std of gusts about the steady force, N", Control("gusts", 5, "N"))
     gust_seconds: Number = setting(0.5, 0.01, 60, "time constant of the gusts, s")
 
-    def force(self, rng: np.random.Generator) -> Force | None:
+    def force(self, rng: "np.random.Generator") -> Force | None:
         if not self.wind and not self.gusts:
             return None
         keeps = exp(-TICK_SECONDS / self.gust_seconds)
