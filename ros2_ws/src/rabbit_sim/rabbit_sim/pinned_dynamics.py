@@ -17,8 +17,8 @@ import pinocchio
 from rabbit_description.planar_urdf import BASE, UrdfError
 from rabbit_description.state import Array, Leg
 
-from rabbit_sim.pinned_chain import SLIDES, PinnedChain
 from rabbit_sim.perturbation import JointTorque
+from rabbit_sim.pinned_chain import SLIDES, PinnedChain
 from rabbit_sim.plant import gravity
 
 PLANE = [0, 2]  # x and z of a spatial vector
