@@ -14,6 +14,7 @@ from rabbit_experiments.assembly import Assembly
 from rabbit_experiments.evaluation import episode
 from rabbit_sim.kinematics import RabbitFeet
 from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.perturbations.joint_damping import JointDamping
 from rabbit_sim.pinned_dynamics import PinnedDynamics
 from rabbit_sim.robot_urdf import perturbed_urdf
 from rl_cbf_clf_controller.controller_output import ControllerOutput
@@ -38,7 +39,9 @@ class Truth:
 
     def __init__(self, plant: SimulationParameters) -> None:
         feet = RabbitFeet(plant.link_bend)
-        self._dynamics = PinnedDynamics(perturbed_urdf(plant), feet, plant.joint_damping, plant.slope)
+        urdf = perturbed_urdf(plant)
+        damping = JointDamping(joint_damping=plant.joint_damping).joint_torque(urdf)
+        self._dynamics = PinnedDynamics(urdf, feet, [damping], plant.slope)
         gains = plant.left_hip_gain, plant.left_knee_gain, plant.right_hip_gain, plant.right_knee_gain
         self._share = (1 - plant.motor_loss) * np.array(gains)
 

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from pydantic import BaseModel, ConfigDict
 from rabbit_description.state import RobotState
 from rabbit_experiments.assembly import Assembly, resolve_policy
-from rabbit_sim.parameters import NEEDS_ENGINE, SimulationParameters
+from rabbit_sim.parameters import SimulationParameters, marked
+from rabbit_sim.perturbation import ENGINES_ALONE
 from rabbit_sim.simulation import Simulation
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.controller_output import ControllerOutput
@@ -199,7 +200,7 @@ def simulations(draw: st.DrawFn, terrain: str) -> SimulationParameters:
     drawn = {
         name: draw(st.sampled_from(PERTURBATIONS[name]))
         for name in names
-        if plant != "rigid" or name not in NEEDS_ENGINE
+        if plant != "rigid" or name not in marked(ENGINES_ALONE)
     }
     return SimulationParameters.model_validate({**drawn, "plant": plant, "terrain": terrain, "stones": 3})
 

@@ -1,7 +1,7 @@
 """The code behind a class: its module, and all that this module imports, also inside functions.
 
 Python files and the data files of their packages count by their bytes, installed libraries by their version. A module
-whose name is put together at run time is not seen.
+whose name is put together at run time is not seen, but those of a package that imports all that its folder has.
 """
 
 import ast
@@ -15,6 +15,7 @@ from importlib.machinery import PathFinder
 from importlib.metadata import PackageNotFoundError, packages_distributions, version
 from importlib.util import find_spec, resolve_name
 from pathlib import Path
+from pkgutil import iter_modules
 
 PROJECT = ("cbf_clf_qp", "rabbit_", "rl_")  # by its bytes too where it is installed
 DISTRIBUTIONS = {"pinocchio": "pin", "yaml": "PyYAML"}  # whose names differ from what is imported
@@ -52,6 +53,8 @@ def code_of(modules: frozenset[str]) -> dict[str, str]:
             todo += [name.rpartition(".")[0]] if "." in name else []
             package = name if path.name == "__init__.py" else name.rpartition(".")[0]
             todo += imports(path.read_bytes(), package)
+            if b"iter_modules(__path__)" in path.read_bytes():  # a package that imports what it finds in its folder
+                todo += [f"{name}.{each.name}" for each in iter_modules([str(path.parent)])]
     return {**{top: _version(top) for top in libraries}, **_hashes(files)}
 
 

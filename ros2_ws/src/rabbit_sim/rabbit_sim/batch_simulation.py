@@ -107,7 +107,7 @@ class BatchSimulation:
         self._control[:, :, 3:COORDINATES] = self._actuation.advance(torques)[self._together]
         for row in self._pushed:
             simulation = self._own(self._numbers[row])
-            simulation.push_in_turn()
+            simulation.push_for_tick()
             self._control[row, :, self._push_at] = plant_of(simulation).next_pushes()
         self._rollout.rollout(
             self._models,
@@ -189,7 +189,7 @@ class BatchSimulation:
         self._limits = np.array([heights, pitches, slips])
         self._bend = np.array([parameters[i].link_bend for i in self._numbers])[:, None, None]
         self._models = [plants[i].model for i in self._numbers]
-        self._pushed = [row for row, i in enumerate(self._numbers) if parameters[i].push]
+        self._pushed = [row for row, i in enumerate(self._numbers) if self.simulations[i].is_pushed]
         for i, plant in enumerate(plants):
             plant.watch_with(self._is_clear[i])
         if self._models:

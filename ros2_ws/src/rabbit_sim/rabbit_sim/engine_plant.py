@@ -5,21 +5,20 @@ An engine says how it takes a substep, where the joints are, and with what force
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
+from math import radians
 
 import numpy as np
 from rabbit_description.state import Array, Leg
 
-from rabbit_sim.actuation import Actuation, Gears, JointDamping
+from rabbit_sim.actuation import Actuation
 from rabbit_sim.ground import Ground
 from rabbit_sim.kinematics import RabbitFeet
-from rabbit_sim.parameters import SUBSTEP_SECONDS, SimulationParameters
-from rabbit_sim.plant import CONTACT_FORCE, SUBSTEPS, PlantReading, Span
-from rabbit_sim.robot_urdf import perturbed_urdf, with_pendulum
+from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.plant import CONTACT_FORCE, SUBSTEP_SECONDS, SUBSTEPS, PlantReading, Span
+from rabbit_sim.robot_urdf import perturbed_urdf, with_attached
 from rabbit_sim.touchdown_detector import Feet, TouchdownDetector
 
 STONE_DEPTH = 1.0  # m
-
-KNEES = np.array([0.0, 1.0, 0.0, 1.0])  # of the four joints
 
 JointStates = tuple[list[float], list[float]]  # q, dq: seven each
 Forces = list[list[float]]  # on each foot in a substep, rows left, right; columns x, z; N
@@ -29,21 +28,19 @@ class EnginePlant(ABC):
     """RABBIT on stones that are boxes. See `Plant` for the methods."""
 
     def __init__(self, parameters: SimulationParameters) -> None:
-        self._parameters = parameters
+        self._parameters, self._perturbations = parameters, parameters.in_force()
         legs = perturbed_urdf(parameters)
-        self._robot_urdf = with_pendulum(legs, parameters)
+        self._robot_urdf = with_attached(legs, parameters)
         self._actuation = Actuation(parameters)
         self._kinematics = RabbitFeet(parameters.link_bend)
-        damping = parameters.joint_damping
-        gears = parameters.backlash, parameters.gear_stiffness
-        self._gears = Gears(*gears) if any(gears) else None
-        self._damping = JointDamping(legs, damping) if damping else None
-        self._keeps_path = parameters.sensors == "lab"
+        self._transmissions = [found for each in self._perturbations if (found := each.transmission())]
+        self._joint_torques = [torque for each in self._perturbations if (torque := each.joint_torque(legs))]
+        self._keeps_path = parameters.needs_path
 
     @property
     def feeds_back(self) -> bool:
         """Whether joint torques depend on the state within a tick."""
-        return bool(self._gears or self._damping or self._parameters.knee_spring)
+        return bool(self._transmissions or self._joint_torques)
 
     def close(self) -> None:  # noqa: B027  MuJoCo has nothing
         """Nothing to give back, unless the engine has something."""
@@ -54,9 +51,9 @@ class EnginePlant(ABC):
         self._states: JointStates | None = None
         self._path: list[list[float]] = []
         self._actuation.reset()
-        if self._gears:
-            self._gears.reset(q[3:], dq[3:])
-        self._push = np.zeros(0)
+        for each in self._transmissions:
+            each.reset(q[3:], dq[3:])
+        self._push, self._push_in_tick = np.zeros(0), np.zeros(SUBSTEPS)
         self._force = np.zeros((2, 2))
         self._contact = np.array([stance is Leg.LEFT, stance is Leg.RIGHT])
         self._watch = TouchdownDetector(self._locate_feet)
@@ -82,8 +79,10 @@ class EnginePlant(ABC):
 
     def next_pushes(self) -> list[float]:
         """On the torso in the next tick's substeps, N."""
-        pushes, self._push = self._push[:SUBSTEPS].tolist(), self._push[SUBSTEPS:]
-        return [*pushes, *[0.0] * (SUBSTEPS - len(pushes))]
+        pushes, self._push_in_tick = self._push_in_tick, np.zeros(SUBSTEPS)
+        under_way, self._push = self._push[:SUBSTEPS], self._push[SUBSTEPS:]
+        pushes[: len(under_way)] += under_way
+        return pushes.tolist()
 
     def follow(self, states: Array, forces: Array) -> None:
         """Take in a tick that an engine has walked elsewhere from this plant's state, as if it had been walked here.
@@ -128,6 +127,10 @@ class EnginePlant(ABC):
         """See `Plant`; `seconds` are rounded to whole substeps, and a reset ends it."""
         self._push = np.full(round(seconds / SUBSTEP_SECONDS), force)
 
+    def push_for_tick(self, forces: Array) -> None:
+        """See `Plant`."""
+        self._push_in_tick = self._push_in_tick + forces
+
     def observe(self) -> PlantReading:
         """The truth after the last tick."""
         q, dq = self._now()
@@ -136,16 +139,19 @@ class EnginePlant(ABC):
         return PlantReading(np.array(q), np.array(dq), self._force, feet, self._contact, touches, path)
 
     def at_joints(self, torque: Array) -> Array:
-        """What of `torque` (4,) of the motors comes through the gears, with springs and damping, now, N m."""
+        """What of `torque` (4,) of the motors comes to the joints, with what acts beside them, now, N m."""
         if not self.feeds_back:
             return torque
-        spring = self._parameters.knee_spring
         q, dq = map(np.array, self._now())
-        if self._gears:
-            torque = self._gears.transmitted(torque, q[3:], dq[3:])
-        if spring:
-            torque = torque + spring * KNEES * (self._parameters.knee_rest - q[3:])
-        return torque + self._damping.torque(q, dq) if self._damping else torque
+        for each in self._transmissions:
+            torque = each.transmitted(torque, q[3:], dq[3:])
+        return sum((beside(q, dq) for beside in self._joint_torques), torque)
+
+    def _attached_at(self, q: Array, dq: Array) -> dict[str, tuple[float, float]]:
+        """Angle and rate at a reset, by name, of the joints that perturbations have added."""
+        slope = radians(self._parameters.slope)
+        found = (each.attached_at(q, dq, slope) for each in self._perturbations)
+        return {name: state for states in found for name, state in states.items()}
 
     def _locate_feet(self) -> Feet:
         return self._kinematics.points(self._now()[0])

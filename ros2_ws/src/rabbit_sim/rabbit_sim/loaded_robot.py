@@ -11,6 +11,8 @@ from xml.etree.ElementTree import Element
 import numpy as np
 from rabbit_description.state import Array
 
+from rabbit_sim.perturbation import child
+
 RELATIVE, ABSOLUTE = 1e-9, 1e-12
 FIXED = (0.0, -1.0)  # PyBullet's limits of a joint without any
 
@@ -50,11 +52,11 @@ def _joints(urdf: str) -> dict[str, dict[str, Array]]:
     links = {link.get("name"): link.find("inertial") for link in robot.iter("link")}
     found = {}
     for joint in robot.iter("joint"):
-        before, behind = (links[_child(joint, end).get("link")] for end in ("parent", "child"))
+        before, behind = (links[child(joint, end).get("link")] for end in ("parent", "child"))
         limit = joint.find("limit")
         limits = FIXED if limit is None else (float(limit.get("lower", 0)), float(limit.get("upper", 0)))
         found[joint.get("name", "")] = {
-            "mass": np.array([0.0 if behind is None else float(_child(behind, "mass").get("value", "nan"))]),
+            "mass": np.array([0.0 if behind is None else float(child(behind, "mass").get("value", "nan"))]),
             "principal moments of inertia": _moments(behind),
             "centre of mass": _position(behind),
             "position": _position(joint) - _position(before),
@@ -71,13 +73,6 @@ def _position(element: Element | None) -> Array:
 def _moments(inertial: Element | None) -> Array:
     if inertial is None:
         return np.zeros(3)
-    given = _child(inertial, "inertia").attrib
+    given = child(inertial, "inertia").attrib
     moments: Array = np.linalg.eigvalsh([[float(given[f"i{min(p, q)}{max(p, q)}"]) for q in "xyz"] for p in "xyz"])
     return moments
-
-
-def _child(element: Element, name: str) -> Element:
-    found = element.find(name)
-    if found is None:
-        raise ValueError(f"URDF: {element.tag} without {name}")
-    return found

@@ -12,18 +12,17 @@ and lets go where friction carries the leg (Painleve).
 """
 
 from collections.abc import Sequence
-from math import hypot, radians
+from math import hypot
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
 import mujoco
-import numpy as np
 import pinocchio
 from rabbit_description.state import Array
 
 from rabbit_sim.engine_plant import STONE_DEPTH, EnginePlant, Forces, JointStates
-from rabbit_sim.parameters import SUBSTEP_SECONDS, SimulationParameters
-from rabbit_sim.plant import FOOT_RADIUS, Span, gravity
+from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.plant import FOOT_RADIUS, SUBSTEP_SECONDS, Span, gravity
 from rabbit_sim.terrain import KEPT_STONES
 
 IMPEDANCE = (0.5, 0.5, 0.001, 0.5, 2.0)  # 1/2, whatever the penetration
@@ -46,8 +45,8 @@ class MujocoPlant(EnginePlant):
     def __init__(self, parameters: SimulationParameters) -> None:
         super().__init__(parameters)
         self._model = mujoco.MjModel.from_xml_string(robot_mjcf(self._robot_urdf, parameters.ground_friction))
-        self._model.dof_frictionloss[3:7] = parameters.coulomb
-        self._model.dof_solref[3:7] = 2 * SUBSTEP_SECONDS, 1.0  # the least that it allows: a joint at rest creeps by it
+        for each in self._perturbations:
+            each.in_mujoco(self._model)
         self._model.opt.gravity[::2] = gravity(parameters.slope)
         self._data = mujoco.MjData(self._model)
         names = [self._model.geom(i).name for i in range(self._model.ngeom)]
@@ -76,10 +75,9 @@ class MujocoPlant(EnginePlant):
 
     def _make_world(self, q: Array, dq: Array) -> None:
         mujoco.mj_resetData(self._model, self._data)
-        hanging = [radians(self._parameters.slope) - q[2]], [-dq[2]]  # along gravity, not turning; if there is one
-        self._data.qpos[:], self._data.qvel[:] = (
-            np.r_[own, pendulum][: self._model.nq] for own, pendulum in zip((q, dq), hanging, strict=True)
-        )
+        self._data.qpos[:7], self._data.qvel[:7] = q, dq
+        for name, (angle, rate) in self._attached_at(q, dq).items():
+            self._data.joint(name).qpos[:], self._data.joint(name).qvel[:] = angle, rate
         self._place([])
 
     def _place(self, spans: Sequence[Span]) -> None:

@@ -17,6 +17,7 @@ import pinocchio
 from rabbit_description.planar_urdf import BASE, UrdfError
 from rabbit_description.state import Array, Leg
 
+from rabbit_sim.perturbation import JointTorque
 from rabbit_sim.pinned_chain import SLIDES, PinnedChain
 from rabbit_sim.plant import gravity
 
@@ -111,18 +112,19 @@ def planar_model(urdf: str) -> pinocchio.Model:
 
 
 class PinnedDynamics:
-    """Of the robot that `urdf` describes, its feet where `feet` says, its joints damped by `damping` (1/s).
+    """Of the robot that `urdf` describes, its feet where `feet` says.
 
+    `beside`: torques (n - 3,), N m, of q and dq (n,), that act beside the motors' in each joint, such as damping.
     `slope`: rise of the ground, in whose frame all is, degrees. `weight` (2,): what the ground carries at rest, N.
     `chains`: the robot grown from its left and from its right foot.
     """
 
-    def __init__(self, urdf: str, feet: Feet, damping: float = 0.0, slope: float = 0.0) -> None:
+    def __init__(self, urdf: str, feet: Feet, beside: Sequence[JointTorque] = (), slope: float = 0.0) -> None:
         self.feet = feet
         self._model = planar_model(urdf)
         self._model.gravity.linear[PLANE] = gravity(slope)
         self._data = self._model.createData()
-        self._damping = damping
+        self._beside = beside
         self.coordinates: int = self._model.nv
         self.inputs = self.coordinates - BASE_COORDINATES
         self.chains = [PinnedChain(self._model, self._model.getFrameId(link)) for link in feet.links]
@@ -131,7 +133,7 @@ class PinnedDynamics:
     def accelerations(self, q: Array, dq: Array, torque: Array, stance: Leg) -> tuple[Array, Array]:
         """`ddq` (n,) and the ground force (2,) on the stance foot, x and z, N, under joint torques (n - 3,), N m."""
         chain = self.chains[stance]
-        forces = chain.forces(torque + self.damping(q, dq))
+        forces = chain.forces(self._at_joints(torque, q, dq))
         ddq = np.zeros(self.coordinates)
         ddq[SLIDES:] = chain.out @ chain.acceleration(chain.into @ q[SLIDES:], chain.into @ dq[SLIDES:], forces)
         ddq[:SLIDES] = -self.feet.jacobian(q, stance) @ ddq - self.feet.drift(q, dq, stance)
@@ -140,22 +142,18 @@ class PinnedDynamics:
     def in_chain(self, stance: Leg, torque: Array) -> Callable[[Array, Array], Array]:
         """z-ddot of the stance foot's chain as a function of z and z-dot, under joint torques (n - 3,), N m."""
         chain = self.chains[stance]
-        if not self._damping:
+        if not self._beside:
             return chain.acceleration_under(chain.forces(torque))
         q, dq = np.zeros((2, self.coordinates))
 
         def acceleration(z: Array, dz: Array) -> Array:
             q[SLIDES:], dq[SLIDES:] = chain.out @ z, chain.out @ dz
-            return chain.acceleration(z, dz, chain.forces(torque + self.damping(q, dq)))
+            return chain.acceleration(z, dz, chain.forces(self._at_joints(torque, q, dq)))
 
         return acceleration
 
-    def damping(self, q: Array, dq: Array) -> Array:
-        """-d M_jj(q) dq_j of each joint, shape (n - 3,), N m."""
-        if not self._damping:
-            return np.zeros(self.inputs)
-        inertia: Array = pinocchio.crba(self._model, self._data, q).diagonal()
-        return -self._damping * inertia[BASE_COORDINATES:] * dq[BASE_COORDINATES:]
+    def _at_joints(self, torque: Array, q: Array, dq: Array) -> Array:
+        return sum((each(q, dq) for each in self._beside), torque)
 
     def momentum(self, q: Array, dq: Array) -> Array:
         """Linear, x and z, N s."""

@@ -12,10 +12,9 @@ import numpy as np
 from rabbit_description.state import TICK_SECONDS, Array, Leg
 from scipy.optimize import brentq
 
-from rabbit_sim.parameters import SUBSTEP_SECONDS
 from rabbit_sim.pinned_chain import SLIDES
 from rabbit_sim.pinned_dynamics import PinnedDynamics
-from rabbit_sim.plant import CLEAR_HEIGHT, SUBSTEPS, PlantReading, Touch
+from rabbit_sim.plant import CLEAR_HEIGHT, SUBSTEP_SECONDS, SUBSTEPS, PlantReading, Touch
 
 EVENT_TOLERANCE = 1e-13  # s
 
@@ -80,6 +79,10 @@ class PlanarPlant:
     def push(self, force: float, seconds: float) -> None:
         """Raises: ValueError: the rigid model has no other force than the ground's."""
         raise ValueError("push: expected the plant pybullet or mujoco, the rigid one cannot be pushed")
+
+    def push_for_tick(self, forces: Array) -> None:
+        """Raises ValueError likewise."""
+        self.push(0.0, TICK_SECONDS)
 
     def observe(self) -> PlantReading:
         """The truth after the last tick; an impact's impulse is part of the tick's mean force."""

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rabbit_description.state import TICK_SECONDS, Array, Leg
 
-from rabbit_sim.parameters import SUBSTEP_SECONDS
-
+SUBSTEP_SECONDS = 0.001
 SUBSTEPS = round(TICK_SECONDS / SUBSTEP_SECONDS)
 CONTACT_FORCE = 1.0  # N, a foot that carries more is in contact
 CLEAR_HEIGHT = 0.005  # m, a foot that has been higher since its last contact is clear, and can come down
@@ -19,6 +18,8 @@ FOOT_RADIUS = 0.002  # m, of the URDF's foot sphere: a foot's centre at z = 0 st
 
 
 GRAVITY = 9.81  # m/s^2
+FARTHEST_EDGE = 0.9  # m from the stance foot, of any stone
+HIGHEST_TOP = 0.2  # m above or below the first platform, of any stone
 
 
 def gravity(slope: float) -> tuple[float, float]:
@@ -84,6 +85,9 @@ class Plant(Protocol):
         Raises:
             ValueError: this plant cannot be pushed.
         """
+
+    def push_for_tick(self, forces: Array) -> None:
+        """Likewise in each substep of the next tick, (SUBSTEPS,) N, beside a push under way."""
 
     def observe(self) -> PlantReading:
         """The truth after the last tick."""

@@ -1,18 +1,16 @@
 """The true plant in PyBullet: contacts, friction and real stones with gaps."""
 
 import os
-from collections.abc import Sequence
-from math import radians
+from collections.abc import Collection, Sequence
 from typing import Any
 
 from rabbit_description.state import ACTUATED, COORDINATES, Array, Leg
 
 from rabbit_sim.engine_plant import STONE_DEPTH, EnginePlant, JointStates
 from rabbit_sim.loaded_robot import check_robot
-from rabbit_sim.parameters import SUBSTEP_SECONDS, SimulationParameters
-from rabbit_sim.plant import FOOT_RADIUS, Span, gravity
+from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.plant import FOOT_RADIUS, SUBSTEP_SECONDS, Span, gravity
 from rabbit_sim.quiet_pybullet import PhysicsClient, pybullet
-from rabbit_sim.robot_urdf import PENDULUM
 
 SOLVER_ITERATIONS = 50
 ERP = 0.1  # share of a contact's or joint's position error mended per substep
@@ -38,12 +36,12 @@ class PybulletPlant(EnginePlant):
     def _make_world(self, q: Array, dq: Array) -> None:
         self._client.resetSimulation()
         self._configure_engine()
-        self._load_robot()
+        attached = self._attached_at(q, dq)
+        index = self._load_robot(attached)
         for joint, position, velocity in zip(self._joints, q.tolist(), dq.tolist(), strict=True):
             self._client.resetJointState(self._robot, joint, position, velocity)
-        if self._pendulum is not None:  # hangs along gravity, and does not turn
-            hanging = radians(self._parameters.slope) - q[2]
-            self._client.resetJointState(self._robot, self._pendulum, hanging, -dq[2])
+        for name, state in attached.items():
+            self._client.resetJointState(self._robot, index[name], *state)
         self._stones: dict[Span, int] = {}
 
     def _configure_engine(self) -> None:
@@ -54,7 +52,8 @@ class PybulletPlant(EnginePlant):
             numSolverIterations=SOLVER_ITERATIONS, numSubSteps=0, erp=ERP, contactERP=ERP, enableFileCaching=0
         )
 
-    def _load_robot(self) -> None:
+    def _load_robot(self, attached: Collection[str]) -> dict[str, int]:
+        """Returns PyBullet's number of each joint by name; those in `attached` have no motor."""
         self._robot: int = self._client.loadURDF(
             f"/proc/self/fd/{self._file.fileno()}", useFixedBase=True, flags=pybullet.URDF_USE_INERTIA_FROM_FILE
         )
@@ -65,11 +64,8 @@ class PybulletPlant(EnginePlant):
         self._torso = index["base_pitch"]  # a link has its joint's number
         self._motors = [index[name] for name in ACTUATED]
         self._foot_of_link = {index["left_ankle"]: Leg.LEFT, index["right_ankle"]: Leg.RIGHT}
-        self._pendulum = index.get(PENDULUM)
-        free = [each for each in (*self._joints[:3], self._pendulum) if each is not None]
+        free = [*self._joints, *(index[name] for name in attached)]  # no motor of PyBullet's own
         self._client.setJointMotorControlArray(self._robot, free, pybullet.VELOCITY_CONTROL, forces=[0.0] * len(free))
-        friction = [self._parameters.coulomb] * len(self._motors)  # a motor that holds still, as strong as the friction
-        self._client.setJointMotorControlArray(self._robot, self._motors, pybullet.VELOCITY_CONTROL, forces=friction)
         for link in range(-1, len(infos)):  # one change a call: PyBullet drops some when several come together
             self._client.changeDynamics(self._robot, link, linearDamping=0.0)
             self._client.changeDynamics(self._robot, link, angularDamping=0.0)
@@ -78,6 +74,9 @@ class PybulletPlant(EnginePlant):
             self._set_surface(self._robot, link, self._parameters.ground_friction)
             stiffness, damping = self._parameters.ground_stiffness, self._parameters.ground_damping
             self._client.changeDynamics(self._robot, link, contactStiffness=stiffness, contactDamping=damping)
+        for each in self._perturbations:
+            each.in_pybullet(self._client, self._robot, self._motors)
+        return index
 
     def _set_surface(self, body: int, link: int, friction: float) -> None:
         """PyBullet multiplies the friction of the two bodies, so a stone's is 1."""

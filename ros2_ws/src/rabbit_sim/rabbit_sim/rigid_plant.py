@@ -22,8 +22,10 @@ class RigidPlant(PlanarPlant):
     def __init__(self, parameters: SimulationParameters) -> None:
         self._actuation = Actuation(parameters)
         feet = RabbitFeet(parameters.link_bend)
-        dynamics = PinnedDynamics(perturbed_urdf(parameters), feet, parameters.joint_damping, parameters.slope)
-        super().__init__(dynamics, keeps_path=parameters.sensors == "lab")
+        urdf = perturbed_urdf(parameters)
+        beside = [torque for each in parameters.in_force() if (torque := each.joint_torque(urdf))]
+        dynamics = PinnedDynamics(urdf, feet, beside, parameters.slope)
+        super().__init__(dynamics, keeps_path=parameters.needs_path)
 
     def reset(self, q: Array, dq: Array, stance: Leg) -> None:
         """`q`, `dq` (7,) must have the stance foot at rest; the motors are at rest."""

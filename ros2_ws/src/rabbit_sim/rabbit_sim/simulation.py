@@ -13,17 +13,17 @@ from rabbit_description.state import TICK_SECONDS, Array, Leg, RobotState, Stone
 
 from rabbit_sim.ground import Ground
 from rabbit_sim.initial_state import initial_state
-from rabbit_sim.parameters import PLANTS, RUBBER_STIFFNESS, SimulationParameters
+from rabbit_sim.parameters import PLANTS, SimulationParameters
+from rabbit_sim.perturbation import Force, Measured, Perturbation, Sensor
+from rabbit_sim.perturbations.ground import RUBBER_STIFFNESS
 from rabbit_sim.plant import GRAVITY, Plant, PlantReading, Span, Touch
 from rabbit_sim.robot_urdf import true_mass
-from rabbit_sim.sensors import make_sensors
 from rabbit_sim.stones import CourseError, draw_course, read_course
 from rabbit_sim.terrain import Terrain
 
 FLIGHT_TICKS = 5  # without a foot on the ground; on ground that throws the robot back, longer
 SLIP_FRICTION = 0.8  # ground no better than this counts slips
 SLIP_DISTANCE = 0.005  # m
-PUSH_SECONDS = 0.1
 STALL_TICKS = 500  # since the last touchdown; a step of any gait takes a tenth of that
 
 
@@ -98,11 +98,20 @@ class Simulation:
         self._plant.close()
 
     def reset(self, seed: int) -> RobotState:
-        """A new episode, the left leg standing. Course, first state and sensor noise have generators of their own."""
+        """A new episode, the left leg standing. Course, first state and sensor noise have generators of their own.
+
+        So has each perturbation that exerts a force.
+        """
         course_rng, start_rng, sensor_rng = (np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(3))
         course = self._file_course or draw_course(self.parameters, course_rng)
         self._terrain = Terrain(self.parameters, course)
-        self._sensors = make_sensors(self.parameters, sensor_rng)
+        self._seed, self._sensor_rng = seed, sensor_rng
+        self._perturbations, self._sensors, self._forces = (
+            self.parameters.in_force(),
+            list[Sensor](),
+            dict[Perturbation, Force](),
+        )
+        self._perturb()
         self.outcome, self.landings = Outcome.RUNNING, []
         self._tick = self._touchdowns = self._airborne_ticks = 0
         self._applied = no_torque()
@@ -120,10 +129,13 @@ class Simulation:
 
     @property
     def is_exact(self) -> bool:
-        """Whether a state is the truth: no sensor draws noise or rounds, and nothing is estimated."""
-        p = self.parameters
-        noise = p.encoder_resolution, p.velocity_noise, p.force_noise
-        return p.sensors == "exact" and not any(noise) and self._estimate is unchanged
+        """Whether a state of this episode is the truth: no sensor changes it, and nothing is estimated."""
+        return not self._sensors and self._estimate is unchanged
+
+    @property
+    def is_pushed(self) -> bool:
+        """Whether a perturbation pushes the torso in this episode."""
+        return bool(self._forces)
 
     @property
     def stones(self) -> tuple[Span, ...]:
@@ -142,7 +154,7 @@ class Simulation:
             raise ValueError(f"torque = {torque}: expected four finite numbers, N m")
         if self.outcome is not Outcome.RUNNING:
             raise RuntimeError(f"outcome = {self.outcome}: expected a running episode, call reset first")
-        self.push_in_turn()
+        self.push_for_tick()
         self._plant.advance(torque)
         return self.conclude(torque)
 
@@ -160,12 +172,10 @@ class Simulation:
         """Push the torso; raises `ValueError` where the plant cannot be pushed."""
         self._plant.push(force, seconds)
 
-    def push_in_turn(self) -> None:
-        """Begin a push of the parameters' where one is due: forward first, then in turn."""
-        turn, since = divmod(self._tick, max(round(self.parameters.push_interval / TICK_SECONDS), 1))
-        if self.parameters.push and turn and not since:
-            force = self.parameters.push / PUSH_SECONDS
-            self._plant.push(force if turn % 2 else -force, PUSH_SECONDS)
+    def push_for_tick(self) -> None:
+        """Have the perturbations' forces act on the torso in the next tick."""
+        for force in self._forces.values():
+            self._plant.push_for_tick(force(self._tick))
 
     def change(self, parameters: SimulationParameters) -> None:
         """Go on from the present state with another robot, ground and sensors; the course stays until the reset.
@@ -176,19 +186,30 @@ class Simulation:
         plant.reset(self.reading.q, self.reading.dq, self._stance)
         plant.set_stones(self._terrain.present)
         self._plant.close()
-        if parameters.sensors == self.parameters.sensors:
-            self._sensors.parameters = parameters  # the same encoders and gyro
-        else:
-            self._sensors = make_sensors(parameters, self._sensors.rng)
-        self._plant, self.parameters = plant, parameters
+        self._plant, self.parameters, self._perturbations = plant, parameters, parameters.in_force()
+        self._perturb()
+
+    def _perturb(self) -> None:
+        """Sensors and forces of the perturbations; those that there were already go on."""
+        known = {type(sensor): sensor for sensor in self._sensors}
+        kinds = [kind for each in self._perturbations if (kind := each.sensor())]
+        self._sensors = [known.get(kind) or kind(self.parameters, self._sensor_rng) for kind in kinds]
+        for sensor in self._sensors:
+            sensor.parameters = self.parameters
+        forces: dict[Perturbation, Force] = {}
+        for each in self._perturbations:
+            rng = np.random.default_rng([self._seed, *type(each).__name__.encode()])
+            if force := self._forces.get(each) or each.force(rng):
+                forces[each] = force
+        self._forces = forces
 
     def _stand_on(self, leg: Leg, x: float) -> None:
         """The stance foot is at world x: place and preview the next stone from there."""
         self._stance, self._stance_x, self._landed = leg, x, False
         self._step_began = self._tick
         self._preview = self._terrain.place_next(self._touchdowns + 1, x)
-        if self._is_on_loose_stone():
-            self._terrain.drop(self._touchdowns, self.parameters.loose_depth)
+        if depth := self._dropped():
+            self._terrain.drop(self._touchdowns, depth)
         self._plant.set_stones(self._terrain.present)
         self._ground = Ground(self._terrain.present)
 
@@ -236,12 +257,13 @@ class Simulation:
 
     def _flight_ticks(self) -> int:
         """Longer on a stone that gave way, by the fall onto it."""
-        depth = self.parameters.loose_depth if self._is_on_loose_stone() else 0.0
-        return flight_ticks(self.parameters) + ceil(sqrt(2 * depth / GRAVITY) / TICK_SECONDS)
+        return flight_ticks(self.parameters) + ceil(sqrt(2 * self._dropped() / GRAVITY) / TICK_SECONDS)
 
-    def _is_on_loose_stone(self) -> bool:
-        p = self.parameters
-        return p.terrain == "stones" and 0 < p.loose_stone == self._touchdowns
+    def _dropped(self) -> float:
+        """By how much the stone underfoot has given way, m."""
+        if self.parameters.terrain == "flat" or not self._touchdowns:
+            return 0.0
+        return sum(each.drop(self._touchdowns) for each in self._perturbations)
 
     def _support(self, reading: PlantReading) -> float:
         """From where the hip's height counts, m: the line over the tops, lower by what the stance foot has sunk."""
@@ -251,7 +273,10 @@ class Simulation:
         return self._ground.below(float(reading.q[0])) - sunk
 
     def _state(self) -> RobotState:
-        measured = self._sensors.measure(self.reading)
+        true = self.reading
+        measured = Measured(true.q.copy(), true.dq.copy(), true.foot_force.copy())
+        for sensor in self._sensors:
+            measured = sensor.measure(measured, true)
         state = RobotState(
             tick=self._tick,
             q=measured.q,

@@ -11,7 +11,8 @@ from rabbit_description.state import Array
 from rabbit_description.yaml_file import MOST_BYTES, read_yaml, shortened
 from scipy.special import ndtr, ndtri
 
-from rabbit_sim.parameters import FARTHEST_EDGE, HIGHEST_TOP, SimulationParameters
+from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.plant import FARTHEST_EDGE, HIGHEST_TOP
 
 Edge = Annotated[float, Field(gt=0, le=FARTHEST_EDGE, allow_inf_nan=False)]
 

@@ -8,9 +8,10 @@ from rabbit_description.state import Array
 from rabbit_sim.initial_state import initial_state
 from rabbit_sim.kinematics import RabbitFeet
 from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.perturbations.joint_damping import JointDamping
 from rabbit_sim.pinned_dynamics import PinnedDynamics
 from rabbit_sim.plant import gravity
-from rabbit_sim.robot_urdf import perturbed_urdf, with_pendulum
+from rabbit_sim.robot_urdf import perturbed_urdf, with_attached
 
 
 class Truth:
@@ -21,7 +22,7 @@ class Truth:
         self.urdf = perturbed_urdf(self.parameters)
         self.mass = 32.0 * self.parameters.mass_scale + self.parameters.payload
         self._model = pinocchio.buildModelFromXML(self.urdf)
-        self._loaded = pinocchio.buildModelFromXML(with_pendulum(self.urdf, self.parameters))
+        self._loaded = pinocchio.buildModelFromXML(with_attached(self.urdf, self.parameters))
         self._loaded.gravity.linear[[0, 2]] = gravity(self.parameters.slope)
         self._data = self._model.createData()
 
@@ -31,7 +32,8 @@ class Truth:
 
     def pinned(self) -> PinnedDynamics:
         """Our model of it in stance."""
-        return PinnedDynamics(self.urdf, RabbitFeet(self.parameters.link_bend), self.parameters.joint_damping)
+        damping = JointDamping(joint_damping=self.parameters.joint_damping).joint_torque(self.urdf)
+        return PinnedDynamics(self.urdf, RabbitFeet(self.parameters.link_bend), [damping])
 
     def jacobian(self, q, leg):
         """Of a foot, (2, 7)."""

@@ -11,7 +11,8 @@ from rabbit_description.state import TICK_SECONDS, Leg
 from rabbit_sim.initial_state import project
 from rabbit_sim.kinematics import RabbitFeet
 from rabbit_sim.mujoco_plant import MujocoPlant
-from rabbit_sim.parameters import RUBBER_DAMPING, RUBBER_STIFFNESS, SimulationParameters
+from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.perturbations.ground import RUBBER_DAMPING, RUBBER_STIFFNESS
 from rabbit_sim.plant import FOOT_RADIUS, GRAVITY, Span
 from rabbit_sim.pybullet_plant import PybulletPlant
 from rabbit_sim.rigid_plant import RigidPlant

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from rabbit_description.gait import load_gaits
 from rabbit_description.state import TICK_SECONDS
-from rabbit_sim.parameters import SUBSTEP_SECONDS, SimulationParameters
-from rabbit_sim.plant import SUBSTEPS, PlantReading, gravity
-from rabbit_sim.sensors import ENCODER_STEP, LabSensors, mean_specific_force
+from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.perturbation import Measured
+from rabbit_sim.perturbations.sensors import ENCODER_STEP, LabSensors, mean_specific_force
+from rabbit_sim.plant import SUBSTEP_SECONDS, SUBSTEPS, PlantReading, gravity
 from rabbit_sim.simulation import Simulation
 
 G = 9.81
@@ -55,12 +56,16 @@ def readings(acceleration):
         yield PlantReading(rows[-1, :7], rows[-1, 7:], *still, rows)
 
 
+def exactly(reading):
+    return Measured(reading.q.copy(), reading.dq.copy(), reading.foot_force.copy())
+
+
 def test_a_rate_is_that_of_a_millisecond_ago():
     """The slope of a parabola over an interval is its slope in the middle."""
     exact = SimulationParameters(sensors="lab", encoder_resolution=1e-9, **PERFECT)
     sensors = LabSensors(exact, np.random.default_rng())
     for number, reading in enumerate(readings(40.0), start=1):
-        rates = sensors.measure(reading).body.joint_rates
+        rates = sensors.measure(exactly(reading), reading).body.joint_rates
         assert rates == pytest.approx(40.0 * (number * TICK_SECONDS - SUBSTEP_SECONDS), abs=1e-5)
 
 
@@ -68,7 +73,7 @@ def test_a_rate_is_that_of_a_millisecond_ago():
 def test_late_readings_are_those_of_earlier(delay):
     exact = SimulationParameters(sensors="lab", encoder_resolution=1e-9, sensor_delay=delay, **PERFECT)
     sensors = LabSensors(exact, np.random.default_rng())
-    _, body = (sensors.measure(reading).body for reading in readings(40.0))
+    _, body = (sensors.measure(exactly(reading), reading).body for reading in readings(40.0))
     time = 2 * TICK_SECONDS - delay
     assert body.joint_angles == pytest.approx(40.0 * time**2 / 2, abs=1e-8)
     assert body.joint_rates == pytest.approx(40.0 * (time - SUBSTEP_SECONDS), abs=1e-5)
@@ -77,7 +82,7 @@ def test_late_readings_are_those_of_earlier(delay):
 def test_an_angle_is_a_multiple_of_its_encoders_step():
     sensors = LabSensors(SimulationParameters(sensors="lab", **PERFECT), np.random.default_rng())
     for reading in readings(40.0):
-        angles = sensors.measure(reading).body.joint_angles
+        angles = sensors.measure(exactly(reading), reading).body.joint_angles
         assert angles / ENCODER_STEP == pytest.approx(np.round(angles / ENCODER_STEP), abs=1e-9)
         assert np.abs(angles - reading.q[3:]).max() <= ENCODER_STEP / 2
 
@@ -113,7 +118,7 @@ def test_constant_errors_are_constant_and_noise_has_its_spread():
     rate, force, offsets = [], [], []
     for seed in range(400):
         sensors = LabSensors(parameters, np.random.default_rng(seed))
-        measured = [sensors.measure(reading).body for reading in readings(0.0)]
+        measured = [sensors.measure(exactly(reading), reading).body for reading in readings(0.0)]
         offsets.append([each.joint_angles for each in measured])
         rate.append(measured[0].pitch_rate)
         force.append(measured[1].specific_force - (0, G))

@@ -25,13 +25,16 @@ class ScriptedPlant:
 
     def __init__(self, readings):
         self.readings = [up(), *readings]
-        self.stones = []
+        self.stones, self.pushes = [], []
 
     def reset(self, q, dq, stance):
         self.start = q, dq, stance
 
     def set_stones(self, spans):
         self.stones.append(list(spans))
+
+    def push_for_tick(self, forces):
+        self.pushes.append(forces)
 
     def advance(self, command):
         self.readings.pop(0)
@@ -221,14 +224,20 @@ def test_the_course_file_is_read_at_the_door(tmp_path):
 
 def test_pushes_come_in_turn(play):
     """Each 0.3 s, from the 30th tick on: 5 N s in 100 ms are 50 N, forward first."""
-    pushes = []
-    _, simulation = play([up()], push=5.0, push_interval=0.3)
-    plant = simulation._plant
-    plant.push = lambda force, seconds: pushes.append((simulation._tick, force, seconds))
-    plant.readings = [up()] * 100
-    while len(plant.readings) > 1:
-        simulation.step(np.zeros(4))
-    assert pushes == [(30, pytest.approx(50), 0.1), (60, pytest.approx(-50), 0.1), (90, pytest.approx(50), 0.1)]
+    _, simulation = play([up()] * 100, push=5.0, push_interval=0.3)
+    expected = np.zeros((100, 10))
+    expected[30:40], expected[60:70], expected[90:] = 50, -50, 50
+    np.testing.assert_allclose(simulation.plant.pushes, expected)
+
+
+@pytest.mark.parametrize("plant", ["pybullet", "mujoco", "rigid"])
+def test_perfect_sensors_give_copies_of_the_truth(plant):
+    simulation = Simulation(SimulationParameters(plant=plant), GAIT)
+    state, true = simulation.reset(1), simulation.reading
+    for name in ("q", "dq", "foot_force"):
+        assert (getattr(state, name) == getattr(true, name)).all()
+        assert getattr(state, name) is not getattr(true, name)
+    simulation.close()
 
 
 @pytest.mark.parametrize(

@@ -66,7 +66,7 @@ class RowMaker:
         self._begin_step(state, output, float(foot[0]))
         force = state.foot_force[output.stance]
         ratio = float(force_ratio(force))
-        bound = self._start[1] * math.exp(-self._decay * (state.tick - self._start[0]) * TICK_SECONDS)
+        bound = self._start[1] * float(np.exp(-self._decay * (state.tick - self._start[0]) * TICK_SECONDS))
         events |= self._events(state.tick, output, ratio)
         return [
             *(float(state.tick), 1.0, float(events)),

@@ -5,11 +5,12 @@ walks. A field's `when` says whether a change acts at once or from the next rese
 """
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, field_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, create_model, field_validator
 from rabbit_common.options import fault
-from rabbit_sim.parameters import SUBSTEP_SECONDS, SimulationParameters
+from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.plant import SUBSTEP_SECONDS
 from rl_cbf_clf_controller.parameters import ControllerParameters, load_parameters
 
 Choice = Literal["nominal", "learned", "identified", "best", "oracle", "l1"]
@@ -31,8 +32,8 @@ ROBOTS = ("first", "second")
 MOST_DEEDS = 50  # pushes of a walk, and as many changes
 NOW: dict[str, Any] = {"when": "now"}
 NEXT: dict[str, Any] = {"when": "reset"}
-LAB: dict[str, Any] = {**NOW, "group": "laboratory"}
-LAB_NEXT = {**LAB, **NEXT}
+LABORATORY: dict[str, Any] = {"group": "laboratory"}
+DEFAULTS = {"mass_scale": 2.0, "motor_lag": 0.004}  # where they are not the plant's
 Number = Annotated[float, Field(allow_inf_nan=False)]
 
 
@@ -42,51 +43,48 @@ class Checked(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
-def shown(default: float, low: float, high: float, step: float, title: str, unit: str = "", **how: str) -> Any:
-    """A number's bounds, and what the page shows; `how`: when it acts, at once unless it says so, and its group."""
+def shown(
+    default: Any, low: float | None, high: float | None, title: str, step: float = 1, unit: str = "", **how: str
+) -> Any:
+    """A field's bounds, and what the page shows; `how`: when it acts, at once unless it says so, and its group."""
     extra = {**(how or NOW), "step": step, **({"unit": unit} if unit else {})}
     return Field(default, ge=low, le=high, title=title, json_schema_extra=extra)
 
 
-class PlaySettings(Checked):
+def of_the_plant() -> dict[str, Any]:
+    """Type and field of each of the plant's parameters that have a `rabbit_sim.perturbation.Control`."""
+    found = {}
+    for name, schema in SimulationParameters.model_json_schema()["properties"].items():
+        if control := schema.get("control"):
+            bounds = (
+                schema.get(limit) if control[end] is None else control[end]
+                for end, limit in (("low", "minimum"), ("high", "maximum"))
+            )
+            about = (control[part] for part in ("title", "step", "unit"))
+            how = {**(NEXT if control["at_reset"] else NOW), **({} if control["first"] else LABORATORY)}
+            kind = SimulationParameters.model_fields[name].annotation
+            default = DEFAULTS.get(name, schema["default"])
+            found[name] = (Number if kind is float else kind, shown(default, *bounds, *about, **how))
+    return found
+
+
+if TYPE_CHECKING:
+    OfThePlant = Any  # fields of files that are found
+else:
+    OfThePlant = create_model("OfThePlant", __base__=Checked, **of_the_plant())
+
+
+class PlaySettings(OfThePlant):
     """Flat; `title`, unit and step are for the page."""
 
     first: Choice = Field("learned", title="controller", json_schema_extra=NOW)
     second: OtherChoice = Field("nominal", title="on the same course", json_schema_extra=NOW)
-    mass_scale: Number = shown(2.0, 0.5, 3, 0.05, "mass scale")
-    payload: Number = shown(0.0, 0, 80, 1, "payload", "kg")
-    ground_friction: Number = shown(1.5, 0.2, 2, 0.05, "friction")
-    motor_power: Number = shown(1.0, 0.3, 1, 0.05, "motor power")
-    motor_lag: Number = shown(0.004, 0, 0.05, 0.001, "motor lag", "s")
-    torque_delay: Number = shown(0.0, 0, 0.03, 0.001, "delay", "s")
-    velocity_noise: Number = shown(0.0, 0, 2, 0.05, "noise", "rad/s")
-    sensors: Literal["exact", "lab"] = Field("exact", title="sensors", json_schema_extra=LAB_NEXT)
-    l_min_std: Number = shown(0.02, 0, 0.08, 0.005, "stone spread", "m", **NEXT)
-    stone_width: Number = shown(0.05, 0.01, 0.3, 0.005, "stone width", "m", **NEXT)
-    stones: int = Field(20, ge=1, le=200, title="stones", json_schema_extra=NEXT)
-    seed: int = Field(1, ge=0, le=2**31 - 1, title="course", json_schema_extra=NEXT)
+    motor_power: Number = shown(1.0, 0.3, 1, "motor power", 0.05)
+    l_min_std: Number = shown(0.02, 0, 0.08, "stone spread", 0.005, "m", **NEXT)
+    stone_width: Number = shown(0.05, 0.01, 0.3, "stone width", 0.005, "m", **NEXT)
+    stones: int = shown(20, 1, 200, "stones", **NEXT)
+    seed: int = shown(1, 0, 2**31 - 1, "course", **NEXT)
     again: Literal["wait", "same course", "next course"] = Field("wait", title="at the end", json_schema_extra=NOW)
-
-    ground_stiffness: Number = shown(1e6, 1e4, 1e6, 1e4, "ground stiffness", "N/m", **LAB)
-    ground_damping: Number = shown(3e4, 0, 3e4, 500, "ground damping", "N s/m", **LAB)
-    slope: Number = shown(0.0, -20, 20, 0.5, "slope", "degrees", **LAB)
-    stone_height: Number = shown(0.0, 0, 0.2, 0.005, "stone height", "m", **LAB_NEXT)
-    loose_stone: int = Field(0, ge=0, le=200, title="stone that gives way, 0: none", json_schema_extra=LAB_NEXT)
-    loose_depth: Number = shown(0.02, 0.001, 0.2, 0.001, "by", "m", **LAB_NEXT)
-    push: Number = shown(0.0, 0, 100, 1, "pushes in turn", "N s", **LAB_NEXT)
-    push_interval: Number = shown(1.5, 0.1, 60, 0.1, "a push each", "s", **LAB_NEXT)
-    payload_ahead: Number = shown(0.0, -0.5, 0.5, 0.01, "payload ahead", "m", **LAB)
-    swing_payload: Number = shown(0.0, 0, 100, 1, "swinging payload", "kg", **LAB)
-    left_leg_scale: Number = shown(1.0, 0.5, 2, 0.05, "left leg", **LAB)
-    left_hip_gain: Number = shown(1.0, 0.1, 2, 0.05, "left hip's motor", **LAB)
-    left_knee_gain: Number = shown(1.0, 0.1, 2, 0.05, "left knee's motor", **LAB)
-    right_hip_gain: Number = shown(1.0, 0.1, 2, 0.05, "right hip's motor", **LAB)
-    right_knee_gain: Number = shown(1.0, 0.1, 2, 0.05, "right knee's motor", **LAB)
-    torque_rate: Number = shown(0.0, 0, 1e6, 1000, "torque rate, 0: any", "N m/s", **LAB)
-    coulomb: Number = shown(0.0, 0, 100, 0.5, "dry friction", "N m", **LAB)
-    knee_spring: Number = shown(0.0, 0, 200, 10, "knees' springs", "N m/rad", **LAB)
-    gear_stiffness: Number = shown(0.0, 0, 2e4, 100, "gear stiffness, 0: rigid", "N m/rad", **LAB)
-    backlash: Number = shown(0.0, 0, 5, 0.1, "backlash", "degrees", **LAB)
 
 
 PLANT_AT_ONCE = tuple(  # the other settings of the plant are its course, drawn at a reset
@@ -184,7 +182,8 @@ def controller_of(base: ControllerParameters, name: str) -> tuple[ControllerPara
 
 
 def controls() -> list[dict[str, Any]]:
-    """What the page shows of each setting: name, title, choices or bounds, step, unit, when it acts."""
+    """What the page shows of each setting, the robots first: name, title, choices or bounds, step, unit, when."""
     fields = PlaySettings.model_json_schema()["properties"]
     shown = ("title", "enum", "minimum", "maximum", "step", "unit", "when", "group", "type", "default")
-    return [{"name": name, **{key: schema[key] for key in shown if key in schema}} for name, schema in fields.items()]
+    found = [{"name": name, **{key: schema[key] for key in shown if key in schema}} for name, schema in fields.items()]
+    return sorted(found, key=lambda control: control["name"] not in ROBOTS)

@@ -6,77 +6,97 @@ the attitude from the vertical that it integrates, and the mean of the accelerom
 All of it may arrive late: a tick's readings are then those of `sensor_delay` earlier.
 """
 
-from dataclasses import dataclass
 from math import pi, radians
-from typing import Protocol
+from typing import Literal
 
 import numpy as np
 from rabbit_description.state import TICK_SECONDS, Array, BodySensors, orientation_of
 
-from rabbit_sim.parameters import SUBSTEP_SECONDS, SimulationParameters
-from rabbit_sim.plant import SUBSTEPS, PlantReading, gravity
+from rabbit_sim.perturbation import (
+    Control,
+    Measured,
+    Number,
+    Parameters,
+    Perturbation,
+    Sensor,
+    WholeSubsteps,
+    setting,
+)
+from rabbit_sim.plant import SUBSTEP_SECONDS, SUBSTEPS, PlantReading, gravity
 
 ENCODER_STEP = 2 * pi / 2**14  # rad, of a lab's encoders unless another is given
 RATE_SAMPLES = 3  # through which a drive fits its line
 
 
-@dataclass(frozen=True)
-class Measured:
-    """`q`, `dq` (7,) and `foot_force` (2, 2) as the controller gets them; `body`: where these are all there is."""
+class Noise(Perturbation):
+    """Of encoders on pitch and the four joints, and of foot force sensors."""
 
-    q: Array
-    dq: Array
-    foot_force: Array
-    body: BodySensors | None = None
+    order = 130  # a lab's sensors draw theirs first
 
+    encoder_resolution: Number = setting(0.0, 0, 0.1, "step of the measured angles, rad")
+    velocity_noise: Number = setting(
+        0.0, 0, 10, "std of the measured angle rates, rad/s", Control("noise", 0.05, "rad/s", high=2, first=True)
+    )
+    force_noise: Number = setting(0.0, 0, 1000, "std of the measured foot forces, N")
 
-class Sensors(Protocol):
-    """What an episode's sensors do; `rng` draws their noise. `parameters` may change between two ticks."""
-
-    parameters: SimulationParameters
-    rng: np.random.Generator
-
-    def measure(self, reading: PlantReading) -> Measured:
-        """The measurement of a tick; called once for each, the first time right after a reset."""
+    def sensor(self) -> type[Sensor]:
+        return NoisySensors
 
 
-def make_sensors(parameters: SimulationParameters, rng: np.random.Generator) -> Sensors:
-    """Those that the parameters name."""
-    return (LabSensors if parameters.sensors == "lab" else ExactSensors)(parameters, rng)
+class Laboratory(Perturbation):
+    """A lab's sensors, each with its errors."""
+
+    order = 120
+
+    sensors: Literal["exact", "lab"] = setting(
+        "exact",
+        None,
+        None,
+        "the whole state, or encoders and IMU alone: a state estimator's work",
+        Control("sensors", at_reset=True),
+    )
+    encoder_offset: Number = setting(0.001, 0, 0.1, "std of a joint's constant error, rad (lab)")
+    gyro_noise: Number = setting(0.005, 0, 1, "std of the gyro, rad/s (lab)")
+    gyro_bias: Number = setting(0.005, 0, 1, "std of its constant error, rad/s (lab)")
+    accelerometer_noise: Number = setting(0.1, 0, 10, "std of the accelerometer, m/s^2 (lab)")
+    accelerometer_bias: Number = setting(0.05, 0, 10, "std of its constant error, m/s^2 (lab)")
+    attitude_error: Number = setting(0.003, 0, 0.1, "std of the IMU's first attitude, rad (lab)")
+    sensor_delay: WholeSubsteps = setting(0.0, 0, 0.01, "age of their readings, whole ms, s (lab)")
+
+    def sensor(self) -> type[Sensor] | None:
+        return LabSensors if self.sensors == "lab" else None
 
 
-class ExactSensors:
-    """Encoders on pitch and the four joints, foot force sensors. The base's position and velocity are exact."""
+class NoisySensors(Sensor):
+    """The base's position and velocity stay exact. Of a lab's sensors, those of the feet alone."""
 
-    def __init__(self, parameters: SimulationParameters, rng: np.random.Generator) -> None:
-        self.parameters = parameters
-        self.rng = rng
-
-    def measure(self, reading: PlantReading) -> Measured:
-        """See `Sensors`."""
-        q, dq = reading.q.copy(), reading.dq.copy()
-        step = self.parameters.encoder_resolution
-        if step > 0:
-            q[2:] = rounded(q[2:], step)
-        if self.parameters.velocity_noise > 0:
-            dq[2:] += self.parameters.velocity_noise * self.rng.standard_normal(5)
-        return Measured(q, dq, noisy_force(reading, self.parameters.force_noise, self.rng))
+    def measure(self, measured: Measured, reading: PlantReading) -> Measured:
+        p, q, dq, force = self.parameters, measured.q, measured.dq, measured.foot_force
+        if measured.body is None:
+            if p.encoder_resolution > 0:
+                q[2:] = rounded(q[2:], p.encoder_resolution)
+            if p.velocity_noise > 0:
+                dq[2:] += p.velocity_noise * self.rng.standard_normal(5)
+        if p.force_noise > 0:
+            force += p.force_noise * self.rng.standard_normal((2, 2))
+        return Measured(q, dq, force, measured.body)
 
 
-class LabSensors:
+class LabSensors(Sensor):
     """Encoders and an IMU, each with constant errors that an episode draws; no base, no true rate."""
 
-    def __init__(self, parameters: SimulationParameters, rng: np.random.Generator) -> None:
-        p = self.parameters = parameters
-        self.rng = rng
+    needs_path = True
+
+    def __init__(self, parameters: Parameters, rng: "np.random.Generator") -> None:
+        super().__init__(parameters, rng)
+        p = parameters
         self._offset = p.encoder_offset * rng.standard_normal(4)
         self._gyro_bias = p.gyro_bias * rng.standard_normal()
         self._accelerometer_bias = p.accelerometer_bias * rng.standard_normal(2)
         self._attitude_error = p.attitude_error * rng.standard_normal()
         self._trace: Array | None = None  # states of the last two ticks, a substep apart
 
-    def measure(self, reading: PlantReading) -> Measured:
-        """See `Sensors`."""
+    def measure(self, measured: Measured, reading: PlantReading) -> Measured:
         p, rng, last, path = self.parameters, self.rng, self._trace, reading.path
         if path is None:  # a reset
             path = until(np.concatenate([reading.q, reading.dq]))
@@ -97,7 +117,7 @@ class LabSensors:
             specific_force=specific_force,
         )
         unknown = np.full(7, np.nan)
-        return Measured(unknown, unknown.copy(), noisy_force(reading, p.force_noise, rng), body)
+        return Measured(unknown, unknown.copy(), measured.foot_force, body)
 
 
 def until(state: Array) -> Array:
@@ -121,11 +141,3 @@ def mean_specific_force(path: Array, fall: tuple[float, float]) -> Array:
 def rounded(angles: Array, step: float) -> Array:
     """To multiples of `step`."""
     return step * np.round(angles / step)
-
-
-def noisy_force(reading: PlantReading, std: float, rng: np.random.Generator) -> Array:
-    """The feet's forces (2, 2), N."""
-    force = reading.foot_force.copy()
-    if std > 0:
-        force += std * rng.standard_normal((2, 2))
-    return force

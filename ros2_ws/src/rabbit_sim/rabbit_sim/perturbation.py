@@ -1,0 +1,171 @@
+"""What a perturbation of the true plant is: fields that users set, and hooks that the plant calls.
+
+Each class in a file of `perturbations/` that derives from `Perturbation` is one. Its fields are flat among those of
+`SimulationParameters`; options, ROS parameters and the page's controls follow from them. A hook that it does not
+override changes nothing, and a perturbation whose fields are at their defaults is not asked at all.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from typing import Annotated, Any, ClassVar, Protocol, Self
+from xml.etree.ElementTree import Element
+
+import numpy as np
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from rabbit_description.state import Array, BodySensors
+
+from rabbit_sim.plant import PlantReading
+
+Parameters = Any  # `SimulationParameters`, which is made of the perturbations
+CONFIG = ConfigDict(extra="forbid", frozen=True, defer_build=True)  # building takes time that --help has not
+NEARLY_ZERO = 1e-300  # smaller numbers are zero: a product with one leaves the range in which MuJoCo reads
+Number = Annotated[
+    float, Field(allow_inf_nan=False), AfterValidator(lambda value: value if abs(value) >= NEARLY_ZERO else 0.0)
+]
+ENGINES_ALONE = "engines alone"  # marks a field that the plant `rigid` cannot have
+WHOLE_SUBSTEPS = "whole substeps"  # marks a time that is a number of them
+EngineNumber = Annotated[Number, ENGINES_ALONE]
+WholeSubsteps = Annotated[Number, WHOLE_SUBSTEPS]
+
+
+@dataclass(frozen=True)
+class Control:
+    """How the page of `rabbit play` shows a field: title, step and unit; narrower bounds if they are given.
+
+    `at_reset`: a change waits for the next reset. `first`: above the group "laboratory".
+    """
+
+    title: str
+    step: float = 1
+    unit: str = ""
+    low: float | None = None
+    high: float | None = None
+    at_reset: bool = False
+    first: bool = False
+
+
+def setting(default: Any, low: Any, high: Any, description: str, control: Control | None = None) -> Any:
+    """A field from `low` to `high`; None: no bound. Without a `control` the page does not show it."""
+    extra: Any = {"control": control and asdict(control)}
+    return Field(default, ge=low, le=high, description=description, json_schema_extra=extra)
+
+
+def child(element: Element, path: str) -> Element:
+    """Of a URDF's element; raises ValueError where there is none."""
+    found = element.find(path)
+    if found is None:
+        raise ValueError(f"URDF: {element.tag} without {path}")
+    return found
+
+
+@dataclass(frozen=True)
+class Measured:
+    """`q`, `dq` (7,) and `foot_force` (2, 2) as the controller gets them; `body`: where these are all there is."""
+
+    q: Array
+    dq: Array
+    foot_force: Array
+    body: BodySensors | None = None
+
+
+class Sensor:
+    """What is between the truth and the controller in one episode. `parameters` may change between two ticks."""
+
+    needs_path: ClassVar[bool] = False  # of the states within a tick
+
+    def __init__(self, parameters: Parameters, rng: "np.random.Generator") -> None:
+        self.parameters, self.rng = parameters, rng
+
+    def measure(self, measured: Measured, reading: PlantReading) -> Measured:
+        """What it makes of a tick's measurement; called once for each tick, the first time right after a reset."""
+        raise NotImplementedError
+
+
+class Transmission(Protocol):
+    """What is between the four motors and their joints, and may remember something."""
+
+    def reset(self, joints: Array, rates: Array) -> None:
+        """An episode begins with the joints (4,) there, rad, rad/s."""
+
+    def transmitted(self, torque: Array, joints: Array, rates: Array) -> Array:
+        """To the joints (4,), N m, over the next substep, in which `torque` (4,) comes from the motors' side."""
+
+
+JointTorque = Callable[[Array, Array], Array]  # on the joints (4,), N m, of q and dq (7,)
+Force = Callable[[int], Array]  # of the tick, counted from the reset: in its substeps (SUBSTEPS,), N
+
+
+class Perturbation(BaseModel):
+    """See above. Of those that have the same hook, the one of the lower `order` acts first."""
+
+    model_config = CONFIG
+
+    order: ClassVar[int] = 500
+    acts_always: ClassVar[bool] = False  # also with its fields at their defaults
+
+    @classmethod
+    def of(cls, parameters: Parameters) -> Self:
+        """The one that these parameters have."""
+        values = {name: getattr(parameters, name) for name in cls.model_fields}
+        return cls.model_construct(**values)  # type: ignore[return-value]  # pydantic's plug-in forgets Self
+
+    @classmethod
+    def of_all(cls, robots: Sequence[Parameters]) -> Self:
+        """Those of N robots in one: each field an array (N, 1, 1)."""
+        values: dict[str, Any] = {
+            name: np.array([[[getattr(each, name)]] for each in robots]) for name in cls.model_fields
+        }
+        return cls.model_construct(**values)  # type: ignore[return-value]
+
+    @classmethod
+    def is_in_force(cls, parameters: Parameters) -> bool:
+        """Whether they have one that is not at its defaults."""
+        fields = cls.model_fields.items()
+        return cls.acts_always or any(getattr(parameters, name) != field.default for name, field in fields)
+
+    def change_robot(self, robot: Element) -> None:
+        """Change masses, inertias and lengths of the URDF in place. The oracle knows it."""
+
+    def attach(self, robot: Element) -> None:
+        """Add links with joints of their own to the URDF, for an engine."""
+
+    def attached_at(self, q: Array, dq: Array, slope: float) -> dict[str, tuple[float, float]]:
+        """Where these joints are at a reset to q, dq (7,): angle and rate by name; the ground rises by `slope` rad."""
+        return {}
+
+    def memory(self) -> int:
+        """How many rows (4,) its motors remember, at most; zeros are rest."""
+        return 0
+
+    def drive(self, torques: Array, state: Array) -> Array:
+        """What the motors of N robots (`of_all`) make of the torques over one tick's substeps, both (N, SUBSTEPS, 4).
+
+        N m. It may change its arguments: `state` (N, memory, 4) goes on to the next tick.
+        """
+        return torques
+
+    def transmission(self) -> Transmission | None:
+        """Between motors and joints in each substep."""
+        return None
+
+    def joint_torque(self, urdf: str) -> JointTorque | None:
+        """Beside the motors, of the robot in `urdf` with nothing attached. It remembers nothing, so `rigid` has it."""
+        return None
+
+    def force(self, rng: "np.random.Generator") -> Force | None:
+        """Along the ground on the torso's centre of mass; `rng` is the episode's and this perturbation's own."""
+        return None
+
+    def drop(self, stone: int) -> float:
+        """By how much the top of stone `stone`, from 1, gives way under the first foot on it, m."""
+        return 0.0
+
+    def sensor(self) -> type[Sensor] | None:
+        """That of an episode, and of what comes after a change of parameters; all sensors share one generator."""
+        return None
+
+    def in_mujoco(self, model: Any) -> None:
+        """Change the compiled `mujoco.MjModel`."""
+
+    def in_pybullet(self, client: Any, robot: int, motors: Sequence[int]) -> None:
+        """Change the robot that the client has loaded; `motors`: its joints with one."""

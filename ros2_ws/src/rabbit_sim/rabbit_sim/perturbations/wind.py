@@ -1,0 +1,35 @@
+"""Wind: a horizontal force on the torso, steady and in gusts.
+
+A gust is a first-order Gauss-Markov process g, as Dryden's model has it for the wind along the way: with the standard
+deviation s, the time constant T and a tick h,   g(t + h) = a g(t) + s sqrt(1 - a^2) n,  a = exp(-h / T),  n ~ N(0, 1)
+"""
+
+from math import exp, sqrt
+
+import numpy as np
+from rabbit_description.state import TICK_SECONDS, Array
+
+from rabbit_sim.perturbation import Control, EngineNumber, Force, Number, Perturbation, setting
+from rabbit_sim.plant import SUBSTEPS
+
+
+class Wind(Perturbation):
+    """See above; positive from behind."""
+
+    wind: EngineNumber = setting(0.0, -200, 200, "steady force on the torso, N", Control("wind", 5, "N"))
+    gusts: EngineNumber = setting(0.0, 0, 200, "std of gusts about the steady force, N", Control("gusts", 5, "N"))
+    gust_seconds: Number = setting(0.5, 0.01, 60, "time constant of the gusts, s")
+
+    def force(self, rng: "np.random.Generator") -> Force | None:
+        if not self.wind and not self.gusts:
+            return None
+        keeps = exp(-TICK_SECONDS / self.gust_seconds)
+        gust = self.gusts * rng.standard_normal()
+
+        def in_tick(tick: int) -> Array:
+            nonlocal gust
+            force = np.full(SUBSTEPS, self.wind + gust)
+            gust = keeps * gust + self.gusts * sqrt(1 - keeps**2) * rng.standard_normal()
+            return force
+
+        return in_tick
