@@ -7,7 +7,7 @@ tables of docs/topics.md anew, which a test compares.
 import importlib
 import pkgutil
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import rl_cbf_clf_controller.ros.node_parameters
@@ -37,7 +37,7 @@ NODES: Mapping[str, tuple[type[BaseModel], ...]] = {
 }
 
 
-def table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
+def table(head: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:
     """A Markdown table; a bar within a cell is escaped."""
     lines = [head, tuple("---" for _ in head), *rows]
     cells = ((" ".join(cell.split()).replace("|", "\\|") for cell in line) for line in lines)

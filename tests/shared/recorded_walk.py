@@ -171,8 +171,8 @@ def state_message(state: Any) -> Any:
 
 def details(record: Record) -> Any:
     """A `ControllerState`."""
-    told = dict.fromkeys(("margins", "slacks", "multipliers"), np.zeros(0))
-    return message("controller_state", record.state.tick, **state_fields(record.output), **told)
+    not_told = dict.fromkeys(("margins", "slacks", "multipliers"), np.zeros(0))
+    return message("controller_state", record.state.tick, **state_fields(record.output), rows=[], **not_told)
 
 
 def terms(record: Record) -> Any:

@@ -43,7 +43,7 @@ def renewed(message: Any) -> Any:
         now["names"] = ["V", *(BARRIERS if on_stones else ())]
         now["values"] = np.array([V, *(barriers if on_stones else ())])
         now["rates"] = np.array([np.nan, *(rates if on_stones else ())])
-        now |= dict.fromkeys(("margins", "slacks", "multipliers"), NOT_TOLD)
+        now |= {"rows": [], **dict.fromkeys(("margins", "slacks", "multipliers"), NOT_TOLD)}
         now.setdefault("measured", np.full(len(now["quantities"]), np.nan))
     return SimpleNamespace(**now)
 
@@ -84,5 +84,4 @@ def is_former(reader: AnyReader, kind: str) -> bool:
     """Whether a type of the recording is of a former version."""
     if not kind.startswith("rabbit_msgs/"):
         return False
-    (name, _), *_ = reader.typestore.fielddefs[kind][1] or [("", None)]
-    return bool(name == STAMP)
+    return [name for name, _ in reader.typestore.fielddefs[kind][1]][:1] == [STAMP]
