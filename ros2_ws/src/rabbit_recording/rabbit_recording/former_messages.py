@@ -1,7 +1,8 @@
 """Messages of recordings that were made before the messages had a `std_msgs/Header`, as those of today.
 
 Their definitions are in the recordings. Then a message began with a bare stamp, arrays had RABBIT's lengths, and a
-`ControllerState` also held what is now in `LearnerTerms`. Those of version 0.1 had fewer fields still, which get what their absence meant.
+`ControllerState` also held what is now in `LearnerTerms`. Those of version 0.1 had fewer fields still, which get what
+their absence meant.
 """
 
 from collections.abc import Mapping
