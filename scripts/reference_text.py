@@ -1,21 +1,25 @@
-"""The reference pages of the site as Markdown, from the code: commands, parameters, messages, modules.
+"""The reference pages of the site as Markdown, from the code: commands, parameters, messages, topics, modules.
 
-Needs the built workspace. `docs/conf.py` puts the texts into the pages of docs/reference.
+Needs the built workspace. `docs/conf.py` puts the texts into the pages of docs/reference. As a program it writes the
+tables of docs/topics.md anew, which a test compares.
 """
 
 import importlib
 import pkgutil
-from collections.abc import Iterator, Mapping
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import rl_cbf_clf_controller.ros.node_parameters
 import rl_trainer.ros.trainer_setup
 import typer
-from common import WORKSPACE
+from common import ROOT, WORKSPACE
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 from rabbit_bringup.cli import commands as subcommands
 from rabbit_bringup.cli import summary
+from rabbit_common.ros import qos
+from rabbit_common.ros.topics import SERVICES, TOPICS, type_name
 from rabbit_recording.ros import recorder
 from rabbit_sim.node_parameters import NodeParameters as SimulatorParameters
 from rabbit_sim.parameters import SimulationParameters
@@ -33,7 +37,7 @@ NODES: Mapping[str, tuple[type[BaseModel], ...]] = {
 }
 
 
-def table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
+def table(head: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:
     """A Markdown table; a bar within a cell is escaped."""
     lines = [head, tuple("---" for _ in head), *rows]
     cells = ((" ".join(cell.split()).replace("|", "\\|") for cell in line) for line in lines)
@@ -102,6 +106,46 @@ def messages() -> str:
     return "\n".join(f"## {path.stem}\n\n```\n{path.read_text(encoding='utf-8').strip()}\n```\n" for path in files)
 
 
+def topics() -> str:
+    """The topics of the graph, as the nodes share them."""
+    head = ("topic", "type", "publisher", "readers", "QoS", "rate", "carries")
+    profiles = {id(profile): name.lower() for name, profile in vars(qos).items() if name.isupper()}
+    rows = [
+        (
+            *(code(topic.name), code(topic.type_name.replace("/msg", "")), topic.publisher),
+            *(", ".join(topic.readers) or "recorder", profiles[id(topic.qos)], topic.rate),
+            topic.carries or about(topic.type_name),
+        )
+        for topic in TOPICS
+    ]
+    return table(head, rows)
+
+
+def services() -> str:
+    """The services of the graph."""
+    rows = [
+        (code(each.name), code(name.replace("/srv", "")), each.node, each.does or about(name))
+        for each in SERVICES
+        for name in (type_name(each.type),)
+    ]
+    return table(("service", "type", "node", "does"), rows)
+
+
+def about(kind: str) -> str:
+    """What a message or service is, by the first line of its definition."""
+    package, group, name = kind.split("/")
+    text = (SOURCES / package / group / f"{name}.{group}").read_text(encoding="utf-8")
+    return text.splitlines()[0].removeprefix("# ")
+
+
+GENERATED = re.compile(r"(<!-- generated: (\w+) -->\n)\n.*?\n(\n<!-- end -->)", re.DOTALL)
+
+
+def with_tables(page: str) -> str:
+    """A page whose parts between `<!-- generated: NAME -->` and `<!-- end -->` are what the function NAME gives."""
+    return GENERATED.sub(lambda found: f"{found[1]}\n{globals()[found[2]]()}\n{found[3]}", page)
+
+
 def modules(package: str) -> Iterator[str]:
     """Names of a package's modules, without those of its commands and nodes."""
     yield package
@@ -118,3 +162,8 @@ def api(package: str) -> str:
     members = "   :members:\n   :show-inheritance:\n"
     found = [(name, "" if hasattr(importlib.import_module(name), "__path__") else members) for name in modules(package)]
     return "\n".join(f"## {name}\n\n{directive.format(name, part)}" for name, part in found)
+
+
+if __name__ == "__main__":
+    PAGE = ROOT / "docs" / "topics.md"
+    PAGE.write_text(with_tables(PAGE.read_text(encoding="utf-8")), encoding="utf-8")

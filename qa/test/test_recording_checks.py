@@ -35,7 +35,7 @@ def test_a_recording_that_began_in_the_middle_is_read_as_far_as_it_goes(
     assert any("20 ticks are not read" in text for text in misreadings(late, heard))
 
 
-@pytest.mark.parametrize("topic", ["state", "torque", "controller_state"])
+@pytest.mark.parametrize("topic", ["state", "torque", "controller_state", "learner_terms"])
 def test_a_gap_is_seen(walk: Walk, write_bag: WriteBag, tmp_path: Path, topic: str) -> None:
     found = misreadings(write_bag(tmp_path / "bag", change=without(topic, 30)), heard_of(walk))
     assert any("(1, 30)" in text for text in found)

@@ -155,7 +155,7 @@ def recorded(storage: str) -> tuple[str, bytes]:
     """Name and bytes of a small sound recording's file."""
     with tempfile.TemporaryDirectory() as folder:
         writer = BagWriter(Path(folder) / "bag", TYPES)
-        writer.add("/state", "rabbit_msgs/msg/RabbitState", [])
+        writer.add("/state", "rabbit_msgs/msg/RobotState", [])
         writer.add("/episode", "rabbit_msgs/msg/Episode", [])
         for tick in range(4):
             writer.write("/state", tick * 10_000_000, bytes([0, 1]) + bytes(200))

@@ -61,10 +61,10 @@ class World:
 
     def go(self) -> None:
         """Let the simulator begin, once all hear each other and the test hears what it wants to."""
-        from rabbit_msgs.srv import Pause
+        from std_srvs.srv import SetBool
 
         self.wait(lambda: not self._not_ready())
-        assert self.ask(Pause, "pause", paused=False).accepted
+        assert self.ask(SetBool, "pause", data=False).success
 
     def _not_ready(self) -> list[str]:
         from rabbit_common.ros.diagnostics import OK, reader_counts

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rabbit_common.ros.conversions import encoder_message, encoders_of, imu_message, imu_of, stamp
+from rabbit_common.ros.conversions import encoder_message, encoders_of, header, imu_message, imu_of
 from rabbit_description.state import BodySensors, orientation_of
 from rabbit_msgs.msg import Episode
 from rabbit_msgs.srv import ResetEpisode
@@ -25,8 +25,8 @@ def test_what_the_sensors_say_arrives_with_the_same_bits(force: np.ndarray) -> N
     for attitude in rng.uniform(-1.5, 1.5, 100):
         said = BodySensors(rng.normal(size=4), rng.normal(size=4), orientation_of(attitude), rng.normal(), force)
         assert said.attitude == pytest.approx(attitude, abs=1e-15)
-        joints = deserialize_message(serialize_message(encoder_message(said, stamp(7))), JointState)
-        imu = deserialize_message(serialize_message(imu_message(said, stamp(7), (1e-5, 2e-5, 0.01))), Imu)
+        joints = deserialize_message(serialize_message(encoder_message(said, header(7))), JointState)
+        imu = deserialize_message(serialize_message(imu_message(said, header(7), (1e-5, 2e-5, 0.01))), Imu)
         assert (imu.linear_acceleration_covariance[0] == -1) == np.isnan(force).any()  # as the message says: not known
         heard = BodySensors(*encoders_of(joints), *imu_of(imu))
         for name in ("joint_angles", "joint_rates", "attitude", "pitch_rate", "specific_force"):
@@ -65,7 +65,7 @@ def test_an_estimator_that_comes_in_the_middle_says_so_and_the_next_episode_walk
 
 def test_a_reset_by_service_begins_anew(world: Any) -> None:
     states, episodes = begin(world, episodes=0, pace=1.0)
-    assert world.ask(ResetEpisode, "reset_episode", seed=3).accepted
+    assert world.ask(ResetEpisode, "reset_episode", seed=3).success
     world.wait(lambda: bool(states) and states[-1].tick > 20)
     assert world.ask(ResetEpisode, "reset_episode", seed=4).episode == 2
     world.wait(lambda: bool(ended(episodes, 2)))

@@ -14,10 +14,9 @@ from typing import Any
 import numpy as np
 import pytest
 import rclpy
-from builtin_interfaces.msg import Time
 from hypothesis import given
 from hypothesis import strategies as st
-from rabbit_common.ros.conversions import encoder_message, imu_message, preview_message, stamp, state_message
+from rabbit_common.ros.conversions import encoder_message, header, imu_message, preview_message, state_message
 from rabbit_common.ros.qos import EVENT
 from rabbit_description.gait import load_gait
 from rabbit_estimator.ros.node import EstimatorNode
@@ -37,14 +36,16 @@ from rclpy.signals import SignalHandlerOptions
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import ZeroPolicy
-from rl_cbf_clf_controller.ros.messages import controller_state, torque_message
+from rl_cbf_clf_controller.ros.messages import controller_state, learner_terms, torque_message
 from rl_cbf_clf_controller.ros.node import ControllerNode
 from rl_cbf_clf_controller.uncertainty import RL_CBF_CLF_QP
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.ros.node import TrainerNode
 from rl_trainer.training import Trainer
+from std_msgs.msg import Header
 
 HEADER = 4  # bytes before a message's own
+BY_TICK = ("state", "torque", "controller_state", "learner_terms")
 PARAMETERS = ControllerParameters(controller="rl-cbf-clf-qp")
 SMALL = {"problem": RL_CBF_CLF_QP, "hidden1": 4, "hidden2": 4, "batch": 4, "updates_least": 1, "capacity": 500}
 NUMBERS: dict[str, st.SearchStrategy[Any]] = {
@@ -67,16 +68,16 @@ def sound_messages() -> dict[str, list[Any]]:
     data = array("B", policy.encode())
     made: dict[str, list[Any]] = {
         "episode": [Episode(episode=1, phase=p, sigma=math.nan, stones=3, tick=3) for p in (1, 3, 0, 2)],
-        "preview": [preview_message(state.preview, 1, Time())],
+        "preview": [preview_message(state.preview, 1, Header())],
         "episode_plan": [EpisodePlan(after_episode=0), EpisodePlan(after_episode=1)],
         "policy": [PolicyWeights(version=policy.version, data=data)],
         "policy_swap": [PolicySwap(accepted=True, version="zero"), PolicySwap(accepted=True, data=data)],
     }
     for _ in range(4):
         output = controller.step(state)
-        answers = (torque_message(output, 1, Time(), "a"), controller_state(output, 1, Time(), "a"))
-        names = ("state", "torque", "controller_state")
-        for name, message in zip(names, (state_message(state, 1, Time()), *answers), strict=True):
+        asked = state_message(state, 1, Header())
+        answers = [tell(output, asked, "a") for tell in (torque_message, controller_state, learner_terms)]
+        for name, message in zip(BY_TICK, (asked, *answers), strict=True):
             made.setdefault(name, []).append(message)
         state = simulation.step(output.torque)
     simulation.close()
@@ -90,7 +91,7 @@ def sound_measurements() -> dict[str, list[Any]]:
     state = simulation.reset(1)
     for tick in range(4):
         assert state.sensors is not None
-        at = stamp(tick)
+        at = header(tick)
         sensed = encoder_message(state.sensors, at), imu_message(state.sensors, at, (1e-5, 1e-5, 1e-2))
         for name, message in zip(made, (state_message(state, 1, at), *sensed), strict=True):
             made[name].append(message)
@@ -131,10 +132,9 @@ def spoil(draw: st.DrawFn, message: Any, name: str, kind: str) -> None:
         setattr(message, name, draw(NUMBERS[kind]))
     elif kind.startswith("string"):
         setattr(message, name, draw(st.text(st.characters(codec="utf-8"), max_size=8)))
-    elif kind.startswith("double["):
-        values = np.array(getattr(message, name))
+    elif "double" in kind and len(values := np.array(getattr(message, name))) and draw(st.booleans()):
         values[draw(st.integers(0, len(values) - 1))] = draw(st.floats())
-        setattr(message, name, values)
+        setattr(message, name, values if kind.startswith("double[") else array("d", values))
     elif kind.startswith("sequence<double"):
         setattr(message, name, array("d", draw(st.lists(st.floats(), max_size=8))))
     elif kind == "sequence<uint8>":
@@ -326,7 +326,7 @@ def test_trainer(trainer: TrainerNode, data: st.DataObject) -> None:
     if data.draw(st.booleans()):
         hears["episode"](bytes(serialize_message(Episode(sigma=math.nan))))
     for tick in range(data.draw(st.integers(0, 3))):
-        for topic in ("state", "torque", "controller_state"):
+        for topic in BY_TICK:
             hears[topic](bytes(serialize_message(SOUND[topic][tick])))
     feed(data, hears)
     if data.draw(st.booleans()):

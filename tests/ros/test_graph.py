@@ -14,14 +14,15 @@ import pytest
 from rabbit_common.ros.conversions import preview_of, state_of
 from rabbit_description.gait import load_gait
 from rabbit_description.state import TICK_SECONDS
-from rabbit_msgs.msg import Episode, PolicyWeights, RabbitState, StonePreview, TorqueCommand
-from rabbit_msgs.srv import LoadPolicy, Pause, ResetEpisode
+from rabbit_msgs.msg import Episode, PolicyWeights, RobotState, StonePreview, TorqueCommand
+from rabbit_msgs.srv import LoadPolicy, ResetEpisode
 from rcl_interfaces.srv import DescribeParameters, SetParameters, SetParametersAtomically
 from rclpy.parameter import Parameter
 from rclpy.time import Time
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import ZeroPolicy
+from std_srvs.srv import SetBool
 
 SHORT = {"motor_lag": 0.004, "stones": 3}
 
@@ -79,14 +80,14 @@ def test_pause_holds_between_two_ticks_and_changes_nothing(world: Any) -> None:
     world.start("simulator", episodes=0, pace=2.0, **SHORT)
     world.start("controller")
     world.go()
-    assert world.ask(ResetEpisode, "reset_episode", seed=3).accepted
-    assert world.ask(Pause, "pause", paused=True).accepted
+    assert world.ask(ResetEpisode, "reset_episode", seed=3).success
+    assert world.ask(SetBool, "pause", data=True).success
     world.spin(0.5)
     held = len(states)
     assert episodes[-1].phase == Episode.PAUSED
     world.spin(0.5)
     assert len(states) == held
-    world.ask(Pause, "pause", paused=False)
+    world.ask(SetBool, "pause", data=False)
     world.wait(ended(episodes))
     first = torques(world, commands, episodes[-1])
     commands.clear()
@@ -101,8 +102,8 @@ def test_reset_ends_the_running_episode(world: Any) -> None:
     assert world.ask(ResetEpisode, "reset_episode", seed=3).message == "there is no controller"
     world.start("controller")
     world.go()
-    assert world.ask(ResetEpisode, "reset_episode", seed=3).accepted
-    assert world.ask(ResetEpisode, "reset_episode", seed=4).accepted
+    assert world.ask(ResetEpisode, "reset_episode", seed=3).success
+    assert world.ask(ResetEpisode, "reset_episode", seed=4).success
     world.wait(lambda: episodes[-1].episode == 2)
     assert [e.outcome for e in episodes if e.phase == Episode.ENDED] == ["reset"]
     assert (episodes[-1].seed, episodes[-1].phase) == (4, Episode.RUNNING)
@@ -156,7 +157,7 @@ def test_wrong_messages_are_refused_counted_and_told(world: Any) -> None:
     assert counts["refused torque: wrong episode"] + counts.get("refused torque: not awaited", 0) == 2
     assert (counts["refused torque: wrong tick"], counts["refused torque: not finite"]) == (1, 2)
     assert any("refused" in m.status[0].message for m in diagnostics)
-    world.say("torque", TorqueCommand(episode=1, tick=0))
+    world.say("torque", TorqueCommand(episode=1, tick=0, torque=[0.0] * 4))
     world.wait(lambda: states[-1].tick == 1)
     world.wait(ended(episodes))
     assert episodes[-1].outcome == "silent"
@@ -203,7 +204,7 @@ def test_wrong_messages_do_not_harm_a_walk(world: Any) -> None:
     while not ended(episodes)():
         world.say("torque", TorqueCommand(episode=1, tick=states[-1].tick + 5, torque=[150.0] * 4))
         world.say("preview", StonePreview(episode=1, index=2, l_min=0.4, l_max=math.inf))
-        world.say("state", RabbitState(episode=1, tick=9999))
+        world.say("state", RobotState(episode=1, tick=9999))
         world.say("policy", PolicyWeights(version="x", data=b"no policy"))
         world.spin(0.05)
     assert episodes[-1].outcome == "walked", episodes[-1].reason
@@ -245,7 +246,7 @@ def test_real_time_goes_by_the_wall_clock(world: Any) -> None:
     world.say("torque", TorqueCommand())
     world.go()
     world.wait(lambda: bool(states))
-    world.say("torque", TorqueCommand(episode=1, tick=0))
+    world.say("torque", TorqueCommand(episode=1, tick=0, torque=[0.0] * 4))
     world.wait(lambda: len(states) > 1)
     begun, first = time.monotonic(), states[-1].tick
     world.wait(lambda: states[-1].tick >= first + 50 or ended(episodes)())
@@ -259,7 +260,7 @@ def test_real_time_ends_where_no_torque_comes(world: Any) -> None:
     world.say("torque", TorqueCommand())  # the test plays a controller that answers once
     world.go()
     world.wait(lambda: bool(states))
-    world.say("torque", TorqueCommand(episode=1, tick=0))
+    world.say("torque", TorqueCommand(episode=1, tick=0, torque=[0.0] * 4))
     world.wait(ended(episodes))
     assert (episodes[-1].outcome, episodes[-1].tick) == ("silent", 1 + 2 + 10)  # answered, held, damped
     assert "held for 2, joints damped for 10 ticks" in episodes[-1].reason
@@ -278,7 +279,7 @@ def test_a_node_takes_another_name(world: Any) -> None:
     world.wait(lambda: readers(world, "weights") == ["brain"])
     world.wait(lambda: readers(world, "body") == ["_eye_ticks"])
     world.wait(lambda: sorted(readers(world, "state")) == ["brain"])
-    assert not world.ask(LoadPolicy, "load_policy", path="/dev/zero").accepted
+    assert not world.ask(LoadPolicy, "load_policy", policy="/dev/zero").success
 
 
 def readers(world: Any, topic: str) -> list[str]:
@@ -310,7 +311,7 @@ def test_parameters_are_described_bounded_and_read_only(world: Any) -> None:
     world.go()
     states.clear()
     began = time.monotonic()
-    assert world.ask(ResetEpisode, "reset_episode", seed=3).accepted
+    assert world.ask(ResetEpisode, "reset_episode", seed=3).success
     world.wait(lambda: sum(state.tick > 0 for state in states) >= 50)
     assert time.monotonic() - began > 0.4  # 100 ticks a second at most, however fast the machine
 

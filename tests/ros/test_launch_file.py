@@ -170,6 +170,6 @@ def test_a_node_with_use_sim_time_follows_the_graphs_clock(root_world: Any) -> N
 
         root_world.wait(lambda: 0.2 < seconds() < 60.0)  # by the wall clock it would be many years
         there = seconds()
-        root_world.wait(lambda: any(s.stamp.sec + s.stamp.nanosec / 1e9 >= there for s in states))
+        root_world.wait(lambda: any(s.header.stamp.sec + s.header.stamp.nanosec / 1e9 >= there for s in states))
     finally:
         rclpy.try_shutdown(context=context)

@@ -187,7 +187,7 @@ def test_an_episode_that_an_operator_asks_for_is_walked_to_its_end(tmp_path: Pat
     )
     states = root_world.hear("state")
     root_world.wait(lambda: any(state.tick > 20 for state in states))
-    assert root_world.ask(ResetEpisode, "reset_episode", seed=7).accepted
+    assert root_world.ask(ResetEpisode, "reset_episode", seed=7).success
     out, _ = process.communicate(timeout=300)
     lines = [line for line in out.splitlines() if line.startswith("episode ")]
     assert [line.split(",")[0] for line in lines] == ["episode 1", "episode 2"]

@@ -94,7 +94,7 @@ def test_a_hundred_swaps_in_one_walk(world: Any) -> None:
             world.say("policy", weights(file))
         else:
             file.write(world.folder / "policy.safetensors")
-            loaded.add(world.ask(LoadPolicy, "load_policy", path=str(world.folder / "policy.safetensors")).version)
+            loaded.add(world.ask(LoadPolicy, "load_policy", policy=str(world.folder / "policy.safetensors")).version)
         world.spin(0.04)
     world.spin(0.5)
     world.processes.stop(("simulator", "controller"))
@@ -139,13 +139,13 @@ def test_bad_policies_are_refused_with_a_reason_and_the_old_one_goes_on(world: A
         assert reason in swaps[-1].reason
     for number, (reason, data) in enumerate(bad.items()):
         (tmp_path / f"{number}").write_bytes(data)
-        answer = world.ask(LoadPolicy, "load_policy", path=str(tmp_path / f"{number}"))
-        assert (answer.accepted, reason in answer.message) == (False, True), answer.message
+        answer = world.ask(LoadPolicy, "load_policy", policy=str(tmp_path / f"{number}"))
+        assert (answer.success, reason in answer.message) == (False, True), answer.message
     os.mkfifo(tmp_path / "fifo")
     paths = {"No such file": tmp_path / "none", "directory": tmp_path, "device": Path("/dev/zero")}
     paths |= {"pipe": tmp_path / "fifo", "": Path("/proc/kmsg")}  # whose readers may wait for ever
     for reason, path in paths.items():
-        assert reason in world.ask(LoadPolicy, "load_policy", path=str(path)).message
+        assert reason in world.ask(LoadPolicy, "load_policy", policy=str(path)).message
     world.wait(lambda: len(swaps) == 1 + len(messages) + len(bad) + len(paths))
     world.wait(lambda: commands[-1].tick > swaps[-1].tick + 10)
     assert not over(episodes)
@@ -159,18 +159,18 @@ def test_when_policies_take_effect(world: Any, tmp_path: Path, swap_at: str) -> 
     world.start("simulator", pace=2.0, episodes=0, **PLANT)
     world.start("controller", swap_at=swap_at, **PARAMETERS.model_dump())
     world.go()
-    assert world.ask(ResetEpisode, "reset_episode", seed=1).accepted
+    assert world.ask(ResetEpisode, "reset_episode", seed=1).success
     world.wait(lambda: len(commands) > 10)
     world.say("policy", weights(policy(1)))
     world.wait(lambda: over(episodes))
     first, published = {command.policy_version for command in commands}, policy(1).version
     assert first == ({"zero", published} if swap_at == "tick" else {"zero"})
-    assert world.ask(ResetEpisode, "reset_episode", seed=1).accepted
+    assert world.ask(ResetEpisode, "reset_episode", seed=1).success
     world.wait(lambda: commands[-1].episode == 2)
     assert commands[-1].policy_version == published
     policy(2).write(tmp_path / "two.safetensors")
-    answer = world.ask(LoadPolicy, "load_policy", path=str(tmp_path / "two.safetensors"))
-    assert (answer.accepted, answer.version) == (True, policy(2).version)
+    answer = world.ask(LoadPolicy, "load_policy", policy=str(tmp_path / "two.safetensors"))
+    assert (answer.success, answer.version) == (True, policy(2).version)
     world.wait(lambda: commands[-1].policy_version == answer.version)
     assert commands[-1].episode == 2
     log = (world.folder / "log" / "controller.log").read_text(encoding="utf-8")
@@ -189,11 +189,11 @@ def test_what_was_refused_changes_nothing_of_later_episodes(world: Any, tmp_path
     world.wait(lambda: bool(swaps))
     for number in (1, 2, 3):
         for path in (tmp_path / "junk", policy_path("rl-clf-qp")):
-            assert not world.ask(LoadPolicy, "load_policy", path=str(path)).accepted
+            assert not world.ask(LoadPolicy, "load_policy", policy=str(path)).success
         world.say("policy", PolicyWeights(version="x", data=[1, 2, 3]))
         world.say("policy", weights(UNFIT))
         world.wait(lambda number=number: len(swaps) >= 1 + 4 * number)
-        assert world.ask(ResetEpisode, "reset_episode", seed=1).accepted
+        assert world.ask(ResetEpisode, "reset_episode", seed=1).success
         world.wait(lambda number=number: over(episodes, number))
         assert (episodes[-1].outcome, episodes[-1].reason) == ("walked", "")
     assert {command.policy_version for command in commands} == {policy(1).version}
@@ -208,8 +208,8 @@ def test_never_hears_no_published_policy(world: Any, tmp_path: Path) -> None:
     world.start("controller", swap_at="never", **PARAMETERS.model_dump())
     world.go()
     assert world.node.count_subscribers(f"/{world.namespace}/policy") == 0
-    assert world.ask(LoadPolicy, "load_policy", path=str(tmp_path / "one")).accepted
-    assert world.ask(ResetEpisode, "reset_episode", seed=1).accepted
+    assert world.ask(LoadPolicy, "load_policy", policy=str(tmp_path / "one")).success
+    assert world.ask(ResetEpisode, "reset_episode", seed=1).success
     world.wait(lambda: bool(commands))
     assert commands[0].policy_version == policy(1).version
     assert [swap.accepted for swap in swaps] == [True, True]

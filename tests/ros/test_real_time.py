@@ -14,9 +14,9 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from rabbit_bringup.launching.walk import WalkOptions, WalkSettings
 from rabbit_description.state import TICK_SECONDS
 from rabbit_msgs.msg import Episode, Timing, TorqueCommand
-from rabbit_msgs.srv import Pause
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import load_parameters
+from std_srvs.srv import SetBool
 
 PACE, HELD, DAMPED, DAMPING = 0.1, 2, 10, 10.0
 PLANT: dict[str, Any] = {"motor_lag": 0.004, "stones": 20}
@@ -59,7 +59,7 @@ def test_late_torques_are_told_to_the_controller(world: Any) -> None:
     states, timings = world.hear("state"), world.hear("timing")
     world.start("simulator", **SLOW, seed=3)
     world.say("torque", TorqueCommand())  # refused, but the simulator knows now that somebody answers
-    assert world.ask(Pause, "pause", paused=False).accepted
+    assert world.ask(SetBool, "pause", data=False).success
     late = 4
     for tick in range(late + 2):
         world.wait(lambda known=tick: len(states) > known)

@@ -1,5 +1,6 @@
 """Recordings of a running graph: begun in the middle, killed, on a full disk, and played again."""
 
+import lzma
 import resource
 from array import array
 from pathlib import Path
@@ -10,8 +11,8 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 from rabbit_bringup.launching.walk import WalkOptions, WalkSettings
 from rabbit_bringup.ros.walking import walk_through
+from rabbit_common.ros.conversions import check_episode
 from rabbit_msgs.msg import Episode
-from rabbit_msgs.srv import Pause
 from rabbit_recording import RecordingError
 from rabbit_recording.bag_writer import BagWriter, graph_types
 from rabbit_recording.checking import check_episodes
@@ -22,10 +23,13 @@ from rabbit_recording.recover import recover
 from rabbit_recording.ros.player import play
 from rabbit_sim.parameters import SimulationParameters
 from rclpy.serialization import deserialize_message
+from rl_cbf_clf_controller.message_fields import output_of
 from rl_cbf_clf_controller.parameters import ControllerParameters
+from std_srvs.srv import SetBool
 
 PLANT, PARAMETERS = {"motor_lag": 0.004, "stones": 4}, ControllerParameters()
 TICKS_A_SECOND = 100
+FORMER = Path(__file__).parents[2] / "ros2_ws" / "src" / "rabbit_recording" / "test" / "data"
 
 
 def begin(world: Any) -> tuple[list[Any], list[Any]]:
@@ -64,7 +68,7 @@ def test_a_recorder_begun_in_the_middle_tells_recorded_from_announced(world: Any
     world.start("controller")
     world.go()
     world.wait(lambda: bool(states) and states[-1].episode > 1 and states[-1].tick > 20)
-    assert world.ask(Pause, "pause", paused=True).accepted
+    assert world.ask(SetBool, "pause", data=True).success
     path = world.folder / "recording"
     world.start("recorder", path=str(path))
     world.go()
@@ -125,6 +129,22 @@ def test_a_recording_is_played_again(world: Any, recording: Path) -> None:
                 np.testing.assert_equal(*both, err_msg=f"{name}.{field}")
 
 
+def test_a_recording_of_a_former_version_is_played_as_messages_of_today(world: Any, tmp_path: Path) -> None:
+    heard = {name: world.hear(name) for name in ("state", "torque", "controller_state", "learner_terms", "episode")}
+    former = tmp_path / "former.mcap"
+    former.write_bytes(lzma.decompress((FORMER / "former_trained.mcap.xz").read_bytes()))
+    play(former, rate=5.0, namespace=world.namespace, delay=3.0)
+    ticks = 46 + 56
+    wanted = {"state": ticks + 2, **dict.fromkeys(("torque", "controller_state", "learner_terms"), ticks), "episode": 1}
+    world.wait(lambda: all(len(heard[name]) >= number for name, number in wanted.items()))
+    records = [record for episode in read_episodes(former).values() for record in episode.records]
+    for record, details, terms in zip(records, heard["controller_state"], heard["learner_terms"], strict=True):
+        again = output_of(details, terms, record.output.torque)
+        np.testing.assert_array_equal(again.alpha, record.output.alpha)
+        np.testing.assert_array_equal(again.barriers, record.output.barriers)
+    check_episode(heard["episode"][-1], after=0)
+
+
 def test_a_running_graph_is_not_played_into(world: Any, recording: Path) -> None:
     world.start("simulator", **PLANT)
     world.wait(lambda: world.node.count_publishers("state") > 0)
@@ -135,10 +155,10 @@ def test_a_running_graph_is_not_played_into(world: Any, recording: Path) -> None
 def test_other_definitions_are_not_played(tmp_path: Path) -> None:
     share = tmp_path / "rabbit_msgs"
     (share / "msg").mkdir(parents=True)
-    (share / "msg" / "RabbitState.msg").write_text("uint32 episode\n")
+    (share / "msg" / "RobotState.msg").write_text("uint32 episode\n")
     writer = BagWriter(tmp_path / "bag", graph_types([share]))
-    writer.add("/state", "rabbit_msgs/msg/RabbitState", [])
+    writer.add("/state", "rabbit_msgs/msg/RobotState", [])
     writer.write("/state", 0, bytes(8))
     writer.close()
-    with pytest.raises(RecordingError, match="RabbitState is defined otherwise"):
+    with pytest.raises(RecordingError, match="RobotState is defined otherwise"):
         play(tmp_path / "bag")

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 from rabbit_msgs.msg import Episode, EpisodePlan
-from rabbit_msgs.srv import Pause
+from std_srvs.srv import SetBool
 
 from .conftest import SHORT
 
@@ -25,6 +25,6 @@ def test_the_broken_episode_ends_under_the_seed_noise_and_policy_it_began_with(m
     ended = announced[-1]
     assert (ended.episode, ended.outcome, ended.touchdowns) == (1, "reset", states[-1].touchdowns)
     assert (ended.seed, ended.sigma, ended.policy_version) == (77, 0.25, "zero")
-    assert world.ask(Pause, "pause", paused=False).accepted
+    assert world.ask(SetBool, "pause", data=False).success
     world.say("episode_plan", EpisodePlan(after_episode=1, seed=78, sigma=0.0, policy_version="zero"))
     world.wait(lambda: announced[-1].episode == 2)

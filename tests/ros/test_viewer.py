@@ -128,7 +128,7 @@ def test_rviz_hears_the_same(world: Any) -> None:
     known: dict[tuple[int, int], Any] = {}
 
     def states_are_heard() -> bool:  # a state may come after what was drawn of it
-        known.update({(state.stamp.sec, state.stamp.nanosec): state for state in states})
+        known.update({(state.header.stamp.sec, state.header.stamp.nanosec): state for state in states})
         return stamps <= known.keys()
 
     world.wait(states_are_heard)
@@ -144,7 +144,7 @@ def test_rviz_hears_the_same(world: Any) -> None:
 
 def test_wrong_ticks_are_refused_and_the_view_goes_on(world: Any) -> None:
     """Each is counted under its reason, and shows nothing; the next episode is seen."""
-    from rabbit_msgs.msg import ControllerState, Episode, RabbitState
+    from rabbit_msgs.msg import ControllerState, Episode, LearnerTerms, RobotState
     from rabbit_msgs.srv import ResetEpisode
 
     port, episodes, diagnostics = free_port(), world.hear("episode"), world.hear("diagnostics")
@@ -162,19 +162,21 @@ def test_wrong_ticks_are_refused_and_the_view_goes_on(world: Any) -> None:
             title = client.words.get("about", {}).get("title", "")
             return title.startswith(f"episode {episode},") and len(client.rows) > 3
 
-        assert world.ask(ResetEpisode, "reset_episode", seed=1).accepted
+        assert world.ask(ResetEpisode, "reset_episode", seed=1).success
         world.wait(lambda: bool(episodes) and episodes[-1].phase == Episode.ENDED)
         now = episodes[-1]
         world.wait(lambda: shows(now.episode))
         wrong = {"not finite": (float("nan"), 0, now.controller), "no leg": (0.0, 2, now.controller)}
-        wrong |= {"another controller": (0.0, 0, "a stranger"), "no tick": (0.0, 0, now.controller)}
+        wrong |= {"another controller": (0.0, 0, "a stranger"), "wrong length": (0.0, 0, now.controller)}
         for number, (reason, (q, stance, sender)) in enumerate(wrong.items(), 10_000):
             at = {"episode": now.episode, "tick": number}
-            world.say("state", RabbitState(**at, q=[q] * 7))
-            world.say("controller_state", ControllerState(**at, stance=stance, sender=sender, alpha=[0.0]))
+            rest = {"dq": [0.0] * 7, "foot_force": [0.0] * 4, "contact": [False] * 2, "applied": [0.0] * 4}
+            world.say("state", RobotState(**at, q=[q] * 7, **rest))
+            world.say("controller_state", ControllerState(**at, stance=stance, sender=sender))
+            world.say("learner_terms", LearnerTerms(**at, sender=sender, alpha=[0.0]))
             world.wait(lambda reason=reason: f"refused tick: {reason}" in refused())
         assert all(row[0]["tick"] < 10_000 for row in client.rows)
-        assert world.ask(ResetEpisode, "reset_episode", seed=1).accepted
+        assert world.ask(ResetEpisode, "reset_episode", seed=1).success
         world.wait(lambda: shows(now.episode + 1))
 
 

@@ -1,6 +1,7 @@
 """Fixtures: a short walk in process, and recordings of it as the graph would have made them, without ROS."""
 
 import math
+from array import array
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -9,12 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 from rabbit_description.gait import load_gait
+from rabbit_description.state import ACTUATED, COORDINATES
 from rabbit_recording.bag_writer import BagWriter, graph_types
 from rabbit_recording.open_recording import opened
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.simulation import Landing, Simulation
 from rl_cbf_clf_controller.controller import Controller
-from rl_cbf_clf_controller.message_fields import ARRAYS, SCALARS, SEQUENCES, WORDS
+from rl_cbf_clf_controller.message_fields import state_fields, terms_fields
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import ZeroPolicy
 from rl_trainer.rollout import Record, rollout
@@ -37,19 +39,21 @@ LATCHED = Qos(
     False,
 )
 TOPICS = {
-    "state": "RabbitState",
+    "state": "RobotState",
     "preview": "StonePreview",
     "landing": "Landing",
     "episode": "Episode",
     "torque": "TorqueCommand",
     "controller_state": "ControllerState",
+    "learner_terms": "LearnerTerms",
     "policy_swap": "PolicySwap",
     "controller_settings": "ControllerSettings",
 }
 
 
+LAYOUT = {"coordinates": [*COORDINATES], "joints": [*ACTUATED], "feet": ["left", "right"]}
 CONTROLLER = "/controller 0123456789abcdef"
-WHO = {"sender": CONTROLLER, "controller": CONTROLLER, "refused_controller": ""}  # who made it, in messages that say so
+WHO = {"sender": CONTROLLER, "controller": CONTROLLER, "refused_controller": "", **LAYOUT}  # in messages that say so
 
 
 @dataclass(frozen=True)
@@ -110,9 +114,16 @@ def message(topic: str, tick: int, **fields: Any) -> Any:
     """A message of episode 1, its other fields empty."""
     seconds, nanoseconds = divmod(tick * TICK_NS, 10**9)
     stamp = TYPES.types["builtin_interfaces/msg/Time"](sec=seconds, nanosec=nanoseconds)
+    header = TYPES.types["std_msgs/msg/Header"](stamp=stamp, frame_id="world")
     kind: Any = TYPES.types[f"rabbit_msgs/msg/{TOPICS[topic]}"]
     names = {name: value for name, value in WHO.items() if name in kind.__dataclass_fields__}
-    return kind(**{"stamp": stamp, "episode": 1, **({"tick": tick} if topic != "preview" else {}), **names, **fields})
+    head = {"header": header, "episode": 1, **({"tick": tick} if topic != "preview" else {})}
+    return kind(**{**head, **names, **{name: arrayed(value) for name, value in fields.items()}})
+
+
+def arrayed(value: Any) -> Any:
+    """An array as `rosbags` takes it."""
+    return np.array(value) if isinstance(value, array) else value
 
 
 def told(walk: Walk) -> Iterator[tuple[str, int, Any]]:
@@ -134,6 +145,7 @@ def told(walk: Walk) -> Iterator[tuple[str, int, Any]]:
         torque = record.output.torque.copy()  # a test may change a message, but not the walk
         yield "torque", tick, message("torque", tick, torque=torque, policy_version="zero", fault="")
         yield "controller_state", tick, details(record)
+        yield "learner_terms", tick, terms(record)
     end = walk.records[-1].state.tick + 1
     for landing in walk.landings:
         fields = {name: getattr(landing, name) for name in Landing.__dataclass_fields__}
@@ -142,7 +154,7 @@ def told(walk: Walk) -> Iterator[tuple[str, int, Any]]:
 
 
 def state_message(state: Any) -> Any:
-    """A `RabbitState`."""
+    """A `RobotState`."""
     return message(
         "state",
         state.tick,
@@ -159,9 +171,10 @@ def state_message(state: Any) -> Any:
 
 def details(record: Record) -> Any:
     """A `ControllerState`."""
-    out = record.output
-    fields: dict[str, Any] = {name: getattr(out, name) for name in (*SCALARS, *WORDS)}
-    fields |= {name: np.array(getattr(out, name), dtype=float).ravel() for name in (*ARRAYS, *SEQUENCES, "measured")}
-    fields |= {"quantities": list(out.quantities), "active": list(out.active), "policy_version": out.policy_version}
-    fields |= {"stance": int(out.stance), "clf": out.V, "lgv": np.asarray(out.LgV)}
-    return message("controller_state", **fields)
+    not_told = dict.fromkeys(("margins", "slacks", "multipliers"), np.zeros(0))
+    return message("controller_state", record.state.tick, **state_fields(record.output), rows=[], **not_told)
+
+
+def terms(record: Record) -> Any:
+    """A `LearnerTerms`."""
+    return message("learner_terms", record.state.tick, **terms_fields(record.output))

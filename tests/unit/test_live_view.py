@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rabbit_common.ros.conversions import stamp
+from rabbit_common.ros.conversions import header
 from rabbit_description import URDF_PATH
 from rabbit_description.state import StonePreview
 from rabbit_experiments.assembly import Assembly
@@ -32,10 +32,10 @@ def walk() -> WalkRecords:
     return record_walk(Assembly(plant, load_parameters("ours", controller="cbf-clf-qp"), "zero"), seed=1)
 
 
-def state_at(walk: WalkRecords, row: int) -> msg.RabbitState:
+def state_at(walk: WalkRecords, row: int) -> msg.RobotState:
     """A row of the records as the simulator publishes it."""
     tick, landed = int(walk.tick[row]), int(walk.touchdowns[row])
-    return msg.RabbitState(stamp=stamp(tick), episode=1, tick=tick, q=walk.q[row], touchdowns=landed)
+    return msg.RobotState(header=header(tick), episode=1, tick=tick, q=walk.q[row], touchdowns=landed)
 
 
 def edges(walk: WalkRecords, row: int, landings: slice = slice(None), sees: bool = True) -> list[tuple[float, float]]:
@@ -84,8 +84,8 @@ def test_frames_carry_the_links_to_where_the_feet_are(walk: WalkRecords) -> None
 
 
 def message(episode: int, tick: int) -> bytes:
-    """The beginning that all of a tick's messages have: CDR header, stamp, episode, tick."""
-    return b"\0\1\0\0" + struct.pack("<iIII", 0, 0, episode, tick) + b"rest"
+    """The beginning that all of a tick's messages have: CDR header, stamp, frame, episode, tick."""
+    return b"\0\1\0\0" + struct.pack("<iII8sII", 0, 0, 6, b"world", episode, tick) + b"rest"
 
 
 def test_parts_of_different_ticks_are_not_mixed() -> None:

@@ -42,6 +42,13 @@ def test_every_message_and_service_is_shown(text) -> None:
         assert f"## {path.stem}\n" in page
 
 
+def test_the_tables_of_the_page_on_topics_are_those_of_the_code(text) -> None:
+    """`python scripts/reference_text.py` writes them."""
+    page = (SCRIPTS.parent / "docs" / "topics.md").read_text(encoding="utf-8")
+    assert text.GENERATED.findall(page)
+    assert text.with_tables(page) == page
+
+
 def test_the_api_has_modules_but_no_commands_and_nodes(text) -> None:
     names = set(text.modules("rl_trainer"))
     assert {"rl_trainer", "rl_trainer.ddpg"} <= names

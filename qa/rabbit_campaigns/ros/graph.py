@@ -15,6 +15,7 @@ from rabbit_bringup.launching.processes import PATIENCE, Processes
 from rabbit_common.ros.client import TOPIC, GraphClient
 from rabbit_common.ros.diagnostics import OK
 from rabbit_msgs.msg import Episode
+from rabbit_recording.episode_inventory import BY_TICK
 from rabbit_recording.message_header import turn_of
 from rclpy.serialization import deserialize_message
 from rl_trainer.ros.messages import transition_of
@@ -51,7 +52,7 @@ class CampaignGraph(GraphClient):
         self.warnings: deque[tuple[float, str]] = deque(maxlen=1000)
         self.episode = Episode()
         self.turn: Turn = (0, -1)  # the newest
-        self.heard: dict[str, dict[Turn, float]] = {"state": {}, "torque": {}, "controller_state": {}}
+        self.heard: dict[str, dict[Turn, float]] = {name: {} for name in BY_TICK}
         self.ended: dict[int, tuple[Episode, float]] = {}
         self.recordings: dict[str, tuple[Path, float]] = {}
         self.acknowledged: list[Transition] = []

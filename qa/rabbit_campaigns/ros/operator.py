@@ -79,7 +79,7 @@ class Operator(GraphClient):
         path = self._folder / f"{policy.version}.safetensors"
         path.write_bytes(policy.encode())
         self._published.clear()
-        answer = self._answer("load_policy", path=str(path))
+        answer = self._answer("load_policy", policy=str(path))
         path.unlink()
         return (policy.version, *self._comes_in_force(policy.version, answer.message))
 
@@ -110,8 +110,8 @@ class Operator(GraphClient):
     def unfit_policy(self) -> Answer:
         """Load one that the controller must refuse."""
         self._refusals.clear()
-        answer = self._answer("load_policy", path=str(self._unfit))
-        is_refused = not answer.accepted and bool(answer.message) and self._is_told(self._unfit.name)
+        answer = self._answer("load_policy", policy=str(self._unfit))
+        is_refused = not answer.success and bool(answer.message) and self._is_told(self._unfit.name)
         return self._unfit.name, answer.message, is_refused and self._walks_with_accepted()
 
     def _is_told(self, source: str) -> bool:
@@ -150,12 +150,12 @@ class Operator(GraphClient):
     def pause(self) -> Answer:
         """Hold the robot for a while."""
         until_still, still = PAUSED_SECONDS
-        accepted = self._answer("pause", paused=True).accepted
+        accepted = self._answer("pause", data=True).success
         self.spin(until_still)
         before = self.newest
         self.spin(still)
         stood = self.newest == before
-        accepted &= self._answer("pause", paused=False).accepted
+        accepted &= self._answer("pause", data=False).success
         goes_on = self._wait(lambda: self.newest != before)
         told = f"{'stood' if stood else 'walked on'}, {'goes on' if goes_on else 'does not go on'}"
         return f"{still:g} s", told, accepted and stood and goes_on
@@ -164,7 +164,7 @@ class Operator(GraphClient):
         """Begin another episode."""
         seed, before = self._rng.getrandbits(32), self.newest[0]
         answer = self._answer("reset_episode", seed=seed)
-        begins = answer.accepted and self._wait(lambda: self.newest[0] == answer.episode)
+        begins = answer.success and self._wait(lambda: self.newest[0] == answer.episode)
         begins = begins and self._wait(lambda: self._episode.episode == answer.episode)
         right = begins and answer.episode > before and self._episode.seed == seed
         return f"seed {seed}", answer.message or f"episode {answer.episode}", right

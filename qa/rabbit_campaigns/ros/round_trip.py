@@ -8,9 +8,11 @@ import time
 from contextlib import closing
 
 from rabbit_common.ros.client import GraphClient
-from rabbit_msgs.msg import RabbitState, TorqueCommand
+from rabbit_msgs.msg import RobotState, TorqueCommand
 
 ROUND_TRIPS = 2000
+STATE = RobotState(q=[0.0] * 7, dq=[0.0] * 7, foot_force=[0.0] * 4, contact=[True] * 2, applied=[0.0] * 4)
+TORQUE = TorqueCommand(torque=[0.0] * 4)
 PATIENCE = 60.0  # s for the two to find each other, and for all round trips
 
 
@@ -27,7 +29,7 @@ def measure_round_trips() -> list[float]:
         def ask() -> None:
             nonlocal sent
             sent = time.perf_counter()
-            states.publish(RabbitState())
+            states.publish(STATE)
 
         def on_answer(_: bytes) -> None:
             seconds.append(time.perf_counter() - sent)
@@ -49,7 +51,7 @@ def measure_round_trips() -> list[float]:
 def answer(namespace: str) -> None:
     """Answer each state until stdin is closed."""
     with closing(GraphClient("answers", namespace, "/")) as client, client.publishing("torque") as torques:
-        client.hear("state", lambda _: torques.publish(TorqueCommand()), raw=True)
+        client.hear("state", lambda _: torques.publish(TORQUE), raw=True)
         os.set_blocking(sys.stdin.fileno(), False)
         client.comes(lambda: sys.stdin.buffer.read() == b"", math.inf)  # None while it is open
 

@@ -14,7 +14,7 @@ from rabbit_campaigns.faults.checks import TRAINING, check_recording, check_tran
 from rabbit_campaigns.ros.graph import CampaignGraph, ros_arguments
 from rabbit_common.ros.client import TOPIC
 from rabbit_msgs.msg import Episode
-from rabbit_msgs.srv import Pause
+from std_srvs.srv import SetBool
 
 from .forked import ForkedProcesses
 from .policies import PARAMETERS, PLANT, SEEDS, write_all
@@ -84,11 +84,11 @@ class HeldGraph(CampaignGraph):
 
     def pause(self, paused: bool) -> None:
         """Hold the robot, or let it go."""
-        assert self.answer("pause", paused=paused).accepted
+        assert self.answer("pause", data=paused).success
 
     def let_go(self) -> None:
         """The same, and not wait until it is done."""
-        self.client("pause").call_async(Pause.Request(paused=False))
+        self.client("pause").call_async(SetBool.Request(data=False))
 
     @property
     def is_running(self) -> bool:
@@ -101,9 +101,9 @@ class HeldGraph(CampaignGraph):
 
         def accepted() -> bool:
             answers.append(self.answer("reset_episode", seed=seed))
-            if not answers[-1].accepted:
+            if not answers[-1].success:
                 self.spin(0.05)
-            return bool(answers[-1].accepted)
+            return bool(answers[-1].success)
 
         self.wait("an episode that the simulator accepts", accepted)
         number = int(answers[-1].episode)

@@ -95,9 +95,9 @@ class GraphMachine(Sequence):
     def load_by_service(self, name: str, ticks: int) -> None:
         """A good, an unfit or a forged policy, by an operator."""
         self.at(ticks)
-        answer = self.graph.answer("load_policy", path=str(self.graph.folder / "policies" / name))
-        assert answer.accepted == (name in good()), answer
-        if answer.accepted:
+        answer = self.graph.answer("load_policy", policy=str(self.graph.folder / "policies" / name))
+        assert answer.success == (name in good()), answer
+        if answer.success:
             assert answer.version == version_of(name)
             self.model.pending.append((answer.version, False))
             self.model.accepted += 1

@@ -5,8 +5,6 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-import numpy as np
-
 
 class Refused(ValueError):
     """A message that is not used. `reason` is the short name it is counted under."""
@@ -37,7 +35,7 @@ class MessageCounter:
 
 def check_finite(name: str, values: Sequence[float]) -> None:
     """Refuse NaN and infinities."""
-    if np.isfinite(np.asarray(values)).all():
+    if all(map(math.isfinite, values)):  # of a few numbers in a tenth of numpy's time
         return
     for i, value in enumerate(values):
         if not math.isfinite(value):

@@ -116,7 +116,7 @@ class RobotState:
 
     @classmethod
     def of_message(cls, message: Any, preview: StonePreview | None) -> "RobotState":
-        """From an object with the fields of a `RabbitState` message."""
+        """From an object with the fields of a `RobotState` message."""
         return cls(
             tick=message.tick,
             q=np.array(message.q),

@@ -1,6 +1,6 @@
 """What a recording holds of each episode: what was recorded, what was merely announced, what was lost.
 
-A tick is recorded if its state, torque and controller state all are; an episode is if one of its states is.
+A tick is recorded if its state and the controller's three messages all are; an episode is if one of its states is.
 Announcements are latched: a recorder that is started late also receives those of episodes that were over by then.
 """
 
@@ -13,10 +13,9 @@ from typing import Any
 
 from rabbit_description.state import TICK_NANOSECONDS, StonePreview, newest_preview
 
-from rabbit_recording.message_header import policy_of
 from rabbit_recording.stored_messages import StoredMessage
 
-BY_TICK = ("state", "torque", "controller_state")
+BY_TICK = ("state", "torque", "controller_state", "learner_terms")
 OTHERS = ("preview", "landing", "episode", "timing")
 ENDED = 3  # phase in rabbit_msgs/Episode
 NEIGHBOURS = 2  # episodes back, of which messages may still come
@@ -63,7 +62,7 @@ class EpisodeInventory:
     policies: list[str] = field(default_factory=list)
 
 
-ANNOUNCED = ("seed", "stones", "touchdowns", "outcome", "reason", "controller", "refused_controller")  # older: fewer
+ANNOUNCED = ("seed", "stones", "touchdowns", "outcome", "reason", "controller", "refused_controller")
 
 
 class Gathered:
@@ -95,8 +94,7 @@ class Gathered:
         else:
             decoded = message.decode()
             if message.topic == "preview":
-                height = getattr(decoded, "height", 0.0)  # older recordings have none
-                stone = StonePreview(decoded.index, decoded.l_min, decoded.l_max, height)
+                stone = StonePreview(decoded.index, decoded.l_min, decoded.l_max, decoded.height)
                 self.previews[stone.index].setdefault(message.stamp, stone)
             else:
                 self.landings.setdefault(decoded.index, decoded)
@@ -118,10 +116,11 @@ class Gathered:
 
     def _own(self, messages: list[StoredMessage]) -> StoredMessage | None:
         """Of what claims to be one message, that of the controller whose torques acted; None: it is only another's."""
-        controller = getattr(self.announced, "controller", None)  # older recordings do not say
-        if controller is None or (len(messages) == 1 and not self.announced.refused_controller):
+        if self.announced is None or (len(messages) == 1 and not self.announced.refused_controller):
             return messages[0]
-        return next((each for each in messages if getattr(each.decode(), "sender", controller) == controller), None)
+        if messages[0].topic == "state":
+            return messages[0]
+        return next((each for each in messages if each.decode().sender == self.announced.controller), None)
 
     @property
     def is_recorded(self) -> bool:
@@ -137,10 +136,10 @@ class Gathered:
         """What there is. `followed`: topics that were heard in an earlier episode: the recorder was there."""
         ticks, announced = self.ticks, self.announced
         full = self.full_ticks(ticks)
-        said: dict[str, Any] = {} if announced is None else {name: getattr(announced, name, "") for name in ANNOUNCED}
+        said: dict[str, Any] = {} if announced is None else {name: getattr(announced, name) for name in ANNOUNCED}
         made = EpisodeInventory(number, self.run, presence, **said, recorded=len(full), begins=full[:1] == [0])
         made.ends = bool(made.outcome)
-        made.policies = [*dict.fromkeys(policy_of(ticks["torque"][tick].data) for tick in full)]
+        made.policies = [*dict.fromkeys(ticks["torque"][tick].decode().policy_version for tick in full)]
         if full:
             made.first, made.last = full[0], full[-1]
         if presence is Presence.LOST:

@@ -1,42 +1,43 @@
-"""What stands at the same place in the bytes of the graph's messages, read without decoding the rest.
+"""What stands at the beginning of the graph's messages, read without decoding the rest.
 
-After four bytes of CDR header comes the stamp, seconds and nanoseconds; then what `FIELDS` says.
+After four bytes of CDR header comes the `std_msgs/Header`, seconds, nanoseconds and frame; then what `FIELDS` says.
 """
 
 import struct
 
-HEAD = struct.Struct("<4I")  # seconds, nanoseconds, episode; and a tick, or what else there is
-TICK = ("stamp", "episode", "tick")
+STAMP = struct.Struct("<3I")  # seconds, nanoseconds, length of the frame's name
+NUMBERS = struct.Struct("<2I")  # episode; and a tick, or what else there is
+TICK = ("header", "episode", "tick")
 FIELDS = {  # the first of each topic's message
-    **dict.fromkeys(("state", "measured", "true_state", "controller_state", "timing"), TICK),
-    "torque": (*TICK, "torque", "policy_version"),
-    "episode": ("stamp", "episode", "phase"),
-    **dict.fromkeys(("preview", "landing"), ("stamp", "episode")),
+    **dict.fromkeys(("state", "measured", "true_state", "controller_state", "learner_terms", "torque", "timing"), TICK),
+    "episode": ("header", "episode", "phase"),
+    **dict.fromkeys(("preview", "landing"), ("header", "episode")),
 }
 
 
 def nanoseconds_of(data: bytes) -> int:
     """A message's stamp, ns."""
-    seconds, nanoseconds, *_ = _head(data)
+    seconds, nanoseconds, _ = _stamp(data)
     return seconds * 1_000_000_000 + nanoseconds
 
 
 def turn_of(data: bytes) -> tuple[int, int]:
-    """Episode and tick of a `RabbitState` or another message of a tick."""
-    return _head(data)[2:]
+    """Episode and tick of a `RobotState` or another message of a tick."""
+    begin = _end_of_header(data)
+    return NUMBERS.unpack(data[begin : begin + NUMBERS.size].ljust(NUMBERS.size, b"\0"))
 
 
 def episode_and_phase_of(data: bytes) -> tuple[int, int]:
     """Of an `Episode`."""
-    return _head(data)[2], data[16] if len(data) > 16 else 0
+    phase = data[_end_of_header(data) + 4 :][:1]
+    return turn_of(data)[0], phase[0] if phase else 0
 
 
-def policy_of(data: bytes) -> str:
-    """The policy that made a `TorqueCommand`, by its version."""
-    length = int.from_bytes(data[52:56], "little")
-    return data[56 : 55 + length].decode(errors="replace")  # the last byte is the string's end
+def _stamp(data: bytes) -> tuple[int, int, int]:
+    """Zeros where the message is cut."""
+    return STAMP.unpack(data[4:16].ljust(STAMP.size, b"\0"))
 
 
-def _head(data: bytes) -> tuple[int, int, int, int]:
-    """The first four numbers; zeros where the message is cut."""
-    return HEAD.unpack(data[4:20].ljust(HEAD.size, b"\0"))
+def _end_of_header(data: bytes) -> int:
+    """The frame's name is padded to four bytes."""
+    return 16 + (_stamp(data)[2] + 3) // 4 * 4

@@ -101,7 +101,7 @@ def _finished(path: Path, announced: _Announced | None = None) -> Iterator[tuple
                 announced.policies.add(message.decode())
             elif announced and message.topic == "controller_settings":
                 said = message.decode()
-                announced.settings[sender_of(said)].add(run, said, gathering.newest)
+                announced.settings[said.sender].add(run, said, gathering.newest)
             else:
                 gathering.add(run, message)
                 yield from gathering.finished()
@@ -117,11 +117,11 @@ def _decoded(gathered: Gathered, inventory: EpisodeInventory, announced: _Announ
     seen: dict[int, StonePreview | None] = {}  # previews, by index of the stone
     controller = inventory.controller
     for tick in gathered.full_ticks(ticks):
-        state, torque, details = (ticks[topic][tick].decode() for topic in BY_TICK)
+        state, torque, details, terms = (ticks[topic][tick].decode() for topic in BY_TICK)
         stone = state.touchdowns + 1
         if stone not in seen:
             seen[stone] = gathered.preview(stone, ticks["state"][tick].stamp)
-        output, controller = output_of(details, np.array(torque.torque)), sender_of(torque)
+        output, controller = output_of(details, terms, np.array(torque.torque)), torque.sender
         preview = seen[stone] if state.previewed else None
         episode.records.append(Record(RobotState.of_message(state, preview), output))
         if not episode.swaps or torque.policy_version != episode.swaps[-1].version:
@@ -133,8 +133,3 @@ def _decoded(gathered: Gathered, inventory: EpisodeInventory, announced: _Announ
     if episode.swaps:
         announced.policies.forget_before(episode.swaps[-1].version)
     return episode
-
-
-def sender_of(message: Any) -> str:
-    """The controller that a message is of; empty in recordings made before controllers had names."""
-    return str(getattr(message, "sender", ""))

@@ -16,6 +16,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Connection
 
 from rabbit_recording import RecordingError
+from rabbit_recording.former_messages import PARTED, is_former, renewed, renewed_bytes
 from rabbit_recording.message_header import FIELDS, episode_and_phase_of, nanoseconds_of, turn_of
 from rabbit_recording.open_recording import last_name, one_line_errors, opened
 
@@ -62,36 +63,55 @@ class StoredMessage(NamedTuple):
 def stored_messages(path: Path, *names: str) -> Iterator[Iterator[StoredMessage]]:
     """Messages of this project's own types in the order of time, all if no `names`; to be decoded while it is open.
 
+    Those of a former recording come as today's.
+
     Raises:
         RecordingError: no recording, one that cannot be read, a topic that is in it from several graphs, or messages
             that are defined otherwise than this version's.
     """
     with opened(path) as reader:
         ours = [c for c in reader.connections if c.msgtype.startswith(OWN_TYPES)]
-        chosen = [c for c in ours if not names or last_name(c.topic) in names]
+        chosen = [c for c in ours if not names or set(topics_of(c)) & set(names)]
         topics = sorted({c.topic for c in chosen})
         several = [topic for topic in topics if [*map(last_name, topics)].count(last_name(topic)) > 1]
         if several:
             raise RecordingError(f"recording {path}: of several graphs: {', '.join(several)}")
         for connection in chosen:
             _check_fields(path, reader, connection)
-        yield _each(reader, chosen, path)
+        each = _each(reader, chosen, path)
+        yield (message for message in each if not names or message.topic in names)
+
+
+def topics_of(connection: Connection) -> tuple[str, ...]:
+    """By their last names, the topics that a recorded one may be of today."""
+    name = last_name(connection.topic)
+    return PARTED.get(name, (name,))
 
 
 def _check_fields(path: Path, reader: AnyReader, connection: Connection) -> None:
     expected = FIELDS.get(last_name(connection.topic), ())
     with one_line_errors(path):
         names = tuple(name for name, _ in reader.typestore.fielddefs[connection.msgtype][1])
-    if names[: len(expected)] != expected:
+        begin = int(is_former(reader, connection.msgtype))
+    if names[begin : len(expected)] != expected[begin:]:
         here = f"{connection.msgtype} begins with {', '.join(names)}; expected {', '.join(expected)}"
         raise RecordingError(f"recording {path}: recorded under other message definitions: {here}")
 
 
 def _each(reader: AnyReader, connections: list[Connection], path: Path) -> Iterator[StoredMessage]:
     with one_line_errors(path):
+        former = {c.msgtype for c in connections if is_former(reader, c.msgtype)}
         for connection, at, data in reader.messages(connections) if connections else ():
             decode = partial(reader.deserialize, data, connection.msgtype)
-            yield StoredMessage(last_name(connection.topic), at, data, decode)
+            if connection.msgtype in former:
+                whole, again = renewed_bytes(data), partial(_renewed, decode)
+                yield from (StoredMessage(name, at, whole, again) for name in topics_of(connection))
+            else:
+                yield StoredMessage(last_name(connection.topic), at, data, decode)
+
+
+def _renewed(decode: Callable[[], Any]) -> Any:
+    return renewed(decode())
 
 
 def by_run(messages: Iterable[StoredMessage]) -> Iterator[tuple[int, StoredMessage]]:

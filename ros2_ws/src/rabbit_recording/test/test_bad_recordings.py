@@ -114,12 +114,12 @@ def test_a_file_of_any_length_is_refused_with_sense(tmp_path: Path, write_bag: W
 def test_other_message_definitions_are_refused(tmp_path: Path) -> None:
     """A recording of a version whose state had no `q`."""
     share = shutil.copytree(MESSAGES, tmp_path / "rabbit_msgs")
-    (share / "msg" / "RabbitState.msg").write_text("uint32 episode\nuint32 tick\nfloat64 angle\n")
+    (share / "msg" / "RobotState.msg").write_text("uint32 episode\nuint32 tick\nfloat64 angle\n")
     types = graph_types([share])
     writer = BagWriter(tmp_path / "bag", types)
-    writer.add("/state", "rabbit_msgs/msg/RabbitState", [])
-    state = types.types["rabbit_msgs/msg/RabbitState"](episode=1, tick=0, angle=0.0)
-    writer.write("/state", 0, bytes(types.serialize_cdr(state, "rabbit_msgs/msg/RabbitState")))
+    writer.add("/state", "rabbit_msgs/msg/RobotState", [])
+    state = types.types["rabbit_msgs/msg/RobotState"](episode=1, tick=0, angle=0.0)
+    writer.write("/state", 0, bytes(types.serialize_cdr(state, "rabbit_msgs/msg/RobotState")))
     writer.close()
     done = CliRunner().invoke(app, ["plot", str(tmp_path / "bag")])
     assert (done.exit_code, done.stderr.count("\n")) == (2, 1), done.output
@@ -129,7 +129,7 @@ def test_other_message_definitions_are_refused(tmp_path: Path) -> None:
 def test_two_graphs_in_one_recording_are_refused(tmp_path: Path) -> None:
     writer = BagWriter(tmp_path / "bag", graph_types([MESSAGES]))
     for topic in ("/left/state", "/right/state"):
-        writer.add(topic, "rabbit_msgs/msg/RabbitState", [])
+        writer.add(topic, "rabbit_msgs/msg/RobotState", [])
     writer.close()
     with pytest.raises(RecordingError, match="/left/state, /right/state"):
         read_episodes(tmp_path / "bag")

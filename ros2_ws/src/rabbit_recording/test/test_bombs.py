@@ -18,15 +18,18 @@ from rabbit_recording.recover import recover
 from recorded_walk import MESSAGES, in_sqlite3
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 
-STATE = "rabbit_msgs/msg/RabbitState"
+STATE = "rabbit_msgs/msg/RobotState"
 TICK = {"/state": STATE, "/torque": "rabbit_msgs/msg/TorqueCommand"}
-TICK |= {"/controller_state": "rabbit_msgs/msg/ControllerState"}
+TICK |= {"/controller_state": "rabbit_msgs/msg/ControllerState", "/learner_terms": "rabbit_msgs/msg/LearnerTerms"}
 TYPES = graph_types([MESSAGES])
 
 
 def state(episode: int, tick: int) -> bytes:
     """The beginning of a message, as far as it is read without decoding it."""
-    return bytes([0, 1, 0, 0]) + struct.pack("<iIII", tick // 100, tick % 100 * 10_000_000, episode, tick) + bytes(200)
+    stamp = (tick // 100, tick % 100 * 10_000_000)
+    head = bytes([0, 1, 0, 0]) + struct.pack("<iIIIII", *stamp, 1, 0, episode, tick)
+    no_torque_and_three_empty_texts = bytes(4) + 3 * struct.pack("<II", 1, 0)
+    return head + no_torque_and_three_empty_texts
 
 
 def write(path: Path, messages: list[bytes], chunks: int = 1) -> Path:

@@ -22,14 +22,26 @@ from rabbit_recording.message_header import episode_and_phase_of, nanoseconds_of
 from rabbit_recording.reader import iterate_inventories
 from rabbit_recording.simulated_time import SimulatedTime
 from rabbit_recording.stored_messages import FIRST_WORD
-from recorded_walk import LATCHED, TICK_NS, TOPICS, TYPES, Walk, details, message, state_message, told
+from recorded_walk import (
+    LATCHED,
+    TICK_NS,
+    TOPICS,
+    TYPES,
+    Walk,
+    details,
+    message,
+    state_message,
+    terms,
+    told,
+)
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from typer.testing import CliRunner
 
 HISTORY = 20  # latched messages of a topic
 WAITING, RUNNING, ENDED = 0, 1, 3
 EVENTS = ("episode", "preview", "landing")
-PUBLISHER = {"torque": "controller", "controller_state": "controller"}
+PUBLISHER = dict.fromkeys(("torque", "controller_state", "learner_terms"), "controller")
+TURN = 24  # bytes before episode and tick: CDR header, stamp, the name `world`
 
 
 @dataclass(frozen=True)
@@ -101,9 +113,10 @@ class Graph:
         seconds, nanoseconds = divmod(self.clock * TICK_NS, 10**9)
         if what is None:
             data = bytearray(self.templates[topic])
-            struct.pack_into("<iIII", data, 4, seconds, nanoseconds, self.episode, tick)
+            struct.pack_into("<iI", data, 4, seconds, nanoseconds)
+            struct.pack_into("<II", data, TURN, self.episode, tick)
         else:
-            what.stamp.sec, what.stamp.nanosec, what.episode = seconds, nanoseconds, self.episode
+            what.header.stamp.sec, what.header.stamp.nanosec, what.episode = seconds, nanoseconds, self.episode
             if topic == "episode":
                 what.tick = tick
             data = bytearray(TYPES.serialize_cdr(what, f"rabbit_msgs/msg/{TOPICS[topic]}"))
@@ -115,7 +128,8 @@ def templates(walk: Walk) -> Templates:
     """A tick's messages."""
     record = walk.records[0]
     torque = message("torque", 0, torque=record.output.torque, policy_version="zero", fault="")
-    found = {"state": state_message(record.state), "torque": torque, "controller_state": details(record)}
+    found = {"state": state_message(record.state), "torque": torque}
+    found |= {"controller_state": details(record), "learner_terms": terms(record)}
     data = {name: bytes(TYPES.serialize_cdr(m, f"rabbit_msgs/msg/{TOPICS[name]}")) for name, m in found.items()}
     return Templates(data)
 
@@ -260,9 +274,9 @@ def test_recorded_announced_and_lost_are_told_apart(tmp_path: Path, templates: T
 
 
 @pytest.mark.xfail(strict=True, reason="a tick that is lost while history comes in makes a run too many")
-@pytest.mark.parametrize("seed", [84, 145])
+@pytest.mark.parametrize("seed", [9, 94])
 def test_a_tick_lost_while_history_comes_in(tmp_path: Path, templates: Templates, seed: int) -> None:
-    walked, part = ([7], "never", [1]), (0.125, 0.6875)
+    walked, part = ([7], "never", [1]), (0.1, 0.72)
     read, holds = read_and_expected(tmp_path / "bag", templates, walked, part, 0.02, random.Random(seed))
     assert read == holds
 
@@ -304,7 +318,7 @@ def test_messages_of_somebody_else_make_no_episodes(tmp_path: Path, templates: T
     junk = []
     for episode, tick in ((1002, 4), (2, 1004), (2, 3), (3, 4), (1, 4)):
         data = bytearray(graph.sent[at - 1].data)
-        struct.pack_into("<II", data, 12, episode, tick)
+        struct.pack_into("<II", data, TURN, episode, tick)
         junk.append((at, replace(graph.sent[at - 1], data=bytes(data))))
     record(tmp_path / "bag", [*live[:at], *junk, (at, graph.sent[0]), *live[at:]])
     assert found(tmp_path / "bag") == in_short(whole)
@@ -362,7 +376,7 @@ def late(tmp_path: Path, walk: Walk) -> Path:
             else:
                 what.episode = episode
                 at = (episode - 1) * length + tick * TICK_NS
-                what.stamp.sec, what.stamp.nanosec = divmod(at, 10**9)
+                what.header.stamp.sec, what.header.stamp.nanosec = divmod(at, 10**9)
             data = bytes(TYPES.serialize_cdr(what, f"rabbit_msgs/msg/{TOPICS[topic]}"))
             writer.write(f"/{topic}", (episode - 1) * length + tick * TICK_NS, data)
     writer.close()

@@ -1,6 +1,5 @@
-"""What a recording holds of two controllers in one graph, and of none that has a name."""
+"""What a recording holds of two controllers in one graph."""
 
-import shutil
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -8,21 +7,20 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rabbit_recording.bag_writer import BagWriter, graph_types
+from rabbit_recording.bag_writer import BagWriter
 from rabbit_recording.checking import check_episodes
-from recorded_walk import CONTROLLER, LATCHED, MESSAGES, TICK_NS, TOPICS, TYPES, Walk, told
+from recorded_walk import CONTROLLER, LATCHED, TICK_NS, TOPICS, TYPES, Walk, told
 
 OTHER = "/other fedcba9876543210"
-NEW_FIELDS = ("sender", "controller", "refused_controller")
 
 
-def write(path: Path, messages: Iterator[tuple[str, int, Any]], types: Any = TYPES) -> Path:
+def write(path: Path, messages: Iterator[tuple[str, int, Any]]) -> Path:
     """A recording of these."""
-    writer = BagWriter(path, types)
+    writer = BagWriter(path, TYPES)
     for topic, name in TOPICS.items():
         writer.add(f"/{topic}", f"rabbit_msgs/msg/{name}", [LATCHED])
     for topic, tick, what in messages:
-        data = bytes(types.serialize_cdr(what, f"rabbit_msgs/msg/{TOPICS[topic]}"))
+        data = bytes(TYPES.serialize_cdr(what, f"rabbit_msgs/msg/{TOPICS[topic]}"))
         writer.write(f"/{topic}", tick * TICK_NS, data)
     writer.close()
     return path
@@ -39,6 +37,8 @@ def told_by_two(walk: Walk, is_other_first: bool) -> Iterator[tuple[str, int, An
             others = [(topic, tick, replace(what, torque=what.torque + 10, sender=OTHER))]
         elif topic == "controller_state":
             others = [(topic, tick, replace(what, mu=what.mu + 1, sender=OTHER))]
+        elif topic == "learner_terms":
+            others = [(topic, tick, replace(what, mu_qp=what.mu_qp + 1, sender=OTHER))]
         yield from [*others, (topic, tick, what)] if is_other_first else [(topic, tick, what), *others]
 
 
@@ -47,7 +47,7 @@ def test_the_torques_that_acted_are_read(tmp_path: Path, walk: Walk, is_other_fi
     (checked,) = check_episodes(write(tmp_path / "bag", told_by_two(walk, is_other_first)))
     episode = checked.episode
     assert (episode.controller, episode.lost, checked.differing) == (CONTROLLER, 0, [])
-    for name in ("torque", "mu"):
+    for name in ("torque", "mu", "mu_qp"):
         recorded = [getattr(record.output, name) for record in episode.records]
         np.testing.assert_array_equal(recorded, [getattr(record.output, name) for record in walk.records])
 
@@ -62,22 +62,3 @@ def test_a_tick_that_only_the_other_answered_is_lost(tmp_path: Path, walk: Walk)
     (checked,) = check_episodes(write(tmp_path / "bag", spoilt()))
     assert (checked.episode.lost, checked.episode.refused_controller) == (1, OTHER)
     assert 30 not in [record.state.tick for record in checked.episode.records]
-
-
-def test_a_recording_made_before_controllers_had_names_is_read(tmp_path: Path, walk: Walk) -> None:
-    shutil.copytree(MESSAGES, tmp_path / "rabbit_msgs")
-    for file in (tmp_path / "rabbit_msgs" / "msg").glob("*.msg"):
-        lines = file.read_text(encoding="utf-8").splitlines(keepends=True)
-        file.write_text("".join(x for x in lines if x.split()[1:2] not in [[name] for name in NEW_FIELDS]))
-    types = graph_types([tmp_path / "rabbit_msgs"])
-
-    def before() -> Iterator[tuple[str, int, Any]]:
-        for topic, tick, what in told(walk):
-            kind = types.types[f"rabbit_msgs/msg/{TOPICS[topic]}"]
-            fields = {name: value for name, value in vars(what).items() if name not in (*NEW_FIELDS, "__msgtype__")}
-            fields["stamp"] = types.types["builtin_interfaces/msg/Time"](what.stamp.sec, what.stamp.nanosec)
-            yield topic, tick, kind(**fields)
-
-    assert not hasattr(next(before())[2], "controller")
-    (checked,) = check_episodes(write(tmp_path / "bag", before(), types))
-    assert (checked.episode.controller, checked.replayed, checked.differing) == ("", len(walk.records), [])

@@ -1,54 +1,88 @@
-"""From the fields of a `ControllerState` message to a `ControllerOutput`; any object with the message's fields will do.
+"""Between a `ControllerOutput` and the fields of `ControllerState` and `LearnerTerms`, without ROS.
 
-No ROS here: a recording's reader uses it too. The way to the message is in `ros/messages.py`.
+A recording's reader uses it too: any object with a message's fields will do.
 """
 
+from array import array
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from rabbit_description.state import Array, Leg
+from rabbit_common.message_arrays import array_of, doubles
+from rabbit_common.message_checks import Refused, check_finite
+from rabbit_description.state import ACTUATED, Array, Leg
 
 from rl_cbf_clf_controller.controller_output import ControllerOutput
 
-ARRAYS = ("eta", "barriers", "barrier_rates", "mu", "mu_qp", "omega", "mu_held")
-SCALARS = ("tick", "step_index", "step_time", "phase", "clf_slack", "rescue_slack", "saturated", "answered")
-WORDS = ("solver", "status", "solve_seconds", "fault", "objective", "adaptation")
-SAME = (*ARRAYS, *SCALARS, *WORDS)  # what has one name on both sides
-# of more than one length
-SEQUENCES = ("nominal_a", "nominal_b", "alpha", "beta", "observation", "identified", "adapted")
-FINITE = ("eta", "mu", *SEQUENCES, "LgV")
+INPUTS = len(ACTUATED)
+LEGS = tuple(Leg)
+BARRIERS = ("B1", "B2")
+SCALARS = ("step_index", "step_time", "phase", "clf_slack", "rescue_slack", "saturated", "answered", "solve_seconds")
+WORDS = {  # with the most characters that a message holds
+    **{"policy_version": 64, "objective": 32, "adaptation": 32},
+    **{"solver": 16, "status": 64, "fault": 128},
+}
+MOST_ACTIVE, LONGEST_NAME = 64, 32
+TERMS = ("mu_qp", "omega", "mu_held", "observation", "identified", "adapted")
+MATRICES, VECTORS = ("nominal_a", "alpha"), ("nominal_b", "measured", "beta")  # over the learned quantities
+FINITE = ("lgv", "nominal_a", "nominal_b", "alpha", "beta", "observation", "identified", "adapted")
 
 
-def output_of(message: Any, torque: Array) -> ControllerOutput:
-    """The output that a `ControllerState` tells of, with the `torque` (4,) from the command of its tick.
+def state_fields(output: ControllerOutput) -> dict[str, Any]:
+    """Of `ControllerState`, but its head; texts that are too long for the message are cut."""
+    fields: dict[str, Any] = {name: getattr(output, name) for name in SCALARS}
+    fields |= {name: getattr(output, name)[:most] for name, most in WORDS.items()}
+    fields |= {"stance": int(output.stance), "eta": doubles(output.eta), "mu": doubles(output.mu)}
+    fields["active"] = [name[:LONGEST_NAME] for name in output.active[:MOST_ACTIVE]]
+    on_stones = output.barriers[0] == output.barriers[0]  # NaN on flat ground
+    fields["names"] = ["V", *BARRIERS] if on_stones else ["V"]
+    fields["values"] = array("d", (output.V, *output.barriers.tolist()) if on_stones else (output.V,))
+    fields["rates"] = array("d", (np.nan, *output.barrier_rates.tolist()) if on_stones else (np.nan,))
+    return fields
+
+
+def terms_fields(output: ControllerOutput) -> dict[str, Any]:
+    """Of `LearnerTerms`, but its head."""
+    fields: dict[str, Any] = {name: doubles(getattr(output, name)) for name in (*TERMS, *MATRICES, *VECTORS)}
+    return {**fields, "lgv": doubles(output.LgV), "quantities": list(output.quantities)}
+
+
+def state_values(message: Any) -> dict[str, Any]:
+    """The fields of `ControllerOutput` that a `ControllerState` tells; raises `Refused`."""
+    values: dict[str, Any] = {name: getattr(message, name) for name in ("tick", *SCALARS, *WORDS)}
+    values |= {name: array_of(message, name, size) for name, size in (("eta", 2 * INPUTS), ("mu", INPUTS))}
+    for name in ("eta", "mu"):
+        check_finite(name, getattr(message, name))
+    if message.stance not in LEGS:
+        raise Refused("no leg", f"stance = {message.stance}; expected 0 or 1")
+    names = list(message.names)
+    told, rates = (array_of(message, name, len(names)) for name in ("values", "rates"))
+    values |= {"barriers": _of(names, told, BARRIERS), "barrier_rates": _of(names, rates, BARRIERS)}
+    (V,) = _of(names, told, ("V",)).tolist()
+    return {**values, "V": V, "stance": Leg(message.stance), "active": tuple(message.active)}
+
+
+def terms_values(message: Any) -> dict[str, Any]:
+    """The fields of `ControllerOutput` that a `LearnerTerms` tells; raises `Refused`."""
+    n = len(message.quantities)
+    values: dict[str, Any] = {name: array_of(message, name, INPUTS) for name in ("mu_qp", "omega", "mu_held")}
+    values |= {name: np.array(getattr(message, name)) for name in ("observation", "identified", "adapted")}
+    values |= {name: array_of(message, name, n) for name in VECTORS}
+    values |= {name: array_of(message, name, n * INPUTS).reshape(n, INPUTS) for name in MATRICES}
+    for name in FINITE:
+        check_finite(name, getattr(message, name))
+    return {**values, "LgV": array_of(message, "lgv", INPUTS), "quantities": tuple(message.quantities)}
+
+
+def output_of(state: Any, terms: Any, torque: Array) -> ControllerOutput:
+    """A tick's output from its messages `ControllerState` and `LearnerTerms` and the torque (4,) of its command.
 
     Raises:
-        ValueError: a value that is not finite, or lengths that do not fit the quantities.
+        Refused: a value that is not finite, or an array of another length than the robot's or the quantities'.
     """
-    n = len(message.quantities)
-    values: dict[str, Any] = {name: getattr(message, name) for name in (*SCALARS, *WORDS)}
-    values |= {name: np.array(getattr(message, name)) for name in (*ARRAYS, *SEQUENCES)}
-    values["LgV"] = np.array(message.lgv)
-    values["measured"] = np.array(getattr(message, "measured", np.full(n, np.nan)))  # not in the first recordings
-    _check(values, n)
-    for name in ("nominal_a", "alpha"):
-        values[name] = values[name].reshape(-1, 4)
-    return ControllerOutput(
-        torque=torque,
-        stance=Leg(message.stance),
-        V=message.clf,
-        quantities=tuple(message.quantities),
-        active=tuple(message.active),
-        policy_version=message.policy_version,
-        **values,
-    )
+    return ControllerOutput(torque=torque, **state_values(state), **terms_values(terms))
 
 
-def _check(values: dict[str, Any], n: int) -> None:
-    expected = {"nominal_a": 4 * n, "alpha": 4 * n, "nominal_b": n, "beta": n, "measured": n}
-    lengths = {name: len(values[name]) for name in expected}
-    if lengths != expected:
-        raise ValueError(f"lengths {lengths}; {n} quantities expect {expected}")
-    for name in FINITE:
-        if not np.isfinite(values[name]).all():
-            raise ValueError(f"{name} = {values[name]}; expected finite numbers")
+def _of(names: Sequence[str], values: Array, wanted: Sequence[str]) -> Array:
+    """The values of some names, NaN where there is none."""
+    return np.array([values[names.index(name)] if name in names else np.nan for name in wanted])

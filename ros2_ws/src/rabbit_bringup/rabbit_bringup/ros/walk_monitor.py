@@ -4,7 +4,6 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,16 +13,15 @@ from rabbit_common.exit_codes import CUT_SHORT, ExitCode
 from rabbit_common.ros.client import GraphClient
 from rabbit_common.ros.diagnostics import reader_counts
 from rabbit_common.ros.topics import TOPICS, missing_readers
+from rabbit_common.ros.waiting_messages import WaitingMessages
 from rabbit_description.force_ratio import force_ratio
 from rabbit_description.state import TICK_SECONDS
-from rabbit_msgs.msg import ControllerState, Episode, EpisodePlan, Landing, RabbitState
-from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rabbit_msgs.msg import ControllerState, Episode, EpisodePlan, Landing, RobotState
 from rclpy.serialization import deserialize_message
 
 from rabbit_bringup.launching.processes import Processes
 from rabbit_bringup.launching.walk import WalkOptions
 
-GLANCE = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 GLANCE_SECONDS, READY_SECONDS = 0.2, 0.05  # between two looks at the walk, and at nodes that begin
 ANSWER_SECONDS = 10.0
 
@@ -69,9 +67,13 @@ class WalkMonitor(GraphClient):
         self.hear("episode", self._on_episode)
         self.hear("episode_plan", self._on_plan)
         self.hear("landing", self._on_landing)
-        for name in ("state", "controller_state"):
-            self.hear(name, partial(self._newest.__setitem__, name), GLANCE, raw=True)
+        self._ticks = WaitingMessages(self.node, {"state": RobotState, "controller_state": ControllerState})
         self.client("pause")  # so that the simulator knows it in time
+
+    def close(self) -> None:
+        """Leave the graph."""
+        self._ticks.close()
+        super().close()
 
     def begin(self) -> None:
         """Let the simulator go on, once all nodes are ready; raises `LaunchError`."""
@@ -82,8 +84,8 @@ class WalkMonitor(GraphClient):
                 lines = "; ".join(f"{name}: {line}" for name, line in missing.items())
                 raise LaunchError(f"not ready after {timeout:g} s: {lines}")
             self.spin(READY_SECONDS)
-        answer = self.ask("pause", ANSWER_SECONDS, paused=False)
-        if not (answer and answer.accepted):
+        answer = self.ask("pause", ANSWER_SECONDS, data=False)
+        if not (answer and answer.success):
             raise LaunchError("the simulator does not answer its pause service")
 
     def glance(self) -> Progress:
@@ -130,11 +132,12 @@ class WalkMonitor(GraphClient):
 
     def progress(self) -> Progress:
         """How it goes, from the newest messages."""
-        state: Any = self._decode("state", RabbitState)
+        self._newest |= dict(self._ticks.take())
+        state: Any = self._decode("state", RobotState)
         details: Any = self._decode("controller_state", ControllerState)
         ratio = float(force_ratio(np.asarray(state.foot_force).reshape(2, 2)[details.stance]))
         e = self.episode
-        ticks = round((state.stamp.sec + state.stamp.nanosec * 1e-9) / TICK_SECONDS)
+        ticks = round((state.header.stamp.sec + state.header.stamp.nanosec * 1e-9) / TICK_SECONDS)
         return Progress(e.episode, state.touchdowns, e.stones, self._margin, details.clf_slack, ratio, ticks)
 
     def _decode(self, name: str, kind: Any) -> Any:

@@ -6,7 +6,6 @@ from contextlib import ExitStack, contextmanager
 from typing import Any
 
 import rclpy
-from rabbit_msgs.srv import LoadPolicy, Pause, ResetEpisode
 from rcl_interfaces.srv import GetParameters, SetParameters, SetParametersAtomically
 from rclpy.experimental import EventsExecutor
 from rclpy.parameter import Parameter, parameter_value_to_python
@@ -14,13 +13,12 @@ from rclpy.qos import QoSProfile
 
 from rabbit_common.ros.context import joined
 from rabbit_common.ros.services import AGAIN_SECONDS, call_service
+from rabbit_common.ros.topics import SERVICES as SERVICES_OF_GRAPH
 from rabbit_common.ros.topics import TOPICS
 
 TOPIC = {topic.name: topic for topic in TOPICS}
 SERVICES = {  # by the last part of the name
-    "pause": Pause,
-    "reset_episode": ResetEpisode,
-    "load_policy": LoadPolicy,
+    **{service.name: service.type for service in SERVICES_OF_GRAPH},
     "get_parameters": GetParameters,
     "set_parameters": SetParameters,
     "set_parameters_atomically": SetParametersAtomically,

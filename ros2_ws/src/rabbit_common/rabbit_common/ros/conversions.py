@@ -1,6 +1,6 @@
 """Messages to the library's dataclasses and back. What is not finite is refused here.
 
-Numbers travel as float64 in arrays of fixed size, so a value arrives with the same bits.
+Numbers travel as float64, so a value arrives with the same bits. An array has the robot's length, which is checked.
 """
 
 import math
@@ -23,17 +23,25 @@ from rabbit_msgs import msg
 from sensor_msgs.msg import Imu, JointState
 from std_msgs.msg import Header
 
+from rabbit_common.message_arrays import check_lengths, doubles
 from rabbit_common.message_checks import Refused, check_finite
 
+WORLD = "world"  # the frame of what the simulator measures
+FEET = ("left", "right")
+LAYOUT = {"coordinates": COORDINATES, "joints": ACTUATED, "feet": FEET}  # as `Episode` tells it
+LENGTHS = {
+    **dict.fromkeys(("q", "dq"), len(COORDINATES)),
+    **{"foot_force": 2 * len(FEET), "contact": len(FEET), "applied": len(ACTUATED)},
+}
 LARGEST_SIGMA = 1000.0  # rad/s^2, as the controller's parameter
 UNIT = 1e-6  # by which a quaternion's norm may be off
 UNKNOWN = -1.0  # as the first of a covariance: an `Imu` does not measure that
 
 
-def stamp(ticks: int) -> Time:
+def header(ticks: int) -> Header:
     """Simulated time after `ticks` ticks."""
     seconds, nanoseconds = divmod(ticks * TICK_NANOSECONDS, 1_000_000_000)
-    return Time(sec=seconds, nanosec=nanoseconds)
+    return Header(stamp=Time(sec=seconds, nanosec=nanoseconds), frame_id=WORLD)
 
 
 def nanoseconds(time: Time) -> int:
@@ -41,43 +49,47 @@ def nanoseconds(time: Time) -> int:
     return int(time.sec) * 1_000_000_000 + int(time.nanosec)
 
 
-def state_message(state: RobotState, episode: int, at: Time) -> msg.RabbitState:
+def state_message(state: RobotState, episode: int, at: Header) -> msg.RobotState:
     """A measured state; the preview travels on its own topic."""
-    return msg.RabbitState(
-        stamp=at,
+    return msg.RobotState(
+        header=at,
         episode=episode,
         tick=state.tick,
-        q=state.q,
-        dq=state.dq,
-        foot_force=state.foot_force.ravel(),
+        q=doubles(state.q),
+        dq=doubles(state.dq),
+        foot_force=doubles(state.foot_force),
         contact=state.contact.tolist(),
-        applied=state.applied,
+        applied=doubles(state.applied),
         touchdowns=state.touchdowns,
         previewed=state.preview is not None,
         running=state.running,
     )
 
 
-def state_of(message: msg.RabbitState, preview: StonePreview | None, finite: bool = True) -> RobotState:
+def state_of(message: msg.RobotState, preview: StonePreview | None, finite: bool = True) -> RobotState:
     """A checked state from its message and the preview of stone `touchdowns + 1`; None on flat ground."""
     check_state(message, finite)
     return RobotState.of_message(message, preview)
 
 
-def check_state(message: msg.RabbitState, finite: bool = True) -> None:
-    """Refuse what is not finite; an episode's last state may be anything (`finite` False): the plant may diverge."""
+def check_state(message: msg.RobotState, finite: bool = True) -> None:
+    """Refuse another robot's lengths, and what is not finite.
+
+    An episode's last state may be anything (`finite` False): the plant may diverge.
+    """
+    check_lengths(message, LENGTHS)
     for name in ("q", "dq", "foot_force") if finite else ():
         check_finite(name, getattr(message, name))
 
 
-def is_unknown(message: msg.RabbitState) -> bool:
+def is_unknown(message: msg.RobotState) -> bool:
     """Whether q and dq are NaN: nobody could estimate them."""
-    return math.isnan(message.q[0]) and bool(np.isnan(message.q).all() and np.isnan(message.dq).all())
+    return all(map(math.isnan, message.q)) and all(map(math.isnan, message.dq))
 
 
-def preview_message(preview: StonePreview, episode: int, at: Time) -> msg.StonePreview:
+def preview_message(preview: StonePreview, episode: int, at: Header) -> msg.StonePreview:
     """A preview as its message."""
-    return msg.StonePreview(stamp=at, episode=episode, **asdict(preview))
+    return msg.StonePreview(header=at, episode=episode, **asdict(preview))
 
 
 def preview_of(message: msg.StonePreview) -> StonePreview:
@@ -89,7 +101,7 @@ def preview_of(message: msg.StonePreview) -> StonePreview:
 
 
 def check_episode(message: msg.Episode, after: int) -> None:
-    """Refuse an announcement of a phase or noise that is none, or of an episode before `after`.
+    """Refuse an announcement of a phase or noise that is none, of another robot, or of an episode before `after`.
 
     A simulator that begins anew counts from 1 again, see `is_new_simulator`.
     """
@@ -97,6 +109,9 @@ def check_episode(message: msg.Episode, after: int) -> None:
         raise Refused("no phase", f"phase = {message.phase}; expected 0 to {msg.Episode.ENDED}")
     if not (math.isnan(message.sigma) or 0 <= message.sigma <= LARGEST_SIGMA):
         raise Refused("no noise", f"sigma = {message.sigma}; expected NaN or 0 to {LARGEST_SIGMA} rad/s^2")
+    for name, own in LAYOUT.items():
+        if (got := tuple(getattr(message, name))) not in ((), own):
+            raise Refused("another robot", f"{name} = {', '.join(got[:8])}; expected {', '.join(own)}")
     if message.episode < after and not is_new_simulator(message):
         raise Refused("late", f"episode {message.episode}; expected {after} or a later one")
 
@@ -117,32 +132,31 @@ def check_plan(message: msg.EpisodePlan, done: Collection[int]) -> None:
 
 def torque_of(message: msg.TorqueCommand) -> Array:
     """Torques (4,), N m."""
+    check_lengths(message, {"torque": len(ACTUATED)})
     check_finite("torque", message.torque)
     return np.array(message.torque)
 
 
-def joint_state(state: RobotState, at: Time) -> JointState:
+def joint_state(state: RobotState, at: Header) -> JointState:
     """Positions and velocities by the URDF's joint names, the planar base's included."""
-    return JointState(header=Header(stamp=at), name=list(COORDINATES), position=state.q, velocity=state.dq)
+    return JointState(header=at, name=list(COORDINATES), position=doubles(state.q), velocity=doubles(state.dq))
 
 
-def encoder_message(sensors: BodySensors, at: Time) -> JointState:
+def encoder_message(sensors: BodySensors, at: Header) -> JointState:
     """What the four joints' encoders say."""
-    angles, rates = sensors.joint_angles, sensors.joint_rates
-    return JointState(header=Header(stamp=at), name=list(ACTUATED), position=angles, velocity=rates)
+    angles, rates = doubles(sensors.joint_angles), doubles(sensors.joint_rates)
+    return JointState(header=at, name=list(ACTUATED), position=angles, velocity=rates)
 
 
 def encoders_of(message: JointState) -> tuple[Array, Array]:
     """Angles and rates of the four joints, (4,) each; other joints, or another order, are refused."""
     if tuple(message.name) != ACTUATED:
         raise Refused("other joints", f"name = {list(message.name)[:8]}; expected {', '.join(ACTUATED)}")
-    for name in ("position", "velocity"):
-        if len(getattr(message, name)) != len(ACTUATED):
-            raise Refused("wrong length", f"{name} has {len(getattr(message, name))}; expected {len(ACTUATED)}")
+    check_lengths(message, dict.fromkeys(("position", "velocity"), len(ACTUATED)))
     return np.array(message.position), np.array(message.velocity)
 
 
-def imu_message(sensors: BodySensors, at: Time, variances: Sequence[float]) -> Imu:
+def imu_message(sensors: BodySensors, at: Header, variances: Sequence[float]) -> Imu:
     """An IMU in the torso at the hip, which turns about y alone.
 
     `variances`: of the attitude, rad^2, of the gyro, rad^2/s^2, and of the accelerometer, m^2/s^4.
@@ -154,7 +168,7 @@ def imu_message(sensors: BodySensors, at: Time, variances: Sequence[float]) -> I
     if np.isnan(sensors.specific_force).any():  # no tick has passed yet
         forward, up, force_covariance = 0.0, 0.0, _diagonal(UNKNOWN, 0.0, 0.0)
     return Imu(
-        header=Header(stamp=at, frame_id="torso"),
+        header=Header(stamp=at.stamp, frame_id="torso"),
         orientation=Quaternion(y=y, w=w),
         orientation_covariance=_diagonal(0.0, attitude, 0.0),
         angular_velocity=Vector3(y=sensors.pitch_rate),

@@ -1,59 +1,98 @@
-"""The graph's topics in one table: what the recorder records and docs/topics.md lists. Names are relative."""
+"""The graph's topics and services in two tables: what the recorder records and docs/topics.md lists.
+
+Names are relative.
+"""
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
-from rabbit_msgs import msg
+from rabbit_msgs import msg, srv
 from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Imu, JointState
+from std_srvs.srv import SetBool
 
 from rabbit_common.ros.qos import DIAGNOSTICS, EVENT, TICK, WEIGHTS
+
+A_TICK, IN_LAB = "1 a tick", "1 a tick with `sensors: lab`, else none"
+
+
+def type_name(kind: Any) -> str:
+    """As in `rabbit_msgs/msg/RobotState`."""
+    package, group, *_ = kind.__module__.split(".")
+    return f"{package}/{group}/{kind.__name__}"
 
 
 @dataclass(frozen=True)
 class Topic:
     """A topic's type and QoS, the node that publishes it and those that need it. The recorder reads them all.
 
-    `beside`: the node without which nobody publishes it.
+    `rate`: when it is published. `carries`: for the page; empty: what the message's definition says. `beside`: the node
+    without which nobody publishes it.
     """
 
     name: str
     type: Any
     qos: QoSProfile
+    rate: str
     publisher: str
     readers: tuple[str, ...] = ()
+    carries: str = ""
     beside: str = ""
 
     @property
     def type_name(self) -> str:
-        """As in `rabbit_msgs/msg/RabbitState`."""
-        package, kind, *_ = self.type.__module__.split(".")
-        return f"{package}/{kind}/{self.type.__name__}"
+        """Of its type."""
+        return type_name(self.type)
+
+
+@dataclass(frozen=True)
+class Service:
+    """A service's type and the node that answers. `does`: for the page, as `carries` of a topic."""
+
+    name: str
+    type: Any
+    node: str
+    does: str = ""
 
 
 TOPICS = (
-    # the state: of the simulator, or of the estimator where there is one
-    Topic("state", msg.RabbitState, TICK, "simulator", ("controller", "trainer", "launcher", "viewer")),
-    Topic("joint_states", JointState, TICK, "simulator", ("estimator",)),
-    Topic("imu", Imu, TICK, "simulator", ("estimator",), beside="estimator"),
-    Topic("measured", msg.RabbitState, TICK, "simulator", ("estimator",), beside="estimator"),
-    Topic("true_state", msg.RabbitState, TICK, "simulator", beside="estimator"),
-    Topic("clock", Clock, TICK, "simulator"),
-    Topic("timing", msg.Timing, TICK, "simulator"),
-    Topic("preview", msg.StonePreview, EVENT, "simulator", ("controller", "viewer")),
-    Topic("landing", msg.Landing, EVENT, "simulator", ("launcher", "viewer")),
-    Topic("episode", msg.Episode, EVENT, "simulator", ("estimator", "controller", "trainer", "launcher", "viewer")),
-    Topic("torque", msg.TorqueCommand, TICK, "controller", ("simulator", "trainer")),
-    Topic("controller_state", msg.ControllerState, TICK, "controller", ("trainer", "launcher", "viewer")),
-    Topic("policy_swap", msg.PolicySwap, EVENT, "controller", ("trainer",)),
-    Topic("controller_settings", msg.ControllerSettings, EVENT, "controller", ("viewer",)),
-    Topic("transition", msg.Transition, TICK, "trainer"),
-    Topic("policy", msg.PolicyWeights, WEIGHTS, "trainer"),  # read by a controller unless its swap_at is never
-    Topic("episode_plan", msg.EpisodePlan, EVENT, "trainer", ("simulator", "launcher")),
-    Topic("diagnostics", DiagnosticArray, DIAGNOSTICS, "all", ("launcher",)),
+    Topic("state", msg.RobotState, TICK, A_TICK, "simulator", ("controller", "trainer", "launcher", "viewer"),
+          "what is measured of the robot; with `sensors: lab` from the estimator"),
+    Topic("joint_states", JointState, TICK, A_TICK, "simulator", ("estimator",),
+          "the same q, dq by the URDF's joint names; with `sensors: lab` what the four joints' encoders say"),
+    Topic("imu", Imu, TICK, IN_LAB, "simulator", ("estimator",),
+          "in the torso at the hip: attitude, pitch rate, mean specific force over the tick", "estimator"),
+    Topic("measured", msg.RobotState, TICK, IN_LAB, "simulator", ("estimator",),
+          "all that `state` will have but q and dq, which are NaN", "estimator"),
+    Topic("true_state", msg.RobotState, TICK, f"{IN_LAB}; while a node reads it", "simulator", (),
+          "the true q, dq and foot forces, for judges; no node acts on it", "estimator"),
+    Topic("clock", Clock, TICK, A_TICK, "simulator", (), "simulated time, continuous over episodes"),
+    Topic("timing", msg.Timing, TICK, "1 a tick in real time, else none", "simulator"),
+    Topic("preview", msg.StonePreview, EVENT, "1 a stone", "simulator", ("controller", "viewer")),
+    Topic("landing", msg.Landing, EVENT, "1 a stone", "simulator", ("launcher", "viewer")),
+    Topic("episode", msg.Episode, EVENT, "3 an episode", "simulator",
+          ("estimator", "controller", "trainer", "launcher", "viewer")),
+    Topic("torque", msg.TorqueCommand, TICK, A_TICK, "controller", ("simulator", "trainer")),
+    Topic("controller_state", msg.ControllerState, TICK, f"{A_TICK}, while a node reads it", "controller",
+          ("trainer", "launcher", "viewer")),
+    Topic("learner_terms", msg.LearnerTerms, TICK, f"{A_TICK}, while a node reads it", "controller",
+          ("trainer", "viewer")),
+    Topic("policy_swap", msg.PolicySwap, EVENT, "1 a policy", "controller", ("trainer",)),
+    Topic("controller_settings", msg.ControllerSettings, EVENT, "at start and at a change", "controller", ("viewer",)),
+    Topic("transition", msg.Transition, TICK, f"{A_TICK}, while a node reads it", "trainer"),
+    Topic("policy", msg.PolicyWeights, WEIGHTS, "when it has learned a policy that is no worse", "trainer", (),
+          "a policy file's bytes, about 0.5 MB; the controller reads it unless its `swap_at` is `never`"),
+    Topic("episode_plan", msg.EpisodePlan, EVENT, "1 an episode", "trainer", ("simulator", "launcher")),
+    Topic("diagnostics", DiagnosticArray, DIAGNOSTICS, "1 Hz and at a change", "all", ("launcher",),
+          "the node's health, what it waits for, what it accepted and refused"),
+)  # fmt: skip
+SERVICES = (
+    Service("reset_episode", srv.ResetEpisode, "simulator"),
+    Service("pause", SetBool, "simulator", "Holds the robot between two ticks (`data: true`), or lets it go on."),
+    Service("load_policy", srv.LoadPolicy, "controller"),
 )
 
 

@@ -14,17 +14,18 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from rabbit_common.message_checks import MessageCounter, Refused, check_finite, check_turn
+from rabbit_common.message_arrays import check_lengths, doubles
+from rabbit_common.message_checks import Refused, check_finite, check_turn
 from rabbit_common.priority import scheduling, take_priority
-from rabbit_common.ros.checked_subscription import create_checked_subscription
-from rabbit_common.ros.conversions import check_episode, encoders_of, imu_of, is_new_simulator, nanoseconds
+from rabbit_common.ros.checked_node import CheckedNode
+from rabbit_common.ros.conversions import LENGTHS, check_episode, encoders_of, imu_of, is_new_simulator, nanoseconds
 from rabbit_common.ros.diagnostics import OK, WARN, Diagnostics, Status
 from rabbit_common.ros.parameters import declare, refuse_unknown
 from rabbit_common.ros.qos import EVENT, TICK
 from rabbit_common.ros.spin import run
-from rabbit_description.state import BodySensors, RobotState
-from rabbit_msgs.msg import Episode, RabbitState
-from rclpy.node import Node
+from rabbit_description.state import COORDINATES, BodySensors, RobotState
+from rabbit_msgs.msg import Episode
+from rabbit_msgs.msg import RobotState as StateMessage
 from sensor_msgs.msg import Imu, JointState
 
 from rabbit_estimator.contact_aided_filter import ContactAidedFilter, EstimatorError
@@ -34,11 +35,12 @@ SENSORS: dict[str, tuple[Any, Callable[[Any], tuple[Any, ...]]]] = {  # by topic
     "joint_states": (JointState, encoders_of),
     "imu": (Imu, imu_of),
 }
+UNKNOWN = np.full(len(COORDINATES), np.nan)
 NEWEST = 100  # messages of a sensor that are kept for their tick
 LONG = 0.5  # s that a tick may wait for its sensors
 
 
-class EstimatorNode(Node):
+class EstimatorNode(CheckedNode):
     """Answers what is measured with states."""
 
     def __init__(self) -> None:
@@ -48,31 +50,31 @@ class EstimatorNode(Node):
         refuse_unknown(self)
         take_priority(own.priority, self.get_logger().warning)
         self._estimator = ContactAidedFilter(parameters)
-        self._message_counter = MessageCounter()
         self._episode = Episode()
         self._forget()
-        self._states = self.create_publisher(RabbitState, "state", TICK)
-        self._inputs = create_checked_subscription(self, RabbitState, "measured", self._on_measured, TICK, self._refuse)
+        self._states = self.create_publisher(StateMessage, "state", TICK)
+        self._inputs = self._hear(StateMessage, "measured", self._on_measured, TICK)
         for topic, (kind, _) in SENSORS.items():
-            create_checked_subscription(self, kind, topic, partial(self._on_sensor, topic), TICK, self._refuse)
-        create_checked_subscription(self, Episode, "episode", self._on_episode, EVENT, self._refuse)
+            self._hear(kind, topic, partial(self._on_sensor, topic), TICK)
+        self._hear(Episode, "episode", self._on_episode, EVENT)
         self._diagnostics = Diagnostics(self, self._message_counter, self._status)
         self.get_logger().info("ready")
 
     def _forget(self) -> None:
         """A simulator that nobody has heard of yet."""
         self._turn = (0, -1)  # episode and tick of the newest measurement
-        self._early: RabbitState | None = None  # of an episode that is not announced yet
-        self._open: deque[RabbitState] = deque()  # measurements that wait for their sensors
+        self._early: StateMessage | None = None  # of an episode that is not announced yet
+        self._open: deque[StateMessage] = deque()  # measurements that wait for their sensors
         self._said: dict[str, dict[int, tuple[Any, ...]]] = {topic: {} for topic in SENSORS}  # by stamp, ns
         self._used = -1  # stamp of the newest that was used
-        self._answer: RabbitState | None = None  # to the newest measurement
+        self._answer: StateMessage | None = None  # to the newest measurement
         self._lost = 0  # the episode of which nothing is known any more
 
     # What comes in
 
-    def _on_measured(self, message: RabbitState) -> None:
+    def _on_measured(self, message: StateMessage) -> None:
         turn = (message.episode, message.tick)
+        check_lengths(message, LENGTHS)
         if message.running:
             check_finite("foot_force", message.foot_force)
         if turn == self._turn:
@@ -88,14 +90,14 @@ class EstimatorNode(Node):
         self._turn, self._early, self._answer = turn, None, None
         if begins:
             self._open.clear()
-            self._used = nanoseconds(message.stamp) - 1  # wherever the clock stood before
+            self._used = nanoseconds(message.header.stamp) - 1  # wherever the clock stood before
         self._open.append(message)
         self._since = time.monotonic()
         if begins and message.tick > 0:
             self._give_up(message, f"the estimator came in at tick {message.tick}, in the middle of the episode")
         self._go_on()
 
-    def _repeat(self, message: RabbitState) -> None:
+    def _repeat(self, message: StateMessage) -> None:
         """The simulator has not heard the answer: say it again, if there is one. Else its last word counts."""
         self._message_counter.accept("measured again")
         if self._answer is not None:
@@ -131,28 +133,25 @@ class EstimatorNode(Node):
             except Refused as error:
                 self._refuse("measured", error)
 
-    def _refuse(self, topic: str, error: Refused) -> None:
-        self.get_logger().warning(self._message_counter.refuse(topic, error), throttle_duration_sec=1.0)
-
     # The tick
 
     def _go_on(self) -> None:
         """Answer the measurements in their order, as far as their sensors are there."""
         while self._open and self._is_estimated(self._open[0]):
             message = self._answer = self._open.popleft()
-            self._used = nanoseconds(message.stamp)
+            self._used = nanoseconds(message.header.stamp)
             self._said = {
                 topic: {at: reading for at, reading in said.items() if at > self._used}
                 for topic, said in self._said.items()
             }
             self._states.publish(message)
 
-    def _is_estimated(self, message: RabbitState) -> bool:
+    def _is_estimated(self, message: StateMessage) -> bool:
         """Fill in q and dq, NaN where they cannot be known; False: the sensors have not been heard."""
-        message.q, message.dq = np.full(7, np.nan), np.full(7, np.nan)
+        message.q, message.dq = doubles(UNKNOWN), doubles(UNKNOWN)
         if message.episode == self._lost:
             return True
-        at = nanoseconds(message.stamp)
+        at = nanoseconds(message.header.stamp)
         if not all(at in said for said in self._said.values()):
             return False
         sensors = BodySensors(*(each for said in self._said.values() for each in said[at]))
@@ -168,10 +167,10 @@ class EstimatorNode(Node):
         except np.linalg.LinAlgError as error:
             self._give_up(message, f"the estimator cannot go on: {error}")
             return True
-        message.q, message.dq = state.q, state.dq
+        message.q, message.dq = doubles(state.q), doubles(state.dq)
         return True
 
-    def _give_up(self, message: RabbitState, reason: str) -> None:
+    def _give_up(self, message: StateMessage, reason: str) -> None:
         """Nothing is known of the state until the next episode begins."""
         self.get_logger().error(reason)
         self._lost = message.episode
@@ -188,7 +187,8 @@ class EstimatorNode(Node):
         if self._early:
             return WARN, f"waits for the announcement of episode {self._early.episode}", figures
         if self._open and time.monotonic() - self._since > LONG:
-            missing = [topic for topic, said in self._said.items() if nanoseconds(self._open[0].stamp) not in said]
+            at = nanoseconds(self._open[0].header.stamp)
+            missing = [topic for topic, said in self._said.items() if at not in said]
             return WARN, f"tick {tick} of episode {episode} waits for {' and '.join(missing)}", figures
         if 0 < self._lost == episode:
             return WARN, f"of episode {episode} nothing is known any more", figures

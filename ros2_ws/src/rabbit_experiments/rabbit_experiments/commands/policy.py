@@ -55,10 +55,10 @@ def load(
         service = client.client("load_policy").service_name
         if timeout > PATIENCE and not client.client("load_policy").wait_for_service(PATIENCE):
             print(f"waiting for {service}, {timeout:g} s at most", file=sys.stderr, flush=True)
-        answer = client.ask("load_policy", timeout, path=str(policy_path(str(file)).absolute()))
+        answer = client.ask("load_policy", timeout, policy=str(policy_path(str(file)).absolute()))
         if answer is None:
             fail(f"no answer from {service} after {timeout:g} s: is the graph running?", NOBODY)
-    if not answer.accepted:
+    if not answer.success:
         fail(f"the controller refused {file}: {answer.message}")
     print(f"{file}: loaded, version {answer.version}")
 

@@ -1,22 +1,26 @@
-"""Publishes a recording's messages again: their bytes, at their pace, under the QoS they were offered with."""
+"""Publishes a recording's messages again: their bytes, at their pace, under the QoS they were offered with.
+
+Those of a former version become messages of today.
+"""
 
 import time
+from contextlib import closing
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-import rclpy
 from ament_index_python.packages import get_package_share_directory
-from rabbit_common.ros.context import joined
+from rabbit_common.ros.client import GraphClient
 from rabbit_common.ros.namespace_check import first_published
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Connection, ConnectionExtRosbag2, QosDurability, QosReliability
+from rosbags.typesys.store import Typestore
 
 from rabbit_recording import RecordingError
 from rabbit_recording.bag_writer import graph_types
+from rabbit_recording.former_messages import Renewal
 from rabbit_recording.open_recording import begin_of, one_line_errors, opened
 
 DELIVERY_SECONDS = 3.0
@@ -36,40 +40,43 @@ def play(path: Path, rate: float = 1.0, namespace: str = "", delay: float = 1.0)
         How many messages were published.
 
     Raises:
-        RecordingError: not readable, of other message definitions than the sourced workspace's, or with topics that
-            somebody publishes already.
+        RecordingError: not readable, of other message definitions than the sourced workspace's and the former ones, or
+            with topics that somebody publishes already.
         Refused: the environment cannot be used.
     """
-    with opened(path) as reader, joined("/") as context:
-        _check_definitions(path, reader)
-        node = rclpy.create_node("player", namespace=namespace, context=context)
-        publishers = {c.topic: _publisher(node, c, namespace) for c in reader.connections}
+    here = graph_types([Path(get_package_share_directory("rabbit_msgs"))])
+    with opened(path) as reader, closing(GraphClient("player", namespace, "/")) as client:
+        renewal = Renewal(reader, here)
+        publishers: dict[str, Any] = {}
+        for connection in reader.connections:
+            for topic, kind in renewal.topics(connection):
+                if connection.msgtype not in renewal.former and differ(kind, reader.typestore, here):
+                    raise RecordingError(f"recording {path}: {kind} is defined otherwise in the sourced workspace")
+                publishers[topic] = _publisher(client.node, topic, kind, connection, namespace)
         topics = [publisher.topic_name for publisher in publishers.values()]
-        if clash := first_published(node, topics, 1, delay):  # one is the player's own
+        if clash := first_published(client.node, topics, 1, delay):  # one is the player's own
             raise RecordingError(f"recording {path}: {clash} is published already; give --namespace, or end that graph")
         began, count = time.monotonic(), 0
         with one_line_errors(path):
             begin = begin_of(reader)
             for connection, nanoseconds, data in reader.messages():
                 time.sleep(max(0.0, began + (nanoseconds - begin) / 1e9 / rate - time.monotonic()))
-                publishers[connection.topic].publish(data)
-                count += 1
+                for topic, message in renewal.messages(connection, data):
+                    publishers[topic].publish(message)
+                    count += 1
         for each in publishers.values():
             each.wait_for_all_acked(Duration(seconds=DELIVERY_SECONDS))
         return count
 
 
-def _check_definitions(path: Path, reader: AnyReader) -> None:
-    """Raise `RecordingError` if a type is defined otherwise here: the bytes would mean something else."""
-    here = graph_types([Path(get_package_share_directory("rabbit_msgs"))])
-    for name in sorted({c.msgtype for c in reader.connections} & here.fielddefs.keys()):
-        if here.hash_rihs01(name) != reader.typestore.hash_rihs01(name):
-            raise RecordingError(f"recording {path}: {name} is defined otherwise in the sourced workspace")
+def differ(kind: str, there: Typestore, here: Typestore) -> bool:
+    """Whether a type is defined otherwise here: the bytes would mean something else."""
+    return kind in here.fielddefs and here.hash_rihs01(kind) != there.hash_rihs01(kind)
 
 
-def _publisher(node: Node, connection: Connection, namespace: str) -> Any:
-    package, _, name = connection.msgtype.split("/")
-    topic = "/" + "/".join(part.strip("/") for part in (namespace, connection.topic) if part.strip("/"))
+def _publisher(node: Node, topic: str, kind: str, connection: Connection, namespace: str) -> Any:
+    package, _, name = kind.split("/")
+    topic = "/" + "/".join(part.strip("/") for part in (namespace, topic) if part.strip("/"))
     return node.create_publisher(getattr(import_module(f"{package}.msg"), name), topic, _quality(connection))
 
 

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from rabbit_common.message_checks import Refused, check_turn
-from rabbit_common.ros.conversions import stamp, torque_of
+from rabbit_common.ros.conversions import header, torque_of
 from rabbit_description.gait import load_gaits
 from rabbit_description.state import Array, RobotState
 from rabbit_msgs.msg import Episode, TorqueCommand
@@ -17,7 +17,7 @@ from rabbit_sim.real_time import Source, StandIn
 from rabbit_sim.restart_file import RestartFile
 from rabbit_sim.ros.controller_admission import ControllerAdmission
 from rabbit_sim.ros.live_controllers import REPEAT_SECONDS, Wait
-from rabbit_sim.ros.publishers import SimulatorPublishers, episode_of, restart_point
+from rabbit_sim.ros.publishers import SimulatorPublishers, episode_of, of_our_robot, restart_point
 from rabbit_sim.ros.tick_clock import TickClock
 from rabbit_sim.simulation import Simulation
 
@@ -65,7 +65,7 @@ class EpisodePlayer:
         self.admission.begin()
         self.state = state = self.simulation.reset(seed)
         number = self.episode.episode + 1
-        self.episode = Episode(episode=number, seed=seed, sigma=sigma, policy_version=policy, stones=plant.stones)
+        self.episode = of_our_robot(episode=number, seed=seed, sigma=sigma, policy_version=policy, stones=plant.stones)
         self._topics.begin(self.episode)
         self.announce(Episode.RUNNING)
         self._publish(state)
@@ -87,7 +87,7 @@ class EpisodePlayer:
 
     def _step(self, torque: Array, source: Source) -> None:
         """Ends the episode if it is over."""
-        before = stamp(self._clock_ticks), self.episode.episode, self.episode.tick
+        before = header(self._clock_ticks), self.episode.episode, self.episode.tick
         self.state, self.torque = self.simulation.step(torque), None
         self.episode.tick, self.episode.touchdowns = self.state.tick, self.state.touchdowns
         self._clock_ticks += 1
@@ -112,7 +112,7 @@ class EpisodePlayer:
 
     def announce(self, phase: int) -> None:
         """Publish where the episode stands."""
-        self.episode.phase, self.episode.stamp = phase, stamp(self._clock_ticks)
+        self.episode.phase, self.episode.header = phase, header(self._clock_ticks)
         self._memory.note(restart_point(self.episode, self._clock_ticks))
         self._topics.episode(self.episode)
 
@@ -161,12 +161,12 @@ class EpisodePlayer:
     def ask_again(self, state: RobotState) -> None:
         """Announce the episode and publish the state once more."""
         self.announce(Episode.RUNNING)
-        self._topics.again(state, self.episode.episode, stamp(self._clock_ticks))
+        self._topics.again(state, self.episode.episode, header(self._clock_ticks))
 
     def _publish(self, state: RobotState) -> None:
         """A tick's messages."""
         self._memory.note(restart_point(self.episode, self._clock_ticks))
-        now, truth = stamp(self._clock_ticks), self.simulation.reading
+        now, truth = header(self._clock_ticks), self.simulation.reading
         self._topics.tick(state, self.episode.episode, now, self.simulation.landings, truth)
         self.ticks.sent()
         if self.wait.reminders:

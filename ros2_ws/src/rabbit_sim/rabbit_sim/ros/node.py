@@ -4,9 +4,9 @@ In lock-step (the default) nothing moves before the torque of the very tick has 
 the wall clock, and `real_time` says what acts in place of a torque that comes late.
 """
 
-from rabbit_common.message_checks import MessageCounter, Refused
+from rabbit_common.message_checks import Refused
 from rabbit_common.priority import scheduling, take_priority
-from rabbit_common.ros.checked_subscription import create_checked_subscription
+from rabbit_common.ros.checked_node import CheckedNode
 from rabbit_common.ros.conversions import check_plan
 from rabbit_common.ros.diagnostics import OK, WARN, Diagnostics, Status
 from rabbit_common.ros.parameters import declare, follow, refuse_unknown
@@ -15,8 +15,8 @@ from rabbit_common.ros.spin import run, steady_timer
 from rabbit_description.gait import GaitError
 from rabbit_description.state import RobotState
 from rabbit_msgs.msg import Episode, EpisodePlan, TorqueCommand
-from rabbit_msgs.srv import Pause, ResetEpisode
-from rclpy.node import Node
+from rabbit_msgs.srv import ResetEpisode
+from std_srvs.srv import SetBool
 
 from rabbit_sim.node_parameters import NodeParameters
 from rabbit_sim.parameters import SimulationParameters
@@ -28,7 +28,7 @@ from rabbit_sim.stones import CourseError
 ERRORS = (GaitError, CourseError, RestartFileError)  # of the constructor, when a file or value cannot be used
 
 
-class SimulatorNode(Node):
+class SimulatorNode(CheckedNode):
     """Plays episodes with whoever answers its states."""
 
     def __init__(self) -> None:
@@ -37,7 +37,6 @@ class SimulatorNode(Node):
         plant = declare(self, SimulationParameters)
         refuse_unknown(self)
         take_priority(self._own.priority, self.get_logger().warning)
-        self._message_counter = MessageCounter()
         self._plan: EpisodePlan | None = None
         self._paused = self._own.start_paused
         self._player = EpisodePlayer(self, self._own, plant, self._on_due)
@@ -54,11 +53,11 @@ class SimulatorNode(Node):
         self._player.simulation.close()
 
     def _connect(self) -> None:
-        torques = create_checked_subscription(self, TorqueCommand, "torque", self._on_torque, TICK, self._refuse)
+        torques = self._hear(TorqueCommand, "torque", self._on_torque, TICK)
         self._live_controllers = LiveControllers(self, torques)
-        create_checked_subscription(self, EpisodePlan, "episode_plan", self._on_plan, EVENT, self._refuse)
+        self._hear(EpisodePlan, "episode_plan", self._on_plan, EVENT)
         self.create_service(ResetEpisode, "reset_episode", self._on_reset)
-        self.create_service(Pause, "pause", self._on_pause)
+        self.create_service(SetBool, "pause", self._on_pause)
         self._diagnostics = Diagnostics(self, self._message_counter, self._status)
         steady_timer(self, LOOK_SECONDS, self._look)
 
@@ -87,26 +86,23 @@ class SimulatorNode(Node):
         self._message_counter.accept("episode_plan")
         self._plan = message
 
-    def _refuse(self, topic: str, error: Refused) -> None:
-        self.get_logger().warning(self._message_counter.refuse(topic, error), throttle_duration_sec=1.0)
-
     def _on_reset(self, request: ResetEpisode.Request, response: ResetEpisode.Response) -> ResetEpisode.Response:
         if not self._answered_by_someone():
             response.message = "there is no controller"
             return response
         self._player.end("reset", BY_SERVICE)
         self._player.begin(request.seed)
-        response.accepted, response.episode = True, self._player.episode.episode
+        response.success, response.episode = True, self._player.episode.episode
         return response
 
-    def _on_pause(self, request: Pause.Request, response: Pause.Response) -> Pause.Response:
-        self._paused = request.paused
+    def _on_pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        self._paused = request.data
         self._player.wait.begin()
         self._player.ticks.sent()  # a pause makes nothing older
         if self._player.state is not None:
             self._player.announce(Episode.PAUSED if self._paused else Episode.RUNNING)
         self._go_on()
-        response.accepted = True
+        response.success = True
         return response
 
     # The episode

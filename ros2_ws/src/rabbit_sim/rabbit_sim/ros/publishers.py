@@ -3,17 +3,26 @@
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
-from builtin_interfaces.msg import Time
-from rabbit_common.ros.conversions import encoder_message, imu_message, joint_state, preview_message, state_message
+from rabbit_common.ros.conversions import (
+    LAYOUT,
+    encoder_message,
+    imu_message,
+    joint_state,
+    preview_message,
+    state_message,
+)
 from rabbit_common.ros.qos import EVENT, TICK
 from rabbit_description.state import BodySensors, RobotState, StonePreview
-from rabbit_msgs.msg import Episode, RabbitState
+from rabbit_msgs.msg import Episode
 from rabbit_msgs.msg import Landing as LandingMessage
+from rabbit_msgs.msg import RobotState as StateMessage
 from rabbit_msgs.msg import StonePreview as PreviewMessage
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Imu, JointState
+from std_msgs.msg import Header
 
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.plant import PlantReading
@@ -26,15 +35,15 @@ class LabPublishers:
 
     def __init__(self, node: Node, p: SimulationParameters) -> None:
         self._imu = node.create_publisher(Imu, "imu", TICK)
-        self._truth = node.create_publisher(RabbitState, "true_state", TICK)
+        self._truth = node.create_publisher(StateMessage, "true_state", TICK)
         gyro, accelerometer = p.gyro_noise**2 + p.gyro_bias**2, p.accelerometer_noise**2 + p.accelerometer_bias**2
         self._variances = p.attitude_error**2, gyro, accelerometer
 
-    def imu(self, sensors: BodySensors, at: Time) -> None:
+    def imu(self, sensors: BodySensors, at: Header) -> None:
         """Of a tick."""
         self._imu.publish(imu_message(sensors, at, self._variances))
 
-    def truth(self, state: RobotState, reading: PlantReading, episode: int, at: Time) -> None:
+    def truth(self, state: RobotState, reading: PlantReading, episode: int, at: Header) -> None:
         """Of the same tick, while somebody hears it."""
         if self._truth.get_subscription_count():
             true = replace(state, q=reading.q, dq=reading.dq, foot_force=reading.foot_force)
@@ -47,7 +56,7 @@ class SimulatorPublishers:
     def __init__(self, node: Node, parameters: SimulationParameters) -> None:
         self._log = node.get_logger()
         self._lab = LabPublishers(node, parameters) if parameters.sensors == "lab" else None
-        self._states = node.create_publisher(RabbitState, "measured" if self._lab else "state", TICK)
+        self._states = node.create_publisher(StateMessage, "measured" if self._lab else "state", TICK)
         self._joints = node.create_publisher(JointState, "joint_states", TICK)
         self._clock = node.create_publisher(Clock, "clock", TICK)
         self._previews = node.create_publisher(PreviewMessage, "preview", EVENT)
@@ -81,30 +90,30 @@ class SimulatorPublishers:
         self._episodes.publish(message)
 
     def tick(
-        self, state: RobotState, episode: int, at: Time, landings: Sequence[Landing], reading: PlantReading
+        self, state: RobotState, episode: int, at: Header, landings: Sequence[Landing], reading: PlantReading
     ) -> None:
         """A tick; what the controller needs with the state goes before it. `landings`: all of the episode."""
         if state.preview is not None and state.preview != self._preview:
             self._previews.publish(preview_message(state.preview, episode, at))
         self._preview = state.preview
         self._state(state, episode, at)
-        self._clock.publish(Clock(clock=at))  # while the controller works
+        self._clock.publish(Clock(clock=at.stamp))  # while the controller works
         if self._lab:
             self._lab.truth(state, reading, episode, at)
         elif self._joints.get_subscription_count():
             self._joints.publish(joint_state(state, at))
         for landing in landings[self._landings_sent :]:
             fields = {name: getattr(landing, name) for name in ("tick", "index", "l", "l_min", "l_max", "on_stone")}
-            self._landings.publish(LandingMessage(stamp=at, episode=episode, **fields))
+            self._landings.publish(LandingMessage(header=at, episode=episode, **fields))
         self._landings_sent = len(landings)
 
-    def again(self, state: RobotState, episode: int, at: Time) -> None:
+    def again(self, state: RobotState, episode: int, at: Header) -> None:
         """What the answer to a tick needs: its reader may just have come, or have heard something else."""
         if state.preview is not None:
             self._previews.publish(preview_message(state.preview, episode, at))
         self._state(state, episode, at)
 
-    def _state(self, state: RobotState, episode: int, at: Time) -> None:
+    def _state(self, state: RobotState, episode: int, at: Header) -> None:
         """What is answered: with a lab's sensors in three parts."""
         self._states.publish(state_message(state, episode, at))
         if self._lab and state.sensors:
@@ -121,9 +130,14 @@ def restart_point(e: Episode, clock_ticks: int) -> RestartPoint:
     return RestartPoint(clock_ticks=clock_ticks, running=running, **{name: getattr(e, name) for name in KEPT})
 
 
+def of_our_robot(**fields: Any) -> Episode:
+    """An announcement, with the names of what our arrays hold."""
+    return Episode(**{name: list(names) for name, names in LAYOUT.items()}, **fields)
+
+
 def episode_of(before: RestartPoint, stones: int) -> Episode:
     """The newest episode of the simulator before this one; where that was killed in its middle, it is over."""
-    episode = Episode(stones=stones, **{name: getattr(before, name) for name in KEPT})
+    episode = of_our_robot(stones=stones, **{name: getattr(before, name) for name in KEPT})
     if not before.episode:
         episode.sigma = math.nan
     if before.running:

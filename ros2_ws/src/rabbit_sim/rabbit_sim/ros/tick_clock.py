@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable
 
-from builtin_interfaces.msg import Time
 from rabbit_common.ros.qos import TICK
 from rabbit_common.ros.spin import steady_timer
 from rabbit_description.state import TICK_SECONDS
@@ -11,6 +10,7 @@ from rabbit_msgs.msg import Timing
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.timer import Timer
+from std_msgs.msg import Header
 
 from rabbit_sim.real_time import LATE_SECONDS, Punctuality, Source
 
@@ -59,14 +59,14 @@ class TickClock:
         if self._timer is not None:
             self._response = self._now() - self._sent
 
-    def simulated(self, at: Time, episode: int, tick: int, source: Source) -> None:
-        """A tick of real time that began `at` this simulated time was simulated under what `source` says."""
+    def simulated(self, at: Header, episode: int, tick: int, source: Source) -> None:
+        """A tick of real time that began `at` this time was simulated under what `source` says."""
         if source is Source.ANSWER:
             self._acting_sent = self._sent
         self.punctuality.add(self._late, source)
         age = math.nan if source is Source.DAMPING else self._now() - self._acting_sent
         measured = {"source": int(source), "late": self._late, "response": self._response, "age": age}
-        self._publisher.publish(Timing(stamp=at, episode=episode, tick=tick, **measured))
+        self._publisher.publish(Timing(header=at, episode=episode, tick=tick, **measured))
 
     def wait(self) -> None:
         """A tick was simulated: the next one is due in its time."""

@@ -1,6 +1,6 @@
 """What a browser may ask of a running graph, where the viewer passes it on."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 from rabbit_common.options import fault
@@ -13,12 +13,17 @@ class Message(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
+    @property
+    def request(self) -> dict[str, Any]:
+        """The fields of the service's request."""
+        return self.model_dump(exclude={"do"}, by_alias=True)
+
 
 class Pause(Message):
     """Hold the robot between two ticks, or let it go on."""
 
     do: Literal["pause"]
-    paused: bool
+    paused: bool = Field(serialization_alias="data")
 
 
 class Reset(Message):
@@ -29,10 +34,10 @@ class Reset(Message):
 
 
 class Load(Message):
-    """Put a policy in force: a file of the controller's machine."""
+    """Put a policy in force: a shipped one, or a file of the controller's machine."""
 
     do: Literal["load"]
-    path: str = Field(min_length=1, max_length=500)
+    path: str = Field(min_length=1, max_length=500, serialization_alias="policy")
 
 
 Asked = Annotated[Pause | Reset | Load, Field(discriminator="do")]

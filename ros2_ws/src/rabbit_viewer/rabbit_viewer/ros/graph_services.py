@@ -4,13 +4,14 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-from rabbit_msgs.srv import LoadPolicy, Pause, ResetEpisode
+from rabbit_msgs.srv import LoadPolicy, ResetEpisode
 from rclpy.node import Node
 from rclpy.task import Future
+from std_srvs.srv import SetBool
 
 from rabbit_viewer.live.messages import Asked
 
-SERVICES = {"pause": ("pause", Pause), "reset": ("reset_episode", ResetEpisode), "load": ("load_policy", LoadPolicy)}
+SERVICES = {"pause": ("pause", SetBool), "reset": ("reset_episode", ResetEpisode), "load": ("load_policy", LoadPolicy)}
 
 
 class GraphServices:
@@ -25,12 +26,12 @@ class GraphServices:
         name, kind = SERVICES[asked.do]
         client = self._clients[name]
         if client.service_is_ready():
-            request = kind.Request(**asked.model_dump(exclude={"do"}))
+            request = kind.Request(**asked.request)
             client.call_async(request).add_done_callback(partial(self._on_answer, name))
         else:
             self._say(f"{name}: no such service in this graph")
 
     def _on_answer(self, name: str, answer: Future) -> None:
         response: Any = answer.result()
-        word = "accepted" if response.accepted else "refused"
+        word = "accepted" if response.success else "refused"
         self._say(f"{name}: {word}{f', {response.message}' if response.message else ''}")

@@ -42,8 +42,8 @@ class RvizTopics:
         return bool(self._tf.get_subscription_count() or self._markers.get_subscription_count())
 
     def show(self, state: Any, stance: Leg, ahead: StonePreview | None) -> None:
-        """A tick: its `RabbitState`, the leg that stands, and the next stone."""
-        foot = float(leg_points(state.q[None], stance)[0, 2, 0])
+        """A tick: its `RobotState`, the leg that stands, and the next stone."""
+        foot = float(leg_points(np.array(state.q)[None], stance)[0, 2, 0])
         indices = takewhile(self.landings.__contains__, range(state.touchdowns, state.touchdowns - SHOWN_STEPS, -1))
         landings = [self.landings[index] for index in indices][::-1]
         self._tf.publish(serialize_message(transforms(state)))
@@ -54,12 +54,12 @@ def markers(state: Any, foot: float, ahead: StonePreview | None, landings: Seque
     """The stones, the one ahead in green, or flat ground. They replace all markers before.
 
     Args:
-        state: with the fields of `RabbitState`.
+        state: with the fields of `RobotState`.
         foot: where the stance foot is, m.
         ahead: the next stone.
         landings: the last ones, the newest last, objects with the fields of `Landing`.
     """
-    header = Header(stamp=state.stamp, frame_id=WORLD)
+    header = Header(stamp=state.header.stamp, frame_id=WORLD)
     made = [Marker(header=header, action=Marker.DELETEALL)]
     stones = world_stones(foot, ahead, landings, state.touchdowns)
     for number, (near, far) in enumerate(stones or [(foot - GROUND, foot + GROUND)]):
@@ -94,8 +94,8 @@ def world_stones(
 
 def transforms(state: Any) -> TFMessage:
     """The links of the URDF, each in its parent. `slide_x` moves with the hip, forward only: a camera can follow it."""
-    x, z, pitch, *joints = state.q.tolist()
-    at = state.stamp
+    x, z, pitch, *joints = state.q
+    at = state.header.stamp
     made = [
         _frame(at, WORLD, "slide_x", x=x),
         _frame(at, "slide_x", "slide_z", z=z),

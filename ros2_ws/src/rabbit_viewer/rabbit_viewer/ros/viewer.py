@@ -10,14 +10,13 @@ import os
 import threading
 import time
 import webbrowser
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
 from pydantic import ValidationError
-from rabbit_common.message_checks import MessageCounter, Refused, check_finite
+from rabbit_common.message_checks import Refused, check_finite
 from rabbit_common.options import fault
+from rabbit_common.ros.checked_node import CheckedNode
 from rabbit_common.ros.conversions import preview_of
 from rabbit_common.ros.diagnostics import OK, Diagnostics, Status
 from rabbit_common.ros.parameters import declare, refuse_unknown
@@ -26,7 +25,6 @@ from rabbit_common.ros.spin import run, steady_timer
 from rabbit_description.state import Leg, RobotState, StonePreview
 from rabbit_experiments.walk_records import drawn_parameters
 from rabbit_msgs import msg
-from rclpy.node import Node
 from rl_cbf_clf_controller.message_fields import output_of
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
@@ -43,7 +41,7 @@ MOST_CONTROLLERS = 8  # whose parameters are kept
 AGAIN_SECONDS = 0.3  # without a new tick, after which the last one is shown again: somebody may just have come
 
 
-class ViewerNode(Node):
+class ViewerNode(CheckedNode):
     """Serves the live view."""
 
     def __init__(self) -> None:
@@ -59,16 +57,15 @@ class ViewerNode(Node):
         self.failure = ""  # what ends the node
         self._rviz = RvizTopics(self)
         self._graph_services = GraphServices(self, self._page.note) if own.control else None
-        self._message_counter = MessageCounter()
         self._episode = msg.Episode()
         self._previews: dict[int, StonePreview] = {}  # of this episode, by stone
         self._drawn: dict[str, dict[str, Any]] = {}  # parameters that the page draws, by controller, the newest last
         self._shown: tuple[Any, float] = (None, 0.0)
         self._patience = (time.monotonic() + own.wait, own.wait)
-        self.create_subscription(msg.Episode, "episode", self._on_episode, EVENT)
-        self.create_subscription(msg.StonePreview, "preview", self._on_preview, EVENT)
-        self.create_subscription(msg.Landing, "landing", self._on_landing, EVENT)
-        self.create_subscription(msg.ControllerSettings, "controller_settings", self._on_settings, EVENT)
+        self._hear(msg.Episode, "episode", self._on_episode, EVENT)
+        self._hear(msg.StonePreview, "preview", self._on_preview, EVENT)
+        self._hear(msg.Landing, "landing", self._on_landing, EVENT)
+        self._hear(msg.ControllerSettings, "controller_settings", self._on_settings, EVENT)
         self._diagnostics = Diagnostics(self, self._message_counter, self._status)
         steady_timer(self, PICTURE_SECONDS, self._look)
 
@@ -92,35 +89,24 @@ class ViewerNode(Node):
         self._previews, self._rviz.landings = {}, {}
 
     def _on_preview(self, message: msg.StonePreview) -> None:
-        with self._refusals("preview"):
-            stone = preview_of(message)
-            if self._is_present(message.episode):
-                self._previews[stone.index] = stone
+        stone = preview_of(message)
+        if self._is_present(message.episode):
+            self._previews[stone.index] = stone
 
     def _on_landing(self, message: msg.Landing) -> None:
-        with self._refusals("landing"):
-            check_finite("l", (message.l,))
-            if self._is_present(message.episode):
-                self._rviz.landings[message.index] = message
+        check_finite("l", (message.l,))
+        if self._is_present(message.episode):
+            self._rviz.landings[message.index] = message
 
     def _on_settings(self, message: msg.ControllerSettings) -> None:
-        with self._refusals("controller_settings"):
-            try:
-                parameters = ControllerParameters.model_validate_json(message.parameters)
-            except ValidationError as error:
-                raise Refused("no parameters", fault(error)) from error
-            self._drawn.pop(message.sender, None)  # the newest is last
-            self._drawn[message.sender] = drawn_parameters(parameters)
-            if len(self._drawn) > MOST_CONTROLLERS:
-                del self._drawn[next(iter(self._drawn))]
-
-    @contextmanager
-    def _refusals(self, topic: str) -> Iterator[None]:
-        """Log and count what is refused inside."""
         try:
-            yield
-        except Refused as error:
-            self.get_logger().warning(self._message_counter.refuse(topic, error), throttle_duration_sec=1.0)
+            parameters = ControllerParameters.model_validate_json(message.parameters)
+        except ValidationError as error:
+            raise Refused("no parameters", fault(error)) from error
+        self._drawn.pop(message.sender, None)  # the newest is last
+        self._drawn[message.sender] = drawn_parameters(parameters)
+        if len(self._drawn) > MOST_CONTROLLERS:
+            del self._drawn[next(iter(self._drawn))]
 
     def _is_present(self, episode: int) -> bool:
         """Whether it is the running episode: of latched messages some are older, and one may come before `episode`."""
@@ -146,38 +132,38 @@ class ViewerNode(Node):
         is_new = self._ticks.key != key
         if self._ticks.key is not None and (is_new or now - at > AGAIN_SECONDS):
             self._shown = (self._ticks.key, now)
-            with self._refusals("tick"):
+            try:
                 self._show(is_new)
+            except Refused as error:
+                self._refuse("tick", error)
 
     def _show(self, is_new: bool) -> None:
         if is_new and self._page.page.is_watched:
             for parts in (*self._ticks.earlier, self._ticks.parts):
                 self._show_row(parts)
         if self._rviz.is_watched:
-            state, details = self._checked(self._ticks.parts)
+            state, details, _ = self._checked(self._ticks.parts)
             self._is_present(state.episode)
             self._rviz.show(state, Leg(details.stance), self._ahead(state))
         self._message_counter.accept("tick")
 
     def _show_row(self, parts: dict[str, bytes]) -> None:
         """A tick on the page."""
-        state, details = self._checked(parts)
+        state, details, terms = self._checked(parts)
         if not self._is_present(state.episode):
             return
-        try:
-            output = output_of(details, np.array(state.applied))
-        except ValueError as error:
-            raise Refused("no tick", str(error)) from error
+        output = output_of(details, terms, np.array(state.applied))
         drawn = self._drawn.get(self._episode.controller) or next(reversed(self._drawn.values()), {})
         self._page.show(self._episode, drawn, RobotState.of_message(state, self._ahead(state)), output)
 
-    def _checked(self, parts: dict[str, bytes]) -> tuple[Any, Any]:
+    def _checked(self, parts: dict[str, bytes]) -> tuple[Any, Any, Any]:
         """A tick's messages; raises `Refused`, also where the controller's is of one whose torques do not act."""
-        state, details = checked_tick(parts)
+        state, details, terms = checked_tick(parts)
         e = self._episode
-        if state.episode == e.episode and e.controller not in ("", details.sender):
-            raise Refused("another controller", f"{details.sender}; {e.controller} walks episode {e.episode}")
-        return state, details
+        for each in (details, terms):
+            if state.episode == e.episode and e.controller not in ("", each.sender):
+                raise Refused("another controller", f"{each.sender}; {e.controller} walks episode {e.episode}")
+        return state, details, terms
 
     def _ahead(self, state: Any) -> StonePreview | None:
         return self._previews.get(state.touchdowns + 1) if state.previewed else None

@@ -1,63 +1,47 @@
-"""What the controller publishes. The way from a `ControllerState` back to a `ControllerOutput` is in message_fields."""
+"""What the controller publishes. The fields that tell of an output are in message_fields, with the way back."""
 
 from array import array
-from typing import Any
 
-import numpy as np
-from builtin_interfaces.msg import Time
+from rabbit_common.message_arrays import doubles
 from rabbit_description.gait import Gaits
-from rabbit_description.state import Array
-from rabbit_msgs.msg import ControllerSettings, ControllerState, PolicySwap, RabbitState, TorqueCommand
+from rabbit_msgs.msg import ControllerSettings, ControllerState, LearnerTerms, PolicySwap, RobotState, TorqueCommand
 
 from rl_cbf_clf_controller.controller_output import ControllerOutput
-from rl_cbf_clf_controller.message_fields import SAME, SEQUENCES
+from rl_cbf_clf_controller.message_fields import state_fields, terms_fields
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.ros.policy_loader import CheckedPolicy
 
-_AS_THEY_ARE = {*SAME, "policy_version"} - {"fault", "status"}
 
-
-def torque_message(output: ControllerOutput, episode: int, at: Time, sender: str) -> TorqueCommand:
+def torque_message(output: ControllerOutput, answered: RobotState, sender: str) -> TorqueCommand:
     """What the simulator needs."""
     return TorqueCommand(
-        stamp=at,
-        episode=episode,
-        tick=output.tick,
-        torque=output.torque,
+        header=answered.header,
+        episode=answered.episode,
+        tick=answered.tick,
+        torque=doubles(output.torque),
         policy_version=output.policy_version,
         fault=output.fault[:128],
         sender=sender,
     )
 
 
-def controller_state(output: ControllerOutput, episode: int, at: Time, sender: str) -> ControllerState:
-    """All but the torque; texts that may be too long for the message are cut."""
-    same: dict[str, Any] = {name: getattr(output, name) for name in _AS_THEY_ARE}
-    same |= {name: doubles(getattr(output, name)) for name in (*SEQUENCES, "measured")}
-    return ControllerState(
-        stamp=at,
-        episode=episode,
-        stance=int(output.stance),
-        clf=output.V,
-        lgv=output.LgV,
-        quantities=list(output.quantities),
-        active=[name[:32] for name in output.active[:64]],
-        fault=output.fault[:128],
-        status=output.status[:64],
-        sender=sender,
-        **same,
-    )
+def controller_state(output: ControllerOutput, answered: RobotState, sender: str) -> ControllerState:
+    """For a person: all but the torque and what only a learner needs."""
+    of = {"header": answered.header, "episode": answered.episode, "tick": answered.tick, "sender": sender}
+    return ControllerState(**of, **state_fields(output))
 
 
-def doubles(values: Array) -> bytes:
-    """For a sequence of a message: copied at once, where rclpy would ask an array for each number."""
-    return np.asarray(values, dtype=np.float64).tobytes()
+def learner_terms(output: ControllerOutput, answered: RobotState, sender: str) -> LearnerTerms:
+    """The rest."""
+    of = {"header": answered.header, "episode": answered.episode, "tick": answered.tick, "sender": sender}
+    return LearnerTerms(**of, **terms_fields(output))
 
 
-def fault_message(message: RabbitState, reason: str, version: str, sender: str) -> TorqueCommand:
+def fault_message(message: RobotState, reason: str, version: str, sender: str) -> TorqueCommand:
     """In place of a state's torque: why its episode must end."""
-    where = {name: getattr(message, name) for name in ("stamp", "episode", "tick")}
-    return TorqueCommand(**where, policy_version=version, fault=reason[:128], sender=sender)
+    where = {name: getattr(message, name) for name in ("header", "episode", "tick")}
+    torque = array("d", bytes(8 * len(message.applied)))
+    return TorqueCommand(**where, torque=torque, policy_version=version, fault=reason[:128], sender=sender)
 
 
 def swap_message(checked: CheckedPolicy, turn: tuple[int, int], sender: str) -> PolicySwap:

@@ -9,21 +9,20 @@ force between two ticks; every torque says which policy made it.
 import math
 import secrets
 
-from rabbit_common.message_checks import MessageCounter, Refused
+from rabbit_common.message_checks import Refused
 from rabbit_common.priority import scheduling, take_priority
-from rabbit_common.ros.checked_subscription import create_checked_subscription
+from rabbit_common.ros.checked_node import CheckedNode
 from rabbit_common.ros.diagnostics import OK, WARN, Diagnostics, Status
 from rabbit_common.ros.parameters import ParameterError, declare, follow, refuse_unknown
 from rabbit_common.ros.qos import EVENT, TICK
 from rabbit_common.ros.spin import run
 from rabbit_description.gait import GaitError, load_gaits
 from rabbit_msgs import msg
-from rclpy.node import Node
 
 from rl_cbf_clf_controller.controller import DYNAMIC, Controller
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import ZeroPolicy
-from rl_cbf_clf_controller.ros.messages import controller_state, fault_message, settings_message, torque_message
+from rl_cbf_clf_controller.ros import messages
 from rl_cbf_clf_controller.ros.node_parameters import NodeParameters
 from rl_cbf_clf_controller.ros.policies import Policies
 from rl_cbf_clf_controller.ros.tick_intake import TickIntake
@@ -33,7 +32,7 @@ from rl_cbf_clf_controller.weights import PolicyFileError
 ERRORS = (GaitError, PolicyFileError)  # of the constructor, when a file cannot be used
 
 
-class ControllerNode(Node):
+class ControllerNode(CheckedNode):
     """Answers states with torques."""
 
     def __init__(self) -> None:
@@ -48,7 +47,6 @@ class ControllerNode(Node):
         policy = self._policies.in_force.policy or ZeroPolicy(self._settings.problem)
         self._controller = Controller(self._settings, self._gait, policy)
         self._controller.rehearse()
-        self._message_counter = MessageCounter()
         self._ticks = TickIntake()
         self._answer: msg.TorqueCommand | None = None  # the newest
         self._connect()
@@ -63,16 +61,17 @@ class ControllerNode(Node):
     def _connect(self) -> None:
         self._torques = self.create_publisher(msg.TorqueCommand, "torque", TICK)
         self._details = self.create_publisher(msg.ControllerState, "controller_state", TICK)
+        self._terms = self.create_publisher(msg.LearnerTerms, "learner_terms", TICK)
         self._told_settings = self.create_publisher(msg.ControllerSettings, "controller_settings", EVENT)
-        self._states = create_checked_subscription(self, msg.RabbitState, "state", self._on_state, TICK, self._refuse)
-        create_checked_subscription(self, msg.StonePreview, "preview", self._on_preview, EVENT, self._refuse)
-        create_checked_subscription(self, msg.Episode, "episode", self._on_episode, EVENT, self._refuse)
+        self._states = self._hear(msg.RobotState, "state", self._on_state, TICK)
+        self._hear(msg.StonePreview, "preview", self._on_preview, EVENT)
+        self._hear(msg.Episode, "episode", self._on_episode, EVENT)
         self._diagnostics = Diagnostics(self, self._message_counter, self._status)
         self._tell_settings()
 
     # What comes in
 
-    def _on_state(self, message: msg.RabbitState) -> None:
+    def _on_state(self, message: msg.RobotState) -> None:
         if (message.episode, message.tick) == self._ticks.turn:
             self._repeat()
             return
@@ -129,24 +128,26 @@ class ControllerNode(Node):
         except ValueError as error:
             self._give_up(message, str(error))
             return
-        self._say(torque_message(output, message.episode, message.stamp, self._sender))
+        self._say(messages.torque_message(output, message, self._sender))
         if self._details.get_subscription_count():
-            self._details.publish(controller_state(output, message.episode, message.stamp, self._sender))
+            self._details.publish(messages.controller_state(output, message, self._sender))
+        if self._terms.get_subscription_count():
+            self._terms.publish(messages.learner_terms(output, message, self._sender))
 
     def _say(self, answer: msg.TorqueCommand) -> None:
         self._answer = answer
         self._torques.publish(answer)
 
-    def _give_up(self, message: msg.RabbitState, reason: str) -> None:
+    def _give_up(self, message: msg.RobotState, reason: str) -> None:
         """Answer with a fault: the simulator ends the episode under this reason."""
         self.get_logger().error(reason)
-        self._say(fault_message(message, reason, self._policies.in_force.version, self._sender))
+        self._say(messages.fault_message(message, reason, self._policies.in_force.version, self._sender))
 
-    def _missing(self, message: msg.RabbitState) -> str:
+    def _missing(self, message: msg.RobotState) -> str:
         """What this tick still waits for; empty when it can be made."""
         return self._ticks.missing_preview(message) or self._policies.missing(self._named(message))
 
-    def _named(self, message: msg.RabbitState) -> str:
+    def _named(self, message: msg.RobotState) -> str:
         """The policy that the episode names for this tick, its first; empty: any."""
         return str(self._ticks.episode.policy_version) if message.tick == 0 else ""
 
@@ -162,7 +163,7 @@ class ControllerNode(Node):
         """From which tick the present parameters hold."""
         episode, tick = self._ticks.turn
         turn = episode, tick + (self._ticks.held is None)
-        self._told_settings.publish(settings_message(self._settings, self._gait, turn, self._sender))
+        self._told_settings.publish(messages.settings_message(self._settings, self._gait, turn, self._sender))
 
     def _set_parameters(self, parameters: ControllerParameters) -> None:
         """The episode's own sigma goes before the node's."""
@@ -170,9 +171,6 @@ class ControllerNode(Node):
         sigma = parameters.sigma if math.isnan(sigma) else sigma
         self._controller.parameters = parameters.model_copy(update={"sigma": sigma})
         self._settings = parameters
-
-    def _refuse(self, topic: str, error: Refused) -> None:
-        self.get_logger().warning(self._message_counter.refuse(topic, error), throttle_duration_sec=1.0)
 
     def _status(self) -> Status:
         ticks = self._ticks

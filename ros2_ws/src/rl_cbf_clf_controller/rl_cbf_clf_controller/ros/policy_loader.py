@@ -1,6 +1,6 @@
-"""Where policies come in: from the topic `policy`, if it is heard, or, by service, from a file. Off the control path.
+"""Where policies come in, off the control path: from the topic `policy`, if it is heard, or by service, by name.
 
-The node's own thread only takes the bytes or the path. Another thread decodes and checks them; what it decided is
+The node's own thread only takes the bytes or the name. Another thread decodes and checks them; what it decided is
 handed to `decided`, which puts it in force between two ticks. The service is answered when the check is done.
 """
 
@@ -9,11 +9,10 @@ import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 
 from rabbit_common.message_checks import Refused
 from rabbit_common.priority import step_back
-from rabbit_common.ros.checked_subscription import bounds, check_size, decoded
+from rabbit_common.ros.checked_node import bounds, check_size, decoded
 from rabbit_common.ros.qos import EVENT
 from rabbit_common.ros.services import create_async_service
 from rabbit_description.bounded_file import FileError, read_bytes
@@ -25,7 +24,7 @@ from rclpy.task import Future
 
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import Policy, fitted
-from rl_cbf_clf_controller.weights import SIZE_LIMIT, PolicyFileError, decode
+from rl_cbf_clf_controller.weights import SIZE_LIMIT, PolicyFileError, decode, policy_path
 
 MOST_WAITING = 20  # policies that wait for their check
 
@@ -85,7 +84,7 @@ class PolicyLoader:
 
     def _on_load(self, request: LoadPolicy.Request, response: LoadPolicy.Response) -> Future:
         answer = Future(executor=self._node.executor)
-        self._jobs.put(partial(self._check_file, request.path, response, answer))
+        self._jobs.put(partial(self._check_named, request.policy, response, answer))
         return answer
 
     # In the thread that checks
@@ -107,13 +106,13 @@ class PolicyLoader:
             checked = CheckedPolicy("", message.source, False, None, text)
         self._checked(checked)
 
-    def _check_file(self, path: str, response: LoadPolicy.Response, answer: Future) -> None:
+    def _check_named(self, name: str, response: LoadPolicy.Response, answer: Future) -> None:
         try:
-            checked = check(read_bytes(Path(path), SIZE_LIMIT), path, *self._needs, by_operator=True)
+            checked = check(read_bytes(policy_path(name), SIZE_LIMIT), name, *self._needs, by_operator=True)
         except FileError as error:
-            checked = CheckedPolicy("", path, True, None, f"cannot read {path}: {error}")
+            checked = CheckedPolicy("", name, True, None, f"cannot read {name}: {error}")
         self._checked(checked)
-        response.accepted, response.message = checked.policy is not None, checked.reason
+        response.success, response.message = checked.policy is not None, checked.reason
         response.version = checked.version
         answer.set_result(response)
 

@@ -15,7 +15,8 @@ from rabbit_common.ros.conversions import (
     preview_of,
 )
 from rabbit_description.state import RobotState, StonePreview
-from rabbit_msgs.msg import Episode, RabbitState
+from rabbit_msgs.msg import Episode
+from rabbit_msgs.msg import RobotState as StateMessage
 from rabbit_msgs.msg import StonePreview as PreviewMessage
 
 from rl_cbf_clf_controller.ros.preview_buffer import PreviewBuffer
@@ -29,16 +30,16 @@ class TickIntake:
 
     def __init__(self) -> None:
         self.episode = Episode(sigma=math.nan)
-        self.early: RabbitState | None = None
+        self.early: StateMessage | None = None
         self._forget()
 
     def _forget(self) -> None:
         """A simulator that nobody has heard of yet."""
         self.turn = (0, -1)
-        self.held: RabbitState | None = None
+        self.held: StateMessage | None = None
         self._previews, self._since = PreviewBuffer(), -1  # ns: when the newest state was answered
 
-    def take(self, message: RabbitState) -> str | None:
+    def take(self, message: StateMessage) -> str | None:
         """Hold a new state. Returns why its episode must end, empty: it goes on; None: it is kept as an early one.
 
         Raises:
@@ -62,7 +63,7 @@ class TickIntake:
         self.held = message if message.running and not fault else None
         return fault
 
-    def announce(self, message: Episode) -> RabbitState | None:
+    def announce(self, message: Episode) -> StateMessage | None:
         """Another announcement. Returns the state that was early for it; raises `Refused`."""
         check_episode(message, self.turn[0])
         if is_new_simulator(message) and self.turn[0] > 0:
@@ -76,19 +77,19 @@ class TickIntake:
 
     def keep_preview(self, message: PreviewMessage) -> None:
         """For the state that needs it; raises `Refused`."""
-        self._previews.add(message.episode, preview_of(message), nanoseconds(message.stamp), self.turn[0])
+        self._previews.add(message.episode, preview_of(message), nanoseconds(message.header.stamp), self.turn[0])
 
-    def missing_preview(self, message: RabbitState) -> str:
+    def missing_preview(self, message: StateMessage) -> str:
         """What this state still waits for; empty: it has its preview."""
         return f"preview of stone {message.touchdowns + 1}" if message.previewed and not self._preview(message) else ""
 
-    def complete(self, message: RabbitState) -> RobotState:
+    def complete(self, message: StateMessage) -> RobotState:
         """The held state with its preview: it is answered now."""
         state = RobotState.of_message(message, self._preview(message))
-        self.held, self._since = None, nanoseconds(message.stamp)
+        self.held, self._since = None, nanoseconds(message.header.stamp)
         return state
 
-    def _preview(self, message: RabbitState) -> StonePreview | None:
+    def _preview(self, message: StateMessage) -> StonePreview | None:
         """Of the stone that this tick steps to."""
-        stone, now = message.touchdowns + 1, nanoseconds(message.stamp)
+        stone, now = message.touchdowns + 1, nanoseconds(message.header.stamp)
         return self._previews.get(message.episode, stone, self._since, now)

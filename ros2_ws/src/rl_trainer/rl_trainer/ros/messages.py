@@ -5,15 +5,16 @@ from dataclasses import fields
 from typing import Any
 
 import numpy as np
-from builtin_interfaces.msg import Time
+from rabbit_common.message_arrays import doubles
 from rabbit_common.message_checks import Refused
 from rabbit_common.ros.conversions import state_of, torque_of
 from rabbit_msgs import msg
 from rl_cbf_clf_controller.kinds import find_problem
-from rl_cbf_clf_controller.message_fields import output_of
+from rl_cbf_clf_controller.message_fields import state_values, terms_values
 from rl_cbf_clf_controller.policy import ActorPolicy, LearnedPolicy, ZeroPolicy
 from rl_cbf_clf_controller.problem import Problem
 from rl_cbf_clf_controller.weights import PolicyFile, PolicyFileError, decode
+from std_msgs.msg import Header
 
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.reward import reward, reward_terms
@@ -26,18 +27,18 @@ ZERO = "zero"
 
 
 def transition_message(
-    transition: Transition, parameters: TrainingParameters, episode: int, at: Time
+    transition: Transition, parameters: TrainingParameters, episode: int, at: Header
 ) -> msg.Transition:
     """A transition with its reward, term by term."""
     return msg.Transition(
-        stamp=at,
+        header=at,
         episode=episode,
         problem=str(transition.problem),
-        reward_terms=reward_terms(transition, parameters)[0],
+        reward_terms=doubles(reward_terms(transition, parameters)[0]),
         reward=reward(transition, parameters),
         doubt=int(transition.doubt),
         **{name: getattr(transition, name) for name in NUMBERS},
-        **{name.lower(): getattr(transition, name).ravel() for name in ARRAYS},
+        **{name.lower(): doubles(getattr(transition, name)) for name in ARRAYS},
     )
 
 
@@ -49,32 +50,34 @@ def transition_of(message: msg.Transition) -> Transition:
     return Transition(problem=find_problem(message.problem), doubt=Doubt(message.doubt), **values)
 
 
-def weights_message(policy: PolicyFile, source: str, at: Time) -> msg.PolicyWeights:
+def weights_message(policy: PolicyFile, source: str, at: Header) -> msg.PolicyWeights:
     """A policy as the bytes of its file."""
-    return msg.PolicyWeights(stamp=at, version=policy.version, source=source, data=array("B", policy.encode()))
+    return msg.PolicyWeights(header=at, version=policy.version, source=source, data=array("B", policy.encode()))
 
 
-def plan_message(plan: EpisodePlan, after: int, at: Time) -> msg.EpisodePlan:
+def plan_message(plan: EpisodePlan, after: int, at: Header) -> msg.EpisodePlan:
     """How the episode after number `after` is to be walked."""
     version = plan.policy.version if plan.policy else ZERO
-    return msg.EpisodePlan(stamp=at, after_episode=after, seed=plan.seed, sigma=plan.sigma, policy_version=version)
+    return msg.EpisodePlan(header=at, after_episode=after, seed=plan.seed, sigma=plan.sigma, policy_version=version)
 
 
 def checked_part(part: str, message: Any, problem: Problem) -> Any:
-    """A tick's `state` with its stamp, `torque` or `controller_state` with its sender; raises `Refused`."""
+    """A tick's `state` with its header, or the controller's parts with its sender; raises `Refused`.
+
+    Of `torque`, `controller_state` and `learner_terms` that is each what it tells of the `ControllerOutput`.
+    """
     if part == "state":
-        return message.stamp, state_of(message, None, finite=message.running)
+        return message.header, state_of(message, None, finite=message.running)
     if part == "torque":
-        return message.sender, torque_of(message)
-    try:
-        output = output_of(message, np.zeros(4))
-    except ValueError as error:
-        raise Refused("not fit", str(error)) from error
+        return message.sender, {"torque": torque_of(message)}
+    if part == "controller_state":
+        return message.sender, state_values(message)
+    values = terms_values(message)
     sizes = tuple(len(names) for names in problem.observations if len(names) >= len(problem.observation))
-    if output.quantities != problem.quantities or len(output.observation) not in sizes:
-        got = f"quantities {output.quantities}, {len(output.observation)} observations"
+    if values["quantities"] != problem.quantities or len(values["observation"]) not in sizes:
+        got = f"quantities {values['quantities']}, {len(values['observation'])} observations"
         raise Refused("not fit", f"{got}; this problem has {problem.quantities}, {' or '.join(map(str, sizes))}")
-    return message.sender, output
+    return message.sender, values
 
 
 def policy_of(message: msg.PolicySwap, problem: Problem) -> LearnedPolicy | None:

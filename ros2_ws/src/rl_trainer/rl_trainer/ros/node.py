@@ -1,27 +1,26 @@
-"""The trainer's node: puts ticks together from state, torque and controller state, for the learning thread.
+"""The trainer's node: puts ticks together from the state and the controller's three messages, for the learning thread.
 
 It publishes the transitions, weights that are no worse than those in force, and, where the simulator waits for it, how
 each episode is to be walked. It never holds up a tick: what it cannot learn from at once waits in a queue.
 """
 
 import time
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from builtin_interfaces.msg import Time
-from rabbit_common.message_checks import MessageCounter, Refused
-from rabbit_common.ros.checked_subscription import create_checked_subscription
+from rabbit_common.message_checks import Refused
+from rabbit_common.ros.checked_node import CheckedNode
 from rabbit_common.ros.conversions import check_episode, is_new_simulator
 from rabbit_common.ros.diagnostics import ERROR, OK, WARN, Diagnostics, Status
 from rabbit_common.ros.parameters import declare, refuse_unknown
 from rabbit_common.ros.qos import EVENT, TICK
 from rabbit_common.ros.spin import run, steady_timer
 from rabbit_msgs import msg
-from rclpy.node import Node
+from rl_cbf_clf_controller.controller_output import ControllerOutput
 from rl_cbf_clf_controller.policy import LearnedPolicy
 from rl_cbf_clf_controller.weights import PolicyFileError
+from std_msgs.msg import Header
 
 from rl_trainer.checkpoint import CheckpointError
 from rl_trainer.learning_thread import LearningThread
@@ -31,13 +30,18 @@ from rl_trainer.ros.publishers import Publishers
 from rl_trainer.ros.trainer_setup import NodeParameters, make_trainer
 from rl_trainer.tick_synchronizer import Event, Tick, TickSynchronizer
 
-PARTS = {"state": msg.RabbitState, "torque": msg.TorqueCommand, "controller_state": msg.ControllerState}
+PARTS = {
+    "state": msg.RobotState,
+    "torque": msg.TorqueCommand,
+    "controller_state": msg.ControllerState,
+    "learner_terms": msg.LearnerTerms,
+}
 GIVE_UP_SECONDS = 2.0  # after an episode's end, for ticks that have not come
 MOST_CONTROLLERS = 20  # whose policies are remembered
 ACTED = ("fault",)  # outcomes after which the last state has an answer too
 
 
-class TrainerNode(Node):
+class TrainerNode(CheckedNode):
     """Hears a walk and learns from it."""
 
     failure_code = 1  # it could be used, and cannot go on
@@ -51,16 +55,14 @@ class TrainerNode(Node):
         folder = Path(own.folder) if own.folder else None
         self._published = Publishers(self, self._training, own.plan_episodes)
         self._learning = LearningThread(make_trainer(self._training, own), self._published, beside, folder)
-        self._message_counter = MessageCounter()
         self._ticks = TickSynchronizer(tuple(PARTS))
         self._held_up_since: float | None = None
         self._started = self._is_joining = False
         self._newest: msg.Episode | None = None  # where the simulator stands
         self._policies: dict[str, LearnedPolicy] = {}  # in force, by controller
-        hear = partial(create_checked_subscription, self, refuse=self._refuse)
-        self._inputs = [hear(of, part, partial(self._on_part, part), TICK) for part, of in PARTS.items()]
-        hear(msg.Episode, "episode", self._on_episode, EVENT)
-        hear(msg.PolicySwap, "policy_swap", self._on_swap, EVENT)
+        self._inputs = [self._hear(of, part, partial(self._on_part, part), TICK) for part, of in PARTS.items()]
+        self._hear(msg.Episode, "episode", self._on_episode, EVENT)
+        self._hear(msg.PolicySwap, "policy_swap", self._on_swap, EVENT)
         self._diagnostics = Diagnostics(self, self._message_counter, self._status)
         steady_timer(self, 0.5, self._look)
         self.get_logger().info(f"ready: learns {self._training.problem}, begins with policy {own.policy}")
@@ -144,22 +146,20 @@ class TrainerNode(Node):
         newest = self._newest
         return newest is None or newest.episode != episode or newest.controller in ("", controller)
 
-    def _refuse(self, topic: str, error: Refused) -> None:
-        self.get_logger().warning(self._message_counter.refuse(topic, error), throttle_duration_sec=1.0)
-
     # What goes on
 
     def _hand_on(self, events: list[Event]) -> None:
         for episode, event in events:
             if isinstance(event, Tick):
-                (stamp, state), (controller, torque), (author, output) = event.messages
-                if author == controller:
-                    self._learning.tick(state, replace(output, torque=torque), (episode, stamp))
+                (at, state), *parts = event.messages
+                if len({controller for controller, _ in parts}) == 1:
+                    output = ControllerOutput(**{name: value for _, told in parts for name, value in told.items()})
+                    self._learning.tick(state, output, (episode, at))
                 else:
                     self._ticks.lost += 1
             else:
-                stamp, state = event.last or (Time(), None)
-                self._learning.end(state, episode, (episode, stamp))
+                at, state = event.last or (Header(), None)
+                self._learning.end(state, episode, (episode, at))
 
     def _look(self) -> None:
         """Begin, when the latched episodes are heard; give up what an ended one still owes; log a full disk."""

@@ -1,10 +1,10 @@
 """What the trainer publishes and logs of what was learned: plans, transitions, weights."""
 
-from builtin_interfaces.msg import Time
 from rabbit_common.ros.qos import EVENT, TICK, WEIGHTS
 from rabbit_msgs import msg
 from rclpy.node import Node
 from rl_cbf_clf_controller.weights import PolicyFile
+from std_msgs.msg import Header
 
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.publication_gate import Verdict
@@ -39,9 +39,9 @@ class Publishers:
     def plan_again(self, after: int) -> None:
         """Announce the newest plan, if it is for what follows this episode."""
         if self._planned and self._planned[1] == after:
-            self._plan.publish(plan_message(*self._planned, Time()))
+            self._plan.publish(plan_message(*self._planned, Header()))
 
-    def on_transition(self, transition: Transition, tag: tuple[int, Time]) -> None:
+    def on_transition(self, transition: Transition, tag: tuple[int, Header]) -> None:
         """A transition was taken in."""
         if self._transitions.get_subscription_count():
             self._transitions.publish(transition_message(transition, self._training, *tag))
@@ -57,5 +57,5 @@ class Publishers:
         self.figures = {**self.figures, "policies kept back": self._kept_back, **errors}
 
     def _publish(self, policy: PolicyFile) -> None:
-        self._weights.publish(weights_message(policy, self._node.get_fully_qualified_name(), Time()))
+        self._weights.publish(weights_message(policy, self._node.get_fully_qualified_name(), Header()))
         self._node.get_logger().info(f"policy {policy.version} published")

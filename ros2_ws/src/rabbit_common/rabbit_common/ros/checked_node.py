@@ -1,4 +1,4 @@
-"""Subscriptions that report what they cannot read: the middleware itself drops such bytes without a word."""
+"""Nodes that report what they cannot read: the middleware itself drops such bytes without a word."""
 
 import re
 from collections.abc import Callable
@@ -10,31 +10,34 @@ from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
 from rclpy.subscription import Subscription
 
-from rabbit_common.message_checks import Refused
+from rabbit_common.message_checks import MessageCounter, Refused
 
 MOST_BYTES = 10_000_000  # of a message; the largest carries a policy file, of which 8 MB are read
 
 _BOUND = re.compile(r"string<(\d+)>$|sequence<.*, (\d+)>$")
 
 
-def create_checked_subscription(
-    node: Node,
-    kind: Any,
-    topic: str,
-    callback: Callable[[Any], None],
-    qos: QoSProfile,
-    refuse: Callable[[str, Refused], None],
-) -> Subscription:
-    """Subscribe to `topic`; what is no message of this kind, or what `callback` refuses, goes to `refuse`."""
-    limits = bounds(kind)
+class CheckedNode(Node):
+    """A node that counts what it hears, and refuses with a line what it cannot use."""
 
-    def take(data: bytes) -> None:
-        try:
-            callback(decoded(data, kind, limits))
-        except Refused as error:
-            refuse(topic, error)
+    def __init__(self, name: str) -> None:
+        super().__init__(name)
+        self._message_counter = MessageCounter()
 
-    return node.create_subscription(kind, topic, take, qos, raw=True)
+    def _hear(self, kind: Any, topic: str, callback: Callable[[Any], None], qos: QoSProfile) -> Subscription:
+        """Subscribe to `topic`; what is no message of this kind, or what `callback` refuses, is refused."""
+        limits = bounds(kind)
+
+        def take(data: bytes) -> None:
+            try:
+                callback(decoded(data, kind, limits))
+            except Refused as error:
+                self._refuse(topic, error)
+
+        return self.create_subscription(kind, topic, take, qos, raw=True)
+
+    def _refuse(self, topic: str, error: Refused) -> None:
+        self.get_logger().warning(self._message_counter.refuse(topic, error), throttle_duration_sec=1.0)
 
 
 def decoded(data: bytes, kind: Any, limits: dict[str, int]) -> Any:

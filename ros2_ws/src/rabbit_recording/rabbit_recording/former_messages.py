@@ -1,0 +1,88 @@
+"""Messages of recordings that were made before the messages had a `std_msgs/Header`, as those of today.
+
+Their definitions are in the recordings. Then a message began with a bare stamp, arrays had RABBIT's lengths, and a
+`ControllerState` also held what is now in `LearnerTerms`. Those of version 0.1 had fewer fields still, which get what
+their absence meant.
+"""
+
+from collections.abc import Mapping
+from dataclasses import fields
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from rabbit_description.state import ACTUATED, COORDINATES
+from rosbags.highlevel import AnyReader
+from rosbags.interfaces import Connection
+from rosbags.typesys.store import Typestore
+
+NEW_KINDS = {"rabbit_msgs/msg/RabbitState": "rabbit_msgs/msg/RobotState"}
+PARTED = {"controller_state": ("controller_state", "learner_terms")}  # topics of today, by their last names
+OWN_KINDS = {"learner_terms": "rabbit_msgs/msg/LearnerTerms"}
+STAMP = "stamp"  # first field of a former message
+EMPTY_FRAME = b"\1\0\0\0" + bytes(4)  # a header's end: no name, padded so that what follows stays aligned
+OLDER = {"sender": "", "controller": "", "refused_controller": "", "height": 0.0}  # fields that the first had not
+LAYOUT = {"coordinates": [*COORDINATES], "joints": [*ACTUATED], "feet": ["left", "right"]}
+BARRIERS = ["B1", "B2"]
+NOT_TOLD = np.zeros(0)
+
+
+def renewed_bytes(data: bytes) -> bytes:
+    """With a header in place of the stamp: as far as `message_header` reads them, bytes of today."""
+    return data[:12] + EMPTY_FRAME + data[12:]
+
+
+def renewed(message: Any) -> Any:
+    """A decoded message with the fields of today's; of a `ControllerState`, also those of `LearnerTerms`."""
+    now = {**OLDER, **vars(message)}
+    now["header"] = SimpleNamespace(stamp=now.pop(STAMP), frame_id="world")
+    if "outcome" in now:
+        now |= LAYOUT
+    if "clf" in now:
+        V, barriers, rates = now.pop("clf"), now.pop("barriers"), now.pop("barrier_rates")
+        on_stones = not np.isnan(barriers).any()
+        now["names"] = ["V", *(BARRIERS if on_stones else ())]
+        now["values"] = np.array([V, *(barriers if on_stones else ())])
+        now["rates"] = np.array([np.nan, *(rates if on_stones else ())])
+        now |= {"rows": [], **dict.fromkeys(("margins", "slacks", "multipliers"), NOT_TOLD)}
+        now.setdefault("measured", np.full(len(now["quantities"]), np.nan))
+    return SimpleNamespace(**now)
+
+
+class Renewal:
+    """Bytes of a recording into those of today, of its own types; what is of today stays. `former`: the types."""
+
+    def __init__(self, reader: AnyReader, today: Typestore) -> None:
+        self._reader, self._today = reader, today
+        self.former = {c.msgtype for c in reader.connections if is_former(reader, c.msgtype)}
+
+    def topics(self, connection: Connection) -> list[tuple[str, str]]:
+        """The topics, by full name, and their types, that a recorded one is of."""
+        topic, kind = connection.topic, connection.msgtype
+        if kind not in self.former:
+            return [(topic, kind)]
+        place, _, name = topic.rpartition("/")
+        names = PARTED.get(name, (name,))
+        return [(f"{place}/{each}", OWN_KINDS.get(each, NEW_KINDS.get(kind, kind))) for each in names]
+
+    def messages(self, connection: Connection, data: bytes) -> list[tuple[str, bytes]]:
+        """By topic, what a recorded one is."""
+        if connection.msgtype not in self.former:
+            return [(connection.topic, data)]
+        message = renewed(self._reader.deserialize(data, connection.msgtype))
+        return [(topic, self._bytes(kind, message)) for topic, kind in self.topics(connection)]
+
+    def _bytes(self, kind: str, message: Any) -> bytes:
+        types: Mapping[str, Any] = self._today.types
+        at = message.header.stamp
+        stamp = types["builtin_interfaces/msg/Time"](sec=at.sec, nanosec=at.nanosec)
+        header = types["std_msgs/msg/Header"](stamp=stamp, frame_id=message.header.frame_id)
+        values = {each.name: getattr(message, each.name) for each in fields(types[kind])}
+        return bytes(self._today.serialize_cdr(types[kind](**{**values, "header": header}), kind))
+
+
+def is_former(reader: AnyReader, kind: str) -> bool:
+    """Whether a type of the recording is of a former version."""
+    if not kind.startswith("rabbit_msgs/"):
+        return False
+    return [name for name, _ in reader.typestore.fielddefs[kind][1]][:1] == [STAMP]

@@ -1,0 +1,102 @@
+"""Recordings made by version 358b837, whose messages had a bare stamp and RABBIT's lengths, and the first ones."""
+
+import lzma
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rabbit_recording.bag_writer import BagWriter
+from rabbit_recording.checking import check_episodes
+from rabbit_recording.contents import contents
+from rabbit_recording.open_recording import opened
+from rabbit_recording.reader import messages, read_episodes
+from rabbit_recording.recover import recover
+from rosbags.interfaces import ConnectionExtRosbag2
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+DATA = Path(__file__).parent / "data"
+NEW_FIELDS = ("sender", "controller", "refused_controller")  # the first recordings had none
+WALKED = {"former_best": {1: (1, 166)}, "former_trained": {1: (2, 46), 2: (3, 56)}}  # seed, ticks
+
+
+def former(name: str, folder: Path) -> Path:
+    """One of the recordings."""
+    path = folder / f"{name}.mcap"
+    path.write_bytes(lzma.decompress((DATA / f"{name}.mcap.xz").read_bytes()))
+    return path
+
+
+@pytest.mark.parametrize("name", WALKED)
+def test_each_tick_replays_to_the_recorded_torque(name: str, tmp_path: Path) -> None:
+    checked = list(check_episodes(former(name, tmp_path)))
+    assert {e.episode.number: (e.episode.seed, e.replayed) for e in checked} == WALKED[name]
+    assert not any(e.differing or e.episode.lost for e in checked)
+
+
+def test_its_contents_are_told(tmp_path: Path) -> None:
+    found = contents(former("former_best", tmp_path))
+    (episode,) = found.episodes
+    assert (episode.outcome, episode.touchdowns, episode.policies, episode.lost) == ("walked", 4, ["zero"], 0)
+    assert {topic.name: topic.messages for topic in found.topics}["/controller_state"] == episode.recorded
+
+
+def test_a_controller_state_of_then_is_two_messages_of_today(tmp_path: Path) -> None:
+    names = ("controller_state", "learner_terms")
+    told = list(messages(former("former_best", tmp_path), *names))
+    assert [topic for topic, _ in told] == [*names] * (len(told) // 2)
+    for topic, message in told:
+        assert message.header.stamp.sec * 100 + message.header.stamp.nanosec // 10_000_000 == message.tick
+        if topic == "controller_state":
+            assert message.names == ["V", "B1", "B2"]
+            assert np.isfinite(message.values).all()
+        else:
+            assert len(message.alpha) == 4 * len(message.quantities)
+
+
+def test_what_was_learned_from_is_read(tmp_path: Path) -> None:
+    path = former("former_trained", tmp_path)
+    transitions = [message for _, message in messages(path, "transition")]
+    assert len(transitions) == sum(ticks for _, ticks in WALKED["former_trained"].values())
+    outputs = [record.output for episode in read_episodes(path).values() for record in episode.records]
+    for transition, output in zip(transitions, outputs, strict=True):
+        np.testing.assert_array_equal(transition.mu, output.mu)
+        np.testing.assert_array_equal(transition.observation, output.observation)
+
+
+def test_a_cut_one_is_recovered_and_replays(tmp_path: Path) -> None:
+    path = former("former_best", tmp_path)
+    whole = path.read_bytes()
+    path.write_bytes(whole[: len(whole) * 2 // 3])
+    (checked,) = check_episodes(recover(path, tmp_path / "recovered").path)
+    assert 0 < checked.replayed < 166
+    assert checked.differing == []
+
+
+def test_one_made_before_controllers_had_names_is_read(tmp_path: Path) -> None:
+    path = without_names(former("former_trained", tmp_path), tmp_path / "first")
+    checked = list(check_episodes(path))
+    assert [(e.episode.controller, e.replayed, e.differing) for e in checked] == [("", 46, []), ("", 56, [])]
+
+
+def without_names(recording: Path, out: Path) -> Path:
+    """The recording without the fields that the first ones had not."""
+    types = get_typestore(Stores.ROS2_JAZZY)
+    with opened(recording) as reader:
+        connections = [each for each in reader.connections if each.msgtype.startswith("rabbit_msgs/")]
+        for each in connections:
+            lines = each.msgdef.data.split("\n====", 1)[0].splitlines()
+            text = "\n".join(line for line in lines if line.split()[1:2] not in [[name] for name in NEW_FIELDS])
+            types.register(get_types_from_msg(text, each.msgtype))
+        writer = BagWriter(out, types)
+        for each in connections:
+            assert isinstance(each.ext, ConnectionExtRosbag2)
+            writer.add(each.topic, each.msgtype, each.ext.offered_qos_profiles)
+        for each, at, data in reader.messages(connections):
+            fields: dict[str, Any] = vars(reader.deserialize(data, each.msgtype))
+            kept = {name: value for name, value in fields.items() if name not in (*NEW_FIELDS, "__msgtype__")}
+            kept["stamp"] = types.types["builtin_interfaces/msg/Time"](kept["stamp"].sec, kept["stamp"].nanosec)
+            message = types.types[each.msgtype](**kept)
+            writer.write(each.topic, at, bytes(types.serialize_cdr(message, each.msgtype)))
+        writer.close()
+    return out
