@@ -1,7 +1,7 @@
 """`--retrain`: the policies that experiments walk with, trained anew in `DIR/training`; and the log of their episodes.
 
-The log in the package, training_log.csv, is `DIR/training/episodes.csv` of the trainings that docs/results_paper.md
-reports.
+The log in the package, training_log.csv, is `DIR/training/episodes.csv` of the trainings in
+studies/docs/results_paper.md.
 """
 
 from collections.abc import Iterable, Sequence

@@ -43,7 +43,7 @@ def test_nominal_controller_walks_on_stones(make_assembly: MakeAssembly) -> None
 
 @pytest.mark.parametrize(("controller", "eps"), [("clf-qp", 0.07), ("cbf-clf-qp", 0.04)])
 def test_nominal_controller_falls_at_twice_the_mass(make_assembly: MakeAssembly, controller: str, eps: float) -> None:
-    """On flat ground a CLF-QP of higher gain walks on a while (docs/results_paper.md); the authors' eps does not."""
+    """On flat ground a CLF-QP of higher gain walks on a while; the authors' eps does not."""
     heavy = make_assembly(controller, mass_scale=TWICE, stones=20)
     heavy = replace(heavy, controller=heavy.controller.model_copy(update={"eps": eps}))
     assert not any(walk(heavy, run, seed).row.success for run, seed in episode_seeds(1, 2).items())

@@ -1,6 +1,7 @@
 """How pictures look: the colours, units on every axis."""
 
 from contextlib import AbstractContextManager
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -42,8 +43,10 @@ def figure(rows: int = 1, height: float = 2.4, width: float = 9.0, **options: An
 def save(made: Figure, path: Path, dpi: int = 150) -> Path:
     """Write a figure; the suffix says as what."""
     path.parent.mkdir(parents=True, exist_ok=True)
+    drawn = BytesIO()  # matplotlib's PDF writer hides what a full disk says
+    made.savefig(drawn, format=path.suffix[1:], dpi=dpi)
     with replacing(path) as partial:
-        made.savefig(partial, dpi=dpi)
+        partial.write_bytes(drawn.getbuffer())
     return path
 
 

@@ -4,7 +4,7 @@
     actor:  ascend  Q(s, pi(s))
 
 s is the scaled observation, a the 25 values alpha and beta over their scales, r the reward of the tick, summed over
-the quantities. What works instead is in `ddpg.py`; docs/learning.md says why.
+the quantities. What works instead is in `ddpg.py`; docs/differences_from_paper.md says why.
 """
 
 import copy
