@@ -171,8 +171,7 @@ def state_message(state: Any) -> Any:
 
 def details(record: Record) -> Any:
     """A `ControllerState`."""
-    not_told = dict.fromkeys(("margins", "slacks", "multipliers"), np.zeros(0))
-    return message("controller_state", record.state.tick, **state_fields(record.output), rows=[], **not_told)
+    return message("controller_state", record.state.tick, **state_fields(record.output))
 
 
 def terms(record: Record) -> Any:

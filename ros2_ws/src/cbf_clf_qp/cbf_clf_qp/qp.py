@@ -86,7 +86,8 @@ def build_qp(blocks: Sequence[Rows], objective: Objective | None, control: Affin
     """The programme's data by name: q (n,), lower, upper (k,), A (k, n); what `reading` needs of them and of u.
 
     `is_valid`: 1 where the data are finite and no row's bounds are out of order or out of reach, else 0.
-    mu = `unroot` times the first variables; a slack = `slack_scale` times its variable.
+    mu = `unroot` times the first variables; a slack = `slack_scale` times its variable, a row = `row_scale` times
+    that of A x.
     """
     inputs, each = control.a.shape[1], [(block, name) for block in blocks for name in block.names]
     is_soft = np.array(
@@ -111,7 +112,7 @@ def build_qp(blocks: Sequence[Rows], objective: Objective | None, control: Affin
     lower = ca.if_else(is_valid, ca.fmax(lower, -UNBOUNDED), -UNBOUNDED)  # so that a solver does not stop at a NaN
     upper = ca.if_else(is_valid, ca.fmin(upper, UNBOUNDED), UNBOUNDED)
     data = {"q": q, "lower": lower, "upper": upper, "A": ca.densify(A), "is_valid": is_valid}
-    data |= {"unroot": unroot, "slack_scale": scale, "control_a": control.a, "control_b": control.b}
+    data |= {"unroot": unroot, "slack_scale": scale, "row_scale": size, "control_a": control.a, "control_b": control.b}
     return layout, data
 
 
@@ -120,7 +121,8 @@ def reading(data: dict[str, ca.SX], x: ca.SX, y: ca.SX, layout: Layout) -> dict[
 
     `residual`: of the KKT conditions 2 x + q + A'y = 0 and A x = (A x + y, cut to the bounds), which is all that they
     ask of rows and multipliers; over 1 + |x|, and of a row over the distance between its bounds where that is smaller.
-    inf where the data are not valid. `margin` (k,): to a row's nearer bound.
+    inf where the data are not valid. `margin` (k,): to a row's nearer bound, over the row's norm; `row_margin`: in the
+    row's own units. `multiplier` (k,): by how much the minimum falls as the bound is moved, per unit of the row.
     """
     A, lower, upper, size = data["A"], data["lower"], data["upper"], 1 + ca.norm_2(x)
     value, gradient = A @ x, 2 * x + data["q"] + A.T @ y
@@ -135,7 +137,9 @@ def reading(data: dict[str, ca.SX], x: ca.SX, y: ca.SX, layout: Layout) -> dict[
         "mu": mu,
         "u": data["control_a"] @ mu + data["control_b"],
         "slack": ca.if_else(slack < ROUNDING, 0, slack),
-        "margin": ca.fmin(upper - value, value - lower),
+        "margin": (margin := ca.fmin(upper - value, value - lower)),
+        "row_margin": data["row_scale"] * margin,
+        "multiplier": y / data["row_scale"],
     }
 
 

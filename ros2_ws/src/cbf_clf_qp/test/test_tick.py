@@ -55,6 +55,26 @@ def test_a_changed_parameter_counts_in_the_same_tick(solver: str, name: str) -> 
     assert differ > 3
 
 
+def test_a_row_tells_margin_and_multiplier_in_its_own_units() -> None:
+    """A wall's row alone: -u / m + 2 p B' + p^2 B >= 0. Where it holds mu back, 2 |mu| = |y du/dmu| / m.
+
+    Its slack of last resort is over the row's norm in mu.
+    """
+    cart = System(ca.vertcat(X, V), U, ca.vertcat(V, U / 2.0))
+    tick, rng, held = Tick(cart, [Barrier("wall", 0.9 - X, poles=(8.0, 8.0))], limit=1e4), np.random.default_rng(3), 0
+    for x, v in rng.normal(size=(100, 2)):
+        decided = tick(np.array([x, v]))
+        values, i = decided.values, decided.layout.names.index("wall")
+        norm = abs(values.control_a[0, 0]) / 2
+        row = -decided.u[0] / 2 - 16 * v + 64 * (0.9 - x)
+        assert values.row_margin[i] == pytest.approx(row + values.slack[i] * norm, abs=2e-6 * max(norm, 1))
+        is_held = "wall" in decided.active
+        expected = 2 * abs(decided.mu[0]) / norm if is_held else 0.0
+        assert abs(values.multiplier[i]) == pytest.approx(expected, rel=1e-6, abs=1e-9)
+        held += is_held
+    assert 10 < held < 90
+
+
 def ride(wall_of: Callable[[float], tuple[float, float]], declared: bool = True) -> Any:
     """A cart's distance from a wall after each millisecond, m; `wall_of` gives the wall's place and speed at a time.
 

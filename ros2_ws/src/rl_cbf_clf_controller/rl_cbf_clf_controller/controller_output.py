@@ -18,10 +18,12 @@ class ControllerOutput:
     value of the quantities = `nominal_a` mu + `nominal_b`, (n, 4) and (n,); `measured` (n,) theirs over the last tick,
     NaN where the step is new; `alpha`, `beta` the estimates in all;
     `observation` (14,), on stones (15,), there with a gait library (16,); `LgV` (4,); `clf_slack`, `rescue_slack`: the
-    paper's d, the sum of the slacks of last resort; `active` names the rows that hold with equality; `answered` is
-    False where the guard solver had to answer; `fault` is empty, or why the episode must end; `objective`, `adaptation`
-    name what was minimised and adapted; `identified` (17,) is the robot as in `identified_robot.KNOWN`,
-    `adapted` (5n + 20,) its part of the estimates, as in `Estimates.flat`; both (0,) without adaptation.
+    paper's d, the sum of the slacks of last resort; `rows` names the QP's rows, each with what it leaves at the answer
+    (`margins`), its slack, as `decided.slack`, and its multiplier; `active` names those that hold with equality;
+    `answered` is False where the guard solver had to answer; `fault` is empty, or why the episode must end;
+    `objective`, `adaptation` name what was minimised and adapted; `identified` (17,) is the robot as in
+    `identified_robot.KNOWN`, `adapted` (5n + 20,) its part of the estimates, as in `Estimates.flat`; both (0,) without
+    adaptation.
     """
 
     tick: int
@@ -51,6 +53,10 @@ class ControllerOutput:
     answered: bool
     solve_seconds: float
     policy_version: str
+    rows: tuple[str, ...] = ()
+    margins: Array = field(default_factory=lambda: NOTHING)
+    slacks: Array = field(default_factory=lambda: NOTHING)
+    multipliers: Array = field(default_factory=lambda: NOTHING)
     mu_held: Array = field(default_factory=lambda: NOTHING)
     nominal_a: Array = field(default_factory=lambda: NOTHING)
     nominal_b: Array = field(default_factory=lambda: NOTHING)

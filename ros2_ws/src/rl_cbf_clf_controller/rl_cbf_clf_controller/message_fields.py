@@ -23,6 +23,7 @@ WORDS = {  # with the most characters that a message holds
     **{"solver": 16, "status": 64, "fault": 128},
 }
 MOST_ACTIVE, LONGEST_NAME = 64, 32
+ROWS = ("margins", "slacks", "multipliers")  # of each of the QP's rows
 TERMS = ("mu_qp", "omega", "mu_held", "observation", "identified", "adapted")
 MATRICES, VECTORS = ("nominal_a", "alpha"), ("nominal_b", "measured", "beta")  # over the learned quantities
 FINITE = ("lgv", "nominal_a", "nominal_b", "alpha", "beta", "observation", "identified", "adapted")
@@ -35,6 +36,8 @@ def state_fields(output: ControllerOutput) -> dict[str, Any]:
     fields |= {"stance": int(output.stance), "eta": doubles(output.eta), "mu": doubles(output.mu)}
     fields["active"] = [name[:LONGEST_NAME] for name in output.active[:MOST_ACTIVE]]
     on_stones = output.barriers[0] == output.barriers[0]  # NaN on flat ground
+    fields["rows"] = list(output.rows)
+    fields |= {name: doubles(getattr(output, name)) for name in ROWS}
     fields["names"] = ["V", *BARRIERS] if on_stones else ["V"]
     fields["values"] = array("d", (output.V, *output.barriers.tolist()) if on_stones else (output.V,))
     fields["rates"] = array("d", (np.nan, *output.barrier_rates.tolist()) if on_stones else (np.nan,))
@@ -55,11 +58,18 @@ def state_values(message: Any) -> dict[str, Any]:
         check_finite(name, getattr(message, name))
     if message.stance not in LEGS:
         raise Refused("no leg", f"stance = {message.stance}; expected 0 or 1")
+    values |= {name: array_of(message, name, len(message.rows)) for name in ROWS}
     names = list(message.names)
     told, rates = (array_of(message, name, len(names)) for name in ("values", "rates"))
     values |= {"barriers": _of(names, told, BARRIERS), "barrier_rates": _of(names, rates, BARRIERS)}
     (V,) = _of(names, told, ("V",)).tolist()
-    return {**values, "V": V, "stance": Leg(message.stance), "active": tuple(message.active)}
+    return {
+        **values,
+        "V": V,
+        "stance": Leg(message.stance),
+        "active": tuple(message.active),
+        "rows": tuple(message.rows),
+    }
 
 
 def terms_values(message: Any) -> dict[str, Any]:
