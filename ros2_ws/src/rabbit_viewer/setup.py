@@ -8,7 +8,6 @@ sys.path.append(str(Path(__file__).resolve().parents[1]))
 from package_setup import install
 
 install(
-    "imageio-ffmpeg",
     "matplotlib",
     "numpy>=2",
     "pydantic>=2",
@@ -22,4 +21,5 @@ install(
             "page = rabbit_viewer.page.recording:show_recording",
         ],
     },
+    extras={"film": ["imageio-ffmpeg"]},
 )

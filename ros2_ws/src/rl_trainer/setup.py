@@ -9,9 +9,7 @@ from package_setup import install
 
 install(
     "numpy>=2",
-    "torch==2.13.0",
     "pydantic>=2",
-    "tensorboard",
     "gymnasium",
     entry_points={
         "rabbit.learners": [
@@ -21,4 +19,5 @@ install(
         ],
         "rabbit.nodes": ["trainer = rl_trainer.ros.node:main"],
     },
+    extras={"learn": ["torch==2.13.0", "tensorboard"]},  # all but learning does without
 )

@@ -29,6 +29,8 @@ ORDER = (
     *("play", "walk", "view", "run", "evaluate", "benchmark", "misses", "speed", "reproduce", "gait", "train"),
     *("policy", "estimates", "estimator", "rival", "bench", "jitter", "soak", "faults", "bag", "video"),
 )
+# what `pip install` leaves out unless asked: who only walks needs none of it
+EXTRAS = {"torch": "rl_trainer[learn]", "imageio_ffmpeg": "rabbit_viewer[film]", "mujoco": "rabbit_sim[mujoco]"}
 
 
 @cache
@@ -96,10 +98,16 @@ class LazyGroup(TyperGroup):
     def invoke(self, ctx: Any) -> Any:
         """Run the command; a signal that it does not answer ends it with the shell's code.
 
-        What the system refuses, as a full or read-only disk does, ends it with one line.
+        What the system refuses, as a full or read-only disk does, ends it with one line; so does a library of an extra.
         """
         try:
             return super().invoke(ctx)
+        except ModuleNotFoundError as error:
+            if error.name not in EXTRAS:
+                raise
+            from rabbit_common.options import fail
+
+            fail(f"{error.name} is not installed: pip install './ros2_ws/src/{EXTRAS[error.name]}'")
         except OSError as error:
             if error.errno in (None, errno.EPIPE):  # not the system's; a pipe whose reader has gone
                 raise

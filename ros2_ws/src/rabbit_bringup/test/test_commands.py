@@ -96,6 +96,14 @@ def test_a_studys_command_says_how_to_install_it(monkeypatch: pytest.MonkeyPatch
     assert "benchmark is not installed: call make studies" in refused.stderr
 
 
+def test_a_library_that_pip_leaves_out_is_named_with_its_extra(tmp_path: Path) -> None:
+    script = "import sys; sys.modules['torch'] = None; from rabbit_bringup.cli import main; main()"
+    command = [sys.executable, "-c", script, "train", "--episodes", "1", "--out", str(tmp_path / "training")]
+    refused = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    expected = "rabbit: torch is not installed: pip install './ros2_ws/src/rl_trainer[learn]'\n"
+    assert (refused.returncode, refused.stderr) == (2, expected)
+
+
 @pytest.mark.parametrize(("error", "code"), [(KeyboardInterrupt(), 130), (Interrupted(signal.SIGTERM), 143)])
 def test_a_command_that_a_signal_ends_has_the_shells_code(
     stranger: Callable[[str], None], monkeypatch: pytest.MonkeyPatch, error: BaseException, code: int

@@ -71,12 +71,12 @@ def serve_play(start: Start, port: int, opens_browser: bool) -> None:
         page = PageServer(broadcast, Door(start, partial(ask, wishes)), port)
         stack.enter_context(closing(page))
         stack.enter_context(suppress(KeyboardInterrupt))
-        page.announce(opens_browser)
         player = stack.enter_context(process(play, start, wishes))
         sources = [player]
         if start.learns:
             folder = Path(stack.enter_context(TemporaryDirectory(prefix="rabbit_play_")))
             sources.append(stack.enter_context(process(learn, start, folder, wishes)))
+        page.announce(opens_browser)  # with its processes begun, which a flood of connections would keep from beginning
         while player in sources:
             ready: list[Any] = wait(sources)
             for source in ready:
