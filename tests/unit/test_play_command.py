@@ -145,7 +145,11 @@ def test_what_is_learned_next_to_the_walk_walks_at_once(started: Callable[..., P
 )
 def test_bad_values_are_one_line(words: tuple[str, ...], line: str) -> None:
     done = subprocess.run(
-        [*RABBIT, "play", "--no-browser", *words], capture_output=True, text=True, timeout=300, check=False
+        [*RABBIT, "play", "--no-browser", "--port", "0", *words],
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
     )
     assert done.returncode == 2
     assert done.stderr.startswith(line)
