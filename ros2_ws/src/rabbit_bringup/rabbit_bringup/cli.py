@@ -30,7 +30,7 @@ ORDER = (
     *("policy", "estimates", "estimator", "rival", "bench", "jitter", "soak", "faults", "bag", "video"),
 )
 # what `pip install` leaves out unless asked: who only walks needs none of it
-EXTRAS = {"torch": "rl_trainer[learn]", "imageio_ffmpeg": "rabbit_viewer[film]", "mujoco": "rabbit_sim[mujoco]"}
+EXTRAS = {"torch": "rl_trainer[learn]", "imageio_ffmpeg": "rabbit_viewer[film]"}
 
 
 @cache
@@ -98,7 +98,8 @@ class LazyGroup(TyperGroup):
     def invoke(self, ctx: Any) -> Any:
         """Run the command; a signal that it does not answer ends it with the shell's code.
 
-        What the system refuses, as a full or read-only disk does, ends it with one line; so does a library of an extra.
+        What the system refuses, as a full or read-only disk does, ends it with one line; so does what is
+        not installed.
         """
         try:
             return super().invoke(ctx)
@@ -108,6 +109,13 @@ class LazyGroup(TyperGroup):
             from rabbit_common.options import fail
 
             fail(f"{error.name} is not installed: pip install './ros2_ws/src/{EXTRAS[error.name]}'")
+        except LookupError as error:
+            from rabbit_common.options import fail
+            from rabbit_description.plugins import PluginError
+
+            if not isinstance(error, PluginError):
+                raise
+            fail(str(error))
         except OSError as error:
             if error.errno in (None, errno.EPIPE):  # not the system's; a pipe whose reader has gone
                 raise

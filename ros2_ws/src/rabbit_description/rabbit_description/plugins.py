@@ -14,6 +14,10 @@ from importlib.util import find_spec
 from typing import Any
 
 
+class PluginError(LookupError):
+    """No part of that name can be had; the message is one line."""
+
+
 def names(group: str) -> tuple[str, ...]:
     """What a parameter may choose from, in alphabetical order."""
     return tuple(sorted(_found(group, tuple(sys.path))))
@@ -23,28 +27,28 @@ def load(group: str, name: str) -> Any:
     """The class or function of this name.
 
     Raises:
-        LookupError: no installed package brings it, a library that it needs is not installed, or it was written for
+        PluginError: no installed package brings it, a library that it needs is not installed, or it was written for
             another version of a library, such as this project's former one.
     """
     found = _found(group, tuple(sys.path))
     if name not in found:
-        raise LookupError(f"{group} {name}: expected one of {', '.join(names(group))}")
+        raise PluginError(f"{group} {name}: expected one of {', '.join(names(group))}")
     try:
         return found[name].load()
     except ImportError as error:
         library = (error.name or "").partition(".")[0]
         if library and find_spec(library):
             message = f"{error}: it was written for another version of {library} (docs/from_former_version.md)"
-            raise LookupError(f"{group} {name}: {message}") from error
-        raise LookupError(f"{group} {name}: it needs the library {error.name}, which is not installed") from error
+            raise PluginError(f"{group} {name}: {message}") from error
+        raise PluginError(f"{group} {name}: it needs the library {error.name}, which is not installed") from error
 
 
 @cache  # reading all packages' entry points takes tens of ms
 def _found(group: str, path: tuple[str, ...]) -> dict[str, EntryPoint]:
-    """By name, as `sys.path` is; raises `LookupError` where two packages bring different parts under one name."""
+    """By name, as `sys.path` is; raises `PluginError` where two packages bring different parts under one name."""
     found: dict[str, EntryPoint] = {}
     for entry in entry_points(group=group):
         other = found.setdefault(entry.name, entry)
         if other.value != entry.value:
-            raise LookupError(f"{group} {entry.name}: expected one, found {other.value} and {entry.value}")
+            raise PluginError(f"{group} {entry.name}: expected one, found {other.value} and {entry.value}")
     return found

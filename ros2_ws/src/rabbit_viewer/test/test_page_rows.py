@@ -132,6 +132,16 @@ def test_a_number_beyond_float32_is_shown_as_infinite_or_not_at_all(walked: Walk
     assert name != "V" or column["V"][5] == np.inf
 
 
+@pytest.mark.filterwarnings("error")
+def test_a_tick_long_before_its_step_has_no_bound(walked: Walked) -> None:
+    """As in a file whose ticks do not count up: exp overflows."""
+    (first, second, *_), _ = walked
+    maker = RowMaker(about_walk(CONTROLLER, PLANT, "zero", 1, "walked"), first.output.quantities)
+    maker.row(first.state, first.output)
+    row = maker.row(replace(second.state, tick=-(10**8)), second.output)
+    assert dict(zip(maker.columns, row, strict=True))["V_bound"] == np.inf
+
+
 def test_a_bag_becomes_one_file(write_bag: Callable[..., Path], tmp_path: Path) -> None:
     path = tmp_path / "walk.html"
     show_recording(write_bag(tmp_path / "bag"), 0, False, path, None)
