@@ -3,6 +3,7 @@
 DIR/tensorboard/     reward terms, losses, steps walked, if TensorBoard is installed; all else in DIR: `checkpoint.py`
 """
 
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -52,14 +53,24 @@ def tensorboard(folder: Path, first: int) -> Iterator[Callable[[EpisodeReport], 
     except ModuleNotFoundError:
         yield lambda _: None
         return
-    with SummaryWriter(folder, purge_step=first) as writer:
+    before, threading.excepthook = threading.excepthook, tell_of_thread
+    try:
+        with SummaryWriter(folder, purge_step=first) as writer:
 
-        def log(report: EpisodeReport) -> None:
-            for name, value in scalars(report).items():
-                writer.add_scalar(name, value, report.episode)
-            writer.flush()
+            def log(report: EpisodeReport) -> None:
+                for name, value in scalars(report).items():
+                    writer.add_scalar(name, value, report.episode)
+                writer.flush()
 
-        yield log
+            yield log
+    finally:
+        threading.excepthook = before
+
+
+def tell_of_thread(told: threading.ExceptHookArgs) -> None:
+    """Not of TensorBoard's: what ends its thread, as a full disk does, is raised again where an episode is logged."""
+    if not type(told.thread).__module__.startswith("tensorboard."):
+        threading.__excepthook__(told)
 
 
 def scalars(report: EpisodeReport) -> dict[str, float]:

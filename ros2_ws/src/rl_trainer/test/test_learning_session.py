@@ -1,6 +1,9 @@
 """The episode loop in a tiny world: resuming, checkpoints, what the folder holds."""
 
+import errno
 import itertools
+import os
+import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -20,6 +23,7 @@ from rl_trainer.rollout import Record, rollout
 from rl_trainer.session import resume, scalars
 from rl_trainer.training import DivergenceError, Provenance, Trainer
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+from tensorboard.summary.writer.record_writer import RecordWriter
 from torch.utils.tensorboard import SummaryWriter
 
 PARAMETERS = TrainingParameters(
@@ -60,6 +64,24 @@ def test_a_kill_after_a_checkpoint_loses_no_report(
     assert [report.episode for report in resume(again, toy_world, toy_controller)] == [2, 3]
     assert [report.episode for report in again.trainer.reports] == [0, 1, 2, 3]
     assert logged(tmp_path) == [0, 1, 2, 3]
+
+
+def test_a_full_disk_is_told_once(
+    tmp_path: Path, toy_world: Any, toy_controller: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And not by TensorBoard's own thread, with a traceback."""
+    monkeypatch.setattr(RecordWriter, "write", full)
+    told: list[Any] = []
+    monkeypatch.setattr(threading, "excepthook", told.append)
+    with pytest.raises(OSError, match="No space"):
+        list(resume(Checkpoint(tmp_path, Trainer(PARAMETERS)), toy_world, toy_controller))
+    assert not told
+    assert threading.excepthook == told.append
+
+
+def full(*_: object) -> None:
+    """As a full disk."""
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
 def wait_for_a_later_file(folder: Path) -> None:
