@@ -56,7 +56,7 @@ class Kind:
 
 @cache
 def find_kind(name: str) -> Kind:
-    """The controller of this name; raises `LookupError`."""
+    """The controller of this name; raises `PluginError`."""
     kind: Kind = plugins.load(GROUP, name)
     return kind
 
