@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from rabbit_description.gait import load_gait
-from rabbit_description.state import ACTUATED, COORDINATES
+from rabbit_description.state import LAYOUT
 from rabbit_recording.bag_writer import BagWriter, graph_types
 from rabbit_recording.open_recording import opened
 from rabbit_sim.parameters import SimulationParameters
@@ -51,9 +51,13 @@ TOPICS = {
 }
 
 
-LAYOUT = {"coordinates": [*COORDINATES], "joints": [*ACTUATED], "feet": ["left", "right"]}
 CONTROLLER = "/controller 0123456789abcdef"
-WHO = {"sender": CONTROLLER, "controller": CONTROLLER, "refused_controller": "", **LAYOUT}  # in messages that say so
+WHO = {
+    "sender": CONTROLLER,
+    "controller": CONTROLLER,
+    "refused_controller": "",
+    **{name: list(names) for name, names in LAYOUT.items()},
+}  # in messages that say so
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 os.environ.setdefault("TYPER_USE_RICH", "0")  # its panels make a help text twice as long, and later
 
@@ -63,6 +63,12 @@ def summary(command: EntryPoint) -> str:
     return text.partition("\n")[0]
 
 
+def _fail(text: str) -> NoReturn:
+    from rabbit_common.options import fail  # which takes a while
+
+    fail(text)
+
+
 class LazyGroup(TyperGroup):
     """Knows its commands by name and help, see `commands` and `summary`."""
 
@@ -77,15 +83,11 @@ class LazyGroup(TyperGroup):
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """The command itself. From here on a Ctrl-C or SIGTERM is a `KeyboardInterrupt`, which it may answer."""
         if args[0] in ORDER and args[0] not in commands():
-            from rabbit_common.options import fail
-
-            fail(f"{args[0]} is not installed: call make studies, or pip install ./studies ./qa")
+            _fail(f"{args[0]} is not installed: call make studies, or pip install ./studies ./qa")
         name, _, rest = super().resolve_command(ctx, args)
         entry = commands()[str(name)]
         if source(entry) is None:
-            from rabbit_common.options import fail  # which takes a while
-
-            fail(f"{name} cannot be called: there is no module {entry.module}")
+            _fail(f"{name} cannot be called: there is no module {entry.module}")
         gc.disable()  # of what is imported nothing is garbage; looking for it takes a fifth of the time to a help text
         command = typer.main.get_command(entry.load())
         gc.enable()
@@ -106,22 +108,17 @@ class LazyGroup(TyperGroup):
         except ModuleNotFoundError as error:
             if error.name not in EXTRAS:
                 raise
-            from rabbit_common.options import fail
-
-            fail(f"{error.name} is not installed: pip install './ros2_ws/src/{EXTRAS[error.name]}'")
+            _fail(f"{error.name} is not installed: pip install './ros2_ws/src/{EXTRAS[error.name]}'")
         except LookupError as error:
-            from rabbit_common.options import fail
             from rabbit_description.plugins import PluginError
 
             if not isinstance(error, PluginError):
                 raise
-            fail(str(error))
+            _fail(str(error))
         except OSError as error:
             if error.errno in (None, errno.EPIPE):  # not the system's; a pipe whose reader has gone
                 raise
-            from rabbit_common.options import fail  # which takes a while
-
-            fail(f"{error.filename}: {error.strerror}" if error.filename else error.strerror)
+            _fail(f"{error.filename}: {error.strerror}" if error.filename else str(error.strerror))
         except KeyboardInterrupt as error:
             ctx.exit(of_interrupt(error))
 

@@ -18,6 +18,8 @@ ROBOT_MASS = 32.0  # kg, nominal
 
 COORDINATES = ("base_x", "base_z", "base_pitch", "left_hip", "left_knee", "right_hip", "right_knee")
 ACTUATED = COORDINATES[3:]
+FEET = ("left", "right")
+LAYOUT = {"coordinates": COORDINATES, "joints": ACTUATED, "feet": FEET}  # the fields of `Episode` that name them
 SWAP_STATE = np.array([0, 1, 2, 5, 6, 3, 4])  # left, right <-> stance, swing when the right leg stands
 SWAP_TORQUE = np.array([2, 3, 0, 1])
 

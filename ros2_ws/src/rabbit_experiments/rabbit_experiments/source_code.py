@@ -52,8 +52,9 @@ def code_of(modules: frozenset[str]) -> dict[str, str]:
             files[name] = path
             todo += [name.rpartition(".")[0]] if "." in name else []
             package = name if path.name == "__init__.py" else name.rpartition(".")[0]
-            todo += imports(path.read_bytes(), package)
-            if b"iter_modules(__path__)" in path.read_bytes():  # a package that imports what it finds in its folder
+            source = path.read_bytes()
+            todo += imports(source, package)
+            if b"iter_modules(__path__)" in source:  # a package that imports what it finds in its folder
                 todo += [f"{name}.{each.name}" for each in iter_modules([str(path.parent)])]
     return {**{top: _version(top) for top in libraries}, **_hashes(files)}
 

@@ -11,7 +11,8 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from rabbit_description.state import ACTUATED, COORDINATES
+from rabbit_description.state import LAYOUT
+from rl_cbf_clf_controller.message_fields import bounded_fields
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Connection
 from rosbags.typesys.store import Typestore
@@ -22,13 +23,11 @@ OWN_KINDS = {"learner_terms": "rabbit_msgs/msg/LearnerTerms"}
 STAMP = "stamp"  # first field of a former message
 EMPTY_FRAME = b"\1\0\0\0" + bytes(4)  # a header's end: no name, padded so that what follows stays aligned
 OLDER = {"sender": "", "controller": "", "refused_controller": "", "height": 0.0}  # fields that the first had not
-LAYOUT = {"coordinates": [*COORDINATES], "joints": [*ACTUATED], "feet": ["left", "right"]}
-BARRIERS = ["B1", "B2"]
 NOT_TOLD = np.zeros(0)
 
 
 def renewed_bytes(data: bytes) -> bytes:
-    """With a header in place of the stamp: as far as `message_header` reads them, bytes of today."""
+    """With a header in place of the stamp, so that `message_header` can read them; the rest stays as it was."""
     return data[:12] + EMPTY_FRAME + data[12:]
 
 
@@ -37,13 +36,9 @@ def renewed(message: Any) -> Any:
     now = {**OLDER, **vars(message)}
     now["header"] = SimpleNamespace(stamp=now.pop(STAMP), frame_id="world")
     if "outcome" in now:
-        now |= LAYOUT
+        now |= {name: list(names) for name, names in LAYOUT.items()}
     if "clf" in now:
-        V, barriers, rates = now.pop("clf"), now.pop("barriers"), now.pop("barrier_rates")
-        on_stones = not np.isnan(barriers).any()
-        now["names"] = ["V", *(BARRIERS if on_stones else ())]
-        now["values"] = np.array([V, *(barriers if on_stones else ())])
-        now["rates"] = np.array([np.nan, *(rates if on_stones else ())])
+        now |= bounded_fields(*(now.pop(name) for name in ("clf", "barriers", "barrier_rates")))
         now |= {"rows": [], **dict.fromkeys(("margins", "slacks", "multipliers"), NOT_TOLD)}
         now.setdefault("measured", np.full(len(now["quantities"]), np.nan))
     return SimpleNamespace(**now)

@@ -3,7 +3,6 @@
 A recording's reader uses it too: any object with a message's fields will do.
 """
 
-from array import array
 from collections.abc import Sequence
 from typing import Any
 
@@ -35,13 +34,20 @@ def state_fields(output: ControllerOutput) -> dict[str, Any]:
     fields |= {name: getattr(output, name)[:most] for name, most in WORDS.items()}
     fields |= {"stance": int(output.stance), "eta": doubles(output.eta), "mu": doubles(output.mu)}
     fields["active"] = [name[:LONGEST_NAME] for name in output.active[:MOST_ACTIVE]]
-    on_stones = output.barriers[0] == output.barriers[0]  # NaN on flat ground
     fields["rows"] = list(output.rows)
     fields |= {name: doubles(getattr(output, name)) for name in ROWS}
-    fields["names"] = ["V", *BARRIERS] if on_stones else ["V"]
-    fields["values"] = array("d", (output.V, *output.barriers.tolist()) if on_stones else (output.V,))
-    fields["rates"] = array("d", (np.nan, *output.barrier_rates.tolist()) if on_stones else (np.nan,))
-    return fields
+    bounded = bounded_fields(output.V, output.barriers, output.barrier_rates)
+    return {**fields, **bounded, "values": doubles(bounded["values"]), "rates": doubles(bounded["rates"])}
+
+
+def bounded_fields(V: float, barriers: Array, barrier_rates: Array) -> dict[str, Any]:
+    """`names`, `values` and `rates` of what the QP bounds; barriers and their rates (2,) are NaN on flat ground."""
+    on_stones = barriers[0] == barriers[0]
+    return {
+        "names": ["V", *BARRIERS] if on_stones else ["V"],
+        "values": np.array([V, *barriers] if on_stones else [V]),
+        "rates": np.array([np.nan, *barrier_rates] if on_stones else [np.nan]),
+    }
 
 
 def terms_fields(output: ControllerOutput) -> dict[str, Any]:

@@ -13,6 +13,8 @@ from geometry_msgs.msg import Quaternion, Vector3
 from rabbit_description.state import (
     ACTUATED,
     COORDINATES,
+    FEET,
+    LAYOUT,
     TICK_NANOSECONDS,
     Array,
     BodySensors,
@@ -27,8 +29,6 @@ from rabbit_common.message_arrays import check_lengths, doubles
 from rabbit_common.message_checks import Refused, check_finite
 
 WORLD = "world"  # the frame of what the simulator measures
-FEET = ("left", "right")
-LAYOUT = {"coordinates": COORDINATES, "joints": ACTUATED, "feet": FEET}  # as `Episode` tells it
 LENGTHS = {
     **dict.fromkeys(("q", "dq"), len(COORDINATES)),
     **{"foot_force": 2 * len(FEET), "contact": len(FEET), "applied": len(ACTUATED)},

@@ -6,7 +6,6 @@ from dataclasses import replace
 from typing import Any
 
 from rabbit_common.ros.conversions import (
-    LAYOUT,
     encoder_message,
     imu_message,
     joint_state,
@@ -14,7 +13,7 @@ from rabbit_common.ros.conversions import (
     state_message,
 )
 from rabbit_common.ros.qos import EVENT, TICK
-from rabbit_description.state import BodySensors, RobotState, StonePreview
+from rabbit_description.state import LAYOUT, BodySensors, RobotState, StonePreview
 from rabbit_msgs.msg import Episode
 from rabbit_msgs.msg import Landing as LandingMessage
 from rabbit_msgs.msg import RobotState as StateMessage
