@@ -6,6 +6,7 @@ override changes nothing, and a perturbation whose fields are at their defaults 
 """
 
 from collections.abc import Callable, Sequence
+from copy import deepcopy
 from dataclasses import asdict, dataclass
 from typing import Annotated, Any, ClassVar, Protocol, Self
 from xml.etree.ElementTree import Element
@@ -66,6 +67,15 @@ class Measured:
     dq: Array
     foot_force: Array
     body: BodySensors | None = None
+
+    @property
+    def joints(self) -> tuple[Array, Array]:
+        """The joints' angles and rates (4,), views, whoever measured them."""
+        return (self.q[3:], self.dq[3:]) if self.body is None else (self.body.joint_angles, self.body.joint_rates)
+
+    def copy(self) -> "Measured":
+        """One of its own arrays."""
+        return deepcopy(self)
 
 
 class Sensor:
@@ -156,8 +166,11 @@ class Perturbation(BaseModel):
         """Along the ground on the torso's centre of mass; `rng` is the episode's and this perturbation's own."""
         return None
 
-    def drop(self, stone: int) -> float:
-        """By how much the top of stone `stone`, from 1, gives way under the first foot on it, m."""
+    def drop(self, stone: int, offset: float) -> float:
+        """By how much the top of stone `stone`, from 1, gives way under the first foot on it, m.
+
+        The foot stands `offset` m ahead of its middle.
+        """
         return 0.0
 
     def sensor(self) -> type[Sensor] | None:

@@ -263,7 +263,9 @@ class Simulation:
         """By how much the stone underfoot has given way, m."""
         if self.parameters.terrain == "flat" or not self._touchdowns:
             return 0.0
-        return sum(each.drop(self._touchdowns) for each in self._perturbations)
+        stone = self._terrain.placed[self._touchdowns]
+        offset = self._stance_x - (stone.near + stone.far) / 2
+        return sum(each.drop(self._touchdowns, offset) for each in self._perturbations)
 
     def _support(self, reading: PlantReading) -> float:
         """From where the hip's height counts, m: the line over the tops, lower by what the stance foot has sunk."""

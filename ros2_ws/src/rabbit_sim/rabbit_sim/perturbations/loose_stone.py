@@ -20,5 +20,5 @@ class LooseStone(Perturbation):
         0.02, 0.001, HIGHEST_TOP, "by which the top of that stone drops, m", Control("by", 0.001, "m", at_reset=True)
     )
 
-    def drop(self, stone: int) -> float:
+    def drop(self, stone: int, offset: float) -> float:
         return self.loose_depth if 0 < self.loose_stone == stone else 0.0

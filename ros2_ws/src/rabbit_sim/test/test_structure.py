@@ -1,0 +1,125 @@
+"""Perturbations of structure against what their formulas say."""
+
+from math import exp, pi, radians, sqrt, tan
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+from rabbit_sim.actuation import Actuation
+from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.perturbation import Measured
+from rabbit_sim.perturbations.encoder_drift import DriftingEncoders
+from rabbit_sim.perturbations.hysteresis import STIFFNESS, DahlFriction
+from rabbit_sim.perturbations.sensor_dropout import LossySensors
+from rabbit_sim.perturbations.sensor_jitter import LateSensors
+from rabbit_sim.perturbations.stuck_encoders import StickingEncoders
+from rabbit_sim.perturbations.tipping_stones import TippingStones
+from rabbit_sim.plant import SUBSTEP_SECONDS, PlantReading
+
+
+def measured(value: float) -> Measured:
+    return Measured(np.full(7, value), np.full(7, value), np.zeros((2, 2)))
+
+
+def reading(q: float = 0.0, path: np.ndarray | None = None) -> PlantReading:
+    state, feet = np.full(7, q), np.zeros((2, 2))
+    return PlantReading(state, state, feet, feet, np.zeros(2, dtype=bool), (), path)
+
+
+def test_second_order_motors_overshoot_as_their_damping_says() -> None:
+    """A step's largest value is 1 + exp(-pi z / sqrt(1 - z^2)), after half a damped period."""
+    frequency, z = 10.0, 0.3
+    motors = Actuation(SimulationParameters(motor_frequency=frequency, motor_damping=z))
+    torque = np.concatenate([motors.advance(np.full(4, 100.0)) for _ in range(60)])[:, 0]
+    assert torque.max() == pytest.approx(100 * (1 + exp(-pi * z / sqrt(1 - z**2))), rel=1e-3)
+    peak = (torque.argmax() + 0.5) * SUBSTEP_SECONDS
+    assert peak == pytest.approx(1 / (2 * frequency * sqrt(1 - z**2)), abs=1.5e-3)
+    assert torque[-1] == pytest.approx(100, rel=1e-3)
+
+
+def test_motors_of_a_batch_are_those_of_each_robot() -> None:
+    kinds = [SimulationParameters(motor_frequency=f, dead_zone=d) for f, d in ((0.0, 3.0), (20.0, 0.0), (40.0, 5.0))]
+    together, alone = Actuation(*kinds), [Actuation(each) for each in kinds]
+    rng = np.random.default_rng(4)
+    for _ in range(5):
+        command = rng.uniform(-100, 100, (3, 4))
+        found = together.advance(command)
+        assert np.array_equal(found, [one.advance(row) for one, row in zip(alone, command, strict=True)])
+
+
+def test_a_dead_zone_gives_nothing_within_and_lacks_it_beyond() -> None:
+    motors = Actuation(SimulationParameters(dead_zone=5.0))
+    assert motors.advance(np.array([3.0, -5.0, 8.0, -20.0]))[0].tolist() == [0.0, 0.0, 3.0, -15.0]
+
+
+def test_dahl_friction_saturates_and_takes_energy_in_each_cycle() -> None:
+    """Far in one direction it is F; at first it grows with the stiffness; a closed path of the joint costs work."""
+    friction, none = DahlFriction(10.0), np.zeros(4)
+    friction.reset(none, none)
+    rate = np.full(4, 1e-3)
+    small = -friction.transmitted(none, none, rate)
+    assert small == pytest.approx(STIFFNESS * SUBSTEP_SECONDS * rate, rel=1e-3)
+    for _ in range(500):
+        largest = -friction.transmitted(none, none, np.ones(4))
+    assert largest == pytest.approx(np.full(4, 10.0))
+    work = 0.0
+    for substep in range(1000):
+        rate = np.full(4, np.sin(2 * pi * substep / 1000))
+        work += float(-friction.transmitted(none, none, rate)[0] * rate[0]) * SUBSTEP_SECONDS
+    assert work > 0
+
+
+def test_a_stone_tips_by_the_distance_from_its_middle() -> None:
+    stones = TippingStones(stone_tilt=20.0)
+    assert stones.drop(3, -0.02) == stones.drop(1, 0.02) == pytest.approx(0.02 * tan(radians(20)))
+    assert stones.drop(1, 0.0) == 0.0
+
+
+def test_lost_measurements_are_the_last_that_came() -> None:
+    sensor = LossySensors(SimulationParameters(sensor_dropout=0.3), np.random.default_rng(1))
+    seen = [sensor.measure(measured(float(tick)), reading()).q[0] for tick in range(4000)]
+    lost = [now != tick for tick, now in enumerate(seen)]
+    assert all(now == seen[tick - 1] for tick, now in enumerate(seen) if lost[tick])
+    assert np.mean(lost) == pytest.approx(0.3, abs=0.03)  # four standard deviations
+
+
+def test_what_is_lost_is_not_changed_by_who_reads_it() -> None:
+    sensor = LossySensors(SimulationParameters(sensor_dropout=0.9), np.random.default_rng(1))
+    sensor.measure(measured(1.0), reading()).q[:] = 7.0
+    assert sensor.measure(measured(1.0), reading()).q.tolist() == [1.0] * 7
+
+
+def test_one_encoder_sticks_with_no_rate() -> None:
+    sensor = StickingEncoders(SimulationParameters(stuck_seconds=0.05), np.random.default_rng(2))
+    stuck = 0
+    for tick in range(3000):
+        angles, rates = sensor.measure(measured(1.0 + tick), reading()).joints
+        wrong = np.flatnonzero(rates != 1.0 + tick)
+        assert len(wrong) <= 1
+        assert not rates[wrong].any()
+        assert (angles[wrong] <= 1.0 + tick).all()
+        stuck += len(wrong)
+    assert stuck / 3000 == pytest.approx(0.05 / 1.05, rel=0.5)
+
+
+def test_a_drift_is_its_rate_times_the_time() -> None:
+    sensor = DriftingEncoders(SimulationParameters(encoder_drift=0.01), np.random.default_rng(3))
+    for _ in range(101):
+        now = sensor.measure(measured(0.0), reading())
+    assert now.q[3:] == pytest.approx(now.dq[3:] * 1.0)
+    assert not now.q[:3].any()
+    assert now.dq[3:].all()
+
+
+def test_late_measurements_are_of_the_past_at_most_so_old() -> None:
+    sensor = LateSensors(SimulationParameters(sensor_jitter=0.015), np.random.default_rng(5))
+    ages = []
+    for tick in range(2000):
+        path = np.arange(10 * tick + 1, 10 * tick + 11)[:, None] * np.ones(14)
+        ages.append(10 * tick + 10 - sensor.measure(measured(0.0), reading(path=path)).q[0])
+    assert {*ages[3:]} == {float(age) for age in range(16)}
+
+
+def test_a_lab_has_a_delay_and_no_jitter() -> None:
+    with pytest.raises(ValidationError, match=r"sensor_jitter = 0\.004 with sensors lab: expected 0, or sensor_delay"):
+        SimulationParameters(sensor_jitter=0.004, sensors="lab")
