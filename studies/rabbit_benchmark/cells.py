@@ -1,6 +1,6 @@
 """The cells of the benchmark: what the true plant is, by name, and the plants of the storm.
 
-A name is TERRAIN/PLANT: `stones/scale-2`, `flat/40kg-ground-5e4`, `stones/storm`.
+A name is TERRAIN/PLANT: `stones/scale-2`, `flat/40kg-ground-5e4`, `stones/storm`, `flat/gusts` (a family's).
 """
 
 from collections.abc import Sequence
@@ -14,15 +14,17 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 from rabbit_description.yaml_file import parse_yaml
 
+from rabbit_benchmark.families import families, family_plant, further_changes
+
 Terrain = Literal["stones", "flat"]
-Map = Literal["inside", "outside", "storm"]
+Map = Literal["inside", "outside", "storm", "development", "reported", "storm-2"]
 TERRAINS: tuple[Terrain, ...] = ("stones", "flat")
-STORM_PLANTS = 10  # of the storm, for each course of another cell
+PLANTS: dict[Map, int] = {"storm": 10, "storm-2": 10, "development": 2, "reported": 2}  # for each course of a cell
 
 
 @dataclass(frozen=True)
 class Cell:
-    """A terrain and changes of `SimulationParameters`; those of the storm are another plant for each course."""
+    """A terrain and changes of `SimulationParameters`; those of storms and families are drawn for each course."""
 
     name: str
     map: Map
@@ -31,11 +33,17 @@ class Cell:
 
     def courses(self, courses: int) -> int:
         """How many there are where another cell has `courses`."""
-        return courses * STORM_PLANTS if self.map == "storm" else courses
+        return courses * PLANTS.get(self.map, 1)
 
     def plant(self, run: int, seed: int) -> dict[str, Any]:
         """The changes for course `run`; `seed` is the protocol's."""
-        changes = storm_plant(run, seed, self.terrain) if self.map == "storm" else self.values
+        changes = self.values
+        if self.map in ("development", "reported"):
+            changes = family_plant(self.name.split("/")[1], run, seed, self.terrain)
+        elif self.map == "storm-2":
+            changes = second_storm_plant(run, seed, self.terrain)
+        elif self.map == "storm":
+            changes = storm_plant(run, seed, self.terrain)
         return {**changes, "terrain": self.terrain}
 
 
@@ -73,6 +81,14 @@ def storm_plant(number: int, seed: int, terrain: Terrain) -> dict[str, Any]:
         if changed:
             changes[name] = round(value, 3) if name == "torque_delay" else value  # whole ms
     return changes | {name: value for name, value in storm().choices.items() if rng.random() < storm().share}
+
+
+def second_storm_plant(number: int, seed: int, terrain: Terrain) -> dict[str, Any]:
+    """Plant `number` of storm-2: the storm's parameters and the families', from seeds of their own."""
+    changes = storm_plant(number, seed + 1, terrain) | further_changes(number, seed, terrain)
+    if changes.get("sensor_jitter"):
+        changes.pop("sensors", None)  # a lab's have a delay instead
+    return changes
 
 
 INSIDE: dict[str, dict[str, float]] = {
@@ -121,6 +137,10 @@ def cells() -> dict[str, Cell]:
                     both = masses | {"payload_ahead": 0.1}
                 found.append(Cell(f"{terrain}/{base}-{name}", "outside", terrain, both))
         found.append(Cell(f"{terrain}/storm", "storm", terrain))
+        for name, family in families().families.items():
+            if family.on(terrain):
+                found.append(Cell(f"{terrain}/{name}", family.split, terrain))
+        found.append(Cell(f"{terrain}/storm-2", "storm-2", terrain))
     return {cell.name: cell for cell in found}
 
 

@@ -5,7 +5,7 @@ State, outputs, rows, QP, policy and torque are computed for all robots together
 estimator that learns within the walk or knows its plant (the identified robot, L1, an oracle), goes robot by robot.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -162,6 +162,7 @@ class BatchController:
         self._last_tick, self._last_x, self._last_p = np.full(n, -2), np.zeros((n, 14)), self._p.copy()
         self._none = BatchEstimates.of([tick.no_error()])
         self._no_output_error = tick.terms.inputs, tick.terms.inputs + 1
+        self.act: Callable[[BatchScene, BatchEstimates], BatchEstimates] | None = None
 
     def reset(self, i: int, seed: int) -> None:
         """Begin an episode of robot `i`; see `Controller.reset`."""
@@ -239,6 +240,8 @@ class BatchController:
         """The torques at these scenes, from all estimators; `estimates` take the place of the policy's."""
         parts = self._estimated(scene, estimates)
         total = sum(parts[1:], start=self._none + parts[0])
+        if self.act:
+            total = total + self.act(scene, total)
         error = total.output_error
         if error is None:
             if self._one.parameters.objective == "pd_centred" and not self._one._corrects_input:

@@ -1,0 +1,96 @@
+"""A policy within the step: it says how far the outputs' accelerations shall be from those of the PD law.
+
+The objective `pd_centred` asks for y'' = v_PD. With a residual r (m,) it asks for y'' = v_PD + r, as an output error
+Delta = -r would have it (`cbf_clf_qp.qp`). No row of the QP changes, so CLF, barriers and friction cone hold whatever
+the network says. r is the network's output in [-1, 1] times `SCALE`.
+
+The network reads two frames, of this tick and of the one before. Among other things a frame has by how much the
+outputs' last acceleration differed from the identified robot's: what no parameter explains.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from cbf_clf_qp.batch import BatchEstimates
+from rabbit_description.state import TICK_SECONDS, Array
+
+SCALE = 40.0  # rad/s^2
+INPUTS = 4
+FRAME = 40
+READS = 2 * FRAME
+STONE = 0.35  # m, about which edges of stones are told
+BOUND = 5.0  # of each number of a frame
+NEVER = -2  # no tick
+
+
+@dataclass
+class Memory:
+    """Of N robots between two ticks: `frame`, the outputs' rates dy, what the policy said, and in which tick."""
+
+    frame: Array
+    dy: Array
+    said: Array
+    tick: Array
+    stance: Array
+
+    @classmethod
+    def of(cls, n: int) -> "Memory":
+        """Nothing remembered."""
+        return cls(np.zeros((n, FRAME)), *np.zeros((2, n, INPUTS)), np.full(n, NEVER), np.zeros(n, dtype=int))
+
+    def forget(self, robot: int | slice) -> None:
+        """An episode begins."""
+        self.said[robot], self.tick[robot] = 0.0, NEVER
+
+    def keep(self, rows: Array) -> None:
+        """Go on with some of the robots, by number."""
+        for name, values in vars(self).items():
+            setattr(self, name, values[rows])
+
+
+def observe(memory: Memory, scene: Any, others: BatchEstimates, stones: slice) -> Array:
+    """What the network reads at a scene of N robots, (N, READS). The memory goes on to this tick.
+
+    `others`: estimates of the model's errors; `stones`: the place of the next one's edges and height in `scene.p`.
+    """
+    seen, n, tick = scene.seen, len(scene.x), scene.tick
+    y, dy, error = seen.eta[:, :INPUTS], seen.eta[:, INPUTS:], others.output_error
+    held = np.nan_to_num((seen.outputs_a * scene.torque[:, None, :]).sum(axis=2) + seen.outputs_b)
+    expected = (
+        held if error is None else held + (error[:, :, :INPUTS] * held[:, None, :]).sum(axis=2) + error[:, :, INPUTS]
+    )
+    goes_on = (memory.tick == tick - 1)[:, None]
+    same_step = goes_on & (memory.stance == scene.stance)[:, None] & np.isfinite(scene.torque)
+    missed = np.where(same_step, (dy - memory.dy) / TICK_SECONDS - expected, 0.0)
+    on_stones = "B1_state" in seen.places
+    barriers = [seen.B1_state, seen.B2_state] if on_stones else [np.zeros((n, 4))]
+    stone = scene.p[:, stones] - (STONE, STONE, 0.0) if on_stones else np.zeros((n, 3))
+    parts = [
+        10 * y,
+        dy,
+        seen.phase,
+        3 * scene.x[:, 2:3],  # pitch
+        scene.x[:, 7:10],
+        held / 50,
+        missed / 100,
+        scene.force.reshape(n, 4) / 600,
+        5 * np.concatenate(barriers, axis=1),
+        10 * stone,
+        np.full((n, 1), float(on_stones)),
+        memory.said,
+        seen.swing,
+        np.minimum(tick, 100)[:, None] / 100,
+    ]
+    frame = np.concatenate(parts, axis=1).clip(-BOUND, BOUND)
+    before = np.where(goes_on, memory.frame, frame)
+    memory.frame, memory.dy, memory.tick, memory.stance = frame, dy.copy(), tick.copy(), scene.stance.copy()
+    return np.concatenate([frame, before], axis=1)
+
+
+def centred(said: Array, quantities: int) -> BatchEstimates:
+    """The estimates that move the objective's centre by `SCALE` times `said` (N, m), and no row."""
+    n, m = said.shape
+    error = np.zeros((n, m, m + 1))
+    error[:, :, m] = -SCALE * said
+    return BatchEstimates(np.zeros((n, quantities, m)), np.zeros((n, quantities)), error)

@@ -1,0 +1,78 @@
+"""Uncertainty of structure: families of plants that no parameter of a rigid robot describes, split in two.
+
+Methods may be tuned and trained on the `development` families. The `reported` ones are for the table alone: nothing
+was trained, tuned or chosen on them. A plant of a family has a mass scale and the family's own values, each uniform
+within its range. `storm-2` draws from the storm and from all families.
+"""
+
+import zlib
+from functools import cache
+from importlib.resources import files
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+from rabbit_description.yaml_file import parse_yaml
+
+Split = Literal["development", "reported"]
+Value = float | int
+Range = tuple[Value, Value]  # of two whole numbers: whole numbers between them
+
+
+class Family(BaseModel):
+    """One of families.yaml: ranges on each terrain that has it."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    split: Split
+    stones: dict[str, Range] | None = None
+    flat: dict[str, Range] | None = None
+
+    def on(self, terrain: str) -> dict[str, Range] | None:
+        """Ranges by parameter."""
+        return self.stones if terrain == "stones" else self.flat
+
+
+class Families(BaseModel):
+    """What families.yaml says; `share`: with which probability a plant of storm-2 is of a family."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    every: dict[str, Range]
+    share: Annotated[float, Field(gt=0, le=1)]
+    families: dict[str, Family]
+
+
+@cache
+def families() -> Families:
+    """The committed ranges."""
+    return Families.model_validate(parse_yaml((files(__package__) / "families.yaml").read_text(encoding="utf-8")))
+
+
+def family_plant(name: str, number: int, seed: int, terrain: str) -> dict[str, Any]:
+    """Plant `number` of a family, the same for the same arguments on every machine."""
+    rng = np.random.default_rng([seed, number, zlib.crc32(f"{terrain}/{name}".encode())])
+    return drawn(families().every, rng) | drawn(families().families[name].on(terrain) or {}, rng)
+
+
+def further_changes(number: int, seed: int, terrain: str) -> dict[str, Any]:
+    """What plant `number` of storm-2 has beside the storm's changes."""
+    rng = np.random.default_rng([seed, number, zlib.crc32(f"{terrain}/storm-2".encode())])
+    changes: dict[str, Any] = {}
+    for family in families().families.values():
+        values, is_in_it = drawn(family.on(terrain) or {}, rng), rng.random() < families().share
+        if is_in_it:
+            changes |= values
+    return changes
+
+
+def drawn(ranges: dict[str, Range], rng: "np.random.Generator") -> dict[str, Value]:
+    """A value of each range; of a time that plants have in whole milliseconds, one of these."""
+    values: dict[str, Value] = {}
+    for name, (low, high) in ranges.items():
+        if isinstance(low, int) and isinstance(high, int):
+            values[name] = int(rng.integers(low, high + 1))
+        else:
+            value = float(rng.uniform(low, high))
+            values[name] = round(value, 3) if name == "sensor_jitter" else value
+    return values
