@@ -3,7 +3,8 @@
 entry_points={"rabbit.methods": ["mine = my_package.method:MINE"]}      in a setup.py; MINE is a `Method`
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import product
 from typing import Any
 
 from rabbit_description import plugins
@@ -19,6 +20,7 @@ from rabbit_reproduce.controllers import (
     Contender,
     variant,
 )
+from rl_cbf_clf_controller.parameters import ControllerParameters
 
 from rabbit_benchmark.cells import Terrain
 
@@ -114,3 +116,36 @@ def method(name: str) -> Method:
     if not isinstance(found, Method) or found.name != name:
         raise MethodError(f"{GROUP} {name}: expected a Method of this name, found {found!r}")
     return found
+
+
+def variants(text: str) -> list[Method]:
+    """`NAME`, or `NAME:PARAMETER=VALUE,VALUE:...`: the method with each combination of values of its controller.
+
+    Example: `nominal-pd:eps=0.02,0.03:gait=slopes`. Raises `MethodError`.
+    """
+    name, *settings = text.split(":")
+    choices: list[list[tuple[str, Any]]] = []
+    for setting in settings:
+        parameter, _, values = setting.partition("=")
+        if parameter not in ControllerParameters.model_fields or not values:
+            raise MethodError(f"{text}: {setting}: expected PARAMETER=VALUE,... with a parameter of the controller")
+        choices.append([(parameter, _value(each)) for each in values.split(",")])
+    return [_tuned(method(name), tuning) for tuning in product(*choices)]
+
+
+def _value(text: str) -> float | str:
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
+def _tuned(base: Method, tuning: tuple[tuple[str, Any], ...]) -> Method:
+    """The method with other parameters on each terrain that it walks."""
+    if not tuning:
+        return base
+    about = [f"{name}={value:g}" if isinstance(value, float) else f"{name}={value}" for name, value in tuning]
+    stones, flat = (each and replace(each, tuning=each.tuning + tuning) for each in (base.stones, base.flat))
+    return replace(
+        base, name=":".join([base.name, *about]), title=", ".join([base.title, *about]), stones=stones, flat=flat
+    )

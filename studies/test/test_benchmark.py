@@ -2,12 +2,14 @@
 
 import csv
 from pathlib import Path
+from typing import get_args
 
 import pytest
 from rabbit_benchmark import methods
-from rabbit_benchmark.cells import CellError, cells, chosen, storm, storm_plant
+from rabbit_benchmark.cells import TERRAINS, CellError, Map, cells, chosen, storm, storm_plant
 from rabbit_benchmark.comparison import holm, paired
-from rabbit_benchmark.methods import BUILT_IN, MethodError, method
+from rabbit_benchmark.families import families
+from rabbit_benchmark.methods import BUILT_IN, MethodError, method, variants
 from rabbit_benchmark.protocol import SEEDS, Protocol, plan
 from rabbit_benchmark.report import Benchmark
 from rabbit_experiments.cache import Cache
@@ -67,7 +69,8 @@ def test_methods_share_courses_and_cells_do_not() -> None:
 def test_cells_are_chosen_by_name_pattern_or_map() -> None:
     assert [cell.name for cell in chosen(["storm", "flat/scale-1"])] == ["stones/storm", "flat/scale-1", "flat/storm"]
     assert {cell.map for cell in chosen(["inside"])} == {"inside"}
-    assert len(chosen(["inside"])) + len(chosen(["outside"])) + len(chosen(["storm"])) == len(cells())
+    maps = get_args(Map)
+    assert sum(len(chosen([each])) for each in maps) == len(cells())
 
 
 def test_with_a_lab_s_sensors_the_courses_are_the_same() -> None:
@@ -129,3 +132,46 @@ def test_a_map_s_courses_are_those_of_its_cells(tmp_path: Path) -> None:
     nominal, robust = (line.split(" | ") for line in lines[2:4])
     assert nominal[1].startswith(f"{inside} of 2 (")
     assert robust[1:] == ["", " |"]
+
+
+def test_a_plant_of_a_family_is_drawn_by_its_seed_within_its_ranges() -> None:
+    for cell in chosen(["development", "reported"]):
+        family = families().families[cell.name.split("/")[1]]
+        ranges = families().every | (family.on(cell.terrain) or {})
+        drawn = [cell.plant(number, SEEDS["reported"]) for number in range(20)]
+        assert drawn == [cell.plant(number, SEEDS["reported"]) for number in range(20)]
+        assert drawn[0] != cell.plant(0, SEEDS["development"])
+        for plant in drawn:
+            assert plant.pop("terrain") == cell.terrain
+            assert plant.keys() == ranges.keys()
+            assert all(low <= plant[name] <= high for name, (low, high) in ranges.items())
+            SimulationParameters.model_validate(plant)
+
+
+def test_each_plant_of_the_second_storm_can_be_built() -> None:
+    own = {name for family in families().families.values() for name in (*(family.stones or ()), *(family.flat or ()))}
+    seen: set[str] = set()
+    for cell in chosen(["storm-2"]):
+        for number in range(200):
+            plant = cell.plant(number, SEEDS["development"])
+            seen.update(plant)
+            SimulationParameters.model_validate(plant)
+    assert own <= seen
+
+
+def test_a_variant_of_a_method_has_its_parameters_and_a_name_of_its_own() -> None:
+    found = variants("nominal-pd:eps=0.02,0.03:gait=slopes")
+    assert [each.name for each in found] == ["nominal-pd:eps=0.02:gait=slopes", "nominal-pd:eps=0.03:gait=slopes"]
+    for each, eps in zip(found, (0.02, 0.03), strict=True):
+        for terrain in TERRAINS:
+            contender = each.on(terrain)
+            assert contender is not None
+            own = contender.assembly().controller
+            assert (own.eps, own.gait, own.objective) == (eps, "slopes", "pd_centred")
+    assert variants("best") == [method("best")]
+
+
+@pytest.mark.parametrize("text", ["nominal:epsilon=1", "nominal:eps", "nobody:eps=0.02"])
+def test_a_variant_of_nothing_is_refused(text) -> None:
+    with pytest.raises(MethodError, match="expected"):
+        variants(text)

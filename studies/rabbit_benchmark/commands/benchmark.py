@@ -14,7 +14,10 @@ app = typer.Typer(add_completion=False)
 
 @app.command()
 def benchmark(
-    methods: Annotated[list[str] | None, typer.Argument(help="by name; all of them")] = None,
+    methods: Annotated[
+        list[str] | None,
+        typer.Argument(help="by name, with values to try: nominal-pd:eps=0.02,0.03 (default: all)"),
+    ] = None,
     cells: Annotated[str, typer.Option(help="names, patterns, maps: stones/scale-2,flat/*,inside (default: all)")] = "",
     courses: Annotated[int, typer.Option(min=1, max=10_000, help="of a cell; the storm has ten times as many")] = 10,
     seeds: Annotated[
@@ -34,12 +37,12 @@ def benchmark(
     from rabbit_experiments.engine import run
 
     from rabbit_benchmark.cells import CellError, chosen
-    from rabbit_benchmark.methods import MethodError, method, names
+    from rabbit_benchmark.methods import MethodError, names, variants
     from rabbit_benchmark.protocol import Protocol, plan
     from rabbit_benchmark.report import Benchmark
 
     with complaints(CellError, MethodError):
-        entered = [method(name) for name in dict.fromkeys(methods or names())]
+        entered = [each for name in dict.fromkeys(methods or names()) for each in variants(name)]
         wanted = chosen([name for name in cells.split(",") if name])
     if batch > 1 and plant != "mujoco":
         fail(f"--batch {batch} with --plant {plant}: expected --plant mujoco")
