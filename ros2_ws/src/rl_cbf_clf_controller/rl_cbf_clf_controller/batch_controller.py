@@ -5,7 +5,7 @@ State, outputs, rows, QP, policy and torque are computed for all robots together
 estimator that learns within the walk or knows its plant (the identified robot, L1, an oracle), goes robot by robot.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,6 +21,7 @@ from rl_cbf_clf_controller.controller_output import ControllerOutput
 from rl_cbf_clf_controller.identified_robot import IdentifiedRobot
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import LearnedPolicy, Policy
+from rl_cbf_clf_controller.residual_policy import Memory, ResidualPolicy
 from rl_cbf_clf_controller.scene import ControllerError, Scene
 from rl_cbf_clf_controller.step_outputs import Touchdown
 from rl_cbf_clf_controller.virtual_constraints import VirtualConstraints
@@ -162,7 +163,8 @@ class BatchController:
         self._last_tick, self._last_x, self._last_p = np.full(n, -2), np.zeros((n, 14)), self._p.copy()
         self._none = BatchEstimates.of([tick.no_error()])
         self._no_output_error = tick.terms.inputs, tick.terms.inputs + 1
-        self.act: Callable[[BatchScene, BatchEstimates], BatchEstimates] | None = None
+        self._residual = policies[0] if isinstance(policies[0], ResidualPolicy) else None
+        self._memory = Memory.of(n)
 
     def reset(self, i: int, seed: int) -> None:
         """Begin an episode of robot `i`; see `Controller.reset`."""
@@ -173,6 +175,7 @@ class BatchController:
         self._has_begun[i] = False
         self._follow(i, self._steps[i].first())
         self._answer.reset(i)
+        self._memory.forget(i)
         for estimator in (self.policies[i], *self._estimators[i]):
             estimator.reset()
 
@@ -183,6 +186,7 @@ class BatchController:
                 setattr(self, name, value[rows] if isinstance(value, np.ndarray) else [value[i] for i in rows])
         self._robots = self._robots and [self._robots[i] for i in rows]
         self._answer.keep(rows)
+        self._memory.keep(rows)
         self._orders.clear()
 
     def step(self, states: RobotStates) -> BatchOutput:
@@ -240,8 +244,8 @@ class BatchController:
         """The torques at these scenes, from all estimators; `estimates` take the place of the policy's."""
         parts = self._estimated(scene, estimates)
         total = sum(parts[1:], start=self._none + parts[0])
-        if self.act:
-            total = total + self.act(scene, total)
+        if self._residual:
+            total = total + self._residual.of_many(self._memory, scene, total)
         error = total.output_error
         if error is None:
             if self._one.parameters.objective == "pd_centred" and not self._one._corrects_input:
@@ -256,13 +260,16 @@ class BatchController:
 
     def _estimated(self, scene: BatchScene, given: BatchEstimates | None) -> list[BatchEstimates]:
         """Of the policy, then of each other estimator."""
-        policy = self.policies[0]
+        policy, n = self.policies[0], len(scene.x)
+        if self._residual:
+            q, m = self._none.beta.shape[1], self._no_output_error[0]
+            given = BatchEstimates(np.zeros((n, q, m)), np.zeros((n, q)), np.zeros((n, *self._no_output_error)))
         if given is None and self._acts_at_once and isinstance(policy, LearnedPolicy):
             given = policy.act_of_many(scene.observation, scene.seen.LgV)
         if given is not None and not self._one._estimators:
             return [given]
         found = []
-        for i in range(len(scene.x)):
+        for i in range(n):
             one = self._scene(scene, i)
             parts = [self.policies[i].estimate(one, self._one.qp.no_error()) if given is None else given[i]]
             total = self._one.qp.no_error() + parts[0]

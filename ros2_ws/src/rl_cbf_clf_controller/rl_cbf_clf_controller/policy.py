@@ -172,6 +172,14 @@ def fitted(file: PolicyFile, parameters: ControllerParameters, gaits: Gaits) -> 
         raise PolicyFileError(
             f"policy: it was trained with adaptation {own}; this controller has {parameters.adaptation}"
         )
+    if file.metadata.residual:
+        from rl_cbf_clf_controller.residual_policy import ResidualActor
+
+        if parameters.objective != "pd_centred" or not file.metadata.fits(parameters.problem):
+            raise PolicyFileError(
+                f"policy: it moves the centre of pd_centred; {parameters.problem} has objective {parameters.objective}"
+            )
+        return ResidualActor(file)
     policy, trained_for = ActorPolicy(file), file.metadata.problem
     if file.metadata.fits(parameters.problem):
         if parameters.terrain == "stones" and STEP_LENGTH in file.metadata.observation and not has_lengths(gaits):

@@ -142,6 +142,7 @@ def reads(w: Walking, p: Parameters) -> dict[str, ca.SX]:
         "phase": w.outputs.phase,
         "observation": w.observation,
         "swing": w.robot.swing,
+        "stone": ca.vertcat(w.stone.l_min, w.stone.l_max, w.stone.height),
         "outputs_a": y_ddot.a,
         "outputs_b": y_ddot.b,
     }

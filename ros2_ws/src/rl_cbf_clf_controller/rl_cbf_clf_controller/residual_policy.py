@@ -8,20 +8,28 @@ The network reads two frames, of this tick and of the one before. Among other th
 outputs' last acceleration differed from the identified robot's: what no parameter explains.
 """
 
+from abc import abstractmethod
 from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 from cbf_clf_qp.batch import BatchEstimates
+from cbf_clf_qp.estimates import Estimates
 from rabbit_description.state import TICK_SECONDS, Array
+
+from rl_cbf_clf_controller.policy import Policy
+from rl_cbf_clf_controller.scene import Scene
+from rl_cbf_clf_controller.weights import RESIDUAL_FRAME, Actor, PolicyFile
 
 SCALE = 40.0  # rad/s^2
 INPUTS = 4
-FRAME = 40
+FRAME = len(RESIDUAL_FRAME)
 READS = 2 * FRAME
 STONE = 0.35  # m, about which edges of stones are told
 BOUND = 5.0  # of each number of a frame
 NEVER = -2  # no tick
+SEEN = ("eta", "phase", "swing", "outputs_a", "outputs_b", "stone", "B1_state", "B2_state")
 
 
 @dataclass
@@ -49,10 +57,56 @@ class Memory:
             setattr(self, name, values[rows])
 
 
-def observe(memory: Memory, scene: Any, others: BatchEstimates, stones: slice) -> Array:
+class ResidualPolicy(Policy):
+    """A policy that is asked after all other estimators, and moves the objective's centre."""
+
+    adaptation = "identification"
+
+    def __init__(self) -> None:
+        self._memory = Memory.of(1)
+
+    @abstractmethod
+    def says(self, reads: Array) -> Array:
+        """The residuals over `SCALE`, (N, INPUTS) in [-1, 1], of what is read of N robots, (N, READS)."""
+
+    def estimate(self, scene: Scene, before: Estimates) -> Estimates:
+        """At a tick of one robot; `before`: of all other estimators."""
+        return self.of_many(self._memory, of_one(scene), BatchEstimates.of([before]))[0]
+
+    def of_many(self, memory: Memory, scene: Any, before: BatchEstimates) -> BatchEstimates:
+        """The same of N robots."""
+        memory.said = self.says(observe(memory, scene, before))
+        return centred(memory.said, before.beta.shape[1])
+
+    def reset(self) -> None:
+        """Begin an episode."""
+        self._memory = Memory.of(1)
+
+
+class ResidualActor(ResidualPolicy):
+    """That of a policy file."""
+
+    def __init__(self, file: PolicyFile) -> None:
+        super().__init__()
+        self.file, self.version = file, file.version
+        self._actor = Actor(file.arrays)
+
+    def says(self, reads: Array) -> Array:
+        """See `ResidualPolicy`."""
+        return self._actor.of_many(reads).astype(float)
+
+
+def of_one(scene: Scene) -> SimpleNamespace:
+    """A scene of one robot as `observe` reads it."""
+    own = {name: np.asarray(getattr(scene, name))[None] for name in ("x", "force", "torque", "tick", "stance")}
+    seen = {name: getattr(scene.seen, name)[None] for name in SEEN if hasattr(scene.seen, name)}
+    return SimpleNamespace(seen=SimpleNamespace(**seen), **own)
+
+
+def observe(memory: Memory, scene: Any, others: BatchEstimates) -> Array:
     """What the network reads at a scene of N robots, (N, READS). The memory goes on to this tick.
 
-    `others`: estimates of the model's errors; `stones`: the place of the next one's edges and height in `scene.p`.
+    `others`: estimates of the model's errors.
     """
     seen, n, tick = scene.seen, len(scene.x), scene.tick
     y, dy, error = seen.eta[:, :INPUTS], seen.eta[:, INPUTS:], others.output_error
@@ -63,9 +117,9 @@ def observe(memory: Memory, scene: Any, others: BatchEstimates, stones: slice) -
     goes_on = (memory.tick == tick - 1)[:, None]
     same_step = goes_on & (memory.stance == scene.stance)[:, None] & np.isfinite(scene.torque)
     missed = np.where(same_step, (dy - memory.dy) / TICK_SECONDS - expected, 0.0)
-    on_stones = "B1_state" in seen.places
+    on_stones = hasattr(seen, "B1_state")
     barriers = [seen.B1_state, seen.B2_state] if on_stones else [np.zeros((n, 4))]
-    stone = scene.p[:, stones] - (STONE, STONE, 0.0) if on_stones else np.zeros((n, 3))
+    stone = seen.stone - (STONE, STONE, 0.0) if on_stones else np.zeros((n, 3))
     parts = [
         10 * y,
         dy,

@@ -32,6 +32,15 @@ SHIPPED = Path(__file__).parent / "policies"
 PROBE = "probe.outputs"
 PROBE_TOLERANCE = 1e-3  # of outputs in [-1, 1]; float32 sums in another order differ by 1e-6
 _KEY = "rabbit_policy"
+RESIDUAL_FRAME = (  # what a residual policy reads of a tick, see `residual_policy.observe`
+    *(f"{kind}{i}" for kind in ("y", "dy") for i in range(1, 5)),
+    *("phase", "pitch", "hip_x_rate", "hip_z_rate", "pitch_rate"),
+    *(f"{kind}{i}" for kind in ("mu", "missed", "force") for i in range(1, 5)),
+    *("B1", "dB1", "B2", "dB2", "l_min", "l_max", "height", "on_stones"),
+    *(f"said{i}" for i in range(1, 5)),
+    *("swing_x", "swing_z", "tick"),
+)
+RESIDUAL_READS = (*RESIDUAL_FRAME, *(f"last_{name}" for name in RESIDUAL_FRAME))
 PAPERS = {problem.name: problem for problem in PAPER}
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -60,6 +69,9 @@ class PolicyMetadata(BaseModel):
     structured: bool = Field(description="the CLF's outputs are a matrix (m, m + 1) contracted with LgV")
     alpha_scale: tuple[Positive, ...] = Field(description="alpha = scale * output, one for each quantity")
     beta_scale: tuple[Positive, ...] = Field(description="beta = scale * output, one for each quantity")
+    residual: Literal[True] | None = Field(
+        default=None, description="it estimates nothing, but moves the objective's centre, see `residual_policy.py`"
+    )
     adaptation: str | None = Field(default=None, description="online adaptation that it adds to; None: to no one's")
     learner: str = Field(description="what trained it")
     plant: dict[str, bool | int | float | str] = Field(description="parameters of the plant it was trained on")
@@ -75,6 +87,10 @@ class PolicyMetadata(BaseModel):
             raise ValueError("inputs and quantities: expected both or neither")
         if self.quantities is None and self.problem not in PAPERS:
             raise ValueError(f"problem = {self.problem}: expected inputs and quantities, it is none of the paper's")
+        if self.residual:
+            if self.observation != RESIDUAL_READS or self.alpha_scale or self.beta_scale or self.structured:
+                raise ValueError("a residual policy: expected its own observations, no scales and no structure")
+            return self
         if self.quantities is None and self.observation not in (known := PAPERS[self.problem].observations):
             raise ValueError(f"observation = {self.observation}; {self.problem} has {known[-1]}")
         n = len(self.names)
@@ -98,6 +114,8 @@ class PolicyMetadata(BaseModel):
 
     def fits(self, problem: Problem) -> bool:
         """Whether it was trained for this problem, as it is now."""
+        if self.residual:
+            return not problem.corrects_input and problem.inputs == self.m
         of_file = self.problem, self.names, self.m
         is_same = of_file == (problem.name, problem.quantities, problem.inputs)
         return is_same and self.observation in problem.observations
@@ -110,6 +128,8 @@ class PolicyMetadata(BaseModel):
     @property
     def outputs(self) -> int:
         """Size of the network's output layer."""
+        if self.residual:
+            return self.m
         rows, n = self.m + 1, len(self.names)
         return rows * (n - 1) + self.m * rows if self.structured else rows * n
 

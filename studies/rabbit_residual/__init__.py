@@ -1,0 +1,1 @@
+"""Training of the policy within the step: PPO over random plants, in the batch."""

@@ -1,0 +1,29 @@
+"""Train the policy within the step."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rabbit_common.exit_codes import of_interrupt
+from rabbit_common.options import complaints, fail
+from rabbit_common.own_folder import own_folder
+
+app = typer.Typer(add_completion=False)
+
+
+@app.command()
+def residual(
+    out: Annotated[Path, typer.Option(help="folder; a session that was stopped there goes on")],
+    ticks: Annotated[int, typer.Option(min=1, max=10**11, help="in all, of all robots")] = 6_000_000,
+    seed: Annotated[int, typer.Option(min=0, max=2**31)] = 1,
+    robots: Annotated[int, typer.Option(min=4, max=4096, help="that walk side by side")] = 128,
+) -> None:
+    """Train the policy within the step by PPO in MuJoCo, over random plants: DIR/policy.safetensors and a curve."""
+    from rabbit_residual.training import Options, SessionError, train
+
+    own_folder(out, "residual")
+    try:
+        with complaints(SessionError):
+            print(f"written {train(Options(ticks=ticks, seed=seed, robots=robots), out)}")
+    except KeyboardInterrupt as stop:
+        fail("stopped; the same command goes on from the last line of the curve", code=of_interrupt(stop))

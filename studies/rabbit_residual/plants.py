@@ -1,0 +1,34 @@
+"""The plants that the policy is trained on: the storm's, masses alone, and the development families."""
+
+import math
+from typing import Any
+
+import numpy as np
+from rabbit_benchmark.cells import Terrain, storm
+from rabbit_benchmark.families import drawn, families
+from rabbit_sim.parameters import SimulationParameters
+
+WALK_ALONE = {"gear_stiffness", "backlash", "coulomb", "joint_damping"}  # in a batch, so they are drawn less often
+MASS_SCALES, PAYLOAD = (0.7, 2.5), 50.0  # kg
+LAG, LAGS = 0.004, (0.0, 0.01)  # s
+
+
+def draw_plant(terrain: Terrain, rng: "np.random.Generator", stones: int) -> SimulationParameters:
+    """A plant of MuJoCo's: half of them stormy, half with a mass alone; of all six in ten are of a family."""
+    changes: dict[str, Any] = {}
+    if rng.random() < 0.5:
+        for name, (low, high) in storm().on(terrain).items():
+            value, share = float(rng.uniform(low, high)), 0.06 if name in WALK_ALONE else storm().share
+            if rng.random() < share:
+                changes[name] = round(value, 3) if name == "torque_delay" else value
+    elif rng.random() < 0.6:
+        changes["mass_scale"] = math.exp(rng.uniform(*map(math.log, MASS_SCALES)))
+    else:
+        changes["payload"] = rng.uniform(0, PAYLOAD)
+    if rng.random() < 0.6:
+        known = [each.on(terrain) for each in families().families.values() if each.split == "development"]
+        known = [ranges for ranges in known if ranges]
+        changes |= drawn(known[rng.integers(len(known))] or {}, rng)
+    lag = LAG if rng.random() < 0.7 else rng.uniform(*LAGS)
+    course = {"terrain": terrain, "stones": stones, "motor_lag": lag, "plant": "mujoco"}
+    return SimulationParameters.model_validate(course | changes)
