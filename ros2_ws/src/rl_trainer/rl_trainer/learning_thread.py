@@ -138,7 +138,7 @@ class LearningThread:
         report = None
         if self._last is not None:
             last = state or self._last
-            self._keep(self.trainer.observe_end(last), tag)
+            self._keep(self.trainer.observe(last), tag)
             report = self.trainer.end_episode(self._plan, last)
             self._on_disk(Checkpoint.save)
             self._plan, self._last = self.trainer.begin_episode(), None

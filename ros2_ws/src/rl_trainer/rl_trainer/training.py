@@ -142,15 +142,15 @@ class Trainer:
             policy=None if nominal else self.policy_file(),
         )
 
-    def observe(self, state: RobotState, output: ControllerOutput) -> Transition | None:
-        """Take in a tick; returns the transition that it completes."""
-        self._fault = output.fault
-        self._adaptation = None if output.adaptation == "none" else output.adaptation
-        return self.take(self._builder.add(state, output))
+    def observe(self, state: RobotState, output: ControllerOutput | None = None) -> Transition | None:
+        """Take in a tick, without an output the state that the episode ended in; returns the transition into it.
 
-    def observe_end(self, state: RobotState) -> Transition | None:
-        """Take in the state that the episode ended in; returns the transition into it, if this was not done before."""
-        return self.take(self._builder.add(state))
+        Of an episode's end there is one the first time.
+        """
+        if output:
+            self._fault = output.fault
+            self._adaptation = None if output.adaptation == "none" else output.adaptation
+        return self.take(self._builder.add(state, output))
 
     def take(self, transition: Transition | None) -> Transition | None:
         """Take in a transition: those of before a kill come this way too."""
@@ -163,16 +163,15 @@ class Trainer:
 
     def end_episode(self, plan: EpisodePlan, state: RobotState) -> EpisodeReport:
         """Take in the last state and learn; the next `begin_episode` has the new policy."""
-        self.observe_end(state)
-        report = self._report(plan, state, self.learn_episode())
-        self.reports = [*self.reports, report][-self.parameters.episodes :]
-        return report
+        self.observe(state)
+        self.reports.append(self._report(plan, state, self.learn_episode()))
+        del self.reports[: -self.parameters.episodes]
+        return self.reports[-1]
 
     def learn_episode(self) -> dict[str, float]:
         """Learn from the episode whose transitions were taken in; its mean losses."""
         p = self.parameters
-        updates = max(p.updates_least, round(p.updates_per_tick * len(self._walk)))
-        losses = self.learn(updates)
+        losses = self.learn(max(p.updates_least, round(p.updates_per_tick * len(self._walk))))
         self.episode += 1
         return losses
 
