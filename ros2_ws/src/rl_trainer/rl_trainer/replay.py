@@ -93,20 +93,11 @@ class Replay:
 
 def as_batch(transitions: list[Transition], parameters: TrainingParameters) -> Batch:
     """Transitions as one batch, none left out."""
-    rows = [_row(transition, parameters) for transition in transitions]
-    return Batch(
-        **{f.name: torch.as_tensor(np.stack([row[f.name] for row in rows]), dtype=torch.float32) for f in fields(Batch)}
-    )
-
-
-def _row(transition: Transition, parameters: TrainingParameters) -> dict[str, Any]:
-    m, unit = len(parameters.observation), error_unit(transition.LgV, parameters)
-    reward, penalty = reward_terms(transition, parameters)
-    return vars(transition) | {
-        "observation": transition.observation[:m],
-        "unit": unit,
-        "target": np.nan_to_num(transition.target / unit),
-        "reward": reward,
-        "penalty": penalty,
-        "next_observation": transition.next_observation[:m],
-    }
+    m, rows = len(parameters.observation), list[dict[str, Any]]()
+    for each in transitions:
+        unit, (reward, penalty) = error_unit(each.LgV, parameters), reward_terms(each, parameters)
+        seen = {"observation": each.observation[:m], "next_observation": each.next_observation[:m]}
+        learned = {"unit": unit, "target": np.nan_to_num(each.target / unit), "reward": reward, "penalty": penalty}
+        rows.append(vars(each) | seen | learned)
+    names = [field.name for field in fields(Batch)]
+    return Batch(**{n: torch.as_tensor(np.stack([row[n] for row in rows]), dtype=torch.float32) for n in names})

@@ -207,7 +207,7 @@ class Trainer:
         Raises:
             DivergenceError: it is not finite.
         """
-        p, actor, source = self.parameters, self.learner.acting, self.provenance
+        p, actor = self.parameters, self.learner.acting
         alpha, beta, _ = p.scales
         metadata = PolicyMetadata(
             **problem_fields(p.problem),
@@ -220,12 +220,10 @@ class Trainer:
             beta_scale=beta,
             adaptation=self._adaptation,
             learner=p.learner,
-            plant=source.plant,
             training_seed=p.seed,
             episodes=self.episode,
             transitions=self.transitions,
-            commit=source.commit,
-            command=source.command,
+            **vars(self.provenance),
         )
         try:
             return PolicyFile(metadata, actor.arrays())

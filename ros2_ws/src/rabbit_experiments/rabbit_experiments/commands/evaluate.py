@@ -42,6 +42,7 @@ def evaluate(given: Given) -> None:
         fail(f"--batch {request.batch} with --plant {assembly.simulation.plant}: expected --plant mujoco")
     from rabbit_experiments.evaluation import Scenario
     from rabbit_experiments.results import ResultsError, ResultsFolder
+    from rabbit_experiments.walk_records import RECORDS
 
     scenario, about = Scenario(assembly, request.runs, request.seed), describe(assembly, request.seed)
     with complaints(ResultsError):
@@ -50,7 +51,9 @@ def evaluate(given: Given) -> None:
     show(conclude(scenario, folder, results, about))
     print(f"{made} runs made; written {request.out}")
     if request.pictures:
-        draw_first(scenario, request.out)
+        scenario.recorded.write(scenario.recorded.do(), request.out / RECORDS)  # the first run again, the same
+        for path in load("rabbit.pictures", "recording")(request.out):  # of rabbit_viewer, which imports this package
+            print(f"drawn {path}")
 
 
 def given_assembly(given: Given, policy: str | None = None, parameters: str = "ours") -> Any:
@@ -126,11 +129,12 @@ def walk_all(scenario: Any, folder: Any, processes: int, batch: int = 1) -> tupl
 
 def conclude(scenario: Any, folder: Any, results: list[Any], about: dict[str, Any]) -> dict[str, Any]:
     """Write the summary."""
+    from rabbit_experiments.results import SUMMARY
     from rabbit_experiments.summary import summarise
 
     figures = summarise(results, scenario.assembly.controller.qp_solver)
     summary = {"runs": scenario.runs, "stones": scenario.assembly.simulation.stones, **figures, **about}
-    folder.write_summary(summary)
+    folder.write(SUMMARY, summary)
     return summary
 
 
@@ -143,15 +147,6 @@ def show(summary: dict[str, Any]) -> None:
     for name in SHOWN:
         table.add_row(name, _text(summary[name]))
     Console().print(table)
-
-
-def draw_first(scenario: Any, out: Path) -> None:
-    """Walk the first run again, the same, and leave its records and pictures."""
-    from rabbit_experiments.walk_records import RECORDS
-
-    scenario.recorded.write(scenario.recorded.do(), out / RECORDS)
-    for path in load("rabbit.pictures", "recording")(out):  # of rabbit_viewer, which imports this package
-        print(f"drawn {path}")
 
 
 SHOWN = (

@@ -29,21 +29,15 @@ class NodeParameters(BaseModel):
 
 def make_trainer(training: TrainingParameters, own: NodeParameters) -> Trainer:
     """From scratch or from a policy; raises `ParameterError`, `PolicyFileError`."""
-    plant = plant_of(own.plant)
+    try:
+        plant = json.loads(own.plant)
+    except ValueError as error:
+        raise ParameterError(f"parameter plant = {own.plant!r}: not JSON: {error}") from error
+    if not isinstance(plant, dict):
+        raise ParameterError(f"parameter plant = {own.plant!r}: expected a JSON object")
     if own.policy == ZERO:
         return Trainer(training, Provenance(plant, command="trainer node"))
     policy = read(policy_path(own.policy), training.problem)
     trainer = Trainer(training, Provenance(plant, command=f"trainer node, from {policy.version}"))
     trainer.start_from(policy)
     return trainer
-
-
-def plant_of(text: str) -> dict[str, bool | int | float | str]:
-    """What the policy file says of the plant."""
-    try:
-        plant = json.loads(text)
-    except ValueError as error:
-        raise ParameterError(f"parameter plant = {text!r}: not JSON: {error}") from error
-    if not isinstance(plant, dict):
-        raise ParameterError(f"parameter plant = {text!r}: expected a JSON object")
-    return plant
