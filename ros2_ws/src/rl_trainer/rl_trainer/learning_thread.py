@@ -83,11 +83,6 @@ class LearningThread:
         self._queue.put(partial(setattr, self.trainer.gate, "in_force", policy))
 
     @property
-    def taken(self) -> int:
-        """Transitions ever taken in."""
-        return self.trainer.taken
-
-    @property
     def waiting(self) -> int:
         """Ticks in the queue."""
         return self._queue.qsize()

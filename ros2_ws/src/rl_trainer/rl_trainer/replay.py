@@ -14,23 +14,19 @@ from rl_trainer.transitions import Doubt, Transition
 
 @dataclass(frozen=True)
 class Batch:
-    """b transitions, m observations (raw), n quantities, p inputs; `target` and `reward` in units of the error.
+    """b transitions, m observations (raw), n quantities, p inputs; the last three are of the next tick."""
 
-    `observation` (b, m), `LgV` (b, p), `mu` (b, p), `mu_qp` (b, p), `unit` (b, n), `alpha` (b, n, p), `beta` (b, n),
-    `target` (b, n), `reward` (b, n), `penalty` (b,), `failed` (b,), and `observation`, `LgV`, `mu` of the next tick.
-    """
-
-    observation: Tensor
-    LgV: Tensor
-    mu: Tensor
-    mu_qp: Tensor
-    unit: Tensor
-    alpha: Tensor
-    beta: Tensor
-    target: Tensor
-    reward: Tensor
-    penalty: Tensor
-    failed: Tensor
+    observation: Tensor  # (b, m)
+    LgV: Tensor  # (b, p)
+    mu: Tensor  # (b, p)
+    mu_qp: Tensor  # (b, p)
+    unit: Tensor  # (b, n), of the error
+    alpha: Tensor  # (b, n, p)
+    beta: Tensor  # (b, n)
+    target: Tensor  # (b, n), in the error's unit
+    reward: Tensor  # (b, n), in the error's unit, squared
+    penalty: Tensor  # (b,)
+    failed: Tensor  # (b,)
     next_observation: Tensor
     next_LgV: Tensor
     next_mu: Tensor

@@ -19,6 +19,7 @@ import torch
 from rabbit_description.plugins import load
 from rabbit_description.state import RobotState
 from rl_cbf_clf_controller.controller_output import ControllerOutput
+from rl_cbf_clf_controller.policy import ActorPolicy, ZeroPolicy
 from rl_cbf_clf_controller.weights import Arrays, PolicyFile, PolicyFileError, PolicyMetadata, problem_fields
 
 from rl_trainer.learner import Learner
@@ -56,12 +57,12 @@ class Provenance:
 
 @dataclass(frozen=True)
 class EpisodePlan:
-    """How to walk the next episode: `policy` None is the nominal controller; `sigma` in rad/s^2."""
+    """How to walk the next episode: `policy` zero is the nominal controller; `sigma` in rad/s^2."""
 
     episode: int
     seed: int
     sigma: float
-    policy: PolicyFile | None
+    policy: ZeroPolicy | ActorPolicy
 
 
 @dataclass(frozen=True)
@@ -139,7 +140,7 @@ class Trainer:
             episode=self.episode,
             seed=int(seeds.generate_state(1)[0]),
             sigma=p.sigma if nominal else p.sigma * float(factor),
-            policy=None if nominal else self.policy_file(),
+            policy=ZeroPolicy(p.problem) if nominal else ActorPolicy(self.policy_file()),
         )
 
     def observe(self, state: RobotState, output: ControllerOutput | None = None) -> Transition | None:
@@ -263,7 +264,7 @@ class Trainer:
         return EpisodeReport(
             episode=plan.episode,
             sigma=plan.sigma,
-            nominal=plan.policy is None,
+            nominal=isinstance(plan.policy, ZeroPolicy),
             steps=state.touchdowns,
             ticks=len(episode),
             kept=self._kept,
