@@ -1,6 +1,7 @@
 """Walk many seeded runs without ROS: success, stones, forces, solver and speed."""
 
 import os
+from bisect import insort
 from pathlib import Path
 from typing import Any
 
@@ -107,24 +108,21 @@ def walk_all(scenario: Any, folder: Any, processes: int, batch: int = 1) -> tupl
     from rabbit_experiments.engine import run
     from rabbit_experiments.summary import Walks
 
-    kept = {job.run: result for job in scenario.walks if (result := folder.cache.get(job))}
+    results = [result for job in scenario.walks if (result := folder.cache.get(job))]
 
-    def in_order() -> list[Any]:
-        return [kept[number] for number in sorted(kept)]
-
-    def note(job: Any, result: Any) -> str:
-        kept[job.run] = result
-        folder.write_runs(in_order())
-        walks = Walks([each.row for each in kept.values()])
+    def note(_: Any, result: Any) -> str:
+        insort(results, result, key=lambda each: each.row.run)
+        folder.write_runs(results)
+        walks = Walks([each.row for each in results])
         return f"walked {walks.walked}, mean stones {walks.mean_stones:.1f}"
 
-    folder.write_runs(in_order())
+    folder.write_runs(results)
     try:
         with complaints(JobError):
             made = run(scenario.walks, folder.cache, processes, note=note, batch=batch)
     except KeyboardInterrupt as stop:
-        fail(f"stopped after {len(kept)} runs; the same command goes on from there", code=of_interrupt(stop))
-    return in_order(), made
+        fail(f"stopped after {len(results)} runs; the same command goes on from there", code=of_interrupt(stop))
+    return results, made
 
 
 def conclude(scenario: Any, folder: Any, results: list[Any], about: dict[str, Any]) -> dict[str, Any]:
