@@ -28,8 +28,6 @@ from rl_cbf_clf_controller.parameters import CONFIG
 from rl_cbf_clf_controller.parameters import ParameterError as ControllerParameterError
 from rl_cbf_clf_controller.parameters import load_parameters as load_controller
 from rl_trainer.checkpoint import CHECKPOINT, CheckpointError, journal_path, line_of, read_journal
-from rl_trainer.parameters import ParameterError
-from rl_trainer.parameters import load_parameters as load_training
 
 COURSE = yaml.safe_dump({"stones": [{"l_min": 0.35, "l_max": 0.4}, {"l_min": 0.36}]}).encode()
 CSV = b"l_min,l_max\n0.35,0.40\n0.36,0.41\n"
@@ -39,7 +37,6 @@ OTHER = {**ONE, "step_length": 0.5}
 LENGTH = ONE["step_length"]
 GAIT_LIBRARY = yaml.safe_dump({"name": "two", "start_length": LENGTH, "gaits": [ONE, OTHER]}).encode()
 AUTHORS = (CONFIG / "authors.yaml").read_bytes()
-TRAINING = b"problem: rl-clf-qp\nsigma: 3.0\nsigma_factors: [0.0, 1.0]\n"
 
 scalars = st.one_of(
     st.none(), st.booleans(), st.integers(), st.floats(), st.text(max_size=8), st.sampled_from(["0x", "2001-99-99"])
@@ -108,12 +105,6 @@ def test_courses_in_csv(data: bytes) -> None:
 @given(texts(AUTHORS))
 def test_controller_parameters(data: bytes) -> None:
     read_or_refused(load_controller, ControllerParameterError, "parameters.yaml", data)
-
-
-@example(DEEP)
-@given(texts(TRAINING))
-def test_training_parameters(data: bytes) -> None:
-    read_or_refused(load_training, ParameterError, "training.yaml", data)
 
 
 @given(st.binary(max_size=40) | damaged(bytes(32)))

@@ -48,8 +48,7 @@ from rl_cbf_clf_controller.parameters import load_parameters as load_controller
 from rl_cbf_clf_controller.uncertainty import RL_CLF_QP
 from rl_trainer.checkpoint import CHECKPOINT, DIGEST, Checkpoint, CheckpointError, checksum, journal_path
 from rl_trainer.learning_thread import LearningThread
-from rl_trainer.parameters import ParameterError, TrainingParameters
-from rl_trainer.parameters import load_parameters as load_training
+from rl_trainer.parameters import TrainingParameters
 from rl_trainer.training import Trainer
 from rl_trainer.transitions import Doubt, Transition
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
@@ -268,11 +267,6 @@ def kinds(walk: Walk) -> dict[str, Kind]:
             ),
             load_controller,
             (ControllerParameterError,),
-        ),
-        "training parameters": Kind(
-            (("training.yaml", b"problem: rl-clf-qp\nsigma: 3.0\nsigma_factors: [0.0, 1.0]\n"),),
-            load_training,
-            (ParameterError,),
         ),
         "setting": Kind((("setting.yaml", settings[0].read_bytes()),), read_setting, (SettingError,)),
         "node parameters": Kind(

@@ -62,11 +62,11 @@ def walk_together(
             go_on[row] = not run.tally.fault
             run.controller.append((decided - start) / len(runs))
         yield from ended(runs, simulation, go_on)
-        runs, torque = kept(runs, simulation, controller, go_on), output.torque[go_on]
+        runs = kept(runs, simulation, controller, go_on)
         if not runs:
             return
         begun = time.perf_counter()
-        states = simulation.step(torque)
+        states = simulation.step(output.torque[go_on])
         now = time.perf_counter()
         for run in runs:
             run.plant.append((now - begun) / len(runs))

@@ -61,10 +61,11 @@ class JobError(RuntimeError):
 
 @dataclass(frozen=True)
 class JobKey:
-    """Of what is asked for, and of what it is made with."""
+    """Hashes of what is asked for, and of what it is made with, that is `names`."""
 
     asked: str
     made_with: str
+    names: dict[str, str] = field(compare=False)
 
 
 class Cache:
@@ -73,7 +74,6 @@ class Cache:
     def __init__(self, path: Path) -> None:
         self.path = path
         self._keys: dict[Job, JobKey] = {}
-        self._made_with: dict[str, dict[str, str]] = {}
         self._hash_of = cache(hash_of)
 
     def get(self, job: Job) -> Any:
@@ -90,13 +90,12 @@ class Cache:
             JobError: a file that the job names has changed since its key was taken.
         """
         key, path = self.key(job), self._file(job)
-        made_with = self._made_with[key.made_with]
-        if changed := differing(made_with, provenance(plain(job))):
+        if changed := differing(key.names, provenance(plain(job))):
             raise JobError(f"{job.title}: {', '.join(changed)} changed while it was made: the result is not kept")
         about = self._about(key.made_with)
         if not about.exists():
             about.parent.mkdir(parents=True, exist_ok=True)
-            replace_text(about, json.dumps(made_with, indent=1))
+            replace_text(about, json.dumps(key.names, indent=1))
         path.parent.mkdir(parents=True, exist_ok=True)
         with replacing(path) as partial:
             job.write(result, partial)
@@ -105,26 +104,23 @@ class Cache:
         """Equal keys, equal results."""
         if job not in self._keys:
             asked = plain(job)
-            made_with = provenance(asked, self._hash_of)
-            self._keys[job] = JobKey(key_of(asked), key_of(made_with))
-            self._made_with[self._keys[job].made_with] = made_with
+            names = provenance(asked, self._hash_of)
+            self._keys[job] = JobKey(key_of(asked), key_of(names), names)
         return self._keys[job]
 
     def outdated(self, jobs: Iterable[Job]) -> str:
         """How many of these were made before with something else, and with what; empty if none."""
-        count, names = 0, set[str]()
+        count, changed = 0, set[str]()
         for job in jobs:
             key, path = self.key(job), self._file(job)
             for other in sorted(path.parent.glob(path.name.replace(key.made_with, "*")))[:1]:
                 count += 1
-                names |= set(self._differing(key.made_with, other.name.removesuffix(job.suffix).rpartition("-")[2]))
-        return f"{count} results here were made with another {', '.join(sorted(names))}: made again" if count else ""
-
-    def _differing(self, made_with: str, other: str) -> list[str]:
-        try:
-            return differing(self._made_with[made_with], json.loads(self._about(other).read_text(encoding="utf-8")))
-        except (OSError, ValueError):
-            return ["version"]
+                about = self._about(other.name.removesuffix(job.suffix).rpartition("-")[2])
+                try:
+                    changed |= set(differing(key.names, json.loads(about.read_text(encoding="utf-8"))))
+                except (OSError, ValueError):
+                    changed.add("version")
+        return f"{count} results here were made with another {', '.join(sorted(changed))}: made again" if count else ""
 
     def _about(self, made_with: str) -> Path:
         return self.path / MADE_WITH / f"{made_with}.json"

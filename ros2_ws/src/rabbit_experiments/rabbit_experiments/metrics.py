@@ -115,28 +115,23 @@ class RunTally:
         self.run, self._foot_force = run, foot_force
         self.fault = ""
         self._friction_coeff, self._pole = parameters.friction_coeff, parameters.barrier_pole_1
-        self._numbers: list[tuple[float, ...]] = []
+        self._rows: list[Array] = []
         self._active: list[tuple[str, ...]] = []
-        self._torque: list[Array] = []
-        self._eta: list[Array] = []
-        self._rates: list[Array] = []
 
     @property
     def ticks(self) -> int:
         """So far."""
-        return len(self._numbers)
+        return len(self._rows)
 
     def __call__(self, record: Record) -> None:
         """Take in a tick."""
         output = record.output
         self.fault = output.fault
-        force, slacks = self._foot_force()[output.stance].tolist(), (output.clf_slack, output.rescue_slack)
-        flags = output.answered, output.saturated
-        self._numbers.append((output.tick, output.step_index, *force, output.V, *slacks, *flags))
+        at, force = (output.tick, output.step_index), self._foot_force()[output.stance]
+        numbers = output.V, output.clf_slack, output.rescue_slack, output.answered, output.saturated
+        promised = output.barrier_rates + self._pole * output.barriers
+        self._rows.append(np.concatenate([at, force, numbers, output.torque, output.eta, promised]))
         self._active.append(output.active)
-        self._torque.append(output.torque)
-        self._eta.append(output.eta)
-        self._rates.append(output.barrier_rates + self._pole * output.barriers)
 
     def result(
         self,
@@ -148,19 +143,20 @@ class RunTally:
         walk_seconds: float = 0.0,
     ) -> RunResult:
         """The run in figures, once it is over; seconds that each controller and plant tick took, and the whole walk."""
-        numbers = np.array(self._numbers, dtype=float).reshape(-1, 9).T
-        tick, step, tangential, normal, V, slack, rescue, answered, saturated = numbers
+        rows = np.reshape(self._rows, (-1, 23))
+        tick, step, tangential, normal, V, slack, rescue, answered, saturated = rows[:, :9].T
+        torque, eta, promised = np.split(rows[:, 9:], [4, 12], axis=1)
         starts = np.diff(step, prepend=-1) != 0
         age = tick - tick[starts][np.cumsum(starts) - 1]
-        ratio = np.nan_to_num(force_ratio(numbers[2:4].T))
+        ratio = np.nan_to_num(force_ratio(rows[:, 2:4]))
         measured, at_impact = tick > 0, age < IMPACT_TICKS  # at tick 0 there is no force yet
         over, lost, late = measured & (ratio > self._friction_coeff), measured & (normal <= 0), measured & ~at_impact
-        outside = starts & (np.reshape(self._rates, (-1, 2)) < 0).any(axis=1)  # from there an ECBF promises nothing
+        outside = starts & (promised < 0).any(axis=1)  # from there an ECBF promises nothing
         active, steps = Counter[str](), set[float]()
         for names, at in zip(self._active, step, strict=True):
-            rows = {name if name in ROWS else name[: 1 if name[0] == "u" else 2] for name in names}
-            active.update(rows)
-            steps |= {at} if rows & {"B1", "B2"} else set()
+            bounds = {name if name in ROWS else name[: 1 if name[0] == "u" else 2] for name in names}
+            active.update(bounds)
+            steps |= {at} if bounds & {"B1", "B2"} else set()
         happened = {
             "ticks_over_cone": over & ~at_impact,
             "ticks_over_cone_at_impact": over & at_impact,
@@ -178,7 +174,7 @@ class RunTally:
         counts |= {f"active_{name}": active[name] for name in ROWS}
         missed = [landing.missed or not landing.on_stone for landing in landings]
         success = outcome is Outcome.WALKED and not self.fault and not any(missed)
-        squares = np.square(np.reshape(self._eta, (-1, 8))).sum(axis=0) / max(self.ticks, 1)
+        squares = np.square(eta).sum(axis=0) / max(self.ticks, 1)
         milliseconds = np.array(ticks) * 1e3
         row = RunRow(
             run=self.run,
@@ -194,7 +190,7 @@ class RunTally:
             max_force_ratio=ratio[late].max(initial=0.0),
             min_normal_force=normal[late].min() if late.any() else np.nan,
             barrier_active_steps=len(steps),
-            max_torque=np.abs(np.reshape(self._torque, (-1, 4))).max(initial=0.0),
+            max_torque=np.abs(torque).max(initial=0.0),
             rms_y=float(np.sqrt(squares[:4].mean())),
             rms_dy=float(np.sqrt(squares[4:].mean())),
             max_clf=np.fmax.reduce(V, initial=0.0),

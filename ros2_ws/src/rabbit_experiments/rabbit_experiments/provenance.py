@@ -23,7 +23,7 @@ from rabbit_description.atomic_file import replace_text
 
 from rabbit_experiments.source_code import SourceError, code_of, hash_of, hash_of_text
 
-LIBRARIES = ("numpy", "scipy", "pin", "pybullet", "mujoco", "osqp", "daqp", "torch", "casadi", "safetensors", "joblib")
+LIBRARIES = ("numpy", "scipy", "pin", "pybullet", "mujoco", "osqp", "torch", "casadi", "safetensors", "joblib")
 PARTS = ("rabbit.plants", "rabbit.controllers", "rabbit.learners")  # entry points that parameters choose by name
 CLASS = "class"
 MADE_WITH = "made_with.json"  # in a folder in which one thing is made
@@ -108,7 +108,7 @@ def provenance(asked: Any, hash_file: Callable[[Path], str] = hash_of) -> dict[s
 
 def named_files(asked: Any, hash_file: Callable[[Path], str] = hash_of) -> dict[str, str]:
     """Hashes of the files that it names."""
-    found = dict[str, str]()
+    found: dict[str, str] = {}
     for _, text in _strings(asked):
         if os.path.isfile(text):  # noqa: PTH113 (`Path.is_file` raises where a text is too long for a name)
             path = Path(text)

@@ -53,17 +53,13 @@ class ResultsFolder:
             for name in (RUNS, VIOLATIONS, RECORDS):
                 (path / name).unlink(missing_ok=True)
             shutil.rmtree(path / PICTURES, ignore_errors=True)
-        self._write(ABOUT, about)
+        self.write(ABOUT, about)
         (path / SUMMARY).unlink(missing_ok=True)
 
     def write_runs(self, results: Sequence[RunResult]) -> None:
         """Write the tables of the runs so far."""
         write_rows(self.path / VIOLATIONS, ForceTick, [tick for result in results for tick in result.violations])
         write_rows(self.path / RUNS, RunRow, [result.row for result in results])
-
-    def write_summary(self, summary: dict[str, Any]) -> None:
-        """Write summary.json."""
-        self._write(SUMMARY, summary)
 
     def _held(self) -> Any:
         try:
@@ -72,5 +68,6 @@ class ResultsFolder:
         except (ValueError, KeyError, TypeError) as error:
             raise ResultsError(f"{self.path / ABOUT} cannot be read: {error}") from error
 
-    def _write(self, name: str, content: dict[str, Any]) -> None:
+    def write(self, name: str, content: dict[str, Any]) -> None:
+        """A JSON file of the folder."""
         replace_text(self.path / name, json.dumps(content, indent=2))

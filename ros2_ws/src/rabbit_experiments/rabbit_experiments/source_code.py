@@ -1,15 +1,14 @@
 """The code behind a class: its module, and all that this module imports, also inside functions.
 
 Python files and the data files of their packages count by their bytes, installed libraries by their version. A module
-whose name is put together at run time is not seen, but those of a package that imports all that its folder has.
+whose name is put together at run time is not seen, but a package that reads its own `__path__` counts with all that its
+folder has.
 """
 
 import ast
 import hashlib
-import os
 import site
 import sys
-from collections.abc import Iterator
 from functools import cache
 from importlib.machinery import PathFinder
 from importlib.metadata import PackageNotFoundError, packages_distributions, version
@@ -35,28 +34,27 @@ def code_of(modules: frozenset[str]) -> dict[str, str]:
     """
     own = {each.partition(".")[0] for each in modules}
     files: dict[str, Path] = {}
-    libraries: set[str] = set()
+    found: dict[str, str] = {}
     todo = list(modules)
     while todo:
         name = todo.pop()
         top = name.partition(".")[0]
-        if name in files or top in libraries or top in sys.stdlib_module_names:
+        if name in files or top in found or top in sys.stdlib_module_names:
             continue
         path = _file(name)
         if path is None:
             if name in modules:
                 raise SourceError(f"module {name}: expected a file with its code, so that its results can be kept")
         elif top not in own and not top.startswith(PROJECT) and any(map(path.resolve().is_relative_to, SITES)):
-            libraries.add(top)
+            found[top] = _version(top)
         else:
-            files[name] = path
-            todo += [name.rpartition(".")[0]] if "." in name else []
-            package = name if path.name == "__init__.py" else name.rpartition(".")[0]
-            source = path.read_bytes()
-            todo += imports(source, package)
-            if b"iter_modules(__path__)" in source:  # a package that imports what it finds in its folder
+            files[name], source, (around, dot, _) = path, path.read_bytes(), name.rpartition(".")
+            is_package = path.name == "__init__.py"
+            todo += [around] if dot else []
+            todo += imports(source, name if is_package else around)
+            if is_package and b"__path__" in source:
                 todo += [f"{name}.{each.name}" for each in iter_modules([str(path.parent)])]
-    return {**{top: _version(top) for top in libraries}, **_hashes(files)}
+    return found | {top: _hash(top, files) for top in {name.partition(".")[0] for name in files}}
 
 
 @cache
@@ -79,8 +77,7 @@ def imports(source: bytes, package: str) -> list[str]:
 
 def _file(module: str) -> Path | None:
     """Of a module; None where there is none, also of what is no module."""
-    found = getattr(sys.modules.get(module), "__file__", None)
-    if found:
+    if found := getattr(sys.modules.get(module), "__file__", None):
         return Path(found)
     top, *rest = module.split(".")
     try:
@@ -93,27 +90,14 @@ def _file(module: str) -> Path | None:
     return Path(spec.origin) if spec and spec.has_location and spec.origin else None
 
 
-def _hashes(files: dict[str, Path]) -> dict[str, str]:
-    """By top-level package, of modules and of the data files in their packages."""
-    found: dict[str, dict[str, Path]] = {}
-    for name, path in files.items():
-        of_package = found.setdefault(name.partition(".")[0], {})
-        of_package[name] = path
-        if path.name == "__init__.py":
-            of_package |= {f"{name}/{data.relative_to(path.parent)}": data for data in _data(path.parent)}
-    return {top: _hash(of_package) for top, of_package in found.items()}
-
-
-def _data(package: Path) -> Iterator[Path]:
-    """The files of a package that are no Python; those of packages within it are not its own."""
-    for folder, inner, names in os.walk(package):
-        inner[:] = [each for each in inner if each != "__pycache__" and not Path(folder, each, "__init__.py").exists()]
-        yield from (Path(folder, each) for each in names if not each.endswith((".py", ".pyc")))
-
-
-def _hash(files: dict[str, Path]) -> str:
-    parts = (f"{name} {hash_of(path)}" for name, path in sorted(files.items()))
-    return hash_of_text("\n".join(parts))
+def _hash(top: str, files: dict[str, Path]) -> str:
+    """Of a top-level package's modules among these files, and of all data files in its folders."""
+    found = {name: path for name, path in files.items() if name.partition(".")[0] == top}
+    for name, path in list(found.items()):
+        for each in path.parent.rglob("*") if path.name == "__init__.py" else ():
+            if each.suffix not in (".py", ".pyc") and "__pycache__" not in each.parts and each.is_file():
+                found[f"{name}/{each.relative_to(path.parent)}"] = each
+    return hash_of_text("\n".join(f"{name} {hash_of(path)}" for name, path in sorted(found.items())))
 
 
 def hash_of_text(text: str) -> str:

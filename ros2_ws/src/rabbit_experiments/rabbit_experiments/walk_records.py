@@ -153,7 +153,12 @@ def save_records(records: WalkRecords, path: Path) -> None:
 def load_records(path: Path) -> WalkRecords:
     """Read records; raises `RecordsError` where there are none, or they do not fit together."""
     try:
-        content = _arrays(read_bytes(path, MOST_BYTES))
+        data = BytesIO(read_bytes(path, MOST_BYTES))
+        if sum(each.file_size for each in ZipFile(data).infolist()) > MOST_BYTES:  # more memory than bytes
+            raise ValueError(f"expected at most {MOST_BYTES} bytes of arrays")
+        data.seek(0)
+        with np.load(data, allow_pickle=False) as arrays_file:
+            content = dict(arrays_file)
         about = parse_json(str(content["about"]))
         if not isinstance(about, dict):
             raise ValueError("about: expected names, each with a value")
@@ -164,15 +169,6 @@ def load_records(path: Path) -> WalkRecords:
         return WalkRecords(**arrays, about=about)
     except Exception as error:  # a damaged file may raise anything
         raise RecordsError(f"{path}: no records of a walk: {one_line(error)}") from error
-
-
-def _arrays(data: bytes) -> dict[str, Any]:
-    """Of an npz file; raises `ValueError` for one that would take much more memory than bytes."""
-    with ZipFile(BytesIO(data)) as archive:
-        if sum(each.file_size for each in archive.infolist()) > MOST_BYTES:
-            raise ValueError(f"expected at most {MOST_BYTES} bytes of arrays")
-    with np.load(BytesIO(data), allow_pickle=False) as content:
-        return dict(content)
 
 
 def _check(arrays: Mapping[str, Array], about: Any) -> None:

@@ -97,16 +97,14 @@ class Checkpoint:
 
     def _restore(self, state: dict[str, Any]) -> None:
         """Bring the trainer to where the checkpoint was taken."""
-        path, trainer = self.folder / CHECKPOINT, self.trainer
+        name, trainer = f"checkpoint {self.folder / CHECKPOINT}", self.trainer
         if state.get("parameters") != trainer.parameters.key:
-            raise CheckpointError(
-                f"checkpoint {path}: made with other parameters; use another folder, or the same ones"
-            )
+            raise CheckpointError(f"{name}: made with other parameters; use another folder, or the same ones")
         try:
             trainer.load_state_dict(state)
             trainer.gate.held_out.extend(transitions_of(state["held_out"].encode(), trainer.parameters)[0])
         except Exception as error:  # of a learner of the user's own
-            raise CheckpointError(f"checkpoint {path}: {type(error).__name__}: {one_line(error, 200)}") from error
+            raise CheckpointError(f"{name}: {type(error).__name__}: {one_line(error, 200)}") from error
 
 
 def read_checkpoint(folder: Path) -> dict[str, Any] | None:
@@ -115,19 +113,18 @@ def read_checkpoint(folder: Path) -> dict[str, Any] | None:
     Raises:
         CheckpointError: none is whole.
     """
-    wrong = []
-    for path in (folder / CHECKPOINT, folder / BEFORE):
-        if path.exists():
-            try:
-                state = _read(path)
-            except Exception as error:  # a damaged file may raise anything
-                wrong.append(f"checkpoint {path}: {one_line(error, 200)}")
-                continue
-            for text in wrong:
-                log.warning("%s; going on from %s", text, path.name)
-            return state
-    if wrong:
-        raise CheckpointError(wrong[0])
+    damaged = ""
+    for path in filter(Path.exists, (folder / CHECKPOINT, folder / BEFORE)):
+        try:
+            state = _read(path)
+        except Exception as error:  # a damaged file may raise anything
+            damaged = damaged or f"checkpoint {path}: {one_line(error, 200)}"
+            continue
+        if damaged:
+            log.warning("%s; going on from %s", damaged, path.name)
+        return state
+    if damaged:
+        raise CheckpointError(damaged)
     return None
 
 

@@ -83,11 +83,6 @@ class LearningThread:
         self._queue.put(partial(setattr, self.trainer.gate, "in_force", policy))
 
     @property
-    def taken(self) -> int:
-        """Transitions ever taken in."""
-        return self.trainer.taken
-
-    @property
     def waiting(self) -> int:
         """Ticks in the queue."""
         return self._queue.qsize()
@@ -138,7 +133,7 @@ class LearningThread:
         report = None
         if self._last is not None:
             last = state or self._last
-            self._keep(self.trainer.observe_end(last), tag)
+            self._keep(self.trainer.observe(last), tag)
             report = self.trainer.end_episode(self._plan, last)
             self._on_disk(Checkpoint.save)
             self._plan, self._last = self.trainer.begin_episode(), None

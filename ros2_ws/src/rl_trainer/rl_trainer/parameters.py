@@ -1,16 +1,13 @@
-"""Every parameter of the training, flat, so that a YAML file or a node's parameters can name them.
+"""Every parameter of the training, flat, so that options and a node's parameters can name them.
 
 The paper states the observations, actions, networks, T_s and ten steps an episode. Penalty, noise, learning rates and
 all else are ours: docs/differences_from_paper.md.
 """
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
-from rabbit_description.bounded_file import FileError, one_line
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 from rabbit_description.plugins import names
-from rabbit_description.yaml_file import read_mapping
 from rl_cbf_clf_controller.kinds import NamedProblem
 from rl_cbf_clf_controller.problem import Problem
 from rl_cbf_clf_controller.uncertainty import RL_CBF_CLF_QP, STEP_LENGTH
@@ -23,10 +20,6 @@ else:
     LearnerName = Literal[*names(LEARNERS)]
 
 TYPICAL_LGV = 10.0  # |LgV| + 1 of a walk at scale 2
-
-
-class ParameterError(ValueError):
-    """A parameter that is out of its range or does not fit the others."""
 
 
 class TrainingParameters(BaseModel):
@@ -143,11 +136,3 @@ def paper_literal(problem: Problem | str, **changes: Any) -> TrainingParameters:
         "sigma_factors": (1.0,),
     }
     return TrainingParameters.model_validate({"problem": problem, **literal, **changes})
-
-
-def load_parameters(path: Path, **changes: Any) -> TrainingParameters:
-    """Read a YAML file; raises `ParameterError` with the file, the name, the value and what was expected."""
-    try:
-        return TrainingParameters.model_validate({**read_mapping(path), **changes})
-    except (FileError, ValidationError) as error:
-        raise ParameterError(f"{path}: {one_line(error)}") from error

@@ -92,8 +92,6 @@ class PublicationGate:
         """The policy against the one in force; None while too few ticks are held out."""
         if len(self.held_out) < LEAST:
             return None
-        errors = (self._error(policy), self._error(self.in_force))
-        return Verdict(policy.version, errors[0], self.in_force.version, errors[1], len(self.held_out))
-
-    def _error(self, policy: LearnedPolicy) -> float:
-        return float(estimation_error(policy, self.held_out, self._parameters).mean())
+        both = policy, self.in_force
+        error, in_force = (float(estimation_error(each, self.held_out, self._parameters).mean()) for each in both)
+        return Verdict(policy.version, error, self.in_force.version, in_force, len(self.held_out))

@@ -14,23 +14,19 @@ from rl_trainer.transitions import Doubt, Transition
 
 @dataclass(frozen=True)
 class Batch:
-    """b transitions, m observations (raw), n quantities, p inputs; `target` and `reward` in units of the error.
+    """b transitions, m observations (raw), n quantities, p inputs; the last three are of the next tick."""
 
-    `observation` (b, m), `LgV` (b, p), `mu` (b, p), `mu_qp` (b, p), `unit` (b, n), `alpha` (b, n, p), `beta` (b, n),
-    `target` (b, n), `reward` (b, n), `penalty` (b,), `failed` (b,), and `observation`, `LgV`, `mu` of the next tick.
-    """
-
-    observation: Tensor
-    LgV: Tensor
-    mu: Tensor
-    mu_qp: Tensor
-    unit: Tensor
-    alpha: Tensor
-    beta: Tensor
-    target: Tensor
-    reward: Tensor
-    penalty: Tensor
-    failed: Tensor
+    observation: Tensor  # (b, m)
+    LgV: Tensor  # (b, p)
+    mu: Tensor  # (b, p)
+    mu_qp: Tensor  # (b, p)
+    unit: Tensor  # (b, n), of the error
+    alpha: Tensor  # (b, n, p)
+    beta: Tensor  # (b, n)
+    target: Tensor  # (b, n), in the error's unit
+    reward: Tensor  # (b, n), in the error's unit, squared
+    penalty: Tensor  # (b,)
+    failed: Tensor  # (b,)
     next_observation: Tensor
     next_LgV: Tensor
     next_mu: Tensor
@@ -93,20 +89,11 @@ class Replay:
 
 def as_batch(transitions: list[Transition], parameters: TrainingParameters) -> Batch:
     """Transitions as one batch, none left out."""
-    rows = [_row(transition, parameters) for transition in transitions]
-    return Batch(
-        **{f.name: torch.as_tensor(np.stack([row[f.name] for row in rows]), dtype=torch.float32) for f in fields(Batch)}
-    )
-
-
-def _row(transition: Transition, parameters: TrainingParameters) -> dict[str, Any]:
-    m, unit = len(parameters.observation), error_unit(transition.LgV, parameters)
-    reward, penalty = reward_terms(transition, parameters)
-    return vars(transition) | {
-        "observation": transition.observation[:m],
-        "unit": unit,
-        "target": np.nan_to_num(transition.target / unit),
-        "reward": reward,
-        "penalty": penalty,
-        "next_observation": transition.next_observation[:m],
-    }
+    m, rows = len(parameters.observation), list[dict[str, Any]]()
+    for each in transitions:
+        unit, (reward, penalty) = error_unit(each.LgV, parameters), reward_terms(each, parameters)
+        seen = {"observation": each.observation[:m], "next_observation": each.next_observation[:m]}
+        learned = {"unit": unit, "target": np.nan_to_num(each.target / unit), "reward": reward, "penalty": penalty}
+        rows.append(vars(each) | seen | learned)
+    names = [field.name for field in fields(Batch)]
+    return Batch(**{n: torch.as_tensor(np.stack([row[n] for row in rows]), dtype=torch.float32) for n in names})

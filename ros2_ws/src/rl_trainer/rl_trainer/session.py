@@ -8,12 +8,11 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from rl_cbf_clf_controller.policy import ActorPolicy, LearnedPolicy, ZeroPolicy
+from rl_cbf_clf_controller.policy import LearnedPolicy
 
 from rl_trainer.checkpoint import Checkpoint
-from rl_trainer.parameters import TrainingParameters
 from rl_trainer.rollout import Controller, Simulation, rollout
-from rl_trainer.training import EpisodePlan, EpisodeReport, Trainer
+from rl_trainer.training import EpisodeReport, Trainer
 
 MakeController = Callable[[LearnedPolicy, float], Controller]  # (policy, sigma)
 
@@ -22,14 +21,9 @@ def train(trainer: Trainer, simulation: Simulation, make_controller: MakeControl
     """Walk and learn until the trainer's number of episodes is reached; yields after each."""
     while trainer.episode < trainer.parameters.episodes:
         plan = trainer.begin_episode()
-        controller = make_controller(policy_of(plan, trainer.parameters), plan.sigma)
+        controller = make_controller(plan.policy, plan.sigma)
         last = rollout(simulation, controller, plan.seed, lambda record: trainer.observe(record.state, record.output))
         yield trainer.end_episode(plan, last)
-
-
-def policy_of(plan: EpisodePlan, parameters: TrainingParameters) -> LearnedPolicy:
-    """The policy that an episode walks with."""
-    return ActorPolicy(plan.policy) if plan.policy else ZeroPolicy(parameters.problem)
 
 
 def resume(checkpoint: Checkpoint, simulation: Simulation, make_controller: MakeController) -> Iterator[EpisodeReport]:

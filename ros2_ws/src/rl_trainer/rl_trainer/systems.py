@@ -24,7 +24,6 @@ from rl_cbf_clf_controller.problem import Problem
 
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.reward import error_unit
-from rl_trainer.session import policy_of
 from rl_trainer.training import EpisodePlan, Trainer
 from rl_trainer.transitions import Doubt, Transition
 
@@ -143,7 +142,7 @@ def learn(
     trainer = Trainer(parameters)
     while trainer.episode < parameters.episodes:
         plan = trainer.begin_episode()
-        walk(policy_of(plan, parameters), plan)
+        walk(plan.policy, plan)
         for transition in ticks.transitions:
             trainer.take(transition)
         wrong = [each.error / error_unit(each.LgV, parameters) for each in ticks.transitions]

@@ -19,6 +19,7 @@ import torch
 from rabbit_description.plugins import load
 from rabbit_description.state import RobotState
 from rl_cbf_clf_controller.controller_output import ControllerOutput
+from rl_cbf_clf_controller.policy import ActorPolicy, ZeroPolicy
 from rl_cbf_clf_controller.weights import Arrays, PolicyFile, PolicyFileError, PolicyMetadata, problem_fields
 
 from rl_trainer.learner import Learner
@@ -56,12 +57,12 @@ class Provenance:
 
 @dataclass(frozen=True)
 class EpisodePlan:
-    """How to walk the next episode: `policy` None is the nominal controller; `sigma` in rad/s^2."""
+    """How to walk the next episode: `policy` zero is the nominal controller; `sigma` in rad/s^2."""
 
     episode: int
     seed: int
     sigma: float
-    policy: PolicyFile | None
+    policy: ZeroPolicy | ActorPolicy
 
 
 @dataclass(frozen=True)
@@ -139,18 +140,18 @@ class Trainer:
             episode=self.episode,
             seed=int(seeds.generate_state(1)[0]),
             sigma=p.sigma if nominal else p.sigma * float(factor),
-            policy=None if nominal else self.policy_file(),
+            policy=ZeroPolicy(p.problem) if nominal else ActorPolicy(self.policy_file()),
         )
 
-    def observe(self, state: RobotState, output: ControllerOutput) -> Transition | None:
-        """Take in a tick; returns the transition that it completes."""
-        self._fault = output.fault
-        self._adaptation = None if output.adaptation == "none" else output.adaptation
-        return self.take(self._builder.add(state, output))
+    def observe(self, state: RobotState, output: ControllerOutput | None = None) -> Transition | None:
+        """Take in a tick, without an output the state that the episode ended in; returns the transition into it.
 
-    def observe_end(self, state: RobotState) -> Transition | None:
-        """Take in the state that the episode ended in; returns the transition into it, if this was not done before."""
-        return self.take(self._builder.add(state))
+        Of an episode's end there is one the first time.
+        """
+        if output:
+            self._fault = output.fault
+            self._adaptation = None if output.adaptation == "none" else output.adaptation
+        return self.take(self._builder.add(state, output))
 
     def take(self, transition: Transition | None) -> Transition | None:
         """Take in a transition: those of before a kill come this way too."""
@@ -163,16 +164,15 @@ class Trainer:
 
     def end_episode(self, plan: EpisodePlan, state: RobotState) -> EpisodeReport:
         """Take in the last state and learn; the next `begin_episode` has the new policy."""
-        self.observe_end(state)
-        report = self._report(plan, state, self.learn_episode())
-        self.reports = [*self.reports, report][-self.parameters.episodes :]
-        return report
+        self.observe(state)
+        self.reports.append(self._report(plan, state, self.learn_episode()))
+        del self.reports[: -self.parameters.episodes]
+        return self.reports[-1]
 
     def learn_episode(self) -> dict[str, float]:
         """Learn from the episode whose transitions were taken in; its mean losses."""
         p = self.parameters
-        updates = max(p.updates_least, round(p.updates_per_tick * len(self._walk)))
-        losses = self.learn(updates)
+        losses = self.learn(max(p.updates_least, round(p.updates_per_tick * len(self._walk))))
         self.episode += 1
         return losses
 
@@ -208,7 +208,7 @@ class Trainer:
         Raises:
             DivergenceError: it is not finite.
         """
-        p, actor, source = self.parameters, self.learner.acting, self.provenance
+        p, actor = self.parameters, self.learner.acting
         alpha, beta, _ = p.scales
         metadata = PolicyMetadata(
             **problem_fields(p.problem),
@@ -221,12 +221,10 @@ class Trainer:
             beta_scale=beta,
             adaptation=self._adaptation,
             learner=p.learner,
-            plant=source.plant,
             training_seed=p.seed,
             episodes=self.episode,
             transitions=self.transitions,
-            commit=source.commit,
-            command=source.command,
+            **vars(self.provenance),
         )
         try:
             return PolicyFile(metadata, actor.arrays())
@@ -266,7 +264,7 @@ class Trainer:
         return EpisodeReport(
             episode=plan.episode,
             sigma=plan.sigma,
-            nominal=plan.policy is None,
+            nominal=isinstance(plan.policy, ZeroPolicy),
             steps=state.touchdowns,
             ticks=len(episode),
             kept=self._kept,

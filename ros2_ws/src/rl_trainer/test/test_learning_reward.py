@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,7 +9,7 @@ import pytest
 import torch
 from rl_cbf_clf_controller.problem import Problem
 from rl_cbf_clf_controller.uncertainty import PAPER, RL_CBF_CLF_QP, RL_CLF_QP
-from rl_trainer.parameters import ParameterError, TrainingParameters, load_parameters, paper_literal
+from rl_trainer.parameters import TrainingParameters, paper_literal
 from rl_trainer.replay import Replay, as_batch
 from rl_trainer.reward import error_unit, reward_terms
 from rl_trainer.transitions import Doubt, Transition
@@ -109,14 +108,3 @@ def test_only_the_literal_learner_keeps_failures(random_transition: MakeTransiti
 def test_parameters_that_do_not_fit_are_named(changes: dict[str, Any]) -> None:
     with pytest.raises(ValueError, match=next(iter(changes))):
         TrainingParameters.model_validate(changes)
-
-
-def test_parameter_file(tmp_path: Path) -> None:
-    path = tmp_path / "training.yaml"
-    path.write_text("problem: rl-clf-qp\nbatch: 32\n")
-    assert load_parameters(path, batch=16).batch == 16
-    path.write_text("batch: many\n")
-    with pytest.raises(ParameterError, match="batch"):
-        load_parameters(path)
-    with pytest.raises(ParameterError, match=r"none\.yaml"):
-        load_parameters(tmp_path / "none.yaml")

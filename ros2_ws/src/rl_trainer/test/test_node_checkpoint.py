@@ -77,7 +77,7 @@ def test_what_was_told_in_a_broken_episode_is_learned_from(tmp_path: Path, toy_w
     for one, other in zip(held, told.transitions, strict=True):
         assert_same(one, other)
     again = begun(tmp_path, Told())
-    assert again.taken == len(told.transitions) > 0
+    assert again.trainer.taken == len(told.transitions) > 0
     assert again.trainer.replay.added == sum(again.trainer.replay.accepts(each) for each in told.transitions) > 0
 
 
@@ -87,7 +87,7 @@ def test_after_an_episode_all_is_in_the_checkpoint(tmp_path: Path, toy_world: An
     walk(learning, toy_world, toy_controller, 1, ends=True)
     assert not list(tmp_path.glob("journal-*"))
     again = begun(tmp_path, Told())
-    assert again.taken == len(told.transitions)
+    assert again.trainer.taken == len(told.transitions)
     assert again.trainer.replay.added == learning.trainer.replay.added
     assert again.trainer.policy_file().version == learning.trainer.policy_file().version
 
@@ -103,7 +103,7 @@ def test_a_kill_between_checkpoint_and_journal_doubles_nothing(
     learning._queue.get()()
     journal_path(tmp_path, 0).write_bytes(old)
     again = begun(tmp_path, Told())
-    assert again.taken == len(told.transitions)
+    assert again.trainer.taken == len(told.transitions)
     assert not journal_path(tmp_path, 0).exists()
 
 
@@ -134,7 +134,7 @@ def take_until_full(folder: Path, transition: Transition, result: Any) -> None:
     learning._queue.get()()
     told_ticks = [each.tick for each in told.transitions]
     is_right = "not kept any more" in learning.disk_error and told_ticks == [transition.tick]
-    result.value = int(is_right) + 2 * learning.taken
+    result.value = int(is_right) + 2 * learning.trainer.taken
 
 
 def test_a_full_disk_stops_the_keeping_not_the_learning(tmp_path: Path, toy_world: Any, toy_controller: Any) -> None:

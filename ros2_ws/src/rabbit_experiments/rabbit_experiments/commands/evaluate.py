@@ -1,6 +1,7 @@
 """Walk many seeded runs without ROS: success, stones, forces, solver and speed."""
 
 import os
+from bisect import insort
 from pathlib import Path
 from typing import Any
 
@@ -42,6 +43,7 @@ def evaluate(given: Given) -> None:
         fail(f"--batch {request.batch} with --plant {assembly.simulation.plant}: expected --plant mujoco")
     from rabbit_experiments.evaluation import Scenario
     from rabbit_experiments.results import ResultsError, ResultsFolder
+    from rabbit_experiments.walk_records import RECORDS
 
     scenario, about = Scenario(assembly, request.runs, request.seed), describe(assembly, request.seed)
     with complaints(ResultsError):
@@ -50,7 +52,9 @@ def evaluate(given: Given) -> None:
     show(conclude(scenario, folder, results, about))
     print(f"{made} runs made; written {request.out}")
     if request.pictures:
-        draw_first(scenario, request.out)
+        scenario.recorded.write(scenario.recorded.do(), request.out / RECORDS)  # the first run again, the same
+        for path in load("rabbit.pictures", "recording")(request.out):  # of rabbit_viewer, which imports this package
+            print(f"drawn {path}")
 
 
 def given_assembly(given: Given, policy: str | None = None, parameters: str = "ours") -> Any:
@@ -104,33 +108,31 @@ def walk_all(scenario: Any, folder: Any, processes: int, batch: int = 1) -> tupl
     from rabbit_experiments.engine import run
     from rabbit_experiments.summary import Walks
 
-    kept = {job.run: result for job in scenario.walks if (result := folder.cache.get(job))}
+    results = [result for job in scenario.walks if (result := folder.cache.get(job))]
 
-    def in_order() -> list[Any]:
-        return [kept[number] for number in sorted(kept)]
-
-    def note(job: Any, result: Any) -> str:
-        kept[job.run] = result
-        folder.write_runs(in_order())
-        walks = Walks([each.row for each in kept.values()])
+    def note(_: Any, result: Any) -> str:
+        insort(results, result, key=lambda each: each.row.run)
+        folder.write_runs(results)
+        walks = Walks([each.row for each in results])
         return f"walked {walks.walked}, mean stones {walks.mean_stones:.1f}"
 
-    folder.write_runs(in_order())
+    folder.write_runs(results)
     try:
         with complaints(JobError):
             made = run(scenario.walks, folder.cache, processes, note=note, batch=batch)
     except KeyboardInterrupt as stop:
-        fail(f"stopped after {len(kept)} runs; the same command goes on from there", code=of_interrupt(stop))
-    return in_order(), made
+        fail(f"stopped after {len(results)} runs; the same command goes on from there", code=of_interrupt(stop))
+    return results, made
 
 
 def conclude(scenario: Any, folder: Any, results: list[Any], about: dict[str, Any]) -> dict[str, Any]:
     """Write the summary."""
+    from rabbit_experiments.results import SUMMARY
     from rabbit_experiments.summary import summarise
 
     figures = summarise(results, scenario.assembly.controller.qp_solver)
     summary = {"runs": scenario.runs, "stones": scenario.assembly.simulation.stones, **figures, **about}
-    folder.write_summary(summary)
+    folder.write(SUMMARY, summary)
     return summary
 
 
@@ -145,36 +147,11 @@ def show(summary: dict[str, Any]) -> None:
     Console().print(table)
 
 
-def draw_first(scenario: Any, out: Path) -> None:
-    """Walk the first run again, the same, and leave its records and pictures."""
-    from rabbit_experiments.walk_records import RECORDS
-
-    scenario.recorded.write(scenario.recorded.do(), out / RECORDS)
-    for path in load("rabbit.pictures", "recording")(out):  # of rabbit_viewer, which imports this package
-        print(f"drawn {path}")
-
-
 SHOWN = (
-    "success_rate",
-    "success_rate_ci95",
-    "success_with_forces",
-    "mean_stones",
-    "mean_stones_ci95",
-    "missed_stones",
-    "falls",
-    "rms_y",
-    "max_force_ratio",
-    "ticks",
-    "ticks_over_cone",
-    "ticks_over_cone_at_impact",
-    "ticks_lost",
-    "qp_unanswered_ticks",
-    "slack_ticks",
-    "rescue_ticks",
-    "ecbf_start_violations",
-    "tick_ms_p50",
-    "tick_ms_p99",
-    "real_time_factor",
+    *("success_rate", "success_rate_ci95", "success_with_forces", "mean_stones", "mean_stones_ci95", "missed_stones"),
+    *("falls", "rms_y", "max_force_ratio", "ticks", "ticks_over_cone", "ticks_over_cone_at_impact", "ticks_lost"),
+    *("qp_unanswered_ticks", "slack_ticks", "rescue_ticks", "ecbf_start_violations"),
+    *("tick_ms_p50", "tick_ms_p99", "real_time_factor"),
 )
 
 

@@ -75,13 +75,8 @@ def follow(trainer: Any, reports: Any) -> None:
     with progress_bar() as progress:
         task = progress.add_task("walking", total=trainer.parameters.episodes, completed=trainer.episode)
         for report in reports:
-            text = report_text(report)
+            reward = " ".join(f"{name} {value:.3g}" for name, value in report.reward.items())
+            losses = " ".join(f"{name} {value:.3g}" for name, value in report.losses.items())
+            text = f"steps {report.steps}, ticks {report.ticks}, reward {reward}, losses {losses or '-'}"
             progress.update(task, advance=1, description=text)
             progress.console.print(f"episode {report.episode + 1:3d}  {text}", highlight=False, soft_wrap=True)
-
-
-def report_text(report: Any) -> str:
-    """An episode in a line."""
-    reward = " ".join(f"{name} {value:.3g}" for name, value in report.reward.items())
-    losses = " ".join(f"{name} {value:.3g}" for name, value in report.losses.items())
-    return f"steps {report.steps}, ticks {report.ticks}, reward {reward}, losses {losses or '-'}"

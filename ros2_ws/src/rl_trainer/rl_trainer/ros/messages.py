@@ -23,7 +23,6 @@ from rl_trainer.transitions import Doubt, Transition
 
 NUMBERS = ("tick", "step_index", "failed")
 ARRAYS = tuple(field.name for field in fields(Transition) if field.name not in (*NUMBERS, "problem", "doubt"))
-ZERO = "zero"
 
 
 def transition_message(
@@ -57,8 +56,8 @@ def weights_message(policy: PolicyFile, source: str, at: Header) -> msg.PolicyWe
 
 def plan_message(plan: EpisodePlan, after: int, at: Header) -> msg.EpisodePlan:
     """How the episode after number `after` is to be walked."""
-    version = plan.policy.version if plan.policy else ZERO
-    return msg.EpisodePlan(header=at, after_episode=after, seed=plan.seed, sigma=plan.sigma, policy_version=version)
+    about = {"seed": plan.seed, "sigma": plan.sigma, "policy_version": plan.policy.version}
+    return msg.EpisodePlan(header=at, after_episode=after, **about)
 
 
 def checked_part(part: str, message: Any, problem: Problem) -> Any:

@@ -180,7 +180,7 @@ class TrainerNode(CheckedNode):
         figures: dict[str, object] = {
             "ticks waiting": self._learning.waiting,
             "ticks lost": self._ticks.lost,
-            "transitions": self._learning.taken,
+            "transitions": self._learning.trainer.taken,
             **self._published.figures,
         }
         if error := self._learning.disk_error:

@@ -3,6 +3,7 @@
 from rabbit_common.ros.qos import EVENT, TICK, WEIGHTS
 from rabbit_msgs import msg
 from rclpy.node import Node
+from rl_cbf_clf_controller.policy import ActorPolicy
 from rl_cbf_clf_controller.weights import PolicyFile
 from std_msgs.msg import Header
 
@@ -31,8 +32,8 @@ class Publishers:
             text = f"episode {after} learned: {report.kept} of {report.ticks} ticks kept"
             self._node.get_logger().info(text)
             self.figures = {**self.figures, "episode": report.episode, **report.reward, **report.losses}
-        if self._plans_policies and plan.policy is not None:
-            self._publish(plan.policy)
+        if self._plans_policies and isinstance(plan.policy, ActorPolicy):
+            self._publish(plan.policy.file)
         self._planned = plan, after
         self.plan_again(after)
 

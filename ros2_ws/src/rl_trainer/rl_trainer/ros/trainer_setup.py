@@ -4,10 +4,10 @@ import json
 
 from pydantic import BaseModel, ConfigDict, Field
 from rabbit_common.ros.parameters import ParameterError
+from rl_cbf_clf_controller.policy import ZeroPolicy
 from rl_cbf_clf_controller.weights import policy_path, read
 
 from rl_trainer.parameters import TrainingParameters
-from rl_trainer.ros.messages import ZERO
 from rl_trainer.training import Provenance, Trainer
 
 
@@ -20,7 +20,9 @@ class NodeParameters(BaseModel):
     learn_beside: int = Field(
         100, ge=0, description="updates between two publications while the robot walks; 0, or plan_episodes: none"
     )
-    policy: str = Field(ZERO, description="to learn on from: zero (from scratch), the name of a shipped one, or a file")
+    policy: str = Field(
+        ZeroPolicy.version, description="to learn on from: zero (from scratch), the name of a shipped one, or a file"
+    )
     folder: str = Field(
         "", description="for checkpoint and policies after each episode; it goes on from there, before `policy`"
     )
@@ -29,21 +31,15 @@ class NodeParameters(BaseModel):
 
 def make_trainer(training: TrainingParameters, own: NodeParameters) -> Trainer:
     """From scratch or from a policy; raises `ParameterError`, `PolicyFileError`."""
-    plant = plant_of(own.plant)
-    if own.policy == ZERO:
+    try:
+        plant = json.loads(own.plant)
+    except ValueError as error:
+        raise ParameterError(f"parameter plant = {own.plant!r}: not JSON: {error}") from error
+    if not isinstance(plant, dict):
+        raise ParameterError(f"parameter plant = {own.plant!r}: expected a JSON object")
+    if own.policy == ZeroPolicy.version:
         return Trainer(training, Provenance(plant, command="trainer node"))
     policy = read(policy_path(own.policy), training.problem)
     trainer = Trainer(training, Provenance(plant, command=f"trainer node, from {policy.version}"))
     trainer.start_from(policy)
     return trainer
-
-
-def plant_of(text: str) -> dict[str, bool | int | float | str]:
-    """What the policy file says of the plant."""
-    try:
-        plant = json.loads(text)
-    except ValueError as error:
-        raise ParameterError(f"parameter plant = {text!r}: not JSON: {error}") from error
-    if not isinstance(plant, dict):
-        raise ParameterError(f"parameter plant = {text!r}: expected a JSON object")
-    return plant
