@@ -70,9 +70,8 @@ class RecorderNode(Node):
         """What was sent before it was asked to end may still be on its way, behind what another node sent later."""
         now = time.time_ns()
         self._asked = self._asked or now
-        if now - self._asked < IDLE_SECONDS * 1e9:
-            return True
-        return time.monotonic() - self._heard < IDLE_SECONDS and self._sent < self._asked
+        may_come = time.monotonic() - self._heard < IDLE_SECONDS and self._sent < self._asked
+        return may_come or now - self._asked < IDLE_SECONDS * 1e9
 
     def close(self) -> None:
         """Finish the recording."""
@@ -80,10 +79,12 @@ class RecorderNode(Node):
             self.get_logger().info(f"{self._writer.messages} messages in {self._path}")
 
     def _subscribe(self, topic: Topic) -> Subscription:
-        name = self.resolve_topic_name(topic.name)
-        self._writer.add(name, topic.type_name, [offered(topic.qos)])
+        name, qos = self.resolve_topic_name(topic.name), topic.qos
+        self._writer.add(name, topic.type_name, [offered(qos)])
         callback = with_info(partial(self._on_bytes, topic, name))
-        return self.create_subscription(topic.type, topic.name, callback, listening(topic.qos), raw=True)
+        # with a queue in which messages wait while the disk is written
+        queue = QoSProfile(depth=max(qos.depth, BACKLOG), reliability=qos.reliability, durability=qos.durability)
+        return self.create_subscription(topic.type, topic.name, callback, queue, raw=True)
 
     def _on_bytes(self, topic: Topic, name: str, data: bytes, info: dict[str, Any]) -> None:
         """What cannot be read is recorded too."""
@@ -112,9 +113,8 @@ class RecorderNode(Node):
         figures = {"path": str(self._path), "episode, tick": "{} {}".format(*turn_of(self._newest_state))}
         if self._failure:
             return ERROR, self._failure, figures
-        expected = [topic.name for topic in published_by(EXPECTED)]
-        absent = [name for name in expected if not self._readers[name].get_publisher_count()]
-        if absent:
+        expected = (topic.name for topic in published_by(EXPECTED))
+        if absent := [name for name in expected if not self._readers[name].get_publisher_count()]:
             return WARN, f"waiting for {', '.join(absent)}", figures
         return OK, "recording", figures
 
@@ -137,11 +137,6 @@ def free_path(path: Path) -> Path:
     """The folder itself, or the first of `PATH-2`, `PATH-3`, ... that is not there: a recorder may be started again."""
     paths = chain([path], (path.with_name(f"{path.name}-{n}") for n in count(2)))
     return next(each for each in paths if not each.exists())
-
-
-def listening(profile: QoSProfile) -> QoSProfile:
-    """The profile with a queue in which messages wait while the disk is written."""
-    return QoSProfile(depth=max(profile.depth, BACKLOG), reliability=profile.reliability, durability=profile.durability)
 
 
 def offered(profile: QoSProfile) -> Qos:
