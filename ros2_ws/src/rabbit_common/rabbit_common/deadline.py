@@ -30,11 +30,7 @@ class _Times(ctypes.Structure):
 
 
 def end_within(seconds: int, code: int) -> None:
-    """From now on the process has so many seconds, s, before it ends with this exit code.
-
-    Raises:
-        OSError: the system has no such timer.
-    """
+    """From now on the process has so many seconds, s, before it ends with this exit code; `OSError` if it cannot."""
     sys.stdout.flush()
     sys.stderr.flush()
     libc = ctypes.CDLL(None, use_errno=True)

@@ -200,9 +200,7 @@ class Gathering:
             yield from self._announced()
             self._run, self._before, self._recorded, self._followed = episode.run, self._highest, 0, set()
         ticks, is_announced = episode.ticks, episode.announced is not None
-        if ticks["state"] and (
-            is_announced or episode.full_ticks(ticks)
-        ):  # somebody answered or announced it
+        if ticks["state"] and (is_announced or episode.full_ticks(ticks)):  # somebody answered or announced it
             yield from self._lost(episode.episode) if self._recorded else self._announced()
             yield self._inventory(episode, Presence.RECORDED)
             self._recorded, self._unclear = episode.episode, {}

@@ -48,8 +48,7 @@ class RecordedEpisode(EpisodeInventory):
 def messages(path: Path, *names: str) -> Iterator[tuple[str, Any]]:
     """Topic (its last part) and message of this project's own types, in the order of time; all of them if no `names`.
 
-    Raises:
-        RecordingError: as `stored_messages`.
+    Raises `RecordingError`, as `stored_messages`.
     """
     with one_line_errors(path), stored_messages(path, *names) as found:
         for message in found:
@@ -64,8 +63,7 @@ def read_episodes(path: Path) -> dict[int, RecordedEpisode]:
 def iterate_episodes(path: Path) -> Iterator[RecordedEpisode]:
     """One episode after another, the lost ones too; a long recording needs the memory of a few of them.
 
-    Raises:
-        RecordingError: as `iterate_inventories`.
+    Raises `RecordingError`, as `iterate_inventories`.
     """
     announced = _Announced()
     with one_line_errors(path, UNDER_OTHERS):
@@ -77,8 +75,7 @@ def iterate_episodes(path: Path) -> Iterator[RecordedEpisode]:
 def iterate_inventories(path: Path) -> Iterator[EpisodeInventory]:
     """What the recording holds of each episode, also of those that were merely announced. No tick is decoded.
 
-    Raises:
-        RecordingError: as `stored_messages`; or messages that are defined otherwise than this version's.
+    Raises `RecordingError`, as `stored_messages`; or of messages that are defined otherwise than this version's.
     """
     with one_line_errors(path, UNDER_OTHERS):
         yield from (inventory for _, inventory in _finished(path))

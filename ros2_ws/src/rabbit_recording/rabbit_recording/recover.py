@@ -25,8 +25,7 @@ class Recovered:
 def recover(path: Path, out: Path | None = None) -> Recovered:
     """Write what is whole into the new folder `out`; by default it is beside the old one, `-recovered` after its name.
 
-    Raises:
-        RecordingError: nothing to recover, or `out` is there already.
+    Raises `RecordingError` if there is nothing to recover, or `out` is there already.
     """
     files = storage_files(path, ".mcap")
     folder = path if path.is_dir() else path.parent

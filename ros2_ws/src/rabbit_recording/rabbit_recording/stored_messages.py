@@ -53,11 +53,8 @@ class StoredMessage(NamedTuple):
 def stored_messages(path: Path, *names: str) -> Iterator[Iterator[StoredMessage]]:
     """Messages of this project's own types in the order of time, all if no `names`; to be decoded while it is open.
 
-    Those of a former recording come as today's.
-
-    Raises:
-        RecordingError: no recording, one that cannot be read, a topic that is in it from several graphs, or messages
-            that are defined otherwise than this version's.
+    Those of a former recording come as today's. Raises `RecordingError`: no recording, one that cannot be read, a topic
+    that is in it from several graphs, or messages that are defined otherwise than this version's.
     """
     with opened(path) as reader:
         ours = [c for c in reader.connections if c.msgtype.startswith(OWN_TYPES)]

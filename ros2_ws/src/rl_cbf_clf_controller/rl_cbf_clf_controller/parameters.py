@@ -28,7 +28,7 @@ class ParameterError(ValueError):
 class ControllerParameters(BaseModel):
     """Everything that shapes the controller. Defaults are this project's own; `authors.yaml` has the first author's."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
     controller: ControllerName = Field("cbf-clf-qp", description="controller by name")
     gait: str = Field(DEFAULT_GAIT, description="name of a shipped gait or library, or a file's path")

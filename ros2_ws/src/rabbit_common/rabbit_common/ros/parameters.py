@@ -30,11 +30,7 @@ class ParameterError(ValueError):
 
 
 def declare(node: Node, model: type[Model], dynamic: Collection[str] = ()) -> Model:
-    """Declare every field of `model` as a parameter of `node` and return the checked values.
-
-    Raises:
-        ParameterError: a value of the wrong type or out of its range.
-    """
+    """Declare each field of `model` as a parameter of `node`, return the checked values. Raises `ParameterError`."""
     values, schemas = {}, model.model_json_schema()["properties"]
     for name, info in model.model_fields.items():
         try:

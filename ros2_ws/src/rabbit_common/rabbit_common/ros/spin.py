@@ -40,11 +40,10 @@ def run(make: Callable[[], Node], errors: tuple[type[Exception], ...] = ()) -> N
     for number in _SIGNALS:
         signal.signal(number, lambda got, _: signals.append(got))
     signal.pthread_sigmask(signal.SIG_BLOCK, _SIGNALS)  # in this thread, and in those that it starts meanwhile
-    unusable: tuple[type[Exception], ...] = (StartError, ParameterError, *errors)
     try:
         initialise()
         node = make()
-    except unusable as error:
+    except (StartError, ParameterError, *errors) as error:
         print("error:", " ".join(str(error).split()), file=sys.stderr)
         sys.exit(2)
     gc.freeze()  # what is there by now stays: looking through it again would hold up a tick
@@ -60,7 +59,9 @@ def run(make: Callable[[], Node], errors: tuple[type[Exception], ...] = ()) -> N
             executor.spin_once(_LOOK_UP)
     finally:
         getattr(node, "close", lambda: None)()
-        _deliver(node)
+        end = time.monotonic() + _DELIVERY
+        for publisher in node.publishers:  # which takes with it what its readers do not have yet
+            publisher.wait_for_all_acked(Duration(seconds=max(0.0, end - time.monotonic())))
         failed = 0
         if failure := getattr(node, "failure", ""):
             failed = getattr(node, "failure_code", 2)
@@ -72,13 +73,6 @@ def run(make: Callable[[], Node], errors: tuple[type[Exception], ...] = ()) -> N
             signal.signal(number, signal.SIG_IGN)
     if failed:
         sys.exit(failed)
-
-
-def _deliver(node: Node) -> None:
-    """What was sent must arrive: a publisher takes with it what its readers do not have yet."""
-    deadline = time.monotonic() + _DELIVERY
-    for publisher in node.publishers:
-        publisher.wait_for_all_acked(Duration(seconds=max(0.0, deadline - time.monotonic())))
 
 
 def steady_timer(node: Node, period: float, callback: Callable[[], object]) -> Timer:

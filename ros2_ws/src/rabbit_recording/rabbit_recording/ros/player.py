@@ -27,21 +27,11 @@ LEAST_DEPTH = 10  # where a recording does not say
 
 
 def play(path: Path, rate: float = 1.0, namespace: str = "", delay: float = 1.0) -> int:
-    """Publish what is in a recording, what was announced before its first state at once.
+    """Publish what is in a recording, what was announced before its first state at once; returns how many messages.
 
-    Args:
-        path: of the recording.
-        rate: times its own pace.
-        namespace: put before every topic.
-        delay: s before the first message, in which readers find the player.
-
-    Returns:
-        How many messages were published.
-
-    Raises:
-        RecordingError: not readable, of other message definitions than the sourced workspace's and the former ones, or
-            with topics that somebody publishes already.
-        Refused: the environment cannot be used.
+    It goes at `rate` times its own pace, with `namespace` before every topic, after `delay` s in which readers find the
+    player. Raises `RecordingError` if it is not readable, of other message definitions than the sourced workspace's and
+    the former ones, or with topics that somebody publishes already; `Refused` if the environment cannot be used.
     """
     here = graph_types([Path(get_package_share_directory("rabbit_msgs"))])
     with opened(path) as reader, closing(GraphClient("player", namespace, "/")) as client:
