@@ -75,7 +75,8 @@ class Renewal:
         return {topic: self._bytes(kind, message) for topic, kind in self.topics(connection).items()}
 
     def _bytes(self, kind: str, message: Any) -> bytes:
-        types, at = self._today.types, message.header.stamp
+        types: dict[str, Any] = {**self._today.types}
+        at = message.header.stamp
         stamp = types["builtin_interfaces/msg/Time"](sec=at.sec, nanosec=at.nanosec)
         header = types["std_msgs/msg/Header"](stamp=stamp, frame_id=message.header.frame_id)
         values = {each.name: getattr(message, each.name) for each in fields(types[kind])}

@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from datetime import datetime
 from functools import partial
-from itertools import chain, count
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +10,7 @@ import typer
 from rabbit_common import exit_codes
 from rabbit_common.options import Defaults, Given, complaints, fail, options
 from rabbit_common.own_folder import new_folder
+from rabbit_description.atomic_file import first_free
 from rabbit_experiments.commands.evaluate import given_assembly
 from rabbit_experiments.conditions import EVALUATION_LAG, TRAINING_SCALE
 from rabbit_sim.parameters import SimulationParameters
@@ -82,9 +82,7 @@ def make_folder(request: WalkOptions) -> Path:
     """The walk's own folder, new."""
     if request.out:
         return new_folder(request.out)
-    name = f"{datetime.now():%Y%m%d-%H%M%S}-seed-{request.seed}"
-    names = chain([name], (f"{name}-{number}" for number in count(2)))
-    return new_folder(next(path for path in map(Path("runs").joinpath, names) if not path.exists()))
+    return new_folder(first_free(Path("runs", f"{datetime.now():%Y%m%d-%H%M%S}-seed-{request.seed}")))
 
 
 def walk_with_progress(walk: WalkSettings, ended: Callable[[Any], None]) -> Any:

@@ -70,12 +70,9 @@ class GraphClient:
     def comes(self, until: Callable[[], bool], seconds: float) -> bool:
         """Whether something holds within so many s."""
         end = time.monotonic() + seconds
-        while not until():
-            self.check()
-            if time.monotonic() > end:
-                return False
-            self._executor.spin_once(0.02)
-        return True
+        while not (holds := until()) and time.monotonic() <= end:
+            self._listen(0.02)
+        return holds
 
     def client(self, name: str) -> Any:
         """The client of a service."""
@@ -86,12 +83,8 @@ class GraphClient:
     def ask(self, name: str, seconds: float, again: float = AGAIN_SECONDS, **fields: Any) -> Any:
         """The answer of a service; None if none comes within so many s. It is asked again after `again` s."""
 
-        def listen(moment: float) -> None:
-            self.check()
-            self._executor.spin_once(moment)
-
         client = self.client(name)
-        return call_service(client, client.srv_type.Request(**fields), listen, seconds, again)
+        return call_service(client, client.srv_type.Request(**fields), self._listen, seconds, again)
 
     def refusals(self, node: str, values: dict[str, Any], seconds: float, atomically: bool = False) -> list[str]:
         """Set parameters of a node; why it refuses each that it does. Raises `TimeoutError` if it does not answer."""
@@ -104,6 +97,10 @@ class GraphClient:
         """The value that a node has in force, None of an unknown parameter; raises `TimeoutError`."""
         answer = self._answer(f"{node}/get_parameters", seconds, names=[name])
         return parameter_value_to_python(answer.values[0]) if answer.values else None
+
+    def _listen(self, seconds: float) -> None:
+        self.check()
+        self._executor.spin_once(seconds)
 
     def _answer(self, name: str, seconds: float, **fields: Any) -> Any:
         if (answer := self.ask(name, seconds, **fields)) is None:

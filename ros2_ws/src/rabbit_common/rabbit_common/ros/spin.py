@@ -40,10 +40,11 @@ def run(make: Callable[[], Node], errors: tuple[type[Exception], ...] = ()) -> N
     for number in _SIGNALS:
         signal.signal(number, lambda got, _: signals.append(got))
     signal.pthread_sigmask(signal.SIG_BLOCK, _SIGNALS)  # in this thread, and in those that it starts meanwhile
+    unusable: tuple[type[Exception], ...] = (StartError, ParameterError, *errors)
     try:
         initialise()
         node = make()
-    except (StartError, ParameterError, *errors) as error:
+    except unusable as error:
         print("error:", " ".join(str(error).split()), file=sys.stderr)
         sys.exit(2)
     gc.freeze()  # what is there by now stays: looking through it again would hold up a tick

@@ -10,7 +10,6 @@ import inspect
 import time
 from collections.abc import Callable
 from functools import partial
-from itertools import chain, count
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +20,7 @@ from rabbit_common.ros.diagnostics import ERROR, OK, WARN, Diagnostics, Status
 from rabbit_common.ros.parameters import declare, refuse_unknown
 from rabbit_common.ros.spin import run, steady_timer
 from rabbit_common.ros.topics import TOPICS, Topic, published_by
+from rabbit_description.atomic_file import first_free
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
@@ -54,7 +54,7 @@ class RecorderNode(Node):
         own = declare(self, NodeParameters)
         refuse_unknown(self)
         types = graph_types([Path(get_package_share_directory("rabbit_msgs"))])
-        self._path = free_path(Path(own.path))
+        self._path = first_free(Path(own.path))  # a recorder may be started again
         self._writer = BagWriter(self._path, types)
         self._message_counter = MessageCounter()
         self._time = SimulatedTime()
@@ -91,39 +91,33 @@ class RecorderNode(Node):
         self._heard, self._sent = time.monotonic(), info[SENT]
         if topic.name == "state":
             self._newest_state = data
-        if self._failure:
-            return
         at = self._time.of(topic.name, topic.publisher, data, info[SENT])
         if self._ends_at_errors(partial(self._writer.write, name, at, data)):
             self._message_counter.accept(name)
 
     def _ends_at_errors(self, write: Callable[[], None]) -> bool:
         """A full disk ends the recording, not the walk: the node says so and goes on hearing."""
-        if self._failure:
-            return False
         try:
-            write()
+            if not self._failure:
+                write()
         except RecordingError as error:
             self._failure = f"{error}; recording stopped, `rabbit bag recover {self._path}` keeps what is there"
             self.get_logger().error(self._failure)
-            return False
-        return True
+        return not self._failure
 
     def _status(self) -> Status:
         figures = {"path": str(self._path), "episode, tick": "{} {}".format(*turn_of(self._newest_state))}
         if self._failure:
             return ERROR, self._failure, figures
         expected = (topic.name for topic in published_by(EXPECTED))
-        if absent := [name for name in expected if not self._readers[name].get_publisher_count()]:
-            return WARN, f"waiting for {', '.join(absent)}", figures
-        return OK, "recording", figures
+        absent = [name for name in expected if not self._readers[name].get_publisher_count()]
+        return (WARN, f"waiting for {', '.join(absent)}", figures) if absent else (OK, "recording", figures)
 
 
 def with_info(callback: Callable[[Any, dict[str, Any]], None]) -> Callable[..., None]:
-    """Have rclpy call `callback(message, info)`, under any executor.
+    """Have rclpy call `callback(message, info)`: it reads from the signature that a callback wants both.
 
-    It reads from the signature whether a callback wants the middleware's information. Its EventsExecutor then hands
-    over both as one tuple, the other executors as two arguments.
+    Its EventsExecutor then hands them over as one tuple, the other executors as two arguments.
     """
 
     def take(*got: Any) -> None:
@@ -131,12 +125,6 @@ def with_info(callback: Callable[[Any, dict[str, Any]], None]) -> Callable[..., 
 
     take.__signature__ = inspect.signature(callback)  # type: ignore[attr-defined]
     return take
-
-
-def free_path(path: Path) -> Path:
-    """The folder itself, or the first of `PATH-2`, `PATH-3`, ... that is not there: a recorder may be started again."""
-    paths = chain([path], (path.with_name(f"{path.name}-{n}") for n in count(2)))
-    return next(each for each in paths if not each.exists())
 
 
 def offered(profile: QoSProfile) -> Qos:
