@@ -116,8 +116,8 @@ class WalkSettings(BaseModel):
                 "memory": str(self.folder / "simulator.memory"),
                 "real_time": options.real_time,
                 "pace": float(options.view) if options.pace is None else options.pace,
-                "gait": self.controller.gait,
                 **priority,
+                "gait": self.controller.gait,
                 **simulation,
             },
             "controller": {
