@@ -9,7 +9,7 @@
 
 import sys
 from functools import cache
-from importlib.metadata import EntryPoint, EntryPoints, entry_points
+from importlib.metadata import EntryPoint, entry_points
 from importlib.util import find_spec
 from typing import Any
 
@@ -55,5 +55,5 @@ def _found(group: str, path: tuple[str, ...]) -> dict[str, EntryPoint]:
 
 
 @cache  # reading those of all packages takes tens of ms
-def _entry_points(path: tuple[str, ...]) -> EntryPoints:
+def _entry_points(path: tuple[str, ...]) -> Any:
     return entry_points()
