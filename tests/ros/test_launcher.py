@@ -197,10 +197,9 @@ def test_an_episode_that_an_operator_asks_for_is_walked_to_its_end(tmp_path: Pat
 
 
 def test_an_episode_that_the_graph_broke_is_no_fall(tmp_path: Path) -> None:
-    """A controller that stands still answers nothing; the file's parameter is none of the options."""
-    (tmp_path / "impatient.yaml").write_text("/**/simulator: {ros__parameters: {answer_timeout: 2.0, stones: 150}}\n")
+    """A controller that stands still answers nothing."""
     folder = tmp_path / "walk"
-    words = ("--out", folder, "--params-file", tmp_path / "impatient.yaml", "--pace", 1, "--no-trainer", *QUICK)
+    words = ("--out", folder, "--stones", 150, "--pace", 1, "--no-trainer", *QUICK)
     process = subprocess.Popen([*RABBIT, "walk", *map(str, words)], stdout=subprocess.PIPE, text=True)
     wait_for(lambda: is_under_way(folder))
     controller = running(folder)["controller"]
@@ -258,8 +257,6 @@ def test_of_several_that_begin_at_once_one_walks(tmp_path: Path) -> None:
         (("--policy", "nowhere"), "nowhere"),
         (("--namespace", "a b"), "--namespace a b"),
         (("--out", "/proc"), "--out /proc"),
-        (("--params-file", "/nowhere.yaml"), "/nowhere.yaml: No such file"),
-        (("--params-file", "/proc/version"), "/proc/version: has more bytes"),
     ],
 )
 def test_bad_values_are_one_line_and_exit_code_2(tmp_path: Path, words: tuple[str, ...], said: str) -> None:

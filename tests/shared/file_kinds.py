@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 import yaml
-from rabbit_bringup.launching.parameter_file import ParameterFileError, read_parameters
 from rabbit_description import GAITS
 from rabbit_description.gait import GaitError, load_gaits
 from rabbit_description.yaml_file import dump_yaml
@@ -243,7 +242,6 @@ def kinds(walk: Walk) -> dict[str, Kind]:
         records = (Path(folder) / "records.npz").read_bytes()
     report = {"commit": "a", "transitions": 3, "episodes": [{"kept": 3}]}
     log = "\n".join(COMMITTED.read_text(encoding="utf-8").splitlines()[:6]).encode()
-    parameters = b"/**/simulator: {ros__parameters: {stones: 3, mass_scale: 1.5}}\n"
     return {
         "policy": Kind(
             (("tiny.safetensors", tiny.encode()), ("policy.safetensors", shipped.read_bytes())),
@@ -269,11 +267,6 @@ def kinds(walk: Walk) -> dict[str, Kind]:
             (ControllerParameterError,),
         ),
         "setting": Kind((("setting.yaml", settings[0].read_bytes()),), read_setting, (SettingError,)),
-        "node parameters": Kind(
-            (("parameters.yaml", parameters),),
-            lambda p: read_parameters(p, "", ("simulator", "controller")),
-            (ParameterFileError,),
-        ),
         "recording": Kind(
             (("bag.mcap", RECORDED["mcap"]), ("bag.mcap", RECORDED["zstd"])),
             use_recording,

@@ -12,6 +12,7 @@ import gc
 import os
 import signal
 from functools import cache
+from importlib.machinery import PathFinder
 from importlib.metadata import EntryPoint, entry_points
 from importlib.util import find_spec
 from pathlib import Path
@@ -44,29 +45,30 @@ def commands() -> dict[str, EntryPoint]:
 def source(command: EntryPoint) -> Path | None:
     """The file of its module; None if there is no such module. Nothing is imported, not even the packages around it."""
     top, *rest = command.module.split(".")
-    spec = find_spec(top)
-    if spec is None:
-        return None
-    if not rest:
-        return Path(spec.origin) if spec.origin else None
-    places = [Path(folder, *rest) for folder in spec.submodule_search_locations or ()]
-    files = [file for place in places for file in (place.with_suffix(".py"), place / "__init__.py")]
-    return next((file for file in files if file.is_file()), None)
+    spec, name = find_spec(top), top
+    for part in rest:
+        name = f"{name}.{part}"
+        spec = PathFinder.find_spec(name, spec.submodule_search_locations) if spec else None
+    return Path(spec.origin) if spec and spec.origin else None
 
 
 def summary(command: EntryPoint) -> str:
     """The first line of its module's docstring."""
-    path = source(command)
-    if path is None:
+    if (path := source(command)) is None:
         return f"(cannot be called: there is no module {command.module})"
-    text = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or ""
-    return text.partition("\n")[0]
+    return (ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or "").partition("\n")[0]
 
 
 def _fail(text: str) -> NoReturn:
     from rabbit_common.options import fail  # which takes a while
 
     fail(text)
+
+
+def _replace_default(number: int, default: Any, handler: Any) -> None:
+    """Answer a signal so, where nobody has it ignored or answers it already."""
+    if signal.getsignal(number) is default:
+        signal.signal(number, handler)
 
 
 class LazyGroup(TyperGroup):
@@ -91,10 +93,8 @@ class LazyGroup(TyperGroup):
         gc.disable()  # of what is imported nothing is garbage; looking for it takes a fifth of the time to a help text
         command = typer.main.get_command(entry.load())
         gc.enable()
-        if signal.getsignal(signal.SIGINT) is signal.SIG_DFL:
-            signal.signal(signal.SIGINT, signal.default_int_handler)
-        if signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
-            signal.signal(signal.SIGTERM, _terminate)
+        _replace_default(signal.SIGINT, signal.SIG_DFL, signal.default_int_handler)
+        _replace_default(signal.SIGTERM, signal.SIG_DFL, _terminate)
         return name, command, rest
 
     def invoke(self, ctx: Any) -> Any:
@@ -138,11 +138,9 @@ def _root() -> None:
 
 def main() -> None:
     """The executable `rabbit`; a Ctrl-C while it imports ends it at once."""
-    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-        signal.signal(signal.SIGINT, signal.SIG_DFL)
+    _replace_default(signal.SIGINT, signal.default_int_handler, signal.SIG_DFL)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     try:
         app(prog_name="rabbit")
     finally:  # all is written: a Ctrl-C while libraries end their processes is no traceback
-        if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-            signal.signal(signal.SIGINT, signal.SIG_DFL)
+        _replace_default(signal.SIGINT, signal.default_int_handler, signal.SIG_DFL)

@@ -21,11 +21,7 @@ class Refused(LaunchError):
 
 
 def find_executable(package: str, name: str) -> Path:
-    """`lib/PACKAGE/NAME` in the first sourced prefix that has the package.
-
-    Raises:
-        LaunchError: nothing is sourced, no such package, or no such executable in it.
-    """
+    """`lib/PACKAGE/NAME` in the first sourced prefix that has the package; raises `LaunchError` if none has."""
     try:
         from ament_index_python import get_package_prefix
 

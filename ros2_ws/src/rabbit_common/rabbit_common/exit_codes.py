@@ -47,7 +47,8 @@ def counted(outcomes: Sequence[str]) -> list[str]:
 
 def of_walk(outcomes: Sequence[str]) -> ExitCode:
     """The exit code of a walk whose episodes ended so, in their order; without any it is a fault."""
-    return max((_of_episode(outcome) for outcome in counted(outcomes)), default=ExitCode.FAULT)
+    codes = {"walked": ExitCode.WALKED, **dict.fromkeys(OF_THE_GRAPH, ExitCode.FAULT)}
+    return max((codes.get(outcome, ExitCode.FELL) for outcome in counted(outcomes)), default=ExitCode.FAULT)
 
 
 def of_signal(number: int) -> int:
@@ -66,9 +67,3 @@ class Interrupted(KeyboardInterrupt):
 def of_interrupt(error: KeyboardInterrupt) -> int:
     """The exit code of a command that it ended; a plain one is Ctrl-C's."""
     return error.code if isinstance(error, Interrupted) else of_signal(signal.SIGINT)
-
-
-def _of_episode(outcome: str) -> ExitCode:
-    if outcome == "walked":
-        return ExitCode.WALKED
-    return ExitCode.FAULT if outcome in OF_THE_GRAPH else ExitCode.FELL

@@ -56,10 +56,10 @@ class Defaults:
         """The default of an option, as its help text says it; empty where there is none to name."""
         default = self.always.get(name, default)
         is_none = default is None or default in ("", ())
-        if name in self.bare:
-            other = "" if is_none or name in CHOOSES else f"; {default} with --controller or --parameters"
-            return f"(default {self.bare[name]}{other})"
-        return "" if is_none else f"(default {default})"
+        if name not in self.bare:
+            return "" if is_none else f"(default {default})"
+        other = "" if is_none or name in CHOOSES else f"; {default} with --controller or --parameters"
+        return f"(default {self.bare[name]}{other})"
 
 
 @dataclass(frozen=True)
@@ -80,8 +80,8 @@ class Given:
         words = []
         for name, value in sorted(self.values.items()):
             if name not in but:
-                words += [option_name(name if value else f"no_{name}")] if isinstance(value, bool) else []
-                words += [] if isinstance(value, bool) else [option_name(name), str(value)]
+                words += [option_name(f"no_{name}" if value is False else name)]
+                words += [] if isinstance(value, bool) else [str(value)]
         return shlex.join(words)
 
     def over(self, values: Mapping[str, Any]) -> "Given":
@@ -103,19 +103,17 @@ def fail(text: object, code: int = BAD_VALUE) -> NoReturn:
 @contextmanager
 def complaints(*errors: type[Exception]) -> Iterator[None]:
     """Turn pydantic's errors and `errors` into one line and exit code 2, or the error's own `code`."""
-    kinds: tuple[type[Exception], ...] = (ValidationError, *errors)
     try:
         yield
-    except kinds as error:
-        cause = error.__cause__
-        if isinstance(error, ValidationError):
-            fail(fault(error))
-        if isinstance(cause, ValidationError):
-            fail(f"{str(error).split(': ')[0]}: {fault(cause)}")
+    except ValidationError as error:
+        fail(fault(error))
+    except errors as error:
+        if isinstance(error.__cause__, ValidationError):
+            fail(f"{str(error).split(': ')[0]}: {fault(error.__cause__)}")
         fail(error, getattr(error, "code", BAD_VALUE))
 
 
-class Graph(BaseModel):
+class Graph(BaseModel, defer_build=True):
     """Which running graph a command means."""
 
     namespace: str = Field("", pattern=NAMESPACE, description="of the graph")
@@ -160,7 +158,8 @@ def options(
 
     def decorate(function: Callable[..., Any]) -> Callable[..., Any]:
         own = list(inspect.signature(function).parameters.values())[1:]
-        parameters = own + [each for each in _parameters(models, defaults, rare) if each.name not in without]
+        kinds = _annotations(models, defaults, rare)
+        parameters = own + [_keyword(name, kind) for name, kind in kinds.items() if name not in without]
         parameters += [HELP_ALL] if len(models) > 1 else []
 
         @functools.wraps(function)
@@ -202,29 +201,23 @@ HELP_ALL = _keyword(
 )
 
 
-def _parameters(
-    models: tuple[type[BaseModel], ...], defaults: Defaults, rare: Collection[str]
-) -> list[inspect.Parameter]:
-    fields: dict[str, Any] = {}
+def _annotations(models: tuple[type[BaseModel], ...], defaults: Defaults, rare: Collection[str]) -> dict[str, Any]:
+    found: dict[str, Any] = {}
     for model in models:
         panel = re.findall(r"[A-Z][a-z]*|$", model.__name__)[0]
         for name, info in model.model_fields.items():
-            shown = {"help": _help(name, info, defaults), "rich_help_panel": panel}
-            shown["hidden"] = name in rare if model is models[0] else name not in USUAL
-            fields.setdefault(name, _annotation(name, info, **shown))
-    return [_keyword(name, kind) for name, kind in fields.items()]
+            flag, is_rare = option_name(name), name in rare if model is models[0] else name not in USUAL
+            shown: Any = {"help": _help(name, info, defaults), "rich_help_panel": panel, "hidden": is_rare}
+            kind: Any = Annotated[str | None, typer.Option(flag, metavar=_metavar(info.annotation), **shown)]
+            if info.annotation is bool:
+                kind = Annotated[bool | None, typer.Option(f"{flag}/--no-{flag[2:]}", **shown)]
+            found.setdefault(name, kind)
+    return found
 
 
 def _help(name: str, info: FieldInfo, defaults: Defaults) -> str:
     default = None if info.is_required() or info.default_factory else info.default
     return f"{info.description or ''} {defaults.text(name, default)}".strip()
-
-
-def _annotation(name: str, info: FieldInfo, **shown: Any) -> Any:
-    flag = option_name(name)
-    if info.annotation is bool:
-        return Annotated[bool | None, typer.Option(f"{flag}/--no-{flag[2:]}", **shown)]
-    return Annotated[str | None, typer.Option(flag, metavar=_metavar(info.annotation), **shown)]
 
 
 def _split(info: FieldInfo, value: Any) -> Any:

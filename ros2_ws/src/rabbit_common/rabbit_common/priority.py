@@ -17,10 +17,9 @@ def take_priority(priority: int, warn: Callable[[str], object]) -> None:
 
     Where the machine does not permit it, `warn` gets a line that says what would, and the process stays ordinary.
     """
-    if priority == 0:
-        return
     try:
-        _set_all_threads(os.SCHED_FIFO, priority)
+        if priority:
+            _set_all_threads(os.SCHED_FIFO, priority)
     except PermissionError:
         warn(
             f"SCHED_FIFO priority {priority}: not permitted, goes on as an ordinary process; it needs CAP_SYS_NICE, "
@@ -51,9 +50,10 @@ def step_back() -> None:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(beneath))
 
 
-def leave_priority() -> None:
-    """Make all threads of this process ordinary again."""
-    _set_all_threads(os.SCHED_OTHER, 0)
+def leave_priority(priority: int = 1) -> None:
+    """Make all threads of this process ordinary again; 0 changes nothing."""
+    if priority:
+        _set_all_threads(os.SCHED_OTHER, 0)
 
 
 def _set_all_threads(policy: int, priority: int) -> None:

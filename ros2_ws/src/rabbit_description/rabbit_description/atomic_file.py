@@ -5,6 +5,7 @@ import os
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from itertools import chain, count
 from pathlib import Path
 from uuid import uuid4
 
@@ -50,3 +51,9 @@ def replace_text(path: Path, text: str) -> None:
     """Write a text file, whole or not at all."""
     with replacing(path) as partial:
         partial.write_text(text, encoding="utf-8")
+
+
+def first_free(path: Path) -> Path:
+    """The path itself, or the first of `PATH-2`, `PATH-3`, ... that is not there."""
+    paths = chain([path], (path.with_name(f"{path.name}-{number}") for number in count(2)))
+    return next(each for each in paths if not each.exists())

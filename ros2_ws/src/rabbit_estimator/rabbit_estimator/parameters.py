@@ -11,7 +11,7 @@ Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 class NodeParameters(BaseModel):
     """Parameters of the estimator's node besides the estimator's."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
     priority: int = Field(0, ge=0, le=99, description="SCHED_FIFO priority, where permitted; 0: an ordinary process")
 
@@ -19,7 +19,7 @@ class NodeParameters(BaseModel):
 class EstimatorParameters(BaseModel):
     """Flat, immutable and checked. Standard deviations, unless said otherwise."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
     encoder_resolution: Positive = Field(2 * pi / 2**14, description="step of the joint angles, rad")
     rate_window: Positive = Field(0.002, description="over which an encoder's drive takes the rate, s")

@@ -13,7 +13,7 @@ TRAINING_SLACK_WEIGHT = 3.0  # p while learning: the softer CLF keeps the first,
 class TuningOptions(BaseModel):
     """Options of a command with a controller, besides the controller's own."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
     parameters: str = Field("ours", description="of the controller: ours, best, authors or a YAML file")
 

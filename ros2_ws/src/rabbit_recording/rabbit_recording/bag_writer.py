@@ -33,35 +33,31 @@ def graph_types(definitions: Iterable[Path]) -> Typestore:
 class BagWriter:
     """Takes serialised messages.
 
-    `write`, `flush` and `close` raise `RecordingError` where nothing more can be written, as on a full disk; what is in
-    the file by then stays there.
+    Raises `RecordingError` if the folder is there already, a type is not known, or nothing more can be written, as on a
+    full disk; what is in the file by then stays there.
     """
 
     def __init__(self, path: Path, types: Typestore) -> None:
-        """Raises `RecordingError` if the folder is there already or cannot be made."""
         self.path, self.messages = path, 0
         self.topics: dict[str, Connection] = {}
         self._types = types
         self._flushed = time.monotonic()
-        self._is_open = True
-        try:
+        self._is_open = False
+        with self._errors():
             self._writer = Writer(path, version=9, storage_plugin=StoragePlugin.MCAP)
             self._writer.open()
-        except (OSError, WriterError) as error:
-            raise RecordingError(f"recording {path}: {error}") from error
+        self._is_open = True
 
     def add(self, topic: str, type_name: str, qos: Iterable[Qos]) -> None:
-        """Announce a topic by its full name; raises `RecordingError` for a type that is not known."""
-        try:
+        """Announce a topic by its full name."""
+        with self._errors(f"topic {topic}: "):
             self.topics[topic] = self._writer.add_connection(
                 topic, type_name, typestore=self._types, offered_qos_profiles=list(qos)
             )
-        except (TypesysError, WriterError, KeyError) as error:
-            raise RecordingError(f"recording {self.path}: topic {topic}: {error}") from error
 
     def write(self, topic: str, nanoseconds: int, data: bytes) -> None:
         """Append one message."""
-        with self._stops_at_errors():
+        with self._errors():
             self._writer.write(self.topics[topic], nanoseconds, data)
         self.messages += 1
         if time.monotonic() - self._flushed > FLUSH_SECONDS:
@@ -71,7 +67,7 @@ class BagWriter:
         """Hand what was written to the operating system; call it now and then while no message comes."""
         self._flushed = time.monotonic()
         storage = cast(McapWriter, self._writer.storage)
-        with self._stops_at_errors():
+        with self._errors():
             if storage.chunk.msgs:
                 storage.close_chunk()
                 storage.bio.flush()
@@ -79,16 +75,18 @@ class BagWriter:
     def close(self) -> None:
         """Finish the file and its index; nothing after an error."""
         if self._is_open:
-            with self._stops_at_errors():
+            with self._errors():
                 self._writer.close()
             self._is_open = False
 
     @contextlib.contextmanager
-    def _stops_at_errors(self) -> Iterator[None]:
+    def _errors(self, where: str = "") -> Iterator[None]:
+        """As `RecordingError`; one of the system's ends the recording."""
         try:
             yield
-        except OSError as error:
-            self._is_open = False
-            with contextlib.suppress(OSError):
-                self._writer.abort()
-            raise RecordingError(f"recording {self.path}: {error}") from error
+        except (OSError, WriterError, TypesysError, KeyError) as error:
+            if isinstance(error, OSError) and self._is_open:
+                self._is_open = False
+                with contextlib.suppress(OSError):
+                    self._writer.abort()
+            raise RecordingError(f"recording {self.path}: {where}{error}") from error

@@ -8,12 +8,11 @@ from pathlib import Path
 import numpy as np
 from rabbit_description.state import Array
 from rl_cbf_clf_controller.controller import Controller
-from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import ZeroPolicy, fitted
-from rl_cbf_clf_controller.weights import PolicyFile, decode
+from rl_cbf_clf_controller.weights import decode
 
 from rabbit_recording.open_recording import one_line_errors
-from rabbit_recording.reader import RecordedEpisode, RecordedSwap, iterate_episodes
+from rabbit_recording.reader import RecordedEpisode, iterate_episodes
 
 
 @dataclass(frozen=True)
@@ -53,25 +52,18 @@ def replay(episode: RecordedEpisode) -> Iterator[Array]:
         return
     if not episode.settings or episode.settings[0].tick > 0:
         raise ValueError("the controller's parameters are not in it")
-    all_parameters = {each.tick: with_noise(each.parameters, episode.sigma) for each in episode.settings}
+    noise = {"sigma": episode.sigma} if math.isfinite(episode.sigma) else {}  # the episode's own goes first
+    all_parameters = {each.tick: each.parameters.model_copy(update=noise) for each in episode.settings}
     swaps = {swap.tick: swap for swap in episode.swaps}
-    gait, zero = episode.settings[0].gait, ZeroPolicy(all_parameters[0].problem)
-    controller = Controller(all_parameters[0], gait, zero)
+    first, gait = all_parameters[0], episode.settings[0].gait
+    zero = ZeroPolicy(first.problem)
+    controller = Controller(first, gait, zero)
     controller.rehearse()  # as the node does
     controller.reset(episode.seed)
     for record in episode.records:
         controller.parameters = all_parameters.get(record.state.tick, controller.parameters)
         if (swap := swaps.get(record.state.tick)) is not None:
-            controller.policy = fitted(_policy_file(swap), all_parameters[0], gait) if swap.data != b"" else zero
+            if swap.data is None:
+                raise ValueError(f"policy {swap.version} is not in it")
+            controller.policy = fitted(decode(swap.data), first, gait) if swap.data else zero
         yield controller.step(record.state).torque
-
-
-def _policy_file(swap: RecordedSwap) -> PolicyFile:
-    if swap.data is None:
-        raise ValueError(f"policy {swap.version} is not in it")
-    return decode(swap.data)
-
-
-def with_noise(parameters: ControllerParameters, sigma: float) -> ControllerParameters:
-    """The episode's own exploration, where it has one, goes before the controller's."""
-    return parameters.model_copy(update={"sigma": sigma}) if math.isfinite(sigma) else parameters

@@ -36,17 +36,17 @@ def contents(path: Path) -> Contents:
     """Look into a recording; raises `RecordingError`."""
     with opened(path) as reader, one_line_errors(path):
         topics = [
-            TopicContents(name, topic.connections[0].msgtype, topic.msgcount, qos_text(topic.connections[0]))
+            TopicContents(name, topic.connections[0].msgtype, topic.msgcount, _qos_text(topic.connections[0]))
             for name, topic in sorted(reader.topics.items())
         ]
         seconds = (reader.end_time - begin_of(reader)) / 1e9 if reader.message_count else 0.0
-    count = sum(topic.messages for topic in topics)
+        count = reader.message_count
     files = storage_files(path)
     size = sum(file.stat().st_size for file in files)
     return Contents([f.name for f in files], size, seconds, count, topics, list(iterate_inventories(path)))
 
 
-def qos_text(connection: Connection) -> str:
+def _qos_text(connection: Connection) -> str:
     """As in `reliable, volatile, last 5000`."""
     assert isinstance(connection.ext, ConnectionExtRosbag2)
     words = [

@@ -63,6 +63,7 @@ class EpisodeInventory:
 
 
 ANNOUNCED = ("seed", "stones", "touchdowns", "outcome", "reason", "controller", "refused_controller")
+Claims = dict[str, dict[int, list[StoredMessage]]]  # by topic and tick, what claims to be its message
 
 
 class Gathered:
@@ -74,9 +75,7 @@ class Gathered:
         self.landings: dict[int, Any] = {}
         self.announced: Any = None  # the newest announcement
         self._in_real_time = False
-        self._by_beginning: dict[int, dict[str, dict[int, list[StoredMessage]]]] = defaultdict(
-            lambda: {name: {} for name in BY_TICK}
-        )
+        self._by_beginning: dict[int, Claims] = defaultdict(lambda: {name: {} for name in BY_TICK})
 
     def add(self, message: StoredMessage) -> None:
         """Take in one; what comes again, byte by byte, counts once."""
@@ -88,77 +87,64 @@ class Gathered:
                 here.append(message)
         elif message.topic == "timing":
             self._in_real_time = True
-        elif message.topic == "episode":
-            if self.announced is None or self.announced.phase != ENDED:
-                self.announced = message.decode()
-        else:
-            decoded = message.decode()
-            if message.topic == "preview":
-                stone = StonePreview(decoded.index, decoded.l_min, decoded.l_max, decoded.height)
-                self.previews[stone.index].setdefault(message.stamp, stone)
-            else:
-                self.landings.setdefault(decoded.index, decoded)
+        elif message.topic == "preview":
+            m = message.decode()
+            self.previews[m.index].setdefault(message.stamp, StonePreview(m.index, m.l_min, m.l_max, m.height))
+        elif message.topic == "landing":
+            landing = message.decode()
+            self.landings.setdefault(landing.index, landing)
+        elif self.announced is None or self.announced.phase != ENDED:
+            self.announced = message.decode()
 
     def preview(self, index: int, now: int) -> StonePreview | None:
         """Of the stone that is first seen at a time (ns): the one announced then, or else the newest before, or any."""
-        candidates = self.previews.get(index, {})
-        return newest_preview(candidates, now) or next(iter(candidates.values()), None)
+        found = self.previews.get(index, {})
+        return newest_preview(found, now) or next(iter(found.values()), None)
 
     @property
     def ticks(self) -> dict[str, dict[int, StoredMessage]]:
         """Messages by topic and tick. All count from one beginning; what does not was not the graph's own."""
-        of = [*self._by_beginning.values()] or [{name: {} for name in BY_TICK}]
-        most = max(of, key=lambda found: sum(map(len, found.values())))
-        return {
-            topic: {tick: own for tick, messages in found.items() if (own := self._own(messages)) is not None}
-            for topic, found in most.items()
-        }
+        empty: Claims = {name: {} for name in BY_TICK}
+        most = max(self._by_beginning.values(), key=lambda found: sum(map(len, found.values())), default=empty)
+        own = {topic: {tick: self._own(claims) for tick, claims in found.items()} for topic, found in most.items()}
+        return {topic: {tick: each for tick, each in found.items() if each} for topic, found in own.items()}
 
-    def _own(self, messages: list[StoredMessage]) -> StoredMessage | None:
+    def _own(self, claims: list[StoredMessage]) -> StoredMessage | None:
         """Of what claims to be one message, that of the controller whose torques acted; None: it is only another's."""
-        if self.announced is None or (len(messages) == 1 and not self.announced.refused_controller):
-            return messages[0]
-        if messages[0].topic == "state":
-            return messages[0]
-        return next((each for each in messages if each.decode().sender == self.announced.controller), None)
+        said = self.announced
+        if said is None or claims[0].topic == "state" or (len(claims) == 1 and not said.refused_controller):
+            return claims[0]
+        return next((each for each in claims if each.decode().sender == said.controller), None)
 
-    @property
-    def is_recorded(self) -> bool:
-        """Whether there is a state, and it is not a single message that nobody answered or announced."""
-        ticks = self.ticks
-        return bool(ticks["state"]) and (self.announced is not None or bool(self.full_ticks(ticks)))
-
-    def full_ticks(self, ticks: dict[str, dict[int, StoredMessage]]) -> list[int]:
-        """Those of which there is all."""
+    @staticmethod
+    def full_ticks(ticks: Mapping[str, Mapping[int, Any]]) -> list[int]:
+        """Those of which there is all, by topic."""
         return sorted(set.intersection(*map(set, ticks.values())))
 
     def inventory(self, number: int, presence: Presence, followed: Collection[str]) -> EpisodeInventory:
         """What there is. `followed`: topics that were heard in an earlier episode: the recorder was there."""
-        ticks, announced = self.ticks, self.announced
-        full = self.full_ticks(ticks)
-        said: dict[str, Any] = {} if announced is None else {name: getattr(announced, name) for name in ANNOUNCED}
-        made = EpisodeInventory(number, self.run, presence, **said, recorded=len(full), begins=full[:1] == [0])
-        made.ends = bool(made.outcome)
+        ticks, said = self.ticks, self.announced
+        made = EpisodeInventory(number, self.run, presence)
+        if said is not None:
+            vars(made).update({name: getattr(said, name) for name in ANNOUNCED})
+            made.ends = bool(made.outcome)
+        if full := self.full_ticks(ticks):
+            made.first, made.last, made.recorded, made.begins = full[0], full[-1], len(full), full[0] == 0
         made.policies = [*dict.fromkeys(ticks["torque"][tick].decode().policy_version for tick in full)]
-        if full:
-            made.first, made.last = full[0], full[-1]
         if presence is Presence.LOST:
-            made.lost = max(announced.tick, 1) if made.ends else 1
+            made.lost = max(said.tick, 1) if made.ends else 1
         elif presence is Presence.RECORDED:
-            spans = {name: self._span(name, ticks[name], name in followed) for name in BY_TICK}
-            made.lost = missing(spans, ticks)
+            made.lost = missing({name: self._span(name, ticks[name], name in followed) for name in BY_TICK}, ticks)
         return made
 
-    def _span(self, topic: str, there: dict[int, StoredMessage], is_followed: bool) -> range:
+    def _span(self, topic: str, there: Mapping[int, Any], is_followed: bool) -> range:
         """Ticks of a topic that were published while it was recorded."""
-        end = max(there, default=-1) + 1
-        announced = self.announced
-        if announced is not None and announced.outcome:
+        end, said = max(there, default=-1) + 1, self.announced
+        if said is not None and said.outcome:
             # the controller may be silent before the announced end
-            is_answered = topic == "state" or not (self._in_real_time or announced.outcome in UNANSWERED)
-            end = max(end, announced.tick) if is_answered else end
-        begin = 0 if is_followed else min(there, default=end)
-        return range(begin, end)
+            may_be_silent = topic != "state" and (self._in_real_time or said.outcome in UNANSWERED)
+            end = end if may_be_silent else max(end, said.tick)
+        return range(0 if is_followed else min(there, default=end), end)
 
 
 def missing(spans: Mapping[str, range], there: Mapping[str, Mapping[int, Any]]) -> int:
@@ -180,23 +166,22 @@ class Gathering:
     def __init__(self) -> None:
         self._open: dict[tuple[int, int], Gathered] = {}
         self._order: list[tuple[int, int]] = []  # a heap of its keys
-        self._unheard = 0  # episodes, so far
         self._reached = (0, 0)  # run and episode of the newest state that follows another
         self.newest = (0, 0, 0)  # run, episode and tick of the newest state
-        self._run = 0  # of what follows
-        self._before = self._highest = 0  # highest number of the runs before, and of all
+        self._run = self._before = self._highest = 0  # of what follows; highest number of the runs before, and of all
         self._recorded = 0  # the newest recorded episode of the run; 0: none yet
         self._unclear: dict[int, Gathered] = {}  # announced since then
+        self._unheard = 0  # episodes, so far
         self._followed: set[str] = set()  # topics heard in the run
 
     def add(self, run: int, message: StoredMessage) -> None:
         """Take in one message, in the order of time."""
+        key = (run, message.turn[0])
         if message.topic == "state":
             _, episode, tick = self.newest
             if run > self.newest[0] or message.turn in ((episode, tick), (episode, tick + 1), (episode + 1, 0)):
-                self._reached = (run, message.episode)
+                self._reached = key
             self.newest = (run, *message.turn)
-        key = (run, message.episode)
         if key not in self._open:
             self._open[key] = Gathered(*key)
             heappush(self._order, key)
@@ -214,13 +199,14 @@ class Gathering:
         if episode.run > self._run:
             yield from self._announced()
             self._run, self._before, self._recorded, self._followed = episode.run, self._highest, 0, set()
-        if episode.is_recorded:
+        ticks, is_announced = episode.ticks, episode.announced is not None
+        if ticks["state"] and (is_announced or episode.full_ticks(ticks)):  # somebody answered or announced it
             yield from self._lost(episode.episode) if self._recorded else self._announced()
             yield self._inventory(episode, Presence.RECORDED)
             self._recorded, self._unclear = episode.episode, {}
-        elif episode.announced is not None and episode.episode:
+        elif is_announced and episode.episode:
             self._unclear[episode.episode] = episode
-        self._followed |= {topic for topic, ticks in episode.ticks.items() if ticks}
+        self._followed |= {topic for topic, there in ticks.items() if there}
 
     def _announced(self) -> Iterator[tuple[Gathered, EpisodeInventory]]:
         for episode in self._unclear.values():

@@ -5,7 +5,7 @@ Their definitions are in the recordings. Then a message began with a bare stamp,
 their absence meant.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable
 from dataclasses import fields
 from types import SimpleNamespace
 from typing import Any
@@ -18,12 +18,19 @@ from rosbags.interfaces import Connection
 from rosbags.typesys.store import Typestore
 
 NEW_KINDS = {"rabbit_msgs/msg/RabbitState": "rabbit_msgs/msg/RobotState"}
-PARTED = {"controller_state": ("controller_state", "learner_terms")}  # topics of today, by their last names
-OWN_KINDS = {"learner_terms": "rabbit_msgs/msg/LearnerTerms"}
 STAMP = "stamp"  # first field of a former message
 EMPTY_FRAME = b"\1\0\0\0" + bytes(4)  # a header's end: no name, padded so that what follows stays aligned
 OLDER = {"sender": "", "controller": "", "refused_controller": "", "height": 0.0}  # fields that the first had not
-NOT_TOLD = np.zeros(0)
+
+
+def is_former(reader: AnyReader, kind: str) -> bool:
+    """Whether a type of the recording is of a former version."""
+    return kind.startswith("rabbit_msgs/") and [name for name, _ in reader.typestore.fielddefs[kind][1]][:1] == [STAMP]
+
+
+def parts(name: str) -> tuple[str, ...]:
+    """The topics of today in which a former message's fields are, by the last part of its topic."""
+    return ("controller_state", "learner_terms") if name == "controller_state" else (name,)
 
 
 def renewed_bytes(data: bytes) -> bytes:
@@ -31,15 +38,15 @@ def renewed_bytes(data: bytes) -> bytes:
     return data[:12] + EMPTY_FRAME + data[12:]
 
 
-def renewed(message: Any) -> Any:
-    """A decoded message with the fields of today's; of a `ControllerState`, also those of `LearnerTerms`."""
-    now = {**OLDER, **vars(message)}
+def renewed(decode: Callable[[], Any]) -> Any:
+    """A message with the fields of today's; of a `ControllerState`, also those of `LearnerTerms`."""
+    now = {**OLDER, **vars(decode())}
     now["header"] = SimpleNamespace(stamp=now.pop(STAMP), frame_id="world")
     if "outcome" in now:
         now |= {name: list(names) for name, names in LAYOUT.items()}
     if "clf" in now:
         now |= bounded_fields(*(now.pop(name) for name in ("clf", "barriers", "barrier_rates")))
-        now |= {"rows": [], **dict.fromkeys(("margins", "slacks", "multipliers"), NOT_TOLD)}
+        now |= {"rows": [], **dict.fromkeys(("margins", "slacks", "multipliers"), np.zeros(0))}
         now.setdefault("measured", np.full(len(now["quantities"]), np.nan))
     return SimpleNamespace(**now)
 
@@ -51,33 +58,26 @@ class Renewal:
         self._reader, self._today = reader, today
         self.former = {c.msgtype for c in reader.connections if is_former(reader, c.msgtype)}
 
-    def topics(self, connection: Connection) -> list[tuple[str, str]]:
-        """The topics, by full name, and their types, that a recorded one is of."""
+    def topics(self, connection: Connection) -> dict[str, str]:
+        """The types of the topics, by full name, that a recorded one is of."""
         topic, kind = connection.topic, connection.msgtype
         if kind not in self.former:
-            return [(topic, kind)]
+            return {topic: kind}
         place, _, name = topic.rpartition("/")
-        names = PARTED.get(name, (name,))
-        return [(f"{place}/{each}", OWN_KINDS.get(each, NEW_KINDS.get(kind, kind))) for each in names]
+        kinds = {"learner_terms": "rabbit_msgs/msg/LearnerTerms"}
+        return {f"{place}/{part}": kinds.get(part, NEW_KINDS.get(kind, kind)) for part in parts(name)}
 
-    def messages(self, connection: Connection, data: bytes) -> list[tuple[str, bytes]]:
+    def messages(self, connection: Connection, data: bytes) -> dict[str, bytes]:
         """By topic, what a recorded one is."""
         if connection.msgtype not in self.former:
-            return [(connection.topic, data)]
-        message = renewed(self._reader.deserialize(data, connection.msgtype))
-        return [(topic, self._bytes(kind, message)) for topic, kind in self.topics(connection)]
+            return {connection.topic: data}
+        message = renewed(lambda: self._reader.deserialize(data, connection.msgtype))
+        return {topic: self._bytes(kind, message) for topic, kind in self.topics(connection).items()}
 
     def _bytes(self, kind: str, message: Any) -> bytes:
-        types: Mapping[str, Any] = self._today.types
+        types: dict[str, Any] = {**self._today.types}
         at = message.header.stamp
         stamp = types["builtin_interfaces/msg/Time"](sec=at.sec, nanosec=at.nanosec)
         header = types["std_msgs/msg/Header"](stamp=stamp, frame_id=message.header.frame_id)
         values = {each.name: getattr(message, each.name) for each in fields(types[kind])}
         return bytes(self._today.serialize_cdr(types[kind](**{**values, "header": header}), kind))
-
-
-def is_former(reader: AnyReader, kind: str) -> bool:
-    """Whether a type of the recording is of a former version."""
-    if not kind.startswith("rabbit_msgs/"):
-        return False
-    return [name for name, _ in reader.typestore.fielddefs[kind][1]][:1] == [STAMP]

@@ -17,27 +17,22 @@ FIELDS = {  # the first of each topic's message
 
 def nanoseconds_of(data: bytes) -> int:
     """A message's stamp, ns."""
-    seconds, nanoseconds, _ = _stamp(data)
+    seconds, nanoseconds, _ = _stamp_and_length(data)
     return seconds * 1_000_000_000 + nanoseconds
 
 
 def turn_of(data: bytes) -> tuple[int, int]:
     """Episode and tick of a `RobotState` or another message of a tick."""
-    begin = _end_of_header(data)
+    begin = 16 + (_stamp_and_length(data)[2] + 3) // 4 * 4  # the frame's name is padded to four bytes
     return NUMBERS.unpack(data[begin : begin + NUMBERS.size].ljust(NUMBERS.size, b"\0"))
 
 
 def episode_and_phase_of(data: bytes) -> tuple[int, int]:
-    """Of an `Episode`."""
-    phase = data[_end_of_header(data) + 4 :][:1]
-    return turn_of(data)[0], phase[0] if phase else 0
+    """Of an `Episode`, whose phase is one byte."""
+    episode, phase = turn_of(data)
+    return episode, phase & 0xFF
 
 
-def _stamp(data: bytes) -> tuple[int, int, int]:
+def _stamp_and_length(data: bytes) -> tuple[int, int, int]:
     """Zeros where the message is cut."""
     return STAMP.unpack(data[4:16].ljust(STAMP.size, b"\0"))
-
-
-def _end_of_header(data: bytes) -> int:
-    """The frame's name is padded to four bytes."""
-    return 16 + (_stamp(data)[2] + 3) // 4 * 4

@@ -8,7 +8,7 @@ column that a database computes. Each is refused, so that time and memory stay i
 import contextlib
 import re
 import sqlite3
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -24,7 +24,6 @@ from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
 from rabbit_recording import RecordingError
 
-SUFFIXES = (".mcap", ".db3")
 MCAP_MAGIC = b"\x89MCAP0\r\n"  # the first and the last bytes of a finished file
 MOST_RATIO = 30  # of a chunk's bytes to its compressed ones; numbers of a walk have less than 10
 SMALL = 1_000_000  # bytes that a chunk may always have
@@ -48,17 +47,14 @@ def opened(path: Path) -> Iterator[AnyReader]:
         reader = AnyReader(files)
         reader.readers = [_BoundedReader(file) for file in files]
         reader.open()
-    try:
+    with contextlib.closing(reader):
         yield reader
-    finally:
-        reader.close()
 
 
 def begin_of(reader: AnyReader) -> int:
     """When the first state is stored, ns: before it lies what was announced earlier. Of none, when anything is."""
     states = [connection for connection in reader.connections if last_name(connection.topic) == "state"]
-    first = next(iter(reader.messages(states)), None) if states else None
-    return first[1] if first else reader.start_time
+    return next((at for _, at, _ in reader.messages(states)), reader.start_time) if states else reader.start_time
 
 
 def last_name(topic: str) -> str:
@@ -66,17 +62,17 @@ def last_name(topic: str) -> str:
     return topic.split("/")[-1]
 
 
-def storage_files(path: Path, suffixes: Collection[str] = SUFFIXES) -> list[Path]:
-    """The files that hold the messages; raises `RecordingError` if there are none."""
+def storage_files(path: Path, *suffixes: str) -> list[Path]:
+    """The files that hold the messages, .mcap and .db3 if no `suffixes`; raises `RecordingError` if there are none."""
+    suffixes = suffixes or (".mcap", ".db3")
     if not path.exists():
         raise RecordingError(f"recording {path}: no such file or folder")
     with one_line_errors(path):
         files = sorted(file for file in (path.iterdir() if path.is_dir() else [path]) if file.suffix in suffixes)
     if not files:
         raise RecordingError(f"recording {path}: expected a rosbag2 folder, or its {' or '.join(suffixes)} file")
-    for file in files:
-        if not file.is_file():
-            raise RecordingError(f"recording {file}: expected a regular file, not a directory, device or pipe")
+    if odd := next((file for file in files if not file.is_file()), None):
+        raise RecordingError(f"recording {odd}: expected a regular file, not a directory, device or pipe")
     return files
 
 
@@ -152,9 +148,8 @@ def _check_database(file: Path) -> None:
             for (text,) in database.execute("SELECT sql FROM sqlite_master WHERE sql IS NOT NULL"):
                 if found := COMPUTES.search(str(text)):
                     raise ReaderError(f"a table with {found[0]}: expected columns of plain values")
-            (said,) = database.execute("PRAGMA quick_check(1)").fetchone()
-            (pages,) = database.execute("PRAGMA page_count").fetchone()
-            (size,) = database.execute("PRAGMA page_size").fetchone()
+            facts = (database.execute(f"PRAGMA {name}") for name in ("quick_check(1)", "page_count", "page_size"))
+            said, pages, size = (fact.fetchone()[0] for fact in facts)
     except sqlite3.Error as error:
         raise ReaderError(f"database: {error}") from error
     if said != "ok" or file.stat().st_size < pages * size:

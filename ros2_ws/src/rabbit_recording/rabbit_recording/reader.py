@@ -3,7 +3,7 @@
 import math
 from collections import defaultdict
 from collections.abc import Iterator
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -48,8 +48,7 @@ class RecordedEpisode(EpisodeInventory):
 def messages(path: Path, *names: str) -> Iterator[tuple[str, Any]]:
     """Topic (its last part) and message of this project's own types, in the order of time; all of them if no `names`.
 
-    Raises:
-        RecordingError: as `stored_messages`.
+    Raises `RecordingError`, as `stored_messages`.
     """
     with one_line_errors(path), stored_messages(path, *names) as found:
         for message in found:
@@ -64,8 +63,7 @@ def read_episodes(path: Path) -> dict[int, RecordedEpisode]:
 def iterate_episodes(path: Path) -> Iterator[RecordedEpisode]:
     """One episode after another, the lost ones too; a long recording needs the memory of a few of them.
 
-    Raises:
-        RecordingError: as `iterate_inventories`.
+    Raises `RecordingError`, as `iterate_inventories`.
     """
     announced = _Announced()
     with one_line_errors(path, UNDER_OTHERS):
@@ -77,8 +75,7 @@ def iterate_episodes(path: Path) -> Iterator[RecordedEpisode]:
 def iterate_inventories(path: Path) -> Iterator[EpisodeInventory]:
     """What the recording holds of each episode, also of those that were merely announced. No tick is decoded.
 
-    Raises:
-        RecordingError: as `stored_messages`; or messages that are defined otherwise than this version's.
+    Raises `RecordingError`, as `stored_messages`; or of messages that are defined otherwise than this version's.
     """
     with one_line_errors(path, UNDER_OTHERS):
         yield from (inventory for _, inventory in _finished(path))
@@ -110,22 +107,19 @@ def _finished(path: Path, announced: _Announced | None = None) -> Iterator[tuple
 
 def _decoded(gathered: Gathered, inventory: EpisodeInventory, announced: _Announced) -> RecordedEpisode:
     """The episode in full; what only it needed is forgotten."""
-    episode = RecordedEpisode(**{each.name: getattr(inventory, each.name) for each in fields(inventory)})
+    episode = RecordedEpisode(**vars(inventory))
     if gathered.announced is not None:
         episode.sigma = gathered.announced.sigma
-    ticks = gathered.ticks
-    seen: dict[int, StonePreview | None] = {}  # previews, by index of the stone
-    controller = inventory.controller
+    ticks, controller = gathered.ticks, inventory.controller
+    previews: dict[int, StonePreview | None] = {}  # as first seen, by index of the stone
     for tick in gathered.full_ticks(ticks):
         state, torque, details, terms = (ticks[topic][tick].decode() for topic in BY_TICK)
-        stone = state.touchdowns + 1
-        if stone not in seen:
-            seen[stone] = gathered.preview(stone, ticks["state"][tick].stamp)
-        output, controller = output_of(details, terms, np.array(torque.torque)), torque.sender
-        preview = seen[stone] if state.previewed else None
-        episode.records.append(Record(RobotState.of_message(state, preview), output))
-        if not episode.swaps or torque.policy_version != episode.swaps[-1].version:
-            version = torque.policy_version
+        stone, version, controller = state.touchdowns + 1, torque.policy_version, torque.sender
+        if stone not in previews:
+            previews[stone] = gathered.preview(stone, ticks["state"][tick].stamp)
+        measured = RobotState.of_message(state, previews[stone] if state.previewed else None)
+        episode.records.append(Record(measured, output_of(details, terms, np.array(torque.torque))))
+        if not episode.swaps or version != episode.swaps[-1].version:
             episode.swaps.append(RecordedSwap(tick, version, announced.policies.get(version)))
     for _, landing in sorted(gathered.landings.items()):
         episode.landings.append(Landing(**{name: getattr(landing, name) for name in Landing.__dataclass_fields__}))

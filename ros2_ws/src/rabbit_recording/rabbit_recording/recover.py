@@ -3,7 +3,6 @@
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
-from itertools import chain
 from pathlib import Path
 
 from rosbags.interfaces import Connection, ConnectionExtRosbag2
@@ -26,23 +25,21 @@ class Recovered:
 def recover(path: Path, out: Path | None = None) -> Recovered:
     """Write what is whole into the new folder `out`; by default it is beside the old one, `-recovered` after its name.
 
-    Raises:
-        RecordingError: nothing to recover, or `out` is there already.
+    Raises `RecordingError` if there is nothing to recover, or `out` is there already.
     """
-    files = storage_files(path, (".mcap",))
+    files = storage_files(path, ".mcap")
     folder = path if path.is_dir() else path.parent
+    types, writer = get_typestore(Stores.EMPTY), None
     with one_line_errors(path):
-        messages = chain.from_iterable(map(whole_messages, files))
-        if (first := next(messages, None)) is None:
-            raise RecordingError(f"recording {path}: no whole message in it")
-        types = get_typestore(Stores.EMPTY)
-        writer = BagWriter(out or folder.with_name(f"{folder.resolve().name}-recovered"), types)
-        for connection, nanoseconds, data in chain([first], messages):
+        for connection, nanoseconds, data in (message for file in files for message in whole_messages(file)):
+            writer = writer or BagWriter(out or folder.with_name(f"{folder.resolve().name}-recovered"), types)
             if connection.topic not in writer.topics:
                 assert isinstance(connection.ext, ConnectionExtRosbag2)
                 types.register(get_types_from_msg(connection.msgdef.data, connection.msgtype))
                 writer.add(connection.topic, connection.msgtype, connection.ext.offered_qos_profiles)
             writer.write(connection.topic, nanoseconds, data)
+        if writer is None:
+            raise RecordingError(f"recording {path}: no whole message in it")
         writer.close()
     return Recovered(writer.path, writer.messages)
 

@@ -16,7 +16,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Connection
 
 from rabbit_recording import RecordingError
-from rabbit_recording.former_messages import PARTED, is_former, renewed, renewed_bytes
+from rabbit_recording.former_messages import is_former, parts, renewed, renewed_bytes
 from rabbit_recording.message_header import FIELDS, episode_and_phase_of, nanoseconds_of, turn_of
 from rabbit_recording.open_recording import last_name, one_line_errors, opened
 
@@ -35,13 +35,8 @@ class StoredMessage(NamedTuple):
 
     @property
     def turn(self) -> tuple[int, int]:
-        """Episode and tick, of messages that have both."""
+        """Episode by the simulator's count, and tick, of messages that have both."""
         return turn_of(self.data)
-
-    @property
-    def episode(self) -> int:
-        """Its number by the simulator's count."""
-        return self.turn[0]
 
     @property
     def stamp(self) -> int:
@@ -53,25 +48,17 @@ class StoredMessage(NamedTuple):
         """Where its simulated time counts from, ns."""
         return self.at - self.stamp
 
-    @property
-    def is_first_word(self) -> bool:
-        """Whether a simulator was started with it."""
-        return self.topic == "episode" and episode_and_phase_of(self.data) == FIRST_WORD
-
 
 @contextlib.contextmanager
 def stored_messages(path: Path, *names: str) -> Iterator[Iterator[StoredMessage]]:
     """Messages of this project's own types in the order of time, all if no `names`; to be decoded while it is open.
 
-    Those of a former recording come as today's.
-
-    Raises:
-        RecordingError: no recording, one that cannot be read, a topic that is in it from several graphs, or messages
-            that are defined otherwise than this version's.
+    Those of a former recording come as today's. Raises `RecordingError`: no recording, one that cannot be read, a topic
+    that is in it from several graphs, or messages that are defined otherwise than this version's.
     """
     with opened(path) as reader:
         ours = [c for c in reader.connections if c.msgtype.startswith(OWN_TYPES)]
-        chosen = [c for c in ours if not names or set(topics_of(c)) & set(names)]
+        chosen = [c for c in ours if not names or set(parts(last_name(c.topic))) & set(names)]
         topics = sorted({c.topic for c in chosen})
         several = [topic for topic in topics if [*map(last_name, topics)].count(last_name(topic)) > 1]
         if several:
@@ -80,12 +67,6 @@ def stored_messages(path: Path, *names: str) -> Iterator[Iterator[StoredMessage]
             _check_fields(path, reader, connection)
         each = _each(reader, chosen, path)
         yield (message for message in each if not names or message.topic in names)
-
-
-def topics_of(connection: Connection) -> tuple[str, ...]:
-    """By their last names, the topics that a recorded one may be of today."""
-    name = last_name(connection.topic)
-    return PARTED.get(name, (name,))
 
 
 def _check_fields(path: Path, reader: AnyReader, connection: Connection) -> None:
@@ -102,16 +83,12 @@ def _each(reader: AnyReader, connections: list[Connection], path: Path) -> Itera
     with one_line_errors(path):
         former = {c.msgtype for c in connections if is_former(reader, c.msgtype)}
         for connection, at, data in reader.messages(connections) if connections else ():
-            decode = partial(reader.deserialize, data, connection.msgtype)
+            name, decode = last_name(connection.topic), partial(reader.deserialize, data, connection.msgtype)
             if connection.msgtype in former:
-                whole, again = renewed_bytes(data), partial(_renewed, decode)
-                yield from (StoredMessage(name, at, whole, again) for name in topics_of(connection))
+                data, again = renewed_bytes(data), partial(renewed, decode)
+                yield from (StoredMessage(each, at, data, again) for each in parts(name))
             else:
-                yield StoredMessage(last_name(connection.topic), at, data, decode)
-
-
-def _renewed(decode: Callable[[], Any]) -> Any:
-    return renewed(decode())
+                yield StoredMessage(name, at, data, decode)
 
 
 def by_run(messages: Iterable[StoredMessage]) -> Iterator[tuple[int, StoredMessage]]:
@@ -126,20 +103,19 @@ def by_run(messages: Iterable[StoredMessage]) -> Iterator[tuple[int, StoredMessa
     newest: StoredMessage | None = None  # state
     held: list[StoredMessage] = []  # from a first word on, until a state says whose it was
     for message in messages:
-        is_state = message.topic == "state"
+        is_state, is_episode = message.topic == "state", message.topic == "episode"
+        is_first_word = is_episode and episode_and_phase_of(message.data) == FIRST_WORD
         if held and is_state and newest is not None:
-            begins = message.zero == held[0].zero
-            run += begins and not goes_on(newest.data, message.data)
+            run += message.zero == held[0].zero and not _goes_on(newest, message)
             yield from ((run, each) for each in held)
             held = []
-        if held or (newest is not None and message.is_first_word):
+        if held or (newest is not None and is_first_word):
             held.append(message)
             continue
         newest = message if is_state else newest
-        run += message.is_first_word and announced not in (None, message.zero)
-        if message.topic == "episode":
-            announced = message.zero
-        if is_state or message.topic == "episode":
+        run += is_first_word and announced not in (None, message.zero)
+        announced = message.zero if is_episode else announced
+        if is_state or is_episode:
             began.setdefault(message.zero, run)
         yield (began.get(message.zero, run) if message.topic in ANNOUNCED else run), message
     if held and newest is not None and all(each.stamp < newest.stamp for each in held if each.topic == "episode"):
@@ -147,7 +123,7 @@ def by_run(messages: Iterable[StoredMessage]) -> Iterator[tuple[int, StoredMessa
     yield from ((run, each) for each in held)
 
 
-def goes_on(newest: bytes, state: bytes) -> bool:
+def _goes_on(newest: StoredMessage, state: StoredMessage) -> bool:
     """Whether a state is the one after the newest: a tick later, or another episode's at the same time."""
-    ahead = nanoseconds_of(state) - nanoseconds_of(newest)
-    return ahead == TICK_NANOSECONDS or (ahead == 0 and turn_of(state) != turn_of(newest))
+    ahead = state.stamp - newest.stamp
+    return ahead == TICK_NANOSECONDS or (ahead == 0 and state.turn != newest.turn)

@@ -6,7 +6,6 @@ from typing import Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from rabbit_description import DEFAULT_GAIT
 from rabbit_description.bounded_file import FileError, one_line
-from rabbit_description.yaml_file import read_mapping, shortened, yaml_path
 
 from rl_cbf_clf_controller.kinds import ControllerName, find_kind
 from rl_cbf_clf_controller.problem import Problem
@@ -28,7 +27,7 @@ class ParameterError(ValueError):
 class ControllerParameters(BaseModel):
     """Everything that shapes the controller. Defaults are this project's own; `authors.yaml` has the first author's."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
     controller: ControllerName = Field("cbf-clf-qp", description="controller by name")
     gait: str = Field(DEFAULT_GAIT, description="name of a shipped gait or library, or a file's path")
@@ -132,6 +131,8 @@ def load_parameters(name_or_path: str | Path, terrain: str | None = None, /, **c
     Raises:
         ParameterError: no such file, not YAML, an unknown parameter or a value out of its range.
     """
+    from rabbit_description.yaml_file import read_mapping, shortened, yaml_path  # not for --help
+
     path = yaml_path(name_or_path, CONFIG)
     try:
         values = read_mapping(path)

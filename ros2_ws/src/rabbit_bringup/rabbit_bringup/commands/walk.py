@@ -1,17 +1,16 @@
 """Walk through the node graph: simulator, controller, trainer, recorder."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from datetime import datetime
 from functools import partial
-from itertools import count
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 import typer
 from rabbit_common import exit_codes
 from rabbit_common.options import Defaults, Given, complaints, fail, options
 from rabbit_common.own_folder import new_folder
+from rabbit_description.atomic_file import first_free
 from rabbit_experiments.commands.evaluate import given_assembly
 from rabbit_experiments.conditions import EVALUATION_LAG, TRAINING_SCALE
 from rabbit_sim.parameters import SimulationParameters
@@ -20,16 +19,7 @@ from rl_cbf_clf_controller.parameters import ControllerParameters
 from rabbit_bringup.launching.walk import WalkOptions, WalkSettings
 
 MODELS = (WalkOptions, ControllerParameters, SimulationParameters)
-OPTIONS = {  # of each node's parameters those that an option decides
-    "simulator": {"seed", "episodes", "real_time", "priority", "pace", *SimulationParameters.model_fields},
-    "controller": {"policy", "swap_at", *ControllerParameters.model_fields},
-    "estimator": set(),
-    "trainer": set(),
-    "recorder": set(),
-    "viewer": {"port"},
-}
 RARE = ("swap_at", "priority", "view_port", "ready_timeout", "log_level")  # in --help-all alone
-RENAMED = {"port": "view_port"}  # options of other names than their parameters
 DEFAULTS = Defaults(
     always={"motor_lag": EVALUATION_LAG}, bare={"controller": "rl-cbf-clf-qp", "mass_scale": TRAINING_SCALE}
 )
@@ -49,12 +39,10 @@ def walk(given: Given) -> None:
 
 def prepare(given: Given) -> WalkSettings:
     """The walk that is asked for; makes its folder. Ends the command if it cannot be."""
-    given, further = with_file(given)
     options = given.build(WalkOptions)
     assembly = assembly_of_nodes(given, options.policy, options.parameters)
-    own = further.get("trainer", {})
-    training = given_training(options, assembly.controller, assembly.policy, own) if options.trainer else {}
-    walk = WalkSettings.of(assembly, make_folder(options), options, training=training, further=further)
+    training = given_training(options, assembly.controller, assembly.policy) if options.trainer else {}
+    walk = WalkSettings.of(assembly, make_folder(options), options, training=training)
     if options.view:
         port = options.view_port
         print(f"open http://127.0.0.1:{port} in a browser" if port else "the page: see log/viewer.log")
@@ -69,59 +57,32 @@ def assembly_of_nodes(given: Given, policy: str | None, parameters: str) -> Any:
     return assembly
 
 
-def with_file(given: Given) -> tuple[Given, Mapping[str, dict[str, Any]]]:
-    """What is given, and beneath it what a ROS parameter file says; its parameters that are no option, by node."""
-    from rabbit_bringup.launching.parameter_file import ParameterFileError, read_parameters
-
-    request = given.build(WalkOptions)
-    if request.params_file is None:
-        return given, {}
-    with complaints(ParameterFileError):
-        by_node = read_parameters(request.params_file, request.namespace, tuple(OPTIONS))
-    found: dict[str, Any] = {}
-    for node, options_of in OPTIONS.items():
-        found |= {RENAMED.get(name, name): by_node[node].pop(name) for name in options_of & by_node[node].keys()}
-    return given.over(found), by_node
-
-
-def given_training(
-    request: WalkOptions, controller: ControllerParameters, policy: str, own: Mapping[str, Any] = MappingProxyType({})
-) -> dict[str, Any]:
-    """The trainer's parameters for this problem: its `own`, and those that fit the policy."""
-    from rl_trainer.parameters import TrainingParameters
-
-    known: dict[str, Any] = {n: value for n, value in own.items() if n in TrainingParameters.model_fields}
-    known |= {"problem": controller.problem, "seed": request.seed}
-    known |= form_of(Path(policy)) if policy != "zero" else {}
-    with complaints():
-        return TrainingParameters(**known).model_dump(mode="json")
-
-
-def form_of(policy: Path) -> dict[str, Any]:
-    """Parameters of a training that goes on from a policy file."""
+def given_training(request: WalkOptions, controller: ControllerParameters, policy: str) -> dict[str, Any]:
+    """The trainer's parameters for this problem, and of a policy file that it goes on from."""
     from rl_cbf_clf_controller.kinds import find_problem
     from rl_cbf_clf_controller.uncertainty import STEP_LENGTH
     from rl_cbf_clf_controller.weights import read
+    from rl_trainer.parameters import TrainingParameters
 
-    form = read(policy).metadata
-    return {
-        "structured": form.structured,
-        "observe_l_min": set(find_problem(form.problem).omissible) <= set(form.observation),
-        "observe_step_length": STEP_LENGTH in form.observation,
-        "hidden1": form.hidden[0],
-        "hidden2": form.hidden[1],
-        "alpha_scale": form.alpha_scale,
-        "beta_scale": form.beta_scale,
-    }
+    known: dict[str, Any] = {"problem": controller.problem, "seed": request.seed}
+    if policy != "zero":
+        form = read(Path(policy)).metadata
+        known |= {name: getattr(form, name) for name in ("structured", "alpha_scale", "beta_scale")}
+        known |= {
+            "observe_l_min": set(find_problem(form.problem).omissible) <= set(form.observation),
+            "observe_step_length": STEP_LENGTH in form.observation,
+            "hidden1": form.hidden[0],
+            "hidden2": form.hidden[1],
+        }
+    with complaints():
+        return TrainingParameters(**known).model_dump(mode="json")
 
 
 def make_folder(request: WalkOptions) -> Path:
     """The walk's own folder, new."""
     if request.out:
         return new_folder(request.out)
-    name = f"{datetime.now():%Y%m%d-%H%M%S}-seed-{request.seed}"
-    names = (name if number == 1 else f"{name}-{number}" for number in count(1))
-    return new_folder(next(path for path in (Path("runs") / name for name in names) if not path.exists()))
+    return new_folder(first_free(Path("runs", f"{datetime.now():%Y%m%d-%H%M%S}-seed-{request.seed}")))
 
 
 def walk_with_progress(walk: WalkSettings, ended: Callable[[Any], None]) -> Any:

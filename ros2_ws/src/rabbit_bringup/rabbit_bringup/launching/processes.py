@@ -35,8 +35,8 @@ class NodeEnded(LaunchError):
     """A node ended by itself; with exit code 2 it refused an argument or a parameter."""
 
     def __init__(self, name: str, returncode: int, last_words: str) -> None:
-        how = f" (signal {signal.Signals(-returncode).name})" if returncode < 0 else f" (exit code {returncode})"
-        how = "" if returncode == UNKNOWN else how
+        how = f"signal {signal.Signals(-returncode).name}" if returncode < 0 else f"exit code {returncode}"
+        how = "" if returncode == UNKNOWN else f" ({how})"
         super().__init__(f"the {name} ended by itself{how}{last_words and f': {last_words}'}")
         self.code = ExitCode.REFUSED if returncode == ExitCode.REFUSED else ExitCode.NODE_DIED
 
@@ -45,11 +45,9 @@ class Foreign:
     """A process that somebody else has started; what `Processes` needs of `subprocess.Popen`."""
 
     def __init__(self, pid: int) -> None:
-        self.pid = pid
-        try:
+        self.pid, self._handle = pid, -1
+        with contextlib.suppress(ProcessLookupError):
             self._handle = os.pidfd_open(pid)
-        except ProcessLookupError:
-            self._handle = -1
 
     def poll(self) -> int | None:
         """None while it runs."""

@@ -23,7 +23,7 @@ MOST_EPISODES = 10_000
 class WalkOptions(BaseModel):
     """The options of `rabbit walk` besides plant and controller."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
     out: Path | None = Field(None, description="folder for all that the walk leaves (default: runs/DATE-seed-SEED)")
     seed: int = Field(1, ge=0, le=2**63 - 1, description="of course, first state and noise")
@@ -54,9 +54,6 @@ class WalkOptions(BaseModel):
     namespace: str = Field("", pattern=NAMESPACE, description="of the graph")
     ready_timeout: float = Field(60.0, gt=0, le=3600, description="s for the nodes to find each other")
     log_level: Literal["debug", "info", "warn", "error", "fatal"] = Field("info", description="of all nodes")
-    params_file: Path | None = Field(
-        None, description="ROS parameter file; its values count where no option says otherwise"
-    )
 
     @property
     def learns_between(self) -> bool:
@@ -70,7 +67,7 @@ class WalkSettings(BaseModel):
     `policy`: zero or a file; `training`: of the trainer; `further`: parameters by node that nothing else decides.
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
     folder: Path
     options: WalkOptions
@@ -108,6 +105,7 @@ class WalkSettings(BaseModel):
     def parameters(self) -> dict[str, dict[str, Any]]:
         """Of each node."""
         options, simulation, controller = self.options, self.simulation.model_dump(), self.controller.model_dump()
+        priority = {"priority": options.priority}
         auto = "tick" if self.controller.learns else "never"
         by_node: dict[str, dict[str, Any]] = {
             "simulator": {
@@ -118,20 +116,17 @@ class WalkSettings(BaseModel):
                 "memory": str(self.folder / "simulator.memory"),
                 "real_time": options.real_time,
                 "pace": float(options.view) if options.pace is None else options.pace,
-                "priority": options.priority,
+                **priority,
                 "gait": self.controller.gait,
                 **simulation,
             },
             "controller": {
                 "policy": self.policy,
                 "swap_at": auto if options.swap_at == "auto" else options.swap_at,
-                "priority": options.priority,
+                **priority,
                 **controller,
             },
-            "estimator": {
-                "priority": options.priority,
-                **EstimatorParameters.knowing(self.simulation).model_dump(exclude_unset=True),
-            },
+            "estimator": {**priority, **EstimatorParameters.knowing(self.simulation).model_dump(exclude_unset=True)},
             "trainer": {
                 "plan_episodes": options.learns_between,
                 "folder": str(self.folder / "training"),

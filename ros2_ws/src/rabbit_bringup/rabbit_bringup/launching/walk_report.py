@@ -24,11 +24,7 @@ UNTIMED = {"tick_ms_p50", "tick_ms_p99", "plant_ms_p50", "walk_seconds"}  # figu
 
 
 def carry_out(walk: WalkSettings, run: Callable[[Ended], Any]) -> int:
-    """Walk as `run` does, which returns the monitor; say how it went; leave the summary.
-
-    Returns:
-        The exit code.
-    """
+    """Walk as `run` does, which returns the monitor; say how it went; leave the summary. Returns the exit code."""
     outcomes: list[str] = []
     refused: list[str] = []  # controllers beside the walk's own
 
@@ -43,7 +39,8 @@ def carry_out(walk: WalkSettings, run: Callable[[Ended], Any]) -> int:
         complain(f"stopped by {error}; what was recorded is in {walk.folder}")
         return error.code
     except LaunchError as error:
-        return _fail(walk, error)
+        complain(f"{error}{_rescued(walk, error)}")
+        return error.code
     code = exit_codes.of_walk(outcomes)
     if walk.options.record:
         _leave(walk, code, seconds)
@@ -71,8 +68,6 @@ def complain(text: object) -> None:
 
 def _leave(walk: WalkSettings, code: ExitCode, seconds: float) -> None:
     """Summary, pictures and film from the recording."""
-    from rich.console import Console
-
     try:
         summary = write_summary(walk, walk.folder / "recording", code, seconds)
     except RecordingError as error:
@@ -85,15 +80,16 @@ def _leave(walk: WalkSettings, code: ExitCode, seconds: float) -> None:
             f"time; age of the torque {timing['age_ms']['p99']:.1f} ms (p99)"
         )
     if summary["ticks"]:
-        with Console().status("drawing"):
-            _show(walk)
+        _show(walk)
 
 
 def _show(walk: WalkSettings) -> None:
     """Draw, while another process films."""
     from rabbit_viewer.walk_pictures import draw_pictures, film_walk
+    from rich.console import Console
 
-    with ProcessPoolExecutor(1, get_context("spawn"), _begin_film, (os.getpid(),)) as other:
+    pool = ProcessPoolExecutor(1, get_context("spawn"), _begin_film, (os.getpid(),))
+    with Console().status("drawing"), pool as other:
         film = other.submit(film_walk, walk.folder) if walk.options.video else None
         try:
             if walk.options.pictures:
@@ -111,30 +107,27 @@ def _begin_film(parent: int) -> None:
     end_with_parent(parent)
 
 
-def _fail(walk: WalkSettings, error: LaunchError) -> int:
-    """The graph did not come to its end: say why, and summarise what it recorded until then."""
+def _rescued(walk: WalkSettings, error: LaunchError) -> str:
+    """Summarise what a graph recorded that did not come to its end; what there is to say of it."""
     recording = walk.folder / "recording"
     if not recording.exists():
-        complain(error)
         with contextlib.suppress(OSError):  # nothing was left in it
             walk.folder.rmdir()
-        return error.code
+        return ""
     from rabbit_recording.open_recording import opened
     from rabbit_recording.recover import recover
 
-    note = ""
-    try:
-        with contextlib.suppress(RecordingError), opened(recording):
-            note = f"what was recorded until then: {recording}"
-        if not note:
-            note = f"unfinished: {recording}; `rabbit bag recover {recording}` makes a whole one of it"
+    note = f"; what was recorded until then: {recording}"
+    with contextlib.suppress(RecordingError):
+        try:
+            with opened(recording):
+                pass
+        except RecordingError:
+            note = f"; unfinished: {recording}; `rabbit bag recover {recording}` makes a whole one of it"
             recording = recover(recording).path
             note += f", as {recording}"
         write_summary(walk, recording, error.code, None, str(error))
-    except RecordingError as unreadable:
-        note = note or str(unreadable)
-    complain(f"{error}; {note}")
-    return error.code
+    return note
 
 
 def write_summary(
@@ -142,15 +135,8 @@ def write_summary(
 ) -> dict[str, Any]:
     """Write `summary.json`, a row an episode as in `rabbit evaluate`, and `records.npz` of the last one with ticks.
 
-    Args:
-        walk: what was to be walked, in which folder.
-        recording: of the walk.
-        code: how it ended.
-        seconds: by the wall clock, that its episodes took, where that is known.
-        failure: why the graph did not come to its end, if it did not.
-
-    Raises:
-        RecordingError: the recording cannot be read.
+    `seconds`: by the wall clock, that its episodes took, where that is known; `failure`: why the graph did not come to
+    its end, if it did not. Raises `RecordingError`.
     """
     from rabbit_description.atomic_file import replace_text
     from rabbit_description.state import TICK_SECONDS
@@ -159,10 +145,9 @@ def write_summary(
     from rabbit_recording.reader import iterate_episodes
     from rabbit_recording.timing import real_time_figures
 
-    rows: list[dict[str, Any]] = []
-    ticks, last = 0, None
+    rows, ticks, last = [], 0, None
     for episode in iterate_episodes(recording):
-        rows.append(describe(walk, episode))
+        rows.append(_row(walk, episode))
         ticks += len(episode.records)
         last = episode if episode.records else last
     summary = {
@@ -188,15 +173,13 @@ def write_summary(
     return summary
 
 
-def describe(walk: WalkSettings, episode: Any) -> dict[str, Any]:
+def _row(walk: WalkSettings, episode: Any) -> dict[str, Any]:
     """A `RecordedEpisode` in figures."""
     from rabbit_experiments.metrics import RunTally
     from rabbit_sim.simulation import Outcome
 
-    present: list[Any] = []
-    tally = RunTally(episode.number, walk.controller, lambda: present[-1].state.foot_force)
+    tally = RunTally(episode.number, walk.controller, lambda: record.state.foot_force)
     for record in episode.records:
-        present[:] = [record]
         tally(record)
     try:
         outcome = Outcome(episode.outcome)

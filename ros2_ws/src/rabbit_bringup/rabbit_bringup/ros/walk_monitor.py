@@ -3,20 +3,19 @@
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rabbit_common.executables import LaunchError
 from rabbit_common.exit_codes import CUT_SHORT, ExitCode
-from rabbit_common.ros.client import GraphClient
+from rabbit_common.ros.client import TOPIC, GraphClient
 from rabbit_common.ros.diagnostics import reader_counts
-from rabbit_common.ros.topics import TOPICS, missing_readers
+from rabbit_common.ros.topics import missing_readers
 from rabbit_common.ros.waiting_messages import WaitingMessages
 from rabbit_description.force_ratio import force_ratio
 from rabbit_description.state import TICK_SECONDS
-from rabbit_msgs.msg import ControllerState, Episode, EpisodePlan, Landing, RobotState
+from rabbit_msgs.msg import Episode, EpisodePlan, Landing
 from rclpy.serialization import deserialize_message
 
 from rabbit_bringup.launching.processes import Processes
@@ -32,8 +31,7 @@ class Stuck(LaunchError):
     code = ExitCode.FAULT
 
 
-@dataclass(frozen=True)
-class Progress:
+class Progress(NamedTuple):
     """How the walk stands."""
 
     episode: int
@@ -60,14 +58,11 @@ class WalkMonitor(GraphClient):
         self.ended: dict[int, Episode] = {}
         self._complaint = ""  # of a simulator that cannot go on
         self._digested = 0  # episodes that the trainer has learned from
-        self.seconds = 0.0  # of the ended episodes
-        self._began = time.monotonic()
+        self.seconds, self._began = 0.0, time.monotonic()  # of the ended episodes; when this one did
         self._margin = math.nan
-        self.hear("diagnostics", self._on_diagnostics)
-        self.hear("episode", self._on_episode)
-        self.hear("episode_plan", self._on_plan)
-        self.hear("landing", self._on_landing)
-        self._ticks = WaitingMessages(self.node, {"state": RobotState, "controller_state": ControllerState})
+        for name in ("diagnostics", "episode", "episode_plan", "landing"):
+            self.hear(name, getattr(self, f"_on_{name}"))
+        self._ticks = WaitingMessages(self.node, {name: TOPIC[name].type for name in ("state", "controller_state")})
         self.client("pause")  # so that the simulator knows it in time
 
     def close(self) -> None:
@@ -91,15 +86,18 @@ class WalkMonitor(GraphClient):
     def glance(self) -> Progress:
         """Hear for a moment how it goes.
 
-        Raises:
-            LaunchError: a node ended by itself, or the simulator cannot go on.
-            Interrupted: by a signal.
+        Raises `LaunchError` if a node ended by itself or the simulator cannot go on, `Interrupted` by a signal.
         """
         self.spin(GLANCE_SECONDS)
         self.check()
         if self._complaint:
             raise Stuck(self._complaint)
-        return self.progress()
+        self._newest |= dict(self._ticks.take())
+        state, details = self._decoded("state"), self._decoded("controller_state")
+        ratio = float(force_ratio(np.asarray(state.foot_force).reshape(2, 2)[details.stance]))
+        ticks = round((state.header.stamp.sec + state.header.stamp.nanosec * 1e-9) / TICK_SECONDS)
+        e = self.episode
+        return Progress(e.episode, state.touchdowns, e.stones, self._margin, details.clf_slack, ratio, ticks)
 
     def not_ready(self, nodes: list[str]) -> dict[str, str]:
         """Which of the nodes are not ready, and what they say; and topics that do not reach all who need them."""
@@ -113,15 +111,10 @@ class WalkMonitor(GraphClient):
 
     def _others(self, nodes: list[str]) -> dict[str, int]:
         """Readers of each topic that belong to nobody we started, as a viewer that was there before."""
-        known = (*nodes, "launcher")
-
-        def is_ours(end: Any) -> bool:
-            return bool(end.node_name.removeprefix("_").startswith(known))  # the viewer's hidden node is the viewer's
-
-        def ends(name: str) -> Any:
-            return self.node.get_subscriptions_info_by_topic(self.node.resolve_topic_name(name))
-
-        return {topic.name: sum(not is_ours(end) for end in ends(topic.name)) for topic in TOPICS}
+        known, node = (*nodes, "launcher"), self.node
+        ends = {name: node.get_subscriptions_info_by_topic(node.resolve_topic_name(name)) for name in TOPIC}
+        names = {name: [end.node_name.removeprefix("_") for end in found] for name, found in ends.items()}
+        return {name: sum(not each.startswith(known) for each in found) for name, found in names.items()}
 
     @property
     def is_over(self) -> bool:
@@ -130,19 +123,9 @@ class WalkMonitor(GraphClient):
         ended = e.phase == Episode.ENDED and e.episode >= options.episodes and e.outcome != CUT_SHORT
         return ended and not (options.learns_between and self._digested < e.episode)
 
-    def progress(self) -> Progress:
-        """How it goes, from the newest messages."""
-        self._newest |= dict(self._ticks.take())
-        state: Any = self._decode("state", RobotState)
-        details: Any = self._decode("controller_state", ControllerState)
-        ratio = float(force_ratio(np.asarray(state.foot_force).reshape(2, 2)[details.stance]))
-        e = self.episode
-        ticks = round((state.header.stamp.sec + state.header.stamp.nanosec * 1e-9) / TICK_SECONDS)
-        return Progress(e.episode, state.touchdowns, e.stones, self._margin, details.clf_slack, ratio, ticks)
-
-    def _decode(self, name: str, kind: Any) -> Any:
-        data = self._newest.get(name)
-        return deserialize_message(data, kind) if data else kind()
+    def _decoded(self, name: str) -> Any:
+        kind = TOPIC[name].type
+        return deserialize_message(self._newest[name], kind) if name in self._newest else kind()
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
@@ -159,7 +142,7 @@ class WalkMonitor(GraphClient):
             self._tell(message)
         self.episode = message
 
-    def _on_plan(self, message: EpisodePlan) -> None:
+    def _on_episode_plan(self, message: EpisodePlan) -> None:
         self._digested = message.after_episode
 
     def _on_landing(self, message: Landing) -> None:

@@ -35,17 +35,15 @@ def walking(
 ) -> Iterator[WalkMonitor]:
     """A graph that walks, seen by the monitor, as long as that is called now and then; all nodes have ended at the end.
 
-    `launched`: process ids by name where somebody else has started the nodes.
-
-    Raises:
-        LaunchError: another graph is there; a node cannot be started, ended by itself, or is not ready in time.
-        Interrupted: by a signal.
+    `launched`: process ids by name where somebody else has started the nodes. Raises `LaunchError` if another graph is
+    there, or a node cannot be started, ended by itself, or is not ready in time; `Interrupted` by a signal.
     """
     processes = Processes(walk.folder / "log")
     with contextlib.ExitStack() as stack:
         if launched is None:
             check = stack.enter_context(contextlib.closing(NamespaceCheck(walk.options.namespace)))
-            stack.enter_context(listening_to(walk.options.priority))
+            take_listeners_priority(walk.options.priority, warn=lambda line: print(line, file=sys.stderr))
+            stack.callback(leave_priority, walk.options.priority)  # what is started meanwhile has it too
         # `ros2 launch` has a patience of its own, and sends SIGINT twice
         stack.enter_context(processes.ended_at_last(may_hurry=launched is None))
         if launched is None:
@@ -54,19 +52,9 @@ def walking(
             for name in sorted(walk.names, key=lambda name: name != "trainer"):  # which imports the longest
                 processes.check()
                 processes.start(name, walk.arguments(name))
-        for name, pid in (launched or {}).items():
-            processes.adopt(name, pid)
+        else:
+            for name, pid in launched.items():
+                processes.adopt(name, pid)
         with contextlib.closing(WalkMonitor(walk.options, processes, tell)) as monitor:
             monitor.begin()
             yield monitor
-
-
-@contextlib.contextmanager
-def listening_to(priority: int) -> Iterator[None]:
-    """Meanwhile be just beneath simulator and controller of this priority, and so all that is started; 0: nothing."""
-    take_listeners_priority(priority, warn=lambda line: print(line, file=sys.stderr))
-    try:
-        yield
-    finally:
-        if priority:
-            leave_priority()

@@ -11,7 +11,7 @@ from rclpy.experimental import EventsExecutor
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.qos import QoSProfile
 
-from rabbit_common.ros.context import joined
+from rabbit_common.ros.network import joined
 from rabbit_common.ros.services import AGAIN_SECONDS, call_service
 from rabbit_common.ros.topics import SERVICES as SERVICES_OF_GRAPH
 from rabbit_common.ros.topics import TOPICS
@@ -31,7 +31,7 @@ class GraphClient:
     def __init__(
         self, name: str, namespace: str, enclave: str = "/rabbit/operator", check: Callable[[], object] = lambda: None
     ) -> None:
-        """Raises `Refused` where the environment cannot be used."""
+        """Raises `StartError`."""
         self._stack = ExitStack()
         self.context = self._stack.enter_context(joined(enclave))
         self.node = rclpy.create_node(name, namespace=namespace, context=self.context)
@@ -70,12 +70,9 @@ class GraphClient:
     def comes(self, until: Callable[[], bool], seconds: float) -> bool:
         """Whether something holds within so many s."""
         end = time.monotonic() + seconds
-        while not until():
-            self.check()
-            if time.monotonic() > end:
-                return False
-            self._executor.spin_once(0.02)
-        return True
+        while not (holds := until()) and time.monotonic() <= end:
+            self._listen(0.02)
+        return holds
 
     def client(self, name: str) -> Any:
         """The client of a service."""
@@ -86,24 +83,26 @@ class GraphClient:
     def ask(self, name: str, seconds: float, again: float = AGAIN_SECONDS, **fields: Any) -> Any:
         """The answer of a service; None if none comes within so many s. It is asked again after `again` s."""
 
-        def listen(moment: float) -> None:
-            self.check()
-            self._executor.spin_once(moment)
-
         client = self.client(name)
-        return call_service(client, client.srv_type.Request(**fields), listen, seconds, again)
+        return call_service(client, client.srv_type.Request(**fields), self._listen, seconds, again)
 
     def refusals(self, node: str, values: dict[str, Any], seconds: float, atomically: bool = False) -> list[str]:
         """Set parameters of a node; why it refuses each that it does. Raises `TimeoutError` if it does not answer."""
         wanted = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
-        name = f"{node}/set_parameters{'_atomically' * atomically}"
-        if (answer := self.ask(name, seconds, parameters=wanted)) is None:
-            raise TimeoutError(f"no answer from {name} in {seconds:g} s")
+        answer = self._answer(f"{node}/set_parameters{'_atomically' * atomically}", seconds, parameters=wanted)
         results = [answer.result] if atomically else answer.results
         return [result.reason or "no reason" for result in results if not result.successful]
 
     def parameter(self, node: str, name: str, seconds: float) -> Any:
         """The value that a node has in force, None of an unknown parameter; raises `TimeoutError`."""
-        if (answer := self.ask(f"{node}/get_parameters", seconds, names=[name])) is None:
-            raise TimeoutError(f"no answer from {node}/get_parameters in {seconds:g} s")
+        answer = self._answer(f"{node}/get_parameters", seconds, names=[name])
         return parameter_value_to_python(answer.values[0]) if answer.values else None
+
+    def _listen(self, seconds: float) -> None:
+        self.check()
+        self._executor.spin_once(seconds)
+
+    def _answer(self, name: str, seconds: float, **fields: Any) -> Any:
+        if (answer := self.ask(name, seconds, **fields)) is None:
+            raise TimeoutError(f"no answer from {name} in {seconds:g} s")
+        return answer

@@ -164,17 +164,17 @@ def imu_message(sensors: BodySensors, at: Header, variances: Sequence[float]) ->
     w, y = sensors.orientation
     attitude, gyro, accelerometer = variances
     forward, up = sensors.specific_force
-    force_covariance = _diagonal(accelerometer, 0.0, accelerometer)
+    force_variances = (accelerometer, 0.0, accelerometer)
     if np.isnan(sensors.specific_force).any():  # no tick has passed yet
-        forward, up, force_covariance = 0.0, 0.0, _diagonal(UNKNOWN, 0.0, 0.0)
+        forward, up, force_variances = 0.0, 0.0, (UNKNOWN, 0.0, 0.0)
     return Imu(
         header=Header(stamp=at.stamp, frame_id="torso"),
         orientation=Quaternion(y=y, w=w),
-        orientation_covariance=_diagonal(0.0, attitude, 0.0),
+        orientation_covariance=np.diag((0.0, attitude, 0.0)).ravel(),
         angular_velocity=Vector3(y=sensors.pitch_rate),
-        angular_velocity_covariance=_diagonal(0.0, gyro, 0.0),
+        angular_velocity_covariance=np.diag((0.0, gyro, 0.0)).ravel(),
         linear_acceleration=Vector3(x=forward, z=up),
-        linear_acceleration_covariance=force_covariance,
+        linear_acceleration_covariance=np.diag(force_variances).ravel(),
     )
 
 
@@ -189,8 +189,3 @@ def imu_of(message: Imu) -> tuple[Array, float, Array]:
     if message.linear_acceleration_covariance[0] == UNKNOWN:
         force[:] = math.nan
     return np.array([turn.w, turn.y]), message.angular_velocity.y, force
-
-
-def _diagonal(x: float, y: float, z: float) -> Array:
-    """A covariance (9,) of independent errors."""
-    return np.array([x, 0, 0, 0, y, 0, 0, 0, z])

@@ -35,14 +35,11 @@ class Diagnostics:
 
     def _look(self) -> None:
         level, line, figures = self._status()
-        readers = {f"{READERS}{name}": count for name, count in self._readers().items()}
+        topics = {p.topic_name.split("/")[-1]: p.get_subscription_count() for p in self._node.publishers}
+        readers = {f"{READERS}{name}": count for name, count in topics.items()}
         if self._seen != (level, readers) or time.monotonic() - self._since >= PERIOD_SECONDS:
             self._seen, self._since = (level, readers), time.monotonic()
             self._publish(level, line, {**figures, **readers})
-
-    def _readers(self) -> dict[str, int]:
-        """Of each topic that the node publishes."""
-        return {p.topic_name.split("/")[-1]: p.get_subscription_count() for p in self._node.publishers}
 
     def _publish(self, level: bytes, line: str, figures: Mapping[str, object]) -> None:
         refused = sum(self._counter.refused.values())

@@ -2,14 +2,13 @@
 
 import socket
 import time
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 
 import rclpy
 from rclpy.node import Node
 
 from rabbit_common.executables import Refused
-from rabbit_common.ros.context import joined
-from rabbit_common.ros.network import StartError, domain
+from rabbit_common.ros.network import domain, joined
 from rabbit_common.ros.topics import TOPICS
 
 DISCOVERY_SECONDS = 1.0  # within which nodes find each other
@@ -25,10 +24,7 @@ class NamespaceCheck:
 
     def __init__(self, namespace: str) -> None:
         """Raises `Refused` while another process holds the namespace, or there is no such domain."""
-        try:
-            number = domain()
-        except StartError as error:
-            raise Refused(str(error)) from error
+        number = domain()
         self._namespace = f"/{namespace.strip('/')}"
         self._where = f"namespace {self._namespace} of ROS domain {number}"
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
@@ -43,11 +39,9 @@ class NamespaceCheck:
         self._socket.close()
 
     def look(self, nodes: Collection[str], seconds: float = DISCOVERY_SECONDS) -> None:
-        """Look for a graph that nobody claimed, as nodes started one by one; raises `Refused` if one shows.
+        """Look for a graph that nobody claimed, as nodes started one by one, for so many s. Raises `Refused`.
 
-        Args:
-            nodes: those that are to be started; whoever publishes on one of their topics is in their way.
-            seconds: for which to look.
+        `nodes`: those that are to be started; whoever publishes on one of their topics is in their way.
         """
         with joined("/rabbit/launcher") as context:
             node = rclpy.create_node("launcher", namespace=self._namespace, context=context)
@@ -61,21 +55,21 @@ class NamespaceCheck:
 
 def first_published(node: Node, topics: Collection[str], own: int, seconds: float) -> str:
     """The first of `topics`, by full name, that has more than `own` publishers within so many s; empty if none has."""
-    end = time.monotonic() + seconds
-    while True:
-        for topic in topics:
-            if node.count_publishers(topic) > own:
-                return topic
-        if time.monotonic() >= end:
-            return ""
-        time.sleep(min(POLL_SECONDS, seconds))
+    return _discovered(lambda: next((topic for topic in topics if node.count_publishers(topic) > own), ""), seconds)
 
 
 def publishers(node: Node, topic: str, seconds: float) -> str:
     """The names of the nodes that publish on `topic`; "a node" if none becomes known within so many s."""
+
+    def names() -> str:
+        return ", ".join(sorted({each.node_name for each in node.get_publishers_info_by_topic(topic)} - {UNKNOWN}))
+
+    return _discovered(names, seconds) or "a node"
+
+
+def _discovered(look: Callable[[], str], seconds: float) -> str:
+    """What `look` finds within so many s."""
     end = time.monotonic() + seconds
-    while True:
-        names = {each.node_name for each in node.get_publishers_info_by_topic(topic)} - {UNKNOWN}
-        if names or time.monotonic() >= end:
-            return ", ".join(sorted(names)) or "a node"
-        time.sleep(POLL_SECONDS)
+    while not (found := look()) and time.monotonic() < end:
+        time.sleep(min(POLL_SECONDS, seconds))
+    return found

@@ -5,13 +5,17 @@ Under ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST Fast DDS asks nobody else, but it 
 whoever names this machine as a static peer. The profile `fastdds.xml` binds every socket to 127.0.0.1 instead.
 """
 
+import contextlib
 import os
 import re
+from collections.abc import Iterator
 from pathlib import Path
 
 import rclpy
 from rclpy.context import Context
 from rclpy.signals import SignalHandlerOptions
+
+from rabbit_common.executables import Refused
 
 RANGE, PEERS, MIDDLEWARE = "ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_STATIC_PEERS", "RMW_IMPLEMENTATION"
 PROFILE, WHOLE = "FASTRTPS_DEFAULT_PROFILES_FILE", "RMW_FASTRTPS_USE_QOS_FROM_XML"
@@ -22,7 +26,7 @@ PROFILES = Path(__file__).parents[1]
 _HOMES_OF_LOGS = ("ROS_LOG_DIR", "ROS_HOME", "HOME")
 
 
-class StartError(RuntimeError):
+class StartError(Refused):
     """The environment or the ROS arguments cannot be used: one line with the thing and its value."""
 
 
@@ -37,8 +41,7 @@ def domain() -> int:
 def choose_network() -> None:
     """Set what rclpy reads when it is initialised; a profile, range or peers that the user named stay in force.
 
-    Raises:
-        StartError: there is no such ROS domain.
+    Raises `StartError` if there is no such ROS domain.
     """
     domain()
     if os.environ.get(MIDDLEWARE, FAST_DDS) != FAST_DDS:
@@ -55,10 +58,7 @@ def choose_network() -> None:
 def initialise(context: Context | None = None, args: list[str] | None = None) -> None:
     """Initialise `context`, or the default one, with ROS arguments; `None`: those of the command line.
 
-    The network is chosen first; signals are left alone.
-
-    Raises:
-        StartError: the environment or an argument cannot be used.
+    The network is chosen first; signals are left alone. Raises `StartError`.
     """
     choose_network()
     if not any(map(os.environ.get, _HOMES_OF_LOGS)):
@@ -68,3 +68,14 @@ def initialise(context: Context | None = None, args: list[str] | None = None) ->
     except RuntimeError as error:  # whatever rcl refuses; without the lines of its sources
         text = re.sub(r", at \S+:\d+", "", str(error)).removeprefix("failed to initialize rcl: ")
         raise StartError(f"unknown ROS arguments {text}" if text.startswith("[") else text) from error
+
+
+@contextlib.contextmanager
+def joined(enclave: str) -> Iterator[Context]:
+    """A command's own place in the graph: a context of rclpy in this enclave of a secured one; raises `StartError`."""
+    context = rclpy.Context()
+    initialise(context, ["--ros-args", "--enclave", enclave])
+    try:
+        yield context
+    finally:
+        rclpy.try_shutdown(context=context)

@@ -18,9 +18,9 @@ from rclpy.parameter import Parameter
 Model = TypeVar("Model", bound=BaseModel)
 
 _LARGEST = sys.float_info.max
-_RANGES: dict[str, Any] = {  # by the JSON schema's type: ROS's own, the numbers in it, its least and its largest
-    "integer": (IntegerRange, int, (-(2**63), 2**63 - 1)),
-    "number": (FloatingPointRange, float, (-_LARGEST, _LARGEST)),
+_RANGES: dict[str, Any] = {  # by the JSON schema's type: field of a descriptor, ROS's range, numbers in it, its bounds
+    "integer": ("integer_range", IntegerRange, int, (-(2**63), 2**63 - 1)),
+    "number": ("floating_point_range", FloatingPointRange, float, (-_LARGEST, _LARGEST)),
 }
 _OF_ROS = {"use_sim_time", "start_type_description_service"}  # rclpy declares these itself
 
@@ -30,11 +30,7 @@ class ParameterError(ValueError):
 
 
 def declare(node: Node, model: type[Model], dynamic: Collection[str] = ()) -> Model:
-    """Declare every field of `model` as a parameter of `node` and return the checked values.
-
-    Raises:
-        ParameterError: a value of the wrong type or out of its range.
-    """
+    """Declare each field of `model` as a parameter of `node`, return the checked values. Raises `ParameterError`."""
     values, schemas = {}, model.model_json_schema()["properties"]
     for name, info in model.model_fields.items():
         try:
@@ -107,9 +103,8 @@ def _descriptor(schema: dict[str, Any], dynamic: bool) -> ParameterDescriptor:
         descriptor.additional_constraints = f"one of {', '.join(choices)}"
     low = schema.get("minimum", schema.get("exclusiveMinimum"))
     high = schema.get("maximum", schema.get("exclusiveMaximum"))
-    if (low, high) == (None, None) or schema.get("type") not in _RANGES:
-        return descriptor
-    kind, number, (least, most) = _RANGES[schema["type"]]
-    limits = kind(from_value=number(least if low is None else low), to_value=number(most if high is None else high))
-    setattr(descriptor, f"{'integer' if number is int else 'floating_point'}_range", [limits])
+    if (low, high) != (None, None) and schema.get("type") in _RANGES:
+        field, kind, number, (least, most) = _RANGES[schema["type"]]
+        limits = kind(from_value=number(least if low is None else low), to_value=number(most if high is None else high))
+        setattr(descriptor, field, [limits])
     return descriptor

@@ -60,7 +60,9 @@ def run(make: Callable[[], Node], errors: tuple[type[Exception], ...] = ()) -> N
             executor.spin_once(_LOOK_UP)
     finally:
         getattr(node, "close", lambda: None)()
-        _deliver(node)
+        end = time.monotonic() + _DELIVERY
+        for publisher in node.publishers:  # which takes with it what its readers do not have yet
+            publisher.wait_for_all_acked(Duration(seconds=max(0.0, end - time.monotonic())))
         failed = 0
         if failure := getattr(node, "failure", ""):
             failed = getattr(node, "failure_code", 2)
@@ -72,13 +74,6 @@ def run(make: Callable[[], Node], errors: tuple[type[Exception], ...] = ()) -> N
             signal.signal(number, signal.SIG_IGN)
     if failed:
         sys.exit(failed)
-
-
-def _deliver(node: Node) -> None:
-    """What was sent must arrive: a publisher takes with it what its readers do not have yet."""
-    deadline = time.monotonic() + _DELIVERY
-    for publisher in node.publishers:
-        publisher.wait_for_all_acked(Duration(seconds=max(0.0, deadline - time.monotonic())))
 
 
 def steady_timer(node: Node, period: float, callback: Callable[[], object]) -> Timer:

@@ -21,8 +21,7 @@ A_TICK, IN_LAB = "1 a tick", "1 a tick with `sensors: lab`, else none"
 
 def type_name(kind: Any) -> str:
     """As in `rabbit_msgs/msg/RobotState`."""
-    package, group, *_ = kind.__module__.split(".")
-    return f"{package}/{group}/{kind.__name__}"
+    return "/".join((*kind.__module__.split(".")[:2], kind.__name__))
 
 
 @dataclass(frozen=True)
@@ -109,7 +108,5 @@ def missing_readers(
     `others`: readers that are none of `nodes`, by topic: they must not stand in for one of them.
     """
 
-    def wanted(topic: Topic) -> int:
-        return len({*topic.readers, "recorder"} & set(nodes)) + (others or {}).get(topic.name, 0)
-
-    return [topic.name for topic in published_by(nodes) if counted.get(topic.name, 0) < wanted(topic)]
+    wanted = {t.name: len({*t.readers, "recorder"} & set(nodes)) for t in published_by(nodes)}
+    return [name for name, least in wanted.items() if counted.get(name, 0) < least + (others or {}).get(name, 0)]

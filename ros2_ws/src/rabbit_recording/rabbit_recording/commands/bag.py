@@ -11,21 +11,18 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rabbit_common.executables import LaunchError, find_executable
 from rabbit_common.options import check_namespace, complaints, fail
-from rabbit_common.own_folder import own_folder
+from rabbit_common.own_folder import new_file, own_folder
 
 from rabbit_recording import RecordingError
 
 if TYPE_CHECKING:
-    from rabbit_recording.checking import Checked
     from rabbit_recording.contents import Contents
 
 DIFFERS = 1
 INTERRUPTED = 130
 SHOWN_TICKS = 5  # of those that differ
 
-app = typer.Typer(
-    help="Recordings: record, info, show, play, plot, check, recover.", no_args_is_help=True, add_completion=False
-)
+app = typer.Typer(help=__doc__, no_args_is_help=True, add_completion=False)
 Bag = Annotated[Path, typer.Argument(help="a recording's folder, or its .mcap or .db3 file", metavar="BAG")]
 Source = Annotated[Path, typer.Argument(help="a run's folder, or a recording: folder, .mcap or .db3 file")]
 Episode = Annotated[int | None, typer.Option(help="of a recording (default: the last with ticks)", min=1)]
@@ -38,9 +35,7 @@ def record(
 ) -> None:
     """Record all topics of a running graph until Ctrl-C."""
     check_namespace(namespace)
-    path = (out or Path(f"recording-{datetime.now():%Y%m%d-%H%M%S}")).absolute()
-    if path.exists():
-        fail(f"--out {path}: exists already")
+    path = new_file(out or Path(f"recording-{datetime.now():%Y%m%d-%H%M%S}")).absolute()
     with complaints(LaunchError):
         recorder = find_executable("rabbit_recording", "recorder")
     remaps = [f"__ns:=/{namespace.strip('/')}", "__node:=bag_recorder", "/clock:=clock"]
@@ -59,11 +54,10 @@ def info(bag: Bag, as_json: Annotated[bool, typer.Option("--json", help="as JSON
     if as_json:
         print(json.dumps(asdict(found), indent=2))
     else:
-        print_tables(bag, found)
+        _print_tables(bag, found)
 
 
-def print_tables(bag: Path, found: "Contents") -> None:
-    """Tables on the screen."""
+def _print_tables(bag: Path, found: "Contents") -> None:
     from rich.console import Console
     from rich.table import Table
 
@@ -131,9 +125,7 @@ def play(
 @app.command()
 def plot(
     source: Source,
-    out: Annotated[
-        Path | None, typer.Option(help="folder (default: SOURCE-pictures, of a run SOURCE/pictures)")
-    ] = None,
+    out: Annotated[Path | None, typer.Option(help="folder (default: SOURCE-pictures or RUN/pictures)")] = None,
     episode: Episode = None,
 ) -> None:
     """Draw the pictures of a run or a recording."""
@@ -155,19 +147,15 @@ def check(bag: Bag) -> None:
             episodes += 1
             of = e.episode
             faults += of.lost + len(e.differing)
-            print(f"episode {of.number}: {of.recorded} ticks, {of.lost} lost, {e.replayed} replayed, {_torques(e)}")
+            said = "torques identical" if e.replayed else "a replay begins at tick 0, which is not in it"
+            if e.differing:
+                ticks = e.differing[:SHOWN_TICKS]
+                said = f"{len(e.differing)} torques differ, by up to {e.furthest:.3g} N m, in ticks {ticks}"
+            print(f"episode {of.number}: {of.recorded} ticks, {of.lost} lost, {e.replayed} replayed, {said}")
     if not episodes:
         fail(f"recording {bag}: no episode in it")
     if faults:
         raise typer.Exit(DIFFERS)
-
-
-def _torques(e: "Checked") -> str:
-    if not e.replayed:
-        return "a replay begins at tick 0, which is not in it"
-    if not e.differing:
-        return "torques identical"
-    return f"{len(e.differing)} torques differ, by up to {e.furthest:.3g} N m, in ticks {e.differing[:SHOWN_TICKS]}"
 
 
 @app.command()

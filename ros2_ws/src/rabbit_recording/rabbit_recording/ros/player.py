@@ -16,7 +16,6 @@ from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosbags.interfaces import Connection, ConnectionExtRosbag2, QosDurability, QosReliability
-from rosbags.typesys.store import Typestore
 
 from rabbit_recording import RecordingError
 from rabbit_recording.bag_writer import graph_types
@@ -28,29 +27,20 @@ LEAST_DEPTH = 10  # where a recording does not say
 
 
 def play(path: Path, rate: float = 1.0, namespace: str = "", delay: float = 1.0) -> int:
-    """Publish what is in a recording, what was announced before its first state at once.
+    """Publish what is in a recording, what was announced before its first state at once; returns how many messages.
 
-    Args:
-        path: of the recording.
-        rate: times its own pace.
-        namespace: put before every topic.
-        delay: s before the first message, in which readers find the player.
-
-    Returns:
-        How many messages were published.
-
-    Raises:
-        RecordingError: not readable, of other message definitions than the sourced workspace's and the former ones, or
-            with topics that somebody publishes already.
-        Refused: the environment cannot be used.
+    It goes at `rate` times its own pace, with `namespace` before every topic, after `delay` s in which readers find the
+    player. Raises `RecordingError` if it is not readable, of other message definitions than the sourced workspace's and
+    the former ones, or with topics that somebody publishes already; `Refused` if the environment cannot be used.
     """
     here = graph_types([Path(get_package_share_directory("rabbit_msgs"))])
     with opened(path) as reader, closing(GraphClient("player", namespace, "/")) as client:
         renewal = Renewal(reader, here)
         publishers: dict[str, Any] = {}
         for connection in reader.connections:
-            for topic, kind in renewal.topics(connection):
-                if connection.msgtype not in renewal.former and differ(kind, reader.typestore, here):
+            for topic, kind in renewal.topics(connection).items():
+                is_known = kind in here.fielddefs and connection.msgtype not in renewal.former
+                if is_known and here.hash_rihs01(kind) != reader.typestore.hash_rihs01(kind):
                     raise RecordingError(f"recording {path}: {kind} is defined otherwise in the sourced workspace")
                 publishers[topic] = _publisher(client.node, topic, kind, connection, namespace)
         topics = [publisher.topic_name for publisher in publishers.values()]
@@ -61,7 +51,7 @@ def play(path: Path, rate: float = 1.0, namespace: str = "", delay: float = 1.0)
             begin = begin_of(reader)
             for connection, nanoseconds, data in reader.messages():
                 time.sleep(max(0.0, began + (nanoseconds - begin) / 1e9 / rate - time.monotonic()))
-                for topic, message in renewal.messages(connection, data):
+                for topic, message in renewal.messages(connection, data).items():
                     publishers[topic].publish(message)
                     count += 1
         for each in publishers.values():
@@ -69,19 +59,8 @@ def play(path: Path, rate: float = 1.0, namespace: str = "", delay: float = 1.0)
         return count
 
 
-def differ(kind: str, there: Typestore, here: Typestore) -> bool:
-    """Whether a type is defined otherwise here: the bytes would mean something else."""
-    return kind in here.fielddefs and here.hash_rihs01(kind) != there.hash_rihs01(kind)
-
-
 def _publisher(node: Node, topic: str, kind: str, connection: Connection, namespace: str) -> Any:
-    package, _, name = kind.split("/")
-    topic = "/" + "/".join(part.strip("/") for part in (namespace, topic) if part.strip("/"))
-    return node.create_publisher(getattr(import_module(f"{package}.msg"), name), topic, _quality(connection))
-
-
-def _quality(connection: Connection) -> QoSProfile:
-    """As it was offered when it was recorded."""
+    """With the QoS that was offered when it was recorded."""
     assert isinstance(connection.ext, ConnectionExtRosbag2)
     profile = QoSProfile(depth=LEAST_DEPTH)
     for offered in connection.ext.offered_qos_profiles[:1]:
@@ -90,4 +69,6 @@ def _quality(connection: Connection) -> QoSProfile:
             profile.reliability = ReliabilityPolicy.BEST_EFFORT
         if offered.durability == QosDurability.TRANSIENT_LOCAL:
             profile.durability = DurabilityPolicy.TRANSIENT_LOCAL
-    return profile
+    package, _, name = kind.split("/")
+    topic = "/" + "/".join(part.strip("/") for part in (namespace, topic) if part.strip("/"))
+    return node.create_publisher(getattr(import_module(f"{package}.msg"), name), topic, profile)

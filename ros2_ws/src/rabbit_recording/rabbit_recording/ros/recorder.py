@@ -10,7 +10,6 @@ import inspect
 import time
 from collections.abc import Callable
 from functools import partial
-from itertools import chain, count
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +20,7 @@ from rabbit_common.ros.diagnostics import ERROR, OK, WARN, Diagnostics, Status
 from rabbit_common.ros.parameters import declare, refuse_unknown
 from rabbit_common.ros.spin import run, steady_timer
 from rabbit_common.ros.topics import TOPICS, Topic, published_by
+from rabbit_description.atomic_file import first_free
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
@@ -54,7 +54,7 @@ class RecorderNode(Node):
         own = declare(self, NodeParameters)
         refuse_unknown(self)
         types = graph_types([Path(get_package_share_directory("rabbit_msgs"))])
-        self._path = free_path(Path(own.path))
+        self._path = first_free(Path(own.path))  # a recorder may be started again
         self._writer = BagWriter(self._path, types)
         self._message_counter = MessageCounter()
         self._time = SimulatedTime()
@@ -70,9 +70,8 @@ class RecorderNode(Node):
         """What was sent before it was asked to end may still be on its way, behind what another node sent later."""
         now = time.time_ns()
         self._asked = self._asked or now
-        if now - self._asked < IDLE_SECONDS * 1e9:
-            return True
-        return time.monotonic() - self._heard < IDLE_SECONDS and self._sent < self._asked
+        may_come = time.monotonic() - self._heard < IDLE_SECONDS and self._sent < self._asked
+        return may_come or now - self._asked < IDLE_SECONDS * 1e9
 
     def close(self) -> None:
         """Finish the recording."""
@@ -80,50 +79,45 @@ class RecorderNode(Node):
             self.get_logger().info(f"{self._writer.messages} messages in {self._path}")
 
     def _subscribe(self, topic: Topic) -> Subscription:
-        name = self.resolve_topic_name(topic.name)
-        self._writer.add(name, topic.type_name, [offered(topic.qos)])
+        name, qos = self.resolve_topic_name(topic.name), topic.qos
+        self._writer.add(name, topic.type_name, [offered(qos)])
         callback = with_info(partial(self._on_bytes, topic, name))
-        return self.create_subscription(topic.type, topic.name, callback, listening(topic.qos), raw=True)
+        # with a queue in which messages wait while the disk is written
+        queue = QoSProfile(depth=max(qos.depth, BACKLOG), reliability=qos.reliability, durability=qos.durability)
+        return self.create_subscription(topic.type, topic.name, callback, queue, raw=True)
 
     def _on_bytes(self, topic: Topic, name: str, data: bytes, info: dict[str, Any]) -> None:
         """What cannot be read is recorded too."""
         self._heard, self._sent = time.monotonic(), info[SENT]
         if topic.name == "state":
             self._newest_state = data
-        if self._failure:
-            return
         at = self._time.of(topic.name, topic.publisher, data, info[SENT])
         if self._ends_at_errors(partial(self._writer.write, name, at, data)):
             self._message_counter.accept(name)
 
     def _ends_at_errors(self, write: Callable[[], None]) -> bool:
         """A full disk ends the recording, not the walk: the node says so and goes on hearing."""
-        if self._failure:
-            return False
         try:
-            write()
+            if not self._failure:
+                write()
         except RecordingError as error:
             self._failure = f"{error}; recording stopped, `rabbit bag recover {self._path}` keeps what is there"
             self.get_logger().error(self._failure)
-            return False
-        return True
+        return not self._failure
 
     def _status(self) -> Status:
         figures = {"path": str(self._path), "episode, tick": "{} {}".format(*turn_of(self._newest_state))}
         if self._failure:
             return ERROR, self._failure, figures
-        expected = [topic.name for topic in published_by(EXPECTED)]
+        expected = (topic.name for topic in published_by(EXPECTED))
         absent = [name for name in expected if not self._readers[name].get_publisher_count()]
-        if absent:
-            return WARN, f"waiting for {', '.join(absent)}", figures
-        return OK, "recording", figures
+        return (WARN, f"waiting for {', '.join(absent)}", figures) if absent else (OK, "recording", figures)
 
 
 def with_info(callback: Callable[[Any, dict[str, Any]], None]) -> Callable[..., None]:
-    """Have rclpy call `callback(message, info)`, under any executor.
+    """Have rclpy call `callback(message, info)`: it reads from the signature that a callback wants both.
 
-    It reads from the signature whether a callback wants the middleware's information. Its EventsExecutor then hands
-    over both as one tuple, the other executors as two arguments.
+    Its EventsExecutor then hands them over as one tuple, the other executors as two arguments.
     """
 
     def take(*got: Any) -> None:
@@ -131,17 +125,6 @@ def with_info(callback: Callable[[Any, dict[str, Any]], None]) -> Callable[..., 
 
     take.__signature__ = inspect.signature(callback)  # type: ignore[attr-defined]
     return take
-
-
-def free_path(path: Path) -> Path:
-    """The folder itself, or the first of `PATH-2`, `PATH-3`, ... that is not there: a recorder may be started again."""
-    paths = chain([path], (path.with_name(f"{path.name}-{n}") for n in count(2)))
-    return next(each for each in paths if not each.exists())
-
-
-def listening(profile: QoSProfile) -> QoSProfile:
-    """The profile with a queue in which messages wait while the disk is written."""
-    return QoSProfile(depth=max(profile.depth, BACKLOG), reliability=profile.reliability, durability=profile.durability)
 
 
 def offered(profile: QoSProfile) -> Qos:
