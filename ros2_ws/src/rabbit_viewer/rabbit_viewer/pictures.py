@@ -11,7 +11,7 @@ from rabbit_experiments.walk_records import RESCUE_NEEDED, WalkRecords
 
 from rabbit_viewer import style
 from rabbit_viewer.filmstrip import draw_walk
-from rabbit_viewer.geometry import feet
+from rabbit_viewer.geometry import legs_of
 
 IMPACT = 0.04  # s: a mean over a tick that begins within 30 ms of impact
 MILLIMETRES = 1e3  # in a metre
@@ -134,8 +134,8 @@ def draw_quantities(walk: WalkRecords, path: Path) -> Path:
 
 def swing_foot(walk: WalkRecords) -> Array:
     """l_f and h_f, the swing foot from the stance foot, (n, 2), m."""
-    both, row = feet(walk.q, float(walk.about.get("link_bend", 0.0))), np.arange(len(walk.tick))
-    position: Array = both[row, 1 - walk.stance] - both[row, walk.stance]
+    both, row = legs_of(walk)[:, :, 2], np.arange(len(walk.tick))
+    position: Array = both[1 - walk.stance, row] - both[walk.stance, row]
     return position
 
 

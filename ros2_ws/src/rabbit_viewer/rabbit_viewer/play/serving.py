@@ -26,7 +26,7 @@ from rabbit_viewer.page.broadcast import Broadcast
 from rabbit_viewer.page.files import write_page
 from rabbit_viewer.page.server import PageServer, refused
 from rabbit_viewer.play.learning import learn
-from rabbit_viewer.play.messages import ASKED, Asked, Begin, Learned, PushNow, Set
+from rabbit_viewer.play.messages import ASKED, Asked, Begin, Learned, Push, Set
 from rabbit_viewer.play.settings import PlayError, Start, plant_of
 
 BUSY = "the walk has not yet done what was asked before: ask again"
@@ -39,21 +39,17 @@ class Door:
     """Checks what browsers ask of a walk, and hands it to `ask`, which says why it is refused, or nothing."""
 
     def __init__(self, start: Start, ask: Callable[[Asked], str]) -> None:
-        self._start, self._ask = start, ask
+        self._plant, self._ask = start.plant, ask
 
     def __call__(self, message: str) -> str:
         """Empty, or why the message is refused."""
         try:
             asked = ASKED.validate_json(message)
             if isinstance(asked, Set | Begin):
-                settings = asked.settings if isinstance(asked, Set) else asked.script.settings
-                changes = asked.script.changes if isinstance(asked, Begin) else ()
-                for changed in ({}, *({change.name: change.value} for change in changes)):
-                    plant_of(self._start.plant, settings.model_copy(update=changed))
+                plant_of(self._plant, asked.settings)
         except ValidationError as error:
             return refused(fault(error))
-        pushes = isinstance(asked, PushNow) or (isinstance(asked, Begin) and asked.script.pushes)
-        if pushes and self._start.plant.plant == "rigid":
+        if isinstance(asked, Push) and self._plant.plant == "rigid":
             return "push: expected the plant pybullet or mujoco"
         return self._ask(asked)
 

@@ -4,11 +4,9 @@ The parameters of the command line are beneath them: `plant_of(base, settings)` 
 walks. A field's `when` says whether a change acts at once or from the next reset.
 """
 
-from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, create_model, field_validator
-from rabbit_common.options import fault
+from pydantic import BaseModel, ConfigDict, Field, create_model
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.plant import SUBSTEP_SECONDS
 from rl_cbf_clf_controller.parameters import ControllerParameters, load_parameters
@@ -29,7 +27,6 @@ CONTROLLERS: dict[str, tuple[dict[str, Any], str]] = {  # changed parameters, po
 }
 SWAPPED_AT_ONCE = {"nominal", "learned", "oracle"}  # the same controller with another policy
 ROBOTS = ("first", "second")
-MOST_DEEDS = 50  # pushes of a walk, and as many changes
 NOW: dict[str, Any] = {"when": "now"}
 NEXT: dict[str, Any] = {"when": "reset"}
 LABORATORY: dict[str, Any] = {"group": "laboratory"}
@@ -92,55 +89,6 @@ PLANT_AT_ONCE = tuple(  # the other settings of the plant are its course, drawn 
     for name, schema in PlaySettings.model_json_schema()["properties"].items()
     if schema["when"] == "now" and name not in (*ROBOTS, "again")
 )
-
-
-class Push(Checked):
-    """On the torso from tick `tick` on."""
-
-    tick: int = Field(ge=0, le=1_000_000)
-    force: Number = Field(ge=-1000, le=1000)  # N
-    seconds: Number = Field(ge=0.001, le=1)
-
-
-class Change(Checked):
-    """A setting that has another value from tick `tick` on."""
-
-    tick: int = Field(ge=0, le=1_000_000)
-    name: Literal[*ROBOTS, *PLANT_AT_ONCE]  # type: ignore[valid-type]
-    value: float | str
-
-    @field_validator("value")
-    @classmethod
-    def _is_one_of_its_setting(cls, value: float | str, info: ValidationInfo) -> Any:
-        if "name" not in info.data:
-            return value
-        name = info.data["name"]
-        try:
-            return getattr(PlaySettings.model_validate({name: value}), name)
-        except ValidationError as error:
-            raise ValueError(fault(error)) from error
-
-
-class Script(Checked):
-    """All that makes a played walk: the settings at its start, and what is done at which tick."""
-
-    settings: PlaySettings
-    pushes: tuple[Push, ...] = Field((), max_length=MOST_DEEDS)
-    changes: tuple[Change, ...] = Field((), max_length=MOST_DEEDS)
-
-    def changed_at(self, tick: int) -> dict[str, Any]:
-        """What changes at a tick, by name."""
-        return {change.name: change.value for change in self.changes if change.tick == tick}
-
-    def with_changes(self, tick: int, values: Mapping[str, Any]) -> "Script":
-        """The same, and `values` from `tick` on; raises `ValidationError` where these are too many."""
-        kept = [change for change in self.changes if change.tick != tick or change.name not in values]
-        new = [Change(tick=tick, name=name, value=value) for name, value in values.items()]
-        return Script(settings=self.settings, pushes=self.pushes, changes=(*kept, *new))
-
-    def with_push(self, push: Push) -> "Script":
-        """The same, and a push; raises `ValidationError` where these are too many."""
-        return Script(settings=self.settings, pushes=(*self.pushes, push), changes=self.changes)
 
 
 class PlayError(ValueError):
