@@ -141,8 +141,7 @@ class Player:
         self._send("add", packed([number for walker in self._walkers for number in walker.row]))
         self._tick += 1
         if any(walker.outcome for walker in walking):
-            ended = [{"outcome": walker.outcome, "stones": walker.stones} for walker in self._walkers]
-            self.say("ended", {"walkers": ended})
+            self.say("ended", {"walkers": [walker.ended for walker in self._walkers]})
             self._after_end = int(all(walker.outcome for walker in self._walkers))
 
     def say_state(self) -> None:
@@ -187,8 +186,7 @@ class Player:
         for walker in self._walkers:
             walker.learned = path
             if walker.name == "learned":
-                walker.become("learned")
-                self.say("swap", {"tick": self._tick, "version": walker.policy_version})
+                self.say("swap", {"tick": self._tick, "version": walker.become("learned")})
 
 
 def play(send: Send, start: Start, wishes: "Queue[Asked | Learned]") -> None:

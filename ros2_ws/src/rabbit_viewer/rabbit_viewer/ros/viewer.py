@@ -7,9 +7,7 @@ is hardly slower for it. A viewer may come late, and stay while graphs come and 
 """
 
 import os
-import threading
 import time
-import webbrowser
 from typing import Any
 
 import numpy as np
@@ -53,9 +51,7 @@ class ViewerNode(CheckedNode):
         self._waiting_messages = WaitingMessages(self, TICK_TOPICS)
         self._ticks = NewestTicks(*TICK_TOPICS)
         self._page = GraphPage(own.port, own.control, own.host)
-        print(f"open {self._page.page.address} in a browser", flush=True)
-        if own.browser:
-            threading.Thread(target=webbrowser.open, args=(self._page.page.address,), daemon=True).start()
+        self._page.page.announce(own.browser)
         self.failure = ""  # what ends the node
         self._rviz = RvizTopics(self)
         self._graph_services = GraphServices(self, self._page.note) if own.control else None
