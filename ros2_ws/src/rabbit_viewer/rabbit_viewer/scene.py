@@ -54,7 +54,9 @@ class Scene:
         axes.set(xlim=VIEW[:2], ylim=VIEW[2:])
         axes.set_axis_off()
         axes.legend(handles=self._legend(), loc="upper right", fontsize=9, frameon=False)
-        self._boxes = {name: axes.add_collection(PolyCollection([], **look)) for name, look in BOXES.items()}
+        self._boxes = {name: PolyCollection([], **look) for name, look in BOXES.items()}
+        for boxes in self._boxes.values():
+            axes.add_collection(boxes)
         self._lines = {name: axes.plot([], [], **look)[0] for name, look in LINES.items()}
         self._font = ImageFont.truetype(findfont("monospace"), FONT_SIZE)
         self._canvas.draw()

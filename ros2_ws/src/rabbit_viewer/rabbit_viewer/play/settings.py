@@ -39,10 +39,10 @@ class Checked(BaseModel):
 
 
 def shown(
-    default: Any, low: float, high: float, title: str, step: float = 1, unit: str = "", when: str = "now", **group: str
+    default: Any, low: float, high: float, title: str, step: float = 1, unit: str = "", when: str = "now", **group: Any
 ) -> Any:
     """A field's bounds, and what the page shows; `when`: a change acts now or at a reset."""
-    extra = {"when": when, "step": step, **({"unit": unit} if unit else {}), **group}
+    extra: dict[str, Any] = {"when": when, "step": step, **({"unit": unit} if unit else {}), **group}
     return Field(default, ge=low, le=high, title=title, json_schema_extra=extra)
 
 
@@ -56,7 +56,7 @@ def of_the_plant() -> dict[str, Any]:
                 for end, limit in (("low", "minimum"), ("high", "maximum"))
             )
             about = (control["title"], control["step"], control["unit"], "reset" if control["at_reset"] else "now")
-            group = {} if control["first"] else {"group": "laboratory"}
+            group: dict[str, Any] = {} if control["first"] else {"group": "laboratory"}
             kind = SimulationParameters.model_fields[name].annotation
             default = DEFAULTS.get(name, schema["default"])
             found[name] = (Number if kind is float else kind, shown(default, low, high, *about, **group))

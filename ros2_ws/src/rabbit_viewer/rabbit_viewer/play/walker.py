@@ -112,7 +112,7 @@ class Walker:
         except (ControllerError, np.linalg.LinAlgError) as error:
             self.fault = f"controller error: {error}"
         if self.fault:
-            nothing = {"V": np.nan, "barriers": NOTHING, "clf_slack": np.nan, "rescue_slack": np.nan}
+            nothing: Any = {"V": np.nan, "barriers": NOTHING, "clf_slack": np.nan, "rescue_slack": np.nan}
             self._output = replace(self._output, torque=np.zeros(4), **nothing)
 
     def _change(self, plant: SimulationParameters) -> None:
