@@ -150,9 +150,12 @@ class ViewerNode(CheckedNode):
         state, details, terms = self._checked(parts)
         if not self._is_present(state.episode):
             return
+        ahead = self._ahead(state)
+        if state.previewed and ahead is None:  # the preview is on its way; a row without it would hide the stone
+            return
         output = output_of(details, terms, np.array(state.applied))
         drawn = self._drawn.get(self._episode.controller) or next(reversed(self._drawn.values()), {})
-        self._page.show(self._episode, drawn, RobotState.of_message(state, self._ahead(state)), output)
+        self._page.show(self._episode, drawn, RobotState.of_message(state, ahead), output)
 
     def _checked(self, parts: dict[str, bytes]) -> tuple[Any, Any, Any]:
         """A tick's messages; raises `Refused`, also where the controller's is of one whose torques do not act."""
