@@ -26,6 +26,7 @@ SLIDERS = (  # name, share of the slider's width
     ),
     *(("swing_payload", 0.1), ("left_leg_scale", 0.4), ("left_hip_gain", 0.4), ("left_knee_gain", 0.4)),
     *(("right_hip_gain", 0.5), ("right_knee_gain", 0.5), ("coulomb", 0.05), ("knee_spring", 0.1), ("backlash", 0.1)),
+    *(("wind", 0.52), ("gusts", 0.05)),
 )
 NUMBERS = {"ground_stiffness": 200_000, "ground_damping": 6000, "torque_rate": 50_000, "gear_stiffness": 5000}
 CHOICES = {
