@@ -13,8 +13,7 @@ from rabbit_description.force_ratio import force_ratio
 from rabbit_description.state import ACTUATED
 from rabbit_recording.reader import read_episodes
 from rabbit_viewer.geometry import feet
-from rabbit_viewer.live.graph_page import GraphPage
-from rabbit_viewer.live.messages import Reset
+from rabbit_viewer.live.graph_page import GraphPage, Reset
 from rl_trainer.rollout import Record
 
 RABBIT = (sys.executable, "-c", "from rabbit_bringup.cli import app; app()")
@@ -198,7 +197,7 @@ def test_a_browser_asks_only_what_the_page_knows() -> None:
             client.wait(lambda client: "paused" in client.words["refused"]["text"])
         assert page.asked.get(timeout=10) == Reset(do="reset", seed=7)
     finally:
-        page.close()
+        page.page.close()
 
 
 def rabbit(*words: str) -> subprocess.CompletedProcess[str]:

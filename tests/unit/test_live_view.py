@@ -15,7 +15,7 @@ from rabbit_msgs import msg
 from rabbit_sim.kinematics import RabbitFeet
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_viewer.geometry import feet
-from rabbit_viewer.ros.newest_ticks import KEPT, TickMessages
+from rabbit_viewer.ros.newest_ticks import KEPT, NewestTicks
 from rabbit_viewer.ros.rviz import WORLD, markers, transforms
 from rabbit_viewer.scene import stone_spans
 from rl_cbf_clf_controller.parameters import load_parameters
@@ -89,7 +89,7 @@ def message(episode: int, tick: int) -> bytes:
 
 
 def test_parts_of_different_ticks_are_not_mixed() -> None:
-    ticks = TickMessages("a", "b")
+    ticks = NewestTicks("a", "b")
     ticks.add("a", message(1, 7))
     ticks.add("b", message(1, 8))
     assert ticks.key is None

@@ -114,7 +114,7 @@ def test_a_browsers_wish_is_done(play: Play) -> None:
         client.say({"do": "pause", "paused": True})
         client.wait(lambda client: client.words["state"]["paused"])
         settings = client.words["state"]["settings"]
-        client.say({"do": "begin", "script": {"settings": {**settings, "mass_scale": 1.0, "second": "nominal"}}})
+        client.say({"do": "begin", "settings": {**settings, "mass_scale": 1.0, "second": "nominal"}})
         client.wait(lambda client: len(client.words["about"]["walkers"]) == 2)
         assert [walker["mass_scale"] for walker in client.words["about"]["walkers"]] == [1.0, 1.0]
     assert play.end() == (0, "")
@@ -193,10 +193,9 @@ class Browser:
             {"do": "pause", "paused": False},
         ]
         other = {**loaded, "first": self._rng.choice(list(CONTROLLERS))}
-        pushes = [{"tick": tick, "force": 9, "seconds": 0.1} for tick in range(30)]
         seldom: list[dict[str, Any]] = [
             {"do": "set", "settings": other},
-            {"do": "begin", "script": {"settings": other, "pushes": pushes}},
+            {"do": "begin", "settings": other},
             {"do": "reset"},
             {"do": "tick"},
         ]

@@ -44,7 +44,7 @@ def read_text(path: Path, most: int) -> str:
 
 
 def read_json(path: Path, most: int) -> Any:
-    """The same as JSON, plain data; raises `FileError`."""
+    """The same as JSON; raises as `parse_json`."""
     return parse_json(read_text(path, most))
 
 

@@ -59,10 +59,9 @@ class Gait(GaitFile):
 
     @model_validator(mode="after")
     def _phase_grows(self) -> Self:
-        if self.phase_angle_end <= self.phase_angle_start:
-            raise ValueError(
-                f"phase_angle_end = {self.phase_angle_end} must exceed phase_angle_start = {self.phase_angle_start}"
-            )
+        start, end = self.phase_angle_start, self.phase_angle_end
+        if end <= start:
+            raise ValueError(f"phase_angle_end = {end} must exceed phase_angle_start = {start}")
         return self
 
     @property
@@ -90,21 +89,20 @@ class GaitLibrary(GaitFile):
     @model_validator(mode="after")
     def _gaits_fit_together(self) -> Self:
         for one, other in pairwise(self.gaits):
-            here = f"gaits {one.name} and {other.name}"
             if not (one.slope, one.step_length) < (other.slope, other.step_length):
-                given = (
-                    f"slope = {one.slope:g}, {other.slope:g}; step_length = {one.step_length:g}, {other.step_length:g}"
-                )
-                raise ValueError(f"{here}: {given}: expected increasing slopes, in each increasing step lengths")
+                slopes = f"slope = {one.slope:g}, {other.slope:g}"
+                lengths = f"step_length = {one.step_length:g}, {other.step_length:g}"
+                expected = "expected increasing slopes, in each increasing step lengths"
+                raise ValueError(f"gaits {one.name} and {other.name}: {slopes}; {lengths}: {expected}")
         for slope, row in zip(self.slopes, self.rows, strict=True):
-            lengths = [gait.step_length for gait in row]
-            if lengths != self.lengths:
-                raise ValueError(f"slope {slope:g}: step lengths {lengths}: expected {self.lengths} as in the first")
-        for neighbours in (*self.rows, *map(list, zip(*self.rows, strict=True))):
+            found = [gait.step_length for gait in row]
+            if found != self.lengths:
+                raise ValueError(f"slope {slope:g}: step lengths {found}: expected {self.lengths} as in the first")
+        for neighbours in (*self.rows, *zip(*self.rows, strict=True)):
             for one, other in pairwise(neighbours):
                 if other.phase_angle_start > one.phase_angle_end or one.phase_angle_start > other.phase_angle_end:
-                    here = f"gaits {one.name} and {other.name}"
-                    raise ValueError(f"{here}: expected ranges of the phase angle that overlap")
+                    expected = "expected ranges of the phase angle that overlap"
+                    raise ValueError(f"gaits {one.name} and {other.name}: {expected}")
         if self.start_length not in self.lengths:
             raise ValueError(f"start_length = {self.start_length:g}: expected one of {self.lengths}")
         return self
@@ -151,7 +149,13 @@ def shipped_libraries() -> list[str]:
 def parse_gaits(content: Any) -> Gaits:
     """A library if there is a key `gaits`, else a gait; raises pydantic's `ValidationError`."""
     is_library = isinstance(content, dict) and "gaits" in content
-    return GaitLibrary.model_validate(content) if is_library else Gait.model_validate(content)
+    return (GaitLibrary if is_library else Gait).model_validate(content)
+
+
+@lru_cache(maxsize=32)
+def _gaits_of(text: str) -> Gaits:
+    """A text is parsed once: a library takes a good part of a second."""
+    return parse_gaits(parse_yaml(text))
 
 
 def load_gaits(name_or_path: str | Path) -> Gaits:
@@ -171,12 +175,6 @@ def load_gaits(name_or_path: str | Path) -> Gaits:
         return _gaits_of(read_text(path, MOST_BYTES))
     except (ValidationError, FileError) as error:
         raise GaitError(f"gait {path}: {one_line(error)}") from error
-
-
-@lru_cache(maxsize=32)
-def _gaits_of(text: str) -> Gaits:
-    """A text is parsed once: a library takes a good part of a second."""
-    return parse_gaits(parse_yaml(text))
 
 
 def load_gait(name_or_path: str | Path) -> Gait:

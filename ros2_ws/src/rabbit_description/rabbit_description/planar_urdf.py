@@ -18,15 +18,17 @@ def with_planar_base(urdf: str) -> str:
         UrdfError: not XML, or not one root link.
     """
     robot = _parsed(urdf)
-    joints = {joint.attrib["name"] for joint in robot.iterfind("joint")}
-    if joints >= set(BASE):
+    if {joint.attrib["name"] for joint in robot.iterfind("joint")} >= set(BASE):
         return urdf
-    root = _root_link(robot)
+    children = {child.attrib["link"] for child in robot.iterfind("joint/child")}
+    roots = [link.attrib["name"] for link in robot.iterfind("link") if link.attrib["name"] not in children]
+    if len(roots) != 1:
+        raise UrdfError(f"URDF {robot.get('name')}: root links {roots}; expected one")
     links = ("world", "slide_x", "slide_z")
     for name in links:
         ElementTree.SubElement(robot, "link", name=name)
     kinds = (("prismatic", "1 0 0"), ("prismatic", "0 0 1"), ("revolute", "0 1 0"))
-    for name, parent, child, (kind, axis) in zip(BASE, links, (*links[1:], root), kinds, strict=True):
+    for name, parent, child, (kind, axis) in zip(BASE, links, (*links[1:], *roots), kinds, strict=True):
         joint = ElementTree.SubElement(robot, "joint", name=name, type=kind)
         ElementTree.SubElement(joint, "parent", link=parent)
         ElementTree.SubElement(joint, "child", link=child)
@@ -36,11 +38,7 @@ def with_planar_base(urdf: str) -> str:
 
 
 def scaled(urdf: str, factor: float) -> str:
-    """The robot with every mass and inertia times `factor`.
-
-    Raises:
-        UrdfError: not XML.
-    """
+    """The robot with every mass and inertia times `factor`; raises `UrdfError`: not XML."""
     robot = _parsed(urdf)
     scale_inertials(robot, factor)
     return ElementTree.tostring(robot, encoding="unicode")
@@ -48,11 +46,10 @@ def scaled(urdf: str, factor: float) -> str:
 
 def scale_inertials(robot: Element, factor: float) -> None:
     """Multiply every mass and inertia in place."""
-    for inertial in robot.iter("inertial"):
-        for tag, names in (("mass", ("value",)), ("inertia", INERTIA)):
-            for element in inertial.iterfind(tag):
-                for name in names:
-                    element.set(name, repr(float(element.attrib[name]) * factor))
+    for tag, names in (("mass", ("value",)), ("inertia", INERTIA)):
+        for element in robot.iterfind(f".//inertial/{tag}"):
+            for name in names:
+                element.set(name, repr(float(element.attrib[name]) * factor))
 
 
 def _parsed(urdf: str) -> Element:
@@ -60,12 +57,3 @@ def _parsed(urdf: str) -> Element:
         return ElementTree.fromstring(urdf)
     except ElementTree.ParseError as error:
         raise UrdfError(f"URDF: not XML: {error}") from error
-
-
-def _root_link(robot: Element) -> str:
-    links = [link.attrib["name"] for link in robot.iterfind("link")]
-    children = {child.attrib["link"] for child in robot.iterfind("joint/child")}
-    roots = [link for link in links if link not in children]
-    if len(roots) != 1:
-        raise UrdfError(f"URDF {robot.get('name')}: root links {roots}; expected one")
-    return roots[0]

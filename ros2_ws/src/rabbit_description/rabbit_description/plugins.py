@@ -2,9 +2,7 @@
 
     entry_points={"rabbit.plants": ["rigid = rabbit_sim.rigid_plant:RigidPlant"]}      in a setup.py
 
-`rabbit.plants`: a `rabbit_sim.plant.Plant` made from `SimulationParameters`. `rabbit.learners`: a
-`rl_trainer.learner.Learner` made from `TrainingParameters`. `rabbit.methods`: a
-`rabbit_benchmark.methods.Method`. A part is imported when it is loaded.
+docs/architecture.md has the groups. A part is imported when it is loaded.
 """
 
 import sys
@@ -37,10 +35,10 @@ def load(group: str, name: str) -> Any:
         return found[name].load()
     except ImportError as error:
         library = (error.name or "").partition(".")[0]
+        message = f"it needs the library {error.name}, which is not installed"
         if library and find_spec(library):
             message = f"{error}: it was written for another version of {library} (docs/from_former_version.md)"
-            raise PluginError(f"{group} {name}: {message}") from error
-        raise PluginError(f"{group} {name}: it needs the library {error.name}, which is not installed") from error
+        raise PluginError(f"{group} {name}: {message}") from error
 
 
 @cache

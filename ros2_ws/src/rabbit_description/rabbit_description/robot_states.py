@@ -41,17 +41,9 @@ class RobotStates:
 
     def __getitem__(self, i: int) -> RobotState:
         """Of robot `i`; its arrays are views."""
-        return RobotState(
-            tick=int(self.tick[i]),
-            q=self.q[i],
-            dq=self.dq[i],
-            foot_force=self.foot_force[i],
-            contact=self.contact[i],
-            touchdowns=int(self.touchdowns[i]),
-            preview=self.previews[i],
-            running=bool(self.running[i]),
-            applied=self.applied[i],
-        )
+        values = {name: getattr(self, name)[i] for name in ARRAYS}
+        values |= {"tick": int(self.tick[i]), "touchdowns": int(self.touchdowns[i]), "running": bool(self.running[i])}
+        return RobotState(**values, preview=self.previews[i])
 
     def __setitem__(self, i: int, state: RobotState) -> None:
         for name in ARRAYS:

@@ -64,7 +64,15 @@ def parse_yaml(text: str) -> Any:
         FileError: the text is not YAML, is nested too deep, or has a value that other readers take for something else.
     """
     try:
-        return _Document(text).read()
+        events: Iterator[Any] = yaml.parse(text, Loader=_Parser)
+        next(events)  # the stream begins
+        if isinstance(next(events), yaml.StreamEndEvent):
+            return None
+        value = _value(events, next(events), "", 0)
+        next(events)  # the document ends
+        if not isinstance(event := next(events), yaml.StreamEndEvent):
+            _refuse(event, "", "a second document: expected one")
+        return value
     except (yaml.YAMLError, ValueError) as error:  # the parser raises both
         raise FileError(one_line(error)) from error
 
@@ -77,6 +85,36 @@ def dump_yaml(content: Any, **style: Any) -> str:
 def shortened(value: Any) -> str:
     """What an error says of a value, of bounded length."""
     return _cut(reprlib.repr(value))
+
+
+def _value(events: Iterator[Any], event: Any, place: str, depth: int) -> Any:
+    """What begins with `event`; `place` is where it is, as in `stones[0].l_min`."""
+    if event.anchor is not None:  # of an alias too
+        _refuse(event, place, f"{_cut(event.anchor)}: expected no anchor or alias")
+    if event.tag is not None:
+        _refuse(event, place, f"{_cut(event.tag)}: expected no tag")
+    if depth > DEEPEST:
+        _refuse(event, place, f"nested too deep: expected at most {DEEPEST} levels")
+    if isinstance(event, yaml.ScalarEvent):
+        try:
+            return event.value if event.style else _plain(event.value)  # a style: in quotes, or a block
+        except ValueError as error:
+            _refuse(event, place, f"{_cut(event.value)}: {error}")
+    if isinstance(event, yaml.SequenceStartEvent):
+        values: list[Any] = []
+        while not isinstance(event := next(events), yaml.SequenceEndEvent):
+            values.append(_value(events, event, f"{place}[{len(values)}]", depth + 1))
+        return values
+    found: dict[str, Any] = {}
+    while not isinstance(event := next(events), yaml.MappingEndEvent):
+        name = _value(events, event, place, depth) if isinstance(event, yaml.ScalarEvent) else None
+        if not isinstance(name, str) or len(name) > LONGEST_KEY:
+            _refuse(event, place, f"a key: expected text of at most {LONGEST_KEY} characters")
+        inner = f"{place}.{name}" if place else name
+        if name in found:
+            _refuse(event, "", f"key {inner[:LONGEST_KEY]}: expected once")
+        found[name] = _value(events, next(events), inner, depth + 1)
+    return found
 
 
 def _plain(text: str) -> Any:
@@ -94,59 +132,8 @@ def _plain(text: str) -> Any:
     return text
 
 
-class _Document:
-    """A text, read event by event; `place` is where a node is, as in `stones[0].l_min`."""
-
-    def __init__(self, text: str) -> None:
-        self._events: Iterator[Any] = yaml.parse(text, Loader=_Parser)
-
-    def read(self) -> Any:
-        next(self._events)  # the stream begins
-        if isinstance(next(self._events), yaml.StreamEndEvent):
-            return None
-        value = self._value(next(self._events), "", 0)
-        next(self._events)  # the document ends
-        if not isinstance(event := next(self._events), yaml.StreamEndEvent):
-            _refuse(event, "", "a second document: expected one")
-        return value
-
-    def _value(self, event: Any, place: str, depth: int) -> Any:
-        if event.anchor is not None:  # of an alias too
-            _refuse(event, place, f"{_cut(event.anchor)}: expected no anchor or alias")
-        if event.tag is not None:
-            _refuse(event, place, f"{_cut(event.tag)}: expected no tag")
-        if depth > DEEPEST:
-            _refuse(event, place, f"nested too deep: expected at most {DEEPEST} levels")
-        if isinstance(event, yaml.ScalarEvent):
-            return _scalar(event, place)
-        if isinstance(event, yaml.SequenceStartEvent):
-            values: list[Any] = []
-            while not isinstance(event := next(self._events), yaml.SequenceEndEvent):
-                values.append(self._value(event, f"{place}[{len(values)}]", depth + 1))
-            return values
-        found: dict[str, Any] = {}
-        while not isinstance(event := next(self._events), yaml.MappingEndEvent):
-            name = self._value(event, place, depth) if isinstance(event, yaml.ScalarEvent) else None
-            if not isinstance(name, str) or len(name) > LONGEST_KEY:
-                _refuse(event, place, f"a key: expected text of at most {LONGEST_KEY} characters")
-            inner = f"{place}.{name}" if place else name
-            if name in found:
-                _refuse(event, "", f"key {inner[:LONGEST_KEY]}: expected once")
-            found[name] = self._value(next(self._events), inner, depth + 1)
-        return found
-
-
 def _cut(text: str) -> str:
     return text if len(text) <= SHOWN else f"{text[:SHOWN]}..."
-
-
-def _scalar(event: Any, place: str) -> Any:
-    if event.style:  # in quotes, or a block
-        return event.value
-    try:
-        return _plain(event.value)
-    except ValueError as error:
-        _refuse(event, place, f"{_cut(event.value)}: {error}")
 
 
 def _refuse(event: Any, place: str, text: str) -> NoReturn:
@@ -162,10 +149,10 @@ class _Dumper(yaml.SafeDumper):
 
     def represent_text(self, text: str) -> Any:
         try:
-            is_plain = _plain(text) == text
+            style = None if _plain(text) == text else "'"
         except ValueError:
-            is_plain = False
-        return self.represent_scalar(_TEXT, text, None if is_plain else "'")
+            style = "'"
+        return self.represent_scalar(_TEXT, text, style)
 
 
 _Dumper.add_representer(str, _Dumper.represent_text)

@@ -4,14 +4,13 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 from rabbit_description.state import Array, Leg
 from rabbit_experiments.walk_records import WalkRecords
 
 from rabbit_viewer import style
-from rabbit_viewer.geometry import ARC, area_at, leg_points, torso_points
+from rabbit_viewer.geometry import ARC, area_at, legs_of, torso_points
 from rabbit_viewer.scene import stone_spans
 
 STEPS = 9  # shown at most
@@ -26,37 +25,40 @@ WIDTH = 9.0  # inches
 
 def draw_walk(walk: WalkRecords, path: Path) -> Path:
     """The last steps: the stick robot; below it the swing foot's path, enlarged in height, and the barriers' limits."""
-    legs = {leg: leg_points(walk.q, leg, float(walk.about.get("link_bend", 0.0))) for leg in Leg}
+    legs = legs_of(walk)
     rows = [*walk.step_starts.tolist(), len(walk.tick) - 1][-STEPS - 1 :]
-    feet = np.stack([legs[leg][:, 2] for leg in Leg], axis=1)
+    feet = legs[:, :, 2].swapaxes(0, 1)
     left = feet[rows, :, 0].min() - ROOM[0]
     right = max(feet[rows, :, 0].max() + ROOM[1], left + LEAST)
     tall = WIDTH * (TOP + 0.1) / (right - left)
     figure, (robot, foot) = style.figure(2, (tall + 2.6) / 2, WIDTH, height_ratios=(tall, 1.6))
     spans = stone_spans(walk, feet)[: int(walk.step_index[rows[-1]]) + 2]
     for axes, depth in ((robot, STONE_DEPTH), (foot, PATH_TOP / 10)):
-        _draw_ground(axes, spans or [(left, right, 0.0)], depth)
+        for near, far, top in spans or [(left, right, 0.0)]:
+            axes.add_patch(Rectangle((near, top - depth), far - near, depth, color=style.STONE, linewidth=0))
     for first, last in pairwise(rows):
         _draw_robot(robot, walk, legs, (first + last) // 2, 0.3)
         _draw_path(foot, walk, feet, first, last)
     for row in rows:
         _draw_robot(robot, walk, legs, row, 1.0)
-    _label(robot, foot, bool(spans))
+    for leg in Leg:
+        robot.plot([], [], color=COLOURS[leg], label=f"{leg.name.lower()} leg")
+    if spans:
+        foot.plot([], [], color=style.RED, linestyle="--", linewidth=1, label="B2 = 0: the foot stays above")
+        foot.plot([], [], color=style.RED, linestyle=":", linewidth=1, label="B1 = 0: the foot stays before")
+    for axes in (robot, foot):
+        style.legend(axes)
     robot.set(xlim=(left, right), ylim=(-0.1, TOP), aspect="equal", anchor="S", ylabel="z (m)")
     foot.set(ylim=(-PATH_TOP / 10, PATH_TOP), ylabel="swing foot z (m)", xlabel="x (m)")
     figure.suptitle(str(walk.about.get("title", "")), fontsize=10)
     return style.save(figure, path)
 
 
-def _draw_ground(axes: Axes, spans: list[tuple[float, float, float]], depth: float) -> None:
-    for near, far, top in spans:
-        axes.add_patch(Rectangle((near, top - depth), far - near, depth, color=style.STONE, linewidth=0))
-
-
-def _draw_robot(axes: Axes, walk: WalkRecords, legs: dict[Leg, Array], row: int, opacity: float) -> None:
+def _draw_robot(axes: Axes, walk: WalkRecords, legs: Array, row: int, opacity: float) -> None:
     look: dict[str, Any] = {"alpha": opacity, "linewidth": 2.0 if opacity == 1 else 1.2, "solid_capstyle": "round"}
-    for leg in sorted(Leg, key=lambda leg: bool(leg == walk.stance[row])):  # the stance leg before the other
-        axes.plot(*legs[leg][row].T, color=COLOURS[leg], marker=".", markersize=4, **look)
+    stance = Leg(walk.stance[row])
+    for leg in (stance.other, stance):  # the stance leg before the other
+        axes.plot(*legs[leg, row].T, color=COLOURS[leg], marker=".", markersize=4, **look)
     axes.plot(*torso_points(walk.q[row : row + 1])[0].T, color=style.BLACK, **look)
 
 
@@ -69,13 +71,3 @@ def _draw_path(axes: Axes, walk: WalkRecords, feet: Array, first: int, last: int
         area = area + (feet[first, stance, 0], 0.0)
         axes.plot(*area[:ARC].T, color=style.RED, linestyle="--", linewidth=1)
         axes.plot(*area[ARC:-2].T, color=style.RED, linestyle=":", linewidth=1)
-
-
-def _label(robot: Axes, foot: Axes, on_stones: bool) -> None:
-    for leg in Leg:
-        robot.plot([], [], color=COLOURS[leg], label=f"{leg.name.lower()} leg")
-    if on_stones:
-        foot.plot([], [], color=style.RED, linestyle="--", linewidth=1, label="B2 = 0: the foot stays above")
-        foot.plot([], [], color=style.RED, linestyle=":", linewidth=1, label="B1 = 0: the foot stays before")
-        style.legend(foot)
-    style.legend(robot)

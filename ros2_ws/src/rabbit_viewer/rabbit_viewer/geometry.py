@@ -26,6 +26,12 @@ def leg_points(q: Array, leg: Leg, bend: float = 0.0) -> Array:
     return np.stack([hip, knee, knee + _link(hip_angle + q[:, 4 + 2 * leg], bend)], axis=1)
 
 
+def legs_of(walk: WalkRecords) -> Array:
+    """Both legs of a walk, as `leg_points`: shape (2, n, 3, 2), left, right, m."""
+    bend = float(walk.about.get("link_bend", 0.0))
+    return np.stack([leg_points(walk.q, leg, bend) for leg in Leg])
+
+
 def torso_points(q: Array) -> Array:
     """Hip and the torso's upper end: shape (n, 2, 2), m."""
     hip, pitch = q[:, :2], q[:, 2]

@@ -1,5 +1,6 @@
 """Pictures of one walk: the robot, swing foot against stones, barriers, CLF, ground force, torques."""
 
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ from rabbit_experiments.walk_records import RESCUE_NEEDED, WalkRecords
 
 from rabbit_viewer import style
 from rabbit_viewer.filmstrip import draw_walk
-from rabbit_viewer.geometry import feet
+from rabbit_viewer.geometry import legs_of
 
 IMPACT = 0.04  # s: a mean over a tick that begins within 30 ms of impact
 MILLIMETRES = 1e3  # in a metre
@@ -36,27 +37,26 @@ def draw_swing_foot(walk: WalkRecords, path: Path) -> Path:
     figure, (length, height, *landing) = style.figure(3 if on_stones else 2, height=2.1)
     plot_steps(walk, length, position[:, 0], style.BLUE, "swing foot l_f")
     plot_steps(walk, height, position[:, 1], style.BLUE, "")
-    for axes in landing:
+    if landing:
         plot_stones(walk, length)
-        _draw_landings(walk, axes)
+        _draw_landings(walk, *landing)
     length.set_ylabel("l_f, from stance foot (m)")
     height.set_ylabel("height h_f (m)")
     style.legend(length)
-    return _finish(walk, figure, [height, *landing][-1], path)
+    return _finish(walk, figure, path)
 
 
 def draw_barriers(walk: WalkRecords, path: Path) -> Path:
     """B1 and B2; whole, and near zero."""
     figure, panels = style.figure(2)
-    for axes in panels:
+    for axes, label in zip(panels, ("barrier (m)", "near zero (m)"), strict=True):
         plot_steps(walk, axes, walk.barriers[:, 0], style.BLUE, "B1: before the far edge")
         plot_steps(walk, axes, walk.barriers[:, 1], style.ORANGE, "B2: past the near edge")
         style.limit(axes, 0.0, "limit")
-        axes.set_ylabel("barrier (m)")
+        axes.set_ylabel(label)
     panels[1].set_ylim(-0.02, 0.06)
-    panels[1].set_ylabel("near zero (m)")
     style.legend(panels[0])
-    return _finish(walk, figure, panels[1], path)
+    return _finish(walk, figure, path)
 
 
 def draw_clf(walk: WalkRecords, path: Path) -> Path:
@@ -76,7 +76,7 @@ def draw_clf(walk: WalkRecords, path: Path) -> Path:
         style.legend(panels[1])
     for axes in panels:
         axes.set_yscale("log")
-    return _finish(walk, figure, panels[-1], path)
+    return _finish(walk, figure, path)
 
 
 def draw_forces(walk: WalkRecords, path: Path) -> Path:
@@ -84,9 +84,10 @@ def draw_forces(walk: WalkRecords, path: Path) -> Path:
     tangential, normal = walk.stance_force.T
     ratio = force_ratio(walk.stance_force)
     figure, (cone, force) = style.figure(2)
-    landed = walk.time[walk.step_starts[1:]] - TICK_SECONDS
-    for axes in (cone, force):
-        style.shade(axes, landed, IMPACT, "30 ms after impact")
+    for i, start in enumerate(walk.time[walk.step_starts[1:]] - TICK_SECONDS):
+        for axes in (cone, force):
+            label = None if i else "30 ms after impact"
+            axes.axvspan(start, start + IMPACT, color=style.AREA, linewidth=0, label=label)
     cone.plot(walk.time, ratio, color=style.BLUE, label="|F_T| / F_N")
     style.limit(cone, float(walk.about.get("friction_coeff", 0.8)), "friction cone")
     cone.set_ylim(0, max(1.0, float(np.nanmax(ratio, initial=0))) * 1.05)
@@ -96,7 +97,7 @@ def draw_forces(walk: WalkRecords, path: Path) -> Path:
     force.set_ylabel("ground force (N)")
     style.legend(cone)
     style.legend(force)
-    return _finish(walk, figure, force, path)
+    return _finish(walk, figure, path)
 
 
 def draw_torques(walk: WalkRecords, path: Path) -> Path:
@@ -111,7 +112,7 @@ def draw_torques(walk: WalkRecords, path: Path) -> Path:
         axes.axhline(-limit, color=style.RED, linestyle="--", linewidth=1)
         axes.set_ylabel("torque (N m)")
         style.legend(axes)
-    return _finish(walk, figure, panels[1], path)
+    return _finish(walk, figure, path)
 
 
 def draw_quantities(walk: WalkRecords, path: Path) -> Path:
@@ -129,32 +130,25 @@ def draw_quantities(walk: WalkRecords, path: Path) -> Path:
         axes.set_ylim(low - 0.3 * (high - low), high + 0.3 * (high - low))
         axes.set_ylabel(name)
     style.legend(panels[0])
-    return _finish(walk, figure, panels[-1], path)
+    return _finish(walk, figure, path)
 
 
 def swing_foot(walk: WalkRecords) -> Array:
     """l_f and h_f, the swing foot from the stance foot, (n, 2), m."""
-    both, row = feet(walk.q, float(walk.about.get("link_bend", 0.0))), np.arange(len(walk.tick))
-    position: Array = both[row, 1 - walk.stance] - both[row, walk.stance]
+    both, row = legs_of(walk)[:, :, 2], np.arange(len(walk.tick))
+    position: Array = both[1 - walk.stance, row] - both[walk.stance, row]
     return position
-
-
-def _steps(walk: WalkRecords) -> list[tuple[int, int]]:
-    """First row and row after the last of each step."""
-    starts = walk.step_starts.tolist()
-    return list(zip(starts, [*starts[1:], len(walk.tick)], strict=True))
 
 
 def plot_steps(walk: WalkRecords, axes: Axes, values: Array, colour: str, label: str) -> None:
     """A line that is broken where the legs swap."""
-    broken = values.astype(float)
-    rows = walk.step_starts[1:]
-    axes.plot(np.insert(walk.time, rows, np.nan), np.insert(broken, rows, np.nan), color=colour, label=label)
+    time, broken = (np.insert(each.astype(float), walk.step_starts[1:], np.nan) for each in (walk.time, values))
+    axes.plot(time, broken, color=colour, label=label)
 
 
 def plot_stones(walk: WalkRecords, axes: Axes) -> None:
     """Each step's l_min and l_max over its time."""
-    for first, last in _steps(walk):
+    for first, last in pairwise([*walk.step_starts.tolist(), len(walk.tick)]):
         time, edges = walk.time[first:last], walk.preview[first:last]
         axes.fill_between(time, *edges.T, color=style.AREA, linewidth=0)
         label = "" if first else "l_min, l_max"
@@ -183,10 +177,8 @@ def _end(walk: WalkRecords) -> float:
     return max(float(walk.time[-1]), landed, TICK_SECONDS)
 
 
-def _finish(walk: WalkRecords, figure: Figure, last: Axes, path: Path) -> Path:
-    last.set_xlabel("time (s)")
-    last.set_xlim(0, 1.02 * _end(walk))
-    title = walk.about.get("title")
-    if title:
+def _finish(walk: WalkRecords, figure: Figure, path: Path) -> Path:
+    figure.axes[-1].set(xlabel="time (s)", xlim=(0, 1.02 * _end(walk)))
+    if title := walk.about.get("title"):
         figure.suptitle(str(title), fontsize=10)
     return style.save(figure, path)

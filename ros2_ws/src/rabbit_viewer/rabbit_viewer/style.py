@@ -10,7 +10,6 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from rabbit_description.atomic_file import replacing
-from rabbit_description.state import Array
 
 from rabbit_viewer.colours import AREA, BLACK, BLUE, GREEN, ORANGE, PURPLE, RED, SKY, STONE, YELLOW
 
@@ -53,12 +52,6 @@ def save(made: Figure, path: Path, dpi: int = 150) -> Path:
 def limit(axes: Axes, value: float, label: str) -> None:
     """A limit's line, labelled."""
     axes.axhline(value, color=RED, linestyle="--", linewidth=1, label=label)
-
-
-def shade(axes: Axes, starts: Array, seconds: float, label: str) -> None:
-    """Shade `seconds` from each of `starts`."""
-    for i, start in enumerate(starts.tolist()):
-        axes.axvspan(start, start + seconds, color=AREA, linewidth=0, label=None if i else label)
 
 
 def legend(axes: Axes, columns: int = 4) -> None:

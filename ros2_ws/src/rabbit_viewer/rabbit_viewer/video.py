@@ -5,7 +5,6 @@ from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 
-import imageio_ffmpeg  # type: ignore[import-untyped]
 import numpy as np
 from rabbit_description.state import TICK_SECONDS
 from rabbit_experiments.walk_records import WalkRecords
@@ -31,6 +30,8 @@ def film(walk: WalkRecords, path: Path, speed: float = 1.0, gif: bool = False) -
     Raises:
         VideoError: the encoder failed.
     """
+    import imageio_ffmpeg  # type: ignore[import-untyped]  # pictures do without it
+
     path.parent.mkdir(parents=True, exist_ok=True)
     made = [path, path.with_suffix(".gif")] if gif else [path]
     words = [imageio_ffmpeg.get_ffmpeg_exe(), "-y", "-loglevel", "error", *PICTURES, *MP4, str(path)]

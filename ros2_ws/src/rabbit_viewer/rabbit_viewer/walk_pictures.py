@@ -33,16 +33,13 @@ def film_walk(source: Path, gif: bool = True, speed: float = 1.0, episode: int |
 
 def records_of(source: Path, episode: int | None = None) -> WalkRecords:
     """The records of a run, or the ticks of a recording's episode; raises as `draw_pictures`."""
-    return load_records(source / RECORDS) if _is_run(source) else records_of_bag(source, episode)
-
-
-def _is_run(source: Path) -> bool:
-    return (source / RECORDS).exists()
+    return load_records(source / RECORDS) if (source / RECORDS).exists() else records_of_bag(source, episode)
 
 
 def _place(source: Path, name: str, suffix: str) -> Path:
     """In a run's folder, or next to a recording."""
-    return source / name if _is_run(source) else source.with_name(f"{source.resolve().stem}{suffix}")
+    is_run = (source / RECORDS).exists()
+    return source / name if is_run else source.with_name(f"{source.resolve().stem}{suffix}")
 
 
 def records_of_bag(bag: Path, number: int | None = None) -> WalkRecords:
@@ -58,7 +55,5 @@ def records_of_bag(bag: Path, number: int | None = None) -> WalkRecords:
     drawn = [(each.tick, drawn_parameters(each.parameters)) for each in chosen.settings]
     changed = ", ".join(f"parameters changed at tick {tick}" for tick, each in drawn if each != drawn[0][1])
     title = f"episode {chosen.number}, policy {policies}, seed {chosen.seed}: {changed and changed + ', '}{outcome}"
-    about = {"title": title, "outcome": chosen.outcome, "seed": chosen.seed}
-    if drawn:
-        about |= drawn[0][1]
+    about = {"title": title, "outcome": chosen.outcome, "seed": chosen.seed, **(drawn[0][1] if drawn else {})}
     return WalkRecords.from_ticks(chosen.records, chosen.landings, about)

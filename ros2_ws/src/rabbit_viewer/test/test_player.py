@@ -13,11 +13,10 @@ import pytest
 from rabbit_description.state import Array
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_viewer.page.broadcast import Broadcast
-from rabbit_viewer.page.server import LONGEST_MESSAGE
 from rabbit_viewer.play.messages import ASKED, Asked
 from rabbit_viewer.play.player import Player
 from rabbit_viewer.play.serving import Door, tell, write_play
-from rabbit_viewer.play.settings import MOST_DEEDS, Change, PlaySettings, Push, Script, Start, controls
+from rabbit_viewer.play.settings import PlaySettings, Start, controls
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
 BASE = SimulationParameters(stop_at_miss=False, fall_height=0.35)
@@ -104,28 +103,26 @@ def test_the_same_settings_are_the_same_fall(played: Callable[..., Played]) -> N
     assert one.broadcast.known == two.broadcast.known
 
 
-def test_a_link_is_the_same_walk_with_all_that_was_done_to_it(played: Callable[..., Played]) -> None:
+def test_a_link_is_the_same_walk_with_its_settings(played: Callable[..., Played]) -> None:
     """In a second player, started with other settings, every number of every tick is the same."""
     one = played(second="oracle", stones=6).walk(30)
-    one.ask(do="push", force=120, seconds=0.1)
-    one.walk(20)
-    one.choose(mass_scale=1.7, payload=4, stone_width=0.2, again="same course")
-    one.walk(25)
-    one.choose(first="nominal", velocity_noise=0.1)
+    one.choose(mass_scale=1.7, payload=4, stone_width=0.2, again="same course", first="nominal", velocity_noise=0.1)
+    one.ask(do="reset")
     one.walk()
-    script = one.words["state"]["script"]
-    assert script["pushes"] == [{"tick": 30, "force": 120, "seconds": 0.1}]
-    assert [(change["tick"], change["name"], change["value"]) for change in script["changes"]] == [
-        (50, "mass_scale", 1.7),
-        (50, "payload", 4),
-        (75, "first", "nominal"),
-        (75, "velocity_noise", 0.1),
-    ]
+    settings = one.words["state"]["settings"]
     two = played(mass_scale=1.0, seed=9).walk(10)
-    two.ask(do="begin", script=script)
+    two.ask(do="begin", settings=settings)
     two.walk()
     assert two.broadcast.known[1] == one.broadcast.known[1]
-    assert two.words["state"]["script"] == script
+    assert two.words["state"]["settings"] == settings
+
+
+def test_pushes_and_swaps_are_marked_at_their_ticks(played: Callable[..., Played]) -> None:
+    one = played(stones=6).walk(30)
+    one.ask(do="push", force=120, seconds=0.1)
+    one.walk(45)
+    one.choose(first="nominal")
+    one.walk()
     events = one.rows()["events"].astype(int)
     assert np.flatnonzero(events & 4).tolist() == list(range(30, 40))
     assert np.flatnonzero(events & 8).tolist() == [75]
@@ -138,30 +135,16 @@ def test_a_reset_begins_with_the_settings_and_without_what_was_done(played: Call
     one.walk()
     one.ask(do="reset")
     one.walk()
-    script = one.words["state"]["script"]
-    assert (script["settings"]["mass_scale"], script["pushes"], script["changes"]) == (1.5, [], [])
+    assert one.words["state"]["settings"]["mass_scale"] == 1.5
     np.testing.assert_array_equal(one.rows()["hip_x"], played(mass_scale=1.5).walk().rows()["hip_x"])
 
 
-def test_the_newest_of_several_choices_between_two_ticks_is_in_the_link(played: Callable[..., Played]) -> None:
-    one = played().walk(10)
+def test_of_several_choices_between_two_ticks_the_newest_acts(played: Callable[..., Played]) -> None:
+    one, other = played().walk(10), played().walk(10)
     for payload in (5, 10, 0, 20):
         one.choose(payload=payload)
-    assert one.words["state"]["script"]["changes"] == [{"tick": 10, "name": "payload", "value": 20}]
-
-
-def test_a_walk_takes_no_more_changes_and_pushes_than_its_link(played: Callable[..., Played]) -> None:
-    one = played()
-    for _ in range(MOST_DEEDS + 1):
-        one.ask(do="push", force=1, seconds=0.1)
-    assert "50 pushes" in one.words["note"]["text"]
-    for payload in range(1, MOST_DEEDS + 2):
-        one.choose(payload=payload)
-        one.player.tick()
-    assert "50 changes" in one.words["note"]["text"]
-    state = one.words["state"]
-    assert state["settings"]["payload"] == MOST_DEEDS
-    assert len(json.dumps({"do": "begin", "script": state["script"]})) < LONGEST_MESSAGE
+    other.choose(payload=20)
+    assert one.walk().broadcast.known[1] == other.walk().broadcast.known[1]
 
 
 def test_policy_and_robot_change_at_once_and_the_course_from_the_next_reset(played: Callable[..., Played]) -> None:
@@ -258,22 +241,14 @@ def bad_message(rng: random.Random, good: list[str]) -> str:
     where = message
     if kind == 2 and "settings" in message:
         where = message["settings"]
-    if kind == 2 and "script" in message:
-        script = message["script"]
-        where = rng.choice([script, script["settings"], script["pushes"][0], script["changes"][0]])
     name = rng.choice([*where, "do", "extra", "__class__", ""])
     where[name] = rng.choice(values)
     return json.dumps(message) if kind < 4 else json.dumps([message] * rng.randrange(1, 4))
 
 
-SCRIPT = Script(
-    settings=PlaySettings(),
-    pushes=(Push(tick=5, force=100, seconds=0.1),),
-    changes=(Change(tick=9, name="payload", value=3),),
-)
 GOOD = [
     json.dumps({"do": "set", "settings": PlaySettings().model_dump(mode="json")}),
-    json.dumps({"do": "begin", "script": SCRIPT.model_dump(mode="json")}),
+    json.dumps({"do": "begin", "settings": PlaySettings().model_dump(mode="json")}),
     json.dumps({"do": "push", "force": 100, "seconds": 0.1}),
     json.dumps({"do": "speed", "speed": 1}),
     json.dumps({"do": "pause", "paused": True}),
@@ -312,10 +287,8 @@ def test_what_the_plant_refuses_is_refused_at_the_door() -> None:
     assert "expected at most 0.9 m" in Door(far, lambda _: "")(json.dumps(wide))
     push = '{"do": "push", "force": 10}'
     rigid = start_of().model_copy(update={"plant": BASE.model_copy(update={"plant": "rigid"})})
-    for pushed in (push, json.dumps({"do": "begin", "script": SCRIPT.model_dump(mode="json")})):
-        assert "expected the plant pybullet or mujoco" in Door(rigid, lambda _: "")(pushed)
-    rubs = {"settings": {}, "changes": [{"tick": 30, "name": "coulomb", "value": 5.0}]}
-    begun = json.dumps({"do": "begin", "script": rubs})
+    assert "expected the plant pybullet or mujoco" in Door(rigid, lambda _: "")(push)
+    begun = json.dumps({"do": "begin", "settings": {"coulomb": 5.0}})
     assert "coulomb = 5 with plant rigid: expected 0, pybullet or mujoco" in Door(rigid, lambda _: "")(begun)
     assert not Door(start_of(), lambda _: "")(begun)
     assert not Door(start_of(), lambda _: "")(push)
@@ -338,7 +311,7 @@ def any_settings(rng: random.Random) -> dict[str, Any]:
 def test_whatever_is_chosen_the_player_goes_on(played: Callable[..., Played]) -> None:
     rng, one = random.Random(5), played()
     for _ in range(15):
-        one.ask(do="begin", script={"settings": any_settings(rng)})
+        one.ask(do="begin", settings=any_settings(rng))
         for tick in range(60):
             one.player.tick()
             if tick % 20 == 10:

@@ -1,18 +1,50 @@
-"""A running graph on the page: episodes begin, ticks are shown, episodes end. What browsers ask waits in `asked`."""
+"""A running graph on the page, and what a browser may ask of it, which waits in `asked` for the viewer."""
 
 from queue import SimpleQueue
-from typing import Any
+from typing import Annotated, Any, Literal
 
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+from rabbit_common.options import fault
 from rabbit_description.state import TICK_SECONDS, RobotState
 from rl_cbf_clf_controller.controller_output import ControllerOutput
 
-from rabbit_viewer.live.messages import Asked, checked
 from rabbit_viewer.page import HOST
 from rabbit_viewer.page.broadcast import Broadcast
 from rabbit_viewer.page.rows import RowMaker, packed
-from rabbit_viewer.page.server import PageServer
+from rabbit_viewer.page.server import PageServer, refused
 
 ONLY_LOOKS = "this view only looks; start it with --control"
+
+
+class Message(BaseModel):
+    """Exactly these fields; all but `do` are those of the service's request, by alias."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Pause(Message):
+    """Hold the robot between two ticks, or let it go on."""
+
+    do: Literal["pause"]
+    paused: bool = Field(serialization_alias="data")
+
+
+class Reset(Message):
+    """End the episode and begin the next one."""
+
+    do: Literal["reset"]
+    seed: int = Field(ge=0, le=2**53)
+
+
+class Load(Message):
+    """Put a policy in force: a shipped one, or a file of the controller's machine."""
+
+    do: Literal["load"]
+    path: str = Field(min_length=1, max_length=500, serialization_alias="policy")
+
+
+Asked = Annotated[Pause | Reset | Load, Field(discriminator="do")]
+ASKED: TypeAdapter[Asked] = TypeAdapter(Asked)
 
 
 class GraphPage:
@@ -27,17 +59,20 @@ class GraphPage:
         self._maker: RowMaker | None = None
         self._of: tuple[Any, ...] = ()
 
-    def close(self) -> None:
-        """Serve no more."""
-        self.page.close()
-
     def show(self, episode: Any, drawn: dict[str, Any], state: RobotState, output: ControllerOutput) -> None:
         """Show a tick of `episode`, an object with the fields of `Episode`; `drawn`: see `drawn_parameters`."""
         of = (episode.episode, episode.seed, drawn, output.quantities)
         if self._maker is None or of != self._of:
-            self._of = of
-            self._begin(episode, drawn, output)
-        assert self._maker
+            self._of, self._maker = of, RowMaker(drawn, output.quantities)
+            about = {
+                "mode": "graph",
+                "title": f"episode {episode.episode}, seed {episode.seed}",
+                "stones": episode.stones or None,
+                "tick_seconds": TICK_SECONDS,
+                "walkers": [self._maker.about(f"policy {output.policy_version}")],
+                "control": self._control,
+            }
+            self._broadcast.begin(about)
         self._broadcast.add(packed(self._maker.row(state, output)))
 
     def say_episode(self, episode: Any, phase: str) -> None:
@@ -51,23 +86,11 @@ class GraphPage:
         """A line for all who watch."""
         self._broadcast.say("note", {"text": text})
 
-    def _begin(self, episode: Any, drawn: dict[str, Any], output: ControllerOutput) -> None:
-        self._maker = RowMaker(drawn, output.quantities)
-        about = {
-            "mode": "graph",
-            "title": f"episode {episode.episode}, seed {episode.seed}",
-            "stones": episode.stones or None,
-            "tick_seconds": TICK_SECONDS,
-            "walkers": [self._maker.about(f"policy {output.policy_version}")],
-            "control": self._control,
-        }
-        self._broadcast.begin(about)
-
     def _answer(self, message: str) -> str:
         if not self._control:
             return ONLY_LOOKS
-        asked = checked(message)
-        if isinstance(asked, str):
-            return asked
-        self.asked.put(asked)
+        try:
+            self.asked.put(ASKED.validate_json(message))
+        except ValidationError as error:
+            return refused(fault(error))
         return ""

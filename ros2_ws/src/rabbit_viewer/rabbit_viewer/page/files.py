@@ -31,8 +31,7 @@ ALONE = (
 
 def find_file(path: str) -> tuple[str, bytes] | None:
     """Kind and content of the page's file at a URL's path; None where there is none."""
-    name = path.removeprefix("/") or INDEX
-    return contents().get(name)
+    return contents().get(path.removeprefix("/") or INDEX)
 
 
 @cache
@@ -59,12 +58,12 @@ def write_page(path: Path, broadcast: Broadcast) -> Path:
 def page_with(broadcast: Broadcast) -> str:
     """The whole file's text."""
     words, rows = broadcast.known
-    walk = json.dumps({"words": words, "rows": base64.b64encode(rows).decode()}).replace("<", "\\u003c")
+    walk = json.dumps({"words": words, "rows": in_base64(rows)}).replace("<", "\\u003c")
     page = text(INDEX)
     page = page.replace('<meta charset="utf-8">', f'<meta charset="utf-8">\n{ALONE}')
     page = re.sub(r'<link rel="stylesheet" href="(.*?)">', lambda m: f"<style>{text(m[1])}</style>", page)
     page = re.sub(r'<script src="(.*?)">', lambda m: f"<script>{text(m[1])}", page)
-    page = re.sub(r'"\./(\w+\.js)"', lambda m: f'"data:text/javascript;base64,{encoded(m[1])}"', page)
+    page = re.sub(r'"\./(\w+\.js)"', lambda m: f'"data:text/javascript;base64,{in_base64(contents()[m[1]][1])}"', page)
     return page.replace("<body>", f'<body>\n<script type="application/json" id="walk-data">{walk}</script>')
 
 
@@ -73,6 +72,6 @@ def text(name: str) -> str:
     return contents()[name][1].decode()
 
 
-def encoded(name: str) -> str:
-    """A file of the page in base64."""
-    return base64.b64encode(contents()[name][1]).decode()
+def in_base64(data: bytes) -> str:
+    """As text."""
+    return base64.b64encode(data).decode()

@@ -51,12 +51,8 @@ def fill(broadcast: Broadcast, walk: WalkRecords, name: str) -> None:
 
 def ticks(walk: WalkRecords) -> list[Any]:
     """Each tick with the fields of `RobotState` and `ControllerOutput` that a row needs."""
-    names = [name for name in ARRAYS if name not in {*SEEN, "landings"}]
-    found = []
-    for row, (near, far) in enumerate(walk.preview.tolist()):
-        tick = SimpleNamespace(**{name: getattr(walk, name)[row] for name in names})
-        tick.preview = None
-        if np.isfinite(near):
-            tick.preview = StonePreview(tick.touchdowns + 1, near, far, float(walk.stone_height[row]))
-        found.append(tick)
+    names = ARRAYS.keys() - {*SEEN, "landings"}
+    found = [SimpleNamespace(**{name: getattr(walk, name)[row] for name in names}) for row in range(len(walk.tick))]
+    for tick, (near, far), height in zip(found, walk.preview.tolist(), walk.stone_height.tolist(), strict=True):
+        tick.preview = StonePreview(tick.touchdowns + 1, near, far, height) if np.isfinite(near) else None
     return found

@@ -43,7 +43,6 @@ class RowMaker:
         self._bend = float(about.get("link_bend", 0.0))
         self._limits = tuple(float(about.get(name, math.nan)) for name in ("torque_limit", "friction_coeff"))
         self._decay = clf_decay(about)
-        self._unknown = np.full(len(quantities), np.nan)
         # of the ticks before
         self._step = self._touchdowns = -1
         self._start = (0, math.nan)  # of the step: tick, V
@@ -98,7 +97,7 @@ class RowMaker:
         estimated = output.alpha @ output.mu + output.beta
         last, self._last = self._last, (tick, nominal, [estimated, *true])
         if last is None or last[0] != tick - 1:
-            return self._unknown.tolist() * self._kinds
+            return [math.nan] * (len(self._quantities) * self._kinds)
         estimated, *true = last[2]
         return np.concatenate([estimated, output.measured - last[1], *true]).tolist()
 

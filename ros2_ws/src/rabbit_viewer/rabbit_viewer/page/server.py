@@ -7,8 +7,11 @@ only from a page of this very server, only so long, and checked before anything 
 import asyncio
 import contextlib
 import json
+import logging
 import os
+import sys
 import threading
+import time
 import webbrowser
 from collections.abc import Callable
 from http import HTTPStatus
@@ -22,8 +25,7 @@ from websockets.http11 import Request, Response
 
 from rabbit_viewer.page import HOST, NAMES, PageError
 from rabbit_viewer.page.broadcast import Broadcast
-from rabbit_viewer.page.files import SAVED, SOCKET, find_file, page_with
-from rabbit_viewer.page.log import log, log_error
+from rabbit_viewer.page.files import KINDS, SAVED, SOCKET, find_file, page_with
 
 LONGEST_MESSAGE = 8192  # bytes, from a browser
 MOST_BROWSERS = 32
@@ -38,7 +40,34 @@ SAFE = {  # the page can reach nothing else, and nobody can put it into another 
     "Cache-Control": "no-cache",
 }
 
+QUIET_SECONDS = 10.0  # after an error's line: a flood of connections must not flood the terminal
+
 Answer = Callable[[str], str]  # of a message: empty, or one line that says why it is refused
+
+
+class OneLine(logging.Handler):
+    """Writes a record as one line to stderr, and for `QUIET_SECONDS` no other."""
+
+    _quiet_until = 0.0
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Write a line, unless one was written just now."""
+        now = time.monotonic()
+        if now >= self._quiet_until:
+            self._quiet_until = now + QUIET_SECONDS
+            error = record.exc_info[1] if record.exc_info else None
+            text = f"page: {record.getMessage()}{f': {error!r}' if error else ''}"
+            print(" ".join(text.split()), file=sys.stderr, flush=True)
+
+
+log = logging.getLogger(__name__)
+log.addHandler(OneLine(logging.ERROR))
+log.propagate = False
+
+
+def log_error(_: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+    """For an event loop: an error that nobody waits for."""
+    log.error(context["message"], exc_info=context.get("exception"))
 
 
 class PageServer:
@@ -122,7 +151,7 @@ class PageServer:
         if path == SOCKET:
             full = len(self._server.connections) > MOST_BROWSERS
             return connection.respond(HTTPStatus.SERVICE_UNAVAILABLE, "too many browsers\n") if full else None
-        found = ("text/html; charset=utf-8", page_with(self._broadcast).encode()) if path == SAVED else find_file(path)
+        found = (KINDS["html"], page_with(self._broadcast).encode()) if path == SAVED else find_file(path)
         if found is None:
             return connection.respond(HTTPStatus.NOT_FOUND, "no such file\n")
         kind, body = found

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, TypeAdapter
 
-from rabbit_viewer.play.settings import Checked, Number, PlaySettings, Script
+from rabbit_viewer.play.settings import Checked, Number, PlaySettings
 
 
 class Set(Checked):
@@ -22,10 +22,10 @@ class Reset(Checked):
 
 
 class Begin(Checked):
-    """Begin again as a script says, and do what it says at its ticks."""
+    """Begin again with these settings."""
 
     do: Literal["begin"]
-    script: Script
+    settings: PlaySettings
 
 
 class Pause(Checked):
@@ -48,7 +48,7 @@ class Speed(Checked):
     speed: Number = Field(ge=0.05, le=4)
 
 
-class PushNow(Checked):
+class Push(Checked):
     """Push the torsos from the next tick on."""
 
     do: Literal["push"]
@@ -56,7 +56,7 @@ class PushNow(Checked):
     seconds: Number = Field(0.1, ge=0.001, le=1)
 
 
-Asked = Annotated[Set | Reset | Begin | Pause | Tick | Speed | PushNow, Field(discriminator="do")]
+Asked = Annotated[Set | Reset | Begin | Pause | Tick | Speed | Push, Field(discriminator="do")]
 ASKED: TypeAdapter[Asked] = TypeAdapter(Asked)
 
 

@@ -5,12 +5,11 @@ It takes a message between two ticks, more if there is time: so the walk goes on
 
 import queue
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import closing, suppress
 from multiprocessing.queues import Queue
 from typing import Any
 
-from pydantic import ValidationError
 from rabbit_description.gait import GaitError
 from rabbit_description.state import TICK_SECONDS
 from rabbit_experiments.assembly import AssemblyError
@@ -18,17 +17,14 @@ from rabbit_sim.stones import CourseError
 from rl_cbf_clf_controller.weights import PolicyFileError
 
 from rabbit_viewer.page.rows import packed
-from rabbit_viewer.play.messages import Asked, Begin, Learned, Pause, PushNow, Reset, Set, Speed, Tick
+from rabbit_viewer.play.messages import Asked, Begin, Learned, Pause, Push, Reset, Set, Speed, Tick
 from rabbit_viewer.play.settings import (
-    MOST_DEEDS,
     NOBODY,
     PLANT_AT_ONCE,
     ROBOTS,
     SHIPPED,
     PlayError,
     PlaySettings,
-    Push,
-    Script,
     Start,
     controls,
     plant_of,
@@ -37,7 +33,6 @@ from rabbit_viewer.play.walker import Walker
 
 STATE_SECONDS = 0.03  # from one look at whether the state has changed to the next
 BEHIND = 0.25  # s, after which lost time is not caught up with
-PACE_TICKS = 100  # over which the pace is measured
 AGAIN_TICKS = 200  # after the end, before the next episode
 UNUSABLE = (GaitError, CourseError, PolicyFileError, AssemblyError)
 Send = Callable[..., None]
@@ -51,12 +46,12 @@ class Player:
         self._start, self._send = start, send
         self._chosen = start.settings
         self._walkers: list[Walker] = []
-        self._has_changed = False  # the state, since it was sent
         self._learned = "zero" if start.learns else SHIPPED
         self.is_paused, self.speed = False, 1.0
-        self._next: Script | None = None  # wanted; its settings are those chosen
+        self._has_changed = False  # the state, since it was sent
+        self._is_reset_due = False
         try:
-            self.reset(Script(settings=start.settings))
+            self.reset()
         except UNUSABLE as error:
             option = f"--{error.option} " if isinstance(error, AssemblyError) else ""
             raise PlayError(f"{option}{error}") from error
@@ -76,15 +71,15 @@ class Player:
         """From one tick to the next."""
         return TICK_SECONDS / self.speed
 
-    def reset(self, script: Script) -> None:
-        """Begin again; raises one of `UNUSABLE` where that cannot walk, and nothing changes."""
-        settings = script.settings
+    def reset(self) -> None:
+        """Begin again as chosen; raises one of `UNUSABLE` where that cannot walk, and nothing changes."""
+        settings = self._chosen
         plant = plant_of(self._start.plant, settings)
         names = [name for name in (settings.first, settings.second) if name != NOBODY]
         base, seed = self._start.controller, settings.seed
         walkers = [Walker(name, plant, base, seed, self._learned) for name in names]
         self.close()
-        self._walkers, self._settings, self._script = walkers, settings, script
+        self._walkers, self._settings = walkers, settings
         self._tick = self._after_end = 0
         about = {
             "mode": "play",
@@ -109,13 +104,12 @@ class Player:
         match asked:
             case Learned():
                 self._load(asked.path)
-                return
             case Set():
                 self._set(asked.settings)
             case Reset():
-                self._next = Script(settings=self._chosen)
+                self._is_reset_due = True
             case Begin():
-                self._chosen, self._next = asked.script.settings, asked.script
+                self._chosen, self._is_reset_due = asked.settings, True
             case Pause():
                 self.is_paused = asked.paused
             case Tick():
@@ -123,10 +117,11 @@ class Player:
                 self.tick()
             case Speed():
                 self.speed = asked.speed
-            case PushNow():
-                self._push_now(Push(tick=self._tick, force=asked.force, seconds=asked.seconds))
-        if self._next and not self.is_moving:
-            self._try_reset(self._next)
+            case Push():
+                for walker in self._walkers:
+                    walker.push(asked.force, asked.seconds)
+        if self._is_reset_due and not self.is_moving:
+            self._try_reset()
         self._has_changed = True
 
     def tick(self) -> None:
@@ -134,90 +129,56 @@ class Player:
         if self._after_end > AGAIN_TICKS:
             if self._chosen.again == "next course":
                 self._chosen = self._chosen.model_copy(update={"seed": (self._chosen.seed + 1) % 2**31})
-            self._next = Script(settings=self._chosen)
-        if self._next:
-            self._try_reset(self._next)
+            self._is_reset_due = True
+        if self._is_reset_due:
+            self._try_reset()
         if self._after_end:
             self._after_end += 1
             return
-        self._do_what_the_script_says()
         walking = [walker for walker in self._walkers if not walker.outcome]
         for walker in walking:
             walker.tick()
         self._send("add", packed([number for walker in self._walkers for number in walker.row]))
         self._tick += 1
         if any(walker.outcome for walker in walking):
-            self._say_ended()
+            self.say("ended", {"walkers": [walker.ended for walker in self._walkers]})
+            self._after_end = int(all(walker.outcome for walker in self._walkers))
 
     def say_state(self) -> None:
         """Say how everything stands, if that has changed."""
         if self._has_changed:
             self._has_changed = False
-            self.say("state", self._state())
+            chosen, in_force = (settings.model_dump(mode="json") for settings in (self._chosen, self._settings))
+            waiting = [name for name in chosen if chosen[name] != in_force[name]]
+            self.say("state", {"settings": chosen, "waiting": waiting, "paused": self.is_paused, "speed": self.speed})
 
     def say(self, kind: str, word: dict[str, Any]) -> None:
         """A word for all who watch."""
         self._send("say", kind, word)
 
-    def _try_reset(self, script: Script) -> None:
-        self._next = None
+    def _try_reset(self) -> None:
+        self._is_reset_due = False
         try:
-            self.reset(script.model_copy(update={"settings": self._chosen}))
+            self.reset()
         except UNUSABLE as error:
             self._chosen = self._settings
             self.say("note", {"text": " ".join(str(error).split())})
             self._has_changed = True
 
     def _set(self, settings: PlaySettings) -> None:
-        """What acts at once becomes part of the script, so that the link is this walk."""
-        changes = self._act_at_once(settings)
-        try:
-            script = self._script if self._after_end else self._script.with_changes(self._tick, changes)
-        except ValidationError:
-            self.say("note", {"text": f"{MOST_DEEDS} changes are the most of one walk: reset first"})
-            return
-        again = {"again": settings.again}  # the walk is the same
-        self._script = script.model_copy(update={"settings": script.settings.model_copy(update=again)})
-        self._chosen, self._settings = settings, self._settings.model_copy(update=again)
-        self._change(changes)
-
-    def _act_at_once(self, settings: PlaySettings) -> dict[str, Any]:
-        """What of `settings` is not yet in force, and needs no reset."""
-        robots = [name for name, walker in self._robots() if walker.may_become(getattr(settings, name))]
-        wanted = {name: getattr(settings, name) for name in (*robots, *PLANT_AT_ONCE)}
-        return {name: value for name, value in wanted.items() if value != getattr(self._settings, name)}
-
-    def _change(self, changes: dict[str, Any]) -> None:
-        for name, walker in self._robots():
+        """What needs no reset acts at once."""
+        robots = list(zip(ROBOTS, self._walkers, strict=False))
+        swapped = [name for name, walker in robots if walker.may_become(getattr(settings, name))]
+        wanted = {name: getattr(settings, name) for name in (*swapped, *PLANT_AT_ONCE)}
+        changes = {name: value for name, value in wanted.items() if value != getattr(self._settings, name)}
+        self._chosen = settings
+        self._settings = self._settings.model_copy(update={**changes, "again": settings.again})
+        for name, walker in robots:
             if name in changes:
                 walker.become(changes[name])
-        self._settings = self._settings.model_copy(update=changes)
         if changes.keys() - set(ROBOTS):
             for walker in self._walkers:
                 walker.change(plant_of(self._start.plant, self._settings))
-
-    def _robots(self) -> Iterator[tuple[str, Walker]]:
-        return zip(ROBOTS, self._walkers, strict=False)
-
-    def _push_now(self, push: Push) -> None:
-        if self._after_end:
-            return
-        try:
-            self._script = self._script.with_push(push)
-        except ValidationError:
-            self.say("note", {"text": f"{MOST_DEEDS} pushes are the most of one walk: reset first"})
-
-    def _do_what_the_script_says(self) -> None:
-        """At this tick. What a person changed before it is in force already."""
-        changes = self._act_at_once(self._settings.model_copy(update=self._script.changed_at(self._tick)))
-        if changes:
-            self._chosen = self._chosen.model_copy(update=changes)
-            self._change(changes)
-            self._has_changed = True
-        for push in self._script.pushes:
-            if push.tick == self._tick:
-                for walker in self._walkers:
-                    walker.push(push.force, push.seconds)
 
     def _load(self, path: str) -> None:
         """Walk on with what was learned."""
@@ -225,20 +186,7 @@ class Player:
         for walker in self._walkers:
             walker.learned = path
             if walker.name == "learned":
-                walker.become("learned")
-                self.say("swap", {"tick": self._tick, "version": walker.policy_version})
-
-    def _state(self) -> dict[str, Any]:
-        chosen, in_force = (settings.model_dump(mode="json") for settings in (self._chosen, self._settings))
-        waiting = [name for name in chosen if chosen[name] != in_force[name]]
-        script = self._script.model_dump(mode="json")
-        word = {"settings": chosen, "waiting": waiting, "paused": self.is_paused, "speed": self.speed}
-        return {**word, "script": script}
-
-    def _say_ended(self) -> None:
-        ended = [{"outcome": walker.outcome, "stones": walker.stones} for walker in self._walkers]
-        self.say("ended", {"walkers": ended})
-        self._after_end = int(all(walker.outcome for walker in self._walkers))
+                self.say("swap", {"tick": self._tick, "version": walker.become("learned")})
 
 
 def play(send: Send, start: Start, wishes: "Queue[Asked | Learned]") -> None:
@@ -248,34 +196,18 @@ def play(send: Send, start: Start, wishes: "Queue[Asked | Learned]") -> None:
     except PlayError as error:
         send("fail", str(error))
         return
-    with closing(player):
-        _play(player, wishes)
-
-
-def _play(player: Player, wishes: "Queue[Asked | Learned]") -> None:
     now = due = shown = time.monotonic()
-    pace = (due, 0)
-    while True:
-        until = min(due, shown) if player.is_moving else shown
-        with suppress(queue.Empty):
-            player.take(wishes.get(timeout=max(until - now, 0)))
-        now = time.monotonic()
-        if not player.is_moving or now - due > BEHIND:
-            due, pace = now, (now, 0)
-        if player.is_moving and now >= due:
-            player.tick()
-            due += player.seconds
-            pace = _measured(pace, player)
-        if now >= shown:
-            player.say_state()
-            shown = now + STATE_SECONDS
-
-
-def _measured(pace: tuple[float, int], player: Player) -> tuple[float, int]:
-    """Say the pace once in a while: simulated seconds a second, over what it should be."""
-    began, ticks = pace[0], pace[1] + 1
-    if ticks < PACE_TICKS:
-        return began, ticks
-    now = time.monotonic()
-    player.say("pace", {"pace": ticks * player.seconds / (now - began)})
-    return now, 0
+    with closing(player):
+        while True:
+            until = min(due, shown) if player.is_moving else shown
+            with suppress(queue.Empty):
+                player.take(wishes.get(timeout=max(until - now, 0)))
+            now = time.monotonic()
+            if not player.is_moving or now - due > BEHIND:
+                due = now
+            if player.is_moving and now >= due:
+                player.tick()
+                due += player.seconds
+            if now >= shown:
+                player.say_state()
+                shown = now + STATE_SECONDS

@@ -26,7 +26,7 @@ from rabbit_viewer.page.broadcast import Broadcast
 from rabbit_viewer.page.files import write_page
 from rabbit_viewer.page.server import PageServer, refused
 from rabbit_viewer.play.learning import learn
-from rabbit_viewer.play.messages import ASKED, Asked, Begin, Learned, PushNow, Set
+from rabbit_viewer.play.messages import ASKED, Asked, Begin, Learned, Push, Set
 from rabbit_viewer.play.settings import PlayError, Start, plant_of
 
 BUSY = "the walk has not yet done what was asked before: ask again"
@@ -36,26 +36,26 @@ SPAWN = multiprocessing.get_context("spawn")
 
 
 class Door:
-    """Checks what browsers ask of a walk, and hands it to `ask`, which says why it is refused, or nothing."""
+    """Checks what browsers ask of a walk, and hands it to `put`, which may raise `queue.Full`."""
 
-    def __init__(self, start: Start, ask: Callable[[Asked], str]) -> None:
-        self._start, self._ask = start, ask
+    def __init__(self, start: Start, put: Callable[[Asked], object]) -> None:
+        self._plant, self._put = start.plant, put
 
     def __call__(self, message: str) -> str:
         """Empty, or why the message is refused."""
         try:
             asked = ASKED.validate_json(message)
             if isinstance(asked, Set | Begin):
-                settings = asked.settings if isinstance(asked, Set) else asked.script.settings
-                changes = asked.script.changes if isinstance(asked, Begin) else ()
-                for changed in ({}, *({change.name: change.value} for change in changes)):
-                    plant_of(self._start.plant, settings.model_copy(update=changed))
+                plant_of(self._plant, asked.settings)
         except ValidationError as error:
             return refused(fault(error))
-        pushes = isinstance(asked, PushNow) or (isinstance(asked, Begin) and asked.script.pushes)
-        if pushes and self._start.plant.plant == "rigid":
+        if isinstance(asked, Push) and self._plant.plant == "rigid":
             return "push: expected the plant pybullet or mujoco"
-        return self._ask(asked)
+        try:
+            self._put(asked)
+        except queue.Full:
+            return BUSY
+        return ""
 
 
 def serve_play(start: Start, port: int, opens_browser: bool) -> None:
@@ -68,7 +68,7 @@ def serve_play(start: Start, port: int, opens_browser: bool) -> None:
     broadcast, wishes = Broadcast(), SPAWN.Queue(MOST_WAITING)
     wishes.cancel_join_thread()  # what the player has not taken at the end is lost
     with ExitStack() as stack:
-        page = PageServer(broadcast, Door(start, partial(ask, wishes)), port)
+        page = PageServer(broadcast, Door(start, wishes.put_nowait), port)
         stack.enter_context(closing(page))
         stack.enter_context(suppress(KeyboardInterrupt))
         player = stack.enter_context(process(play, start, wishes))
@@ -84,15 +84,6 @@ def serve_play(start: Start, port: int, opens_browser: bool) -> None:
                     tell(broadcast, *source.recv())
                 except (EOFError, ConnectionError):
                     sources.remove(source)
-
-
-def ask(wishes: "Queue[Asked | Learned]", asked: Asked) -> str:
-    """Ask the player; a line where it is too busy to be asked."""
-    try:
-        wishes.put_nowait(asked)
-    except queue.Full:
-        return BUSY
-    return ""
 
 
 def tell(broadcast: Broadcast, method: str, *arguments: Any) -> None:

@@ -4,11 +4,9 @@ The parameters of the command line are beneath them: `plant_of(base, settings)` 
 walks. A field's `when` says whether a change acts at once or from the next reset.
 """
 
-from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, ValidationInfo, create_model, field_validator
-from rabbit_common.options import fault
+from pydantic import BaseModel, ConfigDict, Field, create_model
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.plant import SUBSTEP_SECONDS
 from rl_cbf_clf_controller.parameters import ControllerParameters, load_parameters
@@ -29,10 +27,7 @@ CONTROLLERS: dict[str, tuple[dict[str, Any], str]] = {  # changed parameters, po
 }
 SWAPPED_AT_ONCE = {"nominal", "learned", "oracle"}  # the same controller with another policy
 ROBOTS = ("first", "second")
-MOST_DEEDS = 50  # pushes of a walk, and as many changes
 NOW: dict[str, Any] = {"when": "now"}
-NEXT: dict[str, Any] = {"when": "reset"}
-LABORATORY: dict[str, Any] = {"group": "laboratory"}
 DEFAULTS = {"mass_scale": 2.0, "motor_lag": 0.004}  # where they are not the plant's
 Number = Annotated[float, Field(allow_inf_nan=False)]
 
@@ -44,10 +39,10 @@ class Checked(BaseModel):
 
 
 def shown(
-    default: Any, low: float | None, high: float | None, title: str, step: float = 1, unit: str = "", **how: str
+    default: Any, low: float, high: float, title: str, step: float = 1, unit: str = "", when: str = "now", **group: Any
 ) -> Any:
-    """A field's bounds, and what the page shows; `how`: when it acts, at once unless it says so, and its group."""
-    extra = {**(how or NOW), "step": step, **({"unit": unit} if unit else {})}
+    """A field's bounds, and what the page shows; `when`: a change acts now or at a reset."""
+    extra: dict[str, Any] = {"when": when, "step": step, **({"unit": unit} if unit else {}), **group}
     return Field(default, ge=low, le=high, title=title, json_schema_extra=extra)
 
 
@@ -56,15 +51,15 @@ def of_the_plant() -> dict[str, Any]:
     found = {}
     for name, schema in SimulationParameters.model_json_schema()["properties"].items():
         if control := schema.get("control"):
-            bounds = (
+            low, high = (
                 schema.get(limit) if control[end] is None else control[end]
                 for end, limit in (("low", "minimum"), ("high", "maximum"))
             )
-            about = (control[part] for part in ("title", "step", "unit"))
-            how = {**(NEXT if control["at_reset"] else NOW), **({} if control["first"] else LABORATORY)}
+            about = (control["title"], control["step"], control["unit"], "reset" if control["at_reset"] else "now")
+            group: dict[str, Any] = {} if control["first"] else {"group": "laboratory"}
             kind = SimulationParameters.model_fields[name].annotation
             default = DEFAULTS.get(name, schema["default"])
-            found[name] = (Number if kind is float else kind, shown(default, *bounds, *about, **how))
+            found[name] = (Number if kind is float else kind, shown(default, low, high, *about, **group))
     return found
 
 
@@ -80,10 +75,10 @@ class PlaySettings(OfThePlant):
     first: Choice = Field("learned", title="controller", json_schema_extra=NOW)
     second: OtherChoice = Field("nominal", title="on the same course", json_schema_extra=NOW)
     motor_power: Number = shown(1.0, 0.3, 1, "motor power", 0.05)
-    l_min_std: Number = shown(0.02, 0, 0.08, "stone spread", 0.005, "m", **NEXT)
-    stone_width: Number = shown(0.05, 0.01, 0.3, "stone width", 0.005, "m", **NEXT)
-    stones: int = shown(20, 1, 200, "stones", **NEXT)
-    seed: int = shown(1, 0, 2**31 - 1, "course", **NEXT)
+    l_min_std: Number = shown(0.02, 0, 0.08, "stone spread", 0.005, "m", "reset")
+    stone_width: Number = shown(0.05, 0.01, 0.3, "stone width", 0.005, "m", "reset")
+    stones: int = shown(20, 1, 200, "stones", when="reset")
+    seed: int = shown(1, 0, 2**31 - 1, "course", when="reset")
     again: Literal["wait", "same course", "next course"] = Field("wait", title="at the end", json_schema_extra=NOW)
 
 
@@ -92,55 +87,6 @@ PLANT_AT_ONCE = tuple(  # the other settings of the plant are its course, drawn 
     for name, schema in PlaySettings.model_json_schema()["properties"].items()
     if schema["when"] == "now" and name not in (*ROBOTS, "again")
 )
-
-
-class Push(Checked):
-    """On the torso from tick `tick` on."""
-
-    tick: int = Field(ge=0, le=1_000_000)
-    force: Number = Field(ge=-1000, le=1000)  # N
-    seconds: Number = Field(ge=0.001, le=1)
-
-
-class Change(Checked):
-    """A setting that has another value from tick `tick` on."""
-
-    tick: int = Field(ge=0, le=1_000_000)
-    name: Literal[*ROBOTS, *PLANT_AT_ONCE]  # type: ignore[valid-type]
-    value: float | str
-
-    @field_validator("value")
-    @classmethod
-    def _is_one_of_its_setting(cls, value: float | str, info: ValidationInfo) -> Any:
-        if "name" not in info.data:
-            return value
-        name = info.data["name"]
-        try:
-            return getattr(PlaySettings.model_validate({name: value}), name)
-        except ValidationError as error:
-            raise ValueError(fault(error)) from error
-
-
-class Script(Checked):
-    """All that makes a played walk: the settings at its start, and what is done at which tick."""
-
-    settings: PlaySettings
-    pushes: tuple[Push, ...] = Field((), max_length=MOST_DEEDS)
-    changes: tuple[Change, ...] = Field((), max_length=MOST_DEEDS)
-
-    def changed_at(self, tick: int) -> dict[str, Any]:
-        """What changes at a tick, by name."""
-        return {change.name: change.value for change in self.changes if change.tick == tick}
-
-    def with_changes(self, tick: int, values: Mapping[str, Any]) -> "Script":
-        """The same, and `values` from `tick` on; raises `ValidationError` where these are too many."""
-        kept = [change for change in self.changes if change.tick != tick or change.name not in values]
-        new = [Change(tick=tick, name=name, value=value) for name, value in values.items()]
-        return Script(settings=self.settings, pushes=self.pushes, changes=(*kept, *new))
-
-    def with_push(self, push: Push) -> "Script":
-        """The same, and a push; raises `ValidationError` where these are too many."""
-        return Script(settings=self.settings, pushes=(*self.pushes, push), changes=self.changes)
 
 
 class PlayError(ValueError):
@@ -157,19 +103,20 @@ class Start(BaseModel):
     options: str = ""
 
 
+SHARED = SimulationParameters.model_fields.keys() & PlaySettings.model_fields.keys()
+
+
 def plant_of(base: SimulationParameters, settings: PlaySettings) -> SimulationParameters:
     """The plant that walks; raises `ValidationError`."""
     delay = round(settings.torque_delay / SUBSTEP_SECONDS) * SUBSTEP_SECONDS
-    shared = SimulationParameters.model_fields.keys() & PlaySettings.model_fields.keys()
-    changes = {name: getattr(settings, name) for name in shared}
+    changes = {name: getattr(settings, name) for name in SHARED}
     changes |= {"motor_loss": 1 - settings.motor_power, "torque_delay": delay}
     return SimulationParameters.model_validate({**base.model_dump(), **changes})
 
 
 def settings_of(base: SimulationParameters, **others: Any) -> PlaySettings:
     """The settings that a plant amounts to; raises `ValidationError` where it is beyond what can be played with."""
-    shared = SimulationParameters.model_fields.keys() & PlaySettings.model_fields.keys()
-    plant = {name: getattr(base, name) for name in shared}
+    plant = {name: getattr(base, name) for name in SHARED}
     return PlaySettings.model_validate({**plant, "motor_power": 1 - base.motor_loss, **others})
 
 

@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 from cbf_clf_qp.estimates import Estimates
-from rabbit_description.state import RobotState
 from rabbit_experiments.assembly import Assembly, resolve_policy
 from rabbit_experiments.walk_records import about_walk
 from rabbit_sim.parameters import SimulationParameters
@@ -54,9 +53,9 @@ class Walker:
         return self._maker.about(self.name)
 
     @property
-    def stones(self) -> int:
-        """Walked so far."""
-        return self._state.touchdowns
+    def ended(self) -> dict[str, Any]:
+        """How it ended, for the page: empty while it walks; stones walked so far."""
+        return {"outcome": self.outcome, "stones": self._state.touchdowns}
 
     def close(self) -> None:
         """Give back the plant."""
@@ -72,21 +71,17 @@ class Walker:
         """Whether it can walk on with that controller, or needs a reset."""
         return {name, self.name} <= SWAPPED_AT_ONCE
 
-    def become(self, name: str) -> None:
-        """Walk on with another controller, see `may_become`."""
+    def become(self, name: str) -> str:
+        """Walk on with another controller, see `may_become`; the version of its policy."""
         parameters, policy = self._choice(name)
         self._assembly = replace(self._assembly, policy=resolve_policy(policy, parameters))
         self._controller.policy = self._assembly.make_policy()  # between two ticks
         self.name, self._swapped = name, True
+        return self._controller.policy.version
 
     def change(self, plant: SimulationParameters) -> None:
         """Walk on with another robot, once its swing foot is in the air."""
         self._next_plant = plant
-
-    @property
-    def policy_version(self) -> str:
-        """Of the policy that it walks with."""
-        return self._controller.policy.version
 
     def tick(self) -> None:
         """Go on one tick; nothing, once the walk has ended."""
@@ -98,18 +93,16 @@ class Walker:
             self._change(self._next_plant)
         if not self.fault:
             self._control()
-        self.row = self._maker.row(self._drawn(), self._output, events, self._true)
+        drawn, reading = self._state, self._simulation.reading
+        if drawn.sensors:  # the state is an estimate, which drifts over the ground
+            drawn = replace(drawn, q=reading.q, dq=reading.dq)
+        self.row = self._maker.row(drawn, self._output, events, self._true)
         self.row[RUNNING] = float(not self.fault)
         self._state = self._simulation.step(self._output.torque)
         self._limp += bool(self.fault)
         if not self._state.running or self._limp > LIMP_TICKS:
             self.outcome = self.fault or self._simulation.outcome.value
             self.row[RUNNING] = 0.0
-
-    def _drawn(self) -> RobotState:
-        """The state; where that is an estimate, which drifts over the ground, the robot as it is."""
-        reading = self._simulation.reading
-        return replace(self._state, q=reading.q, dq=reading.dq) if self._state.sensors else self._state
 
     def _control(self) -> None:
         try:
@@ -119,9 +112,8 @@ class Walker:
         except (ControllerError, np.linalg.LinAlgError) as error:
             self.fault = f"controller error: {error}"
         if self.fault:
-            self._output = replace(
-                self._output, torque=np.zeros(4), V=np.nan, barriers=NOTHING, clf_slack=np.nan, rescue_slack=np.nan
-            )
+            nothing: Any = {"V": np.nan, "barriers": NOTHING, "clf_slack": np.nan, "rescue_slack": np.nan}
+            self._output = replace(self._output, torque=np.zeros(4), **nothing)
 
     def _change(self, plant: SimulationParameters) -> None:
         reading = self._simulation.reading

@@ -9,7 +9,7 @@ from rclpy.node import Node
 from rclpy.task import Future
 from std_srvs.srv import SetBool
 
-from rabbit_viewer.live.messages import Asked
+from rabbit_viewer.live.graph_page import Asked
 
 SERVICES = {"pause": ("pause", SetBool), "reset": ("reset_episode", ResetEpisode), "load": ("load_policy", LoadPolicy)}
 
@@ -26,7 +26,7 @@ class GraphServices:
         name, kind = SERVICES[asked.do]
         client = self._clients[name]
         if client.service_is_ready():
-            request = kind.Request(**asked.request)
+            request = kind.Request(**asked.model_dump(exclude={"do"}, by_alias=True))
             client.call_async(request).add_done_callback(partial(self._on_answer, name))
         else:
             self._say(f"{name}: no such service in this graph")

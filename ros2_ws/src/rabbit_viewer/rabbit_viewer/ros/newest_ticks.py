@@ -1,19 +1,19 @@
-"""Takes the newest ticks of a graph when a picture is due; messages stay bytes until then."""
+"""The newest ticks of a graph, put together of messages that stay bytes until a picture is due."""
+
+from collections.abc import Iterable
 
 from rabbit_common.message_arrays import check_lengths
 from rabbit_common.message_checks import Refused, check_finite
 from rabbit_common.ros.checked_node import decoded
 from rabbit_common.ros.conversions import LENGTHS
-from rabbit_common.ros.waiting_messages import WaitingMessages
 from rabbit_msgs.msg import ControllerState, LearnerTerms, RobotState
 from rabbit_recording.message_header import turn_of
-from rclpy.node import Node
 
 TICK_TOPICS = {"state": RobotState, "controller_state": ControllerState, "learner_terms": LearnerTerms}
 KEPT = 16  # ticks that wait for their last part
 
 
-class TickMessages:
+class NewestTicks:
     """The newest ticks of which there is a message on each of `topics`; all begin with header, episode, tick.
 
     `parts`: of tick `key` (episode, tick), the newest; `earlier`: of the ticks since the last `take`, the oldest first.
@@ -30,6 +30,14 @@ class TickMessages:
         self.parts: dict[str, bytes] = {}
         self.earlier: list[dict[str, bytes]] = []
 
+    def take(self, messages: Iterable[tuple[str, bytes]]) -> None:
+        """Take what waits: topics and serialised messages."""
+        self.earlier, shown = [], self.key
+        for topic, data in messages:
+            self.add(topic, data)
+        if shown is not None and self.earlier:
+            self.earlier.pop(0)  # the newest of the last time
+
     def add(self, topic: str, data: bytes) -> None:
         """Take a serialised message."""
         key = turn_of(data)
@@ -41,26 +49,6 @@ class TickMessages:
             self.key, self.parts = key, self._waiting.pop(key)
         elif len(self._waiting) > KEPT:
             del self._waiting[next(iter(self._waiting))]
-
-
-class NewestTicks(TickMessages):
-    """The ticks of a graph; no message wakes the viewer."""
-
-    def __init__(self, node: Node) -> None:
-        super().__init__(*TICK_TOPICS)
-        self._waiting_messages = WaitingMessages(node, TICK_TOPICS)
-
-    def take(self) -> None:
-        """Take what waits."""
-        self.earlier, shown = [], self.key
-        for topic, data in self._waiting_messages.take():
-            self.add(topic, data)
-        if shown is not None and self.earlier:
-            self.earlier.pop(0)  # the newest of the last time
-
-    def close(self) -> None:
-        """Hear no more."""
-        self._waiting_messages.close()
 
 
 def checked_tick(parts: dict[str, bytes]) -> tuple[RobotState, ControllerState, LearnerTerms]:

@@ -7,9 +7,7 @@ is hardly slower for it. A viewer may come late, and stay while graphs come and 
 """
 
 import os
-import threading
 import time
-import webbrowser
 from typing import Any
 
 import numpy as np
@@ -22,6 +20,7 @@ from rabbit_common.ros.diagnostics import OK, Diagnostics, Status
 from rabbit_common.ros.parameters import declare, refuse_unknown
 from rabbit_common.ros.qos import EVENT
 from rabbit_common.ros.spin import run, steady_timer
+from rabbit_common.ros.waiting_messages import WaitingMessages
 from rabbit_description.state import Leg, RobotState, StonePreview
 from rabbit_experiments.walk_records import drawn_parameters
 from rabbit_msgs import msg
@@ -32,7 +31,7 @@ from rabbit_viewer.live.graph_page import GraphPage
 from rabbit_viewer.live.parameters import ViewerParameters
 from rabbit_viewer.page import PageError
 from rabbit_viewer.ros.graph_services import GraphServices
-from rabbit_viewer.ros.newest_ticks import NewestTicks, checked_tick
+from rabbit_viewer.ros.newest_ticks import TICK_TOPICS, NewestTicks, checked_tick
 from rabbit_viewer.ros.rviz import RvizTopics
 
 PHASES = {getattr(msg.Episode, name.upper()): name for name in ("waiting", "running", "paused", "ended")}
@@ -49,11 +48,10 @@ class ViewerNode(CheckedNode):
         own = declare(self, ViewerParameters)
         refuse_unknown(self)
         # first, since it takes the middleware up to 0.1 s to find the graph
-        self._ticks = NewestTicks(self)
+        self._waiting_messages = WaitingMessages(self, TICK_TOPICS)
+        self._ticks = NewestTicks(*TICK_TOPICS)
         self._page = GraphPage(own.port, own.control, own.host)
-        print(f"open {self._page.page.address} in a browser", flush=True)
-        if own.browser:
-            threading.Thread(target=webbrowser.open, args=(self._page.page.address,), daemon=True).start()
+        self._page.page.announce(own.browser)
         self.failure = ""  # what ends the node
         self._rviz = RvizTopics(self)
         self._graph_services = GraphServices(self, self._page.note) if own.control else None
@@ -71,8 +69,8 @@ class ViewerNode(CheckedNode):
 
     def close(self) -> None:
         """Stop serving."""
-        self._page.close()
-        self._ticks.close()
+        self._page.page.close()
+        self._waiting_messages.close()
 
     # What comes in
 
@@ -120,7 +118,7 @@ class ViewerNode(CheckedNode):
         """Show the newest ticks if there are new ones, or the last again now and then."""
         while self._graph_services and not self._page.asked.empty():
             self._graph_services.ask(self._page.asked.get())
-        self._ticks.take()
+        self._ticks.take(self._waiting_messages.take())
         now = time.monotonic()
         until, wait = self._patience
         if self._ticks.key is None and not self._episode.stones:
@@ -152,9 +150,12 @@ class ViewerNode(CheckedNode):
         state, details, terms = self._checked(parts)
         if not self._is_present(state.episode):
             return
+        ahead = self._ahead(state)
+        if state.previewed and ahead is None:  # the preview is on its way; a row without it would hide the stone
+            return
         output = output_of(details, terms, np.array(state.applied))
         drawn = self._drawn.get(self._episode.controller) or next(reversed(self._drawn.values()), {})
-        self._page.show(self._episode, drawn, RobotState.of_message(state, self._ahead(state)), output)
+        self._page.show(self._episode, drawn, RobotState.of_message(state, ahead), output)
 
     def _checked(self, parts: dict[str, bytes]) -> tuple[Any, Any, Any]:
         """A tick's messages; raises `Refused`, also where the controller's is of one whose torques do not act."""

@@ -54,7 +54,7 @@ export class Controls {
   }
 
   another() {
-    return {do: "begin", script: {settings: {...this.state.settings, seed: (this.state.settings.seed + 1) % 2 ** 31}}};
+    return {do: "begin", settings: {...this.state.settings, seed: (this.state.settings.seed + 1) % 2 ** 31}};
   }
 
   slider(name, title, min, max, step, value, unit, onchange) {
@@ -110,12 +110,12 @@ export class Controls {
     if (this.isLinked) history.replaceState(null, "", this.link());
   }
 
-  // begins again as the link in the address bar says, if this is another walk; what the link alone cannot bring
+  // begins again with the settings of the link in the address bar, if they are others; what the link alone cannot bring
   follow() {
-    const {script: known} = this.state, {settings, pushes, changes, options} = fromLink(location.hash, known.settings);
-    const wanted = {settings: {...known.settings, ...settings}, pushes, changes};
+    const known = this.state.settings, {settings, options} = fromLink(location.hash, known);
+    const wanted = {...known, ...settings};
     this.isLinked = true;
-    if (location.hash && toLink(wanted, "") !== toLink(known, "")) this.send({do: "begin", script: wanted});
+    if (toLink(wanted, "") !== toLink(known, "")) this.send({do: "begin", settings: wanted});
     else history.replaceState(null, "", this.link());
     if (!location.hash || (options === this.options && !options.includes("--learn"))) return "";
     const command = (words) => `"rabbit play${words && ` ${words}`}"`;
@@ -124,29 +124,18 @@ export class Controls {
   }
 
   link() {
-    return `${location.pathname}#${toLink(this.state.script, this.options)}`;
+    return `${location.pathname}#${toLink(this.state.settings, this.options)}`;
   }
 }
 
-// mass_scale=2, of the start; mass_scale.30=2.5 and push.30=200_0.1, at tick 30
-function toLink({settings, pushes, changes}, options) {
+function toLink(settings, options) {
   const words = new URLSearchParams(settings);
-  for (const {tick, force, seconds} of pushes) words.append(`push.${tick}`, `${force}_${seconds}`);
-  for (const {tick, name, value} of changes) words.append(`${name}.${tick}`, value);
   if (options) words.set("options", options);
   return words.toString();
 }
 
 function fromLink(hash, known) {
-  const wanted = {settings: {}, pushes: [], changes: [], options: ""};
-  for (const [key, text] of new URLSearchParams(hash.slice(1))) {
-    const [name, tick] = key.split("."), value = typeof known[name] === "number" ? Number(text) : text;
-    if (key === "options") wanted.options = text;
-    else if (tick === undefined) wanted.settings[name] = value;
-    else if (name === "push") {
-      const [force, seconds] = text.split("_").map(Number);
-      wanted.pushes.push({tick: Number(tick), force, seconds});
-    } else wanted.changes.push({tick: Number(tick), name, value});
-  }
-  return wanted;
+  const {options = "", ...settings} = Object.fromEntries(new URLSearchParams(hash.slice(1)));
+  for (const name of Object.keys(settings)) if (typeof known[name] === "number") settings[name] = Number(settings[name]);
+  return {settings, options};
 }

@@ -19,7 +19,7 @@ const KEYS = {
 };
 const by = (id) => document.getElementById(id);
 
-const state = {walk: null, scenes: [], ended: {}, isDirty: false, plotted: 0, last: 0, pictures: 0, refused: 0, pace: null, words: {}};
+const state = {walk: null, scenes: [], ended: {}, isDirty: false, plotted: 0, last: 0, pictures: 0, refused: 0, words: {}};
 
 const source = open({word, rows, connected});
 const clock = new Clock();
@@ -48,9 +48,6 @@ const HANDLERS = {
   refused({text}) {
     state.refused += 1;
     notice(text, "alert");
-  },
-  pace({pace}) {
-    state.pace = pace;
   },
   learning: (message) => showLearning(by("learning"), message),
   graph(message) {
