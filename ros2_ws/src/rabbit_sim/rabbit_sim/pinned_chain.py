@@ -4,8 +4,6 @@ Its coordinates z are the absolute angle of the pinned foot's link, then the joi
 backwards and so with the other sign, then all other joints: z = C q_r, where q_r is q without the base's two slides.
 """
 
-from collections.abc import Callable
-
 import numpy as np
 import pinocchio
 from rabbit_description.planar_urdf import BASE, UrdfError
@@ -42,11 +40,6 @@ class PinnedChain:
         """z-ddot (k,)."""
         ddz: Array = pinocchio.aba(self._model, self._data, z, dz, forces)
         return ddz
-
-    def acceleration_under(self, forces: Array) -> Callable[[Array, Array], Array]:
-        """`acceleration` under constant forces, without a detour."""
-        aba, model, data = pinocchio.aba, self._model, self._data
-        return lambda z, dz: aba(model, data, z, dz, forces)
 
 
 def _grown_from(model: pinocchio.Model, foot: int) -> tuple[pinocchio.Model, Array]:

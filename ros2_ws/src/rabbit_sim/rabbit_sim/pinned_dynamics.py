@@ -143,7 +143,8 @@ class PinnedDynamics:
         """z-ddot of the stance foot's chain as a function of z and z-dot, under joint torques (n - 3,), N m."""
         chain = self.chains[stance]
         if not self._beside:
-            return chain.acceleration_under(chain.forces(torque))
+            forces = chain.forces(torque)
+            return lambda z, dz: chain.acceleration(z, dz, forces)
         q, dq = np.zeros((2, self.coordinates))
 
         def acceleration(z: Array, dz: Array) -> Array:

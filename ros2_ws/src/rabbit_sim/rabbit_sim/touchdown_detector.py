@@ -44,7 +44,8 @@ class TouchdownDetector:
                 if self.clear[leg]:
                     feet = self._locate()
                     x, z = feet[leg]
-                    self._touch(_touch(leg, feet, hold=z - self.ground.top(x) > -EDGE_DEPTH))
+                    hold = z - self.ground.top(x) > -EDGE_DEPTH
+                    self._touch(Touch(leg, x, feet[leg.other][0], hold))
                 self.clear[leg] = False
         self._unseen -= 1
         if self._unseen <= 0:
@@ -61,7 +62,8 @@ class TouchdownDetector:
             if self.clear[leg] and not self.ground.is_under(x) and z < (mouth := self.ground.mouth(x)):
                 above = self._last[leg][1] - mouth
                 share = above / (above - (z - mouth)) if above > 0 else 0.0
-                self.crossings[leg] = _touch(leg, _between(self._last, feet, share), hold=False)
+                along = [start[0] + share * (end[0] - start[0]) for start, end in zip(self._last, feet, strict=True)]
+                self.crossings[leg] = Touch(leg, along[leg], along[leg.other], hold=False)
         self._see(feet)
 
     def _see(self, feet: Feet) -> None:
@@ -78,17 +80,3 @@ class TouchdownDetector:
         self.touches.append(touch)
         self.clear[touch.leg] = False
         self.crossings[touch.leg] = None
-
-
-def _between(first: Feet, last: Feet, share: float) -> Feet:
-    """Where the feet were after a share of the way."""
-    (left, right), (left_end, right_end) = first, last
-    return _along(left, left_end, share), _along(right, right_end, share)
-
-
-def _along(start: Point, end: Point, share: float) -> Point:
-    return start[0] + share * (end[0] - start[0]), start[1] + share * (end[1] - start[1])
-
-
-def _touch(leg: Leg, feet: Feet, hold: bool) -> Touch:
-    return Touch(leg, feet[leg][0], feet[leg.other][0], hold)

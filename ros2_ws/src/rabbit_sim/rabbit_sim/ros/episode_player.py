@@ -114,7 +114,7 @@ class EpisodePlayer:
         """Publish where the episode stands."""
         self.episode.phase, self.episode.header = phase, header(self._clock_ticks)
         self._memory.note(restart_point(self.episode, self._clock_ticks))
-        self._topics.episode(self.episode)
+        self._topics.episodes.publish(self.episode)
 
     def give_up(self, reason: str) -> None:
         """The next episode cannot begin: say so once."""
