@@ -8,10 +8,8 @@ from typing import Any
 
 import numpy as np
 import pinocchio
-from rabbit_description.state import Array
 
 RELATIVE, ABSOLUTE = 1e-9, 1e-12
-FIXED = (0.0, -1.0)  # PyBullet's limits of a joint that does not move
 
 
 class RobotError(RuntimeError):
@@ -19,47 +17,30 @@ class RobotError(RuntimeError):
 
 
 def check_robot(client: Any, robot: int, urdf: str) -> None:
-    """Compare masses, inertias, positions and joint limits.
+    """Compare masses, inertias, positions and limits of all joints that move, and of the links behind them.
+
+    A joint's position is from the centre of mass of the link before.
 
     Raises:
         RobotError: one differs.
     """
     model = pinocchio.buildModelFromXML(urdf)
-    for number in range(client.getNumJoints(robot)):
-        info, dynamics = client.getJointInfo(robot, number), client.getDynamicsInfo(robot, number)
-        name = info[1].decode()
-        found = {
-            "mass": dynamics[0],
-            "principal moments of inertia": sorted(dynamics[2]),
-            "centre of mass": dynamics[3],
-            "position": info[14],
-            "limits": info[8:10],
-        }
-        for what, expected in _joint(model, name).items():
-            value = np.atleast_1d(found[what])
+    infos = [client.getJointInfo(robot, number) for number in range(client.getNumJoints(robot))]
+    loaded = {info[1].decode(): (info, client.getDynamicsInfo(robot, info[0])) for info in infos}
+    for joint in range(1, model.njoints):
+        name, inertia, at = model.names[joint], model.inertias[joint], model.idx_qs[joint]
+        info, dynamics = loaded[name]
+        place = model.jointPlacements[joint].translation - model.inertias[model.parents[joint]].lever
+        limits = model.lowerPositionLimit[at], model.upperPositionLimit[at]
+        for what, value, expected in (
+            ("mass", dynamics[:1], [inertia.mass]),
+            ("principal moments of inertia", sorted(dynamics[2]), np.linalg.eigvalsh(inertia.inertia)),
+            ("centre of mass", dynamics[3], inertia.lever),
+            ("position", info[14], place),
+            ("limits", info[8:10], limits),
+        ):
             if not np.allclose(value, expected, RELATIVE, ABSOLUTE):
                 raise RobotError(
-                    f"PyBullet: {what} at {name} is {value.tolist()}, in the URDF {expected.tolist()}. "
+                    f"PyBullet: {what} at {name} is {list(value)}, in the URDF {np.array(expected).tolist()}. "
                     'If the locale has a decimal comma: locale.setlocale(locale.LC_NUMERIC, "C")'
                 )
-
-
-def _joint(model: pinocchio.Model, name: str) -> dict[str, Array]:
-    """What is known of a joint and of the link behind it; its position is from the centre of mass of the link before.
-
-    Behind a joint that does not move there is a link without mass.
-    """
-    frame = model.frames[model.getFrameId(name)]
-    parent, place, inertia, limits = frame.parentJoint, frame.placement, pinocchio.Inertia.Zero(), FIXED
-    if model.existJointName(name):
-        joint = model.getJointId(name)
-        parent, place, inertia = model.parents[joint], model.jointPlacements[joint], model.inertias[joint]
-        at = model.idx_qs[joint]
-        limits = model.lowerPositionLimit[at], model.upperPositionLimit[at]
-    return {
-        "mass": np.array([inertia.mass]),
-        "principal moments of inertia": np.linalg.eigvalsh(inertia.inertia),
-        "centre of mass": inertia.lever,
-        "position": place.translation - model.inertias[parent].lever,
-        "limits": np.array(limits),
-    }

@@ -27,11 +27,6 @@ SLIP_DISTANCE = 0.005  # m
 STALL_TICKS = 500  # since the last touchdown; a step of any gait takes a tenth of that
 
 
-def unchanged(state: RobotState) -> RobotState:
-    """No state estimator: the controller gets what is measured."""
-    return state
-
-
 class Outcome(Enum):
     """How an episode stands or ended."""
 
@@ -76,7 +71,7 @@ class Simulation:
     """
 
     def __init__(
-        self, parameters: SimulationParameters, gait: Gaits, estimate: Callable[[RobotState], RobotState] = unchanged
+        self, parameters: SimulationParameters, gait: Gaits, estimate: Callable[[RobotState], RobotState] | None = None
     ) -> None:
         """`estimate`: a state estimator that sees every state in turn, between sensors and controller.
 
@@ -122,7 +117,7 @@ class Simulation:
     @property
     def is_exact(self) -> bool:
         """Whether a state of this episode is the truth: no sensor changes it, and nothing is estimated."""
-        return not self._sensors and self._estimate is unchanged
+        return not self._sensors and self._estimate is None
 
     @property
     def is_pushed(self) -> bool:
@@ -238,7 +233,7 @@ class Simulation:
         if hip < self.parameters.fall_height or abs(q[2]) > self.parameters.fall_pitch:
             return Outcome.GAP_FALL if self._fell_into_gap else Outcome.FALL
         self._airborne_ticks = 0 if any(reading.contact.tolist()) else self._airborne_ticks + 1
-        flies = self._airborne_ticks > 0 and self._airborne_ticks >= self._flight_ticks()
+        flies = self._airborne_ticks > 0 and self._airborne_ticks >= flight_ticks(self.parameters, self._dropped())
         if flies and not self._fell_into_gap:
             return Outcome.FLIGHT
         travel = abs(reading.foot_position[self._stance, 0] - self._stance_x)
@@ -247,10 +242,6 @@ class Simulation:
         if self._tick - self._step_began >= STALL_TICKS:
             return Outcome.STALL
         return Outcome.RUNNING
-
-    def _flight_ticks(self) -> int:
-        """Longer on a stone that gave way, by the fall onto it."""
-        return flight_ticks(self.parameters) + ceil(sqrt(2 * self._dropped() / GRAVITY) / TICK_SECONDS)
 
     def _dropped(self) -> float:
         """By how much the stone underfoot has given way, m."""
@@ -282,14 +273,17 @@ class Simulation:
             applied=self._applied,
             sensors=measured.body,
         )
-        return state if self.outcome is Outcome.DIVERGED else self._estimate(state)
+        if self._estimate is None or self.outcome is Outcome.DIVERGED:
+            return state
+        return self._estimate(state)
 
 
-def flight_ticks(parameters: SimulationParameters) -> int:
+def flight_ticks(parameters: SimulationParameters, dropped: float = 0.0) -> int:
     """Without a foot on the ground, so many are a flight: five, or half a period of the robot on its ground.
 
     Ground of stiffness k that has carried nearly three times the weight of the mass m throws it back for 0.55 of a
-    period 2 pi sqrt(m / k); it comes down again.
+    period 2 pi sqrt(m / k); it comes down again. On a stone that has `dropped`, m, longer by the fall onto it.
     """
     half_period = pi * sqrt(true_mass(parameters) / parameters.ground_stiffness)
-    return max(FLIGHT_TICKS, ceil(half_period / TICK_SECONDS))
+    fall = sqrt(2 * dropped / GRAVITY)
+    return max(FLIGHT_TICKS, ceil(half_period / TICK_SECONDS)) + ceil(fall / TICK_SECONDS)

@@ -15,8 +15,7 @@ from rabbit_sim.node_parameters import NodeParameters
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.real_time import Source, StandIn
 from rabbit_sim.restart_file import RestartFile
-from rabbit_sim.ros.controller_admission import ControllerAdmission
-from rabbit_sim.ros.live_controllers import REPEAT_SECONDS, Wait
+from rabbit_sim.ros.live_controllers import REPEAT_SECONDS, ControllerAdmission, Wait
 from rabbit_sim.ros.publishers import SimulatorPublishers, episode_of, of_our_robot, restart_point
 from rabbit_sim.ros.tick_clock import TickClock
 from rabbit_sim.simulation import Simulation
