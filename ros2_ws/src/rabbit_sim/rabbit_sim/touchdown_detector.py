@@ -34,7 +34,8 @@ class TouchdownDetector:
         """Forget the last tick's touches; `feet` are where they are now."""
         self.touches = []
         for leg in LEGS:
-            self.clear[leg] = self.clear[leg] or self._height(feet[leg]) > CLEAR_HEIGHT
+            x, z = feet[leg]
+            self.clear[leg] = self.clear[leg] or z - self.ground.level(x) > CLEAR_HEIGHT
         self._see(feet)
 
     def substep(self, forces: Sequence[Sequence[float]]) -> None:
@@ -71,10 +72,6 @@ class TouchdownDetector:
         self._last = feet
         height = min(feet[leg][1] - self.ground.highest if self.clear[leg] else inf for leg in LEGS)
         self._unseen = max(ceil(height / FASTEST_FALL) - 1, 1) if height < inf else inf
-
-    def _height(self, foot: Point) -> float:
-        """Above the stone, or the gap's mouth, below it, m."""
-        return foot[1] - self.ground.level(foot[0])
 
     def _touch(self, touch: Touch) -> None:
         self.touches.append(touch)
