@@ -94,7 +94,7 @@ def walk(assembly: Assembly, seed: int, watch: StopWatch, with_floors: bool = Fa
     """A walk from fresh parts; returns its ticks."""
     simulation, controller = assembly.build()
     layers = actor_layers(controller.policy) if with_floors else []
-    steps = bare_steps(simulation._plant) if with_floors else None
+    steps = bare_steps(simulation.plant) if with_floors else None
 
     def observe(record: Record) -> None:
         for weights, given in layers:

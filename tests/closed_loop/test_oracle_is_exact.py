@@ -9,12 +9,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from pinned_motion import accelerations
 from rabbit_description.state import Array, RobotState
 from rabbit_experiments.assembly import Assembly
 from rabbit_experiments.evaluation import episode
 from rabbit_sim.kinematics import RabbitFeet
 from rabbit_sim.parameters import SimulationParameters
-from rabbit_sim.perturbations.joint_damping import JointDamping
+from rabbit_sim.perturbations.joints import JointDamping
 from rabbit_sim.pinned_dynamics import PinnedDynamics
 from rabbit_sim.robot_urdf import perturbed_urdf
 from rl_cbf_clf_controller.controller_output import ControllerOutput
@@ -46,7 +47,7 @@ class Truth:
         self._share = (1 - plant.motor_loss) * np.array(gains)
 
     def acceleration_and_force(self, q: Array, dq: Array, output: ControllerOutput) -> tuple[Array, Array]:
-        return self._dynamics.accelerations(q, dq, self._share * output.torque, output.stance)
+        return accelerations(self._dynamics, q, dq, self._share * output.torque, output.stance)
 
     def after(self, state: RobotState, output: ControllerOutput, h: float) -> RobotState:
         """The state `h` seconds later, by one Runge-Kutta step."""

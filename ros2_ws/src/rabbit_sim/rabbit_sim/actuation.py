@@ -19,12 +19,8 @@ class Actuation:
         self._stages = [kind.of_all(parameters) for kind in kinds if any(map(kind.is_in_force, parameters))]
         self.states = {type(stage): np.zeros((len(parameters), stage.memory(), 4)) for stage in self._stages}
 
-    def reset(self) -> None:
-        """Motors at rest, no command on its way."""
-        self.rest(slice(None))
-
-    def rest(self, robot: int | slice) -> None:
-        """Those of one robot come to rest, no command on its way."""
+    def rest(self, robot: int | slice = slice(None)) -> None:
+        """Those of one robot, or all, come to rest, no command on its way."""
         for state in self.states.values():
             state[robot] = 0.0
 

@@ -158,7 +158,7 @@ class BatchSimulation:
         self.true_force[i] = simulation.reading.foot_force
         self._stance[i], self._stance_x[i] = simulation._stance, simulation._stance_x
         self._step_began[i] = simulation._step_began
-        self._is_crossing[i] = plant_of(simulation).is_crossing
+        self._is_crossing[i] = any(plant_of(simulation).watch.crossings)
         tops = [span.top for span in simulation._terrain.present]
         self._lowest[i], self._highest[i] = min(0.0, *tops), max(0.0, *tops)
 
@@ -191,7 +191,7 @@ class BatchSimulation:
         self._models = [plants[i].model for i in self._numbers]
         self._pushed = [row for row, i in enumerate(self._numbers) if self.simulations[i].is_pushed]
         for i, plant in enumerate(plants):
-            plant.watch_with(self._is_clear[i])
+            plant.watch.clear = self._is_clear[i]
         if self._models:
             model = self._models[0]
             self._applied = int(JOINT_TORQUES | PUSHES if self._pushed else JOINT_TORQUES)

@@ -25,7 +25,7 @@ Forces = list[list[float]]  # on each foot in a substep, rows left, right; colum
 
 
 class EnginePlant(ABC):
-    """RABBIT on stones that are boxes. See `Plant` for the methods."""
+    """RABBIT on stones that are boxes; see `Plant` for the methods. `watch` finds which feet come down."""
 
     def __init__(self, parameters: SimulationParameters) -> None:
         self._parameters, self._perturbations = parameters, parameters.in_force()
@@ -50,32 +50,23 @@ class EnginePlant(ABC):
         self._make_world(q, dq)
         self._states: JointStates | None = None
         self._path: list[list[float]] = []
-        self._actuation.reset()
+        self._actuation.rest()
         for each in self._transmissions:
             each.reset(q[3:], dq[3:])
         self._push, self._push_in_tick = np.zeros(0), np.zeros(SUBSTEPS)
         self._force = np.zeros((2, 2))
         self._contact = np.array([stance is Leg.LEFT, stance is Leg.RIGHT])
-        self._watch = TouchdownDetector(self._locate_feet)
+        self.watch = TouchdownDetector(self._locate_feet)
         self._feet = self._locate_feet()
 
     def set_stones(self, spans: Sequence[Span]) -> None:
         """See `Plant`."""
         self._place(spans)
-        self._watch.ground = Ground(spans)
+        self.watch.ground = Ground(spans)
 
     def advance(self, command: Array) -> None:
         """One tick under `command` (4,), N m."""
         self._take_in(self._walked(self._actuation.advance(command), self.next_pushes()))
-
-    def watch_with(self, clear: Array) -> None:
-        """Keep which feet are clear (2,) in this array; see `TouchdownDetector`."""
-        self._watch.clear = clear
-
-    @property
-    def is_crossing(self) -> bool:
-        """Whether a foot has just gone below the ground over a gap."""
-        return any(self._watch.crossings)
 
     def next_pushes(self) -> list[float]:
         """On the torso in the next tick's substeps, N."""
@@ -107,15 +98,15 @@ class EnginePlant(ABC):
 
     def _take_in(self, substeps: Iterator[Forces]) -> None:
         """What a tick's substeps leave behind."""
-        self._watch.begin_tick(self._feet)
+        self.watch.begin_tick(self._feet)
         left_x = left_z = right_x = right_z = 0.0
         self._path = []
         left, right = False, False  # in contact at any moment: a foot may bounce within the tick
-        for forces in substeps:
+        for forces in substeps:  # of so few numbers plain Python is three times as fast
             (x, z), (other_x, other_z) = forces
             left_x, left_z, right_x, right_z = left_x + x, left_z + z, right_x + other_x, right_z + other_z
             left, right = left or z > CONTACT_FORCE, right or other_z > CONTACT_FORCE
-            self._watch.substep(forces)
+            self.watch.substep(forces)
             if self._keeps_path:
                 q, dq = self._now()
                 self._path.append([*q, *dq])
@@ -134,7 +125,7 @@ class EnginePlant(ABC):
     def observe(self) -> PlantReading:
         """The truth after the last tick."""
         q, dq = self._now()
-        feet, touches = np.array(self._feet), tuple(self._watch.touches)
+        feet, touches = np.array(self._feet), tuple(self.watch.touches)
         path = np.array(self._path) if self._path else None
         return PlantReading(np.array(q), np.array(dq), self._force, feet, self._contact, touches, path)
 

@@ -57,11 +57,3 @@ class RabbitFeet:
         jacobian[:, 2] = jacobian[:, hip] = whole
         jacobian[:, hip + 1] = shin[1], -shin[0]
         return jacobian
-
-    def drift(self, q: Array, dq: Array, leg: Leg) -> Array:
-        """dJ/dt dq: the foot's acceleration (x, z) at constant joint rates, shape (2,), m/s^2."""
-        pitch, hip, knee = float(q[2]), float(q[3 + 2 * leg]), float(q[4 + 2 * leg])
-        rate = float(dq[2] + dq[3 + 2 * leg])
-        upper, lower = rate**2, (rate + float(dq[4 + 2 * leg])) ** 2
-        thigh, shin = _link(pitch + hip, self._bend), _link(pitch + hip + knee, self._bend)
-        return np.array([-upper * thigh[0] - lower * shin[0], -upper * thigh[1] - lower * shin[1]])

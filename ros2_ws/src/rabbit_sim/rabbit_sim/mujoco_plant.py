@@ -40,33 +40,28 @@ FEET = ("left_foot", "right_foot")
 
 
 class MujocoPlant(EnginePlant):
-    """RABBIT in a model that is compiled once; the stones are moved and resized."""
+    """RABBIT in a `model` that is compiled once; the stones are moved and resized."""
 
     def __init__(self, parameters: SimulationParameters) -> None:
         super().__init__(parameters)
-        self._model = mujoco.MjModel.from_xml_string(robot_mjcf(self._robot_urdf, parameters.ground_friction))
+        self.model = mujoco.MjModel.from_xml_string(robot_mjcf(self._robot_urdf, parameters.ground_friction))
         for each in self._perturbations:
-            each.in_mujoco(self._model)
-        self._model.opt.gravity[::2] = gravity(parameters.slope)
-        self._data = mujoco.MjData(self._model)
-        names = [self._model.geom(i).name for i in range(self._model.ngeom)]
+            each.in_mujoco(self.model)
+        self.model.opt.gravity[::2] = gravity(parameters.slope)
+        self._data = mujoco.MjData(self.model)
+        names = [self.model.geom(i).name for i in range(self.model.ngeom)]
         self._torque, self._pressing = self._data.qfrc_applied[3:7], self._data.sensordata  # views
-        self._torso_force = self._data.xfrc_applied[self._model.body("torso").id]
+        self._torso_force = self._data.xfrc_applied[self.model.body("torso").id]
         for foot in map(names.index, FEET):
-            inverse_mass = self._model.body_invweight0[self._model.geom_bodyid[foot], 0]
+            inverse_mass = self.model.body_invweight0[self.model.geom_bodyid[foot], 0]
             k, b = parameters.ground_stiffness * inverse_mass, parameters.ground_damping * inverse_mass
             b = min(b, 1 / SUBSTEP_SECONDS)
-            self._model.geom_solref[foot] = -k / 2, -b / 2  # MuJoCo divides by the impedance
-            self._model.geom_solimp[foot] = IMPEDANCE
+            self.model.geom_solref[foot] = -k / 2, -b / 2  # MuJoCo divides by the impedance
+            self.model.geom_solimp[foot] = IMPEDANCE
         stones = slice(names.index("stone_0"), names.index("stone_0") + KEPT_STONES)
-        self._stone_sizes, self._stone_boxes = self._model.geom_size[stones], self._model.geom_aabb[stones, 3:]  # views
-        self._stone_reaches, first = self._model.geom_rbound[stones], self._model.geom_bodyid[stones.start]
-        self._stone_places = self._model.body_pos[first : first + KEPT_STONES]
-
-    @property
-    def model(self) -> mujoco.MjModel:
-        """For who steps it elsewhere: robot, ground, and the stones where they are."""
-        return self._model
+        self._stone_sizes, self._stone_boxes = self.model.geom_size[stones], self.model.geom_aabb[stones, 3:]  # views
+        self._stone_reaches, first = self.model.geom_rbound[stones], self.model.geom_bodyid[stones.start]
+        self._stone_places = self.model.body_pos[first : first + KEPT_STONES]
 
     def advance(self, command: Array) -> None:
         """Each tick's contacts are solved from nothing, as `mujoco.rollout` does it for a batch of robots."""
@@ -74,7 +69,7 @@ class MujocoPlant(EnginePlant):
         super().advance(command)
 
     def _make_world(self, q: Array, dq: Array) -> None:
-        mujoco.mj_resetData(self._model, self._data)
+        mujoco.mj_resetData(self.model, self._data)
         self._data.qpos[:7], self._data.qvel[:7] = q, dq
         for name, (angle, rate) in self._attached_at(q, dq).items():
             self._data.joint(name).qpos[:], self._data.joint(name).qvel[:] = angle, rate
@@ -92,7 +87,7 @@ class MujocoPlant(EnginePlant):
     def _substep(self, torque: Array, push: float = 0.0) -> None:
         self._torque[:] = torque
         self._torso_force[0] = push
-        mujoco.mj_step(self._model, self._data)
+        mujoco.mj_step(self.model, self._data)
 
     def _joint_states(self) -> JointStates:
         return self._data.qpos[:7].tolist(), self._data.qvel[:7].tolist()

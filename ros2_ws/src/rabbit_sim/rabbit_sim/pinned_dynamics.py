@@ -5,8 +5,8 @@ At impact of the other foot:  M (dq+ - dq-) = J' L,       J dq+ = 0
 
 M mass matrix, h bias forces, B tau joint torques on the coordinates after the base's three, J Jacobian (2, n) of the
 pinned foot, F its ground force, L its impulse (both x, z). Inelastic impact, no slip, the old stance foot free at once
-(Grizzle, Abba, Plestan 2001). In stance the robot is a tree that grows from its foot (`pinned_chain.py`), which knows
-no F; the first two rows of M ddq + h, those of the base's slides, are F.
+(Grizzle, Abba, Plestan 2001). In stance the robot is a tree that grows from its foot (`PinnedChain`), which knows no F;
+the first two rows of M ddq + h, those of the base's slides, are F.
 """
 
 from collections.abc import Callable, Sequence
@@ -18,12 +18,14 @@ from rabbit_description.planar_urdf import BASE, UrdfError
 from rabbit_description.state import Array, Leg
 
 from rabbit_sim.perturbation import JointTorque
-from rabbit_sim.pinned_chain import SLIDES, PinnedChain
 from rabbit_sim.plant import gravity
 
 PLANE = [0, 2]  # x and z of a spatial vector
 OUT_OF_PLANE = [1, 3, 5]  # y, and the turns about x and z
 BASE_COORDINATES = len(BASE)
+BASE_JOINT = len(BASE)  # pinocchio's number of the base's pitch
+SLIDES = 2
+PITCH = "JointModelRY"
 
 
 class Feet(Protocol):
@@ -39,9 +41,6 @@ class Feet(Protocol):
 
     def jacobian(self, q: Array, leg: Leg) -> Array:
         """Foot velocity over `dq`, shape (2, n)."""
-
-    def drift(self, q: Array, dq: Array, leg: Leg) -> Array:
-        """dJ/dt dq: the foot's acceleration at constant rates, shape (2,), m/s^2."""
 
 
 class UrdfFeet:
@@ -74,14 +73,6 @@ class UrdfFeet:
         """Foot velocity over `dq`, shape (2, n)."""
         world = pinocchio.LOCAL_WORLD_ALIGNED
         return pinocchio.computeFrameJacobian(self._model, self._data, q, self._frames[leg], world)[PLANE]
-
-    def drift(self, q: Array, dq: Array, leg: Leg) -> Array:
-        """dJ/dt dq, shape (2,), m/s^2."""
-        pinocchio.forwardKinematics(self._model, self._data, q, dq, np.zeros_like(dq))
-        world = pinocchio.LOCAL_WORLD_ALIGNED
-        motion = pinocchio.getFrameClassicalAcceleration(self._model, self._data, self._frames[leg], world)
-        drift: Array = motion.linear[PLANE]
-        return drift
 
 
 def standing(feet: Feet, q: Array, dq: Array, leg: Leg) -> tuple[Array, Array]:
@@ -116,53 +107,104 @@ class PinnedDynamics:
 
     `beside`: torques (n - 3,), N m, of q and dq (n,), that act beside the motors' in each joint, such as damping.
     `slope`: rise of the ground, in whose frame all is, degrees. `weight` (2,): what the ground carries at rest, N.
-    `chains`: the robot grown from its left and from its right foot.
+    `chains`: the robot grown from its left and from its right foot; `model`, `data`: pinocchio's of the whole robot.
     """
 
     def __init__(self, urdf: str, feet: Feet, beside: Sequence[JointTorque] = (), slope: float = 0.0) -> None:
         self.feet = feet
-        self._model = planar_model(urdf)
-        self._model.gravity.linear[PLANE] = gravity(slope)
-        self._data = self._model.createData()
+        self.model = planar_model(urdf)
+        self.model.gravity.linear[PLANE] = gravity(slope)
+        self.data = self.model.createData()
         self._beside = beside
-        self.coordinates: int = self._model.nv
+        self.coordinates: int = self.model.nv
         self.inputs = self.coordinates - BASE_COORDINATES
-        self.chains = [PinnedChain(self._model, self._model.getFrameId(link)) for link in feet.links]
-        self.weight = pinocchio.computeTotalMass(self._model) * -np.array(gravity(slope))
-
-    def accelerations(self, q: Array, dq: Array, torque: Array, stance: Leg) -> tuple[Array, Array]:
-        """`ddq` (n,) and the ground force (2,) on the stance foot, x and z, N, under joint torques (n - 3,), N m."""
-        chain = self.chains[stance]
-        forces = chain.forces(self._at_joints(torque, q, dq))
-        ddq = np.zeros(self.coordinates)
-        ddq[SLIDES:] = chain.out @ chain.acceleration(chain.into @ q[SLIDES:], chain.into @ dq[SLIDES:], forces)
-        ddq[:SLIDES] = -self.feet.jacobian(q, stance) @ ddq - self.feet.drift(q, dq, stance)
-        return ddq, pinocchio.rnea(self._model, self._data, q, dq, ddq)[:SLIDES]
+        self.chains = [PinnedChain(self.model, self.model.getFrameId(link)) for link in feet.links]
+        self.weight = pinocchio.computeTotalMass(self.model) * -np.array(gravity(slope))
 
     def in_chain(self, stance: Leg, torque: Array) -> Callable[[Array, Array], Array]:
         """z-ddot of the stance foot's chain as a function of z and z-dot, under joint torques (n - 3,), N m."""
         chain = self.chains[stance]
         if not self._beside:
-            return chain.acceleration_under(chain.forces(torque))
+            forces = chain.forces(torque)
+            return lambda z, dz: chain.acceleration(z, dz, forces)
         q, dq = np.zeros((2, self.coordinates))
 
         def acceleration(z: Array, dz: Array) -> Array:
             q[SLIDES:], dq[SLIDES:] = chain.out @ z, chain.out @ dz
-            return chain.acceleration(z, dz, chain.forces(self._at_joints(torque, q, dq)))
+            at_joints = sum((each(q, dq) for each in self._beside), torque)
+            return chain.acceleration(z, dz, chain.forces(at_joints))
 
         return acceleration
 
-    def _at_joints(self, torque: Array, q: Array, dq: Array) -> Array:
-        return sum((each(q, dq) for each in self._beside), torque)
-
     def momentum(self, q: Array, dq: Array) -> Array:
         """Linear, x and z, N s."""
-        momentum: Array = pinocchio.computeCentroidalMomentum(self._model, self._data, q, dq).linear[PLANE]
+        momentum: Array = pinocchio.computeCentroidalMomentum(self.model, self.data, q, dq).linear[PLANE]
         return momentum
 
     def impact(self, q: Array, dq: Array, landing: Leg) -> tuple[Array, Array]:
         """`dq` (n,) after the foot `landing` has come to rest, and the impulse (2,) on it, x and z, N s."""
-        n, mass, jacobian = self.coordinates, pinocchio.crba(self._model, self._data, q), self.feet.jacobian(q, landing)
+        n, mass, jacobian = self.coordinates, pinocchio.crba(self.model, self.data, q), self.feet.jacobian(q, landing)
         system = np.block([[mass, jacobian.T], [jacobian, np.zeros((2, 2))]])  # the second unknown is minus the impulse
         solution = np.linalg.solve(system, np.append(mass @ dq, [0.0, 0.0]))
         return solution[:n], -solution[n:]
+
+
+class PinnedChain:
+    """A planar `model` as a tree that grows from its pinned frame `foot` (its number): no base, slides or constraint.
+
+    Its k = n - 2 coordinates z are the absolute angle of the pinned foot's link, then the joints from that foot to the
+    base, passed backwards and so with the other sign, then all other joints: z = C q_r, where q_r is q without the
+    base's two slides. `into` (k, k) is C, `out` its inverse.
+
+    Raises:
+        UrdfError: the base's slides carry a mass.
+    """
+
+    def __init__(self, model: pinocchio.Model, foot: int) -> None:
+        if any(model.inertias[joint].mass for joint in range(1, BASE_JOINT)):
+            raise UrdfError(f"URDF {model.name}: expected massless slides {', '.join(BASE[:SLIDES])}")
+        self._model, self.into = _grown_from(model, foot)
+        self._data = self._model.createData()
+        self.out: Array = np.linalg.inv(self.into)
+        self._drives: Array = self.out[1:].copy()  # power is the same: from torques (k - 1,) on q_r to forces on z
+
+    def forces(self, torques: Array) -> Array:
+        """Generalised forces on z (k,) of joint torques (k - 1,), N m."""
+        forces: Array = torques.dot(self._drives)
+        return forces
+
+    def acceleration(self, z: Array, dz: Array, forces: Array) -> Array:
+        """z-ddot (k,)."""
+        ddz: Array = pinocchio.aba(self._model, self._data, z, dz, forces)
+        return ddz
+
+
+def _grown_from(model: pinocchio.Model, foot: int) -> tuple[pinocchio.Model, Array]:
+    """The tree, and C."""
+    coordinates = model.nq - SLIDES
+    tree, into = pinocchio.Model(), np.zeros((coordinates, coordinates))
+    tree.gravity = model.gravity
+    data = model.createData()
+    pinocchio.framesForwardKinematics(model, data, np.zeros(model.nq))
+    upright = pinocchio.SE3(data.oMf[foot].rotation, np.zeros(3))
+    carrier = model.frames[foot].parentJoint
+    way = [joint for joint in model.supports[carrier] if joint > BASE_JOINT][::-1]
+
+    root = tree.addJoint(0, pinocchio.JointModelRY(), pinocchio.SE3.Identity(), "foot")
+    turning = [joint for joint in [BASE_JOINT, *way] if model.joints[joint].shortname() == PITCH]
+    into[0, [model.joints[joint].idx_q - SLIDES for joint in turning]] = 1.0
+    bodies = {carrier: (root, upright * model.frames[foot].placement.inverse())}  # by the model's joint: joint, place
+    for joint in way:
+        parent, place = bodies[joint]
+        moved = tree.addJoint(parent, model.joints[joint], place, model.names[joint])
+        bodies[model.parents[joint]] = moved, model.jointPlacements[joint].inverse()
+        into[moved - 1, model.joints[joint].idx_q - SLIDES] = -1.0
+    for joint in range(BASE_JOINT + 1, model.njoints):
+        if joint not in bodies:
+            parent, place = bodies[model.parents[joint]]
+            moved = tree.addJoint(parent, model.joints[joint], place * model.jointPlacements[joint], model.names[joint])
+            bodies[joint] = moved, pinocchio.SE3.Identity()
+            into[moved - 1, model.joints[joint].idx_q - SLIDES] = 1.0
+    for joint, (moved, place) in bodies.items():
+        tree.appendBodyToJoint(moved, model.inertias[joint], place)
+    return tree, into

@@ -12,8 +12,7 @@ import numpy as np
 from rabbit_description.state import TICK_SECONDS, Array, Leg
 from scipy.optimize import brentq
 
-from rabbit_sim.pinned_chain import SLIDES
-from rabbit_sim.pinned_dynamics import PinnedDynamics
+from rabbit_sim.pinned_dynamics import SLIDES, PinnedDynamics
 from rabbit_sim.plant import CLEAR_HEIGHT, SUBSTEP_SECONDS, SUBSTEPS, PlantReading, Touch
 
 EVENT_TOLERANCE = 1e-13  # s
@@ -37,7 +36,6 @@ class PlanarPlant:
     Args:
         dynamics: of the true robot, with n coordinates and n - 3 joint torques.
         may_land: the guard.
-        clear_height: a foot that has been higher since its last contact, where the guard allows a landing, is clear.
         torque_limit: saturation of each joint, N m.
         keeps_path: whether readings have the states within the tick.
     """
@@ -46,13 +44,10 @@ class PlanarPlant:
         self,
         dynamics: PinnedDynamics,
         may_land: Guard = anywhere,
-        clear_height: float = CLEAR_HEIGHT,
         torque_limit: float = np.inf,
         keeps_path: bool = False,
     ) -> None:
-        self._dynamics, self._may_land, self._clear_height = dynamics, may_land, clear_height
-        self._limit = torque_limit
-        self._keeps_path = keeps_path
+        self._dynamics, self._may_land, self._limit, self._keeps_path = dynamics, may_land, torque_limit, keeps_path
 
     def close(self) -> None:
         """Nothing to give back."""
@@ -113,7 +108,7 @@ class PlanarPlant:
             self._accept(self._integrate(torque, duration - until), duration - until)
         else:
             self._accept(motion, duration)
-            self._clear = self._clear or (height > self._clear_height and self._lands(motion))
+            self._clear = self._clear or (height > CLEAR_HEIGHT and self._lands(motion))
 
     def _integrate(self, torque: Array, h: float) -> Array:
         """The motion `h` s on from the present one."""

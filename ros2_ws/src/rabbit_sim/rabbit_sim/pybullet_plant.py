@@ -35,7 +35,12 @@ class PybulletPlant(EnginePlant):
 
     def _make_world(self, q: Array, dq: Array) -> None:
         self._client.resetSimulation()
-        self._configure_engine()
+        along, normal = gravity(self._parameters.slope)
+        self._client.setGravity(along, 0, normal)
+        self._client.setTimeStep(SUBSTEP_SECONDS)
+        self._client.setPhysicsEngineParameter(
+            numSolverIterations=SOLVER_ITERATIONS, numSubSteps=0, erp=ERP, contactERP=ERP, enableFileCaching=0
+        )
         attached = self._attached_at(q, dq)
         index = self._load_robot(attached)
         for joint, position, velocity in zip(self._joints, q.tolist(), dq.tolist(), strict=True):
@@ -43,14 +48,6 @@ class PybulletPlant(EnginePlant):
         for name, state in attached.items():
             self._client.resetJointState(self._robot, index[name], *state)
         self._stones: dict[Span, int] = {}
-
-    def _configure_engine(self) -> None:
-        along, normal = gravity(self._parameters.slope)
-        self._client.setGravity(along, 0, normal)
-        self._client.setTimeStep(SUBSTEP_SECONDS)
-        self._client.setPhysicsEngineParameter(
-            numSolverIterations=SOLVER_ITERATIONS, numSubSteps=0, erp=ERP, contactERP=ERP, enableFileCaching=0
-        )
 
     def _load_robot(self, attached: Collection[str]) -> dict[str, int]:
         """Returns PyBullet's number of each joint by name; those in `attached` have no motor."""

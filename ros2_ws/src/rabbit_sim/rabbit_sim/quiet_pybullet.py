@@ -2,30 +2,20 @@
 
 import os
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from functools import partial
 from typing import Any
 
-STDERR = 2
+STDERR = 2  # of the process, where C code writes
 
-
-@contextmanager
-def _silenced_stderr() -> Iterator[None]:
-    """What C code writes to stderr goes nowhere."""
-    sys.stderr.flush()
-    kept, sink = os.dup(STDERR), os.open(os.devnull, os.O_WRONLY)
-    os.dup2(sink, STDERR)
-    try:
-        yield
-    finally:
-        os.dup2(kept, STDERR)
-        os.close(kept)
-        os.close(sink)
-
-
-with _silenced_stderr():
+sys.stderr.flush()
+_kept, _nowhere = os.dup(STDERR), os.open(os.devnull, os.O_WRONLY)
+os.dup2(_nowhere, STDERR)
+try:
     import pybullet
+finally:
+    os.dup2(_kept, STDERR)
+    os.close(_kept)
+    os.close(_nowhere)
 
 __all__ = ["PhysicsClient", "pybullet"]
 

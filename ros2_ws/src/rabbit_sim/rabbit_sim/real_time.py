@@ -10,7 +10,7 @@ So a controller that dies after its answer to tick k is held for over ticks k + 
 """
 
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import IntEnum
 
 from rabbit_description.state import Array
@@ -85,9 +85,7 @@ class Punctuality:
     late: int = 0
     missed: int = 0
     worst: float = 0.0
-
-    def __post_init__(self) -> None:
-        self._newest: deque[bool] = deque(maxlen=WINDOW)
+    _newest: deque[bool] = field(default_factory=lambda: deque(maxlen=WINDOW))
 
     def add(self, late_by: float, source: Source) -> None:
         """A tick was simulated `late_by` s after it was due."""

@@ -29,7 +29,7 @@ class RigidPlant(PlanarPlant):
 
     def reset(self, q: Array, dq: Array, stance: Leg) -> None:
         """`q`, `dq` (7,) must have the stance foot at rest; the motors are at rest."""
-        self._actuation.reset()
+        self._actuation.rest()
         super().reset(q, dq, stance)
 
     def set_stones(self, spans: Sequence[Span]) -> None:

@@ -27,11 +27,6 @@ SLIP_DISTANCE = 0.005  # m
 STALL_TICKS = 500  # since the last touchdown; a step of any gait takes a tenth of that
 
 
-def unchanged(state: RobotState) -> RobotState:
-    """No state estimator: the controller gets what is measured."""
-    return state
-
-
 class Outcome(Enum):
     """How an episode stands or ended."""
 
@@ -70,12 +65,13 @@ class Landing:
 class Simulation:
     """One robot on one course at a time.
 
-    `outcome`, `landings`: how the episode stands. `reading`: the truth after the last tick, for judges alone.
+    `outcome`, `landings`: how the episode stands. `plant`: the robot and its ground. `reading`: the truth after the
+    last tick, for judges alone.
     Example: `state = simulation.reset(seed=1)`, then `state = simulation.step(torque)` while `state.running`.
     """
 
     def __init__(
-        self, parameters: SimulationParameters, gait: Gaits, estimate: Callable[[RobotState], RobotState] = unchanged
+        self, parameters: SimulationParameters, gait: Gaits, estimate: Callable[[RobotState], RobotState] | None = None
     ) -> None:
         """`estimate`: a state estimator that sees every state in turn, between sensors and controller.
 
@@ -89,13 +85,13 @@ class Simulation:
         self._file_course = read_course(Path(course), parameters.stones, parameters.stone_width) if course else None
         if parameters.plant == "rigid" and any(stone.height for stone in self._file_course or ()):
             raise CourseError(f"course {course}: a stone with a height, plant rigid: expected pybullet or mujoco")
-        self._plant: Plant = load(PLANTS, parameters.plant)(parameters)
+        self.plant: Plant = load(PLANTS, parameters.plant)(parameters)
         self.outcome = Outcome.IDLE
         self.landings: list[Landing] = []
 
     def close(self) -> None:
         """Give back the plant."""
-        self._plant.close()
+        self.plant.close()
 
     def reset(self, seed: int) -> RobotState:
         """A new episode, the left leg standing. Course, first state and sensor noise have generators of their own.
@@ -106,31 +102,22 @@ class Simulation:
         course = self._file_course or draw_course(self.parameters, course_rng)
         self._terrain = Terrain(self.parameters, course)
         self._seed, self._sensor_rng = seed, sensor_rng
-        self._perturbations, self._sensors, self._forces = (
-            self.parameters.in_force(),
-            list[Sensor](),
-            dict[Perturbation, Force](),
-        )
+        self._sensors, self._forces = list[Sensor](), dict[Perturbation, Force]()
         self._perturb()
         self.outcome, self.landings = Outcome.RUNNING, []
         self._tick = self._touchdowns = self._airborne_ticks = 0
         self._applied = no_torque()
         self._fell_into_gap = False
         q, dq = initial_state(self.parameters, self._gait, start_rng)
-        self._plant.reset(q, dq, Leg.LEFT)
+        self.plant.reset(q, dq, Leg.LEFT)
         self._stand_on(Leg.LEFT, 0.0)
-        self.reading = self._plant.observe()
+        self.reading = self.plant.observe()
         return self._state()
-
-    @property
-    def plant(self) -> Plant:
-        """The robot and its ground."""
-        return self._plant
 
     @property
     def is_exact(self) -> bool:
         """Whether a state of this episode is the truth: no sensor changes it, and nothing is estimated."""
-        return not self._sensors and self._estimate is unchanged
+        return not self._sensors and self._estimate is None
 
     @property
     def is_pushed(self) -> bool:
@@ -155,14 +142,14 @@ class Simulation:
         if self.outcome is not Outcome.RUNNING:
             raise RuntimeError(f"outcome = {self.outcome}: expected a running episode, call reset first")
         self.push_for_tick()
-        self._plant.advance(torque)
+        self.plant.advance(torque)
         return self.conclude(torque)
 
     def conclude(self, torque: Array) -> RobotState:
         """Take in the tick that the plant has walked under `torque`: landings, how the episode stands, measurements."""
         self._applied = torque.copy()
         self._tick += 1
-        self.reading = self._plant.observe()
+        self.reading = self.plant.observe()
         self._count_landings()
         if self.outcome is Outcome.RUNNING:
             self.outcome = self._judge(self.reading)
@@ -170,12 +157,12 @@ class Simulation:
 
     def push(self, force: float, seconds: float) -> None:
         """Push the torso; raises `ValueError` where the plant cannot be pushed."""
-        self._plant.push(force, seconds)
+        self.plant.push(force, seconds)
 
     def push_for_tick(self) -> None:
         """Have the perturbations' forces act on the torso in the next tick."""
         for force in self._forces.values():
-            self._plant.push_for_tick(force(self._tick))
+            self.plant.push_for_tick(force(self._tick))
 
     def change(self, parameters: SimulationParameters) -> None:
         """Go on from the present state with another robot, ground and sensors; the course stays until the reset.
@@ -185,12 +172,13 @@ class Simulation:
         plant: Plant = load(PLANTS, parameters.plant)(parameters)
         plant.reset(self.reading.q, self.reading.dq, self._stance)
         plant.set_stones(self._terrain.present)
-        self._plant.close()
-        self._plant, self.parameters, self._perturbations = plant, parameters, parameters.in_force()
+        self.plant.close()
+        self.plant, self.parameters = plant, parameters
         self._perturb()
 
     def _perturb(self) -> None:
         """Sensors and forces of the perturbations; those that there were already go on."""
+        self._perturbations = self.parameters.in_force()
         known = {type(sensor): sensor for sensor in self._sensors}
         kinds = [kind for each in self._perturbations if (kind := each.sensor())]
         self._sensors = [known.get(kind) or kind(self.parameters, self._sensor_rng) for kind in kinds]
@@ -210,7 +198,7 @@ class Simulation:
         self._preview = self._terrain.place_next(self._touchdowns + 1, x)
         if depth := self._dropped():
             self._terrain.drop(self._touchdowns, depth)
-        self._plant.set_stones(self._terrain.present)
+        self.plant.set_stones(self._terrain.present)
         self._ground = Ground(self._terrain.present)
 
     def _count_landings(self) -> None:
@@ -245,7 +233,7 @@ class Simulation:
         if hip < self.parameters.fall_height or abs(q[2]) > self.parameters.fall_pitch:
             return Outcome.GAP_FALL if self._fell_into_gap else Outcome.FALL
         self._airborne_ticks = 0 if any(reading.contact.tolist()) else self._airborne_ticks + 1
-        flies = self._airborne_ticks > 0 and self._airborne_ticks >= self._flight_ticks()
+        flies = self._airborne_ticks > 0 and self._airborne_ticks >= flight_ticks(self.parameters, self._dropped())
         if flies and not self._fell_into_gap:
             return Outcome.FLIGHT
         travel = abs(reading.foot_position[self._stance, 0] - self._stance_x)
@@ -254,10 +242,6 @@ class Simulation:
         if self._tick - self._step_began >= STALL_TICKS:
             return Outcome.STALL
         return Outcome.RUNNING
-
-    def _flight_ticks(self) -> int:
-        """Longer on a stone that gave way, by the fall onto it."""
-        return flight_ticks(self.parameters) + ceil(sqrt(2 * self._dropped() / GRAVITY) / TICK_SECONDS)
 
     def _dropped(self) -> float:
         """By how much the stone underfoot has given way, m."""
@@ -291,14 +275,17 @@ class Simulation:
             applied=self._applied,
             sensors=measured.body,
         )
-        return state if self.outcome is Outcome.DIVERGED else self._estimate(state)
+        if self._estimate is None or self.outcome is Outcome.DIVERGED:
+            return state
+        return self._estimate(state)
 
 
-def flight_ticks(parameters: SimulationParameters) -> int:
+def flight_ticks(parameters: SimulationParameters, dropped: float = 0.0) -> int:
     """Without a foot on the ground, so many are a flight: five, or half a period of the robot on its ground.
 
     Ground of stiffness k that has carried nearly three times the weight of the mass m throws it back for 0.55 of a
-    period 2 pi sqrt(m / k); it comes down again.
+    period 2 pi sqrt(m / k); it comes down again. On a stone that has `dropped`, m, longer by the fall onto it.
     """
     half_period = pi * sqrt(true_mass(parameters) / parameters.ground_stiffness)
-    return max(FLIGHT_TICKS, ceil(half_period / TICK_SECONDS))
+    fall = sqrt(2 * dropped / GRAVITY)
+    return max(FLIGHT_TICKS, ceil(half_period / TICK_SECONDS)) + ceil(fall / TICK_SECONDS)

@@ -1,6 +1,7 @@
 """Courses of stepping stones: drawn from a distribution, or read from a file."""
 
 import csv
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -68,8 +69,9 @@ def read_course(path: Path, stones: int, width: float) -> list[Stone]:
     """
     rows = _read_rows(path)
     for row in rows:
-        if isinstance(row, dict) and row.get("l_max") in (None, "") and row.get("l_min") not in (None, ""):
-            row["l_max"] = _shifted(row["l_min"], width)
+        if isinstance(row, dict) and row.get("l_max") in (None, ""):
+            with suppress(KeyError, TypeError, ValueError):  # of an l_min that is refused below
+                row["l_max"] = float(row["l_min"]) + width
     try:
         course = TypeAdapter(list[Stone]).validate_python(rows)
     except ValidationError as error:
@@ -99,13 +101,6 @@ def _csv_rows(text: str) -> list[Any]:
     if len(set(names)) < len(names):
         raise csv.Error(f"columns {shortened(names)}: expected each once")
     return list(rows)
-
-
-def _shifted(near: Any, width: float) -> Any:
-    try:
-        return float(near) + width
-    except (TypeError, ValueError):
-        return near
 
 
 def _first_fault(error: ValidationError) -> str:

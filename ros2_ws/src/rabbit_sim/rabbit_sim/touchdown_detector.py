@@ -34,7 +34,8 @@ class TouchdownDetector:
         """Forget the last tick's touches; `feet` are where they are now."""
         self.touches = []
         for leg in LEGS:
-            self.clear[leg] = self.clear[leg] or self._height(feet[leg]) > CLEAR_HEIGHT
+            x, z = feet[leg]
+            self.clear[leg] = self.clear[leg] or z - self.ground.level(x) > CLEAR_HEIGHT
         self._see(feet)
 
     def substep(self, forces: Sequence[Sequence[float]]) -> None:
@@ -44,7 +45,8 @@ class TouchdownDetector:
                 if self.clear[leg]:
                     feet = self._locate()
                     x, z = feet[leg]
-                    self._touch(_touch(leg, feet, hold=z - self.ground.top(x) > -EDGE_DEPTH))
+                    hold = z - self.ground.top(x) > -EDGE_DEPTH
+                    self._touch(Touch(leg, x, feet[leg.other][0], hold))
                 self.clear[leg] = False
         self._unseen -= 1
         if self._unseen <= 0:
@@ -61,7 +63,8 @@ class TouchdownDetector:
             if self.clear[leg] and not self.ground.is_under(x) and z < (mouth := self.ground.mouth(x)):
                 above = self._last[leg][1] - mouth
                 share = above / (above - (z - mouth)) if above > 0 else 0.0
-                self.crossings[leg] = _touch(leg, _between(self._last, feet, share), hold=False)
+                along = [start[0] + share * (end[0] - start[0]) for start, end in zip(self._last, feet, strict=True)]
+                self.crossings[leg] = Touch(leg, along[leg], along[leg.other], hold=False)
         self._see(feet)
 
     def _see(self, feet: Feet) -> None:
@@ -70,25 +73,7 @@ class TouchdownDetector:
         height = min(feet[leg][1] - self.ground.highest if self.clear[leg] else inf for leg in LEGS)
         self._unseen = max(ceil(height / FASTEST_FALL) - 1, 1) if height < inf else inf
 
-    def _height(self, foot: Point) -> float:
-        """Above the stone, or the gap's mouth, below it, m."""
-        return foot[1] - self.ground.level(foot[0])
-
     def _touch(self, touch: Touch) -> None:
         self.touches.append(touch)
         self.clear[touch.leg] = False
         self.crossings[touch.leg] = None
-
-
-def _between(first: Feet, last: Feet, share: float) -> Feet:
-    """Where the feet were after a share of the way."""
-    (left, right), (left_end, right_end) = first, last
-    return _along(left, left_end, share), _along(right, right_end, share)
-
-
-def _along(start: Point, end: Point, share: float) -> Point:
-    return start[0] + share * (end[0] - start[0]), start[1] + share * (end[1] - start[1])
-
-
-def _touch(leg: Leg, feet: Feet, hold: bool) -> Touch:
-    return Touch(leg, feet[leg][0], feet[leg.other][0], hold)

@@ -8,7 +8,7 @@ from rabbit_description.state import Array
 from rabbit_sim.initial_state import initial_state
 from rabbit_sim.kinematics import RabbitFeet
 from rabbit_sim.parameters import SimulationParameters
-from rabbit_sim.perturbations.joint_damping import JointDamping
+from rabbit_sim.perturbations.joints import JointDamping
 from rabbit_sim.pinned_dynamics import PinnedDynamics
 from rabbit_sim.plant import gravity
 from rabbit_sim.robot_urdf import perturbed_urdf, with_attached

@@ -7,7 +7,7 @@ from rabbit_sim.actuation import Actuation
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.perturbation import Measured
 from rabbit_sim.perturbations.gears import GEAR_STIFFNESS, ROTOR_INERTIA, Rotors
-from rabbit_sim.perturbations.joint_damping import JointDamping
+from rabbit_sim.perturbations.joints import JointDamping
 from rabbit_sim.perturbations.motors import MotorLag
 from rabbit_sim.perturbations.sensors import NoisySensors
 from rabbit_sim.plant import SUBSTEP_SECONDS, SUBSTEPS, PlantReading
@@ -64,7 +64,7 @@ def test_delay_shifts_the_command_by_whole_milliseconds(delay_ms):
 def test_reset_brings_the_motors_to_rest():
     motor = motors(torque_delay=0.005, motor_lag=0.004)
     motor.advance(U)
-    motor.reset()
+    motor.rest()
     assert not motor.advance(np.zeros(4)).any()
 
 

@@ -69,7 +69,7 @@ def test_mujoco_accelerates_as_pinocchio_in_free_flight(random_state, truth, cha
     q, dq = random_state(seed)
     with world(MujocoPlant, robot.parameters, q, dq) as plant:
         plant._data.qfrc_applied[3:7] = plant.at_joints(TORQUE)
-        mujoco.mj_forward(plant._model, plant._data)
+        mujoco.mj_forward(plant.model, plant._data)
         measured = plant._data.qacc[:7]
     expected = robot.free_acceleration(q, dq, TORQUE)
     assert np.abs(measured - expected).max() <= 1e-9 * np.abs(expected).max()
@@ -199,8 +199,8 @@ def test_the_robot_on_soft_ground_swings_as_a_block_on_a_spring(engine, damping)
     with world(engine, parameters, column(), np.zeros(7), GROUND) as plant:
         inertia = 64.0
         if engine is MujocoPlant:
-            foot = plant._model.geom("left_foot").bodyid[0]
-            inertia += 2 / plant._model.body_invweight0[foot, 0]
+            foot = plant.model.geom("left_foot").bodyid[0]
+            inertia += 2 / plant.model.body_invweight0[foot, 0]
         heights = [0.0]
         for _ in range(25):
             plant.advance(np.zeros(4))

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from pinned_motion import accelerations
 from rabbit_description.state import TICK_SECONDS, Leg
 from rabbit_sim.kinematics import RabbitFeet
 from rabbit_sim.rigid_plant import RigidPlant
@@ -18,7 +19,7 @@ PRESSING = np.array([-10.0, -25.0, 10.0, -10.0])  # keeps the left foot on the g
 def test_pinned_dynamics_obey_the_equation_of_motion_and_hold_the_foot(random_state, truth, changes, leg, seed):
     robot = truth(**changes)
     q, dq = random_state(seed)
-    ddq, force = robot.pinned().accelerations(q, dq, TORQUE, leg)
+    ddq, force = accelerations(robot.pinned(), q, dq, TORQUE, leg)
     jacobian, h = robot.jacobian(q, leg), 1e-6
     drift = (robot.jacobian(q + h * dq, leg) - robot.jacobian(q - h * dq, leg)) / (2 * h) @ dq
     assert jacobian @ ddq + drift == pytest.approx([0, 0], abs=1e-6)
@@ -30,8 +31,8 @@ def test_pinned_dynamics_obey_the_equation_of_motion_and_hold_the_foot(random_st
 def test_mass_scale_with_scaled_torque_moves_alike_and_scales_the_forces(random_state, truth, scale):
     q, dq = random_state(1)
     nominal, heavy = truth().pinned(), truth(mass_scale=scale).pinned()
-    ddq, force = nominal.accelerations(q, dq, TORQUE, Leg.LEFT)
-    scaled_ddq, scaled_force = heavy.accelerations(q, dq, scale * TORQUE, Leg.LEFT)
+    ddq, force = accelerations(nominal, q, dq, TORQUE, Leg.LEFT)
+    scaled_ddq, scaled_force = accelerations(heavy, q, dq, scale * TORQUE, Leg.LEFT)
     assert scaled_ddq == pytest.approx(ddq, rel=1e-9)
     assert scaled_force == pytest.approx(scale * force, rel=1e-9)
 
@@ -77,7 +78,7 @@ def test_damping_takes_the_energy_that_its_power_says(truth):
     robot = truth(plant="rigid", joint_damping=3.0)
     q, dq = robot.start()
     power = -3.0 * (robot.mass_matrix(q).diagonal()[3:] * dq[3:] ** 2).sum()
-    ddq, _ = robot.pinned().accelerations(q, dq, np.zeros(4), Leg.LEFT)
+    ddq, _ = accelerations(robot.pinned(), q, dq, np.zeros(4), Leg.LEFT)
     h = 1e-6
     rate = (robot.energy(q + h * dq, dq + h * ddq) - robot.energy(q - h * dq, dq - h * ddq)) / (2 * h)
     assert rate == pytest.approx(power, rel=1e-5)
@@ -92,7 +93,7 @@ def test_the_mean_force_is_that_of_the_equation_of_motion(truth, changes):
     plant.reset(q, dq, Leg.LEFT)
     plant.advance(PRESSING)
     reading = plant.observe()
-    ends = [robot.pinned().accelerations(*at, PRESSING, Leg.LEFT)[1] for at in ((q, dq), (reading.q, reading.dq))]
+    ends = [accelerations(robot.pinned(), *at, PRESSING, Leg.LEFT)[1] for at in ((q, dq), (reading.q, reading.dq))]
     size = np.abs(ends).max()
     assert reading.foot_force[Leg.LEFT] == pytest.approx(np.mean(ends, axis=0), abs=0.01 * size)
 

@@ -266,7 +266,7 @@ def test_a_stone_gives_way_under_the_foot_and_the_fall_onto_it_is_no_flight(play
     script = [up([right(0.37)], feet=feet), *[air] * 11]
     states, simulation = play(script, loose_stone=1, loose_depth=0.02)
     assert [stone.top for stone in simulation.stones] == [0.0, -0.02, 0.0]
-    assert [span.top for span in simulation._plant.stones[-1]] == [0.0, -0.02, 0.0]
+    assert [span.top for span in simulation.plant.stones[-1]] == [0.0, -0.02, 0.0]
     assert states[-1].preview.height == 0.0
     assert simulation.outcome is Outcome.RUNNING
     assert play([*script, air], loose_stone=1, loose_depth=0.02)[1].outcome is Outcome.FLIGHT

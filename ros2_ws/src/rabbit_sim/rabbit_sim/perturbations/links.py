@@ -16,11 +16,7 @@ class Links(Perturbation):
     order = 10
 
     mass_scale: Number = setting(
-        1.0,
-        0.1,
-        10,
-        "factor on every true mass and inertia",
-        Control("mass scale", 0.05, low=0.5, high=3, first=True),
+        1.0, 0.1, 10, "factor on every true mass and inertia", Control("mass scale", 0.05, low=0.5, high=3, first=True)
     )
     left_leg_scale: Number = setting(
         1.0, 0.5, 2, "factor on the left leg's masses and inertias", Control("left leg", 0.05)

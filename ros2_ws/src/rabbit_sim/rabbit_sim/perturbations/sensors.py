@@ -12,16 +12,7 @@ from typing import Literal
 import numpy as np
 from rabbit_description.state import TICK_SECONDS, Array, BodySensors, orientation_of
 
-from rabbit_sim.perturbation import (
-    Control,
-    Measured,
-    Number,
-    Parameters,
-    Perturbation,
-    Sensor,
-    WholeSubsteps,
-    setting,
-)
+from rabbit_sim.perturbation import Control, Measured, Number, Parameters, Perturbation, Sensor, WholeSubsteps, setting
 from rabbit_sim.plant import SUBSTEP_SECONDS, SUBSTEPS, PlantReading, gravity
 
 ENCODER_STEP = 2 * pi / 2**14  # rad, of a lab's encoders unless another is given

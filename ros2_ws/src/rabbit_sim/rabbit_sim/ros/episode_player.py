@@ -15,8 +15,7 @@ from rabbit_sim.node_parameters import NodeParameters
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.real_time import Source, StandIn
 from rabbit_sim.restart_file import RestartFile
-from rabbit_sim.ros.controller_admission import ControllerAdmission
-from rabbit_sim.ros.live_controllers import REPEAT_SECONDS, Wait
+from rabbit_sim.ros.live_controllers import REPEAT_SECONDS, ControllerAdmission, Wait
 from rabbit_sim.ros.publishers import SimulatorPublishers, episode_of, of_our_robot, restart_point
 from rabbit_sim.ros.tick_clock import TickClock
 from rabbit_sim.simulation import Simulation
@@ -114,7 +113,7 @@ class EpisodePlayer:
         """Publish where the episode stands."""
         self.episode.phase, self.episode.header = phase, header(self._clock_ticks)
         self._memory.note(restart_point(self.episode, self._clock_ticks))
-        self._topics.episode(self.episode)
+        self._topics.episodes.publish(self.episode)
 
     def give_up(self, reason: str) -> None:
         """The next episode cannot begin: say so once."""

@@ -1,10 +1,13 @@
-"""Who may answer a state, and for how long nobody has.
+"""Who may answer a state, whose answer acts, and for how long nobody has answered.
 
-A killed controller stays in the graph for 20 s, so being there is not enough.
+The torques of one controller act in an episode, so that no two are mixed. A sender is what a controller writes into its
+torques. The empty one is a sender too; two controllers that have it show by two answers to one tick.
 """
 
 import time
 
+from rabbit_common.message_checks import Refused
+from rabbit_msgs.msg import TorqueCommand
 from rclpy.node import Node
 from rclpy.subscription import Subscription
 
@@ -16,6 +19,7 @@ DEAD_SECONDS = 25.0  # after which the graph has forgotten a dead one: who is st
 class LiveControllers:
     """The publishers of torques, but for those that were asked and said nothing: until one speaks, or for 25 s.
 
+    A killed controller stays in the graph for 20 s, so being there is not enough.
     One that comes while a tick waits for another's answer has not been asked from the start: it keeps its chance.
     """
 
@@ -49,6 +53,51 @@ class LiveControllers:
     def _present(self) -> frozenset[bytes]:
         found = self._node.get_publishers_info_by_topic(self._torques.topic_name)
         return frozenset(bytes(each.endpoint_gid) for each in found)
+
+
+class ControllerAdmission:
+    """`controller`: the sender whose torques act, None before the first; `refused`: another of this episode, or empty.
+
+    The controller of the last episode is expected first. Another one is heard only if a tick had to be asked again. It
+    is then admitted, or, in the middle of an episode, ends it: nobody knows which leg it takes for the stance leg.
+    """
+
+    def __init__(self) -> None:
+        self.controller: str | None = None
+        self._last = TorqueCommand()
+        self.begin()
+
+    def begin(self) -> None:
+        """Another episode."""
+        self._has_answered, self.refused = False, ""
+
+    def check(self, sender: str, is_asked_again: bool) -> None:
+        """Raise `Refused` for a torque of another controller while the admitted one may answer."""
+        if is_asked_again or self.controller in (None, sender):
+            return
+        if self._has_answered:
+            self.refused = named(sender)
+        raise Refused("another controller", f"{named(sender)}; this episode is walked by {named(self.controller)}")
+
+    def admit(self, message: TorqueCommand) -> str:
+        """Its torque is sound. Returns why it ends the episode; empty: it acts."""
+        before, has_answered = self.controller, self._has_answered
+        self.controller, self._has_answered, self._last = message.sender, True, message
+        if message.fault or message.sender == before or not has_answered:
+            return str(message.fault)
+        return f"{named(message.sender)} answers in place of {named(before)}"
+
+    def mixed(self, message: TorqueCommand) -> str:
+        """Why this torque ends the episode: a tick has another answer by then, and both are without a name."""
+        ours, last = ((each.episode, each.tick, each.sender) for each in (message, self._last))
+        if ours != last or message.sender or list(message.torque) == list(self._last.torque):
+            return ""
+        return f"two controllers without a name answer tick {message.tick}: expected a `sender` of its own in each"
+
+
+def named(sender: str | None) -> str:
+    """A sender in a sentence."""
+    return sender or "a controller without a name"
 
 
 class Wait:

@@ -40,7 +40,13 @@ class SimulatorNode(CheckedNode):
         self._plan: EpisodePlan | None = None
         self._paused = self._own.start_paused
         self._player = EpisodePlayer(self, self._own, plant, self._on_due)
-        self._connect()
+        torques = self._hear(TorqueCommand, "torque", self._on_torque, TICK)
+        self._live_controllers = LiveControllers(self, torques)
+        self._hear(EpisodePlan, "episode_plan", self._on_plan, EVENT)
+        self.create_service(ResetEpisode, "reset_episode", self._on_reset)
+        self.create_service(SetBool, "pause", self._on_pause)
+        self._diagnostics = Diagnostics(self, self._message_counter, self._status)
+        steady_timer(self, LOOK_SECONDS, self._look)
         self._player.announce(self._player.episode.phase)
         self._set_pace(self._own)
         follow(self, self._own, self._set_pace)
@@ -51,15 +57,6 @@ class SimulatorNode(CheckedNode):
         """End the episode, give back the plant."""
         self._player.end("reset", "the simulator was told to end")
         self._player.simulation.close()
-
-    def _connect(self) -> None:
-        torques = self._hear(TorqueCommand, "torque", self._on_torque, TICK)
-        self._live_controllers = LiveControllers(self, torques)
-        self._hear(EpisodePlan, "episode_plan", self._on_plan, EVENT)
-        self.create_service(ResetEpisode, "reset_episode", self._on_reset)
-        self.create_service(SetBool, "pause", self._on_pause)
-        self._diagnostics = Diagnostics(self, self._message_counter, self._status)
-        steady_timer(self, LOOK_SECONDS, self._look)
 
     # What comes in
 

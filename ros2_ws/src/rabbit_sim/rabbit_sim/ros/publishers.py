@@ -5,15 +5,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from rabbit_common.ros.conversions import (
-    encoder_message,
-    imu_message,
-    joint_state,
-    preview_message,
-    state_message,
-)
+from rabbit_common.ros.conversions import encoder_message, imu_message, joint_state, preview_message, state_message
 from rabbit_common.ros.qos import EVENT, TICK
-from rabbit_description.state import LAYOUT, BodySensors, RobotState, StonePreview
+from rabbit_description.state import LAYOUT, RobotState, StonePreview
 from rabbit_msgs.msg import Episode
 from rabbit_msgs.msg import Landing as LandingMessage
 from rabbit_msgs.msg import RobotState as StateMessage
@@ -29,38 +23,25 @@ from rabbit_sim.restart_file import RestartPoint
 from rabbit_sim.simulation import Landing
 
 
-class LabPublishers:
-    """What a lab's IMU says, and the truth, for judges alone."""
+class SimulatorPublishers:
+    """The simulator's publishers.
+
+    With a lab's sensors the state is another node's estimate; the truth is published too, for judges alone.
+    """
 
     def __init__(self, node: Node, p: SimulationParameters) -> None:
-        self._imu = node.create_publisher(Imu, "imu", TICK)
-        self._truth = node.create_publisher(StateMessage, "true_state", TICK)
-        gyro, accelerometer = p.gyro_noise**2 + p.gyro_bias**2, p.accelerometer_noise**2 + p.accelerometer_bias**2
-        self._variances = p.attitude_error**2, gyro, accelerometer
-
-    def imu(self, sensors: BodySensors, at: Header) -> None:
-        """Of a tick."""
-        self._imu.publish(imu_message(sensors, at, self._variances))
-
-    def truth(self, state: RobotState, reading: PlantReading, episode: int, at: Header) -> None:
-        """Of the same tick, while somebody hears it."""
-        if self._truth.get_subscription_count():
-            true = replace(state, q=reading.q, dq=reading.dq, foot_force=reading.foot_force)
-            self._truth.publish(state_message(true, episode, at))
-
-
-class SimulatorPublishers:
-    """The simulator's publishers. With a lab's sensors the state is another node's estimate."""
-
-    def __init__(self, node: Node, parameters: SimulationParameters) -> None:
-        self._log = node.get_logger()
-        self._lab = LabPublishers(node, parameters) if parameters.sensors == "lab" else None
-        self._states = node.create_publisher(StateMessage, "measured" if self._lab else "state", TICK)
+        self._log, self._is_lab = node.get_logger(), p.sensors == "lab"
+        if self._is_lab:
+            self._imu = node.create_publisher(Imu, "imu", TICK)
+            self._truth = node.create_publisher(StateMessage, "true_state", TICK)
+            gyro, accelerometer = p.gyro_noise**2 + p.gyro_bias**2, p.accelerometer_noise**2 + p.accelerometer_bias**2
+            self._variances = p.attitude_error**2, gyro, accelerometer
+        self._states = node.create_publisher(StateMessage, "measured" if self._is_lab else "state", TICK)
         self._joints = node.create_publisher(JointState, "joint_states", TICK)
         self._clock = node.create_publisher(Clock, "clock", TICK)
         self._previews = node.create_publisher(PreviewMessage, "preview", EVENT)
         self._landings = node.create_publisher(LandingMessage, "landing", EVENT)
-        self._episodes = node.create_publisher(Episode, "episode", EVENT)
+        self.episodes = node.create_publisher(Episode, "episode", EVENT)
         self._preview: StonePreview | None = None
         self._landings_sent = 0
 
@@ -84,10 +65,6 @@ class SimulatorPublishers:
         else:
             self._log.info(line)
 
-    def episode(self, message: Episode) -> None:
-        """Where the episode stands."""
-        self._episodes.publish(message)
-
     def tick(
         self, state: RobotState, episode: int, at: Header, landings: Sequence[Landing], reading: PlantReading
     ) -> None:
@@ -97,9 +74,10 @@ class SimulatorPublishers:
         self._preview = state.preview
         self._state(state, episode, at)
         self._clock.publish(Clock(clock=at.stamp))  # while the controller works
-        if self._lab:
-            self._lab.truth(state, reading, episode, at)
-        elif self._joints.get_subscription_count():
+        if self._is_lab and self._truth.get_subscription_count():
+            true = replace(state, q=reading.q, dq=reading.dq, foot_force=reading.foot_force)
+            self._truth.publish(state_message(true, episode, at))
+        elif not self._is_lab and self._joints.get_subscription_count():
             self._joints.publish(joint_state(state, at))
         for landing in landings[self._landings_sent :]:
             fields = {name: getattr(landing, name) for name in ("tick", "index", "l", "l_min", "l_max", "on_stone")}
@@ -115,9 +93,9 @@ class SimulatorPublishers:
     def _state(self, state: RobotState, episode: int, at: Header) -> None:
         """What is answered: with a lab's sensors in three parts."""
         self._states.publish(state_message(state, episode, at))
-        if self._lab and state.sensors:
+        if self._is_lab and state.sensors:
             self._joints.publish(encoder_message(state.sensors, at))
-            self._lab.imu(state.sensors, at)
+            self._imu.publish(imu_message(state.sensors, at, self._variances))
 
 
 KEPT = ("episode", "tick", "touchdowns", "seed", "sigma", "policy_version")  # of an episode, in the restart file

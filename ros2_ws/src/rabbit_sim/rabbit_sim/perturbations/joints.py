@@ -1,0 +1,72 @@
+"""Joints with friction, damping and springs, beside their motors."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from rabbit_description.state import Array
+
+from rabbit_sim.perturbation import Control, EngineNumber, JointTorque, Number, Perturbation, setting
+from rabbit_sim.plant import SUBSTEP_SECONDS
+
+KNEES = np.array([0.0, 1.0, 0.0, 1.0])  # of the four joints
+
+
+class DryFriction(Perturbation):
+    """Coulomb friction and stiction, as each engine has it.
+
+    At rest a joint takes up to so much; sliding it has so much against the motion.
+    """
+
+    coulomb: EngineNumber = setting(
+        0.0, 0, 100, "dry friction of each joint, with stiction, N m", Control("dry friction", 0.5, "N m")
+    )
+
+    def in_mujoco(self, model: Any) -> None:
+        model.dof_frictionloss[3:7] = self.coulomb
+        model.dof_solref[3:7] = 2 * SUBSTEP_SECONDS, 1.0  # the least that it allows: a joint at rest creeps by it
+
+    def in_pybullet(self, client: Any, robot: int, motors: Sequence[int]) -> None:
+        """A motor that holds still, as strong as the friction."""
+        from rabbit_sim.quiet_pybullet import pybullet  # here alone: parameters are read without it
+
+        strength = [self.coulomb] * len(motors)
+        client.setJointMotorControlArray(robot, motors, pybullet.VELOCITY_CONTROL, forces=strength)
+
+
+class JointDamping(Perturbation):
+    """Viscous joints: -d M_jj(q) dq_j on actuated joint j.
+
+    So d alone would give the acceleration -d dq_j to a joint free to move, whatever its inertia.
+    """
+
+    order = 110
+
+    joint_damping: Number = setting(0.0, 0, 100, "d in the joint torque -d M_jj dq_j, 1/s")
+
+    def joint_torque(self, urdf: str) -> JointTorque:
+        import pinocchio  # here alone: parameters are read without it
+
+        model, d = pinocchio.buildModelFromXML(urdf), self.joint_damping
+        data = model.createData()
+
+        def torque(q: Array, dq: Array) -> Array:
+            inertia: Array = pinocchio.crba(model, data, q).diagonal()[3:]
+            return -d * inertia * dq[3:]
+
+        return torque
+
+
+class KneeSpring(Perturbation):
+    """Springs, k (rest - angle)."""
+
+    order = 100
+
+    knee_spring: EngineNumber = setting(
+        0.0, 0, 1000, "beside the knees' motors, N m/rad", Control("knees' springs", 10, "N m/rad", high=200)
+    )
+    knee_rest: Number = setting(0.4, -1, 2, "where the knees' springs are at rest, rad")
+
+    def joint_torque(self, urdf: str) -> JointTorque | None:
+        stiffness, rest = self.knee_spring * KNEES, self.knee_rest
+        return (lambda q, dq: stiffness * (rest - q[3:])) if self.knee_spring else None
