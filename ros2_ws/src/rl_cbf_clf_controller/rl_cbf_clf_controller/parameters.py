@@ -18,7 +18,6 @@ FORMER = {  # parameters that were, with the values that now always hold: files 
     **{"robust_bounds": "mass_scale", "robust_offset": 75.0, "robust_slope": 0.5},
     **{"robust_barrier_offset": 8.0, "robust_barrier_slope": 0.5},
 }
-NO_FORMER = object()
 
 
 class ParameterError(ValueError):
@@ -92,7 +91,7 @@ class ControllerParameters(BaseModel):
     def _without_former(cls, values: Any) -> Any:
         if not isinstance(values, dict):
             return values
-        return {name: value for name, value in values.items() if FORMER.get(name, NO_FORMER) != value}
+        return {name: value for name, value in values.items() if name not in FORMER or FORMER[name] != value}
 
     @model_validator(mode="after")
     def _fit_together(self) -> "ControllerParameters":
