@@ -115,7 +115,7 @@ class ControllerParameters(BaseModel):
     @property
     def terrain(self) -> Literal["flat", "stones"]:
         """What the controller walks on: with barriers on the stone in sight, or on flat ground."""
-        return find_kind(self.controller).terrain.name
+        return find_kind(self.controller).terrain
 
     @property
     def learns(self) -> bool:

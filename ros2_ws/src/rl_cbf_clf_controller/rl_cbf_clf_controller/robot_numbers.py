@@ -77,16 +77,10 @@ def _check(model: pin.Model, feet: tuple[str, str]) -> None:
     wanted = ["JointModelPX", "JointModelPZ", *["JointModelRY"] * (model.njoints - 3)]
     if kinds != wanted or model.njoints < BASE + 2:
         raise ValueError(f"URDF {model.name}: joints {kinds}; expected {wanted}: slides x and z, then turns about y")
-    turned = [model.names[i] for i in range(1, model.njoints) if not _is_level(model, i)]
-    if turned:
-        raise ValueError(f"URDF {model.name}: {', '.join(turned)}: expected frames in the plane, not turned")
-    missing = [foot for foot in feet if not model.existFrame(foot)]
-    if missing:
+    for joint in range(1, model.njoints):
+        placement = model.jointPlacements[joint]
+        is_level = np.array_equal(placement.rotation, np.eye(3)) and (joint > BASE or not placement.translation.any())
+        if not is_level or (joint < BASE and model.inertias[joint].mass != 0):
+            raise ValueError(f"URDF {model.name}: {model.names[joint]}: expected frames in the plane, not turned")
+    if missing := [foot for foot in feet if not model.existFrame(foot)]:
         raise ValueError(f"URDF {model.name}: no link {', '.join(missing)} for a foot")
-
-
-def _is_level(model: pin.Model, joint: int) -> bool:
-    placement = model.jointPlacements[joint]
-    at_origin = joint > BASE or not placement.translation.any()
-    massless = joint >= BASE or model.inertias[joint].mass == 0
-    return bool(np.array_equal(placement.rotation, np.eye(3)) and at_origin and massless)

@@ -197,9 +197,9 @@ def decode(data: bytes, problem: Problem | None = None) -> PolicyFile:
     if head.content_hash != file.content_hash:
         raise PolicyFileError(f"policy: content hash {head.content_hash}; its content has {file.content_hash}")
     outputs = Actor(arrays)(probe_inputs(len(file.metadata.observation)))
-    error = np.abs(outputs - arrays[PROBE]).max()
-    if not error <= PROBE_TOLERANCE:
-        raise PolicyFileError(f"policy: on the fixed observations its outputs differ by {error:.2g} from those stored")
+    off = np.abs(outputs - arrays[PROBE]).max()
+    if not off <= PROBE_TOLERANCE:
+        raise PolicyFileError(f"policy: on the fixed observations its outputs differ by {off:.2g} from those stored")
     return file
 
 
