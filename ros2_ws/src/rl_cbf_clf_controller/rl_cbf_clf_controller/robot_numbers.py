@@ -1,13 +1,18 @@
-"""The numbers of a planar robot, as `planar_robot.robot_parameters` orders them, read from its URDF by pinocchio."""
+"""The numbers of a planar robot, as `planar_robot.robot_parameters` orders them, read from its URDF by pinocchio.
+
+`Feet`: where these numbers put its swing foot; for what is computed once a step.
+"""
 
 from dataclasses import dataclass, field, replace
 
+import casadi as ca
 import numpy as np
 import pinocchio as pin
+from cbf_clf_qp.functions import NumpyFunction, Values
 from rabbit_description import URDF_PATH
 from rabbit_description.state import Array
 
-from rl_cbf_clf_controller.planar_robot import BASE, Structure
+from rl_cbf_clf_controller.planar_robot import BASE, PinnedRobot, Structure
 
 PLANE = [0, 2]  # x and z of a spatial vector
 PLANAR = [0, 1, 3, 6]  # m, m c_x, m c_z, I_yy among pinocchio's ten of a link
@@ -49,6 +54,21 @@ class RobotNumbers:
     def mirrored(self) -> "RobotNumbers":
         """RABBIT with its right leg as the stance leg: the masses and motors of the legs change places."""
         return replace(self, links=self.links[MIRRORED], motor_gain=self.motor_gain[[2, 3, 0, 1]])
+
+
+class Feet:
+    """`swing` (2,), m, from the stance foot, and its `jacobian` (2, n), at q (n,). One object serves one thread."""
+
+    def __init__(self, numbers: RobotNumbers) -> None:
+        robot = PinnedRobot(numbers.structure)
+        self._lengths = numbers.joints, numbers.feet
+        inputs = {"q": robot.q, "joints": robot.parameters["joints"], "feet": robot.parameters["feet"]}
+        found = {"swing": robot.swing, "jacobian": ca.jacobian(robot.swing, robot.q)}
+        self._function = NumpyFunction.of("feet", inputs, found)
+
+    def __call__(self, q_s: Array) -> Values:
+        """At coordinates in stance/swing order."""
+        return self._function(q_s, *self._lengths)
 
 
 def read_robot(urdf: str | None = None, feet: tuple[str, str] = ("left_foot", "right_foot")) -> RobotNumbers:
