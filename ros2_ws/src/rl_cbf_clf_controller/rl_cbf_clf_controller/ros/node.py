@@ -9,6 +9,7 @@ made it.
 import math
 import secrets
 
+from rabbit_common.message_arrays import doubles
 from rabbit_common.message_checks import Refused
 from rabbit_common.priority import scheduling, take_priority
 from rabbit_common.ros.checked_node import CheckedNode
@@ -128,7 +129,9 @@ class ControllerNode(CheckedNode):
     def _give_up(self, message: msg.RobotState, reason: str) -> None:
         """Answer with a fault: the simulator ends the episode under this reason."""
         self.get_logger().error(reason)
-        self._say(messages.fault_message(message, reason, self._policies.in_force.version, self._sender))
+        torque, version = doubles([0.0] * len(message.applied)), self._policies.in_force.version
+        said = {"torque": torque, "policy_version": version, "fault": reason[:128]}
+        self._say(msg.TorqueCommand(**messages.head(message, self._sender), **said))
 
     def _missing(self, message: msg.RobotState) -> str:
         """What this tick still waits for; empty when it can be made."""
@@ -150,8 +153,9 @@ class ControllerNode(CheckedNode):
     def _tell_settings(self) -> None:
         """From which tick the present parameters hold."""
         episode, tick = self._ticks.turn
-        turn = episode, tick + (self._ticks.held is None)
-        self._told_settings.publish(messages.settings_message(self._settings, self._gait, turn, self._sender))
+        turn = {"episode": episode, "tick": tick + (self._ticks.held is None)}
+        texts = {"parameters": self._settings.model_dump_json(), "gait": self._gait.model_dump_json()}
+        self._told_settings.publish(msg.ControllerSettings(**turn, **texts, sender=self._sender))
 
     def _set_parameters(self, parameters: ControllerParameters) -> None:
         """The episode's own sigma goes before the node's."""
