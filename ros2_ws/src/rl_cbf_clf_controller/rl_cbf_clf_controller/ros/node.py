@@ -9,6 +9,7 @@ made it.
 import math
 import secrets
 
+import numpy as np
 from rabbit_common.message_arrays import doubles
 from rabbit_common.message_checks import Refused
 from rabbit_common.priority import scheduling, take_priority
@@ -129,7 +130,7 @@ class ControllerNode(CheckedNode):
     def _give_up(self, message: msg.RobotState, reason: str) -> None:
         """Answer with a fault: the simulator ends the episode under this reason."""
         self.get_logger().error(reason)
-        torque, version = doubles([0.0] * len(message.applied)), self._policies.in_force.version
+        torque, version = doubles(np.zeros(len(message.applied))), self._policies.in_force.version
         said = {"torque": torque, "policy_version": version, "fault": reason[:128]}
         self._say(msg.TorqueCommand(**messages.head(message, self._sender), **said))
 
