@@ -236,8 +236,10 @@ class Actor:
                 np.maximum(values, self._zero, out=values)
             if values.ndim == 1:
                 values = sgemv(1, weights, values, 1, bias, 0, 1, 0, 1, 1)  # transposed
-            else:
-                values = np.stack([sgemv(1, weights, row, 1, bias, 0, 1, 0, 1, 1) for row in values])
+                continue
+            rows, values = values.astype(np.float32, copy=False), np.tile(bias, (len(values), 1))
+            for row, result in zip(rows, values, strict=True):
+                sgemv(1, weights, row, 1, result, 0, 1, 0, 1, 1, 1)  # transposed, into `result`
         outputs: Float32 = np.tanh(values, out=values)
         return outputs
 
