@@ -10,7 +10,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-import rl_cbf_clf_controller.ros.node_parameters
+import rl_cbf_clf_controller.ros.policies
 import rl_trainer.ros.trainer_setup
 import typer
 from common import ROOT, WORKSPACE
@@ -30,7 +30,7 @@ from rl_trainer.parameters import TrainingParameters
 SOURCES = WORKSPACE / "src"
 NODES: Mapping[str, tuple[type[BaseModel], ...]] = {
     "simulator": (SimulatorParameters, SimulationParameters),
-    "controller": (rl_cbf_clf_controller.ros.node_parameters.NodeParameters, ControllerParameters),
+    "controller": (rl_cbf_clf_controller.ros.policies.NodeParameters, ControllerParameters),
     "trainer": (rl_trainer.ros.trainer_setup.NodeParameters, TrainingParameters),
     "recorder": (recorder.NodeParameters,),
     "viewer": (ViewerParameters,),

@@ -8,8 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from rabbit_description.state import SWAP_STATE, TICK_SECONDS, Array, Leg
-from rl_cbf_clf_controller.feet import Feet
-from rl_cbf_clf_controller.robot_numbers import read_robot
+from rl_cbf_clf_controller.robot_numbers import Feet, read_robot
 from rl_cbf_clf_controller.virtual_constraints import RABBIT_ANGLES
 from rl_trainer.rollout import Record
 

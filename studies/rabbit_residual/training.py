@@ -139,4 +139,4 @@ def _policy(learner: Ppo, options: Options, done: dict[str, Any]) -> PolicyFile:
         command=f"rabbit residual --ticks {done['ticks']} --seed {options.seed} --out DIR",
     )
     actor = Actor(arrays)
-    return PolicyFile(metadata, {**arrays, PROBE: actor.of_many(probe_inputs(READS))})
+    return PolicyFile(metadata, {**arrays, PROBE: actor(probe_inputs(READS))})

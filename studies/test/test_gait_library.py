@@ -16,9 +16,8 @@ from rabbit_gait_design import GaitSpecification
 from rabbit_gait_design.library import library_specifications, outwards
 from rabbit_gait_design.orbit import Orbit
 from rabbit_gait_design.pinocchio_model import PinocchioModel
-from rl_cbf_clf_controller.feet import Feet
 from rl_cbf_clf_controller.parameters import ControllerParameters
-from rl_cbf_clf_controller.robot_numbers import read_robot
+from rl_cbf_clf_controller.robot_numbers import Feet, read_robot
 from rl_cbf_clf_controller.step_outputs import (
     FADED,
     LEAST_RATE,

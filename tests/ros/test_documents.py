@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import rabbit_estimator.parameters
-import rl_cbf_clf_controller.ros.node_parameters
+import rl_cbf_clf_controller.ros.policies
 import rl_trainer.ros.node
 import yaml
 from pydantic import BaseModel
@@ -27,7 +27,7 @@ PAGE = (ROOT / "docs" / "topics.md").read_text(encoding="utf-8")
 MODELS: dict[str, tuple[type[BaseModel], ...]] = {
     "simulator": (simulator.NodeParameters, SimulationParameters),
     "estimator": (rabbit_estimator.parameters.NodeParameters, EstimatorParameters),
-    "controller": (rl_cbf_clf_controller.ros.node_parameters.NodeParameters, ControllerParameters),
+    "controller": (rl_cbf_clf_controller.ros.policies.NodeParameters, ControllerParameters),
     "trainer": (rl_trainer.ros.node.NodeParameters, TrainingParameters),
     "recorder": (recorder_node.NodeParameters,),
     "viewer": (ViewerParameters,),

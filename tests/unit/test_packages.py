@@ -97,6 +97,19 @@ def test_the_page_on_the_architecture_lists_them_in_this_order() -> None:
     assert [name for name in listed if name != "rabbit_msgs"] == list(PACKAGES)
 
 
+def test_the_page_on_the_architecture_draws_their_floors() -> None:
+    page = (SOURCES.parents[1] / "docs" / "architecture.md").read_text(encoding="utf-8")
+    lines = [line.split() for line in page.split("```")[3].strip().splitlines()]
+    drawn = {name: int(number) for number, *names in lines for name in names}
+    floors, pairs = {"rabbit_msgs": 1}, 0
+    for package in PACKAGES:  # in the order of the list: what it imports is there already
+        beneath = (imported(modules(package)) - {package}) & {*PACKAGES, "rabbit_msgs"}
+        floors[package] = 1 + max((floors[name] for name in beneath), default=0)
+        pairs += len(beneath)
+    assert drawn == floors
+    assert f"In {pairs} pairs" in page
+
+
 @pytest.fixture(scope="session")
 def checkout(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The packages' sources in an empty folder, without what pip leaves in them."""

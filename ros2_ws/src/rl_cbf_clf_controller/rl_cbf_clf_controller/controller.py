@@ -18,16 +18,16 @@ from rabbit_description.gait import Gaits
 from rabbit_description.state import SWAP_STATE, SWAP_TORQUE, TICK_SECONDS, Array, Leg, RobotState, StonePreview
 
 from rl_cbf_clf_controller.controller_output import NOTHING, ControllerOutput
-from rl_cbf_clf_controller.feet import Feet
 from rl_cbf_clf_controller.identified_robot import IdentifiedRobot
 from rl_cbf_clf_controller.kinds import find_kind
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import Policy
 from rl_cbf_clf_controller.recipes import make_tick
 from rl_cbf_clf_controller.residual_policy import ResidualPolicy
-from rl_cbf_clf_controller.robot_numbers import read_robot
+from rl_cbf_clf_controller.robot_numbers import Feet, read_robot
 from rl_cbf_clf_controller.scene import ControllerError, Scene, is_finite
 from rl_cbf_clf_controller.step_outputs import Touchdown, make_steps
+from rl_cbf_clf_controller.terrain import Terrain
 from rl_cbf_clf_controller.virtual_constraints import PARAMETERS
 from rl_cbf_clf_controller.walking import GAINS, Walking
 
@@ -100,7 +100,7 @@ class Controller:
         self._robot = IdentifiedRobot(robot) if parameters.adaptation == "identification" else None
         self._estimators = (*([self._robot] if self._robot else []), *self._kind.estimators(parameters))
         self.policy = policy
-        self._terrain = self._kind.terrain(parameters)
+        self._terrain = Terrain(self._kind.terrain)
         self._start, self._feet = gait.x_start, Feet(robot)
         self.steps = make_steps(gait, parameters, self._feet)
         self.reset(0)

@@ -4,7 +4,7 @@ A package brings its own by an entry point in the group `rabbit.controllers`, wh
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -19,7 +19,6 @@ if TYPE_CHECKING:  # a help text lists controllers, and computes nothing
     from cbf_clf_qp.terms import Terms
 
     from rl_cbf_clf_controller.scene import Estimator
-    from rl_cbf_clf_controller.terrain import FlatGround
     from rl_cbf_clf_controller.walking import Walking
 
 GROUP = "rabbit.controllers"
@@ -30,25 +29,18 @@ else:  # so that `--help` and `ros2 param describe` list them
     ControllerName = Literal[*NAMES]
 
 
-def flat_ground() -> "type[FlatGround]":
-    """What most controllers walk on."""
-    from rl_cbf_clf_controller.terrain import FlatGround
-
-    return FlatGround
-
-
 @dataclass(frozen=True)
 class Kind:
     """What distinguishes one controller from another. The functions get the `ControllerParameters`.
 
-    `quantities`: of RABBIT's symbols; `corners`: further errors at which every row holds; `terrain`: what the
-    controller knows of the ground ahead; `estimators`: its own, besides the policy and the adaptation that the
-    parameters choose; `learns`: a policy belongs to it.
+    `quantities`: of RABBIT's symbols; `corners`: further errors at which every row holds; `terrain`: what it
+    walks on; `estimators`: its own, besides the policy and the adaptation that the parameters choose; `learns`: a
+    policy belongs to it.
     """
 
     problem: Problem
     quantities: "Callable[[Walking, Any], Sequence[Constrained]]"
-    terrain: "type[FlatGround]" = field(default_factory=flat_ground)
+    terrain: Literal["flat", "stones"] = "flat"
     estimators: "Callable[[Any], tuple[Estimator, ...]]" = lambda parameters: ()
     corners: "Callable[[Walking, Any], Callable[[Terms], list[Affine]]] | None" = None
     learns: bool = False

@@ -39,16 +39,14 @@ class L1Adaptation(Estimator):
     """The adaptation's memory for m outputs of relative degree 2; `estimate` is called once a tick."""
 
     def __init__(self, parameters: ControllerParameters, m: int = 4) -> None:
-        p = parameters
+        p, self._outputs = parameters, m
         clf = ResClf(m, p.eps, (p.kp, p.kd))
-        F, G, P, K = (ca.DM(matrix).full() for matrix in (clf.F, clf.G, clf.P, clf.K))
+        self._F, self._G, P, K = (ca.DM(matrix).full() for matrix in (clf.F, clf.G, clf.P, clf.K))
         self._law, self._gain, self._cutoff = p.l1_law, p.l1_gain, p.l1_cutoff
         self._bounds = p.l1_slope_bound, p.l1_offset_bound
         self._substeps, self._h = p.l1_substeps, TICK_SECONDS / p.l1_substeps
-        self._F, self._G = F, G
-        self._closed = (F + G @ K)[::m, ::m]  # the same 2x2 for every output
-        self._s = (G.T @ P)[0, ::m]
-        self._outputs = m
+        self._closed = (self._F + self._G @ K)[::m, ::m]  # the same 2x2 for every output
+        self._s = (self._G.T @ P)[0, ::m]
         self.reset()
 
     def reset(self) -> None:
@@ -99,33 +97,24 @@ class L1Adaptation(Estimator):
         self._state[ESTIMATE] = self.slope * size + self.offset
         for _ in range(self._substeps):
             self._state = step @ np.vstack([self._state, defect])
-            self._project(size)
+            share = (self._state[ESTIMATE] - self.slope * size - self.offset) / (1 + size**2)
+            self.slope = into_ball(self.slope + size * share, self._bounds[0])  # as their rates share the change
+            self.offset = into_ball(self.offset + share, self._bounds[1])
+            self._state[ESTIMATE] = self.slope * size + self.offset
 
     def _step(self, size: float) -> Array:
-        """(4, 6): the state after a sub-step, linear in (state, defect)."""
-        rates = self._rates(size) * self._h
-        if self._law == "exact":
-            return expm(rates)[:4]
-        step = np.eye(6) + rates
-        step[FILTERED, FILTERED] = np.exp(-self._cutoff * self._h)  # the filter is no part of what Euler may spoil
-        step[FILTERED, ESTIMATE] = 1 - step[FILTERED, FILTERED]
-        return step[:4]
-
-    def _project(self, size: float) -> None:
-        """Share the estimate's change between slope and offset, as their rates do, and keep both in their bounds."""
-        share = (self._state[ESTIMATE] - self.slope * size - self.offset) / (1 + size**2)
-        self.slope = into_ball(self.slope + size * share, self._bounds[0])
-        self.offset = into_ball(self.offset + share, self._bounds[1])
-        self._state[ESTIMATE] = self.slope * size + self.offset
-
-    def _rates(self, size: float) -> Array:
-        """R (6, 6) in d/dt (state, defect) = R (state, defect), the same for every output."""
+        """(4, 6): the state after a sub-step; d/dt (state, defect) is linear in them, the same for every output."""
         rates = np.zeros((6, 6))
         rates[:2, :2], rates[:2, 4:] = self._closed, np.eye(2)
         rates[DY, ESTIMATE] = 1.0
         rates[ESTIMATE, :2] = -self._gain * (1 + size**2) * self._s
         rates[FILTERED, ESTIMATE], rates[FILTERED, FILTERED] = self._cutoff, -self._cutoff
-        return rates
+        if self._law == "exact":
+            return expm(rates * self._h)[:4]
+        step = np.eye(6) + rates * self._h
+        step[FILTERED, FILTERED] = np.exp(-self._cutoff * self._h)  # the filter is no part of what Euler may spoil
+        step[FILTERED, ESTIMATE] = 1 - step[FILTERED, FILTERED]
+        return step[:4]
 
 
 def into_ball(value: Array, radius: float) -> Array:

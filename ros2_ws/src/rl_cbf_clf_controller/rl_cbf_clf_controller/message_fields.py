@@ -3,7 +3,6 @@
 A recording's reader uses it too: any object with a message's fields will do.
 """
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -32,12 +31,11 @@ def state_fields(output: ControllerOutput) -> dict[str, Any]:
     """Of `ControllerState`, but its head; texts that are too long for the message are cut."""
     fields: dict[str, Any] = {name: getattr(output, name) for name in SCALARS}
     fields |= {name: getattr(output, name)[:most] for name, most in WORDS.items()}
-    fields |= {"stance": int(output.stance), "eta": doubles(output.eta), "mu": doubles(output.mu)}
-    fields["active"] = [name[:LONGEST_NAME] for name in output.active[:MOST_ACTIVE]]
-    fields["rows"] = list(output.rows)
-    fields |= {name: doubles(getattr(output, name)) for name in ROWS}
-    bounded = bounded_fields(output.V, output.barriers, output.barrier_rates)
-    return {**fields, **bounded, "values": doubles(bounded["values"]), "rates": doubles(bounded["rates"])}
+    fields |= bounded_fields(output.V, output.barriers, output.barrier_rates)
+    fields |= {name: doubles(fields[name]) for name in ("values", "rates")}
+    fields |= {name: doubles(getattr(output, name)) for name in ("eta", "mu", *ROWS)}
+    active = [name[:LONGEST_NAME] for name in output.active[:MOST_ACTIVE]]
+    return {**fields, "stance": int(output.stance), "active": active, "rows": list(output.rows)}
 
 
 def bounded_fields(V: float, barriers: Array, barrier_rates: Array) -> dict[str, Any]:
@@ -65,17 +63,11 @@ def state_values(message: Any) -> dict[str, Any]:
     if message.stance not in LEGS:
         raise Refused("no leg", f"stance = {message.stance}; expected 0 or 1")
     values |= {name: array_of(message, name, len(message.rows)) for name in ROWS}
-    names = list(message.names)
-    told, rates = (array_of(message, name, len(names)) for name in ("values", "rates"))
-    values |= {"barriers": _of(names, told, BARRIERS), "barrier_rates": _of(names, rates, BARRIERS)}
-    (V,) = _of(names, told, ("V",)).tolist()
-    return {
-        **values,
-        "V": V,
-        "stance": Leg(message.stance),
-        "active": tuple(message.active),
-        "rows": tuple(message.rows),
-    }
+    values |= {"stance": Leg(message.stance), "active": tuple(message.active), "rows": tuple(message.rows)}
+    bounded = (array_of(message, name, len(message.names)) for name in ("values", "rates"))
+    told, rates = (dict(zip(message.names, each, strict=True)) for each in bounded)
+    barriers, barrier_rates = (np.array([of.get(name, np.nan) for name in BARRIERS]) for of in (told, rates))
+    return {**values, "V": float(told.get("V", np.nan)), "barriers": barriers, "barrier_rates": barrier_rates}
 
 
 def terms_values(message: Any) -> dict[str, Any]:
@@ -97,8 +89,3 @@ def output_of(state: Any, terms: Any, torque: Array) -> ControllerOutput:
         Refused: a value that is not finite, or an array of another length than the robot's or the quantities'.
     """
     return ControllerOutput(torque=torque, **state_values(state), **terms_values(terms))
-
-
-def _of(names: Sequence[str], values: Array, wanted: Sequence[str]) -> Array:
-    """The values of some names, NaN where there is none."""
-    return np.array([values[names.index(name)] if name in names else np.nan for name in wanted])

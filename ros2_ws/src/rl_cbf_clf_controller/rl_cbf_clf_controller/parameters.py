@@ -17,7 +17,6 @@ FORMER = {  # parameters that were, with the values that now always hold: files 
     **{"robust_bounds": "mass_scale", "robust_offset": 75.0, "robust_slope": 0.5},
     **{"robust_barrier_offset": 8.0, "robust_barrier_slope": 0.5},
 }
-NO_FORMER = object()
 
 
 class ParameterError(ValueError):
@@ -91,7 +90,7 @@ class ControllerParameters(BaseModel):
     def _without_former(cls, values: Any) -> Any:
         if not isinstance(values, dict):
             return values
-        return {name: value for name, value in values.items() if FORMER.get(name, NO_FORMER) != value}
+        return {name: value for name, value in values.items() if name not in FORMER or FORMER[name] != value}
 
     @model_validator(mode="after")
     def _fit_together(self) -> "ControllerParameters":
@@ -115,7 +114,7 @@ class ControllerParameters(BaseModel):
     @property
     def terrain(self) -> Literal["flat", "stones"]:
         """What the controller walks on: with barriers on the stone in sight, or on flat ground."""
-        return find_kind(self.controller).terrain.name
+        return find_kind(self.controller).terrain
 
     @property
     def learns(self) -> bool:

@@ -161,14 +161,6 @@ class PinnedRobot:
         """The ground's force (F_T, F_N) on the stance foot, N, affine in u."""
         return self._pinned[1]
 
-    def after_impact(self) -> tuple[ca.SX, ca.SX]:
-        """Rates (n,) before relabelling and the impulse (2,), N s, if the swing foot lands: inelastic, it stays."""
-        n, mass = self.structure.coordinates, self.mass_and_bias[0]
-        jacobian = ca.jacobian(self.feet[1], self.q)
-        kkt = ca.vertcat(ca.horzcat(mass, -jacobian.T), ca.horzcat(jacobian, ca.SX.zeros(2, 2)))
-        solution = ca.solve(kkt, ca.vertcat(mass @ self.dq, ca.SX.zeros(2)))
-        return solution[:n], solution[n:]
-
 
 def rotated(vector: ca.SX, angle: ca.SX) -> ca.SX:
     """(x, z) turned about +y."""

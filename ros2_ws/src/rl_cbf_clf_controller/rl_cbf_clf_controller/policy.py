@@ -15,6 +15,7 @@ all that a controller without barriers and force rows has a use for.
 
 from abc import abstractmethod
 from collections.abc import Sequence
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -84,9 +85,8 @@ class ActorPolicy(LearnedPolicy):
         self._center = np.array(form.observation_center)
         self._inverse_scale = 1 / np.array(form.observation_scale)
         self._structured = form.structured
-        self._estimates = estimate_function(
-            form.alpha_scale, form.beta_scale, form.structured, "V" in form.names, form.m
-        )
+        scales = form.alpha_scale, form.beta_scale
+        self._estimates = estimate_function(*scales, form.structured, "V" in form.names, form.m)
         self._estimates_of_many = BatchFunction(self._estimates)
         self._actor = Actor(file.arrays)
 
@@ -96,22 +96,19 @@ class ActorPolicy(LearnedPolicy):
         Raises:
             ValueError: it reads the step length of a gait library, and there is none.
         """
-        outputs = self._actor(self._scaled(observation))
-        found = self._estimates(outputs, LgV)
-        return Estimates(found.alpha, found.beta, found.output_error if self._structured else None)
+        return Estimates(*self._found(self._estimates, observation, LgV))
 
     def act_of_many(self, observations: Array, LgV: Array) -> BatchEstimates:
         """The same for N robots, to the bit."""
-        found = self._estimates_of_many(self._actor.of_many(self._scaled(observations)), LgV)
-        return BatchEstimates(found.alpha, found.beta, found.output_error if self._structured else None)
+        return BatchEstimates(*self._found(self._estimates_of_many, observations, LgV))
 
-    def _scaled(self, observation: Array) -> Array:
+    def _found(self, estimates: Any, observation: Array, LgV: Array) -> tuple[Array, Array, Array | None]:
         size = self._center.size
         if observation.shape[-1] < size:
             read = self.file.metadata.observation[-1]
             raise ValueError(f"policy {self.version} reads {read}: expected a gait library")
-        scaled: Array = (observation[..., :size] - self._center) * self._inverse_scale
-        return scaled
+        found = estimates(self._actor((observation[..., :size] - self._center) * self._inverse_scale), LgV)
+        return found.alpha, found.beta, found.output_error if self._structured else None
 
 
 def estimate_function(
@@ -167,26 +164,24 @@ def fitted(file: PolicyFile, parameters: ControllerParameters, gaits: Gaits) -> 
         PolicyFileError: it was trained for another problem, beside another adaptation, or reads the length of a gait
             library's steps on stones and there is one gait.
     """
-    own = file.metadata.adaptation or "none"
+    about, own = file.metadata, file.metadata.adaptation or "none"
     if own != parameters.adaptation:
         raise PolicyFileError(
             f"policy: it was trained with adaptation {own}; this controller has {parameters.adaptation}"
         )
-    if file.metadata.residual:
+    if about.residual:
         from rl_cbf_clf_controller.residual_policy import ResidualActor
 
-        if parameters.objective != "pd_centred" or not file.metadata.fits(parameters.problem):
+        if parameters.objective != "pd_centred" or not about.fits(parameters.problem):
             raise PolicyFileError(
                 f"policy: it moves the centre of pd_centred; {parameters.problem} has objective {parameters.objective}"
             )
         return ResidualActor(file)
-    policy, trained_for = ActorPolicy(file), file.metadata.problem
-    if file.metadata.fits(parameters.problem):
-        if parameters.terrain == "stones" and STEP_LENGTH in file.metadata.observation and not has_lengths(gaits):
+    policy = ActorPolicy(file)
+    if about.fits(parameters.problem):
+        if parameters.terrain == "stones" and STEP_LENGTH in about.observation and not has_lengths(gaits):
             raise PolicyFileError(f"policy: it reads {STEP_LENGTH}: expected a gait library, gait is {gaits.name}")
         return policy
-    if (trained_for, parameters.problem) == (RL_CBF_CLF_QP.name, RL_CLF_QP):
+    if (about.problem, parameters.problem) == (RL_CBF_CLF_QP.name, RL_CLF_QP):
         return OnFlatGround(policy, gaits.step_length if isinstance(gaits, Gait) else gaits.start_length)
-    raise PolicyFileError(
-        f"policy: it was trained for {file.metadata.about}; this controller needs {parameters.problem}"
-    )
+    raise PolicyFileError(f"policy: it was trained for {about.about}; this controller needs {parameters.problem}")

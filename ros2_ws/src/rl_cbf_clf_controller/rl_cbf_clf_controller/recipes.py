@@ -17,7 +17,6 @@ from rl_cbf_clf_controller.kinds import Kind, find_kind
 from rl_cbf_clf_controller.l1_adaptation import L1Adaptation
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.stone_barriers import stone_barriers
-from rl_cbf_clf_controller.terrain import SteppingStones
 from rl_cbf_clf_controller.uncertainty import IO_RL_CLF_QP, RL_CBF_CLF_QP, RL_CLF_QP
 from rl_cbf_clf_controller.walking import Walking
 from rl_cbf_clf_controller.worst_case import worst_cases
@@ -84,9 +83,9 @@ CLF = Kind(RL_CLF_QP, flat)
 RL_CLF = Kind(RL_CLF_QP, flat, learns=True)
 L1_CLF = Kind(IO_RL_CLF_QP, outputs, estimators=lambda p: (L1Adaptation(p),))
 IO_RL_CLF = Kind(IO_RL_CLF_QP, outputs, learns=True)
-CBF_CLF = Kind(RL_CBF_CLF_QP, stones, SteppingStones)
-RL_CBF_CLF = Kind(RL_CBF_CLF_QP, stones, SteppingStones, learns=True)
-ROBUST_CBF_CLF = Kind(RL_CBF_CLF_QP, stones, SteppingStones, corners=worst_cases)
+CBF_CLF = Kind(RL_CBF_CLF_QP, stones, "stones")
+RL_CBF_CLF = Kind(RL_CBF_CLF_QP, stones, "stones", learns=True)
+ROBUST_CBF_CLF = Kind(RL_CBF_CLF_QP, stones, "stones", corners=worst_cases)
 
 
 def make_tick(w: Walking, p: Parameters, further: Sequence[Constrained] = ()) -> Tick:
@@ -95,7 +94,7 @@ def make_tick(w: Walking, p: Parameters, further: Sequence[Constrained] = ()) ->
     constraints = [unestimated(quantity) for quantity in further]
     if kind.problem.corrects_input:
         constraints.insert(0, reference_clf(w, p))
-    if p.flat_force_rows and kind.terrain is not SteppingStones:
+    if p.flat_force_rows and kind.terrain != "stones":
         constraints.append(nominal_force(w, p))
     return Tick(
         w.system,

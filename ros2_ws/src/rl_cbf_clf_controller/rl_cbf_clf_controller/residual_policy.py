@@ -93,7 +93,7 @@ class ResidualActor(ResidualPolicy):
 
     def says(self, reads: Array) -> Array:
         """See `ResidualPolicy`."""
-        return self._actor.of_many(reads).astype(float)
+        return self._actor(reads).astype(float)
 
 
 def of_one(scene: Scene) -> SimpleNamespace:

@@ -1,13 +1,18 @@
-"""The numbers of a planar robot, as `planar_robot.robot_parameters` orders them, read from its URDF by pinocchio."""
+"""The numbers of a planar robot, as `planar_robot.robot_parameters` orders them, read from its URDF by pinocchio.
+
+`Feet`: where these numbers put its swing foot; for what is computed once a step.
+"""
 
 from dataclasses import dataclass, field, replace
 
+import casadi as ca
 import numpy as np
 import pinocchio as pin
+from cbf_clf_qp.functions import NumpyFunction, Values
 from rabbit_description import URDF_PATH
 from rabbit_description.state import Array
 
-from rl_cbf_clf_controller.planar_robot import BASE, Structure
+from rl_cbf_clf_controller.planar_robot import BASE, PinnedRobot, Structure
 
 PLANE = [0, 2]  # x and z of a spatial vector
 PLANAR = [0, 1, 3, 6]  # m, m c_x, m c_z, I_yy among pinocchio's ten of a link
@@ -51,6 +56,21 @@ class RobotNumbers:
         return replace(self, links=self.links[MIRRORED], motor_gain=self.motor_gain[[2, 3, 0, 1]])
 
 
+class Feet:
+    """`swing` (2,), m, from the stance foot, and its `jacobian` (2, n), at q (n,). One object serves one thread."""
+
+    def __init__(self, numbers: RobotNumbers) -> None:
+        robot = PinnedRobot(numbers.structure)
+        self._lengths = numbers.joints, numbers.feet
+        inputs = {"q": robot.q, "joints": robot.parameters["joints"], "feet": robot.parameters["feet"]}
+        found = {"swing": robot.swing, "jacobian": ca.jacobian(robot.swing, robot.q)}
+        self._function = NumpyFunction.of("feet", inputs, found)
+
+    def __call__(self, q_s: Array) -> Values:
+        """At coordinates in stance/swing order."""
+        return self._function(q_s, *self._lengths)
+
+
 def read_robot(urdf: str | None = None, feet: tuple[str, str] = ("left_foot", "right_foot")) -> RobotNumbers:
     """Of a URDF, RABBIT's if none is given; `feet` are the links of the stance and of the swing foot.
 
@@ -77,16 +97,10 @@ def _check(model: pin.Model, feet: tuple[str, str]) -> None:
     wanted = ["JointModelPX", "JointModelPZ", *["JointModelRY"] * (model.njoints - 3)]
     if kinds != wanted or model.njoints < BASE + 2:
         raise ValueError(f"URDF {model.name}: joints {kinds}; expected {wanted}: slides x and z, then turns about y")
-    turned = [model.names[i] for i in range(1, model.njoints) if not _is_level(model, i)]
-    if turned:
-        raise ValueError(f"URDF {model.name}: {', '.join(turned)}: expected frames in the plane, not turned")
-    missing = [foot for foot in feet if not model.existFrame(foot)]
-    if missing:
+    for joint in range(1, model.njoints):
+        placement = model.jointPlacements[joint]
+        is_level = np.array_equal(placement.rotation, np.eye(3)) and (joint > BASE or not placement.translation.any())
+        if not is_level or (joint < BASE and model.inertias[joint].mass != 0):
+            raise ValueError(f"URDF {model.name}: {model.names[joint]}: expected frames in the plane, not turned")
+    if missing := [foot for foot in feet if not model.existFrame(foot)]:
         raise ValueError(f"URDF {model.name}: no link {', '.join(missing)} for a foot")
-
-
-def _is_level(model: pin.Model, joint: int) -> bool:
-    placement = model.jointPlacements[joint]
-    at_origin = joint > BASE or not placement.translation.any()
-    massless = joint >= BASE or model.inertias[joint].mass == 0
-    return bool(np.array_equal(placement.rotation, np.eye(3)) and at_origin and massless)

@@ -26,8 +26,8 @@ import numpy as np
 from rabbit_description.gait import Gait, GaitLibrary, Gaits
 from rabbit_description.state import Array, StonePreview
 
-from rl_cbf_clf_controller.feet import Feet
 from rl_cbf_clf_controller.parameters import ControllerParameters
+from rl_cbf_clf_controller.robot_numbers import Feet
 from rl_cbf_clf_controller.speed_regulation import IntegralRegulation, SpeedRegulation
 from rl_cbf_clf_controller.step_paths import descent, landing_at, speed_of, start_rate, step_path, within
 from rl_cbf_clf_controller.virtual_constraints import RABBIT_ANGLES, Correction, VirtualConstraints

@@ -16,7 +16,7 @@ import numpy as np
 from rabbit_description.gait import Gait, GaitLibrary
 from rabbit_description.state import Array
 
-from rl_cbf_clf_controller.feet import Feet
+from rl_cbf_clf_controller.robot_numbers import Feet
 from rl_cbf_clf_controller.virtual_constraints import RABBIT_ANGLES
 
 STANCE_LEG, SWING_LEG = slice(3, 5), slice(5, 7)  # hip and knee

@@ -1,6 +1,7 @@
 """What a controller knows of the ground ahead: nothing, or the one stone in sight."""
 
-from typing import Any, Literal
+from dataclasses import dataclass
+from typing import Literal
 
 from rabbit_description.state import RobotState, StonePreview
 
@@ -11,29 +12,16 @@ HIGHEST_STONE = 0.5  # m, up or down
 OF_STATE = 14  # observations of the robot itself
 
 
-class FlatGround:
-    """Nothing has to be seen of it. `parameters` are the `ControllerParameters`."""
+@dataclass(frozen=True)
+class Terrain:
+    """Flat ground, of which nothing has to be seen, or stones, of which the next one is seen."""
 
-    name: Literal["flat", "stones"] = "flat"
-
-    def __init__(self, parameters: Any) -> None:
-        self._parameters = parameters
+    name: Literal["flat", "stones"]
 
     def check(self, state: RobotState) -> None:
-        """Any state will do."""
-
-    def observed(self, stone: StonePreview | None, step_length: tuple[float, ...]) -> int:
-        """How many of the observations there are: those of the robot."""
-        return OF_STATE
-
-
-class SteppingStones(FlatGround):
-    """One stone is seen at a time, the next."""
-
-    name = "stones"
-
-    def check(self, state: RobotState) -> None:
-        """Raises `ControllerError` where the state comes without the next stone's preview."""
+        """Raises `ControllerError` where a state on stones comes without the next stone's preview."""
+        if self.name == "flat":
+            return
         stone = state.preview
         if stone is None or stone.index != state.touchdowns + 1:
             raise ControllerError(f"state.preview = {stone}: expected stone {state.touchdowns + 1}")
@@ -43,5 +31,5 @@ class SteppingStones(FlatGround):
             raise ControllerError(f"state.preview = {stone}: expected a height of at most {HIGHEST_STONE:g} m")
 
     def observed(self, stone: StonePreview | None, step_length: tuple[float, ...]) -> int:
-        """With the near edge, m, and the `step_length` that a gait library chose for the stone."""
-        return OF_STATE + (1 + len(step_length) if stone else 0)
+        """How many of the observations there are: the robot's; on stones the near edge, and a library's step length."""
+        return OF_STATE + (1 + len(step_length) if stone and self.name == "stones" else 0)

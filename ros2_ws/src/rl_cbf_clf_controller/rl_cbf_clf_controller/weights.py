@@ -116,9 +116,8 @@ class PolicyMetadata(BaseModel):
         """Whether it was trained for this problem, as it is now."""
         if self.residual:
             return not problem.corrects_input and problem.inputs == self.m
-        of_file = self.problem, self.names, self.m
-        is_same = of_file == (problem.name, problem.quantities, problem.inputs)
-        return is_same and self.observation in problem.observations
+        now = problem.name, problem.quantities, problem.inputs
+        return (self.problem, self.names, self.m) == now and self.observation in problem.observations
 
     @property
     def about(self) -> str:
@@ -158,7 +157,15 @@ class PolicyFile:
     arrays: Arrays = field(repr=False)
 
     def __post_init__(self) -> None:
-        _check_arrays(self.metadata, self.arrays)
+        expected = self.metadata.shapes
+        if self.arrays.keys() != expected.keys():
+            raise PolicyFileError(f"policy: arrays {sorted(self.arrays)}; expected {sorted(expected)}")
+        for name, shape in expected.items():
+            array = self.arrays[name]
+            if array.shape != shape or array.dtype != np.float32:
+                raise PolicyFileError(f"policy: {name} is {array.dtype} {array.shape}; expected float32 {shape}")
+            if not np.isfinite(array).all():
+                raise PolicyFileError(f"policy: {name} has values that are not finite")
 
     @cached_property
     def content_hash(self) -> str:
@@ -209,18 +216,19 @@ def decode(data: bytes, problem: Problem | None = None) -> PolicyFile:
     file = PolicyFile(head.metadata, arrays)
     if head.content_hash != file.content_hash:
         raise PolicyFileError(f"policy: content hash {head.content_hash}; its content has {file.content_hash}")
-    _check_probe(file)
+    outputs = Actor(arrays)(probe_inputs(len(file.metadata.observation)))
+    off = np.abs(outputs - arrays[PROBE]).max()
+    if not off <= PROBE_TOLERANCE:
+        raise PolicyFileError(f"policy: on the fixed observations its outputs differ by {off:.2g} from those stored")
     return file
 
 
 def read(path: Path, problem: Problem | None = None) -> PolicyFile:
     """Read a policy file; raises `PolicyFileError`, also when there is no such file."""
     try:
-        data = read_bytes(path, SIZE_LIMIT)
+        return decode(read_bytes(path, SIZE_LIMIT), problem)
     except FileError as error:
         raise PolicyFileError(f"policy: cannot read {path}: {error}") from error
-    try:
-        return decode(data, problem)
     except PolicyFileError as error:
         raise PolicyFileError(f"{path}: {error}") from error
 
@@ -232,7 +240,10 @@ def policy_path(name: str) -> Path:
 
 
 class Actor:
-    """The network of these arrays: from a scaled observation (m,) to outputs in [-1, 1]."""
+    """The network of these arrays: from a scaled observation (m,), or N of them (N, m), to outputs in [-1, 1].
+
+    A row of N has the bits that it has alone. N go layer by layer, so that the weights stay near.
+    """
 
     def __init__(self, arrays: Arrays) -> None:
         self._layers = [(arrays[f"{layer}.weight"].T, arrays[f"{layer}.bias"]) for layer in range(3)]
@@ -243,18 +254,11 @@ class Actor:
         for layer, (weights, bias) in enumerate(self._layers):
             if layer:
                 np.maximum(values, self._zero, out=values)
-            values = sgemv(1, weights, values, 1, bias, 0, 1, 0, 1, 1)  # transposed
-        outputs: Float32 = np.tanh(values, out=values)
-        return outputs
-
-    def of_many(self, scaled: NDArray[Any]) -> Float32:
-        """The same of N observations (N, m), to the bit; layer by layer, so that the weights stay near."""
-        values = scaled.astype(np.float32)
-        for layer, (weights, bias) in enumerate(self._layers):
-            if layer:
-                np.maximum(values, self._zero, out=values)
-            given, values = values, np.tile(bias, (len(values), 1))
-            for row, result in zip(given, values, strict=True):
+            if values.ndim == 1:
+                values = sgemv(1, weights, values, 1, bias, 0, 1, 0, 1, 1)  # transposed
+                continue
+            rows, values = values.astype(np.float32, copy=False), np.tile(bias, (len(values), 1))
+            for row, result in zip(rows, values, strict=True):
                 sgemv(1, weights, row, 1, result, 0, 1, 0, 1, 1, 1)  # transposed, into `result`
         outputs: Float32 = np.tanh(values, out=values)
         return outputs
@@ -270,23 +274,3 @@ def probe_inputs(size: int) -> Float32:
     """Four fixed scaled observations, shape (4, size): the centre and three spread over [-1, 1]."""
     grid = np.arange(1, size + 1)
     return np.stack([np.zeros(size), *(np.sin(k * grid) for k in (1, 2, 3))]).astype(np.float32)
-
-
-def _check_arrays(metadata: PolicyMetadata, arrays: Arrays) -> None:
-    expected = metadata.shapes
-    if arrays.keys() != expected.keys():
-        raise PolicyFileError(f"policy: arrays {sorted(arrays)}; expected {sorted(expected)}")
-    for name, shape in expected.items():
-        array = arrays[name]
-        if array.shape != shape or array.dtype != np.float32:
-            raise PolicyFileError(f"policy: {name} is {array.dtype} {array.shape}; expected float32 {shape}")
-        if not np.isfinite(array).all():
-            raise PolicyFileError(f"policy: {name} has values that are not finite")
-
-
-def _check_probe(file: PolicyFile) -> None:
-    inputs, actor = probe_inputs(len(file.metadata.observation)), Actor(file.arrays)
-    outputs = np.stack([actor(row) for row in inputs])
-    error = np.abs(outputs - file.arrays[PROBE]).max()
-    if not error <= PROBE_TOLERANCE:
-        raise PolicyFileError(f"policy: on the fixed observations its outputs differ by {error:.2g} from those stored")

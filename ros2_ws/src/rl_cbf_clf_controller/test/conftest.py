@@ -33,7 +33,7 @@ class SymbolicModel:
         read = read_robot(urdf)
         self.numbers = replace(read, motor_gain=motor_gain * read.motor_gain, joint_damping=joint_damping)
         robot = PinnedRobot(read.structure)
-        swing_rate, (after, impulse) = robot.rate(robot.swing), robot.after_impact()
+        swing_rate, (after, impulse) = robot.rate(robot.swing), after_impact(robot)
         inputs = {"q": robot.q, "dq": robot.dq, "robot": packed(robot.parameters)}
         found = {"swing": robot.swing, "swing_rate": swing_rate, "jacobian": ca.jacobian(robot.swing, robot.q)}
         found |= {"bias": robot.rate(swing_rate), "hip": robot.hip, "hip_rate": robot.rate(robot.hip)}
@@ -56,6 +56,15 @@ class SymbolicModel:
     def impact(self, q_s: Array, dq_s: Array) -> tuple[Array, Array]:
         self.update(q_s, dq_s)
         return self._at.after, self._at.impulse
+
+
+def after_impact(robot: PinnedRobot) -> tuple[ca.SX, ca.SX]:
+    """Rates (n,) before relabelling and the impulse (2,), N s, if the swing foot lands: inelastic, it stays."""
+    n, mass = robot.structure.coordinates, robot.mass_and_bias[0]
+    jacobian = ca.jacobian(robot.feet[1], robot.q)
+    kkt = ca.vertcat(ca.horzcat(mass, -jacobian.T), ca.horzcat(jacobian, ca.SX.zeros(2, 2)))
+    solution = ca.solve(kkt, ca.vertcat(mass @ robot.dq, ca.SX.zeros(2)))
+    return solution[:n], solution[n:]
 
 
 @pytest.fixture(params=[SymbolicModel, PinocchioModel])

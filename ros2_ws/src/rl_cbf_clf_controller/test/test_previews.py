@@ -5,7 +5,7 @@ from random import Random
 from hypothesis import given
 from hypothesis import strategies as st
 from rabbit_description.state import StonePreview
-from rl_cbf_clf_controller.ros.preview_buffer import NEWEST, PreviewBuffer
+from rl_cbf_clf_controller.ros.tick_intake import NEWEST, PreviewBuffer
 
 PRESENT = 7
 

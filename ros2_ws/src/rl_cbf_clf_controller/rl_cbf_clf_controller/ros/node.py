@@ -2,13 +2,15 @@
 
 A tick needs the preview of stone `touchdowns + 1`, if one was announced; the first tick of an episode also needs the
 policy that the episode names. A controller that comes in the middle of an episode says so, which ends it: it
-does not know since when which leg stands. Policies are checked in another thread (`policy_loader.py`) and put in
-force between two ticks; every torque says which policy made it.
+does not know since when which leg stands. Policies are put in force between two ticks; every torque says which policy
+made it.
 """
 
 import math
 import secrets
 
+import numpy as np
+from rabbit_common.message_arrays import doubles
 from rabbit_common.message_checks import Refused
 from rabbit_common.priority import scheduling, take_priority
 from rabbit_common.ros.checked_node import CheckedNode
@@ -23,13 +25,10 @@ from rl_cbf_clf_controller.controller import DYNAMIC, Controller
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import ZeroPolicy
 from rl_cbf_clf_controller.ros import messages
-from rl_cbf_clf_controller.ros.node_parameters import NodeParameters
-from rl_cbf_clf_controller.ros.policies import Policies
+from rl_cbf_clf_controller.ros.policies import NodeParameters, Policies
 from rl_cbf_clf_controller.ros.tick_intake import TickIntake
 from rl_cbf_clf_controller.scene import ControllerError
 from rl_cbf_clf_controller.weights import PolicyFileError
-
-ERRORS = (GaitError, PolicyFileError)  # of the constructor, when a file cannot be used
 
 
 class ControllerNode(CheckedNode):
@@ -47,18 +46,9 @@ class ControllerNode(CheckedNode):
         policy = self._policies.in_force.policy or ZeroPolicy(self._settings.problem)
         self._controller = Controller(self._settings, self._gait, policy)
         self._controller.rehearse()
+        self.close = self._policies.close
         self._ticks = TickIntake()
         self._answer: msg.TorqueCommand | None = None  # the newest
-        self._connect()
-        follow(self, self._settings, self._on_parameters)
-        chosen = f"{self._settings.controller}, gait {self._gait.name}"
-        self.get_logger().info(f"ready: {chosen}, policy {self._policies.in_force.version}")
-
-    def close(self) -> None:
-        """End the thread that checks policies."""
-        self._policies.close()
-
-    def _connect(self) -> None:
         self._torques = self.create_publisher(msg.TorqueCommand, "torque", TICK)
         self._details = self.create_publisher(msg.ControllerState, "controller_state", TICK)
         self._terms = self.create_publisher(msg.LearnerTerms, "learner_terms", TICK)
@@ -68,12 +58,17 @@ class ControllerNode(CheckedNode):
         self._hear(msg.Episode, "episode", self._on_episode, EVENT)
         self._diagnostics = Diagnostics(self, self._message_counter, self._status)
         self._tell_settings()
+        follow(self, self._settings, self._on_parameters)
+        chosen = f"{self._settings.controller}, gait {self._gait.name}"
+        self.get_logger().info(f"ready: {chosen}, policy {self._policies.in_force.version}")
 
     # What comes in
 
     def _on_state(self, message: msg.RobotState) -> None:
-        if (message.episode, message.tick) == self._ticks.turn:
-            self._repeat()
+        if (message.episode, message.tick) == self._ticks.turn:  # the simulator has not heard the answer
+            self._message_counter.accept("state again")
+            if self._answer is not None and (self._answer.episode, self._answer.tick) == self._ticks.turn:
+                self._torques.publish(self._answer)
             return
         fault = self._ticks.take(message)
         if fault:
@@ -82,12 +77,6 @@ class ControllerNode(CheckedNode):
             if not message.running:
                 self._message_counter.accept("state")
             self._go_on()
-
-    def _repeat(self) -> None:
-        """The simulator has not heard the answer: say it again, if there is one."""
-        self._message_counter.accept("state again")
-        if self._answer is not None and (self._answer.episode, self._answer.tick) == self._ticks.turn:
-            self._torques.publish(self._answer)
 
     def _on_preview(self, message: msg.StonePreview) -> None:
         self._ticks.keep_preview(message)
@@ -141,7 +130,9 @@ class ControllerNode(CheckedNode):
     def _give_up(self, message: msg.RobotState, reason: str) -> None:
         """Answer with a fault: the simulator ends the episode under this reason."""
         self.get_logger().error(reason)
-        self._say(messages.fault_message(message, reason, self._policies.in_force.version, self._sender))
+        torque, version = doubles(np.zeros(len(message.applied))), self._policies.in_force.version
+        said = {"torque": torque, "policy_version": version, "fault": reason[:128]}
+        self._say(msg.TorqueCommand(**messages.head(message, self._sender), **said))
 
     def _missing(self, message: msg.RobotState) -> str:
         """What this tick still waits for; empty when it can be made."""
@@ -149,7 +140,8 @@ class ControllerNode(CheckedNode):
 
     def _named(self, message: msg.RobotState) -> str:
         """The policy that the episode names for this tick, its first; empty: any."""
-        return str(self._ticks.episode.policy_version) if message.tick == 0 else ""
+        is_first = message.tick == 0 and self._policies.hears_published
+        return str(self._ticks.episode.policy_version) if is_first else ""
 
     def _on_parameters(self, parameters: ControllerParameters) -> None:
         """An operator changed one: it holds from the next answer on."""
@@ -162,8 +154,9 @@ class ControllerNode(CheckedNode):
     def _tell_settings(self) -> None:
         """From which tick the present parameters hold."""
         episode, tick = self._ticks.turn
-        turn = episode, tick + (self._ticks.held is None)
-        self._told_settings.publish(messages.settings_message(self._settings, self._gait, turn, self._sender))
+        turn = {"episode": episode, "tick": tick + (self._ticks.held is None)}
+        texts = {"parameters": self._settings.model_dump_json(), "gait": self._gait.model_dump_json()}
+        self._told_settings.publish(msg.ControllerSettings(**turn, **texts, sender=self._sender))
 
     def _set_parameters(self, parameters: ControllerParameters) -> None:
         """The episode's own sigma goes before the node's."""
@@ -193,4 +186,4 @@ class ControllerNode(CheckedNode):
 
 def main() -> None:
     """The executable `controller`."""
-    run(ControllerNode, errors=ERRORS)
+    run(ControllerNode, errors=(GaitError, PolicyFileError))

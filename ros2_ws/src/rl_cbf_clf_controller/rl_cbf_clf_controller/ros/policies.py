@@ -1,27 +1,70 @@
 """The controller's policies: which is in force, which ones wait until they are due, why others were refused.
 
-They are checked in another thread (`policy_loader.py`) and put in force between two ticks.
+They come in by the topic `policy`, if it is heard, or by service, by name. The node's own thread only takes the bytes
+or the name. Another thread decodes and checks them, and what is due is put in force between two ticks. The service is
+answered when the check is done.
 """
 
+import queue
+import threading
+from array import array
 from collections import deque
 from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Literal
 
+from pydantic import BaseModel, ConfigDict, Field
 from rabbit_common.message_checks import Refused
+from rabbit_common.priority import step_back
+from rabbit_common.ros.checked_node import bounds, check_size, decoded
 from rabbit_common.ros.qos import EVENT
+from rabbit_common.ros.services import create_async_service
 from rabbit_description.bounded_file import FileError, read_bytes
 from rabbit_description.gait import Gaits
-from rabbit_msgs.msg import PolicySwap
+from rabbit_msgs.msg import PolicySwap, PolicyWeights
+from rabbit_msgs.srv import LoadPolicy
 from rclpy.node import Node
+from rclpy.task import Future
 
 from rl_cbf_clf_controller.parameters import ControllerParameters
-from rl_cbf_clf_controller.policy import Policy, ZeroPolicy
-from rl_cbf_clf_controller.ros.messages import swap_message
-from rl_cbf_clf_controller.ros.node_parameters import ZERO, NodeParameters
-from rl_cbf_clf_controller.ros.policy_loader import CheckedPolicy, PolicyLoader, check
-from rl_cbf_clf_controller.weights import SIZE_LIMIT, PolicyFileError, policy_path
+from rl_cbf_clf_controller.policy import Policy, ZeroPolicy, fitted
+from rl_cbf_clf_controller.weights import SIZE_LIMIT, PolicyFileError, decode, policy_path
 
+ZERO = "zero"
+UNCHECKED = 20  # policies that wait for their check
 WAITING = 4  # policies kept until they are due; an episode may name an older one than the newest
 REFUSED = 20  # refusals of policies kept: an episode may name one of them
+LIMITS = bounds(PolicyWeights)
+
+
+class NodeParameters(BaseModel):
+    """Which policies the node walks with, and its priority."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    policy: str = Field(ZERO, description="policy to begin with: zero, the name of a shipped one, or a file")
+    swap_at: Literal["tick", "episode", "never"] = Field(
+        "tick",
+        description="when published policies take effect; with never they are not heard; "
+        "one loaded by service always does at the next tick",
+    )
+    priority: int = Field(0, ge=0, le=99, description="SCHED_FIFO priority, where permitted; 0: an ordinary process")
+
+
+@dataclass(frozen=True)
+class CheckedPolicy:
+    """The word on what came in: a policy ready to use, or the reason it is refused.
+
+    `version` is computed from the bytes, whatever a message says; empty when they are no policy.
+    """
+
+    version: str
+    source: str
+    policy: Policy | None = None
+    reason: str = ""
+    data: bytes = b""
+    by_operator: bool = False
 
 
 class Policies:
@@ -40,24 +83,51 @@ class Policies:
 
         `on_checked` is called in the executor once there is something to `take`.
         """
-        self._zero = CheckedPolicy(ZERO, "built in", False, ZeroPolicy(parameters.problem))
-        self.in_force = self._zero if own.policy == ZERO else first_policy(own.policy, parameters, gaits)
-        self._node, self._swap_at, self._sender, self._on_checked = node, own.swap_at, sender, on_checked
+        self._node, self._sender, self._on_checked = node, sender, on_checked
+        self._swap_at, self.hears_published = own.swap_at, own.swap_at != "never"
+        self._check = partial(check, parameters=parameters, gaits=gaits)
+        self._zero = CheckedPolicy(ZERO, "built in", ZeroPolicy(parameters.problem))
+        self.in_force = self._zero if own.policy == ZERO else self._read(own.policy)
+        if self.in_force.policy is None:
+            raise PolicyFileError(f"policy {own.policy}: {self.in_force.reason}")
         self._checked: deque[CheckedPolicy] = deque()  # from the other thread
         self._waiting: deque[CheckedPolicy] = deque(maxlen=WAITING)  # the newest last
         self._refused: deque[CheckedPolicy] = deque(maxlen=REFUSED)
         self._swaps = node.create_publisher(PolicySwap, "policy_swap", EVENT)
         self._tell(self.in_force, (0, 0))
-        self._loader = PolicyLoader(node, parameters, gaits, self._keep, own.swap_at != "never")
+        self._jobs: queue.SimpleQueue[Callable[[], None] | None] = queue.SimpleQueue()
+        self._thread = threading.Thread(target=self._work, name="policies", daemon=True)
+        self._thread.start()
+        if self.hears_published:  # deeper than a writer's history: with several, one must not push out another's
+            node.create_subscription(PolicyWeights, "policy", self._on_bytes, EVENT, raw=True)
+        create_async_service(node, LoadPolicy, "load_policy", self._on_load)
 
     def close(self) -> None:
         """End the thread that checks."""
-        self._loader.close()
+        self._jobs.put(None)
+        self._thread.join(timeout=2.0)
 
     @property
     def newest(self) -> str:
         """Version of the newest that waits; empty: none does."""
         return self._waiting[-1].version if self._waiting else ""
+
+    # In the node's thread
+
+    def _on_bytes(self, data: bytes) -> None:
+        try:
+            check_size(data)
+            if self._jobs.qsize() >= UNCHECKED:
+                raise Refused("too many", f"{UNCHECKED} policies wait for their check already")
+        except Refused as error:
+            self._keep(CheckedPolicy("", "policy", reason=str(error)))
+            return
+        self._jobs.put(partial(self._check_message, data))
+
+    def _on_load(self, request: LoadPolicy.Request, response: LoadPolicy.Response) -> Future:
+        answer = Future(executor=self._node.executor)
+        self._jobs.put(partial(self._check_named, request.policy, response, answer))
+        return answer
 
     def take(
         self, turn: tuple[int, int], accept: Callable[[str], None], refuse: Callable[[str, Refused], None]
@@ -76,19 +146,18 @@ class Policies:
 
     def missing(self, named: str) -> str:
         """The policy that an episode names, where it is not here."""
-        return "" if self._swap_at == "never" or not named or self._here(named) else f"policy {named}"
+        return f"policy {named}" if named and not self._here(named) else ""
 
     def refusal(self, named: str) -> str:
         """Why the policy that an episode names cannot come; empty when it may."""
-        refused = [d.reason for d in self._refused if d.version == named and self._swap_at != "never"]
+        refused = [d.reason for d in self._refused if d.version == named]
         return f"policy {named} was refused: {refused[-1]}" if refused else ""
 
     def swap(self, turn: tuple[int, int], named: str) -> Policy | None:
         """Put in force what is due at this tick; what came before it is due no more. Returns it, None: no change."""
         episode, tick = turn
-        wanted = "" if self._swap_at == "never" else named
         due = [d for d in self._waiting if d.by_operator or self._swap_at == "tick" or tick == 0]
-        new = self._here(wanted) if wanted else due[-1] if due else None
+        new = self._here(named) if named else due[-1] if due else None
         while new in self._waiting:
             self._waiting.popleft()
         if new is None or new.version == self.in_force.version:
@@ -99,25 +168,69 @@ class Policies:
         self._node.get_logger().info(f"policy {new.version} of {new.source} in force {since}")
         return new.policy
 
+    def _here(self, version: str) -> CheckedPolicy | None:
+        return next((d for d in (self._zero, self.in_force, *self._waiting) if d.version == version), None)
+
     def _tell(self, checked: CheckedPolicy, turn: tuple[int, int]) -> None:
-        self._swaps.publish(swap_message(checked, turn, self._sender))
+        """A policy is in force since `turn`, episode and tick, or was refused then."""
+        message = PolicySwap(
+            episode=max(turn[0], 0),
+            tick=max(turn[1], 0),
+            version=checked.version,
+            source=checked.source[-128:],
+            accepted=checked.policy is not None,
+            reason=checked.reason,
+            data=array("B", checked.data),
+            sender=self._sender,
+        )
+        self._swaps.publish(message)
+
+    # In the thread that checks
+
+    def _work(self) -> None:
+        step_back()  # a tick goes before a check
+        while job := self._jobs.get():
+            job()
+
+    def _check_message(self, data: bytes) -> None:
+        try:
+            message = decoded(data, PolicyWeights, LIMITS)
+        except Refused as error:
+            self._keep(CheckedPolicy("", "policy", reason=str(error)))
+            return
+        checked = self._check(bytes(message.data), message.source)
+        if checked.policy is not None and checked.version != message.version:
+            text = f"the message says version {message.version}; its content has {checked.version}"
+            checked = CheckedPolicy("", message.source, reason=text)
+        self._keep(checked)
+
+    def _check_named(self, name: str, response: LoadPolicy.Response, answer: Future) -> None:
+        checked = replace(self._read(name), by_operator=True)
+        self._keep(checked)
+        response.success, response.message = checked.policy is not None, checked.reason
+        response.version = checked.version
+        answer.set_result(response)
+
+    def _read(self, name: str) -> CheckedPolicy:
+        """The shipped policy of this name, or the file."""
+        try:
+            data = read_bytes(policy_path(name), SIZE_LIMIT)
+        except FileError as error:
+            return CheckedPolicy("", name, reason=f"cannot read it, neither a shipped one nor a file: {error}")
+        return self._check(data, name)
 
     def _keep(self, checked: CheckedPolicy) -> None:
-        """Called in the other thread."""
         self._checked.append(checked)
         if self._node.executor is not None:
             self._node.executor.create_task(self._on_checked)
 
-    def _here(self, version: str) -> CheckedPolicy | None:
-        return next((d for d in (self._zero, self.in_force, *self._waiting) if d.version == version), None)
 
-
-def first_policy(name: str, parameters: ControllerParameters, gaits: Gaits) -> CheckedPolicy:
-    """The shipped policy of this name, or the file; raises `PolicyFileError`."""
+def check(data: bytes, source: str, parameters: ControllerParameters, gaits: Gaits) -> CheckedPolicy:
+    """Decode a policy and fit it to the controller; never raises."""
+    version = ""
     try:
-        checked = check(read_bytes(policy_path(name), SIZE_LIMIT), name, parameters, gaits)
-    except FileError as error:
-        raise PolicyFileError(f"policy {name}: neither a shipped one nor a file: {error}") from error
-    if checked.policy is None:
-        raise PolicyFileError(f"policy {name}: {checked.reason}")
-    return checked
+        file = decode(data)
+        version = file.version
+        return CheckedPolicy(version, source, fitted(file, parameters, gaits), data=data)
+    except PolicyFileError as error:
+        return CheckedPolicy(version, source, reason=str(error))
