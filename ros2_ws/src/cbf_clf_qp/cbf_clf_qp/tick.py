@@ -14,7 +14,7 @@ cart that is pulled to x = 1 m and must not pass a wall, wherever the wall is at
     u = tick(np.array([0.0, 0.0]), wall=0.9).u
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from typing import Any
 
@@ -29,6 +29,8 @@ from cbf_clf_qp.qp import Objective, build_qp, is_finite
 from cbf_clf_qp.quantity import Constrained, Number
 from cbf_clf_qp.system import System
 from cbf_clf_qp.terms import Constraint, Reads, Terms
+
+MATRICES = ("nominal_a", "control_a")  # which stay so with one column
 
 
 class Tick:
@@ -78,10 +80,11 @@ class Tick:
         self.layout, data = build_qp(rows, objective(terms) if objective else None, terms.control)
         self._needs_output_error = ca.depends_on(packed(data), ca.vec(terms.symbols["output_error"]))
         data["is_valid"] *= is_finite(packed(terms.symbols))
-        self.answer = Answering(terms.symbols, data, self.layout, solver)
-        matrices = {"nominal_a": self.terms.nominal.a, "control_a": self.terms.control.a}
-        shown = {**matrices, "nominal_b": self.terms.nominal.b, "control_b": self.terms.control.b, **terms.reads}
-        self.look = NumpyFunction.of("look", {"x": system.x, "p": system.p}, shown, matrices)
+        self._data, self.answer = data, Answering(terms.symbols, data, self.layout, solver)
+        nominal, first = self.terms.nominal, self.terms.control
+        self._shown = {"nominal_a": nominal.a, "nominal_b": nominal.b, "control_a": first.a, "control_b": first.b}
+        self._shown |= terms.reads
+        self.look = NumpyFunction.of("look", {"x": system.x, "p": system.p}, self._shown, MATRICES)
         self.names, self.system = terms.names, system
         self.reset = self.answer.reset  # forgets the last programme, so that no episode depends on the one before
         self._places, self._row = places_of(system.named), np.empty(system.p.numel())  # of a call by name
@@ -146,10 +149,21 @@ class Tick:
         return Estimates.zero(len(self.names), self.terms.inputs)
 
     @one_at_a_time
-    def glance(self, names: Sequence[str]) -> NumpyFunction:
-        """A `look` at some of `reads` alone; what needs no dynamics takes a tenth of the time."""
-        shown = {name: self.terms.reads[name] for name in names}
-        return NumpyFunction.of("glance", {"x": self.system.x, "p": self.system.p}, shown)
+    def in_two(self, inputs: Mapping[str, ca.SX], p: ca.SX) -> tuple[NumpyFunction, Answering]:
+        """The tick as two functions, for who estimates between them: nothing is computed twice.
+
+        The first one is `look`, of `inputs` of which the parameters `p` are an expression; it gives these too, and as
+        `prepared` all of the programme that no estimate changes. The second one answers to `prepared` and estimates.
+        """
+        names, values = zip(*self._data.items(), strict=True)
+        x_p, options = ca.vertcat(self.system.x, self.system.p), {"extract_trivial": True}
+        parts, symbols, prepared = ca.extract_parametric(list(values), x_p, options)
+        estimates = {name: self.terms.symbols[name] for name in ("alpha", "beta", "output_error")}
+        given = {"prepared": ca.vertcat(*symbols), **estimates}
+        answer = Answering(given, dict(zip(names, parts, strict=True)), self.layout, self.answer.solver)
+        shown = {**self._shown, "p": self.system.p, "prepared": ca.vertcat(*prepared)}
+        along = ca.substitute([*shown.values()], [self.system.p], [p])
+        return NumpyFunction.of("look", inputs, dict(zip(shown, along, strict=True)), MATRICES), answer
 
     def _inputs(self, x: Array, p: Array, estimates: Estimates) -> tuple[Array, ...]:
         """Of the functions; an output error that is not known is zero where nothing depends on it."""

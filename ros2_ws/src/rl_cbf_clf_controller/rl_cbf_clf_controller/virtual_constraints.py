@@ -28,7 +28,6 @@ from rabbit_description.state import Array
 
 FADING = 0.04  # of the phase, in which the curvature falls to 1/e beyond an end
 POWERS, CORRECTION_POWERS = 8, 5  # coefficients of the polynomials, the highest ones zero where there are fewer
-PARAMETERS = ("desired_0", "desired_1", "desired_2", "phase_scale")
 Orders = tuple[ca.SX, ca.SX, ca.SX]  # a function and its two derivatives
 
 
@@ -172,7 +171,7 @@ class VirtualConstraints:
     """The outputs of a path as numbers. One object, with all that it makes by `along`, serves one thread."""
 
     def __init__(self, path: Path, angles: Angles = RABBIT_ANGLES) -> None:
-        self._outputs, self._phase, self._desired, self._parameters = output_functions(angles)
+        self._outputs, self._phase, self._desired = output_functions(angles)
         self._set(path)
 
     def along(self, path: Path) -> "VirtualConstraints":
@@ -193,18 +192,13 @@ class VirtualConstraints:
         self._scale = np.array([1 / span, path.phase_angle_start / span])
 
     @property
-    def functions(self) -> tuple[NumpyFunction, NumpyFunction]:
-        """The phase of (q, `scale`), and what is desired of (phase, `row`)."""
-        return self._phase, self._desired
-
-    @property
     def row(self) -> Array:
         """The numbers of the path."""
         return self._row
 
     @property
     def scale(self) -> Array:
-        """What turns a phase angle into a phase, see `PARAMETERS`, (2,)."""
+        """What turns a phase angle into a phase: `phase_scale` of `OutputExpressions`, (2,)."""
         return self._scale
 
     def desired(self, phase: float) -> tuple[Array, Array, Array]:
@@ -212,23 +206,18 @@ class VirtualConstraints:
         found = self._desired(np.array([phase]), self._row)
         return found.desired_0, found.desired_1, found.desired_2
 
-    def parameters(self, q_s: Array) -> Array:
-        """The `PARAMETERS` at `q_s` (n,), one after the other: what a tick takes of the path."""
-        return self._parameters(q_s, self._scale, self._row).row
-
     def phase(self, q_s: Array) -> float:
         """Of the step, at `q_s` (n,)."""
         return float(self._phase(q_s, self._scale).phase[0])
 
     def evaluate(self, q_s: Array, dq_s: Array) -> Outputs:
         """Outputs at `q_s`, `dq_s` (n,), stance/swing order."""
-        found = self._outputs(q_s, dq_s, self.parameters(q_s))
+        found = self._outputs(q_s, dq_s, self._scale, self._row)
         return Outputs(found.eta, found.jacobian, found.bias, float(found.phase[0]), float(found.phase_rate[0]))
 
 
 def output_functions(angles: Angles) -> tuple[NumpyFunction, ...]:
-    """`Outputs` of (q, dq, parameters); the phase of (q, scale); what is desired, of (phase, row of a path); the
-    parameters of (q, scale, row of a path)."""
+    """`Outputs` of (q, dq, scale, row of a path); the phase of (q, scale); what is desired, of (phase, row of a path)."""
     m, n = angles.controlled.shape
     q, dq, ddq, path = ca.SX.sym("q", n), ca.SX.sym("dq", n), ca.SX.sym("ddq", n), path_symbols(m)
     outputs = OutputExpressions(q, dq, angles)
@@ -237,13 +226,14 @@ def output_functions(angles: Angles) -> tuple[NumpyFunction, ...]:
     acceleration = free.affine(ddy)
     found = {"eta": ca.vertcat(y, dy), "jacobian": acceleration.a, "bias": acceleration.b}
     found |= {"phase": outputs.phase, "phase_rate": outputs.phase_rate}
-    scale, phase = outputs.parameters["phase_scale"], ca.SX.sym("phase")
-    orders = dict(zip(PARAMETERS, desired(phase, path), strict=False))
-    along = dict(zip(orders, ca.substitute([*orders.values()], [phase], [outputs.phase]), strict=True))
-    of_path = {"q": q, "scale": scale, "path": packed(path)}
+    scale, phase, row = outputs.parameters["phase_scale"], ca.SX.sym("phase"), packed(path)
+    orders = {f"desired_{k}": order for k, order in enumerate(desired(phase, path))}
+    wanted = ca.vertcat(*(outputs.parameters[name] for name in orders))
+    at_phase = ca.vertcat(*desired(outputs.phase, path))
+    along = ca.substitute([*found.values()], [wanted], [at_phase])
+    of_path = {"q": q, "dq": dq, "scale": scale, "path": row}
     return (
-        NumpyFunction.of("outputs", {"q": q, "dq": dq, "parameters": packed(outputs.parameters)}, found),
+        NumpyFunction.of("outputs", of_path, dict(zip(found, along, strict=True))),
         NumpyFunction.of("phase", {"q": q, "scale": scale}, {"phase": outputs.phase}),
-        NumpyFunction.of("desired", {"phase": phase, "path": packed(path)}, orders),
-        NumpyFunction.of("parameters", of_path, {**along, "phase_scale": scale}),
+        NumpyFunction.of("desired", {"phase": phase, "path": row}, orders),
     )
