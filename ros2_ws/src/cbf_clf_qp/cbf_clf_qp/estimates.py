@@ -15,8 +15,12 @@ import numpy as np
 
 from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.functions import Array, NumpyFunction, one_at_a_time
+from cbf_clf_qp.qp import is_finite
+from cbf_clf_qp.quantity import Number
 from cbf_clf_qp.system import System
 from cbf_clf_qp.terms import Terms
+
+Pair = tuple[ca.SX, ...]  # a state x and the parameters p there
 
 
 @dataclass  # not frozen: that would take a tick 1 us for each
@@ -75,18 +79,35 @@ def measure(terms: Terms) -> NumpyFunction:
     """
     x, p, seconds = terms.system.x, terms.system.p, ca.SX.sym("seconds")
     start, end = ((ca.SX.sym("x", x.numel()), ca.SX.sym("p", p.numel())) for _ in range(2))
-    measured = []
+    symbols = dict(zip(("x_0", "p_0", "x_1", "p_1", "seconds"), (*start, *end, seconds), strict=True))
+    return NumpyFunction.of("measure", symbols, {"measured": measured(terms, start, end, seconds)})
+
+
+def measuring(terms: Terms, seconds: float) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """For who measures tick by tick: what a state leaves to the next one, `seconds` later, as an expression; symbols
+    for what the one before has left; and of these `measured` (n,), NaN where they are."""
+    now = terms.system.x, terms.system.p
+    start = tuple(ca.SX.sym("start", each.numel()) for each in now)
+    options = {"extract_trivial": True}
+    found, symbols, left = ca.extract_parametric(measured(terms, start, now, seconds), ca.vertcat(*start), options)
+    before = ca.vertcat(*symbols)
+    (leaves,) = ca.substitute([ca.vertcat(*left)], start, now)
+    return leaves, before, ca.if_else(is_finite(before), found, ca.SX.nan())
+
+
+def measured(terms: Terms, start: Pair, end: Pair, seconds: Number) -> ca.SX:
+    """The means of all quantities from (x, p) to (x, p) as an expression; raises ValueError."""
+    x, p, means = terms.system.x, terms.system.p, list[ca.SX]()
     for quantity in terms.quantities:
         if quantity.sensor is not None:
-            measured += ca.substitute([quantity.sensor], [x, p], end)
+            means += ca.substitute([quantity.sensor], [x, p], end)
         elif quantity.lower is not None and quantity.slope is not None:
             (before,), (after,) = (ca.substitute([quantity.lower], [x, p], at) for at in (start, end))
             slope = Affine(*ca.substitute([quantity.slope.a, quantity.slope.b], [x, p], start))
-            measured.append(slope((after - before) / seconds))
+            means.append(slope((after - before) / seconds))
         else:
             raise ValueError(f"{quantity.names[0]}: one difference measures relative degrees 1 and 2 only (Remark 3)")
-    symbols = dict(zip(("x_0", "p_0", "x_1", "p_1", "seconds"), (*start, *end, seconds), strict=True))
-    return NumpyFunction.of("measure", symbols, {"measured": ca.vertcat(*measured)})
+    return ca.vertcat(*means)
 
 
 @one_at_a_time

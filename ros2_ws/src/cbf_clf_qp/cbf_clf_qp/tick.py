@@ -149,11 +149,13 @@ class Tick:
         return Estimates.zero(len(self.names), self.terms.inputs)
 
     @one_at_a_time
-    def in_two(self, inputs: Mapping[str, ca.SX], p: ca.SX) -> tuple[NumpyFunction, Answering]:
+    def in_two(
+        self, inputs: Mapping[str, ca.SX], p: ca.SX, reads: Mapping[str, ca.SX]
+    ) -> tuple[NumpyFunction, Answering]:
         """The tick as two functions, for who estimates between them: nothing is computed twice.
 
-        The first one is `look`, of `inputs` of which the parameters `p` are an expression; it gives these too, and as
-        `prepared` all of the programme that no estimate changes. The second one answers to `prepared` and estimates.
+        The first one is `look`, of `inputs` of which the parameters `p` are an expression; it gives these too, further
+        `reads` of the inputs, and as `prepared` all of the programme that no estimate changes. The second one answers to `prepared` and estimates.
         """
         names, values = zip(*self._data.items(), strict=True)
         x_p, options = ca.vertcat(self.system.x, self.system.p), {"extract_trivial": True}
@@ -161,7 +163,7 @@ class Tick:
         estimates = {name: self.terms.symbols[name] for name in ("alpha", "beta", "output_error")}
         given = {"prepared": ca.vertcat(*symbols), **estimates}
         answer = Answering(given, dict(zip(names, parts, strict=True)), self.layout, self.answer.solver)
-        shown = {**self._shown, "p": self.system.p, "prepared": ca.vertcat(*prepared)}
+        shown = {**self._shown, **reads, "p": self.system.p, "prepared": ca.vertcat(*prepared)}
         along = ca.substitute([*shown.values()], [self.system.p], [p])
         return NumpyFunction.of("look", inputs, dict(zip(shown, along, strict=True)), MATRICES), answer
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from cbf_clf_qp.answer import Decided
-from cbf_clf_qp.estimates import Estimates, measure, model_error
+from cbf_clf_qp.estimates import Estimates, measuring, model_error
 from cbf_clf_qp.functions import one_at_a_time, packed, places_of
 from cbf_clf_qp.quantity import Constrained
 from rabbit_description.gait import Gaits
@@ -34,7 +34,6 @@ ROUNDING = 1e-6  # N m, by which the QP may be over the limit
 NO_TORQUE = np.full(4, np.nan)
 SWAP_X = np.concatenate([SWAP_STATE, 7 + SWAP_STATE])
 NO_NOISE = np.zeros(4)
-SECONDS = np.array([TICK_SECONDS])
 DYNAMIC = ("sigma", "swap_time", "swap_phase", *GAINS)  # parameters that may change between two ticks
 
 Further = Callable[[Walking], Sequence[Constrained]]  # quantities of RABBIT's symbols
@@ -86,9 +85,13 @@ class Controller:
         self._corrects_input = self._kind.problem.corrects_input
         walking, robot = Walking(), read_robot(urdf)
         self.qp = make_tick(walking, parameters, further(walking))
-        self._error, self._measure = model_error(self.qp.terms), measure(self.qp.terms)
+        self._error = model_error(self.qp.terms)
+        leaves, before, measured = measuring(self.qp.terms, TICK_SECONDS)
         inputs = {"x": walking.system.x, "p": walking.system.p, "path": packed(walking.path)}
-        self._look, self._answer = self.qp.in_two(inputs, walking.along_path)
+        inputs |= {"torque": walking.system.u, "before": before}
+        reads = {"mu_held": walking.output_dynamics(walking.system.u), "measured": measured, "leaves": leaves}
+        self._look, self._answer = self.qp.in_two(inputs, walking.along_path, reads)
+        self._new = np.full(before.numel(), np.nan)  # what is left of the tick before, where the step is new
         self._p = np.zeros(walking.system.p.numel())  # parameters of a tick, but for what the path desires
         self._places = {name: place for name, (place, _) in places_of(walking.system.named).items()}
         self._stone = slice(self._places["l_min"].start, self._places["height"].stop)
@@ -198,7 +201,8 @@ class Controller:
         p[places["force"]] = force[0]
         if stone is not None:
             p[self._stone] = stone.l_min, stone.l_max, stone.height
-        seen = self._look(x, p, self._constraints.row)
+        before = step.last.seen.leaves if step.last and step.last.tick == state.tick - 1 else self._new
+        seen = self._look(x, p, self._constraints.row, step.torque, before)
         observation = seen.observation[: self._terrain.observed(stone, self.steps.wanted)]
         seconds = (state.tick - step.start_tick) * TICK_SECONDS
         return Scene(x, seen, force, observation, state.tick, step.torque, step.stance, step.index, seconds, self._error)
@@ -242,7 +246,6 @@ class Controller:
             mu_qp=mu_qp,
             omega=omega,
             quantities=self.qp.names,
-            measured=self.measured(step.last, scene),
             alpha=self.estimates.alpha,
             beta=self.estimates.beta,
             clf_slack=clf_slack,
@@ -264,12 +267,6 @@ class Controller:
             identified=self._robot.known if self._robot else NOTHING,
             adapted=self.parts[1].flat if self._robot else NOTHING,
         )
-
-    def measured(self, last: Scene | None, now: Scene) -> Array:
-        """The quantities (n,) over the last tick, NaN where this or the step began with it."""
-        if last is None or last.tick != now.tick - 1:
-            return np.full(len(self.qp.names), np.nan)
-        return self._measure(last.x, last.p, now.x, now.p, SECONDS).measured
 
     def _relabel(self, values: Array) -> Array:
         return values[SWAP_STATE] if self._step.stance is Leg.RIGHT else values

@@ -88,5 +88,6 @@ def seen_fields(scene: Scene) -> dict[str, Any]:
         "LgV": seen.LgV,
         "nominal_a": seen.nominal_a,
         "nominal_b": seen.nominal_b,
-        "mu_held": seen.outputs_a @ scene.torque + seen.outputs_b,
+        "mu_held": seen.mu_held,
+        "measured": seen.measured,
     }
