@@ -154,8 +154,9 @@ class Tick:
     ) -> tuple[NumpyFunction, Answering]:
         """The tick as two functions, for who estimates between them: nothing is computed twice.
 
-        The first one is `look`, of `inputs` of which the parameters `p` are an expression; it gives these too, further
-        `reads` of the inputs, and as `prepared` all of the programme that no estimate changes. The second one answers to `prepared` and estimates.
+        The first one is `look`, of `inputs` of which the parameters `p` are an expression. It gives these too, further
+        `reads` of the inputs, and as `prepared` all of the programme that no estimate changes. The second one answers
+        to `prepared` and the estimates.
         """
         names, values = zip(*self._data.items(), strict=True)
         x_p, options = ca.vertcat(self.system.x, self.system.p), {"extract_trivial": True}

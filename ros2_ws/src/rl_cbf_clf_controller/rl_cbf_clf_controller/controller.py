@@ -87,10 +87,11 @@ class Controller:
         self.qp = make_tick(walking, parameters, further(walking))
         self._error = model_error(self.qp.terms)
         leaves, before, measured = measuring(self.qp.terms, TICK_SECONDS)
-        inputs = {"x": walking.system.x, "p": walking.system.p, "path": packed(walking.path)}
+        inputs = {"x": walking.system.x, "p": walking.system.p, "path": packed(walking.outputs.path)}
         inputs |= {"torque": walking.system.u, "before": before}
         reads = {"mu_held": walking.output_dynamics(walking.system.u), "measured": measured, "leaves": leaves}
-        self._look, self._answer = self.qp.in_two(inputs, walking.along_path, reads)
+        (along_path,) = walking.outputs.along_path([walking.system.p])
+        self._look, self._answer = self.qp.in_two(inputs, along_path, reads)
         self._new = np.full(before.numel(), np.nan)  # what is left of the tick before, where the step is new
         self._p = np.zeros(walking.system.p.numel())  # parameters of a tick, but for what the path desires
         self._places = {name: place for name, (place, _) in places_of(walking.system.named).items()}
@@ -204,8 +205,8 @@ class Controller:
         before = step.last.seen.leaves if step.last and step.last.tick == state.tick - 1 else self._new
         seen = self._look(x, p, self._constraints.row, step.torque, before)
         observation = seen.observation[: self._terrain.observed(stone, self.steps.wanted)]
-        seconds = (state.tick - step.start_tick) * TICK_SECONDS
-        return Scene(x, seen, force, observation, state.tick, step.torque, step.stance, step.index, seconds, self._error)
+        of_step = step.torque, step.stance, step.index, (state.tick - step.start_tick) * TICK_SECONDS
+        return Scene(x, seen, force, observation, state.tick, *of_step, self._error)
 
     def decide(self, scene: Scene) -> Decided:
         """mu at a tick, from the estimates of all estimators."""

@@ -20,11 +20,12 @@ class ControllerError(ValueError):
 class Scene:
     """A state `x` = (q, q') (14,) in stance/swing order, and what is seen of it.
 
-    `seen`: the tick's parameters `p` there and the nominal terms, see `recipes.reads`; `force` (2, 2), N, as the sensors averaged it over the last tick:
-    rows stance, swing foot; columns tangential, normal; `observation` (14,), with a stone (15,), there with a gait
-    library (16,), see `Problem.observation`; `tick` counts from the episode's start; `torque` (4,), N m, was applied in
-    the last tick, NaN: unknown; `stance` is the leg that stands, in step `step_index` since `step_time`, s.
-    `model_error`: a function of (x, p, the parameters of another model), see `cbf_clf_qp.estimates`.
+    `seen`: the tick's parameters `p` there and the nominal terms, see `recipes.reads`; `force` (2, 2), N, as the
+    sensors averaged it over the last tick: rows stance, swing foot; columns tangential, normal; `observation` (14,),
+    with a stone (15,), there with a gait library (16,), see `Problem.observation`; `tick` counts from the episode's
+    start; `torque` (4,), N m, was applied in the last tick, NaN: unknown; `stance` is the leg that stands, since
+    `step_time`, s, in step `step_index`. `model_error`: a function of (x, p, the parameters of another model), see
+    `cbf_clf_qp.estimates`.
     """
 
     x: Array

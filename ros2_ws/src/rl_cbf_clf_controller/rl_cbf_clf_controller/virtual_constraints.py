@@ -70,7 +70,10 @@ class Correction:
 
 
 class OutputExpressions:
-    """The outputs of coordinates with the symbols `q` and `dq` (n,), and the `parameters` that they add to a system."""
+    """The outputs of coordinates with the symbols `q` and `dq` (n,), and the `parameters` that they add to a system.
+
+    `path`: the symbols of a path, see `path_symbols`.
+    """
 
     def __init__(self, q: ca.SX, dq: ca.SX, angles: Angles = RABBIT_ANGLES) -> None:
         m = len(angles.controlled)
@@ -79,8 +82,15 @@ class OutputExpressions:
         self.phase = scale[0] * ca.dot(ca.DM(angles.phase_angle), q) - scale[1]
         self.phase_rate = ca.jtimes(self.phase, q, dq)
         self.y = ca.DM(angles.controlled) @ q - value
+        self.path = path_symbols(m)
         self.parameters = {"desired_0": value, "desired_1": slope, "desired_2": curvature, "phase_scale": scale}
         self.rates = {"desired_0": slope * self.phase_rate, "desired_1": curvature * self.phase_rate}
+
+    def along_path(self, expressions: list[ca.SX]) -> list[ca.SX]:
+        """These, where it is the `path` that says what is desired at this phase."""
+        wanted = [self.parameters[f"desired_{k}"] for k in range(3)]
+        found: list[ca.SX] = ca.substitute(expressions, wanted, list(desired(self.phase, self.path)))
+        return found
 
 
 def desired(phase: ca.SX, path: Mapping[str, ca.SX]) -> Orders:
@@ -217,23 +227,20 @@ class VirtualConstraints:
 
 
 def output_functions(angles: Angles) -> tuple[NumpyFunction, ...]:
-    """`Outputs` of (q, dq, scale, row of a path); the phase of (q, scale); what is desired, of (phase, row of a path)."""
-    m, n = angles.controlled.shape
-    q, dq, ddq, path = ca.SX.sym("q", n), ca.SX.sym("dq", n), ca.SX.sym("ddq", n), path_symbols(m)
+    """`Outputs` of (q, dq, scale, row of a path); the phase of (q, scale); what is desired, of (phase, row)."""
+    n = angles.controlled.shape[1]
+    q, dq, ddq = ca.SX.sym("q", n), ca.SX.sym("dq", n), ca.SX.sym("ddq", n)
     outputs = OutputExpressions(q, dq, angles)
     free = System(ca.vertcat(q, dq), ddq, ca.vertcat(dq, ddq), outputs.parameters, outputs.rates)
     y, dy, ddy = free.derivatives("outputs", outputs.y, 2)
     acceleration = free.affine(ddy)
     found = {"eta": ca.vertcat(y, dy), "jacobian": acceleration.a, "bias": acceleration.b}
     found |= {"phase": outputs.phase, "phase_rate": outputs.phase_rate}
-    scale, phase, row = outputs.parameters["phase_scale"], ca.SX.sym("phase"), packed(path)
-    orders = {f"desired_{k}": order for k, order in enumerate(desired(phase, path))}
-    wanted = ca.vertcat(*(outputs.parameters[name] for name in orders))
-    at_phase = ca.vertcat(*desired(outputs.phase, path))
-    along = ca.substitute([*found.values()], [wanted], [at_phase])
-    of_path = {"q": q, "dq": dq, "scale": scale, "path": row}
+    scale, phase, path = outputs.parameters["phase_scale"], ca.SX.sym("phase"), packed(outputs.path)
+    orders = {f"desired_{k}": order for k, order in enumerate(desired(phase, outputs.path))}
+    along = dict(zip(found, outputs.along_path([*found.values()]), strict=True))
     return (
-        NumpyFunction.of("outputs", of_path, dict(zip(found, along, strict=True))),
+        NumpyFunction.of("outputs", {"q": q, "dq": dq, "scale": scale, "path": path}, along),
         NumpyFunction.of("phase", {"q": q, "scale": scale}, {"phase": outputs.phase}),
-        NumpyFunction.of("desired", {"phase": phase, "path": row}, orders),
+        NumpyFunction.of("desired", {"phase": phase, "path": path}, orders),
     )

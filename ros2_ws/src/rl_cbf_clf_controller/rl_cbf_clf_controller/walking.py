@@ -12,7 +12,7 @@ from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.system import System
 
 from rl_cbf_clf_controller.planar_robot import RABBIT, PinnedRobot, Structure
-from rl_cbf_clf_controller.virtual_constraints import OutputExpressions, desired, path_symbols
+from rl_cbf_clf_controller.virtual_constraints import OutputExpressions
 
 GAINS = (
     "eps",
@@ -46,7 +46,6 @@ class Walking:
     def __init__(self, structure: Structure = RABBIT) -> None:
         self.robot = PinnedRobot(structure)
         self.outputs = OutputExpressions(self.robot.q, self.robot.dq)
-        self.path = path_symbols(self.outputs.y.numel())
         self.stone = Stone(*(ca.SX.sym(name) for name in ("l_min", "l_max", "height")))
         self.gains = {name: ca.SX.sym(name) for name in GAINS}
         self.force = ca.SX.sym("force", 2)
@@ -57,13 +56,6 @@ class Walking:
         """With the state (q, q') in stance/swing order and the torque as its input."""
         further = {**self.outputs.parameters, **vars(self.stone), "force": self.force, "step_length": self.step_length}
         return self.robot.system({**further, **self.gains}, self.outputs.rates)
-
-    @property
-    def along_path(self) -> ca.SX:
-        """The system's parameters, of which those that the `path` desires are as it has them at this phase."""
-        names, orders = list(self.outputs.parameters)[:3], desired(self.outputs.phase, self.path)
-        wanted = ca.vertcat(*(self.system.named[name] for name in names))
-        return ca.substitute(self.system.p, wanted, ca.vertcat(*orders))
 
     @cached_property
     def output_dynamics(self) -> Affine:
