@@ -18,7 +18,7 @@ from rabbit_description.state import SWAP_STATE, SWAP_TORQUE, TICK_SECONDS, Arra
 
 from rl_cbf_clf_controller.controller import NO_TORQUE, ROUNDING, Controller
 from rl_cbf_clf_controller.controller_output import ControllerOutput, seen_fields
-from rl_cbf_clf_controller.identified_robot import IdentifiedRobot
+from rl_cbf_clf_controller.identified_robots import IdentifiedRobots
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import LearnedPolicy, Policy
 from rl_cbf_clf_controller.scene import ControllerError, Scene
@@ -127,9 +127,9 @@ class BatchController:
         self._one, self.policies = controller, list(policies)
         self.parameters = controller.parameters
         self._steps = [controller.steps.another() for _ in policies]
-        self._estimators = [[each.another() for each in controller._estimators] for _ in policies]
-        firsts = [estimators[0] for estimators in self._estimators if estimators]
-        self._robots = [first for first in firsts if isinstance(first, IdentifiedRobot)]
+        one = controller._robot
+        self._robots = IdentifiedRobots(one, controller._error, n) if one else None
+        self._estimators = [[each.another() for each in controller._estimators if each is not one] for _ in policies]
         self._acts_at_once = isinstance(policies[0], LearnedPolicy) and len(set(map(id, policies))) == 1
         self._look, self._answer = BatchFunction(controller._look), BatchAnswering(controller._answer, n)
         self._rngs = [np.random.default_rng(0) for _ in policies]
@@ -154,6 +154,8 @@ class BatchController:
         self._has_begun[i] = False
         self._follow(i, self._steps[i].first())
         self._answer.reset(i)
+        if self._robots:
+            self._robots.reset(i)
         for estimator in (self.policies[i], *self._estimators[i]):
             estimator.reset()
 
@@ -162,7 +164,8 @@ class BatchController:
         for name, value in vars(self).items():
             if name in PER_ROBOT:
                 setattr(self, name, value[rows] if isinstance(value, np.ndarray) else [value[i] for i in rows])
-        self._robots = self._robots and [self._robots[i] for i in rows]
+        if self._robots:
+            self._robots.keep(rows)
         self._answer.keep(rows)
         self._orders.clear()
 
@@ -180,14 +183,13 @@ class BatchController:
         if is_known.any():
             self._torque = np.where(is_known[:, None], self._by_stance(states.applied, SWAP_TORQUE), self._torque)
         if self._robots:
-            q = np.array([robot.set_right(each) for robot, each in zip(self._robots, q, strict=True)])
+            q = self._robots.set_right(q)
         faults = self._swap_legs(states, q)
         x = np.concatenate([self._by_stance(q, SWAP_STATE), self._by_stance(dq, SWAP_STATE)], axis=1)
         for i in (~self._has_begun).nonzero()[0].tolist():
             self._begin_step(i, x[i], states)
         if self._robots and self._one.parameters.prediction:
-            pairs = zip(self._robots, x, self._torque, strict=True)
-            x = np.array([robot.predicted(each, torque) for robot, each, torque in pairs])
+            x = self._robots.predicted(x, self._torque)
         p, places = self._p, self._one._places
         force = self._by_stance(states.foot_force.reshape(-1, 4), SWAP_TORQUE).reshape(-1, 2, 2)
         p[:, places["force"]] = force[:, 0]
@@ -214,8 +216,7 @@ class BatchController:
 
     def decide(self, scene: BatchScene, estimates: BatchEstimates | None = None) -> BatchOutput:
         """The torques at these scenes, from all estimators; `estimates` take the place of the policy's."""
-        parts = self._estimated(scene, estimates)
-        total = sum(parts[1:], start=self._none + parts[0])
+        parts, total = self._estimated(scene, estimates)
         error = total.output_error
         if error is None:
             if self._one.parameters.objective == "pd_centred" and not self._one._corrects_input:
@@ -228,23 +229,26 @@ class BatchController:
         self._last_tick, self._left = scene.tick, scene.seen.leaves.copy()
         return output
 
-    def _estimated(self, scene: BatchScene, given: BatchEstimates | None) -> list[BatchEstimates]:
-        """Of the policy, then of each other estimator."""
+    def _estimated(
+        self, scene: BatchScene, given: BatchEstimates | None
+    ) -> tuple[list[BatchEstimates], BatchEstimates]:
+        """Of the policy, then of each other estimator; and in all."""
         policy = self.policies[0]
         if given is None and self._acts_at_once and isinstance(policy, LearnedPolicy):
             given = policy.act_of_many(scene.observation, scene.seen.LgV)
-        if given is not None and not self._one._estimators:
-            return [given]
-        found = []
-        for i in range(len(scene.x)):
-            one = scene[i]
-            parts = [self.policies[i].estimate(one, self._one.qp.no_error()) if given is None else given[i]]
-            total = self._one.qp.no_error() + parts[0]
-            for estimator in self._estimators[i]:
-                parts.append(estimator.estimate(one, total))
-                total = total + parts[-1]
-            found.append(parts)
-        return [BatchEstimates.of(part) for part in zip(*found, strict=True)]
+        elif given is None:
+            nothing = self._one.qp.no_error()
+            given = BatchEstimates.of([each.estimate(scene[i], nothing) for i, each in enumerate(self.policies)])
+        parts, total = [given], self._none + given
+        if self._robots:
+            of_scene = scene.tick, scene.x, scene.seen.p, scene.force, scene.torque
+            parts.append(self._robots.estimate(*of_scene))
+            total = total + parts[-1]
+        for estimators in zip(*self._estimators, strict=True):  # of all robots
+            found = [each.estimate(scene[i], total[i]) for i, each in enumerate(estimators)]
+            parts.append(BatchEstimates.of(found))
+            total = total + parts[-1]
+        return parts, total
 
     def _output(
         self, scene: BatchScene, decided: BatchDecided, total: BatchEstimates, parts: list[BatchEstimates]
@@ -271,10 +275,7 @@ class BatchController:
         self._torque = torque
         own: dict[str, Sequence[Any]] = {}
         if self._robots:
-            own |= {
-                "identified": [robot.known for robot in self._robots],
-                "adapted": [parts[1][i].flat for i in range(n)],
-            }
+            own |= {"identified": self._robots.known, "adapted": [parts[1][i].flat for i in range(n)]}
         torque = self._by_stance(torque, SWAP_TORQUE)
         names, policies = self._one.qp.names, list(self.policies)
         return BatchOutput(scene, torque, decided, total, mu, mu_qp, omega, saturated, names, policies, parameters, own)
