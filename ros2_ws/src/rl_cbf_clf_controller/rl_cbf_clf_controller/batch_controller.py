@@ -10,8 +10,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from cbf_clf_qp.batch import BatchAnswering, BatchDecided, BatchEstimates, BatchFunction, BatchValues
-from cbf_clf_qp.functions import places_of
+from cbf_clf_qp.answer import Decided, answers
+from cbf_clf_qp.estimates import Estimates
+from cbf_clf_qp.functions import Values, places_of
 from cbf_clf_qp.qp import ROUNDING as ACTIVE
 from rabbit_description.robot_states import RobotStates
 from rabbit_description.state import SWAP_STATE, SWAP_TORQUE, TICK_SECONDS, Array, Leg
@@ -39,7 +40,7 @@ class BatchScene:
     tick: Array
     x: Array
     p: Array
-    seen: BatchValues
+    seen: Values
     force: Array
     observation: Array
     torque: Array
@@ -53,7 +54,7 @@ class BatchScene:
     def fields(self, i: int) -> dict[str, Any]:
         """What a `ControllerOutput` of robot `i` has of it."""
         seen, barriers = self.seen, [NO_BARRIERS, NO_BARRIERS]
-        if "B1_state" in seen.places:
+        if hasattr(seen, "B1_state"):
             barriers = [np.array([seen.B1_state[i, order], seen.B2_state[i, order]]) for order in (0, 1)]
         return {
             "tick": int(self.tick[i]),
@@ -80,8 +81,8 @@ class BatchOutput:
 
     scene: BatchScene
     torque: Array
-    decided: BatchDecided
-    estimates: BatchEstimates
+    decided: Decided
+    estimates: Estimates
     mu: Array
     mu_qp: Array
     omega: Array
@@ -141,11 +142,10 @@ class BatchController:
         self._robots = [first for first in firsts if isinstance(first, IdentifiedRobot)]
         self._acts_at_once = isinstance(policies[0], LearnedPolicy) and len(set(map(id, policies))) == 1
         self._needs_scenes = not self._acts_at_once or bool(controller._estimators)
-        names = [name for name in GLANCE if name in tick.terms.reads]
-        self._read = BatchFunction(tick.look if details or self._needs_scenes else tick.glance(names))
-        self._phase, self._desired = map(BatchFunction, controller.steps.first().functions)
-        self._measure = BatchFunction(controller._measure)
-        self._answer = BatchAnswering(tick.answer, n)
+        names = [name for name in GLANCE if name in tick.reads]
+        self._read = tick.look if details or self._needs_scenes else tick.glance(names)
+        self._phase, self._desired = controller.steps.first().functions
+        self._answers = [tick.answer.another() for _ in policies]
         self._places = {name: place for name, (place, _) in places_of(tick.system.named).items()}
         self._stones = slice(self._places["l_min"].start, self._places["height"].stop)
         self._rngs = [np.random.default_rng(0) for _ in policies]
@@ -160,7 +160,7 @@ class BatchController:
         )
         self._p = np.tile(controller._p, (n, 1))
         self._last_tick, self._last_x, self._last_p = np.full(n, -2), np.zeros((n, 14)), self._p.copy()
-        self._none = BatchEstimates.of([tick.no_error()])
+        self._none = Estimates.of_many([tick.no_error()])
         self._no_output_error = tick.terms.inputs, tick.terms.inputs + 1
 
     def reset(self, i: int, seed: int) -> None:
@@ -171,7 +171,7 @@ class BatchController:
         self._seconds_before[i], self._torque[i], self._last_tick[i] = np.nan, NO_TORQUE, -2
         self._has_begun[i] = False
         self._follow(i, self._steps[i].first())
-        self._answer.reset(i)
+        self._answers[i].reset()
         for estimator in (self.policies[i], *self._estimators[i]):
             estimator.reset()
 
@@ -181,7 +181,6 @@ class BatchController:
             if name in PER_ROBOT:
                 setattr(self, name, value[rows] if isinstance(value, np.ndarray) else [value[i] for i in rows])
         self._robots = self._robots and [self._robots[i] for i in rows]
-        self._answer.keep(rows)
         self._orders.clear()
 
     def step(self, states: RobotStates) -> BatchOutput:
@@ -207,16 +206,16 @@ class BatchController:
             pairs = zip(self._robots, x, self._torque, strict=True)
             x = np.array([robot.predicted(each, torque) for robot, each, torque in pairs])
         p = self._p = self._p.copy()
-        phase = self._phase(x[:, :7], self._scale, keep=False)
-        desired = self._desired(phase.row, self._path, keep=False)
-        for name in desired.places:
-            p[:, self._places[name]] = desired[name]
+        phase = self._phase.of_many(x[:, :7], self._scale)
+        desired = self._desired.of_many(phase.row, self._path)
+        for name in self._desired.places:
+            p[:, self._places[name]] = getattr(desired, name)
         p[:, self._places["phase_scale"]] = self._scale
         force = self._by_stance(states.foot_force.reshape(-1, 4), SWAP_TORQUE).reshape(-1, 2, 2)
         p[:, self._places["force"]] = force[:, 0]
         sees_stone = ~np.isnan(states.stones[:, :1])
         p[:, self._stones] = np.where(sees_stone, states.stones, p[:, self._stones])
-        seen = self._read(x, p)
+        seen = self._read.of_many(x, p)
         stone = next((each for each in states.previews if each), None)
         observed = self._one._terrain.observed(stone, self._steps[0].wanted)
         return BatchScene(
@@ -235,7 +234,7 @@ class BatchController:
             faults=faults,
         )
 
-    def decide(self, scene: BatchScene, estimates: BatchEstimates | None = None) -> BatchOutput:
+    def decide(self, scene: BatchScene, estimates: Estimates | None = None) -> BatchOutput:
         """The torques at these scenes, from all estimators; `estimates` take the place of the policy's."""
         parts = self._estimated(scene, estimates)
         total = sum(parts[1:], start=self._none + parts[0])
@@ -246,12 +245,12 @@ class BatchController:
                     "objective pd_centred: expected a structured policy, which gives the output error"
                 )
             error = np.zeros((len(scene.x), *self._no_output_error))
-        decided = self._answer(scene.x, scene.p, total.alpha, total.beta, error)
+        decided = answers(self._answers, scene.x, scene.p, total.alpha, total.beta, error)
         output = self._output(scene, decided, total, parts)
         self._last_tick, self._last_x, self._last_p = scene.tick, scene.x, scene.p
         return output
 
-    def _estimated(self, scene: BatchScene, given: BatchEstimates | None) -> list[BatchEstimates]:
+    def _estimated(self, scene: BatchScene, given: Estimates | None) -> list[Estimates]:
         """Of the policy, then of each other estimator."""
         policy = self.policies[0]
         if given is None and self._acts_at_once and isinstance(policy, LearnedPolicy):
@@ -267,16 +266,14 @@ class BatchController:
                 parts.append(estimator.estimate(one, total))
                 total = total + parts[-1]
             found.append(parts)
-        return [BatchEstimates.of(part) for part in zip(*found, strict=True)]
+        return [Estimates.of_many(part) for part in zip(*found, strict=True)]
 
     def _scene(self, s: BatchScene, i: int) -> Scene:
         """As an estimator of robot `i` sees it."""
         tick, stance, error = int(s.tick[i]), int(s.stance[i]), self._one._error
         return Scene(s.x[i], s.p[i], s.seen.of(i), s.force[i], s.observation[i], tick, s.torque[i], stance, error)
 
-    def _output(
-        self, scene: BatchScene, decided: BatchDecided, total: BatchEstimates, parts: list[BatchEstimates]
-    ) -> BatchOutput:
+    def _output(self, scene: BatchScene, decided: Decided, total: Estimates, parts: list[Estimates]) -> BatchOutput:
         parameters, values, n = self._one.parameters, decided.values, len(scene.x)
         a, b = values.control_a, values.control_b
         mu_qp, wanted, omega, faults = values.mu, values.u, np.zeros((n, 4)), scene.faults
@@ -307,8 +304,8 @@ class BatchController:
         names, policies = self._one.qp.names, list(self.policies)
         return BatchOutput(scene, torque, decided, total, mu, mu_qp, omega, saturated, names, policies, parameters, own)
 
-    def _detailed(self, tick: Array, x: Array, p: Array, seen: BatchValues) -> dict[str, Array]:
-        measured = self._measure(self._last_x, self._last_p, x, p, SECONDS).measured
+    def _detailed(self, tick: Array, x: Array, p: Array, seen: Values) -> dict[str, Array]:
+        measured = self._one._measure.of_many(self._last_x, self._last_p, x, p, SECONDS).measured
         measured[self._last_tick != tick - 1] = np.nan
         pairs = zip(seen.outputs_a, self._torque, seen.outputs_b, strict=True)
         found = {"nominal_a": seen.nominal_a, "nominal_b": seen.nominal_b, "measured": measured}
@@ -369,6 +366,17 @@ class BatchController:
 
 
 PER_ROBOT = {
-    *("policies", "_steps", "_estimators", "_rngs", "_constraints", "_stance", "_index", "_start_tick", "_has_begun"),
+    *(
+        "policies",
+        "_answers",
+        "_steps",
+        "_estimators",
+        "_rngs",
+        "_constraints",
+        "_stance",
+        "_index",
+        "_start_tick",
+        "_has_begun",
+    ),
     *("_seconds_before", "_checked", "_torque", "_path", "_scale", "_p", "_last_tick", "_last_x", "_last_p"),
 }
