@@ -7,9 +7,8 @@ from cbf_clf_qp.clf import Clf
 from cbf_clf_qp.estimates import Estimates, measure, model_error
 from cbf_clf_qp.functions import NumpyFunction
 from cbf_clf_qp.qp import nearest, pd_centred
-from cbf_clf_qp.quantity import HARD, Constrained, Quantity, Rows, at_least, at_most
+from cbf_clf_qp.quantity import HARD, Constrained, Quantity, Rows, Terms, at_least, at_most
 from cbf_clf_qp.system import DegreeError, System, mechanical
-from cbf_clf_qp.terms import Terms
 from cbf_clf_qp.tick import Tick
 
 __all__ = ["HARD", "Affine", "Barrier", "Clf", "Constrained", "Decided", "DegreeError", "Estimates", "NumpyFunction"]

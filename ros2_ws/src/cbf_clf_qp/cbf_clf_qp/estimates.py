@@ -16,8 +16,8 @@ import numpy as np
 
 from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.functions import Array, NumpyFunction, one_at_a_time
+from cbf_clf_qp.quantity import Terms
 from cbf_clf_qp.system import System
-from cbf_clf_qp.terms import Terms
 
 
 @dataclass  # not frozen: that would take a tick 1 us for each

@@ -26,9 +26,8 @@ from cbf_clf_qp.answer import Answering, Decided
 from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.functions import Array, NumpyFunction, Values, one_at_a_time, packed, places_of
 from cbf_clf_qp.qp import build_qp, is_finite
-from cbf_clf_qp.quantity import Constrained, Number, Rows
+from cbf_clf_qp.quantity import Constrained, Constraint, Number, Rows, Terms
 from cbf_clf_qp.system import Symbols, System
-from cbf_clf_qp.terms import Constraint, Terms
 
 
 class Tick:

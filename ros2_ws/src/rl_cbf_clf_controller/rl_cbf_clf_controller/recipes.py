@@ -8,8 +8,7 @@ from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.barrier import Barrier
 from cbf_clf_qp.clf import Clf, ResClf
 from cbf_clf_qp.qp import pd_centred
-from cbf_clf_qp.quantity import Constrained, Quantity, Rows, at_most
-from cbf_clf_qp.terms import Constraint, Terms
+from cbf_clf_qp.quantity import Constrained, Constraint, Quantity, Rows, Terms, at_most
 from cbf_clf_qp.tick import Tick
 
 from rl_cbf_clf_controller.contact_force import ForceRows, contact_force
