@@ -10,8 +10,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from cbf_clf_qp.batch import BatchAnswering, BatchDecided, BatchEstimates, BatchFunction, BatchValues
-from cbf_clf_qp.functions import NumpyFunction
+from cbf_clf_qp.answer import Decided, answers
+from cbf_clf_qp.estimates import Estimates
+from cbf_clf_qp.functions import NumpyFunction, Values
 from cbf_clf_qp.qp import ROUNDING as ACTIVE
 from rabbit_description.robot_states import RobotStates
 from rabbit_description.state import SWAP_STATE, SWAP_TORQUE, TICK_SECONDS, Array, Leg
@@ -34,7 +35,7 @@ class BatchScene:
     """
 
     x: Array
-    seen: BatchValues
+    seen: Values
     force: Array
     observation: Array
     tick: Array
@@ -71,8 +72,8 @@ class BatchOutput:
 
     scene: BatchScene
     torque: Array
-    decided: BatchDecided
-    estimates: BatchEstimates
+    decided: Decided
+    estimates: Estimates
     mu: Array
     mu_qp: Array
     omega: Array
@@ -131,7 +132,7 @@ class BatchController:
         self._robots = IdentifiedRobots(one, controller._error, n) if one else None
         self._estimators = [[each.another() for each in controller._estimators if each is not one] for _ in policies]
         self._acts_at_once = isinstance(policies[0], LearnedPolicy) and len(set(map(id, policies))) == 1
-        self._look, self._answer = BatchFunction(controller._look), BatchAnswering(controller._answer, n)
+        self._answers = [controller._answer.another() for _ in policies]
         self._rngs = [np.random.default_rng(0) for _ in policies]
         self._constraints = [steps.first() for steps in self._steps]
         self._stance, self._index, self._start_tick = np.zeros((3, n), dtype=int)
@@ -142,7 +143,7 @@ class BatchController:
         self._path = np.array([each.row for each in self._constraints])
         self._p = np.tile(controller._p, (n, 1))
         self._last_tick, self._left = np.full(n, -2), np.tile(controller._new, (n, 1))
-        self._none = BatchEstimates.of([tick.no_error()])
+        self._none = Estimates.of_many([tick.no_error()])
         self._no_output_error = tick.terms.inputs, tick.terms.inputs + 1
 
     def reset(self, i: int, seed: int) -> None:
@@ -153,7 +154,7 @@ class BatchController:
         self._seconds_before[i], self._torque[i], self._last_tick[i] = np.nan, NO_TORQUE, -2
         self._has_begun[i] = False
         self._follow(i, self._steps[i].first())
-        self._answer.reset(i)
+        self._answers[i].reset()
         if self._robots:
             self._robots.reset(i)
         for estimator in (self.policies[i], *self._estimators[i]):
@@ -166,7 +167,6 @@ class BatchController:
                 setattr(self, name, value[rows] if isinstance(value, np.ndarray) else [value[i] for i in rows])
         if self._robots:
             self._robots.keep(rows)
-        self._answer.keep(rows)
         self._orders.clear()
 
     def step(self, states: RobotStates) -> BatchOutput:
@@ -196,7 +196,7 @@ class BatchController:
         sees_stone = ~np.isnan(states.stones[:, :1])
         np.copyto(p[:, self._one._stone], states.stones, where=sees_stone)
         self._left[self._last_tick != states.tick - 1] = np.nan
-        seen = self._look(x, p, self._path, self._torque, self._left)
+        seen = self._one._look.of_many(x, p, self._path, self._torque, self._left)
         stone = next((each for each in states.previews if each), None)
         observed = self._one._terrain.observed(stone, self._steps[0].wanted)
         return BatchScene(
@@ -214,7 +214,7 @@ class BatchController:
             faults=faults,
         )
 
-    def decide(self, scene: BatchScene, estimates: BatchEstimates | None = None) -> BatchOutput:
+    def decide(self, scene: BatchScene, estimates: Estimates | None = None) -> BatchOutput:
         """The torques at these scenes, from all estimators; `estimates` take the place of the policy's."""
         parts, total = self._estimated(scene, estimates)
         error = total.output_error
@@ -224,21 +224,19 @@ class BatchController:
                     "objective pd_centred: expected a structured policy, which gives the output error"
                 )
             error = np.zeros((len(scene.x), *self._no_output_error))
-        decided = self._answer(scene.seen.prepared, total.alpha, total.beta, error)
+        decided = answers(self._answers, scene.seen.prepared, total.alpha, total.beta, error)
         output = self._output(scene, decided, total, parts)
         self._last_tick, self._left = scene.tick, scene.seen.leaves.copy()
         return output
 
-    def _estimated(
-        self, scene: BatchScene, given: BatchEstimates | None
-    ) -> tuple[list[BatchEstimates], BatchEstimates]:
+    def _estimated(self, scene: BatchScene, given: Estimates | None) -> tuple[list[Estimates], Estimates]:
         """Of the policy, then of each other estimator; and in all."""
         policy = self.policies[0]
         if given is None and self._acts_at_once and isinstance(policy, LearnedPolicy):
             given = policy.act_of_many(scene.observation, scene.seen.LgV)
         elif given is None:
             nothing = self._one.qp.no_error()
-            given = BatchEstimates.of([each.estimate(scene[i], nothing) for i, each in enumerate(self.policies)])
+            given = Estimates.of_many([each.estimate(scene[i], nothing) for i, each in enumerate(self.policies)])
         parts, total = [given], self._none + given
         if self._robots:
             of_scene = scene.tick, scene.x, scene.seen.p, scene.force, scene.torque
@@ -246,13 +244,11 @@ class BatchController:
             total = total + parts[-1]
         for estimators in zip(*self._estimators, strict=True):  # of all robots
             found = [each.estimate(scene[i], total[i]) for i, each in enumerate(estimators)]
-            parts.append(BatchEstimates.of(found))
+            parts.append(Estimates.of_many(found))
             total = total + parts[-1]
         return parts, total
 
-    def _output(
-        self, scene: BatchScene, decided: BatchDecided, total: BatchEstimates, parts: list[BatchEstimates]
-    ) -> BatchOutput:
+    def _output(self, scene: BatchScene, decided: Decided, total: Estimates, parts: list[Estimates]) -> BatchOutput:
         parameters, values, n = self._one.parameters, decided.values, len(scene.x)
         a, b = values.control_a, values.control_b
         mu_qp, wanted, omega, faults = values.mu, values.u, np.zeros((n, 4)), scene.faults
@@ -336,5 +332,5 @@ class BatchController:
 
 PER_ROBOT = {
     *("policies", "_steps", "_estimators", "_rngs", "_constraints", "_stance", "_index", "_start_tick", "_has_begun"),
-    *("_seconds_before", "_checked", "_torque", "_path", "_p", "_last_tick", "_left"),
+    *("_answers", "_seconds_before", "_checked", "_torque", "_path", "_p", "_last_tick", "_left"),
 }

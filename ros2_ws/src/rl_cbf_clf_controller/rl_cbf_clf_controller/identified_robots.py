@@ -4,8 +4,8 @@ What a robot has learned lies in the rows of `_known`; a tick that a robot does 
 """
 
 import numpy as np
-from cbf_clf_qp.batch import BatchEstimates, BatchFunction, BatchValues
-from cbf_clf_qp.functions import NumpyFunction, places_of
+from cbf_clf_qp.estimates import Estimates
+from cbf_clf_qp.functions import NumpyFunction, Values, places_of
 from rabbit_description.state import Array
 
 from rl_cbf_clf_controller.identification import DAMPING, LATE_TORQUE, MOTOR_GAIN, RATE_NOISE, SHARE, THETA
@@ -25,8 +25,8 @@ class IdentifiedRobots:
         identification, calibration = one._identification, one._calibration
         one.reset()
         self._nominal = one._row
-        self._identify, self._calibrate = BatchFunction(identification._learned), BatchFunction(calibration._learned)
-        self._predict, self._model_error = BatchFunction(one._predicted), BatchFunction(model_error)
+        self._identify, self._calibrate = identification._learned, calibration._learned
+        self._predict, self._model_error = one._predicted, model_error
         self._first = {
             **{"joints": one._nominal.joints.ravel(), "feet": one._nominal.feet.ravel()},
             **{"value": identification.value, "fit": identification.value},  # taken over, and as the squares say
@@ -61,18 +61,18 @@ class IdentifiedRobots:
     def predicted(self, x: Array, torque: Array) -> Array:
         """The states (N, 14) in which torques (N, 4) that are computed from `x` take effect."""
         self._x = x
-        found = self._predict(x, self._rows, torque, self._known["value"][:, [LATE_TORQUE]]).x
+        found = self._predict.of_many(x, self._rows, torque, self._known["value"][:, [LATE_TORQUE]]).x
         return np.where(np.isfinite(torque.sum(axis=1, keepdims=True)), found, x)
 
-    def estimate(self, tick: Array, x: Array, p: Array, force: Array, torque: Array) -> BatchEstimates:
+    def estimate(self, tick: Array, x: Array, p: Array, force: Array, torque: Array) -> Estimates:
         """Learn from the tick that ends now; then by how much the robots found differ from the nominal one."""
         measured = x if self._x is None else self._x
         self._learn(tick[:, None], measured, force, torque)
         self._known |= {"last_tick": tick[:, None], "last_torque": torque, "last_x": measured}
         other, rows = p.copy(), self._rows
         other[:, : rows.shape[1]] = rows
-        found = self._model_error(x, p, other)
-        return BatchEstimates(found.alpha, found.beta, found.output_error)
+        found = self._model_error.of_many(x, p, other)
+        return Estimates(found.alpha, found.beta, found.output_error)
 
     @property
     def _rows(self) -> Array:
@@ -96,7 +96,7 @@ class IdentifiedRobots:
         if not learns.any():
             return
         lengths, offsets = (known["joints"], known["feet"]), (known["offsets"], known["offset_covariance"])
-        found = self._calibrate(measured, *lengths, *offsets, keep=False)
+        found = self._calibrate.of_many(measured, *lengths, *offsets)
         self._take(found, learns, "offsets", "offset_covariance")
         self._find_noise(learns, known["last_x"][:, [PITCH_RATE]], measured[:, [PITCH_RATE]])
         learns &= known["differences"] >= FIRST_DIFFERENCES
@@ -106,14 +106,14 @@ class IdentifiedRobots:
         of_fit = known["value"][:, THETA], known["fit"], known["covariance"], known["walk"]
         of_tick = known["last_x"], measured, known["last_torque"], torque, force
         filtered = known["regressor"], known["measured"], known["share"]
-        found = self._identify(*lengths, *of_fit, *of_tick, *filtered, variance, keep=False)
+        found = self._identify.of_many(*lengths, *of_fit, *of_tick, *filtered, variance)
         for name, new in (("regressor", found.regressor), ("measured", found.measured), ("share", np.full(1, SHARE))):
             known[name] = np.where(learns, new.reshape(len(new), -1) if new.ndim > 1 else new, known[name])
         self._take(found, learns, "fit", "covariance")
         is_one = learns & is_physical(known["fit"][:, THETA]) & (known["fit"][:, [MOTOR_GAIN]] > 0)
         known["value"] = np.where(is_one, known["fit"], known["value"])
 
-    def _take(self, found: BatchValues, learns: Array, value: str, covariance: str) -> None:
+    def _take(self, found: Values, learns: Array, value: str, covariance: str) -> None:
         """See `LeastSquares.take`."""
         given = found.value, found.covariance.reshape(len(learns), -1)
         takes = learns & np.isfinite(sum(each.sum(axis=1, keepdims=True) for each in given))

@@ -18,7 +18,6 @@ from collections.abc import Sequence
 
 import casadi as ca
 import numpy as np
-from cbf_clf_qp.batch import BatchEstimates, BatchFunction
 from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.functions import NumpyFunction
 from rabbit_description.gait import Gait, Gaits
@@ -51,9 +50,9 @@ class LearnedPolicy(Policy):
     def act(self, observation: Array, LgV: Array) -> Estimates:
         """The estimates at `observation` (m,), raw, see `Problem.observation`, and `LgV` (4,)."""
 
-    def act_of_many(self, observations: Array, LgV: Array) -> BatchEstimates:
+    def act_of_many(self, observations: Array, LgV: Array) -> Estimates:
         """The same for N robots, a row each."""
-        return BatchEstimates.of([self.act(*each) for each in zip(observations, LgV, strict=True)])
+        return Estimates.of_many([self.act(*each) for each in zip(observations, LgV, strict=True)])
 
     def estimate(self, scene: Scene, before: Estimates) -> Estimates:
         """At a tick."""
@@ -87,7 +86,6 @@ class ActorPolicy(LearnedPolicy):
         self._estimates = estimate_function(
             form.alpha_scale, form.beta_scale, form.structured, "V" in form.names, form.m
         )
-        self._estimates_of_many = BatchFunction(self._estimates)
         self._actor = Actor(file.arrays)
 
     def act(self, observation: Array, LgV: Array) -> Estimates:
@@ -100,10 +98,10 @@ class ActorPolicy(LearnedPolicy):
         found = self._estimates(outputs, LgV)
         return Estimates(found.alpha, found.beta, found.output_error if self._structured else None)
 
-    def act_of_many(self, observations: Array, LgV: Array) -> BatchEstimates:
+    def act_of_many(self, observations: Array, LgV: Array) -> Estimates:
         """The same for N robots, to the bit."""
-        found = self._estimates_of_many(self._actor.of_many(self._scaled(observations)), LgV)
-        return BatchEstimates(found.alpha, found.beta, found.output_error if self._structured else None)
+        found = self._estimates.of_many(self._actor.of_many(self._scaled(observations)), LgV)
+        return Estimates(found.alpha, found.beta, found.output_error if self._structured else None)
 
     def _scaled(self, observation: Array) -> Array:
         size = self._center.size

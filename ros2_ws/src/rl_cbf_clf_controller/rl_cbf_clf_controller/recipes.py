@@ -7,9 +7,8 @@ import casadi as ca
 from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.barrier import Barrier
 from cbf_clf_qp.clf import Clf, ResClf
-from cbf_clf_qp.qp import Objective, pd_centred
-from cbf_clf_qp.quantity import Constrained, Quantity, Rows, at_most
-from cbf_clf_qp.terms import Constraint, Terms
+from cbf_clf_qp.qp import pd_centred
+from cbf_clf_qp.quantity import Constrained, Constraint, Quantity, Rows, Terms, at_most
 from cbf_clf_qp.tick import Tick
 
 from rl_cbf_clf_controller.contact_force import ForceRows, contact_force
@@ -126,7 +125,7 @@ def unestimated(further: Constrained) -> Constraint:
 def pd_objective(w: Walking, corrects_input: bool) -> Any:
     """`pd_centred`. Where the input is corrected, y'' = mu, as it makes it."""
 
-    def objective(terms: Terms) -> Objective:
+    def objective(terms: Terms) -> Affine:
         m = terms.inputs
         error = Affine(ca.SX.zeros(m, m), ca.SX.zeros(m)) if corrects_input else terms.output_error
         return pd_centred(w.eta[:m], w.eta[m:], w.gains["eps"], error, MU_WEIGHT)
