@@ -81,7 +81,7 @@ class BatchOutput:
     quantities: tuple[str, ...]
     policies: list[Policy]
     parameters: ControllerParameters
-    own: dict[str, Sequence[Any]]
+    own: dict[str, Any]
 
     def __getitem__(self, i: int) -> ControllerOutput:
         """Of robot `i`."""
@@ -269,7 +269,7 @@ class BatchController:
             for i in saturated.nonzero()[0].tolist():
                 mu[i] = np.linalg.solve(a[i], torque[i] - b[i])
         self._torque = torque
-        own: dict[str, Sequence[Any]] = {}
+        own = dict[str, Any]()
         if self._robots:
             own |= {"identified": self._robots.known, "adapted": [parts[1][i].flat for i in range(n)]}
         torque = self._by_stance(torque, SWAP_TORQUE)
