@@ -68,9 +68,8 @@ def main(seeds: int = 5, learner: str = "regression", picture: str = "") -> None
     """So many trainings, with `regression` or `ddpg`; the picture, a file, is of the first test ride."""
     axes = (figure := Figure(figsize=(7, 3.2), layout="constrained")).subplots()
     print("over the limit, m/s: mean of the trainings' worst rides [95%], worst, wheels; rides that kept it [95%]")
-    rows: dict[str, list[LearnedPolicy | str]] = {"nominal": ["nominal"], "learned": [], "oracle": ["oracle"]}
-    rows["learned"] += [train(seed, learner) for seed in range(1, seeds + 1)]
-    for name, each in rows.items():
+    learned: list[LearnedPolicy | str] = [train(seed, learner) for seed in range(1, seeds + 1)]
+    for name, each in (("nominal", ["nominal"]), ("learned", learned), ("oracle", ["oracle"])):
         tests = [[ride((s, 1, k), each[i % len(each)]) for k in range(10)] for i, s in enumerate(range(1, seeds + 1))]
         over, wheels = np.moveaxis(np.max(tests, axis=2) - LIMIT, 2, 0)
         worst, kept = over.max(1), int((over <= KEPT).sum())

@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 from cbf_clf_qp.estimates import Estimates
 from pydantic import Field
-from rabbit_description.state import SWAP_TORQUE, TICK_SECONDS, Array, Leg, RobotState
+from rabbit_description.state import SWAP_TORQUE, Array, Leg, RobotState
 from rl_cbf_clf_controller.controller import NO_NOISE, Controller
-from rl_cbf_clf_controller.controller_output import ControllerOutput
+from rl_cbf_clf_controller.controller_output import ControllerOutput, seen_fields
 from rl_cbf_clf_controller.policy import Policy
 from rl_cbf_clf_controller.scene import Scene
 from rl_cbf_clf_controller.uncertainty import UNITS
@@ -124,33 +124,18 @@ class JointTargetController(Controller):
         about = self.policy.about
         wanted = self.command(self.policy.act(read), about.kp, about.kd, about.reach)
         torque = self.limited(wanted)
-        scene, seen, step = self.scene, self.scene.seen, self._step
-        in_order = torque[SWAP_TORQUE] if step.stance is Leg.RIGHT else torque
+        scene, nothing = self.scene, self.qp.no_error()
+        in_order = torque[SWAP_TORQUE] if scene.stance is Leg.RIGHT else torque
         mu = scene.output_dynamics(in_order)
-        nothing, (barriers, barrier_rates) = self.qp.no_error(), self._barriers(seen)
         return ControllerOutput(
-            tick=state.tick,
+            **seen_fields(scene),
             torque=torque,
-            stance=step.stance,
-            step_index=step.index,
-            step_time=(state.tick - step.start_tick) * TICK_SECONDS,
-            phase=float(seen.phase[0]),
-            eta=seen.eta,
-            V=float(seen.V[0]),
-            barriers=barriers,
-            barrier_rates=barrier_rates,
             mu=mu,
             mu_qp=mu,
             omega=NO_NOISE,
-            mu_held=np.full(4, np.nan),
             quantities=self.qp.names,
-            nominal_a=seen.nominal_a,
-            nominal_b=seen.nominal_b,
-            measured=np.full(len(self.qp.names), np.nan),
             alpha=nothing.alpha,
             beta=nothing.beta,
-            observation=scene.observation,
-            LgV=scene.LgV,
             clf_slack=0.0,
             rescue_slack=0.0,
             active=(),

@@ -8,16 +8,16 @@ counts is the KKT residual of an answer, and not what a solver says of it.
 """
 
 import signal
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
 from time import perf_counter
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import casadi as ca
 import numpy as np
 
-from cbf_clf_qp.functions import Array, NumpyFunction, Values, free_symbols, one_at_a_time, packed, places_of, split
+from cbf_clf_qp.functions import Array, NumpyFunction, Values, free_symbols, one_at_a_time, packed
 from cbf_clf_qp.qp import ROUNDING, UNBOUNDED, Layout, reading
 
 TOLERANCE = 1e-6  # KKT residual that is let pass, relative to 1 + |x|
@@ -28,13 +28,14 @@ class Decided:
     """What a tick decides: `mu` (m,) and the input `u`, which count only if `solved`.
 
     `values`: all that the answer says, see `qp.reading`; `solver`: whose answer it is; `seconds`: of the whole call.
+    Of N robots: arrays have a row for each, `solver` and `status` are lists, `seconds` is the mean.
     """
 
     values: Values
     layout: Layout
-    solved: bool
-    solver: str
-    status: str
+    solved: Any  # bool, or (N,)
+    solver: Any  # str
+    status: Any  # str
     seconds: float
 
     @property
@@ -63,9 +64,9 @@ class Decided:
 class Answering:
     """The answer to a programme of which the `data`, see `qp.build_qp`, are expressions of `inputs`.
 
-    Functions: `programme`, the data of the inputs; `reading`, what an answer says, of (data, x, y); `solving`, DAQP of
-    the data; `with_daqp`, all three. `solver`: the one that is asked first, `daqp` or `osqp`. Raises ValueError for
-    another one, or an unknown symbol.
+    Functions: `programme`, the data of the inputs; `reading`, what an answer says, of (data, x, y); `with_daqp`, both
+    with DAQP between them. `solver`: the one that is asked first, `daqp` or `osqp`. Raises ValueError for another one,
+    or an unknown symbol.
     """
 
     @one_at_a_time
@@ -76,28 +77,21 @@ class Answering:
             raise ValueError(f"solver = {solver}: expected daqp or osqp")
         self.layout, self.solver = layout, solver
         self.programme = NumpyFunction.of("programme", inputs, data, matrices=("A", "unroot", "control_a"))
-        row, places = ca.SX.sym("row", self.programme.function.numel_out()), places_of(data)
+        parts = {name: ca.SX.sym(name, *value.shape) for name, value in data.items()}
         x, y = ca.SX.sym("x", layout.shape[1]), ca.SX.sym("y", layout.shape[0])
-        said = reading(split(row, places), x, y, layout)
-        self.reading = NumpyFunction.of("reading", {"row": row, "x": x, "y": y}, said, matrices=("control_a",))
-        data_row = ca.MX.sym("row", row.numel())
-        solution = ca.vertcat(*by_daqp(split(data_row, places), layout))
-        solving = ca.Function("solving", [data_row], [solution], ["row"], ["answer"])
-        self.solving = NumpyFunction(solving, places_of({"x": x, "y": y}))
+        answer = {"data": packed(parts), "x": x, "y": y}
+        self.reading = NumpyFunction.of("reading", answer, reading(parts, x, y, layout), matrices=("control_a",))
         given, names = self.programme.function.mx_in(), self.programme.function.name_in()
-        found = self.programme.function(*given)
-        solved = ca.vertsplit(self.solving.function(found), [0, x.numel(), x.numel() + y.numel()])
-        answer = self.reading.function(found, *solved)
-        self.with_daqp = NumpyFunction(ca.Function("decided", given, [answer], names, ["values"]), self.reading.places)
+        row = self.programme.function(*given)
+        of_solver = ca.Function("of_solver", [answer["data"]], [parts[name] for name in ("q", "A", "lower", "upper")])
+        values = self.reading.function(row, *by_daqp(*of_solver(row)))
+        self.with_daqp = NumpyFunction(ca.Function("decided", given, [values], names, ["values"]), self.reading.places)
         self._begin()
 
     def _begin(self) -> None:
-        """Solvers of one's own."""
-        self._osqp, self._said = OsqpSolver(), ""
+        self._osqp, self._said = OsqpSolver(self.layout), ""
         self.reset = self._osqp.reset
         self.unanswered = 0  # programmes that the first solver did not answer
-        solvers: list[tuple[str, Callable[..., Values]]] = [("daqp", self.with_daqp), ("osqp", self._by_osqp)]
-        self._first, self._guard = solvers if self.solver == "daqp" else solvers[::-1]
 
     def another(self) -> "Answering":
         """One with the same functions and an OSQP of its own, for another robot in the same thread."""
@@ -107,35 +101,58 @@ class Answering:
 
     def __call__(self, *inputs: Array) -> Decided:
         """The first solver's answer, or its guard's; `solved` is false where neither has one. Inputs left out are 0."""
-        start = perf_counter()
-        solver, solve = self._first
-        values = solve(*inputs)
+        start, solver = perf_counter(), self.solver
+        values = self.with_daqp(*inputs) if solver == "daqp" else self._by_osqp(*inputs)
         solved = values.row.item(0) < TOLERANCE  # the residual
         if not solved and values.is_valid[0]:
             self.unanswered += 1
-            solver, solve = self._guard
-            values = solve(*inputs)
+            solver = "osqp" if solver == "daqp" else "daqp"
+            values = self.with_daqp(*inputs) if solver == "daqp" else self._by_osqp(*inputs)
             solved = values.row.item(0) < TOLERANCE
+        status = self._said if solver == "osqp" else "solved" if solved else "not solved"
         if not (solved or values.is_valid[0]):
             status = "data not valid"
-        else:
-            status = self._said if solver == "osqp" else "solved" if solved else "not solved"
         return Decided(values, self.layout, solved, solver, status, perf_counter() - start)
 
     def _by_osqp(self, *inputs: Array) -> Values:
         data = self.programme(*inputs)
         if not data.is_valid[0]:
             return self.with_daqp(*inputs)
-        x, y, self._said = self._osqp.solve(data, self.layout)
+        x, y, self._said = self._osqp.solve(data)
         return self.reading(data.row, x, y)
 
 
-def by_daqp(p: dict[str, ca.MX], layout: Layout) -> tuple[ca.MX, ca.MX]:
+def answers(robots: Sequence[Answering], *inputs: Array) -> Decided:
+    """Those to N programmes, a row of each input a robot; each to the bit what the robot's own gives.
+
+    DAQP solves all in one call; OSQP, and each solver's guard, one after the other, from its own last answer.
+    """
+    start, n, first = perf_counter(), len(robots), robots[0]
+    if first.solver == "daqp":
+        values = first.with_daqp.of_many(*inputs)
+        solved = values.row[:, 0] < TOLERANCE
+    else:
+        values = first.reading.values_of_many(np.empty((n, first.reading.function.numel_out())))
+        solved = np.zeros(n, dtype=bool)
+    decided = Decided(values, first.layout, solved, ["daqp"] * n, ["solved"] * n, 0.0)
+    for i in (~solved).nonzero()[0].tolist():
+        one = robots[i](*(each[i] for each in inputs))
+        values.row[i], solved[i], decided.solver[i], decided.status[i] = (
+            one.values.row,
+            one.solved,
+            one.solver,
+            one.status,
+        )
+    decided.seconds = (perf_counter() - start) / n
+    return decided
+
+
+def by_daqp(q: ca.MX, A: ca.MX, lower: ca.MX, upper: ca.MX) -> tuple[ca.MX, ca.MX]:
     """x (n,) and y (k,) as expressions of a programme's data: DAQP inside a CasADi function."""
-    hessian = 2 * ca.DM.eye(layout.shape[1])
-    shapes = {"h": hessian.sparsity(), "a": ca.Sparsity.dense(*layout.shape)}
+    hessian = 2 * ca.DM.eye(q.numel())
+    shapes = {"h": hessian.sparsity(), "a": A.sparsity()}
     solve = ca.conic("daqp", "daqp", shapes, {"error_on_fail": False, "daqp": {"primal_tol": 1e-9}})
-    answer = solve(h=hessian, g=p["q"], a=p["A"], lba=p["lower"], uba=p["upper"], lbx=-UNBOUNDED, ubx=UNBOUNDED)
+    answer = solve(h=hessian, g=q, a=A, lba=lower, uba=upper, lbx=-UNBOUNDED, ubx=UNBOUNDED)
     return answer["x"], answer["lam_a"]
 
 
@@ -150,27 +167,40 @@ class OsqpSolver:
     STEPS: ClassVar = {"scaling": 0, "check_termination": 10, "max_iter": 4000, "adaptive_rho_interval": 50}
     SETTINGS: ClassVar = {"eps_abs": 1e-6, "eps_rel": 1e-6, "eps_prim_inf": 1e-8, "verbose": False, **STEPS}
 
-    _layout: Layout | None = None
+    def __init__(self, layout: Layout) -> None:
+        pattern = np.hstack([np.ones((len(layout.names), layout.inputs)), layout.of_slacks])
+        self._shape, self._entries = layout.shape, pattern.T.nonzero()  # of A, column by column, as OSQP has them
+        self.reset()
 
     def reset(self) -> None:
         """The next programme sets the solver up again: no warm start."""
-        self._layout = None
+        self._solver: Any = None
 
-    def solve(self, p: Values, layout: Layout) -> tuple[Array, Array, str]:
+    def solve(self, p: Values) -> tuple[Array, Array, str]:
         """x (n,), y (k,) and what OSQP says; it is not asked where the minimum without rows meets them all."""
         free = p.q * -0.5
         value = p.A @ free
         if (value >= p.lower).all() and (value <= p.upper).all():
             return free, np.zeros(len(p.upper)), "unconstrained"
-        if layout is self._layout:
+        if self._solver:
             self._solver.update_data_vec(p.q, p.lower, p.upper)
             self._solver.update_data_mat(None, None, p.A.T[self._entries], None)
         else:
-            self._set_up(p, layout)
+            self._set_up(p)
         while self._solved() == "interrupted":
             signal.raise_signal(signal.SIGINT)
         solution = self._solver.solution
         return (*polished(p, solution.x, solution.y), self._solver.info.status)
+
+    def _set_up(self, p: Values) -> None:
+        import osqp  # half a second, with scipy
+        from scipy import sparse
+
+        columns, rows = self._entries
+        A = sparse.csc_matrix((p.A[rows, columns], (rows, columns)), shape=self._shape)
+        problem = osqp.OSQP()
+        problem.setup(sparse.eye(len(p.q), format="csc") * 2, p.q, A, p.lower, p.upper, **self.SETTINGS)
+        self._solver = problem._solver  # the compiled one: its wrapper costs a tick as much as solving does
 
     def _solved(self) -> str:
         blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
@@ -179,19 +209,6 @@ class OsqpSolver:
         finally:
             signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
         return str(self._solver.info.status)
-
-    def _set_up(self, p: Values, layout: Layout) -> None:
-        import osqp  # half a second, with scipy
-        from scipy import sparse
-
-        pattern = np.hstack([np.ones((len(layout.names), layout.inputs)), layout.of_slacks])
-        self._entries = pattern.T.nonzero()  # of A, column by column, as OSQP has them
-        columns, rows = self._entries
-        A = sparse.csc_matrix((p.A[rows, columns], (rows, columns)), shape=layout.shape)
-        problem = osqp.OSQP()
-        problem.setup(sparse.eye(len(p.q), format="csc") * 2, p.q, A, p.lower, p.upper, **self.SETTINGS)
-        self._solver = problem._solver  # the compiled one: its wrapper costs a tick as much as solving does
-        self._layout = layout
 
 
 def polished(p: Values, x: Array, y: Array) -> tuple[Array, Array]:

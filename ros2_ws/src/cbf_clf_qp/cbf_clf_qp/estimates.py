@@ -8,6 +8,7 @@ learner compares that with the nominal value. `model_error` gives the estimates 
 one: those of an oracle, or of a robot that has been identified.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -15,8 +16,11 @@ import numpy as np
 
 from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.functions import Array, NumpyFunction, one_at_a_time
+from cbf_clf_qp.qp import is_finite
+from cbf_clf_qp.quantity import Number, Terms
 from cbf_clf_qp.system import System
-from cbf_clf_qp.terms import Terms
+
+Pair = tuple[ca.SX, ...]  # a state x and the parameters p there
 
 
 @dataclass  # not frozen: that would take a tick 1 us for each
@@ -24,7 +28,7 @@ class Estimates:
     """`alpha` (n, m) and `beta` (n,) of n quantities over mu (m,), in the quantities' units (alpha: per unit of mu).
 
     `output_error` (m, m + 1): (Delta_2 | Delta_1), the error Delta_2 mu + Delta_1 of y^(r) = mu; None: not known.
-    Raises ValueError for shapes that do not fit together.
+    Those of N robots have a row for each. Raises ValueError for shapes that do not fit together.
     """
 
     alpha: Array
@@ -32,7 +36,7 @@ class Estimates:
     output_error: Array | None = None
 
     def __post_init__(self) -> None:
-        if self.alpha.ndim != 2 or self.beta.ndim != 1 or len(self.alpha) != len(self.beta):
+        if not self.beta.ndim or self.alpha.shape[:-1] != self.beta.shape:
             raise ValueError(f"estimates: alpha {self.alpha.shape}, beta {self.beta.shape}; expected (n, m) and (n,)")
 
     def __add__(self, other: "Estimates") -> "Estimates":
@@ -40,6 +44,17 @@ class Estimates:
         mine, others = self.output_error, other.output_error
         known = None if mine is None or others is None else mine + others
         return Estimates(self.alpha + other.alpha, self.beta + other.beta, known)
+
+    def __getitem__(self, i: int) -> "Estimates":
+        """Those of robot `i` of N."""
+        return Estimates(self.alpha[i], self.beta[i], None if self.output_error is None else self.output_error[i])
+
+    @classmethod
+    def of_many(cls, estimates: Sequence["Estimates"]) -> "Estimates":
+        """Those of N robots, from those of each; the output errors are known if all are."""
+        alpha, beta, errors = zip(*(vars(each).values() for each in estimates), strict=True)
+        known = None if any(error is None for error in errors) else np.array(errors)
+        return cls(np.array(alpha), np.array(beta), known)
 
     @classmethod
     def zero(cls, n: int, m: int) -> "Estimates":
@@ -75,18 +90,35 @@ def measure(terms: Terms) -> NumpyFunction:
     """
     x, p, seconds = terms.system.x, terms.system.p, ca.SX.sym("seconds")
     start, end = ((ca.SX.sym("x", x.numel()), ca.SX.sym("p", p.numel())) for _ in range(2))
-    measured = []
+    symbols = dict(zip(("x_0", "p_0", "x_1", "p_1", "seconds"), (*start, *end, seconds), strict=True))
+    return NumpyFunction.of("measure", symbols, {"measured": measured(terms, start, end, seconds)})
+
+
+def measuring(terms: Terms, seconds: float) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """For who measures tick by tick: what a state leaves to the next one, `seconds` later, as an expression; symbols
+    for what the one before has left; and of these `measured` (n,), NaN where they are."""
+    now = terms.system.x, terms.system.p
+    start = tuple(ca.SX.sym("start", each.numel()) for each in now)
+    options = {"extract_trivial": True}
+    found, symbols, left = ca.extract_parametric(measured(terms, start, now, seconds), ca.vertcat(*start), options)
+    before = ca.vertcat(*symbols)
+    (leaves,) = ca.substitute([ca.vertcat(*left)], start, now)
+    return leaves, before, ca.if_else(is_finite(before), found, ca.SX.nan())
+
+
+def measured(terms: Terms, start: Pair, end: Pair, seconds: Number) -> ca.SX:
+    """The means of all quantities from (x, p) to (x, p) as an expression; raises ValueError."""
+    x, p, means = terms.system.x, terms.system.p, list[ca.SX]()
     for quantity in terms.quantities:
         if quantity.sensor is not None:
-            measured += ca.substitute([quantity.sensor], [x, p], end)
+            means += ca.substitute([quantity.sensor], [x, p], end)
         elif quantity.lower is not None and quantity.slope is not None:
             (before,), (after,) = (ca.substitute([quantity.lower], [x, p], at) for at in (start, end))
             slope = Affine(*ca.substitute([quantity.slope.a, quantity.slope.b], [x, p], start))
-            measured.append(slope((after - before) / seconds))
+            means.append(slope((after - before) / seconds))
         else:
             raise ValueError(f"{quantity.names[0]}: one difference measures relative degrees 1 and 2 only (Remark 3)")
-    symbols = dict(zip(("x_0", "p_0", "x_1", "p_1", "seconds"), (*start, *end, seconds), strict=True))
-    return NumpyFunction.of("measure", symbols, {"measured": ca.vertcat(*measured)})
+    return ca.vertcat(*means)
 
 
 @one_at_a_time

@@ -7,10 +7,10 @@
 Every input is copied into memory that CasADi reads. All outputs lie in one row, of which each is a view.
 """
 
-from collections.abc import Callable, Collection, Iterable, Mapping
-from functools import wraps
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from threading import RLock
-from typing import Any, ParamSpec, TypeVar
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -18,27 +18,24 @@ from numpy.typing import NDArray
 
 Array = NDArray[Any]  # float64 unless said otherwise
 Place = tuple[slice, tuple[int, ...]]  # where in a row an array lies, and its shape
-
-Given = ParamSpec("Given")
-Made = TypeVar("Made")
 _building = RLock()
 
 
-def one_at_a_time(build: Callable[Given, Made]) -> Callable[Given, Made]:
-    """For what makes expressions and functions: one thread at a time, since CasADi may crash with several."""
+@contextmanager
+def building() -> Iterator[None]:
+    """In one thread at a time expressions and functions are made: CasADi may crash with several."""
+    with _building:
+        yield
 
-    @wraps(build)
-    def alone(*args: Given.args, **kwargs: Given.kwargs) -> Made:
-        with _building:
-            return build(*args, **kwargs)
 
-    return alone
+one_at_a_time = building()  # as a decorator
 
 
 class Values:
-    """The named arrays of one call, each a view of `row`: (n,) for a column, else (n, m)."""
+    """The named arrays of one call, each a view of `row`: (n,) for a column, else (n, m). Of N calls a row for each."""
 
     __slots__ = ("row",)
+    one: "type[Values]"  # of N calls: those of each
 
     def __init__(self, row: Array) -> None:
         self.row = row
@@ -46,8 +43,12 @@ class Values:
     def __getattr__(self, name: str) -> Array:
         raise AttributeError(f"no value {name}: expected one of {', '.join(vars(type(self)))}")
 
+    def of(self, i: int) -> "Values":
+        """Those of call `i` of N."""
+        return self.one(self.row[i])
 
-def view(place: slice, shape: tuple[int, ...]) -> property:
+
+def view(place: Any, shape: tuple[int, ...]) -> property:
     """One of them."""
     if len(shape) == 1:
         return property(lambda values: values.row[place])
@@ -70,6 +71,9 @@ class NumpyFunction:
             self._buffer.set_arg(i, argument.data)  # type: ignore[call-arg]  # casadi's stub is of C++
         self._buffer.set_res(0, self._row.data)  # type: ignore[call-arg]
         self.values = type("Values", (Values,), {name: view(*place) for name, place in places.items()})
+        views = {name: view((slice(None), place), (-1, *shape)) for name, (place, shape) in places.items()}
+        self.values_of_many = type("Values", (Values,), {**views, "one": self.values})
+        self._mapped = dict[int, NumpyFunction]()  # by N
 
     @classmethod
     @one_at_a_time
@@ -96,6 +100,18 @@ class NumpyFunction:
         self.evaluate()
         return self.values(self._row.copy())
 
+    def of_many(self, *values: Array) -> Values:
+        """The outputs of N calls, each to the bit what it gives alone, of values (N, ...), or (n,) the same for all."""
+        n = len(values[0])
+        for value, (_, size, name) in zip(values, self._arguments):  # noqa: B905
+            if value.size != (size if value.ndim == 1 else n * size):
+                raise ValueError(f"{name} has {value.size} numbers; expected {size} for each of {n}")
+        if n not in self._mapped:
+            with building():
+                self._mapped[n] = NumpyFunction(self.function.map(n), {})
+        found = self._mapped[n](*(np.tile(value, n) if value.ndim == 1 else value for value in values))
+        return self.values_of_many(found.row.reshape(n, -1))
+
 
 def row_major(value: ca.SX) -> ca.SX:
     """All elements as a column, row by row, as numpy has them."""
@@ -115,12 +131,6 @@ def places_of(values: Mapping[str, ca.SX], matrices: Collection[str] = ()) -> di
         places[name] = slice(start, start + value.numel()), value.shape[:1] if is_vector else value.shape
         start += value.numel()
     return places
-
-
-def split(row: Any, places: Mapping[str, Place]) -> dict[str, Any]:
-    """The expressions that were `packed` into a column."""
-    shapes = {name: (place, (*shape, 1)[:2]) for name, (place, shape) in places.items()}
-    return {name: ca.reshape(row[place], columns, rows).T for name, (place, (rows, columns)) in shapes.items()}
 
 
 def free_symbols(expression: ca.SX, symbols: Iterable[ca.SX]) -> str:

@@ -1,9 +1,9 @@
 """The quadratic programme of a tick, built from rows as expressions; solving it is in `answer.py`.
 
-    minimise   |root mu - center|^2 + sum_i w_i s_i^2      s_i = 0 where row i is hard
+    minimise   |objective(mu)|^2 + sum_i w_i s_i^2         s_i = 0 where row i is hard
     subject to lower_i <= A_i mu - s_i <= upper_i
 
-What is minimised over mu beside the cost of slacks, the objective:
+The objective is affine in mu, root mu - center with a regular root. Its square is
 
     none         mu' mu                                        the paper's: the least correction of the pre-control
     nearest      |weights (u(mu) - wanted)|^2                  a safety filter: the least change of a wanted input
@@ -38,21 +38,13 @@ TINY = 1e-9  # norm of a row with no input in it
 CLOSEST = 1e-6  # bounds that are closer to each other, over 1 + |x|, count as so far apart
 
 
-@dataclass(frozen=True)
-class Objective:
-    """|`root` mu - `center`|^2; `root` (m, m) regular, `center` (m,)."""
-
-    root: ca.SX
-    center: ca.SX
-
-
-def nearest(control: Affine, wanted: ca.SX, weights: Number = 1.0) -> Objective:
+def nearest(control: Affine, wanted: ca.SX, weights: Number = 1.0) -> Affine:
     """The input u = `control`(mu) that is nearest to `wanted` (m,), each component times its weight."""
     scale = ca.diag(weights * ca.SX.ones(wanted.numel()))
-    return Objective(scale @ control.a, scale @ (wanted - control.b))
+    return Affine(scale @ control.a, scale @ (control.b - wanted))
 
 
-def pd_centred(y: ca.SX, dy: ca.SX, eps: Number, output_error: Affine, mu_weight: Number) -> Objective:
+def pd_centred(y: ca.SX, dy: ca.SX, eps: Number, output_error: Affine, mu_weight: Number) -> Affine:
     """See above: E = I + `output_error.a`, Delta = `output_error.b`; y (m,) and dy (m,) are the outputs.
 
     root is upper triangular with root' root = E'E + mu_weight I, and root' center = E' (v_PD - Delta).
@@ -60,7 +52,7 @@ def pd_centred(y: ca.SX, dy: ca.SX, eps: Number, output_error: Affine, mu_weight
     identity = ca.SX.eye(y.numel())
     E, wanted = identity + output_error.a, -y / eps**2 - np.sqrt(3) * dy / eps
     root = ca.chol(E.T @ E + mu_weight * identity)
-    return Objective(root, inverse(root).T @ (E.T @ (wanted - output_error.b)))
+    return Affine(root, inverse(root).T @ (E.T @ (output_error.b - wanted)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +74,7 @@ class Layout:
         return len(self.names), self.inputs + self.of_slacks.shape[1]
 
 
-def build_qp(blocks: Sequence[Rows], objective: Objective | None, control: Affine) -> tuple[Layout, dict[str, ca.SX]]:
+def build_qp(blocks: Sequence[Rows], objective: Affine | None, control: Affine) -> tuple[Layout, dict[str, ca.SX]]:
     """The programme's data by name: q (n,), lower, upper (k,), A (k, n); what `reading` needs of them and of u.
 
     `is_valid`: 1 where the data are finite and no row's bounds are out of order or out of reach, else 0.
@@ -95,8 +87,8 @@ def build_qp(blocks: Sequence[Rows], objective: Objective | None, control: Affin
     )
     rescues = is_soft & np.array([block.rescue for block, _ in each], dtype=bool)
     layout = Layout(tuple(name for _, name in each), inputs, rescues, np.eye(len(each))[:, is_soft])
-    objective = objective or Objective(ca.SX.eye(inputs), ca.SX.zeros(inputs))
-    unroot = inverse(objective.root)
+    objective = objective or Affine.identity(inputs)
+    unroot = inverse(objective.a)
     of_mu = ca.vertcat(ca.SX(0, inputs), *(block.A for block in blocks))
     scale = ca.vertcat(*(ca.SX(block.slack_weight) for block, _ in each)) ** -0.5
     in_mu = ca.vertcat(*(ca.SX(block.in_mu) for block, _ in each))
@@ -104,7 +96,7 @@ def build_qp(blocks: Sequence[Rows], objective: Objective | None, control: Affin
     A = ca.horzcat(of_mu @ unroot, ca.diag(-scale * units) @ ca.sparsify(ca.DM(layout.of_slacks)))
     size = ca.densify(ca.fmax(ca.sqrt(ca.sum2(A**2)), TINY))  # norms of the rows
     A = A / ca.repmat(size, 1, layout.shape[1])
-    q = ca.vertcat(-2 * objective.center, ca.SX.zeros(layout.of_slacks.shape[1]))
+    q = ca.vertcat(2 * objective.b, ca.SX.zeros(layout.of_slacks.shape[1]))
     lower, upper = (ca.vertcat(*bounds) / size for bounds in zip(*((b.lower, b.upper) for b in blocks), strict=True))
     finite = (ca.vec(value) for value in (q, A, unroot, control.a, control.b))
     sound = ca.vertcat(lower <= upper, lower <= UNBOUNDED, upper >= -UNBOUNDED)

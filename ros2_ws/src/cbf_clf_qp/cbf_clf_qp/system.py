@@ -3,11 +3,7 @@
     x-dot = f(x, p) + g(x, p) u,      p-dot = r(x, p) for the parameters that have rates, else 0
 
 The parameters p are inputs of every function that is made of the system: an obstacle's place, a mass, a gain. So none
-of them can be stale. One that moves by itself should declare its rate, for example a wall its speed:
-
-    x, u, wall, speed = (ca.SX.sym(name) for name in ("x", "u", "wall", "speed"))
-    cart = System(x, u, u, parameters=[wall, speed], rates={"wall": speed})
-    cart.derivative(wall - x)                      # speed - u
+of them can be stale. One that moves by itself should declare its rate, as a wall its speed: then B-dot has it.
 """
 
 from collections.abc import Iterable, Mapping

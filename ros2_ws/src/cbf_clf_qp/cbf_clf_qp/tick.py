@@ -14,7 +14,7 @@ cart that is pulled to x = 1 m and must not pass a wall, wherever the wall is at
     u = tick(np.array([0.0, 0.0]), wall=0.9).u
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from typing import Any
 
@@ -25,10 +25,11 @@ from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.answer import Answering, Decided
 from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.functions import Array, NumpyFunction, Values, one_at_a_time, packed, places_of
-from cbf_clf_qp.qp import Objective, build_qp, is_finite
-from cbf_clf_qp.quantity import Constrained, Number
-from cbf_clf_qp.system import System
-from cbf_clf_qp.terms import Constraint, Reads, Terms
+from cbf_clf_qp.qp import build_qp, is_finite
+from cbf_clf_qp.quantity import Constrained, Constraint, Number, Rows, Terms
+from cbf_clf_qp.system import Symbols, System
+
+MATRICES = ("nominal_a", "control_a")  # which stay so with one column
 
 
 class Tick:
@@ -38,7 +39,7 @@ class Tick:
         control: u affine in mu. None: y^(r) = mu where a CLF has as many outputs as there are inputs, else u = mu.
         limit: of |u|, hard, on each component; an expression or a number.
         constraints: further rows.
-        objective: of the terms; None, for itself or as its value, means the paper's mu' mu.
+        objective: of the terms, affine in mu, see `qp.py`; None, for itself or as its value: the paper's mu' mu.
         corners: further errors of the quantities (n,), affine in mu; every row is to hold at each of them.
         corrects_input: alpha and beta are part of the input, u = control(mu + alpha mu + beta) [approach1_input].
         reads: further expressions that `look` gives, by name.
@@ -58,14 +59,14 @@ class Tick:
         control: Affine | None = None,
         limit: Number | None = None,
         constraints: Sequence[Constraint] = (),
-        objective: Callable[[Terms], Objective | None] | None = None,
+        objective: Callable[[Terms], Affine | None] | None = None,
         corners: Callable[[Terms], list[Affine]] | None = None,
         corrects_input: bool = False,
-        reads: Reads = None,
+        reads: Symbols | None = None,
         solver: str = "daqp",
     ) -> None:
-        self.terms = Terms(system, quantities, control, reads)
-        terms = copy(self.terms)
+        self.system, self.terms = system, Terms(system, quantities, control)
+        terms, self.names = copy(self.terms), self.terms.names
         if corrects_input:
             cases = [terms.nominal]
             terms.control = terms.control.after(Affine.identity(terms.inputs) + terms.estimates)
@@ -74,17 +75,20 @@ class Tick:
             cases = [value + corner for corner in corners(terms)] if corners else [value]
         rows = [block for case in cases for block in terms.rows(case)]
         rows += [block for constraint in constraints for block in constraint(terms)]
-        rows += [] if limit is None else terms.input_rows(limit)
+        if limit is not None:  # the mu that gives u = 0 always meets these
+            names, a, b = tuple(f"u{i + 1}" for i in range(system.u.numel())), terms.control.a, terms.control.b
+            rows.append(Rows(names, a, -limit - b, limit - b))
         self.layout, data = build_qp(rows, objective(terms) if objective else None, terms.control)
         self._needs_output_error = ca.depends_on(packed(data), ca.vec(terms.symbols["output_error"]))
         data["is_valid"] *= is_finite(packed(terms.symbols))
-        self.answer = Answering(terms.symbols, data, self.layout, solver)
-        matrices = {"nominal_a": self.terms.nominal.a, "control_a": self.terms.control.a}
-        shown = {**matrices, "nominal_b": self.terms.nominal.b, "control_b": self.terms.control.b, **terms.reads}
-        self.look = NumpyFunction.of("look", {"x": system.x, "p": system.p}, shown, matrices)
-        self.names, self.system = terms.names, system
+        self._data, self.answer = data, Answering(terms.symbols, data, self.layout, solver)
         self.reset = self.answer.reset  # forgets the last programme, so that no episode depends on the one before
-        self._places, self._row = places_of(system.named), np.empty(system.p.numel())  # of a call by name
+        nominal, control = self.terms.nominal, self.terms.control
+        self.reads = {"nominal_a": nominal.a, "control_a": control.a, "nominal_b": nominal.b, "control_b": control.b}
+        self.reads |= {name: value for quantity in terms.quantities for name, value in quantity.reads.items()}
+        self.reads |= reads or {}
+        self.look = NumpyFunction.of("look", {"x": system.x, "p": system.p}, self.reads, MATRICES)
+        self._places, self._size, self._nothing = places_of(system.named), system.p.numel(), self.no_error()
 
     def __call__(
         self, x: Any, alpha: Any = None, beta: Any = None, output_error: Any = None, **parameters: Any
@@ -95,9 +99,9 @@ class Tick:
         """
         estimates = None
         if not (alpha is None and beta is None and output_error is None):
-            given = zip((alpha, beta, output_error), vars(self.no_error()).values(), strict=True)
+            given = zip((alpha, beta, output_error), vars(self._nothing).values(), strict=True)
             estimates = Estimates(*(zero if value is None else np.asarray(value, float) for value, zero in given))
-        return self.decide(np.asarray(x, float), self._filled(self._row, parameters), estimates)
+        return self.decide(np.asarray(x, float), self._filled(parameters), estimates)
 
     def decide(self, x: Array, p: Array, estimates: Estimates | None = None) -> Decided:
         """The tick, of a nominal controller without estimates.
@@ -120,10 +124,10 @@ class Tick:
 
     def p(self, **parameters: Any) -> Array:
         """All parameters as one array, for `decide`; raises ValueError where one is missing, unknown or too long."""
-        return self._filled(np.empty(self._row.size), parameters)
+        return self._filled(parameters)
 
-    def _filled(self, row: Array, parameters: dict[str, Any]) -> Array:
-        places = self._places
+    def _filled(self, parameters: dict[str, Any]) -> Array:
+        row, places = np.empty(self._size), self._places
         if parameters.keys() != places.keys():
             missing, unknown = places.keys() - parameters.keys(), parameters.keys() - places.keys()
             problem = f"{', '.join(sorted(missing))} missing" if missing else f"{', '.join(sorted(unknown))} unknown"
@@ -146,10 +150,24 @@ class Tick:
         return Estimates.zero(len(self.names), self.terms.inputs)
 
     @one_at_a_time
-    def glance(self, names: Sequence[str]) -> NumpyFunction:
-        """A `look` at some of `reads` alone; what needs no dynamics takes a tenth of the time."""
-        shown = {name: self.terms.reads[name] for name in names}
-        return NumpyFunction.of("glance", {"x": self.system.x, "p": self.system.p}, shown)
+    def in_two(
+        self, inputs: Mapping[str, ca.SX], p: ca.SX, reads: Mapping[str, ca.SX]
+    ) -> tuple[NumpyFunction, Answering]:
+        """The tick as two functions, for who estimates between them: nothing is computed twice.
+
+        The first one is `look`, of `inputs` of which the parameters `p` are an expression. It gives these too, further
+        `reads` of the inputs, and as `prepared` all of the programme that no estimate changes. The second one answers
+        to `prepared` and the estimates.
+        """
+        names, values = zip(*self._data.items(), strict=True)
+        x_p, options = ca.vertcat(self.system.x, self.system.p), {"extract_trivial": True}
+        parts, symbols, prepared = ca.extract_parametric(list(values), x_p, options)
+        estimates = {name: self.terms.symbols[name] for name in ("alpha", "beta", "output_error")}
+        given = {"prepared": ca.vertcat(*symbols), **estimates}
+        answer = Answering(given, dict(zip(names, parts, strict=True)), self.layout, self.answer.solver)
+        shown = {**self.reads, **reads, "p": self.system.p, "prepared": ca.vertcat(*prepared)}
+        along = ca.substitute([*shown.values()], [self.system.p], [p])
+        return NumpyFunction.of("look", inputs, dict(zip(shown, along, strict=True)), MATRICES), answer
 
     def _inputs(self, x: Array, p: Array, estimates: Estimates) -> tuple[Array, ...]:
         """Of the functions; an output error that is not known is zero where nothing depends on it."""

@@ -3,8 +3,8 @@
 import casadi as ca
 import numpy as np
 import pytest
+from cbf_clf_qp.answer import answers
 from cbf_clf_qp.barrier import Barrier
-from cbf_clf_qp.batch import BatchAnswering, BatchEstimates, BatchFunction
 from cbf_clf_qp.clf import Clf
 from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.functions import NumpyFunction
@@ -12,15 +12,15 @@ from cbf_clf_qp.system import System
 from cbf_clf_qp.tick import Tick
 
 
-def norm() -> BatchFunction:
+def norm() -> NumpyFunction:
     v, scale = ca.SX.sym("v", 2), ca.SX.sym("scale")
     found = {"size": scale * ca.norm_2(v), "outer": v @ v.T}
-    return BatchFunction(NumpyFunction.of("norm", {"v": v, "scale": scale}, found))
+    return NumpyFunction.of("norm", {"v": v, "scale": scale}, found)
 
 
 def test_rows_are_the_values_of_each() -> None:
     v = np.array([[3.0, 4.0], [5.0, 12.0], [8.0, 15.0]])
-    found = norm()(v, np.array([2.0]))
+    found = norm().of_many(v, np.array([2.0]))
     assert found.size == pytest.approx(2 * np.array([[5.0], [13.0], [17.0]]))
     assert found.outer == pytest.approx(v[:, :, None] * v[:, None, :])
     assert found.of(1).size == pytest.approx([26.0])
@@ -28,7 +28,7 @@ def test_rows_are_the_values_of_each() -> None:
 
 def test_a_wrong_size_names_the_input() -> None:
     with pytest.raises(ValueError, match="v has 3 numbers; expected 2 for each of 1"):
-        norm()(np.ones((1, 3)), np.ones(1))
+        norm().of_many(np.ones((1, 3)), np.ones(1))
 
 
 @pytest.mark.parametrize("solver", ["daqp", "osqp"])
@@ -39,8 +39,9 @@ def test_a_wall_each_and_one_state_that_is_no_number(solver: str) -> None:
     tick = Tick(cart, [Clf(x - 1, eps=0.2), Barrier("wall", wall - x, poles=(8, 8))], limit=100, solver=solver)
     states = np.array([[0.0, 0.0], [0.8, 0.1], [np.nan, 0.0], [0.0, 0.0]])
     walls = np.array([[0.9], [0.9], [0.9], [0.0]])
-    none = BatchEstimates.of([tick.no_error()] * 4)
-    decided = BatchAnswering(tick.answer, 4)(states, walls, none.alpha, none.beta, none.output_error)
+    none = Estimates.of_many([tick.no_error()] * 4)
+    robots = [tick.answer.another() for _ in states]
+    decided = answers(robots, states, walls, none.alpha, none.beta, none.output_error)
     assert decided.solved.tolist() == [True, True, False, True]
     for i in (0, 1, 3):
         alone = Tick(cart, [Clf(x - 1, eps=0.2), Barrier("wall", wall - x, poles=(8, 8))], limit=100, solver=solver)
@@ -51,7 +52,7 @@ def test_a_wall_each_and_one_state_that_is_no_number(solver: str) -> None:
 def test_estimates_add_up_robot_by_robot() -> None:
     one = Estimates(np.ones((2, 3)), np.arange(2.0), np.ones((3, 4)))
     unknown = Estimates(np.zeros((2, 3)), np.zeros(2))
-    both = BatchEstimates.of([one, one]) + BatchEstimates.of([one, Estimates.zero(2, 3)])
+    both = Estimates.of_many([one, one]) + Estimates.of_many([one, Estimates.zero(2, 3)])
     assert both[0].beta == pytest.approx([0.0, 2.0])
     assert both[1].output_error == pytest.approx(np.ones((3, 4)))
-    assert (both + BatchEstimates.of([unknown, one])).output_error is None
+    assert (both + Estimates.of_many([unknown, one])).output_error is None

@@ -9,9 +9,8 @@ from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.barrier import Barrier
 from cbf_clf_qp.clf import Clf
 from cbf_clf_qp.estimates import measure, model_error
-from cbf_clf_qp.quantity import Quantity
+from cbf_clf_qp.quantity import Quantity, Terms
 from cbf_clf_qp.system import System
-from cbf_clf_qp.terms import Terms
 
 SECONDS = 0.01
 

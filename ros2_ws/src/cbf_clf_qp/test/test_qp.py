@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.answer import TOLERANCE, Answering
-from cbf_clf_qp.qp import Objective, build_qp
+from cbf_clf_qp.qp import build_qp
 from cbf_clf_qp.quantity import HARD, Rows, at_least, at_most
 
 M, SOFT, LIMIT = 3, 5, 2.0  # inputs, soft rows; of |mu|
@@ -24,7 +24,7 @@ def programme(solver: str, root: bool) -> Answering:
         at_least(("c", "d", "e"), -A[2:, :], -upper[2:], 100.0),
         Rows(("u1", "u2", "u3"), ca.SX.eye(M), -LIMIT * ca.SX.ones(M), LIMIT * ca.SX.ones(M)),
     ]
-    layout, data = build_qp(blocks, Objective(R if root else ca.SX.eye(M), center), Affine.identity(M))
+    layout, data = build_qp(blocks, Affine(R if root else ca.SX.eye(M), -center), Affine.identity(M))
     return Answering({"A": A, "upper": upper, "c": center, "R": R}, data, layout, solver)
 
 
@@ -83,7 +83,7 @@ def test_an_answer_that_is_wrong_is_not_solved(monkeypatch: pytest.MonkeyPatch) 
     answering, data = programme("osqp", False), draw(np.random.default_rng(7))
     right = answering(*data)
 
-    def wrong(p: Any, layout: Any) -> Any:
+    def wrong(p: Any) -> Any:
         x = p.q * 0
         x[M:] = 100.0  # slacks so large that every soft row holds
         return x, np.linalg.lstsq(p.A.T, -(2 * x + p.q), rcond=None)[0], "solved"

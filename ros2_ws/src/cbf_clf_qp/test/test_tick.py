@@ -11,9 +11,8 @@ from cbf_clf_qp.barrier import Barrier
 from cbf_clf_qp.clf import Clf
 from cbf_clf_qp.estimates import Estimates, model_error
 from cbf_clf_qp.qp import pd_centred
-from cbf_clf_qp.quantity import HARD, Quantity
+from cbf_clf_qp.quantity import HARD, Quantity, Terms
 from cbf_clf_qp.system import System, mechanical
-from cbf_clf_qp.terms import Terms
 from cbf_clf_qp.tick import Tick
 
 X, V, U, FORCE = ca.SX.sym("x"), ca.SX.sym("v"), ca.SX.sym("u"), 100.0

@@ -26,6 +26,7 @@ from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.simulation import Simulation
 from rl_cbf_clf_controller.batch_controller import BatchController, BatchScene
 from rl_cbf_clf_controller.controller import Controller
+from rl_cbf_clf_controller.controller_output import seen_fields
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import ZeroPolicy
 from rl_trainer.environment import Float32, GivenAction
@@ -79,7 +80,7 @@ class VectorWalkingEnv(VectorEnv[Float32, Float32, NDArray[Any]]):
         self._gait = load_gaits(controller.gait)
         zero = ZeroPolicy(controller.problem)  # the actions take its place
         own = controller.model_copy(update={"sigma": parameters.sigma})
-        self._controller = BatchController(Controller(own, self._gait, zero), [zero] * robots, details=True)
+        self._controller = BatchController(Controller(own, self._gait, zero), [zero] * robots)
         self._policy, self._builder = GivenAction(parameters), TransitionBuilder(parameters)
         self.num_envs = robots
         self.metadata = {"autoreset_mode": AutoresetMode.SAME_STEP}
@@ -134,7 +135,7 @@ class VectorWalkingEnv(VectorEnv[Float32, Float32, NDArray[Any]]):
             found = self._builder.add(states[i])
         else:
             unknown = np.full(output.mu.shape, np.nan)
-            found = self._builder.add(states[i], replace(output, mu=unknown, **following.fields(i)))
+            found = self._builder.add(states[i], replace(output, mu=unknown, **seen_fields(following[i])))
         if found is None:
             raise RuntimeError(f"tick {states.tick[i]} does not follow tick {output.tick}")
         return found

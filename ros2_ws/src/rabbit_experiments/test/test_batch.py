@@ -81,7 +81,7 @@ def test_every_tick_is_that_of_the_walk_alone(name: str, tuning: dict[str, Any],
     gait = load_gaits(made[0].controller.gait)
     simulation = BatchSimulation([make_simulation(each.simulation, gait) for each in made])
     policies: list[Policy] = [made[0].make_policy()] * len(made)
-    controller = BatchController(Controller(made[0].controller, gait, policies[0]), policies, details=True)
+    controller = BatchController(Controller(made[0].controller, gait, policies[0]), policies)
     states = simulation.reset(list(SEEDS[: len(made)]))
     for i in range(len(made)):
         controller.reset(i, SEEDS[i])

@@ -10,15 +10,16 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from cbf_clf_qp.batch import BatchAnswering, BatchDecided, BatchEstimates, BatchFunction, BatchValues
-from cbf_clf_qp.functions import places_of
+from cbf_clf_qp.answer import Decided, answers
+from cbf_clf_qp.estimates import Estimates
+from cbf_clf_qp.functions import NumpyFunction, Values
 from cbf_clf_qp.qp import ROUNDING as ACTIVE
 from rabbit_description.robot_states import RobotStates
 from rabbit_description.state import SWAP_STATE, SWAP_TORQUE, TICK_SECONDS, Array, Leg
 
-from rl_cbf_clf_controller.controller import NO_BARRIERS, NO_TORQUE, ROUNDING, SECONDS, Controller
-from rl_cbf_clf_controller.controller_output import ControllerOutput
-from rl_cbf_clf_controller.identified_robot import IdentifiedRobot
+from rl_cbf_clf_controller.controller import NO_TORQUE, ROUNDING, Controller
+from rl_cbf_clf_controller.controller_output import ControllerOutput, seen_fields
+from rl_cbf_clf_controller.identified_robots import IdentifiedRobots
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import LearnedPolicy, Policy
 from rl_cbf_clf_controller.residual_policy import Memory, ResidualPolicy
@@ -26,50 +27,41 @@ from rl_cbf_clf_controller.scene import ControllerError, Scene
 from rl_cbf_clf_controller.step_outputs import Touchdown
 from rl_cbf_clf_controller.virtual_constraints import VirtualConstraints
 
-GLANCE = ("eta", "V", "LgV", "phase", "observation", "B1_state", "B2_state")  # what policy and figures read of a state
-
 
 @dataclass(frozen=True)
 class BatchScene:
-    """What is seen of N robots, a row each; see `Scene`, and `ControllerOutput` for the others.
+    """What is seen of N robots, a row each; see `Scene`.
 
-    `details`: of them `nominal_a`, `nominal_b`, `measured`, `mu_held`, where they are asked for. `errors`: why the
-    controller refuses a robot's state, `faults`: why its episode must end, both by its number.
+    `errors`: why the controller refuses a robot's state, `faults`: why its episode must end, both by its number.
     """
 
-    tick: Array
     x: Array
-    p: Array
-    seen: BatchValues
+    seen: Values
     force: Array
     observation: Array
+    tick: Array
     torque: Array
     stance: Array
     step_index: Array
     step_time: Array
-    details: dict[str, Array]
+    model_error: NumpyFunction
     errors: dict[int, str]
     faults: dict[int, str]
 
-    def fields(self, i: int) -> dict[str, Any]:
-        """What a `ControllerOutput` of robot `i` has of it."""
-        seen, barriers = self.seen, [NO_BARRIERS, NO_BARRIERS]
-        if "B1_state" in seen.places:
-            barriers = [np.array([seen.B1_state[i, order], seen.B2_state[i, order]]) for order in (0, 1)]
-        return {
-            "tick": int(self.tick[i]),
-            "stance": Leg(int(self.stance[i])),
-            "step_index": int(self.step_index[i]),
-            "step_time": float(self.step_time[i]),
-            "phase": float(seen.phase[i, 0]),
-            "eta": seen.eta[i].copy(),
-            "V": float(seen.V[i, 0]),
-            "barriers": barriers[0],
-            "barrier_rates": barriers[1],
-            "observation": self.observation[i].copy(),
-            "LgV": seen.LgV[i].copy(),
-            **{name: values[i] for name, values in self.details.items()},
-        }
+    def __getitem__(self, i: int) -> Scene:
+        """Of robot `i`."""
+        return Scene(
+            self.x[i],
+            self.seen.of(i),
+            self.force[i],
+            self.observation[i],
+            int(self.tick[i]),
+            self.torque[i],
+            Leg(int(self.stance[i])),
+            int(self.step_index[i]),
+            float(self.step_time[i]),
+            self.model_error,
+        )
 
 
 @dataclass(frozen=True)
@@ -81,8 +73,8 @@ class BatchOutput:
 
     scene: BatchScene
     torque: Array
-    decided: BatchDecided
-    estimates: BatchEstimates
+    decided: Decided
+    estimates: Estimates
     mu: Array
     mu_qp: Array
     omega: Array
@@ -90,10 +82,10 @@ class BatchOutput:
     quantities: tuple[str, ...]
     policies: list[Policy]
     parameters: ControllerParameters
-    own: dict[str, Sequence[Any]]
+    own: dict[str, Any]
 
     def __getitem__(self, i: int) -> ControllerOutput:
-        """Of robot `i`; without details `nominal_a`, `nominal_b`, `measured` and `mu_held` are empty."""
+        """Of robot `i`."""
         decided, layout = self.decided, self.decided.layout
         slack, margin = decided.values.slack[i], decided.values.margin[i].tolist()
         gives = slack.any()
@@ -121,7 +113,7 @@ class BatchOutput:
             quantities=self.quantities,
             objective=self.parameters.objective,
             adaptation=self.parameters.adaptation,
-            **self.scene.fields(i),
+            **seen_fields(self.scene[i]),
             **{name: values[i] for name, values in self.own.items()},
         )
 
@@ -129,26 +121,19 @@ class BatchOutput:
 class BatchController:
     """N robots under copies of one `controller`, each with its policy; several may have the same one.
 
-    `details`: whether an output has all that a transition is made of. One object serves one thread.
+    One object serves one thread.
     """
 
-    def __init__(self, controller: Controller, policies: Sequence[Policy], details: bool = False) -> None:
+    def __init__(self, controller: Controller, policies: Sequence[Policy]) -> None:
         n, tick = len(policies), controller.qp
-        self._one, self._details, self.policies = controller, details, list(policies)
+        self._one, self.policies = controller, list(policies)
         self.parameters = controller.parameters
         self._steps = [controller.steps.another() for _ in policies]
-        self._estimators = [[each.another() for each in controller._estimators] for _ in policies]
-        firsts = [estimators[0] for estimators in self._estimators if estimators]
-        self._robots = [first for first in firsts if isinstance(first, IdentifiedRobot)]
+        one = controller._robot
+        self._robots = IdentifiedRobots(one, controller._error, n) if one else None
+        self._estimators = [[each.another() for each in controller._estimators if each is not one] for _ in policies]
         self._acts_at_once = isinstance(policies[0], LearnedPolicy) and len(set(map(id, policies))) == 1
-        self._needs_scenes = not self._acts_at_once or bool(controller._estimators)
-        names = [name for name in GLANCE if name in tick.terms.reads]
-        self._read = BatchFunction(tick.look if details or self._needs_scenes else tick.glance(names))
-        self._phase, self._desired = map(BatchFunction, controller.steps.first().functions)
-        self._measure = BatchFunction(controller._measure)
-        self._answer = BatchAnswering(tick.answer, n)
-        self._places = {name: place for name, (place, _) in places_of(tick.system.named).items()}
-        self._stones = slice(self._places["l_min"].start, self._places["height"].stop)
+        self._answers = [controller._answer.another() for _ in policies]
         self._rngs = [np.random.default_rng(0) for _ in policies]
         self._constraints = [steps.first() for steps in self._steps]
         self._stance, self._index, self._start_tick = np.zeros((3, n), dtype=int)
@@ -156,12 +141,10 @@ class BatchController:
         self._checked = np.full((n, 3), np.nan)  # stones
         self._has_begun, self._seconds_before = np.zeros(n, dtype=bool), np.zeros(n)
         self._torque = np.tile(NO_TORQUE, (n, 1))
-        self._path, self._scale = (
-            np.array([getattr(each, of) for each in self._constraints]) for of in ("row", "scale")
-        )
+        self._path = np.array([each.row for each in self._constraints])
         self._p = np.tile(controller._p, (n, 1))
-        self._last_tick, self._last_x, self._last_p = np.full(n, -2), np.zeros((n, 14)), self._p.copy()
-        self._none = BatchEstimates.of([tick.no_error()])
+        self._last_tick, self._left = np.full(n, -2), np.tile(controller._new, (n, 1))
+        self._none = Estimates.of_many([tick.no_error()])
         self._no_output_error = tick.terms.inputs, tick.terms.inputs + 1
         self._residual = policies[0] if isinstance(policies[0], ResidualPolicy) else None
         self._memory = Memory.of(n)
@@ -174,8 +157,10 @@ class BatchController:
         self._seconds_before[i], self._torque[i], self._last_tick[i] = np.nan, NO_TORQUE, -2
         self._has_begun[i] = False
         self._follow(i, self._steps[i].first())
-        self._answer.reset(i)
+        self._answers[i].reset()
         self._memory.forget(i)
+        if self._robots:
+            self._robots.reset(i)
         for estimator in (self.policies[i], *self._estimators[i]):
             estimator.reset()
 
@@ -184,8 +169,8 @@ class BatchController:
         for name, value in vars(self).items():
             if name in PER_ROBOT:
                 setattr(self, name, value[rows] if isinstance(value, np.ndarray) else [value[i] for i in rows])
-        self._robots = self._robots and [self._robots[i] for i in rows]
-        self._answer.keep(rows)
+        if self._robots:
+            self._robots.keep(rows)
         self._memory.keep(rows)
         self._orders.clear()
 
@@ -203,49 +188,43 @@ class BatchController:
         if is_known.any():
             self._torque = np.where(is_known[:, None], self._by_stance(states.applied, SWAP_TORQUE), self._torque)
         if self._robots:
-            q = np.array([robot.set_right(each) for robot, each in zip(self._robots, q, strict=True)])
+            q = self._robots.set_right(q)
         faults = self._swap_legs(states, q)
         x = np.concatenate([self._by_stance(q, SWAP_STATE), self._by_stance(dq, SWAP_STATE)], axis=1)
         for i in (~self._has_begun).nonzero()[0].tolist():
             self._begin_step(i, x[i], states)
         if self._robots and self._one.parameters.prediction:
-            pairs = zip(self._robots, x, self._torque, strict=True)
-            x = np.array([robot.predicted(each, torque) for robot, each, torque in pairs])
-        p = self._p = self._p.copy()
-        phase = self._phase(x[:, :7], self._scale, keep=False)
-        desired = self._desired(phase.row, self._path, keep=False)
-        for name in desired.places:
-            p[:, self._places[name]] = desired[name]
-        p[:, self._places["phase_scale"]] = self._scale
+            x = self._robots.predicted(x, self._torque)
+        p, places = self._p, self._one._places
         force = self._by_stance(states.foot_force.reshape(-1, 4), SWAP_TORQUE).reshape(-1, 2, 2)
-        p[:, self._places["force"]] = force[:, 0]
+        p[:, places["force"]] = force[:, 0]
         sees_stone = ~np.isnan(states.stones[:, :1])
-        p[:, self._stones] = np.where(sees_stone, states.stones, p[:, self._stones])
-        seen = self._read(x, p)
+        np.copyto(p[:, self._one._stone], states.stones, where=sees_stone)
+        self._left[self._last_tick != states.tick - 1] = np.nan
+        seen = self._one._look.of_many(x, p, self._path, self._torque, self._left)
         stone = next((each for each in states.previews if each), None)
         observed = self._one._terrain.observed(stone, self._steps[0].wanted)
         return BatchScene(
-            tick=states.tick,
             x=x,
-            p=p,
             seen=seen,
             force=force,
             observation=seen.observation[:, :observed],
+            tick=states.tick,
             torque=self._torque.copy(),
             stance=self._stance.copy(),
             step_index=self._index.copy(),
             step_time=(states.tick - self._start_tick) * TICK_SECONDS,
-            details=self._detailed(states.tick, x, p, seen) if self._details else {},
+            model_error=self._one._error,
             errors=errors,
             faults=faults,
         )
 
-    def decide(self, scene: BatchScene, estimates: BatchEstimates | None = None) -> BatchOutput:
+    def decide(self, scene: BatchScene, estimates: Estimates | None = None) -> BatchOutput:
         """The torques at these scenes, from all estimators; `estimates` take the place of the policy's."""
-        parts = self._estimated(scene, estimates)
-        total = sum(parts[1:], start=self._none + parts[0])
+        parts, total = self._estimated(scene, estimates)
         if self._residual:
-            total = total + self._residual.of_many(self._memory, scene, total)
+            parts[0] = self._residual.of_many(self._memory, scene, total)
+            total = total + parts[0]
         error = total.output_error
         if error is None:
             if self._one.parameters.objective == "pd_centred" and not self._one._corrects_input:
@@ -253,40 +232,34 @@ class BatchController:
                     "objective pd_centred: expected a structured policy, which gives the output error"
                 )
             error = np.zeros((len(scene.x), *self._no_output_error))
-        decided = self._answer(scene.x, scene.p, total.alpha, total.beta, error)
+        decided = answers(self._answers, scene.seen.prepared, total.alpha, total.beta, error)
         output = self._output(scene, decided, total, parts)
-        self._last_tick, self._last_x, self._last_p = scene.tick, scene.x, scene.p
+        self._last_tick, self._left = scene.tick, scene.seen.leaves.copy()
         return output
 
-    def _estimated(self, scene: BatchScene, given: BatchEstimates | None) -> list[BatchEstimates]:
-        """Of the policy, then of each other estimator."""
+    def _estimated(self, scene: BatchScene, given: Estimates | None) -> tuple[list[Estimates], Estimates]:
+        """Of the policy, then of each other estimator; and in all."""
         policy, n = self.policies[0], len(scene.x)
         if self._residual:
-            q, m = self._none.beta.shape[1], self._no_output_error[0]
-            given = BatchEstimates(np.zeros((n, q, m)), np.zeros((n, q)), np.zeros((n, *self._no_output_error)))
-        if given is None and self._acts_at_once and isinstance(policy, LearnedPolicy):
+            q, m = self._none.beta.shape[-1], self._no_output_error[0]
+            given = Estimates(np.zeros((n, q, m)), np.zeros((n, q)), np.zeros((n, *self._no_output_error)))
+        elif given is None and self._acts_at_once and isinstance(policy, LearnedPolicy):
             given = policy.act_of_many(scene.observation, scene.seen.LgV)
-        if given is not None and not self._one._estimators:
-            return [given]
-        found = []
-        for i in range(n):
-            one = self._scene(scene, i)
-            parts = [self.policies[i].estimate(one, self._one.qp.no_error()) if given is None else given[i]]
-            total = self._one.qp.no_error() + parts[0]
-            for estimator in self._estimators[i]:
-                parts.append(estimator.estimate(one, total))
-                total = total + parts[-1]
-            found.append(parts)
-        return [BatchEstimates.of(part) for part in zip(*found, strict=True)]
+        elif given is None:
+            nothing = self._one.qp.no_error()
+            given = Estimates.of_many([each.estimate(scene[i], nothing) for i, each in enumerate(self.policies)])
+        parts, total = [given], self._none + given
+        if self._robots:
+            of_scene = scene.tick, scene.x, scene.seen.p, scene.force, scene.torque
+            parts.append(self._robots.estimate(*of_scene))
+            total = total + parts[-1]
+        for estimators in zip(*self._estimators, strict=True):  # of all robots
+            found = [each.estimate(scene[i], total[i]) for i, each in enumerate(estimators)]
+            parts.append(Estimates.of_many(found))
+            total = total + parts[-1]
+        return parts, total
 
-    def _scene(self, s: BatchScene, i: int) -> Scene:
-        """As an estimator of robot `i` sees it."""
-        tick, stance, error = int(s.tick[i]), int(s.stance[i]), self._one._error
-        return Scene(s.x[i], s.p[i], s.seen.of(i), s.force[i], s.observation[i], tick, s.torque[i], stance, error)
-
-    def _output(
-        self, scene: BatchScene, decided: BatchDecided, total: BatchEstimates, parts: list[BatchEstimates]
-    ) -> BatchOutput:
+    def _output(self, scene: BatchScene, decided: Decided, total: Estimates, parts: list[Estimates]) -> BatchOutput:
         parameters, values, n = self._one.parameters, decided.values, len(scene.x)
         a, b = values.control_a, values.control_b
         mu_qp, wanted, omega, faults = values.mu, values.u, np.zeros((n, 4)), scene.faults
@@ -307,22 +280,12 @@ class BatchController:
             for i in saturated.nonzero()[0].tolist():
                 mu[i] = np.linalg.solve(a[i], torque[i] - b[i])
         self._torque = torque
-        own: dict[str, Sequence[Any]] = {}
-        if self._robots and self._details:
-            own |= {
-                "identified": [robot.known for robot in self._robots],
-                "adapted": [parts[1][i].flat for i in range(n)],
-            }
+        own = dict[str, Any]()
+        if self._robots:
+            own |= {"identified": self._robots.known, "adapted": [parts[1][i].flat for i in range(n)]}
         torque = self._by_stance(torque, SWAP_TORQUE)
         names, policies = self._one.qp.names, list(self.policies)
         return BatchOutput(scene, torque, decided, total, mu, mu_qp, omega, saturated, names, policies, parameters, own)
-
-    def _detailed(self, tick: Array, x: Array, p: Array, seen: BatchValues) -> dict[str, Array]:
-        measured = self._measure(self._last_x, self._last_p, x, p, SECONDS).measured
-        measured[self._last_tick != tick - 1] = np.nan
-        pairs = zip(seen.outputs_a, self._torque, seen.outputs_b, strict=True)
-        found = {"nominal_a": seen.nominal_a, "nominal_b": seen.nominal_b, "measured": measured}
-        return {**found, "mu_held": np.array([a @ torque + b for a, torque, b in pairs])}
 
     def _by_stance(self, values: Array, swapped: Any) -> Array:
         """Columns from left/right to stance/swing order and back."""
@@ -373,12 +336,12 @@ class BatchController:
     def _follow(self, i: int, constraints: VirtualConstraints) -> None:
         """From now on robot `i` has these outputs."""
         self._constraints[i] = constraints
-        self._path[i], self._scale[i] = constraints.row, constraints.scale
-        lengths = self._steps[i].wanted
-        self._p[i, self._places["step_length"]] = lengths[0] if lengths else 0.0
+        self._path[i], places = constraints.row, self._one._places
+        self._p[i, places["phase_scale"]] = constraints.scale
+        self._p[i, places["step_length"]] = self._steps[i].wanted or 0.0
 
 
 PER_ROBOT = {
     *("policies", "_steps", "_estimators", "_rngs", "_constraints", "_stance", "_index", "_start_tick", "_has_begun"),
-    *("_seconds_before", "_checked", "_torque", "_path", "_scale", "_p", "_last_tick", "_last_x", "_last_p"),
+    *("_answers", "_seconds_before", "_checked", "_torque", "_path", "_p", "_last_tick", "_left"),
 }

@@ -6,18 +6,18 @@
 Which leg stands, exploration and what is kept from tick to tick are here; what a controller constrains is its recipe.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from cbf_clf_qp.answer import Decided
-from cbf_clf_qp.estimates import Estimates, measure, model_error
-from cbf_clf_qp.functions import Values, one_at_a_time, places_of
+from cbf_clf_qp.estimates import Estimates, measuring, model_error
+from cbf_clf_qp.functions import one_at_a_time, packed, places_of
 from cbf_clf_qp.quantity import Constrained
 from rabbit_description.gait import Gaits
 from rabbit_description.state import SWAP_STATE, SWAP_TORQUE, TICK_SECONDS, Array, Leg, RobotState, StonePreview
 
-from rl_cbf_clf_controller.controller_output import NOTHING, ControllerOutput
+from rl_cbf_clf_controller.controller_output import NOTHING, ControllerOutput, seen_fields
 from rl_cbf_clf_controller.identified_robot import IdentifiedRobot
 from rl_cbf_clf_controller.kinds import find_kind
 from rl_cbf_clf_controller.parameters import ControllerParameters
@@ -28,15 +28,13 @@ from rl_cbf_clf_controller.robot_numbers import Feet, read_robot
 from rl_cbf_clf_controller.scene import ControllerError, Scene, is_finite
 from rl_cbf_clf_controller.step_outputs import Touchdown, make_steps
 from rl_cbf_clf_controller.terrain import Terrain
-from rl_cbf_clf_controller.virtual_constraints import PARAMETERS
+from rl_cbf_clf_controller.virtual_constraints import VirtualConstraints
 from rl_cbf_clf_controller.walking import GAINS, Walking
 
-NO_BARRIERS = np.full(2, np.nan)
 ROUNDING = 1e-6  # N m, by which the QP may be over the limit
 NO_TORQUE = np.full(4, np.nan)
 SWAP_X = np.concatenate([SWAP_STATE, 7 + SWAP_STATE])
 NO_NOISE = np.zeros(4)
-SECONDS = np.array([TICK_SECONDS])
 DYNAMIC = ("sigma", "swap_time", "swap_phase", *GAINS)  # parameters that may change between two ticks
 
 Further = Callable[[Walking], Sequence[Constrained]]  # quantities of RABBIT's symbols
@@ -88,10 +86,17 @@ class Controller:
         self._corrects_input = self._kind.problem.corrects_input
         walking, robot = Walking(), read_robot(urdf)
         self.qp = make_tick(walking, parameters, further(walking))
-        self._error, self._measure = model_error(self.qp.terms), measure(self.qp.terms)
-        self._p = np.zeros(walking.system.p.numel())  # parameters of a tick, each a view by its name
-        self._views = {name: self._p[place] for name, (place, _) in places_of(walking.system.named).items()}
-        self._path, self._stone = (self._between(names) for names in (PARAMETERS, vars(walking.stone)))
+        self._error = model_error(self.qp.terms)
+        leaves, before, measured = measuring(self.qp.terms, TICK_SECONDS)
+        inputs = {"x": walking.system.x, "p": walking.system.p, "path": packed(walking.outputs.path)}
+        inputs |= {"torque": walking.system.u, "before": before}
+        reads = {"mu_held": walking.output_dynamics(walking.system.u), "measured": measured, "leaves": leaves}
+        (along_path,) = walking.outputs.along_path([walking.system.p])
+        self._look, self._answer = self.qp.in_two(inputs, along_path, reads)
+        self._new = np.full(before.numel(), np.nan)  # what is left of the tick before, where the step is new
+        self._p = np.zeros(walking.system.p.numel())  # parameters of a tick, but for what the path desires
+        self._places = {name: place for name, (place, _) in places_of(walking.system.named).items()}
+        self._stone = slice(self._places["l_min"].start, self._places["height"].stop)
         self._p[: robot.row.size] = robot.row
         rescues = self.qp.layout.rescues
         self._nothing, self._slacks = self.qp.no_error(), np.array([~rescues, rescues], dtype=float)
@@ -126,7 +131,7 @@ class Controller:
         if changed.intersection(GAINS):
             self._step.last = None  # a difference of V under two gains measures nothing
         for name in GAINS:
-            self._views[name][:] = getattr(new, name)
+            self._p[self._places[name]] = getattr(new, name)
 
     @property
     def policy(self) -> Policy:
@@ -147,13 +152,13 @@ class Controller:
     @property
     def unanswered(self) -> int:
         """Ticks since construction that the chosen solver did not answer itself."""
-        return self.qp.answer.unanswered
+        return self._answer.unanswered
 
     def reset(self, seed: int) -> None:
         """Begin an episode: left leg stands; the exploration noise starts from `seed`."""
         self._step = StepState(rng=np.random.default_rng(seed))
-        self._constraints = self.steps.first()
-        self.qp.reset()
+        self._follow(self.steps.first())
+        self._answer.reset()
         for estimator in (self.policy, *self._estimators):
             estimator.reset()
 
@@ -183,28 +188,26 @@ class Controller:
             self._begin_step(state)
         self.scene = self.look(state)
         self.decided = self.decide(self.scene)
-        output = self._output(state, fault)
+        output = self._output(fault)
         self._step.last = self.scene
         return output
 
     def look(self, state: RobotState) -> Scene:
         """What is seen of a state, with the present stance leg."""
-        views, stance, stone, lengths = self._views, self._step.stance, state.preview, self.steps.wanted
-        x = np.concatenate((state.q, state.dq))
-        if stance is Leg.RIGHT:
-            x = x[SWAP_X]
+        p, places, step, stone = self._p, self._places, self._step, state.preview
+        x, force = np.concatenate((state.q, state.dq)), state.foot_force
+        if step.stance is Leg.RIGHT:
+            x, force = x[SWAP_X], force[::-1]
         if self._robot and self.parameters.prediction:
-            x = self._robot.predicted(x, self._step.torque)
-        self._path[...] = self._constraints.parameters(x[:7])
-        force = state.foot_force if stance is Leg.LEFT else state.foot_force[::-1]
-        views["force"][...] = force[0]
-        views["step_length"][0] = lengths[0] if lengths else 0.0
+            x = self._robot.predicted(x, step.torque)
+        p[places["force"]] = force[0]
         if stone is not None:
-            self._stone[...] = stone.l_min, stone.l_max, stone.height
-        p = self._p.copy()
-        seen = self.qp.look(x, p)
-        observation = seen.observation[: self._terrain.observed(stone, lengths)]
-        return Scene(x, p, seen, force, observation, state.tick, self._step.torque, int(stance), self._error)
+            p[self._stone] = stone.l_min, stone.l_max, stone.height
+        before = step.last.seen.leaves if step.last and step.last.tick == state.tick - 1 else self._new
+        seen = self._look(x, p, self._constraints.row, step.torque, before)
+        observation = seen.observation[: self._terrain.observed(stone, self.steps.wanted)]
+        of_step = step.torque, step.stance, step.index, (state.tick - step.start_tick) * TICK_SECONDS
+        return Scene(x, seen, force, observation, state.tick, *of_step, self._error)
 
     def decide(self, scene: Scene) -> Decided:
         """mu at a tick, from the estimates of all estimators."""
@@ -218,13 +221,14 @@ class Controller:
             parts[0] = self.policy.estimate(scene, total)
             total = total + parts[0]
         self.parts, self.estimates = parts, total
-        if total.output_error is None and self.parameters.objective == "pd_centred" and not self._corrects_input:
+        known = () if total.output_error is None else (total.output_error,)
+        if not known and self.parameters.objective == "pd_centred" and not self._corrects_input:
             raise ControllerError("objective pd_centred: expected a structured policy, which gives the output error")
-        return self.qp.decide(scene.x, scene.p, total)
+        return self._answer(scene.seen.prepared, total.alpha, total.beta, *known)
 
-    def _output(self, state: RobotState, fault: str) -> ControllerOutput:
+    def _output(self, fault: str) -> ControllerOutput:
         p, step, decided, scene = self.parameters, self._step, self.decided, self.scene
-        values, seen = decided.values, scene.seen
+        values = decided.values
         mu_qp, wanted, omega = values.mu, values.u, NO_NOISE
         if not decided.solved:
             fault, mu_qp = fault or f"no solver answered: {decided.status}", np.zeros(4)
@@ -241,30 +245,15 @@ class Controller:
             mu = np.linalg.solve(values.control_a, torque - values.control_b)
         step.torque = torque
         clf_slack, rescue_slack = (self._slacks @ values.slack).tolist()
-        barriers, barrier_rates = self._barriers(seen)
         return ControllerOutput(
-            tick=state.tick,
+            **seen_fields(scene),
             torque=torque[SWAP_TORQUE] if step.stance is Leg.RIGHT else torque,
-            stance=step.stance,
-            step_index=step.index,
-            step_time=(state.tick - step.start_tick) * TICK_SECONDS,
-            phase=float(seen.phase[0]),
-            eta=seen.eta,
-            V=float(seen.V[0]),
-            barriers=barriers,
-            barrier_rates=barrier_rates,
             mu=mu,
             mu_qp=mu_qp,
             omega=omega,
-            mu_held=seen.outputs_a @ scene.torque + seen.outputs_b,
             quantities=self.qp.names,
-            nominal_a=seen.nominal_a,
-            nominal_b=seen.nominal_b,
-            measured=self.measured(step.last, scene),
             alpha=self.estimates.alpha,
             beta=self.estimates.beta,
-            observation=scene.observation,
-            LgV=seen.LgV,
             clf_slack=clf_slack,
             rescue_slack=rescue_slack,
             active=decided.active,
@@ -284,25 +273,6 @@ class Controller:
             identified=self._robot.known if self._robot else NOTHING,
             adapted=self.parts[1].flat if self._robot else NOTHING,
         )
-
-    def measured(self, last: Scene | None, now: Scene) -> Array:
-        """The quantities (n,) over the last tick, NaN where this or the step began with it."""
-        if last is None or last.tick != now.tick - 1:
-            return np.full(len(self.qp.names), np.nan)
-        return self._measure(last.x, last.p, now.x, now.p, SECONDS).measured
-
-    def _barriers(self, seen: Values) -> tuple[Array, Array]:
-        """B1 and B2 (2,), and their first derivatives."""
-        if self._terrain.name != "stones":
-            return NO_BARRIERS, NO_BARRIERS
-        (B1, dB1), (B2, dB2) = seen.B1_state.tolist(), seen.B2_state.tolist()
-        return np.array((B1, B2)), np.array((dB1, dB2))
-
-    def _between(self, names: Iterable[str]) -> Array:
-        """The view of several parameters of a tick, which follow each other."""
-        first, *_, last = names
-        places = places_of(self.qp.system.named)
-        return self._p[places[first][0].start : places[last][0].stop]
 
     def _relabel(self, values: Array) -> Array:
         return values[SWAP_STATE] if self._step.stance is Leg.RIGHT else values
@@ -325,8 +295,14 @@ class Controller:
         q_s, dq_s = self._relabel(state.q), self._relabel(state.dq)
         taken = -float(self._feet(q_s).swing[0])
         touchdown = Touchdown(q_s, dq_s, taken, self._step.seconds_before, state.preview)
-        self._constraints = self.steps.begin(touchdown)
+        self._follow(self.steps.begin(touchdown))
         self._step.has_begun = True
+
+    def _follow(self, constraints: VirtualConstraints) -> None:
+        """From now on these are the outputs."""
+        self._constraints = constraints
+        self._p[self._places["phase_scale"]] = constraints.scale
+        self._p[self._places["step_length"]] = self.steps.wanted or 0.0
 
     def _check(self, state: RobotState) -> None:
         q, dq = state.q, state.dq

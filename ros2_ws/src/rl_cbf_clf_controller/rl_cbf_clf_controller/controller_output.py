@@ -1,9 +1,12 @@
 """All of a controller's tick that others read: recorders, the trainer, the page, you."""
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from rabbit_description.state import Array, Leg
+
+from rl_cbf_clf_controller.scene import Scene
 
 NOTHING = np.zeros(0)
 
@@ -66,3 +69,25 @@ class ControllerOutput:
     adaptation: str = "none"
     identified: Array = field(default_factory=lambda: NOTHING)
     adapted: Array = field(default_factory=lambda: NOTHING)
+
+
+def seen_fields(scene: Scene) -> dict[str, Any]:
+    """What an output has of its scene alone."""
+    seen = scene.seen
+    return {
+        "tick": scene.tick,
+        "stance": scene.stance,
+        "step_index": scene.step_index,
+        "step_time": scene.step_time,
+        "phase": seen.phase.item(),
+        "eta": seen.eta,
+        "V": seen.V.item(),
+        "barriers": seen.barriers,
+        "barrier_rates": seen.barrier_rates,
+        "observation": scene.observation,
+        "LgV": seen.LgV,
+        "nominal_a": seen.nominal_a,
+        "nominal_b": seen.nominal_b,
+        "mu_held": seen.mu_held,
+        "measured": seen.measured,
+    }

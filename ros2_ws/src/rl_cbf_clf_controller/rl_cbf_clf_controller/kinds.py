@@ -15,8 +15,7 @@ from rl_cbf_clf_controller.problem import Problem
 
 if TYPE_CHECKING:  # a help text lists controllers, and computes nothing
     from cbf_clf_qp.affine import Affine
-    from cbf_clf_qp.quantity import Constrained
-    from cbf_clf_qp.terms import Terms
+    from cbf_clf_qp.quantity import Constrained, Terms
 
     from rl_cbf_clf_controller.scene import Estimator
     from rl_cbf_clf_controller.walking import Walking

@@ -19,7 +19,6 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from cbf_clf_qp.batch import BatchEstimates, BatchFunction
 from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.functions import NumpyFunction
 from rabbit_description.gait import Gait, Gaits
@@ -52,9 +51,9 @@ class LearnedPolicy(Policy):
     def act(self, observation: Array, LgV: Array) -> Estimates:
         """The estimates at `observation` (m,), raw, see `Problem.observation`, and `LgV` (4,)."""
 
-    def act_of_many(self, observations: Array, LgV: Array) -> BatchEstimates:
+    def act_of_many(self, observations: Array, LgV: Array) -> Estimates:
         """The same for N robots, a row each."""
-        return BatchEstimates.of([self.act(*each) for each in zip(observations, LgV, strict=True)])
+        return Estimates.of_many([self.act(*each) for each in zip(observations, LgV, strict=True)])
 
     def estimate(self, scene: Scene, before: Estimates) -> Estimates:
         """At a tick."""
@@ -87,7 +86,6 @@ class ActorPolicy(LearnedPolicy):
         self._structured = form.structured
         scales = form.alpha_scale, form.beta_scale
         self._estimates = estimate_function(*scales, form.structured, "V" in form.names, form.m)
-        self._estimates_of_many = BatchFunction(self._estimates)
         self._actor = Actor(file.arrays)
 
     def act(self, observation: Array, LgV: Array) -> Estimates:
@@ -98,9 +96,9 @@ class ActorPolicy(LearnedPolicy):
         """
         return Estimates(*self._found(self._estimates, observation, LgV))
 
-    def act_of_many(self, observations: Array, LgV: Array) -> BatchEstimates:
+    def act_of_many(self, observations: Array, LgV: Array) -> Estimates:
         """The same for N robots, to the bit."""
-        return BatchEstimates(*self._found(self._estimates_of_many, observations, LgV))
+        return Estimates(*self._found(self._estimates.of_many, observations, LgV))
 
     def _found(self, estimates: Any, observation: Array, LgV: Array) -> tuple[Array, Array, Array | None]:
         size = self._center.size

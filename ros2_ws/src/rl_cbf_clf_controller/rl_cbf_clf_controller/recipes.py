@@ -1,15 +1,14 @@
 """The seven controllers: which QP has which quantities, constraints, corners and objective. One table."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import casadi as ca
 from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.barrier import Barrier
 from cbf_clf_qp.clf import Clf, ResClf
-from cbf_clf_qp.qp import Objective, pd_centred
-from cbf_clf_qp.quantity import Constrained, Quantity, Rows, at_most
-from cbf_clf_qp.terms import Constraint, Terms
+from cbf_clf_qp.qp import pd_centred
+from cbf_clf_qp.quantity import Constrained, Constraint, Quantity, Rows, Terms, at_most
 from cbf_clf_qp.tick import Tick
 
 from rl_cbf_clf_controller.contact_force import ForceRows, contact_force
@@ -22,6 +21,7 @@ from rl_cbf_clf_controller.walking import Walking
 from rl_cbf_clf_controller.worst_case import worst_cases
 
 Parameters = ControllerParameters
+BARRIERS = ("B1", "B2")  # which are published
 CLF_RESCUE_WEIGHT, BARRIER_RESCUE_WEIGHT, FORCE_RESCUE_WEIGHT = 1e6, 1e3, 1e5  # of the rows' slacks of last resort
 MU_WEIGHT = 0.01  # of |mu|^2 in `pd_centred`
 
@@ -91,6 +91,7 @@ ROBUST_CBF_CLF = Kind(RL_CBF_CLF_QP, stones, "stones", corners=worst_cases)
 def make_tick(w: Walking, p: Parameters, further: Sequence[Constrained] = ()) -> Tick:
     """The tick of the controller that the parameters name; `further` quantities have rows and no estimates."""
     kind = find_kind(p.controller)
+    quantities = kind.quantities(w, p)
     constraints = [unestimated(quantity) for quantity in further]
     if kind.problem.corrects_input:
         constraints.insert(0, reference_clf(w, p))
@@ -98,14 +99,14 @@ def make_tick(w: Walking, p: Parameters, further: Sequence[Constrained] = ()) ->
         constraints.append(nominal_force(w, p))
     return Tick(
         w.system,
-        kind.quantities(w, p),
+        quantities,
         control=w.output_dynamics.inverse(),
         limit=w.gains["torque_limit"],
         constraints=constraints,
         objective=None if p.objective == "paper" else pd_objective(w, kind.problem.corrects_input),
         corners=kind.corners(w, p) if kind.corners else None,
         corrects_input=kind.problem.corrects_input,
-        reads=reads(w, p),
+        reads=reads(w, p, {each.name: each.B for each in quantities if isinstance(each, Barrier)}),
         solver=p.qp_solver,
     )
 
@@ -123,7 +124,7 @@ def unestimated(further: Constrained) -> Constraint:
 def pd_objective(w: Walking, corrects_input: bool) -> Any:
     """`pd_centred`. Where the input is corrected, y'' = mu, as it makes it."""
 
-    def objective(terms: Terms) -> Objective:
+    def objective(terms: Terms) -> Affine:
         m = terms.inputs
         error = Affine(ca.SX.zeros(m, m), ca.SX.zeros(m)) if corrects_input else terms.output_error
         return pd_centred(w.eta[:m], w.eta[m:], w.gains["eps"], error, MU_WEIGHT)
@@ -131,10 +132,16 @@ def pd_objective(w: Walking, corrects_input: bool) -> Any:
     return objective
 
 
-def reads(w: Walking, p: Parameters) -> dict[str, ca.SX]:
-    """What estimators, recorders and the page read of a state besides what the quantities show."""
+def reads(w: Walking, p: Parameters, barriers: Mapping[str, ca.SX]) -> dict[str, ca.SX]:
+    """What estimators, recorders and the page read of a state besides what the quantities show.
+
+    Of `BARRIERS`, those that are not among the `barriers` by name are NaN.
+    """
     clf, y_ddot = res_clf(w, p), w.output_dynamics
+    B = [barriers.get(name) for name in BARRIERS]
     return {
+        "barriers": ca.vertcat(*(ca.SX.nan() if each is None else each for each in B)),
+        "barrier_rates": ca.vertcat(*(ca.SX.nan() if each is None else w.robot.rate(each) for each in B)),
         "eta": w.eta,
         "V": clf.value(w.eta),
         "LgV": clf.derivative(w.eta).a.T,

@@ -14,7 +14,6 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from cbf_clf_qp.batch import BatchEstimates
 from cbf_clf_qp.estimates import Estimates
 from rabbit_description.state import TICK_SECONDS, Array
 
@@ -71,9 +70,9 @@ class ResidualPolicy(Policy):
 
     def estimate(self, scene: Scene, before: Estimates) -> Estimates:
         """At a tick of one robot; `before`: of all other estimators."""
-        return self.of_many(self._memory, of_one(scene), BatchEstimates.of([before]))[0]
+        return self.of_many(self._memory, of_one(scene), Estimates.of_many([before]))[0]
 
-    def of_many(self, memory: Memory, scene: Any, before: BatchEstimates) -> BatchEstimates:
+    def of_many(self, memory: Memory, scene: Any, before: Estimates) -> Estimates:
         """The same of N robots."""
         memory.said = self.says(observe(memory, scene, before))
         return centred(memory.said, before.beta.shape[1])
@@ -103,7 +102,7 @@ def of_one(scene: Scene) -> SimpleNamespace:
     return SimpleNamespace(seen=SimpleNamespace(**seen), **own)
 
 
-def observe(memory: Memory, scene: Any, others: BatchEstimates) -> Array:
+def observe(memory: Memory, scene: Any, others: Estimates) -> Array:
     """What the network reads at a scene of N robots, (N, READS). The memory goes on to this tick.
 
     `others`: estimates of the model's errors.
@@ -142,9 +141,9 @@ def observe(memory: Memory, scene: Any, others: BatchEstimates) -> Array:
     return np.concatenate([frame, before], axis=1)
 
 
-def centred(said: Array, quantities: int) -> BatchEstimates:
+def centred(said: Array, quantities: int) -> Estimates:
     """The estimates that move the objective's centre by `SCALE` times `said` (N, m), and no row."""
     n, m = said.shape
     error = np.zeros((n, m, m + 1))
     error[:, :, m] = -SCALE * said
-    return BatchEstimates(np.zeros((n, quantities, m)), np.zeros((n, quantities)), error)
+    return Estimates(np.zeros((n, quantities, m)), np.zeros((n, quantities)), error)

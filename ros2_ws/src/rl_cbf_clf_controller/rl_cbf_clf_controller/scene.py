@@ -9,7 +9,7 @@ from typing import Self
 from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.functions import NumpyFunction, Values
-from rabbit_description.state import Array
+from rabbit_description.state import Array, Leg
 
 
 class ControllerError(ValueError):
@@ -18,24 +18,31 @@ class ControllerError(ValueError):
 
 @dataclass(slots=True)  # not frozen: that would take a tick 2 us
 class Scene:
-    """A state `x` = (q, q') (14,) in stance/swing order, and the tick's parameters `p` there.
+    """A state `x` = (q, q') (14,) in stance/swing order, and what is seen of it.
 
-    `seen`: the nominal terms, see `recipes.reads`; `force` (2, 2), N, as the sensors averaged it over the last tick:
-    rows stance, swing foot; columns tangential, normal; `observation` (14,), with a stone (15,), there with a gait
-    library (16,), see `Problem.observation`; `tick` counts from the episode's start; `torque` (4,), N m, was applied in
-    the last tick, NaN: unknown; `stance` is 0 where the left leg stands, 1 where the right one does. `model_error`: a
-    function of (x, p, the parameters of another model), see `cbf_clf_qp.estimates`.
+    `seen`: the tick's parameters `p` there and the nominal terms, see `recipes.reads`; `force` (2, 2), N, as the
+    sensors averaged it over the last tick: rows stance, swing foot; columns tangential, normal; `observation` (14,),
+    with a stone (15,), there with a gait library (16,), see `Problem.observation`; `tick` counts from the episode's
+    start; `torque` (4,), N m, was applied in the last tick, NaN: unknown; `stance` is the leg that stands, since
+    `step_time`, s, in step `step_index`. `model_error`: a function of (x, p, the parameters of another model), see
+    `cbf_clf_qp.estimates`.
     """
 
     x: Array
-    p: Array
     seen: Values
     force: Array
     observation: Array
     tick: int
     torque: Array
-    stance: int
+    stance: Leg
+    step_index: int
+    step_time: float
     model_error: NumpyFunction
+
+    @property
+    def p(self) -> Array:
+        """The tick's parameters."""
+        return self.seen.p
 
     @property
     def q_s(self) -> Array:

@@ -28,7 +28,6 @@ from rabbit_description.state import Array
 
 FADING = 0.04  # of the phase, in which the curvature falls to 1/e beyond an end
 POWERS, CORRECTION_POWERS = 8, 5  # coefficients of the polynomials, the highest ones zero where there are fewer
-PARAMETERS = ("desired_0", "desired_1", "desired_2", "phase_scale")
 Orders = tuple[ca.SX, ca.SX, ca.SX]  # a function and its two derivatives
 
 
@@ -71,7 +70,10 @@ class Correction:
 
 
 class OutputExpressions:
-    """The outputs of coordinates with the symbols `q` and `dq` (n,), and the `parameters` that they add to a system."""
+    """The outputs of coordinates with the symbols `q` and `dq` (n,), and the `parameters` that they add to a system.
+
+    `path`: the symbols of a path, see `path_symbols`.
+    """
 
     def __init__(self, q: ca.SX, dq: ca.SX, angles: Angles = RABBIT_ANGLES) -> None:
         m = len(angles.controlled)
@@ -80,8 +82,15 @@ class OutputExpressions:
         self.phase = scale[0] * ca.dot(ca.DM(angles.phase_angle), q) - scale[1]
         self.phase_rate = ca.jtimes(self.phase, q, dq)
         self.y = ca.DM(angles.controlled) @ q - value
+        self.path = path_symbols(m)
         self.parameters = {"desired_0": value, "desired_1": slope, "desired_2": curvature, "phase_scale": scale}
         self.rates = {"desired_0": slope * self.phase_rate, "desired_1": curvature * self.phase_rate}
+
+    def along_path(self, expressions: list[ca.SX]) -> list[ca.SX]:
+        """These, where it is the `path` that says what is desired at this phase."""
+        wanted = [self.parameters[f"desired_{k}"] for k in range(3)]
+        found: list[ca.SX] = ca.substitute(expressions, wanted, list(desired(self.phase, self.path)))
+        return found
 
 
 def desired(phase: ca.SX, path: Mapping[str, ca.SX]) -> Orders:
@@ -172,7 +181,7 @@ class VirtualConstraints:
     """The outputs of a path as numbers. One object, with all that it makes by `along`, serves one thread."""
 
     def __init__(self, path: Path, angles: Angles = RABBIT_ANGLES) -> None:
-        self._outputs, self._phase, self._desired, self._parameters = output_functions(angles)
+        self._outputs, self._phase, self._desired = output_functions(angles)
         self._set(path)
 
     def along(self, path: Path) -> "VirtualConstraints":
@@ -193,18 +202,13 @@ class VirtualConstraints:
         self._scale = np.array([1 / span, path.phase_angle_start / span])
 
     @property
-    def functions(self) -> tuple[NumpyFunction, NumpyFunction]:
-        """The phase of (q, `scale`), and what is desired of (phase, `row`)."""
-        return self._phase, self._desired
-
-    @property
     def row(self) -> Array:
         """The numbers of the path."""
         return self._row
 
     @property
     def scale(self) -> Array:
-        """What turns a phase angle into a phase, see `PARAMETERS`, (2,)."""
+        """What turns a phase angle into a phase: `phase_scale` of `OutputExpressions`, (2,)."""
         return self._scale
 
     def desired(self, phase: float) -> tuple[Array, Array, Array]:
@@ -212,38 +216,31 @@ class VirtualConstraints:
         found = self._desired(np.array([phase]), self._row)
         return found.desired_0, found.desired_1, found.desired_2
 
-    def parameters(self, q_s: Array) -> Array:
-        """The `PARAMETERS` at `q_s` (n,), one after the other: what a tick takes of the path."""
-        return self._parameters(q_s, self._scale, self._row).row
-
     def phase(self, q_s: Array) -> float:
         """Of the step, at `q_s` (n,)."""
         return float(self._phase(q_s, self._scale).phase[0])
 
     def evaluate(self, q_s: Array, dq_s: Array) -> Outputs:
         """Outputs at `q_s`, `dq_s` (n,), stance/swing order."""
-        found = self._outputs(q_s, dq_s, self.parameters(q_s))
+        found = self._outputs(q_s, dq_s, self._scale, self._row)
         return Outputs(found.eta, found.jacobian, found.bias, float(found.phase[0]), float(found.phase_rate[0]))
 
 
 def output_functions(angles: Angles) -> tuple[NumpyFunction, ...]:
-    """`Outputs` of (q, dq, parameters); the phase of (q, scale); what is desired, of (phase, row of a path); the
-    parameters of (q, scale, row of a path)."""
-    m, n = angles.controlled.shape
-    q, dq, ddq, path = ca.SX.sym("q", n), ca.SX.sym("dq", n), ca.SX.sym("ddq", n), path_symbols(m)
+    """`Outputs` of (q, dq, scale, row of a path); the phase of (q, scale); what is desired, of (phase, row)."""
+    n = angles.controlled.shape[1]
+    q, dq, ddq = ca.SX.sym("q", n), ca.SX.sym("dq", n), ca.SX.sym("ddq", n)
     outputs = OutputExpressions(q, dq, angles)
     free = System(ca.vertcat(q, dq), ddq, ca.vertcat(dq, ddq), outputs.parameters, outputs.rates)
     y, dy, ddy = free.derivatives("outputs", outputs.y, 2)
     acceleration = free.affine(ddy)
     found = {"eta": ca.vertcat(y, dy), "jacobian": acceleration.a, "bias": acceleration.b}
     found |= {"phase": outputs.phase, "phase_rate": outputs.phase_rate}
-    scale, phase = outputs.parameters["phase_scale"], ca.SX.sym("phase")
-    orders = dict(zip(PARAMETERS, desired(phase, path), strict=False))
-    along = dict(zip(orders, ca.substitute([*orders.values()], [phase], [outputs.phase]), strict=True))
-    of_path = {"q": q, "scale": scale, "path": packed(path)}
+    scale, phase, path = outputs.parameters["phase_scale"], ca.SX.sym("phase"), packed(outputs.path)
+    orders = {f"desired_{k}": order for k, order in enumerate(desired(phase, outputs.path))}
+    along = dict(zip(found, outputs.along_path([*found.values()]), strict=True))
     return (
-        NumpyFunction.of("outputs", {"q": q, "dq": dq, "parameters": packed(outputs.parameters)}, found),
+        NumpyFunction.of("outputs", {"q": q, "dq": dq, "scale": scale, "path": path}, along),
         NumpyFunction.of("phase", {"q": q, "scale": scale}, {"phase": outputs.phase}),
-        NumpyFunction.of("desired", {"phase": phase, "path": packed(path)}, orders),
-        NumpyFunction.of("parameters", of_path, {**along, "phase_scale": scale}),
+        NumpyFunction.of("desired", {"phase": phase, "path": path}, orders),
     )

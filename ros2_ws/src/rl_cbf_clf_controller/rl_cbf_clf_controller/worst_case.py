@@ -15,7 +15,7 @@ from typing import Any
 
 import casadi as ca
 from cbf_clf_qp.affine import Affine
-from cbf_clf_qp.terms import Terms
+from cbf_clf_qp.quantity import Terms
 
 from rl_cbf_clf_controller.walking import Walking
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.functions import NumpyFunction
-from cbf_clf_qp.terms import Terms
+from cbf_clf_qp.quantity import Terms
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays

@@ -14,7 +14,6 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-from cbf_clf_qp.batch import BatchEstimates
 from cbf_clf_qp.estimates import Estimates
 from gymnasium.spaces import Box
 from numpy.typing import NDArray
@@ -47,14 +46,14 @@ class GivenAction(LearnedPolicy):
         """The action times its scales; that of V also times |LgV| + 1."""
         return self.estimates(self.action[None], LgV[None])[0]
 
-    def estimates(self, actions: Array, LgV: Array) -> BatchEstimates:
+    def estimates(self, actions: Array, LgV: Array) -> Estimates:
         """Of N robots with these actions (N, (m + 1) n), at LgV (N, m)."""
         slopes, beta = np.split(actions, [self._inputs * len(self._beta_scale)], axis=1)
         size = np.ones(beta.shape)
         if self._has_clf:
             size[:, 0] += np.linalg.norm(LgV, axis=1)
         alpha = slopes.reshape(*beta.shape, self._inputs) * self._alpha_scale * size[..., None]
-        return BatchEstimates(alpha, beta * self._beta_scale * size, None)
+        return Estimates(alpha, beta * self._beta_scale * size, None)
 
     def scaled(self, observation: Array) -> Float32:
         """What a learner sees of observations (..., k)."""
