@@ -1,12 +1,16 @@
-"""What every experiment is: claims of the paper, the lines of its table, and its figures."""
+"""What every experiment is: claims of the paper, the lines of its table, and its figures.
+
+`catalogue/claims.yaml` has the words and settings of each, by its name.
+"""
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
-from functools import cached_property
+from collections.abc import Mapping, Sequence
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, ClassVar
 
 from matplotlib.figure import Figure
+from rabbit_description.yaml_file import read_mapping
 from rabbit_experiments import provenance
 from rabbit_experiments.assembly import Assembly
 from rabbit_experiments.evaluation import SeededRun
@@ -14,7 +18,7 @@ from rabbit_experiments.summary import Walks
 from rabbit_experiments.training_setup import POLICY
 from rabbit_viewer import style
 
-from rabbit_reproduce.report import Claim, Report, Table
+from rabbit_reproduce.report import Claim, Report, Table, Verdict, judge
 from rabbit_reproduce.setting import OURS
 from rabbit_reproduce.table_lines import RIGID, Found, Line, Size, long_table, walk_table
 from rabbit_reproduce.training import that_made
@@ -24,7 +28,8 @@ from rabbit_reproduce.training_jobs import TrainingJob
 class Experiment(ABC):
     """One figure or claim of the paper. `label` is the paper's own, in brackets, or the section's name.
 
-    One that `needs_training` is made with `--retrain` only. `why` tells why ours differs from the paper, where it does.
+    One that `needs_training` is made with `--retrain` only. `why` tells why ours differs from the paper, where it does;
+    `told` has the words of its claims.
     """
 
     name: str
@@ -32,9 +37,15 @@ class Experiment(ABC):
     label: str
     paper: str
     why: str = ""
-    judged_on_rigid: ClassVar[bool] = False  # all claims hold of any plant's walks, but for those made on `MAIN` alone
-    needs_training: ClassVar[bool] = False
+    caption: str = ""  # of its figure
+    told: Mapping[str, Mapping[str, str]]
+    judged_on_rigid: bool = False  # all claims hold of any plant's walks, but for those made on `MAIN` alone
+    needs_training: bool = False
     shown: ClassVar[Sequence[Any]] = ()  # keys of the lines whose first run a figure shows
+
+    def __init__(self, name: str = "") -> None:
+        self.name = name or self.name
+        vars(self).update(catalogued()[self.name])
 
     @cached_property
     def by_key(self) -> dict[Any, Line]:
@@ -52,6 +63,13 @@ class Experiment(ABC):
     @abstractmethod
     def claims(self, found: Found) -> list[Claim]:
         """The verdicts."""
+
+    def claim(
+        self, name: str, ours: str, parts: Mapping[str, bool] | None = None, nominal: bool = False, **words: str
+    ) -> Claim:
+        """The claim told under this name, with `words` in it; without `parts` (see `judge`) it has no verdict."""
+        told = {what: text.format(**words) for what, text in self.told[name].items()}
+        return Claim(**told, ours=ours, verdict=judge(parts, nominal) if parts else Verdict.OPEN)
 
     def figures(self, found: Found) -> dict[str, tuple[str, Figure]]:
         """Caption and figure by name."""
@@ -102,6 +120,12 @@ class Experiment(ABC):
             figures={name: caption for name, (caption, _) in figures.items()},
         )
         return report, {name: figure for name, (_, figure) in figures.items()}
+
+
+@cache
+def catalogued() -> dict[str, Any]:
+    """What claims.yaml says of each experiment."""
+    return read_mapping(Path(__file__).parent / "catalogue" / "claims.yaml")
 
 
 def policy_name(assembly: Assembly) -> str:

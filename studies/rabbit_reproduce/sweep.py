@@ -1,6 +1,6 @@
 """An experiment over one parameter of the plant: every controller at every value, and the rates as a figure."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -23,11 +23,10 @@ class Sweep(Experiment):
     """
 
     field: str
-    values: tuple[float, ...]
+    values: Sequence[float]
     plants: ClassVar[Mapping[Contender, dict[str, Any]]]
     axis: str
     scale: float = 1.0
-    caption: str
     paper_values: ClassVar[Mapping[tuple[Contender, float], str]] = {}
     nominal: ClassVar[Contender | None] = None
 

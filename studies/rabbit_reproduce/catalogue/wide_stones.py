@@ -32,19 +32,12 @@ SHOWN = {  # of the figure: key, name, marker, colour
     "near edge, off": ("library, barriers off", "x", style.RED),
     "single": ("single gait, barriers on", "^", style.ORANGE),
 }
-CAPTION = (
-    "Stones of the first run from the stance foot (grey), and where each step landed: the library aimed at the near "
-    "edge with barriers and without, and the single gait; mass scale 2. A line ends with its walk."
-)
 
 
 class WideStones(Experiment):
     """Aimed at the near edge of each stone, so that the barriers have to act, and at its middle."""
 
     name = "wide-stones"
-    title = "Wide stones: l_min uniform in 0.25 to 0.50 m, mass scale 2"
-    label = "ours"
-    paper = "Not in the paper: its stones lie within 0.05 m of its gait's step length."
     shown = tuple(SHOWN)
 
     @cached_property
@@ -80,13 +73,8 @@ class WideStones(Experiment):
         walks = self.walks(found)
         on, off, single = walks["near edge"], walks["near edge, off"], walks["single"]
         holds = on.passes and active_share(on) >= BAR_SHARE and not off.passes and not single.passes
-        return [
-            Claim(
-                claim=f"{OURS.title}: the library walks wide stones, barriers acting in three of ten steps or more; "
-                f"not without barriers, nor with the single gait: {'so it is' if holds else 'not so'}",
-                ours=f"{on.text}, active in {active_share(on):.0%} of steps; off {off.text}; single gait {single.text}",
-            )
-        ]
+        ours = f"{on.text}, active in {active_share(on):.0%} of steps; off {off.text}; single gait {single.text}"
+        return [self.claim("walks", ours, who=OURS.title, holds="so it is" if holds else "not so")]
 
     def figures(self, found: Found) -> dict[str, tuple[str, Figure]]:
         figure, (axes,) = style.figure(1, height=2.8, width=WIDTH)
@@ -99,7 +87,7 @@ class WideStones(Experiment):
         axes.set(xlabel="stone", ylabel="$l$ from the stance foot (m)", ylim=(0.2, 0.6))
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
         style.legend(axes, columns=3)
-        return {"landings": (CAPTION, figure)}
+        return {"landings": (self.caption, figure)}
 
 
 def active_share(walks: Walks) -> float:
