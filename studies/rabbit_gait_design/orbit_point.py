@@ -14,12 +14,13 @@ from math import comb
 import casadi as ca
 from cbf_clf_qp.barrier import ecbf_gains
 from cbf_clf_qp.system import System
+from rabbit_description.state import SWAP_STATE
 from rl_cbf_clf_controller.stone_barriers import stone_barriers
 
 from rabbit_gait_design import symbolic_robot
 
 DEGREE = 5
-SWAP = [0, 1, 2, 5, 6, 3, 4]  # stance <-> swing
+SWAP = SWAP_STATE.tolist()  # stance <-> swing
 
 
 def bezier(coeffs: ca.SX, s: ca.SX) -> ca.SX:

@@ -1,11 +1,23 @@
 """What a gait must be: step, speed, stones and limits. The defaults are those of `DEFAULT_GAIT`."""
 
+from dataclasses import dataclass
 from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Payload = Annotated[float, Field(gt=0, le=100, allow_inf_nan=False)]
+
+
+@dataclass(frozen=True)
+class Stone:
+    """A stone and the barriers' shape: edges and radii in m, poles in 1/s."""
+
+    l_min: float
+    l_max: float
+    R1: float
+    R2: float
+    poles: tuple[float, float]
 
 
 class GaitSpecification(BaseModel):
@@ -74,3 +86,9 @@ class GaitSpecification(BaseModel):
     def step_time(self) -> float:
         """Step time, s."""
         return self.step_length / self.speed
+
+    @property
+    def stone(self) -> Stone:
+        """The one whose barriers the gait keeps, if it has `barriers`."""
+        near, far = self.step_length - self.near_edge, self.step_length + self.far_edge
+        return Stone(near, far, self.R1, self.R2, self.barrier_poles)

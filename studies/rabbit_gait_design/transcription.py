@@ -10,7 +10,7 @@
 `orbit_point` says why the phase, not time, is the independent variable: outputs are zero exactly, everywhere.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import astuple, dataclass, field, replace
 from typing import Any
 
 import casadi as ca
@@ -196,7 +196,10 @@ class Transcription:
     def bounds(self) -> dict[str, Array]:
         """Initial guess, bounds of the variables and of the rows."""
         spec = self.specification
-        coeffs, phase_range = _path_of(self._guess) if self._guess else initial_guess(spec)
+        if guess := self._guess:
+            coeffs, phase_range = guess.coeffs, np.array([guess.phase_angle_start, guess.phase_angle_end])
+        else:
+            coeffs, phase_range = initial_guess(spec)
         limits = [spec.torque_limit] + [spec.payload_torque_limit] * len(self.loaded)
         free = np.full(Path.size, UNBOUNDED)
         pairs: list[Any] = [(-free, free)]
@@ -247,16 +250,11 @@ class Transcription:
 
     def _add_barriers(self) -> None:
         spec, walk = self.specification, self.nominal
-        l_min, l_max = spec.step_length - spec.near_edge, spec.step_length + spec.far_edge
-        shape = (spec.R1, spec.R2, spec.barrier_poles)
-        own = orbit_point.barrier_conditions(l_min, l_max, *shape)
-        farthest = orbit_point.barrier_conditions(spec.farthest_l_min, UNBOUNDED_STONE, *shape)
+        own = orbit_point.barrier_conditions(*astuple(spec.stone))
+        farthest_stone = replace(spec.stone, l_min=spec.farthest_l_min, l_max=UNBOUNDED_STONE)
+        farthest = orbit_point.barrier_conditions(*astuple(farthest_stone))
         for i, s in enumerate(walk.s):
             foot = orbit_point.swing_foot()(*self.path.symbols, s, walk.sigma[i], walk.w[i])
             self.rows.add("barriers", ca.SX(own(*foot)), spec.barrier_margin)
             if s <= spec.clear_until:
                 self.rows.add("farthest stone", ca.SX(farthest(*foot)[1]), spec.barrier_margin)
-
-
-def _path_of(gait: Gait) -> tuple[Array, Array]:
-    return gait.coeffs, np.array([gait.phase_angle_start, gait.phase_angle_end])

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 from rabbit_description.gait import Gait, load_gait
-from rabbit_gait_design import GaitDesignError, GaitSpecification, design_gait, run
+from rabbit_gait_design import GaitDesignError, GaitSpecification, design_gait
 from rabbit_gait_design.guess import initial_guess, leg_angles
 from rabbit_gait_design.orbit import Orbit
-from rabbit_gait_design.runner import designed_stone
+from rabbit_gait_design.plots import save
 from rabbit_gait_design.transcription import ConstraintRows
 
 from .oracle_walk import under_payload
@@ -73,7 +73,7 @@ def test_swing_foot(orbit: Orbit) -> None:
 
 
 def test_barriers(orbit: Orbit) -> None:
-    stone = designed_stone(SPECIFICATION)
+    stone = SPECIFICATION.stone
     assert stone is not None
     conditions = orbit.ecbf_conditions(stone)
     slack = BETWEEN_NODES * np.abs(conditions).max()
@@ -124,7 +124,8 @@ def test_file_tells_how_it_was_made(designed: Designed, tmp_path: Path) -> None:
 
 
 def test_run_writes_gait_and_pictures(tmp_path: Path) -> None:
-    gait = run(SPECIFICATION, tmp_path)
+    gait = design_gait(SPECIFICATION)
+    save(gait, SPECIFICATION, tmp_path)
     assert load_gait(tmp_path / "test.yaml") == gait
     assert (tmp_path / "test.png").stat().st_size > 10_000
     report = under_payload(gait, 0.0)
