@@ -1,6 +1,6 @@
 """Sequences of what may happen to a running graph; after every few steps a good episode must walk.
 
-`make test` runs a few, always the same, and `make fuzz` others for hours. A campaign that can be stopped and goes on:
+`make test-all` runs a few, always the same, and `make fuzz` others for hours. A campaign that can be stopped and goes on:
 `python -m qa.test.ros.stateful --help`.
 """
 
