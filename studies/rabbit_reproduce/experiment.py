@@ -18,11 +18,15 @@ from rabbit_experiments.summary import Walks
 from rabbit_experiments.training_setup import POLICY
 from rabbit_viewer import style
 
+from rabbit_reproduce.controllers import Contender
+from rabbit_reproduce.curves import rate_figure
 from rabbit_reproduce.report import Claim, Report, Table, Verdict, judge
 from rabbit_reproduce.setting import OURS
-from rabbit_reproduce.table_lines import RIGID, Found, Line, Size, long_table, walk_table
+from rabbit_reproduce.table_lines import RIGID, Found, Line, Runs, Size, long_table, walk_table
 from rabbit_reproduce.training import that_made
 from rabbit_reproduce.training_jobs import TrainingJob
+
+SWEPT = Runs(10, 1)  # there are many values
 
 
 class Experiment(ABC):
@@ -120,6 +124,56 @@ class Experiment(ABC):
             figures={name: caption for name, (caption, _) in figures.items()},
         )
         return report, {name: figure for name, (_, figure) in figures.items()}
+
+
+class Sweep(Experiment):
+    """`field` of the plant takes `values`; `plants` has each controller's plant apart from it.
+
+    `axis` names the parameter with its unit, of which there are `scale` in the field's own; `paper_values` has what the
+    paper says of single cells; where `nominal` walks too, a row shows nothing.
+    """
+
+    field: str
+    values: Sequence[float]
+    plants: ClassVar[Mapping[Contender, dict[str, Any]]]
+    axis: str
+    scale: float = 1.0
+    paper_values: ClassVar[Mapping[tuple[Contender, float], str]] = {}
+    nominal: ClassVar[Contender | None] = None
+
+    @cached_property
+    def by_key(self) -> dict[Any, Line]:
+        return {(each, value): self._line(each, value) for each in self.plants for value in self.values}
+
+    def row(self, found: Found, contender: Contender) -> dict[float, Walks]:
+        """A controller's runs, by value."""
+        return {value: found.walks(self.by_key[contender, value]) for value in self.values}
+
+    def figures(self, found: Found) -> dict[str, tuple[str, Figure]]:
+        rates = {each: list(self.row(found, each).values()) for each in self.plants}
+        figure = rate_figure(self.values, rates, self.axis, self.scale, list(self.paper_values))
+        return {"rates": (self.caption, figure)}
+
+    def largest(self, walks: Mapping[float, Walks]) -> str:
+        """The largest value that walks, in words, and up to which one all do."""
+        ordered = sorted(walks.items())
+        passing = [value for value, each in ordered if each.passes]
+        whole = [value for i, (value, _) in enumerate(ordered) if all(each.passes for _, each in ordered[: i + 1])]
+        if not passing:
+            return "walks at none"
+        if whole and whole[-1] == passing[-1]:
+            return f"walks up to {self._text(whole[-1])}"
+        up_to = f"without a hole up to {self._text(whole[-1])}" if whole else "not at the least"
+        return f"largest {self._text(passing[-1])}, {up_to}"
+
+    def _text(self, value: float) -> str:
+        return f"{value * self.scale:g} {self.axis.rpartition('(')[2].rstrip(')')}"
+
+    def _line(self, contender: Contender, value: float) -> Line:
+        assembly = contender.assembly(**self.plants[contender], **{self.field: value})
+        paper = self.paper_values.get((contender, value), "")
+        beside = self._line(self.nominal, value) if self.nominal and contender is not self.nominal else None
+        return Line(f"{contender.title}, {self._text(value)}", assembly, paper, runs=SWEPT, nominal=beside)
 
 
 @cache

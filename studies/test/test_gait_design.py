@@ -123,8 +123,8 @@ def test_file_tells_how_it_was_made(designed: Designed, tmp_path: Path) -> None:
     assert {"casadi", "pinocchio"} <= again.metadata["versions"].keys()
 
 
-def test_run_writes_gait_and_pictures(tmp_path: Path) -> None:
-    gait = design_gait(SPECIFICATION)
+def test_gait_and_picture_are_written(designed: Designed, tmp_path: Path) -> None:
+    gait = designed[0]
     save(gait, SPECIFICATION, tmp_path)
     assert load_gait(tmp_path / "test.yaml") == gait
     assert (tmp_path / "test.png").stat().st_size > 10_000

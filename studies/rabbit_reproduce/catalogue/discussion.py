@@ -19,9 +19,8 @@ from rabbit_reproduce.controllers import (
     RL_CLF,
     Contender,
 )
-from rabbit_reproduce.experiment import Experiment
+from rabbit_reproduce.experiment import Experiment, Sweep
 from rabbit_reproduce.report import Claim
-from rabbit_reproduce.sweep import Sweep
 from rabbit_reproduce.table_lines import MAIN, Found, Line, Runs
 
 WHO = {"flat": (RL_CLF, CLF, CLF_ORACLE), "stones": (RL_CBF_CLF, CBF_CLF, CBF_CLF_ORACLE)}

@@ -15,8 +15,8 @@ from rabbit_reproduce.controllers import (
     RL_CLF,
     STONES,
 )
+from rabbit_reproduce.experiment import Sweep
 from rabbit_reproduce.report import Claim, missing
-from rabbit_reproduce.sweep import Sweep
 from rabbit_reproduce.table_lines import Found
 
 PAPER = {RL_CLF: 72.0, IO_RL: 53.0}  # kg
