@@ -132,23 +132,6 @@ def test_gait_and_picture_are_written(designed: Designed, tmp_path: Path) -> Non
     assert report.has_fixed_point
 
 
-def test_a_payload_in_the_specification_keeps_its_fixed_point() -> None:
-    """A slow walk that leans back stops under 72 kg, unless the payload's own walk is asked for."""
-    leaning: dict[str, Any] = {
-        "step_length": 0.35, "speed": 0.5, "pitch_range": (-0.3, -0.06), "knee_range": (0.1, 1.6), "R2": 0.5,
-        "clear_until": 0.0, "near_edge": 0.025, "far_edge": 0.025, "friction_limit": 0.5, "max_foot_height": 0.12,
-        "max_landing_speed": 0.6, "max_landing_slide": 0.6, "intervals": 10,
-    }  # fmt: skip
-    careless, careful = (
-        design_gait(GaitSpecification(name="leaning", **leaning, payloads=payloads)) for payloads in ((), (72.0,))
-    )
-    assert not under_payload(careless, 72.0).has_fixed_point
-    report = under_payload(careful, 72.0)
-    assert report.has_fixed_point
-    assert report.eigenvalue < 1
-    assert report.phase_rate > report.least_phase_rate
-
-
 def test_no_gait_ends_in_a_clear_word() -> None:
     hopeless = SPECIFICATION.model_copy(update={"torque_limit": 1.0, "max_iterations": 60})
     with pytest.raises(GaitDesignError, match=r"gait test: no gait of 0\.36 m at 0\.7 m/s.*still broken: \w+"):
