@@ -22,11 +22,9 @@ GRAVITY = float(UPWARDS[1])
 def nominal(slope: float = 0.0) -> PinnedRobot:
     """Expressions of the robot; the ground rises by `slope` degrees."""
     read, rise = read_robot(), np.radians(slope)
-    lengths = {"joints": ca.SX(read.joints), "feet": ca.SX(read.feet)}
+    numbers = {name: ca.SX(getattr(read, name)) for name in ("joints", "feet", "links")}
     gravity = ca.SX(GRAVITY * np.array([np.sin(rise), np.cos(rise)]))
-    return PinnedRobot(
-        parameters={**PinnedRobot().parameters, **lengths, "links": ca.SX(read.links), "gravity": gravity}
-    )
+    return PinnedRobot(parameters={**PinnedRobot().parameters, **numbers, "gravity": gravity})
 
 
 @cache
