@@ -12,7 +12,6 @@ from rabbit_msgs.msg import Episode, PolicySwap, PolicyWeights, TorqueCommand
 from rabbit_recording.message_header import turn_of
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
-from rl_cbf_clf_controller.weights import PolicyFile
 
 from rabbit_campaigns.soak_operations import near_policy
 
@@ -75,7 +74,7 @@ class Operator(GraphClient):
 
     def good_policy(self) -> Answer:
         """Load one that acts as the first."""
-        policy = self._near()
+        policy = near_policy(self._good, self._rng.getrandbits(31))
         path = self._folder / f"{policy.version}.safetensors"
         path.write_bytes(policy.encode())
         self._published.clear()
@@ -85,16 +84,13 @@ class Operator(GraphClient):
 
     def published_policy(self) -> Answer:
         """Publish one that acts as the first."""
-        policy = self._near()
+        policy = near_policy(self._good, self._rng.getrandbits(31))
         self._published.clear()
         with self.publishing("policy") as publisher:
             publisher.publish(
                 PolicyWeights(version=policy.version, source="operator", data=array("B", policy.encode()))
             )
             return (policy.version, *self._comes_in_force(policy.version))
-
-    def _near(self) -> PolicyFile:
-        return near_policy(self._good, self._rng.getrandbits(31))
 
     def _comes_in_force(self, version: str, reason: str = "") -> tuple[str, bool]:
         """In force, or replaced before the next tick by a newer one, as by a trainer between two episodes."""
