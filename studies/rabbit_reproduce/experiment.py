@@ -93,10 +93,6 @@ class Experiment(ABC):
         """Of its lines."""
         return (walk_table(self.lines(), found), long_table(self.lines(), found))
 
-    def _learned(self, found: Found) -> list[SeededRun]:
-        """Jobs with a policy file."""
-        return [job for job in self.jobs(found.size) if job.assembly.policy not in ("zero", "oracle")]
-
     def _claims(self, found: Found) -> list[Claim]:
         """With the verdicts on the rigid plant."""
         is_beside = self.judged_on_rigid and found.size.columns([RIGID])
@@ -108,6 +104,7 @@ class Experiment(ABC):
         """From results that are all there; raises `LookupError` where one is not."""
         with style.look():
             figures = self.figures(found)
+        learned = [job for job in self.jobs(found.size) if job.assembly.policy not in ("zero", "oracle")]
         report = Report(
             name=self.name,
             title=self.title,
@@ -118,7 +115,7 @@ class Experiment(ABC):
             retrained=found.size.trained is not None,
             setting={} if found.size.setting == OURS else found.size.setting.model_dump(exclude_defaults=True),
             commit=provenance.commit(),
-            policies={policy_name(job.assembly): found.policy(job.assembly) for job in self._learned(found)},
+            policies={policy_name(job.assembly): found.policy(job.assembly) for job in learned},
             claims=tuple(self._claims(found)),
             tables=tuple(self.tables(found)),
             figures={name: caption for name, (caption, _) in figures.items()},

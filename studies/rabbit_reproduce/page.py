@@ -87,7 +87,12 @@ def _section(report: Report) -> str:
     runs = "reduced runs (`--quick`)" if report.quick else "full runs"
     command = f"rabbit reproduce {report.name}{' --quick' * report.quick}{' --retrain' * report.retrained}"
     command += " --setting FILE" * bool(report.setting)
-    figures = "".join(_figure(report, name, caption) for name, caption in report.figures.items())
+    figures = "".join(
+        f"![{caption}]({report.name}/{name}.png)\n\n*{caption}* ([PDF]({report.name}/{name}.pdf))\n\n"
+        for name, caption in report.figures.items()
+    )
+    differs = any(claim.verdict not in (Verdict.REPRODUCED, Verdict.OPEN) for claim in report.claims)
+    why = f"**Where it differs.** {report.why}\n\n" if report.why and differs and not report.setting else ""
     tables = "".join(f"{table.markdown}\n" for table in report.tables if not table.long)
     long = ", ".join(f"[{table.name}.csv]({report.name}/{table.name}.csv)" for table in report.tables)
     commit = f"{report.commit[:12] or 'unknown'}{'+' * report.commit.endswith('+')}"
@@ -96,18 +101,7 @@ def _section(report: Report) -> str:
 
 **{report.title}** ({report.label}). The paper: {report.paper}
 
-{_why(report)}{figures}{tables}Data: {long}. Commit `{commit}`, {runs}.
+{why}{figures}{tables}Data: {long}. Commit `{commit}`, {runs}.
 Policies: {policies}. `{command}` makes this section.
 
 """
-
-
-def _why(report: Report) -> str:
-    """Only where something is not as in the paper."""
-    differs = any(claim.verdict not in (Verdict.REPRODUCED, Verdict.OPEN) for claim in report.claims)
-    return f"**Where it differs.** {report.why}\n\n" if report.why and differs and not report.setting else ""
-
-
-def _figure(report: Report, name: str, caption: str) -> str:
-    base = f"{report.name}/{name}"
-    return f"![{caption}]({base}.png)\n\n*{caption}* ([PDF]({base}.pdf))\n\n"

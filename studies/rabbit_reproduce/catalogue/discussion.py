@@ -72,8 +72,8 @@ class Tolerance(Sweep):
         """How much each takes."""
         claims = []
         for each, plant in self.plants.items():
-            words = {"what": self.what, "who": each.title, "mass_scale": f"{plant.get('mass_scale', 1.0):g}"}
-            claims.append(self.claim("takes", self.largest(self.row(found, each)), **words))
+            largest, scale = self.largest(self.row(found, each)), f"{plant.get('mass_scale', 1.0):g}"
+            claims.append(self.claim("takes", largest, what=self.what, who=each.title, mass_scale=scale))
         return claims
 
 

@@ -101,6 +101,11 @@ class L1Sweep(Experiment):
         best = little[DEFAULT]
         better = [each for each, walks in little.items() if walks.passes and walks.rms("rms_y") < nominal.rms("rms_y")]
         failing = [each for each, walks in twice.items() if not walks.passes]
+        unbound = []
+        for each in UNBOUND:
+            walks = every[SCALES[0], each]
+            told = "walks" if walks.passes else f"fails after {walks.mean_stones:.1f} steps"
+            unbound.append(f"{each.text}: {told}")
         errors = f"rms of y {best.rms('rms_y'):.4f} against {nominal.rms('rms_y'):.4f} rad"
         whole, some = len(SWEPT), ": " + "; ".join(each.text for each in failing)
         return [
@@ -114,7 +119,7 @@ class L1Sweep(Experiment):
                 f"fails with {len(failing)} of {whole} settings{some * bool(failing)}",
                 {"with some": bool(failing), "with all": len(failing) == whole},
             ),
-            self.claim("euler", "; ".join(f"{each.text}: {_outcome(every[SCALES[0], each])}" for each in UNBOUND)),
+            self.claim("euler", "; ".join(unbound)),
         ]
 
     def _panel(self, axes: Axes, scale: float, found: Found) -> None:
@@ -139,7 +144,3 @@ class L1Sweep(Experiment):
 
 def _errors(walks: Sequence[Walks]) -> Any:
     return np.array([each.rms("rms_y") for each in walks])
-
-
-def _outcome(walks: Walks) -> str:
-    return "walks" if walks.passes else f"fails after {walks.mean_stones:.1f} steps"

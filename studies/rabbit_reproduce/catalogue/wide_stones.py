@@ -3,13 +3,10 @@
 from functools import cached_property
 from typing import Any
 
-import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from rabbit_description.gait import load_gait
 from rabbit_experiments.summary import Walks
-from rabbit_experiments.walk_records import WalkRecords
 from rabbit_viewer import style
 
 from rabbit_reproduce.controllers import IDENTIFIED, PD, Contender, variant
@@ -79,7 +76,8 @@ class WideStones(Experiment):
     def figures(self, found: Found) -> dict[str, tuple[str, Figure]]:
         figure, (axes,) = style.figure(1, height=2.8, width=WIDTH)
         walks = {key: found.records(self.by_key[key]) for key in SHOWN}
-        _draw_stones(axes, walks["near edge"])
+        index, near, far = walks["near edge"].landings[:, [0, 3, 4]].T
+        axes.bar(index, far - near, 0.8, bottom=near, color=style.STONE, alpha=0.5, label="stone")
         for key, (name, marker, colour) in SHOWN.items():
             index, l = walks[key].landings[:, 0], walks[key].landings[:, 2]  # noqa: E741
             axes.plot(index, l, marker, color=colour, label=name, markersize=5, fillstyle="none", linestyle="none")
@@ -104,8 +102,3 @@ def _line(what: str, contender: Contender, tuning: dict[str, Any], reach: tuple[
         "l_min_truncation": SPREAD,
     }
     return Line(what, contender.assembly(tuning, mass_scale=2.0, **course), runs=RUNS, columns=(MAIN,))
-
-
-def _draw_stones(axes: Axes, walk: WalkRecords) -> None:
-    index, near, far = (walk.landings[:, column] for column in (0, 3, 4))
-    axes.bar(np.asarray(index), far - near, 0.8, bottom=near, color=style.STONE, alpha=0.5, label="stone")
