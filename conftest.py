@@ -21,15 +21,16 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as of a shell's backgro
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     """`thorough`, in pyproject.toml."""
-    parser.addini("thorough", "how the names of thorough tests begin", "linelist")
+    parser.addini("thorough", "how the names of thorough tests begin; behind a !, those of exceptions", "linelist")
 
 
 @pytest.hookimpl(tryfirst=True)  # before -m chooses
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Mark the thorough ones."""
-    beginnings = tuple(config.getini("thorough"))
+    told = config.getini("thorough")
+    thorough, others = tuple(told), tuple(name[1:] for name in told if name.startswith("!"))
     for item in items:
-        if item.nodeid.startswith(beginnings):
+        if item.nodeid.startswith(thorough) and not item.nodeid.startswith(others):
             item.add_marker("thorough")
 
 
