@@ -115,7 +115,7 @@ class Experiment(ABC):
             retrained=found.size.trained is not None,
             setting={} if found.size.setting == OURS else found.size.setting.model_dump(exclude_defaults=True),
             commit=provenance.commit(),
-            policies={policy_name(job.assembly): found.policy(job.assembly) for job in learned},
+            policies={policy_name(job.assembly): job.assembly.make_policy().version for job in learned},
             claims=tuple(self._claims(found)),
             tables=tuple(self.tables(found)),
             figures={name: caption for name, (caption, _) in figures.items()},

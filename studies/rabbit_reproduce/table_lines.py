@@ -125,10 +125,6 @@ class Found:
             raise LookupError(f"{job.title}, seed {job.seed}: expected a result in {self.cache.path}")
         return result
 
-    def policy(self, assembly: Assembly) -> str:
-        """The version of its policy, a hash of the policy's bytes."""
-        return assembly.make_policy().version
-
     def walks(self, line: Line, column: Column | None = None) -> Walks:
         """The runs of a line on a plant."""
         return Walks([self.result(job).row for job in line.scenario(self.size, column or self.column).walks])
@@ -178,7 +174,7 @@ def long_table(lines: Sequence[Line], found: Found) -> Table:
 
 def _long_row(line: Line, column: Column, found: Found) -> tuple[Cell, ...]:
     walks, scenario = found.walks(line, column), line.scenario(found.size, column)
-    policy = found.policy(scenario.assembly)
+    policy = scenario.assembly.make_policy().version  # a hash of its bytes
     return (
         *(line.what, scenario.assembly.simulation.plant, column.lag, policy, scenario.seed, walks.runs, walks.walked),
         *(*walks.interval, walks.with_forces, walks.mean_stones, *(walks.stones_interval or (None, None))),
