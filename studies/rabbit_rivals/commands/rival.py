@@ -23,10 +23,7 @@ def end_to_end(
     mass_scale: Annotated[float, typer.Option(min=0.1, max=10, help="of the robot that it learns on")] = 2.0,
 ) -> None:
     """Joint targets by PPO or SAC, in MuJoCo; DIR has the learning curve and the best policy."""
-    from importlib.util import find_spec
-
-    if not find_spec("stable_baselines3"):
-        fail("expected stable-baselines3: pip install stable-baselines3")
+    _needs_stable_baselines3()
     from rabbit_rivals.end_to_end import EndToEndOptions, SessionError, train
 
     own_folder(out, "rival end-to-end")
@@ -55,3 +52,11 @@ def gp(
         file = fit_session(session, inducing, seed)
     file.write(out)
     print(f"{file.about.transitions} transitions; written {out}")
+
+
+def _needs_stable_baselines3() -> None:
+    """End the command where it is not installed."""
+    from importlib.util import find_spec
+
+    if not find_spec("stable_baselines3"):
+        fail("expected stable-baselines3: pip install stable-baselines3")
