@@ -34,13 +34,13 @@ walk: build ## RABBIT walks over 20 stepping stones through the nodes: the paper
 	@$(WITH_WORKSPACE) rabbit walk $(ARGS)
 	@$(if $(ARGS),,$(WITH_WORKSPACE) rabbit walk $(HARDER))
 
-test: build tools ## all tests but slow ones; fails under 90 % coverage of the controller's mathematics
+test: build tools ## what to run before a pull request: analytic, physical, closed-loop, ROS; 90 % coverage of the maths
 	@$(WITH_WORKSPACE) export OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 PYTEST_DISABLE_PLUGIN_AUTOLOAD=1 && \
-	  python -m pytest $(PLUGINS) -n 2 $(if $(SLOW),,-m "not slow") --cov --junitxml=.setup/tests.xml $(ARGS) && \
-	  python scripts/count_tests.py .setup/tests.xml
+	  python -m pytest $(PLUGINS) -n 2 $(if $(ALL),,-m "not slow and not thorough") --cov --junitxml=.setup/tests.xml $(ARGS) && \
+	  python scripts/count_tests.py .setup/tests.xml $(if $(ALL),,fuzz metamorphic)
 
-test-all: ## all tests, with a training of some minutes
-	@$(MAKE) --no-print-directory test SLOW=1
+test-all: ## all tests: also fuzz, faults, kills, campaigns, roads against each other, and a training of some minutes
+	@$(MAKE) --no-print-directory test ALL=1
 
 test-browser: build tools ## the page in a headless Chromium, if there is one: apt install chromium
 	@$(WITH_WORKSPACE) export OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 PYTEST_DISABLE_PLUGIN_AUTOLOAD=1 && \

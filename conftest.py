@@ -1,6 +1,7 @@
-"""For all tests, a package's own and those in tests/: profiles of hypothesis, and an error where no test ran.
+"""For all tests, a package's own and those in tests/: which are thorough, hypothesis, and an error where no test ran.
 
-`make fuzz` chooses the profile `fuzz`, which runs every fuzz test much longer.
+`make test` leaves out what `thorough` in pyproject.toml names. `make fuzz` chooses the profile `fuzz`, which runs every
+fuzz test much longer.
 """
 
 import signal
@@ -16,6 +17,21 @@ settings.load_profile("default")
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as of a shell's background job; what tests start inherits it
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """`thorough`, in pyproject.toml."""
+    parser.addini("thorough", "how the names of thorough tests begin; behind a !, those of exceptions", "linelist")
+
+
+@pytest.hookimpl(tryfirst=True)  # before -m chooses
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Mark the thorough ones."""
+    told = config.getini("thorough")
+    thorough, others = tuple(told), tuple(name[1:] for name in told if name.startswith("!"))
+    for item in items:
+        if item.nodeid.startswith(thorough) and not item.nodeid.startswith(others):
+            item.add_marker("thorough")
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:

@@ -11,6 +11,7 @@ import random
 import subprocess
 import sys
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -60,14 +61,13 @@ class Jitter:
 
         name = f"kill-{number}-priority-{priority}"
         self._tell(name)
-        death = die(self._prepared(name, priority), random.Random(number))
-        self.deaths.append({"priority": priority, **vars(death)})
+        self.deaths.append({"priority": priority, **vars(die(self._prepared(name, priority), random.Random(number)))})
         self._keep()
 
     def _prepared(self, name: str, priority: int) -> WalkSettings:
         (self._folder / name).mkdir(parents=True)
-        many = {"seed": self._seed, "episodes": MOST_EPISODES}
-        options = WalkOptions(**many, trainer=False, real_time=True, priority=priority)
+        many: dict[str, Any] = {"seed": self._seed, "episodes": MOST_EPISODES, "priority": priority}
+        options = WalkOptions(**many, trainer=False, real_time=True)
         return WalkSettings.of(self._assembly, self._folder / name, options)
 
     def _keep(self) -> None:
@@ -78,12 +78,11 @@ class Jitter:
 def figures(recording: Path) -> dict[str, Any]:
     """Of one walk: timing, how its episodes ended, ticks lost on the way to the recorder."""
     found = contents(recording)
-    ended = [episode.outcome for episode in found.episodes if episode.outcome not in ("", CUT_OFF)]
-    outcomes = {outcome: ended.count(outcome) for outcome in sorted(set(ended))}
+    outcomes = Counter(sorted(episode.outcome for episode in found.episodes if episode.outcome not in ("", CUT_OFF)))
     return {
         **(real_time_figures(recording) or {}),
-        "episodes": len(ended),
-        "outcomes": outcomes,
+        "episodes": outcomes.total(),
+        "outcomes": dict(outcomes),
         "messages": {topic.name.split("/")[-1]: topic.messages for topic in found.topics},
         "lost": sum(episode.lost for episode in found.episodes),
     }

@@ -23,7 +23,7 @@ from rabbit_bringup.launching.walk import WalkSettings
 from scipy.optimize import nnls
 from scipy.stats import theilslopes
 
-from rabbit_campaigns.soak_operations import Operations
+from rabbit_campaigns.soak_operations import Operations, unfit_policy
 
 EVERY = 5.0  # s between samples
 WARM_UP = 300.0  # s, a third of shorter soaks
@@ -35,20 +35,20 @@ SAMPLES = "samples.csv"
 USAGE = ("memory", "descriptors", "threads", "cpu")  # of each node: MB, numbers, s of processor time since it began
 KILOBYTES_PER_MB = 1024
 
-MakeOperations = Callable[[Callable[[], object]], Operations]  # of what a wait calls to see that all nodes run
 Samples = Mapping[str, NDArray[np.float64]]
 
 
-def soak(
-    walk: WalkSettings, seconds: float, tell: Callable[[str], object], make_operations: MakeOperations | None
-) -> None:
-    """Walk for so many s and leave a sample every few; `make_operations` gives what else to do at each glance.
+def soak(walk: WalkSettings, seconds: float, tell: Callable[[str], object], operate_every: float) -> None:
+    """Walk for so many s and leave a sample every few; s between two operations, 0 for none.
 
     Raises:
         LaunchError: a node cannot be started, ended by itself, or is not ready in time.
+        ValueError: no shipped policy is unfit for this controller.
         Interrupted: by a signal.
     """
     from rabbit_bringup.ros.walking import walking
+
+    from rabbit_campaigns.ros.operator import Operator
 
     names = [*walk.names, LAUNCHER]
     with ExitStack() as stack:
@@ -56,7 +56,11 @@ def soak(
         rows = csv.writer(file)
         rows.writerow(["seconds", "ticks", "episode", "load", *(f"{name}_{what}" for name in names for what in USAGE)])
         monitor = stack.enter_context(walking(walk))
-        operations = stack.enter_context(make_operations(monitor.check)) if make_operations else None
+        operations, seed = None, walk.options.seed
+        if operate_every:
+            policies = Path(walk.policy).absolute(), unfit_policy(walk.controller)
+            operator = Operator("", walk.folder, policies, walk.options.pace or 0.0, seed, monitor.check)
+            operations = stack.enter_context(Operations(operator, walk.folder, operate_every, seed))
         pids = {name: monitor.processes.pid(name) for name in walk.names} | {LAUNCHER: os.getpid()}
         began, due = time.monotonic(), 0.0
         while (so_far := time.monotonic() - began) < seconds:

@@ -3,7 +3,6 @@
 FOLDER/operations.csv    a row an operation: when, what, the graph's answer, whether it was the expected one
 """
 
-import csv
 import random
 from collections import Counter
 from collections.abc import Iterable, Iterator
@@ -14,7 +13,7 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel
 from rabbit_description.gait import load_gaits
-from rabbit_experiments.tables import read_rows
+from rabbit_experiments.tables import read_rows, write_rows
 from rabbit_recording.reader import RecordedEpisode, iterate_episodes
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import fitted
@@ -91,12 +90,10 @@ class Operations:
 
     def __init__(self, operator: Any, folder: Path, every: float, seed: int) -> None:
         """`operator`: an `Operator`; `every`: s between two operations."""
-        self._operator, self._every = operator, every
+        self._operator, self._every, self._path = operator, every, folder / OPERATIONS
         self._first = LATCHED  # policies yet to come before all else, so that what is latched does not grow later
         self._kinds = draw_kinds(random.Random(seed))
-        self._file = (folder / OPERATIONS).open("w", newline="", encoding="utf-8", buffering=1)
-        self._rows = csv.DictWriter(self._file, Operation.model_fields)
-        self._rows.writeheader()
+        self._done: list[Operation] = []
         self._next = min(every, LATCH_SECONDS)
 
     def __enter__(self) -> "Operations":
@@ -105,7 +102,6 @@ class Operations:
     def __exit__(self, *error: object) -> None:
         """No more operations."""
         self._operator.close()
-        self._file.close()
 
     def __call__(self, seconds: float) -> None:
         """Look at the clock, s since the soak began."""
@@ -113,17 +109,14 @@ class Operations:
         if seconds < self._next:
             return
         self._next = seconds + (min(self._every, LATCH_SECONDS) if self._first else self._every)
-        (episode, tick), kind = self._operator.newest, self._kind()
+        kind = "good policy" if self._first else next(self._kinds)
+        self._first = max(0, self._first - 1)
+        values: dict[str, Any] = {"seconds": round(seconds, 3), "kind": kind}
+        values["episode"], values["tick"] = self._operator.newest
         what, answer, expected = self._operator.do(kind)
         answer = " ".join(answer.split())[:200]
-        row = (round(seconds, 3), episode, tick, kind, what, answer, expected)
-        self._rows.writerow(dict(zip(Operation.model_fields, row, strict=True)))
-
-    def _kind(self) -> str:
-        if self._first:
-            self._first -= 1
-            return "good policy"
-        return next(self._kinds)
+        self._done.append(Operation(**values, what=what, answer=answer, expected=expected))
+        write_rows(self._path, Operation, self._done)
 
 
 def judge_operations(folder: Path) -> tuple[dict[str, Any], dict[str, bool]]:

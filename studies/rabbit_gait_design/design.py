@@ -60,7 +60,7 @@ def _complaint(programme: Transcription, status: str, rows: ca.DM) -> str:
 
 def _as_gait(programme: Transcription, solution: dict[str, ca.DM], iterations: int) -> Gait:
     spec, x = programme.specification, np.asarray(solution["x"]).ravel()
-    coeffs, phase_range = programme.path.unpack(x)
+    coeffs, phase_range, rate = programme.unpack(x)
     fields: dict[str, Any] = {
         "name": spec.name,
         "step_length": spec.step_length,
@@ -71,7 +71,7 @@ def _as_gait(programme: Transcription, solution: dict[str, ca.DM], iterations: i
         "bezier_coeffs": coeffs.tolist(),
     }
     shape = Gait(**fields, q_start=[0.0] * 7, dq_start=[0.0] * 7)
-    q, dq = ZeroDynamics(shape).state(0.0, programme.first_rate(x))
+    q, dq = ZeroDynamics(shape).state(0.0, rate)
     gait = Gait(**fields, q_start=q.tolist(), dq_start=dq.tolist())
     metadata = {
         "command": "rabbit gait",

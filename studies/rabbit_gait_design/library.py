@@ -42,15 +42,14 @@ def library_specifications(
 def design_library(
     base: GaitSpecification,
     lengths: Sequence[float],
-    start_length: float,
     speed_slope: float = 0.0,
     slopes: Sequence[float] = (),
     progress: Callable[[str], Progress] | None = None,
 ) -> GaitLibrary:
     """Find the library's gaits; `progress(name)` gives the progress function of one.
 
-    That of `start_length` and of `base`'s slope is found first, then outwards, each from its neighbour's path: found
-    each by itself, they may be gaits of different kinds, between which nothing walks.
+    That of `base`'s length and slope, with which a walk starts, is found first, then outwards, each from its
+    neighbour's path: found each by itself, they may be gaits of different kinds, between which nothing walks.
 
     Raises:
         ValueError: see `library_specifications`; start's length or slope are not among those given.
@@ -58,17 +57,17 @@ def design_library(
     """
     specifications = library_specifications(base, lengths, speed_slope, slopes)
     slopes = slopes or (base.slope,)
-    for what, start, among in (("lengths", start_length, lengths), ("slopes", base.slope, slopes)):
+    for what, start, among in (("lengths", base.step_length, lengths), ("slopes", base.slope, slopes)):
         if start not in among:
             raise ValueError(f"{what} = {list(among)}: expected {start:g}, the start's, among them")
     found = dict[Place, Gait]()
-    first = (list(slopes).index(base.slope), list(lengths).index(start_length))
+    first = (list(slopes).index(base.slope), list(lengths).index(base.step_length))
     for place, neighbour in outwards(first, (len(slopes), len(lengths))):
         each = specifications[place[0]][place[1]]
         found[place] = design_gait(each, progress and progress(each.name), neighbour and found[neighbour])
     made_by = {"command": "rabbit gait", "specification": base.model_dump(mode="json"), "speed_slope": speed_slope}
     gaits = [found[place] for place in sorted(found)]
-    return GaitLibrary(name=base.name, start_length=start_length, gaits=gaits, metadata=made_by)
+    return GaitLibrary(name=base.name, start_length=base.step_length, gaits=gaits, metadata=made_by)
 
 
 def outwards(first: Place, size: Place) -> list[tuple[Place, Place | None]]:

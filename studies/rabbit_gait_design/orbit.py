@@ -1,28 +1,16 @@
 """The figures of a gait's nominal walk, evaluated by pinocchio between the optimisation's nodes as well as at them."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, astuple, dataclass
 from functools import cached_property
 
 import numpy as np
 from rabbit_description.gait import Gait
-from rabbit_description.state import Array
+from rabbit_description.state import SWAP_STATE, Array
 from rl_cbf_clf_controller.virtual_constraints import RABBIT_ANGLES
 
 from rabbit_gait_design.orbit_point import barrier_conditions
+from rabbit_gait_design.specification import Stone
 from rabbit_gait_design.zero_dynamics import Instant, ZeroDynamics, loaded_model
-
-SWAP = np.array([0, 1, 2, 5, 6, 3, 4])
-
-
-@dataclass(frozen=True)
-class Stone:
-    """A stone and the barriers' shape: edges and radii in m, poles in 1/s."""
-
-    l_min: float
-    l_max: float
-    R1: float
-    R2: float
-    poles: tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -73,7 +61,7 @@ class Orbit:
 
     def ecbf_conditions(self, stone: Stone) -> Array:
         """B'' + (p1 + p2) B' + p1 p2 B of both barriers, shape (points, 2), m/s^2."""
-        conditions = barrier_conditions(stone.l_min, stone.l_max, stone.R1, stone.R2, stone.poles)
+        conditions = barrier_conditions(*astuple(stone))
         motions = ((i.swing, i.swing_rate, i.swing_acceleration) for i in self.instants)
         return np.array([np.array(conditions(*motion)).ravel() for motion in motions])
 
@@ -83,7 +71,7 @@ class Orbit:
         dq, impulse = self.dynamics.model.impact(last.q, last.dq)
         q = last.q.copy()
         q[:2] -= last.swing
-        return q[SWAP], dq[SWAP], impulse
+        return q[SWAP_STATE], dq[SWAP_STATE], impulse
 
     def figures(self) -> GaitFigures:
         """Reduce the step to figures."""

@@ -14,12 +14,13 @@ from math import comb
 import casadi as ca
 from cbf_clf_qp.barrier import ecbf_gains
 from cbf_clf_qp.system import System
+from rabbit_description.state import SWAP_STATE
 from rl_cbf_clf_controller.stone_barriers import stone_barriers
 
 from rabbit_gait_design import symbolic_robot
 
 DEGREE = 5
-SWAP = [0, 1, 2, 5, 6, 3, 4]  # stance <-> swing
+SWAP = SWAP_STATE.tolist()  # stance <-> swing
 
 
 def bezier(coeffs: ca.SX, s: ca.SX) -> ca.SX:
@@ -47,16 +48,16 @@ def path() -> ca.Function:
 
 
 @cache
-def dynamics_residual(payload: float = 0.0, slope: float = 0.0) -> ca.Function:
+def dynamics_residual(slope: float = 0.0) -> ca.Function:
     """`(coeffs, phase_range, s, sigma, w, u (4,), force (2,)) -> residual (7,)` of the equation of motion, N, N m.
 
-    With `payload` kg on the torso, on ground that rises by `slope` degrees.
+    On ground that rises by `slope` degrees.
     """
     coeffs, phase_range, s = ca.SX.sym("coeffs", 4, DEGREE + 1), ca.SX.sym("phase_range", 2), ca.SX.sym("s")
     sigma, w, u, force = ca.SX.sym("sigma"), ca.SX.sym("w"), ca.SX.sym("u", 4), ca.SX.sym("force", 2)
     q, q_s, q_ss = path()(coeffs, phase_range, s)
     dq, ddq = q_s * ca.sqrt(2 * sigma), 2 * sigma * q_ss + w * q_s
-    mass_matrix, bias_forces = symbolic_robot.dynamics(payload, slope)
+    mass_matrix, bias_forces = symbolic_robot.dynamics(slope)
     contact = symbolic_robot.foot_motion()(q=q, dq=dq, ddq=ddq)
     generalised = ca.vertcat(ca.SX.zeros(3), u) + contact["J_stance"].T @ force
     residual = mass_matrix(q) @ ddq + bias_forces(q, dq) - generalised

@@ -10,6 +10,7 @@ For RABBIT, with its stones, there is `design`, which knows more conditions.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import count
 
 import numpy as np
 from rabbit_description.state import Array
@@ -57,7 +58,7 @@ def design(
         PlanarDesignError: none was found.
     """
     programme = _Programme(walker, wanted, guess.coeffs[:, 2:].shape)
-    first = np.append(guess.coeffs[:, 2:], guess.phase_angle_end)
+    first, iterations = np.append(guess.coeffs[:, 2:], guess.phase_angle_end), count(1)
     found = minimize(
         programme.cost,
         first,
@@ -65,7 +66,7 @@ def design(
         bounds=np.column_stack([first - NEAR, first + NEAR]),
         constraints=[{"type": "eq", "fun": programme.equal}, {"type": "ineq", "fun": programme.least}],
         options={"maxiter": 200, "ftol": 1e-5},
-        callback=lambda x: progress(programme.next_iteration(), programme.cost(x)),
+        callback=lambda x: progress(next(iterations), programme.cost(x)),
     )
     broken = programme.broken(found.x)
     if broken:
@@ -79,12 +80,6 @@ class _Programme:
     def __init__(self, walker: Walker, wanted: PlanarSpecification, shape: tuple[int, ...]) -> None:
         self._walker, self._wanted, self._shape = walker, wanted, shape
         self._last: tuple[bytes, RepeatedStep] | None = None
-        self._iteration = 0
-
-    def next_iteration(self) -> int:
-        """Count."""
-        self._iteration += 1
-        return self._iteration
 
     def path(self, x: Array) -> StepPath:
         """Of the unknowns `x`."""

@@ -1,14 +1,28 @@
 """Pictures of a gait and of a gait library: joints, what they ask of motors and ground, the swing foot."""
 
+from pathlib import Path
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from rabbit_description.gait import Gait, GaitLibrary
 from rabbit_viewer import style
 
-from rabbit_gait_design.orbit import Orbit, Stone
+from rabbit_gait_design.orbit import Orbit
+from rabbit_gait_design.specification import GaitSpecification, Stone
 
 JOINTS = ("stance hip", "stance knee", "swing hip", "swing knee")
+
+
+def save(made: Gait | GaitLibrary, specification: GaitSpecification, out: Path) -> None:
+    """Write `NAME.yaml` and `NAME.png`; raises `OSError`."""
+    made.save(out / f"{made.name}.yaml")
+    with style.look():
+        if isinstance(made, GaitLibrary):
+            figure = plot_library(made)
+        else:
+            figure = plot_gait(made, specification.stone if specification.barriers else None)
+        style.save(figure, out / f"{made.name}.png", dpi=110)
 
 
 def plot_gait(gait: Gait, stone: Stone | None = None) -> Figure:

@@ -17,17 +17,14 @@ from rl_cbf_clf_controller.robot_numbers import GRAVITY as UPWARDS
 from rl_cbf_clf_controller.robot_numbers import read_robot
 
 GRAVITY = float(UPWARDS[1])
-PAYLOAD_HEIGHT = 0.24  # m above the hip: the torso's centre of mass
 
 
-def nominal(payload: float = 0.0, slope: float = 0.0) -> PinnedRobot:
-    """Expressions of the robot with `payload` kg, a point mass, on the torso; the ground rises by `slope` degrees."""
+def nominal(slope: float = 0.0) -> PinnedRobot:
+    """Expressions of the robot; the ground rises by `slope` degrees."""
     read, rise = read_robot(), np.radians(slope)
-    links = read.links.copy()
-    links[0] += payload * np.array([1, 0, PAYLOAD_HEIGHT, PAYLOAD_HEIGHT**2])
-    lengths = {"joints": ca.SX(read.joints), "feet": ca.SX(read.feet)}
+    numbers = {name: ca.SX(getattr(read, name)) for name in ("joints", "feet", "links")}
     gravity = ca.SX(GRAVITY * np.array([np.sin(rise), np.cos(rise)]))
-    return PinnedRobot(parameters={**PinnedRobot().parameters, **lengths, "links": ca.SX(links), "gravity": gravity})
+    return PinnedRobot(parameters={**PinnedRobot().parameters, **numbers, "gravity": gravity})
 
 
 @cache
@@ -38,9 +35,9 @@ def feet() -> ca.Function:
 
 
 @cache
-def dynamics(payload: float = 0.0, slope: float = 0.0) -> tuple[ca.Function, ca.Function]:
+def dynamics(slope: float = 0.0) -> tuple[ca.Function, ca.Function]:
     """`mass_matrix(q) -> (7, 7)` and `bias_forces(q, dq) -> (7,)` (Coriolis, centrifugal, gravity)."""
-    robot = nominal(payload, slope)
+    robot = nominal(slope)
     mass, bias = robot.mass_and_bias
     return ca.Function("mass_matrix", [robot.q], [mass]), ca.Function("bias_forces", [robot.q, robot.dq], [bias])
 

@@ -62,15 +62,19 @@ class MissProbability(BaseModel):
         """
         if missed.sum() < LEAST_MISSES:
             raise MissModelError(f"{int(missed.sum())} misses: expected at least {LEAST_MISSES} to fit")
-        mean, spread, weights, bias = _fit(rows, missed)
-        return cls(
-            features=FEATURES,
-            mean=tuple(mean.tolist()),
-            spread=tuple(spread.tolist()),
-            weights=tuple(weights.tolist()),
-            bias=bias,
-            fitted_on=fitted_on,
-        )
+        mean, spread = rows.mean(axis=0), rows.std(axis=0)
+        spread = np.where(spread > 0, spread, 1.0)
+        z = _standardised(rows, mean, spread)
+
+        def loss(x: Array) -> tuple[float, Array]:
+            score = z @ x[:-1] + x[-1]
+            wrong = expit(score) - missed
+            value = np.sum(np.logaddexp(0.0, score) - missed * score) + RIDGE * x[:-1] @ x[:-1] / 2
+            return float(value), np.append(z.T @ wrong + RIDGE * x[:-1], wrong.sum())
+
+        *weights, bias = minimize(loss, np.zeros(rows.shape[1] + 1), jac=True, method="L-BFGS-B").x.tolist()
+        numbers = {"mean": mean.tolist(), "spread": spread.tolist(), "weights": weights, "bias": bias}
+        return cls.model_validate({"features": FEATURES, "fitted_on": fitted_on, **numbers})
 
     @classmethod
     def load(cls, path: Path) -> Self:
@@ -93,19 +97,3 @@ class MissProbability(BaseModel):
 
 def _standardised(rows: Array, mean: Array, spread: Array) -> Array:
     return np.clip((rows - mean) / spread, -CLIP, CLIP)
-
-
-def _fit(rows: Array, missed: Array) -> tuple[Array, Array, Array, float]:
-    """Mean and spread (17,) of the features, weights (17,), bias."""
-    mean, spread = rows.mean(axis=0), rows.std(axis=0)
-    spread = np.where(spread > 0, spread, 1.0)
-    z = _standardised(rows, mean, spread)
-
-    def loss(x: Array) -> tuple[float, Array]:
-        score = z @ x[:-1] + x[-1]
-        wrong = expit(score) - missed
-        value = np.sum(np.logaddexp(0.0, score) - missed * score) + RIDGE * x[:-1] @ x[:-1] / 2
-        return float(value), np.append(z.T @ wrong + RIDGE * x[:-1], wrong.sum())
-
-    found = minimize(loss, np.zeros(rows.shape[1] + 1), jac=True, method="L-BFGS-B").x
-    return mean, spread, found[:-1], float(found[-1])

@@ -26,6 +26,7 @@ import typer
 from pydantic import BaseModel, ConfigDict
 from rabbit_common.own_folder import own_folder
 from rabbit_description.atomic_file import replace_text
+from rabbit_description.yaml_file import read_mapping
 from rabbit_experiments.assembly import Assembly
 from rabbit_experiments.cache import Cache, JobError
 from rabbit_experiments.conditions import EVALUATION_LAG, TRAINING_SCALE
@@ -40,10 +41,9 @@ from rl_cbf_clf_controller.uncertainty import RL_CBF_CLF_QP
 from rl_trainer.parameters import TrainingParameters, paper_literal
 from rl_trainer.training import LearnerType
 
-from rabbit_reproduce import ablated_learners as ablated
+from rabbit_reproduce import ablated_learners
 from rabbit_reproduce.training_jobs import TrainingJob, TrainingReport
 
-TRANSITIONS = 6500  # what `default` collects in its 18 episodes: 5,900 to 7,200
 MOST_EPISODES = 600  # of a variant that trains until it has as many: walks that fail at once give 10 to 16 each
 NEWEST = 5  # episodes whose reward terms a row has
 ROWS, TABLE = "ablations.csv", "ablations.md"
@@ -78,45 +78,16 @@ class Variant:
         )
 
 
-def _critic(meaning: str, against: str, kind: LearnerType, **changes: Any) -> Variant:
-    """A plain critic: its walks end soon, so it has the default's transitions and updates a tick, not its episodes."""
-    return Variant(meaning, {"updates_least": 0, **changes}, against, TRANSITIONS, learner=kind)
+def _variants() -> dict[str, Variant]:
+    """What ablations.yaml says."""
+    told = read_mapping(Path(__file__).with_name("ablations.yaml"))
+    for each in told.values():
+        each["changes"] = {k: tuple(v) if isinstance(v, list) else v for k, v in each.get("changes", {}).items()}
+        each["learner"] = getattr(ablated_learners, each["learner"]) if "learner" in each else None
+    return {name: Variant(**each) for name, each in told.items()}
 
 
-_PENALTY = {"learner": "paper_ddpg", "failure_penalty": 10.0}  # ddpg has no use for a penalty
-VARIANTS = {
-    "default": Variant("the parameters that work", against=""),
-    "plain-critic": _critic(
-        "a network for each quantity's Q in place of the reward's form", "default", ablated.PlainCritic
-    ),
-    "no-relabel": _critic("plain critic, learns from the actions taken only", "plain-critic", ablated.NoRelabel),
-    "gamma-0.9": _critic("discount 0.9", "no-relabel", ablated.Gamma09),
-    "gamma-0.99": _critic("discount 0.99, no penalty", "no-relabel", ablated.Gamma099),
-    "penalty": _critic("discount 0.99, penalty 10 for a failure", "gamma-0.99", ablated.Gamma099, **_PENALTY),
-    "one-head": _critic("one Q for the sum of all terms", "no-relabel", ablated.OneHead),
-    "absolute-error": Variant("absolute errors in the reward, not squared", learner=ablated.AbsoluteError),
-    "separate-networks": Variant(
-        "a network for each quantity (Remark 1), 300-225 so that a policy file holds them",
-        {"hidden1": 300, "hidden2": 225},
-        learner=ablated.SeparateNetworks,
-    ),
-    "no-l-min": Variant("the stone ahead is not observed (contribution 3)", {"observe_l_min": False}),
-    "plain-clf": Variant("CLF outputs of their own, not a matrix contracted with LgV", {"structured": False}),
-    "varying-alpha": Variant("alpha free to vary with the state", learner=ablated.VaryingAlpha),
-    "not-affine": Variant("the critic does not know that errors are affine in mu", learner=ablated.NotAffine),
-    "paper-measurement": Variant(
-        "V-dot from V's own difference, nominal values of a tick's start", {"measurement": "paper"}
-    ),
-    "absolute-clf": Variant("V-dot's error not in units of abs(LgV) + 1", {"relative_clf": False}),
-    "every-tick": Variant("no measured tick is left out", {"every_tick": True}),
-    "latest-weights": Variant("the actor walks, not its average", {"polyak": 1.0}),
-    "one-sigma": Variant("the same exploration in all episodes", {"sigma_factors": (1.0,)}),
-    "no-nominal-episodes": Variant("on-policy from the first episode", {"nominal_episodes": 0}),
-    "regression": Variant("regression in place of DDPG", {"learner": "regression"}),
-    "paper-literal": Variant("DDPG as the paper states it", literal=True),
-    "paper-literal-long": Variant("60 episodes", {"episodes": 60}, "paper-literal", literal=True),
-    "paper-literal-equal": Variant("as many transitions as the default", {}, "default", TRANSITIONS, literal=True),
-}
+VARIANTS = _variants()
 
 
 class Row(BaseModel):

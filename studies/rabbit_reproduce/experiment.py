@@ -1,12 +1,16 @@
-"""What every experiment is: claims of the paper, the lines of its table, and its figures."""
+"""What every experiment is: claims of the paper, the lines of its table, and its figures.
+
+`catalogue/claims.yaml` has the words and settings of each, by its name.
+"""
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
-from functools import cached_property
+from collections.abc import Mapping, Sequence
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, ClassVar
 
 from matplotlib.figure import Figure
+from rabbit_description.yaml_file import read_mapping
 from rabbit_experiments import provenance
 from rabbit_experiments.assembly import Assembly
 from rabbit_experiments.evaluation import SeededRun
@@ -14,17 +18,22 @@ from rabbit_experiments.summary import Walks
 from rabbit_experiments.training_setup import POLICY
 from rabbit_viewer import style
 
-from rabbit_reproduce.report import Claim, Report, Table
+from rabbit_reproduce.controllers import Contender
+from rabbit_reproduce.curves import rate_figure
+from rabbit_reproduce.report import Claim, Report, Table, Verdict, judge
 from rabbit_reproduce.setting import OURS
-from rabbit_reproduce.table_lines import RIGID, Found, Line, Size, long_table, walk_table
+from rabbit_reproduce.table_lines import RIGID, Found, Line, Runs, Size, long_table, walk_table
 from rabbit_reproduce.training import that_made
 from rabbit_reproduce.training_jobs import TrainingJob
+
+SWEPT = Runs(10, 1)  # there are many values
 
 
 class Experiment(ABC):
     """One figure or claim of the paper. `label` is the paper's own, in brackets, or the section's name.
 
-    One that `needs_training` is made with `--retrain` only. `why` tells why ours differs from the paper, where it does.
+    One that `needs_training` is made with `--retrain` only. `why` tells why ours differs from the paper, where it does;
+    `told` has the words of its claims.
     """
 
     name: str
@@ -32,9 +41,15 @@ class Experiment(ABC):
     label: str
     paper: str
     why: str = ""
-    judged_on_rigid: ClassVar[bool] = False  # all claims hold of any plant's walks, but for those made on `MAIN` alone
-    needs_training: ClassVar[bool] = False
+    caption: str = ""  # of its figure
+    told: Mapping[str, Mapping[str, str]]
+    judged_on_rigid: bool = False  # all claims hold of any plant's walks, but for those made on `MAIN` alone
+    needs_training: bool = False
     shown: ClassVar[Sequence[Any]] = ()  # keys of the lines whose first run a figure shows
+
+    def __init__(self, name: str = "") -> None:
+        self.name = name or self.name
+        vars(self).update(catalogued()[self.name])
 
     @cached_property
     def by_key(self) -> dict[Any, Line]:
@@ -52,6 +67,13 @@ class Experiment(ABC):
     @abstractmethod
     def claims(self, found: Found) -> list[Claim]:
         """The verdicts."""
+
+    def claim(
+        self, name: str, ours: str, parts: Mapping[str, bool] | None = None, nominal: bool = False, **words: str
+    ) -> Claim:
+        """The claim told under this name, with `words` in it; without `parts` (see `judge`) it has no verdict."""
+        told = {what: text.format(**words) for what, text in self.told[name].items()}
+        return Claim(**told, ours=ours, verdict=judge(parts, nominal) if parts else Verdict.OPEN)
 
     def figures(self, found: Found) -> dict[str, tuple[str, Figure]]:
         """Caption and figure by name."""
@@ -71,10 +93,6 @@ class Experiment(ABC):
         """Of its lines."""
         return (walk_table(self.lines(), found), long_table(self.lines(), found))
 
-    def _learned(self, found: Found) -> list[SeededRun]:
-        """Jobs with a policy file."""
-        return [job for job in self.jobs(found.size) if job.assembly.policy not in ("zero", "oracle")]
-
     def _claims(self, found: Found) -> list[Claim]:
         """With the verdicts on the rigid plant."""
         is_beside = self.judged_on_rigid and found.size.columns([RIGID])
@@ -86,6 +104,7 @@ class Experiment(ABC):
         """From results that are all there; raises `LookupError` where one is not."""
         with style.look():
             figures = self.figures(found)
+        learned = [job for job in self.jobs(found.size) if job.assembly.policy not in ("zero", "oracle")]
         report = Report(
             name=self.name,
             title=self.title,
@@ -96,12 +115,68 @@ class Experiment(ABC):
             retrained=found.size.trained is not None,
             setting={} if found.size.setting == OURS else found.size.setting.model_dump(exclude_defaults=True),
             commit=provenance.commit(),
-            policies={policy_name(job.assembly): found.policy(job.assembly) for job in self._learned(found)},
+            policies={policy_name(job.assembly): job.assembly.make_policy().version for job in learned},
             claims=tuple(self._claims(found)),
             tables=tuple(self.tables(found)),
             figures={name: caption for name, (caption, _) in figures.items()},
         )
         return report, {name: figure for name, (_, figure) in figures.items()}
+
+
+class Sweep(Experiment):
+    """`field` of the plant takes `values`; `plants` has each controller's plant apart from it.
+
+    `axis` names the parameter with its unit, of which there are `scale` in the field's own; `paper_values` has what the
+    paper says of single cells; where `nominal` walks too, a row shows nothing.
+    """
+
+    field: str
+    values: Sequence[float]
+    plants: ClassVar[Mapping[Contender, dict[str, Any]]]
+    axis: str
+    scale: float = 1.0
+    paper_values: ClassVar[Mapping[tuple[Contender, float], str]] = {}
+    nominal: ClassVar[Contender | None] = None
+
+    @cached_property
+    def by_key(self) -> dict[Any, Line]:
+        return {(each, value): self._line(each, value) for each in self.plants for value in self.values}
+
+    def row(self, found: Found, contender: Contender) -> dict[float, Walks]:
+        """A controller's runs, by value."""
+        return {value: found.walks(self.by_key[contender, value]) for value in self.values}
+
+    def figures(self, found: Found) -> dict[str, tuple[str, Figure]]:
+        rates = {each: list(self.row(found, each).values()) for each in self.plants}
+        figure = rate_figure(self.values, rates, self.axis, self.scale, list(self.paper_values))
+        return {"rates": (self.caption, figure)}
+
+    def largest(self, walks: Mapping[float, Walks]) -> str:
+        """The largest value that walks, in words, and up to which one all do."""
+        ordered = sorted(walks.items())
+        passing = [value for value, each in ordered if each.passes]
+        whole = [value for i, (value, _) in enumerate(ordered) if all(each.passes for _, each in ordered[: i + 1])]
+        if not passing:
+            return "walks at none"
+        if whole and whole[-1] == passing[-1]:
+            return f"walks up to {self._text(whole[-1])}"
+        up_to = f"without a hole up to {self._text(whole[-1])}" if whole else "not at the least"
+        return f"largest {self._text(passing[-1])}, {up_to}"
+
+    def _text(self, value: float) -> str:
+        return f"{value * self.scale:g} {self.axis.rpartition('(')[2].rstrip(')')}"
+
+    def _line(self, contender: Contender, value: float) -> Line:
+        assembly = contender.assembly(**self.plants[contender], **{self.field: value})
+        paper = self.paper_values.get((contender, value), "")
+        beside = self._line(self.nominal, value) if self.nominal and contender is not self.nominal else None
+        return Line(f"{contender.title}, {self._text(value)}", assembly, paper, runs=SWEPT, nominal=beside)
+
+
+@cache
+def catalogued() -> dict[str, Any]:
+    """What claims.yaml says of each experiment."""
+    return read_mapping(Path(__file__).parent / "catalogue" / "claims.yaml")
 
 
 def policy_name(assembly: Assembly) -> str:

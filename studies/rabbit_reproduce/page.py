@@ -19,22 +19,6 @@ HEAD = """# The paper, reproduced
 Made by `rabbit reproduce`; [what the columns mean](#how-to-read-it) is at the end.
 
 """
-FOOT = """## How to read it
-
-- **Verdicts.** *reproduced*: every part of the claim holds; *partly*: some; *not*: none; *shows nothing*: it holds, but
-  the nominal controller passes the same test, so learning is not what did it; *no claim*: the paper has no number.
-  A controller "walks" if nine of ten runs reach the end of the course with no miss and no fall.
-- **Cells.** Walked of runs (Wilson's 95% interval), then mean stones, on flat ground steps, before the first miss or
-  fall. Means have Student's 95% interval.
-- **Columns.** Four plants: PyBullet and `rigid` (the paper's own kind: pinned foot, impact map), each with the paper's
-  motor lag of 4 ms and without. Verdicts are those of PyBullet with lag; those "on rigid" are the same claim's on
-  `rigid` with lag, from fewer runs, where these were made. A row's command makes its first column; add
-  `--motor-lag 0`, `--plant rigid` or both for the others.
-- **Forces.** Ratios and ticks over the cone count from 30 ms after an impact on. `runs.csv` has a line for each row
-  and column with all figures.
-- **Learned controllers** have the policies that a section names: shipped ones, or, where its command has `--retrain`,
-  those that it trained. They were trained at mass scale 2, without lag, where nothing else is said.
-"""
 
 
 def make(
@@ -71,8 +55,8 @@ def _write(experiments: Sequence[Experiment], cache: Cache, size: Size, out: Pat
 def write_page(out: Path, names: Sequence[str]) -> Path:
     """`results.md` from the reports that `out` holds of the experiments `names`, in this order."""
     reports = [report for name in names if (report := read_report(out / name))]
-    path = out / PAGE
-    replace_text(path, HEAD + _overview(reports) + "".join(map(_section, reports)) + FOOT)
+    path, foot = out / PAGE, Path(__file__).with_name("how_to_read.md").read_text(encoding="utf-8")
+    replace_text(path, HEAD + _overview(reports) + "".join(map(_section, reports)) + foot)
     return path
 
 
@@ -103,7 +87,12 @@ def _section(report: Report) -> str:
     runs = "reduced runs (`--quick`)" if report.quick else "full runs"
     command = f"rabbit reproduce {report.name}{' --quick' * report.quick}{' --retrain' * report.retrained}"
     command += " --setting FILE" * bool(report.setting)
-    figures = "".join(_figure(report, name, caption) for name, caption in report.figures.items())
+    figures = "".join(
+        f"![{caption}]({report.name}/{name}.png)\n\n*{caption}* ([PDF]({report.name}/{name}.pdf))\n\n"
+        for name, caption in report.figures.items()
+    )
+    differs = any(claim.verdict not in (Verdict.REPRODUCED, Verdict.OPEN) for claim in report.claims)
+    why = f"**Where it differs.** {report.why}\n\n" if report.why and differs and not report.setting else ""
     tables = "".join(f"{table.markdown}\n" for table in report.tables if not table.long)
     long = ", ".join(f"[{table.name}.csv]({report.name}/{table.name}.csv)" for table in report.tables)
     commit = f"{report.commit[:12] or 'unknown'}{'+' * report.commit.endswith('+')}"
@@ -112,18 +101,7 @@ def _section(report: Report) -> str:
 
 **{report.title}** ({report.label}). The paper: {report.paper}
 
-{_why(report)}{figures}{tables}Data: {long}. Commit `{commit}`, {runs}.
+{why}{figures}{tables}Data: {long}. Commit `{commit}`, {runs}.
 Policies: {policies}. `{command}` makes this section.
 
 """
-
-
-def _why(report: Report) -> str:
-    """Only where something is not as in the paper."""
-    differs = any(claim.verdict not in (Verdict.REPRODUCED, Verdict.OPEN) for claim in report.claims)
-    return f"**Where it differs.** {report.why}\n\n" if report.why and differs and not report.setting else ""
-
-
-def _figure(report: Report, name: str, caption: str) -> str:
-    base = f"{report.name}/{name}"
-    return f"![{caption}]({base}.png)\n\n*{caption}* ([PDF]({base}.pdf))\n\n"

@@ -43,9 +43,14 @@ def suggested(trial: Any, ranges: dict[str, dict[str, list[Any]]], plant: str) -
 
 
 def search(
-    ranges: Path, experiments: list[str], out: Path, trials: int = 40, plant: str = "pybullet", jobs: int = 1
+    ranges: Annotated[Path, typer.Argument(help="YAML file of ranges")],
+    experiments: Annotated[list[str], typer.Argument(help="whose claims are counted, by name")],
+    out: Annotated[Path, typer.Option(help="folder; one that was stopped there goes on")] = Path("runs/search"),
+    trials: Annotated[int, typer.Option(min=1, help="in all")] = 40,
+    plant: Annotated[str, typer.Option(help="pybullet, mujoco or rigid")] = "pybullet",
+    jobs: Annotated[int, typer.Option(min=1, help="processes")] = 1,
 ) -> None:
-    """Go on until `out` has so many trials; the best setting is written after each."""
+    """Search the setting under which most claims of these experiments hold, written after each trial."""
     import optuna
     from optuna.storages.journal import JournalFileBackend, JournalStorage
 
@@ -71,20 +76,8 @@ def search(
     while len(study.get_trials(states=(optuna.trial.TrialState.COMPLETE,))) < trials:
         study.optimize(held, n_trials=1)
         replace_text(out / "best.yaml", study.best_trial.user_attrs["setting"])
-
-
-def main(
-    ranges: Annotated[Path, typer.Argument(help="YAML file of ranges")],
-    experiments: Annotated[list[str], typer.Argument(help="whose claims are counted, by name")],
-    trials: Annotated[int, typer.Option(min=1, help="in all")] = 40,
-    plant: Annotated[str, typer.Option(help="pybullet, mujoco or rigid")] = "pybullet",
-    out: Annotated[Path, typer.Option(help="folder; one that was stopped there goes on")] = Path("runs/search"),
-    jobs: Annotated[int, typer.Option(min=1, help="processes")] = 1,
-) -> None:
-    """Search the setting under which most claims of these experiments hold."""
-    search(ranges, experiments, out, trials, plant, jobs)
     print(f"written {out / 'best.yaml'}")
 
 
 if __name__ == "__main__":
-    typer.run(main)
+    typer.run(search)

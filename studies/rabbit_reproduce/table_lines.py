@@ -22,7 +22,7 @@ SUMMED = (
     "ecbf_start_violations",
 )
 PLANT_TITLES = {"pybullet": "PyBullet", "mujoco": "MuJoCo", "rigid": "rigid"}
-SEED = 50001  # of every course and first state here, where a line has no other, and of nothing else
+SEED = 50001  # of every course and first state here, and of nothing else
 
 
 @dataclass(frozen=True)
@@ -95,20 +95,14 @@ class Line:
     runs: Runs | None = None
     columns: tuple[Column, ...] = COLUMNS
     nominal: "Line | None" = None
-    seed: int | None = None  # the size's
 
     def scenario(self, size: Size, column: Column = MAIN) -> Scenario:
         """Its runs on a plant."""
         plant = self.assembly.simulation.model_copy(update={"plant": column.plant, "motor_lag": column.lag})
         assembly = size.own(replace(self.assembly, simulation=plant))
-        seed = size.seed if self.seed is None else self.seed
-        return Scenario(assembly, self._runs(size, column), seed, self.what)
-
-    def _runs(self, size: Size, column: Column) -> int:
-        if column is not MAIN:
-            return size.beside
         own = self.runs or Runs(size.runs, size.runs)
-        return own.quick if size.quick else own.whole
+        runs = size.beside if column is not MAIN else own.quick if size.quick else own.whole
+        return Scenario(assembly, runs, size.seed, self.what)
 
 
 @dataclass(frozen=True)
@@ -130,10 +124,6 @@ class Found:
         if result is None:
             raise LookupError(f"{job.title}, seed {job.seed}: expected a result in {self.cache.path}")
         return result
-
-    def policy(self, assembly: Assembly) -> str:
-        """The version of its policy, a hash of the policy's bytes."""
-        return assembly.make_policy().version
 
     def walks(self, line: Line, column: Column | None = None) -> Walks:
         """The runs of a line on a plant."""
@@ -184,7 +174,7 @@ def long_table(lines: Sequence[Line], found: Found) -> Table:
 
 def _long_row(line: Line, column: Column, found: Found) -> tuple[Cell, ...]:
     walks, scenario = found.walks(line, column), line.scenario(found.size, column)
-    policy = found.policy(scenario.assembly)
+    policy = scenario.assembly.make_policy().version  # a hash of its bytes
     return (
         *(line.what, scenario.assembly.simulation.plant, column.lag, policy, scenario.seed, walks.runs, walks.walked),
         *(*walks.interval, walks.with_forces, walks.mean_stones, *(walks.stones_interval or (None, None))),

@@ -25,6 +25,7 @@ from rabbit_description.atomic_file import replace_text, replacing
 from rabbit_description.bounded_file import FileError, read_json
 from rabbit_description.gait import load_gaits
 from rabbit_description.state import Array
+from rabbit_description.yaml_file import read_mapping
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.simulation import Simulation
 from rl_trainer.rollout import rollout
@@ -39,27 +40,7 @@ HIDDEN = (128, 128)
 ENVIRONMENTS = 8
 EVALUATION = 100_000  # ticks from one line of the learning curve to the next
 JUDGING_SEED, JUDGED = 77_000_000, 10  # walks on each terrain
-PPO_SETTINGS: dict[str, Any] = {
-    "n_steps": 1024,  # of each of the environments
-    "batch_size": 512,
-    "n_epochs": 8,
-    "learning_rate": 3e-4,
-    "gamma": 0.99,
-    "gae_lambda": 0.95,
-    "clip_range": 0.2,
-    "ent_coef": 0.0,
-    "target_kl": 0.03,
-}
-SAC_SETTINGS: dict[str, Any] = {
-    "learning_rate": 3e-4,
-    "buffer_size": 500_000,
-    "batch_size": 256,
-    "gamma": 0.99,
-    "train_freq": 1,
-    "gradient_steps": 1,
-    "learning_starts": 5_000,
-    "ent_coef": "auto_0.01",
-}
+PPO_SETTINGS, SAC_SETTINGS = read_mapping(Path(__file__).with_name("end_to_end.yaml")).values()
 COLUMNS = ("steps", "hours", "level", "stones", "stones_walked", "flat_steps", "flat_walked")
 
 
@@ -100,17 +81,12 @@ def train(options: EndToEndOptions, out: Path, tell: Callable[[str], None] = pri
         if options.learner == "ppo":
             form["log_std_init"] = -1.0
         model = kind("MlpPolicy", envs, policy_kwargs=form, seed=options.seed, device="cpu", **settings)
-        if options.learner == "ppo":
-            _begin_at_reference(model)
+        if options.learner == "ppo":  # the first action is nearly zero: the reference itself
+            model.policy.action_net.weight.data *= 0.01
     while model.num_timesteps < options.steps:
         model.learn(min(EVALUATION, options.steps - model.num_timesteps), reset_num_timesteps=False)
         session.note(model)
     return out / "policy.safetensors"
-
-
-def _begin_at_reference(model: Any) -> None:
-    """The first action is nearly zero: the reference itself."""
-    model.policy.action_net.weight.data *= 0.01
 
 
 class _Session:

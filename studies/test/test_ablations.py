@@ -44,7 +44,7 @@ def trained(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
     def instead(recipe: TrainingJob) -> TrainingReport:
         asked.append(recipe.title)
-        if recipe.title.startswith("penalty"):
+        if recipe.title.startswith("regression"):
             raise JobError(f"{recipe.title}: no such state")
         return TrainingReport(commit="", transitions=5, episodes=[EPISODE])
 
@@ -82,16 +82,21 @@ def test_what_is_done_is_not_done_again(tmp_path: Path, trained: list[str]) -> N
     first = ("default", "no-l-min", "--out", tmp_path, "--seeds", 1, "--runs", 3)
     assert run(*first).exit_code == 0
     assert trained == ["default, seed 1", "no-l-min, seed 1"]
-    assert run("no-l-min", "one-head", "--out", tmp_path, "--seeds", 1, "--seeds", 2, "--runs", 4).exit_code == 0
-    assert trained[2:] == ["one-head, seed 1", "no-l-min, seed 2", "one-head, seed 2"]
+    assert run("no-l-min", "absolute-error", "--out", tmp_path, "--seeds", 1, "--seeds", 2, "--runs", 4).exit_code == 0
+    assert trained[2:] == ["absolute-error, seed 1", "no-l-min, seed 2", "absolute-error, seed 2"]
     rows = [(row["variant"], row["training_seed"], row["runs"]) for row in table(tmp_path)]
-    assert rows == [("one-head", "1", "4"), ("one-head", "2", "4"), ("no-l-min", "1", "4"), ("no-l-min", "2", "4")]
+    assert rows == [
+        ("absolute-error", "1", "4"),
+        ("absolute-error", "2", "4"),
+        ("no-l-min", "1", "4"),
+        ("no-l-min", "2", "4"),
+    ]
 
 
 def test_a_training_that_fails_leaves_the_others(tmp_path: Path, trained: list[str]) -> None:
-    done = run("penalty", "default", "--out", tmp_path, "--seeds", 1)
+    done = run("regression", "default", "--out", tmp_path, "--seeds", 1)
     assert done.exit_code == 1
-    assert "penalty, seed 1: no such state" in done.output
+    assert "regression, seed 1: no such state" in done.output
     assert [(row["variant"], row["walked"]) for row in table(tmp_path)] == [("default", "20")]
 
 
@@ -136,16 +141,22 @@ def test_figures_of_the_table() -> None:
     rows = [
         row("default", 1, walked=20, mean_stones=20.0, transitions=6500),
         row("default", 2, walked=10, mean_stones=15.0, transitions=6000),
-        row("one-head", 1, walked=0, mean_stones=1.0, transitions=70),
+        row("paper-literal-long", 1, walked=0, mean_stones=1.0, transitions=70),
     ]
-    head, _, default, one_head = [line.split(" | ") for line in markdown(rows).splitlines()]
-    assert len(head) == len(default) == len(one_head)
+    head, _, default, longer = [line.split(" | ") for line in markdown(rows).splitlines()]
+    assert len(head) == len(default) == len(longer)
     walked, (low, high) = default[3].split(", ")[0], map(float, default[3].split(", ")[1].split(" to "))
     assert walked == "30 of 40"
     for end in (low, high):  # Wilson's ends solve (share - end)^2 = z^2 end (1 - end) / n
         assert (0.75 - end) ** 2 == pytest.approx(1.96**2 * end * (1 - end) / 40, abs=2e-3)
     assert default[4:] == ["20 / 10", "17.5", "6500 / 6000 |"]
-    assert one_head[:5] == ["| `one-head`", VARIANTS["one-head"].meaning, "`no-relabel`", "0 of 20, 0.00 to 0.16", "0"]
+    assert longer[:5] == [
+        "| `paper-literal-long`",
+        VARIANTS["paper-literal-long"].meaning,
+        "`paper-literal`",
+        "0 of 20, 0.00 to 0.16",
+        "0",
+    ]
 
 
 def test_reward_terms_count_by_transition() -> None:

@@ -18,14 +18,14 @@ def random_motion(seed: int) -> tuple[Array, Array, Array]:
     return rng.uniform(-1, 1, 7), rng.uniform(-3, 3, 7), rng.uniform(-20, 20, 7)
 
 
-@pytest.mark.parametrize(("payload", "slope"), [(0.0, 0.0), (40.0, 0.0), (0.0, 6.0), (40.0, -4.0)])
+@pytest.mark.parametrize("slope", [0.0, 6.0, -4.0])
 @pytest.mark.parametrize("seed", range(5))
-def test_mass_matrix_and_bias_forces(seed: int, payload: float, slope: float) -> None:
+def test_mass_matrix_and_bias_forces(seed: int, slope: float) -> None:
     q, dq, _ = random_motion(seed)
-    model = loaded_model(payload, slope=slope).model
+    model = loaded_model(slope=slope).model
     data = model.createData()
     upper = np.triu(pin.crba(model, data, q))
-    mass_matrix, bias_forces = symbolic_robot.dynamics(payload, slope)
+    mass_matrix, bias_forces = symbolic_robot.dynamics(slope)
     assert np.array(mass_matrix(q)) == pytest.approx(upper + np.triu(upper, 1).T, rel=1e-9, abs=1e-9)
     assert np.array(bias_forces(q, dq)).ravel() == pytest.approx(pin.nle(model, data, q, dq), rel=1e-9, abs=1e-8)
 

@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 WORKSPACE = Path(__file__).resolve().parents[2] / "ros2_ws"
 PACKAGES = {path.parent.name for path in WORKSPACE.glob("src/*/package.xml")}
 TESTED = PACKAGES - {"rabbit_msgs"}  # it has messages alone
-SHORT = " or ".join(  # a file of each, since `make test` runs the rest
+SHORT = " or ".join(  # a file of each, since `make test-all` runs the rest
     ("test_estimates", "urdf", "conversions", "exit_codes", "impact", "previews", "reward", "symbolic", "counting")
     + ("geometry", "intervals", "leg_kinematics", "commands", "play_settings", "gaussian_process")
 )

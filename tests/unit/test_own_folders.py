@@ -36,7 +36,6 @@ FILES = {
     "bench": ("--no-nodes",),
     "estimates": ("rl-cbf-clf-qp",),
     "rival gp": ("session",),
-    "rival ddpg": (),
 }
 
 

@@ -86,10 +86,9 @@ def show_batch(found: dict[str, Any]) -> None:
     from rich.table import Table
 
     table = Table("", "", title=f"{found['robots']} robots, {found['robot_ticks']} ticks of a robot")
-    for name, us in found["us"].items():
-        table.add_row(f"{name}, us of CPU a robot and tick", f"{us:.1f}")
-    for name, mb in found["memory_mb"].items():
-        table.add_row(f"memory {name}, MB", f"{mb:.1f}")
-    for name, ratio in found["ratios"].items():
-        table.add_row(name, f"{ratio:.2f}")
+    rows = {f"{name}, us of CPU a robot and tick": f"{us:.1f}" for name, us in found["us"].items()}
+    rows |= {f"memory {name}, MB": f"{mb:.1f}" for name, mb in found["memory_mb"].items()}
+    rows |= {name: f"{ratio:.2f}" for name, ratio in found["ratios"].items()}
+    for row in rows.items():
+        table.add_row(*row)
     Console().print(table)

@@ -1,6 +1,5 @@
 """Walk for an hour with learning, recording and an operator on: does anything grow or fall?"""
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -63,13 +62,20 @@ def soak(given: Given) -> None:
     training = given_training(options, assembly.controller, assembly.policy) | {"capacity": CAPACITY}
     further = {"simulator": {"trainer_timeout": TRAINER_TIMEOUT}}
     walk = WalkSettings.of(assembly, folder, options, training=training, further=further)
-    walk_beside_operator(walk, asked)
+    from rabbit_common.executables import LaunchError
     from rabbit_recording import RecordingError
+    from rich.console import Console
 
     from rabbit_campaigns.figures import write_figures
     from rabbit_campaigns.soak import SAMPLES, judge, read_samples
+    from rabbit_campaigns.soak import soak as walk_on
     from rabbit_campaigns.soak_operations import judge_operations
 
+    with complaints(LaunchError, ValueError), Console().status("starting") as status:
+        try:
+            walk_on(walk, asked.minutes * 60, status.update, asked.operate_every)
+        except Interrupted as error:
+            fail(f"stopped by {error}; what was sampled is in {walk.folder}", code=error.code)
     with complaints(RecordingError):
         of_walk, bars = judge_operations(folder)
     figures = {**judge(read_samples(folder / SAMPLES)), **of_walk}
@@ -79,27 +85,6 @@ def soak(given: Given) -> None:
     print(f"written to {folder}")
     if not all(figures["bars_kept"].values()):
         raise typer.Exit(OVER)
-
-
-def walk_beside_operator(walk: WalkSettings, asked: SoakOptions) -> None:
-    """Walk for as long as `asked`, with an operator if it is to; a line on the screen says how it goes."""
-    from rabbit_common.executables import LaunchError
-    from rich.console import Console
-
-    from rabbit_campaigns.ros.operator import Operator
-    from rabbit_campaigns.soak import soak
-    from rabbit_campaigns.soak_operations import Operations, unfit_policy
-
-    def operations(check: Callable[[], object]) -> Operations:
-        policies = Path(walk.policy).absolute(), unfit_policy(walk.controller)
-        operator = Operator("", walk.folder, policies, asked.pace or 0.0, asked.seed, check)
-        return Operations(operator, walk.folder, asked.operate_every, asked.seed)
-
-    with complaints(LaunchError, ValueError), Console().status("starting") as status:
-        try:
-            soak(walk, asked.minutes * 60, status.update, operations if asked.operate_every else None)
-        except Interrupted as error:
-            fail(f"stopped by {error}; what was sampled is in {walk.folder}", code=error.code)
 
 
 def show(figures: dict[str, Any]) -> None:

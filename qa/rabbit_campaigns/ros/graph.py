@@ -3,7 +3,6 @@
 import time
 from collections import deque
 from collections.abc import Callable
-from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 from resource import RLIM_INFINITY, RLIMIT_FSIZE, prlimit
@@ -22,8 +21,6 @@ from rl_trainer.ros.messages import transition_of
 from rl_trainer.transitions import Transition
 
 PADDING = 4  # bytes: messages come filled up to a multiple of them
-KNOWN_SECONDS = 0.1  # until a new publisher is known to its readers
-LIE_SECONDS = 1.0  # within which a wrong message goes its way
 
 Turn = tuple[int, int]  # episode and tick
 
@@ -45,8 +42,7 @@ class CampaignGraph(GraphClient):
         self.folder, self.namespace, self.hang_after = folder, namespace, hang_after
         self.training = folder / "training"
         self.processes = processes  # none of which may end by itself
-        self._liars = ExitStack()  # publishers that stay
-        self._false: dict[bytes, int] = {}  # what was sent from here, is not heard as true, and how often it came
+        self.false: dict[bytes, int] = {}  # what was sent from here, is not heard as true, and how often it came
         self.newest: dict[str, bytes] = {}
         self.said: dict[str, DiagnosticStatus] = {}
         self.warnings: deque[tuple[float, str]] = deque(maxlen=1000)
@@ -100,12 +96,6 @@ class CampaignGraph(GraphClient):
             lines = {name: status.message for name, status in self.said.items()}
             raise Hang(f"not within {self.hang_after:g} s: {what}; the nodes say {lines}")
 
-    def answer(self, name: str, **fields: Any) -> Any:
-        """What a service answers; raises `Hang`."""
-        if (answer := self.ask(name, self.hang_after, **fields)) is None:
-            raise Hang(f"no answer from {name}")
-        return answer
-
     # What is heard
 
     def answered(self, since: float, before: float) -> frozenset[Turn]:
@@ -123,9 +113,9 @@ class CampaignGraph(GraphClient):
         return sum(int(value.value) for value in values if value.key.startswith(key))
 
     def _on_bytes(self, name: str, take: Callable[[Any], object] | None, data: bytes) -> None:
-        for false in self._false:
+        for false in self.false:
             if data.startswith(false) and len(data) - len(false) < PADDING:
-                self._false[false] += 1
+                self.false[false] += 1
                 return
         self.newest[name] = data
         if name in self.heard:
@@ -152,27 +142,14 @@ class CampaignGraph(GraphClient):
 
     # Lies
 
-    def lie(self, name: str, data: bytes, stays: bool) -> None:
-        """Send wrong bytes; where the publisher `stays`, it does until `silence`."""
-        with ExitStack() as liar:
-            everybody = self.node.count_subscribers(name)
-            publisher = liar.enter_context(self.publishing(name))
-            self.comes(lambda: publisher.get_subscription_count() >= everybody, LIE_SECONDS)
-            self.spin(KNOWN_SECONDS)
-            self.publish_false(publisher, data)
-            self.comes(lambda: self._false[data] > 0, LIE_SECONDS)
-            if stays:
-                self._liars.push(liar.pop_all())
-
     def publish_false(self, publisher: Any, data: bytes) -> None:
         """Publish what is not heard as true here, until `silence`."""
-        self._false[data] = 0
+        self.false[data] = 0
         publisher.publish(data)
 
     def silence(self) -> None:
-        """Nobody lies any more: what is latched would come again."""
-        self._liars.close()
-        self._false.clear()
+        """Nobody lies any more."""
+        self.false.clear()
 
 
 def ros_arguments(name: str, parameters: Path, namespace: str) -> list[str]:

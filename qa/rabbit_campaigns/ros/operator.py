@@ -12,7 +12,6 @@ from rabbit_msgs.msg import Episode, PolicySwap, PolicyWeights, TorqueCommand
 from rabbit_recording.message_header import turn_of
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
-from rl_cbf_clf_controller.weights import PolicyFile
 
 from rabbit_campaigns.soak_operations import near_policy
 
@@ -75,7 +74,7 @@ class Operator(GraphClient):
 
     def good_policy(self) -> Answer:
         """Load one that acts as the first."""
-        policy = self._near()
+        policy = near_policy(self._good, self._rng.getrandbits(31))
         path = self._folder / f"{policy.version}.safetensors"
         path.write_bytes(policy.encode())
         self._published.clear()
@@ -85,7 +84,7 @@ class Operator(GraphClient):
 
     def published_policy(self) -> Answer:
         """Publish one that acts as the first."""
-        policy = self._near()
+        policy = near_policy(self._good, self._rng.getrandbits(31))
         self._published.clear()
         with self.publishing("policy") as publisher:
             publisher.publish(
@@ -93,35 +92,28 @@ class Operator(GraphClient):
             )
             return (policy.version, *self._comes_in_force(policy.version))
 
-    def _near(self) -> PolicyFile:
-        return near_policy(self._good, self._rng.getrandbits(31))
-
     def _comes_in_force(self, version: str, reason: str = "") -> tuple[str, bool]:
         """In force, or replaced before the next tick by a newer one, as by a trainer between two episodes."""
         self._versions.clear()
-        if reason or not self._wait(lambda: version in self._versions or self._is_replaced()):
+
+        def is_replaced() -> bool:  # torques come of a policy that was published after what was asked last
+            return not self._published.isdisjoint(self._versions)
+
+        if reason or not self._wait(lambda: version in self._versions or is_replaced()):
             return reason or "not in force", False
         return "in force" if version in self._versions else "replaced before the next tick", True
-
-    def _is_replaced(self) -> bool:
-        """Whether torques come of a policy that was published after what was asked last."""
-        return not self._published.isdisjoint(self._versions)
 
     def unfit_policy(self) -> Answer:
         """Load one that the controller must refuse."""
         self._refusals.clear()
         answer = self._answer("load_policy", policy=str(self._unfit))
-        is_refused = not answer.success and bool(answer.message) and self._is_told(self._unfit.name)
-        return self._unfit.name, answer.message, is_refused and self._walks_with_accepted()
-
-    def _is_told(self, source: str) -> bool:
-        """Whether the controller says that it has refused this, and why."""
-        return self._wait(lambda: any(source in swap.source and swap.reason for swap in self._refusals))
-
-    def _walks_with_accepted(self) -> bool:
-        """Whether torques come, all of them of policies that were put in force."""
-        self._versions.clear()
-        return self._wait(lambda: bool(self._versions) and self._accepted.issuperset(self._versions))
+        name = self._unfit.name
+        is_refused = not answer.success and bool(answer.message)
+        if is_refused and self._wait(lambda: any(name in swap.source and swap.reason for swap in self._refusals)):
+            self._versions.clear()  # torques come, all of them of policies that were put in force
+            walks = self._wait(lambda: bool(self._versions) and self._accepted.issuperset(self._versions))
+            return name, answer.message, walks
+        return name, answer.message, False
 
     # Parameters
 

@@ -1,7 +1,7 @@
 """Sequences of what may happen to a running graph; after every few steps a good episode must walk.
 
-`make test` runs a few, always the same, and `make fuzz` others for hours. A campaign that can be stopped and goes on:
-`python -m qa.test.ros.stateful --help`.
+`make test-all` runs a few, always the same, and `make fuzz` others for hours. A campaign that can be stopped and goes
+on: `python -m qa.test.ros.stateful --help`.
 """
 
 from pathlib import Path

@@ -60,12 +60,8 @@ def benchmark(
     try:
         with complaints(JobError):
             walks = [job for each in runs.values() if not isinstance(each, str) for job in each]
-            done = run(walks, cache, jobs or _cores(), batch=batch)
+            done = run(walks, cache, jobs or os.cpu_count() or 1, batch=batch)
     except KeyboardInterrupt as stop:
         fail("stopped; the same command goes on from the runs that are done", code=of_interrupt(stop))
     page = Benchmark.from_cache(protocol, entered, wanted, runs, cache).write(out)
     print(f"{done} runs made; written {page}")
-
-
-def _cores() -> int:
-    return os.cpu_count() or 1

@@ -38,29 +38,28 @@ def gait(given: Given) -> None:
     specification, folder = given.build(GaitSpecification), given.build(FolderOptions)
     from rich.console import Console
 
-    from rabbit_gait_design.design import GaitDesignError
-    from rabbit_gait_design.runner import run, run_library
+    from rabbit_gait_design.design import GaitDesignError, design_gait
+    from rabbit_gait_design.library import design_library
+    from rabbit_gait_design.plots import save
 
     own_folder(folder.out, "gait")
     console = Console()
     try:
+        folder.out.mkdir(parents=True, exist_ok=True)
         with console.status("IPOPT begins") as status:
 
             def progress(of: str = "") -> Callable[[int, float, float], None]:
                 return lambda *at: status.update(of + progress_text(*at))
 
             if folder.library:
-                made = run_library(
-                    specification,
-                    folder.library,
-                    folder.out,
-                    folder.speed_slope,
-                    folder.library_slopes,
-                    lambda name: progress(f"{name}: "),
+                lengths, slopes = folder.library, folder.library_slopes
+                made: Any = design_library(
+                    specification, lengths, folder.speed_slope, slopes, lambda name: progress(f"{name}: ")
                 )
-                show(made.gaits, console)
             else:
-                show([run(specification, folder.out, progress())], console)
+                made = design_gait(specification, progress())
+            save(made, specification, folder.out)
+        show(made.gaits if folder.library else [made], console)
     except ValueError as error:
         fail(f"--library: {error}")
     except GaitDesignError as error:

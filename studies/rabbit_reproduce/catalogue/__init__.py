@@ -1,15 +1,8 @@
 """All experiments, in the order of the page."""
 
-from rabbit_reproduce.catalogue.discussion import (
-    DELAY,
-    JOINT_DAMPING,
-    LINK_BENDING,
-    MOTOR_POWER,
-    VELOCITY_NOISE,
-    SmallMass,
-)
+from rabbit_reproduce.catalogue.discussion import Perturbation, SmallMass, Tolerance
 from rabbit_reproduce.catalogue.feasibility import ClfAssumption, FeasibilityByEpisode, FeasibilityShare
-from rabbit_reproduce.catalogue.flat import ClfResults, ClfTorsoResults
+from rabbit_reproduce.catalogue.flat import ClfResults, TenSteps
 from rabbit_reproduce.catalogue.l1_sweep import L1Sweep
 from rabbit_reproduce.catalogue.learning_curves import LearningCurves
 from rabbit_reproduce.catalogue.payloads import PayloadFlat, PayloadStones
@@ -18,10 +11,10 @@ from rabbit_reproduce.catalogue.wide_stones import WideStones
 from rabbit_reproduce.experiment import Experiment
 
 EXPERIMENTS: tuple[Experiment, ...] = (
-    *(ClfResults(), ClfTorsoResults(), L1Sweep(), PayloadFlat()),
+    *(ClfResults(), TenSteps("clf-torso-results"), L1Sweep(), PayloadFlat()),
     *(RlCbfClfResults(), SteppingStone(), NominalStones(), PayloadStones()),
-    *(MOTOR_POWER, JOINT_DAMPING, LINK_BENDING, SmallMass()),
-    *(LearningCurves(), VELOCITY_NOISE),
-    *(ClfAssumption(), FeasibilityShare(), FeasibilityByEpisode(), DELAY),
+    *(*map(Perturbation, ("motor-power", "joint-damping", "link-bending")), SmallMass()),
+    *(LearningCurves(), Tolerance("velocity-noise")),
+    *(ClfAssumption(), FeasibilityShare(), FeasibilityByEpisode(), Tolerance("delay")),
     WideStones(),
 )

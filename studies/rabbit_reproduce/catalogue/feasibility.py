@@ -19,7 +19,7 @@ from rabbit_reproduce.controllers import CBF_CLF, CBF_CLF_ORACLE, CLF, CLF_ORACL
 from rabbit_reproduce.curves import WIDTH
 from rabbit_reproduce.experiment import Experiment
 from rabbit_reproduce.feasibility import Feasibility, JudgedWalk, RowSet, share, share_text, total
-from rabbit_reproduce.report import Claim, Table, judge
+from rabbit_reproduce.report import Claim, Table
 from rabbit_reproduce.table_lines import COLUMNS, Column, Found, Size
 from rabbit_reproduce.training import recipes
 from rabbit_reproduce.training_jobs import TrainingJob
@@ -31,8 +31,6 @@ Case = Hashable
 
 class Judged(Experiment):
     """Walks by case, each judged by all judges of its case."""
-
-    label = "sec:discussion"
 
     @abstractmethod
     def cases(self, size: Size) -> Iterable[Case]:
@@ -67,16 +65,6 @@ class ClfAssumption(Judged):
     V-dot, alone and together with the true ground forces and barriers? At the states of several controllers' walks."""
 
     name = "clf-assumption"
-    title = "States where a torque within the limits meets the true CLF row"
-    paper = (
-        "The nominal CLF is assumed to be a CLF of the true plant; for high levels of uncertainty it may not be one, "
-        "and the method would fail, as at scale 0.5."
-    )
-    why = (
-        "A torque that meets the true CLF row exists at scale 0.5 too. What falls there is this gait: on the "
-        "library paper_stones the same exact rows walk nearly all courses, and all with an objective centred on "
-        "the PD input (the benchmark)."
-    )
 
     def cases(self, size: Size) -> Iterable[Case]:
         return PLANTS
@@ -102,19 +90,9 @@ class ClfAssumption(Judged):
         ours = {name: ", ".join(f"{rows} {value:.1%}" for rows, value in met.items()) for name, met in shares.items()}
         twice, half = (shares[f"scale {scale}"]["CLF row"] for scale in ("2", "0.5"))
         return [
-            Claim(
-                claim="at scale 2 a torque within the limits meets the true CLF row",
-                paper="assumed",
-                ours=ours["scale 2"],
-                verdict=judge({"in 99% of the states": twice >= NEARLY_ALL}),
-            ),
-            Claim(
-                claim="at scale 0.5 the assumption does not hold",
-                paper="may not hold",
-                ours=ours["scale 0.5"],
-                verdict=judge({"in less than 99% of the states": half < NEARLY_ALL}),
-            ),
-            Claim(claim="and with 72 kg on the torso", ours=ours["payload 72 kg"]),
+            self.claim("holds", ours["scale 2"], {"in 99% of the states": twice >= NEARLY_ALL}),
+            self.claim("fails", ours["scale 0.5"], {"in less than 99% of the states": half < NEARLY_ALL}),
+            self.claim("loaded", ours["payload 72 kg"]),
         ]
 
     def _met(self, found: Found, name: str) -> dict[str, float]:
@@ -131,14 +109,6 @@ class FeasibilityShare(Judged):
     """Each controller walks; every controller's rows are judged at each of its ticks."""
 
     name = "feasibility"
-    title = "Ticks whose hard QP is infeasible, scale 2"
-    paper = "With the trained RL-CBF-CLF-QP the feasibility drastically improves compared to the nominal CBF-CLF-QP."
-    why = (
-        "The nominal rows have an answer at nearly every tick, of its own walks as well: it falls because they "
-        "are false. The true rows have none in some, and learned ones come to be like them "
-        "(feasibility-by-episode)."
-    )
-    judged_on_rigid = True
 
     def cases(self, size: Size) -> list[tuple[str, Column]]:
         return [(group, column) for group in GROUPS for column in size.columns(COLUMNS)]
@@ -174,40 +144,20 @@ class FeasibilityShare(Judged):
             "less on its own path": own <= DRASTIC * own_nominal and own_nominal > 0,
             "less on common states": common <= DRASTIC * common_nominal and common_nominal > 0,
         }
-        return [
-            Claim(
-                claim="RL-CBF-CLF-QP's hard QP is infeasible in at most half as many ticks as the nominal one's",
-                paper="drastically improves",
-                ours=f"own path {own:.2%} against {own_nominal:.2%}; "
-                f"common states {common:.2%} against {common_nominal:.2%}",
-                verdict=judge(parts),
-            )
-        ]
+        ours = f"own path {own:.2%} against {own_nominal:.2%}; common states {common:.2%} against {common_nominal:.2%}"
+        return [self.claim("share", ours, parts)]
 
 
 EPISODES = (1, 2, 3, 4, 5, 6, 8, 10, 12, 15, 18)
 GAIN = 0.5  # of the nominal controller's share, at most
 FEW = 4  # of the episodes, the first and the last ones
 SETS: dict[RowSet, str] = {"safety": "safety rows", "all": "with CLF"}
-CAPTION = (
-    "Share of common states whose hard QP a linear programme proves infeasible, by the number of episodes that the "
-    "policy has learned from; lines are means over training seeds, bands their range; scale 2, stones. The states are "
-    "those of walks of the nominal controller, of the last policy of seed 1 and of the oracle."
-)
 
 
 class FeasibilityByEpisode(Judged):
     """Policies of successive episodes, judged on the same states."""
 
     name = "feasibility-by-episode"
-    title = "Feasibility of the hard QP by training episode"
-    paper = "With learned terms one can gradually enhance the quadratic program's feasibility."
-    why = (
-        "What is learned is the true rows, and they are infeasible more often than the nominal ones, which have an "
-        "answer nearly everywhere, a wrong one. Within five episodes the learned rows leave the nominal share and come "
-        "near the true one."
-    )
-    needs_training = True
 
     def trainings(self, size: Size) -> list[TrainingJob]:
         """Those of the stepping stones' problem."""
@@ -255,7 +205,7 @@ class FeasibilityByEpisode(Judged):
         panels[-1].xaxis.set_major_locator(MaxNLocator(integer=True))
         style.legend(panels[0], columns=3)
         figure.align_ylabels()
-        return {"feasibility_by_episode": (CAPTION, figure)}
+        return {"feasibility_by_episode": (self.caption, figure)}
 
     def claims(self, found: Found) -> list[Claim]:
         """Of the safety rows, of all; and whether the learned rows are at last infeasible as often as the true ones.
@@ -270,7 +220,7 @@ class FeasibilityByEpisode(Judged):
         )
         return [
             *(self._claim(name, means[rows], *beside[rows]) for rows, name in SETS.items()),
-            Claim(claim="the share of infeasible ticks comes to that of the true rows (oracle)", ours="; ".join(text)),
+            self.claim("true rows", "; ".join(text)),
         ]
 
     def _claim(self, name: str, mean: Any, nominal: float, oracle: float) -> Claim:
@@ -278,13 +228,11 @@ class FeasibilityByEpisode(Judged):
             "at last less than nominal": bool(mean[-1] <= GAIN * nominal and nominal > 0),
             "later less than earlier": bool(mean[-FEW:].mean() < mean[:FEW].mean()),
         }
-        return Claim(
-            claim=f"learning makes the hard QP feasible more often, {name}, on common states",
-            paper="gradually enhances feasibility",
-            ours=f"infeasible: {mean[0]:.2%} after episode {EPISODES[0]}, {mean[-1]:.2%} after {EPISODES[-1]}; nominal "
-            f"{nominal:.2%}, oracle {oracle:.2%}",
-            verdict=judge(parts),
+        ours = (
+            f"infeasible: {mean[0]:.2%} after episode {EPISODES[0]}, {mean[-1]:.2%} after {EPISODES[-1]}; nominal "
+            f"{nominal:.2%}, oracle {oracle:.2%}"
         )
+        return self.claim("learning", ours, parts, rows=name)
 
     def _beside(self, found: Found) -> dict[RowSet, tuple[float, float]]:
         """Of the nominal controller and the oracle."""

@@ -17,7 +17,7 @@ from rabbit_reproduce.catalogue.flat import STEPS
 from rabbit_reproduce.controllers import CLF, L1_CLF
 from rabbit_reproduce.curves import WIDTH
 from rabbit_reproduce.experiment import Experiment
-from rabbit_reproduce.report import Claim, Table, judge
+from rabbit_reproduce.report import Claim, Table
 from rabbit_reproduce.table_lines import MAIN, Found, Line, Runs, long_table, walk_table
 
 SCALES = (1.2, 2.0)
@@ -28,10 +28,6 @@ NAMES = {"exact": "exact", "euler": "Euler", "piecewise": "piecewise"}
 WIDE = {"l1_slope_bound": 1e3, "l1_offset_bound": 1e4}
 RUNS = Runs(5, 2)
 TICKS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)  # rad
-CAPTION = (
-    "Tracking error over ten steps on flat ground against L1's adaptation gain, by law and rate; crosses: not all runs "
-    "walked. The piecewise constant law has no gain."
-)
 
 
 @dataclass(frozen=True)
@@ -67,17 +63,6 @@ class L1Sweep(Experiment):
     """Ten steps on flat ground; the main plant alone."""
 
     name = "l1-sweep"
-    title = "L1-CLF-QP: gain, law and rate"
-    label = "sec:results, Simulation 1"
-    paper = (
-        "L1-CLF-QP bounds the CLF by a small value if the adaptation gain is sufficiently large; at scale 2 it fails. "
-        "Neither gain nor rate are given."
-    )
-    why = (
-        "L1-CLF-QP falls at scale 2 where its gain is small, too slow for an error that changes with mu within a "
-        "step, or where Euler's law diverges. The paper tells neither gain nor rate; its failure may be one of "
-        "these."
-    )
 
     @cached_property
     def by_key(self) -> dict[Any, Line]:
@@ -106,7 +91,7 @@ class L1Sweep(Experiment):
             self._panel(axes, scale, found)
         style.legend(panels[0], columns=3)
         panels[-1].set_xlabel("adaptation gain")
-        return {"gain": (CAPTION, figure)}
+        return {"gain": (self.caption, figure)}
 
     def claims(self, found: Found) -> list[Claim]:
         """Against the CLF-QP, at scale 2, and Euler's law."""
@@ -116,25 +101,25 @@ class L1Sweep(Experiment):
         best = little[DEFAULT]
         better = [each for each, walks in little.items() if walks.passes and walks.rms("rms_y") < nominal.rms("rms_y")]
         failing = [each for each, walks in twice.items() if not walks.passes]
-        unbound = {each: every[SCALES[0], each] for each in UNBOUND}
+        unbound = []
+        for each in UNBOUND:
+            walks = every[SCALES[0], each]
+            told = "walks" if walks.passes else f"fails after {walks.mean_stones:.1f} steps"
+            unbound.append(f"{each.text}: {told}")
+        errors = f"rms of y {best.rms('rms_y'):.4f} against {nominal.rms('rms_y'):.4f} rad"
+        whole, some = len(SWEPT), ": " + "; ".join(each.text for each in failing)
         return [
-            Claim(
-                claim=f"L1-CLF-QP beats the CLF-QP at scale {SCALES[0]:g}, so it is built properly",
-                ours=f"rms of y {best.rms('rms_y'):.4f} against {nominal.rms('rms_y'):.4f} rad; better with "
-                f"{len(better)} of {len(SWEPT)} settings",
-                verdict=judge({"walks": best.passes, "better": DEFAULT in better}),
+            self.claim(
+                "better",
+                f"{errors}; better with {len(better)} of {whole} settings",
+                {"walks": best.passes, "better": DEFAULT in better},
             ),
-            Claim(
-                claim="L1-CLF-QP fails at scale 2",
-                paper="fails",
-                ours=f"fails with {len(failing)} of {len(SWEPT)} settings"
-                + (": " + "; ".join(each.text for each in failing)) * bool(failing),
-                verdict=judge({"with some": bool(failing), "with all": len(failing) == len(SWEPT)}),
+            self.claim(
+                "fails",
+                f"fails with {len(failing)} of {whole} settings{some * bool(failing)}",
+                {"with some": bool(failing), "with all": len(failing) == whole},
             ),
-            Claim(
-                claim="a large gain fails by the sampling alone: Euler's law with wide bounds, scale 1.2",
-                ours="; ".join(f"{each.text}: {_outcome(walks)}" for each, walks in unbound.items()),
-            ),
+            self.claim("euler", "; ".join(unbound)),
         ]
 
     def _panel(self, axes: Axes, scale: float, found: Found) -> None:
@@ -159,7 +144,3 @@ class L1Sweep(Experiment):
 
 def _errors(walks: Sequence[Walks]) -> Any:
     return np.array([each.rms("rms_y") for each in walks])
-
-
-def _outcome(walks: Walks) -> str:
-    return "walks" if walks.passes else f"fails after {walks.mean_stones:.1f} steps"

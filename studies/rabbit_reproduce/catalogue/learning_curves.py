@@ -17,7 +17,7 @@ from rl_trainer.parameters import TrainingParameters
 from rabbit_reproduce.controllers import IO_RL, RL_CBF_CLF, RL_CLF, Contender
 from rabbit_reproduce.curves import WIDTH
 from rabbit_reproduce.experiment import Experiment
-from rabbit_reproduce.report import Cell, Claim, Table, judge
+from rabbit_reproduce.report import Cell, Claim, Table
 from rabbit_reproduce.table_lines import MAIN, Found, Line, Size
 from rabbit_reproduce.training import Episode, read_log, recipe_of, recipes
 from rabbit_reproduce.training_jobs import TrainingJob
@@ -26,11 +26,6 @@ PAPER = {IO_RL: 110, RL_CLF: 79, RL_CBF_CLF: 133}  # episodes of the final agent
 COLOURS = {IO_RL: style.ORANGE, RL_CLF: style.BLUE, RL_CBF_CLF: style.GREEN}
 MARKERS = {IO_RL: "s", RL_CLF: "o", RL_CBF_CLF: "^"}
 STEPS = TrainingParameters().walking_steps  # of an episode
-CAPTION = (
-    "Training at scale 2: steps walked in each episode, of ten, and the mean squared error of the estimates in units "
-    "of the reward (its terms without the penalty, negated). Lines are medians over the seeds, bands their range; the "
-    "first three episodes are walked by the nominal QP; the exploration differs from episode to episode."
-)
 Session = tuple[Episode, ...]
 
 
@@ -38,11 +33,6 @@ class LearningCurves(Experiment):
     """From the trainings of `--retrain`, or else from the log in the package."""
 
     name = "learning-curves"
-    title = "Learning curves, and episodes needed"
-    label = "sec:application, settings"
-    paper = (
-        "The final agents were obtained after 110 (IO-RL + CLF-QP), 79 (RL-CLF-QP) and 133 (RL-CBF-CLF-QP) episodes."
-    )
 
     def trainings(self, size: Size) -> list[TrainingJob]:
         """All."""
@@ -63,7 +53,7 @@ class LearningCurves(Experiment):
         return Table(name="trainings", columns=columns, rows=tuple(rows)), every
 
     def figures(self, found: Found) -> dict[str, tuple[str, Figure]]:
-        return {"learning_curves": (CAPTION, learning_figure(by_contender(found.size)))}
+        return {"learning_curves": (self.caption, learning_figure(by_contender(found.size)))}
 
     def claims(self, found: Found) -> list[Claim]:
         """Of each problem."""
@@ -76,13 +66,11 @@ class LearningCurves(Experiment):
             "in no more episodes than the paper's": max(ends) <= PAPER[contender],
             "from some episode on all walk ten steps, in each seed": None not in last,
         }
-        return Claim(
-            claim=f"{contender.title}: episodes until the final agent",
-            paper=f"{PAPER[contender]} episodes",
-            ours=f"{span(ends)} episodes, {span([session[-1].transitions for session in own])} transitions; first ten "
-            f"steps in episode {span(firsts)}, ten in all episodes from {span(last)} (seeds: {len(own)})",
-            verdict=judge(parts),
+        ours = (
+            f"{span(ends)} episodes, {span([session[-1].transitions for session in own])} transitions; first ten "
+            f"steps in episode {span(firsts)}, ten in all episodes from {span(last)} (seeds: {len(own)})"
         )
+        return self.claim("episodes", ours, parts, who=contender.title, most=str(PAPER[contender]))
 
 
 def sessions(size: Size) -> list[Session]:

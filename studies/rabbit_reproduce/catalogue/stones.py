@@ -16,33 +16,20 @@ from rabbit_viewer.pictures import plot_steps, plot_stones, swing_foot
 from rabbit_reproduce.controllers import CBF_CLF, CBF_CLF_ORACLE, RL_CBF_CLF, ROBUST
 from rabbit_reproduce.curves import WIDTH, finish_ratio, late_and_impact_ratio
 from rabbit_reproduce.experiment import Experiment
-from rabbit_reproduce.report import Claim, judge
+from rabbit_reproduce.report import Claim
 from rabbit_reproduce.table_lines import HEADLINE, Found, Line, Runs
 
 SHOWN = 3  # steps of the grey area: with the nearest stone, the middle one, the farthest
 DEPTH, TOP = 0.02, 0.15  # m, of a drawn stone, and of the panel
-PAPER_MEAN, PAPER_STD = 5.6, 4.64
 PAPER_RUNS = Runs(10, 10)
 PAPER_INTERVAL = (2.28, 8.92)  # Student's 95%, of the paper's mean
 AGAIN = 2  # violations in each run, on average, that count as "repeatedly"
-SWING_FOOT = (
-    "First run of RL-CBF-CLF-QP over 20 stones at mass scale 2. Top: swing foot against the stones' edges; dots are "
-    "landings. Bottom: force ratio; dots are within 30 ms of an impact."
-)
-GREY_AREA = (
-    "Stance foot at 0, the next stone, and the grey area that both barriers allow, with the swing foot's path: the "
-    "steps with the nearest, the middle and the farthest stone of the first run (RL-CBF-CLF-QP, mass scale 2)."
-)
 
 
 class RlCbfClfResults(Experiment):
     """The paper's main result; nominal controller and oracle beside."""
 
     name = "rl-cbf-clf-results"
-    title = "20 stones at twice the mass"
-    label = "fig:rl-cbf-clf-results"
-    paper = "The foot placement is always on the stones, and the contact force never exceeds the friction limit of 0.8."
-    judged_on_rigid = True
     shown = (RL_CBF_CLF,)
 
     @cached_property
@@ -53,7 +40,7 @@ class RlCbfClfResults(Experiment):
         }
 
     def figures(self, found: Found) -> dict[str, tuple[str, Figure]]:
-        return {"swing_foot": (SWING_FOOT, swing_foot_figure(found.records(self.by_key[RL_CBF_CLF])))}
+        return {"swing_foot": (self.caption, swing_foot_figure(found.records(self.by_key[RL_CBF_CLF])))}
 
     def claims(self, found: Found) -> list[Claim]:
         """Stones and forces, over all runs."""
@@ -61,20 +48,14 @@ class RlCbfClfResults(Experiment):
         learned, nominal = walks[RL_CBF_CLF], walks[CBF_CLF]
         over, at_impact = learned.total("ticks_over_cone"), learned.total("ticks_over_cone_at_impact")
         clean = nominal.total("ticks_over_cone") == 0
+        stones = f"{learned.text} stones; nominal {nominal.text}"
+        forces = (
+            f"{over} of {learned.total('ticks')} ticks over, {at_impact} more within 30 ms of an impact; "
+            f"largest ratio {learned.max_ratio:.2f}"
+        )
         return [
-            Claim(
-                claim="RL-CBF-CLF-QP walks 20 stones at scale 2, the foot always on the stone",
-                paper="always, in one walk",
-                ours=f"{learned.text} stones; nominal {nominal.text}",
-                verdict=judge({"walks": learned.passes}, nominal.passes),
-            ),
-            Claim(
-                claim="its contact force never exceeds the friction limit",
-                paper="|F_T/F_N| <= 0.8",
-                ours=f"{over} of {learned.total('ticks')} ticks over, {at_impact} more within 30 ms of an impact; "
-                f"largest ratio {learned.max_ratio:.2f}",
-                verdict=judge({"never over": over == 0}, nominal.passes and clean),
-            ),
+            self.claim("stones", stones, {"walks": learned.passes}, nominal.passes),
+            self.claim("cone", forces, {"never over": over == 0}, nominal.passes and clean),
         ]
 
 
@@ -82,11 +63,6 @@ class SteppingStone(Experiment):
     """In the walk of [fig:rl-cbf-clf-results]."""
 
     name = "stepping-stone"
-    title = "Stones and grey area"
-    label = "fig:stepping-stone"
-    paper = (
-        "Two barriers keep the swing foot within the grey area during the entire step, so that it lands on the stone."
-    )
     shown = (RL_CBF_CLF,)
 
     @cached_property
@@ -94,35 +70,24 @@ class SteppingStone(Experiment):
         return {RL_CBF_CLF: Line(RL_CBF_CLF.title, RL_CBF_CLF.assembly(mass_scale=2.0), runs=HEADLINE)}
 
     def figures(self, found: Found) -> dict[str, tuple[str, Figure]]:
-        return {"grey_area": (GREY_AREA, grey_area_figure(found.records(self.by_key[RL_CBF_CLF])))}
+        return {"grey_area": (self.caption, grey_area_figure(found.records(self.by_key[RL_CBF_CLF])))}
 
     def claims(self, found: Found) -> list[Claim]:
         """Both barriers with the stone's true edges, at every tick of the first run."""
         walk = found.records(self.by_key[RL_CBF_CLF])
         least = barriers(walk).min(axis=1)
         steps = {int(step) for step in walk.step_index[least < 0]}
-        return [
-            Claim(
-                claim="the swing foot stays in the grey area during the entire step",
-                paper="always",
-                ours=f"first run: outside in {(least < 0).sum()} of {len(least)} ticks, in {len(steps)} of "
-                f"{walk.step_index[-1] + 1} steps, by {max(0.0, -least.min()) * 1e3:.1f} mm at most",
-                verdict=judge({"always": not steps}),
-            )
-        ]
+        ours = (
+            f"first run: outside in {(least < 0).sum()} of {len(least)} ticks, in {len(steps)} of "
+            f"{walk.step_index[-1] + 1} steps, by {max(0.0, -least.min()) * 1e3:.1f} mm at most"
+        )
+        return [self.claim("area", ours, {"always": not steps})]
 
 
 class NominalStones(Experiment):
     """The paper does not say at which scale the force rows were left out: scale 2, as everything there, and 1."""
 
     name = "nominal-stones"
-    title = "Nominal CBF-CLF-QP on stones, ten runs"
-    label = "sec:results, Simulation 2"
-    paper = (
-        "With force rows it leaves the stones after 5.6 +- 4.64 steps (10 runs of 20). Without them it violates the "
-        "friction cone and the unilateral normal force repeatedly."
-    )
-    judged_on_rigid = True
 
     @cached_property
     def by_key(self) -> dict[Any, Line]:
@@ -141,21 +106,15 @@ class NominalStones(Experiment):
         low, high = whole.stones_interval or (whole.mean_stones,) * 2
         alike = low <= PAPER_INTERVAL[1] and high >= PAPER_INTERVAL[0]
         over, lost = without.total("ticks_over_cone"), without.total("ticks_lost")
+        far = (
+            f"{whole.mean_stones:.2f} +- {whole.std_stones or 0:.2f} ({low:.2f} to {high:.2f}), "
+            f"{whole.walked} of {whole.runs} courses walked"
+        )
+        forces = f"{over} ticks over the cone, {lost} without a push from the ground, in {without.runs} runs"
+        repeatedly = {"cone": over >= AGAIN * without.runs, "unilateral": lost >= AGAIN * without.runs}
         return [
-            Claim(
-                claim="the nominal CBF-CLF-QP leaves the stones before the twentieth, after about as many as in the "
-                "paper",
-                paper=f"{PAPER_MEAN} +- {PAPER_STD} steps (mean's interval {PAPER_INTERVAL[0]} to {PAPER_INTERVAL[1]})",
-                ours=f"{whole.mean_stones:.2f} +- {whole.std_stones or 0:.2f} ({low:.2f} to {high:.2f}), "
-                f"{whole.walked} of {whole.runs} courses walked",
-                verdict=judge({"leaves them": not whole.passes, "intervals of the means overlap": alike}),
-            ),
-            Claim(
-                claim="without force rows it violates cone and unilateral force repeatedly",
-                paper="repeatedly",
-                ours=f"{over} ticks over the cone, {lost} without a push from the ground, in {without.runs} runs",
-                verdict=judge({"cone": over >= AGAIN * without.runs, "unilateral": lost >= AGAIN * without.runs}),
-            ),
+            self.claim("leaves", far, {"leaves them": not whole.passes, "intervals of the means overlap": alike}),
+            self.claim("forces", forces, repeatedly),
         ]
 
 

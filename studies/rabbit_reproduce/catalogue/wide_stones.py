@@ -3,13 +3,10 @@
 from functools import cached_property
 from typing import Any
 
-import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from rabbit_description.gait import load_gait
 from rabbit_experiments.summary import Walks
-from rabbit_experiments.walk_records import WalkRecords
 from rabbit_viewer import style
 
 from rabbit_reproduce.controllers import IDENTIFIED, PD, Contender, variant
@@ -32,19 +29,12 @@ SHOWN = {  # of the figure: key, name, marker, colour
     "near edge, off": ("library, barriers off", "x", style.RED),
     "single": ("single gait, barriers on", "^", style.ORANGE),
 }
-CAPTION = (
-    "Stones of the first run from the stance foot (grey), and where each step landed: the library aimed at the near "
-    "edge with barriers and without, and the single gait; mass scale 2. A line ends with its walk."
-)
 
 
 class WideStones(Experiment):
     """Aimed at the near edge of each stone, so that the barriers have to act, and at its middle."""
 
     name = "wide-stones"
-    title = "Wide stones: l_min uniform in 0.25 to 0.50 m, mass scale 2"
-    label = "ours"
-    paper = "Not in the paper: its stones lie within 0.05 m of its gait's step length."
     shown = tuple(SHOWN)
 
     @cached_property
@@ -80,18 +70,14 @@ class WideStones(Experiment):
         walks = self.walks(found)
         on, off, single = walks["near edge"], walks["near edge, off"], walks["single"]
         holds = on.passes and active_share(on) >= BAR_SHARE and not off.passes and not single.passes
-        return [
-            Claim(
-                claim=f"{OURS.title}: the library walks wide stones, barriers acting in three of ten steps or more; "
-                f"not without barriers, nor with the single gait: {'so it is' if holds else 'not so'}",
-                ours=f"{on.text}, active in {active_share(on):.0%} of steps; off {off.text}; single gait {single.text}",
-            )
-        ]
+        ours = f"{on.text}, active in {active_share(on):.0%} of steps; off {off.text}; single gait {single.text}"
+        return [self.claim("walks", ours, who=OURS.title, holds="so it is" if holds else "not so")]
 
     def figures(self, found: Found) -> dict[str, tuple[str, Figure]]:
         figure, (axes,) = style.figure(1, height=2.8, width=WIDTH)
         walks = {key: found.records(self.by_key[key]) for key in SHOWN}
-        _draw_stones(axes, walks["near edge"])
+        index, near, far = walks["near edge"].landings[:, [0, 3, 4]].T
+        axes.bar(index, far - near, 0.8, bottom=near, color=style.STONE, alpha=0.5, label="stone")
         for key, (name, marker, colour) in SHOWN.items():
             index, l = walks[key].landings[:, 0], walks[key].landings[:, 2]  # noqa: E741
             axes.plot(index, l, marker, color=colour, label=name, markersize=5, fillstyle="none", linestyle="none")
@@ -99,7 +85,7 @@ class WideStones(Experiment):
         axes.set(xlabel="stone", ylabel="$l$ from the stance foot (m)", ylim=(0.2, 0.6))
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
         style.legend(axes, columns=3)
-        return {"landings": (CAPTION, figure)}
+        return {"landings": (self.caption, figure)}
 
 
 def active_share(walks: Walks) -> float:
@@ -116,8 +102,3 @@ def _line(what: str, contender: Contender, tuning: dict[str, Any], reach: tuple[
         "l_min_truncation": SPREAD,
     }
     return Line(what, contender.assembly(tuning, mass_scale=2.0, **course), runs=RUNS, columns=(MAIN,))
-
-
-def _draw_stones(axes: Axes, walk: WalkRecords) -> None:
-    index, near, far = (walk.landings[:, column] for column in (0, 3, 4))
-    axes.bar(np.asarray(index), far - near, 0.8, bottom=near, color=style.STONE, alpha=0.5, label="stone")

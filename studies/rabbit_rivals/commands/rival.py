@@ -1,4 +1,4 @@
-"""Train the field's methods that the benchmark compares with: end-to-end RL, GPs, another DDPG."""
+"""Train the field's methods that the benchmark compares with: end-to-end RL, GPs."""
 
 from pathlib import Path
 from typing import Annotated, Literal
@@ -12,7 +12,6 @@ app = typer.Typer(add_completion=False, no_args_is_help=True, help=__doc__)
 
 Out = Annotated[Path, typer.Option(help="file to write, .safetensors")]
 Seed = Annotated[int, typer.Option(min=0, max=2**31)]
-Problem = Annotated[Literal["rl-cbf-clf-qp", "rl-clf-qp"], typer.Option(help="on stones, or on flat ground")]
 
 
 @app.command()
@@ -53,23 +52,6 @@ def gp(
         file = fit_session(session, inducing, seed)
     file.write(out)
     print(f"{file.about.transitions} transitions; written {out}")
-
-
-@app.command()
-def ddpg(
-    out: Out,
-    problem: Problem = "rl-cbf-clf-qp",
-    steps: Annotated[int, typer.Option(min=1, max=10**9, help="ticks, and as many updates")] = 20_000,
-    seed: Seed = 1,
-) -> None:
-    """DDPG of stable-baselines3 on the estimates, through this project's environment."""
-    _needs_stable_baselines3()
-    from rabbit_experiments import provenance
-
-    from rabbit_rivals.estimation import train
-
-    train(problem, steps, seed, new_file(out), provenance.command())
-    print(f"written {out}")
 
 
 def _needs_stable_baselines3() -> None:

@@ -6,12 +6,13 @@ The robot is held by the service `pause`; a step lets it go on for one tick.
 import signal
 import time
 from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
 from rabbit_bringup.launching.parameter_file import write_parameters
 from rabbit_campaigns.faults.checks import TRAINING, check_recording, check_transitions
-from rabbit_campaigns.ros.graph import CampaignGraph, ros_arguments
+from rabbit_campaigns.ros.graph import CampaignGraph, Hang, ros_arguments
 from rabbit_common.ros.client import TOPIC
 from rabbit_msgs.msg import Episode
 from std_srvs.srv import SetBool
@@ -21,6 +22,8 @@ from .policies import PARAMETERS, PLANT, SEEDS, write_all
 
 NODES = ("simulator", "controller", "trainer", "recorder")
 ASKED_AGAIN = 2.0  # s
+KNOWN_SECONDS = 0.1  # until a new publisher is known to its readers
+LIE_SECONDS = 1.0  # within which a wrong message goes its way
 HANG_AFTER = 120.0  # s: a guard against hangs, no bar
 
 
@@ -32,6 +35,7 @@ class HeldGraph(CampaignGraph):
         write_all(folder / "policies")
         self.torques: dict[tuple[int, int], Any] = {}
         self.swaps: list[Any] = []  # of the controller that is there
+        self._liars = ExitStack()  # publishers that stay
         self._elsewhere = ForkedProcesses(folder / "elsewhere")
         super().__init__(folder, f"held_{time.time_ns()}", ForkedProcesses(folder / "log"), HANG_AFTER)
         for name in NODES:
@@ -79,6 +83,29 @@ class HeldGraph(CampaignGraph):
             "recorder": {"path": str(self.folder / "recording")},
         }
         return own[name.removesuffix("2")]
+
+    def answer(self, name: str, **fields: Any) -> Any:
+        """What a service answers; raises `Hang`."""
+        if (answer := self.ask(name, self.hang_after, **fields)) is None:
+            raise Hang(f"no answer from {name}")
+        return answer
+
+    def lie(self, name: str, data: bytes, stays: bool) -> None:
+        """Send wrong bytes; where the publisher `stays`, it does until `silence`."""
+        with ExitStack() as liar:
+            everybody = self.node.count_subscribers(name)
+            publisher = liar.enter_context(self.publishing(name))
+            self.comes(lambda: publisher.get_subscription_count() >= everybody, LIE_SECONDS)
+            self.spin(KNOWN_SECONDS)
+            self.publish_false(publisher, data)
+            self.comes(lambda: self.false[data] > 0, LIE_SECONDS)
+            if stays:
+                self._liars.push(liar.pop_all())
+
+    def silence(self) -> None:
+        """Nobody lies any more: what is latched would come again."""
+        self._liars.close()
+        super().silence()
 
     # Ticks
 
