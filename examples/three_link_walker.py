@@ -60,7 +60,7 @@ def walk(urdf: str, seed: int, steps: int, policy: Any = None, oracle: bool = Fa
         if abs(now.q[2]) > PITCH or now.q[1] < HIP or now.foot_force[:, 1].min() < 0:
             break  # fallen, or the ground would have to pull
         order, motors = (slice(None), 1) if now.contact[Leg.LEFT] else (SWAP, -1)
-        p = np.concatenate([NOMINAL.row, DESIRED.parameters(now.q[order])])
+        p = np.concatenate([NOMINAL.row, *DESIRED.desired(DESIRED.phase(now.q[order])), DESIRED.scale])
         x = np.concatenate([now.q[order], now.dq[order]])
         plant.advance(TICKS(x, p, sigma * rng.standard_normal(2)).control[::motors])
         landed = len(plant.observe().touches)

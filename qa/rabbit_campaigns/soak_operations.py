@@ -15,8 +15,8 @@ from pydantic import BaseModel
 from rabbit_description.gait import load_gaits
 from rabbit_experiments.tables import read_rows, write_rows
 from rabbit_recording.reader import RecordedEpisode, iterate_episodes
+from rl_cbf_clf_controller.fitted_policy import fitted
 from rl_cbf_clf_controller.parameters import ControllerParameters
-from rl_cbf_clf_controller.policy import fitted
 from rl_cbf_clf_controller.weights import (
     PROBE,
     SHIPPED,

@@ -18,8 +18,8 @@ from rabbit_campaigns.soak_operations import (
 )
 from rabbit_description.gait import load_gaits
 from rabbit_recording.reader import RecordedEpisode
+from rl_cbf_clf_controller.fitted_policy import fitted
 from rl_cbf_clf_controller.parameters import ControllerParameters
-from rl_cbf_clf_controller.policy import fitted
 
 NODES = ("simulator", "controller", LAUNCHER)
 SECONDS = np.arange(0.0, 3600.0, 5.0)

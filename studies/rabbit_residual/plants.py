@@ -22,7 +22,7 @@ def draw_plant(terrain: Terrain, rng: "np.random.Generator", stones: int) -> Sim
             if rng.random() < share:
                 changes[name] = round(value, 3) if name == "torque_delay" else value
     elif rng.random() < 0.6:
-        changes["mass_scale"] = math.exp(rng.uniform(*map(math.log, MASS_SCALES)))
+        changes["mass_scale"] = math.exp(rng.uniform(*np.log(MASS_SCALES)))
     else:
         changes["payload"] = rng.uniform(0, PAYLOAD)
     if rng.random() < 0.6:

@@ -56,9 +56,8 @@ class Ppo:
         self.actor = network(reads, says, p.hidden, nn.ReLU)
         self._critic = network(reads, 1, p.hidden, nn.Tanh)
         with torch.no_grad():
-            last = self.actor[-1]
-            last.weight *= 0.05  # it begins by saying next to nothing
-            last.bias *= 0.0
+            for value in self.actor[-1].parameters():
+                value.mul_(0.05)  # it begins by saying next to nothing
         self._log_std = nn.Parameter(torch.full((says,), math.log(p.first_std)))
         self._all = [*self.actor.parameters(), self._log_std, *self._critic.parameters()]
         self._adam = torch.optim.Adam(self._all, lr=p.learning_rate)
@@ -91,7 +90,7 @@ class Ppo:
                 gain = torch.min(ratio * advantage[rows], ratio.clamp(1 - p.clip, 1 + p.clip) * advantage[rows])
                 miss = (self._critic(reads[rows]).squeeze(-1) - value[rows]) ** 2
                 self._adam.zero_grad()
-                (0.5 * miss.mean() - gain.mean()).backward()  # type: ignore[no-untyped-call]  # of torch
+                (0.5 * miss.mean() - gain.mean()).backward()
                 nn.utils.clip_grad_norm_(self._all, 0.5)
                 self._adam.step()
             with torch.no_grad():

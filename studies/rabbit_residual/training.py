@@ -52,7 +52,8 @@ def train(options: Options, out: Path, tell: Callable[[str], None] = print) -> P
     torch.set_num_threads(1)
     out.mkdir(parents=True, exist_ok=True)
     asked, session = options.model_dump(exclude={"ticks"}), out / "session.pt"
-    learner, done = Ppo(READS, INPUTS, options.ppo, options.seed), {"ticks": 0, "hours": 0.0, "episodes": 0}
+    learner = Ppo(READS, INPUTS, options.ppo, options.seed)
+    done: dict[str, Any] = {"ticks": 0, "hours": 0.0, "episodes": 0}
     if session.is_file():
         done = _restore(session, learner, asked)
     flat = options.robots // 4

@@ -8,8 +8,9 @@ from rabbit_description.gait import load_gait, load_gaits
 from rabbit_experiments.assembly import Assembly
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.simulation import Outcome
+from rl_cbf_clf_controller.fitted_policy import fitted
 from rl_cbf_clf_controller.parameters import ControllerParameters
-from rl_cbf_clf_controller.policy import STONE_WIDTH, ActorPolicy, fitted
+from rl_cbf_clf_controller.policy import STONE_WIDTH, ActorPolicy
 from rl_cbf_clf_controller.problem import Problem
 from rl_cbf_clf_controller.uncertainty import IO_RL_CLF_QP, RL_CBF_CLF_QP, RL_CLF_QP
 from rl_cbf_clf_controller.weights import (

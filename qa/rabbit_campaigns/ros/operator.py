@@ -78,7 +78,7 @@ class Operator(GraphClient):
         path = self._folder / f"{policy.version}.safetensors"
         path.write_bytes(policy.encode())
         self._published.clear()
-        answer = self._answer("load_policy", policy=str(path))
+        answer = self._asked_once("load_policy", policy=str(path))
         path.unlink()
         return (policy.version, *self._comes_in_force(policy.version, answer.message))
 
@@ -106,7 +106,7 @@ class Operator(GraphClient):
     def unfit_policy(self) -> Answer:
         """Load one that the controller must refuse."""
         self._refusals.clear()
-        answer = self._answer("load_policy", policy=str(self._unfit))
+        answer = self._asked_once("load_policy", policy=str(self._unfit))
         name = self._unfit.name
         is_refused = not answer.success and bool(answer.message)
         if is_refused and self._wait(lambda: any(name in swap.source and swap.reason for swap in self._refusals)):
@@ -142,12 +142,12 @@ class Operator(GraphClient):
     def pause(self) -> Answer:
         """Hold the robot for a while."""
         until_still, still = PAUSED_SECONDS
-        accepted = self._answer("pause", data=True).success
+        accepted = self._asked_once("pause", data=True).success
         self.spin(until_still)
         before = self.newest
         self.spin(still)
         stood = self.newest == before
-        accepted &= self._answer("pause", data=False).success
+        accepted &= self._asked_once("pause", data=False).success
         goes_on = self._wait(lambda: self.newest != before)
         told = f"{'stood' if stood else 'walked on'}, {'goes on' if goes_on else 'does not go on'}"
         return f"{still:g} s", told, accepted and stood and goes_on
@@ -155,7 +155,7 @@ class Operator(GraphClient):
     def reset(self) -> Answer:
         """Begin another episode."""
         seed, before = self._rng.getrandbits(32), self.newest[0]
-        answer = self._answer("reset_episode", seed=seed)
+        answer = self._asked_once("reset_episode", seed=seed)
         begins = answer.success and self._wait(lambda: self.newest[0] == answer.episode)
         begins = begins and self._wait(lambda: self._episode.episode == answer.episode)
         right = begins and answer.episode > before and self._episode.seed == seed
@@ -163,7 +163,7 @@ class Operator(GraphClient):
 
     # Questions and what is heard
 
-    def _answer(self, name: str, **fields: Any) -> Any:
+    def _asked_once(self, name: str, **fields: Any) -> Any:
         """Asked once: a reset must not be asked for twice. Raises `TimeoutError`."""
         answer = self.ask(name, self.patience, again=self.patience, **fields)
         if answer is None:

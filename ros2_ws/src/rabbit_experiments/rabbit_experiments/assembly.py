@@ -11,9 +11,10 @@ from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.robot_urdf import perturbed_urdf
 from rabbit_sim.simulation import Simulation
 from rl_cbf_clf_controller.controller import Controller, Further, nothing_further
+from rl_cbf_clf_controller.fitted_policy import fitted
 from rl_cbf_clf_controller.oracle import OraclePolicy, TruePlant
 from rl_cbf_clf_controller.parameters import ControllerParameters
-from rl_cbf_clf_controller.policy import Policy, ZeroPolicy, fitted
+from rl_cbf_clf_controller.policy import Policy, ZeroPolicy
 from rl_cbf_clf_controller.weights import SHIPPED, PolicyFileError, policy_path, read
 
 

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 from rabbit_description.state import Array
 from rl_cbf_clf_controller.controller import Controller
-from rl_cbf_clf_controller.policy import ZeroPolicy, fitted
+from rl_cbf_clf_controller.fitted_policy import fitted
+from rl_cbf_clf_controller.policy import ZeroPolicy
 from rl_cbf_clf_controller.weights import decode
 
 from rabbit_recording.open_recording import one_line_errors

@@ -21,15 +21,11 @@ import casadi as ca
 import numpy as np
 from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.functions import NumpyFunction
-from rabbit_description.gait import Gait, Gaits
 from rabbit_description.state import Array
 
-from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.problem import Problem
 from rl_cbf_clf_controller.scene import Estimator, Scene
-from rl_cbf_clf_controller.step_outputs import has_lengths
-from rl_cbf_clf_controller.uncertainty import RL_CBF_CLF_QP, RL_CLF_QP, STEP_LENGTH
-from rl_cbf_clf_controller.weights import Actor, PolicyFile, PolicyFileError
+from rl_cbf_clf_controller.weights import Actor, PolicyFile
 
 STONE_WIDTH = 0.05  # m, of the stones that the paper trains on
 
@@ -153,33 +149,3 @@ class OnFlatGround(LearnedPolicy):
         """The policy's estimates of V and of the outputs."""
         whole = self._policy.act(np.append(observation, self._stone), LgV)
         return Estimates(whole.alpha[:1], whole.beta[:1], whole.output_error)
-
-
-def fitted(file: PolicyFile, parameters: ControllerParameters, gaits: Gaits) -> Policy:
-    """The policy of a file for a controller with these parameters and this gait or library.
-
-    Raises:
-        PolicyFileError: it was trained for another problem, beside another adaptation, or reads the length of a gait
-            library's steps on stones and there is one gait.
-    """
-    about, own = file.metadata, file.metadata.adaptation or "none"
-    if own != parameters.adaptation:
-        raise PolicyFileError(
-            f"policy: it was trained with adaptation {own}; this controller has {parameters.adaptation}"
-        )
-    if about.residual:
-        from rl_cbf_clf_controller.residual_policy import ResidualActor
-
-        if parameters.objective != "pd_centred" or not about.fits(parameters.problem):
-            raise PolicyFileError(
-                f"policy: it moves the centre of pd_centred; {parameters.problem} has objective {parameters.objective}"
-            )
-        return ResidualActor(file)
-    policy = ActorPolicy(file)
-    if about.fits(parameters.problem):
-        if parameters.terrain == "stones" and STEP_LENGTH in about.observation and not has_lengths(gaits):
-            raise PolicyFileError(f"policy: it reads {STEP_LENGTH}: expected a gait library, gait is {gaits.name}")
-        return policy
-    if (about.problem, parameters.problem) == (RL_CBF_CLF_QP.name, RL_CLF_QP):
-        return OnFlatGround(policy, gaits.step_length if isinstance(gaits, Gait) else gaits.start_length)
-    raise PolicyFileError(f"policy: it was trained for {about.about}; this controller needs {parameters.problem}")

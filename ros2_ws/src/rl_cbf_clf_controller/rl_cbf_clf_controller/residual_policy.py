@@ -44,7 +44,8 @@ class Memory:
     @classmethod
     def of(cls, n: int) -> "Memory":
         """Nothing remembered."""
-        return cls(np.zeros((n, FRAME)), *np.zeros((2, n, INPUTS)), np.full(n, NEVER), np.zeros(n, dtype=int))
+        dy, said = np.zeros((2, n, INPUTS))
+        return cls(np.zeros((n, FRAME)), dy, said, np.full(n, NEVER), np.zeros(n, dtype=int))
 
     def forget(self, robot: int | slice) -> None:
         """An episode begins."""

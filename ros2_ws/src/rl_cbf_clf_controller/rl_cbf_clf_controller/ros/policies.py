@@ -27,8 +27,9 @@ from rabbit_msgs.srv import LoadPolicy
 from rclpy.node import Node
 from rclpy.task import Future
 
+from rl_cbf_clf_controller.fitted_policy import fitted
 from rl_cbf_clf_controller.parameters import ControllerParameters
-from rl_cbf_clf_controller.policy import Policy, ZeroPolicy, fitted
+from rl_cbf_clf_controller.policy import Policy, ZeroPolicy
 from rl_cbf_clf_controller.weights import SIZE_LIMIT, PolicyFileError, decode, policy_path
 
 ZERO = "zero"

@@ -1,0 +1,38 @@
+"""The policy of a file, for the controller that is to run it."""
+
+from rabbit_description.gait import Gait, Gaits
+
+from rl_cbf_clf_controller.parameters import ControllerParameters
+from rl_cbf_clf_controller.policy import ActorPolicy, OnFlatGround, Policy
+from rl_cbf_clf_controller.residual_policy import ResidualActor
+from rl_cbf_clf_controller.step_outputs import has_lengths
+from rl_cbf_clf_controller.uncertainty import RL_CBF_CLF_QP, RL_CLF_QP, STEP_LENGTH
+from rl_cbf_clf_controller.weights import PolicyFile, PolicyFileError
+
+
+def fitted(file: PolicyFile, parameters: ControllerParameters, gaits: Gaits) -> Policy:
+    """The policy of a file for a controller with these parameters and this gait or library.
+
+    Raises:
+        PolicyFileError: it was trained for another problem, beside another adaptation, or reads the length of a gait
+            library's steps on stones and there is one gait.
+    """
+    about, own = file.metadata, file.metadata.adaptation or "none"
+    if own != parameters.adaptation:
+        raise PolicyFileError(
+            f"policy: it was trained with adaptation {own}; this controller has {parameters.adaptation}"
+        )
+    if about.residual:
+        if parameters.objective != "pd_centred" or not about.fits(parameters.problem):
+            raise PolicyFileError(
+                f"policy: it moves the centre of pd_centred; {parameters.problem} has objective {parameters.objective}"
+            )
+        return ResidualActor(file)
+    policy = ActorPolicy(file)
+    if about.fits(parameters.problem):
+        if parameters.terrain == "stones" and STEP_LENGTH in about.observation and not has_lengths(gaits):
+            raise PolicyFileError(f"policy: it reads {STEP_LENGTH}: expected a gait library, gait is {gaits.name}")
+        return policy
+    if (about.problem, parameters.problem) == (RL_CBF_CLF_QP.name, RL_CLF_QP):
+        return OnFlatGround(policy, gaits.step_length if isinstance(gaits, Gait) else gaits.start_length)
+    raise PolicyFileError(f"policy: it was trained for {about.about}; this controller needs {parameters.problem}")
