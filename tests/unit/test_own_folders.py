@@ -25,6 +25,7 @@ FOLDERS = {
     "estimator": (),
     "gait": ("--name", "mine"),
     "rival end-to-end": ("--steps", 1),
+    "residual": ("--ticks", 1),
     "faults": ("--runs", 1),
     "bag plot": ("none.mcap",),
     "walk": (),
