@@ -151,7 +151,7 @@ def with_hash(data: bytes) -> bytes:
 def mended(data: bytes) -> bytes:
     """A journal whose lines have the checksums of what is in them."""
     lines = [line.partition(b" ")[2] for line in data.split(b"\n") if line]
-    return b"".join(b"\n%s %s\n" % (checksum(text, TINY), text) for text in lines)
+    return b"".join(b"\n%s %s\n" % (checksum(text, TINY.key), text) for text in lines)
 
 
 # Recordings

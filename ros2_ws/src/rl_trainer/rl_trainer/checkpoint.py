@@ -172,20 +172,20 @@ def line_of(transition: Transition, parameters: TrainingParameters) -> bytes:
     """A transition as a line, every number as it is."""
     names = [field.name for field in fields(Transition) if field.name != "problem"]
     text = json.dumps({name: np.asarray(getattr(transition, name)).tolist() for name in names}).encode()
-    return b"\n%s %s\n" % (checksum(text, parameters), text)
+    return b"\n%s %s\n" % (checksum(text, parameters.key), text)
 
 
 def transitions_of(data: bytes, parameters: TrainingParameters) -> tuple[list[Transition], int]:
     """The sound transitions of these lines, and how many lines there are."""
-    lines, found = [line for line in data.split(b"\n") if line], []
+    lines, found, key = [line for line in data.split(b"\n") if line], [], parameters.key
     for found_sum, _, text in (line.partition(b" ") for line in lines):
-        if found_sum == checksum(text, parameters):
+        if found_sum == checksum(text, key):
             values = json.loads(text)
             values = {name: np.array(value) if isinstance(value, list) else value for name, value in values.items()}
             found.append(Transition(**{**values, "problem": parameters.problem, "doubt": Doubt(values["doubt"])}))
     return found, len(lines)
 
 
-def checksum(text: bytes, parameters: TrainingParameters) -> bytes:
-    """Of the text and of the training that it belongs to."""
-    return b"%08x" % zlib.crc32(text, zlib.crc32(parameters.key.encode()))
+def checksum(text: bytes, key: str) -> bytes:
+    """Of the text and of the training that it belongs to, by its key."""
+    return b"%08x" % zlib.crc32(text, zlib.crc32(key.encode()))
