@@ -27,8 +27,8 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 @pytest.hookimpl(tryfirst=True)  # before -m chooses
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Mark the thorough ones."""
-    told = config.getini("thorough")
-    thorough, others = tuple(told), tuple(name[1:] for name in told if name.startswith("!"))
+    names = config.getini("thorough")
+    thorough, others = tuple(names), tuple(name[1:] for name in names if name.startswith("!"))
     for item in items:
         if item.nodeid.startswith(thorough) and not item.nodeid.startswith(others):
             item.add_marker("thorough")

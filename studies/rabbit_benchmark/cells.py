@@ -14,7 +14,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 from rabbit_description.yaml_file import parse_yaml
 
-from rabbit_benchmark.families import families, family_plant, further_changes
+from rabbit_benchmark.families import families, family_plant, further_changes, settable
 
 Terrain = Literal["stones", "flat"]
 Map = Literal["inside", "outside", "storm", "development", "reported", "storm-2"]
@@ -79,7 +79,7 @@ def storm_plant(number: int, seed: int, terrain: Terrain) -> dict[str, Any]:
     for name, (low, high) in storm().on(terrain).items():
         changed, value = rng.random() < storm().share, float(rng.uniform(low, high))
         if changed:
-            changes[name] = round(value, 3) if name == "torque_delay" else value  # whole ms
+            changes[name] = settable(name, value)
     return changes | {name: value for name, value in storm().choices.items() if rng.random() < storm().share}
 
 

@@ -13,6 +13,8 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 from rabbit_description.yaml_file import parse_yaml
+from rabbit_sim.parameters import marked
+from rabbit_sim.perturbation import WHOLE_SUBSTEPS
 
 Split = Literal["development", "reported"]
 Value = float | int
@@ -67,12 +69,16 @@ def further_changes(number: int, seed: int, terrain: str) -> dict[str, Any]:
 
 
 def drawn(ranges: dict[str, Range], rng: "np.random.Generator") -> dict[str, Value]:
-    """A value of each range; of a time that plants have in whole milliseconds, one of these."""
+    """A value of each range."""
     values: dict[str, Value] = {}
     for name, (low, high) in ranges.items():
         if isinstance(low, int) and isinstance(high, int):
             values[name] = int(rng.integers(low, high + 1))
         else:
-            value = float(rng.uniform(low, high))
-            values[name] = round(value, 3) if name == "sensor_jitter" else value
+            values[name] = settable(name, rng.uniform(low, high))
     return values
+
+
+def settable(name: str, value: float) -> float:
+    """A drawn value as a plant takes it: some times are whole milliseconds."""
+    return round(float(value), 3) if name in marked(WHOLE_SUBSTEPS) else float(value)

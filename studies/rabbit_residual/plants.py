@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 from rabbit_benchmark.cells import Terrain, storm
-from rabbit_benchmark.families import drawn, families
+from rabbit_benchmark.families import drawn, families, settable
 from rabbit_sim.parameters import SimulationParameters
 
 WALK_ALONE = {"gear_stiffness", "backlash", "coulomb", "joint_damping"}  # in a batch, so they are drawn less often
@@ -20,7 +20,7 @@ def draw_plant(terrain: Terrain, rng: "np.random.Generator", stones: int) -> Sim
         for name, (low, high) in storm().on(terrain).items():
             value, share = float(rng.uniform(low, high)), 0.06 if name in WALK_ALONE else storm().share
             if rng.random() < share:
-                changes[name] = round(value, 3) if name == "torque_delay" else value
+                changes[name] = settable(name, value)
     elif rng.random() < 0.6:
         changes["mass_scale"] = math.exp(rng.uniform(*np.log(MASS_SCALES)))
     else:

@@ -27,7 +27,7 @@ from rl_cbf_clf_controller.weights import PROBE, RESIDUAL_READS, Actor, PolicyFi
 from rabbit_residual.fleet import Fleet
 from rabbit_residual.ppo import Ppo, PpoParameters
 
-KEPT = 5  # rollouts
+SESSION, KEPT = "session.pt", 5  # rollouts
 COLUMNS = ("ticks", "hours", "stones_walked", "flat_walked", "episodes", "reward", "std", "divergence")
 
 
@@ -46,16 +46,20 @@ class Options(BaseModel):
     rollout: int = Field(96, ge=2, le=10_000, description="ticks of each robot between two updates")
     ppo: PpoParameters = PpoParameters()
 
+    @property
+    def asked(self) -> str:
+        """What decides a session."""
+        return repr(self.model_dump(exclude={"ticks"}))
+
 
 def train(options: Options, out: Path, tell: Callable[[str], None] = print) -> Path:
     """Train, or go on; returns the policy's file. Raises `SessionError`."""
     torch.set_num_threads(1)
     out.mkdir(parents=True, exist_ok=True)
-    asked, session = options.model_dump(exclude={"ticks"}), out / "session.pt"
     learner = Ppo(READS, INPUTS, options.ppo, options.seed)
     done: dict[str, Any] = {"ticks": 0, "hours": 0.0, "episodes": 0}
-    if session.is_file():
-        done = _restore(session, learner, asked)
+    if (out / SESSION).is_file():
+        done = _restore(out / SESSION, learner, options)
     flat = options.robots // 4
     seeds = [options.seed, done["ticks"]]
     fleets = [
@@ -81,27 +85,27 @@ def train(options: Options, out: Path, tell: Callable[[str], None] = print) -> P
             tell(", ".join(f"{name} {value}" for name, value in zip(COLUMNS, line, strict=True)))
             rollouts += 1
             if rollouts % KEPT == 0:
-                _keep(session, learner, asked, done)
-                _policy(learner, options, done).write(out / "policy.safetensors")
+                _keep(out, learner, options, done)
     finally:
         if rollouts:
-            _keep(session, learner, asked, done)
-            _policy(learner, options, done).write(out / "policy.safetensors")
+            _keep(out, learner, options, done)
     return out / "policy.safetensors"
 
 
-def _keep(path: Path, learner: Ppo, asked: dict[str, Any], done: dict[str, Any]) -> None:
-    with replacing(path) as partial:
-        torch.save({"learner": learner.state(), "asked": repr(asked), "done": done}, partial)
+def _keep(out: Path, learner: Ppo, options: Options, done: dict[str, Any]) -> None:
+    """The session as it stands, and the policy."""
+    with replacing(out / SESSION) as partial:
+        torch.save({"learner": learner.state(), "asked": options.asked, "done": done}, partial)
+    _policy(learner, options, done).write(out / "policy.safetensors")
 
 
-def _restore(path: Path, learner: Ppo, asked: dict[str, Any]) -> dict[str, Any]:
+def _restore(path: Path, learner: Ppo, options: Options) -> dict[str, Any]:
     """Where the session stands; raises `SessionError`."""
     try:
         state = torch.load(path, weights_only=True)
-        if state["asked"] != repr(asked):
+        if state["asked"] != options.asked:
             raise SessionError(f"{path}: a session with {state['asked']}: use another folder")
-        learner.restore(state["learner"], asked["seed"] + state["done"]["ticks"])
+        learner.restore(state["learner"], options.seed + state["done"]["ticks"])
         return dict(state["done"])
     except SessionError:
         raise

@@ -34,7 +34,7 @@ def parts(name: str) -> tuple[str, ...]:
 
 
 def renewed_bytes(data: bytes) -> bytes:
-    """With a header in place of the stamp, so that `message_header` can read them; the rest stays as it was."""
+    """The bytes with a header instead of the stamp, so that `message_header` can read them."""
     return data[:12] + EMPTY_FRAME + data[12:]
 
 

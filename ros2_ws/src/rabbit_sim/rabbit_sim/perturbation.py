@@ -70,7 +70,7 @@ class Measured:
 
     @property
     def joints(self) -> tuple[Array, Array]:
-        """The joints' angles and rates (4,), views, whoever measured them."""
+        """Angles and rates (4,) of the joints, from the state or a lab's encoders; views, which may be written to."""
         return (self.q[3:], self.dq[3:]) if self.body is None else (self.body.joint_angles, self.body.joint_rates)
 
     def copy(self) -> "Measured":

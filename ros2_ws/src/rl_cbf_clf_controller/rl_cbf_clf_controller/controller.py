@@ -23,7 +23,6 @@ from rl_cbf_clf_controller.kinds import find_kind
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import Policy
 from rl_cbf_clf_controller.recipes import make_tick
-from rl_cbf_clf_controller.residual_policy import ResidualPolicy
 from rl_cbf_clf_controller.robot_numbers import Feet, read_robot
 from rl_cbf_clf_controller.scene import ControllerError, Scene, is_finite
 from rl_cbf_clf_controller.step_outputs import Touchdown, make_steps
@@ -211,13 +210,12 @@ class Controller:
 
     def decide(self, scene: Scene) -> Decided:
         """mu at a tick, from the estimates of all estimators."""
-        comes_last = isinstance(self.policy, ResidualPolicy)
-        total = self._nothing if comes_last else self.policy.estimate(scene, self._nothing)
+        total = self._nothing if self.policy.comes_last else self.policy.estimate(scene, self._nothing)
         parts = [total]
         for estimator in self._estimators:
             parts.append(estimator.estimate(scene, total))
             total = total + parts[-1]
-        if comes_last:
+        if self.policy.comes_last:
             parts[0] = self.policy.estimate(scene, total)
             total = total + parts[0]
         self.parts, self.estimates = parts, total

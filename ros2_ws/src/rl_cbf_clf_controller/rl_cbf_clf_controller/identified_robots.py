@@ -8,7 +8,7 @@ from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.functions import NumpyFunction, Values, places_of
 from rabbit_description.state import Array
 
-from rl_cbf_clf_controller.identification import DAMPING, LATE_TORQUE, MOTOR_GAIN, RATE_NOISE, SHARE, THETA
+from rl_cbf_clf_controller.identification import DAMPING, LATE_TORQUE, MOTOR_GAIN, RATE_NOISE, SHARE, THETA, is_physical
 from rl_cbf_clf_controller.identification import SIZE as IDENTIFIED
 from rl_cbf_clf_controller.identified_robot import CONTACT_FORCE, PITCH_RATE, SETTLING, IdentifiedRobot
 from rl_cbf_clf_controller.joint_calibration import OFFSETS
@@ -110,7 +110,8 @@ class IdentifiedRobots:
         for name, new in (("regressor", found.regressor), ("measured", found.measured), ("share", np.full(1, SHARE))):
             known[name] = np.where(learns, new.reshape(len(new), -1) if new.ndim > 1 else new, known[name])
         self._take(found, learns, "fit", "covariance")
-        is_one = learns & is_physical(known["fit"][:, THETA]) & (known["fit"][:, [MOTOR_GAIN]] > 0)
+        physical = np.array([[is_physical(theta)] for theta in known["fit"][:, THETA]])
+        is_one = learns & physical & (known["fit"][:, [MOTOR_GAIN]] > 0)
         known["value"] = np.where(is_one, known["fit"], known["value"])
 
     def _take(self, found: Values, learns: Array, value: str, covariance: str) -> None:
@@ -130,10 +131,3 @@ class IdentifiedRobots:
         known["differences"] = known["differences"] + has_two
         before = np.where(np.isnan(rates[:, :1]), start, rates[:, [1]])
         known["rates"] = np.where(learns, np.concatenate([before, end], axis=1), rates)
-
-
-def is_physical(theta: Array) -> Array:
-    """See `identification.is_physical`, of theta (N, 12): (N, 1)."""
-    mass, mc_x, mc_z, inertia = np.moveaxis(theta.reshape(-1, 3, 4), 2, 0)
-    is_link = (mass > 0) & (inertia * mass > mc_x**2 + mc_z**2)
-    return is_link.all(axis=1, keepdims=True)

@@ -65,9 +65,9 @@ def state_values(message: Any) -> dict[str, Any]:
     values |= {name: array_of(message, name, len(message.rows)) for name in ROWS}
     values |= {"stance": Leg(message.stance), "active": tuple(message.active), "rows": tuple(message.rows)}
     bounded = (array_of(message, name, len(message.names)) for name in ("values", "rates"))
-    told, rates = (dict(zip(message.names, each, strict=True)) for each in bounded)
-    barriers, barrier_rates = (np.array([of.get(name, np.nan) for name in BARRIERS]) for of in (told, rates))
-    return {**values, "V": float(told.get("V", np.nan)), "barriers": barriers, "barrier_rates": barrier_rates}
+    values_of, rates_of = (dict(zip(message.names, each, strict=True)) for each in bounded)
+    barriers, barrier_rates = (np.array([of.get(name, np.nan) for name in BARRIERS]) for of in (values_of, rates_of))
+    return {**values, "V": float(values_of.get("V", np.nan)), "barriers": barriers, "barrier_rates": barrier_rates}
 
 
 def terms_values(message: Any) -> dict[str, Any]:

@@ -15,7 +15,7 @@ all that a controller without barriers and force rows has a use for.
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, ClassVar
 
 import casadi as ca
 import numpy as np
@@ -33,11 +33,13 @@ STONE_WIDTH = 0.05  # m, of the stones that the paper trains on
 class Policy(Estimator):
     """An estimator that has a `version`, which is echoed with every torque.
 
-    `adaptation` names the one that its estimates add to; None: they fit any.
+    `adaptation` names the one that its estimates add to; None: they fit any. `comes_last`: it is asked after the other
+    estimators, with their estimates, and not before them.
     """
 
     version: str
     adaptation: str | None = None
+    comes_last: ClassVar[bool] = False
 
 
 class LearnedPolicy(Policy):

@@ -25,7 +25,7 @@ SCALE = 40.0  # rad/s^2
 INPUTS = 4
 FRAME = len(RESIDUAL_FRAME)
 READS = 2 * FRAME
-STONE = 0.35  # m, about which edges of stones are told
+STONE = 0.35  # m, subtracted from the edges of a stone
 BOUND = 5.0  # of each number of a frame
 NEVER = -2  # no tick
 SEEN = ("eta", "phase", "swing", "outputs_a", "outputs_b", "stone", "B1_state", "B2_state")
@@ -61,6 +61,7 @@ class ResidualPolicy(Policy):
     """A policy that is asked after all other estimators, and moves the objective's centre."""
 
     adaptation = "identification"
+    comes_last = True
 
     def __init__(self) -> None:
         self._memory = Memory.of(1)

@@ -41,7 +41,7 @@ class NamespaceCheck:
     def look(self, nodes: Collection[str], seconds: float = DISCOVERY_SECONDS) -> None:
         """Look for a graph that nobody claimed, as nodes started one by one, for so many s. Raises `Refused`.
 
-        `nodes`: those that are to be started; whoever publishes on one of their topics is in their way.
+        `nodes`: those to be started. Nobody else may publish on their topics.
         """
         with joined("/rabbit/launcher") as context:
             node = rclpy.create_node("launcher", namespace=self._namespace, context=context)

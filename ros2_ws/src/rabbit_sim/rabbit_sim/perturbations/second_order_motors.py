@@ -1,6 +1,6 @@
 """Motors whose torque swings towards what is asked, as a current loop's does:  tau'' = w^2 (u - tau) - 2 z w tau'."""
 
-from functools import cached_property
+from functools import cached_property, lru_cache
 from math import pi
 
 import numpy as np
@@ -47,6 +47,7 @@ class SecondOrderMotors(Perturbation):
         return torques
 
 
+@lru_cache(maxsize=4096)  # a batch asks for all its robots again when one begins an episode
 def of_motor(frequency: float, damping: float) -> tuple[Array, Array]:
     """One motor's step: what of its state (2, 2) and of the torque that is asked (2, 1) is there at the end."""
     w = 2 * pi * frequency

@@ -12,7 +12,7 @@ FREE_SECONDS = 1.0  # mean time until a joint's encoder sticks
 
 
 class StuckEncoders(Perturbation):
-    """Of one joint at a time, drawn anew each time, after an exponentially distributed time."""
+    """One encoder sticks at a time. Which one is drawn anew; the time until it sticks is exponentially distributed."""
 
     order = 145
 
