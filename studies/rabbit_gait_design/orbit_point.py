@@ -12,7 +12,7 @@ from functools import cache
 from math import comb
 
 import casadi as ca
-from cbf_clf_qp.barrier import ecbf_gains
+from cbf_clf_qp.constraints import ecbf_gains
 from cbf_clf_qp.system import System
 from rabbit_description.state import SWAP_STATE
 from rl_cbf_clf_controller.stone_barriers import stone_barriers

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cbf_clf_qp.clf import ResClf
+from cbf_clf_qp.constraints import ResClf
 from rabbit_benchmark.cells import cells
 from rabbit_benchmark.methods import method
 from rabbit_benchmark.protocol import CannotTake, Protocol

@@ -4,12 +4,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from cbf_clf_qp.estimates import Estimates
 from rabbit_description.gait import load_gait
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.robot_urdf import perturbed_urdf
 from rabbit_sim.simulation import Simulation
 from rl_cbf_clf_controller.controller import Controller
+from rl_cbf_clf_controller.controller_output import from_flat
 from rl_cbf_clf_controller.oracle import OraclePolicy, TruePlant
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import Policy, ZeroPolicy
@@ -97,7 +97,7 @@ def test_beside_an_adaptation_the_target_is_what_it_leaves() -> None:
         transition = builder.add(record.state, record.output)
         if transition is not None and not transition.doubt & ~Doubt.SATURATED and transition.step_index:
             assert not transition.alpha.any()  # the policy's own
-            found = Estimates.from_flat(previous[0].adapted, 5, 4)
+            found = from_flat(previous[0].adapted, 5, 4)
             left.append(transition.target)
             whole.append(transition.target + found.error(transition.mu))
         previous[0] = record.output

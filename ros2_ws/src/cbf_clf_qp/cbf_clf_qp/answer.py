@@ -20,6 +20,7 @@ import numpy as np
 from cbf_clf_qp.functions import Array, NumpyFunction, Values, free_symbols, one_at_a_time, packed
 from cbf_clf_qp.qp import ROUNDING, UNBOUNDED, Layout, reading
 
+SOLVERS = "daqp", "osqp"
 TOLERANCE = 1e-6  # KKT residual that is let pass, relative to 1 + |x|
 
 
@@ -73,8 +74,8 @@ class Answering:
     def __init__(self, inputs: Mapping[str, ca.SX], data: Mapping[str, ca.SX], layout: Layout, solver: str) -> None:
         if unknown := free_symbols(packed(data), inputs.values()):
             raise ValueError(f"rows or objective depend on {unknown}: expected {', '.join(inputs)}")
-        if solver not in ("daqp", "osqp"):
-            raise ValueError(f"solver = {solver}: expected daqp or osqp")
+        if solver not in SOLVERS:
+            raise ValueError(f"solver = {solver}: expected {' or '.join(SOLVERS)}")
         self.layout, self.solver = layout, solver
         self.programme = NumpyFunction.of("programme", inputs, data, matrices=("A", "unroot", "control_a"))
         parts = {name: ca.SX.sym(name, *value.shape) for name, value in data.items()}
@@ -89,7 +90,7 @@ class Answering:
         self._begin()
 
     def _begin(self) -> None:
-        self._osqp, self._said = OsqpSolver(self.layout), ""
+        self._osqp = OsqpSolver(self.layout)
         self.reset = self._osqp.reset
         self.unanswered = 0  # programmes that the first solver did not answer
 
@@ -101,25 +102,26 @@ class Answering:
 
     def __call__(self, *inputs: Array) -> Decided:
         """The first solver's answer, or its guard's; `solved` is false where neither has one. Inputs left out are 0."""
-        start, solver = perf_counter(), self.solver
-        values = self.with_daqp(*inputs) if solver == "daqp" else self._by_osqp(*inputs)
-        solved = values.row.item(0) < TOLERANCE  # the residual
-        if not solved and values.is_valid[0]:
-            self.unanswered += 1
-            solver = "osqp" if solver == "daqp" else "daqp"
-            values = self.with_daqp(*inputs) if solver == "daqp" else self._by_osqp(*inputs)
-            solved = values.row.item(0) < TOLERANCE
-        status = self._said if solver == "osqp" else "solved" if solved else "not solved"
-        if not (solved or values.is_valid[0]):
-            status = "data not valid"
+        start = perf_counter()
+        for solver in SOLVERS if self.solver == "daqp" else reversed(SOLVERS):
+            values, status = self._by_daqp(*inputs) if solver == "daqp" else self._by_osqp(*inputs)
+            solved = values.row.item(0) < TOLERANCE  # the residual
+            if solved or not values.is_valid[0]:
+                break
+            self.unanswered += solver == self.solver
         return Decided(values, self.layout, solved, solver, status, perf_counter() - start)
 
-    def _by_osqp(self, *inputs: Array) -> Values:
+    def _by_daqp(self, *inputs: Array) -> tuple[Values, str]:
+        values = self.with_daqp(*inputs)
+        is_solved = values.row.item(0) < TOLERANCE
+        return values, "solved" if is_solved else "not solved" if values.is_valid[0] else "data not valid"
+
+    def _by_osqp(self, *inputs: Array) -> tuple[Values, str]:
         data = self.programme(*inputs)
         if not data.is_valid[0]:
-            return self.with_daqp(*inputs)
-        x, y, self._said = self._osqp.solve(data)
-        return self.reading(data.row, x, y)
+            return self._by_daqp(*inputs)
+        x, y, status = self._osqp.solve(data)
+        return self.reading(data.row, x, y), status
 
 
 def answers(robots: Sequence[Answering], *inputs: Array) -> Decided:
@@ -128,21 +130,13 @@ def answers(robots: Sequence[Answering], *inputs: Array) -> Decided:
     DAQP solves all in one call; OSQP, and each solver's guard, one after the other, from its own last answer.
     """
     start, n, first = perf_counter(), len(robots), robots[0]
-    if first.solver == "daqp":
-        values = first.with_daqp.of_many(*inputs)
-        solved = values.row[:, 0] < TOLERANCE
-    else:
-        values = first.reading.values_of_many(np.empty((n, first.reading.function.numel_out())))
-        solved = np.zeros(n, dtype=bool)
+    values = first.with_daqp.of_many(*inputs)
+    solved = (values.row[:, 0] < TOLERANCE) & (first.solver == "daqp")
     decided = Decided(values, first.layout, solved, ["daqp"] * n, ["solved"] * n, 0.0)
     for i in (~solved).nonzero()[0].tolist():
         one = robots[i](*(each[i] for each in inputs))
-        values.row[i], solved[i], decided.solver[i], decided.status[i] = (
-            one.values.row,
-            one.solved,
-            one.solver,
-            one.status,
-        )
+        values.row[i], solved[i] = one.values.row, one.solved
+        decided.solver[i], decided.status[i] = one.solver, one.status
     decided.seconds = (perf_counter() - start) / n
     return decided
 

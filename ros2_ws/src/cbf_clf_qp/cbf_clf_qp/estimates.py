@@ -16,7 +16,6 @@ import numpy as np
 
 from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.functions import Array, NumpyFunction, one_at_a_time
-from cbf_clf_qp.qp import is_finite
 from cbf_clf_qp.quantity import Number, Terms
 from cbf_clf_qp.system import System
 
@@ -61,21 +60,6 @@ class Estimates:
         """No error anywhere: the nominal controller."""
         return cls(np.zeros((n, m)), np.zeros(n), np.zeros((m, m + 1)))
 
-    @classmethod
-    def from_flat(cls, flat: Array, n: int, m: int) -> "Estimates":
-        """From `flat`, of n quantities over m inputs; raises ValueError where the vector has another length."""
-        sizes = n * (m + 1), (n + m) * (m + 1)
-        if flat.shape not in ((sizes[0],), (sizes[1],)):
-            raise ValueError(f"estimates: {flat.shape} values; expected {sizes[0]}, or {sizes[1]} with an output error")
-        alpha, beta, error = np.split(flat, [n * m, sizes[0]])
-        return cls(alpha.reshape(n, m), beta, error.reshape(m, m + 1) if error.size else None)
-
-    @property
-    def flat(self) -> Array:
-        """The paper's order (alpha_V, alpha_B1, ..., beta_V, beta_B1, ...), then the output error where it is known."""
-        known = [] if self.output_error is None else [self.output_error.ravel()]
-        return np.concatenate([self.alpha.ravel(), self.beta, *known])
-
     def error(self, mu: Array) -> Array:
         """The errors (n,) at `mu` (m,)."""
         error: Array = self.alpha @ mu + self.beta
@@ -92,18 +76,6 @@ def measure(terms: Terms) -> NumpyFunction:
     start, end = ((ca.SX.sym("x", x.numel()), ca.SX.sym("p", p.numel())) for _ in range(2))
     symbols = dict(zip(("x_0", "p_0", "x_1", "p_1", "seconds"), (*start, *end, seconds), strict=True))
     return NumpyFunction.of("measure", symbols, {"measured": measured(terms, start, end, seconds)})
-
-
-def measuring(terms: Terms, seconds: float) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """For who measures tick by tick: what a state leaves to the next one, `seconds` later, as an expression; symbols
-    for what the one before has left; and of these `measured` (n,), NaN where they are."""
-    now = terms.system.x, terms.system.p
-    start = tuple(ca.SX.sym("start", each.numel()) for each in now)
-    options = {"extract_trivial": True}
-    found, symbols, left = ca.extract_parametric(measured(terms, start, now, seconds), ca.vertcat(*start), options)
-    before = ca.vertcat(*symbols)
-    (leaves,) = ca.substitute([ca.vertcat(*left)], start, now)
-    return leaves, before, ca.if_else(is_finite(before), found, ca.SX.nan())
 
 
 def measured(terms: Terms, start: Pair, end: Pair, seconds: Number) -> ca.SX:
@@ -140,9 +112,9 @@ def model_error(terms: Terms) -> NumpyFunction:
             values.append(quantity.slope.after(rate))
             y_r = rate if quantity.outputs is not None and quantity.outputs is terms.outputs else y_r
     error = Affine.stacked(values).after(terms.control) - terms.nominal
-    found = {"alpha": error.a, "beta": error.b, "output_error": ca.SX.zeros(terms.inputs, terms.inputs + 1)}
+    delta = Affine(ca.SX.zeros(terms.inputs, terms.inputs), ca.SX.zeros(terms.inputs))
     if y_r and terms.outputs:
         delta = y_r.after(terms.control) - terms.outputs.after(terms.control)
-        found["output_error"] = ca.horzcat(delta.a, delta.b)
+    found = {"alpha": error.a, "beta": error.b, "output_error": ca.horzcat(delta.a, delta.b)}
     inputs = {"x": system.x, "p": system.p, "other": other}
     return NumpyFunction.of("model_error", inputs, found, matrices=("alpha", "output_error"))

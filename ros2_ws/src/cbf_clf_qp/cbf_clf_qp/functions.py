@@ -10,7 +10,7 @@ Every input is copied into memory that CasADi reads. All outputs lie in one row,
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from threading import RLock
-from typing import Any
+from typing import Any, Self
 
 import casadi as ca
 import numpy as np
@@ -35,7 +35,6 @@ class Values:
     """The named arrays of one call, each a view of `row`: (n,) for a column, else (n, m). Of N calls a row for each."""
 
     __slots__ = ("row",)
-    one: "type[Values]"  # of N calls: those of each
 
     def __init__(self, row: Array) -> None:
         self.row = row
@@ -43,16 +42,17 @@ class Values:
     def __getattr__(self, name: str) -> Array:
         raise AttributeError(f"no value {name}: expected one of {', '.join(vars(type(self)))}")
 
-    def of(self, i: int) -> "Values":
+    def __getitem__(self, i: int) -> Self:
         """Those of call `i` of N."""
-        return self.one(self.row[i])
+        return type(self)(self.row[i])
 
 
-def view(place: Any, shape: tuple[int, ...]) -> property:
+def view(place: slice, shape: tuple[int, ...]) -> property:
     """One of them."""
+    last = ..., place
     if len(shape) == 1:
-        return property(lambda values: values.row[place])
-    return property(lambda values: values.row[place].reshape(shape))
+        return property(lambda values: values.row[last])
+    return property(lambda values: values.row[last].reshape(values.row.shape[:-1] + shape))
 
 
 class NumpyFunction:
@@ -71,8 +71,6 @@ class NumpyFunction:
             self._buffer.set_arg(i, argument.data)  # type: ignore[call-arg]  # casadi's stub is of C++
         self._buffer.set_res(0, self._row.data)  # type: ignore[call-arg]
         self.values = type("Values", (Values,), {name: view(*place) for name, place in places.items()})
-        views = {name: view((slice(None), place), (-1, *shape)) for name, (place, shape) in places.items()}
-        self.values_of_many = type("Values", (Values,), {**views, "one": self.values})
         self._mapped = dict[int, NumpyFunction]()  # by N
 
     @classmethod
@@ -110,7 +108,7 @@ class NumpyFunction:
             with building():
                 self._mapped[n] = NumpyFunction(self.function.map(n), {})
         found = self._mapped[n](*(np.tile(value, n) if value.ndim == 1 else value for value in values))
-        return self.values_of_many(found.row.reshape(n, -1))
+        return self.values(found.row.reshape(n, -1))
 
 
 def row_major(value: ca.SX) -> ca.SX:

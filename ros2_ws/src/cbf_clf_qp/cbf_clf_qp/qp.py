@@ -5,14 +5,8 @@
 
 The objective is affine in mu, root mu - center with a regular root. Its square is
 
-    none         mu' mu                                        the paper's: the least correction of the pre-control
-    nearest      |weights (u(mu) - wanted)|^2                  a safety filter: the least change of a wanted input
-    pd_centred   |E mu + Delta - v_PD|^2 + mu_weight |mu|^2    the outputs, as estimated, follow a PD law
-
-y'' = E mu + Delta is the present estimate of the output dynamics: E = I + Delta_2, Delta = Delta_1 [delta_IO2]. The PD
-law is that of the CLF's own Riccati equation (Q = I):  v_PD = -y / eps^2 - sqrt(3) dy / eps. mu' mu asks for the
-smallest mu, whatever it does to the outputs: where the model is wrong and eta near 0, the smallest mu lets the error
-Delta_1 drive the outputs away until the CLF row holds them, and the torque jumps from tick to tick.
+    none       mu' mu                            the paper's: the least correction of the pre-control
+    nearest    |weights (u(mu) - wanted)|^2      a safety filter: the least change of a wanted input
 
 The solver's variable is x = (root mu, scaled slacks), so that its Hessian is 2 I whatever the objective:
 
@@ -30,7 +24,7 @@ import numpy as np
 
 from cbf_clf_qp.affine import Affine, inverse
 from cbf_clf_qp.functions import Array
-from cbf_clf_qp.quantity import HARD, Number, Rows
+from cbf_clf_qp.quantity import Number, Rows
 
 ROUNDING = 1e-6  # a slack or a margin below this is the solver's tolerance
 UNBOUNDED = 1e30  # what the solvers take for infinity
@@ -42,17 +36,6 @@ def nearest(control: Affine, wanted: ca.SX, weights: Number = 1.0) -> Affine:
     """The input u = `control`(mu) that is nearest to `wanted` (m,), each component times its weight."""
     scale = ca.diag(weights * ca.SX.ones(wanted.numel()))
     return Affine(scale @ control.a, scale @ (control.b - wanted))
-
-
-def pd_centred(y: ca.SX, dy: ca.SX, eps: Number, output_error: Affine, mu_weight: Number) -> Affine:
-    """See above: E = I + `output_error.a`, Delta = `output_error.b`; y (m,) and dy (m,) are the outputs.
-
-    root is upper triangular with root' root = E'E + mu_weight I, and root' center = E' (v_PD - Delta).
-    """
-    identity = ca.SX.eye(y.numel())
-    E, wanted = identity + output_error.a, -y / eps**2 - np.sqrt(3) * dy / eps
-    root = ca.chol(E.T @ E + mu_weight * identity)
-    return Affine(root, inverse(root).T @ (E.T @ (output_error.b - wanted)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,15 +65,13 @@ def build_qp(blocks: Sequence[Rows], objective: Affine | None, control: Affine) 
     that of A x.
     """
     inputs, each = control.a.shape[1], [(block, name) for block in blocks for name in block.names]
-    is_soft = np.array(
-        [isinstance(block.slack_weight, ca.SX) or block.slack_weight < HARD for block, _ in each], dtype=bool
-    )
+    scale = ca.vertcat(*(ca.SX(block.slack_weight) for block, _ in each)) ** -0.5  # 0 where a row is HARD
+    is_soft = np.array([not scale[i].is_zero() for i in range(len(each))], dtype=bool)
     rescues = is_soft & np.array([block.rescue for block, _ in each], dtype=bool)
     layout = Layout(tuple(name for _, name in each), inputs, rescues, np.eye(len(each))[:, is_soft])
     objective = objective or Affine.identity(inputs)
     unroot = inverse(objective.a)
     of_mu = ca.vertcat(ca.SX(0, inputs), *(block.A for block in blocks))
-    scale = ca.vertcat(*(ca.SX(block.slack_weight) for block, _ in each)) ** -0.5
     in_mu = ca.vertcat(*(ca.SX(block.in_mu) for block, _ in each))
     units = ca.if_else(in_mu, ca.fmax(ca.sqrt(ca.sum2(of_mu**2)), TINY), 1)  # of the slacks, in units of the row
     A = ca.horzcat(of_mu @ unroot, ca.diag(-scale * units) @ ca.sparsify(ca.DM(layout.of_slacks)))

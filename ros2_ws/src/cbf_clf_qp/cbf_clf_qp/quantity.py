@@ -93,12 +93,11 @@ class Terms:
         if len(set(self.names)) < len(self.names):
             raise ValueError(f"quantities {', '.join(self.names)}: expected different names")
         self.outputs = next((quantity.outputs for quantity in self.quantities if quantity.outputs), None)
-        if control is None:
-            y_r, identity = self.outputs, Affine.identity(system.u.numel())
-            control = y_r.inverse() if y_r and y_r.a.is_square() else identity
+        if control is None and self.outputs and self.outputs.a.is_square():
+            control = self.outputs.inverse()
+        self.control = control or Affine.identity(system.u.numel())
         nothing = Affine(ca.SX(0, system.u.numel()), ca.SX(0, 1))
-        self.control = control
-        self.nominal = Affine.stacked([nothing, *(quantity.value for quantity in self.quantities)]).after(control)
+        self.nominal = Affine.stacked([nothing, *(each.value for each in self.quantities)]).after(self.control)
         n, m = self.nominal.a.shape
         self.inputs = int(m)
         alpha, beta, error = ca.SX.sym("alpha", n, m), ca.SX.sym("beta", n), ca.SX.sym("output_error", m, m + 1)

@@ -14,7 +14,7 @@ cart that is pulled to x = 1 m and must not pass a wall, wherever the wall is at
     u = tick(np.array([0.0, 0.0]), wall=0.9).u
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from copy import copy
 from typing import Any
 
@@ -81,7 +81,7 @@ class Tick:
         self.layout, data = build_qp(rows, objective(terms) if objective else None, terms.control)
         self._needs_output_error = ca.depends_on(packed(data), ca.vec(terms.symbols["output_error"]))
         data["is_valid"] *= is_finite(packed(terms.symbols))
-        self._data, self.answer = data, Answering(terms.symbols, data, self.layout, solver)
+        self.data, self.answer = data, Answering(terms.symbols, data, self.layout, solver)
         self.reset = self.answer.reset  # forgets the last programme, so that no episode depends on the one before
         nominal, control = self.terms.nominal, self.terms.control
         self.reads = {"nominal_a": nominal.a, "control_a": control.a, "nominal_b": nominal.b, "control_b": control.b}
@@ -101,7 +101,7 @@ class Tick:
         if not (alpha is None and beta is None and output_error is None):
             given = zip((alpha, beta, output_error), vars(self._nothing).values(), strict=True)
             estimates = Estimates(*(zero if value is None else np.asarray(value, float) for value, zero in given))
-        return self.decide(np.asarray(x, float), self._filled(parameters), estimates)
+        return self.decide(np.asarray(x, float), self.p(**parameters), estimates)
 
     def decide(self, x: Array, p: Array, estimates: Estimates | None = None) -> Decided:
         """The tick, of a nominal controller without estimates.
@@ -124,9 +124,6 @@ class Tick:
 
     def p(self, **parameters: Any) -> Array:
         """All parameters as one array, for `decide`; raises ValueError where one is missing, unknown or too long."""
-        return self._filled(parameters)
-
-    def _filled(self, parameters: dict[str, Any]) -> Array:
         row, places = np.empty(self._size), self._places
         if parameters.keys() != places.keys():
             missing, unknown = places.keys() - parameters.keys(), parameters.keys() - places.keys()
@@ -148,26 +145,6 @@ class Tick:
     def no_error(self) -> Estimates:
         """The estimates of a nominal controller."""
         return Estimates.zero(len(self.names), self.terms.inputs)
-
-    @one_at_a_time
-    def in_two(
-        self, inputs: Mapping[str, ca.SX], p: ca.SX, reads: Mapping[str, ca.SX]
-    ) -> tuple[NumpyFunction, Answering]:
-        """The tick as two functions, for who estimates between them: nothing is computed twice.
-
-        The first one is `look`, of `inputs` of which the parameters `p` are an expression. It gives these too, further
-        `reads` of the inputs, and as `prepared` all of the programme that no estimate changes. The second one answers
-        to `prepared` and the estimates.
-        """
-        names, values = zip(*self._data.items(), strict=True)
-        x_p, options = ca.vertcat(self.system.x, self.system.p), {"extract_trivial": True}
-        parts, symbols, prepared = ca.extract_parametric(list(values), x_p, options)
-        estimates = {name: self.terms.symbols[name] for name in ("alpha", "beta", "output_error")}
-        given = {"prepared": ca.vertcat(*symbols), **estimates}
-        answer = Answering(given, dict(zip(names, parts, strict=True)), self.layout, self.answer.solver)
-        shown = {**self.reads, **reads, "p": self.system.p, "prepared": ca.vertcat(*prepared)}
-        along = ca.substitute([*shown.values()], [self.system.p], [p])
-        return NumpyFunction.of("look", inputs, dict(zip(shown, along, strict=True)), MATRICES), answer
 
     def _inputs(self, x: Array, p: Array, estimates: Estimates) -> tuple[Array, ...]:
         """Of the functions; an output error that is not known is zero where nothing depends on it."""

@@ -4,8 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from cbf_clf_qp.answer import answers
-from cbf_clf_qp.barrier import Barrier
-from cbf_clf_qp.clf import Clf
+from cbf_clf_qp.constraints import Barrier, Clf
 from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.functions import NumpyFunction
 from cbf_clf_qp.system import System
@@ -23,7 +22,7 @@ def test_rows_are_the_values_of_each() -> None:
     found = norm().of_many(v, np.array([2.0]))
     assert found.size == pytest.approx(2 * np.array([[5.0], [13.0], [17.0]]))
     assert found.outer == pytest.approx(v[:, :, None] * v[:, None, :])
-    assert found.of(1).size == pytest.approx([26.0])
+    assert found[1].size == pytest.approx([26.0])
 
 
 def test_a_wrong_size_names_the_input() -> None:

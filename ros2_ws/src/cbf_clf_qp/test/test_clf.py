@@ -5,7 +5,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
-from cbf_clf_qp.clf import Clf, ResClf
+from cbf_clf_qp.constraints import Clf, ResClf
 from cbf_clf_qp.quantity import HARD
 from cbf_clf_qp.tick import Tick
 

@@ -6,8 +6,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from cbf_clf_qp.affine import Affine
-from cbf_clf_qp.barrier import Barrier
-from cbf_clf_qp.clf import Clf
+from cbf_clf_qp.constraints import Barrier, Clf
 from cbf_clf_qp.estimates import measure, model_error
 from cbf_clf_qp.quantity import Quantity, Terms
 from cbf_clf_qp.system import System

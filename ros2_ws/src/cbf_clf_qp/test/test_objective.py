@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from cbf_clf_qp.affine import Affine
 from cbf_clf_qp.answer import Answering
-from cbf_clf_qp.qp import build_qp, nearest, pd_centred
+from cbf_clf_qp.qp import build_qp, nearest
 from cbf_clf_qp.quantity import at_most
 
 M = 3
@@ -40,20 +40,3 @@ def test_weights_say_which_component_gives_way() -> None:
     layout, data = build_qp([row], objective, Affine.identity(M))
     step = goal - Answering({"wanted": wanted}, data, layout, "daqp")(goal).mu
     assert step == pytest.approx([1.6, 0.4, 0])
-
-
-@pytest.mark.parametrize("solver", ["daqp", "osqp"])
-def test_pd_centred_is_least_squares(solver: str) -> None:
-    """|E mu + Delta - v_PD|^2 + weight |mu|^2 by numpy's own solution of it."""
-    y, dy, D1, D2 = *(ca.SX.sym(name, M) for name in ("y", "dy", "D1")), ca.SX.sym("D2", M, M)
-    names = {"y": y, "dy": dy, "D2": D2, "D1": D1}
-    eps, weight = 0.3, 0.1
-    find = minimum(pd_centred(y, dy, eps, Affine(D2, D1), weight), names, solver)
-    rng = np.random.default_rng(1)
-    for _ in range(20):
-        y_0, dy_0, delta_1 = rng.normal(size=(3, M))
-        E = np.eye(M) + (delta_2 := 0.4 * rng.normal(size=(M, M)))
-        v = -y_0 / eps**2 - np.sqrt(3) * dy_0 / eps
-        system = np.vstack([E, np.sqrt(weight) * np.eye(M)])
-        expected = np.linalg.lstsq(system, np.concatenate([v - delta_1, np.zeros(M)]), rcond=None)[0]
-        assert find(y_0, dy_0, delta_2, delta_1) == pytest.approx(expected, abs=1e-7)

@@ -89,7 +89,7 @@ def test_an_answer_that_is_wrong_is_not_solved(monkeypatch: pytest.MonkeyPatch) 
         return x, np.linalg.lstsq(p.A.T, -(2 * x + p.q), rcond=None)[0], "solved"
 
     monkeypatch.setattr(answering._osqp, "solve", wrong)
-    assert answering._by_osqp(*data).residual[0] > TOLERANCE
+    assert answering._by_osqp(*data)[0].residual[0] > TOLERANCE
     guarded = answering(*data)
     assert (right.solver, guarded.solver, answering.unanswered) == ("osqp", "daqp", 1)
     assert guarded.mu == pytest.approx(right.mu, abs=1e-6)

@@ -6,7 +6,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
-from cbf_clf_qp.barrier import Barrier
+from cbf_clf_qp.constraints import Barrier
 from cbf_clf_qp.system import DegreeError, System, mechanical
 
 OUTPUTS: dict[str, Callable[[Any], ca.SX]] = {

@@ -18,7 +18,7 @@ from rabbit_description.robot_states import RobotStates
 from rabbit_description.state import SWAP_STATE, SWAP_TORQUE, TICK_SECONDS, Array, Leg
 
 from rl_cbf_clf_controller.controller import NO_TORQUE, ROUNDING, Controller
-from rl_cbf_clf_controller.controller_output import ControllerOutput, seen_fields
+from rl_cbf_clf_controller.controller_output import ControllerOutput, flat, seen_fields
 from rl_cbf_clf_controller.identified_robots import IdentifiedRobots
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import LearnedPolicy, Policy
@@ -52,7 +52,7 @@ class BatchScene:
         """Of robot `i`."""
         return Scene(
             self.x[i],
-            self.seen.of(i),
+            self.seen[i],
             self.force[i],
             self.observation[i],
             int(self.tick[i]),
@@ -282,7 +282,7 @@ class BatchController:
         self._torque = torque
         own = dict[str, Any]()
         if self._robots:
-            own |= {"identified": self._robots.known, "adapted": [parts[1][i].flat for i in range(n)]}
+            own |= {"identified": self._robots.known, "adapted": [flat(parts[1][i]) for i in range(n)]}
         torque = self._by_stance(torque, SWAP_TORQUE)
         names, policies = self._one.qp.names, list(self.policies)
         return BatchOutput(scene, torque, decided, total, mu, mu_qp, omega, saturated, names, policies, parameters, own)

@@ -11,13 +11,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from cbf_clf_qp.answer import Decided
-from cbf_clf_qp.estimates import Estimates, measuring, model_error
-from cbf_clf_qp.functions import one_at_a_time, packed, places_of
+from cbf_clf_qp.estimates import Estimates, model_error
+from cbf_clf_qp.functions import one_at_a_time, places_of
 from cbf_clf_qp.quantity import Constrained
 from rabbit_description.gait import Gaits
 from rabbit_description.state import SWAP_STATE, SWAP_TORQUE, TICK_SECONDS, Array, Leg, RobotState, StonePreview
 
-from rl_cbf_clf_controller.controller_output import NOTHING, ControllerOutput, seen_fields
+from rl_cbf_clf_controller.controller_output import NOTHING, ControllerOutput, flat, seen_fields
 from rl_cbf_clf_controller.identified_robot import IdentifiedRobot
 from rl_cbf_clf_controller.kinds import find_kind
 from rl_cbf_clf_controller.parameters import ControllerParameters
@@ -27,6 +27,7 @@ from rl_cbf_clf_controller.robot_numbers import Feet, read_robot
 from rl_cbf_clf_controller.scene import ControllerError, Scene, is_finite
 from rl_cbf_clf_controller.step_outputs import Touchdown, make_steps
 from rl_cbf_clf_controller.terrain import Terrain
+from rl_cbf_clf_controller.tick_functions import tick_functions
 from rl_cbf_clf_controller.virtual_constraints import VirtualConstraints
 from rl_cbf_clf_controller.walking import GAINS, Walking
 
@@ -86,13 +87,8 @@ class Controller:
         walking, robot = Walking(), read_robot(urdf)
         self.qp = make_tick(walking, parameters, further(walking))
         self._error = model_error(self.qp.terms)
-        leaves, before, measured = measuring(self.qp.terms, TICK_SECONDS)
-        inputs = {"x": walking.system.x, "p": walking.system.p, "path": packed(walking.outputs.path)}
-        inputs |= {"torque": walking.system.u, "before": before}
-        reads = {"mu_held": walking.output_dynamics(walking.system.u), "measured": measured, "leaves": leaves}
-        (along_path,) = walking.outputs.along_path([walking.system.p])
-        self._look, self._answer = self.qp.in_two(inputs, along_path, reads)
-        self._new = np.full(before.numel(), np.nan)  # what is left of the tick before, where the step is new
+        self._look, self._answer, left = tick_functions(walking, self.qp)
+        self._new = np.full(left, np.nan)  # what is left of the tick before, where the step is new
         self._p = np.zeros(walking.system.p.numel())  # parameters of a tick, but for what the path desires
         self._places = {name: place for name, (place, _) in places_of(walking.system.named).items()}
         self._stone = slice(self._places["l_min"].start, self._places["height"].stop)
@@ -269,7 +265,7 @@ class Controller:
             objective=p.objective,
             adaptation=p.adaptation,
             identified=self._robot.known if self._robot else NOTHING,
-            adapted=self.parts[1].flat if self._robot else NOTHING,
+            adapted=flat(self.parts[1]) if self._robot else NOTHING,
         )
 
     def _relabel(self, values: Array) -> Array:

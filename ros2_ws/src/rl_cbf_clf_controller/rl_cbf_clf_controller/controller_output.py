@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from cbf_clf_qp.estimates import Estimates
 from rabbit_description.state import Array, Leg
 
 from rl_cbf_clf_controller.scene import Scene
@@ -25,7 +26,7 @@ class ControllerOutput:
     (`margins`), its slack, as `decided.slack`, and its multiplier; `active` names those that hold with equality;
     `answered` is False where the guard solver had to answer; `fault` is empty, or why the episode must end;
     `objective`, `adaptation` name what was minimised and adapted; `identified` (17,) is the robot as in
-    `identified_robot.KNOWN`, `adapted` (5n + 20,) its part of the estimates, as in `Estimates.flat`; both (0,) without
+    `identified_robot.KNOWN`, `adapted` (5n + 20,) its part of the estimates, as in `flat`; both (0,) without
     adaptation.
     """
 
@@ -91,3 +92,18 @@ def seen_fields(scene: Scene) -> dict[str, Any]:
         "mu_held": seen.mu_held,
         "measured": seen.measured,
     }
+
+
+def flat(estimates: Estimates) -> Array:
+    """The paper's order (alpha_V, alpha_B1, ..., beta_V, beta_B1, ...), then the output error where it is known."""
+    known = [] if estimates.output_error is None else [estimates.output_error.ravel()]
+    return np.concatenate([estimates.alpha.ravel(), estimates.beta, *known])
+
+
+def from_flat(values: Array, n: int, m: int) -> Estimates:
+    """Of n quantities over m inputs, from what `flat` gives; raises ValueError for another length."""
+    sizes = n * (m + 1), (n + m) * (m + 1)
+    if values.shape not in ((sizes[0],), (sizes[1],)):
+        raise ValueError(f"estimates: {values.shape} values; expected {sizes[0]}, or {sizes[1]} with an output error")
+    alpha, beta, error = np.split(values, [n * m, sizes[0]])
+    return Estimates(alpha.reshape(n, m), beta, error.reshape(m, m + 1) if error.size else None)

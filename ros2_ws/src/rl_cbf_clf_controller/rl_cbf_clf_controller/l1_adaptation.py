@@ -24,7 +24,7 @@ all.
 import casadi as ca
 import numpy as np
 from cbf_clf_qp.affine import Affine
-from cbf_clf_qp.clf import ResClf
+from cbf_clf_qp.constraints import ResClf
 from cbf_clf_qp.estimates import Estimates
 from rabbit_description.state import TICK_SECONDS, Array
 from scipy.linalg import expm

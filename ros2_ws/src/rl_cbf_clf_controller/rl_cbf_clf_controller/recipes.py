@@ -4,10 +4,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import casadi as ca
-from cbf_clf_qp.affine import Affine
-from cbf_clf_qp.barrier import Barrier
-from cbf_clf_qp.clf import Clf, ResClf
-from cbf_clf_qp.qp import pd_centred
+import numpy as np
+from cbf_clf_qp.affine import Affine, inverse
+from cbf_clf_qp.constraints import Barrier, Clf, ResClf
 from cbf_clf_qp.quantity import Constrained, Constraint, Quantity, Rows, Terms, at_most
 from cbf_clf_qp.tick import Tick
 
@@ -130,6 +129,23 @@ def pd_objective(w: Walking, corrects_input: bool) -> Any:
         return pd_centred(w.eta[:m], w.eta[m:], w.gains["eps"], error, MU_WEIGHT)
 
     return objective
+
+
+def pd_centred(y: ca.SX, dy: ca.SX, eps: ca.SX | float, output_error: Affine, mu_weight: float) -> Affine:
+    """min |E mu + Delta - v_PD|^2 + mu_weight |mu|^2: the outputs y (m,) with rates dy, as estimated, follow a PD law.
+
+    y'' = E mu + Delta is the present estimate of the output dynamics: E = I + Delta_2, Delta = Delta_1 [delta_IO2]. The
+    PD law is that of the CLF's own Riccati equation (Q = I):  v_PD = -y / eps^2 - sqrt(3) dy / eps. mu' mu asks for the
+    smallest mu, whatever it does to the outputs: where the model is wrong and eta near 0, the smallest mu lets the
+    error Delta_1 drive the outputs away until the CLF row holds them, and the torque jumps from tick to tick.
+
+    The value is root mu - center: root is upper triangular with root' root = E'E + mu_weight I, and
+    root' center = E' (v_PD - Delta).
+    """
+    identity = ca.SX.eye(y.numel())
+    E, wanted = identity + output_error.a, -y / eps**2 - np.sqrt(3) * dy / eps
+    root = ca.chol(E.T @ E + mu_weight * identity)
+    return Affine(root, inverse(root).T @ (E.T @ (output_error.b - wanted)))
 
 
 def reads(w: Walking, p: Parameters, barriers: Mapping[str, ca.SX]) -> dict[str, ca.SX]:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 import pytest
-from cbf_clf_qp.barrier import ecbf_gains
+from cbf_clf_qp.constraints import ecbf_gains
 from rabbit_description.state import StonePreview
 from rl_cbf_clf_controller.stone_barriers import stone_barriers
 from scipy.linalg import expm

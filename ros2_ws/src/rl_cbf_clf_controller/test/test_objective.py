@@ -1,17 +1,22 @@
-"""What the QP minimises, as the controller has it; `cbf_clf_qp` tests the objectives themselves."""
+"""What the QP minimises, as the controller has it."""
 
 from dataclasses import replace
 
+import casadi as ca
 import numpy as np
 import pytest
+from cbf_clf_qp.affine import Affine
+from cbf_clf_qp.answer import Answering
 from cbf_clf_qp.estimates import Estimates
+from cbf_clf_qp.qp import build_qp
+from cbf_clf_qp.quantity import at_most
 from rabbit_description import DEFAULT_GAIT
 from rabbit_description.gait import load_gait
 from rabbit_description.state import RobotState, StonePreview
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.parameters import load_parameters
 from rl_cbf_clf_controller.policy import Policy, ZeroPolicy
-from rl_cbf_clf_controller.recipes import MU_WEIGHT
+from rl_cbf_clf_controller.recipes import MU_WEIGHT, pd_centred
 from rl_cbf_clf_controller.scene import ControllerError
 
 GAIT = load_gait(DEFAULT_GAIT)
@@ -62,3 +67,20 @@ def test_the_pd_centred_objective_needs_the_output_error():
 
 def test_the_zero_policy_tells_no_error():
     assert not Estimates.zero(1, 4).output_error.any()
+
+
+@pytest.mark.parametrize("solver", ["daqp", "osqp"])
+def test_pd_centred_is_least_squares(solver):
+    """|E mu + Delta - v_PD|^2 + weight |mu|^2 by numpy's own solution of it; the one row is far."""
+    m, eps, weight = 3, 0.3, 0.1
+    y, dy, D1, D2 = *(ca.SX.sym(name, m) for name in ("y", "dy", "D1")), ca.SX.sym("D2", m, m)
+    far = at_most(("far",), ca.SX.eye(m)[:1, :], ca.SX(1e6), 1e3)
+    layout, data = build_qp([far], pd_centred(y, dy, eps, Affine(D2, D1), weight), Affine.identity(m))
+    answer, rng = Answering({"y": y, "dy": dy, "D2": D2, "D1": D1}, data, layout, solver), np.random.default_rng(1)
+    for _ in range(20):
+        y_0, dy_0, delta_1 = rng.normal(size=(3, m))
+        E = np.eye(m) + (delta_2 := 0.4 * rng.normal(size=(m, m)))
+        v = -y_0 / eps**2 - np.sqrt(3) * dy_0 / eps
+        system = np.vstack([E, np.sqrt(weight) * np.eye(m)])
+        expected = np.linalg.lstsq(system, np.concatenate([v - delta_1, np.zeros(m)]), rcond=None)[0]
+        assert answer(y_0, dy_0, delta_2, delta_1).mu == pytest.approx(expected, abs=1e-7)

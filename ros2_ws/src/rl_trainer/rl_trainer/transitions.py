@@ -20,7 +20,7 @@ from enum import IntFlag
 import numpy as np
 from cbf_clf_qp.estimates import Estimates
 from rabbit_description.state import TICK_SECONDS, Array, RobotState
-from rl_cbf_clf_controller.controller_output import ControllerOutput
+from rl_cbf_clf_controller.controller_output import ControllerOutput, from_flat
 from rl_cbf_clf_controller.problem import Problem
 
 from rl_trainer.parameters import TrainingParameters
@@ -186,4 +186,4 @@ def _y_ddot(output: ControllerOutput, v: Array) -> Array:
 def adapted(output: ControllerOutput) -> Estimates:
     """What an adaptation added to a tick's quantities (n,) and to its y'' (4,)."""
     n, m = output.nominal_a.shape
-    return Estimates.from_flat(output.adapted, n, m) if output.adapted.size else Estimates.zero(n, m)
+    return from_flat(output.adapted, n, m) if output.adapted.size else Estimates.zero(n, m)

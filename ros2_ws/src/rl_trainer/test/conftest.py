@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from cbf_clf_qp.affine import Affine
-from cbf_clf_qp.clf import ResClf
+from cbf_clf_qp.constraints import ResClf
 from rabbit_description.state import TICK_SECONDS, Array, Leg, RobotState
 from rl_cbf_clf_controller.controller_output import ControllerOutput
 from rl_cbf_clf_controller.policy import LearnedPolicy

@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from cbf_clf_qp.clf import ResClf
+from cbf_clf_qp.constraints import ResClf
 from rabbit_description.force_ratio import force_ratio
 from rabbit_description.state import ACTUATED, TICK_SECONDS, Array, Leg
 
