@@ -17,7 +17,7 @@ from typing import Any, ClassVar
 import casadi as ca
 import numpy as np
 
-from cbf_clf_qp.functions import Array, NumpyFunction, Values, free_symbols, one_at_a_time, packed
+from cbf_clf_qp.functions import Array, NumpyFunction, Place, Values, free_symbols, one_at_a_time, packed
 from cbf_clf_qp.qp import ROUNDING, UNBOUNDED, Layout, reading
 
 SOLVERS = "daqp", "osqp"
@@ -79,13 +79,12 @@ class Answering:
         self.layout, self.solver = layout, solver
         self.programme = NumpyFunction.of("programme", inputs, data, matrices=("A", "unroot", "control_a"))
         parts = {name: ca.SX.sym(name, *value.shape) for name, value in data.items()}
-        x, y = ca.SX.sym("x", layout.shape[1]), ca.SX.sym("y", layout.shape[0])
+        x, y = ca.SX.sym("x", layout.of_A.size2()), ca.SX.sym("y", layout.of_A.size1())
         answer = {"data": packed(parts), "x": x, "y": y}
         self.reading = NumpyFunction.of("reading", answer, reading(parts, x, y, layout), matrices=("control_a",))
         given, names = self.programme.function.mx_in(), self.programme.function.name_in()
         row = self.programme.function(*given)
-        of_solver = ca.Function("of_solver", [answer["data"]], [parts[name] for name in ("q", "A", "lower", "upper")])
-        values = self.reading.function(row, *by_daqp(*of_solver(row)))
+        values = self.reading.function(row, *by_daqp(row, self.programme.places))
         self.with_daqp = NumpyFunction(ca.Function("decided", given, [values], names, ["values"]), self.reading.places)
         self._begin()
 
@@ -141,8 +140,10 @@ def answers(robots: Sequence[Answering], *inputs: Array) -> Decided:
     return decided
 
 
-def by_daqp(q: ca.MX, A: ca.MX, lower: ca.MX, upper: ca.MX) -> tuple[ca.MX, ca.MX]:
-    """x (n,) and y (k,) as expressions of a programme's data: DAQP inside a CasADi function."""
+def by_daqp(row: ca.MX, places: Mapping[str, Place]) -> tuple[ca.MX, ca.MX]:
+    """x (n,) and y (k,) as expressions of a programme's data, of which `places` are in a `row`: DAQP in a function."""
+    q, lower, upper, entries = (row[places[name][0]] for name in ("q", "lower", "upper", "A"))
+    A = ca.reshape(entries, q.numel(), upper.numel()).T
     hessian = 2 * ca.DM.eye(q.numel())
     shapes = {"h": hessian.sparsity(), "a": A.sparsity()}
     solve = ca.conic("daqp", "daqp", shapes, {"error_on_fail": False, "daqp": {"primal_tol": 1e-9}})
@@ -162,8 +163,8 @@ class OsqpSolver:
     SETTINGS: ClassVar = {"eps_abs": 1e-6, "eps_rel": 1e-6, "eps_prim_inf": 1e-8, "verbose": False, **STEPS}
 
     def __init__(self, layout: Layout) -> None:
-        pattern = np.hstack([np.ones((len(layout.names), layout.inputs)), layout.of_slacks])
-        self._shape, self._entries = layout.shape, pattern.T.nonzero()  # of A, column by column, as OSQP has them
+        self._shape = layout.of_A.shape
+        self._entries = tuple(map(np.array, layout.of_A.get_triplet()))  # of A, column by column, as OSQP has them
         self.reset()
 
     def reset(self) -> None:
@@ -178,7 +179,7 @@ class OsqpSolver:
             return free, np.zeros(len(p.upper)), "unconstrained"
         if self._solver:
             self._solver.update_data_vec(p.q, p.lower, p.upper)
-            self._solver.update_data_mat(None, None, p.A.T[self._entries], None)
+            self._solver.update_data_mat(None, None, p.A[self._entries], None)
         else:
             self._set_up(p)
         while self._solved() == "interrupted":
@@ -190,8 +191,7 @@ class OsqpSolver:
         import osqp  # half a second, with scipy
         from scipy import sparse
 
-        columns, rows = self._entries
-        A = sparse.csc_matrix((p.A[rows, columns], (rows, columns)), shape=self._shape)
+        A = sparse.csc_matrix((p.A[self._entries], self._entries), shape=self._shape)
         problem = osqp.OSQP()
         problem.setup(sparse.eye(len(p.q), format="csc") * 2, p.q, A, p.lower, p.upper, **self.SETTINGS)
         self._solver = problem._solver  # the compiled one: its wrapper costs a tick as much as solving does

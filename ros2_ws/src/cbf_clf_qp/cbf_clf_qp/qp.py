@@ -52,9 +52,10 @@ class Layout:
     of_slacks: Array
 
     @property
-    def shape(self) -> tuple[int, int]:
-        """Of A."""
-        return len(self.names), self.inputs + self.of_slacks.shape[1]
+    def of_A(self) -> ca.Sparsity:
+        """Where A (k, n) may have other numbers than zero."""
+        pattern = np.hstack([np.ones((len(self.names), self.inputs)), self.of_slacks])
+        return ca.sparsify(ca.DM(pattern)).sparsity()
 
 
 def build_qp(blocks: Sequence[Rows], objective: Affine | None, control: Affine) -> tuple[Layout, dict[str, ca.SX]]:
@@ -76,7 +77,7 @@ def build_qp(blocks: Sequence[Rows], objective: Affine | None, control: Affine) 
     units = ca.if_else(in_mu, ca.fmax(ca.sqrt(ca.sum2(of_mu**2)), TINY), 1)  # of the slacks, in units of the row
     A = ca.horzcat(of_mu @ unroot, ca.diag(-scale * units) @ ca.sparsify(ca.DM(layout.of_slacks)))
     size = ca.densify(ca.fmax(ca.sqrt(ca.sum2(A**2)), TINY))  # norms of the rows
-    A = A / ca.repmat(size, 1, layout.shape[1])
+    A = A / ca.repmat(size, 1, A.size2())
     q = ca.vertcat(2 * objective.b, ca.SX.zeros(layout.of_slacks.shape[1]))
     lower, upper = (ca.vertcat(*bounds) / size for bounds in zip(*((b.lower, b.upper) for b in blocks), strict=True))
     finite = (ca.vec(value) for value in (q, A, unroot, control.a, control.b))
@@ -97,12 +98,12 @@ def reading(data: dict[str, ca.SX], x: ca.SX, y: ca.SX, layout: Layout) -> dict[
     inf where the data are not valid. `margin` (k,): to a row's nearer bound, over the row's norm; `row_margin`: in the
     row's own units. `multiplier` (k,): by how much the minimum falls as the bound is moved, per unit of the row.
     """
-    A, lower, upper, size = data["A"], data["lower"], data["upper"], 1 + ca.norm_2(x)
+    A, lower, upper, size = ca.project(data["A"], layout.of_A), data["lower"], data["upper"], 1 + ca.norm_2(x)
     value, gradient = A @ x, 2 * x + data["q"] + A.T @ y
     rows = value - ca.fmin(ca.fmax(value + y, lower), upper)
     widths = ca.fmin(ca.fmax(upper - lower, CLOSEST * size), size)
     residual = ca.sqrt(ca.sumsqr(gradient / size) + ca.sumsqr(rows / widths))
-    rooted, slacks = ca.vertsplit(x, [0, layout.inputs, layout.shape[1]])
+    rooted, slacks = ca.vertsplit(x, [0, layout.inputs, x.numel()])
     mu, slack = data["unroot"] @ rooted, data["slack_scale"] * (layout.of_slacks @ slacks)
     return {
         "residual": ca.if_else(data["is_valid"], residual, ca.inf),
@@ -117,5 +118,5 @@ def reading(data: dict[str, ca.SX], x: ca.SX, y: ca.SX, layout: Layout) -> dict[
 
 
 def is_finite(values: ca.SX) -> ca.SX:
-    """1 where all `values` (n,) and the sum of their sizes are, else 0."""
-    return ca.sum1(ca.fabs(values)) <= UNBOUNDED
+    """1 where all `values` (n,) and their sum are, else 0."""
+    return ca.fabs(ca.sum1(values)) <= UNBOUNDED
