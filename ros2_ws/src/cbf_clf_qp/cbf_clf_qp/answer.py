@@ -17,8 +17,8 @@ from typing import Any, ClassVar
 import casadi as ca
 import numpy as np
 
-from cbf_clf_qp.functions import Array, NumpyFunction, Place, Values, free_symbols, one_at_a_time, packed
-from cbf_clf_qp.qp import ROUNDING, UNBOUNDED, Layout, reading
+from cbf_clf_qp.functions import Array, NumpyFunction, Place, Values, free_symbols, one_at_a_time, packed, together
+from cbf_clf_qp.qp import ROUNDING, UNBOUNDED, Layout, polished, reading
 
 SOLVERS = "daqp", "osqp"
 TOLERANCE = 1e-6  # KKT residual that is let pass, relative to 1 + |x|
@@ -65,9 +65,9 @@ class Decided:
 class Answering:
     """The answer to a programme of which the `data`, see `qp.build_qp`, are expressions of `inputs`.
 
-    Functions: `programme`, the data of the inputs; `reading`, what an answer says, of (data, x, y); `with_daqp`, both
-    with DAQP between them. `solver`: the one that is asked first, `daqp` or `osqp`. Raises ValueError for another one,
-    or an unknown symbol.
+    Functions: `programme`, the data of the inputs; `reading`, what an answer says, of (data, x, y), `polished_reading`
+    what the exact one near it says; `with_daqp`, programme and reading with DAQP between them. `solver`: the one that is
+    asked first, `daqp` or `osqp`. Raises ValueError for another one, or an unknown symbol.
     """
 
     @one_at_a_time
@@ -82,11 +82,18 @@ class Answering:
         x, y = ca.SX.sym("x", layout.of_A.size2()), ca.SX.sym("y", layout.of_A.size1())
         answer = {"data": packed(parts), "x": x, "y": y}
         self.reading = NumpyFunction.of("reading", answer, reading(parts, x, y, layout), matrices=("control_a",))
-        given, names = self.programme.function.mx_in(), self.programme.function.name_in()
-        row = self.programme.function(*given)
-        values = self.reading.function(row, *by_daqp(row, self.programme.places))
-        self.with_daqp = NumpyFunction(ca.Function("decided", given, [values], names, ["values"]), self.reading.places)
+        exact = reading(parts, *polished(parts, x, y, layout), layout)
+        self.polished_reading = NumpyFunction.of("polished_reading", answer, exact, matrices=("control_a",))
+        self.with_daqp = NumpyFunction(self._with_daqp(1), self.reading.places, self._with_daqp)
         self._begin()
+
+    def _with_daqp(self, n: int) -> ca.Function:
+        """Programme, DAQP and reading of n calls at once; inputs and output (n, size)."""
+        first, last = self.programme.function, self.reading.function
+        given = [ca.MX.sym(first.name_in(i), n, first.numel_in(i)) for i in range(first.n_in())]
+        data = together(first, n)(*given)
+        values = together(last, n)(data, *by_daqp(data, self.programme.places))
+        return ca.Function("decided", given, [values], first.name_in(), ["values"])
 
     def _begin(self) -> None:
         self._osqp = OsqpSolver(self.layout)
@@ -120,7 +127,7 @@ class Answering:
         if not data.is_valid[0]:
             return self._by_daqp(*inputs)
         x, y, status = self._osqp.solve(data)
-        return self.reading(data.row, x, y), status
+        return self.polished_reading(data.row, x, y), status
 
 
 def answers(robots: Sequence[Answering], *inputs: Array) -> Decided:
@@ -140,15 +147,22 @@ def answers(robots: Sequence[Answering], *inputs: Array) -> Decided:
     return decided
 
 
-def by_daqp(row: ca.MX, places: Mapping[str, Place]) -> tuple[ca.MX, ca.MX]:
-    """x (n,) and y (k,) as expressions of a programme's data, of which `places` are in a `row`: DAQP in a function."""
-    q, lower, upper, entries = (row[places[name][0]] for name in ("q", "lower", "upper", "A"))
-    A = ca.reshape(entries, q.numel(), upper.numel()).T
-    hessian = 2 * ca.DM.eye(q.numel())
-    shapes = {"h": hessian.sparsity(), "a": A.sparsity()}
-    solve = ca.conic("daqp", "daqp", shapes, {"error_on_fail": False, "daqp": {"primal_tol": 1e-9}})
-    answer = solve(h=hessian, g=q, a=A, lba=lower, uba=upper, lbx=-UNBOUNDED, ubx=UNBOUNDED)
-    return answer["x"], answer["lam_a"]
+def by_daqp(data: ca.MX, places: Mapping[str, Place]) -> tuple[ca.MX, ca.MX]:
+    """x (N, n) and y (N, k) as expressions of the data (N, size) of N programmes: DAQP inside a CasADi function."""
+    many, numbers = data.size1(), np.arange(data.numel()).reshape(data.shape, order="F")
+
+    def side_by_side(name: str) -> ca.MX:
+        place, shape = places[name]
+        own = numbers[:, place].reshape(many, *shape)  # those of each, row by row
+        return ca.reshape(ca.vec(data)[own.swapaxes(1, -1).ravel().tolist()], shape[0], -1)
+
+    q, A, lower, upper = (side_by_side(name) for name in ("q", "A", "lower", "upper"))
+    hessian = 2 * ca.DM.eye(q.size1())
+    shapes = {"h": hessian.sparsity(), "a": ca.Sparsity.dense(*places["A"][1])}
+    solve = ca.conic("daqp", "daqp", shapes, {"error_on_fail": False, "daqp": {"primal_tol": 1e-9}}).map(many)
+    free = UNBOUNDED * ca.DM.ones(q.shape)
+    answer = solve(h=ca.repmat(hessian, 1, many), g=q, a=A, lba=lower, uba=upper, lbx=-free, ubx=free)
+    return answer["x"].T, answer["lam_a"].T
 
 
 class OsqpSolver:
@@ -156,7 +170,7 @@ class OsqpSolver:
 
     While it solves, OSQP answers SIGINT itself: it stops, and nobody else hears of the signal. So a Ctrl-C waits until
     the programme is solved. If another thread took the signal, it is raised again and the programme is solved again.
-    OSQP's own polishing prints to stdout where no row is active; `polished` does not.
+    OSQP's own polishing prints to stdout where no row is active; `qp.polished` does not.
     """
 
     STEPS: ClassVar = {"scaling": 0, "check_termination": 10, "max_iter": 4000, "adaptive_rho_interval": 50}
@@ -185,7 +199,7 @@ class OsqpSolver:
         while self._solved() == "interrupted":
             signal.raise_signal(signal.SIGINT)
         solution = self._solver.solution
-        return (*polished(p, solution.x, solution.y), self._solver.info.status)
+        return solution.x, solution.y, self._solver.info.status
 
     def _set_up(self, p: Values) -> None:
         import osqp  # half a second, with scipy
@@ -203,17 +217,3 @@ class OsqpSolver:
         finally:
             signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
         return str(self._solver.info.status)
-
-
-def polished(p: Values, x: Array, y: Array) -> tuple[Array, Array]:
-    """The exact solution if those rows are active that seem to be, A_a x = b:  A_a A_a' y_a = -(2 b + A_a q)."""
-    value = p.A @ x
-    at_upper = p.upper - value < y
-    active = at_upper | (value - p.lower < -y)
-    A, b = p.A[active], np.where(at_upper, p.upper, p.lower)[active]
-    exact = np.zeros_like(y)
-    try:
-        exact[active] = np.linalg.solve(A @ A.T, -(2 * b + A @ p.q))
-    except np.linalg.LinAlgError:
-        return x, y
-    return -0.5 * (p.q + exact @ p.A), exact

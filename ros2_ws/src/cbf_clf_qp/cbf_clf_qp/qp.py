@@ -25,6 +25,7 @@ import numpy as np
 from cbf_clf_qp.affine import Affine, inverse
 from cbf_clf_qp.functions import Array
 from cbf_clf_qp.quantity import Number, Rows
+from cbf_clf_qp.system import solved
 
 ROUNDING = 1e-6  # a slack or a margin below this is the solver's tolerance
 UNBOUNDED = 1e30  # what the solvers take for infinity
@@ -115,6 +116,19 @@ def reading(data: dict[str, ca.SX], x: ca.SX, y: ca.SX, layout: Layout) -> dict[
         "row_margin": data["row_scale"] * margin,
         "multiplier": y / data["row_scale"],
     }
+
+
+def polished(data: dict[str, ca.SX], x: ca.SX, y: ca.SX, layout: Layout) -> tuple[ca.SX, ca.SX]:
+    """The exact solution if those rows are active that seem to be, A_a x = b:  A_a A_a' y_a = -(2 b + A_a q)."""
+    A, q, lower, upper = ca.project(data["A"], layout.of_A), data["q"], data["lower"], data["upper"]
+    value = A @ x
+    at_upper = upper - value < y
+    active = ca.logic_or(at_upper, value - lower < -y)
+    A_a = ca.diag(active) @ A
+    b = ca.if_else(active, ca.if_else(at_upper, upper, lower), 0)
+    exact = solved(A_a @ A_a.T + ca.diag(1 - active), -(2 * b + A_a @ q))
+    exists = is_finite(exact)
+    return ca.if_else(exists, -0.5 * (q + A_a.T @ exact), x), ca.if_else(exists, exact, y)
 
 
 def is_finite(values: ca.SX) -> ca.SX:
