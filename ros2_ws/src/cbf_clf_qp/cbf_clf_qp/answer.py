@@ -8,7 +8,7 @@ counts is the KKT residual of an answer, and not what a solver says of it.
 """
 
 import signal
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from copy import copy
 from dataclasses import dataclass
 from time import perf_counter
@@ -17,7 +17,7 @@ from typing import Any, ClassVar
 import casadi as ca
 import numpy as np
 
-from cbf_clf_qp.functions import Array, NumpyFunction, Place, Values, free_symbols, one_at_a_time, packed, together
+from cbf_clf_qp.functions import Array, NumpyFunction, Place, Values, free_symbols, one_at_a_time, packed
 from cbf_clf_qp.qp import ROUNDING, UNBOUNDED, Layout, polished, reading
 
 SOLVERS = "daqp", "osqp"
@@ -66,8 +66,8 @@ class Answering:
     """The answer to a programme of which the `data`, see `qp.build_qp`, are expressions of `inputs`.
 
     Functions: `programme`, the data of the inputs; `reading`, what an answer says, of (data, x, y), `polished_reading`
-    what the exact one near it says; `with_daqp`, programme and reading with DAQP between them. `solver`: the one that is
-    asked first, `daqp` or `osqp`. Raises ValueError for another one, or an unknown symbol.
+    what the exact one near it says; `with_daqp`, programme and reading with DAQP between them. `solver`: the one that
+    is asked first, `daqp` or `osqp`. Raises ValueError for another one, or an unknown symbol.
     """
 
     @one_at_a_time
@@ -84,16 +84,11 @@ class Answering:
         self.reading = NumpyFunction.of("reading", answer, reading(parts, x, y, layout), matrices=("control_a",))
         exact = reading(parts, *polished(parts, x, y, layout), layout)
         self.polished_reading = NumpyFunction.of("polished_reading", answer, exact, matrices=("control_a",))
-        self.with_daqp = NumpyFunction(self._with_daqp(1), self.reading.places, self._with_daqp)
+        given, names = self.programme.function.mx_in(), self.programme.function.name_in()
+        row = self.programme.function(*given)
+        values = self.reading.function(row, *by_daqp(row, self.programme.places))
+        self.with_daqp = NumpyFunction(ca.Function("decided", given, [values], names, ["values"]), self.reading.places)
         self._begin()
-
-    def _with_daqp(self, n: int) -> ca.Function:
-        """Programme, DAQP and reading of n calls at once; inputs and output (n, size)."""
-        first, last = self.programme.function, self.reading.function
-        given = [ca.MX.sym(first.name_in(i), n, first.numel_in(i)) for i in range(first.n_in())]
-        data = together(first, n)(*given)
-        values = together(last, n)(data, *by_daqp(data, self.programme.places))
-        return ca.Function("decided", given, [values], first.name_in(), ["values"])
 
     def _begin(self) -> None:
         self._osqp = OsqpSolver(self.layout)
@@ -130,39 +125,18 @@ class Answering:
         return self.polished_reading(data.row, x, y), status
 
 
-def answers(robots: Sequence[Answering], *inputs: Array) -> Decided:
-    """Those to N programmes, a row of each input a robot; each to the bit what the robot's own gives.
-
-    DAQP solves all in one call; OSQP, and each solver's guard, one after the other, from its own last answer.
-    """
-    start, n, first = perf_counter(), len(robots), robots[0]
-    values = first.with_daqp.of_many(*inputs)
-    solved = (values.row[:, 0] < TOLERANCE) & (first.solver == "daqp")
-    decided = Decided(values, first.layout, solved, ["daqp"] * n, ["solved"] * n, 0.0)
-    for i in (~solved).nonzero()[0].tolist():
-        one = robots[i](*(each[i] for each in inputs))
-        values.row[i], solved[i] = one.values.row, one.solved
-        decided.solver[i], decided.status[i] = one.solver, one.status
-    decided.seconds = (perf_counter() - start) / n
-    return decided
-
-
 def by_daqp(data: ca.MX, places: Mapping[str, Place]) -> tuple[ca.MX, ca.MX]:
-    """x (N, n) and y (N, k) as expressions of the data (N, size) of N programmes: DAQP inside a CasADi function."""
-    many, numbers = data.size1(), np.arange(data.numel()).reshape(data.shape, order="F")
-
-    def side_by_side(name: str) -> ca.MX:
-        place, shape = places[name]
-        own = numbers[:, place].reshape(many, *shape)  # those of each, row by row
-        return ca.reshape(ca.vec(data)[own.swapaxes(1, -1).ravel().tolist()], shape[0], -1)
-
-    q, A, lower, upper = (side_by_side(name) for name in ("q", "A", "lower", "upper"))
-    hessian = 2 * ca.DM.eye(q.size1())
-    shapes = {"h": hessian.sparsity(), "a": ca.Sparsity.dense(*places["A"][1])}
+    """x (n, N) and y (k, N) as expressions of the data (size, N) of N programmes: DAQP inside a CasADi function."""
+    many, (rows, columns) = data.size2(), places["A"][1]
+    q, lower, upper, entries = (data[places[name][0], :] for name in ("q", "lower", "upper", "A"))
+    turned = ca.horzsplit(ca.reshape(entries, columns, rows * many), rows)  # A' of each
+    hessian = 2 * ca.DM.eye(columns)
+    shapes = {"h": hessian.sparsity(), "a": ca.Sparsity.dense(rows, columns)}
     solve = ca.conic("daqp", "daqp", shapes, {"error_on_fail": False, "daqp": {"primal_tol": 1e-9}}).map(many)
+    given = {"g": q, "a": ca.horzcat(*(each.T for each in turned)), "lba": lower, "uba": upper}
     free = UNBOUNDED * ca.DM.ones(q.shape)
-    answer = solve(h=ca.repmat(hessian, 1, many), g=q, a=A, lba=lower, uba=upper, lbx=-free, ubx=free)
-    return answer["x"].T, answer["lam_a"].T
+    answer = solve(h=ca.repmat(hessian, 1, many), lbx=-free, ubx=free, **given)
+    return answer["x"], answer["lam_a"]
 
 
 class OsqpSolver:

@@ -7,10 +7,8 @@
 Every input is copied into memory that CasADi reads. All outputs lie in one row, of which each is a view.
 """
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from functools import partial
-from itertools import zip_longest
 from threading import RLock
 from typing import Any, Self
 
@@ -60,23 +58,19 @@ def view(place: slice, shape: tuple[int, ...]) -> property:
 class NumpyFunction:
     """A CasADi `function` that returns one row, with memory of its own: one object serves one thread.
 
-    `places`: the outputs in that row. A column is an array (n,), a matrix an array (n, m), row by row. `of_n`: what
-    makes the function of n calls at once, see `together`.
+    `places`: the outputs in that row. A column is an array (n,), a matrix an array (n, m), row by row.
     """
 
-    def __init__(
-        self, function: ca.Function, places: Mapping[str, Place], of_n: Callable[[int], ca.Function] | None = None
-    ) -> None:
-        self.function, self.places, self._of_n = function, places, of_n or partial(together, function)
+    def __init__(self, function: ca.Function, places: Mapping[str, Place]) -> None:
+        self.function, self.places = function, places
         sizes = [function.numel_in(i) for i in range(function.n_in())]
-        self._arguments = [(np.zeros(size), size, name) for size, name in zip(sizes, function.name_in(), strict=True)]
-        self._given, self._row = 0, np.zeros(function.numel_out())  # inputs of the last call, outputs
+        self.arguments = [(np.zeros(size), size, name) for size, name in zip(sizes, function.name_in(), strict=True)]
+        self._given, self.row = 0, np.zeros(function.numel_out())  # inputs of the last call, outputs
         self._buffer, self.evaluate = function.buffer()  # `evaluate` computes with the memory as it is
-        for i, (argument, *_) in enumerate(self._arguments):
+        for i, (argument, *_) in enumerate(self.arguments):
             self._buffer.set_arg(i, argument.data)  # type: ignore[call-arg]  # casadi's stub is of C++
-        self._buffer.set_res(0, self._row.data)  # type: ignore[call-arg]
+        self._buffer.set_res(0, self.row.data)  # type: ignore[call-arg]
         self.values = type("Values", (Values,), {name: view(*place) for name, place in places.items()})
-        self._many = dict[int, NumpyFunction]()  # by the number of calls
 
     @classmethod
     @one_at_a_time
@@ -91,59 +85,17 @@ class NumpyFunction:
     def __call__(self, *values: Array) -> Values:
         """The outputs; inputs left out are zero. Raises ValueError where one has another size than its symbol."""
         if len(values) != self._given:
-            if len(values) > len(self._arguments):
+            if len(values) > len(self.arguments):
                 raise ValueError(f"{len(values)} inputs; expected {', '.join(self.function.name_in())}")
-            for argument, *_ in self._arguments[len(values) :]:
+            for argument, *_ in self.arguments[len(values) :]:
                 argument[...] = 0
             self._given = len(values)
-        for value, (argument, size, name) in zip(values, self._arguments):  # noqa: B905  those left out are zero
+        for value, (argument, size, name) in zip(values, self.arguments):  # noqa: B905  those left out are zero
             if value.size != size:
                 raise ValueError(f"{name} has {value.size} numbers; expected {size}")
             argument[...] = value if value.ndim == 1 else value.ravel()
         self.evaluate()
-        return self.values(self._row.copy())
-
-    def of_many(self, *values: Array) -> Values:
-        """The outputs of N calls, each to the bit what it gives alone, of values (N, ...), or (n,) the same for all."""
-        n = len(values[0])
-        for value, (_, size, name) in zip(values, self._arguments):  # noqa: B905
-            if value.size != (size if value.ndim == 1 else n * size):
-                raise ValueError(f"{name} has {value.size} numbers; expected {size} for each of {n}")
-        room = 1 << (n - 1).bit_length()  # so that a few functions serve any n
-        if room not in self._many:
-            with building():
-                self._many[room] = NumpyFunction(self._of_n(room), {})
-        many = self._many[room]
-        for value, (argument, *_) in zip_longest(values, many._arguments, fillvalue=np.zeros(1)):
-            argument.reshape(-1, room)[:, :n] = value[:, None] if value.ndim == 1 else value.reshape(n, -1).T
-        many.evaluate()
-        return self.values(many._row.reshape(-1, room)[:, :n].T.copy())
-
-
-def together(function: ca.Function, n: int) -> ca.Function:
-    """n calls of a function of scalars at once, to the bit: inputs and output (n, size), a call in each row.
-
-    Each instruction is done for all calls before the next one, which takes a seventh of the time.
-    """
-    given = [ca.MX.sym(function.name_in(i), n, function.numel_in(i)) for i in range(function.n_in())]
-    if n == 1:
-        return ca.Function(function.name(), given, [function(*(each.T for each in given)).T])
-    columns, found = [ca.horzsplit(each) for each in given], [ca.MX()] * function.numel_out()
-    work = dict[int, ca.MX]()
-    for k in range(function.n_instructions()):
-        operation, of = function.instruction_id(k), function.instruction_input(k)
-        to = function.instruction_output(k)
-        if operation == ca.OP_CONST:
-            work[to[0]] = ca.MX(function.instruction_constant(k))
-        elif operation == ca.OP_INPUT:
-            work[to[0]] = columns[of[0]][of[1]]
-        elif operation == ca.OP_OUTPUT:
-            found[to[1]] = work[of[0]] + ca.MX.zeros(n) if work[of[0]].is_scalar() else work[of[0]]
-        elif len(of) == 1:
-            work[to[0]] = ca.MX.unary(operation, work[of[0]])
-        else:
-            work[to[0]] = ca.MX.binary(operation, work[of[0]], work[of[1]])
-    return ca.Function(function.name(), given, [ca.horzcat(*found)])
+        return self.values(self.row.copy())
 
 
 def row_major(value: ca.SX) -> ca.SX:

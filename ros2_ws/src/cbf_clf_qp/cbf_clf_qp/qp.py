@@ -126,7 +126,9 @@ def polished(data: dict[str, ca.SX], x: ca.SX, y: ca.SX, layout: Layout) -> tupl
     active = ca.logic_or(at_upper, value - lower < -y)
     A_a = ca.diag(active) @ A
     b = ca.if_else(active, ca.if_else(at_upper, upper, lower), 0)
-    exact = solved(A_a @ A_a.T + ca.diag(1 - active), -(2 * b + A_a @ q))
+    matrix, right = A_a @ A_a.T + ca.diag(1 - active), -(2 * b + A_a @ q)
+    exact = solved(matrix, right)
+    exact += solved(matrix, right - matrix @ exact)  # what rounding has left
     exists = is_finite(exact)
     return ca.if_else(exists, -0.5 * (q + A_a.T @ exact), x), ca.if_else(exists, exact, y)
 

@@ -1,5 +1,6 @@
-"""The controller's tick of N robots at once: the functions of `controller.py`, mapped; each robot's torque is to the
-bit what a `Controller` of its own would give.
+"""The controller's tick of N robots at once, by the functions of `controller.py`, see `batch_functions.py`.
+
+Each robot's torque is to the bit what a `Controller` of its own would give.
 
 State, outputs, rows, QP, policy and torque are computed for all robots together. What happens once a step, and an
 estimator that learns within the walk or knows its plant (the identified robot, L1, an oracle), goes robot by robot.
@@ -10,13 +11,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from cbf_clf_qp.answer import Decided, answers
+from cbf_clf_qp.answer import Decided
 from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.functions import NumpyFunction, Values
 from cbf_clf_qp.qp import ROUNDING as ACTIVE
 from rabbit_description.robot_states import RobotStates
 from rabbit_description.state import SWAP_STATE, SWAP_TORQUE, TICK_SECONDS, Array, Leg
 
+from rl_cbf_clf_controller.batch_functions import BatchFunction, answers, batch_with_daqp
 from rl_cbf_clf_controller.controller import NO_TORQUE, ROUNDING, Controller
 from rl_cbf_clf_controller.controller_output import ControllerOutput, flat, seen_fields
 from rl_cbf_clf_controller.identified_robots import IdentifiedRobots
@@ -134,6 +136,7 @@ class BatchController:
         self._estimators = [[each.another() for each in controller._estimators if each is not one] for _ in policies]
         self._acts_at_once = isinstance(policies[0], LearnedPolicy) and len(set(map(id, policies))) == 1
         self._answers = [controller._answer.another() for _ in policies]
+        self._look, self._with_daqp = BatchFunction(controller._look), batch_with_daqp(controller._answer)
         self._rngs = [np.random.default_rng(0) for _ in policies]
         self._constraints = [steps.first() for steps in self._steps]
         self._stance, self._index, self._start_tick = np.zeros((3, n), dtype=int)
@@ -201,7 +204,7 @@ class BatchController:
         sees_stone = ~np.isnan(states.stones[:, :1])
         np.copyto(p[:, self._one._stone], states.stones, where=sees_stone)
         self._left[self._last_tick != states.tick - 1] = np.nan
-        seen = self._one._look.of_many(x, p, self._path, self._torque, self._left)
+        seen = self._look(x, p, self._path, self._torque, self._left)
         stone = next((each for each in states.previews if each), None)
         observed = self._one._terrain.observed(stone, self._steps[0].wanted)
         return BatchScene(
@@ -232,7 +235,7 @@ class BatchController:
                     "objective pd_centred: expected a structured policy, which gives the output error"
                 )
             error = np.zeros((len(scene.x), *self._no_output_error))
-        decided = answers(self._answers, scene.seen.prepared, total.alpha, total.beta, error)
+        decided = answers(self._answers, self._with_daqp, scene.seen.prepared, total.alpha, total.beta, error)
         output = self._output(scene, decided, total, parts)
         self._last_tick, self._left = scene.tick, scene.seen.leaves.copy()
         return output

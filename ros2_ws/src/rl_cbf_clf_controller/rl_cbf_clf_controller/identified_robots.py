@@ -1,4 +1,4 @@
-"""N identified robots of a batch: to the bit what `IdentifiedRobot` finds of each, with its functions mapped.
+"""N identified robots of a batch: to the bit what `IdentifiedRobot` finds of each, with its functions of all at once.
 
 What a robot has learned lies in the rows of `_known`; a tick that a robot does not learn from leaves its row as it is.
 """
@@ -8,6 +8,7 @@ from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.functions import NumpyFunction, Values, places_of
 from rabbit_description.state import Array
 
+from rl_cbf_clf_controller.batch_functions import BatchFunction
 from rl_cbf_clf_controller.identification import DAMPING, LATE_TORQUE, MOTOR_GAIN, RATE_NOISE, SHARE, THETA, is_physical
 from rl_cbf_clf_controller.identification import SIZE as IDENTIFIED
 from rl_cbf_clf_controller.identified_robot import CONTACT_FORCE, PITCH_RATE, SETTLING, IdentifiedRobot
@@ -25,8 +26,8 @@ class IdentifiedRobots:
         identification, calibration = one._identification, one._calibration
         one.reset()
         self._nominal = one._row
-        self._identify, self._calibrate = identification._learned, calibration._learned
-        self._predict, self._model_error = one._predicted, model_error
+        self._identify, self._calibrate = BatchFunction(identification._learned), BatchFunction(calibration._learned)
+        self._predict, self._model_error = BatchFunction(one._predicted), BatchFunction(model_error)
         self._first = {
             **{"joints": one._nominal.joints.ravel(), "feet": one._nominal.feet.ravel()},
             **{"value": identification.value, "fit": identification.value},  # taken over, and as the squares say
@@ -61,7 +62,7 @@ class IdentifiedRobots:
     def predicted(self, x: Array, torque: Array) -> Array:
         """The states (N, 14) in which torques (N, 4) that are computed from `x` take effect."""
         self._x = x
-        found = self._predict.of_many(x, self._rows, torque, self._known["value"][:, [LATE_TORQUE]]).x
+        found = self._predict(x, self._rows, torque, self._known["value"][:, [LATE_TORQUE]]).x
         return np.where(np.isfinite(torque.sum(axis=1, keepdims=True)), found, x)
 
     def estimate(self, tick: Array, x: Array, p: Array, force: Array, torque: Array) -> Estimates:
@@ -71,7 +72,7 @@ class IdentifiedRobots:
         self._known |= {"last_tick": tick[:, None], "last_torque": torque, "last_x": measured}
         other, rows = p.copy(), self._rows
         other[:, : rows.shape[1]] = rows
-        found = self._model_error.of_many(x, p, other)
+        found = self._model_error(x, p, other)
         return Estimates(found.alpha, found.beta, found.output_error)
 
     @property
@@ -96,7 +97,7 @@ class IdentifiedRobots:
         if not learns.any():
             return
         lengths, offsets = (known["joints"], known["feet"]), (known["offsets"], known["offset_covariance"])
-        found = self._calibrate.of_many(measured, *lengths, *offsets)
+        found = self._calibrate(measured, *lengths, *offsets)
         self._take(found, learns, "offsets", "offset_covariance")
         self._find_noise(learns, known["last_x"][:, [PITCH_RATE]], measured[:, [PITCH_RATE]])
         learns &= known["differences"] >= FIRST_DIFFERENCES
@@ -106,7 +107,7 @@ class IdentifiedRobots:
         of_fit = known["value"][:, THETA], known["fit"], known["covariance"], known["walk"]
         of_tick = known["last_x"], measured, known["last_torque"], torque, force
         filtered = known["regressor"], known["measured"], known["share"]
-        found = self._identify.of_many(*lengths, *of_fit, *of_tick, *filtered, variance)
+        found = self._identify(*lengths, *of_fit, *of_tick, *filtered, variance)
         for name, new in (("regressor", found.regressor), ("measured", found.measured), ("share", np.full(1, SHARE))):
             known[name] = np.where(learns, new.reshape(len(new), -1) if new.ndim > 1 else new, known[name])
         self._take(found, learns, "fit", "covariance")

@@ -23,6 +23,7 @@ from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.functions import NumpyFunction
 from rabbit_description.state import Array
 
+from rl_cbf_clf_controller.batch_functions import BatchFunction
 from rl_cbf_clf_controller.problem import Problem
 from rl_cbf_clf_controller.scene import Estimator, Scene
 from rl_cbf_clf_controller.weights import Actor, PolicyFile
@@ -84,6 +85,7 @@ class ActorPolicy(LearnedPolicy):
         self._structured = form.structured
         scales = form.alpha_scale, form.beta_scale
         self._estimates = estimate_function(*scales, form.structured, "V" in form.names, form.m)
+        self._estimates_of_many = BatchFunction(self._estimates)
         self._actor = Actor(file.arrays)
 
     def act(self, observation: Array, LgV: Array) -> Estimates:
@@ -96,7 +98,7 @@ class ActorPolicy(LearnedPolicy):
 
     def act_of_many(self, observations: Array, LgV: Array) -> Estimates:
         """The same for N robots, to the bit."""
-        return Estimates(*self._found(self._estimates.of_many, observations, LgV))
+        return Estimates(*self._found(self._estimates_of_many, observations, LgV))
 
     def _found(self, estimates: Any, observation: Array, LgV: Array) -> tuple[Array, Array, Array | None]:
         size = self._center.size

@@ -3,12 +3,12 @@
 import casadi as ca
 import numpy as np
 import pytest
-from cbf_clf_qp.answer import answers
 from cbf_clf_qp.constraints import Barrier, Clf
 from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.functions import NumpyFunction
 from cbf_clf_qp.system import System
 from cbf_clf_qp.tick import Tick
+from rl_cbf_clf_controller.batch_functions import BatchFunction, answers, batch_with_daqp
 
 
 def norm() -> NumpyFunction:
@@ -19,7 +19,7 @@ def norm() -> NumpyFunction:
 
 def test_rows_are_the_values_of_each() -> None:
     v = np.array([[3.0, 4.0], [5.0, 12.0], [8.0, 15.0]])
-    found = norm().of_many(v, np.array([2.0]))
+    found = BatchFunction(norm())(v, np.array([2.0]))
     assert found.size == pytest.approx(2 * np.array([[5.0], [13.0], [17.0]]))
     assert found.outer == pytest.approx(v[:, :, None] * v[:, None, :])
     assert found[1].size == pytest.approx([26.0])
@@ -27,7 +27,7 @@ def test_rows_are_the_values_of_each() -> None:
 
 def test_a_wrong_size_names_the_input() -> None:
     with pytest.raises(ValueError, match="v has 3 numbers; expected 2 for each of 1"):
-        norm().of_many(np.ones((1, 3)), np.ones(1))
+        BatchFunction(norm())(np.ones((1, 3)), np.ones(1))
 
 
 @pytest.mark.parametrize("solver", ["daqp", "osqp"])
@@ -40,7 +40,7 @@ def test_a_wall_each_and_one_state_that_is_no_number(solver: str) -> None:
     walls = np.array([[0.9], [0.9], [0.9], [0.0]])
     none = Estimates.of_many([tick.no_error()] * 4)
     robots = [tick.answer.another() for _ in states]
-    decided = answers(robots, states, walls, none.alpha, none.beta, none.output_error)
+    decided = answers(robots, batch_with_daqp(tick.answer), states, walls, none.alpha, none.beta, none.output_error)
     assert decided.solved.tolist() == [True, True, False, True]
     for i in (0, 1, 3):
         alone = Tick(cart, [Clf(x - 1, eps=0.2), Barrier("wall", wall - x, poles=(8, 8))], limit=100, solver=solver)
@@ -55,3 +55,18 @@ def test_estimates_add_up_robot_by_robot() -> None:
     assert both[0].beta == pytest.approx([0.0, 2.0])
     assert both[1].output_error == pytest.approx(np.ones((3, 4)))
     assert (both + Estimates.of_many([unknown, one])).output_error is None
+
+
+def test_any_number_of_calls_has_the_bits_of_each_alone() -> None:
+    """Every kind of operation, constants as outputs, inputs that are left out, and no trace of the call before."""
+    x, y = ca.SX.sym("x", 3), ca.SX.sym("y")
+    found = {"a": ca.vertcat(ca.sin(x[0]) / x[1], ca.exp(-(x[2] ** 2)), x[0] ** 3, 2 * x[1], ca.tanh(x[2]) + y)}
+    found |= {"b": ca.vertcat(ca.fmax(x[0], y), ca.if_else(x[0] > x[1], x[2], -x[2]), ca.fabs(x[1]), 7, y)}
+    found |= {"c": ca.vertcat(ca.logic_or(x[0] > 0, x[1] > 0), ca.sign(x[2]), ca.sqrt(ca.fabs(x[0])), 1 / x[1])}
+    alone = NumpyFunction.of("f", {"x": x, "y": y}, found)
+    at_once, rng = BatchFunction(alone), np.random.default_rng(0)
+    for n in (1, 2, 3, 5, 8, 64, 7):
+        xs, ys = rng.normal(size=(n, 3)), rng.normal(size=(n, 1))
+        for given in ((xs, ys), (xs,)):
+            rows = at_once(*given).row
+            assert np.array_equal(rows, [alone(*each).row for each in zip(*given, strict=True)])
