@@ -11,6 +11,7 @@ from rabbit_sim.parameters import SimulationParameters
 WALK_ALONE = {"gear_stiffness", "backlash", "coulomb", "joint_damping"}  # in a batch, so they are drawn less often
 MASS_SCALES, PAYLOAD = (0.7, 2.5), 50.0  # kg
 LAG, LAGS = 0.004, (0.0, 0.01)  # s
+HARD = {"torque_rate": (5000.0, 16000.0), "loose_depth": (0.01, 0.04)}  # in place of the families' ranges
 
 
 def draw_plant(terrain: Terrain, rng: "np.random.Generator", stones: int) -> SimulationParameters:
@@ -26,9 +27,10 @@ def draw_plant(terrain: Terrain, rng: "np.random.Generator", stones: int) -> Sim
     else:
         changes["payload"] = rng.uniform(0, PAYLOAD)
     if rng.random() < 0.6:
-        known = [each.on(terrain) for each in families().families.values() if each.split == "development"]
-        known = [ranges for ranges in known if ranges]
-        changes |= drawn(known[rng.integers(len(known))] or {}, rng)
+        families_of = (each.on(terrain) for each in families().families.values() if each.split == "development")
+        known = [ranges for ranges in families_of if ranges]
+        ranges = known[rng.integers(len(known))]
+        changes |= drawn({name: HARD.get(name, each) for name, each in ranges.items()}, rng)
     lag = LAG if rng.random() < 0.7 else rng.uniform(*LAGS)
     course = {"terrain": terrain, "stones": stones, "motor_lag": lag, "plant": "mujoco"}
     return SimulationParameters.model_validate(course | changes)

@@ -46,7 +46,8 @@ class Outcome(Enum):
 class Landing:
     """Stone `index` was stepped at in `tick`: `l`, true, m from the stance foot; the stone's edges, NaN on flat ground.
 
-    `on_stone` is False where the foot found no hold.
+    The edges count from where the stance foot is now, which may have slid since it saw them. `on_stone` is False where
+    the foot found no hold.
     """
 
     index: int
@@ -217,8 +218,9 @@ class Simulation:
         """Note where the swing foot came down, once a step."""
         self._landed = True
         index = self._touchdowns + 1
-        seen = self._preview or StonePreview(index, np.nan, np.nan)
-        landing = Landing(index, self._tick, touch.x - touch.other_x, seen.l_min, seen.l_max, touch.hold)
+        stone = self._terrain.placed[index] if self._preview else Span(np.nan, np.nan)
+        edges = stone.near - touch.other_x, stone.far - touch.other_x
+        landing = Landing(index, self._tick, touch.x - touch.other_x, *edges, touch.hold)
         self.landings.append(landing)
         self._fell_into_gap |= not touch.hold
         if self.parameters.stop_at_miss and (landing.missed or not touch.hold):

@@ -19,7 +19,7 @@ from rabbit_description.robot_states import RobotStates
 from rabbit_description.state import SWAP_STATE, SWAP_TORQUE, TICK_SECONDS, Array, Leg
 
 from rl_cbf_clf_controller.batch_functions import BatchFunction, answers, batch_with_daqp
-from rl_cbf_clf_controller.controller import NO_TORQUE, ROUNDING, Controller
+from rl_cbf_clf_controller.controller import CARRIED, NO_TORQUE, ROUNDING, Controller
 from rl_cbf_clf_controller.controller_output import ControllerOutput, flat, seen_fields
 from rl_cbf_clf_controller.identified_robots import IdentifiedRobots
 from rl_cbf_clf_controller.parameters import ControllerParameters
@@ -137,13 +137,15 @@ class BatchController:
         self._acts_at_once = isinstance(policies[0], LearnedPolicy) and len(set(map(id, policies))) == 1
         self._answers = [controller._answer.another() for _ in policies]
         self._look, self._with_daqp = BatchFunction(controller._look), batch_with_daqp(controller._answer)
+        self._feet = BatchFunction(controller._feet.function)
         self._rngs = [np.random.default_rng(0) for _ in policies]
         self._constraints = [steps.first() for steps in self._steps]
         self._stance, self._index, self._start_tick = np.zeros((3, n), dtype=int)
         self._orders: dict[int, Array] = {}  # of the columns, by their number, for the legs that stand
         self._checked = np.full((n, 3), np.nan)  # stones
         self._has_begun, self._seconds_before = np.zeros(n, dtype=bool), np.zeros(n)
-        self._torque = np.tile(NO_TORQUE, (n, 1))
+        self._torque, self._held, self._place = np.tile(NO_TORQUE, (n, 1)), np.zeros((n, 4)), np.zeros((n, 2))
+        self._moved, self._carries = np.zeros((n, 2)), np.ones(n, dtype=bool)
         self._path = np.array([each.row for each in self._constraints])
         self._p = np.tile(controller._p, (n, 1))
         self._last_tick, self._left = np.full(n, -2), np.tile(controller._new, (n, 1))
@@ -158,7 +160,7 @@ class BatchController:
         self._stance[i] = self._index[i] = self._start_tick[i] = 0
         self._orders.clear()
         self._seconds_before[i], self._torque[i], self._last_tick[i] = np.nan, NO_TORQUE, -2
-        self._has_begun[i] = False
+        self._has_begun[i], self._held[i] = False, 0.0
         self._follow(i, self._steps[i].first())
         self._answers[i].reset()
         self._memory.forget(i)
@@ -189,6 +191,7 @@ class BatchController:
             q, dq = np.where(known, q, 0.0), np.where(known, dq, 0.0)
         is_known = np.isfinite(states.applied.sum(axis=1))
         if is_known.any():
+            self._held = np.where(is_known[:, None], states.applied, self._held)
             self._torque = np.where(is_known[:, None], self._by_stance(states.applied, SWAP_TORQUE), self._torque)
         if self._robots:
             q = self._robots.set_right(q)
@@ -196,13 +199,17 @@ class BatchController:
         x = np.concatenate([self._by_stance(q, SWAP_STATE), self._by_stance(dq, SWAP_STATE)], axis=1)
         for i in (~self._has_begun).nonzero()[0].tolist():
             self._begin_step(i, x[i], states)
-        if self._robots and self._one.parameters.prediction:
-            x = self._robots.predicted(x, self._torque)
-        p, places = self._p, self._one._places
+        p, places, parameters = self._p, self._one._places, self._one.parameters
         force = self._by_stance(states.foot_force.reshape(-1, 4), SWAP_TORQUE).reshape(-1, 2, 2)
-        p[:, places["force"]] = force[:, 0]
+        p[:, places["force"]], p[:, places["held"]] = force[:, 0], self._by_stance(self._held, SWAP_TORQUE)
+        if parameters.stone_tracking:
+            self._track(x, force[:, 0, 1])
         sees_stone = ~np.isnan(states.stones[:, :1])
-        np.copyto(p[:, self._one._stone], states.stones, where=sees_stone)
+        np.copyto(p[:, self._one._stone], states.stones - self._moved[:, (0, 0, 1)], where=sees_stone)
+        if self._robots:
+            p[:, places["torque_change_weight"]] = self._robots.lateness * parameters.torque_change_weight
+            if parameters.prediction:
+                x = self._robots.predicted(x, self._torque)
         self._left[self._last_tick != states.tick - 1] = np.nan
         seen = self._look(x, p, self._path, self._torque, self._left)
         stone = next((each for each in states.previews if each), None)
@@ -286,7 +293,7 @@ class BatchController:
         own = dict[str, Any]()
         if self._robots:
             own |= {"identified": self._robots.known, "adapted": [flat(parts[1][i]) for i in range(n)]}
-        torque = self._by_stance(torque, SWAP_TORQUE)
+        torque = self._held = self._by_stance(torque, SWAP_TORQUE)
         names, policies = self._one.qp.names, list(self.policies)
         return BatchOutput(scene, torque, decided, total, mu, mu_qp, omega, saturated, names, policies, parameters, own)
 
@@ -329,10 +336,21 @@ class BatchController:
         wrong = (states.touchdowns != self._index).nonzero()[0].tolist()
         return {i: f"contact disagreement: {states.touchdowns[i]} touchdowns, {self._index[i]} steps" for i in wrong}
 
+    def _track(self, x: Array, normal_force: Array) -> None:
+        """See `Controller._moved`."""
+        carries = normal_force > CARRIED
+        stands = (carries & self._carries)[:, None]
+        if not stands.all():
+            moved = self._feet(x[:, :7], *(each.ravel() for each in self._one._feet.lengths)).stance - self._place
+            self._moved = np.where(stands, self._moved, moved)
+        self._carries = carries
+
     def _begin_step(self, i: int, x: Array, states: RobotStates) -> None:
         """See `Controller`."""
         seconds = None if np.isnan(self._seconds_before[i]) else float(self._seconds_before[i])
-        taken = -float(self._one._feet(x[:7]).swing[0])
+        feet = self._one._feet(x[:7])
+        taken, self._place[i] = -float(feet.swing[0]), feet.stance
+        self._moved[i], self._carries[i] = 0.0, True
         self._follow(i, self._steps[i].begin(Touchdown(x[:7], x[7:], taken, seconds, states.previews[i])))
         self._has_begun[i] = True
 
@@ -346,5 +364,6 @@ class BatchController:
 
 PER_ROBOT = {
     *("policies", "_steps", "_estimators", "_rngs", "_constraints", "_stance", "_index", "_start_tick", "_has_begun"),
-    *("_answers", "_seconds_before", "_checked", "_torque", "_path", "_p", "_last_tick", "_left"),
+    *("_answers", "_seconds_before", "_checked", "_torque", "_held", "_place", "_moved", "_carries", "_path", "_p"),
+    *("_last_tick", "_left"),
 }

@@ -35,6 +35,7 @@ ROUNDING = 1e-6  # N m, by which the QP may be over the limit
 NO_TORQUE = np.full(4, np.nan)
 SWAP_X = np.concatenate([SWAP_STATE, 7 + SWAP_STATE])
 NO_NOISE = np.zeros(4)
+CARRIED = 20.0  # N; a foot that presses less may be falling
 DYNAMIC = ("sigma", "swap_time", "swap_phase", *GAINS)  # parameters that may change between two ticks
 
 Further = Callable[[Walking], Sequence[Constrained]]  # quantities of RABBIT's symbols
@@ -48,7 +49,8 @@ def nothing_further(walking: Walking) -> Sequence[Constrained]:
 @dataclass
 class StepState:
     """Which leg stands, for how long, how many steps have been taken, how long the last one took, s; the last tick's
-    torque and scene of this step."""
+    torque and scene of this step. `place` (2,), m: where the stance foot came down, in the world; `moved` (2,), m: from
+    there while it carried nothing; `carries`: whether it carries the robot."""
 
     stance: Leg = Leg.LEFT
     index: int = 0
@@ -57,6 +59,9 @@ class StepState:
     has_begun: bool = False
     torque: Array = field(default_factory=lambda: NO_TORQUE)
     last: Scene | None = None
+    place: Array = field(default_factory=lambda: np.zeros(2))
+    moved: Array = field(default_factory=lambda: np.zeros(2))
+    carries: bool = True
     rng: np.random.Generator = field(default_factory=lambda: np.random.default_rng(0))
 
 
@@ -152,6 +157,7 @@ class Controller:
     def reset(self, seed: int) -> None:
         """Begin an episode: left leg stands; the exploration noise starts from `seed`."""
         self._step = StepState(rng=np.random.default_rng(seed))
+        self._held = np.zeros(4)  # torque of the last tick, left/right order
         self._follow(self.steps.first())
         self._answer.reset()
         for estimator in (self.policy, *self._estimators):
@@ -175,6 +181,7 @@ class Controller:
         """
         self._check(state)
         if is_finite(state.applied):  # in real time it may be another than the one that this gave last
+            self._held = state.applied
             self._step.torque = state.applied[SWAP_TORQUE] if self._step.stance is Leg.RIGHT else state.applied
         if self._robot:
             state = self._robot.corrected(state)
@@ -190,14 +197,17 @@ class Controller:
     def look(self, state: RobotState) -> Scene:
         """What is seen of a state, with the present stance leg."""
         p, places, step, stone = self._p, self._places, self._step, state.preview
-        x, force = np.concatenate((state.q, state.dq)), state.foot_force
+        x, force, held = np.concatenate((state.q, state.dq)), state.foot_force, self._held
         if step.stance is Leg.RIGHT:
-            x, force = x[SWAP_X], force[::-1]
-        if self._robot and self.parameters.prediction:
-            x = self._robot.predicted(x, step.torque)
-        p[places["force"]] = force[0]
+            x, force, held = x[SWAP_X], force[::-1], held[SWAP_TORQUE]
         if stone is not None:
-            p[self._stone] = stone.l_min, stone.l_max, stone.height
+            along, up = self._moved(x, float(force[0, 1])).tolist() if self.parameters.stone_tracking else (0.0, 0.0)
+            p[self._stone] = stone.l_min - along, stone.l_max - along, stone.height - up
+        if self._robot:
+            p[places["torque_change_weight"]] = self._robot.lateness * self.parameters.torque_change_weight
+            if self.parameters.prediction:
+                x = self._robot.predicted(x, step.torque)
+        p[places["force"]], p[places["held"]] = force[0], held
         before = step.last.seen.leaves if step.last and step.last.tick == state.tick - 1 else self._new
         seen = self._look(x, p, self._constraints.row, step.torque, before)
         observation = seen.observation[: self._terrain.observed(stone, self.steps.wanted)]
@@ -238,10 +248,11 @@ class Controller:
         if saturated:
             mu = np.linalg.solve(values.control_a, torque - values.control_b)
         step.torque = torque
+        self._held = torque[SWAP_TORQUE] if step.stance is Leg.RIGHT else torque
         clf_slack, rescue_slack = (self._slacks @ values.slack).tolist()
         return ControllerOutput(
             **seen_fields(scene),
-            torque=torque[SWAP_TORQUE] if step.stance is Leg.RIGHT else torque,
+            torque=self._held,
             mu=mu,
             mu_qp=mu_qp,
             omega=omega,
@@ -268,6 +279,14 @@ class Controller:
             adapted=flat(self.parts[1]) if self._robot else NOTHING,
         )
 
+    def _moved(self, x: Array, normal_force: float) -> Array:
+        """How far the stance foot has moved since it came down, (2,), m: a foot that carries the robot stands."""
+        step, carries = self._step, normal_force > CARRIED
+        if not (carries and step.carries):
+            step.moved = self._feet(x[:7]).stance - step.place
+        step.carries = carries
+        return step.moved
+
     def _relabel(self, values: Array) -> Array:
         return values[SWAP_STATE] if self._step.stance is Leg.RIGHT else values
 
@@ -287,7 +306,9 @@ class Controller:
     def _begin_step(self, state: RobotState) -> None:
         """The step's outputs, from where the feet stand and the stone that is seen."""
         q_s, dq_s = self._relabel(state.q), self._relabel(state.dq)
-        taken = -float(self._feet(q_s).swing[0])
+        feet = self._feet(q_s)
+        taken, self._step.place = -float(feet.swing[0]), feet.stance
+        self._step.moved, self._step.carries = np.zeros(2), True
         touchdown = Touchdown(q_s, dq_s, taken, self._step.seconds_before, state.preview)
         self._follow(self.steps.begin(touchdown))
         self._step.has_begun = True

@@ -25,6 +25,7 @@ from rl_cbf_clf_controller.identification import (
     MOTOR_GAIN,
     THETA,
     Identification,
+    lateness,
 )
 from rl_cbf_clf_controller.joint_calibration import JointCalibration
 from rl_cbf_clf_controller.rate_noise import RateNoise
@@ -53,6 +54,11 @@ class IdentifiedRobot(Estimator):
     def known(self) -> Array:
         """(17,), as in `KNOWN`."""
         return np.concatenate([self._identification.value, self._calibration.value])
+
+    @property
+    def lateness(self) -> float:
+        """See `identification.lateness`."""
+        return float(lateness(self._identification.value[LATE_TORQUE]))
 
     def reset(self) -> None:
         """Begin an episode: the nominal robot."""

@@ -9,7 +9,16 @@ from cbf_clf_qp.functions import NumpyFunction, Values, places_of
 from rabbit_description.state import Array
 
 from rl_cbf_clf_controller.batch_functions import BatchFunction
-from rl_cbf_clf_controller.identification import DAMPING, LATE_TORQUE, MOTOR_GAIN, RATE_NOISE, SHARE, THETA, is_physical
+from rl_cbf_clf_controller.identification import (
+    DAMPING,
+    LATE_TORQUE,
+    MOTOR_GAIN,
+    RATE_NOISE,
+    SHARE,
+    THETA,
+    is_physical,
+    lateness,
+)
 from rl_cbf_clf_controller.identification import SIZE as IDENTIFIED
 from rl_cbf_clf_controller.identified_robot import CONTACT_FORCE, PITCH_RATE, SETTLING, IdentifiedRobot
 from rl_cbf_clf_controller.joint_calibration import OFFSETS
@@ -45,6 +54,11 @@ class IdentifiedRobots:
     def known(self) -> Array:
         """(N, 17), as in `identified_robot.KNOWN`."""
         return np.concatenate([self._known["value"], self._known["offsets"]], axis=1)
+
+    @property
+    def lateness(self) -> Array:
+        """(N, 1), see `identification.lateness`."""
+        return lateness(self._known["value"][:, [LATE_TORQUE]])
 
     def reset(self, i: int) -> None:
         """Begin an episode of robot `i`."""

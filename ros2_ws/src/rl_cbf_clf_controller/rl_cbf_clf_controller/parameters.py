@@ -52,6 +52,13 @@ class ControllerParameters(BaseModel):
     speed_regulation: Literal["learned", "integral"] = Field(
         "learned", description="how a library with slopes keeps its speed: by a learned model, or by PI control"
     )
+    torque_change_weight: float = Field(
+        0.0,
+        ge=0,
+        le=100,
+        description="weight in pd_centred of the torque's change since the last tick; beside an identification, only as"
+        " far as torque is found to arrive late",
+    )
     slack_weight: float = Field(10.0, ge=1e-6, le=1e6, description="p, weight of the CLF slack d")
     barrier_pole_1: float = Field(70.0, ge=1e-6, le=1000, description="first ECBF pole, 1/s")
     barrier_pole_2: float = Field(70.0, ge=1e-6, le=1000, description="second ECBF pole, 1/s")
@@ -59,6 +66,9 @@ class ControllerParameters(BaseModel):
     R2: float = Field(0.5, ge=1e-6, le=100, description="depth of the inner circle's centre, m")
     stone_margin: float = Field(
         0.005, ge=0, le=0.02, description="kept from both edges of a stone, for what happens between two ticks, m"
+    )
+    stone_tracking: bool = Field(
+        False, description="whether the next stone stays where it was seen while the stance foot falls with its own"
     )
     barrier_rows: bool = Field(True, description="stepping-stone barriers in the CBF controllers")
     force_rows: bool = Field(True, description="contact-force rows in the CBF controllers")

@@ -126,26 +126,38 @@ def pd_objective(w: Walking, corrects_input: bool) -> Any:
     def objective(terms: Terms) -> Affine:
         m = terms.inputs
         error = Affine(ca.SX.zeros(m, m), ca.SX.zeros(m)) if corrects_input else terms.output_error
-        return pd_centred(w.eta[:m], w.eta[m:], w.gains["eps"], error, MU_WEIGHT)
+        change = Affine(terms.control.a, terms.control.b - w.held)
+        weights = MU_WEIGHT, w.gains["torque_change_weight"]
+        return pd_centred(w.eta[:m], w.eta[m:], w.gains["eps"], error, change, weights)
 
     return objective
 
 
-def pd_centred(y: ca.SX, dy: ca.SX, eps: ca.SX | float, output_error: Affine, mu_weight: float) -> Affine:
-    """min |E mu + Delta - v_PD|^2 + mu_weight |mu|^2: the outputs y (m,) with rates dy, as estimated, follow a PD law.
+def pd_centred(
+    y: ca.SX,
+    dy: ca.SX,
+    eps: ca.SX | float,
+    output_error: Affine,
+    change: Affine,
+    weights: tuple[ca.SX | float, ca.SX | float],
+) -> Affine:
+    """min |E mu + Delta - v_PD|^2 + w_1 |mu|^2 + w_2 |change(mu)|^2: outputs y (m,), rates dy, follow a PD law.
 
     y'' = E mu + Delta is the present estimate of the output dynamics: E = I + Delta_2, Delta = Delta_1 [delta_IO2]. The
     PD law is that of the CLF's own Riccati equation (Q = I):  v_PD = -y / eps^2 - sqrt(3) dy / eps. mu' mu asks for the
     smallest mu, whatever it does to the outputs: where the model is wrong and eta near 0, the smallest mu lets the
     error Delta_1 drive the outputs away until the CLF row holds them, and the torque jumps from tick to tick.
 
-    The value is root mu - center: root is upper triangular with root' root = E'E + mu_weight I, and
-    root' center = E' (v_PD - Delta).
+    `change` C mu + c is that of the torque since the last tick: where motors are slow, a torque that jumps arrives late.
+
+    The value is root mu - center: root is upper triangular with root' root = E'E + w_1 I + w_2 C'C, and
+    root' center = E' (v_PD - Delta) - w_2 C'c.
     """
-    identity = ca.SX.eye(y.numel())
+    identity, (of_mu, of_change) = ca.SX.eye(y.numel()), weights
     E, wanted = identity + output_error.a, -y / eps**2 - np.sqrt(3) * dy / eps
-    root = ca.chol(E.T @ E + mu_weight * identity)
-    return Affine(root, inverse(root).T @ (E.T @ (output_error.b - wanted)))
+    root = ca.chol(E.T @ E + of_mu * identity + of_change * change.a.T @ change.a)
+    pull = E.T @ (output_error.b - wanted) + of_change * change.a.T @ change.b
+    return Affine(root, inverse(root).T @ pull)
 
 
 def reads(w: Walking, p: Parameters, barriers: Mapping[str, ca.SX]) -> dict[str, ca.SX]:

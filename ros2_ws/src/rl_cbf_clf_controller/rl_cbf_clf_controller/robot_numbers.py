@@ -57,18 +57,21 @@ class RobotNumbers:
 
 
 class Feet:
-    """`swing` (2,), m, from the stance foot, and its `jacobian` (2, n), at q (n,). One object serves one thread."""
+    """`stance` (2,) in the world, `swing` (2,) from there, m, and its `jacobian` (2, n), at q (n,).
+
+    `function`: these of q and `lengths`. One object serves one thread.
+    """
 
     def __init__(self, numbers: RobotNumbers) -> None:
         robot = PinnedRobot(numbers.structure)
-        self._lengths = numbers.joints, numbers.feet
+        self.lengths = numbers.joints, numbers.feet
         inputs = {"q": robot.q, "joints": robot.parameters["joints"], "feet": robot.parameters["feet"]}
-        found = {"swing": robot.swing, "jacobian": ca.jacobian(robot.swing, robot.q)}
-        self._function = NumpyFunction.of("feet", inputs, found)
+        found = {"stance": robot.feet[0], "swing": robot.swing, "jacobian": ca.jacobian(robot.swing, robot.q)}
+        self.function = NumpyFunction.of("feet", inputs, found)
 
     def __call__(self, q_s: Array) -> Values:
         """At coordinates in stance/swing order."""
-        return self._function(q_s, *self._lengths)
+        return self.function(q_s, *self.lengths)
 
 
 def read_robot(urdf: str | None = None, feet: tuple[str, str] = ("left_foot", "right_foot")) -> RobotNumbers:

@@ -17,6 +17,7 @@ from rl_cbf_clf_controller.virtual_constraints import OutputExpressions
 GAINS = (
     "eps",
     "slack_weight",
+    "torque_change_weight",
     "barrier_pole_1",
     "barrier_pole_2",
     "R1",
@@ -41,21 +42,24 @@ class Stone:
 
 
 class Walking:
-    """Symbols and expressions; `gains` has the `GAINS` by name, `force` (2,) is the measured (F_T, F_N), N."""
+    """Symbols and expressions; `gains` has the `GAINS` by name, `force` (2,) is the measured (F_T, F_N), N.
+
+    `held` (4,) is the torque that has been applied since the last tick, N m.
+    """
 
     def __init__(self, structure: Structure = RABBIT) -> None:
         self.robot = PinnedRobot(structure)
         self.outputs = OutputExpressions(self.robot.q, self.robot.dq)
         self.stone = Stone(*(ca.SX.sym(name) for name in ("l_min", "l_max", "height")))
         self.gains = {name: ca.SX.sym(name) for name in GAINS}
-        self.force = ca.SX.sym("force", 2)
+        self.force, self.held = ca.SX.sym("force", 2), ca.SX.sym("held", 4)
         self.step_length = ca.SX.sym("step_length")  # m, that a gait library chose for the stone
 
     @cached_property
     def system(self) -> System:
         """With the state (q, q') in stance/swing order and the torque as its input."""
         further = {**self.outputs.parameters, **vars(self.stone), "force": self.force, "step_length": self.step_length}
-        return self.robot.system({**further, **self.gains}, self.outputs.rates)
+        return self.robot.system({**further, "held": self.held, **self.gains}, self.outputs.rates)
 
     @cached_property
     def output_dynamics(self) -> Affine:
