@@ -3,7 +3,8 @@
 entry_points={"rabbit.methods": ["mine = my_package.method:MINE"]}      in a setup.py; MINE is a `Method`
 """
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Any
 
@@ -22,7 +23,7 @@ from rabbit_reproduce.controllers import (
 )
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
-from rabbit_benchmark.cells import Terrain
+from rabbit_benchmark.cells import Map, Terrain
 
 GROUP = "rabbit.methods"
 REFERENCE = "identified"  # with which the others are compared
@@ -36,7 +37,8 @@ class MethodError(ValueError):
 class Method:
     """A name, a title for tables, what it was trained on, and a controller with parameters and policy by terrain.
 
-    It has no controller on a terrain that it cannot walk, and `trained_on` is empty where nothing was learned.
+    It has no controller on a terrain that it cannot walk, and `trained_on` is empty where nothing was learned. `tuned`:
+    its parameters on a map and terrain, where they are that map's own.
     """
 
     name: str
@@ -44,10 +46,13 @@ class Method:
     stones: Contender | None = None
     flat: Contender | None = None
     trained_on: str = ""
+    tuned: Mapping[tuple[Map, Terrain], dict[str, Any]] = field(default_factory=dict, hash=False)
 
-    def on(self, terrain: Terrain) -> Contender | None:
+    def on(self, terrain: Terrain, where: Map | None = None) -> Contender | None:
         """Its controller there."""
-        return self.stones if terrain == "stones" else self.flat
+        contender = self.stones if terrain == "stones" else self.flat
+        own = self.tuned.get((where, terrain), {}) if where else {}
+        return contender and replace(contender, tuning=contender.tuning + tuple(own.items()))
 
 
 PAPER_POLICY = "DDPG at mass scale 2, no motor lag, seed 1: 6,572 transitions on stones, 7,981 on flat ground"
@@ -146,6 +151,6 @@ def _tuned(base: Method, tuning: tuple[tuple[str, Any], ...]) -> Method:
         return base
     about = [f"{name}={value:g}" if isinstance(value, float) else f"{name}={value}" for name, value in tuning]
     stones, flat = (each and replace(each, tuning=each.tuning + tuning) for each in (base.stones, base.flat))
-    return replace(
-        base, name=":".join([base.name, *about]), title=", ".join([base.title, *about]), stones=stones, flat=flat
-    )
+    tuned = {where: own | dict(tuning) for where, own in base.tuned.items()}
+    name, title = ":".join([base.name, *about]), ", ".join([base.title, *about])
+    return replace(base, name=name, title=title, stones=stones, flat=flat, tuned=tuned)
