@@ -10,6 +10,7 @@ from typing import Any
 
 from rabbit_description import plugins
 from rabbit_reproduce.controllers import (
+    AT_ITS_BEST,
     GAIT,
     IDENTIFIED,
     INTEGRAL,
@@ -27,6 +28,7 @@ from rabbit_benchmark.cells import Map, Terrain
 
 GROUP = "rabbit.methods"
 REFERENCE = "identified"  # with which the others are compared
+LIKE: dict[Map, Map] = {"storm-2": "storm", "reported": "development"}  # no method has parameters of its own there
 
 
 class MethodError(ValueError):
@@ -51,13 +53,22 @@ class Method:
     def on(self, terrain: Terrain, where: Map | None = None) -> Contender | None:
         """Its controller there."""
         contender = self.stones if terrain == "stones" else self.flat
-        own = self.tuned.get((where, terrain), {}) if where else {}
+        own = self.tuned.get((LIKE.get(where, where), terrain), {}) if where else {}
         return contender and replace(contender, tuning=contender.tuning + tuple(own.items()))
 
 
 PAPER_POLICY = "DDPG at mass scale 2, no motor lag, seed 1: 6,572 transitions on stones, 7,981 on flat ground"
 SPEED_MODEL = "its model of the speed: walks of random plants with random changes of the slope (rabbit speed)"
 ORACLE = "knows the true plant: the bound, not a method"
+PI_ON_SLOPES = {**SLOPES, **INTEGRAL}
+TUNED: dict[tuple[Map, Terrain], dict[str, Any]] = {  # on development seeds of each map (studies/docs/tuning.md)
+    ("outside", "stones"): PI_ON_SLOPES | {"eps": 0.03},
+    ("outside", "flat"): PI_ON_SLOPES | {"eps": 0.04},
+    ("storm", "stones"): PI_ON_SLOPES | {"eps": 0.03},
+    ("storm", "flat"): PI_ON_SLOPES | {"eps": 0.04},
+    ("development", "stones"): PI_ON_SLOPES | {"eps": 0.03},
+    ("development", "flat"): PI_ON_SLOPES | {"eps": 0.04},
+}
 
 
 def _method(name: str, title: str, policy: str, *tuning: dict[str, str], trained_on: str = "") -> Method:
@@ -82,6 +93,7 @@ def _paper(name: str, title: str, *tuning: dict[str, Any]) -> Method:
 BUILT_IN = (
     _method("nominal", "nominal, mu'mu", "zero"),
     _method("nominal-pd", "nominal, PD-centred", "zero", PD),
+    Method("nominal-tuned", "nominal at its best", AT_ITS_BEST["stones"], AT_ITS_BEST["flat"], tuned=TUNED),
     Method("robust", "robust, mu'mu", stones=variant("robust", "robust-cbf-clf-qp", "zero", LIBRARY, MARGIN)),
     Method("l1", "L1, mu'mu", flat=variant("L1", "l1-clf-qp", "zero", GAIT)),
     _method(REFERENCE, "identified, PD-centred", "zero", IDENTIFIED, PD),

@@ -5,7 +5,6 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
 from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, ClassVar
@@ -64,7 +63,10 @@ class Experiment(ABC):
     @cached_property
     def tuned(self) -> dict[Any, Line]:
         """The lines of that controller, by plant and by whether there are force rows."""
-        return {_place(line): _tuned(line) for line in self.compared()}
+        lines: dict[Any, Line] = {}
+        for line in self.compared():
+            lines.setdefault(_place(line), _tuned(line))
+        return lines
 
     def at_best(self, found: Found, line: Line) -> Walks:
         """Its runs where `line` walks."""
@@ -218,15 +220,8 @@ def _tuned(line: Line) -> Line:
     plant, force_rows = _place(line)
     contender = AT_ITS_BEST[plant.terrain]
     assembly = contender.assembly({"force_rows": force_rows}, **plant.model_dump())
-    what = f"{contender.title}, where: {line.what}"
-    return replace(
-        line,
-        what=what,
-        assembly=assembly,
-        paper="",
-        nominal=None,
-        columns=tuple(c for c in line.columns if c in (MAIN, RIGID)),
-    )
+    columns = tuple(column for column in line.columns if column in (MAIN, RIGID))
+    return Line(f"{contender.title}, where: {line.what}", assembly, runs=line.runs, columns=columns)
 
 
 @cache

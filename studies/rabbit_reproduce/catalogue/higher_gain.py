@@ -8,7 +8,17 @@ from typing import Any
 from matplotlib.figure import Figure
 from rabbit_viewer import style
 
-from rabbit_reproduce.controllers import AT_ITS_BEST, BEST, CBF_CLF, CBF_CLF_ORACLE, RL_CBF_CLF, Contender
+from rabbit_reproduce.controllers import (
+    AT_ITS_BEST,
+    BEST,
+    CBF_CLF,
+    CBF_CLF_ORACLE,
+    LIBRARY,
+    MARGIN,
+    RL_CBF_CLF,
+    Contender,
+    variant,
+)
 from rabbit_reproduce.curves import draw_rates
 from rabbit_reproduce.experiment import Experiment
 from rabbit_reproduce.report import Claim, Table
@@ -16,9 +26,11 @@ from rabbit_reproduce.table_lines import HEADLINE, MAIN, MUJOCO, Found, Line, lo
 
 SEED = 50006  # of these courses and of nothing else
 ENGINES = (MAIN, MUJOCO)
+HIGH_GAIN = variant("nominal, mu'mu, eps 0.01", "cbf-clf-qp", "zero", LIBRARY, MARGIN, {"eps": 0.01})
 WHO = (
     replace(CBF_CLF, title="nominal, eps 0.04"),
     replace(AT_ITS_BEST["stones"], colour=style.ORANGE, line="--"),
+    replace(HIGH_GAIN, colour=style.PURPLE, line="-."),
     replace(RL_CBF_CLF, title="the paper's policy, eps 0.04"),
     replace(CBF_CLF_ORACLE, title="oracle, eps 0.04: exact estimates"),
     replace(BEST, title="best: identifies the robot"),
