@@ -4,6 +4,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 from rabbit_experiments.evaluation import SeededRun, Walk
 from rabbit_experiments.metrics import RunResult, RunRow
@@ -65,7 +66,7 @@ def test_a_curve_is_the_share_walked() -> None:
     for axes, share in zip(figure.axes, (0.5, 0.25), strict=True):
         curves = [line for line in axes.lines if line.get_label() in {who.title for who in WHO}]
         assert len(curves) == len(WHO)
-        assert all((line.get_ydata() == share).all() for line in curves)
+        assert all(np.all(np.asarray(line.get_ydata()) == share) for line in curves)
 
 
 @pytest.mark.parametrize("experiment", [each for each in EXPERIMENTS if each.judged_on_rigid and each.by_key])
@@ -89,8 +90,15 @@ def test_the_nominal_controller_at_its_best_walks_beside_the_claims(experiment: 
 )
 def test_the_page_says_which_claims_fall(tmp_path: Path, verdict: Verdict, undone: bool, falls: bool) -> None:
     claim = Claim(claim="it walks", ours="10 of 10", verdict=verdict, tuned="9 of 10", undone=undone)
-    about = {"name": "one", "title": "One", "label": "-", "paper": "-", "quick": False, "retrained": False}
-    Report(**about, commit="", policies={}, claims=(claim,), tables=(), figures={}).write(tmp_path, {})  # type: ignore[arg-type]
+    about: dict[str, Any] = {
+        "name": "one",
+        "title": "One",
+        "label": "-",
+        "paper": "-",
+        "quick": False,
+        "retrained": False,
+    }
+    Report(**about, commit="", policies={}, claims=(claim,), tables=(), figures={}).write(tmp_path, {})
     text = write_page(tmp_path, ["one"]).read_text()
     assert "9 of 10" in text
     assert ("The claim falls with it" in text) is falls

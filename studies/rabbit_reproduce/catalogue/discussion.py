@@ -75,8 +75,9 @@ class Tolerance(Sweep):
         claims = []
         for each, plant in self.plants.items():
             largest, best = (self.largest(row(found, each)) for row in (self.row, self.row_at_best))
-            words = {"what": self.what, "who": each.title, "mass_scale": f"{plant.get('mass_scale', 1.0):g}"}
-            claims.append(self.claim("takes", largest, tuned=(best, False), **words))
+            scale = f"{plant.get('mass_scale', 1.0):g}"
+            words = {"what": self.what, "who": each.title, "mass_scale": scale}
+            claims.append(self.claim("takes", largest, None, False, (best, False), **words))
         return claims
 
 

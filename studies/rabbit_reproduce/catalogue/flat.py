@@ -67,9 +67,9 @@ class ClfResults(TenSteps):
         over, over_l1, over_bare, over_kept = (w.total("ticks_over_cone") for w in (learned, l1, bare, kept))
         claims, tuned = super().claims(found), self.at_best(found, self.by_key[CLF])
         for each in (L1_CLF, CLF):
-            beside = {"tuned": tuned} if each is CLF else {}
             ours, parts = walks[each].text, {"fails": not walks[each].passes}
-            claims.append(self.claim("fails", ours, parts, who=each.title, **beside))
+            beside = tuned if each is CLF else ("-", False)
+            claims.append(self.claim("fails", ours, parts, tuned=beside, who=each.title))
         ours = f"{over} of {learned.total('ticks')} ticks over, largest {learned.max_ratio:.2f}"
         claims.append(self.claim("cone", ours, {"never over": over == 0}, tuned=forces_kept(tuned)))
         if found.column is MAIN:
