@@ -3,12 +3,14 @@
 entry_points={"rabbit.methods": ["mine = my_package.method:MINE"]}      in a setup.py; MINE is a `Method`
 """
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Any
 
 from rabbit_description import plugins
 from rabbit_reproduce.controllers import (
+    AT_ITS_BEST,
     GAIT,
     IDENTIFIED,
     INTEGRAL,
@@ -22,10 +24,11 @@ from rabbit_reproduce.controllers import (
 )
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
-from rabbit_benchmark.cells import Terrain
+from rabbit_benchmark.cells import Map, Terrain
 
 GROUP = "rabbit.methods"
 REFERENCE = "identified"  # with which the others are compared
+LIKE: dict[Map, Map] = {"storm-2": "storm", "reported": "development"}  # no method has parameters of its own there
 
 
 class MethodError(ValueError):
@@ -36,7 +39,8 @@ class MethodError(ValueError):
 class Method:
     """A name, a title for tables, what it was trained on, and a controller with parameters and policy by terrain.
 
-    It has no controller on a terrain that it cannot walk, and `trained_on` is empty where nothing was learned.
+    It has no controller on a terrain that it cannot walk, and `trained_on` is empty where nothing was learned. `tuned`:
+    its parameters on a map and terrain alone; a map that is only reported has those of the map that it is `LIKE`.
     """
 
     name: str
@@ -44,15 +48,27 @@ class Method:
     stones: Contender | None = None
     flat: Contender | None = None
     trained_on: str = ""
+    tuned: Mapping[tuple[Map, Terrain], dict[str, Any]] = field(default_factory=dict, hash=False)
 
-    def on(self, terrain: Terrain) -> Contender | None:
+    def on(self, terrain: Terrain, where: Map | None = None) -> Contender | None:
         """Its controller there."""
-        return self.stones if terrain == "stones" else self.flat
+        contender = self.stones if terrain == "stones" else self.flat
+        own = self.tuned.get((LIKE.get(where, where), terrain), {}) if where else {}
+        return contender and replace(contender, tuning=contender.tuning + tuple(own.items()))
 
 
 PAPER_POLICY = "DDPG at mass scale 2, no motor lag, seed 1: 6,572 transitions on stones, 7,981 on flat ground"
 SPEED_MODEL = "its model of the speed: walks of random plants with random changes of the slope (rabbit speed)"
 ORACLE = "knows the true plant: the bound, not a method"
+PI_ON_SLOPES = {**SLOPES, **INTEGRAL}
+TUNED: dict[tuple[Map, Terrain], dict[str, Any]] = {  # on development seeds of each map (studies/docs/tuning.md)
+    ("outside", "stones"): PI_ON_SLOPES | {"eps": 0.03},
+    ("outside", "flat"): PI_ON_SLOPES | {"eps": 0.04},
+    ("storm", "stones"): PI_ON_SLOPES | {"eps": 0.02},
+    ("storm", "flat"): PI_ON_SLOPES | {"eps": 0.04},
+    ("development", "stones"): PI_ON_SLOPES | {"eps": 0.03},
+    ("development", "flat"): PI_ON_SLOPES | {"eps": 0.04},
+}
 
 
 def _method(name: str, title: str, policy: str, *tuning: dict[str, str], trained_on: str = "") -> Method:
@@ -77,6 +93,7 @@ def _paper(name: str, title: str, *tuning: dict[str, Any]) -> Method:
 BUILT_IN = (
     _method("nominal", "nominal, mu'mu", "zero"),
     _method("nominal-pd", "nominal, PD-centred", "zero", PD),
+    Method("nominal-tuned", "nominal at its best", AT_ITS_BEST["stones"], AT_ITS_BEST["flat"], tuned=TUNED),
     Method("robust", "robust, mu'mu", stones=variant("robust", "robust-cbf-clf-qp", "zero", LIBRARY, MARGIN)),
     Method("l1", "L1, mu'mu", flat=variant("L1", "l1-clf-qp", "zero", GAIT)),
     _method(REFERENCE, "identified, PD-centred", "zero", IDENTIFIED, PD),
@@ -146,6 +163,6 @@ def _tuned(base: Method, tuning: tuple[tuple[str, Any], ...]) -> Method:
         return base
     about = [f"{name}={value:g}" if isinstance(value, float) else f"{name}={value}" for name, value in tuning]
     stones, flat = (each and replace(each, tuning=each.tuning + tuning) for each in (base.stones, base.flat))
-    return replace(
-        base, name=":".join([base.name, *about]), title=", ".join([base.title, *about]), stones=stones, flat=flat
-    )
+    tuned = {where: own | dict(tuning) for where, own in base.tuned.items()}
+    name, title = ":".join([base.name, *about]), ", ".join([base.title, *about])
+    return replace(base, name=name, title=title, stones=stones, flat=flat, tuned=tuned)

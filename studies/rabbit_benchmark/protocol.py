@@ -41,7 +41,7 @@ class Protocol:
         Raises:
             CannotTake: the method has no controller for the cell, or one that does not fit.
         """
-        contender = method.on(cell.terrain)
+        contender = method.on(cell.terrain, cell.map)
         if contender is None:
             raise CannotTake(f"no controller for {cell.terrain}")
         seed = SEEDS[self.seeds]

@@ -65,3 +65,10 @@ def variant(title: str, controller: str, policy: str, *tuning: dict[str, Any]) -
     """One that stands in a map, so without a colour of its own."""
     parameters = {name: value for each in tuning for name, value in each.items()}
     return Contender(title, controller, style.BLACK, policy, tuning=tuple(parameters.items()))
+
+
+AT_ITS_BEST = {  # the nominal controller's, as tuned for other masses and payloads (studies/docs/tuning.md)
+    "stones": variant("nominal at its best", "cbf-clf-qp", "zero", LIBRARY, MARGIN, PD, {"eps": 0.035}),
+    "flat": variant("nominal at its best", "clf-qp", "zero", GAIT, PD, {"eps": 0.035}),
+}
+BEST = replace(variant("best", "rl-cbf-clf-qp", "zero", PD, SLOPES, IDENTIFIED, PREDICTED), colour=style.RED)

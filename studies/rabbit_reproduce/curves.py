@@ -75,6 +75,20 @@ def rate_figure(
     `marks`: values that the paper names, each a vertical line in its controller's colour.
     """
     figure, (axes,) = style.figure(1, height=2.8, width=WIDTH / 1.3)
+    draw_rates(axes, values, walks, scale)
+    for contender, value in marks:
+        axes.axvline(value * scale, color=contender.colour, linewidth=3, alpha=0.25, label=f"paper: {contender.title}")
+    axes.set_xlabel(label)
+    handles, labels = axes.get_legend_handles_labels()
+    once = dict(zip(labels, handles, strict=True))
+    axes.legend(once.values(), once.keys(), loc="lower left", bbox_to_anchor=(0, 1), ncols=2, borderaxespad=0.2)
+    return figure
+
+
+def draw_rates(
+    axes: Axes, values: Sequence[float], walks: Mapping[Contender, Sequence[Walks]], scale: float = 1.0
+) -> None:
+    """A curve a controller, with its intervals."""
     x = np.array(values) * scale
     shift = 0.008 * float(np.ptp(x))  # beside one another, where they would hide each other
     for i, (contender, row) in enumerate(walks.items()):
@@ -85,10 +99,4 @@ def rate_figure(
         look: dict[str, Any] = {"color": contender.colour, "linestyle": contender.line, "marker": "o"}
         axes.plot(at, rate, markersize=4, label=contender.title, **look)
         axes.errorbar(at, rate, yerr=bars, fmt="none", ecolor=contender.colour, elinewidth=0.8, alpha=0.45)
-    for contender, value in marks:
-        axes.axvline(value * scale, color=contender.colour, linewidth=3, alpha=0.25, label=f"paper: {contender.title}")
-    axes.set(xlabel=label, ylabel="courses walked", ylim=(-0.03, 1.03))
-    handles, labels = axes.get_legend_handles_labels()
-    once = dict(zip(labels, handles, strict=True))
-    axes.legend(once.values(), once.keys(), loc="lower left", bbox_to_anchor=(0, 1), ncols=2, borderaxespad=0.2)
-    return figure
+    axes.set(ylabel="courses walked", ylim=(-0.03, 1.03))

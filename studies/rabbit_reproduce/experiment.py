@@ -4,7 +4,7 @@
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, ClassVar
@@ -18,11 +18,11 @@ from rabbit_experiments.summary import Walks
 from rabbit_experiments.training_setup import POLICY
 from rabbit_viewer import style
 
-from rabbit_reproduce.controllers import Contender
+from rabbit_reproduce.controllers import AT_ITS_BEST, Contender
 from rabbit_reproduce.curves import rate_figure
 from rabbit_reproduce.report import Claim, Report, Table, Verdict, judge
 from rabbit_reproduce.setting import OURS
-from rabbit_reproduce.table_lines import RIGID, Found, Line, Runs, Size, long_table, walk_table
+from rabbit_reproduce.table_lines import MAIN, RIGID, Found, Line, Runs, Size, long_table, walk_table
 from rabbit_reproduce.training import that_made
 from rabbit_reproduce.training_jobs import TrainingJob
 
@@ -56,9 +56,25 @@ class Experiment(ABC):
         """What walks, each line under a key of the experiment's own."""
         return {}
 
+    def compared(self) -> Iterable[Line]:
+        """Those whose plants the nominal controller at its best walks as well."""
+        return self.by_key.values()
+
+    @cached_property
+    def tuned(self) -> dict[Any, Line]:
+        """The lines of that controller, by plant and by whether there are force rows."""
+        lines: dict[Any, Line] = {}
+        for line in self.compared():
+            lines.setdefault(_place(line), _tuned(line))
+        return lines
+
+    def at_best(self, found: Found, line: Line) -> Walks:
+        """Its runs where `line` walks."""
+        return found.walks(self.tuned[_place(line)])
+
     def lines(self) -> Sequence[Line]:
         """In the order of the table."""
-        return list(self.by_key.values())
+        return [*self.by_key.values(), *self.tuned.values()]
 
     def walks(self, found: Found) -> dict[Any, Walks]:
         """The runs of each line."""
@@ -69,11 +85,22 @@ class Experiment(ABC):
         """The verdicts."""
 
     def claim(
-        self, name: str, ours: str, parts: Mapping[str, bool] | None = None, nominal: bool = False, **words: str
+        self,
+        name: str,
+        ours: str,
+        parts: Mapping[str, bool] | None = None,
+        nominal: bool = False,
+        tuned: Walks | tuple[str, bool] = ("-", False),
+        **words: str,
     ) -> Claim:
-        """The claim told under this name, with `words` in it; without `parts` (see `judge`) it has no verdict."""
+        """The claim told under this name, with `words` in it; without `parts` (see `judge`) it has no verdict.
+
+        `tuned`: the walks of the nominal controller at its best, or what it does, and whether that undoes the claim.
+        """
         told = {what: text.format(**words) for what, text in self.told[name].items()}
-        return Claim(**told, ours=ours, verdict=judge(parts, nominal) if parts else Verdict.OPEN)
+        text, undone = (tuned.text, tuned.passes) if isinstance(tuned, Walks) else tuned
+        verdict = judge(parts, nominal) if parts else Verdict.OPEN
+        return Claim(**told, ours=ours, verdict=verdict, tuned=text, undone=undone)
 
     def figures(self, found: Found) -> dict[str, tuple[str, Figure]]:
         """Caption and figure by name."""
@@ -146,6 +173,10 @@ class Sweep(Experiment):
         """A controller's runs, by value."""
         return {value: found.walks(self.by_key[contender, value]) for value in self.values}
 
+    def row_at_best(self, found: Found, contender: Contender) -> dict[float, Walks]:
+        """Those of the nominal controller at its best on the plants of another."""
+        return {value: self.at_best(found, self.by_key[contender, value]) for value in self.values}
+
     def figures(self, found: Found) -> dict[str, tuple[str, Figure]]:
         rates = {each: list(self.row(found, each).values()) for each in self.plants}
         figure = rate_figure(self.values, rates, self.axis, self.scale, list(self.paper_values))
@@ -171,6 +202,26 @@ class Sweep(Experiment):
         paper = self.paper_values.get((contender, value), "")
         beside = self._line(self.nominal, value) if self.nominal and contender is not self.nominal else None
         return Line(f"{contender.title}, {self._text(value)}", assembly, paper, runs=SWEPT, nominal=beside)
+
+
+def forces_kept(walks: Walks) -> tuple[str, bool]:
+    """How often walks leave the friction cone, in words, and whether they reach the end and never leave it."""
+    over = walks.total("ticks_over_cone")
+    text = f"{walks.rate_text}; {over} of {walks.total('ticks')} ticks over, largest {walks.max_ratio:.2f}"
+    return text, walks.passes and over == 0
+
+
+def _place(line: Line) -> tuple[Any, bool]:
+    return line.assembly.simulation, line.assembly.controller.force_rows
+
+
+def _tuned(line: Line) -> Line:
+    """The nominal controller at its best on the plant of a line, on the plants that claims are judged on."""
+    plant, force_rows = _place(line)
+    contender = AT_ITS_BEST[plant.terrain]
+    assembly = contender.assembly({"force_rows": force_rows}, **plant.model_dump())
+    columns = tuple(column for column in line.columns if column in (MAIN, RIGID))
+    return Line(f"{contender.title}, where: {line.what}", assembly, runs=line.runs, columns=columns)
 
 
 @cache

@@ -10,10 +10,11 @@ from rabbit_experiments.cache import Cache
 from rabbit_experiments.engine import run
 
 from rabbit_reproduce.experiment import Experiment
-from rabbit_reproduce.report import Report, Table, Verdict, read_report
+from rabbit_reproduce.report import Claim, Report, Table, Verdict, read_report
 from rabbit_reproduce.table_lines import Found, Size
 
 PAGE = "results.md"
+BATCH = 64  # runs in MuJoCo that a process walks at once
 HEAD = """# The paper, reproduced
 
 Made by `rabbit reproduce`; [what the columns mean](#how-to-read-it) is at the end.
@@ -37,7 +38,7 @@ def make(
     """
     cache = Cache(out / "cache")
     try:
-        done = run([job for each in experiments for job in each.jobs(size)], cache, jobs)
+        done = run([job for each in experiments for job in each.jobs(size)], cache, jobs, batch=BATCH)
     except KeyboardInterrupt:
         _write([each for each in experiments if all(cache.get(job) for job in each.jobs(size))], cache, size, out)
         write_page(out, names)
@@ -72,11 +73,19 @@ def _overview(reports: Sequence[Report]) -> str:
     )
     beside += f"these are: {_counted(claim.verdict for claim in both)}."
     rows = tuple(
-        (f"[{report.label}](#{report.name})", c.claim, c.paper, c.ours, f"**{c.verdict}**", c.on_rigid)
+        (f"[{report.label}](#{report.name})", c.claim, c.paper, c.ours, f"**{c.verdict}**", c.on_rigid, _at_best(c))
         for report, c in claims
     )
-    table = Table(name="claims", columns=("where", "claim", "paper", "ours", "verdict", "on rigid"), rows=rows)
-    return f"{setting}{counts}{beside if both else ''}\n\n{table.markdown}\n"
+    columns = ("where", "claim", "paper", "ours", "verdict", "on rigid", "nominal at its best")
+    table = Table(name="claims", columns=columns, rows=rows)
+    undone = sum(claim.undone for _, claim in claims if claim.verdict is Verdict.REPRODUCED)
+    falling = f" Of those reproduced, {undone} fall with the nominal controller at its best." if undone else ""
+    return f"{setting}{counts}{beside if both else ''}{falling}\n\n{table.markdown}\n"
+
+
+def _at_best(claim: Claim) -> str:
+    falls = claim.undone and claim.verdict is Verdict.REPRODUCED
+    return f"{claim.tuned}. **The claim falls with it**" if falls else claim.tuned
 
 
 def _counted(verdicts: Iterable[Verdict | None]) -> str:

@@ -56,7 +56,11 @@ def missing(parts: Mapping[str, bool]) -> str:
 
 
 class Claim(BaseModel):
-    """What the paper says, what we found, and what becomes of it, in PyBullet and `on_rigid`."""
+    """What the paper says, what we found, and what becomes of it, in PyBullet and `on_rigid`.
+
+    `tuned`: what the nominal controller at its best does in the same place; `undone`: it does what the claim has
+    learning do, or walks where the claim has it fail.
+    """
 
     model_config = ConfigDict(frozen=True)
 
@@ -65,6 +69,8 @@ class Claim(BaseModel):
     ours: str
     verdict: Verdict = Verdict.OPEN
     on_rigid: Verdict | None = None
+    tuned: str = "-"
+    undone: bool = False
 
 
 class Table(BaseModel):

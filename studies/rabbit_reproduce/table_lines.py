@@ -30,12 +30,13 @@ class Column:
     """A plant; PyBullet stands for that of the setting."""
 
     title: str
-    plant: Literal["pybullet", "rigid"]
+    plant: Literal["pybullet", "mujoco", "rigid"]
     lag: float  # s
 
 
 MAIN = Column("PyBullet", "pybullet", EVALUATION_LAG)
 RIGID = Column("rigid", "rigid", EVALUATION_LAG)  # the paper's own kind
+MUJOCO = Column("MuJoCo", "mujoco", EVALUATION_LAG)  # of few experiments, with as many runs as the main plant
 COLUMNS = (
     MAIN,
     Column("PyBullet, no lag", "pybullet", 0.0),
@@ -87,7 +88,10 @@ HEADLINE = Runs(20, 3)  # of the paper's own figures
 
 @dataclass(frozen=True)
 class Line:
-    """A line of a table; `nominal` is the nominal controller's on the same plant, if passing there shows nothing."""
+    """A line of a table; `nominal` is the nominal controller's on the same plant, if passing there shows nothing.
+
+    `seed`: of its own, where it is not the size's.
+    """
 
     what: str
     assembly: Assembly
@@ -95,14 +99,15 @@ class Line:
     runs: Runs | None = None
     columns: tuple[Column, ...] = COLUMNS
     nominal: "Line | None" = None
+    seed: int | None = None
 
     def scenario(self, size: Size, column: Column = MAIN) -> Scenario:
         """Its runs on a plant."""
         plant = self.assembly.simulation.model_copy(update={"plant": column.plant, "motor_lag": column.lag})
         assembly = size.own(replace(self.assembly, simulation=plant))
         own = self.runs or Runs(size.runs, size.runs)
-        runs = size.beside if column is not MAIN else own.quick if size.quick else own.whole
-        return Scenario(assembly, runs, size.seed, self.what)
+        runs = size.beside if column not in (MAIN, MUJOCO) else own.quick if size.quick else own.whole
+        return Scenario(assembly, runs, self.seed or size.seed, self.what)
 
 
 @dataclass(frozen=True)

@@ -1,12 +1,13 @@
 """The benchmark: its statistics, its cells and storm, methods of someone else, and a run that goes on."""
 
 import csv
+from dataclasses import replace
 from pathlib import Path
 from typing import get_args
 
 import pytest
 from rabbit_benchmark import methods
-from rabbit_benchmark.cells import TERRAINS, CellError, Map, cells, chosen, storm, storm_plant
+from rabbit_benchmark.cells import TERRAINS, CellError, Map, Terrain, cells, chosen, storm, storm_plant
 from rabbit_benchmark.comparison import holm, paired
 from rabbit_benchmark.families import families
 from rabbit_benchmark.methods import BUILT_IN, MethodError, method, variants
@@ -175,3 +176,42 @@ def test_a_variant_of_a_method_has_its_parameters_and_a_name_of_its_own() -> Non
 def test_a_variant_of_nothing_is_refused(text) -> None:
     with pytest.raises(MethodError, match="expected"):
         variants(text)
+
+
+@pytest.mark.parametrize("terrain", TERRAINS)
+@pytest.mark.parametrize("where", get_args(Map))
+def test_the_nominal_method_at_its_best_estimates_and_learned_nothing_on_any_map(where: Map, terrain: Terrain) -> None:
+    tuned = method("nominal-tuned")
+    contender = tuned.on(terrain, where)
+    assert contender is not None
+    own = contender.assembly()
+    assert own.policy == "zero"
+    assert own.controller.adaptation == "none"
+    assert own.controller.terrain == terrain
+    assert not tuned.trained_on
+    uses_speed_model = own.controller.speed_regulation == "learned" and own.controller.gait == "slopes"
+    assert not uses_speed_model
+
+
+@pytest.mark.parametrize("terrain", TERRAINS)
+def test_nothing_is_tuned_on_reported_families(terrain: Terrain) -> None:
+    tuned = method("nominal-tuned")
+    assert tuned.on(terrain, "reported") == tuned.on(terrain, "development")
+    assert tuned.on(terrain, "storm-2") == tuned.on(terrain, "storm")
+
+
+def test_a_cell_is_walked_with_the_parameters_of_its_map() -> None:
+    base = method("nominal-pd")
+    own = replace(base, tuned={("outside", "flat"): {"eps": 0.011}})
+    eps = {
+        cell.map: TINY.walks(own, cell)[0].assembly.controller.eps
+        for cell in chosen(["flat/scale-1", "flat/scale-2-slope-1"])
+    }
+    (usual,) = (TINY.walks(base, cell)[0].assembly.controller.eps for cell in chosen(["flat/scale-1"]))
+    assert eps == {"inside": usual, "outside": 0.011}
+
+
+def test_a_variant_of_a_method_tuned_by_map_has_its_parameters_on_all_maps() -> None:
+    (found,) = variants("nominal-tuned:eps=0.033")
+    contenders = [found.on(terrain, where) for terrain in TERRAINS for where in get_args(Map)]
+    assert {each and each.assembly().controller.eps for each in contenders} == {0.033}

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from rabbit_reproduce.controllers import CLF, FLAT, IO_RL, L1_CLF, RL_CLF, Contender
 from rabbit_reproduce.curves import late_and_impact_ratio, tracking_figure
-from rabbit_reproduce.experiment import Experiment
+from rabbit_reproduce.experiment import Experiment, forces_kept
 from rabbit_reproduce.report import Claim
 from rabbit_reproduce.table_lines import HEADLINE, MAIN, Found, Line
 
@@ -37,12 +37,12 @@ class TenSteps(Experiment):
 
     def claims(self, found: Found) -> list[Claim]:
         """The learned ones walk, the nominal one does not."""
-        walks = self.walks(found)
+        walks, tuned = self.walks(found), self.at_best(found, self.by_key[CLF])
         nominal, words = walks[CLF], {"title": f"{self.title[0].lower()}{self.title[1:]}"}
         claims = []
         for each in (RL_CLF, IO_RL):
             ours, parts = f"{walks[each].text}; nominal {nominal.text}", {"walks": walks[each].passes}
-            claims.append(self.claim("walks", ours, parts, nominal.passes, who=each.title, **words))
+            claims.append(self.claim("walks", ours, parts, nominal.passes, tuned, who=each.title, **words))
         return claims
 
 
@@ -65,11 +65,13 @@ class ClfResults(TenSteps):
         walks = self.walks(found)
         learned, l1, bare, kept = (walks[key] for key in (RL_CLF, L1_CLF, IO_RL, (IO_RL, WITH_ROWS)))
         over, over_l1, over_bare, over_kept = (w.total("ticks_over_cone") for w in (learned, l1, bare, kept))
-        claims = super().claims(found)
+        claims, tuned = super().claims(found), self.at_best(found, self.by_key[CLF])
         for each in (L1_CLF, CLF):
-            claims.append(self.claim("fails", walks[each].text, {"fails": not walks[each].passes}, who=each.title))
+            ours, parts = walks[each].text, {"fails": not walks[each].passes}
+            beside = tuned if each is CLF else ("-", False)
+            claims.append(self.claim("fails", ours, parts, tuned=beside, who=each.title))
         ours = f"{over} of {learned.total('ticks')} ticks over, largest {learned.max_ratio:.2f}"
-        claims.append(self.claim("cone", ours, {"never over": over == 0}))
+        claims.append(self.claim("cone", ours, {"never over": over == 0}, tuned=forces_kept(tuned)))
         if found.column is MAIN:
             claims.append(self._first_steps(found))
         ours = f"{over_l1} of {l1.total('ticks')} ticks over, largest {l1.max_ratio:.2f}"

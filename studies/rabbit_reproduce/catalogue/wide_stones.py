@@ -1,5 +1,6 @@
 """Stones of 0.25 to 0.50 m, and further: a gait library and one-step preview, beside the single gait (ours)."""
 
+from collections.abc import Iterable
 from functools import cached_property
 from typing import Any
 
@@ -54,6 +55,10 @@ class WideStones(Experiment):
             "wider": _line("library, near edge, barriers on, l_min 0.20 to 0.60 m", OURS, near, WIDER),
             "wider, middle": _line("library, middle, barriers on, l_min 0.20 to 0.60 m", OURS, middle, WIDER),
         }
+
+    def compared(self) -> Iterable[Line]:
+        """None: it was tuned on other gaits."""
+        return ()
 
     def tables(self, found: Found) -> tuple[Table, ...]:
         """Active barriers by line, then the usual ones."""

@@ -31,11 +31,13 @@ def look() -> AbstractContextManager[None]:
     return mpl.rc_context(LOOK)
 
 
-def figure(rows: int = 1, height: float = 2.4, width: float = 9.0, **options: Any) -> tuple[Figure, list[Axes]]:
-    """A figure of `rows` panels over a common time axis; sizes in inches."""
+def figure(
+    rows: int = 1, height: float = 2.4, width: float = 9.0, sharex: bool = True, **options: Any
+) -> tuple[Figure, list[Axes]]:
+    """A figure of `rows` panels, over a common time axis where not told otherwise; sizes in inches."""
     made = Figure(figsize=(width, height * rows), layout="constrained")
     FigureCanvasAgg(made)
-    axes = made.subplots(rows, 1, sharex=True, squeeze=False, **options)
+    axes = made.subplots(rows, 1, sharex=sharex, squeeze=False, **options)
     return made, list(axes[:, 0])
 
 

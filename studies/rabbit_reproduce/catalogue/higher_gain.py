@@ -1,0 +1,100 @@
+"""What learning buys beyond a higher gain: courses walked over mass and payload, nominal control tuned (ours)."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from functools import cached_property
+from typing import Any
+
+from matplotlib.figure import Figure
+from rabbit_viewer import style
+
+from rabbit_reproduce.controllers import (
+    AT_ITS_BEST,
+    BEST,
+    CBF_CLF,
+    CBF_CLF_ORACLE,
+    LIBRARY,
+    MARGIN,
+    RL_CBF_CLF,
+    Contender,
+    variant,
+)
+from rabbit_reproduce.curves import draw_rates
+from rabbit_reproduce.experiment import Experiment
+from rabbit_reproduce.report import Claim, Table
+from rabbit_reproduce.table_lines import HEADLINE, MAIN, MUJOCO, Found, Line, long_table
+
+SEED = 50006  # of these courses and of nothing else
+ENGINES = (MAIN, MUJOCO)
+HIGH_GAIN = variant("nominal, mu'mu, eps 0.01", "cbf-clf-qp", "zero", LIBRARY, MARGIN, {"eps": 0.01})
+WHO = (
+    replace(CBF_CLF, title="nominal, eps 0.04"),
+    replace(AT_ITS_BEST["stones"], colour=style.ORANGE, line="--"),
+    replace(HIGH_GAIN, colour=style.PURPLE, line="-."),
+    replace(RL_CBF_CLF, title="the paper's policy, eps 0.04"),
+    replace(CBF_CLF_ORACLE, title="oracle, eps 0.04: exact estimates"),
+    replace(BEST, title="best: identifies the robot"),
+)
+
+
+class HigherGain(Experiment):
+    """`swept` has the values of each field of the plant, `axis` what it is, `unit` its unit."""
+
+    name = "higher-gain"
+    swept: dict[str, list[float]]
+    axis: dict[str, str]
+
+    @cached_property
+    def by_key(self) -> dict[Any, Line]:
+        return {
+            (who, field, value): self._line(who, field, value)
+            for who in WHO
+            for field, values in self.swept.items()
+            for value in values
+        }
+
+    def compared(self) -> Iterable[Line]:
+        """None: it is one of them."""
+        return ()
+
+    def tables(self, found: Found) -> Sequence[Table]:
+        """A row for each plant and engine, a column for each controller; then all figures."""
+        rows = [
+            (
+                self.axis[field].format(f"{value:g}"),
+                found.size.title(engine),
+                *(found.walks(self.by_key[who, field, value], engine).rate_text for who in WHO),
+            )
+            for field, values in self.swept.items()
+            for value in values
+            for engine in found.size.columns(ENGINES)
+        ]
+        return Table(
+            name="walks", columns=("plant", "engine", *(who.title for who in WHO)), rows=tuple(rows)
+        ), long_table(self.lines(), found)
+
+    def claims(self, found: Found) -> list[Claim]:
+        """Where each walks; ours, so without a verdict on the paper."""
+        walks = self.walks(found)
+        claims = []
+        for who in WHO:
+            passed = [
+                f"{self.axis[field].partition(' (')[0]} "
+                + (", ".join(f"{value:g}" for value in values if walks[who, field, value].passes) or "none")
+                for field, values in self.swept.items()
+            ]
+            claims.append(self.claim("walks", "; ".join(passed), who=who.title))
+        return claims
+
+    def figures(self, found: Found) -> dict[str, tuple[str, Figure]]:
+        figure, panels = style.figure(len(self.swept), height=2.1, width=6.0, sharex=False)
+        walks = self.walks(found)
+        for axes, (field, values) in zip(panels, self.swept.items(), strict=True):
+            draw_rates(axes, values, {who: [walks[who, field, value] for value in values] for who in WHO})
+            axes.set_xlabel(self.axis[field])
+        style.legend(panels[0], columns=2)
+        return {"rates": (self.caption, figure)}
+
+    def _line(self, who: Contender, field: str, value: float) -> Line:
+        what = f"{who.title}, {self.axis[field]}: {value:g}"
+        return Line(what, who.assembly(**{field: value}), runs=HEADLINE, columns=ENGINES, seed=SEED)
