@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from rabbit_description.gait import Gaits
 from rabbit_description.plugins import load
-from rabbit_description.state import TICK_SECONDS, Array, Leg, RobotState, StonePreview, no_torque
+from rabbit_description.state import TICK_SECONDS, Array, Leg, RobotState, no_torque
 
 from rabbit_sim.ground import Ground
 from rabbit_sim.initial_state import initial_state

@@ -105,6 +105,15 @@ def test_a_foot_off_its_stone_is_a_miss_though_it_holds(play, x):
     assert not states[-1].running
 
 
+@pytest.mark.parametrize(("x", "missed"), [(0.345, True), (0.405, True), (0.36, False)])
+def test_a_stone_does_not_go_with_a_stance_foot_that_slides(play, x, missed):
+    """The foot has slid by 2 cm: lengths and edges count from where it is, and the stone lies where it lay."""
+    _, simulation = play([up([right(x, stance=0.02)])])
+    (landing,) = simulation.landings
+    assert (landing.l, landing.l_min, landing.l_max) == pytest.approx((x - 0.02, 0.33, 0.38))
+    assert landing.missed == missed
+
+
 def test_edges_belong_to_the_stone(play):
     _, simulation = play([up([right(0.3500001)]), up()])
     assert not simulation.landings[0].missed

@@ -148,9 +148,9 @@ def pd_centred(
     smallest mu, whatever it does to the outputs: where the model is wrong and eta near 0, the smallest mu lets the
     error Delta_1 drive the outputs away until the CLF row holds them, and the torque jumps from tick to tick.
 
-    `change` C mu + c is that of the torque since the last tick: where motors are slow, a torque that jumps arrives late.
+    `change` C mu + c is that of the torque since the last tick. Where motors are slow, a torque that jumps comes late.
 
-    The value is root mu - center: root is upper triangular with root' root = E'E + w_1 I + w_2 C'C, and
+    The value is root mu - center, with root upper triangular: root' root = E'E + w_1 I + w_2 C'C,
     root' center = E' (v_PD - Delta) - w_2 C'c.
     """
     identity, (of_mu, of_change) = ca.SX.eye(y.numel()), weights

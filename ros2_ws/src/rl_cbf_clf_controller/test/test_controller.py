@@ -3,6 +3,7 @@
 import io
 import sys
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -267,6 +268,7 @@ def test_a_parameter_file_may_say_what_is_different_on_flat_ground(tmp_path):
 CHANGED = {
     "eps": 0.05,
     "slack_weight": 100.0,
+    "torque_change_weight": 0.02,
     "barrier_pole_1": 30.0,
     "barrier_pole_2": 110.0,
     "R1": 2.0,
@@ -298,9 +300,32 @@ def test_a_parameter_that_changes_between_two_ticks_holds_from_the_next_one_on(k
     settings = [{name: value} for name, value in CHANGED.items()]
     settings += [{name: CHANGED[name] for name in rng.choice(GAINS, 5)} for _ in range(5)]
     for changes, at in zip(settings, states_of_a_walk(len(settings), 1), strict=True):
+        at = replace(at, applied=np.array([10.0, -20.0, 30.0, 5.0]))
         built = make(kind, objective=objective, qp_solver="daqp", **changes)
         walking.parameters = built.parameters
         assert walking.step(at).torque == pytest.approx(built.step(at).torque, abs=1e-7)
+
+
+@pytest.mark.parametrize("tracks", [False, True])
+def test_a_stone_stays_in_its_place_while_the_foot_falls_with_its_own(tracks):
+    """By 2 cm down and 1 cm ahead, in a tick in which it carries nothing; a foot that carries the robot stands."""
+    walking, carries = make(stone_tracking=tracks), np.array([[0.0, 300.0], [0.0, 0.0]])
+    fallen = GAIT.x_start[0] + np.array([0.01, -0.02, 0, 0, 0, 0, 0])
+    seen = []
+    for tick, (q, force) in enumerate(((0, carries), (1, 0 * carries), (0, carries), (0, carries), (1, carries))):
+        walking.step(replace(state(tick, q=fallen if q else GAIT.x_start[0]), foot_force=force))
+        seen.append(walking.scene.seen.stone)
+    there, moved = (0.35, 0.40, 0.0), (0.34, 0.39, 0.02)
+    expected = [there, moved, there, there, there] if tracks else [there] * 5
+    assert np.array(seen) == pytest.approx(np.array(expected), abs=1e-12)
+
+
+def test_a_torque_whose_change_costs_much_hardly_changes():
+    held = np.array([10.0, -20.0, 30.0, 5.0])
+    without_rows = {"objective": "pd_centred", "force_rows": False, "barrier_rows": False}
+    built = [make(**without_rows, torque_change_weight=weight) for weight in (0.0, 100.0)]
+    free, dear = (np.abs(walking.step(state(applied=held)).torque - held).max() for walking in built)
+    assert dear < 0.02 * free
 
 
 def test_nothing_is_measured_over_a_tick_in_which_a_gain_changed():

@@ -71,16 +71,19 @@ def test_the_zero_policy_tells_no_error():
 
 @pytest.mark.parametrize("solver", ["daqp", "osqp"])
 def test_pd_centred_is_least_squares(solver):
-    """|E mu + Delta - v_PD|^2 + weight |mu|^2 by numpy's own solution of it; the one row is far."""
-    m, eps, weight = 3, 0.3, 0.1
+    """|E mu + Delta - v_PD|^2 + weight |mu|^2 + cost |C mu + c|^2 by numpy's own solution of it; the one row is far."""
+    m, eps, weight, cost = 3, 0.3, 0.1, 0.2
     y, dy, D1, D2 = *(ca.SX.sym(name, m) for name in ("y", "dy", "D1")), ca.SX.sym("D2", m, m)
+    C, c = np.random.default_rng(2).normal(size=(m, m)), np.array([1.0, -2.0, 3.0])
+    objective = pd_centred(y, dy, eps, Affine(D2, D1), Affine(ca.DM(C), ca.DM(c)), (weight, cost))
     far = at_most(("far",), ca.SX.eye(m)[:1, :], ca.SX(1e6), 1e3)
-    layout, data = build_qp([far], pd_centred(y, dy, eps, Affine(D2, D1), weight), Affine.identity(m))
+    layout, data = build_qp([far], objective, Affine.identity(m))
     answer, rng = Answering({"y": y, "dy": dy, "D2": D2, "D1": D1}, data, layout, solver), np.random.default_rng(1)
     for _ in range(20):
         y_0, dy_0, delta_1 = rng.normal(size=(3, m))
         E = np.eye(m) + (delta_2 := 0.4 * rng.normal(size=(m, m)))
         v = -y_0 / eps**2 - np.sqrt(3) * dy_0 / eps
-        system = np.vstack([E, np.sqrt(weight) * np.eye(m)])
-        expected = np.linalg.lstsq(system, np.concatenate([v - delta_1, np.zeros(m)]), rcond=None)[0]
+        system = np.vstack([E, np.sqrt(weight) * np.eye(m), np.sqrt(cost) * C])
+        wanted = np.concatenate([v - delta_1, np.zeros(m), -np.sqrt(cost) * c])
+        expected = np.linalg.lstsq(system, wanted, rcond=None)[0]
         assert answer(y_0, dy_0, delta_2, delta_1).mu == pytest.approx(expected, abs=1e-7)
