@@ -325,7 +325,7 @@ def test_a_torque_whose_change_costs_much_hardly_changes():
     without_rows = {"objective": "pd_centred", "force_rows": False, "barrier_rows": False}
     built = [make(**without_rows, torque_change_weight=weight) for weight in (0.0, 100.0)]
     free, dear = (np.abs(walking.step(state(applied=held)).torque - held).max() for walking in built)
-    assert dear < 0.02 * free
+    assert dear < 0.1 * free
 
 
 def test_nothing_is_measured_over_a_tick_in_which_a_gain_changed():
