@@ -1,38 +1,42 @@
-"""At which time a message is stored: the simulated time that it carries, one run of a simulator behind the other.
+"""At which time a message is stored: the simulated time that it carries, so that a recording has one clock.
 
-A simulator that is started again without a memory begins its time at 0. It says so by its first word, that it waits for
-episode 0. That is latched: a recorder that is started late also receives the one of the simulator that runs. It is
-another simulator's if it was sent after anything of the present one.
+A simulator that is started again without a memory begins its time at 0, and a recording ends there. It says so by its
+first word, that it waits for episode 0. That is latched: a recorder that is started late also receives the one of the
+simulator that runs, whose states go on. Behind another's they go back.
 """
 
-from rabbit_description.state import TICK_NANOSECONDS
+from pathlib import Path
 
+from rabbit_recording import RecordingError
 from rabbit_recording.message_header import episode_and_phase_of, nanoseconds_of
-from rabbit_recording.stored_messages import FIRST_WORD
+
+FIRST_WORD = (0, 0)  # episode and phase with which a simulator begins: none, and WAITING in rabbit_msgs/Episode
 
 
 class SimulatedTime:
-    """Places the messages of a simulator and its controller, in the order in which they come; all times in ns."""
+    """Places the messages of a graph in the order in which they come. `now`: of the newest state, ns."""
 
-    def __init__(self) -> None:
-        self.now = 0  # where what carries no time is stored: with the newest state
-        self._end = 0  # of what was announced
-        self._runs: list[tuple[int, int]] = []  # when each run's first message was sent, where its time 0 lies
+    def __init__(self, recording: Path) -> None:
+        self._recording, self.now = recording, 0
+        self._may_go_back = False  # a first word has come since the newest state
 
-    def of(self, topic: str, publisher: str, data: bytes, sent: int) -> int:
-        """Of a message of a `publisher` (simulator, controller, trainer, all), `sent` at a time of the wall clock."""
-        stamp = nanoseconds_of(data)
-        if publisher == "all" or (publisher != "simulator" and not stamp):  # others know no time before the first tick
-            return self.now
-        first, began = self._runs[0] if self._runs else (sent, 0)
-        self._runs[:1] = [(min(first, sent), began)]
-        if topic == "episode" and episode_and_phase_of(data) == FIRST_WORD and sent > self._runs[-1][0]:
-            self.now = self._end = max(self._end, self.now) + TICK_NANOSECONDS
-            self._runs.append((sent, self.now))
-        # the run in which it was sent: it may come after the next one's first word
-        at = stamp + next(began for first, began in reversed(self._runs) if first <= sent)
+    def of(self, topic: str, publisher: str, data: bytes) -> int:
+        """Of a message of a `publisher` (simulator, controller, trainer, all), ns.
+
+        Raises:
+            RecordingError: the simulator was started again.
+        """
+        self.follow(topic, data)
+        at = nanoseconds_of(data)
+        # others than the simulator know no time before the first tick
+        return self.now if publisher == "all" or (publisher != "simulator" and not at) else at
+
+    def follow(self, topic: str, data: bytes) -> None:
+        """Take note of a state or a first word; raises as `of`."""
         if topic == "state":
-            self.now = at
+            before, self.now = self.now, nanoseconds_of(data)
+            if self._may_go_back and self.now < before:
+                raise RecordingError(f"recording {self._recording}: the simulator was started again without a memory")
+            self._may_go_back = False
         elif topic == "episode":
-            self._end = max(self._end, at)
-        return at
+            self._may_go_back |= episode_and_phase_of(data) == FIRST_WORD
