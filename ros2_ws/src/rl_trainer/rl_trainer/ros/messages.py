@@ -11,9 +11,8 @@ from rabbit_common.ros.conversions import state_of, torque_of
 from rabbit_msgs import msg
 from rl_cbf_clf_controller.kinds import find_problem
 from rl_cbf_clf_controller.message_fields import state_values, terms_values
-from rl_cbf_clf_controller.policy import ActorPolicy, LearnedPolicy, ZeroPolicy
 from rl_cbf_clf_controller.problem import Problem
-from rl_cbf_clf_controller.weights import PolicyFile, PolicyFileError, decode
+from rl_cbf_clf_controller.weights import PolicyFile
 from std_msgs.msg import Header
 
 from rl_trainer.parameters import TrainingParameters
@@ -77,13 +76,3 @@ def checked_part(part: str, message: Any, problem: Problem) -> Any:
         got = f"quantities {values['quantities']}, {len(values['observation'])} observations"
         raise Refused("not fit", f"{got}; this problem has {problem.quantities}, {' or '.join(map(str, sizes))}")
     return message.sender, values
-
-
-def policy_of(message: msg.PolicySwap, problem: Problem) -> LearnedPolicy | None:
-    """The policy that a swap put in force; None of a refused one. Raises `Refused`."""
-    if not message.accepted:
-        return None
-    try:
-        return ActorPolicy(decode(bytes(message.data), problem)) if message.data else ZeroPolicy(problem)
-    except PolicyFileError as error:
-        raise Refused("not fit", str(error)) from error

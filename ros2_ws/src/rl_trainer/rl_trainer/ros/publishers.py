@@ -4,11 +4,9 @@ from rabbit_common.ros.qos import EVENT, TICK, WEIGHTS
 from rabbit_msgs import msg
 from rclpy.node import Node
 from rl_cbf_clf_controller.policy import ActorPolicy
-from rl_cbf_clf_controller.weights import PolicyFile
 from std_msgs.msg import Header
 
 from rl_trainer.parameters import TrainingParameters
-from rl_trainer.publication_gate import Verdict
 from rl_trainer.ros.messages import plan_message, transition_message, weights_message
 from rl_trainer.training import EpisodePlan, EpisodeReport
 from rl_trainer.transitions import Transition
@@ -23,17 +21,17 @@ class Publishers:
         self._weights = node.create_publisher(msg.PolicyWeights, "policy", WEIGHTS)
         self._plan = node.create_publisher(msg.EpisodePlan, "episode_plan", EVENT)
         self._planned: tuple[EpisodePlan, int] | None = None  # the newest plan, and after which episode
-        self._kept_back = 0
-        self.figures: dict[str, object] = {"policies kept back": 0}
+        self.figures: dict[str, object] = {}
 
     def on_plan(self, plan: EpisodePlan, after: int, report: EpisodeReport | None) -> None:
         """Announce the next episode, its policy first."""
         if report:
             text = f"episode {after} learned: {report.kept} of {report.ticks} ticks kept"
             self._node.get_logger().info(text)
-            self.figures = {**self.figures, "episode": report.episode, **report.reward, **report.losses}
+            self.figures = {"episode": report.episode, **report.reward, **report.losses}
         if self._plans_policies and isinstance(plan.policy, ActorPolicy):
-            self._publish(plan.policy.file)
+            self._weights.publish(weights_message(plan.policy.file, self._node.get_fully_qualified_name(), Header()))
+            self._node.get_logger().info(f"policy {plan.policy.version} published")
         self._planned = plan, after
         self.plan_again(after)
 
@@ -46,17 +44,3 @@ class Publishers:
         """A transition was taken in."""
         if self._transitions.get_subscription_count():
             self._transitions.publish(transition_message(transition, self._training, *tag))
-
-    def on_policy(self, policy: PolicyFile, verdict: Verdict) -> None:
-        """Weights were judged; those that are worse than the ones in force are not published."""
-        if verdict.passes:
-            self._publish(policy)
-        else:
-            self._kept_back += 1
-            self._node.get_logger().warning(str(verdict))
-        errors = {"held-out error": verdict.error, "in force": verdict.error_in_force}
-        self.figures = {**self.figures, "policies kept back": self._kept_back, **errors}
-
-    def _publish(self, policy: PolicyFile) -> None:
-        self._weights.publish(weights_message(policy, self._node.get_fully_qualified_name(), Header()))
-        self._node.get_logger().info(f"policy {policy.version} published")
