@@ -61,12 +61,13 @@ class KneeSpring(Perturbation):
     """Springs, k (rest - angle)."""
 
     order = 100
+    switches = ("knee_spring",)
 
     knee_spring: EngineNumber = setting(
         0.0, 0, 1000, "beside the knees' motors, N m/rad", Control("knees' springs", 10, "N m/rad", high=200)
     )
     knee_rest: Number = setting(0.4, -1, 2, "where the knees' springs are at rest, rad")
 
-    def joint_torque(self, urdf: str) -> JointTorque | None:
+    def joint_torque(self, urdf: str) -> JointTorque:
         stiffness, rest = self.knee_spring * KNEES, self.knee_rest
-        return (lambda q, dq: stiffness * (rest - q[3:])) if self.knee_spring else None
+        return lambda q, dq: stiffness * (rest - q[3:])
