@@ -15,8 +15,8 @@ from rl_trainer.rollout import Record
 
 from rabbit_recording.active_settings import Policies, RecordedSettings, Settings
 from rabbit_recording.episode_inventory import BY_TICK, OTHERS, EpisodeInventory, Gathered, Gathering, Presence
+from rabbit_recording.message_header import SimulatedTime
 from rabbit_recording.open_recording import one_line_errors
-from rabbit_recording.simulated_time import SimulatedTime
 from rabbit_recording.stored_messages import stored_messages
 
 UNDER_OTHERS = "recorded under other message definitions, or damaged"

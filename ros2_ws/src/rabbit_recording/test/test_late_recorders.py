@@ -18,9 +18,8 @@ from rabbit_recording.bag_writer import BagWriter
 from rabbit_recording.commands.bag import app
 from rabbit_recording.contents import contents
 from rabbit_recording.episode_inventory import BY_TICK, UNANSWERED, Presence
-from rabbit_recording.message_header import episode_and_phase_of, nanoseconds_of
+from rabbit_recording.message_header import FIRST_WORD, SimulatedTime, episode_and_phase_of, nanoseconds_of
 from rabbit_recording.reader import iterate_inventories
-from rabbit_recording.simulated_time import FIRST_WORD, SimulatedTime
 from recorded_walk import (
     LATCHED,
     TICK_NS,

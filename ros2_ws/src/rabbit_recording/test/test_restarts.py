@@ -10,8 +10,8 @@ from rabbit_recording import RecordingError
 from rabbit_recording.bag_writer import BagWriter
 from rabbit_recording.checking import replay
 from rabbit_recording.commands.bag import app
+from rabbit_recording.message_header import SimulatedTime
 from rabbit_recording.reader import read_episodes
-from rabbit_recording.simulated_time import SimulatedTime
 from recorded_walk import LATCHED, TICK_NS, TOPICS, TYPES, Walk, message, state_message, told
 from typer.testing import CliRunner
 

@@ -29,8 +29,7 @@ from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, Qo
 
 from rabbit_recording import RecordingError
 from rabbit_recording.bag_writer import FLUSH_SECONDS, BagWriter, graph_types
-from rabbit_recording.message_header import turn_of
-from rabbit_recording.simulated_time import SimulatedTime
+from rabbit_recording.message_header import SimulatedTime, turn_of
 
 IDLE_SECONDS = 0.3  # without a message, after which nothing more is on its way
 EXPECTED = ("simulator", "controller")  # nodes whose topics must be there before the recorder says that it is ready

@@ -24,8 +24,7 @@ from std_msgs.msg import Header
 from rl_trainer.checkpoint import CheckpointError
 from rl_trainer.learning_thread import LearningThread
 from rl_trainer.parameters import TrainingParameters
-from rl_trainer.ros.messages import checked_part
-from rl_trainer.ros.publishers import Publishers
+from rl_trainer.ros.messages import Publishers, checked_part
 from rl_trainer.ros.trainer_setup import NodeParameters, make_trainer
 from rl_trainer.tick_synchronizer import Event, Tick, TickSynchronizer
 
