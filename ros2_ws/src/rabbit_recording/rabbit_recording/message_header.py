@@ -17,6 +17,7 @@ FIELDS = {  # the first of each topic's message
     **dict.fromkeys(("preview", "landing"), ("header", "episode")),
 }
 FIRST_WORD = (0, 0)  # episode and phase with which a simulator begins: none, and WAITING in rabbit_msgs/Episode
+FIRST_EPISODE = 1
 
 
 def nanoseconds_of(data: bytes) -> int:
@@ -47,7 +48,8 @@ class SimulatedTime:
 
     A simulator that is started again without a memory begins its time at 0, and a recording ends there. It says so by
     its first word, that it waits for episode 0. That is latched: a recorder that is started late also receives the one
-    of the simulator that runs, whose states go on. Behind another's they go back. `now`: of the newest state, ns.
+    of the simulator that runs, whose states go on. Another's go back, to its first episode. `now`: of the newest
+    state, ns.
     """
 
     def __init__(self, recording: Path) -> None:
@@ -69,8 +71,9 @@ class SimulatedTime:
         """Take note of a state or a first word; raises as `of`."""
         if topic == "state":
             before, self.now = self.now, nanoseconds_of(data)
-            if self._may_go_back and self.now < before:
+            goes_back = self.now < before
+            if self._may_go_back and goes_back and turn_of(data)[0] == FIRST_EPISODE:
                 raise RecordingError(f"recording {self._recording}: the simulator was started again without a memory")
-            self._may_go_back = False
+            self._may_go_back &= goes_back
         elif topic == "episode":
             self._may_go_back |= episode_and_phase_of(data) == FIRST_WORD

@@ -59,6 +59,9 @@ def test_a_recorder_ends_where_another_simulator_begins(tmp_path: Path, walk: Wa
     assert time.of("state", "simulator", data[2]) == 2 * TICK_NS
     assert time.of("state", "simulator", data[0]) == 0  # without a first word it is somebody else's
     time.of("state", "simulator", data[2])
+    time.of("episode", "simulator", word[:20])  # cut, it reads as one
+    time.of("state", "simulator", data[0][:20])
+    time.of("state", "simulator", data[2])
     time.of("episode", "simulator", word)
     with pytest.raises(RecordingError, match="the simulator was started again without a memory"):
         time.of("state", "simulator", data[0])

@@ -131,14 +131,14 @@ class Perturbation(BaseModel):
         """Where these joints are at a reset to q, dq (7,): angle and rate by name; the ground rises by `slope` rad."""
         return {}
 
-    def memory(self) -> int:
+    def remembered(self) -> int:
         """How many rows (4,) its motors remember, at most; zeros are rest."""
         return 0
 
     def drive(self, torques: Array, state: Array) -> Array:
         """What the motors of N robots (`of_all`) make of the torques over one tick's substeps, both (N, SUBSTEPS, 4).
 
-        N m. It may change its arguments: `state` (N, memory, 4) goes on to the next tick.
+        N m. It may change its arguments: `state` (N, remembered, 4) goes on to the next tick.
         """
         return torques
 
