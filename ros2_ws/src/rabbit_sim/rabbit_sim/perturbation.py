@@ -174,9 +174,3 @@ class Perturbation(BaseModel):
         parameters change between two ticks.
         """
         return measured
-
-    def in_mujoco(self, model: Any) -> None:
-        """Change the compiled `mujoco.MjModel`."""
-
-    def in_pybullet(self, client: Any, robot: int, motors: Sequence[int]) -> None:
-        """Change the robot that the client has loaded; `motors`: its joints with one."""

@@ -1,7 +1,9 @@
 """The true plant in PyBullet: contacts, friction and real stones with gaps."""
 
 import os
+import sys
 from collections.abc import Collection, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -11,11 +13,34 @@ from rabbit_description.state import ACTUATED, COORDINATES, Array, Leg
 from rabbit_sim.engine_plant import STONE_DEPTH, EnginePlant, JointStates
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.plant import FOOT_RADIUS, SUBSTEP_SECONDS, Span, gravity
-from rabbit_sim.quiet_pybullet import PhysicsClient, pybullet
+
+STDERR = 2  # of the process, where C code writes: PyBullet prints a line, many processes into a progress bar
+
+sys.stderr.flush()
+_kept, _nowhere = os.dup(STDERR), os.open(os.devnull, os.O_WRONLY)
+os.dup2(_nowhere, STDERR)
+try:
+    import pybullet
+finally:
+    os.dup2(_kept, STDERR)
+    os.close(_kept)
+    os.close(_nowhere)
 
 SOLVER_ITERATIONS = 50
 ERP = 0.1  # share of a contact's or joint's position error mended per substep
 RELATIVE, ABSOLUTE = 1e-9, 1e-12  # of what PyBullet loaded against the URDF
+
+
+class PhysicsClient:
+    """PyBullet's functions in a physics world of one's own, without graphics. (`pybullet_utils`' own client prints.)"""
+
+    def __init__(self) -> None:
+        self._client: int = pybullet.connect(pybullet.DIRECT)
+
+    def __getattr__(self, name: str) -> Any:
+        function = partial(getattr(pybullet, name), physicsClientId=self._client)
+        setattr(self, name, function)  # so that it is made once
+        return function
 
 
 class PybulletPlant(EnginePlant):
@@ -73,8 +98,10 @@ class PybulletPlant(EnginePlant):
             self._set_surface(self._robot, link, self._parameters.ground_friction)
             stiffness, damping = self._parameters.ground_stiffness, self._parameters.ground_damping
             self._client.changeDynamics(self._robot, link, contactStiffness=stiffness, contactDamping=damping)
-        for each in self._perturbations:
-            each.in_pybullet(self._client, self._robot, self._motors)
+        if friction := self._parameters.coulomb:  # a motor that holds still, as strong as the friction
+            self._client.setJointMotorControlArray(
+                self._robot, self._motors, pybullet.VELOCITY_CONTROL, forces=[friction] * len(self._motors)
+            )
         return index
 
     def _set_surface(self, body: int, link: int, friction: float) -> None:
