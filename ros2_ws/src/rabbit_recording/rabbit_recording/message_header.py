@@ -17,7 +17,7 @@ FIELDS = {  # the first of each topic's message
     **dict.fromkeys(("preview", "landing"), ("header", "episode")),
 }
 FIRST_WORD = (0, 0)  # episode and phase with which a simulator begins: none, and WAITING in rabbit_msgs/Episode
-FIRST_EPISODE = 1
+FIRST_TICK = (1, 0)  # episode and tick
 
 
 def nanoseconds_of(data: bytes) -> int:
@@ -28,7 +28,7 @@ def nanoseconds_of(data: bytes) -> int:
 
 def turn_of(data: bytes) -> tuple[int, int]:
     """Episode and tick of a `RobotState` or another message of a tick."""
-    begin = 16 + (_stamp_and_length(data)[2] + 3) // 4 * 4  # the frame's name is padded to four bytes
+    begin = _end_of_header(data)
     return NUMBERS.unpack(data[begin : begin + NUMBERS.size].ljust(NUMBERS.size, b"\0"))
 
 
@@ -36,6 +36,15 @@ def episode_and_phase_of(data: bytes) -> tuple[int, int]:
     """Of an `Episode`, whose phase is one byte."""
     episode, phase = turn_of(data)
     return episode, phase & 0xFF
+
+
+def is_first_word(data: bytes) -> bool:
+    """Whether a simulator begins with this `Episode`; one that is cut is none."""
+    return len(data) >= _end_of_header(data) + NUMBERS.size and episode_and_phase_of(data) == FIRST_WORD
+
+
+def _end_of_header(data: bytes) -> int:
+    return 16 + (_stamp_and_length(data)[2] + 3) // 4 * 4  # the frame's name is padded to four bytes
 
 
 def _stamp_and_length(data: bytes) -> tuple[int, int, int]:
@@ -48,7 +57,7 @@ class SimulatedTime:
 
     A simulator that is started again without a memory begins its time at 0, and a recording ends there. It says so by
     its first word, that it waits for episode 0. That is latched: a recorder that is started late also receives the one
-    of the simulator that runs, whose states go on. Another's go back, to its first episode. `now`: of the newest
+    of the simulator that runs, whose states go on. Another's go back, to its first tick. `now`: of the newest
     state, ns.
     """
 
@@ -72,8 +81,8 @@ class SimulatedTime:
         if topic == "state":
             before, self.now = self.now, nanoseconds_of(data)
             goes_back = self.now < before
-            if self._may_go_back and goes_back and turn_of(data)[0] == FIRST_EPISODE:
+            if self._may_go_back and goes_back and turn_of(data) == FIRST_TICK:
                 raise RecordingError(f"recording {self._recording}: the simulator was started again without a memory")
             self._may_go_back &= goes_back
         elif topic == "episode":
-            self._may_go_back |= episode_and_phase_of(data) == FIRST_WORD
+            self._may_go_back |= is_first_word(data)
