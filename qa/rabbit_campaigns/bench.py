@@ -3,7 +3,6 @@
 tick                    the tick's CasADi functions, OSQP's own run time and the actor's three products
 plant tick              ten bare steps of the engine, in the same world
 evaluation              the engine alone, which would take only these ten steps a tick
-a tick through nodes    plant tick, tick, and a lock-step round trip of two nodes that do nothing else
 """
 
 import time
@@ -11,16 +10,12 @@ from collections import defaultdict
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from functools import partial
-from importlib.util import find_spec
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any, TypeVar
 from unittest.mock import patch
 
 import numpy as np
 from cbf_clf_qp import answer
 from cbf_clf_qp.functions import NumpyFunction
-from rabbit_bringup.launching.walk import WalkOptions, WalkSettings
 from rabbit_description.state import TICK_SECONDS
 from rabbit_experiments.assembly import Assembly
 from rabbit_sim.plant import SUBSTEPS
@@ -153,26 +148,3 @@ def bare_steps(plant: Any) -> Callable[[StopWatch], None] | None:
         client.removeState(state)
 
     return steps
-
-
-def bench_nodes(assembly: Assembly, seed: int, us: dict[str, dict[str, float]]) -> dict[str, Any] | None:
-    """A tick through the nodes, microseconds; None without ROS, or with the oracle. `us`: what `bench` has measured.
-
-    Raises:
-        LaunchError: a node cannot be started, ended by itself, or is not ready in time.
-    """
-    if find_spec("rclpy") is None or assembly.policy == "oracle":
-        return None
-    from rabbit_bringup.ros.walking import walk_through
-
-    from rabbit_campaigns.ros.round_trip import measure_round_trips
-
-    floor = quantiles(measure_round_trips())["p50"]
-    with TemporaryDirectory() as folder:
-        walked = walk_through(
-            WalkSettings.of(assembly, Path(folder), WalkOptions(seed=seed, trainer=False, record=False))
-        )
-    tick = walked.seconds / sum(int(episode.tick) for episode in walked.ended.values()) * 1e6
-    whole = us[PLANT]["p50"] + us[TICK]["p50"] + floor
-    ratios = {"a tick through nodes / plant tick, tick and bare round trip": tick / whole}
-    return {"us": {"a bare round trip": floor, "a tick through nodes": tick}, "ratios": ratios}

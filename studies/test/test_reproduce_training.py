@@ -125,7 +125,6 @@ def test_trainings_of_some_experiments() -> None:
         (RL_CBF_CLF_QP, seed) for seed in (1, 2, 3)
     ]
     assert {each.parameters.problem for each in by_name["payload-flat"]} == {RL_CLF_QP, IO_RL_CLF_QP}
-    assert by_name["wide-stones"] == []
 
 
 def test_the_committed_log_is_whole() -> None:

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 from rabbit_description.gait import load_gait
+from rabbit_experiments.vector_environment import VectorWalkingEnv
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.robot_urdf import perturbed_urdf
 from rabbit_sim.simulation import Simulation
@@ -12,10 +13,9 @@ from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.controller_output import from_flat
 from rl_cbf_clf_controller.oracle import OraclePolicy, TruePlant
 from rl_cbf_clf_controller.parameters import ControllerParameters
-from rl_cbf_clf_controller.policy import Policy, ZeroPolicy
+from rl_cbf_clf_controller.policy import ZeroPolicy
 from rl_cbf_clf_controller.problem import Problem
 from rl_cbf_clf_controller.uncertainty import PAPER, RL_CBF_CLF_QP
-from rl_trainer.environment import WalkingEnv
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.reward import error_unit
 from rl_trainer.rollout import Record, rollout
@@ -63,26 +63,20 @@ def test_targets_are_the_true_errors(problem: Problem, plant: str) -> None:
 
 
 def test_environment_over_the_true_plant() -> None:
-    """The zero action is the nominal controller, and a walk by name of a seed repeats."""
-    simulation, _, parameters = parts(RL_CBF_CLF_QP, "pybullet")
-    gait = load_gait(ControllerParameters().gait)
-
-    def make_controller(policy: Policy, sigma: float) -> Controller:
-        chosen = {"controller": "rl-cbf-clf-qp", "sigma": sigma}
-        return Controller(ControllerParameters.model_validate(chosen), gait, policy)
-
-    env = WalkingEnv(parameters, simulation, make_controller)
+    """A walk by name of a seed repeats, and no reward is positive."""
+    _, _, parameters = parts(RL_CBF_CLF_QP, "mujoco")
+    plant = SimulationParameters(plant="mujoco", mass_scale=2.0, stones=STEPS)
+    env = VectorWalkingEnv(parameters, ControllerParameters(controller="rl-cbf-clf-qp"), plant, 1)
     walks = []
     for _ in range(2):
         observations, done = [env.reset(seed=3)[0]], False
         while not done:
-            observation, reward, terminated, truncated, _ = env.step(np.zeros(25, np.float32))
-            done = terminated or truncated
-            assert reward <= 0
+            observation, reward, terminated, truncated, _ = env.step(np.zeros((1, 25), np.float32))
+            done = bool(terminated[0] or truncated[0])
+            assert reward[0] <= 0
             observations.append(observation)
         walks.append(np.array(observations))
     np.testing.assert_array_equal(*walks)
-    simulation.close()
 
 
 def test_beside_an_adaptation_the_target_is_what_it_leaves() -> None:

@@ -144,7 +144,7 @@ def spoil(draw: st.DrawFn, message: Any, name: str, kind: str) -> None:
 @pytest.fixture(scope="module")
 def ros(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     """ROS in this process, with the parameters of all nodes."""
-    told = {"stones": 3, "motor_lag": 0.004, "learn_beside": 0, "controller": PARAMETERS.controller}
+    told = {"stones": 3, "motor_lag": 0.004, "controller": PARAMETERS.controller}
     told |= {"hidden1": 4, "hidden2": 4, "batch": 4, "updates_least": 1, "capacity": 500}
     of = {"stones": "simulator", "motor_lag": "simulator", "controller": "controller", "path": "recorder"}
     told |= {"path": str(tmp_path_factory.mktemp("recorder") / "recording")}

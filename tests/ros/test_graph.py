@@ -45,7 +45,7 @@ def test_nodes_start_in_any_order(world: Any, order: tuple[str, ...]) -> None:
     told: dict[str, dict[str, Any]] = {
         "simulator": {**SHORT, "stones": 1, "trainer": "wait"},
         "controller": {},
-        "trainer": {"learn_beside": 0},
+        "trainer": {},
     }
     for name in order:
         world.start(name, **told[name])
@@ -118,7 +118,7 @@ def test_the_log_names_the_episodes(world: Any) -> None:
     episodes = world.hear("episode")
     world.start("simulator", episodes=2, seed=7, **SHORT)
     world.start("controller")
-    world.start("trainer", learn_beside=0)
+    world.start("trainer")
     world.go()
     world.wait(ended(episodes, 2))
     ticks = [e.tick for e in episodes if e.phase == Episode.ENDED]

@@ -73,7 +73,7 @@ def test_transitions_carry_the_reward(world: Any) -> None:
     transitions, episodes = world.hear("transition"), world.hear("episode")
     world.start("simulator", motor_lag=0.004, stones=2)
     world.start("controller", sigma=5.0)
-    world.start("trainer", learn_beside=0)
+    world.start("trainer")
     world.go()
     world.wait(lambda: bool(episodes) and episodes[-1].phase == Episode.ENDED)
     world.wait(lambda: len(transitions) == episodes[-1].tick)
@@ -92,31 +92,8 @@ def test_it_learns_where_the_controller_has_a_gait_library(world: Any) -> None:
     transitions, episodes = world.hear("transition"), world.hear("episode")
     world.start("simulator", motor_lag=0.004, stones=2, gait="paper_stones")
     world.start("controller", controller=PARAMETERS.controller, gait="paper_stones", sigma=5.0)
-    world.start("trainer", learn_beside=0, folder=str(world.folder / "training"))
+    world.start("trainer", folder=str(world.folder / "training"))
     world.go()
     world.wait(lambda: bool(episodes) and episodes[-1].phase == Episode.ENDED)
     world.wait(lambda: len(transitions) == episodes[-1].tick)
     assert {len(t.observation) for t in transitions} == {len(PARAMETERS.problem.observations[-1])}
-
-
-def test_learning_beside_publishes_policies_that_take_effect(world: Any) -> None:
-    """Those that the gate lets pass: the others are counted and logged with both errors."""
-    weights, commands, swaps = world.hear("policy"), world.hear("torque"), world.hear("policy_swap")
-    plant = {"motor_lag": 0.004, "mass_scale": 1.2, "stones": 200, "stop_at_miss": False}
-    world.start("simulator", **plant, pace=1.0, episodes=1000)
-    world.start("controller", controller="rl-cbf-clf-qp")
-    small = {"hidden1": 16, "hidden2": 16, "batch": 16, "updates_per_tick": 0.0, "updates_least": 0}
-    rough = {"actor_rate": 0.01, "polyak": 1.0}  # in steps so large that one is worse soon
-    world.start("trainer", learn_beside=4, **small, **rough)
-    world.go()
-    world.wait(lambda: len(weights) >= 2)
-    world.wait(lambda: commands[-1].policy_version != "zero")
-    assert commands[-1].policy_version in {message.version for message in weights}
-    world.wait(lambda: {swap.version for swap in swaps} & {message.version for message in weights})
-
-    def told(name: str) -> str:
-        return [v.value for m in world.hear("diagnostics") for v in m.status[0].values if v.key == name][-1]
-
-    world.wait(lambda: int(told("policies kept back")) > 0)
-    log = (world.folder / "log" / "trainer.log").read_text()
-    assert "kept back: error" in log

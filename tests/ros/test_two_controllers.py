@@ -166,7 +166,7 @@ def test_in_real_time_the_torques_of_one_act(world: Any) -> None:
 def test_the_trainer_learns_from_the_one_that_walks(world: Any) -> None:
     transitions = world.hear("transition")
     begin(world, pace=1.0, trainer="wait")
-    world.start("trainer", learn_beside=0)
+    world.start("trainer")
     world.go()
     world.wait(lambda: len(world.hear("state")) > 20)
     start_other(world)

@@ -89,7 +89,6 @@ def kept_files() -> tuple[bytes, bytes]:
         for tick in range(3):
             kept.append(trainer.take(transition(tick)) or transition(tick))
         journal = journal_path(Path(folder), 0).read_bytes()
-        trainer.gate.held_out.extend(map(transition, range(3)))
         kept.save()
         return (Path(folder) / CHECKPOINT).read_bytes(), journal
 
@@ -109,8 +108,6 @@ class Silent:
     def on_plan(self, plan: Any, after: int, report: Any) -> None: ...
 
     def on_transition(self, transition: Any, tag: Any) -> None: ...
-
-    def on_policy(self, policy: Any, verdict: Any) -> None: ...
 
 
 def with_digest(data: bytes) -> bytes:

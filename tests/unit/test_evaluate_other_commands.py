@@ -63,7 +63,7 @@ def test_paper_literal_learner_has_the_papers_form(tmp_path: Path) -> None:
 
 
 def test_bench_measures_and_asserts_nothing(tmp_path: Path) -> None:
-    done = rabbit("bench", "--out", tmp_path / "bench.json", "--stones", 1, "--no-nodes")
+    done = rabbit("bench", "--out", tmp_path / "bench.json", "--stones", 1)
     assert done.exit_code == 0, done.output
     figures = json.loads((tmp_path / "bench.json").read_text())
     assert figures["us"].keys() == {

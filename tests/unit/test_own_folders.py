@@ -34,7 +34,7 @@ FOLDERS = {
 }
 FILES = {
     "bag record": (),
-    "bench": ("--no-nodes",),
+    "bench": (),
     "estimates": ("rl-cbf-clf-qp",),
     "rival gp": ("session",),
 }

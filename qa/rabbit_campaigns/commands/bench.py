@@ -1,4 +1,4 @@
-"""Time a tick, the plant, an evaluation and the nodes, each against its floor."""
+"""Time a tick, the plant and an evaluation, each against its floor."""
 
 from datetime import datetime
 from pathlib import Path
@@ -7,7 +7,7 @@ from typing import Any
 import typer
 from pydantic import BaseModel, ConfigDict, Field
 from rabbit_bringup.commands.walk import DEFAULTS
-from rabbit_common.options import Given, complaints, fail, options
+from rabbit_common.options import Given, fail, options
 from rabbit_common.own_folder import new_file
 from rabbit_experiments.commands.evaluate import given_assembly
 from rabbit_sim.parameters import SimulationParameters
@@ -25,7 +25,6 @@ class BenchOptions(BaseModel):
     seed: int = Field(9001, ge=0, le=2**32 - 1, description="of the walk")
     policy: str | None = Field(None, description="zero, oracle, a shipped policy or a file")
     parameters: str = Field("ours", description="of the controller: ours, best, authors or a YAML file")
-    nodes: bool = Field(True, description="also walk through the nodes, where there is ROS")
     batch: int = Field(0, ge=0, le=4096, description="so many robots at once in MuJoCo against the bare engine")
     ticks: int = Field(100_000, ge=1, description="of all robots together, for --batch")
 
@@ -33,7 +32,7 @@ class BenchOptions(BaseModel):
 @app.command()
 @options(BenchOptions, ControllerParameters, SimulationParameters, defaults=DEFAULTS)
 def bench(given: Given) -> None:
-    """Time a tick, the plant, an evaluation and the nodes: each against its floor, in the same run.
+    """Time a tick, the plant and an evaluation: each against its floor, in the same run.
 
     With `--batch N`: N robots at once in MuJoCo against `mujoco.rollout` alone, and evaluation in a batch against one
     run at a time.
@@ -41,23 +40,19 @@ def bench(given: Given) -> None:
     request = given.build(BenchOptions)
     out = new_file(request.out or Path("runs") / f"{datetime.now():%Y%m%d-%H%M%S}-bench.json")
     assembly = given_assembly(given, request.policy, request.parameters)
-    from rabbit_common.executables import LaunchError
-
     from rabbit_campaigns import bench
     from rabbit_campaigns.figures import write_figures
 
     if request.batch and assembly.simulation.plant != "mujoco":
         fail(f"--batch {request.batch} with --plant {assembly.simulation.plant}: expected --plant mujoco")
-    with complaints(LaunchError):
-        if request.batch:
-            from rabbit_campaigns.batch_bench import bench_batch
+    if request.batch:
+        from rabbit_campaigns.batch_bench import bench_batch
 
-            figures = bench_batch(assembly, request.batch, request.ticks, request.seed)
-            show_batch(figures)
-        else:
-            figures = bench.bench(assembly, request.seed)
-            figures["nodes"] = bench.bench_nodes(assembly, request.seed, figures["us"]) if request.nodes else None
-            show(figures)
+        figures = bench_batch(assembly, request.batch, request.ticks, request.seed)
+        show_batch(figures)
+    else:
+        figures = bench.bench(assembly, request.seed)
+        show(figures)
     write_figures(out, figures)
     print(f"written to {out}")
 
@@ -67,14 +62,11 @@ def show(figures: dict[str, Any]) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    nodes = figures["nodes"] or {"us": {}, "ratios": {}}
     times = Table("microseconds", "median", "p99", title=f"{figures['ticks']} ticks")
     for name, us in figures["us"].items():
         times.add_row(name, f"{us['p50']:.1f}", f"{us['p99']:.1f}")
-    for name, median in nodes["us"].items():
-        times.add_row(name, f"{median:.1f}", "")
     ratios = Table("ratio", "")
-    for name, ratio in {**figures["ratios"], **nodes["ratios"]}.items():
+    for name, ratio in figures["ratios"].items():
         ratios.add_row(name, f"{ratio:.2f}")
     Console().print(times, ratios)
     print(f"a walk in process: {figures['real_time_factor']:.1f} times real time")

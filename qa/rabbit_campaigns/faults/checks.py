@@ -23,8 +23,7 @@ TRAINING = TrainingParameters(
 def check_transitions(told: Sequence[Transition], folder: Path) -> dict[str, int]:
     """Look for every transition told in checkpoint and journal of a training under `TRAINING`, whose trainer is away.
 
-    Those that the trainer leaves out by rule are only counted, once they are in a checkpoint. For a trainer that plans
-    episodes: one that learns beside the walk holds out one step in five (its gate), which would be taken for lost.
+    Those that the trainer leaves out by rule are only counted, once they are in a checkpoint.
 
     Returns:
         How many are nowhere on disk, `lost`; how many the trainer counts in all, `kept`; and `told_transitions`.

@@ -43,8 +43,6 @@ def _of_info(listed: list[EpisodeInventory], checked: list[Checked], heard: Moni
     """Episodes and ticks are those that were heard."""
     found = [account for account in listed if account.presence is Presence.RECORDED]
     yield from (f"info: episode {a.number} is lost" for a in listed if a.presence is Presence.LOST)
-    if any(account.run for account in listed):
-        yield "info: the simulator was started anew without its memory"
     numbers = [account.number for account in found]
     if numbers != [each.episode.number for each in checked]:
         yield f"info lists episodes {numbers}, check others"

@@ -13,7 +13,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 HEARD = {  # by the node that hears them
     "simulator": ("torque", "episode_plan"),
     "controller": ("state", "preview", "episode", "policy"),
-    "trainer": ("state", "torque", "controller_state", "learner_terms", "episode", "policy_swap"),
+    "trainer": ("state", "torque", "controller_state", "learner_terms", "episode"),
 }
 HEADER = 4  # bytes before a message's own
 

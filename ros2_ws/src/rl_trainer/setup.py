@@ -10,7 +10,6 @@ from package_setup import install
 install(
     "numpy>=2",
     "pydantic>=2",
-    "gymnasium",
     entry_points={
         "rabbit.learners": [
             "ddpg = rl_trainer.ddpg:Ddpg",

@@ -8,7 +8,6 @@ from rabbit_reproduce.catalogue.l1_sweep import L1Sweep
 from rabbit_reproduce.catalogue.learning_curves import LearningCurves
 from rabbit_reproduce.catalogue.payloads import PayloadFlat, PayloadStones
 from rabbit_reproduce.catalogue.stones import NominalStones, RlCbfClfResults, SteppingStone
-from rabbit_reproduce.catalogue.wide_stones import WideStones
 from rabbit_reproduce.experiment import Experiment
 
 EXPERIMENTS: tuple[Experiment, ...] = (
@@ -17,5 +16,5 @@ EXPERIMENTS: tuple[Experiment, ...] = (
     *(*map(Perturbation, ("motor-power", "joint-damping", "link-bending")), SmallMass()),
     *(LearningCurves(), Tolerance("velocity-noise")),
     *(ClfAssumption(), FeasibilityShare(), FeasibilityByEpisode(), Tolerance("delay")),
-    *(WideStones(), HigherGain()),
+    HigherGain(),
 )

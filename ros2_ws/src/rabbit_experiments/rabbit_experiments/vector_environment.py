@@ -1,12 +1,15 @@
-"""N walks of RABBITs in MuJoCo as a `gymnasium.vector.VectorEnv`, a row a robot.
+"""N walks of RABBITs in MuJoCo as a `gymnasium.vector.VectorEnv`, a row a robot, for learners of one's own.
 
 env = VectorWalkingEnv(TrainingParameters(), load_parameters("ours", controller="rl-cbf-clf-qp"),
                        SimulationParameters(plant="mujoco", sensors="lab"), robots=64, draw=random_plant)
 
-Actions, observations and rewards are those of `WalkingEnv`. A robot whose episode has ended begins another one in the
-same step (`AutoresetMode.SAME_STEP`), if wanted as another robot. Environment i draws its seeds as a `WalkingEnv` does
-that was reset with seed + i. `infos` has `next_LgV` (N, m), each tick's `transition`, and `final_obs` of those that
-ended.
+    observation   (k,) scaled, see `Problem.units`
+    action        (5n,) in [-1, 1], times the action scales: all alphas, then all betas (25 on stones)
+    reward        -weighted squared errors of the tick - failure penalty
+
+A robot whose episode has ended begins another one in the same step (`AutoresetMode.SAME_STEP`), if wanted as another
+robot. Environment i draws its seeds from seed + i. `infos` has `next_LgV` (N, m), each tick's `transition`, and
+`final_obs` of those that ended. A time limit or a fault truncates an episode.
 """
 
 import math
@@ -15,12 +18,15 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from cbf_clf_qp.estimates import Estimates
+from gymnasium.spaces import Box
 from gymnasium.utils.seeding import np_random
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 from rabbit_description.gait import load_gaits
 from rabbit_description.robot_states import RobotStates
+from rabbit_description.state import Array
 from rabbit_sim.batch_simulation import BatchSimulation
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.simulation import Simulation
@@ -29,7 +35,6 @@ from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.controller_output import seen_fields
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import ZeroPolicy
-from rl_trainer.environment import Float32, GivenAction
 from rl_trainer.parameters import TrainingParameters
 from rl_trainer.reward import reward
 from rl_trainer.transitions import TransitionBuilder
@@ -40,6 +45,7 @@ SCALES = (0.5, 3.0)
 PAYLOAD = 72.0  # kg
 LOSS, DAMPING, BEND = 0.15, 1.0, 0.05
 
+Float32 = NDArray[np.float32]
 Draw = Callable[[SimulationParameters, int], SimulationParameters]
 
 
@@ -56,6 +62,33 @@ def random_plant(parameters: SimulationParameters, seed: int) -> SimulationParam
         "link_bend": rng.uniform(-BEND, BEND),
     }
     return parameters.model_copy(update=masses | {name: value for name, value in others.items() if rng.random() < 0.5})
+
+
+class LearnerUnits:
+    """What a learner sees of one robot and gives it, over their scales: the spaces `observations` and `actions`."""
+
+    def __init__(self, parameters: TrainingParameters) -> None:
+        problem, n = parameters.problem, parameters.n
+        self._center, self._scale = np.array([problem.unit(name) for name in parameters.observation]).T
+        self.observations = Box(-np.inf, np.inf, self._center.shape, np.float32)
+        self.actions = Box(-1.0, 1.0, ((problem.inputs + 1) * n,), np.float32)
+        alpha, beta, _ = parameters.scales
+        self._alpha_scale, self._beta_scale = np.array(alpha)[:, None], np.array(beta)
+        self._has_clf, self._inputs = problem.has_clf, problem.inputs
+
+    def estimates(self, actions: Array, LgV: Array) -> Estimates:
+        """Of N robots, the actions (N, (m + 1) n) times their scales; those of V also times |LgV| + 1, LgV (N, m)."""
+        slopes, beta = np.split(actions, [self._inputs * len(self._beta_scale)], axis=1)
+        size = np.ones(beta.shape)
+        if self._has_clf:
+            size[:, 0] += np.linalg.norm(LgV, axis=1)
+        alpha = slopes.reshape(*beta.shape, self._inputs) * self._alpha_scale * size[..., None]
+        return Estimates(alpha, beta * self._beta_scale * size, None)
+
+    def scaled(self, observation: Array) -> Float32:
+        """Observations (..., k) as they are seen."""
+        seen: Float32 = ((observation[..., : len(self._center)] - self._center) / self._scale).astype(np.float32)
+        return seen
 
 
 class VectorWalkingEnv(VectorEnv[Float32, Float32, NDArray[Any]]):
@@ -81,11 +114,11 @@ class VectorWalkingEnv(VectorEnv[Float32, Float32, NDArray[Any]]):
         zero = ZeroPolicy(controller.problem)  # the actions take its place
         own = controller.model_copy(update={"sigma": parameters.sigma})
         self._controller = BatchController(Controller(own, self._gait, zero), [zero] * robots)
-        self._policy, self._builder = GivenAction(parameters), TransitionBuilder(parameters)
+        self._units, self._builder = LearnerUnits(parameters), TransitionBuilder(parameters)
         self.num_envs = robots
         self.metadata = {"autoreset_mode": AutoresetMode.SAME_STEP}
-        self.single_observation_space = self._policy.observation_space
-        self.single_action_space = self._policy.action_space
+        self.single_observation_space = self._units.observations
+        self.single_action_space = self._units.actions
         self.observation_space = batch_space(self.single_observation_space, robots)
         self.action_space = batch_space(self.single_action_space, robots)
         self._rngs = [np_random(None)[0] for _ in range(robots)]
@@ -102,12 +135,12 @@ class VectorWalkingEnv(VectorEnv[Float32, Float32, NDArray[Any]]):
         for i, episode in enumerate(episodes):
             self._controller.reset(i, episode)
         self._scene = self._controller.look(self._batch.states)
-        return self._policy.scaled(self._scene.observation), {"next_LgV": self._scene.seen.LgV.copy()}
+        return self._units.scaled(self._scene.observation), {"next_LgV": self._scene.seen.LgV.copy()}
 
     def step(self, actions: Float32) -> tuple[Float32, NDArray[Any], NDArray[Any], NDArray[Any], dict[str, Any]]:
         """One tick with `actions` (N, 5n) as the estimates."""
         batch, controller, n = self._batch, self._controller, self.num_envs
-        estimates = self._policy.estimates(np.asarray(actions, dtype=float), self._scene.seen.LgV)
+        estimates = self._units.estimates(np.asarray(actions, dtype=float), self._scene.seen.LgV)
         scene, output = self._scene, controller.decide(self._scene, estimates)
         outputs = [output[i] for i in range(n)]
         states = batch.step(output.torque)
@@ -124,8 +157,8 @@ class VectorWalkingEnv(VectorEnv[Float32, Float32, NDArray[Any]]):
         failed = np.array([each.failed for each in transitions])
         infos: dict[str, Any] = {"next_LgV": following.seen.LgV.copy(), "transition": transitions}
         if has_ended.any():
-            infos |= {"final_obs": self._policy.scaled(scene.observation), "_final_obs": has_ended}
-        return self._policy.scaled(following.observation), rewards, failed, has_ended & ~failed, infos
+            infos |= {"final_obs": self._units.scaled(scene.observation), "_final_obs": has_ended}
+        return self._units.scaled(following.observation), rewards, failed, has_ended & ~failed, infos
 
     def _transition(self, output: Any, states: RobotStates, i: int, following: BatchScene | None) -> Any:
         """Of robot `i`, from its output to what is seen next, or to the end."""

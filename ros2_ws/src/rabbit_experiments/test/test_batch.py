@@ -1,25 +1,33 @@
 """A walk in a batch is the walk alone, to the bit: MuJoCo, controller, policy, sensors, tally, environment."""
 
+import re
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from cbf_clf_qp.estimates import Estimates
+from gymnasium.utils.seeding import np_random
 from rabbit_description.gait import load_gaits
+from rabbit_description.state import Array
 from rabbit_experiments.assembly import Assembly, make_simulation, resolve_policy
 from rabbit_experiments.batch_evaluation import walk_together
 from rabbit_experiments.engine import batches
 from rabbit_experiments.evaluation import Scenario, walk
-from rabbit_experiments.vector_environment import VectorWalkingEnv, random_plant
+from rabbit_experiments.vector_environment import LearnerUnits, VectorWalkingEnv, random_plant
 from rabbit_sim.batch_simulation import BatchSimulation
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.simulation import Outcome
 from rl_cbf_clf_controller.batch_controller import BatchController
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.parameters import load_parameters
-from rl_cbf_clf_controller.policy import Policy
-from rl_trainer.environment import WalkingEnv
+from rl_cbf_clf_controller.policy import LearnedPolicy, Policy, ZeroPolicy
+from rl_cbf_clf_controller.problem import Problem
+from rl_cbf_clf_controller.uncertainty import PAPER
 from rl_trainer.parameters import TrainingParameters
+from rl_trainer.reward import reward
 from rl_trainer.rollout import Record, rollout
+from rl_trainer.transitions import TransitionBuilder
 
 TIMES = {"tick_ms_p50", "tick_ms_p99", "plant_ms_p50", "walk_seconds"}
 PLANTS: list[dict[str, Any]] = [
@@ -142,7 +150,84 @@ def test_another_plant_is_refused() -> None:
         VectorWalkingEnv(TrainingParameters(), best, SimulationParameters(plant="mujoco"), 2)
 
 
-def test_the_vector_environment_is_the_single_one_row_by_row() -> None:
+class Given(LearnedPolicy):
+    """Answers with the action it was given."""
+
+    version = "environment"
+
+    def __init__(self, units: LearnerUnits) -> None:
+        self._units = units
+        self.action = np.zeros(units.actions.shape)
+
+    def act(self, observation: Array, LgV: Array) -> Estimates:
+        return self._units.estimates(self.action[None], LgV[None])[0]
+
+
+class OneRobot:
+    """The same environment of one robot, by the single simulation and controller.
+
+    A tick's observation is needed before its action, while a controller gives both at once; so a second controller, the
+    scout, looks at each state first.
+    """
+
+    def __init__(self, parameters: TrainingParameters, simulation: Any, make_controller: Any) -> None:
+        self._parameters, self._simulation, self._units = parameters, simulation, LearnerUnits(parameters)
+        self._policy, self._builder = Given(self._units), TransitionBuilder(parameters)
+        self._controller = make_controller(self._policy, parameters.sigma)
+        self._scout = make_controller(ZeroPolicy(parameters.problem), 0.0)
+
+    def reset(self, seed: int | None = None) -> tuple[Any, dict[str, Any]]:
+        """A new walk."""
+        if seed is not None:
+            self._rng, _ = np_random(seed)
+        episode = int(self._rng.integers(2**32))
+        self._state = self._simulation.reset(episode)
+        self._controller.reset(episode)
+        self._scout.reset(episode)
+        seen = self._scout.step(self._state)
+        return self._units.scaled(seen.observation), {"next_LgV": seen.LgV}
+
+    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        """One tick."""
+        self._policy.action = np.asarray(action, dtype=float)
+        output = self._controller.step(self._state)
+        self._builder.reset()
+        self._builder.add(self._state, output)
+        self._state = self._simulation.step(output.torque)
+        scouted = self._scout.step(self._state) if self._state.running else None
+        transition = self._builder.add(self._state, scouted)
+        assert transition is not None
+        truncated = not transition.failed and (not self._state.running or bool(output.fault))
+        seen = self._units.scaled((scouted or output).observation)
+        return seen, reward(transition, self._parameters), transition.failed, truncated, vars(transition).copy()
+
+
+@pytest.mark.parametrize("problem", PAPER)
+def test_an_action_is_the_estimates_over_their_scales(problem: Problem) -> None:
+    """V's also over |LgV| + 1."""
+    parameters, rng = TrainingParameters(problem=problem), np.random.default_rng(3)
+    n, m, robots = parameters.n, problem.inputs, 7
+    alpha, beta, LgV = (rng.standard_normal((robots, *shape)) for shape in ((n, m), (n,), (m,)))
+    size = np.ones((robots, n))
+    if problem.has_clf:
+        size[:, 0] = 1 + np.sqrt(np.square(LgV).sum(axis=1))
+    alpha_scale, beta_scale = map(np.array, parameters.scales[:2])
+    actions = np.hstack([(alpha / (alpha_scale * size)[..., None]).reshape(robots, -1), beta / (beta_scale * size)])
+    found = LearnerUnits(parameters).estimates(actions, LgV)
+    np.testing.assert_allclose(found.alpha, alpha, rtol=1e-12)
+    np.testing.assert_allclose(found.beta, beta, rtol=1e-12)
+
+
+def test_the_environment_as_the_docs_make_it() -> None:
+    page = (Path(__file__).resolve().parents[4] / "docs" / "learning.md").read_text(encoding="utf-8")
+    _, code = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    made: dict[str, Any] = {}
+    exec(code, made)
+    assert made["env"].observation_space.contains(made["observations"])
+    assert (made["rewards"] <= 0).all()
+
+
+def test_the_vector_environment_is_one_robot_row_by_row() -> None:
     parameters = TrainingParameters(sigma=2.0)
     tuning = load_parameters("ours", controller="rl-cbf-clf-qp", qp_solver="daqp")
     plant = SimulationParameters(plant="mujoco", stones=1, sensors="lab", push=3.0, push_interval=0.2)
@@ -162,7 +247,7 @@ def test_the_vector_environment_is_the_single_one_row_by_row() -> None:
         def step(self, torque: Any) -> Any:
             return self.own.step(torque)
 
-    ones = [WalkingEnv(parameters, Renewed(), make_controller) for _ in range(robots)]
+    ones = [OneRobot(parameters, Renewed(), make_controller) for _ in range(robots)]
     observed, info = many.reset(seed=5)
     assert many.observation_space.contains(observed)
     for i, one in enumerate(ones):
@@ -174,9 +259,9 @@ def test_the_vector_environment_is_the_single_one_row_by_row() -> None:
         actions = rng.uniform(-0.2, 0.2, many.action_space.shape).astype(np.float32)
         observed, rewards, failed, cut, info = many.step(actions)
         for i, one in enumerate(ones):
-            alone, reward, terminated, truncated, about = one.step(actions[i])
+            alone, earned, terminated, truncated, about = one.step(actions[i])
             assert (terminated, truncated) == (failed[i], cut[i])
-            assert rewards[i] == pytest.approx(reward, rel=1e-9)
+            assert rewards[i] == pytest.approx(earned, rel=1e-9)
             if terminated or truncated:
                 ends += 1
                 assert info["_final_obs"][i]

@@ -7,7 +7,7 @@ from typing import Any
 from rabbit_description.gait import Gaits, parse_gaits
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
-Place = tuple[int, int, int]  # run, episode, tick
+Place = tuple[int, int]  # episode, tick
 
 
 @dataclass(frozen=True)
@@ -29,21 +29,21 @@ class Settings:
     def __init__(self) -> None:
         self._announced: list[tuple[Place, Any]] = []
 
-    def add(self, run: int, message: Any, newest: Place) -> None:
+    def add(self, message: Any, newest: Place) -> None:
         """One more, while the newest state was this one."""
-        place = (run, message.episode, message.tick)
+        place = (message.episode, message.tick)
         if message.episode == 0 and self._announced:
-            _, episode, tick = newest
-            place = (run, episode + (tick > 0), 0)
+            episode, tick = newest
+            place = (episode + (tick > 0), 0)
         self._announced = [(min(before, place), each) for before, each in self._announced]
         self._announced.append((place, message))
 
-    def of(self, run: int, episode: int) -> list[RecordedSettings]:
+    def of(self, episode: int) -> list[RecordedSettings]:
         """Those of an episode, the first from tick 0 on; later only those of later ones can be asked for."""
-        before = [i for i, (place, _) in enumerate(self._announced) if place <= (run, episode, 0)]
+        before = [i for i, (place, _) in enumerate(self._announced) if place <= (episode, 0)]
         self._announced = self._announced[before[-1] if before else 0 :]
         begin = [self._announced[0][1]] if before else []
-        here = [(place[2], each) for place, each in self._announced[len(begin) :] if place[:2] == (run, episode)]
+        here = [(place[1], each) for place, each in self._announced[len(begin) :] if place[0] == episode]
         return [_settings(tick, each) for tick, each in [*((0, each) for each in begin), *here]]
 
 

@@ -36,15 +36,13 @@ class Presence(StrEnum):
 class EpisodeInventory:
     """One episode.
 
-    `number` is the simulator's; in a further `run` of a simulator that was started again it counts on. `first` and
-    `last` recorded tick, None if there is none; `recorded`, `lost`: how many. Lost are those between the first and the
-    last message of a topic, and up to the episode's end if that was announced. `begins`, `ends`: tick 0, and the
-    announcement of the end, are in the recording. `controller`: whose torques acted; `refused_controller`: another one
-    that answered too. Both are empty in a recording made before controllers had names.
+    `first` and `last` recorded tick, None if there is none; `recorded`, `lost`: how many. Lost are those between the
+    first and the last message of a topic, and up to the episode's end if that was announced. `begins`, `ends`: tick 0,
+    and the announcement of the end, are in the recording. `controller`: whose torques acted; `refused_controller`:
+    another one that answered too. Both are empty in a recording made before controllers had names.
     """
 
     number: int
-    run: int = 0
     presence: Presence = Presence.RECORDED
     seed: int = 0
     stones: int = 0
@@ -69,8 +67,8 @@ Claims = dict[str, dict[int, list[StoredMessage]]]  # by topic and tick, what cl
 class Gathered:
     """The messages of one episode."""
 
-    def __init__(self, run: int, episode: int) -> None:
-        self.run, self.episode = run, episode
+    def __init__(self, episode: int) -> None:
+        self.episode = episode
         self.previews: dict[int, dict[int, StonePreview]] = defaultdict(dict)  # by index of the stone and stamp
         self.landings: dict[int, Any] = {}
         self.announced: Any = None  # the newest announcement
@@ -121,10 +119,10 @@ class Gathered:
         """Those of which there is all, by topic."""
         return sorted(set.intersection(*map(set, ticks.values())))
 
-    def inventory(self, number: int, presence: Presence, followed: Collection[str]) -> EpisodeInventory:
+    def inventory(self, presence: Presence, followed: Collection[str]) -> EpisodeInventory:
         """What there is. `followed`: topics that were heard in an earlier episode: the recorder was there."""
         ticks, said = self.ticks, self.announced
-        made = EpisodeInventory(number, self.run, presence)
+        made = EpisodeInventory(self.episode, presence)
         if said is not None:
             vars(made).update({name: getattr(said, name) for name in ANNOUNCED})
             made.ends = bool(made.outcome)
@@ -164,41 +162,36 @@ class Gathering:
     """Sorts messages into episodes and judges each once no more can come; only a few are kept at a time."""
 
     def __init__(self) -> None:
-        self._open: dict[tuple[int, int], Gathered] = {}
-        self._order: list[tuple[int, int]] = []  # a heap of its keys
-        self._reached = (0, 0)  # run and episode of the newest state that follows another
-        self.newest = (0, 0, 0)  # run, episode and tick of the newest state
-        self._run = self._before = self._highest = 0  # of what follows; highest number of the runs before, and of all
-        self._recorded = 0  # the newest recorded episode of the run; 0: none yet
+        self._open: dict[int, Gathered] = {}
+        self._order: list[int] = []  # a heap of its keys
+        self._reached = 0  # episode of the newest state that follows another
+        self.newest = (0, 0)  # episode and tick of the newest state
+        self._recorded = 0  # the newest recorded episode; 0: none yet
         self._unclear: dict[int, Gathered] = {}  # announced since then
         self._unheard = 0  # episodes, so far
-        self._followed: set[str] = set()  # topics heard in the run
+        self._followed: set[str] = set()  # topics heard
 
-    def add(self, run: int, message: StoredMessage) -> None:
+    def add(self, message: StoredMessage) -> None:
         """Take in one message, in the order of time."""
-        key = (run, message.turn[0])
+        number = message.turn[0]
         if message.topic == "state":
-            _, episode, tick = self.newest
-            if run > self.newest[0] or message.turn in ((episode, tick), (episode, tick + 1), (episode + 1, 0)):
-                self._reached = key
-            self.newest = (run, *message.turn)
-        if key not in self._open:
-            self._open[key] = Gathered(*key)
-            heappush(self._order, key)
-        self._open[key].add(message)
+            episode, tick = self.newest
+            if message.turn in ((episode, tick), (episode, tick + 1), (episode + 1, 0)):
+                self._reached = number
+            self.newest = message.turn
+        if number not in self._open:
+            self._open[number] = Gathered(number)
+            heappush(self._order, number)
+        self._open[number].add(message)
 
     def finished(self, all_of_them: bool = False) -> Iterator[tuple[Gathered, EpisodeInventory]]:
         """Those that get no more messages, in their order."""
-        run, episode = self._reached
-        while self._order and (all_of_them or self._order[0] < (run, episode - NEIGHBOURS)):
+        while self._order and (all_of_them or self._order[0] < self._reached - NEIGHBOURS):
             yield from self._judge(self._open.pop(heappop(self._order)))
         if all_of_them:
             yield from self._announced()
 
     def _judge(self, episode: Gathered) -> Iterator[tuple[Gathered, EpisodeInventory]]:
-        if episode.run > self._run:
-            yield from self._announced()
-            self._run, self._before, self._recorded, self._followed = episode.run, self._highest, 0, set()
         ticks, is_announced = episode.ticks, episode.announced is not None
         if ticks["state"] and (is_announced or episode.full_ticks(ticks)):  # somebody answered or announced it
             yield from self._lost(episode.episode) if self._recorded else self._announced()
@@ -209,17 +202,14 @@ class Gathering:
         self._followed |= {topic for topic, there in ticks.items() if there}
 
     def _announced(self) -> Iterator[tuple[Gathered, EpisodeInventory]]:
-        for episode in self._unclear.values():
-            yield self._inventory(episode, Presence.ANNOUNCED)
+        yield from (self._inventory(episode, Presence.ANNOUNCED) for episode in self._unclear.values())
         self._unclear = {}
 
     def _lost(self, before: int) -> Iterator[tuple[Gathered, EpisodeInventory]]:
         unheard = range(self._recorded + 1, before)[: MOST_UNHEARD - self._unheard]
         self._unheard += len(unheard)
         for number in unheard:
-            yield self._inventory(self._unclear.get(number) or Gathered(self._run, number), Presence.LOST)
+            yield self._inventory(self._unclear.get(number) or Gathered(number), Presence.LOST)
 
     def _inventory(self, episode: Gathered, presence: Presence) -> tuple[Gathered, EpisodeInventory]:
-        number = self._before + episode.episode
-        self._highest = max(self._highest, number)
-        return episode, episode.inventory(number, presence, self._followed)
+        return episode, episode.inventory(presence, self._followed)

@@ -15,8 +15,9 @@ from rl_trainer.rollout import Record
 
 from rabbit_recording.active_settings import Policies, RecordedSettings, Settings
 from rabbit_recording.episode_inventory import BY_TICK, OTHERS, EpisodeInventory, Gathered, Gathering, Presence
+from rabbit_recording.message_header import SimulatedTime
 from rabbit_recording.open_recording import one_line_errors
-from rabbit_recording.stored_messages import by_run, stored_messages
+from rabbit_recording.stored_messages import stored_messages
 
 UNDER_OTHERS = "recorded under other message definitions, or damaged"
 
@@ -90,17 +91,18 @@ class _Announced:
 
 
 def _finished(path: Path, announced: _Announced | None = None) -> Iterator[tuple[Gathered, EpisodeInventory]]:
-    gathering = Gathering()
+    gathering, time = Gathering(), SimulatedTime(path)
     names = (*BY_TICK, *OTHERS, *(("policy_swap", "controller_settings") if announced else ()))
     with stored_messages(path, *names) as found:
-        for run, message in by_run(found):
+        for message in found:
+            time.follow(message.topic, message.data)
             if announced and message.topic == "policy_swap":
                 announced.policies.add(message.decode())
             elif announced and message.topic == "controller_settings":
                 said = message.decode()
-                announced.settings[said.sender].add(run, said, gathering.newest)
+                announced.settings[said.sender].add(said, gathering.newest)
             else:
-                gathering.add(run, message)
+                gathering.add(message)
                 yield from gathering.finished()
         yield from gathering.finished(all_of_them=True)
 
@@ -123,7 +125,7 @@ def _decoded(gathered: Gathered, inventory: EpisodeInventory, announced: _Announ
             episode.swaps.append(RecordedSwap(tick, version, announced.policies.get(version)))
     for _, landing in sorted(gathered.landings.items()):
         episode.landings.append(Landing(**{name: getattr(landing, name) for name in Landing.__dataclass_fields__}))
-    episode.settings = announced.settings[controller].of(gathered.run, gathered.episode)
+    episode.settings = announced.settings[controller].of(gathered.episode)
     if episode.swaps:
         announced.policies.forget_before(episode.swaps[-1].version)
     return episode

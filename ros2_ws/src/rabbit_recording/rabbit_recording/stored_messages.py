@@ -1,28 +1,20 @@
-"""A recording's messages in the order of time, each with the run of the simulator that it belongs to.
-
-A simulator without a memory that is started again counts episodes and ticks from the start: another run. It announces
-itself by waiting for episode 0. The same announcement comes to a recorder that is started later, as history: there the
-states go on where they were.
-"""
+"""A recording's messages in the order of time, those of former versions as today's."""
 
 import contextlib
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from rabbit_description.state import TICK_NANOSECONDS
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Connection
 
 from rabbit_recording import RecordingError
 from rabbit_recording.former_messages import is_former, parts, renewed, renewed_bytes
-from rabbit_recording.message_header import FIELDS, episode_and_phase_of, nanoseconds_of, turn_of
+from rabbit_recording.message_header import FIELDS, nanoseconds_of, turn_of
 from rabbit_recording.open_recording import last_name, one_line_errors, opened
 
 OWN_TYPES = "rabbit_msgs/"
-ANNOUNCED = ("episode", "preview", "landing")  # by the simulator, and latched
-FIRST_WORD = (0, 0)  # episode and phase with which a simulator begins: none, and WAITING in rabbit_msgs/Episode
 
 
 class StoredMessage(NamedTuple):
@@ -42,11 +34,6 @@ class StoredMessage(NamedTuple):
     def stamp(self) -> int:
         """Simulated time, ns."""
         return nanoseconds_of(self.data)
-
-    @property
-    def zero(self) -> int:
-        """Where its simulated time counts from, ns."""
-        return self.at - self.stamp
 
 
 @contextlib.contextmanager
@@ -89,41 +76,3 @@ def _each(reader: AnyReader, connections: list[Connection], path: Path) -> Itera
                 yield from (StoredMessage(each, at, data, again) for each in parts(name))
             else:
                 yield StoredMessage(name, at, data, decode)
-
-
-def by_run(messages: Iterable[StoredMessage]) -> Iterator[tuple[int, StoredMessage]]:
-    """Before each message the simulator's run that it belongs to, from 0; `state` and `episode` must be among them.
-
-    A first word begins a run if the next state's time counts from it and does not go on where the one before was.
-    What a simulator announced belongs to the run from whose beginning its time counts, however late it came.
-    """
-    run = 0
-    announced: int | None = None  # where the newest announcement's time counts from
-    began: dict[int, int] = {}  # where a run's time counts from: the run
-    newest: StoredMessage | None = None  # state
-    held: list[StoredMessage] = []  # from a first word on, until a state says whose it was
-    for message in messages:
-        is_state, is_episode = message.topic == "state", message.topic == "episode"
-        is_first_word = is_episode and episode_and_phase_of(message.data) == FIRST_WORD
-        if held and is_state and newest is not None:
-            run += message.zero == held[0].zero and not _goes_on(newest, message)
-            yield from ((run, each) for each in held)
-            held = []
-        if held or (newest is not None and is_first_word):
-            held.append(message)
-            continue
-        newest = message if is_state else newest
-        run += is_first_word and announced not in (None, message.zero)
-        announced = message.zero if is_episode else announced
-        if is_state or is_episode:
-            began.setdefault(message.zero, run)
-        yield (began.get(message.zero, run) if message.topic in ANNOUNCED else run), message
-    if held and newest is not None and all(each.stamp < newest.stamp for each in held if each.topic == "episode"):
-        run += 1
-    yield from ((run, each) for each in held)
-
-
-def _goes_on(newest: StoredMessage, state: StoredMessage) -> bool:
-    """Whether a state is the one after the newest: a tick later, or another episode's at the same time."""
-    ahead = state.stamp - newest.stamp
-    return ahead == TICK_NANOSECONDS or (ahead == 0 and state.turn != newest.turn)

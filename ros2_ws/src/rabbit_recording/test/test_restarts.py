@@ -1,26 +1,24 @@
 """Recordings in which the simulator was started again or settings changed."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from rabbit_recording import RecordingError
 from rabbit_recording.bag_writer import BagWriter
-from rabbit_recording.checking import check_episodes, replay
+from rabbit_recording.checking import replay
 from rabbit_recording.commands.bag import app
-from rabbit_recording.contents import contents
+from rabbit_recording.message_header import SimulatedTime
 from rabbit_recording.reader import read_episodes
-from recorded_walk import LATCHED, SEED, TICK_NS, TOPICS, TYPES, Walk, message, told
+from recorded_walk import LATCHED, TICK_NS, TOPICS, TYPES, Walk, message, state_message, told
 from typer.testing import CliRunner
-
-RUNS = 2
 
 
 @pytest.fixture
 def restarted(tmp_path: Path, walk: Walk) -> Path:
-    """The same walk in each of two runs of the simulator; the controller goes on and is heard once."""
+    """The same walk by two simulators, as former recorders stored it: the second behind the first."""
     writer = BagWriter(tmp_path / "bag", TYPES)
     for topic, name in TOPICS.items():
         writer.add(f"/{topic}", f"rabbit_msgs/msg/{name}", [LATCHED])
@@ -30,7 +28,7 @@ def restarted(tmp_path: Path, walk: Walk) -> Path:
         writer.write(f"/{topic}", nanoseconds, data)
 
     began = 0
-    for run in range(RUNS):
+    for run in range(2):
         waiting = {"seed": 0, "stones": 2, "reason": "", "policy_version": "", "sigma": float("nan"), "outcome": ""}
         write("episode", began, message("episode", 0, **{**waiting, "episode": 0, "phase": 0, "touchdowns": 0}))
         for topic, tick, what in told(walk):
@@ -41,31 +39,32 @@ def restarted(tmp_path: Path, walk: Walk) -> Path:
     return tmp_path / "bag"
 
 
-def test_episodes_of_a_second_run_count_on(restarted: Path, walk: Walk) -> None:
-    found = read_episodes(restarted)
-    assert list(found) == [1, 2]
-    for episode in found.values():
-        assert (episode.seed, episode.outcome, len(episode.records)) == (SEED, "walked", len(walk.records))
-        assert episode.landings == walk.landings
-    assert [(e.number, e.run, e.seed, e.outcome) for e in contents(restarted).episodes] == [
-        (1, 0, SEED, "walked"),
-        (2, 1, SEED, "walked"),
-    ]
+@pytest.mark.parametrize("command", ["info", "check", "plot"])
+def test_a_recording_of_two_simulators_is_refused(restarted: Path, command: str) -> None:
+    done = CliRunner().invoke(app, [command, str(restarted)])
+    assert done.exit_code == 2
+    assert f"recording {restarted}: the simulator was started again without a memory" in " ".join(done.output.split())
 
 
-def test_both_runs_replay_without_a_parameter_file(restarted: Path, walk: Walk) -> None:
-    checked = list(check_episodes(restarted))
-    assert [(c.episode.number, c.episode.lost, c.replayed, c.differing) for c in checked] == [
-        (number, 0, len(walk.records), []) for number in (1, 2)
-    ]
-
-
-def test_the_commands_know_of_the_restart(restarted: Path) -> None:
-    rabbit: Callable[..., Any] = lambda *words: CliRunner().invoke(app, [*map(str, words)])  # noqa: E731
-    info = rabbit("info", restarted).output
-    assert "started anew 1 times" in info
-    assert rabbit("plot", restarted, "--episode", 2).exit_code == 0
-    assert rabbit("plot", restarted, "--episode", 3).exit_code == 2
+def test_a_recorder_ends_where_another_simulator_begins(tmp_path: Path, walk: Walk) -> None:
+    """By the first state that goes back behind a first word; one that goes on shows that the word was latched."""
+    states = [state_message(record.state) for record in walk.records[:3]]
+    data = [bytes(TYPES.serialize_cdr(state, "rabbit_msgs/msg/RobotState")) for state in states]
+    waiting = {"seed": 0, "stones": 2, "reason": "", "policy_version": "", "sigma": float("nan"), "outcome": ""}
+    first_word = message("episode", 0, **{**waiting, "episode": 0, "phase": 0, "touchdowns": 0})
+    word = bytes(TYPES.serialize_cdr(first_word, "rabbit_msgs/msg/Episode"))
+    time = SimulatedTime(tmp_path)
+    for topic, each in (("episode", word), ("state", data[0]), ("state", data[1]), ("episode", word)):
+        time.of(topic, "simulator", each)
+    assert time.of("state", "simulator", data[2]) == 2 * TICK_NS
+    assert time.of("state", "simulator", data[0]) == 0  # without a first word it is somebody else's
+    time.of("state", "simulator", data[2])
+    time.of("episode", "simulator", word[:20])  # cut, it reads as one
+    time.of("state", "simulator", data[0][:20])
+    time.of("state", "simulator", data[2])
+    time.of("episode", "simulator", word)
+    with pytest.raises(RecordingError, match="the simulator was started again without a memory"):
+        time.of("state", "simulator", data[0])
 
 
 def test_settings_changed_in_an_episode_are_replayed(tmp_path: Path, write_bag: Any, walk: Walk) -> None:

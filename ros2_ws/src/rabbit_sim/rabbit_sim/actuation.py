@@ -6,18 +6,17 @@ import numpy as np
 from rabbit_description.state import Array
 
 from rabbit_sim.parameters import SimulationParameters
-from rabbit_sim.perturbation import Perturbation
 from rabbit_sim.perturbations import KINDS
 from rabbit_sim.plant import SUBSTEPS
 
 
 class Actuation:
-    """The four motors of a robot, or of N. `states`: what each kind of perturbation remembers, (N, memory, 4)."""
+    """The four motors of a robot, or of N. `states`: what each kind of perturbation remembers, (N, remembered, 4)."""
 
     def __init__(self, *parameters: SimulationParameters) -> None:
-        kinds = [kind for kind in KINDS if kind.drive is not Perturbation.drive]
+        kinds = [kind for kind in KINDS if kind.has("drive")]
         self._stages = [kind.of_all(parameters) for kind in kinds if any(map(kind.is_in_force, parameters))]
-        self.states = {type(stage): np.zeros((len(parameters), stage.memory(), 4)) for stage in self._stages}
+        self.states = {type(stage): np.zeros((len(parameters), stage.remembered(), 4)) for stage in self._stages}
 
     def rest(self, robot: int | slice = slice(None)) -> None:
         """Those of one robot, or all, come to rest, no command on its way."""

@@ -11,11 +11,12 @@ import numpy as np
 from rabbit_description.state import Array, Leg
 
 from rabbit_sim.actuation import Actuation
-from rabbit_sim.ground import Ground
 from rabbit_sim.kinematics import RabbitFeet
 from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.perturbation import Memory
 from rabbit_sim.plant import CONTACT_FORCE, SUBSTEP_SECONDS, SUBSTEPS, PlantReading, Span
 from rabbit_sim.robot_urdf import perturbed_urdf, with_attached
+from rabbit_sim.terrain import Ground
 from rabbit_sim.touchdown_detector import Feet, TouchdownDetector
 
 STONE_DEPTH = 1.0  # m
@@ -33,8 +34,8 @@ class EnginePlant(ABC):
         self._robot_urdf = with_attached(legs, parameters)
         self._actuation = Actuation(parameters)
         self._kinematics = RabbitFeet(parameters.link_bend)
-        self._transmissions = [found for each in self._perturbations if (found := each.transmission())]
-        self._joint_torques = [torque for each in self._perturbations if (torque := each.joint_torque(legs))]
+        self._transmissions = [each for each in self._perturbations if each.has("transmitted")]
+        self._joint_torques = [each.joint_torque(legs) for each in self._perturbations if each.has("joint_torque")]
         self._keeps_path = parameters.needs_path
 
     @property
@@ -51,8 +52,9 @@ class EnginePlant(ABC):
         self._states: JointStates | None = None
         self._path: list[list[float]] = []
         self._actuation.rest()
-        for each in self._transmissions:
-            each.reset(q[3:], dq[3:])
+        self._memories = [Memory(joints=q[3:].copy(), rates=dq[3:].copy()) for _ in self._transmissions]
+        for each, memory in zip(self._transmissions, self._memories, strict=True):
+            each.begin(memory)
         self._push, self._push_in_tick = np.zeros(0), np.zeros(SUBSTEPS)
         self._force = np.zeros((2, 2))
         self._contact = np.array([stance is Leg.LEFT, stance is Leg.RIGHT])
@@ -134,8 +136,8 @@ class EnginePlant(ABC):
         if not self.feeds_back:
             return torque
         q, dq = map(np.array, self._now())
-        for each in self._transmissions:
-            torque = each.transmitted(torque, q[3:], dq[3:])
+        for each, memory in zip(self._transmissions, self._memories, strict=True):
+            torque = each.transmitted(memory, torque, q[3:], dq[3:])
         return sum((beside(q, dq) for beside in self._joint_torques), torque)
 
     def _attached_at(self, q: Array, dq: Array) -> dict[str, tuple[float, float]]:

@@ -45,8 +45,9 @@ class MujocoPlant(EnginePlant):
     def __init__(self, parameters: SimulationParameters) -> None:
         super().__init__(parameters)
         self.model = mujoco.MjModel.from_xml_string(robot_mjcf(self._robot_urdf, parameters.ground_friction))
-        for each in self._perturbations:
-            each.in_mujoco(self.model)
+        if parameters.coulomb:
+            self.model.dof_frictionloss[3:7] = parameters.coulomb
+            self.model.dof_solref[3:7] = 2 * SUBSTEP_SECONDS, 1.0  # the least there is: a joint at rest creeps by it
         self.model.opt.gravity[::2] = gravity(parameters.slope)
         self._data = mujoco.MjData(self.model)
         names = [self.model.geom(i).name for i in range(self.model.ngeom)]

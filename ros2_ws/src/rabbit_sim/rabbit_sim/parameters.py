@@ -105,8 +105,8 @@ class SimulationParameters(Perturbed, Episode):
 
     @property
     def needs_path(self) -> bool:
-        """Whether a sensor is faster than a tick."""
-        return any(sensor.needs_path for each in self.in_force() if (sensor := each.sensor()))
+        """Whether a measurement is faster than a tick."""
+        return any(each.needs_path for each in self.in_force())
 
     def in_force(self) -> list[Perturbation]:
         """The perturbations that are not at their defaults, in the order in which they act."""

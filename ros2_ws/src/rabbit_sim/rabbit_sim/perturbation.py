@@ -8,7 +8,8 @@ override changes nothing, and a perturbation whose fields are at their defaults 
 from collections.abc import Callable, Sequence
 from copy import deepcopy
 from dataclasses import asdict, dataclass
-from typing import Annotated, Any, ClassVar, Protocol, Self
+from types import SimpleNamespace
+from typing import Annotated, Any, ClassVar, Self
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -78,31 +79,8 @@ class Measured:
         return deepcopy(self)
 
 
-class Sensor:
-    """What is between the truth and the controller in one episode. `parameters` may change between two ticks."""
-
-    needs_path: ClassVar[bool] = False  # of the states within a tick
-
-    def __init__(self, parameters: Parameters, rng: "np.random.Generator") -> None:
-        self.parameters, self.rng = parameters, rng
-
-    def measure(self, measured: Measured, reading: PlantReading) -> Measured:
-        """What it makes of a tick's measurement; called once for each tick, the first time right after a reset."""
-        raise NotImplementedError
-
-
-class Transmission(Protocol):
-    """What is between the four motors and their joints, and may remember something."""
-
-    def reset(self, joints: Array, rates: Array) -> None:
-        """An episode begins with the joints (4,) there, rad, rad/s."""
-
-    def transmitted(self, torque: Array, joints: Array, rates: Array) -> Array:
-        """To the joints (4,), N m, over the next substep, in which `torque` (4,) comes from the motors' side."""
-
-
+Memory = SimpleNamespace  # what a perturbation remembers of an episode, under names of its own
 JointTorque = Callable[[Array, Array], Array]  # on the joints (4,), N m, of q and dq (7,)
-Force = Callable[[int], Array]  # of the tick, counted from the reset: in its substeps (SUBSTEPS,), N
 
 
 class Perturbation(BaseModel):
@@ -112,6 +90,8 @@ class Perturbation(BaseModel):
 
     order: ClassVar[int] = 500
     acts_always: ClassVar[bool] = False  # also with its fields at their defaults
+    switches: ClassVar[tuple[str, ...]] = ()  # fields that put it in force; empty: any of them
+    needs_path: ClassVar[bool] = False  # `measure` needs the states within a tick
 
     @classmethod
     def of(cls, parameters: Parameters) -> Self:
@@ -130,8 +110,16 @@ class Perturbation(BaseModel):
     @classmethod
     def is_in_force(cls, parameters: Parameters) -> bool:
         """Whether they have one that is not at its defaults."""
-        fields = cls.model_fields.items()
-        return cls.acts_always or any(getattr(parameters, name) != field.default for name, field in fields)
+        fields, names = cls.model_fields, cls.switches or cls.model_fields
+        return cls.acts_always or any(getattr(parameters, name) != fields[name].default for name in names)
+
+    @classmethod
+    def has(cls, hook: str) -> bool:
+        """Whether it overrides a hook."""
+        return getattr(cls, hook) is not getattr(Perturbation, hook)
+
+    def begin(self, memory: Memory) -> None:
+        """An episode begins; what is in the `memory` by then, the hooks say that get it."""
 
     def change_robot(self, robot: Element) -> None:
         """Change masses, inertias and lengths of the URDF in place. The oracle knows it."""
@@ -143,28 +131,34 @@ class Perturbation(BaseModel):
         """Where these joints are at a reset to q, dq (7,): angle and rate by name; the ground rises by `slope` rad."""
         return {}
 
-    def memory(self) -> int:
+    def remembered(self) -> int:
         """How many rows (4,) its motors remember, at most; zeros are rest."""
         return 0
 
     def drive(self, torques: Array, state: Array) -> Array:
         """What the motors of N robots (`of_all`) make of the torques over one tick's substeps, both (N, SUBSTEPS, 4).
 
-        N m. It may change its arguments: `state` (N, memory, 4) goes on to the next tick.
+        N m. It may change its arguments: `state` (N, remembered, 4) goes on to the next tick.
         """
         return torques
 
-    def transmission(self) -> Transmission | None:
-        """Between motors and joints in each substep."""
-        return None
+    def transmitted(self, memory: Memory, torque: Array, joints: Array, rates: Array) -> Array:
+        """To the joints (4,), N m, over the next substep, in which `torque` (4,) comes from the motors' side.
 
-    def joint_torque(self, urdf: str) -> JointTorque | None:
+        `joints`, `rates` (4,): rad, rad/s; those of the reset are in the memory.
+        """
+        return torque
+
+    def joint_torque(self, urdf: str) -> JointTorque:
         """Beside the motors, of the robot in `urdf` with nothing attached. It remembers nothing, so `rigid` has it."""
-        return None
+        raise NotImplementedError
 
-    def force(self, rng: "np.random.Generator") -> Force | None:
-        """Along the ground on the torso's centre of mass; `rng` is the episode's and this perturbation's own."""
-        return None
+    def force(self, memory: Memory, tick: int) -> Array:
+        """In the substeps of a tick, counted from the reset, along the ground on the torso's centre of mass.
+
+        (SUBSTEPS,), N; asked for once a tick. The memory has an `rng` of this perturbation and episode.
+        """
+        raise NotImplementedError
 
     def drop(self, stone: int, offset: float) -> float:
         """By how much the top of stone `stone`, from 1, gives way under the first foot on it, m.
@@ -173,12 +167,10 @@ class Perturbation(BaseModel):
         """
         return 0.0
 
-    def sensor(self) -> type[Sensor] | None:
-        """That of an episode, and of what comes after a change of parameters; all sensors share one generator."""
-        return None
+    def measure(self, memory: Memory, measured: Measured, reading: PlantReading) -> Measured:
+        """What it makes of a tick's measurement; called once for each tick, the first time right after a reset.
 
-    def in_mujoco(self, model: Any) -> None:
-        """Change the compiled `mujoco.MjModel`."""
-
-    def in_pybullet(self, client: Any, robot: int, motors: Sequence[int]) -> None:
-        """Change the robot that the client has loaded; `motors`: its joints with one."""
+        The memory has the episode's `rng`, which all share that measure, and all `parameters`. It goes on where
+        parameters change between two ticks.
+        """
+        return measured

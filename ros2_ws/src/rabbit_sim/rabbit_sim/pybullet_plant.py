@@ -1,19 +1,46 @@
 """The true plant in PyBullet: contacts, friction and real stones with gaps."""
 
 import os
+import sys
 from collections.abc import Collection, Sequence
+from functools import partial
 from typing import Any
 
+import numpy as np
+import pinocchio
 from rabbit_description.state import ACTUATED, COORDINATES, Array, Leg
 
 from rabbit_sim.engine_plant import STONE_DEPTH, EnginePlant, JointStates
-from rabbit_sim.loaded_robot import check_robot
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.plant import FOOT_RADIUS, SUBSTEP_SECONDS, Span, gravity
-from rabbit_sim.quiet_pybullet import PhysicsClient, pybullet
+
+STDERR = 2  # of the process, where C code writes: PyBullet prints a line, many processes into a progress bar
+
+sys.stderr.flush()
+_kept, _nowhere = os.dup(STDERR), os.open(os.devnull, os.O_WRONLY)
+os.dup2(_nowhere, STDERR)
+try:
+    import pybullet
+finally:
+    os.dup2(_kept, STDERR)
+    os.close(_kept)
+    os.close(_nowhere)
 
 SOLVER_ITERATIONS = 50
 ERP = 0.1  # share of a contact's or joint's position error mended per substep
+RELATIVE, ABSOLUTE = 1e-9, 1e-12  # of what PyBullet loaded against the URDF
+
+
+class PhysicsClient:
+    """PyBullet's functions in a physics world of one's own, without graphics. (`pybullet_utils`' own client prints.)"""
+
+    def __init__(self) -> None:
+        self._client: int = pybullet.connect(pybullet.DIRECT)
+
+    def __getattr__(self, name: str) -> Any:
+        function = partial(getattr(pybullet, name), physicsClientId=self._client)
+        setattr(self, name, function)  # so that it is made once
+        return function
 
 
 class PybulletPlant(EnginePlant):
@@ -71,8 +98,10 @@ class PybulletPlant(EnginePlant):
             self._set_surface(self._robot, link, self._parameters.ground_friction)
             stiffness, damping = self._parameters.ground_stiffness, self._parameters.ground_damping
             self._client.changeDynamics(self._robot, link, contactStiffness=stiffness, contactDamping=damping)
-        for each in self._perturbations:
-            each.in_pybullet(self._client, self._robot, self._motors)
+        if friction := self._parameters.coulomb:  # a motor that holds still, as strong as the friction
+            self._client.setJointMotorControlArray(
+                self._robot, self._motors, pybullet.VELOCITY_CONTROL, forces=[friction] * len(self._motors)
+            )
         return index
 
     def _set_surface(self, body: int, link: int, friction: float) -> None:
@@ -125,3 +154,39 @@ class PybulletPlant(EnginePlant):
             foot[0] += point[9] * normal[0] + point[10] * first[0] + point[12] * second[0]
             foot[1] += point[9] * normal[2] + point[10] * first[2] + point[12] * second[2]
         return force
+
+
+class RobotError(RuntimeError):
+    """A physics engine took another robot than it was given."""
+
+
+def check_robot(client: Any, robot: int, urdf: str) -> None:
+    """Compare masses, inertias, positions and limits of all joints that move, and of the links behind them.
+
+    PyBullet reads numbers by the locale of the process. After `setlocale(LC_ALL, "de_DE.UTF-8")`, as GUI toolkits call
+    it, it takes 4.384 kg for 4 kg. pinocchio reads the same file, whatever the locale. A joint's position is from the
+    centre of mass of the link before.
+
+    Raises:
+        RobotError: one differs.
+    """
+    model = pinocchio.buildModelFromXML(urdf)
+    infos = [client.getJointInfo(robot, number) for number in range(client.getNumJoints(robot))]
+    loaded = {info[1].decode(): (info, client.getDynamicsInfo(robot, info[0])) for info in infos}
+    for joint in range(1, model.njoints):
+        name, inertia, at = model.names[joint], model.inertias[joint], model.idx_qs[joint]
+        info, dynamics = loaded[name]
+        place = model.jointPlacements[joint].translation - model.inertias[model.parents[joint]].lever
+        limits = model.lowerPositionLimit[at], model.upperPositionLimit[at]
+        for what, value, expected in (
+            ("mass", dynamics[:1], [inertia.mass]),
+            ("principal moments of inertia", sorted(dynamics[2]), np.linalg.eigvalsh(inertia.inertia)),
+            ("centre of mass", dynamics[3], inertia.lever),
+            ("position", info[14], place),
+            ("limits", info[8:10], limits),
+        ):
+            if not np.allclose(value, expected, RELATIVE, ABSOLUTE):
+                raise RobotError(
+                    f"PyBullet: {what} at {name} is {list(value)}, in the URDF {np.array(expected).tolist()}. "
+                    'If the locale has a decimal comma: locale.setlocale(locale.LC_NUMERIC, "C")'
+                )

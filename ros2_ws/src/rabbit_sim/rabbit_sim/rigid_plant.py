@@ -23,7 +23,7 @@ class RigidPlant(PlanarPlant):
         self._actuation = Actuation(parameters)
         feet = RabbitFeet(parameters.link_bend)
         urdf = perturbed_urdf(parameters)
-        beside = [torque for each in parameters.in_force() if (torque := each.joint_torque(urdf))]
+        beside = [each.joint_torque(urdf) for each in parameters.in_force() if each.has("joint_torque")]
         dynamics = PinnedDynamics(urdf, feet, beside, parameters.slope)
         super().__init__(dynamics, keeps_path=parameters.needs_path)
 

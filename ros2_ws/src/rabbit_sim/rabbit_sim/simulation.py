@@ -11,15 +11,14 @@ from rabbit_description.gait import Gaits
 from rabbit_description.plugins import load
 from rabbit_description.state import TICK_SECONDS, Array, Leg, RobotState, no_torque
 
-from rabbit_sim.ground import Ground
 from rabbit_sim.initial_state import initial_state
 from rabbit_sim.parameters import PLANTS, SimulationParameters
-from rabbit_sim.perturbation import Force, Measured, Perturbation, Sensor
+from rabbit_sim.perturbation import Measured, Memory, Perturbation
 from rabbit_sim.perturbations.ground import RUBBER_STIFFNESS
 from rabbit_sim.plant import GRAVITY, Plant, PlantReading, Span, Touch
 from rabbit_sim.robot_urdf import true_mass
 from rabbit_sim.stones import CourseError, draw_course, read_course
-from rabbit_sim.terrain import Terrain
+from rabbit_sim.terrain import Ground, Terrain
 
 FLIGHT_TICKS = 5  # without a foot on the ground; on ground that throws the robot back, longer
 SLIP_FRICTION = 0.8  # ground no better than this counts slips
@@ -103,7 +102,7 @@ class Simulation:
         course = self._file_course or draw_course(self.parameters, course_rng)
         self._terrain = Terrain(self.parameters, course)
         self._seed, self._sensor_rng = seed, sensor_rng
-        self._sensors, self._forces = list[Sensor](), dict[Perturbation, Force]()
+        self._measuring, self._pushing = list[tuple[Perturbation, Memory]](), list[tuple[Perturbation, Memory]]()
         self._perturb()
         self.outcome, self.landings = Outcome.RUNNING, []
         self._tick = self._touchdowns = self._airborne_ticks = 0
@@ -118,12 +117,12 @@ class Simulation:
     @property
     def is_exact(self) -> bool:
         """Whether a state of this episode is the truth: no sensor changes it, and nothing is estimated."""
-        return not self._sensors and self._estimate is None
+        return not self._measuring and self._estimate is None
 
     @property
     def is_pushed(self) -> bool:
         """Whether a perturbation pushes the torso in this episode."""
-        return bool(self._forces)
+        return bool(self._pushing)
 
     @property
     def stones(self) -> tuple[Span, ...]:
@@ -162,8 +161,8 @@ class Simulation:
 
     def push_for_tick(self) -> None:
         """Have the perturbations' forces act on the torso in the next tick."""
-        for force in self._forces.values():
-            self.plant.push_for_tick(force(self._tick))
+        for each, memory in self._pushing:
+            self.plant.push_for_tick(each.force(memory, self._tick))
 
     def change(self, parameters: SimulationParameters) -> None:
         """Go on from the present state with another robot, ground and sensors; the course stays until the reset.
@@ -178,19 +177,23 @@ class Simulation:
         self._perturb()
 
     def _perturb(self) -> None:
-        """Sensors and forces of the perturbations; those that there were already go on."""
+        """Who measures and who pushes, each with its memory: that of a kind which measured, or of the same push."""
         self._perturbations = self.parameters.in_force()
-        known = {type(sensor): sensor for sensor in self._sensors}
-        kinds = [kind for each in self._perturbations if (kind := each.sensor())]
-        self._sensors = [known.get(kind) or kind(self.parameters, self._sensor_rng) for kind in kinds]
-        for sensor in self._sensors:
-            sensor.parameters = self.parameters
-        forces: dict[Perturbation, Force] = {}
+        measured, pushed = {type(each): memory for each, memory in self._measuring}, dict(self._pushing)
+        self._measuring, self._pushing = [], []
         for each in self._perturbations:
-            rng = np.random.default_rng([self._seed, *type(each).__name__.encode()])
-            if force := self._forces.get(each) or each.force(rng):
-                forces[each] = force
-        self._forces = forces
+            if each.has("measure"):
+                memory = measured.get(type(each)) or self._begun(each, self._sensor_rng)
+                memory.parameters = self.parameters
+                self._measuring.append((each, memory))
+            if each.has("force"):
+                rng = np.random.default_rng([self._seed, *type(each).__name__.encode()])
+                self._pushing.append((each, pushed.get(each) or self._begun(each, rng)))
+
+    def _begun(self, perturbation: Perturbation, rng: np.random.Generator) -> Memory:
+        memory = Memory(rng=rng, parameters=self.parameters)
+        perturbation.begin(memory)
+        return memory
 
     def _stand_on(self, leg: Leg, x: float) -> None:
         """The stance foot is at world x: place and preview the next stone from there."""
@@ -263,8 +266,8 @@ class Simulation:
     def _state(self) -> RobotState:
         true = self.reading
         measured = Measured(true.q.copy(), true.dq.copy(), true.foot_force.copy())
-        for sensor in self._sensors:
-            measured = sensor.measure(measured, true)
+        for each, memory in self._measuring:
+            measured = each.measure(memory, measured, true)
         state = RobotState(
             tick=self._tick,
             q=measured.q,

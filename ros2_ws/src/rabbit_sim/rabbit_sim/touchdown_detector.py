@@ -9,9 +9,9 @@ from typing import Any
 
 from rabbit_description.state import Leg
 
-from rabbit_sim.ground import Ground
 from rabbit_sim.kinematics import Point
 from rabbit_sim.plant import CLEAR_HEIGHT, CONTACT_FORCE, Touch
+from rabbit_sim.terrain import Ground
 
 FASTEST_FALL = 0.005  # m a substep, 5 m/s; while a foot is high enough for it, nobody looks
 EDGE_DEPTH = 0.005  # m, a first contact deeper below the top than this is with a stone's side

@@ -5,13 +5,14 @@ import pytest
 from rabbit_description.state import TICK_SECONDS
 from rabbit_sim.actuation import Actuation
 from rabbit_sim.parameters import SimulationParameters
-from rabbit_sim.perturbation import Measured
-from rabbit_sim.perturbations.gears import GEAR_STIFFNESS, ROTOR_INERTIA, Rotors
+from rabbit_sim.perturbation import Measured, Memory
+from rabbit_sim.perturbations.gears import GEAR_STIFFNESS, ROTOR_INERTIA, Gears
 from rabbit_sim.perturbations.joints import JointDamping
 from rabbit_sim.perturbations.motors import MotorLag
-from rabbit_sim.perturbations.sensors import NoisySensors
+from rabbit_sim.perturbations.sensors import Noise
 from rabbit_sim.plant import SUBSTEP_SECONDS, SUBSTEPS, PlantReading
 from rabbit_sim.robot_urdf import perturbed_urdf
+from sensing import begun
 
 U = np.array([10.0, -40.0, 80.0, 150.0])
 ENDS = SUBSTEP_SECONDS * np.arange(1, SUBSTEPS + 1)[:, None]
@@ -82,9 +83,9 @@ def reading():
 
 
 def measured(count, **changes):
-    sensors = NoisySensors(SimulationParameters(**changes), np.random.default_rng(1))
+    measure = begun(Noise, SimulationParameters(**changes), 1)
     true = [Measured(each.q, each.dq, each.foot_force) for each in (reading() for _ in range(count))]
-    found = [sensors.measure(each, reading()) for each in true]
+    found = [measure(each, reading()) for each in true]
     return [np.array([getattr(each, name) for each in found]) for name in ("q", "dq", "foot_force")]
 
 
@@ -115,13 +116,14 @@ def test_each_motor_has_its_gain_and_the_torque_its_rate():
 
 def rotors_on(joint_inertia, gears, torque, seconds):
     """Torque on joints free to turn, from rest: positions and rates of rotors and joints over time, (n, 4)."""
-    gears.reset(np.zeros(4), np.zeros(4))
+    memory = Memory(joints=np.zeros(4), rates=np.zeros(4))
+    gears.begin(memory)
     angle, rate, rows = np.zeros(4), np.zeros(4), []
     for _ in range(round(seconds / SUBSTEP_SECONDS)):
-        passed = gears.transmitted(np.full(4, torque), angle, rate)
+        passed = gears.transmitted(memory, np.full(4, torque), angle, rate)
         rate = rate + SUBSTEP_SECONDS * passed / joint_inertia
         angle = angle + SUBSTEP_SECONDS * rate
-        rows.append((gears._rotor[0], gears._rate[0], angle[0], rate[0]))
+        rows.append((memory.joints[0], memory.rates[0], angle[0], rate[0]))
     return np.array(rows)
 
 
@@ -129,7 +131,7 @@ def rotors_on(joint_inertia, gears, torque, seconds):
 def test_gears_take_no_impulse_and_end_with_rotor_and_joint_together(backlash, stiffness):
     """J w_rotor + I w_joint = torque t at all times; the spring's twist settles at the share that the joint needs."""
     inertia, torque = 0.4, 3.0
-    ways = rotors_on(inertia, Rotors(backlash, stiffness), torque, 2.0)
+    ways = rotors_on(inertia, Gears(backlash=backlash, gear_stiffness=stiffness), torque, 2.0)
     t = SUBSTEP_SECONDS * np.arange(1, len(ways) + 1)
     np.testing.assert_allclose(ROTOR_INERTIA * ways[:, 1] + inertia * ways[:, 3], torque * t, rtol=1e-9)
     twist = inertia / (inertia + ROTOR_INERTIA) * torque / (stiffness or GEAR_STIFFNESS) + np.deg2rad(backlash) / 2
@@ -138,7 +140,7 @@ def test_gears_take_no_impulse_and_end_with_rotor_and_joint_together(backlash, s
 
 def test_within_its_play_a_gear_passes_nothing():
     """A rotor alone crosses half of two degrees at torque / J; until then the joint rests."""
-    ways = rotors_on(0.4, Rotors(2.0, 0.0), 1.0, 0.06)
+    ways = rotors_on(0.4, Gears(backlash=2.0), 1.0, 0.06)
     crossing = np.sqrt(2 * np.deg2rad(1.0) * ROTOR_INERTIA)
     before = SUBSTEP_SECONDS * np.arange(1, len(ways) + 1) < crossing - SUBSTEP_SECONDS
     assert not ways[before, 3].any()

@@ -14,7 +14,7 @@ PROGRAM = """
 import json, locale, sys
 import mujoco, pinocchio
 from rabbit_description.gait import load_gaits
-from rabbit_sim.loaded_robot import RobotError
+from rabbit_sim.pybullet_plant import RobotError
 from rabbit_sim.mujoco_plant import robot_mjcf
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.robot_urdf import perturbed_urdf

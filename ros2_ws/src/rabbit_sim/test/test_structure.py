@@ -7,14 +7,15 @@ import pytest
 from pydantic import ValidationError
 from rabbit_sim.actuation import Actuation
 from rabbit_sim.parameters import SimulationParameters
-from rabbit_sim.perturbation import Measured
-from rabbit_sim.perturbations.encoder_drift import DriftingEncoders
-from rabbit_sim.perturbations.hysteresis import STIFFNESS, DahlFriction
-from rabbit_sim.perturbations.sensor_dropout import LossySensors
-from rabbit_sim.perturbations.sensor_jitter import LateSensors
-from rabbit_sim.perturbations.stuck_encoders import StickingEncoders
+from rabbit_sim.perturbation import Measured, Memory
+from rabbit_sim.perturbations.encoder_drift import EncoderDrift
+from rabbit_sim.perturbations.hysteresis import STIFFNESS, Hysteresis
+from rabbit_sim.perturbations.sensor_dropout import SensorDropout
+from rabbit_sim.perturbations.sensor_jitter import SensorJitter
+from rabbit_sim.perturbations.stuck_encoders import StuckEncoders
 from rabbit_sim.perturbations.tipping_stones import TippingStones
 from rabbit_sim.plant import SUBSTEP_SECONDS, PlantReading
+from sensing import begun
 
 
 def measured(value: float) -> Measured:
@@ -54,18 +55,18 @@ def test_a_dead_zone_gives_nothing_within_and_lacks_it_beyond() -> None:
 
 def test_dahl_friction_saturates_and_takes_energy_in_each_cycle() -> None:
     """Far in one direction it is F; at first it grows with the stiffness; a closed path of the joint costs work."""
-    friction, none = DahlFriction(10.0), np.zeros(4)
-    friction.reset(none, none)
+    friction, none, memory = Hysteresis(hysteresis=10.0), np.zeros(4), Memory()
+    friction.begin(memory)
     rate = np.full(4, 1e-3)
-    small = -friction.transmitted(none, none, rate)
+    small = -friction.transmitted(memory, none, none, rate)
     assert small == pytest.approx(STIFFNESS * SUBSTEP_SECONDS * rate, rel=1e-3)
     for _ in range(500):
-        largest = -friction.transmitted(none, none, np.ones(4))
+        largest = -friction.transmitted(memory, none, none, np.ones(4))
     assert largest == pytest.approx(np.full(4, 10.0))
     work = 0.0
     for substep in range(1000):
         rate = np.full(4, np.sin(2 * pi * substep / 1000))
-        work += float(-friction.transmitted(none, none, rate)[0] * rate[0]) * SUBSTEP_SECONDS
+        work += float(-friction.transmitted(memory, none, none, rate)[0] * rate[0]) * SUBSTEP_SECONDS
     assert work > 0
 
 
@@ -76,24 +77,24 @@ def test_a_stone_tips_by_the_distance_from_its_middle() -> None:
 
 
 def test_lost_measurements_are_the_last_that_came() -> None:
-    sensor = LossySensors(SimulationParameters(sensor_dropout=0.3), np.random.default_rng(1))
-    seen = [sensor.measure(measured(float(tick)), reading()).q[0] for tick in range(4000)]
+    measure = begun(SensorDropout, SimulationParameters(sensor_dropout=0.3), 1)
+    seen = [measure(measured(float(tick)), reading()).q[0] for tick in range(4000)]
     lost = [now != tick for tick, now in enumerate(seen)]
     assert all(now == seen[tick - 1] for tick, now in enumerate(seen) if lost[tick])
     assert np.mean(lost) == pytest.approx(0.3, abs=0.03)  # four standard deviations
 
 
 def test_what_is_lost_is_not_changed_by_who_reads_it() -> None:
-    sensor = LossySensors(SimulationParameters(sensor_dropout=0.9), np.random.default_rng(1))
-    sensor.measure(measured(1.0), reading()).q[:] = 7.0
-    assert sensor.measure(measured(1.0), reading()).q.tolist() == [1.0] * 7
+    measure = begun(SensorDropout, SimulationParameters(sensor_dropout=0.9), 1)
+    measure(measured(1.0), reading()).q[:] = 7.0
+    assert measure(measured(1.0), reading()).q.tolist() == [1.0] * 7
 
 
 def test_one_encoder_sticks_with_no_rate() -> None:
-    sensor = StickingEncoders(SimulationParameters(stuck_seconds=0.05), np.random.default_rng(2))
+    measure = begun(StuckEncoders, SimulationParameters(stuck_seconds=0.05), 2)
     stuck = 0
     for tick in range(3000):
-        angles, rates = sensor.measure(measured(1.0 + tick), reading()).joints
+        angles, rates = measure(measured(1.0 + tick), reading()).joints
         wrong = np.flatnonzero(rates != 1.0 + tick)
         assert len(wrong) <= 1
         assert not rates[wrong].any()
@@ -103,20 +104,20 @@ def test_one_encoder_sticks_with_no_rate() -> None:
 
 
 def test_a_drift_is_its_rate_times_the_time() -> None:
-    sensor = DriftingEncoders(SimulationParameters(encoder_drift=0.01), np.random.default_rng(3))
+    measure = begun(EncoderDrift, SimulationParameters(encoder_drift=0.01), 3)
     for _ in range(101):
-        now = sensor.measure(measured(0.0), reading())
+        now = measure(measured(0.0), reading())
     assert now.q[3:] == pytest.approx(now.dq[3:] * 1.0)
     assert not now.q[:3].any()
     assert now.dq[3:].all()
 
 
 def test_late_measurements_are_of_the_past_at_most_so_old() -> None:
-    sensor = LateSensors(SimulationParameters(sensor_jitter=0.015), np.random.default_rng(5))
+    measure = begun(SensorJitter, SimulationParameters(sensor_jitter=0.015), 5)
     ages = []
     for tick in range(2000):
         path = np.arange(10 * tick + 1, 10 * tick + 11)[:, None] * np.ones(14)
-        ages.append(10 * tick + 10 - sensor.measure(measured(0.0), reading(path=path)).q[0])
+        ages.append(10 * tick + 10 - measure(measured(0.0), reading(path=path)).q[0])
     assert {*ages[3:]} == {float(age) for age in range(16)}
 
 

@@ -2,8 +2,8 @@
 
 import pytest
 from rabbit_description.state import Leg
-from rabbit_sim.ground import Ground
 from rabbit_sim.plant import FOOT_RADIUS, SUBSTEPS, Span
+from rabbit_sim.terrain import Ground
 from rabbit_sim.touchdown_detector import TouchdownDetector
 
 STANDS = (0.0, 0.0)

@@ -6,6 +6,7 @@ from rabbit_description.gait import load_gait
 from rabbit_description.state import TICK_SECONDS
 from rabbit_sim.batch_simulation import BatchSimulation
 from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.perturbation import Memory
 from rabbit_sim.perturbations.wind import Wind
 from rabbit_sim.plant import SUBSTEPS
 from rabbit_sim.simulation import Simulation
@@ -15,8 +16,9 @@ GAIT = load_gait("authors_035")
 
 def forces(seed, ticks, **changes):
     """In each tick, N, each held over its substeps."""
-    force = Wind(**changes).force(np.random.default_rng(seed))
-    found = np.array([force(tick) for tick in range(ticks)])
+    wind, memory = Wind(**changes), Memory(rng=np.random.default_rng(seed))
+    wind.begin(memory)
+    found = np.array([wind.force(memory, tick) for tick in range(ticks)])
     assert found.shape == (ticks, SUBSTEPS)
     assert (found == found[:, :1]).all()
     return found[:, 0]

@@ -84,9 +84,7 @@ class Checkpoint:
         """After an episode: the policy and all of the trainer's state; what journals hold is in there."""
         trainer, newest, content = self.trainer, self.folder / CHECKPOINT, io.BytesIO()
         trainer.policy_file().write(self.folder / "policies" / f"{trainer.episode:03d}.safetensors")
-        held_out = b"".join(line_of(each, trainer.parameters) for each in trainer.gate.held_out)
-        state = {"parameters": trainer.parameters.key, "held_out": held_out.decode(), **trainer.state_dict()}
-        torch.save(state, content)
+        torch.save({"parameters": trainer.parameters.key, **trainer.state_dict()}, content)
         data = content.getvalue()
         with replacing(newest) as partial:
             partial.write_bytes(hashlib.sha256(data).digest() + data)
@@ -102,7 +100,6 @@ class Checkpoint:
             raise CheckpointError(f"{name}: made with other parameters; use another folder, or the same ones")
         try:
             trainer.load_state_dict(state)
-            trainer.gate.held_out.extend(transitions_of(state["held_out"].encode(), trainer.parameters)[0])
         except Exception as error:  # of a learner of the user's own
             raise CheckpointError(f"{name}: {type(error).__name__}: {one_line(error, 200)}") from error
 

@@ -1,8 +1,7 @@
 """Learns in a thread of its own, from ticks in a queue: whoever brings them never waits, and nothing is lost.
 
-In the thread everything goes in order: ticks, an episode's end with its updates, the plan for the next. While the queue
-is empty it may go on learning (`beside`), which makes the weights depend on timing. What is learned beside passes the
-gate before it is published; a plan's policy does not, since it is the training's own next step.
+In the thread everything goes in order: ticks, an episode's end with its updates, the plan for the next. So what is
+learned does not depend on timing.
 """
 
 import os
@@ -15,16 +14,10 @@ from typing import Any, Protocol
 
 from rabbit_description.state import RobotState
 from rl_cbf_clf_controller.controller_output import ControllerOutput
-from rl_cbf_clf_controller.policy import ActorPolicy, LearnedPolicy
-from rl_cbf_clf_controller.weights import PolicyFile
 
 from rl_trainer.checkpoint import Checkpoint
-from rl_trainer.publication_gate import Verdict
 from rl_trainer.training import DivergenceError, EpisodePlan, EpisodeReport, Stopped, Trainer
 from rl_trainer.transitions import Transition
-
-UPDATES_AT_ONCE = 4  # between two looks into the queue
-NICENESS = 10
 
 
 class Listener(Protocol):
@@ -36,25 +29,19 @@ class Listener(Protocol):
     def on_transition(self, transition: Transition, tag: Any) -> None:
         """A transition was taken in, and is on disk."""
 
-    def on_policy(self, policy: PolicyFile, verdict: Verdict) -> None:
-        """New weights, judged; to be published if they pass."""
-
 
 class LearningThread:
     """The thread. `error`: why it ended by itself; `disk_error`: why nothing is kept any more (it learns on)."""
 
-    def __init__(self, trainer: Trainer, listener: Listener, beside: int = 0, folder: Path | None = None) -> None:
+    def __init__(self, trainer: Trainer, listener: Listener, folder: Path | None = None) -> None:
         """Go on from what is in `folder`; None: nothing is kept. A transition is handed to the listener once kept.
-
-        `beside`: updates between two publications while the queue is empty; 0: none, and nothing is held out.
 
         Raises:
             CheckpointError: the folder holds a training of other parameters, or a damaged one.
         """
         self.trainer, self.error, self.disk_error = trainer, "", ""
-        self._listener, self._beside, self._beside_updates = listener, beside, 0
+        self._listener = listener
         self._checkpoint = Checkpoint(folder, trainer) if folder else None
-        trainer.holds_out = beside > 0
         self._last: RobotState | None = None  # of the episode; None: nothing of it has come
         self._queue: queue.SimpleQueue[Callable[[], None] | None] = queue.SimpleQueue()  # None ends the thread
         self._thread = threading.Thread(target=self._run, name="learning", daemon=True)
@@ -78,10 +65,6 @@ class LearningThread:
         """Episode `number` is over in `state` (None: lost); `tag` comes back with the transition into it."""
         self._queue.put(partial(self._end_episode, state, number, tag))
 
-    def in_force(self, policy: LearnedPolicy) -> None:
-        """The controller walks with this policy now."""
-        self._queue.put(partial(setattr, self.trainer.gate, "in_force", policy))
-
     @property
     def waiting(self) -> int:
         """Ticks in the queue."""
@@ -96,10 +79,8 @@ class LearningThread:
 
     def _run(self) -> None:
         os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))  # learning can wait, whatever the node's priority
-        if self._beside:  # whoever walks goes first
-            os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), NICENESS)
         try:
-            while (job := self._next()) is not None:
+            while (job := self._queue.get()) is not None:
                 job()
         except Stopped:
             pass
@@ -108,21 +89,6 @@ class LearningThread:
         except Exception as error:
             self.error = f"{type(error).__name__}: {error}"
             raise
-
-    def _next(self) -> Callable[[], None] | None:
-        """What is next in the queue; learning beside while it is empty."""
-        while self._beside and self._queue.empty() and self.trainer.learn(UPDATES_AT_ONCE):
-            self._beside_updates += UPDATES_AT_ONCE
-            if self._beside_updates >= self._beside:
-                self._beside_updates = 0
-                self._publish()
-        return self._queue.get()
-
-    def _publish(self) -> None:
-        """Have the present weights judged."""
-        file = self.trainer.policy_file()
-        if verdict := self.trainer.gate.judge(ActorPolicy(file)):
-            self._listener.on_policy(file, verdict)
 
     def _observe(self, state: RobotState, output: ControllerOutput, tag: Any) -> None:
         self._last = state
@@ -137,8 +103,6 @@ class LearningThread:
             report = self.trainer.end_episode(self._plan, last)
             self._on_disk(Checkpoint.save)
             self._plan, self._last = self.trainer.begin_episode(), None
-            if self._beside:
-                self._publish()
         self._listener.on_plan(self._plan, number, report)
 
     def _keep(self, transition: Transition | None, tag: Any) -> None:

@@ -24,7 +24,6 @@ from rl_cbf_clf_controller.weights import Arrays, PolicyFile, PolicyFileError, P
 
 from rl_trainer.learner import Learner
 from rl_trainer.parameters import LEARNERS, TrainingParameters
-from rl_trainer.publication_gate import PublicationGate
 from rl_trainer.replay import Replay
 from rl_trainer.reward import reward_terms
 from rl_trainer.transitions import Doubt, Transition, TransitionBuilder
@@ -90,8 +89,7 @@ class EpisodeReport:
 class Trainer:
     """Collects transitions, learns from them, and hands out policies.
 
-    `taken`: transitions ever taken in; `reports`: of the newest `episodes` ones. With `holds_out`, transitions that the
-    `gate` judges by are not learned from.
+    `taken`: transitions ever taken in; `reports`: of the newest `episodes` ones.
     """
 
     def __init__(
@@ -103,7 +101,6 @@ class Trainer:
         self.episode = 0
         self.learner = learner or make_learner(parameters)
         self.replay = Replay(parameters)
-        self.gate, self.holds_out = PublicationGate(parameters), False
         self.taken, self.reports = 0, list[EpisodeReport]()
         self.stop = threading.Event()  # set by another thread: the next update raises `Stopped`
         self._builder = TransitionBuilder(parameters)
@@ -158,8 +155,7 @@ class Trainer:
         if transition is not None:
             self.taken += 1
             self._walk.append(transition)
-            is_held_out = self.holds_out and self.gate.holds_out(transition)
-            self._kept += not is_held_out and self.replay.add(transition)
+            self._kept += self.replay.add(transition)
         return transition
 
     def end_episode(self, plan: EpisodePlan, state: RobotState) -> EpisodeReport:

@@ -35,8 +35,6 @@ class Told:
     def on_transition(self, transition: Transition, tag: Any) -> None:
         self.transitions.append(transition)
 
-    def on_policy(self, policy: Any, verdict: Any) -> None: ...
-
 
 def walk(learning: LearningThread, world: Any, make_controller: Any, episode: int, ends: bool) -> None:
     """An episode, handed over in this thread; `ends`: to its end."""
@@ -105,15 +103,6 @@ def test_a_kill_between_checkpoint_and_journal_doubles_nothing(
     again = begun(tmp_path, Told())
     assert again.trainer.taken == len(told.transitions)
     assert not journal_path(tmp_path, 0).exists()
-
-
-def test_what_is_held_out_comes_back(tmp_path: Path, toy_world: Any, toy_controller: Any) -> None:
-    told = Told()
-    learning = begun(tmp_path, told)
-    learning.trainer.gate.held_out.extend(told.transitions)
-    walk(learning, toy_world, toy_controller, 1, ends=True)
-    for one, two in zip(begun(tmp_path, Told()).trainer.gate.held_out, learning.trainer.gate.held_out, strict=True):
-        assert_same(one, two)
 
 
 def test_a_journal_of_other_parameters_is_refused(tmp_path: Path, toy_world: Any, toy_controller: Any) -> None:

@@ -30,11 +30,9 @@ class WalkOptions(BaseModel):
     episodes: int = Field(1, ge=1, le=MOST_EPISODES, description="episodes, their seeds counting up")
     policy: str | None = Field(None, description="zero, a shipped policy or a file")
     parameters: str = Field("ours", description="of the controller: ours, best, authors or a YAML file")
-    trainer: bool = Field(True, description="the trainer learns beside the walk")
-    swap_at: Literal["auto", "tick", "episode", "never"] = Field(
-        "auto",
-        description="when the trainer's policies take effect; with episode it also plans each episode; "
-        "auto: tick for a controller that learns, else never",
+    trainer: bool = Field(True, description="the trainer learns from each episode")
+    swap_at: Literal["episode", "never"] = Field(
+        "never", description="when the trainer's policies take effect; with episode it plans each episode"
     )
     record: bool = Field(True, description="record every topic")
     pictures: bool = Field(True, description="draw the walk")
@@ -106,7 +104,6 @@ class WalkSettings(BaseModel):
         """Of each node."""
         options, simulation, controller = self.options, self.simulation.model_dump(), self.controller.model_dump()
         priority = {"priority": options.priority}
-        auto = "tick" if self.controller.learns else "never"
         by_node: dict[str, dict[str, Any]] = {
             "simulator": {
                 "seed": options.seed,
@@ -122,7 +119,7 @@ class WalkSettings(BaseModel):
             },
             "controller": {
                 "policy": self.policy,
-                "swap_at": auto if options.swap_at == "auto" else options.swap_at,
+                "swap_at": options.swap_at,
                 **priority,
                 **controller,
             },

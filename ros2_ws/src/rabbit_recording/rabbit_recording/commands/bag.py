@@ -67,8 +67,6 @@ def _print_tables(bag: Path, found: "Contents") -> None:
         topics.add_row(topic.name, topic.type, str(topic.messages), topic.qos)
     Console().print(topics)
     there = [e for e in found.episodes if e.presence != "announced"]
-    if there and (runs := there[-1].run):
-        print(f"the simulator was started anew {runs} times; the episodes are counted on")
     episodes = Table("episode", "seed", "ended", "stones", "ticks", "lost", "policies")
     for e in there:
         ended = f"{e.outcome or 'not in the recording'}{f' ({e.reason})' if e.reason else ''}"

@@ -1,14 +1,15 @@
 """The recorder: every topic of the graph, as its bytes came, into a rosbag2 folder.
 
 Messages are stored under the simulated time that they carry, so that a recording plays at the pace of the walk whatever
-the pace of the machine was; diagnostics under that of the newest state. A simulator that is started anew begins its
-time at 0: what follows is stored behind what there is. A full disk ends the recording, not the walk. A recorder that is
-started again begins another recording beside the first.
+the pace of the machine was; diagnostics under that of the newest state. A full disk ends the recording, not the walk,
+and so does a simulator that begins its time at 0 again. A recorder that is started again begins another recording
+beside the first.
 """
 
 import inspect
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -28,8 +29,7 @@ from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, Qo
 
 from rabbit_recording import RecordingError
 from rabbit_recording.bag_writer import FLUSH_SECONDS, BagWriter, graph_types
-from rabbit_recording.message_header import turn_of
-from rabbit_recording.simulated_time import SimulatedTime
+from rabbit_recording.message_header import SimulatedTime, turn_of
 
 IDLE_SECONDS = 0.3  # without a message, after which nothing more is on its way
 EXPECTED = ("simulator", "controller")  # nodes whose topics must be there before the recorder says that it is ready
@@ -57,7 +57,7 @@ class RecorderNode(Node):
         self._path = first_free(Path(own.path))  # a recorder may be started again
         self._writer = BagWriter(self._path, types)
         self._message_counter = MessageCounter()
-        self._time = SimulatedTime()
+        self._time = SimulatedTime(self._path)
         self._heard = time.monotonic()
         self._sent = self._asked = 0  # when the newest message was sent; when the node was asked to end; ns
         self._failure = ""
@@ -91,16 +91,19 @@ class RecorderNode(Node):
         self._heard, self._sent = time.monotonic(), info[SENT]
         if topic.name == "state":
             self._newest_state = data
-        at = self._time.of(topic.name, topic.publisher, data, info[SENT])
-        if self._ends_at_errors(partial(self._writer.write, name, at, data)):
+        if self._ends_at_errors(
+            lambda: self._writer.write(name, self._time.of(topic.name, topic.publisher, data), data)
+        ):
             self._message_counter.accept(name)
 
     def _ends_at_errors(self, write: Callable[[], None]) -> bool:
-        """A full disk ends the recording, not the walk: the node says so and goes on hearing."""
+        """What ends the recording does not end the walk: the node says so and goes on hearing."""
         try:
             if not self._failure:
                 write()
         except RecordingError as error:
+            with suppress(RecordingError):
+                self._writer.close()  # whole, unless the disk is full
             self._failure = f"{error}; recording stopped, `rabbit bag recover {self._path}` keeps what is there"
             self.get_logger().error(self._failure)
         return not self._failure

@@ -3,12 +3,12 @@
 import numpy as np
 from rabbit_description.state import TICK_SECONDS
 
-from rabbit_sim.perturbation import Control, Measured, Number, Parameters, Perturbation, Sensor, setting
+from rabbit_sim.perturbation import Control, Measured, Memory, Number, Perturbation, setting
 from rabbit_sim.plant import PlantReading
 
 
 class EncoderDrift(Perturbation):
-    """Each joint's at a constant rate of its own, which an episode draws."""
+    """Each joint's at a constant rate of its own, which an episode draws; the rates are off by that rate."""
 
     order = 140
 
@@ -16,21 +16,13 @@ class EncoderDrift(Perturbation):
         0.0, 0, 0.1, "std of the rate at which a joint's zero moves, rad/s", Control("encoders drift", 0.001, "rad/s")
     )
 
-    def sensor(self) -> type[Sensor] | None:
-        return DriftingEncoders if self.encoder_drift else None
+    def begin(self, memory: Memory) -> None:
+        memory.direction, memory.offset = memory.rng.standard_normal(4), np.zeros(4)
 
-
-class DriftingEncoders(Sensor):
-    """See above; the rates are off by that rate."""
-
-    def __init__(self, parameters: Parameters, rng: "np.random.Generator") -> None:
-        super().__init__(parameters, rng)
-        self._direction, self._offset = rng.standard_normal(4), np.zeros(4)
-
-    def measure(self, measured: Measured, reading: PlantReading) -> Measured:
+    def measure(self, memory: Memory, measured: Measured, reading: PlantReading) -> Measured:
         angles, rates = measured.joints
-        drift = self.parameters.encoder_drift * self._direction
-        angles += self._offset
+        drift = self.encoder_drift * memory.direction
+        angles += memory.offset
         rates += drift
-        self._offset = self._offset + TICK_SECONDS * drift
+        memory.offset = memory.offset + TICK_SECONDS * drift
         return measured

@@ -1,19 +1,15 @@
 """Joints with friction, damping and springs, beside their motors."""
 
-from collections.abc import Sequence
-from typing import Any
-
 import numpy as np
 from rabbit_description.state import Array
 
 from rabbit_sim.perturbation import Control, EngineNumber, JointTorque, Number, Perturbation, setting
-from rabbit_sim.plant import SUBSTEP_SECONDS
 
 KNEES = np.array([0.0, 1.0, 0.0, 1.0])  # of the four joints
 
 
 class DryFriction(Perturbation):
-    """Coulomb friction and stiction, as each engine has it.
+    """Coulomb friction and stiction, which each engine has: read by its plant.
 
     At rest a joint takes up to so much; sliding it has so much against the motion.
     """
@@ -21,17 +17,6 @@ class DryFriction(Perturbation):
     coulomb: EngineNumber = setting(
         0.0, 0, 100, "dry friction of each joint, with stiction, N m", Control("dry friction", 0.5, "N m")
     )
-
-    def in_mujoco(self, model: Any) -> None:
-        model.dof_frictionloss[3:7] = self.coulomb
-        model.dof_solref[3:7] = 2 * SUBSTEP_SECONDS, 1.0  # the least that it allows: a joint at rest creeps by it
-
-    def in_pybullet(self, client: Any, robot: int, motors: Sequence[int]) -> None:
-        """A motor that holds still, as strong as the friction."""
-        from rabbit_sim.quiet_pybullet import pybullet  # here alone: parameters are read without it
-
-        strength = [self.coulomb] * len(motors)
-        client.setJointMotorControlArray(robot, motors, pybullet.VELOCITY_CONTROL, forces=strength)
 
 
 class JointDamping(Perturbation):
@@ -61,12 +46,13 @@ class KneeSpring(Perturbation):
     """Springs, k (rest - angle)."""
 
     order = 100
+    switches = ("knee_spring",)
 
     knee_spring: EngineNumber = setting(
         0.0, 0, 1000, "beside the knees' motors, N m/rad", Control("knees' springs", 10, "N m/rad", high=200)
     )
     knee_rest: Number = setting(0.4, -1, 2, "where the knees' springs are at rest, rad")
 
-    def joint_torque(self, urdf: str) -> JointTorque | None:
+    def joint_torque(self, urdf: str) -> JointTorque:
         stiffness, rest = self.knee_spring * KNEES, self.knee_rest
-        return (lambda q, dq: stiffness * (rest - q[3:])) if self.knee_spring else None
+        return lambda q, dq: stiffness * (rest - q[3:])

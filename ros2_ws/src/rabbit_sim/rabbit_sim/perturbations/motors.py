@@ -43,7 +43,7 @@ class DeadTime(Perturbation):
         """Substeps, (N, 1)."""
         return np.rint(np.asarray(self.torque_delay)[:, 0] / SUBSTEP_SECONDS).astype(int)
 
-    def memory(self) -> int:
+    def remembered(self) -> int:
         return int(self.delays.max()) + SUBSTEPS
 
     def drive(self, torques: Array, state: Array) -> Array:
@@ -62,7 +62,7 @@ class TorqueRate(Perturbation):
         0.0, 0, 1e6, "most that the torque changes, N m/s; 0: no limit", Control("torque rate, 0: any", 1000, "N m/s")
     )
 
-    def memory(self) -> int:
+    def remembered(self) -> int:
         return 1
 
     def drive(self, torques: Array, state: Array) -> Array:
@@ -121,7 +121,7 @@ class MotorLag(Perturbation):
         from_torque, from_drive, mean = map(np.array, parts)
         return from_torque[:, :, None], from_drive, mean[:, None, None]
 
-    def memory(self) -> int:
+    def remembered(self) -> int:
         return 1
 
     def drive(self, torques: Array, state: Array) -> Array:

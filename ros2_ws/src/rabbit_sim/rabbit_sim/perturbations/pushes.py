@@ -3,7 +3,7 @@
 import numpy as np
 from rabbit_description.state import TICK_SECONDS, Array
 
-from rabbit_sim.perturbation import Control, EngineNumber, Force, Number, Perturbation, setting
+from rabbit_sim.perturbation import Control, EngineNumber, Memory, Number, Perturbation, setting
 from rabbit_sim.plant import SUBSTEPS
 
 PUSH_SECONDS = 0.1
@@ -11,6 +11,8 @@ PUSH_SECONDS = 0.1
 
 class Pushes(Perturbation):
     """The first begins an interval after the reset."""
+
+    switches = ("push",)
 
     push: EngineNumber = setting(
         0.0,
@@ -23,10 +25,7 @@ class Pushes(Perturbation):
         1.5, 0.1, 60, "from the beginning of a push to the next, s", Control("a push each", 0.1, "s", at_reset=True)
     )
 
-    def force(self, rng: "np.random.Generator") -> Force | None:
-        return self._in_tick if self.push else None
-
-    def _in_tick(self, tick: int) -> Array:
+    def force(self, memory: Memory, tick: int) -> Array:
         turn, since = divmod(tick, max(round(self.push_interval / TICK_SECONDS), 1))
         if not turn or since >= round(PUSH_SECONDS / TICK_SECONDS):
             return np.zeros(SUBSTEPS)

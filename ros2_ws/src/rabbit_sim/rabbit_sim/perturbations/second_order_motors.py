@@ -34,7 +34,7 @@ class SecondOrderMotors(Perturbation):
         from_state, from_drive = map(np.array, zip(*pairs, strict=True))
         return from_state, from_drive
 
-    def memory(self) -> int:
+    def remembered(self) -> int:
         return 2
 
     def drive(self, torques: Array, state: Array) -> Array:

@@ -1,13 +1,14 @@
 """Measurements that are lost on their way."""
 
-import numpy as np
-
-from rabbit_sim.perturbation import Control, Measured, Number, Parameters, Perturbation, Sensor, setting
+from rabbit_sim.perturbation import Control, Measured, Memory, Number, Perturbation, setting
 from rabbit_sim.plant import PlantReading
 
 
 class SensorDropout(Perturbation):
-    """Each tick's is lost or not, whatever became of the last; the last one that came is repeated."""
+    """Each tick's is lost or not, whatever became of the last; the last one that came is repeated.
+
+    An episode's first measurement always comes.
+    """
 
     order = 150
 
@@ -15,18 +16,11 @@ class SensorDropout(Perturbation):
         0.0, 0, 0.9, "probability that a tick's measurement is lost", Control("lost measurements", 0.01)
     )
 
-    def sensor(self) -> type[Sensor] | None:
-        return LossySensors if self.sensor_dropout else None
+    def begin(self, memory: Memory) -> None:
+        memory.last = None
 
-
-class LossySensors(Sensor):
-    """See above; an episode's first measurement always comes."""
-
-    def __init__(self, parameters: Parameters, rng: "np.random.Generator") -> None:
-        super().__init__(parameters, rng)
-        self._last: Measured | None = None
-
-    def measure(self, measured: Measured, reading: PlantReading) -> Measured:
-        if self._last is None or self.rng.random() >= self.parameters.sensor_dropout:
-            self._last = measured
-        return self._last.copy()
+    def measure(self, memory: Memory, measured: Measured, reading: PlantReading) -> Measured:
+        if memory.last is None or memory.rng.random() >= self.sensor_dropout:
+            memory.last = measured
+        last: Measured = memory.last.copy()
+        return last

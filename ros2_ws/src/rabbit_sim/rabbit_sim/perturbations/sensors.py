@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 from rabbit_description.state import TICK_SECONDS, Array, BodySensors, orientation_of
 
-from rabbit_sim.perturbation import Control, Measured, Number, Parameters, Perturbation, Sensor, WholeSubsteps, setting
+from rabbit_sim.perturbation import Control, Measured, Memory, Number, Perturbation, WholeSubsteps, setting
 from rabbit_sim.plant import SUBSTEP_SECONDS, SUBSTEPS, PlantReading, gravity
 
 ENCODER_STEP = 2 * pi / 2**14  # rad, of a lab's encoders unless another is given
@@ -20,7 +20,10 @@ RATE_SAMPLES = 3  # through which a drive fits its line
 
 
 class Noise(Perturbation):
-    """Of encoders on pitch and the four joints, and of foot force sensors."""
+    """Of encoders on pitch and the four joints, and of foot force sensors.
+
+    The base's position and velocity stay exact. Of a lab's sensors, those of the feet alone have it.
+    """
 
     order = 130  # a lab's sensors draw theirs first
 
@@ -30,14 +33,24 @@ class Noise(Perturbation):
     )
     force_noise: Number = setting(0.0, 0, 1000, "std of the measured foot forces, N")
 
-    def sensor(self) -> type[Sensor]:
-        return NoisySensors
+    def measure(self, memory: Memory, measured: Measured, reading: PlantReading) -> Measured:
+        rng, q, dq, force = memory.rng, measured.q, measured.dq, measured.foot_force
+        if measured.body is None:
+            if self.encoder_resolution > 0:
+                q[2:] = rounded(q[2:], self.encoder_resolution)
+            if self.velocity_noise > 0:
+                dq[2:] += self.velocity_noise * rng.standard_normal(5)
+        if self.force_noise > 0:
+            force += self.force_noise * rng.standard_normal((2, 2))
+        return Measured(q, dq, force, measured.body)
 
 
 class Laboratory(Perturbation):
-    """A lab's sensors, each with its errors."""
+    """A lab's sensors, each with constant errors that an episode draws; no base, no true rate."""
 
     order = 120
+    switches = ("sensors",)
+    needs_path = True
 
     sensors: Literal["exact", "lab"] = setting(
         "exact",
@@ -54,57 +67,32 @@ class Laboratory(Perturbation):
     attitude_error: Number = setting(0.003, 0, 0.1, "std of the IMU's first attitude, rad (lab)")
     sensor_delay: WholeSubsteps = setting(0.0, 0, 0.01, "age of their readings, whole ms, s (lab)")
 
-    def sensor(self) -> type[Sensor] | None:
-        return LabSensors if self.sensors == "lab" else None
+    def begin(self, memory: Memory) -> None:
+        rng = memory.rng
+        memory.offset = self.encoder_offset * rng.standard_normal(4)
+        memory.gyro_bias = self.gyro_bias * rng.standard_normal()
+        memory.accelerometer_bias = self.accelerometer_bias * rng.standard_normal(2)
+        memory.attitude_error = self.attitude_error * rng.standard_normal()
+        memory.trace = None  # states of the last two ticks, a substep apart
 
-
-class NoisySensors(Sensor):
-    """The base's position and velocity stay exact. Of a lab's sensors, those of the feet alone."""
-
-    def measure(self, measured: Measured, reading: PlantReading) -> Measured:
-        p, q, dq, force = self.parameters, measured.q, measured.dq, measured.foot_force
-        if measured.body is None:
-            if p.encoder_resolution > 0:
-                q[2:] = rounded(q[2:], p.encoder_resolution)
-            if p.velocity_noise > 0:
-                dq[2:] += p.velocity_noise * self.rng.standard_normal(5)
-        if p.force_noise > 0:
-            force += p.force_noise * self.rng.standard_normal((2, 2))
-        return Measured(q, dq, force, measured.body)
-
-
-class LabSensors(Sensor):
-    """Encoders and an IMU, each with constant errors that an episode draws; no base, no true rate."""
-
-    needs_path = True
-
-    def __init__(self, parameters: Parameters, rng: "np.random.Generator") -> None:
-        super().__init__(parameters, rng)
-        p = parameters
-        self._offset = p.encoder_offset * rng.standard_normal(4)
-        self._gyro_bias = p.gyro_bias * rng.standard_normal()
-        self._accelerometer_bias = p.accelerometer_bias * rng.standard_normal(2)
-        self._attitude_error = p.attitude_error * rng.standard_normal()
-        self._trace: Array | None = None  # states of the last two ticks, a substep apart
-
-    def measure(self, measured: Measured, reading: PlantReading) -> Measured:
-        p, rng, last, path = self.parameters, self.rng, self._trace, reading.path
+    def measure(self, memory: Memory, measured: Measured, reading: PlantReading) -> Measured:
+        p, rng, last, path = memory.parameters, memory.rng, memory.trace, reading.path
         if path is None:  # a reset
             path = until(np.concatenate([reading.q, reading.dq]))
-        self._trace = np.vstack([until(path[0])[:-1] if last is None else last[-SUBSTEPS - 1 :], path])
-        end = len(self._trace) - round(p.sensor_delay / SUBSTEP_SECONDS)
-        path = self._trace[end - SUBSTEPS - 1 : end]
+        memory.trace = np.vstack([until(path[0])[:-1] if last is None else last[-SUBSTEPS - 1 :], path])
+        end = len(memory.trace) - round(self.sensor_delay / SUBSTEP_SECONDS)
+        path = memory.trace[end - SUBSTEPS - 1 : end]
         specific_force = np.full(2, np.nan)
         if last is not None:
-            self._attitude_error += TICK_SECONDS * (self._gyro_bias + p.gyro_noise * rng.standard_normal())
+            memory.attitude_error += TICK_SECONDS * (memory.gyro_bias + self.gyro_noise * rng.standard_normal())
             specific_force = mean_specific_force(path, gravity(p.slope))
-            specific_force += self._accelerometer_bias + p.accelerometer_noise * rng.standard_normal(2)
-        angles = rounded(path[-RATE_SAMPLES:, 3:7] + self._offset, p.encoder_resolution or ENCODER_STEP)
+            specific_force += memory.accelerometer_bias + self.accelerometer_noise * rng.standard_normal(2)
+        angles = rounded(path[-RATE_SAMPLES:, 3:7] + memory.offset, p.encoder_resolution or ENCODER_STEP)
         body = BodySensors(
             joint_angles=angles[-1],
             joint_rates=(angles[-1] - angles[0]) / ((RATE_SAMPLES - 1) * SUBSTEP_SECONDS),
-            orientation=orientation_of(path[-1, 2] - radians(p.slope) + self._attitude_error),  # from the vertical
-            pitch_rate=float(path[-1, 9] + self._gyro_bias + p.gyro_noise * rng.standard_normal()),
+            orientation=orientation_of(path[-1, 2] - radians(p.slope) + memory.attitude_error),  # from the vertical
+            pitch_rate=float(path[-1, 9] + memory.gyro_bias + self.gyro_noise * rng.standard_normal()),
             specific_force=specific_force,
         )
         unknown = np.full(7, np.nan)

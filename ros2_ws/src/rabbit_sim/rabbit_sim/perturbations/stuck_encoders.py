@@ -2,10 +2,9 @@
 
 from math import exp
 
-import numpy as np
 from rabbit_description.state import TICK_SECONDS
 
-from rabbit_sim.perturbation import Control, Measured, Number, Parameters, Perturbation, Sensor, setting
+from rabbit_sim.perturbation import Control, Measured, Memory, Number, Perturbation, setting
 from rabbit_sim.plant import PlantReading
 
 FREE_SECONDS = 1.0  # mean time until a joint's encoder sticks
@@ -24,24 +23,16 @@ class StuckEncoders(Perturbation):
         Control("encoder sticks", 0.01, "s"),
     )
 
-    def sensor(self) -> type[Sensor] | None:
-        return StickingEncoders if self.stuck_seconds else None
+    def begin(self, memory: Memory) -> None:
+        memory.ticks, memory.joint, memory.angle = 0, 0, 0.0
 
-
-class StickingEncoders(Sensor):
-    """See above."""
-
-    def __init__(self, parameters: Parameters, rng: "np.random.Generator") -> None:
-        super().__init__(parameters, rng)
-        self._ticks, self._joint, self._angle = 0, 0, 0.0
-
-    def measure(self, measured: Measured, reading: PlantReading) -> Measured:
+    def measure(self, memory: Memory, measured: Measured, reading: PlantReading) -> Measured:
         angles, rates = measured.joints
-        if not self._ticks and self.rng.random() < 1 - exp(-TICK_SECONDS / FREE_SECONDS):
-            self._ticks = max(round(self.parameters.stuck_seconds / TICK_SECONDS), 1)
-            self._joint = int(self.rng.integers(4))
-            self._angle = float(angles[self._joint])
-        if self._ticks:
-            self._ticks -= 1
-            angles[self._joint], rates[self._joint] = self._angle, 0.0
+        if not memory.ticks and memory.rng.random() < 1 - exp(-TICK_SECONDS / FREE_SECONDS):
+            memory.ticks = max(round(self.stuck_seconds / TICK_SECONDS), 1)
+            memory.joint = int(memory.rng.integers(4))
+            memory.angle = float(angles[memory.joint])
+        if memory.ticks:
+            memory.ticks -= 1
+            angles[memory.joint], rates[memory.joint] = memory.angle, 0.0
         return measured

@@ -9,27 +9,24 @@ from math import exp, sqrt
 import numpy as np
 from rabbit_description.state import TICK_SECONDS, Array
 
-from rabbit_sim.perturbation import Control, EngineNumber, Force, Number, Perturbation, setting
+from rabbit_sim.perturbation import Control, EngineNumber, Memory, Number, Perturbation, setting
 from rabbit_sim.plant import SUBSTEPS
 
 
 class Wind(Perturbation):
     """See above; positive from behind."""
 
+    switches = ("wind", "gusts")
+
     wind: EngineNumber = setting(0.0, -200, 200, "steady force on the torso, N", Control("wind", 5, "N"))
     gusts: EngineNumber = setting(0.0, 0, 200, "std of gusts about the steady force, N", Control("gusts", 5, "N"))
     gust_seconds: Number = setting(0.5, 0.01, 60, "time constant of the gusts, s")
 
-    def force(self, rng: "np.random.Generator") -> Force | None:
-        if not self.wind and not self.gusts:
-            return None
+    def begin(self, memory: Memory) -> None:
+        memory.gust = self.gusts * memory.rng.standard_normal()
+
+    def force(self, memory: Memory, tick: int) -> Array:
+        force = np.full(SUBSTEPS, self.wind + memory.gust)
         keeps = exp(-TICK_SECONDS / self.gust_seconds)
-        gust = self.gusts * rng.standard_normal()
-
-        def in_tick(tick: int) -> Array:
-            nonlocal gust
-            force = np.full(SUBSTEPS, self.wind + gust)
-            gust = keeps * gust + self.gusts * sqrt(1 - keeps**2) * rng.standard_normal()
-            return force
-
-        return in_tick
+        memory.gust = keeps * memory.gust + self.gusts * sqrt(1 - keeps**2) * memory.rng.standard_normal()
+        return force

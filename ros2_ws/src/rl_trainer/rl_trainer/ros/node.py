@@ -1,7 +1,7 @@
 """The trainer's node: puts ticks together from the state and the controller's three messages, for the learning thread.
 
-It publishes the transitions, weights that are no worse than those in force, and, where the simulator waits for it, how
-each episode is to be walked. It never holds up a tick: what it cannot learn from at once waits in a queue.
+It publishes the transitions and, where the simulator waits for it, how each episode is to be walked, with which policy.
+It never holds up a tick: what it cannot learn from at once waits in a queue.
 """
 
 import time
@@ -18,15 +18,13 @@ from rabbit_common.ros.qos import EVENT, TICK
 from rabbit_common.ros.spin import run, steady_timer
 from rabbit_msgs import msg
 from rl_cbf_clf_controller.controller_output import ControllerOutput
-from rl_cbf_clf_controller.policy import LearnedPolicy
 from rl_cbf_clf_controller.weights import PolicyFileError
 from std_msgs.msg import Header
 
 from rl_trainer.checkpoint import CheckpointError
 from rl_trainer.learning_thread import LearningThread
 from rl_trainer.parameters import TrainingParameters
-from rl_trainer.ros.messages import checked_part, policy_of
-from rl_trainer.ros.publishers import Publishers
+from rl_trainer.ros.messages import Publishers, checked_part
 from rl_trainer.ros.trainer_setup import NodeParameters, make_trainer
 from rl_trainer.tick_synchronizer import Event, Tick, TickSynchronizer
 
@@ -37,7 +35,6 @@ PARTS = {
     "learner_terms": msg.LearnerTerms,
 }
 GIVE_UP_SECONDS = 2.0  # after an episode's end, for ticks that have not come
-MOST_CONTROLLERS = 20  # whose policies are remembered
 ACTED = ("fault",)  # outcomes after which the last state has an answer too
 
 
@@ -51,18 +48,15 @@ class TrainerNode(CheckedNode):
         own = declare(self, NodeParameters)
         self._training = declare(self, TrainingParameters)
         refuse_unknown(self)
-        beside = 0 if own.plan_episodes else own.learn_beside
         folder = Path(own.folder) if own.folder else None
         self._published = Publishers(self, self._training, own.plan_episodes)
-        self._learning = LearningThread(make_trainer(self._training, own), self._published, beside, folder)
+        self._learning = LearningThread(make_trainer(self._training, own), self._published, folder)
         self._ticks = TickSynchronizer(tuple(PARTS))
         self._held_up_since: float | None = None
         self._started = self._is_joining = False
         self._newest: msg.Episode | None = None  # where the simulator stands
-        self._policies: dict[str, LearnedPolicy] = {}  # in force, by controller
         self._inputs = [self._hear(of, part, partial(self._on_part, part), TICK) for part, of in PARTS.items()]
         self._hear(msg.Episode, "episode", self._on_episode, EVENT)
-        self._hear(msg.PolicySwap, "policy_swap", self._on_swap, EVENT)
         self._diagnostics = Diagnostics(self, self._message_counter, self._status)
         steady_timer(self, 0.5, self._look)
         self.get_logger().info(f"ready: learns {self._training.problem}, begins with policy {own.policy}")
@@ -106,8 +100,6 @@ class TrainerNode(CheckedNode):
         check_episode(message, self._ticks.done if self._started else 0)
         self._message_counter.accept("episode")
         self._newest = message
-        if policy := self._policies.get(message.controller):
-            self._learning.in_force(policy)
         if not self._started:
             return
         if is_new_simulator(message) and self._ticks.announced:
@@ -129,17 +121,6 @@ class TrainerNode(CheckedNode):
             self._ticks.done = message.episode - 1
         else:
             self._published.plan_again(message.episode)
-
-    def _on_swap(self, message: msg.PolicySwap) -> None:
-        policy = policy_of(message, self._training.problem)
-        self._message_counter.accept("policy_swap")
-        if policy is None:
-            return
-        self._policies[message.sender] = policy
-        if len(self._policies) > MOST_CONTROLLERS:
-            del self._policies[next(iter(self._policies))]
-        if self._newest is None or self._walks(message.sender, self._newest.episode):
-            self._learning.in_force(policy)
 
     def _walks(self, controller: str, episode: int) -> bool:
         """Whether its torques act in an episode, as far as that was announced."""

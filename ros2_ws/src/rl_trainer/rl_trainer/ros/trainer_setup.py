@@ -16,10 +16,7 @@ class NodeParameters(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    plan_episodes: bool = Field(False, description="the simulator follows the plans: learn between episodes alone")
-    learn_beside: int = Field(
-        100, ge=0, description="updates between two publications while the robot walks; 0, or plan_episodes: none"
-    )
+    plan_episodes: bool = Field(False, description="the simulator follows the plans: publish each one's policy")
     policy: str = Field(
         ZeroPolicy.version, description="to learn on from: zero (from scratch), the name of a shipped one, or a file"
     )
