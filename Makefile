@@ -10,7 +10,7 @@ endif
 PYTHON ?= $(if $(wildcard .venv/bin/python),.venv/bin/python,python3)
 PLUGINS := -p xdist -p pytest_cov -p pytest_timeout # and not those of a full ROS 2
 WITH_WORKSPACE := unset PYTHONPATH AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH; source ros2_ws/install/setup.bash &&
-HARDER := --mass-scale 0.5
+HARDER := --mass-scale 3
 CODE := ros2_ws/src studies qa scripts examples
 
 help: ## list the targets
@@ -30,7 +30,7 @@ tools: setup # what tests and checks the project, and the studies
 build: setup ## build the ROS 2 workspace, when something changed
 	@.venv/bin/python -B scripts/build_workspace.py
 
-walk: build ## RABBIT walks over 20 stepping stones through the nodes; then, at half the mass, two other controllers
+walk: build ## RABBIT walks over 20 stepping stones through the nodes; then, at thrice the mass, two others
 	@$(WITH_WORKSPACE) rabbit walk $(ARGS)
 	@$(if $(ARGS),,$(WITH_WORKSPACE) rabbit walk --parameters nominal_tuned $(HARDER) || [ $$? -eq 1 ])
 	@$(if $(ARGS),,$(WITH_WORKSPACE) rabbit walk --parameters best $(HARDER))

@@ -215,3 +215,10 @@ def test_a_variant_of_a_method_tuned_by_map_has_its_parameters_on_all_maps() -> 
     (found,) = variants("nominal-tuned:eps=0.033")
     contenders = [found.on(terrain, where) for terrain in TERRAINS for where in get_args(Map)]
     assert {each and each.assembly().controller.eps for each in contenders} == {0.033}
+
+
+def test_the_nominal_method_at_its_best_is_the_parameter_file_inside() -> None:
+    for terrain in TERRAINS:
+        contender = method("nominal-tuned").on(terrain, "inside")
+        assert contender is not None
+        assert contender.assembly().controller == load_parameters("nominal_tuned", terrain)

@@ -26,7 +26,7 @@ from rabbit_reproduce.table_lines import HEADLINE, MAIN, MUJOCO, Found, Line, lo
 
 SEED = 50006  # of these courses and of nothing else
 ENGINES = (MAIN, MUJOCO)
-HIGH_GAIN = variant("nominal, mu'mu, eps 0.01", "cbf-clf-qp", "zero", LIBRARY, MARGIN, {"eps": 0.01})
+HIGH_GAIN = variant("nominal, high gain (eps 0.01)", "cbf-clf-qp", "zero", LIBRARY, MARGIN, {"eps": 0.01})
 WHO = (
     replace(CBF_CLF, title="nominal, eps 0.04"),
     replace(AT_ITS_BEST["stones"], colour=style.ORANGE, line="--"),

@@ -15,7 +15,7 @@ class TuningOptions(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
-    parameters: str = Field("ours", description="of the controller: ours, best, authors or a YAML file")
+    parameters: str = Field("ours", description="of the controller: ours, best, nominal_tuned, authors or a YAML file")
 
 
 class WalkOptions(TuningOptions):

@@ -133,7 +133,7 @@ class ControllerParameters(BaseModel):
 
 
 def load_parameters(name_or_path: str | Path, terrain: str | None = None, /, **changes: object) -> ControllerParameters:
-    """Read `ours`, `best`, `authors` or a YAML file, then apply `changes`.
+    """Read `ours`, `best`, `nominal_tuned`, `authors` or a YAML file, then apply `changes`.
 
     The file may have a section ON_FLAT_GROUND: values in place of its others where `terrain` is "flat".
 

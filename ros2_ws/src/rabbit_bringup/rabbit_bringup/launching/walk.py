@@ -29,7 +29,7 @@ class WalkOptions(BaseModel):
     seed: int = Field(1, ge=0, le=2**63 - 1, description="of course, first state and noise")
     episodes: int = Field(1, ge=1, le=MOST_EPISODES, description="episodes, their seeds counting up")
     policy: str | None = Field(None, description="zero, a shipped policy or a file")
-    parameters: str = Field("ours", description="of the controller: ours, best, authors or a YAML file")
+    parameters: str = Field("ours", description="of the controller: ours, best, nominal_tuned, authors or a YAML file")
     trainer: bool = Field(True, description="the trainer learns from each episode")
     swap_at: Literal["episode", "never"] = Field(
         "never", description="when the trainer's policies take effect; with episode it plans each episode"
