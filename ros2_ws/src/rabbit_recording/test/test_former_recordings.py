@@ -18,6 +18,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 DATA = Path(__file__).parent / "data"
 NEW_FIELDS = ("sender", "controller", "refused_controller")  # the first recordings had none
 WALKED = {"former_best": {1: (1, 166)}, "former_trained": {1: (2, 46), 2: (3, 56)}}  # seed, ticks
+ROUNDING = 1e-11  # N m: they were made with OSQP, whose answer was polished by LAPACK then
 
 
 def former(name: str, folder: Path) -> Path:
@@ -31,7 +32,7 @@ def former(name: str, folder: Path) -> Path:
 def test_each_tick_replays_to_the_recorded_torque(name: str, tmp_path: Path) -> None:
     checked = list(check_episodes(former(name, tmp_path)))
     assert {e.episode.number: (e.episode.seed, e.replayed) for e in checked} == WALKED[name]
-    assert not any(e.differing or e.episode.lost for e in checked)
+    assert not any(e.furthest > ROUNDING or e.episode.lost for e in checked)
 
 
 def test_its_contents_are_told(tmp_path: Path) -> None:
@@ -76,7 +77,8 @@ def test_a_cut_one_is_recovered_and_replays(tmp_path: Path) -> None:
 def test_one_made_before_controllers_had_names_is_read(tmp_path: Path) -> None:
     path = without_names(former("former_trained", tmp_path), tmp_path / "first")
     checked = list(check_episodes(path))
-    assert [(e.episode.controller, e.replayed, e.differing) for e in checked] == [("", 46, []), ("", 56, [])]
+    assert [(e.episode.controller, e.replayed) for e in checked] == [("", 46), ("", 56)]
+    assert max(e.furthest for e in checked) <= ROUNDING
 
 
 def without_names(recording: Path, out: Path) -> Path:

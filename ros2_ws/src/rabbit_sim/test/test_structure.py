@@ -1,10 +1,12 @@
 """Perturbations of structure against what their formulas say."""
 
+from dataclasses import replace
 from math import exp, pi, radians, sqrt, tan
 
 import numpy as np
 import pytest
 from pydantic import ValidationError
+from rabbit_description.state import BodySensors
 from rabbit_sim.actuation import Actuation
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.perturbation import Measured, Memory
@@ -88,6 +90,17 @@ def test_what_is_lost_is_not_changed_by_who_reads_it() -> None:
     measure = begun(SensorDropout, SimulationParameters(sensor_dropout=0.9), 1)
     measure(measured(1.0), reading()).q[:] = 7.0
     assert measure(measured(1.0), reading()).q.tolist() == [1.0] * 7
+
+
+def test_the_second_of_a_lab_always_comes() -> None:
+    """The first has no specific force, which an estimator needs."""
+    for seed in range(20):
+        measure = begun(SensorDropout, SimulationParameters(sensor_dropout=0.9), seed)
+        for force in (np.nan, 9.8):
+            body = BodySensors(np.zeros(4), np.zeros(4), np.array([1.0, 0.0]), 0.0, np.full(2, force))
+            seen = measure(replace(measured(0.0), body=body), reading()).body
+            assert seen
+            np.testing.assert_array_equal(seen.specific_force, body.specific_force)
 
 
 def test_one_encoder_sticks_with_no_rate() -> None:

@@ -30,11 +30,13 @@ def test_a_plant_gives_its_settings_and_back() -> None:
     assert plant_of(plant, settings_of(plant)) == plant
 
 
-@pytest.mark.parametrize("delay", [0.001, 0.0123, 0.017000000000000001, 0.03])
-def test_any_delay_of_a_slider_is_whole_substeps(delay: float) -> None:
-    assert plant_of(SimulationParameters(), PlaySettings(torque_delay=delay)).torque_delay == pytest.approx(
-        delay, abs=5e-4
-    )
+TIMES = [("torque_delay", time) for time in (0.001, 0.0123, 0.017000000000000001, 0.03)]
+
+
+@pytest.mark.parametrize(("name", "time"), [*TIMES, ("sensor_jitter", 0.0123)])
+def test_any_time_of_a_slider_is_whole_substeps(name: str, time: float) -> None:
+    plant = plant_of(SimulationParameters(), PlaySettings.model_validate({name: time}))
+    assert getattr(plant, name) == pytest.approx(time, abs=5e-4)
 
 
 @pytest.mark.parametrize("name", CONTROLLERS)

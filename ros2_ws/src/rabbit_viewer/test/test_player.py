@@ -294,6 +294,15 @@ def test_what_the_plant_refuses_is_refused_at_the_door() -> None:
     assert not Door(start_of(), lambda _: "")(push)
 
 
+def test_what_does_not_fit_the_sensors_in_force_waits_for_theirs(played: Callable[..., Played]) -> None:
+    one = played()
+    one.ask(do="begin", settings={"sensors": "lab"})
+    one.player.tick()
+    one.choose(sensors="exact", sensor_jitter=0.005)
+    one.player.tick()
+    assert set(one.words["state"]["waiting"]) == {"sensors", "sensor_jitter"}
+
+
 def any_settings(rng: random.Random) -> dict[str, Any]:
     """Half of them anywhere within their bounds."""
     chosen: dict[str, Any] = {}
@@ -309,12 +318,20 @@ def any_settings(rng: random.Random) -> dict[str, Any]:
 
 
 def test_whatever_is_chosen_the_player_goes_on(played: Callable[..., Played]) -> None:
+    """Whatever the door lets pass."""
     rng, one = random.Random(5), played()
+    door = Door(start_of(), one.player.take)
+
+    def choose(do: str) -> None:
+        while door(json.dumps({"do": do, "settings": any_settings(rng)})):
+            pass
+        one.player.say_state()
+
     for _ in range(15):
-        one.ask(do="begin", settings=any_settings(rng))
+        choose("begin")
         for tick in range(60):
             one.player.tick()
             if tick % 20 == 10:
                 one.ask(do="push", force=rng.uniform(-1000, 1000), seconds=rng.uniform(0.01, 1))
-                one.ask(do="set", settings=any_settings(rng))
+                choose("set")
         assert len(one.rows()["tick"]) > 5

@@ -20,7 +20,7 @@ class SensorJitter(Perturbation):
         0,
         0.02,
         "age of the oldest measurements, whole ms; each tick's is drawn, s",
-        Control("age of measurements up to", 0.001, "s"),
+        Control("age of measurements up to", 0.001, "s", at_reset=True),  # as `sensors`: with a lab's it is refused
     )
 
     @model_validator(mode="after")

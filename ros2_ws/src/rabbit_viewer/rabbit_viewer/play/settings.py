@@ -7,7 +7,8 @@ walks. A field's `when` says whether a change acts at once or from the next rese
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, create_model
-from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.parameters import SimulationParameters, marked
+from rabbit_sim.perturbation import WHOLE_SUBSTEPS
 from rabbit_sim.plant import SUBSTEP_SECONDS
 from rl_cbf_clf_controller.parameters import ControllerParameters, load_parameters
 
@@ -108,9 +109,10 @@ SHARED = SimulationParameters.model_fields.keys() & PlaySettings.model_fields.ke
 
 def plant_of(base: SimulationParameters, settings: PlaySettings) -> SimulationParameters:
     """The plant that walks; raises `ValidationError`."""
-    delay = round(settings.torque_delay / SUBSTEP_SECONDS) * SUBSTEP_SECONDS
     changes = {name: getattr(settings, name) for name in SHARED}
-    changes |= {"motor_loss": 1 - settings.motor_power, "torque_delay": delay}
+    for name in SHARED.intersection(marked(WHOLE_SUBSTEPS)):
+        changes[name] = round(changes[name] / SUBSTEP_SECONDS) * SUBSTEP_SECONDS
+    changes["motor_loss"] = 1 - settings.motor_power
     return SimulationParameters.model_validate({**base.model_dump(), **changes})
 
 
