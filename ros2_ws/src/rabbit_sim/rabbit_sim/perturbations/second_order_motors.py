@@ -5,7 +5,6 @@ from math import pi
 
 import numpy as np
 from rabbit_description.state import Array
-from scipy.linalg import expm
 
 from rabbit_sim.perturbation import Control, Number, Perturbation, setting
 from rabbit_sim.plant import SUBSTEP_SECONDS, SUBSTEPS
@@ -50,6 +49,8 @@ class SecondOrderMotors(Perturbation):
 @lru_cache(maxsize=4096)  # a batch asks for all its robots again when one begins an episode
 def of_motor(frequency: float, damping: float) -> tuple[Array, Array]:
     """One motor's step: what of its state (2, 2) and of the torque that is asked (2, 1) is there at the end."""
+    from scipy.linalg import expm  # slow to import
+
     w = 2 * pi * frequency
     matrix = np.array([[0.0, 1.0, 0.0], [-(w**2), -2 * damping * w, w**2], [0.0, 0.0, 0.0]])
     step = expm(matrix * SUBSTEP_SECONDS)
