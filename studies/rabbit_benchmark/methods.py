@@ -11,6 +11,7 @@ from typing import Any
 from rabbit_description import plugins
 from rabbit_reproduce.controllers import (
     AT_ITS_BEST,
+    CAREFUL,
     GAIT,
     IDENTIFIED,
     INTEGRAL,
@@ -61,7 +62,6 @@ PAPER_POLICY = "DDPG at mass scale 2, no motor lag, seed 1: 6,572 transitions on
 SPEED_MODEL = "its model of the speed: walks of random plants with random changes of the slope (rabbit speed)"
 FAMILIES = f"{SPEED_MODEL}; what it does about slow motors and loose stones, and eps: development families"
 ORACLE = "knows the true plant: the bound, not a method"
-CAREFUL = {"stone_tracking": True, "torque_change_weight": 0.01}  # where stones give way and motors are slow
 PI_ON_SLOPES = {**SLOPES, **INTEGRAL}
 TUNED: dict[tuple[Map, Terrain], dict[str, Any]] = {  # on development seeds of each map (studies/docs/tuning.md)
     ("outside", "stones"): PI_ON_SLOPES | {"eps": 0.03},
