@@ -26,7 +26,9 @@ SLIDERS = (  # name, share of the slider's width
     ),
     *(("swing_payload", 0.1), ("left_leg_scale", 0.4), ("left_hip_gain", 0.4), ("left_knee_gain", 0.4)),
     *(("right_hip_gain", 0.5), ("right_knee_gain", 0.5), ("coulomb", 0.05), ("knee_spring", 0.1), ("backlash", 0.1)),
-    *(("wind", 0.52), ("gusts", 0.05)),
+    *(("wind", 0.52), ("gusts", 0.05), ("dead_zone", 0.1), ("hysteresis", 0.1), ("motor_frequency", 0.9)),
+    *(("stone_tilt", 0.2), ("encoder_drift", 0.02), ("stuck_seconds", 0.1), ("sensor_dropout", 0.1)),
+    ("sensor_jitter", 0.3),
 )
 NUMBERS = {"ground_stiffness": 200_000, "ground_damping": 6000, "torque_rate": 50_000, "gear_stiffness": 5000}
 CHOICES = {
@@ -147,11 +149,15 @@ def test_every_setting_reaches_the_walk(chromium: Chromium, played: str) -> None
         "loose_depth",
         "push",
         "push_interval",
+        "stone_tilt",
+        "sensor_jitter",
     }
     assert page.look("document.querySelectorAll('label.waiting').length") == len(waiting)
     for name, number in NUMBERS.items():
         page.choose(f"#{name}", str(number))
         page.wait(f"rabbit.controls.state.settings.{name} === {number}")
+    page.drag("#sensor_jitter", 0.0)  # a lab's sensors have a delay instead
+    page.wait("rabbit.controls.state.settings.sensor_jitter === 0")
     for name, choices in CHOICES.items():
         for choice in choices:
             page.choose(f"#{name}", choice)
