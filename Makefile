@@ -10,7 +10,6 @@ endif
 PYTHON ?= $(if $(wildcard .venv/bin/python),.venv/bin/python,python3)
 PLUGINS := -p xdist -p pytest_cov -p pytest_timeout # and not those of a full ROS 2
 WITH_WORKSPACE := unset PYTHONPATH AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH; source ros2_ws/install/setup.bash &&
-HARDER := --mass-scale 3
 CODE := ros2_ws/src studies qa scripts examples
 
 help: ## list the targets
@@ -30,10 +29,11 @@ tools: setup # what tests and checks the project, and the studies
 build: setup ## build the ROS 2 workspace, when something changed
 	@.venv/bin/python -B scripts/build_workspace.py
 
-walk: build ## RABBIT walks over 20 stepping stones through the nodes; then, at thrice the mass, two others
+walk: build ## RABBIT walks over 20 stepping stones through the nodes; then, in process, at thrice the mass
 	@$(WITH_WORKSPACE) rabbit walk $(ARGS)
-	@$(if $(ARGS),,$(WITH_WORKSPACE) rabbit walk --parameters nominal_tuned $(HARDER) || [ $$? -eq 1 ])
-	@$(if $(ARGS),,$(WITH_WORKSPACE) rabbit walk --parameters best $(HARDER))
+	@$(if $(ARGS),,$(WITH_WORKSPACE) for each in nominal_tuned best; do \
+	  echo "three times the mass, --parameters $$each:" && \
+	  rabbit evaluate --parameters $$each --mass-scale 3 --runs 4 --overwrite --out runs/three-times-$$each || exit; done)
 
 test: build tools ## what to run before a pull request: analytic, physical, closed-loop, ROS; 90 % coverage of the maths
 	@$(WITH_WORKSPACE) export OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 PYTEST_DISABLE_PLUGIN_AUTOLOAD=1 && \
