@@ -125,6 +125,19 @@ def test_a_run_in_a_batch_leaves_the_row_of_the_run_alone() -> None:
         assert len(together[i].tick_seconds) == expected.row.ticks
 
 
+def test_a_reset_changes_nothing_that_was_handed_out() -> None:
+    (assembly,) = assemblies(plants=PLANTS[:1], qp_solver="daqp")
+    simulation, controller = assembly.build()
+    batch, together = BatchSimulation([simulation]), BatchController(controller, [controller.policy])
+    batch.reset([1])
+    together.reset(0, 1)
+    output = together.step(batch.states)
+    before = output.torque.copy()
+    together.reset(0, 2)
+    assert np.abs(before).max() > 1
+    assert np.array_equal(output.torque, before)
+
+
 def test_jobs_that_go_together_have_one_controller_and_mujoco() -> None:
     first, second = assemblies(plants=PLANTS[:2]), assemblies(plants=PLANTS[:1], eps=0.05)
     walks = [job for each in (*first, *second) for job in Scenario(each, runs=3, seed=1).walks]

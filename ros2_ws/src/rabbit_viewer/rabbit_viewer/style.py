@@ -34,7 +34,7 @@ def look() -> AbstractContextManager[None]:
 def figure(
     rows: int = 1, height: float = 2.4, width: float = 9.0, sharex: bool = True, **options: Any
 ) -> tuple[Figure, list[Axes]]:
-    """A figure of `rows` panels, over a common time axis where not told otherwise; sizes in inches."""
+    """A figure of `rows` panels, which share their x axis unless `sharex` is False; sizes in inches."""
     made = Figure(figsize=(width, height * rows), layout="constrained")
     FigureCanvasAgg(made)
     axes = made.subplots(rows, 1, sharex=sharex, squeeze=False, **options)

@@ -202,7 +202,7 @@ class BatchController:
         p, places, parameters = self._p, self._one._places, self._one.parameters
         force = self._by_stance(states.foot_force.reshape(-1, 4), SWAP_TORQUE).reshape(-1, 2, 2)
         p[:, places["force"]], p[:, places["held"]] = force[:, 0], self._by_stance(self._held, SWAP_TORQUE)
-        if parameters.stone_tracking:
+        if parameters.stone_tracking and parameters.terrain == "stones":
             self._track(x, force[:, 0, 1])
         sees_stone = ~np.isnan(states.stones[:, :1])
         np.copyto(p[:, self._one._stone], states.stones - self._moved[:, (0, 0, 1)], where=sees_stone)
@@ -293,7 +293,8 @@ class BatchController:
         own = dict[str, Any]()
         if self._robots:
             own |= {"identified": self._robots.known, "adapted": [flat(parts[1][i]) for i in range(n)]}
-        torque = self._held = self._by_stance(torque, SWAP_TORQUE)
+        torque = self._by_stance(torque, SWAP_TORQUE)
+        self._held = torque.copy()  # which a reset changes, and not what has been handed out
         names, policies = self._one.qp.names, list(self.policies)
         return BatchOutput(scene, torque, decided, total, mu, mu_qp, omega, saturated, names, policies, parameters, own)
 

@@ -50,6 +50,6 @@ def measuring(terms: Terms) -> tuple[ca.SX, ca.SX, ca.SX]:
 
 
 def parted(expressions: Sequence[ca.SX], inputs: ca.SX) -> tuple[list[ca.SX], ca.SX, ca.SX]:
-    """The expressions with symbols in place of all that depends on the `inputs` alone; these symbols; their values."""
+    """The expressions, with symbols for what depends on the `inputs` alone; then these symbols; then their values."""
     rest, symbols, values = ca.extract_parametric(list(expressions), inputs, {"extract_trivial": True})
     return rest, ca.vertcat(*symbols), ca.vertcat(*values)

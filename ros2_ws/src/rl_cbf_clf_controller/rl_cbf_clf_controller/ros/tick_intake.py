@@ -110,7 +110,7 @@ class PreviewBuffer:
         """Keep a preview while episode `present` is walked.
 
         Raises:
-            Refused: of an episode before it, or other edges than were told before.
+            Refused: a stone of an earlier episode, or with other edges than it had before.
         """
         if episode < present:
             raise Refused("late", f"stone {stone.index} of episode {episode}; expected {present} or later")
