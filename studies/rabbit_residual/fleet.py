@@ -14,11 +14,13 @@ from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.parameters import load_parameters
 from rl_cbf_clf_controller.residual_policy import ResidualPolicy
 
-from rabbit_residual.plants import draw_plant
+from rabbit_residual.plants import described, draw_plant, ranges
 from rabbit_residual.ppo import Rollout
 
 STONES = 10  # of an episode
+AGAIN = 0.6  # probability that a plant on which an episode failed is walked once more
 STONE, FAILURE, EFFORT = 1.0, -5.0, -0.004  # rewards: a step taken; an episode's bad end; times |a|^2 of a tick
+KNOWN = len(ranges()) + 2  # what `Rollout.known` has of a tick
 CONTROLLERS: dict[Terrain, str] = {"stones": "rl-cbf-clf-qp", "flat": "rl-clf-qp"}
 
 
@@ -52,6 +54,7 @@ class Fleet:
         for robot, (_, episode) in enumerate(episodes):
             self._controller.reset(robot, episode)
         self._steps = np.zeros(robots, dtype=int)
+        self._known = np.array([described(plant.parameters) for plant, _ in episodes])
 
     def walk(self, ticks: int) -> Rollout:
         """So many ticks and one more. `ends` then has how each episode ended: whether walked, and its steps."""
@@ -59,7 +62,8 @@ class Fleet:
         rows = [self._tick() for _ in range(ticks + 1)]
         return Rollout(*(np.array(part) for part in zip(*rows, strict=True)))
 
-    def _tick(self) -> tuple[Array, Array, Array, Array, Array]:
+    def _tick(self) -> tuple[Array, ...]:
+        known = np.concatenate([self._known, self._steps[:, None] / STONES], axis=1)
         output, policy = self._controller.step(self._batch.states), self._policy
         states = self._batch.step(output.torque)
         effort = (policy.said.clip(-1, 1) ** 2).sum(axis=1)
@@ -72,13 +76,17 @@ class Fleet:
             own = self._batch.simulations[robot]
             failed[robot] = robot in refused or own.outcome is not Outcome.WALKED
             self.ends.append((not failed[robot], int(states.touchdowns[robot])))
-            own.close()
-            plant, episode = self._episode()
+            if failed[robot] and self._rng.random() < AGAIN:
+                plant, episode = own, int(self._rng.integers(2**32))
+            else:
+                own.close()
+                plant, episode = self._episode()
             self._batch.restart(robot, plant, episode)
+            self._known[robot] = described(plant.parameters)
             self._controller.reset(robot, episode)
             self._steps[robot] = 0
         reward[failed] += FAILURE
-        return policy.reads, policy.said, reward, ended, failed
+        return policy.reads, known, policy.said, reward, ended, failed
 
     def _episode(self) -> tuple[Simulation, int]:
         seed = int(self._rng.integers(2**32))

@@ -1,11 +1,13 @@
 """The plants that the policy is trained on: the storm's, masses alone, and the development families."""
 
 import math
+from functools import cache
 from typing import Any
 
 import numpy as np
 from rabbit_benchmark.cells import Terrain, storm
 from rabbit_benchmark.families import drawn, families, settable
+from rabbit_description.state import Array
 from rabbit_sim.parameters import SimulationParameters
 
 WALK_ALONE = {"gear_stiffness", "backlash", "coulomb", "joint_damping"}  # in a batch, so they are drawn less often
@@ -34,3 +36,23 @@ def draw_plant(terrain: Terrain, rng: "np.random.Generator", stones: int) -> Sim
     lag = LAG if rng.random() < 0.7 else rng.uniform(*LAGS)
     course = {"terrain": terrain, "stones": stones, "motor_lag": lag, "plant": "mujoco"}
     return SimulationParameters.model_validate(course | changes)
+
+
+def described(plant: SimulationParameters) -> Array:
+    """The drawn parameters, (k,): 0 for a default, else from 0.2 to 1 within the range. For the value network alone."""
+    found = []
+    for name, (low, high) in sorted(ranges().items()):
+        value = getattr(plant, name)
+        is_default = value == SimulationParameters.model_fields[name].default
+        found.append(0.0 if is_default else 0.2 + 0.8 * (value - low) / (high - low))
+    return np.array([*found, float(plant.sensors != "exact")])
+
+
+@cache
+def ranges() -> dict[str, tuple[float, float]]:
+    """Of all that may be drawn."""
+    found = dict(storm().on("stones")) | {"motor_lag": LAGS}
+    for family in families().families.values():
+        if family.split == "development":
+            found |= {**(family.flat or {}), **(family.stones or {})}
+    return found | HARD

@@ -1,7 +1,8 @@
 """Proximal policy optimisation (Schulman et al., arXiv 1707.06347) of a small network on batches of robots.
 
 The mean of the action is the network's output through tanh, so that the network alone, without noise, is the policy
-that is shipped. Advantages are generalised ones (arXiv 1506.02438). A walk that ended well goes on, for the value, as
+that is shipped. The value network also reads what no robot knows, its plant (Pinto et al., arXiv 1710.06542).
+Advantages are generalised ones (arXiv 1506.02438). A walk that ended well goes on, for the value, as
 if nothing had ended.
 """
 
@@ -37,10 +38,13 @@ class PpoParameters(BaseModel):
 class Rollout:
     """T + 1 ticks of N robots: what was read (T + 1, N, r), said (T + 1, N, m), and what came of it, (T + 1, N).
 
+    `known` (T + 1, N, k): of the plant and the episode, which the value network reads too.
+
     `ended`: an episode, `failed`: and not well. The last tick serves as what follows the one before.
     """
 
     reads: Array
+    known: Array
     said: Array
     reward: Array
     ended: Array
@@ -50,11 +54,11 @@ class Rollout:
 class Ppo:
     """Policy and value networks. `act` explores, `update` learns, `state` and `restore` are for checkpoints."""
 
-    def __init__(self, reads: int, says: int, parameters: PpoParameters, seed: int) -> None:
+    def __init__(self, reads: int, known: int, says: int, parameters: PpoParameters, seed: int) -> None:
         torch.manual_seed(seed)
         p = self._parameters = parameters
         self.actor = network(reads, says, p.hidden, nn.ReLU)
-        self._critic = network(reads, 1, p.hidden, nn.Tanh)
+        self._critic = network(reads + known, 1, p.hidden, nn.Tanh)
         with torch.no_grad():
             for value in self.actor[-1].parameters():
                 value.mul_(0.05)  # it begins by saying next to nothing
@@ -79,7 +83,7 @@ class Ppo:
     def update(self, rollouts: list[Rollout]) -> float:
         """Learn from them; returns the divergence of the new policy from the old one."""
         p, pieces = self._parameters, [self._piece(each) for each in rollouts]
-        reads, said, advantage, value = (torch.cat(part) for part in zip(*pieces, strict=True))
+        reads, known, said, advantage, value = (torch.cat(part) for part in zip(*pieces, strict=True))
         advantage = (advantage - advantage.mean()) / (advantage.std() + 1e-8)
         with torch.no_grad():
             old = self._log_probability(reads, said)
@@ -88,7 +92,7 @@ class Ppo:
             for rows in torch.randperm(len(reads)).split(p.minibatch):
                 ratio = (self._log_probability(reads[rows], said[rows]) - old[rows]).exp()
                 gain = torch.min(ratio * advantage[rows], ratio.clamp(1 - p.clip, 1 + p.clip) * advantage[rows])
-                miss = (self._critic(reads[rows]).squeeze(-1) - value[rows]) ** 2
+                miss = (self._critic(known[rows]).squeeze(-1) - value[rows]) ** 2
                 self._adam.zero_grad()
                 (0.5 * miss.mean() - gain.mean()).backward()
                 nn.utils.clip_grad_norm_(self._all, 0.5)
@@ -134,15 +138,22 @@ class Ppo:
         return (-0.5 * error**2 - self._log_std).sum(-1)
 
     def _piece(self, rollout: Rollout) -> tuple[Tensor, ...]:
-        """Reads, actions, advantages and values of its T ticks and N robots, in a row."""
+        """What both networks read, actions, advantages and values of its T ticks and N robots, in a row."""
         reads = torch.as_tensor(rollout.reads, dtype=torch.float32)
+        known = torch.cat([reads, torch.as_tensor(rollout.known, dtype=torch.float32)], dim=2)
         with torch.no_grad():
-            value = self._critic(reads).squeeze(-1).numpy()
+            value = self._critic(known).squeeze(-1).numpy()
         advantage = advantages(value, rollout, self._parameters.gamma, self._parameters.lam)
         said = torch.as_tensor(rollout.said, dtype=torch.float32)
         found = torch.as_tensor(advantage, dtype=torch.float32)
         whole = found + torch.as_tensor(value[:-1])
-        return reads[:-1].flatten(0, 1), said[:-1].flatten(0, 1), found.flatten(), whole.flatten()
+        return (
+            reads[:-1].flatten(0, 1),
+            known[:-1].flatten(0, 1),
+            said[:-1].flatten(0, 1),
+            found.flatten(),
+            whole.flatten(),
+        )
 
 
 def advantages(value: Array, rollout: Rollout, gamma: float, lam: float) -> Array:

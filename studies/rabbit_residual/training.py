@@ -18,13 +18,14 @@ from typing import Any
 import numpy as np
 import torch
 from pydantic import BaseModel, ConfigDict, Field
+from rabbit_benchmark.cells import Terrain
 from rabbit_description.atomic_file import replacing
 from rabbit_experiments.provenance import commit
 from rl_cbf_clf_controller.residual_policy import INPUTS, READS
 from rl_cbf_clf_controller.uncertainty import RL_CBF_CLF_QP
 from rl_cbf_clf_controller.weights import PROBE, RESIDUAL_READS, Actor, PolicyFile, PolicyMetadata, probe_inputs
 
-from rabbit_residual.fleet import Fleet
+from rabbit_residual.fleet import KNOWN, Fleet
 from rabbit_residual.ppo import Ppo, PpoParameters
 
 SESSION, KEPT = "session.pt", 5  # rollouts
@@ -42,7 +43,8 @@ class Options(BaseModel):
 
     ticks: int = Field(6_000_000, ge=1, le=10**11)
     seed: int = Field(1, ge=0, le=2**31)
-    robots: int = Field(128, ge=4, le=4096, description="a quarter of them on flat ground")
+    robots: int = Field(128, ge=4, le=4096, description="that walk side by side")
+    flat: float = Field(0.25, ge=0, le=1, description="share of them on flat ground")
     rollout: int = Field(96, ge=2, le=10_000, description="ticks of each robot between two updates")
     ppo: PpoParameters = PpoParameters()
 
@@ -56,27 +58,30 @@ def train(options: Options, out: Path, tell: Callable[[str], None] = print) -> P
     """Train, or go on; returns the policy's file. Raises `SessionError`."""
     torch.set_num_threads(1)
     out.mkdir(parents=True, exist_ok=True)
-    learner = Ppo(READS, INPUTS, options.ppo, options.seed)
+    learner = Ppo(READS, KNOWN, INPUTS, options.ppo, options.seed)
     done: dict[str, Any] = {"ticks": 0, "hours": 0.0, "episodes": 0}
     if (out / SESSION).is_file():
         done = _restore(out / SESSION, learner, options)
-    flat = options.robots // 4
+    flat = round(options.robots * options.flat)
+    shares: dict[Terrain, int] = {"stones": options.robots - flat, "flat": flat}
     seeds = [options.seed, done["ticks"]]
-    fleets = [
-        Fleet("stones", options.robots - flat, learner.act, [*seeds, 0]),
-        Fleet("flat", flat, learner.act, [*seeds, 1]),
-    ]
+    fleets = {
+        terrain: Fleet(terrain, share, learner.act, [*seeds, i])
+        for i, (terrain, share) in enumerate(shares.items())
+        if share
+    }
     _trim(out / "curve.csv", done["ticks"])
     rollouts = 0
     try:
         while done["ticks"] < options.ticks:
             start = time.perf_counter()
-            found = [fleet.walk(options.rollout) for fleet in fleets]
+            found = [fleet.walk(options.rollout) for fleet in fleets.values()]
             divergence = learner.update(found)
             done["ticks"] += options.robots * options.rollout
             done["hours"] += (time.perf_counter() - start) / 3600
-            done["episodes"] += sum(len(fleet.ends) for fleet in fleets)
-            walked = [np.mean([good for good, _ in fleet.ends]) if fleet.ends else np.nan for fleet in fleets]
+            done["episodes"] += sum(len(fleet.ends) for fleet in fleets.values())
+            ends = [fleets[terrain].ends if terrain in fleets else [] for terrain in shares]
+            walked = [np.mean([good for good, _ in each]) if each else np.nan for each in ends]
             reward = float(np.mean(np.concatenate([each.reward.ravel() for each in found])))
             figures = [*walked, done["episodes"], reward, learner.std, divergence]
             line = [done["ticks"], f"{done['hours']:.4f}", *(f"{value:.4g}" for value in figures)]

@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
+import torch
 from rabbit_benchmark.families import families
-from rabbit_residual.plants import draw_plant
+from rabbit_residual.plants import described, draw_plant, ranges
 from rabbit_residual.ppo import Ppo, PpoParameters, Rollout, advantages
 from rabbit_residual.training import Options, SessionError, train
+from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.weights import read
 
 
@@ -13,7 +15,8 @@ def rollout(reward, ended=None, failed=None) -> Rollout:
     reward = np.array(reward, dtype=float)[:, None]
     none = np.zeros_like(reward, dtype=bool)
     mark = lambda ticks: none if ticks is None else np.isin(np.arange(len(reward)), ticks)[:, None]  # noqa: E731
-    return Rollout(np.zeros((len(reward), 1, 1)), np.zeros((len(reward), 1, 1)), reward, mark(ended), mark(failed))
+    nothing = np.zeros((len(reward), 1, 1))
+    return Rollout(nothing, nothing, nothing, reward, mark(ended), mark(failed))
 
 
 def test_with_lambda_one_an_advantage_is_the_discounted_sum_less_the_value() -> None:
@@ -32,16 +35,14 @@ def test_nothing_comes_after_a_failure_and_a_good_end_goes_on() -> None:
 
 def test_it_learns_which_action_is_rewarded() -> None:
     """A bandit: the reward falls with the distance from 0.4 sign(x)."""
-    learner, rng = (
-        Ppo(1, 1, PpoParameters(hidden=16, learning_rate=3e-3, minibatch=256), seed=1),
-        np.random.default_rng(2),
-    )
+    learner = Ppo(1, 1, 1, PpoParameters(hidden=16, learning_rate=3e-3, minibatch=256), seed=1)
+    rng = np.random.default_rng(2)
     for _ in range(40):
         reads = np.sign(rng.standard_normal((64, 8, 1)))
         said = np.array([learner.act(each) for each in reads])
         reward = -np.abs(said - 0.4 * reads)[:, :, 0]
         over = np.ones(reward.shape, dtype=bool)
-        learner.update([Rollout(reads, said, reward, over, over)])
+        learner.update([Rollout(reads, np.zeros_like(reads), said, reward, over, over)])
     means = [np.mean([learner.act(np.full((200, 1), x)) for _ in range(5)]) for x in (-1.0, 1.0)]
     assert means == pytest.approx([-0.4, 0.4], abs=0.1)
 
@@ -58,6 +59,30 @@ def test_no_plant_of_the_training_is_of_a_reported_family(terrain) -> None:
         assert not reported & drawn.keys()
         seen |= drawn.keys()
     assert development <= seen
+
+
+def test_the_value_network_alone_reads_what_is_known_of_the_plant() -> None:
+    """A bandit whose reward only that number tells: the policy stays, the value follows."""
+    learner, rng = (
+        Ppo(1, 1, 1, PpoParameters(hidden=16, learning_rate=3e-3, minibatch=256), seed=1),
+        np.random.default_rng(3),
+    )
+    for _ in range(40):
+        known = np.sign(rng.standard_normal((64, 8, 1)))
+        reads = np.zeros_like(known)
+        over = np.ones(known.shape[:2], dtype=bool)
+        learner.update(
+            [Rollout(reads, known, np.array([learner.act(each) for each in reads]), known[:, :, 0], over, over)]
+        )
+    values = learner._critic(torch.tensor([[0.0, -1.0], [0.0, 1.0]])).flatten().tolist()
+    assert values == pytest.approx([-1.0, 1.0], abs=0.2)
+
+
+def test_a_plant_is_described_by_what_is_drawn_of_it() -> None:
+    nothing = described(SimulationParameters())
+    assert not nothing.any()
+    heavy = described(SimulationParameters(mass_scale=ranges()["mass_scale"][1]))
+    assert sorted(heavy)[-2:] == [0.0, 1.0]
 
 
 def test_a_session_goes_on_and_refuses_another(tmp_path) -> None:
