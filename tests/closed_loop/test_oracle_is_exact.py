@@ -17,7 +17,7 @@ from rabbit_sim.kinematics import RabbitFeet
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.perturbations.joints import JointDamping
 from rabbit_sim.pinned_dynamics import PinnedDynamics
-from rabbit_sim.robot_urdf import perturbed_urdf
+from rabbit_sim.robot_urdf import leg_shape, perturbed_urdf
 from rl_cbf_clf_controller.controller_output import ControllerOutput
 from rl_cbf_clf_controller.scene import Scene
 from rl_trainer.rollout import Record
@@ -30,6 +30,7 @@ PLANTS: list[dict[str, float]] = [
     {"mass_scale": 0.7, "payload": 20.0},
     {"payload": 32.0, "motor_loss": 0.15, "joint_damping": 1.0},
     {"mass_scale": 2.0, "link_bend": 0.05},
+    {"mass_scale": 2.0, "leg_stretch": 1.03},
     {"mass_scale": 2.0, "left_leg_scale": 1.3},
     {"mass_scale": 2.0, "slope": 2.0, "left_knee_gain": 0.9, "right_hip_gain": 0.8},
 ]
@@ -39,7 +40,7 @@ class Truth:
     """The perturbed robot's motion from a state, under the torque that the plant's motors give."""
 
     def __init__(self, plant: SimulationParameters) -> None:
-        feet = RabbitFeet(plant.link_bend)
+        feet = RabbitFeet(leg_shape(plant))
         urdf = perturbed_urdf(plant)
         damping = JointDamping(joint_damping=plant.joint_damping).joint_torque(urdf)
         self._dynamics = PinnedDynamics(urdf, feet, [damping], plant.slope)

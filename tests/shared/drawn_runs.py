@@ -174,6 +174,8 @@ PERTURBATIONS: dict[str, tuple[Any, ...]] = {  # round numbers: what is drawn is
     "left_knee_gain": (0.8, 1.1),
     "joint_damping": (0.5, 2.0),
     "link_bend": (-0.02, 0.02),
+    "leg_stretch": (0.97, 1.03),
+    "foot_radius": (0.05,),
     "slope": (-3.0, 2.0),
     "encoder_resolution": (1e-4, 1e-3),
     "velocity_noise": (0.01, 0.1),

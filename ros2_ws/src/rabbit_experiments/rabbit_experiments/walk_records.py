@@ -29,9 +29,10 @@ DRAWN = (
     *("controller", "friction_coeff", "friction_margin", "torque_limit"),
     *("R1", "R2", "stone_margin", "eps", "kp", "kd"),
 )
+DRAWN_OF_PLANT = ("mass_scale", "payload", "link_bend", "leg_stretch", "stones", "terrain")
 MOST_BYTES = 200_000_000  # of records; a tick has about a thousand, half as many in the file
 GAINS = ("eps", "kp", "kd")  # positive
-NUMBERS = {*DRAWN[1:], "link_bend", "stones"}
+NUMBERS = {*DRAWN[1:], "link_bend", "leg_stretch", "stones"}
 MOST_NUMBER = 1e9
 WHOLE = ("tick", "touchdowns", "stance", "step_index")
 RESCUE_NEEDED = 0.01  # rad/s^2 of slack of last resort: a quadratic one gives way a little whenever its row is active
@@ -123,7 +124,7 @@ def about_walk(
 ) -> dict[str, Any]:
     """The parameters that pictures draw or name; `policy` is its version or name."""
     shown = drawn_parameters(controller)
-    plant = {name: getattr(simulation, name) for name in ("mass_scale", "payload", "link_bend", "stones", "terrain")}
+    plant = {name: getattr(simulation, name) for name in DRAWN_OF_PLANT}
     load = f" + {simulation.payload:g} kg" if simulation.payload else ""
     title = (
         f"{controller.controller}, policy {policy}, mass scale {simulation.mass_scale:g}{load}, seed {seed}: {outcome}"

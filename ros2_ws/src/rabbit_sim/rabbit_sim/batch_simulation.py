@@ -16,10 +16,11 @@ from rabbit_description.robot_states import RobotStates
 from rabbit_description.state import Array, RobotState
 
 from rabbit_sim.actuation import Actuation
-from rabbit_sim.kinematics import foot
+from rabbit_sim.kinematics import LegShape, foot
 from rabbit_sim.mujoco_plant import MujocoPlant
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.plant import CLEAR_HEIGHT, CONTACT_FORCE, SUBSTEPS
+from rabbit_sim.robot_urdf import leg_shape
 from rabbit_sim.simulation import SLIP_DISTANCE, SLIP_FRICTION, STALL_TICKS, Simulation
 
 COORDINATES = 7
@@ -129,7 +130,7 @@ class BatchSimulation:
         clear = self._is_clear[n] | (self._feet_z[n] - self._highest[n, None] > CLEAR_HEIGHT)
         self._is_clear[n] = clear
         upper, knee = q[:, 2:3] + q[:, 3:COORDINATES:2], q[:, 4:COORDINATES:2]
-        x, z = foot(q[:, 0:1], q[:, 1:2], upper, knee, self._bend, np)
+        x, z = foot(q[:, 0:1], q[:, 1:2], upper, knee, self._shapes, np)
         self._feet_x[n], self._feet_z[n] = x[..., -1], z[..., -1]
         is_low = z.min(axis=2) - self._highest[n, None] < ROUNDING
         comes_down = clear & (is_low | self.states.contact[n]) | unsure & ~clear
@@ -187,7 +188,8 @@ class BatchSimulation:
         slips = [SLIP_DISTANCE - ROUNDING if p.ground_friction <= SLIP_FRICTION else np.inf for p in parameters]
         heights, pitches = ([getattr(p, name) for p in parameters] for name in ("fall_height", "fall_pitch"))
         self._limits = np.array([heights, pitches, slips])
-        self._bend = np.array([parameters[i].link_bend for i in self._numbers])[:, None, None]
+        shapes = np.array([leg_shape(parameters[i]) for i in self._numbers]).reshape(-1, len(LegShape._fields))
+        self._shapes = shapes.T[:, :, None, None]
         self._models = [plants[i].model for i in self._numbers]
         self._pushed = [row for row, i in enumerate(self._numbers) if self.simulations[i].is_pushed]
         for i, plant in enumerate(plants):

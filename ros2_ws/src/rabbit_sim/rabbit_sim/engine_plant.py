@@ -15,7 +15,7 @@ from rabbit_sim.kinematics import RabbitFeet
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.perturbation import Memory
 from rabbit_sim.plant import CONTACT_FORCE, SUBSTEP_SECONDS, SUBSTEPS, PlantReading, Span
-from rabbit_sim.robot_urdf import perturbed_urdf, with_attached
+from rabbit_sim.robot_urdf import leg_shape, perturbed_urdf, with_attached
 from rabbit_sim.terrain import Ground
 from rabbit_sim.touchdown_detector import Feet, TouchdownDetector
 
@@ -33,7 +33,7 @@ class EnginePlant(ABC):
         legs = perturbed_urdf(parameters)
         self._robot_urdf = with_attached(legs, parameters)
         self._actuation = Actuation(parameters)
-        self._kinematics = RabbitFeet(parameters.link_bend)
+        self._kinematics = RabbitFeet(leg_shape(parameters))
         self._transmissions = [each for each in self._perturbations if each.has("transmitted")]
         self._joint_torques = [each.joint_torque(legs) for each in self._perturbations if each.has("joint_torque")]
         self._keeps_path = parameters.needs_path

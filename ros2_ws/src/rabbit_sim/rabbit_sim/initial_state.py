@@ -11,8 +11,9 @@ import numpy as np
 from rabbit_description.gait import Gaits
 from rabbit_description.state import Array, Leg
 
-from rabbit_sim.kinematics import LINK_LENGTH, RabbitFeet
+from rabbit_sim.kinematics import LegShape, RabbitFeet
 from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.robot_urdf import leg_shape
 
 SWING_KNEE = 6  # in q, while the left leg stands
 
@@ -23,24 +24,24 @@ def initial_state(parameters: SimulationParameters, gait: Gaits, rng: np.random.
     spread = parameters.x0_spread
     q[2:] += spread * parameters.x0_position_std * rng.standard_normal(5)
     dq[2:] *= 1 + spread * parameters.x0_velocity_std * rng.standard_normal(5)
-    return project(q, dq, parameters.link_bend)
+    return project(q, dq, RabbitFeet(leg_shape(parameters)))
 
 
-def project(q: Array, dq: Array, bend: float) -> tuple[Array, Array]:
+def project(q: Array, dq: Array, feet: RabbitFeet) -> tuple[Array, Array]:
     """The nearest base to hold the left foot at rest at (0, 0); the right foot not below it. Copies, shape (7,)."""
-    q, dq, feet = q.copy(), dq.copy(), RabbitFeet(bend)
+    q, dq = q.copy(), dq.copy()
     q[:2] -= feet.positions(q)[Leg.LEFT]
     depth = -float(feet.positions(q)[Leg.RIGHT, 1])
     if depth > 1e-12:  # rounding apart
-        _raise_swing_foot(q, bend, depth)
+        _raise_swing_foot(q, feet.shape, depth)
     dq[:2] -= feet.jacobian(q, Leg.LEFT) @ dq
     return q, dq
 
 
-def _raise_swing_foot(q: Array, bend: float, depth: float) -> None:
+def _raise_swing_foot(q: Array, shape: LegShape, depth: float) -> None:
     """Flex the right knee until its foot is higher by `depth`, m, or as high as the knee can bring it."""
     # the shin hangs L sqrt(1 + bend^2) cos(a - atan(bend)) below the knee at the angle a
-    length, lean = LINK_LENGTH * hypot(1.0, bend), atan(bend)
+    length, lean = shape.shin * hypot(1.0, shape.shin_bend), atan(shape.shin_bend)
     upper = float(q[2] + q[5])
     angle = upper + float(q[SWING_KNEE]) - lean
     reach = length * np.cos(angle) - depth

@@ -1,12 +1,15 @@
-"""Where the true feet are: planar kinematics of two legs whose links may be bent.
+"""Where the true feet are: planar kinematics of two legs whose links may be bent and longer, and whose feet may roll.
 
 A leg's foot is base + R(a1) l + R(a2) l with a1 = pitch + hip, a2 = a1 + knee, l = L (bend, -1) the way along a link,
 R a rotation about +y, so R(a) (x, z) = (x cos a + z sin a, z cos a - x sin a) and dR(a)v/da = (z, -x) of R(a) v.
+
+A sole with a radius larger by r than a point foot's is round about a point r above that foot along the shin. So its
+lowest point, which is the foot then, lies r below the end of a shin that is shorter by r.
 """
 
 import math
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from rabbit_description.state import Array, Leg
@@ -16,25 +19,49 @@ LINK_LENGTH = 0.4  # m, thigh and shin of the URDF
 Point = tuple[float, float]  # x, z; m
 
 
-def _link(angle: Any, bend: Any, by: Any = math) -> tuple[Any, Any]:
-    """(x, z) from a link's upper to its lower joint; of arrays of both `by` numpy."""
+class LegShape(NamedTuple):
+    """Of thigh and shin the lengths, m, and by which share of it the lower end is ahead; r, m."""
+
+    thigh: float = LINK_LENGTH
+    thigh_bend: float = 0.0
+    shin: float = LINK_LENGTH
+    shin_bend: float = 0.0
+    roll: float = 0.0
+
+    @classmethod
+    def of(cls, bend: float = 0.0, stretch: float = 1.0, roll: float = 0.0) -> "LegShape":
+        """Of links bent by `bend` and `stretch` times as long, and r."""
+        length = LINK_LENGTH * stretch
+        shin = length - roll
+        return cls(length, bend, shin, bend * length / shin if roll else bend, roll)
+
+
+def _link(angle: Any, length: Any, bend: Any, by: Any = math) -> tuple[Any, Any]:
+    """(x, z) from a link's upper to its lower end; of arrays of all `by` numpy."""
     c, s = by.cos(angle), by.sin(angle)
-    return LINK_LENGTH * (bend * c - s), -LINK_LENGTH * (bend * s + c)
+    return length * (bend * c - s), -length * (bend * s + c)
 
 
-def foot(x: Any, z: Any, upper: Any, knee: Any, bend: Any, by: Any = math) -> tuple[Any, Any]:
-    """Where a leg's foot is, of the base, the thigh's absolute angle and the knee's; of arrays of all `by` numpy."""
-    thigh, shin = _link(upper, bend, by), _link(upper + knee, bend, by)
-    return x + thigh[0] + shin[0], z + thigh[1] + shin[1]
+def foot(x: Any, z: Any, upper: Any, knee: Any, shape: Any, by: Any = math) -> tuple[Any, Any]:
+    """Where a leg's foot is, of the base, the thigh's absolute angle, the knee's and a `LegShape`.
+
+    Of arrays of all `by` numpy.
+    """
+    thigh_length, thigh_bend, shin_length, shin_bend, roll = shape
+    thigh, shin = _link(upper, thigh_length, thigh_bend, by), _link(upper + knee, shin_length, shin_bend, by)
+    return x + thigh[0] + shin[0], z + thigh[1] + shin[1] - roll
 
 
 class RabbitFeet:
-    """The feet of RABBIT with links bent by `bend`; see `pinned_dynamics.Feet`."""
+    """The feet of RABBIT with legs of this shape; see `pinned_dynamics.Feet`.
+
+    The jacobian is that of the point of the sole that is lowest.
+    """
 
     links = "left_foot", "right_foot"
 
-    def __init__(self, bend: float = 0.0) -> None:
-        self._bend = bend
+    def __init__(self, shape: LegShape = LegShape()) -> None:  # noqa: B008  it cannot change
+        self.shape = shape
 
     def positions(self, q: Array) -> Array:
         """Centres of the feet, world, shape (2, 2): rows left, right; columns x, z; m."""
@@ -43,17 +70,18 @@ class RabbitFeet:
     def points(self, q: Sequence[float]) -> tuple[Point, Point]:
         """The same of plain numbers, for what is asked many times a tick."""
         x, z, pitch, left_hip, left_knee, right_hip, right_knee = q
-        bend = self._bend
-        return foot(x, z, pitch + left_hip, left_knee, bend), foot(x, z, pitch + right_hip, right_knee, bend)
+        shape = self.shape
+        return foot(x, z, pitch + left_hip, left_knee, shape), foot(x, z, pitch + right_hip, right_knee, shape)
 
     def jacobian(self, q: Array, leg: Leg) -> Array:
         """Foot velocity over `dq`, shape (2, 7): rows x, z."""
         hip = 3 + 2 * leg
-        upper_angle = float(q[2] + q[hip])
-        thigh, shin = _link(upper_angle, self._bend), _link(upper_angle + float(q[hip + 1]), self._bend)
+        upper_angle, shape = float(q[2] + q[hip]), self.shape
+        thigh = _link(upper_angle, shape.thigh, shape.thigh_bend)
+        shin = _link(upper_angle + float(q[hip + 1]), shape.shin, shape.shin_bend)
+        below = shin[1] - shape.roll
         jacobian = np.zeros((2, 7))
         jacobian[0, 0] = jacobian[1, 1] = 1.0
-        whole = thigh[1] + shin[1], -thigh[0] - shin[0]
-        jacobian[:, 2] = jacobian[:, hip] = whole
-        jacobian[:, hip + 1] = shin[1], -shin[0]
+        jacobian[:, 2] = jacobian[:, hip] = thigh[1] + below, -thigh[0] - shin[0]
+        jacobian[:, hip + 1] = below, -shin[0]
         return jacobian

@@ -29,7 +29,6 @@ IMPEDANCE = (0.5, 0.5, 0.001, 0.5, 2.0)  # 1/2, whatever the penetration
 AWAY = -100.0  # m, where unused stones lie
 FOOT = {  # priority: its friction and softness count, not the stone's
     "type": "sphere",
-    "size": repr(FOOT_RADIUS),
     "priority": "1",
     "condim": "3",
     "contype": "1",
@@ -44,7 +43,9 @@ class MujocoPlant(EnginePlant):
 
     def __init__(self, parameters: SimulationParameters) -> None:
         super().__init__(parameters)
-        self.model = mujoco.MjModel.from_xml_string(robot_mjcf(self._robot_urdf, parameters.ground_friction))
+        self.model = mujoco.MjModel.from_xml_string(
+            robot_mjcf(self._robot_urdf, parameters.ground_friction, parameters.foot_radius)
+        )
         if parameters.coulomb:
             self.model.dof_frictionloss[3:7] = parameters.coulomb
             self.model.dof_solref[3:7] = 2 * SUBSTEP_SECONDS, 1.0  # the least there is: a joint at rest creeps by it
@@ -98,8 +99,8 @@ class MujocoPlant(EnginePlant):
         return [[-left_x, -left_z], [-right_x, -right_z]]
 
 
-def robot_mjcf(urdf: str, friction: float) -> str:
-    """MuJoCo's XML of a planar robot, its feet as spheres, and `KEPT_STONES` boxes to place."""
+def robot_mjcf(urdf: str, friction: float, radius: float = FOOT_RADIUS) -> str:
+    """MuJoCo's XML of a planar robot, its feet as spheres of `radius`, m, and `KEPT_STONES` boxes to place."""
     model = pinocchio.buildModelFromXML(urdf)
     scene = Element("mujoco")
     SubElement(scene, "compiler", angle="radian", balanceinertia="false")
@@ -125,8 +126,8 @@ def robot_mjcf(urdf: str, friction: float) -> str:
     for foot in FEET:
         SubElement(sensors, "contact", geom1=foot, data="force", reduce="netforce")  # the foot's on stones
         frame = model.frames[model.getFrameId(foot)]
-        at, rubber = text(frame.placement.translation), f"{friction!r} 0 0"
-        SubElement(bodies[frame.parentJoint], "geom", FOOT, name=foot, pos=at, friction=rubber)
+        at, rubber = text(frame.placement.translation + (0.0, 0.0, radius - FOOT_RADIUS)), f"{friction!r} 0 0"
+        SubElement(bodies[frame.parentJoint], "geom", FOOT, name=foot, size=repr(radius), pos=at, friction=rubber)
     return ElementTree.tostring(scene, encoding="unicode")
 
 

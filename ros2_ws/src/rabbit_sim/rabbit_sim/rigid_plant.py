@@ -13,7 +13,7 @@ from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.pinned_dynamics import PinnedDynamics
 from rabbit_sim.planar_plant import PlanarPlant
 from rabbit_sim.plant import Span
-from rabbit_sim.robot_urdf import perturbed_urdf
+from rabbit_sim.robot_urdf import leg_shape, perturbed_urdf
 
 
 class RigidPlant(PlanarPlant):
@@ -21,7 +21,7 @@ class RigidPlant(PlanarPlant):
 
     def __init__(self, parameters: SimulationParameters) -> None:
         self._actuation = Actuation(parameters)
-        feet = RabbitFeet(parameters.link_bend)
+        feet = RabbitFeet(leg_shape(parameters))
         urdf = perturbed_urdf(parameters)
         beside = [each.joint_torque(urdf) for each in parameters.in_force() if each.has("joint_torque")]
         dynamics = PinnedDynamics(urdf, feet, beside, parameters.slope)

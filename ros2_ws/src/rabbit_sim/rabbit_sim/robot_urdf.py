@@ -5,7 +5,9 @@ from xml.etree import ElementTree
 
 from rabbit_description import URDF_PATH
 
+from rabbit_sim.kinematics import LegShape
 from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.plant import FOOT_RADIUS
 
 
 def perturbed_urdf(parameters: SimulationParameters) -> str:
@@ -14,6 +16,12 @@ def perturbed_urdf(parameters: SimulationParameters) -> str:
     for each in parameters.in_force():
         each.change_robot(robot)
     return ElementTree.tostring(robot, encoding="unicode")
+
+
+def leg_shape(parameters: SimulationParameters) -> LegShape:
+    """Of the same robot."""
+    p = parameters
+    return LegShape.of(p.link_bend, p.leg_stretch, p.foot_radius - FOOT_RADIUS)
 
 
 def with_attached(urdf: str, parameters: SimulationParameters) -> str:

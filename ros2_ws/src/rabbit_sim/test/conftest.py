@@ -11,7 +11,7 @@ from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.perturbations.joints import JointDamping
 from rabbit_sim.pinned_dynamics import PinnedDynamics
 from rabbit_sim.plant import gravity
-from rabbit_sim.robot_urdf import perturbed_urdf, with_attached
+from rabbit_sim.robot_urdf import leg_shape, perturbed_urdf, with_attached
 
 
 class Truth:
@@ -33,11 +33,11 @@ class Truth:
     def pinned(self) -> PinnedDynamics:
         """Our model of it in stance."""
         damping = JointDamping(joint_damping=self.parameters.joint_damping).joint_torque(self.urdf)
-        return PinnedDynamics(self.urdf, RabbitFeet(self.parameters.link_bend), [damping])
+        return PinnedDynamics(self.urdf, RabbitFeet(leg_shape(self.parameters)), [damping])
 
     def jacobian(self, q, leg):
         """Of a foot, (2, 7)."""
-        return RabbitFeet(self.parameters.link_bend).jacobian(q, leg)
+        return RabbitFeet(leg_shape(self.parameters)).jacobian(q, leg)
 
     def mass_matrix(self, q):
         return pinocchio.crba(self._model, self._data, q)

@@ -7,8 +7,9 @@ from contextlib import contextmanager
 import mujoco
 import numpy as np
 import pytest
+from rabbit_description.gait import load_gait
 from rabbit_description.state import TICK_SECONDS, Leg
-from rabbit_sim.initial_state import project
+from rabbit_sim.initial_state import initial_state, project
 from rabbit_sim.kinematics import RabbitFeet
 from rabbit_sim.mujoco_plant import MujocoPlant
 from rabbit_sim.parameters import SimulationParameters
@@ -16,6 +17,7 @@ from rabbit_sim.perturbations.ground import RUBBER_DAMPING, RUBBER_STIFFNESS
 from rabbit_sim.plant import FOOT_RADIUS, GRAVITY, Span
 from rabbit_sim.pybullet_plant import PybulletPlant
 from rabbit_sim.rigid_plant import RigidPlant
+from rabbit_sim.robot_urdf import leg_shape
 from rabbit_sim.simulation import FLIGHT_TICKS, flight_ticks
 
 PERTURBED = {"mass_scale": 1.7, "payload": 11.0, "payload_height": 0.4, "link_bend": 0.06, "joint_damping": 2.5}
@@ -42,9 +44,27 @@ def engine(request):
     return request.param
 
 
+@pytest.mark.parametrize("radius", [0.03, 0.06])
+def test_a_standing_sole_rolls_by_its_radius_times_the_shins_turn(engine, radius):
+    parameters = SimulationParameters(foot_radius=radius)
+    q, dq = initial_state(parameters, load_gait("authors_035"), np.random.default_rng(1))
+    with world(engine, parameters, q, dq, GROUND) as plant:
+        for _ in range(SETTLING_TICKS):
+            plant.advance(PRESSING)
+        before = plant.observe()
+        for _ in range(6):
+            plant.advance(PRESSING)
+            assert plant.observe().contact[Leg.LEFT]
+        after = plant.observe()
+    shin = [float(each.q[2:5].sum()) for each in (before, after)]
+    rolled = after.foot_position[Leg.LEFT, 0] - before.foot_position[Leg.LEFT, 0]
+    assert abs(shin[1] - shin[0]) > 0.02
+    assert rolled == pytest.approx(radius * (shin[1] - shin[0]), rel=0.05)
+
+
 def standing(robot):
     """A first posture at rest."""
-    return project(robot.start()[0], np.zeros(7), 0.0)
+    return project(robot.start()[0], np.zeros(7), RabbitFeet())
 
 
 @pytest.mark.parametrize("changes", [{}, PERTURBED, {"mass_scale": 0.5}, {"link_bend": -0.1}, LOADED])
@@ -153,7 +173,7 @@ def test_stance_follows_the_pinned_model(engine, truth, changes, seed):
     robot = truth(**changes)
     q, dq = robot.start(seed)
     q[6] += 0.4  # the swing foot stays off the ground until the rubber has settled
-    q, dq = project(q, dq, robot.parameters.link_bend)
+    q, dq = project(q, dq, RabbitFeet(leg_shape(robot.parameters)))
     torque = PRESSING * robot.mass / 32
     rigid = RigidPlant(robot.parameters)
     with world(engine, robot.parameters, q, dq, GROUND) as plant:

@@ -6,7 +6,7 @@ from pinned_motion import accelerations
 from rabbit_description.state import TICK_SECONDS, Leg
 from rabbit_sim.kinematics import RabbitFeet
 from rabbit_sim.rigid_plant import RigidPlant
-from rabbit_sim.robot_urdf import true_mass
+from rabbit_sim.robot_urdf import leg_shape, true_mass
 
 PERTURBED = {"mass_scale": 1.7, "payload": 11.0, "payload_height": 0.4, "link_bend": 0.06, "joint_damping": 2.5}
 TORQUE = np.array([12.0, 25.0, -20.0, 8.0])
@@ -48,7 +48,7 @@ def test_impact_identities(random_state, truth, changes, leg, seed):
     assert robot.jacobian(q, leg) @ after == pytest.approx([0, 0], abs=1e-12)
     assert robot.energy(q, after) <= robot.energy(q, dq)
     assert robot.momentum(q, after) - robot.momentum(q, dq) == pytest.approx(impulse, rel=1e-9, abs=1e-9)
-    contact = RabbitFeet(robot.parameters.link_bend).positions(q)[leg]
+    contact = RabbitFeet(leg_shape(robot.parameters)).positions(q)[leg]
     before = robot.angular_momentum(q, dq, contact)
     assert robot.angular_momentum(q, after, contact) == pytest.approx(before, rel=1e-9, abs=1e-9)
 

@@ -9,10 +9,11 @@ from rabbit_description.gait import load_gait
 from rabbit_description.state import Leg
 from rabbit_sim.actuation import Actuation
 from rabbit_sim.initial_state import initial_state, project
-from rabbit_sim.kinematics import RabbitFeet
+from rabbit_sim.kinematics import LegShape, RabbitFeet
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.pinned_dynamics import PinnedDynamics
-from rabbit_sim.robot_urdf import perturbed_urdf
+from rabbit_sim.plant import FOOT_RADIUS
+from rabbit_sim.robot_urdf import leg_shape, perturbed_urdf
 from rabbit_sim.stones import draw_course
 from rabbit_sim.terrain import Terrain
 
@@ -29,6 +30,7 @@ robots = st.builds(
     payload=numbers(0, 80),
     payload_height=numbers(-0.2, 0.6),
     link_bend=numbers(-0.2, 0.2),
+    leg_stretch=numbers(0.9, 1.1),
 )
 postures = arrays(float, 7, elements=numbers(-1.5, 1.5))
 rates = arrays(float, 7, elements=numbers(-10, 10))
@@ -44,14 +46,29 @@ def model_of(parameters):
 @settings(max_examples=50, deadline=None)
 @given(robots, postures, rates, legs)
 def test_own_kinematics_are_those_of_the_urdf(p, q, dq, leg):
+    check_kinematics(p, q, dq, leg)
+
+
+@settings(max_examples=50, deadline=None)
+@given(robots, numbers(FOOT_RADIUS, 0.2), postures, rates, legs)
+def test_a_round_sole_is_where_its_lowest_point_is(p, radius, q, dq, leg):
+    check_kinematics(p.model_copy(update={"foot_radius": radius}), q, dq, leg)
+
+
+def check_kinematics(p, q, dq, leg):
+    """The lowest point of the sole, and how it moves as a part of the shin, against pinocchio."""
     model, data, frames = model_of(p)
+    roll = p.foot_radius - FOOT_RADIUS
     pinocchio.forwardKinematics(model, data, q, dq, np.zeros(7))
     pinocchio.updateFramePlacements(model, data)
     axes = pinocchio.LOCAL_WORLD_ALIGNED
-    place = data.oMf[frames[leg]].translation[[0, 2]]
-    velocity = pinocchio.getFrameVelocity(model, data, frames[leg], axes).linear[[0, 2]]
-    np.testing.assert_allclose(RabbitFeet(p.link_bend).positions(q)[leg], place, atol=1e-12)
-    np.testing.assert_allclose(RabbitFeet(p.link_bend).jacobian(q, leg) @ dq, velocity, atol=1e-11)
+    frame = data.oMf[frames[leg]]
+    place = frame.act(np.array([0.0, 0.0, roll]))[[0, 2]] - (0.0, roll)
+    motion = pinocchio.getFrameVelocity(model, data, frames[leg], axes)
+    ahead, up = place - frame.translation[[0, 2]]
+    velocity = motion.linear[[0, 2]] + motion.angular[1] * np.array([up, -ahead])
+    np.testing.assert_allclose(RabbitFeet(leg_shape(p)).positions(q)[leg], place, atol=1e-12)
+    np.testing.assert_allclose(RabbitFeet(leg_shape(p)).jacobian(q, leg) @ dq, velocity, atol=1e-11)
 
 
 @settings(max_examples=50, deadline=None)
@@ -135,17 +152,17 @@ def test_absolute_stones_do_not_depend_on_where_the_feet_land(seed, errors):
 def test_the_first_state_stands_whatever_the_noise(seed, spread, bend):
     p = SimulationParameters(x0_spread=spread, link_bend=bend)
     q, dq = initial_state(p, GAIT, np.random.default_rng(seed))
-    feet = RabbitFeet(bend).positions(q)
+    feet = RabbitFeet(LegShape.of(bend)).positions(q)
     np.testing.assert_allclose(feet[Leg.LEFT], 0, atol=1e-12)
-    np.testing.assert_allclose(RabbitFeet(bend).jacobian(q, Leg.LEFT) @ dq, 0, atol=1e-11)
+    np.testing.assert_allclose(RabbitFeet(LegShape.of(bend)).jacobian(q, Leg.LEFT) @ dq, 0, atol=1e-11)
     assert feet[Leg.RIGHT, 1] >= -1e-12
 
 
 @settings(max_examples=100, deadline=None)
 @given(postures, rates)
 def test_projection_changes_nothing_twice(q, dq):
-    once = project(q, dq, 0.0)
-    twice = project(*once, 0.0)
+    once = project(q, dq, RabbitFeet())
+    twice = project(*once, RabbitFeet())
     np.testing.assert_allclose(once[0], twice[0], atol=1e-9)
     np.testing.assert_allclose(once[1], twice[1], atol=1e-9)
 
@@ -154,8 +171,8 @@ def test_projection_changes_nothing_twice(q, dq):
 @given(robots, postures, rates, legs)
 def test_an_impact_stops_the_foot_and_makes_no_energy(p, q, dq, leg):
     model, data, _ = model_of(p)
-    after, impulse = PinnedDynamics(perturbed_urdf(p), RabbitFeet(p.link_bend)).impact(q, dq, leg)
+    after, impulse = PinnedDynamics(perturbed_urdf(p), RabbitFeet(leg_shape(p))).impact(q, dq, leg)
     before = pinocchio.computeKineticEnergy(model, data, q, dq)
     assert pinocchio.computeKineticEnergy(model, data, q, after) <= before * (1 + 1e-9) + 1e-9
-    np.testing.assert_allclose(RabbitFeet(p.link_bend).jacobian(q, leg) @ after, 0, atol=1e-9)
-    assert impulse @ (RabbitFeet(p.link_bend).jacobian(q, leg) @ dq) <= 1e-9
+    np.testing.assert_allclose(RabbitFeet(leg_shape(p)).jacobian(q, leg) @ after, 0, atol=1e-9)
+    assert impulse @ (RabbitFeet(leg_shape(p)).jacobian(q, leg) @ dq) <= 1e-9

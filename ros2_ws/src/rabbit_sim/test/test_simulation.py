@@ -5,7 +5,7 @@ import pytest
 from rabbit_description.gait import load_gait
 from rabbit_description.state import Leg
 from rabbit_sim import simulation as module
-from rabbit_sim.kinematics import RabbitFeet
+from rabbit_sim.kinematics import LegShape, RabbitFeet
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.plant import PlantReading, Touch
 from rabbit_sim.simulation import Outcome, Simulation
@@ -328,9 +328,9 @@ def test_an_episode_does_not_depend_on_the_one_before(plant):
 @pytest.mark.parametrize("seed", range(5))
 def test_the_first_state_has_its_stance_foot_at_rest_on_the_ground(bend, seed):
     state = episode(seed, ticks=0, link_bend=bend, plant="rigid")[0]
-    feet = RabbitFeet(bend).positions(state.q)
+    feet = RabbitFeet(LegShape.of(bend)).positions(state.q)
     assert feet[Leg.LEFT] == pytest.approx([0, 0], abs=1e-12)
-    assert RabbitFeet(bend).jacobian(state.q, Leg.LEFT) @ state.dq == pytest.approx([0, 0], abs=1e-12)
+    assert RabbitFeet(LegShape.of(bend)).jacobian(state.q, Leg.LEFT) @ state.dq == pytest.approx([0, 0], abs=1e-12)
     assert feet[Leg.RIGHT, 1] >= -1e-12
     assert state.tick == state.touchdowns == 0
     assert not state.foot_force.any()

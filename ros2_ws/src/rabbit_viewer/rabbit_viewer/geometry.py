@@ -3,6 +3,9 @@
 A link turned by a reaches along R(a) (0, -1) = (-sin a, -cos a), about +y.
 """
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 from rabbit_description.state import Array, Leg
 from rabbit_experiments.walk_records import WalkRecords
@@ -18,18 +21,26 @@ PLATFORM = -1.0  # m, where the first platform begins
 ARC = 20  # corners of the area that lie on the inner circle
 
 
-def leg_points(q: Array, leg: Leg, bend: float = 0.0) -> Array:
-    """Hip, knee and foot of a leg, world x and z, for `q` (n, 7): shape (n, 3, 2), m; links bent by `bend`."""
+Links = tuple[float, float]  # of the legs: by which share of its length a link is bent, and how many times as long
+STRAIGHT: Links = 0.0, 1.0
+
+
+def links_of(about: Mapping[str, Any]) -> Links:
+    """Of the robot that these parameters are about."""
+    return float(about.get("link_bend", 0.0)), float(about.get("leg_stretch", 1.0))
+
+
+def leg_points(q: Array, leg: Leg, links: Links = STRAIGHT) -> Array:
+    """Hip, knee and foot of a leg, world x and z, for `q` (n, 7): shape (n, 3, 2), m."""
     hip_angle = q[:, 2] + q[:, 3 + 2 * leg]
     hip = q[:, :2]
-    knee = hip + _link(hip_angle, bend)
-    return np.stack([hip, knee, knee + _link(hip_angle + q[:, 4 + 2 * leg], bend)], axis=1)
+    knee = hip + _link(hip_angle, links)
+    return np.stack([hip, knee, knee + _link(hip_angle + q[:, 4 + 2 * leg], links)], axis=1)
 
 
 def legs_of(walk: WalkRecords) -> Array:
     """Both legs of a walk, as `leg_points`: shape (2, n, 3, 2), left, right, m."""
-    bend = float(walk.about.get("link_bend", 0.0))
-    return np.stack([leg_points(walk.q, leg, bend) for leg in Leg])
+    return np.stack([leg_points(walk.q, leg, links_of(walk.about)) for leg in Leg])
 
 
 def torso_points(q: Array) -> Array:
@@ -38,14 +49,14 @@ def torso_points(q: Array) -> Array:
     return np.stack([hip, hip + TORSO * np.stack([np.sin(pitch), np.cos(pitch)], axis=1)], axis=1)
 
 
-def feet(q: Array, bend: float = 0.0) -> Array:
+def feet(q: Array, links: Links = STRAIGHT) -> Array:
     """Both feet: shape (n, 2, 2), rows left, right, m."""
-    return np.stack([leg_points(q, leg, bend)[:, 2] for leg in Leg], axis=1)
+    return np.stack([leg_points(q, leg, links)[:, 2] for leg in Leg], axis=1)
 
 
-def _link(angle: Array, bend: float) -> Array:
-    sine, cosine = np.sin(angle), np.cos(angle)
-    return LEG_LINK * np.stack([bend * cosine - sine, -bend * sine - cosine], axis=1)
+def _link(angle: Array, links: Links) -> Array:
+    sine, cosine, (bend, stretch) = np.sin(angle), np.cos(angle), links
+    return LEG_LINK * stretch * np.stack([bend * cosine - sine, -bend * sine - cosine], axis=1)
 
 
 def allowed_area(l_min: float, l_max: float, R1: float, R2: float) -> Array:

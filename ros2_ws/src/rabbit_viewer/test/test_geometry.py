@@ -4,7 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from rabbit_description.state import Array, Leg, StonePreview
-from rabbit_sim.kinematics import RabbitFeet
+from rabbit_sim.kinematics import LegShape, RabbitFeet
 from rabbit_viewer.geometry import ARC, allowed_area, feet, force_arrow, leg_points, torso_points
 from rl_cbf_clf_controller.stone_barriers import stone_barriers
 
@@ -12,10 +12,10 @@ RNG = np.random.default_rng(0)
 STATES = RNG.uniform(-1, 1, (20, 7))
 
 
-@pytest.mark.parametrize("bend", [0.0, 0.05])
-def test_feet_are_where_the_plant_has_them(bend: float) -> None:
-    expected = [RabbitFeet(bend).positions(q) for q in STATES]
-    assert feet(STATES, bend) == pytest.approx(np.array(expected))
+@pytest.mark.parametrize("links", [(0.0, 1.0), (0.05, 1.0), (-0.02, 1.1)])
+def test_feet_are_where_the_plant_has_them(links: tuple[float, float]) -> None:
+    expected = [RabbitFeet(LegShape.of(*links)).positions(q) for q in STATES]
+    assert feet(STATES, links) == pytest.approx(np.array(expected))
 
 
 def test_links_have_their_lengths() -> None:

@@ -15,7 +15,7 @@ import pytest
 from rabbit_description.gait import load_gaits
 from rabbit_description.state import Array, Leg
 from rabbit_experiments.walk_records import WalkRecords, about_walk
-from rabbit_sim.kinematics import RabbitFeet
+from rabbit_sim.kinematics import LegShape, RabbitFeet
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.robot_urdf import perturbed_urdf
 from rabbit_sim.simulation import Simulation
@@ -50,11 +50,12 @@ def rows_of(records: list[Record]) -> tuple[Array, tuple[str, ...]]:
     return np.array([maker.row(record.state, record.output) for record in records]), maker.columns
 
 
-@pytest.mark.parametrize("bend", [0.0, 0.05])
-def test_points_of_the_body_are_where_the_plant_has_them(bend: float) -> None:
+@pytest.mark.parametrize("links", [(0.0, 1.0), (0.05, 1.0), (-0.02, 1.1)])
+def test_points_of_the_body_are_where_the_plant_has_them(links: tuple[float, float]) -> None:
+    feet = RabbitFeet(LegShape.of(*links))
     for q in np.random.default_rng(0).uniform(-1, 1, (20, 7)):
-        points = dict(zip(POINTS, body_points(q, bend), strict=True))
-        np.testing.assert_allclose([points["left_foot"], points["right_foot"]], RabbitFeet(bend).positions(q))
+        points = dict(zip(POINTS, body_points(q, links), strict=True))
+        np.testing.assert_allclose([points["left_foot"], points["right_foot"]], feet.positions(q))
         np.testing.assert_allclose(points["hip"], q[:2])
 
 

@@ -1,4 +1,4 @@
-"""Links that are heavier, lighter or bent. Where the feet of bent links are, `kinematics.py` knows."""
+"""Links that are heavier, lighter, bent or longer. Where the feet of such links are, `kinematics.py` knows."""
 
 from xml.etree.ElementTree import Element
 
@@ -22,6 +22,7 @@ class Links(Perturbation):
         1.0, 0.5, 2, "factor on the left leg's masses and inertias", Control("left leg", 0.05)
     )
     link_bend: Number = setting(0.0, -0.3, 0.3, "forward shift of knee and foot over link length")
+    leg_stretch: Number = setting(1.0, 0.9, 1.1, "factor on the lengths of thighs and shins; their masses stay")
 
     def change_robot(self, robot: Element) -> None:
         scale_inertials(robot, self.mass_scale)
@@ -29,5 +30,5 @@ class Links(Perturbation):
             scale_inertials(child(robot, f"link[@name='{name}']"), self.left_leg_scale)
         for name in DISTAL_JOINTS:
             origin = child(robot, f"joint[@name='{name}']/origin")
-            length = -float(origin.attrib["xyz"].split()[2])
+            length = -float(origin.attrib["xyz"].split()[2]) * self.leg_stretch
             origin.set("xyz", f"{self.link_bend * length!r} 0 {-length!r}")

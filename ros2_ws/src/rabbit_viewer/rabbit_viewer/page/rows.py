@@ -16,7 +16,7 @@ from cbf_clf_qp.constraints import ResClf
 from rabbit_description.force_ratio import force_ratio
 from rabbit_description.state import ACTUATED, TICK_SECONDS, Array, Leg
 
-from rabbit_viewer.geometry import leg_points, torso_points
+from rabbit_viewer.geometry import STRAIGHT, Links, leg_points, links_of, torso_points
 
 POINTS = ("hip", "head", "left_knee", "left_foot", "right_knee", "right_foot")
 FIXED = (
@@ -40,7 +40,7 @@ class RowMaker:
         kinds = ("estimated", "measured", "true") if knows_plant else ("estimated", "measured")
         self.columns = (*FIXED, *(f"{kind}_{name}" for kind in kinds for name in quantities))
         self._about, self._quantities, self._kinds = about, list(quantities), len(kinds)
-        self._bend = float(about.get("link_bend", 0.0))
+        self._links = links_of(about)
         self._limits = tuple(float(about.get(name, math.nan)) for name in ("torque_limit", "friction_coeff"))
         self._decay = clf_decay(about)
         # of the ticks before
@@ -60,7 +60,7 @@ class RowMaker:
         What is too large to compute with is infinite or NaN. `true`: the errors (n,) of the nominal quantities at this
         tick, by the plant's own model. `estimated_*`, `measured_*` and `true_*` are the errors over the tick before.
         """
-        points = body_points(state.q, self._bend)
+        points = body_points(state.q, self._links)
         foot = points[3 + 2 * output.stance]
         self._begin_step(state, output, float(foot[0]))
         force = state.foot_force[output.stance]
@@ -108,9 +108,9 @@ def packed(rows: Sequence[float]) -> bytes:
         return np.asarray(rows, dtype="<f4").tobytes()
 
 
-def body_points(q: Array, bend: float = 0.0) -> Array:
+def body_points(q: Array, links: Links = STRAIGHT) -> Array:
     """`POINTS` (6, 2), m, of the robot at `q` (7,)."""
-    legs = [leg_points(q[None], leg, bend)[0, 1:] for leg in Leg]
+    legs = [leg_points(q[None], leg, links)[0, 1:] for leg in Leg]
     return np.concatenate([torso_points(q[None])[0], *legs])
 
 
