@@ -11,7 +11,7 @@ from typing import Any
 from rabbit_description import plugins
 from rabbit_reproduce.controllers import (
     AT_ITS_BEST,
-    CAREFUL,
+    BEST,
     GAIT,
     IDENTIFIED,
     INTEGRAL,
@@ -55,7 +55,7 @@ class Method:
         """Its controller there."""
         contender = self.stones if terrain == "stones" else self.flat
         own = self.tuned.get((LIKE.get(where, where), terrain), {}) if where else {}
-        return contender and replace(contender, tuning=contender.tuning + tuple(own.items()))
+        return contender and _with(contender, own)
 
 
 PAPER_POLICY = "DDPG at mass scale 2, no motor lag, seed 1: 6,572 transitions on stones, 7,981 on flat ground"
@@ -80,12 +80,15 @@ def _method(name: str, title: str, policy: str, *tuning: dict[str, str], trained
     return Method(name, title, stones, variant(title, kinds[1], policy, GAIT, *tuning), trained_on)
 
 
-def _on_slopes(
-    name: str, title: str, policy: str, *tuning: dict[str, Any], eps: float = 0.04, trained_on: str = ""
-) -> Method:
-    """One that regulates its speed by gaits for slopes, on both terrains; PD-centred. `eps`: on stones."""
-    stones = variant(title, "rl-cbf-clf-qp", policy, SLOPES, PD, *tuning, {"eps": eps})
+def _on_slopes(name: str, title: str, policy: str, *tuning: dict[str, Any], trained_on: str = "") -> Method:
+    """One that regulates its speed by gaits for slopes, on both terrains; PD-centred."""
+    stones = variant(title, "rl-cbf-clf-qp", policy, SLOPES, PD, *tuning)
     return Method(name, title, stones, variant(title, "rl-clf-qp", policy, SLOPES, PD, *tuning), trained_on)
+
+
+def _with(contender: Contender, tuning: dict[str, Any]) -> Contender:
+    """The same with these parameters too."""
+    return replace(contender, tuning=contender.tuning + tuple(tuning.items()))
 
 
 def _paper(name: str, title: str, *tuning: dict[str, Any]) -> Method:
@@ -104,10 +107,13 @@ BUILT_IN = (
     _method("identified-mu", "identified, mu'mu", "zero", IDENTIFIED),
     _paper("paper", "the paper's policy"),
     _paper("paper-pd", "the paper's policy, PD-centred", PD),
-    _on_slopes("best", "best", "zero", IDENTIFIED, PREDICTED, CAREFUL, eps=0.035, trained_on=FAMILIES),
+    Method("best", "best", BEST["stones"], BEST["flat"], FAMILIES),
     _on_slopes("best-before", "best, without care", "zero", IDENTIFIED, PREDICTED, trained_on=SPEED_MODEL),
-    _on_slopes(
-        "best-unlearned", "best, speed by PI control", "zero", IDENTIFIED, PREDICTED, CAREFUL, INTEGRAL, eps=0.035
+    Method(
+        "best-unlearned",
+        "best, speed by PI control",
+        _with(BEST["stones"], INTEGRAL),
+        _with(BEST["flat"], INTEGRAL),
     ),
     _on_slopes("best-nominal", "best, not identified", "zero", trained_on=SPEED_MODEL),
     _on_slopes("best-neither", "best, neither", "zero", INTEGRAL),
@@ -169,7 +175,7 @@ def _tuned(base: Method, tuning: tuple[tuple[str, Any], ...]) -> Method:
     if not tuning:
         return base
     about = [f"{name}={value:g}" if isinstance(value, float) else f"{name}={value}" for name, value in tuning]
-    stones, flat = (each and replace(each, tuning=each.tuning + tuning) for each in (base.stones, base.flat))
+    stones, flat = (each and _with(each, dict(tuning)) for each in (base.stones, base.flat))
     tuned = {where: own | dict(tuning) for where, own in base.tuned.items()}
     name, title = ":".join([base.name, *about]), ", ".join([base.title, *about])
     return replace(base, name=name, title=title, stones=stones, flat=flat, tuned=tuned)

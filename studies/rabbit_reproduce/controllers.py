@@ -7,12 +7,16 @@ from rabbit_experiments.assembly import Assembly, resolve_policy
 from rabbit_experiments.conditions import EVALUATION_LAG
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_viewer import style
+from rl_cbf_clf_controller.kinds import find_kind
 from rl_cbf_clf_controller.parameters import load_parameters
 
 
 @dataclass(frozen=True)
 class Contender:
-    """A controller by name, its policy (its own where None), how it is drawn, and parameters beside its name."""
+    """A controller by name, its policy (its own where None) and how it is drawn.
+
+    It has the `parameters` of that file, and others by `tuning`.
+    """
 
     title: str
     controller: str
@@ -20,6 +24,7 @@ class Contender:
     policy: str | None = None
     line: str = "-"
     tuning: tuple[tuple[str, Any], ...] = ()
+    parameters: str = "ours"
 
     def with_policy(self, policy: str) -> "Contender":
         """The same with another policy, by name or file."""
@@ -31,8 +36,9 @@ class Contender:
         Raises:
             AssemblyError: no policy is shipped for it.
         """
-        controller = load_parameters("ours", controller=self.controller, **dict(self.tuning), **(tuning or {}))
-        terrain = controller.terrain
+        terrain = find_kind(self.controller).terrain
+        changes = dict(self.tuning) | (tuning or {})
+        controller = load_parameters(self.parameters, terrain, controller=self.controller, **changes)
         simulation = SimulationParameters.model_validate({"motor_lag": EVALUATION_LAG, "terrain": terrain, **plant})
         return Assembly(simulation, controller, resolve_policy(self.policy, controller))
 
@@ -59,7 +65,6 @@ PD = {"objective": "pd_centred"}
 IDENTIFIED = {"adaptation": "identification"}
 PREDICTED = {"prediction": True}
 INTEGRAL = {"speed_regulation": "integral"}
-CAREFUL = {"stone_tracking": True, "torque_change_weight": 0.01}  # where stones give way and motors are slow
 
 
 def variant(title: str, controller: str, policy: str, *tuning: dict[str, Any]) -> Contender:
@@ -69,11 +74,10 @@ def variant(title: str, controller: str, policy: str, *tuning: dict[str, Any]) -
 
 
 AT_ITS_BEST = {  # the nominal controller's, as tuned for other masses and payloads (studies/docs/tuning.md)
-    "stones": variant("nominal at its best", "cbf-clf-qp", "zero", LIBRARY, MARGIN, PD, {"eps": 0.035}),
-    "flat": variant("nominal at its best", "clf-qp", "zero", GAIT, PD, {"eps": 0.035}),
+    terrain: Contender("nominal at its best", kind, style.BLACK, "zero", parameters="nominal_tuned")
+    for terrain, kind in (("stones", "cbf-clf-qp"), ("flat", "clf-qp"))
 }
-
-BEST = replace(
-    variant("best", "rl-cbf-clf-qp", "zero", SLOPES, PD, IDENTIFIED, PREDICTED, CAREFUL, {"eps": 0.035}),
-    colour=style.RED,
-)
+BEST = {
+    terrain: Contender("best", kind, style.RED, "zero", parameters="best")
+    for terrain, kind in (("stones", "rl-cbf-clf-qp"), ("flat", "rl-clf-qp"))
+}

@@ -33,7 +33,7 @@ WHO = (
     replace(HIGH_GAIN, colour=style.PURPLE, line="-."),
     replace(RL_CBF_CLF, title="the paper's policy, eps 0.04"),
     replace(CBF_CLF_ORACLE, title="oracle, eps 0.04: exact estimates"),
-    replace(BEST, title="best: identifies the robot"),
+    replace(BEST["stones"], title="best: identifies the robot"),
 )
 
 
