@@ -17,6 +17,7 @@ def residual(
     ticks: Annotated[int, typer.Option(min=1, max=10**11, help="in all, of all robots")] = 6_000_000,
     seed: Annotated[int, typer.Option(min=0, max=2**31)] = 1,
     robots: Annotated[int, typer.Option(min=4, max=4096, help="that walk side by side")] = 128,
+    flat: Annotated[float, typer.Option(min=0, max=1, help="share of them on flat ground")] = 0.25,
 ) -> None:
     """Train the policy within the step by PPO in MuJoCo, over random plants: DIR/policy.safetensors and a curve."""
     from rabbit_residual.training import Options, SessionError, train
@@ -24,6 +25,6 @@ def residual(
     own_folder(out, "residual")
     try:
         with complaints(SessionError):
-            print(f"written {train(Options(ticks=ticks, seed=seed, robots=robots), out)}")
+            print(f"written {train(Options(ticks=ticks, seed=seed, robots=robots, flat=flat), out)}")
     except KeyboardInterrupt as stop:
         fail("stopped; the same command goes on from the last line of the curve", code=of_interrupt(stop))
