@@ -141,7 +141,7 @@ def write_summary(
     from rabbit_description.atomic_file import replace_text
     from rabbit_description.state import TICK_SECONDS
     from rabbit_experiments import provenance
-    from rabbit_experiments.walk_records import WalkRecords, about_walk, save_records
+    from rabbit_experiments.walk_records import DRAWN, WalkRecords, about_walk, save_records
     from rabbit_recording.reader import iterate_episodes
     from rabbit_recording.timing import real_time_figures
 
@@ -162,13 +162,18 @@ def write_summary(
         "command": provenance.command(),
         "commit": provenance.commit(),
         "versions": provenance.versions(),
-        "controller": walk.controller,
+        "controller": walk.options.controller if walk.options.is_foreign else walk.controller,
         "simulation": walk.simulation,
     }
     replace_text(walk.folder / "summary.json", to_json(summary, indent=2, inf_nan_mode="null").decode() + "\n")
     if last is not None:
         version = last.records[-1].output.policy_version
         about = about_walk(walk.controller, walk.simulation, version, last.seed, last.outcome)
+        if walk.options.is_foreign:
+            name = last.controller or "a controller without a name"
+            title = f"{name}, mass scale {walk.simulation.mass_scale:g}, seed {last.seed}: {last.outcome}"
+            about = {each: value for each, value in about.items() if each not in DRAWN}
+            about |= {"controller": name, "title": title}
         save_records(WalkRecords.from_ticks(last.records, last.landings, about), walk.folder / "records.npz")
     return summary
 
