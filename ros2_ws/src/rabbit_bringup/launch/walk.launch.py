@@ -15,7 +15,7 @@ from launch.events import Shutdown
 from launch_ros.actions import Node
 from rabbit_bringup.commands.walk import DEFAULTS, MODELS, prepare
 from rabbit_bringup.launching.parameter_file import write_parameters
-from rabbit_bringup.launching.processes import PACKAGES, PATIENCE
+from rabbit_bringup.launching.processes import PATIENCE
 from rabbit_common.executables import LaunchError, find_executable
 from rabbit_common.exit_codes import ExitCode
 from rabbit_common.options import Given, described
@@ -73,9 +73,10 @@ def start(context: LaunchContext) -> list[LaunchDescriptionEntity]:
 
     actions: list[LaunchDescriptionEntity] = []
     for name in walk.names:
+        package, executable = walk.executable(name)
         node = Node(
-            package=PACKAGES[name],
-            executable=name,
+            package=package,
+            executable=executable,
             namespace=f"/{walk.options.namespace.strip('/')}",
             arguments=walk.arguments(name),
             additional_env=dict.fromkeys(THREADS, "1"),

@@ -146,6 +146,8 @@ def check(bag: Bag) -> None:
             of = e.episode
             faults += of.lost + len(e.differing)
             said = "torques identical" if e.replayed else "a replay begins at tick 0, which is not in it"
+            if of.begins and not e.replayed:
+                said = "its controller announces no settings to replay it with"
             if e.differing:
                 ticks = e.differing[:SHOWN_TICKS]
                 said = f"{len(e.differing)} torques differ, by up to {e.furthest:.3g} N m, in ticks {ticks}"

@@ -52,6 +52,8 @@ class SimulatorNode(CheckedNode):
         follow(self, self._own, self._set_pace)
         episodes = f"{self._own.episodes} episodes from seed {self._own.seed}"
         self.get_logger().info(f"ready: {episodes}, of {plant.stones} stones")
+        if (done := self._player.episode.episode) >= self._own.episodes > 0:
+            self.get_logger().warning(f"memory {self._own.memory}: all {done} episodes are done, and none begins")
 
     def close(self) -> None:
         """End the episode, give back the plant."""

@@ -41,9 +41,9 @@ class RvizTopics:
         """Somebody reads what `show` publishes."""
         return bool(self._tf.get_subscription_count() or self._markers.get_subscription_count())
 
-    def show(self, state: Any, stance: Leg, ahead: StonePreview | None) -> None:
-        """A tick: its `RobotState`, the leg that stands, and the next stone."""
-        foot = float(leg_points(np.array(state.q)[None], stance)[0, 2, 0])
+    def show(self, state: Any, ahead: StonePreview | None) -> None:
+        """A tick: its `RobotState`, and the next stone."""
+        foot = float(leg_points(np.array(state.q)[None], Leg.standing(state.touchdowns))[0, 2, 0])
         indices = takewhile(self.landings.__contains__, range(state.touchdowns, state.touchdowns - SHOWN_STEPS, -1))
         landings = [self.landings[index] for index in indices][::-1]
         self._tf.publish(serialize_message(transforms(state)))
