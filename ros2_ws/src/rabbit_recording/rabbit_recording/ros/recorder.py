@@ -79,7 +79,7 @@ class RecorderNode(Node):
             self.get_logger().info(f"{self._writer.messages} messages in {self._path}")
 
     def _subscribe(self, topic: Topic) -> Subscription:
-        name, qos = self.resolve_topic_name(topic.name), topic.qos
+        name, qos = self.resolve_topic_name(topic.name, only_expand=True), topic.qos  # under its own name if remapped
         self._writer.add(name, topic.type_name, [offered(qos)])
         callback = with_info(partial(self._on_bytes, topic, name))
         # with a queue in which messages wait while the disk is written
