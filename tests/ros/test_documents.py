@@ -11,7 +11,8 @@ import rl_cbf_clf_controller.ros.policies
 import rl_trainer.ros.node
 import yaml
 from pydantic import BaseModel
-from rabbit_common.ros.topics import TOPICS
+from rabbit_bringup.launching.processes import PACKAGES
+from rabbit_common.ros.topics import SERVICES, TOPICS
 from rabbit_estimator.parameters import EstimatorParameters
 from rabbit_recording.ros import recorder as recorder_node
 from rabbit_sim.parameters import SimulationParameters
@@ -52,6 +53,14 @@ def test_topics_page_lists_every_topic() -> None:
         assert int(depth[1]) == topic.qos.depth
         assert row_of_qos(qos)[0] == topic.qos.reliability.name.lower().replace("_", " ")
         assert row_of_qos(qos)[1] == topic.qos.durability.name.lower().replace("_", " ")
+
+
+def test_each_packages_readme_names_its_nodes_topics_and_services() -> None:
+    for node, package in PACKAGES.items():
+        text = (BRINGUP.parent / package / "README.md").read_text(encoding="utf-8")
+        wanted = {topic.name for topic in TOPICS if node in (topic.publisher, *topic.readers)}
+        wanted |= {service.name for service in SERVICES if service.node == node}
+        assert wanted <= set(re.findall(r"`(\w+)`", text)), package
 
 
 def row_of_qos(name: str) -> list[str]:
