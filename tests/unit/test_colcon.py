@@ -15,7 +15,7 @@ PACKAGES = {path.parent.name for path in WORKSPACE.glob("src/*/package.xml")}
 TESTED = PACKAGES - {"rabbit_msgs"}  # it has messages alone
 SHORT = " or ".join(  # a file of each, since `make test-all` runs the rest
     ("test_estimates", "urdf", "conversions", "exit_codes", "impact", "previews", "reward", "symbolic", "counting")
-    + ("geometry", "intervals", "leg_kinematics", "commands", "play_settings", "gaussian_process")
+    + ("geometry", "intervals", "leg_kinematics", "commands", "play_settings", "gaussian_process", "active_settings")
 )
 
 
@@ -29,7 +29,7 @@ def copied(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def colcon(*arguments: str, logs: Path) -> subprocess.CompletedProcess[str]:
     """Call colcon in the workspace."""
     command = [sys.executable, shutil.which("colcon") or "colcon", "--log-base", str(logs), *arguments]
-    return subprocess.run(command, cwd=WORKSPACE, capture_output=True, text=True, timeout=300)
+    return subprocess.run(command, cwd=WORKSPACE, capture_output=True, text=True, timeout=900)
 
 
 def colcon_test(folder: Path, *arguments: str) -> int:
@@ -65,6 +65,7 @@ def test_plain_colcon_takes_the_projects_packages_alone(tmp_path: Path) -> None:
     assert set(colcon("list", "--names-only", logs=tmp_path).stdout.split()) == PACKAGES
 
 
+@pytest.mark.timeout(900)
 def test_colcon_test_runs_every_packages_tests(copied: Path, tmp_path: Path) -> None:
     chosen = ("--base-paths", str(copied), "--packages-select", *TESTED, "--pytest-args", f" -k {SHORT}")
     assert colcon_test(tmp_path, *chosen) == 0
