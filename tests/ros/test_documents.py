@@ -90,6 +90,16 @@ def test_walk_yaml_names_known_parameters_with_their_values() -> None:
         assert not left
 
 
+def test_rosbag2_is_told_how_to_keep_every_tick() -> None:
+    told = yaml.safe_load((BRINGUP / "config" / "rosbag2_qos.yaml").read_text(encoding="utf-8"))
+    assert list(told) == [f"/{topic.name}" for topic in TOPICS]
+    for topic in TOPICS:
+        qos = told[f"/{topic.name}"]
+        asked = (topic.qos.reliability.name.lower(), topic.qos.durability.name.lower(), "keep_last")
+        assert (qos["reliability"], qos["durability"], qos["history"]) == asked
+        assert qos["depth"] >= topic.qos.depth
+
+
 def test_launch_file_leaves_nodes_and_parameters_to_the_one_description_of_the_graph() -> None:
     tree = ast.parse((BRINGUP / "launch" / "walk.launch.py").read_text(encoding="utf-8"))
     called = {getattr(node.func, "id", "") for node in ast.walk(tree) if isinstance(node, ast.Call)}
