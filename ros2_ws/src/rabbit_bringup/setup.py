@@ -13,7 +13,10 @@ install(
     "rich",
     "typer",
     entry_points={
-        "rabbit.nodes": ["launcher = rabbit_bringup.ros.launcher:main"],
+        "rabbit.nodes": [
+            "launcher = rabbit_bringup.ros.launcher:main",
+            "ros2_control = rabbit_bringup.ros.ros2_control:main",
+        ],
         "rabbit.commands": ["run = rabbit_bringup.commands.run:app", "walk = rabbit_bringup.commands.walk:app"],
     },
     on_path="rabbit",
