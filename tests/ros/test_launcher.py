@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import yaml
 from rabbit_common.exit_codes import ExitCode
@@ -269,3 +270,32 @@ def test_run_finds_executables_as_ros2_run_does() -> None:
     assert "mass_scale" in done.stderr
     assert "it has: simulator" in rabbit("run", "rabbit_sim", "nobody").stderr
     assert "package nowhere" in rabbit("run", "nowhere", "nobody").stderr
+
+
+def test_nodes_walk_again_under_the_parameters_that_a_walk_has_left(tmp_path: Path, world: Any) -> None:
+    """Without a launcher: nobody lets the simulator begin, and it does not take the first walk for its own."""
+    folder = tmp_path / "walk"
+    words = (*QUICK, "--no-trainer", "--stones", 2, "--ready-timeout", 180, "--controller", "cbf-clf-qp")
+    done = rabbit("walk", *words, "--out", folder)
+    assert done.returncode == ExitCode.WALKED, done.stderr
+    before = [record.output.torque for record in read_episodes(folder / "recording")[1].records]
+    torques, episodes = world.hear("torque"), world.hear("episode")
+    for name in ("controller", "simulator"):
+        file = ("--ros-args", "--params-file", str(folder / "parameters.yaml"), "-r", f"__ns:=/{world.namespace}")
+        world.processes.start(name, file)
+    world.wait(lambda: bool(episodes) and episodes[-1].outcome == "walked")
+    world.wait(lambda: len({message.tick for message in torques}) == len(before))
+    by_tick = {message.tick: message.torque for message in torques}
+    np.testing.assert_array_equal([by_tick[tick] for tick in sorted(by_tick)], before)
+
+
+def test_a_simulator_that_has_nothing_to_walk_says_so(world: Any) -> None:
+    memory = {"memory": str(world.folder / "memory"), "start_paused": False, "stones": 1}
+    episodes = world.hear("episode")
+    world.start("simulator", **memory)
+    world.start("controller", controller="cbf-clf-qp")
+    world.wait(lambda: bool(episodes) and episodes[-1].phase == episodes[-1].ENDED)
+    world.processes.stop(("simulator",))
+    world.start("simulator", **memory)
+    log = world.folder / "log" / "simulator.log"
+    world.wait(lambda: "all 1 episodes are done, and none begins" in log.read_text())

@@ -26,6 +26,7 @@ SHORTER = {
     "docs/plant.md": {},
     "docs/tutorials/notebook.md": {"python examples/notebook.py": COURSES, "rabbit walk": WALK},
     "docs/tutorials/own_learner.md": {"python": "--episodes 5 --steps 4"},
+    "docs/tutorials/own_node.md": {"rabbit walk": WALK},
     "docs/tutorials/own_robot.md": {},
     "docs/tutorials/ros_graph.md": {
         "rabbit walk": "--stones 15 --no-video --no-pictures",
@@ -75,6 +76,14 @@ def test_own_learners_error_falls(tmp_path: Path) -> None:
     losses = [float(number) for number in re.findall(r"mean error (\S+)", type_in(page, tmp_path, SHORTER[page]))]
     assert len(losses) >= 2
     assert losses[-1] < losses[0]
+
+
+def test_own_nodes(tmp_path: Path) -> None:
+    page = "docs/tutorials/own_node.md"
+    said = type_in(page, tmp_path, SHORTER[page])
+    assert "3 of 3 stones" in said
+    assert " 0 lost" in said
+    assert (tmp_path / "runs" / "stand.mp4").is_file()
 
 
 def test_ros_graph(tmp_path: Path) -> None:

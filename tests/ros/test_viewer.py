@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from page_client import PageClient
+from page_client import PageClient, free_port
 from rabbit_description.force_ratio import force_ratio
 from rabbit_description.state import ACTUATED
 from rabbit_recording.reader import read_episodes
@@ -26,13 +26,6 @@ WRONG = {  # to the page, each with a word of its refusal
     '{"do": "load"}': "path",
 }
 WALK = ("--no-pictures", "--no-video", "--no-trainer", "--stones", "4", "--seed", "4", "--view")
-
-
-def free_port() -> int:
-    """One that was free a moment ago."""
-    with socket.socket() as one:
-        one.bind(("127.0.0.1", 0))
-        return int(one.getsockname()[1])
 
 
 class Seen:

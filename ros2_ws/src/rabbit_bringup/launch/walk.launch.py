@@ -60,7 +60,7 @@ def start(context: LaunchContext, given: dict[str, str]) -> list[LaunchDescripti
     take_listeners_priority(walk.options.priority, warn=lambda line: print(line, file=sys.stderr))
     namespace = f"/{walk.options.namespace.strip('/')}"
     remaps = context.launch_configurations.get("ros_remaps", [])  # by SetRemap, of the group that this file is in
-    executables = {str(find_executable(PACKAGES[name], name)): name for name in walk.names}
+    executables = {str(find_executable(*walk.executable(name))): name for name in walk.names}
     pids: dict[str, int] = {}
 
     def started(event: ProcessStarted, context: LaunchContext) -> list[LaunchDescriptionEntity]:
@@ -92,6 +92,7 @@ def start(context: LaunchContext, given: dict[str, str]) -> list[LaunchDescripti
         **values,  # which the file has too
         **{name: name in walk.names for name in PACKAGES},
         **walk.controller.model_dump(),
+        **({"controller": walk.options.controller} if walk.options.is_foreign else {}),
         "params_file": walk.parameter_file,
         "namespace": namespace,
         "log_level": walk.options.log_level,

@@ -34,6 +34,11 @@ class Leg(IntEnum):
     def other(self) -> "Leg":
         return Leg.LEFT if self is Leg.RIGHT else Leg.RIGHT
 
+    @classmethod
+    def standing(cls, touchdowns: int) -> "Leg":
+        """The stance leg after so many touchdowns: an episode begins on the left one."""
+        return cls(touchdowns % 2)
+
 
 @dataclass(frozen=True)
 class StonePreview:

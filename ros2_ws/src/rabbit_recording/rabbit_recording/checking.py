@@ -20,6 +20,8 @@ from rabbit_recording.reader import RecordedEpisode, iterate_episodes
 class Checked:
     """An episode, what of it is in the recording, and how many of its ticks were `replayed`.
 
+    None are where it begins later, or its controller is of another kind, which announces no settings.
+
     `differing` are the ticks whose torques did not come out, `furthest` (N m) the most that one was off.
     """
 
@@ -33,7 +35,8 @@ def check_episodes(path: Path) -> Iterator[Checked]:
     """Check one episode after another; raises `RecordingError`."""
     for episode in iterate_episodes(path):
         # up to the first gap: a controller remembers, and cannot be replayed from elsewhere
-        whole = [record for i, record in enumerate(episode.records) if record.state.tick == i]
+        is_ours = bool(episode.settings or any(record.output.quantities for record in episode.records))
+        whole = [record for i, record in enumerate(episode.records) if is_ours and record.state.tick == i]
         with one_line_errors(path, f"episode {episode.number} cannot be replayed"):
             again = np.array([*replay(replace(episode, records=whole))]).reshape(-1, 4)
         off = np.abs(np.array([record.output.torque for record in whole]).reshape(-1, 4) - again).max(axis=1)

@@ -1,7 +1,8 @@
 """What a recording holds of each episode: what was recorded, what was merely announced, what was lost.
 
-A tick is recorded if its state and the controller's three messages all are; an episode is if one of its states is.
-Announcements are latched: a recorder that is started late also receives those of episodes that were over by then.
+A tick is recorded if its state, its torque and what else its controller publishes of a tick all are; an episode is if
+one of its states is. Announcements are latched: a recorder that is started late also receives those of episodes that
+were over by then.
 """
 
 from collections import defaultdict
@@ -15,7 +16,8 @@ from rabbit_description.state import TICK_NANOSECONDS, StonePreview, newest_prev
 
 from rabbit_recording.stored_messages import StoredMessage
 
-BY_TICK = ("state", "torque", "controller_state", "learner_terms")
+DETAILS = ("controller_state", "learner_terms")  # a controller of another kind may publish none
+BY_TICK = ("state", "torque", *DETAILS)
 OTHERS = ("preview", "landing", "episode", "timing")
 ENDED = 3  # phase in rabbit_msgs/Episode
 NEIGHBOURS = 2  # episodes back, of which messages may still come
@@ -67,8 +69,9 @@ Claims = dict[str, dict[int, list[StoredMessage]]]  # by topic and tick, what cl
 class Gathered:
     """The messages of one episode."""
 
-    def __init__(self, episode: int) -> None:
-        self.episode = episode
+    def __init__(self, episode: int, followed: Collection[tuple[str, str]] = ()) -> None:
+        """`followed`: what was heard in earlier episodes, so that the recorder was there: see `kinds`."""
+        self.episode, self._followed = episode, followed
         self.previews: dict[int, dict[int, StonePreview]] = defaultdict(dict)  # by index of the stone and stamp
         self.landings: dict[int, Any] = {}
         self.announced: Any = None  # the newest announcement
@@ -115,12 +118,18 @@ class Gathered:
         return next((each for each in claims if each.decode().sender == said.controller), None)
 
     @staticmethod
-    def full_ticks(ticks: Mapping[str, Mapping[int, Any]]) -> list[int]:
-        """Those of which there is all, by topic."""
-        return sorted(set.intersection(*map(set, ticks.values())))
+    def kinds(ticks: Mapping[str, Mapping[int, StoredMessage]]) -> dict[str, tuple[str, str]]:
+        """What each topic's messages are: any controller's, or details that this episode's controller publishes."""
+        walker = next((each.decode().sender for topic in BY_TICK[1:] for each in ticks[topic].values()), "")
+        return {topic: (topic, walker if topic in DETAILS else "") for topic in BY_TICK}
 
-    def inventory(self, presence: Presence, followed: Collection[str]) -> EpisodeInventory:
-        """What there is. `followed`: topics that were heard in an earlier episode: the recorder was there."""
+    def full_ticks(self, ticks: Mapping[str, Mapping[int, StoredMessage]]) -> list[int]:
+        """Those of which there is all that is published of a tick."""
+        wanted = [t for t, kind in self.kinds(ticks).items() if t not in DETAILS or ticks[t] or kind in self._followed]
+        return sorted(set.intersection(*(set(ticks[topic]) for topic in wanted)))
+
+    def inventory(self, presence: Presence) -> EpisodeInventory:
+        """What there is."""
         ticks, said = self.ticks, self.announced
         made = EpisodeInventory(self.episode, presence)
         if said is not None:
@@ -132,7 +141,8 @@ class Gathered:
         if presence is Presence.LOST:
             made.lost = max(said.tick, 1) if made.ends else 1
         elif presence is Presence.RECORDED:
-            made.lost = missing({name: self._span(name, ticks[name], name in followed) for name in BY_TICK}, ticks)
+            kinds = self.kinds(ticks)
+            made.lost = missing({t: self._span(t, ticks[t], kinds[t] in self._followed) for t in BY_TICK}, ticks)
         return made
 
     def _span(self, topic: str, there: Mapping[int, Any], is_followed: bool) -> range:
@@ -169,7 +179,7 @@ class Gathering:
         self._recorded = 0  # the newest recorded episode; 0: none yet
         self._unclear: dict[int, Gathered] = {}  # announced since then
         self._unheard = 0  # episodes, so far
-        self._followed: set[str] = set()  # topics heard
+        self._followed: set[tuple[str, str]] = set()  # heard
 
     def add(self, message: StoredMessage) -> None:
         """Take in one message, in the order of time."""
@@ -180,7 +190,7 @@ class Gathering:
                 self._reached = number
             self.newest = message.turn
         if number not in self._open:
-            self._open[number] = Gathered(number)
+            self._open[number] = Gathered(number, self._followed)
             heappush(self._order, number)
         self._open[number].add(message)
 
@@ -195,21 +205,19 @@ class Gathering:
         ticks, is_announced = episode.ticks, episode.announced is not None
         if ticks["state"] and (is_announced or episode.full_ticks(ticks)):  # somebody answered or announced it
             yield from self._lost(episode.episode) if self._recorded else self._announced()
-            yield self._inventory(episode, Presence.RECORDED)
+            yield episode, episode.inventory(Presence.RECORDED)
             self._recorded, self._unclear = episode.episode, {}
         elif is_announced and episode.episode:
             self._unclear[episode.episode] = episode
-        self._followed |= {topic for topic, there in ticks.items() if there}
+        self._followed |= {kind for topic, kind in episode.kinds(ticks).items() if ticks[topic]}
 
     def _announced(self) -> Iterator[tuple[Gathered, EpisodeInventory]]:
-        yield from (self._inventory(episode, Presence.ANNOUNCED) for episode in self._unclear.values())
+        yield from ((episode, episode.inventory(Presence.ANNOUNCED)) for episode in self._unclear.values())
         self._unclear = {}
 
     def _lost(self, before: int) -> Iterator[tuple[Gathered, EpisodeInventory]]:
         unheard = range(self._recorded + 1, before)[: MOST_UNHEARD - self._unheard]
         self._unheard += len(unheard)
         for number in unheard:
-            yield self._inventory(self._unclear.get(number) or Gathered(number), Presence.LOST)
-
-    def _inventory(self, episode: Gathered, presence: Presence) -> tuple[Gathered, EpisodeInventory]:
-        return episode, episode.inventory(presence, self._followed)
+            episode = self._unclear.get(number) or Gathered(number)
+            yield episode, episode.inventory(Presence.LOST)

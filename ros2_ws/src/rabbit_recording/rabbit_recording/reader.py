@@ -14,7 +14,7 @@ from rl_cbf_clf_controller.message_fields import output_of
 from rl_trainer.rollout import Record
 
 from rabbit_recording.active_settings import Policies, RecordedSettings, Settings
-from rabbit_recording.episode_inventory import BY_TICK, OTHERS, EpisodeInventory, Gathered, Gathering, Presence
+from rabbit_recording.episode_inventory import BY_TICK, DETAILS, OTHERS, EpisodeInventory, Gathered, Gathering, Presence
 from rabbit_recording.message_header import SimulatedTime
 from rabbit_recording.open_recording import one_line_errors
 from rabbit_recording.stored_messages import stored_messages
@@ -115,17 +115,19 @@ def _decoded(gathered: Gathered, inventory: EpisodeInventory, announced: _Announ
     ticks, controller = gathered.ticks, inventory.controller
     previews: dict[int, StonePreview | None] = {}  # as first seen, by index of the stone
     for tick in gathered.full_ticks(ticks):
-        state, torque, details, terms = (ticks[topic][tick].decode() for topic in BY_TICK)
+        state, torque = (ticks[topic][tick].decode() for topic in ("state", "torque"))
+        details, terms = (each and each.decode() for each in (ticks[topic].get(tick) for topic in DETAILS))
         stone, version, controller = state.touchdowns + 1, torque.policy_version, torque.sender
         if stone not in previews:
             previews[stone] = gathered.preview(stone, ticks["state"][tick].stamp)
         measured = RobotState.of_message(state, previews[stone] if state.previewed else None)
-        episode.records.append(Record(measured, output_of(details, terms, np.array(torque.torque))))
+        output = output_of(details, terms, np.array(torque.torque), measured, version)
+        episode.records.append(Record(measured, output))
         if not episode.swaps or version != episode.swaps[-1].version:
             episode.swaps.append(RecordedSwap(tick, version, announced.policies.get(version)))
     for _, landing in sorted(gathered.landings.items()):
         episode.landings.append(Landing(**{name: getattr(landing, name) for name in Landing.__dataclass_fields__}))
-    episode.settings = announced.settings[controller].of(gathered.episode)
+    episode.controller, episode.settings = controller, announced.settings[controller].of(gathered.episode)
     if episode.swaps:
         announced.policies.forget_before(episode.swaps[-1].version)
     return episode

@@ -180,6 +180,7 @@ def expected(sent: list[Sent], live: set[int], past: set[int]) -> list[Row]:
     recorded = sorted({sent[i].episode for i in live if sent[i].topic == "state"})
     announced = {sent[i].episode for i in live | past if sent[i].topic == "episode"} - {0}
     between = set(range(recorded[0], recorded[-1])) if recorded else set()
+    told = {"state", "torque"}  # and, from the first of its messages on, what else the controller publishes
     for number in sorted(announced | set(recorded) | between):
         its = {i: each for i, each in enumerate(sent) if each.episode == number}
         ends = next((e.tick for i, e in its.items() if e.ended and i in live | past), None)
@@ -195,7 +196,8 @@ def expected(sent: list[Sent], live: set[int], past: set[int]) -> list[Row]:
                 end = len(sent) if ends is not None and is_answered else last
                 missed = {its[i].tick for i in here if begin < i < end and i not in live}
                 lost |= {tick for tick in missed if ends is None or tick < max(ends, max(kept[topic], default=0))}
-            row = Presence.RECORDED, sorted(set.intersection(*kept.values())), len(lost)
+            told |= {topic for topic in BY_TICK if kept[topic]}
+            row = Presence.RECORDED, sorted(set.intersection(*(kept[topic] for topic in told))), len(lost)
         elif number in between:
             row = Presence.LOST, [], max(ends, 1) if ends is not None else 1
         else:

@@ -21,8 +21,10 @@ NAMES = ("hip, stance leg", "knee, stance leg", "hip, swing leg", "knee, swing l
 
 
 def draw(walk: WalkRecords, out: Path, suffix: str = ".png") -> list[Path]:
-    """All pictures of a walk; returns their paths. Barriers and measured quantities are drawn where there are some."""
-    pictures = [draw_walk, draw_swing_foot, draw_clf, draw_forces, draw_torques]
+    """All pictures of a walk; returns their paths. CLF, barriers and quantities are drawn where there are some."""
+    pictures = [draw_walk, draw_swing_foot, draw_forces, draw_torques]
+    if np.isfinite(walk.V).any():
+        pictures.insert(2, draw_clf)
     if np.isfinite(walk.barriers).any():
         pictures.insert(2, draw_barriers)
     if np.isfinite(walk.measured).any():

@@ -116,12 +116,12 @@ class Scene:
         walk = self._walk
         tangential, normal = walk.stance_force[row]
         ratio = f"{abs(tangential) / normal:4.2f}" if normal > 1 else "   -"
-        total = walk.about.get("stones")
+        total, slack = walk.about.get("stones"), walk.clf_slack[row]
         lines = [
             str(walk.about.get("title", "")),
             f"t {walk.tick[row] * TICK_SECONDS:6.2f} s   step {walk.step_index[row] + 1}"
             + (f" of {total}" if total else ""),
-            f"|F_T|/F_N {ratio}   d {walk.clf_slack[row]:6.2f}",
+            f"|F_T|/F_N {ratio}" + (f"   d {slack:6.2f}" if np.isfinite(slack) else ""),
         ]
         if np.isfinite(walk.barriers[row]).all():
             lines.append(f"B1 {walk.barriers[row, 0] * 1e3:5.0f} mm   B2 {walk.barriers[row, 1] * 1e3:5.0f} mm")

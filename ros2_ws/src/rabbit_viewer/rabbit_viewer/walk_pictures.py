@@ -51,9 +51,10 @@ def records_of_bag(bag: Path, number: int | None = None) -> WalkRecords:
     if chosen is None:
         raise RecordingError(f"recording {bag}: no ticks of {f'episode {number}' if number else 'a walk'} in it")
     policies = ", ".join(dict.fromkeys(record.output.policy_version for record in chosen.records))
+    walker = f"policy {policies}" if policies else f"controller {chosen.controller}"
     outcome = chosen.outcome or "not recorded to its end"
     drawn = [(each.tick, drawn_parameters(each.parameters)) for each in chosen.settings]
     changed = ", ".join(f"parameters changed at tick {tick}" for tick, each in drawn if each != drawn[0][1])
-    title = f"episode {chosen.number}, policy {policies}, seed {chosen.seed}: {changed and changed + ', '}{outcome}"
+    title = f"episode {chosen.number}, {walker}, seed {chosen.seed}: {changed and changed + ', '}{outcome}"
     about = {"title": title, "outcome": chosen.outcome, "seed": chosen.seed, **(drawn[0][1] if drawn else {})}
     return WalkRecords.from_ticks(chosen.records, chosen.landings, about)

@@ -1,6 +1,7 @@
 """A client of the page without a browser: what the tests hear of a walk, and say."""
 
 import json
+import socket
 import struct
 import time
 from contextlib import ExitStack
@@ -10,6 +11,13 @@ from websockets.exceptions import WebSocketException
 from websockets.sync.client import ClientConnection, connect
 
 TRY_SECONDS = 0.02
+
+
+def free_port() -> int:
+    """One that was free a moment ago."""
+    with socket.socket() as one:
+        one.bind(("127.0.0.1", 0))
+        return int(one.getsockname()[1])
 
 
 class PageClient:

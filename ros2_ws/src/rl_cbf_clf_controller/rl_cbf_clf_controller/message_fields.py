@@ -1,6 +1,7 @@
 """Between a `ControllerOutput` and the fields of `ControllerState` and `LearnerTerms`, without ROS.
 
-A recording's reader uses it too: any object with a message's fields will do.
+A recording's reader uses it too: any object with a message's fields will do. A controller of another kind may publish
+neither; then an output has what state and torque tell, and NaN elsewhere.
 """
 
 from typing import Any
@@ -10,7 +11,7 @@ from rabbit_common.message_arrays import array_of, doubles
 from rabbit_common.message_checks import Refused, check_finite
 from rabbit_description.state import ACTUATED, Array, Leg
 
-from rl_cbf_clf_controller.controller_output import ControllerOutput
+from rl_cbf_clf_controller.controller_output import NOTHING, ControllerOutput
 
 INPUTS = len(ACTUATED)
 LEGS = tuple(Leg)
@@ -24,6 +25,12 @@ MOST_ACTIVE, LONGEST_NAME = 64, 32
 ROWS = ("margins", "slacks", "multipliers")  # of each of the QP's rows
 TERMS = ("mu_qp", "omega", "mu_held", "observation", "identified", "adapted")
 MATRICES, VECTORS = ("nominal_a", "alpha"), ("nominal_b", "measured", "beta")  # over the learned quantities
+UNTOLD = {  # sizes of what a state and a torque do not tell
+    **dict.fromkeys(("step_time", "phase", "V", "clf_slack", "rescue_slack", "solve_seconds"), ()),
+    **dict.fromkeys(("barriers", "barrier_rates"), (len(BARRIERS),)),
+    **{"eta": (2 * INPUTS,), **dict.fromkeys(("mu", "mu_qp", "omega", "mu_held", "LgV"), (INPUTS,))},
+    **{**dict.fromkeys(MATRICES, (0, INPUTS)), **dict.fromkeys(VECTORS, (0,))},
+}
 FINITE = ("lgv", "nominal_a", "nominal_b", "alpha", "beta", "observation", "identified", "adapted")
 
 
@@ -82,10 +89,24 @@ def terms_values(message: Any) -> dict[str, Any]:
     return {**values, "LgV": array_of(message, "lgv", INPUTS), "quantities": tuple(message.quantities)}
 
 
-def output_of(state: Any, terms: Any, torque: Array) -> ControllerOutput:
+def untold_values(measured: Any, policy_version: str) -> dict[str, Any]:
+    """The fields of `ControllerOutput` that a state tells: steps as the simulator counts them; the rest is NaN."""
+    values: dict[str, Any] = {name: np.full(size, np.nan)[()] for name, size in UNTOLD.items()}
+    values |= {"tick": measured.tick, "policy_version": policy_version, "step_index": measured.touchdowns}
+    values |= {"stance": Leg.standing(measured.touchdowns), "observation": NOTHING, "quantities": (), "active": ()}
+    return {**values, "saturated": False, "answered": True, "solver": "", "status": "", "objective": ""}
+
+
+def output_of(
+    state: Any, terms: Any, torque: Array, measured: Any = None, policy_version: str = ""
+) -> ControllerOutput:
     """A tick's output from its messages `ControllerState` and `LearnerTerms` and the torque (4,) of its command.
+
+    Either message may be None if `measured` is given, the tick's `RobotState`; then what only it tells is NaN.
 
     Raises:
         Refused: a value that is not finite, or an array of another length than the robot's or the quantities'.
     """
-    return ControllerOutput(torque=torque, **state_values(state), **terms_values(terms))
+    values = untold_values(measured, policy_version) if state is None or terms is None else {}
+    values |= {} if state is None else state_values(state)
+    return ControllerOutput(torque=torque, **values | ({} if terms is None else terms_values(terms)))

@@ -8,6 +8,7 @@ from typing import Any
 
 import typer
 from rabbit_common import exit_codes
+from rabbit_common.executables import LaunchError, find_executable
 from rabbit_common.options import Defaults, Given, complaints, options
 from rabbit_common.own_folder import new_folder
 from rabbit_description.atomic_file import first_free
@@ -16,7 +17,7 @@ from rabbit_experiments.conditions import EVALUATION_LAG, TRAINING_SCALE
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
-from rabbit_bringup.launching.walk import WalkOptions, WalkSettings
+from rabbit_bringup.launching.walk import NOBODY, WalkOptions, WalkSettings
 
 MODELS = (WalkOptions, ControllerParameters, SimulationParameters)
 RARE = ("swap_at", "priority", "view_port", "ready_timeout", "log_level")  # in --help-all alone
@@ -40,6 +41,8 @@ def walk(given: Given) -> None:
 def prepare(given: Given) -> WalkSettings:
     """The walk that is asked for; makes its folder. Ends the command if it cannot be."""
     options = given.build(WalkOptions)
+    if options.is_foreign:
+        options, given = with_foreign_controller(options, given)
     assembly = assembly_of_nodes(given, options.policy, options.parameters)
     training = given_training(options, assembly.controller, assembly.policy) if options.trainer else {}
     walk = WalkSettings.of(assembly, make_folder(options), options, training=training)
@@ -47,6 +50,19 @@ def prepare(given: Given) -> WalkSettings:
         port = options.view_port
         print(f"open http://127.0.0.1:{port} in a browser" if port else "the page: see log/viewer.log")
     return walk
+
+
+def with_foreign_controller(options: WalkOptions, given: Given) -> tuple[WalkOptions, Given]:
+    """Options of a walk with a controller of another kind, from which our trainer cannot learn; what plant is given.
+
+    Of our own controllers one that needs no policy stands for it, where a gait and a terrain are chosen.
+    """
+    if options.controller != NOBODY:
+        package, _, executable = options.controller.partition("/")
+        with complaints(LaunchError):
+            find_executable(package, executable)
+    own = "clf-qp" if given.values.get("terrain") == "flat" else "cbf-clf-qp"
+    return options.model_copy(update={"trainer": False}), Given({**given.values, "controller": own}, given.defaults)
 
 
 def assembly_of_nodes(given: Given, policy: str | None, parameters: str) -> Any:

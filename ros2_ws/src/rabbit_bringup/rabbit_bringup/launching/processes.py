@@ -78,10 +78,13 @@ class Processes:
         """Look after a node that somebody else has started, and shows what it prints."""
         self._running[name] = Foreign(pid)
 
-    def start(self, name: str, arguments: Sequence[str] = (), kind: str = "") -> None:
-        """Start a node, one of `kind` under a name of its own if that is given; raises `LaunchError`."""
+    def start(self, name: str, arguments: Sequence[str] = (), kind: str = "", package: str = "") -> None:
+        """Start a node, by default our own of that name; else the executable `kind` of a `package`.
+
+        Raises `LaunchError`.
+        """
         kind = kind or name
-        command = [str(find_executable(PACKAGES[kind], kind)), *arguments]
+        command = [str(find_executable(package or PACKAGES[kind], kind)), *arguments]
         self._logs.mkdir(parents=True, exist_ok=True)
         with (self._logs / f"{name}.log").open("ab") as log:
             self._running[name] = subprocess.Popen(

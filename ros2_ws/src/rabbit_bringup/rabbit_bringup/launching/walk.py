@@ -17,7 +17,10 @@ from rabbit_sim.parameters import SimulationParameters
 from rabbit_viewer.page import PORT
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
+from rabbit_bringup.launching.processes import PACKAGES
+
 MOST_EPISODES = 10_000
+NOBODY = "none"  # as the controller: one that is started by hand
 
 
 class WalkOptions(BaseModel):
@@ -25,6 +28,9 @@ class WalkOptions(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
+    controller: str = Field(
+        "", description="controller by name, PACKAGE/EXECUTABLE of another node, or none: you start one yourself"
+    )
     out: Path | None = Field(None, description="folder for all that the walk leaves (default: runs/DATE-seed-SEED)")
     seed: int = Field(1, ge=0, le=2**63 - 1, description="of course, first state and noise")
     episodes: int = Field(1, ge=1, le=MOST_EPISODES, description="episodes, their seeds counting up")
@@ -52,6 +58,11 @@ class WalkOptions(BaseModel):
     namespace: str = Field("", pattern=NAMESPACE, description="of the graph")
     ready_timeout: float = Field(60.0, gt=0, le=3600, description="s for the nodes to find each other")
     log_level: Literal["debug", "info", "warn", "error", "fatal"] = Field("info", description="of all nodes")
+
+    @property
+    def is_foreign(self) -> bool:
+        """Whether another node than ours is the controller."""
+        return self.controller == NOBODY or "/" in self.controller
 
     @property
     def learns_between(self) -> bool:
@@ -85,9 +96,16 @@ class WalkSettings(BaseModel):
     def names(self) -> list[str]:
         """The nodes: simulator and controller; an estimator if need be; trainer, recorder and viewer if wanted."""
         options = self.options
-        wanted = {"estimator": self.simulation.sensors == "lab", "trainer": options.trainer}
-        wanted |= {"recorder": options.record, "viewer": options.view}
-        return ["simulator", "controller", *(name for name, is_wanted in wanted.items() if is_wanted)]
+        wanted = {"controller": options.controller != NOBODY, "estimator": self.simulation.sensors == "lab"}
+        wanted |= {"trainer": options.trainer, "recorder": options.record, "viewer": options.view}
+        return ["simulator", *(name for name, is_wanted in wanted.items() if is_wanted)]
+
+    def executable(self, name: str) -> tuple[str, str]:
+        """Package and executable of a node."""
+        if name == "controller" and self.options.is_foreign:
+            package, _, executable = self.options.controller.partition("/")
+            return package, executable
+        return PACKAGES[name], name
 
     @property
     def parameter_file(self) -> Path:
@@ -136,4 +154,6 @@ class WalkSettings(BaseModel):
             "recorder": {"path": str(self.folder / "recording")},
             "viewer": {"port": options.view_port, "wait": 0.0},
         }
-        return {name: {**self.further.get(name, {}), **by_node[name]} for name in self.names}
+        if options.is_foreign:
+            del by_node["controller"]
+        return {name: {**self.further.get(name, {}), **by_node[name]} for name in self.names if name in by_node}

@@ -17,6 +17,7 @@ from rabbit_common.executables import LaunchError
 from rabbit_common.exit_codes import ExitCode, Interrupted
 from rabbit_recording import RecordingError
 
+from rabbit_bringup.launching.parameter_file import write_parameters
 from rabbit_bringup.launching.walk import WalkSettings
 
 Ended = Callable[[Any], None]  # gets the `Episode` message of an episode that has ended
@@ -34,7 +35,9 @@ def carry_out(walk: WalkSettings, run: Callable[[Ended], Any]) -> int:
         print(line(episode), flush=True)
 
     try:
-        seconds = run(tell).seconds
+        with contextlib.ExitStack() as at_last:
+            at_last.callback(_free_of_launcher, walk)
+            seconds = run(tell).seconds
     except Interrupted as error:
         complain(f"stopped by {error}; what was recorded is in {walk.folder}")
         return error.code
@@ -49,6 +52,18 @@ def carry_out(walk: WalkSettings, run: Callable[[Ended], Any]) -> int:
     others = f"; torques of {refused[0]} were refused" if refused else ""
     print(f"{code.word}: {counted.count('walked')} of {len(counted)} episodes walked{others}", flush=True)
     return code
+
+
+def _free_of_launcher(walk: WalkSettings) -> None:
+    """Leave parameters under which the nodes walk again without a launcher: nobody would let the simulator begin.
+
+    Its memory says that all episodes are done.
+    """
+    if walk.parameter_file.exists():
+        parameters = walk.parameters()
+        for name in ("start_paused", "memory"):
+            del parameters["simulator"][name]
+        write_parameters(walk.parameter_file, parameters)
 
 
 def line(episode: Any) -> str:
@@ -141,7 +156,7 @@ def write_summary(
     from rabbit_description.atomic_file import replace_text
     from rabbit_description.state import TICK_SECONDS
     from rabbit_experiments import provenance
-    from rabbit_experiments.walk_records import WalkRecords, about_walk, save_records
+    from rabbit_experiments.walk_records import DRAWN, WalkRecords, about_walk, save_records
     from rabbit_recording.reader import iterate_episodes
     from rabbit_recording.timing import real_time_figures
 
@@ -162,13 +177,18 @@ def write_summary(
         "command": provenance.command(),
         "commit": provenance.commit(),
         "versions": provenance.versions(),
-        "controller": walk.controller,
+        "controller": walk.options.controller if walk.options.is_foreign else walk.controller,
         "simulation": walk.simulation,
     }
     replace_text(walk.folder / "summary.json", to_json(summary, indent=2, inf_nan_mode="null").decode() + "\n")
     if last is not None:
         version = last.records[-1].output.policy_version
         about = about_walk(walk.controller, walk.simulation, version, last.seed, last.outcome)
+        if walk.options.is_foreign:
+            name = last.controller or "a controller without a name"
+            title = f"{name}, mass scale {walk.simulation.mass_scale:g}, seed {last.seed}: {last.outcome}"
+            about = {each: value for each, value in about.items() if each not in DRAWN}
+            about |= {"controller": name, "title": title}
         save_records(WalkRecords.from_ticks(last.records, last.landings, about), walk.folder / "records.npz")
     return summary
 

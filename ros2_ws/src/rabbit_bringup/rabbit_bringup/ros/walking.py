@@ -51,7 +51,8 @@ def walking(
             write_parameters(walk.parameter_file, walk.parameters())
             for name in sorted(walk.names, key=lambda name: name != "trainer"):  # which imports the longest
                 processes.check()
-                processes.start(name, walk.arguments(name))
+                package, executable = walk.executable(name)
+                processes.start(name, walk.arguments(name), executable, package)
         else:
             for name, pid in launched.items():
                 processes.adopt(name, pid)

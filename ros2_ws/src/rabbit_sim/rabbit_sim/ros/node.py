@@ -31,9 +31,11 @@ ERRORS = (GaitError, CourseError, RestartFileError)  # of the constructor, when 
 class SimulatorNode(CheckedNode):
     """Plays episodes with whoever answers its states."""
 
+    PARAMETERS = NodeParameters
+
     def __init__(self) -> None:
         super().__init__("simulator")
-        self._own = declare(self, NodeParameters, dynamic=("pace",))
+        self._own = declare(self, self.PARAMETERS, dynamic=("pace",))
         plant = declare(self, SimulationParameters)
         refuse_unknown(self)
         take_priority(self._own.priority, self.get_logger().warning)
@@ -52,6 +54,8 @@ class SimulatorNode(CheckedNode):
         follow(self, self._own, self._set_pace)
         episodes = f"{self._own.episodes} episodes from seed {self._own.seed}"
         self.get_logger().info(f"ready: {episodes}, of {plant.stones} stones")
+        if (done := self._player.episode.episode) >= self._own.episodes > 0:
+            self.get_logger().warning(f"memory {self._own.memory}: all {done} episodes are done, and none begins")
 
     def close(self) -> None:
         """End the episode, give back the plant."""

@@ -64,12 +64,13 @@ class GraphPage:
         of = (episode.episode, episode.seed, drawn, output.quantities)
         if self._maker is None or of != self._of:
             self._of, self._maker = of, RowMaker(drawn, output.quantities)
+            walker = f"policy {output.policy_version}" if output.policy_version else episode.controller
             about = {
                 "mode": "graph",
                 "title": f"episode {episode.episode}, seed {episode.seed}",
                 "stones": episode.stones or None,
                 "tick_seconds": TICK_SECONDS,
-                "walkers": [self._maker.about(f"policy {output.policy_version}")],
+                "walkers": [self._maker.about(walker)],
                 "control": self._control,
             }
             self._broadcast.begin(about)

@@ -16,11 +16,12 @@ KEPT = 16  # ticks that wait for their last part
 class NewestTicks:
     """The newest ticks of which there is a message on each of `topics`; all begin with header, episode, tick.
 
+    `topics` may change: a controller of another kind publishes fewer.
     `parts`: of tick `key` (episode, tick), the newest; `earlier`: of the ticks since the last `take`, the oldest first.
     """
 
     def __init__(self, *topics: str) -> None:
-        self._topics = frozenset(topics)
+        self.topics = frozenset(topics)
         self.clear()
 
     def clear(self) -> None:
@@ -43,7 +44,7 @@ class NewestTicks:
         key = turn_of(data)
         parts = self._waiting.setdefault(key, {})
         parts[topic] = data
-        if parts.keys() == self._topics:
+        if self.topics <= parts.keys():
             if self.parts:
                 self.earlier.append(self.parts)
             self.key, self.parts = key, self._waiting.pop(key)
@@ -51,12 +52,13 @@ class NewestTicks:
             del self._waiting[next(iter(self._waiting))]
 
 
-def checked_tick(parts: dict[str, bytes]) -> tuple[RobotState, ControllerState, LearnerTerms]:
-    """The messages of a tick; raises `Refused`."""
-    state, details, terms = (decoded(parts[name], kind, {}) for name, kind in TICK_TOPICS.items())
+def checked_tick(parts: dict[str, bytes]) -> tuple[RobotState, ControllerState | None, LearnerTerms | None]:
+    """The messages of a tick; None where there is none of the controller's. Raises `Refused`."""
+    found = {name: decoded(data, TICK_TOPICS[name], {}) for name, data in parts.items()}
+    state, details, terms = found["state"], found.get("controller_state"), found.get("learner_terms")
     check_lengths(state, LENGTHS)
     check_finite("q", state.q)
     check_finite("foot_force", state.foot_force)
-    if details.stance not in (0, 1):
+    if details and details.stance not in (0, 1):
         raise Refused("no leg", f"stance = {details.stance}; expected 0 or 1")
     return state, details, terms

@@ -21,7 +21,7 @@ from rabbit_common.ros.parameters import declare, refuse_unknown
 from rabbit_common.ros.qos import EVENT
 from rabbit_common.ros.spin import run, steady_timer
 from rabbit_common.ros.waiting_messages import WaitingMessages
-from rabbit_description.state import Leg, RobotState, StonePreview
+from rabbit_description.state import RobotState, StonePreview
 from rabbit_experiments.walk_records import drawn_parameters
 from rabbit_msgs import msg
 from rl_cbf_clf_controller.message_fields import output_of
@@ -118,6 +118,7 @@ class ViewerNode(CheckedNode):
         """Show the newest ticks if there are new ones, or the last again now and then."""
         while self._graph_services and not self._page.asked.empty():
             self._graph_services.ask(self._page.asked.get())
+        self._ticks.topics = frozenset(name for name in TICK_TOPICS if name == "state" or self.count_publishers(name))
         self._ticks.take(self._waiting_messages.take())
         now = time.monotonic()
         until, wait = self._patience
@@ -140,9 +141,9 @@ class ViewerNode(CheckedNode):
             for parts in (*self._ticks.earlier, self._ticks.parts):
                 self._show_row(parts)
         if self._rviz.is_watched:
-            state, details, _ = self._checked(self._ticks.parts)
+            state, *_ = self._checked(self._ticks.parts)
             self._is_present(state.episode)
-            self._rviz.show(state, Leg(details.stance), self._ahead(state))
+            self._rviz.show(state, self._ahead(state))
         self._message_counter.accept("tick")
 
     def _show_row(self, parts: dict[str, bytes]) -> None:
@@ -153,15 +154,16 @@ class ViewerNode(CheckedNode):
         ahead = self._ahead(state)
         if state.previewed and ahead is None:  # the preview is on its way; a row without it would hide the stone
             return
-        output = output_of(details, terms, np.array(state.applied))
+        output = output_of(details, terms, np.array(state.applied), state)
         drawn = self._drawn.get(self._episode.controller) or next(reversed(self._drawn.values()), {})
-        self._page.show(self._episode, drawn, RobotState.of_message(state, ahead), output)
+        if state.running or details:  # an episode's last state has no answer
+            self._page.show(self._episode, drawn, RobotState.of_message(state, ahead), output)
 
     def _checked(self, parts: dict[str, bytes]) -> tuple[Any, Any, Any]:
         """A tick's messages; raises `Refused`, also where the controller's is of one whose torques do not act."""
         state, details, terms = checked_tick(parts)
         e = self._episode
-        for each in (details, terms):
+        for each in filter(None, (details, terms)):
             if state.episode == e.episode and e.controller not in ("", each.sender):
                 raise Refused("another controller", f"{each.sender}; {e.controller} walks episode {e.episode}")
         return state, details, terms

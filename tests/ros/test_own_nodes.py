@@ -1,0 +1,144 @@
+"""A controller and a simulator of one's own, plain rclpy: all that shows or checks a walk works with them."""
+
+import math
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from page_client import PageClient, free_port
+from rabbit_common.exit_codes import ExitCode
+from rabbit_recording.contents import contents
+from rabbit_recording.reader import read_episodes
+from rabbit_viewer.geometry import feet
+from tf2_msgs.msg import TFMessage
+from visualization_msgs.msg import MarkerArray
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+RABBIT = (sys.executable, "-c", "from rabbit_bringup.cli import app; app()")
+WALK = ("--terrain", "flat", "--stones", "3", "--ready-timeout", "180")
+
+
+def rabbit(*words: object, **environment: str) -> subprocess.CompletedProcess[str]:
+    """Call the command and wait."""
+    known = {**os.environ, **environment}
+    return subprocess.run([*RABBIT, *map(str, words)], capture_output=True, text=True, timeout=400, env=known)
+
+
+@contextmanager
+def example(name: str, *words: str) -> Iterator[subprocess.Popen[bytes]]:
+    """One of the examples, as a user starts it."""
+    process = subprocess.Popen([sys.executable, EXAMPLES / f"{name}.py", "--ros-args", *words])
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.wait()
+
+
+@pytest.fixture
+def package(tmp_path: Path) -> dict[str, str]:
+    """The environment in which a package `stranger` with the controller is sourced."""
+    prefix = tmp_path / "install"
+    index = prefix / "share" / "ament_index" / "resource_index" / "packages" / "stranger"
+    executable = prefix / "lib" / "stranger" / "pd"
+    for path in (index, executable):
+        path.parent.mkdir(parents=True)
+        path.touch()
+    executable.write_text(f"#!{sys.executable}\n{(EXAMPLES / 'own_controller_node.py').read_text()}")
+    executable.chmod(0o755)
+    return {"AMENT_PREFIX_PATH": f"{prefix}:{os.environ['AMENT_PREFIX_PATH']}"}
+
+
+def assert_shown_and_checked(recording: Path) -> None:
+    """Information, check, plot, film and page tell of its ticks, which a walk of a controller of ours has too."""
+    (episode,) = contents(recording).episodes
+    assert episode.recorded > 0
+    assert (episode.lost, episode.first) == (0, 0)
+    checked = rabbit("bag", "check", recording)
+    assert checked.returncode == 0, checked.stderr
+    assert f"{episode.recorded} ticks, 0 lost, 0 replayed" in checked.stdout
+    plotted = rabbit("bag", "plot", recording)
+    assert plotted.returncode == 0, plotted.stderr
+    assert {Path(line).stem for line in plotted.stdout.split()} >= {"walk", "swing_foot", "forces", "torques"}
+    filmed = rabbit("video", recording, "--no-gif")
+    assert filmed.returncode == 0, filmed.stderr
+    assert recording.with_suffix(".mp4").stat().st_size > 10_000
+    page = recording.with_suffix(".html")
+    shown = rabbit("bag", "show", recording, "--export", page)
+    assert shown.returncode == 0, shown.stderr
+    assert page.is_file()
+
+
+def test_a_controller_of_another_package_walks(tmp_path: Path, package: dict[str, str]) -> None:
+    folder, port = tmp_path / "walk", free_port()
+    words = (*WALK, "--controller", "stranger/pd", "--out", folder, "--view", "--view-port", port, "--pace", "2")
+    process = subprocess.Popen([*RABBIT, "walk", *map(str, words)], env={**os.environ, **package})
+    with PageClient(f"http://127.0.0.1:{port}", timeout=300) as client:
+        while process.poll() is None:
+            client.hear(0.5)
+    assert process.returncode == ExitCode.WALKED
+    episode = read_episodes(folder / "recording")[1]
+    assert (episode.outcome, episode.controller, len(episode.landings)) == ("walked", "pd", 3)
+    assert {record.output.stance for record in episode.records} == {0, 1}
+    for (row,) in client.rows:
+        record = episode.records[int(row["tick"])]
+        shown = [[row[f"{side}_foot_{axis}"] for axis in "xz"] for side in ("left", "right")]
+        np.testing.assert_allclose(shown, feet(record.state.q[None])[0], atol=1e-6)
+        assert math.isnan(row["V"])
+        assert row["F_N"] == np.float32(record.state.foot_force[record.output.stance, 1])
+    assert client.rows
+    assert client.words["about"]["walkers"][0]["name"] == "pd"
+    assert {"walk.mp4", "walk.gif", "records.npz", "summary.json"} <= {path.name for path in folder.iterdir()}
+    assert_shown_and_checked(shutil.copytree(folder / "recording", tmp_path / "copy"))
+
+
+def test_a_controller_and_a_simulator_of_ones_own_are_shown_and_recorded(tmp_path: Path, world: Any) -> None:
+    frames: list[TFMessage] = []
+    stones: list[MarkerArray] = []
+    world.node.create_subscription(TFMessage, "tf", frames.append, 10)
+    world.node.create_subscription(MarkerArray, "markers", stones.append, 10)
+    states, episodes, port = world.hear("state"), world.hear("episode"), free_port()
+    world.start("viewer", port=port)
+    world.start("recorder", path=str(tmp_path / "recording"))
+    world.wait(lambda: len({status.name for m in world.hear("diagnostics") for status in m.status}) == 2)
+    space = ("-r", f"__ns:=/{world.namespace}")
+    with (
+        PageClient(f"http://127.0.0.1:{port}") as client,
+        example("own_simulator_node", *space),
+        example("own_controller_node", *space),
+    ):
+        world.wait(lambda: bool(episodes) and episodes[-1].outcome == "walked")
+        world.wait(lambda: bool(frames and stones))
+        client.wait(lambda client: len(client.rows) > 0)
+    world.processes.send("recorder", signal.SIGINT)
+    assert world.processes.wait("recorder", 60) == 0
+    stamps = {(state.header.stamp.sec, state.header.stamp.nanosec): state for state in states}
+    for each in frames:
+        moved = {one.child_frame_id: one for one in each.transforms}
+        at = each.transforms[0].header.stamp
+        turn = moved["left_thigh"].transform.rotation
+        assert 2 * math.atan2(turn.y, turn.w) == pytest.approx(stamps[at.sec, at.nanosec].q[3])
+    assert_shown_and_checked(tmp_path / "recording")
+
+
+@pytest.mark.parametrize(
+    ("controller", "code", "word"),
+    [
+        ("none", ExitCode.NODE_DIED, "simulator: waiting for a controller"),
+        ("nowhere/pd", ExitCode.NODE_DIED, "package nowhere: not in the sourced workspaces"),
+        ("rabbit_sim/pd", ExitCode.NODE_DIED, "rabbit_sim has no executable pd; it has: simulator"),
+    ],
+)
+def test_a_controller_that_is_not_there_is_one_line(tmp_path: Path, controller: str, code: int, word: str) -> None:
+    done = rabbit("walk", "--controller", controller, "--out", tmp_path / "walk", "--ready-timeout", "20")
+    assert done.returncode == code
+    assert word in done.stderr
+    assert len(done.stderr.splitlines()) == 1
