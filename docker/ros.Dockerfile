@@ -14,9 +14,15 @@ RUN apt-get update \
 ARG TORCH_WHEEL
 ARG PIP_INDEX_URL
 ARG PIP_CERT
+ENV PIP_NO_CACHE_DIR=1
 WORKDIR /opt/rabbit
+# What the libraries depend on, so that an edit of anything else installs none again
+COPY Makefile ./
+COPY requirements requirements
+COPY scripts/checks.py scripts/common.py scripts/mend_ros_wheels.py scripts/pip_install.py scripts/set_up.py scripts/
+RUN make setup PYTHON=/usr/bin/python3
 COPY . .
-RUN PIP_NO_CACHE_DIR=1 make build PYTHON=/usr/bin/python3 && .venv/bin/python -m compileall -q ros2_ws/src
+RUN make build && .venv/bin/python -m compileall -q ros2_ws/src
 USER rabbit
 WORKDIR /walks
 ENTRYPOINT ["/opt/rabbit/docker/entrypoint.sh"]

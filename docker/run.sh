@@ -1,11 +1,11 @@
 #!/usr/bin/env bash
-# One command in the image, shut off: no network but loopback, no privileges, nothing kept but ./runs.
+# One command in the image, shut off: no network but its own loopback, no privileges, nothing kept but ./runs.
 #   docker/run.sh                               walks
 #   docker/run.sh rabbit evaluate --help        any other command
-# IMAGE (rabbit) and ENGINE (docker; podman) from the environment.
+# IMAGE (rabbit), ENGINE (docker; podman) and NETWORK (none; host: this machine's `ros2` sees the graph) from the environment.
 set -euo pipefail
 mkdir -p runs
-options=(--rm --init --network none --cap-drop ALL --security-opt no-new-privileges)
+options=(--rm --init --network "${NETWORK:-none}" --cap-drop ALL --security-opt no-new-privileges)
 options+=(--stop-timeout 30) # the launcher ends its nodes in order, and gives each 12 s
 options+=(--volume "$PWD/runs:/walks/runs" --env HOME=/tmp)
 [[ ! -t 0 || ! -t 1 ]] || options+=(--interactive --tty)

@@ -60,13 +60,15 @@ def clear_if_moved() -> None:
     mark.write_text(place())
 
 
-def clear_generated_scripts() -> None:
-    """Remove what earlier versions installed where a link to the package's own file goes: colcon would stop there."""
+def clear_executables() -> None:
+    """Remove what earlier builds installed as executables: colcon installs those of today, and takes away none."""
+    for folder in INSTALL.glob("*/lib/*"):
+        if folder.name == folder.parents[1].name:
+            shutil.rmtree(folder)
     for script in SOURCES.glob("*/bin/*"):
-        package, name = script.parent.parent.name, script.name
-        for old in (INSTALL / package / "lib" / package / name, INSTALL / package / "bin" / name):
-            if not old.is_symlink():
-                old.unlink(missing_ok=True)
+        old = INSTALL / script.parent.parent.name / "bin" / script.name
+        if not old.is_symlink():  # colcon would stop there
+            old.unlink(missing_ok=True)
 
 
 def clear_dangling_links() -> None:
@@ -97,7 +99,7 @@ def build() -> None:
         return
     say("build: the ROS 2 workspace (a minute the first time)")
     clear_if_moved()
-    clear_generated_scripts()
+    clear_executables()
     clear_dangling_links()
     colcon_build()
     mark_done("workspace", key)

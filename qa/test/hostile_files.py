@@ -30,6 +30,7 @@ from pathlib import Path
 from types import FrameType
 
 sys.path.append(str(Path(__file__).resolve().parents[2] / "tests/shared"))
+sys.path.append(str(Path(__file__).resolve().parents[2] / "ros2_ws/src/rabbit_recording/test"))
 
 import numpy as np
 import torch

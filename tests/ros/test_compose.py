@@ -16,7 +16,7 @@ from rabbit_msgs.msg import Episode
 from rabbit_recording.reader import iterate_episodes
 
 ROOT = Path(__file__).resolve().parents[2]
-CHANGED = {"/opt/rabbit": str(ROOT), "port 8765": "port 0", "0.0.0.0": "127.0.0.1", "pace:=1.0": "pace:=0.0"}
+CHANGED = {"port 8765": "port 0", "0.0.0.0": "127.0.0.1", "pace:=1.0": "pace:=0.0"}
 MEMORY = "/dev/shm"  # of `ground`
 PATIENCE = 180.0  # s
 

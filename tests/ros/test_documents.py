@@ -11,7 +11,8 @@ import rl_cbf_clf_controller.ros.policies
 import rl_trainer.ros.node
 import yaml
 from pydantic import BaseModel
-from rabbit_common.ros.topics import TOPICS
+from rabbit_bringup.launching.processes import PACKAGES
+from rabbit_common.ros.topics import SERVICES, TOPICS
 from rabbit_estimator.parameters import EstimatorParameters
 from rabbit_recording.ros import recorder as recorder_node
 from rabbit_sim.parameters import SimulationParameters
@@ -54,6 +55,14 @@ def test_topics_page_lists_every_topic() -> None:
         assert row_of_qos(qos)[1] == topic.qos.durability.name.lower().replace("_", " ")
 
 
+def test_each_packages_readme_names_its_nodes_topics_and_services() -> None:
+    for node, package in PACKAGES.items():
+        text = (BRINGUP.parent / package / "README.md").read_text(encoding="utf-8")
+        wanted = {topic.name for topic in TOPICS if node in (topic.publisher, *topic.readers)}
+        wanted |= {service.name for service in SERVICES if service.node == node}
+        assert wanted <= set(re.findall(r"`(\w+)`", text)), package
+
+
 def row_of_qos(name: str) -> list[str]:
     """Cells of a QoS profile's row."""
     found = re.search(rf"^\| {name} \|(.*)\|$", PAGE, re.MULTILINE)
@@ -80,9 +89,9 @@ def test_every_parameter_is_described() -> None:
             assert field.description, f"{model.__name__}.{name}"
 
 
-def test_walk_yaml_names_known_parameters_with_their_values() -> None:
-    content = yaml.safe_load((BRINGUP / "config" / "walk.yaml").read_text(encoding="utf-8"))
-    assert {key.removeprefix("/**/") for key in content} == set(MODELS)
+def test_graph_yaml_names_known_parameters_with_their_values() -> None:
+    content = yaml.safe_load((BRINGUP / "config" / "graph.yaml").read_text(encoding="utf-8"))
+    assert {key.removeprefix("/**/") for key in content} <= set(MODELS)
     for key, body in content.items():
         left: dict[str, Any] = dict(body["ros__parameters"])
         for model in MODELS[key.removeprefix("/**/")]:
@@ -90,12 +99,23 @@ def test_walk_yaml_names_known_parameters_with_their_values() -> None:
         assert not left
 
 
-def test_launch_file_leaves_nodes_and_parameters_to_the_one_description_of_the_graph() -> None:
+def test_rosbag2_is_told_how_to_keep_every_tick() -> None:
+    told = yaml.safe_load((BRINGUP / "config" / "rosbag2_qos.yaml").read_text(encoding="utf-8"))
+    assert list(told) == [f"/{topic.name}" for topic in TOPICS]
+    for topic in TOPICS:
+        qos = told[f"/{topic.name}"]
+        asked = (topic.qos.reliability.name.lower(), topic.qos.durability.name.lower(), "keep_last")
+        assert (qos["reliability"], qos["durability"], qos["history"]) == asked
+        assert qos["depth"] >= topic.qos.depth
+
+
+def test_walk_launch_leaves_nodes_and_parameters_to_the_one_description_of_the_graph() -> None:
     tree = ast.parse((BRINGUP / "launch" / "walk.launch.py").read_text(encoding="utf-8"))
     called = {getattr(node.func, "id", "") for node in ast.walk(tree) if isinstance(node, ast.Call)}
     words = {node.value for node in ast.walk(tree) if isinstance(node, ast.Constant)}
-    assert {"prepare", "described", "write_parameters"} <= called
-    assert not words & {*MODELS}
+    assert {"prepare", "arguments_of", "write_parameters"} <= called
+    assert "graph.launch.py" in words
+    assert words & {*MODELS} <= {"controller"}  # an argument
 
 
 def test_no_node_hides_an_attribute_of_rclpy() -> None:

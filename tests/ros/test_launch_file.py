@@ -1,13 +1,16 @@
-"""walk.launch.py: what it starts, says and leaves is what `rabbit walk` does.
+"""walk.launch.py: what it starts, says and leaves is what `rabbit walk` does. graph.launch.py: in a user's own file.
 
 launch itself is not among the wheels. Where it is not installed, its part is played by the test: it starts the graph's
 nodes, and the `launcher` with their process ids.
 """
 
 import json
+import os
 import re
+import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
@@ -23,8 +26,12 @@ from rabbit_common.executables import find_executable
 from rabbit_common.exit_codes import ExitCode
 from rabbit_common.options import Given
 from rabbit_msgs.msg import Episode
+from rabbit_recording.reader import iterate_episodes
+from rabbit_sim.parameters import SimulationParameters
+from rl_cbf_clf_controller.parameters import ControllerParameters
 
-FILE = Path(__file__).parents[2] / "ros2_ws" / "src" / "rabbit_bringup" / "launch" / "walk.launch.py"
+ROOT = Path(__file__).parents[2]
+FILE = ROOT / "ros2_ws" / "src" / "rabbit_bringup" / "launch" / "walk.launch.py"
 RABBIT = (sys.executable, "-c", "from rabbit_bringup.cli import app; app()", "walk")
 LAUNCH = """
 import sys
@@ -37,6 +44,49 @@ included = IncludeLaunchDescription(AnyLaunchDescriptionSource(sys.argv[1]), lau
 service.include_launch_description(LaunchDescription([included]))
 sys.exit(service.run())
 """
+OWN_CONTROLLER = """
+import rclpy
+from rabbit_common.ros.qos import TICK
+from rabbit_msgs.msg import RobotState, TorqueCommand
+
+def answer(state):
+    torques.publish(TorqueCommand(episode=state.episode, tick=state.tick, torque=[0.0] * 4, sender="me"))
+
+rclpy.init()
+node = rclpy.create_node("own")
+torques = node.create_publisher(TorqueCommand, "torque", TICK)
+node.create_subscription(RobotState, "state", answer, TICK)
+try:
+    rclpy.spin(node)
+except (KeyboardInterrupt, rclpy.executors.ExternalShutdownException):
+    pass
+"""
+MONITOR = """
+import rclpy
+from rabbit_common.ros.qos import EVENT, TICK
+from rabbit_msgs.msg import Episode
+from rabbit_recording.reader import iterate_episodes
+from rabbit_sim.parameters import SimulationParameters
+from rl_cbf_clf_controller.parameters import ControllerParameters
+from sensor_msgs.msg import JointState
+
+def take(side, episode):
+    if episode.phase == Episode.ENDED and episode.tick > 0:
+        ended[side] = f"{episode.outcome} by {episode.controller.split()[0]}"
+    if len(ended) == 2:
+        print(f"both ended: {ended['left']}, {ended['right']}, {len(encoders)}", flush=True)
+
+rclpy.init()
+node = rclpy.create_node("monitor")
+ended, encoders = {}, []
+node.create_subscription(JointState, "left/encoders", encoders.append, TICK)
+for side in ("left", "right"):
+    node.create_subscription(Episode, f"{side}/episode", lambda m, side=side: take(side, m), EVENT)
+try:
+    rclpy.spin(node)
+except (KeyboardInterrupt, rclpy.executors.ExternalShutdownException):
+    pass
+"""
 SMALL = {"stones": "2", "trainer": "false", "pictures": "false", "video": "false", "ready_timeout": "180"}
 PATIENCE = 180.0  # s
 
@@ -46,17 +96,18 @@ needs_launch = pytest.mark.skipif(
 
 
 @contextmanager
-def launched(folder: Path, **asked: str) -> Iterator[tuple[Processes, "subprocess.Popen[str]"]]:
-    """The nodes of a walk, and the launcher that sees them through it."""
+def launched(folder: Path, *remaps: str, **asked: str) -> Iterator[tuple[Processes, "subprocess.Popen[str]"]]:
+    """The nodes of a walk, and the launcher that sees them through it; all with these ROS arguments."""
     walk = prepare(Given({**SMALL, **asked, "out": str(folder)}, DEFAULTS))
     write_parameters(walk.parameter_file, walk.parameters())
     processes = Processes(folder / "log")
     for name in walk.names:
-        processes.start(name, walk.arguments(name))
+        processes.start(name, [*walk.arguments(name), *remaps])
     (folder / "log" / "walk.json").write_text(walk.model_dump_json())
     command = [find_executable("rabbit_bringup", "launcher"), folder / "log" / "walk.json"]
     pids = [f"{name}={processes.pid(name)}" for name in walk.names]
-    launcher = subprocess.Popen([*map(str, command), *pids], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    words = [*map(str, command), *pids, "--ros-args", *remaps]
+    launcher = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     try:
         yield processes, launcher
     finally:
@@ -72,6 +123,16 @@ def test_the_launcher_sees_nodes_of_others_through_their_walk(tmp_path: Path) ->
         assert [processes.wait(name, 1.0) for name in ("simulator", "controller", "recorder")] == [0, 0, 0]
     assert out.splitlines()[-1] == "walked: 2 of 2 episodes walked"
     assert json.loads((tmp_path / "walk" / "summary.json").read_text())["walked"]
+
+
+def test_remapped_topics_reach_their_readers_and_their_place_in_the_recording(tmp_path: Path) -> None:
+    remaps = ("-r", "state:=estimate", "-r", "joint_states:=encoders", "-r", "landing:=/steps")
+    with launched(tmp_path / "walk", *remaps, namespace="remapped", sensors="lab") as (_, launcher):
+        out, said = launcher.communicate(timeout=300)
+        assert launcher.returncode == ExitCode.WALKED, said
+    assert out.splitlines()[-1] == "walked: 1 of 1 episodes walked"
+    summary = json.loads((tmp_path / "walk" / "summary.json").read_text())
+    assert summary["ticks"] == summary["episodes"][0]["ticks"] > 0
 
 
 def test_the_launcher_ends_what_is_left_when_a_node_dies(tmp_path: Path, make_world: Any) -> None:
@@ -94,6 +155,62 @@ def test_the_launcher_is_not_for_people(words: tuple[str, ...]) -> None:
     (line,) = done.stderr.splitlines()
     assert done.returncode == ExitCode.REFUSED
     assert "walk.launch.py" in line
+
+
+@pytest.fixture
+def users_prefix(tmp_path: Path) -> Path:
+    """A prefix with a package that has a controller and a monitor; both write what they did."""
+    prefix = tmp_path / "prefix"
+    (folder := prefix / "lib" / "my_package").mkdir(parents=True)
+    (index := prefix / "share" / "ament_index" / "resource_index" / "packages").mkdir(parents=True)
+    (index / "my_package").touch()
+    for name, text in {"my_controller": OWN_CONTROLLER, "my_monitor": MONITOR}.items():
+        (folder / name).write_text(f"#!{sys.executable}\n{text}")
+        (folder / name).chmod(0o755)
+    return prefix
+
+
+@needs_launch
+def test_a_users_launch_file_starts_two_graphs_replaces_a_controller_and_goes_on(
+    tmp_path: Path, users_prefix: Path
+) -> None:
+    """The one of docs/operations.md."""
+    text = (ROOT / "docs" / "operations.md").read_text(encoding="utf-8")
+    (file := tmp_path / "two.launch.py").write_text(text.split("```python\n")[1].split("```")[0])
+    environment = {**os.environ, "AMENT_PREFIX_PATH": f"{users_prefix}:{os.environ['AMENT_PREFIX_PATH']}"}
+    command = [sys.executable, "-u", "-c", LAUNCH, str(file)]
+    with subprocess.Popen(command, cwd=tmp_path, env=environment, stdout=subprocess.PIPE, text=True) as running:
+        assert running.stdout is not None
+        said = []
+        for line in running.stdout:
+            said.append(line)
+            if "both ended" in line:
+                break
+        time.sleep(1.0)
+        assert running.poll() is None, "".join(said)
+        running.send_signal(signal.SIGINT)
+        said += running.stdout.readlines()
+        assert running.wait(PATIENCE) == 0
+    (heard,) = re.findall(r"both ended: (.*)", "".join(said))
+    left, right, encoders = heard.split(", ")
+    assert (left, int(encoders) > 100) == ("walked by /left/controller", True)
+    assert right == "fall by me"
+    (episode,) = iterate_episodes(tmp_path / "recording")
+    assert (episode.outcome, episode.lost) == ("walked", 0)
+
+
+@needs_launch
+def test_arguments_show_the_defaults_that_hold() -> None:
+    from launch.launch_description_sources import get_launch_description_from_python_launch_file as read
+
+    shown = {}
+    for argument in read(str(FILE.with_name("graph.launch.py"))).get_launch_arguments():
+        shown[argument.name] = "".join(part.text for part in argument.default_value)
+        assert argument.description not in ("", "no description given"), argument.name
+    own = {**DEFAULTS.always, **DEFAULTS.bare}
+    for model in (SimulationParameters, ControllerParameters):
+        holds = model(**{name: value for name, value in own.items() if name in model.model_fields})
+        assert model(**{name: shown[name] for name in model.model_fields}) == holds
 
 
 def launch(*words: str) -> "subprocess.CompletedProcess[str]":

@@ -89,6 +89,41 @@ def test_a_recorder_begun_in_the_middle_tells_recorded_from_announced(world: Any
     assert [(each.replayed, each.differing) for each in checked] == [(0, []), *((e.recorded, []) for e in there[1:])]
 
 
+def test_further_topics_are_recorded_where_they_are_asked_for(world: Any) -> None:
+    """Standard ones, one of a stranger, and one that nobody publishes; the ticks stay whole."""
+    from std_msgs.msg import String
+
+    episodes, path, words = (
+        world.hear("episode"),
+        world.folder / "recording",
+        world.node.create_publisher(String, "words", 10),
+    )
+    asked = ["left_foot/wrench", "right_foot/wrench", "tf", "words", "nothing", "torque"]
+    world.start("simulator", **{**PLANT, "stones": 1})
+    world.start("controller")
+    world.start("recorder", path=str(path), topics=asked)
+    names = [f"/{world.namespace}/{name}" for name in asked[:4]]
+    world.wait(lambda: all(world.node.count_subscribers(name) for name in names))
+    world.spin(1.0)
+    words.publish(String(data="before the walk"))
+    assert world.ask(SetBool, "pause", data=False).success
+    world.wait(lambda: bool(episodes) and episodes[-1].phase == Episode.ENDED)
+    said = [s.message for m in world.hear("diagnostics") for s in m.status if s.name.endswith("/recorder")]
+    assert any("nothing" in each for each in said)
+    world.processes.stop()
+    (checked,) = check_episodes(path)
+    assert (checked.episode.lost, checked.differing) == (0, [])
+    with opened(path) as reader:
+        counts = {connection.topic: connection.msgcount for connection in reader.connections}
+        ticks = [reader.deserialize(data, c.msgtype) for c, _, data in reader.messages() if c.topic.endswith("/state")]
+        forces = [reader.deserialize(data, c.msgtype) for c, _, data in reader.messages() if c.topic == names[0]]
+    assert [counts[name] for name in names] == [len(ticks)] * 3 + [1]
+    for state, wrench in zip(ticks, forces, strict=True):
+        force = wrench.wrench.force
+        assert wrench.header.frame_id == "l_sole"
+        assert np.hypot(force.x, force.z) == pytest.approx(np.hypot(*state.foot_force[:2]))
+
+
 def test_a_full_disk_stops_the_recording_not_the_walk(world: Any) -> None:
     states, episodes = begin(world)
     world.wait(lambda: len(states) > 80)

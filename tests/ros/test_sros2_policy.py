@@ -88,7 +88,7 @@ def test_every_node_does_just_what_its_enclave_allows(graph: Any) -> None:
 
 def test_with_a_labs_sensors_the_state_is_the_estimators(root_world: Any) -> None:
     rights = enclaves()
-    rights["/rabbit/simulator"]["simulator"]["publish"] -= {"/state"}
+    rights["/rabbit/simulator"]["simulator"]["publish"] -= {"/state", "/tf", "/robot_description"}
     root_world.start("simulator", sensors="lab")
     root_world.start("estimator")
     for node in ("simulator", "estimator"):

@@ -1,24 +1,35 @@
-"""Plain colcon in the workspace: which packages it takes, and that `colcon test` runs their tests."""
+"""Plain colcon: which packages it takes, that each builds alone, and that `colcon test` runs the tests of a copy."""
 
+import os
 import shutil
 import subprocess
 import sys
 from pathlib import Path
 from xml.etree import ElementTree
 
-WORKSPACE = Path(__file__).resolve().parents[2] / "ros2_ws"
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+WORKSPACE = ROOT / "ros2_ws"
 PACKAGES = {path.parent.name for path in WORKSPACE.glob("src/*/package.xml")}
 TESTED = PACKAGES - {"rabbit_msgs"}  # it has messages alone
 SHORT = " or ".join(  # a file of each, since `make test-all` runs the rest
     ("test_estimates", "urdf", "conversions", "exit_codes", "impact", "previews", "reward", "symbolic", "counting")
-    + ("geometry", "intervals", "leg_kinematics", "commands", "play_settings", "gaussian_process")
+    + ("geometry", "intervals", "leg_kinematics", "commands", "play_settings", "gaussian_process", "active_settings")
 )
+
+
+@pytest.fixture(scope="module")
+def copied(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The packages' sources where nothing else of the project is."""
+    left_over = shutil.ignore_patterns("__pycache__", "build", "*.egg-info")
+    return shutil.copytree(WORKSPACE / "src", tmp_path_factory.mktemp("copied") / "src", ignore=left_over)
 
 
 def colcon(*arguments: str, logs: Path) -> subprocess.CompletedProcess[str]:
     """Call colcon in the workspace."""
     command = [sys.executable, shutil.which("colcon") or "colcon", "--log-base", str(logs), *arguments]
-    return subprocess.run(command, cwd=WORKSPACE, capture_output=True, text=True, timeout=300)
+    return subprocess.run(command, cwd=WORKSPACE, capture_output=True, text=True, timeout=900)
 
 
 def colcon_test(folder: Path, *arguments: str) -> int:
@@ -27,12 +38,37 @@ def colcon_test(folder: Path, *arguments: str) -> int:
     return colcon("test", *results, *arguments, logs=folder / "log").returncode
 
 
+def needed(package: str) -> set[str]:
+    """The packages of the project that its package.xml names, and those that these need."""
+    xml = ElementTree.parse(WORKSPACE / "src" / package / "package.xml")
+    named = {tag.text or "" for kind in ("build_depend", "exec_depend") for tag in xml.iter(kind)} & PACKAGES
+    return named.union(*map(needed, named))
+
+
+@pytest.mark.parametrize("package", sorted(TESTED))
+def test_each_package_builds_alone_on_what_it_declares(package: str, copied: Path, tmp_path: Path) -> None:
+    """Its folder is moved away from the others, and no other package is sourced."""
+    shutil.copytree(copied / package, tmp_path / "src" / package)
+    sourced = f"source {ROOT}/.venv/setup.bash"
+    for name in sorted(needed(package)):
+        prefix = WORKSPACE / "install" / name
+        sourced += f"; export COLCON_CURRENT_PREFIX={prefix}; source {prefix}/share/{name}/package.bash"
+    build = f"python {shutil.which('colcon')} build && source install/local_setup.bash"
+    script = f"{sourced}; unset COLCON_CURRENT_PREFIX; {build} && python -c 'import {package} as p; print(p.__file__)'"
+    kept = {name: os.environ[name] for name in ("PATH", "HOME")}
+    done = subprocess.run(["bash", "-c", script], cwd=tmp_path, env=kept, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    assert Path(done.stdout.splitlines()[-1]).is_relative_to(tmp_path / "install" / package)
+
+
 def test_plain_colcon_takes_the_projects_packages_alone(tmp_path: Path) -> None:
     assert set(colcon("list", "--names-only", logs=tmp_path).stdout.split()) == PACKAGES
 
 
-def test_colcon_test_runs_every_packages_tests(tmp_path: Path) -> None:
-    assert colcon_test(tmp_path, "--packages-select", *TESTED, "--pytest-args", f" -k {SHORT}") == 0
+@pytest.mark.timeout(900)
+def test_colcon_test_runs_every_packages_tests(copied: Path, tmp_path: Path) -> None:
+    chosen = ("--base-paths", str(copied), "--packages-select", *TESTED, "--pytest-args", f" -k {SHORT}")
+    assert colcon_test(tmp_path, *chosen) == 0
     reports = {package: ElementTree.parse(tmp_path / package / "pytest.xml") for package in TESTED}
     ran = {package: len(list(report.iter("testcase"))) for package, report in reports.items()}
     assert min(ran.values()) > 0, ran

@@ -73,8 +73,8 @@ def test_every_node_is_a_service_whose_command_is_there() -> None:
         assert verb in subcommands()
         if verb == "run":
             package, executable = rest[:2]
-            setup = (ROOT / "ros2_ws" / "src" / package / "setup.py").read_text(encoding="utf-8")
-            assert f'"{executable} = {package}.' in setup
+            setup = (ROOT / "ros2_ws" / "src" / package / "setup.cfg").read_text(encoding="utf-8")
+            assert f"    {executable} = {package}." in setup
         assert all(here(word).exists() for word in rest if word.startswith(str(IN_IMAGE)))
 
 
@@ -86,6 +86,38 @@ def test_services_are_reached_from_this_machine_alone_and_have_no_privileges() -
         assert all(port.startswith("127.0.0.1:") for port in service.get("ports", []))
         if name != "ground":
             assert (service["network_mode"], service["ipc"]) == ("service:ground", "service:ground")
+
+
+def test_on_the_hosts_network_no_other_machine_is_served() -> None:
+    text = (FOLDER / "host.yaml").read_text(encoding="utf-8")
+    changed = yaml.safe_load(re.sub(r"\$\{\w+:-([^}]*)\}", r"\1", text.replace("!reset", "")))["services"]
+    assert {name: each.get("network_mode") for name, each in changed.items()} == {
+        **dict.fromkeys(NODES, "host"),
+        "ground": None,
+    }
+    assert services()["viewer"]["command"].replace("0.0.0.0", "127.0.0.1") == changed["viewer"]["command"]
+    assert changed["ground"]["ports"] == []
+
+
+@pytest.mark.parametrize("path", DOCKERFILES, ids=lambda path: path.name)
+def test_libraries_are_installed_before_the_sources_come(path: Path) -> None:
+    """By the scripts that the set-up runs, and no other file."""
+    lines = path.read_text(encoding="utf-8").splitlines()
+    copied = {
+        ROOT / name
+        for line in lines
+        if line.startswith("COPY ") and "--from" not in line
+        for name in line.split()[1:-1]
+    }
+    assert lines.index(next(line for line in lines if line.startswith("RUN make setup"))) < lines.index("COPY . .")
+    wanted, seen = [ROOT / "scripts" / "set_up.py"], set()
+    while wanted:
+        seen.add(script := wanted.pop())
+        modules = re.findall(r"^(?:from|import) (\w+)", script.read_text(encoding="utf-8"), re.MULTILINE)
+        wanted += {
+            ROOT / "scripts" / f"{name}.py" for name in modules if (ROOT / "scripts" / f"{name}.py").is_file()
+        } - seen
+    assert seen | {ROOT / "Makefile", ROOT / "requirements"} <= copied
 
 
 def test_a_container_is_shut_off_and_has_the_time_to_end(tmp_path: Path) -> None:

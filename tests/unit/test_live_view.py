@@ -5,8 +5,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rabbit_common.ros.conversions import header
-from rabbit_description import URDF_PATH
+from rabbit_common.ros.conversions import FEET, WORLD, foot_wrench, header
+from rabbit_common.ros.robot_frames import transforms
+from rabbit_description import FRAMES, URDF_PATH
 from rabbit_description.state import StonePreview
 from rabbit_experiments.assembly import Assembly
 from rabbit_experiments.evaluation import record_walk
@@ -16,7 +17,7 @@ from rabbit_sim.kinematics import RabbitFeet
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_viewer.geometry import feet
 from rabbit_viewer.ros.newest_ticks import KEPT, NewestTicks
-from rabbit_viewer.ros.rviz import WORLD, markers, transforms
+from rabbit_viewer.ros.rviz import markers
 from rabbit_viewer.scene import stone_spans
 from rl_cbf_clf_controller.parameters import load_parameters
 from scipy.spatial.transform import Rotation
@@ -77,10 +78,19 @@ def test_frames_carry_the_links_to_where_the_feet_are(walk: WalkRecords) -> None
             moved, turn = frame.transform.translation, frame.transform.rotation
             place = origin + turned.apply([moved.x, moved.y, moved.z])
             at[frame.child_frame_id] = (place, turned * Rotation.from_quat([turn.x, turn.y, turn.z, turn.w]))
-        placed = [at[name][0][[0, 2]] for name in ("left_foot", "right_foot")]
-        np.testing.assert_allclose(placed, RabbitFeet().positions(q), atol=1e-12)
+        for names in (("left_foot", "right_foot"), ("l_sole", "r_sole")):
+            placed = [at[name][0][[0, 2]] for name in names]
+            np.testing.assert_allclose(placed, RabbitFeet().positions(q), atol=1e-12)
+        np.testing.assert_allclose(at["base_link"][0][[0, 2]], q[:2], atol=1e-12)
+        force = RNG.normal(size=2)
+        for foot in range(len(FEET)):  # in its own frame; turned by that, it is the ground's
+            angle = float(q[2] + q[3 + 2 * foot] + q[4 + 2 * foot])
+            wrench = foot_wrench(force, angle, foot, state.header)
+            x, z = wrench.wrench.force.x, wrench.wrench.force.z
+            turned = at[wrench.header.frame_id][1].apply([x, 0, z])
+            np.testing.assert_allclose(turned, [force[0], 0, force[1]], atol=1e-12)
     links = {line.split('"')[1] for line in URDF_PATH.read_text().splitlines() if "<link name=" in line}
-    assert set(at) == links
+    assert set(at) == links | FRAMES.keys()
 
 
 def message(episode: int, tick: int) -> bytes:

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import tomllib
 from collections.abc import Callable, Iterable
+from configparser import ConfigParser
 from functools import cache
 from importlib.metadata import PathDistribution
 from pathlib import Path
@@ -138,6 +139,31 @@ def test_package_xml_declares_what_is_imported_and_nothing_else(package: str) ->
     needed_by_command = {"ros2launch"} & rosdep_keys(package)  # `ros2 launch` itself
     keys = {re.sub(r"^python3-|-pip$", "", key) for key in rosdep_keys(package)}
     assert keys | without_key(package) == wanted | needed_by_command
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_package_xml_declares_what_its_tests_import(package: str) -> None:
+    """Of this project and to test with."""
+    tests = imported(SOURCES.glob(f"{package}/test/*.py")) & {*PACKAGES, "hypothesis", "pytest"}
+    xml = ElementTree.parse(SOURCES / package / "package.xml")
+    keys = {tag.text or "" for kind in ("exec_depend", "test_depend") for tag in xml.iter(kind)}
+    assert tests - {package} <= {key.removeprefix("python3-") for key in keys}
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_package_xml_and_setup_cfg_say_the_same(package: str) -> None:
+    xml, cfg = ElementTree.parse(SOURCES / package / "package.xml"), ConfigParser()
+    cfg.read(SOURCES / package / "setup.cfg")
+    for name in ("name", "version", "description", "license"):
+        assert cfg["metadata"][name] == xml.findtext(name)
+
+
+@pytest.mark.parametrize("package", [*PACKAGES, "rabbit_msgs"])
+def test_each_package_says_what_it_is_for(package: str) -> None:
+    """Its README, with its executables."""
+    text = (SOURCES / package / "README.md").read_text(encoding="utf-8")
+    assert text.startswith(f"# {package}\n")
+    assert all(f"`{path.name}`" in text for path in SOURCES.glob(f"{package}/bin/*"))
 
 
 def test_one_maintainer_whom_ros_tools_accept() -> None:

@@ -5,9 +5,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from recorded_walk import walk, write_bag
 
-__all__ = ["walk", "write_bag"]
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "read_recording.py"
 
 

@@ -1,20 +1,23 @@
-"""Installs rabbit_bringup, with what package.xml and ../package_setup.py say."""
+"""Installs rabbit_bringup, as setup.cfg says; pip takes what else it needs from beside it."""
 
-import sys
 from pathlib import Path
 
-sys.path.append(str(Path(__file__).resolve().parents[1]))
+from setuptools import setup
 
-from package_setup import install
+LIBRARIES = ["numpy>=2", "pydantic>=2", "rich", "typer"]
+PACKAGES = [
+    "rabbit_description",
+    "rabbit_common",
+    "rabbit_sim",
+    "rabbit_estimator",
+    "rl_cbf_clf_controller",
+    "rl_trainer",
+    "rabbit_recording",
+    "rabbit_viewer",
+    "rabbit_experiments",
+]
+BESIDE = Path(__file__).resolve().parents[1]
 
-install(
-    "numpy>=2",
-    "pydantic>=2",
-    "rich",
-    "typer",
-    entry_points={
-        "rabbit.nodes": ["launcher = rabbit_bringup.ros.launcher:main"],
-        "rabbit.commands": ["run = rabbit_bringup.commands.run:app", "walk = rabbit_bringup.commands.walk:app"],
-    },
-    on_path="rabbit",
-)
+# where the packages lie; colcon reads no address without a host
+places = {each: f" @ file://localhost{BESIDE / each}" for each in PACKAGES if (BESIDE / each).is_dir()}
+setup(python_requires=">=3.11", install_requires=LIBRARIES + [each + places.get(each, "") for each in PACKAGES])

@@ -1,10 +1,13 @@
-"""Installs rabbit_common, with what package.xml and ../package_setup.py say."""
+"""Installs rabbit_common, as setup.cfg says; pip takes what else it needs from beside it."""
 
-import sys
 from pathlib import Path
 
-sys.path.append(str(Path(__file__).resolve().parents[1]))
+from setuptools import setup
 
-from package_setup import install
+LIBRARIES = ["numpy", "pydantic>=2", "typer"]
+PACKAGES = ["rabbit_description"]
+BESIDE = Path(__file__).resolve().parents[1]
 
-install("numpy", "pydantic>=2", "typer")
+# where the packages lie; colcon reads no address without a host
+places = {each: f" @ file://localhost{BESIDE / each}" for each in PACKAGES if (BESIDE / each).is_dir()}
+setup(python_requires=">=3.11", install_requires=LIBRARIES + [each + places.get(each, "") for each in PACKAGES])

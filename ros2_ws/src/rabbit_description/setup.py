@@ -1,10 +1,5 @@
-"""Installs rabbit_description, with what package.xml and ../package_setup.py say."""
+"""Installs rabbit_description, as setup.cfg says."""
 
-import sys
-from pathlib import Path
+from setuptools import setup
 
-sys.path.append(str(Path(__file__).resolve().parents[1]))
-
-from package_setup import install
-
-install("numpy", "pydantic>=2", "pyyaml")
+setup()

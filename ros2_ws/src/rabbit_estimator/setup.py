@@ -1,10 +1,13 @@
-"""Installs rabbit_estimator, with what package.xml and ../package_setup.py say."""
+"""Installs rabbit_estimator, as setup.cfg says; pip takes what else it needs from beside it."""
 
-import sys
 from pathlib import Path
 
-sys.path.append(str(Path(__file__).resolve().parents[1]))
+from setuptools import setup
 
-from package_setup import install
+LIBRARIES = ["numpy>=2", "pydantic>=2"]
+PACKAGES = ["rabbit_description", "rabbit_common"]
+BESIDE = Path(__file__).resolve().parents[1]
 
-install("numpy>=2", "pydantic>=2", entry_points={"rabbit.nodes": ["estimator = rabbit_estimator.ros.node:main"]})
+# where the packages lie; colcon reads no address without a host
+places = {each: f" @ file://localhost{BESIDE / each}" for each in PACKAGES if (BESIDE / each).is_dir()}
+setup(python_requires=">=3.11", install_requires=LIBRARIES + [each + places.get(each, "") for each in PACKAGES])

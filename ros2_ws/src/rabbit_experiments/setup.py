@@ -1,25 +1,21 @@
-"""Installs rabbit_experiments, with what package.xml and ../package_setup.py say."""
+"""Installs rabbit_experiments, as setup.cfg says; pip takes what else it needs from beside it."""
 
-import sys
 from pathlib import Path
 
-sys.path.append(str(Path(__file__).resolve().parents[1]))
+from setuptools import setup
 
-from package_setup import install
+LIBRARIES = ["gymnasium", "joblib", "numpy>=2", "pydantic>=2", "rich", "scipy", "typer"]
+PACKAGES = [
+    "cbf_clf_qp",
+    "rabbit_description",
+    "rabbit_common",
+    "rabbit_sim",
+    "rabbit_estimator",
+    "rl_cbf_clf_controller",
+    "rl_trainer",
+]
+BESIDE = Path(__file__).resolve().parents[1]
 
-install(
-    "gymnasium",
-    "joblib",
-    "numpy>=2",
-    "pydantic>=2",
-    "rich",
-    "scipy",
-    "typer",
-    entry_points={
-        "rabbit.commands": [
-            "evaluate = rabbit_experiments.commands.evaluate:app",
-            "policy = rabbit_experiments.commands.policy:app",
-            "train = rabbit_experiments.commands.train:app",
-        ]
-    },
-)
+# where the packages lie; colcon reads no address without a host
+places = {each: f" @ file://localhost{BESIDE / each}" for each in PACKAGES if (BESIDE / each).is_dir()}
+setup(python_requires=">=3.11", install_requires=LIBRARIES + [each + places.get(each, "") for each in PACKAGES])

@@ -1,20 +1,13 @@
-"""Installs rabbit_recording, with what package.xml and ../package_setup.py say."""
+"""Installs rabbit_recording, as setup.cfg says; pip takes what else it needs from beside it."""
 
-import sys
 from pathlib import Path
 
-sys.path.append(str(Path(__file__).resolve().parents[1]))
+from setuptools import setup
 
-from package_setup import install
+LIBRARIES = ["numpy>=2", "pydantic>=2", "rich", "rosbags>=0.11.9,<0.12", "typer"]
+PACKAGES = ["rabbit_description", "rabbit_common", "rabbit_sim", "rl_cbf_clf_controller", "rl_trainer"]
+BESIDE = Path(__file__).resolve().parents[1]
 
-install(
-    "numpy>=2",
-    "pydantic>=2",
-    "rich",
-    "rosbags>=0.11.9,<0.12",
-    "typer",
-    entry_points={
-        "rabbit.nodes": ["recorder = rabbit_recording.ros.recorder:main"],
-        "rabbit.commands": ["bag = rabbit_recording.commands.bag:app"],
-    },
-)
+# where the packages lie; colcon reads no address without a host
+places = {each: f" @ file://localhost{BESIDE / each}" for each in PACKAGES if (BESIDE / each).is_dir()}
+setup(python_requires=">=3.11", install_requires=LIBRARIES + [each + places.get(each, "") for each in PACKAGES])

@@ -1,25 +1,13 @@
-"""Installs rabbit_sim, with what package.xml and ../package_setup.py say."""
+"""Installs rabbit_sim, as setup.cfg says; pip takes what else it needs from beside it."""
 
-import sys
 from pathlib import Path
 
-sys.path.append(str(Path(__file__).resolve().parents[1]))
+from setuptools import setup
 
-from package_setup import install
+LIBRARIES = ["numpy>=2", "scipy", "pin>=4.1,<5", "pybullet>=3.2.7", "pydantic>=2"]
+PACKAGES = ["rabbit_description", "rabbit_common"]
+BESIDE = Path(__file__).resolve().parents[1]
 
-install(
-    "numpy>=2",
-    "scipy",
-    "pin>=4.1,<5",
-    "pybullet>=3.2.7",
-    "pydantic>=2",
-    entry_points={
-        "rabbit.plants": [
-            "mujoco = rabbit_sim.mujoco_plant:MujocoPlant",
-            "pybullet = rabbit_sim.pybullet_plant:PybulletPlant",
-            "rigid = rabbit_sim.rigid_plant:RigidPlant",
-        ],
-        "rabbit.nodes": ["simulator = rabbit_sim.ros.node:main"],
-    },
-    extras={"mujoco": ["mujoco>=3.3.6"]},
-)
+# where the packages lie; colcon reads no address without a host
+places = {each: f" @ file://localhost{BESIDE / each}" for each in PACKAGES if (BESIDE / each).is_dir()}
+setup(python_requires=">=3.11", install_requires=LIBRARIES + [each + places.get(each, "") for each in PACKAGES])

@@ -1,25 +1,22 @@
-"""Installs rabbit_viewer, with what package.xml and ../package_setup.py say."""
+"""Installs rabbit_viewer, as setup.cfg says; pip takes what else it needs from beside it."""
 
-import sys
 from pathlib import Path
 
-sys.path.append(str(Path(__file__).resolve().parents[1]))
+from setuptools import setup
 
-from package_setup import install
+LIBRARIES = ["matplotlib", "numpy>=2", "pydantic>=2", "typer", "websockets>=14"]
+PACKAGES = [
+    "rabbit_experiments",
+    "cbf_clf_qp",
+    "rabbit_description",
+    "rabbit_common",
+    "rabbit_sim",
+    "rl_cbf_clf_controller",
+    "rl_trainer",
+    "rabbit_recording",
+]
+BESIDE = Path(__file__).resolve().parents[1]
 
-install(
-    "matplotlib",
-    "numpy>=2",
-    "pydantic>=2",
-    "typer",
-    "websockets>=14",
-    entry_points={
-        "rabbit.nodes": ["viewer = rabbit_viewer.ros.viewer:main"],
-        "rabbit.commands": [f"{name} = rabbit_viewer.commands.{name}:app" for name in ("play", "video", "view")],
-        "rabbit.pictures": [
-            "recording = rabbit_viewer.walk_pictures:draw_pictures",
-            "page = rabbit_viewer.page.recording:show_recording",
-        ],
-    },
-    extras={"film": ["imageio-ffmpeg"]},
-)
+# where the packages lie; colcon reads no address without a host
+places = {each: f" @ file://localhost{BESIDE / each}" for each in PACKAGES if (BESIDE / each).is_dir()}
+setup(python_requires=">=3.11", install_requires=LIBRARIES + [each + places.get(each, "") for each in PACKAGES])

@@ -1,22 +1,13 @@
-"""Installs rl_trainer, with what package.xml and ../package_setup.py say."""
+"""Installs rl_trainer, as setup.cfg says; pip takes what else it needs from beside it."""
 
-import sys
 from pathlib import Path
 
-sys.path.append(str(Path(__file__).resolve().parents[1]))
+from setuptools import setup
 
-from package_setup import install
+LIBRARIES = ["numpy>=2", "pydantic>=2"]
+PACKAGES = ["cbf_clf_qp", "rabbit_description", "rabbit_common", "rl_cbf_clf_controller"]
+BESIDE = Path(__file__).resolve().parents[1]
 
-install(
-    "numpy>=2",
-    "pydantic>=2",
-    entry_points={
-        "rabbit.learners": [
-            "ddpg = rl_trainer.ddpg:Ddpg",
-            "paper_ddpg = rl_trainer.paper_ddpg:PaperDdpg",
-            "regression = rl_trainer.regression:Regression",
-        ],
-        "rabbit.nodes": ["trainer = rl_trainer.ros.node:main"],
-    },
-    extras={"learn": ["torch==2.13.0", "tensorboard"]},  # all but learning does without
-)
+# where the packages lie; colcon reads no address without a host
+places = {each: f" @ file://localhost{BESIDE / each}" for each in PACKAGES if (BESIDE / each).is_dir()}
+setup(python_requires=">=3.11", install_requires=LIBRARIES + [each + places.get(each, "") for each in PACKAGES])

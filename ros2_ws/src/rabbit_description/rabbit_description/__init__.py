@@ -8,3 +8,13 @@ URDF_PATH = DATA / "urdf" / "rabbit.urdf"
 GAITS = DATA / "gaits"
 LIBRARIES = DATA / "gait_libraries"
 DEFAULT_GAIT = "stones_0350_080"
+FRAMES = {"base_link": "torso", "l_sole": "left_foot", "r_sole": "right_foot"}  # of REP 105 and 120, and where they are
+FRAME = """  <link name="{0}"/>
+  <joint name="{0}_frame" type="fixed"><parent link="{1}"/><child link="{0}"/></joint>
+"""
+
+
+def robot_description() -> str:
+    """The URDF for ROS: with the frames that ROS names. No physics engine gets to see those."""
+    text = URDF_PATH.read_text(encoding="utf-8")
+    return text.replace("</robot>", "".join(FRAME.format(*each) for each in FRAMES.items()) + "</robot>")

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 import yaml
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from rabbit_description import GAITS, LIBRARIES
 from rabbit_description.bounded_file import FileError
@@ -112,6 +112,7 @@ scalars = st.none() | st.booleans() | st.integers(-(2**63), 2**63 - 1) | st.floa
 trees = st.recursive(scalars, lambda inner: st.lists(inner, max_size=4) | st.dictionaries(texts, inner, max_size=4))
 
 
+@settings(deadline=None)
 @given(trees)
 def test_what_is_written_is_read_again_by_us_and_by_pyyaml(tree: Any) -> None:
     text = dump_yaml({"a": tree})
@@ -119,6 +120,7 @@ def test_what_is_written_is_read_again_by_us_and_by_pyyaml(tree: Any) -> None:
     assert yaml.safe_load(text) == {"a": tree}
 
 
+@settings(deadline=None)
 @given(st.text(alphabet="0123456789abcdefxoynYN_:.+-eE<=~ ", max_size=8))
 def test_what_is_taken_is_what_pyyaml_reads(text: str) -> None:
     """But a number such as 1e3, which PyYAML alone takes for text."""

@@ -76,23 +76,25 @@ class Assembly:
         return OraclePolicy(plant, io=self.controller.problem.corrects_input)
 
 
-def resolve_policy(name: str | None, controller: ControllerParameters) -> str:
+def resolve_policy(name: str | None, controller: ControllerParameters, oracle: bool = True) -> str:
     """`zero`, `oracle` or an absolute path, for what the user named.
 
     Where nothing was, a learning controller's own policy; `zero` beside an adaptation, with which none is trained.
 
     Raises:
-        AssemblyError: no such policy.
+        AssemblyError: no such policy, or the oracle where it may not be.
     """
+    built_in = ("zero", "oracle") if oracle else ("zero",)
     if name is None:
         name = controller.controller if controller.learns and controller.adaptation == "none" else "zero"
         if name != "zero" and name not in shipped_policies():
-            raise AssemblyError("policy", f"not given, and none is shipped for {name}: expected zero, oracle or a file")
-    if name in ("zero", "oracle"):
+            expected = f"{', '.join(built_in)} or a file"
+            raise AssemblyError("policy", f"not given, and none is shipped for {name}: expected {expected}")
+    if name in built_in:
         return name
     path = policy_path(name)
     if not path.is_file():
-        choice = ", ".join(("zero", "oracle", *shipped_policies()))
+        choice = ", ".join((*built_in, *shipped_policies()))
         raise AssemblyError("policy", f"{name}: expected one of {choice}, or a policy file")
     return str(path.absolute())
 

@@ -25,9 +25,14 @@ def graph_types(definitions: Iterable[Path]) -> Typestore:
     """ROS's own messages and those of `definitions`, folders of message packages (`share/PACKAGE`)."""
     store = get_typestore(Stores.ROS2_JAZZY)
     for share in definitions:
-        for file in sorted((share / "msg").glob("*.msg")):
-            store.register(get_types_from_msg(file.read_text(encoding="utf-8"), f"{share.name}/msg/{file.stem}"))
+        add_types(store, share)
     return store
+
+
+def add_types(store: Typestore, share: Path) -> None:
+    """Those of a message package, by its folder."""
+    for file in sorted((share / "msg").glob("*.msg")):
+        store.register(get_types_from_msg(file.read_text(encoding="utf-8"), f"{share.name}/msg/{file.stem}"))
 
 
 class BagWriter:

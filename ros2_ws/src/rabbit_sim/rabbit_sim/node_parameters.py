@@ -1,6 +1,6 @@
 """Parameters of the simulator's node besides the plant's."""
 
-from typing import Literal
+from typing import ClassVar, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 from rabbit_description import DEFAULT_GAIT
@@ -11,12 +11,17 @@ class NodeParameters(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
+    IS_SIMULATED: ClassVar[bool] = True  # a robot has drivers of its own for its sensors
+
     gait: str = Field(
         DEFAULT_GAIT,
         description="gait whose post-impact state the robot starts from: a name or a file, also of a library",
     )
     seed: int = Field(1, ge=0, le=2**63 - 1, description="of the first episode; the next ones count up from it")
     episodes: int = Field(1, ge=0, description="episodes to walk by itself; 0: those that reset_episode asks for")
+    publish_tf: bool = Field(
+        True, description="publish `tf` and `robot_description`; false beside a robot_state_publisher"
+    )
     start_paused: bool = Field(False, description="wait for the pause service to let the first episode begin")
     readers: int = Field(1, ge=1, le=100, description="nodes that must hear the state before an episode begins")
     pace: float = Field(0.0, ge=0, le=100, description="times real time at most; 0: no limit in lock-step; dynamic")

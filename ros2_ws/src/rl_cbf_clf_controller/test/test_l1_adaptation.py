@@ -122,6 +122,7 @@ def test_the_projection_never_leaves_its_set(law, gain, ticks):
         assert np.linalg.norm(l1.offset) <= 50.0 * (1 + 1e-12)
 
 
+@settings(deadline=None)
 @given(value=VECTORS, other=VECTORS)
 def test_the_projection_is_the_nearest_point(value, other):
     """The variational inequality (value - P)' (inside - P) <= 0 for every point inside."""

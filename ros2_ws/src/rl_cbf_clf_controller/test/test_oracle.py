@@ -9,13 +9,13 @@ from rabbit_description import URDF_PATH
 from rabbit_description.gait import load_gait
 from rabbit_description.planar_urdf import scaled
 from rabbit_description.state import RobotState, StonePreview
-from rabbit_gait_design.pinocchio_model import PinocchioModel
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.oracle import OraclePolicy, TruePlant
 from rl_cbf_clf_controller.parameters import load_parameters
 from rl_cbf_clf_controller.policy import ZeroPolicy
 from rl_cbf_clf_controller.virtual_constraints import VirtualConstraints
 
+PinocchioModel = pytest.importorskip("rabbit_gait_design.pinocchio_model", reason="no studies").PinocchioModel
 NONE = Estimates.zero(5, 4)
 GAIT = load_gait("authors_035")
 SCALE = 2.0

@@ -2,7 +2,7 @@
 
 from random import Random
 
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from rabbit_description.state import StonePreview
 from rl_cbf_clf_controller.ros.tick_intake import NEWEST, PreviewBuffer
@@ -41,6 +41,7 @@ def test_a_copy_of_another_stones_preview_is_not_taken_for_the_own_one() -> None
     assert previews.get(PRESENT + 1, 1, 90, 90) == next_own
 
 
+@settings(deadline=None)
 @given(
     st.lists(st.tuples(st.integers(PRESENT + 2, 2**32 - 1), st.integers(1, 500)), max_size=60),
     st.integers(1, NEWEST),

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from rl_cbf_clf_controller.speed_regulation import (
     INTEGRAL_MOST,
@@ -27,6 +27,7 @@ def test_it_rests_at_the_gait_s_speed(kind: Kind, most: float) -> None:
 
 
 @EITHER
+@settings(deadline=None)
 @given(missing=st.lists(st.tuples(MISSING, MISSING), min_size=1, max_size=30))
 def test_the_slope_stays_within_the_library_and_changes_slowly(
     kind: Kind, most: float, missing: list[tuple[float, float]]
@@ -40,6 +41,7 @@ def test_the_slope_stays_within_the_library_and_changes_slowly(
 
 
 @EITHER
+@settings(deadline=None)
 @given(missing=st.lists(st.tuples(MISSING, MISSING), max_size=30), after=st.tuples(MISSING, MISSING))
 def test_a_reset_forgets(
     kind: Kind, most: float, missing: list[tuple[float, float]], after: tuple[float, float]

@@ -20,13 +20,14 @@ FILE = policy_file(
 DATA = FILE.encode()
 
 
+@settings(deadline=None)
 @given(st.binary(max_size=300))
 def test_noise_is_refused(data: bytes) -> None:
     with pytest.raises(PolicyFileError):
         decode(data)
 
 
-@settings(max_examples=400)
+@settings(max_examples=400, deadline=None)
 @given(st.integers(0, len(DATA) - 1), st.integers(1, 255))
 def test_a_flipped_byte_changes_nothing_or_is_refused(place: int, flip: int) -> None:
     damaged = bytearray(DATA)
@@ -35,12 +36,14 @@ def test_a_flipped_byte_changes_nothing_or_is_refused(place: int, flip: int) -> 
         assert decode(bytes(damaged)).version == FILE.version
 
 
+@settings(deadline=None)
 @given(st.integers(0, len(DATA) - 1))
 def test_a_cut_is_refused(length: int) -> None:
     with pytest.raises(PolicyFileError):
         decode(DATA[:length])
 
 
+@settings(deadline=None)
 @given(st.binary(min_size=1, max_size=50))
 def test_an_appendix_is_refused(more: bytes) -> None:
     with pytest.raises(PolicyFileError):

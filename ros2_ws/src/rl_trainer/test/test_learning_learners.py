@@ -23,6 +23,7 @@ from rl_trainer.transitions import Transition
 
 MakeTransition = Callable[..., Transition]
 SMALL = {"hidden1": 96, "hidden2": 64, "batch": 128, "actor_rate": 2e-3, "critic_rate": 2e-3, "polyak": 5e-3}
+PAGE = Path(__file__).resolve().parents[4] / "docs" / "learning.md"
 DDPG, REGRESSION = {"learner": "ddpg"}, {"learner": "regression"}
 
 
@@ -154,8 +155,9 @@ def test_the_same_seed_gives_the_same_weights(random_transition: MakeTransition)
     assert other.policy_file().version != versions[0]
 
 
+@pytest.mark.skipif(not PAGE.is_file(), reason="the package is not in the project")
 def test_the_learner_of_the_docs_learns_and_is_all_in_its_state(random_transition: MakeTransition) -> None:
-    page = (Path(__file__).resolve().parents[4] / "docs" / "learning.md").read_text(encoding="utf-8")
+    page = PAGE.read_text(encoding="utf-8")
     code, _ = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
     scope: dict[str, Any] = {}
     exec(code, scope)

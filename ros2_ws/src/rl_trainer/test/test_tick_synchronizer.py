@@ -4,7 +4,7 @@ import itertools
 from typing import Any
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from rl_trainer.tick_synchronizer import End, Tick, TickSynchronizer
 
@@ -27,6 +27,7 @@ def feed(walk: TickSynchronizer, message: tuple[str, int, int, Any]) -> list[tup
     return walk.end(episode, tick, content) if part == "end" else walk.add(part, episode, tick, content)
 
 
+@settings(deadline=None)
 @given(last=st.integers(0, 5), data=st.data())
 def test_any_interleaving_of_two_episodes_comes_out_in_order(last: int, data: st.DataObject) -> None:
     queues = [[*first, *second] for first, second in zip(*(arrivals(e, last).values() for e in (1, 2)), strict=True)]

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from rabbit_common.child_process import end_with_parent
 from rabbit_common.exit_codes import ExitCode
+from rclpy.utilities import remove_ros_args
 
 from rabbit_bringup.launching.walk import WalkSettings
 from rabbit_bringup.launching.walk_report import carry_out, complain
@@ -18,7 +19,7 @@ from rabbit_bringup.ros.walking import walk_through
 def main() -> None:
     """The executable `launcher`."""
     try:
-        file, *nodes = sys.argv[1:]
+        _, file, *nodes = remove_ros_args(sys.argv)
         walk = WalkSettings.model_validate_json(Path(file).read_bytes())
         launched = {name: int(pid) for name, _, pid in (node.partition("=") for node in nodes)}
     except (ValueError, OSError):

@@ -9,7 +9,7 @@ from dataclasses import asdict
 
 import numpy as np
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import Quaternion, Vector3
+from geometry_msgs.msg import Quaternion, Vector3, Wrench, WrenchStamped
 from rabbit_description.state import (
     ACTUATED,
     COORDINATES,
@@ -29,6 +29,8 @@ from rabbit_common.message_arrays import check_lengths, doubles
 from rabbit_common.message_checks import Refused, check_finite
 
 WORLD = "world"  # the frame of what the simulator measures
+SOLES = ("l_sole", "r_sole")  # the feet's frames, in the order of FEET
+NOTHING = np.zeros(0)
 LENGTHS = {
     **dict.fromkeys(("q", "dq"), len(COORDINATES)),
     **{"foot_force": 2 * len(FEET), "contact": len(FEET), "applied": len(ACTUATED)},
@@ -138,14 +140,27 @@ def torque_of(message: msg.TorqueCommand) -> Array:
 
 
 def joint_state(state: RobotState, at: Header) -> JointState:
-    """Positions and velocities by the URDF's joint names, the planar base's included."""
-    return JointState(header=at, name=list(COORDINATES), position=doubles(state.q), velocity=doubles(state.dq))
+    """Positions, velocities and torques by the URDF's joint names, the planar base's included, which has none."""
+    q, dq, effort = doubles(state.q), doubles(state.dq), doubles(np.append(np.zeros(3), _effort(state.applied)))
+    return JointState(header=at, name=list(COORDINATES), position=q, velocity=dq, effort=effort)
 
 
-def encoder_message(sensors: BodySensors, at: Header) -> JointState:
-    """What the four joints' encoders say."""
-    angles, rates = doubles(sensors.joint_angles), doubles(sensors.joint_rates)
-    return JointState(header=at, name=list(ACTUATED), position=angles, velocity=rates)
+def encoder_message(sensors: BodySensors, at: Header, applied: Array = NOTHING) -> JointState:
+    """What the four joints' encoders say, and the torques (4,) over the tick, if they are given."""
+    angles, rates, effort = doubles(sensors.joint_angles), doubles(sensors.joint_rates), doubles(_effort(applied))
+    return JointState(header=at, name=list(ACTUATED), position=angles, velocity=rates, effort=effort)
+
+
+def _effort(applied: Array) -> Array:
+    """0 where none was applied yet."""
+    return np.nan_to_num(applied)
+
+
+def foot_wrench(force: Array, leg_angle: float, foot: int, at: Header) -> WrenchStamped:
+    """The ground's force (2,) on a foot, tangential and normal, N, in its sole; `leg_angle`: of the shin, rad."""
+    (x, z), sine, cosine = force.tolist(), math.sin(leg_angle), math.cos(leg_angle)
+    turned = Vector3(x=cosine * x - sine * z, z=sine * x + cosine * z)
+    return WrenchStamped(header=Header(stamp=at.stamp, frame_id=SOLES[foot]), wrench=Wrench(force=turned))
 
 
 def encoders_of(message: JointState) -> tuple[Array, Array]:

@@ -14,6 +14,7 @@ from std_msgs.msg import Header
 from rabbit_common.message_checks import MessageCounter
 from rabbit_common.ros.qos import DIAGNOSTICS
 from rabbit_common.ros.spin import steady_timer
+from rabbit_common.ros.topics import TOPICS
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 LOOK_SECONDS = 0.1
@@ -28,6 +29,7 @@ class Diagnostics:
     def __init__(self, node: Node, counter: MessageCounter, status: Callable[[], Status]) -> None:
         self._node, self._counter, self._status = node, counter, status
         self._publisher = node.create_publisher(DiagnosticArray, "diagnostics", DIAGNOSTICS)
+        self._names = {node.resolve_topic_name(topic.name): topic.name for topic in TOPICS}  # before remapping
         self._reported = 0
         self._seen: tuple[bytes, dict[str, int]] = (b"", {})
         self._since = 0.0
@@ -35,8 +37,8 @@ class Diagnostics:
 
     def _look(self) -> None:
         level, line, figures = self._status()
-        topics = {p.topic_name.split("/")[-1]: p.get_subscription_count() for p in self._node.publishers}
-        readers = {f"{READERS}{name}": count for name, count in topics.items()}
+        topics = {self._names.get(p.topic_name): p.get_subscription_count() for p in self._node.publishers}
+        readers = {f"{READERS}{name}": count for name, count in topics.items() if name}
         if self._seen != (level, readers) or time.monotonic() - self._since >= PERIOD_SECONDS:
             self._seen, self._since = (level, readers), time.monotonic()
             self._publish(level, line, {**figures, **readers})
@@ -57,6 +59,6 @@ class Diagnostics:
 
 
 def reader_counts(status: DiagnosticStatus) -> dict[str, int]:
-    """How many readers a node says its topics have, by the topic's last name."""
+    """How many readers a node says its topics have, by the topic's name before remapping."""
     counts = [value for value in status.values if value.key.startswith(READERS)]
     return {value.key.removeprefix(READERS): int(value.value) for value in counts}

@@ -61,7 +61,7 @@ TOPICS = (
     Topic("state", msg.RobotState, TICK, A_TICK, "simulator", ("controller", "trainer", "launcher", "viewer"),
           "what is measured of the robot; with `sensors: lab` from the estimator"),
     Topic("joint_states", JointState, TICK, A_TICK, "simulator", ("estimator",),
-          "the same q, dq by the URDF's joint names; with `sensors: lab` what the four joints' encoders say"),
+          "the same q, dq by the URDF's joint names, and torques; with `sensors: lab` what the joints' encoders say"),
     Topic("imu", Imu, TICK, IN_LAB, "simulator", ("estimator",),
           "in the torso at the hip: attitude, pitch rate, mean specific force over the tick", "estimator"),
     Topic("measured", msg.RobotState, TICK, IN_LAB, "simulator", ("estimator",),

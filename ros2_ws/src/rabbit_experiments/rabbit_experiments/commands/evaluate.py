@@ -57,7 +57,7 @@ def evaluate(given: Given) -> None:
             print(f"drawn {path}")
 
 
-def given_assembly(given: Given, policy: str | None = None, parameters: str = "ours") -> Any:
+def given_assembly(given: Given, policy: str | None = None, parameters: str = "ours", oracle: bool = True) -> Any:
     """Plant, controller and policy as the command line has them; flat terrain where the controller has no stones."""
     from rabbit_description.gait import GaitError
     from rabbit_sim.stones import CourseError
@@ -73,7 +73,7 @@ def given_assembly(given: Given, policy: str | None = None, parameters: str = "o
     simulation = given.build(SimulationParameters, terrain=controller.terrain)
     with complaints(GaitError, CourseError, PolicyFileError):
         try:
-            assembly = Assembly(simulation, controller, resolve_policy(policy, controller))
+            assembly = Assembly(simulation, controller, resolve_policy(policy, controller, oracle))
         except AssemblyError as error:
             fail(f"--{error.option} {error}")
         assembly.build()[0].close()

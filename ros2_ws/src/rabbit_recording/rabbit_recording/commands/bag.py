@@ -32,6 +32,7 @@ Episode = Annotated[int | None, typer.Option(help="of a recording (default: the 
 def record(
     out: Annotated[Path | None, typer.Option(help="new folder (default: recording-DATE)")] = None,
     namespace: Annotated[str, typer.Option(help="of the graph")] = "",
+    topics: Annotated[str, typer.Option(help="further ones, as /rosout,/tf", metavar="NAME,...")] = "",
 ) -> None:
     """Record all topics of a running graph until Ctrl-C."""
     check_namespace(namespace)
@@ -39,7 +40,8 @@ def record(
     with complaints(LaunchError):
         recorder = find_executable("rabbit_recording", "recorder")
     remaps = [f"__ns:=/{namespace.strip('/')}", "__node:=bag_recorder", "/clock:=clock"]
-    words = ["-p", f"path:={json.dumps(str(path))}", *(word for remap in remaps for word in ("-r", remap))]
+    further = ["-p", f"topics:={json.dumps(topics.split(','))}"] if topics else []
+    words = ["-p", f"path:={json.dumps(str(path))}", *further, *(word for remap in remaps for word in ("-r", remap))]
     print(f"recording into {path}; Ctrl-C ends it", flush=True)
     os.execv(recorder, [str(recorder), "--ros-args", *words, "--enclave", "/rabbit/recorder"])
 

@@ -1,4 +1,4 @@
-"""The recorder: every topic of the graph, as its bytes came, into a rosbag2 folder.
+"""The recorder: every topic of the graph, and others that are asked for, as their bytes came, into a rosbag2 folder.
 
 Messages are stored under the simulated time that they carry, so that a recording plays at the pace of the walk whatever
 the pace of the machine was; diagnostics under that of the newest state. A full disk ends the recording, not the walk,
@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +29,7 @@ from rclpy.subscription import Subscription
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 
 from rabbit_recording import RecordingError
-from rabbit_recording.bag_writer import FLUSH_SECONDS, BagWriter, graph_types
+from rabbit_recording.bag_writer import FLUSH_SECONDS, BagWriter, add_types, graph_types
 from rabbit_recording.message_header import SimulatedTime, turn_of
 
 IDLE_SECONDS = 0.3  # without a message, after which nothing more is on its way
@@ -44,6 +45,7 @@ class NodeParameters(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     path: str = Field("recording", min_length=1, description="folder to be made; if it is there, PATH-2 and so on")
+    topics: tuple[str, ...] = Field((), description="further ones to record, by name, once somebody publishes them")
 
 
 class RecorderNode(Node):
@@ -53,9 +55,9 @@ class RecorderNode(Node):
         super().__init__("recorder")
         own = declare(self, NodeParameters)
         refuse_unknown(self)
-        types = graph_types([Path(get_package_share_directory("rabbit_msgs"))])
+        self._types = graph_types([Path(get_package_share_directory("rabbit_msgs"))])
         self._path = first_free(Path(own.path))  # a recorder may be started again
-        self._writer = BagWriter(self._path, types)
+        self._writer = BagWriter(self._path, self._types)
         self._message_counter = MessageCounter()
         self._time = SimulatedTime(self._path)
         self._heard = time.monotonic()
@@ -63,8 +65,9 @@ class RecorderNode(Node):
         self._failure = ""
         self._newest_state, self._is_answered = b"", False
         self._readers = {topic.name: self._subscribe(topic) for topic in TOPICS}
+        self._awaited = [name for name in own.topics if self.resolve_topic_name(name) not in self._writer.topics]
         self._diagnostics = Diagnostics(self, self._message_counter, self._status)
-        steady_timer(self, FLUSH_SECONDS, lambda: self._ends_at_errors(self._writer.flush))
+        steady_timer(self, FLUSH_SECONDS, self._flush)
 
     def busy(self) -> bool:
         """What was sent before it was asked to end may still be on its way, behind what another node sent later."""
@@ -79,12 +82,28 @@ class RecorderNode(Node):
             self.get_logger().info(f"{self._writer.messages} messages in {self._path}")
 
     def _subscribe(self, topic: Topic) -> Subscription:
-        name, qos = self.resolve_topic_name(topic.name), topic.qos
+        name, qos = self.resolve_topic_name(topic.name, only_expand=True), topic.qos  # under its own name if remapped
         self._writer.add(name, topic.type_name, [offered(qos)])
         callback = with_info(partial(self._on_bytes, topic, name))
         # with a queue in which messages wait while the disk is written
         queue = QoSProfile(depth=max(qos.depth, BACKLOG), reliability=qos.reliability, durability=qos.durability)
         return self.create_subscription(topic.type, topic.name, callback, queue, raw=True)
+
+    def _flush(self) -> None:
+        self._ends_at_errors(self._writer.flush)
+        for name in [name for name in self._awaited if self.count_publishers(name)]:
+            self._awaited.remove(name)
+            self._ends_at_errors(partial(self._subscribe_further, name))
+
+    def _subscribe_further(self, name: str) -> None:
+        """A topic that is asked for, under the type and QoS of its publisher; its messages lie where the state is."""
+        end = self.get_publishers_info_by_topic(self.resolve_topic_name(name))[0]
+        package, _, kind = end.topic_type.split("/")
+        if end.topic_type not in self._types.fielddefs:
+            add_types(self._types, Path(get_package_share_directory(package)))
+        qos = QoSProfile(depth=BACKLOG, reliability=end.qos_profile.reliability, durability=end.qos_profile.durability)
+        type_of = getattr(import_module(f"{package}.msg"), kind)
+        self._readers[name] = self._subscribe(Topic(name, type_of, qos, "", publisher="all"))
 
     def _on_bytes(self, topic: Topic, name: str, data: bytes, info: dict[str, Any]) -> None:
         """What cannot be read is recorded too."""
@@ -114,7 +133,7 @@ class RecorderNode(Node):
         if self._failure:
             return ERROR, self._failure, figures
         expected = (topic.name for topic in published_by(EXPECTED))
-        absent = [name for name in expected if not self._readers[name].get_publisher_count()]
+        absent = [name for name in expected if not self._readers[name].get_publisher_count()] + self._awaited
         if absent and not self._is_answered:  # by then all are there that will be: others' nodes may publish less
             return WARN, f"waiting for {', '.join(absent)}", figures
         return OK, "recording", figures

@@ -45,7 +45,7 @@ class EpisodePlayer:
         self.stand_in = StandIn(own.held_ticks, own.damped_ticks, own.damping)
         self.admission, self.wait = ControllerAdmission(), Wait()
         self.ticks = TickClock(node, own.late_limit, on_due)
-        self._topics = SimulatorPublishers(node, plant)
+        self._topics = SimulatorPublishers(node, plant, own)
         if before.running:
             self._log.warning(f"episode {before.episode}, tick {before.tick}: {self.episode.reason}")
 

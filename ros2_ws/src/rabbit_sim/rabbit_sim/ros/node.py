@@ -31,9 +31,11 @@ ERRORS = (GaitError, CourseError, RestartFileError)  # of the constructor, when 
 class SimulatorNode(CheckedNode):
     """Plays episodes with whoever answers its states."""
 
+    PARAMETERS = NodeParameters
+
     def __init__(self) -> None:
         super().__init__("simulator")
-        self._own = declare(self, NodeParameters, dynamic=("pace",))
+        self._own = declare(self, self.PARAMETERS, dynamic=("pace",))
         plant = declare(self, SimulationParameters)
         refuse_unknown(self)
         take_priority(self._own.priority, self.get_logger().warning)

@@ -5,9 +5,18 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from rabbit_common.ros.conversions import encoder_message, imu_message, joint_state, preview_message, state_message
+from geometry_msgs.msg import WrenchStamped
+from rabbit_common.ros.conversions import (
+    encoder_message,
+    foot_wrench,
+    imu_message,
+    joint_state,
+    preview_message,
+    state_message,
+)
 from rabbit_common.ros.qos import EVENT, TICK
-from rabbit_description.state import LAYOUT, RobotState, StonePreview
+from rabbit_common.ros.robot_frames import RobotFrames
+from rabbit_description.state import FEET, LAYOUT, RobotState, StonePreview
 from rabbit_msgs.msg import Episode
 from rabbit_msgs.msg import Landing as LandingMessage
 from rabbit_msgs.msg import RobotState as StateMessage
@@ -17,6 +26,7 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Imu, JointState
 from std_msgs.msg import Header
 
+from rabbit_sim.node_parameters import NodeParameters
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.plant import PlantReading
 from rabbit_sim.restart_file import RestartPoint
@@ -27,9 +37,10 @@ class SimulatorPublishers:
     """The simulator's publishers.
 
     With a lab's sensors the state is another node's estimate; the truth is published too, for judges alone.
+    A robot's own drivers say what its sensors say.
     """
 
-    def __init__(self, node: Node, p: SimulationParameters) -> None:
+    def __init__(self, node: Node, p: SimulationParameters, own: NodeParameters) -> None:
         self._log, self._is_lab = node.get_logger(), p.sensors == "lab"
         if self._is_lab:
             self._imu = node.create_publisher(Imu, "imu", TICK)
@@ -37,7 +48,11 @@ class SimulatorPublishers:
             gyro, accelerometer = p.gyro_noise**2 + p.gyro_bias**2, p.accelerometer_noise**2 + p.accelerometer_bias**2
             self._variances = p.attitude_error**2, gyro, accelerometer
         self._states = node.create_publisher(StateMessage, "measured" if self._is_lab else "state", TICK)
-        self._joints = node.create_publisher(JointState, "joint_states", TICK)
+        has_drivers = not own.IS_SIMULATED
+        self._joints = None if has_drivers else node.create_publisher(JointState, "joint_states", TICK)
+        feet = () if has_drivers else FEET
+        self._wrenches = [node.create_publisher(WrenchStamped, f"{foot}_foot/wrench", TICK) for foot in feet]
+        self._frames = RobotFrames(node) if own.publish_tf and not self._is_lab else None
         self._clock = node.create_publisher(Clock, "clock", TICK)
         self._previews = node.create_publisher(PreviewMessage, "preview", EVENT)
         self._landings = node.create_publisher(LandingMessage, "landing", EVENT)
@@ -72,13 +87,19 @@ class SimulatorPublishers:
         if state.preview is not None and state.preview != self._preview:
             self._previews.publish(preview_message(state.preview, episode, at))
         self._preview = state.preview
-        self._state(state, episode, at)
+        message = self._state(state, episode, at)
         self._clock.publish(Clock(clock=at.stamp))  # while the controller works
         if self._is_lab and self._truth.get_subscription_count():
             true = replace(state, q=reading.q, dq=reading.dq, foot_force=reading.foot_force)
             self._truth.publish(state_message(true, episode, at))
-        elif not self._is_lab and self._joints.get_subscription_count():
+        elif not self._is_lab and self._joints and self._joints.get_subscription_count():
             self._joints.publish(joint_state(state, at))
+        if self._frames and self._frames.are_read:
+            self._frames.publish(message)
+        for foot, publisher in enumerate(self._wrenches):
+            if publisher.get_subscription_count():
+                angle = float(reading.q[2] + reading.q[3 + 2 * foot] + reading.q[4 + 2 * foot])
+                publisher.publish(foot_wrench(state.foot_force[foot], angle, foot, at))
         for landing in landings[self._landings_sent :]:
             fields = {name: getattr(landing, name) for name in ("tick", "index", "l", "l_min", "l_max", "on_stone")}
             self._landings.publish(LandingMessage(header=at, episode=episode, **fields))
@@ -90,12 +111,14 @@ class SimulatorPublishers:
             self._previews.publish(preview_message(state.preview, episode, at))
         self._state(state, episode, at)
 
-    def _state(self, state: RobotState, episode: int, at: Header) -> None:
+    def _state(self, state: RobotState, episode: int, at: Header) -> StateMessage:
         """What is answered: with a lab's sensors in three parts."""
-        self._states.publish(state_message(state, episode, at))
-        if self._is_lab and state.sensors:
-            self._joints.publish(encoder_message(state.sensors, at))
+        message = state_message(state, episode, at)
+        self._states.publish(message)
+        if self._joints and state.sensors:
+            self._joints.publish(encoder_message(state.sensors, at, state.applied))
             self._imu.publish(imu_message(state.sensors, at, self._variances))
+        return message
 
 
 KEPT = ("episode", "tick", "touchdowns", "seed", "sigma", "policy_version")  # of an episode, in the restart file

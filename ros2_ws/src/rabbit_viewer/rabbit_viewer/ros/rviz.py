@@ -1,25 +1,22 @@
-"""A walk for RViz and Foxglove: the robot's URDF and the frames of its links, and the stones as markers."""
+"""A walk for RViz and Foxglove: the stones as markers, and the robot where the simulator does not publish its `tf`."""
 
 from collections.abc import Sequence
 from itertools import takewhile
 from typing import Any
 
 import numpy as np
-from builtin_interfaces.msg import Time
-from geometry_msgs.msg import Point, Quaternion, Transform, TransformStamped, Vector3
-from rabbit_common.ros.qos import WEIGHTS
-from rabbit_description import URDF_PATH
+from geometry_msgs.msg import Point, Vector3
+from rabbit_common.ros.conversions import WORLD
+from rabbit_common.ros.robot_frames import RobotFrames
 from rabbit_description.state import Leg, StonePreview
 from rclpy.node import Node
 from rclpy.serialization import serialize_message
-from std_msgs.msg import ColorRGBA, Header, String
-from tf2_msgs.msg import TFMessage
+from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
 
 from rabbit_viewer.colours import GREEN, STONE, rgb
-from rabbit_viewer.geometry import DEPTH, LEG_LINK, PLATFORM, leg_points
+from rabbit_viewer.geometry import DEPTH, PLATFORM, leg_points
 
-WORLD = "world"
 DEPTH_OF_TOPICS = 10
 SHOWN_STEPS = 12  # stones drawn behind the robot
 GROUND = 3.0  # m of flat ground drawn to either side
@@ -31,22 +28,21 @@ class RvizTopics:
 
     def __init__(self, node: Node) -> None:
         self.landings: dict[int, Any] = {}
-        self._tf = node.create_publisher(TFMessage, "tf", DEPTH_OF_TOPICS)
+        self._frames = RobotFrames(node)
         self._markers = node.create_publisher(MarkerArray, "markers", DEPTH_OF_TOPICS)
-        description = node.create_publisher(String, "robot_description", WEIGHTS)
-        description.publish(String(data=URDF_PATH.read_text(encoding="utf-8")))
 
     @property
     def is_watched(self) -> bool:
         """Somebody reads what `show` publishes."""
-        return bool(self._tf.get_subscription_count() or self._markers.get_subscription_count())
+        return self._frames.are_wanted or bool(self._markers.get_subscription_count())
 
     def show(self, state: Any, ahead: StonePreview | None) -> None:
         """A tick: its `RobotState`, and the next stone."""
         foot = float(leg_points(np.array(state.q)[None], Leg.standing(state.touchdowns))[0, 2, 0])
         indices = takewhile(self.landings.__contains__, range(state.touchdowns, state.touchdowns - SHOWN_STEPS, -1))
         landings = [self.landings[index] for index in indices][::-1]
-        self._tf.publish(serialize_message(transforms(state)))
+        if self._frames.are_wanted:
+            self._frames.publish(state)
         self._markers.publish(serialize_message(markers(state, foot, ahead, landings)))
 
 
@@ -90,27 +86,3 @@ def world_stones(
         first = stones[0]
         stones.insert(0, (start + PLATFORM, start + (first[1] - first[0]) / 2))
     return stones
-
-
-def transforms(state: Any) -> TFMessage:
-    """The links of the URDF, each in its parent. `slide_x` moves with the hip, forward only: a camera can follow it."""
-    x, z, pitch, *joints = state.q
-    at = state.header.stamp
-    made = [
-        _frame(at, WORLD, "slide_x", x=x),
-        _frame(at, "slide_x", "slide_z", z=z),
-        _frame(at, "slide_z", "torso", angle=pitch),
-    ]
-    for side, (hip, knee) in (("left", joints[:2]), ("right", joints[2:])):
-        thigh, shin = f"{side}_thigh", f"{side}_shin"
-        made.append(_frame(at, "torso", thigh, angle=hip))
-        made.append(_frame(at, thigh, shin, z=-LEG_LINK, angle=knee))
-        made.append(_frame(at, shin, f"{side}_foot", z=-LEG_LINK))
-    return TFMessage(transforms=made)
-
-
-def _frame(at: Time, parent: str, child: str, x: float = 0.0, z: float = 0.0, angle: float = 0.0) -> TransformStamped:
-    """`child` in `parent`: moved by x, z (m), then turned by `angle` (rad) about +y."""
-    turned = Quaternion(y=np.sin(angle / 2), w=np.cos(angle / 2))
-    moved = Transform(translation=Vector3(x=x, z=z), rotation=turned)
-    return TransformStamped(header=Header(stamp=at, frame_id=parent), child_frame_id=child, transform=moved)

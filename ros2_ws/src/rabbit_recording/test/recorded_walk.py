@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from ament_index_python.packages import get_package_share_directory
 from rabbit_description.gait import load_gait
 from rabbit_description.state import LAYOUT
 from rabbit_recording.bag_writer import BagWriter, graph_types
@@ -23,7 +24,7 @@ from rl_trainer.rollout import Record, rollout
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 from rosbags.rosbag2 import StoragePlugin, Writer
 
-MESSAGES = Path(__file__).resolve().parents[2] / "ros2_ws" / "src" / "rabbit_msgs"
+MESSAGES = Path(get_package_share_directory("rabbit_msgs"))
 TYPES = graph_types([MESSAGES])
 TICK_NS, SEED = 10_000_000, 3
 NEVER = QosTime(0, 0)

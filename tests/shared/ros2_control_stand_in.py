@@ -1,0 +1,94 @@
+"""A robot in a physics engine that speaks ros2_control's standard topics, as one in `mujoco_ros2_control` does.
+
+It hangs still in the first state of a walk until it is commanded; then its clock runs, whoever answers, and the newest
+command acts. As it ends it prints how it went, and how old commands were when they came.
+"""
+
+import json
+import sys
+import time
+from dataclasses import replace
+
+import numpy as np
+import rclpy
+from geometry_msgs.msg import WrenchStamped
+from rabbit_common.ros.conversions import encoder_message, foot_wrench, header, imu_message
+from rabbit_description.gait import load_gaits
+from rabbit_description.state import TICK_SECONDS, Leg
+from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.simulation import Simulation
+from rclpy.qos import qos_profile_sensor_data
+from sensor_msgs.msg import Imu, JointState
+from std_msgs.msg import Float64MultiArray
+
+VARIANCES = (1e-5, 1e-5, 1e-2)
+
+
+class StandIn:
+    """Runs at `pace` times real time; silent from tick `mute` on. `waits`: for a command to each tick."""
+
+    def __init__(self, node, plant, gait, seed, pace, mute, waits):
+        self.mute, self.waits, self.is_answered = mute, waits, False
+        self.simulation = Simulation(plant, load_gaits(gait))
+        self.state = self.simulation.reset(seed)
+        self.torque, self.last, self.clock, self.ages = np.zeros(4), np.zeros(4), 1, []
+        self.joints = node.create_publisher(JointState, "joint_states", qos_profile_sensor_data)
+        self.imu = node.create_publisher(Imu, "imu", qos_profile_sensor_data)
+        names = [f"{foot}_foot/wrench" for foot in ("left", "right")]
+        self.feet = [node.create_publisher(WrenchStamped, name, qos_profile_sensor_data) for name in names]
+        node.create_subscription(Float64MultiArray, "commands", self.on_command, 10)
+        self.sent = time.monotonic()
+        node.create_timer(TICK_SECONDS / pace, self.tick)
+
+    def on_command(self, message):
+        self.torque = np.array(message.data)
+        if self.torque.any():
+            self.is_answered = True
+            self.ages.append((time.monotonic() - self.sent) * 1e3)
+
+    def tick(self):
+        if self.waits and self.state.tick and not self.is_answered:
+            return
+        if self.state.running and (self.torque.any() or self.state.tick):
+            self.last, self.is_answered = self.torque, False
+            self.state = self.simulation.step(self.torque)
+        self.clock += 1
+        if not 0 < self.mute < self.state.tick:
+            self.speak()
+
+    def speak(self):
+        at, truth = header(self.clock), self.simulation.reading.q
+        self.sent = time.monotonic()
+        sensors = self.state.sensors
+        if not self.state.tick:  # it hangs: its accelerometer feels its weight
+            felt = 9.81 * np.array([-np.sin(sensors.attitude), np.cos(sensors.attitude)])
+            sensors = replace(sensors, specific_force=felt)
+        joints = encoder_message(sensors, at, self.last)
+        for name in ("name", "position", "velocity", "effort"):  # a broadcaster has an order of its own
+            setattr(joints, name, getattr(joints, name)[::-1])
+        self.joints.publish(joints)
+        self.imu.publish(imu_message(sensors, at, VARIANCES))
+        for leg in Leg:
+            angle = float(truth[2] + truth[3 + 2 * leg] + truth[4 + 2 * leg])
+            self.feet[leg].publish(foot_wrench(self.state.foot_force[leg], angle, leg, at))
+
+
+def main():
+    asked = json.loads(sys.argv[1])
+    rclpy.init()
+    node = rclpy.create_node("hardware")
+    plant = SimulationParameters(**asked["plant"], sensors="lab")
+    how = (asked["pace"], asked.get("mute", 0), asked.get("waits", False))
+    robot = StandIn(node, plant, asked["gait"], asked["seed"], *how)
+    end = time.monotonic() + asked["seconds"]
+    rests = 0
+    while time.monotonic() < end and rests < 200:
+        rclpy.spin_once(node, timeout_sec=0.01)
+        rests = rests + 1 if robot.state.tick and not (robot.state.running and robot.torque.any()) else 0
+    ages = np.percentile(robot.ages, (50, 99, 100)).round(2).tolist() if robot.ages else []
+    said = {"outcome": robot.simulation.outcome.value, "stones": robot.state.touchdowns, "ticks": robot.state.tick}
+    print(json.dumps({**said, "ages_ms": ages, "torque": robot.torque.tolist()}), flush=True)
+
+
+if __name__ == "__main__":
+    main()
