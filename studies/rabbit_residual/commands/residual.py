@@ -19,7 +19,8 @@ def residual(
     robots: Annotated[int, typer.Option(min=4, max=4096, help="that walk side by side")] = 128,
 ) -> None:
     """Train the policy within the step by PPO in MuJoCo, over random plants: DIR/policy.safetensors and a curve."""
-    from rabbit_residual.training import Options, SessionError, train
+    from rabbit_residual.session import SessionError
+    from rabbit_residual.training import Options, train
 
     own_folder(out, "residual")
     try:
