@@ -27,8 +27,8 @@ from rabbit_rivals.sac import Sac, SacParameters
 ON_TARGET, PER_TICK = 0.1, 0.02  # rad, of y; reward of a tick without error
 EFFORT, CHANGE = 0.004, 0.004  # of torques at their limit; of an action changed by one
 BESIDE = 0.04  # m from the middle of a stone
-LEARNERS = {"ppo": PpoParameters(hidden=128, learning_rate=3e-4, minibatch=512), "sac": SacParameters()}
-ROLLOUT = {"ppo": 64, "sac": 32}  # ticks of each robot
+LEARNERS = {"ppo": PpoParameters(hidden=128, learning_rate=3e-4), "sac": SacParameters()}
+ROLLOUT = {"ppo": 128, "sac": 32}  # ticks of each robot
 
 
 class JointTargetFleet(Fleet):
