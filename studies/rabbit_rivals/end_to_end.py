@@ -46,11 +46,11 @@ class JointTargetFleet(Fleet):
 
     def command(self, states: RobotStates) -> Command:
         """See `Fleet`."""
-        scene, last = self.controller.look(states), self._memory.action
+        scene = self.controller.look(states)
         reads = observe(self._memory, scene)
         said = self._act(reads)
         torque = command(self._memory, scene, said).clip(-self._limit, self._limit)
-        y, change = scene.seen.eta[:, :ACTIONS], self._memory.action - last
+        y, change = scene.seen.eta[:, :ACTIONS], self._memory.action - reads[:, -ACTIONS:]
         reward = PER_TICK * np.exp(-np.square(y).mean(axis=1) / ON_TARGET**2)
         reward -= EFFORT * np.square(torque / TORQUE_LIMIT).mean(axis=1) + CHANGE * np.square(change).mean(axis=1)
         torque = np.where(scene.stance[:, None], torque[:, SWAP_TORQUE], torque)

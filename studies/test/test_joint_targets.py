@@ -154,3 +154,23 @@ def test_a_fall_costs_one_and_a_step_on_flat_ground_gives_one() -> None:
     steps = sum(steps for _, steps in own.ends) + own._steps.sum()
     assert np.rint(found.reward).sum() == steps - found.failed.sum()
     assert np.abs(found.reward - np.rint(found.reward)).max() < 0.05
+
+
+def test_an_action_that_stays_costs_its_change_once_in_an_episode() -> None:
+    """The reference, the torques and the change, priced by hand."""
+
+    def worth(found, change: float):
+        y, torque = found.scene.seen.eta[:, :4], found.torque / 200
+        per_tick = 0.02 * np.exp(-(y**2).mean(axis=1) / 0.01) - 0.004 * (torque**2).mean(axis=1)
+        return pytest.approx(per_tick - 0.004 * change**2)
+
+    own = fleet("flat", 0.5)
+    for change in (0.5, 0.0, 0.0):
+        found = own.command(own._batch.states)
+        assert found.reward == worth(found, change)
+        own._batch.step(found.torque)
+    for robot in range(4):
+        own._batch.restart(robot, own._batch.simulations[robot], robot)
+        own.controller.reset(robot, robot)
+    found = own.command(own._batch.states)
+    assert found.reward == worth(found, 0.5)
