@@ -7,14 +7,15 @@ if nothing had ended.
 """
 
 import math
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import torch
 from pydantic import BaseModel, ConfigDict, Field
 from rabbit_description.state import Array
 from torch import Tensor, nn
+
+from rabbit_residual.fleet import Rollout
 
 
 class PpoParameters(BaseModel):
@@ -34,25 +35,10 @@ class PpoParameters(BaseModel):
     stds: tuple[float, float] = Field((0.05, 0.5), description="between which it stays")
 
 
-@dataclass
-class Rollout:
-    """T + 1 ticks of N robots: what was read (T + 1, N, r), said (T + 1, N, m), and what came of it, (T + 1, N).
-
-    `known` (T + 1, N, k): of the plant and the episode, which the value network reads too.
-
-    `ended`: an episode, `failed`: and not well. The last tick serves as what follows the one before.
-    """
-
-    reads: Array
-    known: Array
-    said: Array
-    reward: Array
-    ended: Array
-    failed: Array
-
-
 class Ppo:
     """Policy and value networks. `act` explores, `update` learns, `state` and `restore` are for checkpoints."""
+
+    figures: ClassVar = ("std", "divergence")
 
     def __init__(self, reads: int, known: int, says: int, parameters: PpoParameters, seed: int) -> None:
         torch.manual_seed(seed)
@@ -67,11 +53,6 @@ class Ppo:
         self._adam = torch.optim.Adam(self._all, lr=p.learning_rate)
         self._rng = np.random.default_rng(seed)
 
-    @property
-    def std(self) -> float:
-        """Mean standard deviation of the noise."""
-        return float(self._log_std.detach().exp().mean())
-
     def act(self, reads: Array) -> Array:
         """Actions (N, m) with noise, not cut to [-1, 1], at `reads` (N, r)."""
         with torch.no_grad():
@@ -80,8 +61,8 @@ class Ppo:
         actions: Array = mean + std * self._rng.standard_normal(mean.shape)
         return actions
 
-    def update(self, rollouts: list[Rollout]) -> float:
-        """Learn from them; returns the divergence of the new policy from the old one."""
+    def update(self, rollouts: list[Rollout]) -> tuple[float, ...]:
+        """Learn from them; returns the noise's mean standard deviation, and how far the policy is from the old one."""
         p, pieces = self._parameters, [self._piece(each) for each in rollouts]
         reads, known, said, advantage, value = (torch.cat(part) for part in zip(*pieces, strict=True))
         advantage = (advantage - advantage.mean()) / (advantage.std() + 1e-8)
@@ -102,16 +83,11 @@ class Ppo:
                 self._log_std.clamp_(*map(math.log, p.stds))
             if divergence > p.most_kl:
                 break
-        return divergence
+        return float(self._log_std.detach().exp().mean()), divergence
 
     def arrays(self) -> dict[str, Array]:
-        """The actor's, `0.weight` to `2.bias`."""
-        layers = [layer for layer in self.actor if isinstance(layer, nn.Linear)]
-        return {
-            f"{i}.{name}": value.detach().numpy().copy()
-            for i, layer in enumerate(layers)
-            for name, value in layer.named_parameters()
-        }
+        """The actor's, see `actor_arrays`."""
+        return actor_arrays(self.actor)
 
     def state(self) -> dict[str, Any]:
         """All that an update goes on from."""
@@ -172,3 +148,13 @@ def network(reads: int, says: int, hidden: int, activation: type[nn.Module]) -> 
     """Two hidden layers."""
     first, second = nn.Linear(reads, hidden), nn.Linear(hidden, hidden)
     return nn.Sequential(first, activation(), second, activation(), nn.Linear(hidden, says))
+
+
+def actor_arrays(actor: nn.Sequential) -> dict[str, Array]:
+    """`0.weight` to `2.bias`."""
+    layers = [layer for layer in actor if isinstance(layer, nn.Linear)]
+    return {
+        f"{i}.{name}": value.detach().numpy().copy()
+        for i, layer in enumerate(layers)
+        for name, value in layer.named_parameters()
+    }

@@ -6,10 +6,14 @@ The residual form. The gait gives the reference q_d(phase), the action moves the
 
 with y = q - q_d, the outputs. Which leg stands, and the path of a step onto the stone that is seen, are the walking
 controller's own. An action (4,) in [-1, 1] has the order stance hip, stance knee, swing hip, swing knee.
+
+The network reads the last `FRAMES` ticks, from which a robot can be told: its masses, its motors.
 """
 
 import itertools
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from cbf_clf_qp.estimates import Estimates
@@ -18,118 +22,118 @@ from rabbit_description.state import SWAP_TORQUE, Array, Leg, RobotState
 from rl_cbf_clf_controller.controller import NO_NOISE, Controller
 from rl_cbf_clf_controller.controller_output import ControllerOutput, seen_fields
 from rl_cbf_clf_controller.policy import Policy
+from rl_cbf_clf_controller.residual_policy import of_one
 from rl_cbf_clf_controller.scene import Scene
 from rl_cbf_clf_controller.uncertainty import UNITS
+from rl_cbf_clf_controller.weights import Actor
 
 from rabbit_rivals.model_file import About, ModelFile, read
 
 KP, KD = 600.0, 30.0  # N m/rad, N m s/rad; with them alone the robot walks on flat ground at mass scales 1 and 2
 REACH = 0.3  # rad; KP REACH is nearly the motors' limit of 200 N m
 ACTIONS = 4
-FEATURES = 23
+FEATURES, FRAMES = 26, 10
+READS = FRAMES * FEATURES
 NORMAL_FORCE = 300.0  # N
+STONE, EDGE = 0.375, 0.05  # m
+BOUND = 5.0  # of each number of a frame
+NEVER = -2  # no tick
 _CENTER, _SCALE = np.array([unit[1:] for unit in UNITS[:14]]).T
 
 
 class NetworkAbout(About):
-    """A network from features to actions, tanh between its layers, and how it was trained."""
+    """An actor from what is read to actions, and how it was trained."""
 
     learner: str
-    hidden: tuple[int, ...] = Field(min_length=1, max_length=8)
-    kp: float = Field(KP, gt=0, allow_inf_nan=False, description="N m/rad")
-    kd: float = Field(KD, gt=0, allow_inf_nan=False, description="N m s/rad")
-    reach: float = Field(REACH, gt=0, allow_inf_nan=False, description="rad")
-    plant: dict[str, bool | int | float | str]
-    steps: int = Field(ge=0, description="ticks of training")
+    hidden: tuple[int, int]
+    ticks: int = Field(ge=0, description="of training")
     hours: float = Field(ge=0, description="of training on one core")
     seed: int
     command: str = Field(description="makes a file such as this again")
 
     @property
     def shapes(self) -> dict[str, tuple[int, ...]]:
-        sizes = (FEATURES, *self.hidden, ACTIONS)
         found: dict[str, tuple[int, ...]] = {}
-        for i, (before, after) in enumerate(itertools.pairwise(sizes)):
+        for i, (before, after) in enumerate(itertools.pairwise((READS, *self.hidden, ACTIONS))):
             found |= {f"{i}.weight": (after, before), f"{i}.bias": (after,)}
         return found
 
 
 class NetworkPolicy(Policy):
-    """Features to actions, in numpy. As an estimator it knows nothing: there is no QP."""
+    """What is read of N robots to actions. As an estimator it knows nothing: there is no QP."""
 
     def __init__(self, file: ModelFile[NetworkAbout]) -> None:
-        self.about, self.version = file.about, file.version
-        layers = range(len(file.about.hidden) + 1)
-        self._layers = [(file.arrays[f"{i}.weight"], file.arrays[f"{i}.bias"]) for i in layers]
-
-    def act(self, read: Array) -> Array:
-        """The action (4,) in [-1, 1] for features (23,)."""
-        for weight, bias in self._layers[:-1]:
-            read = np.tanh(weight @ read + bias)
-        weight, bias = self._layers[-1]
-        action = weight @ read + bias
-        return np.tanh(action) if self.about.learner == "sac" else np.clip(action, -1, 1)
+        self.version, self.act = file.version, Actor(file.arrays)
 
     def estimate(self, scene: Scene, before: Estimates) -> Estimates:
         """None."""
         return Estimates.zero(*scene.seen.nominal_a.shape)
 
 
+@dataclass
+class Memory:
+    """Of N robots: the last `frames` (N, FRAMES, FEATURES), the oldest first, the last action, and in which tick."""
+
+    frames: Array
+    action: Array
+    tick: Array
+
+    @classmethod
+    def of(cls, n: int) -> "Memory":
+        """Nothing remembered."""
+        return cls(np.zeros((n, FRAMES, FEATURES)), np.zeros((n, ACTIONS)), np.full(n, NEVER))
+
+
+def observe(memory: Memory, scene: Any) -> Array:
+    """What the network reads at a scene of N robots, (N, READS). The memory goes on to this tick.
+
+    A frame, each number near one: y, y', the hip and the phase with their rates, the swing foot, the feet's normal
+    forces, the stone, whether there is one, the last action. An episode begins as if it had stood like this before.
+    """
+    seen, goes_on = scene.seen, (memory.tick == scene.tick - 1)[:, None]
+    on_stones = seen.stone[:, 1:2] > 0
+    parts = [
+        (scene.observation[:, : len(_CENTER)] - _CENTER) / _SCALE,
+        seen.swing / (0.3, 0.05),
+        scene.force[:, :, 1] / NORMAL_FORCE,
+        np.where(on_stones, (seen.stone - (STONE, STONE, 0.0)) / EDGE, 0.0),
+        on_stones,
+        np.where(goes_on, memory.action, 0.0),
+    ]
+    frame = np.concatenate(parts, axis=1).clip(-BOUND, BOUND)[:, None]
+    before = np.where(goes_on[:, None], memory.frames[:, 1:], frame)
+    memory.frames, memory.tick = np.concatenate([before, frame], axis=1), scene.tick.copy()
+    return memory.frames.reshape(len(frame), READS)
+
+
+def command(memory: Memory, scene: Any, action: Array) -> Array:
+    """The torques (N, 4), stance/swing order, not limited, N m, of actions (N, 4), which are cut to [-1, 1]."""
+    memory.action = action.clip(-1, 1).astype(float)
+    y, dy = scene.seen.eta[:, :ACTIONS], scene.seen.eta[:, ACTIONS:]
+    return KP * (REACH * memory.action - y) - KD * dy
+
+
 class JointTargetController(Controller):
-    """The walking controller with PD and a network in place of the QP: `observe` a state, then command its `torque`."""
+    """The walking controller with PD and a network in place of the QP."""
 
     policy: NetworkPolicy
 
     def reset(self, seed: int) -> None:
         """Begin an episode."""
         super().reset(seed)
-        self._action = np.zeros(ACTIONS)
-
-    def observe(self, state: RobotState) -> tuple[Array, str]:
-        """Features (23,), each near one: y, y', z and its rates, the swing foot, the feet's normal forces, the stone's
-        middle, the last action; and why the episode must end, or nothing. Raises `ControllerError`.
-        """
-        self._check(state)
-        fault = self._swap_legs(state)
-        if not self._step.has_begun:
-            self._begin_step(state)
-        self.scene = scene = self.look(state)
-        stone = state.preview
-        aim = (stone.l_min + stone.l_max) / 2 if stone else self.steps.wanted[0]
-        return np.concatenate(
-            [
-                (scene.observation[: len(_CENTER)] - _CENTER) / _SCALE,
-                scene.seen.swing / (0.3, 0.05),
-                scene.force[:, 1] / NORMAL_FORCE,
-                [(aim - 0.375) / 0.05],
-                self._action,
-            ]
-        ), fault
-
-    def command(self, action: Array, kp: float = KP, kd: float = KD, reach: float = REACH) -> Array:
-        """The torque (4,), stance/swing order, unlimited, N m, at the state that was observed last."""
-        self._action = np.asarray(action, dtype=float)
-        y, dy = np.split(self.scene.seen.eta, 2)
-        return kp * (reach * self._action - y) - kd * dy
-
-    def limited(self, wanted: Array) -> Array:
-        """Within the motors' limit, left/right order."""
-        limit = self.parameters.torque_limit
-        torque = np.clip(wanted, -limit, limit)
-        return torque[SWAP_TORQUE] if self._step.stance is Leg.RIGHT else torque
+        self._memory = Memory.of(1)
 
     def step(self, state: RobotState) -> ControllerOutput:
         """The torque for one tick. mu is what it amounts to under the nominal model."""
-        read, fault = self.observe(state)
-        about = self.policy.about
-        wanted = self.command(self.policy.act(read), about.kp, about.kd, about.reach)
-        torque = self.limited(wanted)
+        fault, limit = self.see(state), self.parameters.torque_limit
         scene, nothing = self.scene, self.qp.no_error()
-        in_order = torque[SWAP_TORQUE] if scene.stance is Leg.RIGHT else torque
+        one = of_one(scene)
+        (wanted,) = command(self._memory, one, self.policy.act(observe(self._memory, one)))
+        in_order = wanted.clip(-limit, limit)
         mu = scene.output_dynamics(in_order)
         return ControllerOutput(
             **seen_fields(scene),
-            torque=torque,
+            torque=in_order[SWAP_TORQUE] if scene.stance is Leg.RIGHT else in_order,
             mu=mu,
             mu_qp=mu,
             omega=NO_NOISE,
@@ -139,7 +143,7 @@ class JointTargetController(Controller):
             clf_slack=0.0,
             rescue_slack=0.0,
             active=(),
-            saturated=bool(np.abs(wanted).max() > self.parameters.torque_limit),
+            saturated=bool(np.abs(wanted).max() > limit),
             solver="none",
             status="end-to-end",
             answered=True,
@@ -151,9 +155,8 @@ class JointTargetController(Controller):
 
 def reference_alone() -> NetworkPolicy:
     """The network whose action is always zero: PD on the gait's reference."""
-    nothing = {"plant": {}, "steps": 0, "hours": 0.0, "seed": 0, "command": ""}
-    about = NetworkAbout.model_validate({"learner": "none", "hidden": (1,), **nothing})
-    return NetworkPolicy(ModelFile(about, {name: np.zeros(shape) for name, shape in about.shapes.items()}))
+    about = NetworkAbout(learner="none", hidden=(1, 1), ticks=0, hours=0.0, seed=0, command="")
+    return NetworkPolicy(ModelFile(about, {name: np.zeros(shape, np.float32) for name, shape in about.shapes.items()}))
 
 
 def network_policy(path: str) -> NetworkPolicy:

@@ -1,97 +1,134 @@
-"""A session end to end that was stopped goes on where it stood."""
+"""SAC against what its formulas say; a session end to end that was stopped goes on where it stood."""
 
-import csv
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-from rabbit_rivals import end_to_end
-from rabbit_rivals.end_to_end import COLUMNS, EndToEndOptions, SessionError, train
+import torch
+from rabbit_residual.fleet import Rollout
+from rabbit_residual.ppo import PpoParameters
+from rabbit_residual.session import SessionError
+from rabbit_rivals.end_to_end import Options, options, train
 from rabbit_rivals.joint_targets import NetworkAbout
 from rabbit_rivals.model_file import read
-from stable_baselines3 import PPO, SAC
+from rabbit_rivals.sac import Replay, Sac, SacParameters
+from rl_cbf_clf_controller.weights import Actor
 
-LINE, TICKS = 256, 768  # of a line of the curve, of the session; two rollouts of PPO are a line
 SMALL = {
-    "ppo": {"n_steps": 16, "batch_size": 64},
-    "sac": {"learning_starts": 64, "batch_size": 32, "buffer_size": 2000},
+    "ppo": PpoParameters(hidden=8, minibatch=16),
+    "sac": SacParameters(hidden=8, batch=16, first=40, every=8),
 }
 
 
-@pytest.fixture(autouse=True)
-def small(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(end_to_end, "EVALUATION", LINE)
-    monkeypatch.setattr(end_to_end, "JUDGED", 1)
-    monkeypatch.setattr(end_to_end, "PPO_SETTINGS", end_to_end.PPO_SETTINGS | SMALL["ppo"])
-    monkeypatch.setattr(end_to_end, "SAC_SETTINGS", end_to_end.SAC_SETTINGS | SMALL["sac"])
+def small(learner: str, ticks: int, seed: int = 1) -> Options:
+    return options(learner, ticks=ticks, seed=seed, robots=4, rollout=8, learner=SMALL[learner])
 
 
-def stop(line: str) -> None:
-    raise KeyboardInterrupt
+def quiet(line: str) -> None:
+    pass
 
 
-def lines(out: Path) -> list[list[str]]:
-    head, *found = list(csv.reader((out / "curve.csv").open()))
-    assert head == list(COLUMNS)
-    return found
+def bandit(learner: Sac, reward, rounds: int) -> None:
+    """Ticks that stand alone: what was read is -1 or 1, each ends an episode badly, so nothing follows."""
+    rng = np.random.default_rng(2)
+    for _ in range(rounds):
+        reads = np.sign(rng.standard_normal((9, 16, 1)))
+        known = np.sign(rng.standard_normal(reads.shape))
+        said = np.array([learner.act(each) for each in reads])
+        over = np.ones(reads.shape[:2], dtype=bool)
+        learner.update([Rollout(reads, known, said, reward(reads, known, said)[:, :, 0], over, over)])
 
 
-def learner(out: Path, name: str, steps: int) -> Any:
-    return {"ppo": PPO, "sac": SAC}[name].load(out / f"checkpoint-{steps}.zip", device="cpu")
+def test_sac_learns_which_action_is_rewarded_and_keeps_its_entropy() -> None:
+    """The reward falls with the distance from 0.4 sign(x); the temperature holds an entropy of -1 nat."""
+    learner = Sac(1, 1, 1, SacParameters(hidden=32, learning_rate=3e-3, batch=64, every=4, first=256), seed=1)
+    bandit(learner, lambda reads, known, said: -4 * np.abs(said - 0.4 * reads), 60)
+    actor = Actor(learner.arrays())
+    assert actor(np.array([[-1.0], [1.0]], np.float32))[:, 0] == pytest.approx([-0.4, 0.4], abs=0.1)
+    with torch.no_grad():
+        _, log_p, _ = learner._sampled(torch.tensor([[-1.0], [1.0]] * 2000))
+    assert -float(log_p.mean()) == pytest.approx(-1.0, abs=0.35)
 
 
-def updates(model: Any, name: str) -> float:
-    """How many steps the optimiser of the actor has made."""
-    optimiser = model.policy.optimizer if name == "ppo" else model.actor.optimizer
-    return next(iter(optimiser.state_dict()["state"].values()))["step"].item()
+def test_its_critics_alone_read_what_is_known_of_the_plant() -> None:
+    """The reward is that number: the critics say it, whatever is done."""
+    learner = Sac(1, 1, 1, SacParameters(hidden=32, learning_rate=3e-3, batch=64, every=4, first=256), seed=1)
+    bandit(learner, lambda reads, known, said: known, 60)
+    with torch.no_grad():
+        found = learner._value(
+            learner._critics, torch.tensor([[1.0], [1.0]]), torch.tensor([[-1.0], [1.0]]), torch.zeros(2, 1)
+        )
+    assert found.numpy() == pytest.approx(np.array([[-1.0, -1.0], [1.0, 1.0]]), abs=0.1)
 
 
-@pytest.mark.parametrize("name", ["ppo", "sac"])
-def test_a_session_that_was_stopped_goes_on_to_the_ticks_that_were_asked_for(name: str, tmp_path: Path) -> None:
-    options = EndToEndOptions(learner=name, steps=TICKS, seed=1)
+def test_a_transition_stays_within_its_rollout_and_its_episode() -> None:
+    """What is read counts ticks and robots, so what follows is one more, and the same where an episode ended."""
+    replay, rng, added = Replay(120), np.random.default_rng(1), 0
+    for number in range(7):
+        ticks = np.arange(6)[:, None] + 100 * number + 1000 * np.arange(4)
+        ended = rng.random(ticks.shape) < 0.3
+        one = ticks[:, :, None].astype(float)
+        whole = Rollout(one, one, one, ticks.astype(float), ended, ended & (ticks % 2 == 0))
+        halves = [Rollout(*(value[:, part] for value in vars(whole).values())) for part in (slice(3), slice(3, 4))]
+        added = replay.add(halves)
+        assert added == min(20 * (number + 1), 120)
+    again = Replay(120)
+    again.restore(replay.state())
+    found = again.sample(3000, rng)
+    reads, after = (found[name][:, 0].numpy() for name in ("reads", "after_reads"))
+    assert set(reads % 100) == set(range(5))
+    assert set(reads % 1000 // 100) == {1, 2, 3, 4, 5, 6}
+    assert np.array_equal(after, np.where(found["ended"], reads, reads + 1))
+    assert np.array_equal(found["reward"].numpy(), reads)
+
+
+@pytest.mark.parametrize("learner", ["ppo", "sac"])
+def test_a_session_goes_on_and_refuses_another(learner: str, tmp_path: Path) -> None:
+    first = read(train(small(learner, 96), tmp_path, quiet), NetworkAbout)
+    assert first.about.ticks == 96
+    state = torch.load(tmp_path / "session.pt", weights_only=True)["learner"]
+    assert steps(state) > 0
+    second = read(train(small(learner, 192), tmp_path, quiet), NetworkAbout)
+    assert second.about.ticks == 192
+    assert steps(torch.load(tmp_path / "session.pt", weights_only=True)["learner"]) > steps(state)
+    lines = (tmp_path / "curve.csv").read_text().splitlines()
+    assert [line.split(",")[0] for line in lines] == ["ticks", *map(str, range(32, 193, 32))]
+    with pytest.raises(SessionError, match="use another folder"):
+        train(small(learner, 192, seed=2), tmp_path, quiet)
+    (tmp_path / "session.pt").write_bytes(b"not a session")
+    with pytest.raises(SessionError, match="damaged"):
+        train(small(learner, 192), tmp_path, quiet)
+
+
+def steps(state) -> float:
+    """That the actor's optimiser has made."""
+    adam = state["adam"] if "adam" in state else state["adams"][0]
+    return next(iter(adam["state"].values()), {"step": torch.tensor(0.0)})["step"].item()
+
+
+@pytest.mark.parametrize("learner", ["ppo", "sac"])
+def test_a_session_that_was_stopped_goes_on_from_what_it_kept(learner: str, tmp_path: Path) -> None:
+    def stop(line: str) -> None:
+        raise KeyboardInterrupt
+
     with pytest.raises(KeyboardInterrupt):
-        train(options, tmp_path, stop)
-    (first,) = lines(tmp_path)
-    assert first[0] == str(LINE)
-    before = updates(learner(tmp_path, name, LINE), name)
-    (tmp_path / "checkpoint-512.zip").write_text("as a session leaves it that is stopped while it writes")
-    (tmp_path / "curve.csv").unlink()
-
-    policy = train(options, tmp_path)
-    assert [line[0] for line in lines(tmp_path)] == ["256", "512", "768"]
-    assert lines(tmp_path)[0] == first
-    hours = [float(line[1]) for line in lines(tmp_path)]
+        train(small(learner, 96), tmp_path, stop)
+    with (tmp_path / "curve.csv").open("a") as curve:
+        curve.write("64,0.1,what a killed session wrote after it had kept its state\n96,")
+    assert read(train(small(learner, 96), tmp_path, quiet), NetworkAbout).about.ticks == 96
+    head, *lines = [line.split(",") for line in (tmp_path / "curve.csv").read_text().splitlines()]
+    assert [line[0] for line in lines] == ["32", "64", "96"]
+    assert {len(line) for line in lines} == {len(head)}
+    hours = [float(line[1]) for line in lines]
     assert hours == sorted(hours)
-    model = learner(tmp_path, name, TICKS)
-    assert model.num_timesteps == TICKS
-    if name == "sac":
-        model.load_replay_buffer(tmp_path / f"checkpoint-{TICKS}.pkl")
-        assert model.replay_buffer.size() == TICKS / end_to_end.ENVIRONMENTS
-        assert updates(model, name) == (TICKS - 64) / end_to_end.ENVIRONMENTS
-    else:
-        assert updates(model, name) > before
-    assert read(policy, NetworkAbout).about.steps in (256, 512, 768)
-
-    written = (tmp_path / "progress.json").read_bytes()
-    train(options, tmp_path, stop)  # there is nothing left to do
-    assert (tmp_path / "progress.json").read_bytes() == written
 
 
-def test_the_same_stops_lead_to_the_same_network(tmp_path: Path) -> None:
-    def network(out: Path) -> dict[str, Any]:
-        for steps in (LINE, 2 * LINE):
-            train(EndToEndOptions(learner="sac", steps=steps, seed=3), out)
-        return end_to_end.network(learner(out, "sac", 2 * LINE), "sac")
+@pytest.mark.parametrize("learner", ["ppo", "sac"])
+def test_the_same_stops_lead_to_the_same_network(learner: str, tmp_path: Path) -> None:
+    def network(out: Path) -> dict[str, np.ndarray]:
+        for ticks in (96, 160):
+            path = train(small(learner, ticks, seed=3), out, quiet)
+        return read(path, NetworkAbout).arrays
 
     one, other = network(tmp_path / "one"), network(tmp_path / "other")
     assert all(np.array_equal(one[key], other[key]) for key in one)
-
-
-def test_another_session_or_a_lost_checkpoint_is_refused(tmp_path: Path) -> None:
-    train(EndToEndOptions(learner="ppo", steps=LINE, seed=1), tmp_path)
-    with pytest.raises(SessionError, match="another folder"):
-        train(EndToEndOptions(learner="sac", steps=LINE, seed=1), tmp_path)
-    (tmp_path / "checkpoint-256.zip").unlink()
-    with pytest.raises(SessionError, match="not there"):
-        train(EndToEndOptions(learner="ppo", steps=TICKS, seed=1), tmp_path)

@@ -1,26 +1,60 @@
-"""Joint targets: PD on the reference, and the environment that a learner sees."""
+"""Joint targets: PD on the reference, and what a network reads, of one robot and of N."""
+
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from gymnasium.utils.env_checker import check_env
 from rabbit_description.gait import load_gaits
 from rabbit_description.state import SWAP_TORQUE, Leg
-from rabbit_rivals.joint_target_env import WIDTHS, JointTargetEnv, walking_parameters
-from rabbit_rivals.joint_targets import KD, KP, REACH, JointTargetController, reference_alone
+from rabbit_rivals.end_to_end import JointTargetFleet
+from rabbit_rivals.joint_targets import (
+    ACTIONS,
+    BOUND,
+    FEATURES,
+    FRAMES,
+    KD,
+    KP,
+    REACH,
+    READS,
+    JointTargetController,
+    Memory,
+    NetworkAbout,
+    NetworkPolicy,
+    command,
+    observe,
+    reference_alone,
+)
+from rabbit_rivals.methods import PD
+from rabbit_rivals.model_file import ModelFile
+from rabbit_sim.batch_simulation import BatchSimulation
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.simulation import Simulation
+from rl_cbf_clf_controller.batch_controller import BatchController
+from rl_cbf_clf_controller.controller import Controller
+from rl_cbf_clf_controller.residual_policy import of_one
 
-PLANT = {"plant": "rigid", "mass_scale": 2.0, "motor_lag": 0.0}
+GAITS = load_gaits("paper_stones")
+
+
+def some_network(seed: int = 1) -> NetworkPolicy:
+    about = NetworkAbout(learner="none", hidden=(16, 16), ticks=0, hours=0.0, seed=seed, command="")
+    rng = np.random.default_rng(seed)
+    arrays = {name: (0.03 * rng.standard_normal(shape)).astype(np.float32) for name, shape in about.shapes.items()}
+    return NetworkPolicy(ModelFile(about, arrays))
+
+
+def controller(terrain: str, policy: NetworkPolicy) -> JointTargetController:
+    return JointTargetController(PD.on(terrain).assembly().controller, GAITS, policy)
 
 
 def test_without_an_action_it_is_pd_on_the_outputs() -> None:
-    controller = JointTargetController(walking_parameters("flat"), load_gaits("paper_stones"), reference_alone())
-    simulation = Simulation(SimulationParameters(plant="rigid", terrain="flat"), load_gaits("paper_stones"))
+    own = controller("flat", reference_alone())
+    simulation = Simulation(SimulationParameters(plant="rigid", terrain="flat"), GAITS)
     state = simulation.reset(1)
-    controller.reset(1)
+    own.reset(1)
     legs = set()
     while state.running and state.touchdowns < 2:
-        output = controller.step(state)
+        output = own.step(state)
         wanted = np.clip(-KP * output.eta[:4] - KD * output.eta[4:], -200, 200)
         legs.add(output.stance)
         assert output.torque == pytest.approx(wanted if output.stance is Leg.LEFT else wanted[SWAP_TORQUE])
@@ -28,44 +62,115 @@ def test_without_an_action_it_is_pd_on_the_outputs() -> None:
     assert legs == {Leg.LEFT, Leg.RIGHT}
 
 
-def test_an_action_moves_the_targets() -> None:
-    controller = JointTargetController(walking_parameters("flat"), load_gaits("paper_stones"), reference_alone())
-    simulation = Simulation(SimulationParameters(plant="rigid", terrain="flat"), load_gaits("paper_stones"))
-    controller.reset(1)
-    controller.observe(simulation.reset(1))
-    action = np.array([1.0, -0.5, 0.25, 0.0])
-    assert controller.command(action) - controller.command(np.zeros(4)) == pytest.approx(KP * REACH * action)
+def test_an_action_moves_the_targets_and_is_cut() -> None:
+    scene = SimpleNamespace(seen=SimpleNamespace(eta=np.full((1, 8), 0.01)))
+    action, nothing = np.array([[1.0, -0.5, 0.25, 0.0]]), np.zeros((1, 4))
+    moved = command(Memory.of(1), scene, action) - command(Memory.of(1), scene, nothing)
+    assert moved == pytest.approx(KP * REACH * action)
+    assert (command(Memory.of(1), scene, 3 * action)[0, 0]) == command(Memory.of(1), scene, action)[0, 0]
 
 
-def test_the_environment_is_one_of_gymnasium_and_repeats_itself() -> None:
-    env = JointTargetEnv(**PLANT)
-    check_env(env, skip_render_check=True)
+@pytest.mark.parametrize("terrain", ["stones", "flat"])
+def test_n_robots_walk_as_each_walks_alone_to_the_bit(terrain: str) -> None:
+    course = {"plant": "mujoco", "terrain": terrain, "motor_lag": 0.004}
+    wide = {"stone_width": 0.25, "l_min_mean": 0.2} if terrain == "stones" else {}
+    changes = ({}, {"mass_scale": 1.5}, {"velocity_noise": 0.02}, {"torque_rate": 40000.0}, {"coulomb": 1.0})
+    plants = [SimulationParameters.model_validate(course | wide | each) for each in changes]
+    policy = some_network()
+    alone = []
+    for seed, plant in enumerate(plants):
+        simulation, own, torques = Simulation(plant, GAITS), controller(terrain, policy), []
+        state = simulation.reset(seed)
+        own.reset(seed)
+        while state.running and len(torques) < 60:
+            output = own.step(state)
+            torques.append(output.torque)
+            state = simulation.step(output.torque)
+        alone.append(torques)
+    ticks, legs = min(map(len, alone)), set()
 
-    def walk() -> list[float]:
-        env.reset(seed=3)
-        return [env.step(np.full(4, 0.1, np.float32))[1] for _ in range(30)]
-
-    assert walk() == walk()
-
-
-def test_stones_get_narrower_around_the_same_middle() -> None:
-    for level, width in enumerate(WIDTHS):
-        env = JointTargetEnv(level, l_min_std=0.0, **PLANT)
-        seed = 0
-        env.reset(seed=seed)
-        while env.unwrapped._state.preview is None:  # one walk in four is on flat ground
-            seed += 1
-            env.reset(seed=seed)
-        stone = env.unwrapped._state.preview
-        assert stone.l_max - stone.l_min == pytest.approx(width)
-        assert (stone.l_max + stone.l_min) / 2 == pytest.approx(0.375)
+    parameters = PD.on(terrain).assembly().controller
+    batch = BatchSimulation([Simulation(plant, GAITS) for plant in plants])
+    together = BatchController(Controller(parameters, GAITS, policy), [policy] * len(plants))
+    states, memory = batch.reset(range(len(plants))), Memory.of(len(plants))
+    for seed in range(len(plants)):
+        together.reset(seed, seed)
+    for tick in range(ticks):
+        scene = together.look(states)
+        legs |= set(scene.stance.tolist())
+        torque = command(memory, scene, policy.act(observe(memory, scene))).clip(-200, 200)
+        torque = np.where(scene.stance[:, None], torque[:, SWAP_TORQUE], torque)
+        assert np.array_equal(torque, [torques[tick] for torques in alone])
+        states = batch.step(torque)
+    assert legs == {Leg.LEFT, Leg.RIGHT}
 
 
-def test_a_fall_costs_one_and_ends_the_walk() -> None:
-    env = JointTargetEnv(**PLANT)
-    env.reset(seed=1)
-    ended, reward = False, 0.0
-    while not ended:
-        _, reward, ended, truncated, _ = env.step(np.array([1.0, 1.0, -1.0, 1.0], np.float32))
-        assert not truncated
-    assert reward < -0.9
+def test_the_history_is_of_this_episode_the_newest_last() -> None:
+    own = controller("stones", some_network())
+    simulation = Simulation(SimulationParameters(plant="rigid"), GAITS)
+    state, memory, frames = simulation.reset(1), Memory.of(1), []
+    own.reset(1)
+    for tick in range(FRAMES + 2):
+        own.see(state)
+        read = observe(memory, of_one(own.scene)).reshape(FRAMES, FEATURES)
+        frames.append(read[-1])
+        expected = [frames[max(0, tick - FRAMES + 1 + i)] for i in range(FRAMES)]
+        assert np.array_equal(read, expected)
+        said = np.full((1, ACTIONS), 0.1 * (tick % 3))
+        command(memory, of_one(own.scene), said)
+        if tick:
+            assert read[-1, -ACTIONS:] == pytest.approx(0.1 * ((tick - 1) % 3))
+        state = simulation.step(own.step(state).torque)
+    assert np.abs(frames).max() <= BOUND
+    assert len({frame.tobytes() for frame in frames}) == len(frames)
+
+    own.reset(1)
+    own.see(simulation.reset(1))
+    again = observe(memory, of_one(own.scene)).reshape(FRAMES, FEATURES)
+    assert np.array_equal(again, [frames[0]] * FRAMES)
+
+
+def fleet(terrain: str, action: float, robots: int = 4) -> JointTargetFleet:
+    return JointTargetFleet(terrain, robots, lambda reads: np.full((len(reads), ACTIONS), action), [1, 2])
+
+
+def test_a_landing_is_worth_the_more_the_nearer_the_middle() -> None:
+    def landed(terrain: str, l: float) -> float:  # noqa: E741
+        landing = SimpleNamespace(l=l, l_min=0.35, l_max=0.40, missed=not 0.35 <= l <= 0.40)
+        return fleet(terrain, 0.0).step_reward(SimpleNamespace(landings=[landing]))
+
+    assert landed("stones", 0.375) == 1.0
+    assert landed("stones", 0.375 - 0.02) == pytest.approx(0.5 + 0.5 * np.exp(-0.25))
+    assert landed("stones", 0.41) == 0.0
+    assert landed("flat", 0.2) == 1.0
+
+
+def test_a_fall_costs_one_and_a_step_on_flat_ground_gives_one() -> None:
+    """Beside them a tick is worth little, so that the rest can be rounded away."""
+    own = fleet("flat", 1.0)
+    found = own.walk(200)
+    assert found.reads.shape == (201, 4, READS)
+    assert found.failed.any()
+    steps = sum(steps for _, steps in own.ends) + own._steps.sum()
+    assert np.rint(found.reward).sum() == steps - found.failed.sum()
+    assert np.abs(found.reward - np.rint(found.reward)).max() < 0.05
+
+
+def test_an_action_that_stays_costs_its_change_once_in_an_episode() -> None:
+    """The reference, the torques and the change, priced by hand."""
+
+    def worth(found, change: float):
+        y, torque = found.scene.seen.eta[:, :4], found.torque / 200
+        per_tick = 0.02 * np.exp(-(y**2).mean(axis=1) / 0.01) - 0.004 * (torque**2).mean(axis=1)
+        return pytest.approx(per_tick - 0.004 * change**2)
+
+    own = fleet("flat", 0.5)
+    for change in (0.5, 0.0, 0.0):
+        found = own.command(own._batch.states)
+        assert found.reward == worth(found, change)
+        own._batch.step(found.torque)
+    for robot in range(4):
+        own._batch.restart(robot, own._batch.simulations[robot], robot)
+        own.controller.reset(robot, robot)
+    found = own.command(own._batch.states)
+    assert found.reward == worth(found, 0.5)

@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 import torch
 from rabbit_benchmark.families import families
+from rabbit_residual.fleet import Rollout
 from rabbit_residual.plants import described, draw_plant, ranges
-from rabbit_residual.ppo import Ppo, PpoParameters, Rollout, advantages
-from rabbit_residual.training import Options, SessionError, train
+from rabbit_residual.ppo import Ppo, PpoParameters, advantages
+from rabbit_residual.session import SessionError
+from rabbit_residual.training import Options, train
 from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.weights import read
 

@@ -6,7 +6,6 @@ import pytest
 import typer
 from rabbit_bringup.cli import app, commands
 from rabbit_reproduce import ablations
-from rabbit_rivals.commands import rival
 from typer.testing import CliRunner, Result
 
 FOREIGN = (
@@ -24,7 +23,7 @@ FOLDERS = {
     "speed": ("--plants", 5),
     "estimator": (),
     "gait": ("--name", "mine"),
-    "rival end-to-end": ("--steps", 1),
+    "rival end-to-end": ("--ticks", 1),
     "residual": ("--ticks", 1),
     "faults": ("--runs", 1),
     "bag plot": ("none.mcap",),
@@ -88,7 +87,6 @@ def test_a_file_that_is_there_stays_as_it_is(tmp_path: Path, monkeypatch: pytest
     path = tmp_path / "theirs"
     path.write_text("mine")
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(rival, "_needs_stable_baselines3", lambda: None)
     refused(rabbit(name, *FILES[name], "--out", path), path)
     assert path.read_text() == "mine"
 

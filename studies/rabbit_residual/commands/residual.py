@@ -20,7 +20,8 @@ def residual(
     flat: Annotated[float, typer.Option(min=0, max=1, help="share of them on flat ground")] = 0.25,
 ) -> None:
     """Train the policy within the step by PPO in MuJoCo, over random plants: DIR/policy.safetensors and a curve."""
-    from rabbit_residual.training import Options, SessionError, train
+    from rabbit_residual.session import SessionError
+    from rabbit_residual.training import Options, train
 
     own_folder(out, "residual")
     try:

@@ -17,20 +17,20 @@ Seed = Annotated[int, typer.Option(min=0, max=2**31)]
 @app.command()
 def end_to_end(
     out: Annotated[Path, typer.Option(help="folder; a session that was stopped there goes on")],
-    learner: Annotated[Literal["ppo", "sac"], typer.Option(help="of stable-baselines3")] = "ppo",
-    steps: Annotated[int, typer.Option(min=1, max=10**10, help="ticks in all")] = 1_000_000,
+    learner: Annotated[Literal["ppo", "sac"], typer.Option()] = "ppo",
+    ticks: Annotated[int, typer.Option(min=1, max=10**11, help="in all, of all robots")] = 20_000_000,
     seed: Seed = 1,
-    mass_scale: Annotated[float, typer.Option(min=0.1, max=10, help="of the robot that it learns on")] = 2.0,
+    robots: Annotated[int, typer.Option(min=4, max=4096, help="that walk side by side")] = 128,
 ) -> None:
-    """Joint targets by PPO or SAC, in MuJoCo; DIR has the learning curve and the best policy."""
-    _needs_stable_baselines3()
-    from rabbit_rivals.end_to_end import EndToEndOptions, SessionError, train
+    """Joint targets by PPO or SAC in MuJoCo, over random plants: DIR/policy.safetensors and a curve."""
+    from rabbit_residual.session import SessionError
+
+    from rabbit_rivals.end_to_end import options, train
 
     own_folder(out, "rival end-to-end")
-    options = EndToEndOptions(learner=learner, steps=steps, seed=seed, mass_scale=mass_scale)
     try:
         with complaints(SessionError):
-            print(f"written {train(options, out)}")
+            print(f"written {train(options(learner, ticks=ticks, seed=seed, robots=robots), out)}")
     except KeyboardInterrupt as stop:
         fail("stopped; the same command goes on from the last line of the curve", code=of_interrupt(stop))
 
@@ -52,11 +52,3 @@ def gp(
         file = fit_session(session, inducing, seed)
     file.write(out)
     print(f"{file.about.transitions} transitions; written {out}")
-
-
-def _needs_stable_baselines3() -> None:
-    """End the command where it is not installed."""
-    from importlib.util import find_spec
-
-    if not find_spec("stable_baselines3"):
-        fail("expected stable-baselines3: pip install stable-baselines3")

@@ -179,6 +179,14 @@ class Controller:
             ControllerError: a state of the wrong shape, not finite, or without the preview of the next stone; a policy
                 that gives no output error where the objective needs it.
         """
+        fault = self.see(state)
+        self.decided = self.decide(self.scene)
+        output = self._output(fault)
+        self._step.last = self.scene
+        return output
+
+    def see(self, state: RobotState) -> str:
+        """Take a state in: which leg stands, the step's outputs, `scene`. Why the episode must end, or nothing."""
         self._check(state)
         if is_finite(state.applied):  # in real time it may be another than the one that this gave last
             self._held = state.applied
@@ -189,10 +197,7 @@ class Controller:
         if not self._step.has_begun:
             self._begin_step(state)
         self.scene = self.look(state)
-        self.decided = self.decide(self.scene)
-        output = self._output(fault)
-        self._step.last = self.scene
-        return output
+        return fault
 
     def look(self, state: RobotState) -> Scene:
         """What is seen of a state, with the present stance leg."""

@@ -28,6 +28,7 @@ READS = 2 * FRAME
 STONE = 0.35  # m, subtracted from the edges of a stone
 BOUND = 5.0  # of each number of a frame
 NEVER = -2  # no tick
+OWN = ("x", "force", "torque", "tick", "stance", "observation")  # what is read of a scene, and of what is `seen`
 SEEN = ("eta", "phase", "swing", "outputs_a", "outputs_b", "stone", "B1_state", "B2_state")
 
 
@@ -99,7 +100,7 @@ class ResidualActor(ResidualPolicy):
 
 def of_one(scene: Scene) -> SimpleNamespace:
     """A scene of one robot as `observe` reads it."""
-    own = {name: np.asarray(getattr(scene, name))[None] for name in ("x", "force", "torque", "tick", "stance")}
+    own = {name: np.asarray(getattr(scene, name))[None] for name in OWN}
     seen = {name: getattr(scene.seen, name)[None] for name in SEEN if hasattr(scene.seen, name)}
     return SimpleNamespace(seen=SimpleNamespace(**seen), **own)
 
