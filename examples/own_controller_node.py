@@ -4,7 +4,7 @@ rabbit walk --controller none --terrain flat    and in another shell: python exa
 """
 
 import rclpy
-from numpy import array, clip
+from numpy import array, clip, ndarray
 from numpy.polynomial.polynomial import polyder, polyval
 from rabbit_msgs.msg import RobotState, TorqueCommand
 
@@ -20,7 +20,7 @@ BEGIN, SPAN = -0.221, 0.444  # rad: the stance leg's angle as a step begins, and
 KP, KD, LIMIT = 500.0, 20.0, 200.0  # N m/rad, N m s/rad, N m
 
 
-def torque_of(q, dq, touchdowns):
+def torque_of(q: ndarray, dq: ndarray, touchdowns: int) -> list[float]:
     legs = [3, 4, 5, 6] if touchdowns % 2 == 0 else [5, 6, 3, 4]  # stance, swing; the left leg stands first
     phase, rate = ((x[2] + x[legs[0]] + x[legs[1]] / 2 - zero) / SPAN for x, zero in ((q, BEGIN), (dq, 0)))
     s = clip(phase, 0, 1)
@@ -30,7 +30,7 @@ def torque_of(q, dq, touchdowns):
     return q[3:].tolist()  # left hip, left knee, right hip, right knee
 
 
-def answer(state):
+def answer(state: RobotState) -> None:
     if state.running:  # not the last of an episode
         torque = torque_of(array(state.q), array(state.dq), state.touchdowns)
         turn = {"header": state.header, "episode": state.episode, "tick": state.tick}

@@ -15,11 +15,11 @@ LAYOUT = {"coordinates": ["base_x", "base_z", "base_pitch", *JOINTS], "joints": 
 LATCHED = QoSProfile(depth=20, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
-def announce(phase, tick, outcome=""):
+def announce(phase: int, tick: int, outcome: str = "") -> None:
     episodes.publish(Episode(header=state.header, episode=1, phase=phase, tick=tick, outcome=outcome, **LAYOUT))
 
 
-def step(command):
+def step(command: TorqueCommand) -> None:
     if not state.running or (command.episode, command.tick) != (1, state.tick):
         return  # an answer that came already
     q, dq, torque = (np.array(each) for each in (state.q, state.dq, command.torque))
@@ -41,5 +41,5 @@ node.create_subscription(TorqueCommand, "torque", step, 5000)
 at_rest = {"foot_force": [0.0] * 4, "contact": [False] * 2, "applied": [np.nan] * 4, "dq": [0.0] * 7}
 state = RobotState(episode=1, running=True, q=[0.0, 1.0, 0.0, -0.4, 0.4, 0.2, 0.3], **at_rest)
 announce(Episode.RUNNING, 0)
-node.create_timer(0.5, lambda: state.running and states.publish(state))  # until it is answered
+node.create_timer(0.5, lambda: states.publish(state) if state.running else None)  # until it is answered
 rclpy.spin(node)
