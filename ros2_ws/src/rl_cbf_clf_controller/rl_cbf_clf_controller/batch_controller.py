@@ -207,7 +207,9 @@ class BatchController:
         sees_stone = ~np.isnan(states.stones[:, :1])
         np.copyto(p[:, self._one._stone], states.stones - self._moved[:, (0, 0, 1)], where=sees_stone)
         if self._robots:
-            p[:, places["torque_change_weight"]] = self._robots.lateness * parameters.torque_change_weight
+            late = self._robots.lateness
+            p[:, places["torque_change_weight"]] = late * parameters.torque_change_weight
+            p[:, places["stone_margin"]] = parameters.stone_margin + late * parameters.late_margin
             if parameters.prediction:
                 x = self._robots.predicted(x, self._torque)
         self._left[self._last_tick != states.tick - 1] = np.nan

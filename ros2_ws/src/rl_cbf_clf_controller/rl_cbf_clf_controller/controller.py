@@ -209,7 +209,9 @@ class Controller:
             along, up = self._moved(x, float(force[0, 1])).tolist() if self.parameters.stone_tracking else (0.0, 0.0)
             p[self._stone] = stone.l_min - along, stone.l_max - along, stone.height - up
         if self._robot:
-            p[places["torque_change_weight"]] = self._robot.lateness * self.parameters.torque_change_weight
+            late, parameters = self._robot.lateness, self.parameters
+            p[places["torque_change_weight"]] = late * parameters.torque_change_weight
+            p[places["stone_margin"]] = parameters.stone_margin + late * parameters.late_margin
             if self.parameters.prediction:
                 x = self._robot.predicted(x, step.torque)
         p[places["force"]], p[places["held"]] = force[0], held

@@ -67,6 +67,9 @@ class ControllerParameters(BaseModel):
     stone_margin: float = Field(
         0.005, ge=0, le=0.02, description="kept from both edges of a stone, for what happens between two ticks, m"
     )
+    late_margin: float = Field(
+        0.0, ge=0, le=0.02, description="more stone_margin beside an identification, as far as torque is found late, m"
+    )
     stone_tracking: bool = Field(
         False, description="whether the next stone stays where it was seen while the stance foot falls with its own"
     )

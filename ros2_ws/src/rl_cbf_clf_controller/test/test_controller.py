@@ -12,6 +12,7 @@ from rabbit_description import DEFAULT_GAIT
 from rabbit_description.gait import load_gait
 from rabbit_description.state import SWAP_STATE, SWAP_TORQUE, Leg, RobotState, StonePreview
 from rl_cbf_clf_controller.controller import Controller
+from rl_cbf_clf_controller.identification import LATE_TORQUE
 from rl_cbf_clf_controller.parameters import FORMER, ControllerParameters, ParameterError, load_parameters
 from rl_cbf_clf_controller.policy import Policy, ZeroPolicy
 from rl_cbf_clf_controller.scene import ControllerError
@@ -326,6 +327,19 @@ def test_a_torque_whose_change_costs_much_hardly_changes():
     built = [make(**without_rows, torque_change_weight=weight) for weight in (0.0, 100.0)]
     free, dear = (np.abs(walking.step(state(applied=held)).torque - held).max() for walking in built)
     assert dear < 0.1 * free
+
+
+@pytest.mark.parametrize(("late_torque", "margin"), [(0.37, 0.005), (0.47, 0.01), (0.8, 0.015)])
+def test_a_stone_gets_narrower_as_far_as_torque_is_found_late(late_torque, margin):
+    walking = make("rl-cbf-clf-qp", adaptation="identification", objective="pd_centred", late_margin=0.01)
+    found = walking._robot._identification
+    found.value = found.value.copy()
+    found.value[LATE_TORQUE] = late_torque
+    walking.step(state())
+    seen = make("rl-cbf-clf-qp", stone_margin=margin)
+    seen.step(state())
+    for name in ("B1_state", "B2_state"):
+        assert getattr(walking.scene.seen, name) == pytest.approx(getattr(seen.scene.seen, name), abs=1e-12)
 
 
 def test_nothing_is_measured_over_a_tick_in_which_a_gain_changed():
