@@ -1,4 +1,4 @@
-"""A controller of your own as a ROS node, in place of ours: PD control of the joints along the path of a gait.
+"""A ROS node that takes the place of our controller: PD control of the joints along the path of a gait.
 
 rabbit walk --controller none --terrain flat    and in another shell: python examples/own_controller_node.py
 """

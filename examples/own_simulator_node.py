@@ -1,4 +1,4 @@
-"""A simulator of your own as a ROS node, in place of ours: a robot that hangs from a frame and swings its legs.
+"""A ROS node that takes the place of our simulator: a robot that hangs from a frame and swings its legs.
 
 python examples/own_simulator_node.py    and in another shell: python examples/own_controller_node.py
 """

@@ -1,4 +1,4 @@
-"""Installs rabbit_bringup, as setup.cfg says; pip takes what else it needs from beside it."""
+"""Installs rabbit_bringup as setup.cfg says. pip finds the other packages in the folders beside this one."""
 
 from pathlib import Path
 

@@ -141,19 +141,15 @@ def torque_of(message: msg.TorqueCommand) -> Array:
 
 def joint_state(state: RobotState, at: Header) -> JointState:
     """Positions, velocities and torques by the URDF's joint names, the planar base's included, which has none."""
-    q, dq, effort = doubles(state.q), doubles(state.dq), doubles(np.append(np.zeros(3), _effort(state.applied)))
+    q, dq = doubles(state.q), doubles(state.dq)
+    effort = doubles(np.append(np.zeros(3), np.nan_to_num(state.applied)))  # 0 where none was applied yet
     return JointState(header=at, name=list(COORDINATES), position=q, velocity=dq, effort=effort)
 
 
 def encoder_message(sensors: BodySensors, at: Header, applied: Array = NOTHING) -> JointState:
     """What the four joints' encoders say, and the torques (4,) over the tick, if they are given."""
-    angles, rates, effort = doubles(sensors.joint_angles), doubles(sensors.joint_rates), doubles(_effort(applied))
+    angles, rates, effort = doubles(sensors.joint_angles), doubles(sensors.joint_rates), doubles(np.nan_to_num(applied))
     return JointState(header=at, name=list(ACTUATED), position=angles, velocity=rates, effort=effort)
-
-
-def _effort(applied: Array) -> Array:
-    """0 where none was applied yet."""
-    return np.nan_to_num(applied)
 
 
 def foot_wrench(force: Array, leg_angle: float, foot: int, at: Header) -> WrenchStamped:
