@@ -11,13 +11,13 @@ def walk(policy, plan):                            an episode
 policy = learn(TrainingParameters(problem=problem, seed=1, episodes=12), walk)
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from cbf_clf_qp.answer import Decided
 from cbf_clf_qp.estimates import Estimates, measure, model_error
-from cbf_clf_qp.functions import Array, Values
+from cbf_clf_qp.functions import Array, Values, places_of
 from cbf_clf_qp.tick import Tick
 from rl_cbf_clf_controller.policy import ActorPolicy, LearnedPolicy
 from rl_cbf_clf_controller.problem import Problem
@@ -62,12 +62,13 @@ class SystemTicks:
     def __init__(self, tick: Tick, problem: Problem, seconds: float, limit: float = np.inf) -> None:
         self._tick, self._problem, self._seconds, self._limit = tick, problem, np.array([seconds]), limit
         self._measure, self._error = measure(tick.terms), model_error(tick.terms)
+        self._places = places_of(tick.system.named)
         self.begin()
 
-    def begin(self, policy: LearnedPolicy | None = None, true: Array | None = None) -> None:
+    def begin(self, policy: LearnedPolicy | None = None, true: Mapping[str, Array | float] | None = None) -> None:
         """Begin an episode with the estimates of a policy, or an oracle's exact ones; without either they are zero.
 
-        The oracle knows the `true` parameters: the first ones of the system, in their order; the others are known.
+        The oracle knows the `true` parameters by name; those that are not named are what the model has.
         """
         self._policy, self._true, self.transitions = policy, true, list[Transition]()
         self.interrupt()
@@ -94,7 +95,10 @@ class SystemTicks:
 
     def _estimates(self, x: Array, p: Array, seen: Values) -> Estimates:
         if self._true is not None:
-            found = self._error(x, p, np.concatenate([self._true, p[len(self._true) :]]))
+            true = p.astype(float)
+            for name, value in self._true.items():
+                true[self._places[name][0]] = np.ravel(value)
+            found = self._error(x, p, true)
             return Estimates(found.alpha, found.beta, found.output_error)
         return self._policy.act(seen.observation, self._LgV(seen)) if self._policy else self._tick.no_error()
 

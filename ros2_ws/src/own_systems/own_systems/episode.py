@@ -1,0 +1,140 @@
+"""One episode of a task under one of its controllers: nominal, oracle, a learned policy, or one of its own.
+
+ride = Rider(task).ride("nominal", seed=1)        all ticks, and how it ended
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from cbf_clf_qp.answer import Decided
+from cbf_clf_qp.estimates import Estimates
+from cbf_clf_qp.functions import Array
+from rl_cbf_clf_controller.policy import ActorPolicy, LearnedPolicy
+from rl_cbf_clf_controller.problem import Problem
+from rl_cbf_clf_controller.weights import PolicyFileError, read
+from rl_trainer.systems import SystemTick, SystemTicks
+
+from own_systems.task import ControlTask, TaskError
+
+NOMINAL, ORACLE = "nominal", "oracle"
+COURSE, NOISE = range(2)  # random numbers of an episode: start and commands; exploration
+Controlling = LearnedPolicy | str  # a policy, or a controller's name
+
+
+@dataclass(frozen=True)
+class Moment:
+    """A tick: state x (n,), parameters p (k,) that the model has, the input u (m,), and what led to it.
+
+    `barriers` (b,): the values of B. `seen`, `estimates` and `decided` are None under a controller without a QP.
+    """
+
+    time: float
+    x: Array
+    p: Array
+    u: Array
+    barriers: Array
+    seen: Any = None
+    estimates: Estimates | None = None
+    decided: Decided | None = None
+    mu: Array | None = None
+
+
+@dataclass
+class Ride:
+    """An episode: its moments; `outcome` is done, failed, or no answer. `margins` (b,): the least value of each B."""
+
+    task: ControlTask
+    controller: str
+    seed: int
+    moments: list[Moment] = field(default_factory=list)
+    outcome: str = "done"
+
+    @property
+    def margins(self) -> Array:
+        """Of each barrier over the ride, in its unit; -inf after a failure."""
+        if self.outcome != "done":
+            return np.full(len(self.task.barriers), -np.inf)
+        return np.array([each.barriers for each in self.moments]).min(axis=0)
+
+    @property
+    def is_kept(self) -> bool:
+        """Whether it ended well, and no barrier was below its tolerance."""
+        return self.outcome == "done" and bool((self.margins >= -self.task.tolerance).all())
+
+
+class Rider:
+    """Rides a task. `problem` is what is learned on it; without one it can be ridden, and not learned on."""
+
+    def __init__(self, task: ControlTask, problem: Problem | None = None) -> None:
+        self.task = task
+        terms = task.tick.terms
+        observed = tuple(task.observed)
+        units = tuple((name, 0.0, 1.0) for name in observed)
+        self.problem = problem or Problem(task.name, terms.inputs, terms.names, observed, units)
+        self.ticks = SystemTicks(task.tick, self.problem, task.seconds, np.inf if task.limit is None else task.limit)
+
+    def controlling(self, name: str) -> Controlling:
+        """A controller by its name, or a policy by its file; raises `TaskError`."""
+        if name in (NOMINAL, ORACLE, *self.task.controllers):
+            return name
+        if not name.endswith(".safetensors"):
+            known = ", ".join((NOMINAL, ORACLE, *self.task.controllers))
+            raise TaskError(f"controller {name}: expected {known}, or a policy's file")
+        try:
+            file = read(Path(name))
+        except PolicyFileError as error:
+            raise TaskError(str(error)) from error
+        about, problem = file.metadata, self.problem
+        now = problem.name, problem.quantities, problem.inputs, problem.observation
+        if (then := (about.problem, about.names, about.m, about.observation)) != now:
+            raise TaskError(f"policy {name} is for {then}: expected {now}")
+        return ActorPolicy(file)
+
+    def ride(self, controlling: Controlling, seed: int, noise: float = 0.0) -> Ride:
+        """An episode; `noise` is the deviation of what exploration adds to mu."""
+        name = controlling if isinstance(controlling, str) else controlling.version
+        ride = Ride(self.task, name, seed)
+        for moment in self.moments(controlling, seed, noise):
+            ride.moments.append(moment)
+            if moment.decided is not None and not moment.decided.solved:
+                ride.outcome = "no answer"
+                return ride
+        if len(ride.moments) < round(self.task.duration / self.task.seconds):
+            ride.outcome = "failed"
+        return ride
+
+    def moments(self, controlling: Controlling, seed: int, noise: float = 0.0) -> Iterator[Moment]:
+        """The ticks of an episode, one after another, until its time is over or it has failed."""
+        task, random = self.task, np.random.SeedSequence(seed).spawn(2)
+        course, exploring = (np.random.default_rng(each) for each in random)
+        x, commands = course.uniform(*np.asarray(task.start, dtype=float)), task.commands(course)
+        self.begin(controlling)
+        for k in range(round(task.duration / task.seconds)):
+            commanded = commands(k * task.seconds)
+            p = task.parameters_at({}, commanded)
+            moment = self.moment(
+                controlling, k * task.seconds, x, p, noise * exploring.standard_normal(self.problem.inputs)
+            )
+            yield moment
+            true = task.parameters_at(task.true, commanded)
+            x = task.moved(x, true, moment.u)
+            if task.has_failed(x, true):
+                return
+
+    def begin(self, controlling: Controlling) -> None:
+        """The first tick of an episode comes next."""
+        policy = controlling if isinstance(controlling, LearnedPolicy) else None
+        self.ticks.begin(policy, self.task.true if controlling == ORACLE else None)
+
+    def moment(self, controlling: Controlling, time: float, x: Array, p: Array, noise: Array) -> Moment:
+        """The tick at a state."""
+        own = self.task.controllers.get(controlling) if isinstance(controlling, str) else None
+        if own:
+            u = np.asarray(own(x, p), dtype=float).reshape(self.task.system.u.numel())
+            limit = np.inf if self.task.limit is None else self.task.limit
+            return Moment(time, x, p, u.clip(-limit, limit), self.task.tick.look(x, p).barriers)
+        now: SystemTick = self.ticks(x, p, noise)
+        return Moment(time, x, p, now.control, now.seen.barriers, now.seen, now.estimates, now.decided, now.mu)

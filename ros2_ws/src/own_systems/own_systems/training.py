@@ -1,0 +1,95 @@
+"""Learning on a task: what is learned and in which units, measured from a few rides, and the training itself."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from cbf_clf_qp.functions import Array
+from rl_cbf_clf_controller.policy import ActorPolicy, LearnedPolicy
+from rl_cbf_clf_controller.problem import Problem
+from rl_trainer.systems import EpisodePlan, TrainingParameters, learn
+from rl_trainer.transitions import Transition
+
+from own_systems.episode import NOMINAL, ORACLE, Rider
+from own_systems.task import ControlTask
+
+RIDES = 3  # of the nominal controller and of the oracle, each
+ROOM = 1.5  # of a scale, over the most that was seen
+LEAST = 1e-3  # of a scale, where nothing was seen
+SLOW = {"actor_rate": 6e-4, "critic_rate": 1e-3, "polyak": 5e-4, "batch": 160, "hidden1": 64, "hidden2": 64}
+SCHEDULE = {"sigma_factors": (1,), "nominal_episodes": 1, "updates_per_tick": 0, "updates_least": 600, "episodes": 4}
+
+
+def measured_problem(task: ControlTask, seed: int) -> Problem:
+    """What is learned on a task, with the units of observations, estimates and errors.
+
+    Rides of the nominal controller and of the oracle show them: an observation has its mean and deviation, an estimate
+    `ROOM` times the greatest that the oracle has, an error the root of its mean square under the nominal model.
+    """
+    rider = Rider(task)
+    alphas, betas, errors, read, mus = list[Array](), list[Array](), list[Array](), list[Array](), list[Array]()
+    for i, controller in enumerate((NOMINAL, ORACLE) * RIDES):
+        ride = rider.ride(controller, seed * 1000 + i)
+        for moment in ride.moments:
+            read.append(moment.seen.observation)
+            mus.append(np.asarray(moment.mu))
+            if controller == ORACLE and moment.estimates:
+                alphas.append(
+                    _unsigned(moment.estimates.alpha, moment.estimates.output_error, rider.problem.has_clf, 0)
+                )
+                betas.append(_unsigned(moment.estimates.beta, moment.estimates.output_error, rider.problem.has_clf, 1))
+        if controller == NOMINAL:
+            errors += [_error(each, rider.problem.has_clf) for each in rider.ticks.transitions]
+    names = rider.problem.observation
+    units = tuple(zip(names, np.mean(read, axis=0).tolist(), _floored(np.std(read, axis=0)), strict=True))
+    alpha, beta = (_floored(ROOM * np.quantile(each, 0.99, axis=0)) for each in (alphas, betas))
+    error = _floored(np.sqrt(np.mean(np.square(errors), axis=0)))
+    mu_unit = max(float(np.std(mus)), LEAST)
+    return Problem(task.name, rider.problem.inputs, rider.problem.quantities, names, units, alpha, beta, error, mu_unit)
+
+
+def _unsigned(values: Array, output_error: Array | None, has_clf: bool, part: int) -> Array:
+    """The greatest |alpha| (part 0) or |beta| (1) of each quantity; of V that of the outputs, which LgV multiplies."""
+    found: Array = np.abs(values).reshape(len(values), -1).max(axis=1)
+    if has_clf and output_error is not None:
+        found[0] = np.abs(output_error[:, :-1] if part == 0 else output_error[:, -1]).max()
+    return found
+
+
+def _error(transition: Transition, has_clf: bool) -> Array:
+    """Of each quantity; of V over |LgV| + 1, as the reward has it."""
+    error: Array = np.array(transition.error)
+    if has_clf:
+        error[0] /= np.linalg.norm(transition.LgV) + 1
+    return error
+
+
+def _floored(values: Array) -> tuple[float, ...]:
+    return tuple(np.maximum(values, LEAST).tolist())
+
+
+def train(
+    task: ControlTask, seed: int, say: Callable[[str], object] = print, **changes: Any
+) -> tuple[LearnedPolicy, Problem]:
+    """Ride with the present estimates and noise, learn from what was measured, repeat; the policy and what it learned.
+
+    `changes`: of `TrainingParameters`.
+    """
+    problem = measured_problem(task, seed)
+    of_mu = {"sigma": problem.mu_unit, "probe_noise": problem.mu_unit}
+    asked = {"problem": problem, "seed": seed, "learner": "regression", **SLOW, **SCHEDULE, **of_mu, **changes}
+    parameters = TrainingParameters.model_validate(asked)
+    rider = Rider(task, problem)
+
+    def ride(policy: LearnedPolicy, plan: EpisodePlan) -> None:
+        rider.ride(policy, plan.seed, plan.sigma)
+
+    return learn(parameters, rider.ticks, ride, say), problem
+
+
+def write(policy: LearnedPolicy, path: Path) -> Path:
+    """The policy's file."""
+    assert isinstance(policy, ActorPolicy)
+    policy.file.write(path)
+    return path
