@@ -175,7 +175,7 @@ PERTURBATIONS: dict[str, tuple[Any, ...]] = {  # round numbers: what is drawn is
     "joint_damping": (0.5, 2.0),
     "link_bend": (-0.02, 0.02),
     "leg_stretch": (0.97, 1.03),
-    "foot_radius": (0.05,),
+    "sole_radius": (0.05,),
     "slope": (-3.0, 2.0),
     "encoder_resolution": (1e-4, 1e-3),
     "velocity_noise": (0.01, 0.1),

@@ -7,7 +7,10 @@ import numpy as np
 import pytest
 from rabbit_description.gait import load_gait
 from rabbit_description.state import Array, Leg, RobotState, StonePreview
+from rabbit_estimator.parameters import EstimatorParameters
 from rabbit_experiments.metrics import IMPACT_TICKS, RunResult, RunRow, RunTally
+from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.perturbations.sensors import Laboratory
 from rabbit_sim.simulation import Landing, Outcome
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.controller_output import ControllerOutput
@@ -136,3 +139,10 @@ def test_barriers_that_begin_outside_their_promise_are_counted_once_a_step(recor
     assert run(record, [GOOD, GOOD], Outcome.WALKED, STANDING, **sinking).row.ecbf_start_violations == 2
     sound = {**sinking, "barrier_rates": np.array([0.0, -0.5 * pole + 1e-6])}
     assert run(record, [GOOD, GOOD], Outcome.WALKED, STANDING, **sound).row.ecbf_start_violations == 0
+
+
+def test_the_estimator_is_told_of_the_sensors_and_of_nothing_else_of_the_plant() -> None:
+    """What both have under one name is handed over; the radius of a rolling foot would be the truth."""
+    shared = EstimatorParameters.model_fields.keys() & SimulationParameters.model_fields.keys()
+    assert "gyro_noise" in shared
+    assert shared <= Laboratory.model_fields.keys() | {"encoder_resolution"}

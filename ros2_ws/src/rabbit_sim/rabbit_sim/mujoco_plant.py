@@ -44,7 +44,7 @@ class MujocoPlant(EnginePlant):
     def __init__(self, parameters: SimulationParameters) -> None:
         super().__init__(parameters)
         self.model = mujoco.MjModel.from_xml_string(
-            robot_mjcf(self._robot_urdf, parameters.ground_friction, parameters.foot_radius)
+            robot_mjcf(self._robot_urdf, parameters.ground_friction, parameters.sole_radius)
         )
         if parameters.coulomb:
             self.model.dof_frictionloss[3:7] = parameters.coulomb

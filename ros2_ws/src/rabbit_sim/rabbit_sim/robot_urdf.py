@@ -21,7 +21,7 @@ def perturbed_urdf(parameters: SimulationParameters) -> str:
 def leg_shape(parameters: SimulationParameters) -> LegShape:
     """Of the same robot."""
     p = parameters
-    return LegShape.of(p.link_bend, p.leg_stretch, p.foot_radius - FOOT_RADIUS)
+    return LegShape.of(p.link_bend, p.leg_stretch, p.sole_radius - FOOT_RADIUS)
 
 
 def with_attached(urdf: str, parameters: SimulationParameters) -> str:

@@ -46,7 +46,7 @@ def engine(request):
 
 @pytest.mark.parametrize("radius", [0.03, 0.06])
 def test_a_standing_sole_rolls_by_its_radius_times_the_shins_turn(engine, radius):
-    parameters = SimulationParameters(foot_radius=radius)
+    parameters = SimulationParameters(sole_radius=radius)
     q, dq = initial_state(parameters, load_gait("authors_035"), np.random.default_rng(1))
     with world(engine, parameters, q, dq, GROUND) as plant:
         for _ in range(SETTLING_TICKS):
