@@ -1,7 +1,8 @@
-"""Methods compared on the same courses: the exact form of McNemar's test, and Holm's correction."""
+"""Methods compared on the same courses: McNemar's exact test, Holm's correction, and the difference's interval."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import sqrt
 
 from scipy import stats
 
@@ -19,6 +20,14 @@ class Paired:
         """Of the sign test: each discordant course is as likely to be the one's as the other's."""
         discordant = self.only_this + self.only_other
         return float(stats.binomtest(self.only_this, discordant).pvalue) if discordant else 1.0
+
+    @property
+    def difference(self) -> tuple[float, float, float]:
+        """Share that this one walks more, and its 95% interval by Agresti and Min (2005), Wald's with half a course
+        added to each of the four cells of the table."""
+        n, more, either = self.courses + 2, self.only_this - self.only_other, self.only_this + self.only_other + 1
+        half = 1.96 * sqrt(either - more**2 / n) / n
+        return more / self.courses, max(-1.0, more / n - half), min(1.0, more / n + half)
 
 
 def paired(this: Sequence[bool], other: Sequence[bool]) -> Paired:

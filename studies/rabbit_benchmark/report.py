@@ -18,9 +18,11 @@ from rabbit_reproduce.table_lines import PLANT_TITLES as ENGINES
 from rabbit_viewer import style
 
 from rabbit_benchmark.cells import Cell
-from rabbit_benchmark.comparison import holm, paired
+from rabbit_benchmark.comparison import Paired, holm, paired
 from rabbit_benchmark.methods import REFERENCE, Method
 from rabbit_benchmark.protocol import SEEDS, Plan, Protocol
+
+FAMILY_MAPS = "development", "reported"
 
 
 class BenchmarkRow(BaseModel):
@@ -47,16 +49,23 @@ class Benchmark:
     methods: Sequence[Method]
     cells: Sequence[Cell]
     results: dict[tuple[Method, Cell], list[RunResult] | str]
+    reference: str
 
     @classmethod
     def from_cache(
-        cls, protocol: Protocol, methods: Sequence[Method], cells: Sequence[Cell], runs: Plan, cache: Cache
+        cls,
+        protocol: Protocol,
+        methods: Sequence[Method],
+        cells: Sequence[Cell],
+        runs: Plan,
+        cache: Cache,
+        reference: str = REFERENCE,
     ) -> "Benchmark":
         """With what `engine.run` kept."""
         results = {
             key: jobs if isinstance(jobs, str) else [cache.get(job) for job in jobs] for key, jobs in runs.items()
         }
-        return cls(protocol, methods, cells, results)
+        return cls(protocol, methods, cells, results, reference)
 
     def write(self, out: Path) -> Path:
         """benchmark.csv, cells.png and benchmark.md, which is returned."""
@@ -90,21 +99,25 @@ class Benchmark:
         return (
             f"{head}## Courses walked on each map\n\n{self._maps()}\n"
             f"## Courses walked in each cell\n\n{self._table()}\n![cells](cells.png)\n\n"
-            f"## Compared with {REFERENCE}\n\n{self._comparison()}\n"
+            f"## Compared with {self.reference}\n\n{self._comparison()}\n"
             f"## Cost and training data\n\n{self._cost()}"
         )
 
     def _maps(self) -> str:
         """A column for each map and terrain; blank where a cell lacks."""
-        groups = dict[str, list[Cell]]()
-        for cell in self.cells:
-            groups.setdefault(f"{cell.map}, {cell.terrain}", []).append(cell)
-        lines = []
+        groups, lines = self._groups(), []
         for method in self.methods:
             walks = [[self._walks(method, cell) for cell in cells] for cells in groups.values()]
             whole = [None if None in each else Walks([row for w in each if w for row in w.rows]) for each in walks]
             lines.append([method.title, *map(_rate, whole)])
         return markdown_table(("method", *groups), lines)
+
+    def _groups(self) -> dict[str, list[Cell]]:
+        """Cells by map and terrain."""
+        groups = dict[str, list[Cell]]()
+        for cell in self.cells:
+            groups.setdefault(f"{cell.map}, {cell.terrain}", []).append(cell)
+        return groups
 
     def _table(self) -> str:
         lines = [[cell.name, *(_rate(self._walks(each, cell)) for each in self.methods)] for cell in self.cells]
@@ -113,31 +126,39 @@ class Benchmark:
         return markdown_table(("cell", *(each.title for each in self.methods)), lines) + notes
 
     def _comparison(self) -> str:
-        reference = next((each for each in self.methods if each.name == REFERENCE), None)
+        reference = next((each for each in self.methods if each.name == self.reference), None)
         others = [each for each in self.methods if each != reference]
         if not reference or not others:
-            return f"Nothing to compare: it takes {REFERENCE} and another method.\n"
-        pairs = []
-        for other in others:
-            both = [(self.results[other, cell], self.results[reference, cell]) for cell in self.cells]
-            walked = [
-                (its.row.success, mine.row.success)
-                for one, two in both
-                if not isinstance(one, str) and not isinstance(two, str)
-                for its, mine in zip(one, two, strict=True)
-            ]
-            pairs.append(paired([its for its, _ in walked], [mine for _, mine in walked]))
+            return f"Nothing to compare: it takes {self.reference} and another method.\n"
+        pairs = [self._paired(other, reference, self.cells) for other in others]
         adjusted = holm([each.p_value for each in pairs])
         lines = [
             [other.title, *map(str, (each.courses, each.only_this, each.only_other)), f"{each.p_value:.2g}", f"{p:.2g}"]
             for other, each, p in zip(others, pairs, adjusted, strict=True)
         ]
-        columns = ("method", "common courses", "it alone walked", f"{REFERENCE} alone", "p", "p (Holm)")
-        text = (
+        columns = ("method", "common courses", "it alone walked", f"{self.reference} alone", "p", "p (Holm)")
+        where = self._groups() | {cell.name: [cell] for cell in self.cells if cell.map in FAMILY_MAPS}
+        differences = [
+            [name, *(_points(self._paired(other, reference, cells)) for other in others)]
+            for name, cells in where.items()
+        ]
+        return (
             "Exact McNemar test over the common courses of all cells here, two-sided. It speaks of these cells: "
-            "the courses of one cell share a plant.\n\n"
+            f"the courses of one cell share a plant.\n\n{markdown_table(columns, lines)}\n"
+            f"Courses walked of a hundred, more than {self.reference}, with the paired 95% interval:\n\n"
+            f"{markdown_table(('where', *(each.title for each in others)), differences)}"
         )
-        return text + markdown_table(columns, lines)
+
+    def _paired(self, this: Method, other: Method, cells: Sequence[Cell]) -> Paired:
+        """Two methods on their common courses in some cells."""
+        both = [(self.results[this, cell], self.results[other, cell]) for cell in cells]
+        walked = [
+            (its.row.success, mine.row.success)
+            for one, two in both
+            if not isinstance(one, str) and not isinstance(two, str)
+            for its, mine in zip(one, two, strict=True)
+        ]
+        return paired([its for its, _ in walked], [mine for _, mine in walked])
 
     def _cost(self) -> str:
         lines = []
@@ -160,6 +181,14 @@ class Benchmark:
         (low, high), tick = walks.interval, times(results)["tick_ms_p50"]
         figures = {"walked": walks.walked, "courses": walks.runs, "low": low, "high": high}
         return BenchmarkRow(**about, **figures, mean_stones=walks.mean_stones, tick_ms=tick)
+
+
+def _points(pair: Paired) -> str:
+    """As in `+3.0 (-1.2 to +7.1)`."""
+    if not pair.courses:
+        return ""
+    difference, low, high = (100 * each for each in pair.difference)
+    return f"{difference:+.1f} ({low:+.1f} to {high:+.1f})"
 
 
 def _rate(walks: Walks | None) -> str:

@@ -29,6 +29,16 @@ def test_the_sign_test_is_binomial_over_discordant_courses() -> None:
     assert paired([True, False], [False, True]).p_value == 1
 
 
+def test_the_difference_of_paired_courses_has_an_interval() -> None:
+    """20 against 10 of 100: with half a course more in each cell 10 of 102, and the variance 31 - 10^2 / 102."""
+    pair = paired([True] * 20 + [False] * 80, [False] * 20 + [True] * 10 + [False] * 70)
+    assert pair.difference == pytest.approx((0.1, 0.09804 - 0.10528, 0.09804 + 0.10528), abs=1e-5)
+    worse = paired([False] * 10, [True] * 10).difference
+    assert worse[0] == -1
+    assert worse[1] == -1
+    assert -1 < worse[2] < 0
+
+
 def test_holm_multiplies_the_least_by_all_and_never_decreases() -> None:
     assert holm([0.01, 0.04, 0.03]) == pytest.approx([0.03, 0.06, 0.06])
     assert holm([0.9, 0.8]) == [1, 1]

@@ -26,6 +26,7 @@ def benchmark(
     sensors: Annotated[
         Literal["exact", "lab"], typer.Option(help="lab: the state estimated from a lab's sensors in every cell")
     ] = "exact",
+    against: Annotated[str, typer.Option(help="the method that the others are compared with")] = "identified",
     out: Annotated[Path, typer.Option(help="folder; one that was stopped there goes on")] = Path("runs/benchmark"),
     plant: Annotated[Literal["pybullet", "mujoco"], typer.Option(help="physics engine")] = "pybullet",
     batch: Annotated[int, typer.Option(min=1, max=4096, help="runs that a process walks at once (plant mujoco)")] = 1,
@@ -63,5 +64,5 @@ def benchmark(
             done = run(walks, cache, jobs or os.cpu_count() or 1, batch=batch)
     except KeyboardInterrupt as stop:
         fail("stopped; the same command goes on from the runs that are done", code=of_interrupt(stop))
-    page = Benchmark.from_cache(protocol, entered, wanted, runs, cache).write(out)
+    page = Benchmark.from_cache(protocol, entered, wanted, runs, cache, against).write(out)
     print(f"{done} runs made; written {page}")
