@@ -12,6 +12,7 @@ import casadi as ca
 import numpy as np
 import typer
 from cbf_clf_qp import Clf, Tick
+from cbf_clf_qp.functions import places_of
 from rabbit_description.planar_urdf import scaled, with_planar_base
 from rabbit_description.state import TICK_SECONDS, Leg
 from rabbit_experiments.summary import mean_interval
@@ -54,7 +55,9 @@ def walk(urdf: str, seed: int, steps: int, policy: Any = None, oracle: bool = Fa
     q = START[0] + np.pad(0.02 * rng.standard_normal(3), (2, 0))
     dq = START[1] * (1 + np.pad(0.05 * rng.standard_normal(3), (2, 0)))
     plant.reset(*standing(feet, q, dq, Leg.LEFT), Leg.LEFT)
-    TICKS.begin(policy, read_robot(urdf).row if oracle else None)
+    row = read_robot(urdf).row
+    true = {name: row[place] for name, (place, _) in places_of(robot.parameters).items()}
+    TICKS.begin(policy, true if oracle else None)
     while taken < steps and since < LONGEST_STEP:
         now = plant.observe()
         if abs(now.q[2]) > PITCH or now.q[1] < HIP or now.foot_force[:, 1].min() < 0:

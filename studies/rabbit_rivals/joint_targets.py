@@ -133,6 +133,7 @@ class JointTargetController(Controller):
         mu = scene.output_dynamics(in_order)
         return ControllerOutput(
             **seen_fields(scene),
+            barrier_names=self.barrier_names,
             torque=in_order[SWAP_TORQUE] if scene.stance is Leg.RIGHT else in_order,
             mu=mu,
             mu_qp=mu,

@@ -24,7 +24,8 @@ READING = """
 import json, pathlib, sys
 from rabbit_recording.reader import iterate_episodes
 print(json.dumps([
-    (episode.outcome, tick.output.quantities, tick.output.policy_version, tick.state.q[2], tick.output.beta.tolist())
+    (episode.outcome, tick.output.quantities, tick.output.policy_version, tick.state.q[2], tick.output.beta.tolist(),
+     dict(zip(tick.output.barrier_names, tick.output.barriers.tolist())))
     for episode in iterate_episodes(pathlib.Path(sys.argv[1])) for tick in episode.records
 ]))
 """
@@ -57,11 +58,12 @@ def test_a_barrier_of_ones_own_is_learned_like_the_papers(rabbit: Rabbit, tmp_pa
     done = rabbit("-c", READING, recording, program=sys.executable)
     ticks = json.loads(done.stdout or "[]")
     assert ticks, done.stderr
-    outcomes, quantities, versions, lean, beta = zip(*ticks, strict=True)
+    outcomes, quantities, versions, lean, beta, barriers = zip(*ticks, strict=True)
     assert set(outcomes) == {"walked"}
     assert set(map(tuple, quantities)) == {("V", "pitch")}
     assert len(set(versions)) == len((BEFORE, policy))
     assert max(lean) < LIMIT + MARGIN
+    assert [each["pitch"] for each in barriers] == pytest.approx([LIMIT - each for each in lean])
     last = read(tmp_path / policy).version
     learned = [each for each, version in zip(beta, versions, strict=True) if version == last]
     assert all(any(column) for column in zip(*learned, strict=True))
@@ -69,7 +71,8 @@ def test_a_barrier_of_ones_own_is_learned_like_the_papers(rabbit: Rabbit, tmp_pa
     done = rabbit("bag", "check", recording)
     assert (done.returncode, "torques identical" in done.stdout) == (0, True), done.stdout + done.stderr
     done = rabbit("bag", "plot", recording, "--out", tmp_path / "pictures")
-    assert (tmp_path / "pictures" / "quantities.png").is_file(), done.stderr
+    for name in ("quantities", "barriers"):
+        assert (tmp_path / "pictures" / f"{name}.png").is_file(), done.stderr
 
 
 UNDER_WAY = 300_000  # bytes of a recording

@@ -23,6 +23,7 @@ from rabbit_viewer.page.broadcast import Broadcast
 from rabbit_viewer.page.recording import fill, show_recording
 from rabbit_viewer.page.rows import POINTS, RowMaker, body_points, clf_decay
 from rl_cbf_clf_controller.controller import Controller
+from rl_cbf_clf_controller.controller_output import ControllerOutput
 from rl_cbf_clf_controller.oracle import OraclePolicy, TruePlant
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import ZeroPolicy
@@ -44,9 +45,14 @@ def walked() -> Walked:
     return records, simulation
 
 
+def maker_of(output: ControllerOutput, plant: SimulationParameters, policy: str, knows_plant: bool = False) -> RowMaker:
+    about = about_walk(CONTROLLER, plant, policy, 1, "walked")
+    return RowMaker(about, output.quantities, output.barrier_names, knows_plant)
+
+
 def rows_of(records: list[Record]) -> tuple[Array, tuple[str, ...]]:
     """All rows (n, columns), and the columns."""
-    maker = RowMaker(about_walk(CONTROLLER, PLANT, "zero", 1, "walked"), records[0].output.quantities)
+    maker = maker_of(records[0].output, PLANT, "zero")
     return np.array([maker.row(record.state, record.output) for record in records]), maker.columns
 
 
@@ -137,7 +143,7 @@ def test_a_number_beyond_float32_is_shown_as_infinite_or_not_at_all(walked: Walk
 def test_a_tick_long_before_its_step_has_no_bound(walked: Walked) -> None:
     """As in a file whose ticks do not count up: exp overflows."""
     (first, second, *_), _ = walked
-    maker = RowMaker(about_walk(CONTROLLER, PLANT, "zero", 1, "walked"), first.output.quantities)
+    maker = maker_of(first.output, PLANT, "zero")
     maker.row(first.state, first.output)
     row = maker.row(replace(second.state, tick=-(10**8)), second.output)
     assert dict(zip(maker.columns, row, strict=True))["V_bound"] == np.inf
@@ -172,7 +178,7 @@ def test_with_exact_estimates_the_true_error_is_the_estimated_one() -> None:
     oracle = OraclePolicy(TruePlant(perturbed_urdf(plant)))
     rollout(simulation, Controller(CONTROLLER, gait, oracle), 1, records.append)
     simulation.close()
-    maker = RowMaker(about_walk(CONTROLLER, plant, "oracle", 1, "walked"), records[0].output.quantities, True)
+    maker = maker_of(records[0].output, plant, "oracle", knows_plant=True)
     errors = [each.output.alpha @ each.output.mu + each.output.beta for each in records]
     rows = np.array([maker.row(r.state, r.output, true=error) for r, error in zip(records, errors, strict=True)])
     column = dict(zip(maker.columns, rows.T, strict=True))

@@ -6,20 +6,21 @@ happens in the tick before the one that swaps the legs, so from the fourth tick 
 F_N > 20 N) or without a push from the ground (F_N <= 0, "lost").
 """
 
+import json
 import math
 from collections import Counter
 from collections.abc import Callable, Iterable
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, BeforeValidator, ConfigDict, PlainSerializer
 from rabbit_description.force_ratio import force_ratio
 from rabbit_description.state import Array
 from rabbit_sim.simulation import Landing, Outcome
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_trainer.rollout import Record
 
-from rabbit_experiments.walk_records import RESCUE_NEEDED
+from rabbit_experiments.walk_records import RESCUE_NEEDED, STONE_BARRIERS
 
 IMPACT_TICKS = 4  # of a step's beginning, whose mean force may hold some of the 30 ms after impact
 ROWS = ("CLF", "B1", "B2", "C1", "C2", "u")  # of the QP, both cone rows as C2 and all saturation rows as u
@@ -33,6 +34,22 @@ def least(values: Iterable[float]) -> float | None:
 Count = Annotated[int, sum]  # with what a summary makes of all runs' figures
 Most = Annotated[float, max]
 Least = Annotated[float, least]
+
+
+def least_by_name(values: Iterable[dict[str, float]]) -> dict[str, float]:
+    """The least of each name."""
+    found: dict[str, float] = {}
+    for each in values:
+        found |= {name: min(value, found.get(name, math.inf)) for name, value in each.items()}
+    return found
+
+
+ByName = Annotated[  # in a cell of a table as JSON
+    dict[str, float],
+    least_by_name,
+    BeforeValidator(lambda given: json.loads(given) if isinstance(given, str) else given),
+    PlainSerializer(json.dumps),
+]
 
 
 class RunRow(BaseModel):
@@ -50,6 +67,7 @@ class RunRow(BaseModel):
     steps: int
     ticks: Count
     worst_margin: Least
+    least_barriers: ByName = {}  # B, by name
     max_force_ratio: Most
     min_normal_force: Least
     ticks_over_cone: Count
@@ -117,6 +135,7 @@ class RunTally:
         self._friction_coeff, self._pole = parameters.friction_coeff, parameters.barrier_pole_1
         self._rows: list[Array] = []
         self._active: list[tuple[str, ...]] = []
+        self._least_barriers: dict[str, float] = {}
 
     @property
     def ticks(self) -> int:
@@ -129,7 +148,10 @@ class RunTally:
         self.fault = output.fault
         at, force = (output.tick, output.step_index), self._foot_force()[output.stance]
         numbers = output.V, output.clf_slack, output.rescue_slack, output.answered, output.saturated
-        promised = output.barrier_rates + self._pole * output.barriers
+        named = dict(zip(output.barrier_names, output.barriers.tolist(), strict=True))
+        self._least_barriers = least_by_name((self._least_barriers, named))
+        starts = dict(zip(named, output.barrier_rates + self._pole * output.barriers, strict=True))
+        promised = [starts.get(name, np.nan) for name in STONE_BARRIERS]
         self._rows.append(np.concatenate([at, force, numbers, output.torque, output.eta, promised]))
         self._active.append(output.active)
 
@@ -187,6 +209,7 @@ class RunTally:
             steps=int(step[-1]) + 1 if self.ticks else 0,
             ticks=self.ticks,
             worst_margin=min((min(step.l - step.l_min, step.l_max - step.l) for step in landings), default=np.nan),
+            least_barriers=self._least_barriers,
             max_force_ratio=ratio[late].max(initial=0.0),
             min_normal_force=normal[late].min() if late.any() else np.nan,
             barrier_active_steps=len(steps),

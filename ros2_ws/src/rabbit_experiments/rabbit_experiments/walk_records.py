@@ -25,6 +25,7 @@ from rl_trainer.rollout import Record
 
 RECORDS = "records.npz"  # in a run's folder
 LANDING = ("index", "tick", "l", "l_min", "l_max", "on_stone")
+STONE_BARRIERS = ["B1", "B2"]
 DRAWN = (
     *("controller", "friction_coeff", "friction_margin", "torque_limit"),
     *("R1", "R2", "stone_margin", "eps", "kp", "kd"),
@@ -97,9 +98,16 @@ class WalkRecords:
         preview = np.array([(stone.l_min, stone.l_max) if stone else (np.nan, np.nan) for stone in seen])
         heights = np.array([stone.height if stone else 0.0 for stone in seen])
         rows = np.array([[float(getattr(landing, name)) for name in LANDING] for landing in landings])
-        about = {"quantities": list(records[0].output.quantities), **about}
+        first = records[0].output
+        about = {"quantities": list(first.quantities), "barriers": list(first.barrier_names), **about}
         landed = rows.reshape(-1, len(LANDING))
         return cls(**arrays, preview=preview, stone_height=heights, landings=landed, about=about)
+
+    @property
+    def barrier_names(self) -> list[str]:
+        """Of `barriers`; a former file, which does not say, has the two of the stones."""
+        found: list[str] = self.about.get("barriers", STONE_BARRIERS)
+        return found
 
     @property
     def time(self) -> Array:
@@ -186,6 +194,9 @@ def _check(arrays: Mapping[str, Array], about: Any) -> None:
     names = about.get("quantities", [""] * quantities)
     if not isinstance(names, list) or len(names) != quantities or not all(isinstance(each, str) for each in names):
         raise ValueError(f"quantities = {shortened(names)}: expected {quantities} names")
+    barriers = about.get("barriers", STONE_BARRIERS)
+    if not isinstance(barriers, list) or len(barriers) != arrays["barriers"].shape[1]:
+        raise ValueError(f"barriers = {shortened(barriers)}: expected {arrays['barriers'].shape[1]} names")
     for name, value in about.items():
         is_number = isinstance(value, int | float) and math.isfinite(value) and abs(value) < MOST_NUMBER
         if name in NUMBERS and not (is_number and (value > 0 or name not in GAINS)):

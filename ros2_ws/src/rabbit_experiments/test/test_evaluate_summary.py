@@ -17,7 +17,7 @@ def result(run: int, **changes: Any) -> RunResult:
     """A run in which nothing happened, but for `changes`."""
     values: dict[str, Any] = dict.fromkeys(RunRow.model_fields, 0)
     values |= {"run": run, "outcome": "walked", "success": True, "success_with_forces": True, "stones": 20}
-    values |= {"ticks": 4, "steps": 2, "walk_seconds": 0.01, **changes}
+    values |= {"ticks": 4, "steps": 2, "walk_seconds": 0.01, "least_barriers": {}, **changes}
     return RunResult(row=RunRow.model_validate(values), violations=[], tick_seconds=[0.002] * 4)
 
 
@@ -54,6 +54,11 @@ def test_summary_counts() -> None:
     json.dumps(summary, allow_nan=False)
 
 
+def test_of_each_barrier_the_least_of_all_runs_is_told_by_name() -> None:
+    runs = [result(0, least_barriers={"B1": 0.01}), result(1, least_barriers={"B1": -0.02, "pitch": 0.1})]
+    assert summarise(runs, "osqp")["least_barriers"] == {"B1": -0.02, "pitch": 0.1}
+
+
 def test_rms_is_over_all_ticks_not_over_runs() -> None:
     summary = summarise([result(0, rms_y=0.3, ticks=1), result(1, rms_y=0.1, ticks=9)], "osqp")
     assert summary["rms_y"] == pytest.approx(math.sqrt(0.018))
@@ -71,10 +76,12 @@ def test_the_tables_of_a_folder(tmp_path: Path) -> None:
         normal_force=100.0,
         ratio=0.9,
     )
-    runs = [result(0, worst_margin=math.nan), result(1).model_copy(update={"violations": [slip]})]
+    low = {"B1": -0.01, "pitch": 0.2}
+    runs = [result(0, worst_margin=math.nan, least_barriers=low), result(1).model_copy(update={"violations": [slip]})]
     ResultsFolder(tmp_path, {"key": "a", "made_with": {}}).write_runs(runs)
     rows = read_rows(tmp_path / "runs.csv", RunRow)
     assert math.isnan(rows[0].worst_margin)
+    assert rows[0].least_barriers == low
     assert rows[1] == runs[1].row
     assert read_rows(tmp_path / "violations.csv", ForceTick) == [slip]
 

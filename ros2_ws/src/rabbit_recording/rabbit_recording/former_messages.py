@@ -45,7 +45,9 @@ def renewed(decode: Callable[[], Any]) -> Any:
     if "outcome" in now:
         now |= {name: list(names) for name, names in LAYOUT.items()}
     if "clf" in now:
-        now |= bounded_fields(*(now.pop(name) for name in ("clf", "barriers", "barrier_rates")))
+        V, barriers, rates = (now.pop(name) for name in ("clf", "barriers", "barrier_rates"))
+        names = ("B1", "B2") if np.isfinite(barriers).all() else ()  # else the ground was flat
+        now |= bounded_fields(V, names, barriers[: len(names)], rates[: len(names)])
         now |= {"rows": [], **dict.fromkeys(("margins", "slacks", "multipliers"), np.zeros(0))}
         now.setdefault("measured", np.full(len(now["quantities"]), np.nan))
     return SimpleNamespace(**now)

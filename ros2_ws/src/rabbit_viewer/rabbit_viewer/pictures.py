@@ -1,6 +1,6 @@
 """Pictures of one walk: the robot, swing foot against stones, barriers, CLF, ground force, torques."""
 
-from itertools import pairwise
+from itertools import cycle, pairwise
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +18,10 @@ IMPACT = 0.04  # s: a mean over a tick that begins within 30 ms of impact
 MILLIMETRES = 1e3  # in a metre
 FAR_OFF = 50.0  # mm from a stone, drawn no farther
 NAMES = ("hip, stance leg", "knee, stance leg", "hip, swing leg", "knee, swing leg")
+
+
+BARRIER_COLOURS = style.BLUE, style.ORANGE, style.GREEN, style.PURPLE
+STONE_BARRIERS = {"B1": "B1 (m): before the far edge", "B2": "B2 (m): past the near edge"}
 
 
 def draw(walk: WalkRecords, out: Path, suffix: str = ".png") -> list[Path]:
@@ -49,11 +53,11 @@ def draw_swing_foot(walk: WalkRecords, path: Path) -> Path:
 
 
 def draw_barriers(walk: WalkRecords, path: Path) -> Path:
-    """B1 and B2; whole, and near zero."""
+    """All barriers; whole, and near zero."""
     figure, panels = style.figure(2)
-    for axes, label in zip(panels, ("barrier (m)", "near zero (m)"), strict=True):
-        plot_steps(walk, axes, walk.barriers[:, 0], style.BLUE, "B1: before the far edge")
-        plot_steps(walk, axes, walk.barriers[:, 1], style.ORANGE, "B2: past the near edge")
+    for axes, label in zip(panels, ("barrier B", "near zero"), strict=True):
+        for name, B, colour in zip(walk.barrier_names, walk.barriers.T, cycle(BARRIER_COLOURS)):
+            plot_steps(walk, axes, B, colour, STONE_BARRIERS.get(name, name))
         style.limit(axes, 0.0, "limit")
         axes.set_ylabel(label)
     panels[1].set_ylim(-0.02, 0.06)

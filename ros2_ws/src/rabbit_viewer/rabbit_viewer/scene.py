@@ -123,8 +123,9 @@ class Scene:
             + (f" of {total}" if total else ""),
             f"|F_T|/F_N {ratio}" + (f"   d {slack:6.2f}" if np.isfinite(slack) else ""),
         ]
-        if np.isfinite(walk.barriers[row]).all():
-            lines.append(f"B1 {walk.barriers[row, 0] * 1e3:5.0f} mm   B2 {walk.barriers[row, 1] * 1e3:5.0f} mm")
+        B = zip(walk.barrier_names, walk.barriers[row].tolist(), strict=True)
+        if known := [f"{name} {value:6.3f}" for name, value in B if np.isfinite(value)]:
+            lines.append("   ".join(known))
         image = Image.fromarray(picture)
         draw = ImageDraw.Draw(image)
         draw.multiline_text(CAPTION, "\n".join(lines), "black", self._font, spacing=LINE_SPACING)

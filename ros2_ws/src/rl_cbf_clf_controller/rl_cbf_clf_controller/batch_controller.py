@@ -82,6 +82,7 @@ class BatchOutput:
     omega: Array
     saturated: Array
     quantities: tuple[str, ...]
+    barrier_names: tuple[str, ...]
     policies: list[Policy]
     parameters: ControllerParameters
     own: dict[str, Any]
@@ -116,6 +117,7 @@ class BatchOutput:
             objective=self.parameters.objective,
             adaptation=self.parameters.adaptation,
             **seen_fields(self.scene[i]),
+            barrier_names=self.barrier_names,
             **{name: values[i] for name, values in self.own.items()},
         )
 
@@ -297,8 +299,9 @@ class BatchController:
             own |= {"identified": self._robots.known, "adapted": [flat(parts[1][i]) for i in range(n)]}
         torque = self._by_stance(torque, SWAP_TORQUE)
         self._held = torque.copy()  # which a reset changes, and not what has been handed out
-        names, policies = self._one.qp.names, list(self.policies)
-        return BatchOutput(scene, torque, decided, total, mu, mu_qp, omega, saturated, names, policies, parameters, own)
+        names = self._one.qp.names, self._one.barrier_names
+        last = *names, list(self.policies), parameters, own
+        return BatchOutput(scene, torque, decided, total, mu, mu_qp, omega, saturated, *last)
 
     def _by_stance(self, values: Array, swapped: Any) -> Array:
         """Columns from left/right to stance/swing order and back."""

@@ -22,7 +22,7 @@ from rl_cbf_clf_controller.identified_robot import IdentifiedRobot
 from rl_cbf_clf_controller.kinds import find_kind
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import Policy
-from rl_cbf_clf_controller.recipes import make_tick
+from rl_cbf_clf_controller.recipes import barriers_of, make_tick
 from rl_cbf_clf_controller.robot_numbers import Feet, read_robot
 from rl_cbf_clf_controller.scene import ControllerError, Scene, is_finite
 from rl_cbf_clf_controller.step_outputs import Touchdown, make_steps
@@ -90,7 +90,9 @@ class Controller:
         self._kind = find_kind(parameters.controller)
         self._corrects_input = self._kind.problem.corrects_input
         walking, robot = Walking(), read_robot(urdf)
-        self.qp = make_tick(walking, parameters, further(walking))
+        added = further(walking)
+        self.qp = make_tick(walking, parameters, added)
+        self.barrier_names = tuple(barriers_of([*self._kind.quantities(walking, parameters), *added]))
         self._error = model_error(self.qp.terms)
         self._look, self._answer, left = tick_functions(walking, self.qp)
         self._new = np.full(left, np.nan)  # what is left of the tick before, where the step is new
@@ -259,6 +261,7 @@ class Controller:
         clf_slack, rescue_slack = (self._slacks @ values.slack).tolist()
         return ControllerOutput(
             **seen_fields(scene),
+            barrier_names=self.barrier_names,
             torque=self._held,
             mu=mu,
             mu_qp=mu_qp,

@@ -16,7 +16,8 @@ NOTHING = np.zeros(0)
 class ControllerOutput:
     """All of one tick that a person debugging, a recorder or the trainer wants.
 
-    `torque` (4,) N m, left/right order, saturated; `eta` (8,); `barriers`, `barrier_rates` (2,), NaN on flat ground;
+    `torque` (4,) N m, left/right order, saturated; `eta` (8,); `barriers`, `barrier_rates` (b,) of
+    `barrier_names`, B1 and B2 on stones, and your own;
     `mu` (4,) as executed after exploration and saturation, `mu_qp` the QP's, `omega` the noise; `mu_held` (4,) what the
     last tick's torque amounts to at this state, that is y-ddot by the nominal model, NaN where the step is new; nominal
     value of the quantities = `nominal_a` mu + `nominal_b`, (n, 4) and (n,); `measured` (n,) theirs over the last tick,
@@ -40,6 +41,7 @@ class ControllerOutput:
     V: float
     barriers: Array
     barrier_rates: Array
+    barrier_names: tuple[str, ...]
     mu: Array
     mu_qp: Array
     omega: Array

@@ -4,6 +4,7 @@ A recording's reader uses it too: any object with a message's fields will do. A 
 neither; then an output has what state and torque tell, and NaN elsewhere.
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,6 @@ from rl_cbf_clf_controller.controller_output import NOTHING, ControllerOutput
 
 INPUTS = len(ACTUATED)
 LEGS = tuple(Leg)
-BARRIERS = ("B1", "B2")
 SCALARS = ("step_index", "step_time", "phase", "clf_slack", "rescue_slack", "saturated", "answered", "solve_seconds")
 WORDS = {  # with the most characters that a message holds
     **{"policy_version": 64, "objective": 32, "adaptation": 32},
@@ -27,7 +27,7 @@ TERMS = ("mu_qp", "omega", "mu_held", "observation", "identified", "adapted")
 MATRICES, VECTORS = ("nominal_a", "alpha"), ("nominal_b", "measured", "beta")  # over the learned quantities
 UNTOLD = {  # sizes of what a state and a torque do not tell
     **dict.fromkeys(("step_time", "phase", "V", "clf_slack", "rescue_slack", "solve_seconds"), ()),
-    **dict.fromkeys(("barriers", "barrier_rates"), (len(BARRIERS),)),
+    **dict.fromkeys(("barriers", "barrier_rates"), (0,)),
     **{"eta": (2 * INPUTS,), **dict.fromkeys(("mu", "mu_qp", "omega", "mu_held", "LgV"), (INPUTS,))},
     **{**dict.fromkeys(MATRICES, (0, INPUTS)), **dict.fromkeys(VECTORS, (0,))},
 }
@@ -38,21 +38,16 @@ def state_fields(output: ControllerOutput) -> dict[str, Any]:
     """Of `ControllerState`, but its head; texts that are too long for the message are cut."""
     fields: dict[str, Any] = {name: getattr(output, name) for name in SCALARS}
     fields |= {name: getattr(output, name)[:most] for name, most in WORDS.items()}
-    fields |= bounded_fields(output.V, output.barriers, output.barrier_rates)
+    fields |= bounded_fields(output.V, output.barrier_names, output.barriers, output.barrier_rates)
     fields |= {name: doubles(fields[name]) for name in ("values", "rates")}
     fields |= {name: doubles(getattr(output, name)) for name in ("eta", "mu", *ROWS)}
     active = [name[:LONGEST_NAME] for name in output.active[:MOST_ACTIVE]]
     return {**fields, "stance": int(output.stance), "active": active, "rows": list(output.rows)}
 
 
-def bounded_fields(V: float, barriers: Array, barrier_rates: Array) -> dict[str, Any]:
-    """`names`, `values` and `rates` of what the QP bounds; barriers and their rates (2,) are NaN on flat ground."""
-    on_stones = barriers[0] == barriers[0]
-    return {
-        "names": ["V", *BARRIERS] if on_stones else ["V"],
-        "values": np.array([V, *barriers] if on_stones else [V]),
-        "rates": np.array([np.nan, *barrier_rates] if on_stones else [np.nan]),
-    }
+def bounded_fields(V: float, names: Sequence[str], barriers: Array, barrier_rates: Array) -> dict[str, Any]:
+    """`names`, `values` and `rates` of what the QP bounds: V, then the barriers (b,)."""
+    return {"names": ["V", *names], "values": np.array([V, *barriers]), "rates": np.array([np.nan, *barrier_rates])}
 
 
 def terms_fields(output: ControllerOutput) -> dict[str, Any]:
@@ -72,9 +67,10 @@ def state_values(message: Any) -> dict[str, Any]:
     values |= {name: array_of(message, name, len(message.rows)) for name in ROWS}
     values |= {"stance": Leg(message.stance), "active": tuple(message.active), "rows": tuple(message.rows)}
     bounded = (array_of(message, name, len(message.names)) for name in ("values", "rates"))
-    values_of, rates_of = (dict(zip(message.names, each, strict=True)) for each in bounded)
-    barriers, barrier_rates = (np.array([of.get(name, np.nan) for name in BARRIERS]) for of in (values_of, rates_of))
-    return {**values, "V": float(values_of.get("V", np.nan)), "barriers": barriers, "barrier_rates": barrier_rates}
+    of_values, of_rates = (dict(zip(message.names, each, strict=True)) for each in bounded)
+    V = float(of_values.pop("V", np.nan))
+    barriers, rates = np.array([*of_values.values()]), np.array([of_rates[name] for name in of_values])
+    return {**values, "V": V, "barriers": barriers, "barrier_rates": rates, "barrier_names": tuple(of_values)}
 
 
 def terms_values(message: Any) -> dict[str, Any]:
@@ -94,6 +90,7 @@ def untold_values(measured: Any, policy_version: str) -> dict[str, Any]:
     values: dict[str, Any] = {name: np.full(size, np.nan)[()] for name, size in UNTOLD.items()}
     values |= {"tick": measured.tick, "policy_version": policy_version, "step_index": measured.touchdowns}
     values |= {"stance": Leg.standing(measured.touchdowns), "observation": NOTHING, "quantities": (), "active": ()}
+    values["barrier_names"] = ()
     return {**values, "saturated": False, "answered": True, "solver": "", "status": "", "objective": ""}
 
 

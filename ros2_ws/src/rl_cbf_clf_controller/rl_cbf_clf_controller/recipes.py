@@ -20,7 +20,6 @@ from rl_cbf_clf_controller.walking import Walking
 from rl_cbf_clf_controller.worst_case import worst_cases
 
 Parameters = ControllerParameters
-BARRIERS = ("B1", "B2")  # which are published
 CLF_RESCUE_WEIGHT, BARRIER_RESCUE_WEIGHT, FORCE_RESCUE_WEIGHT = 1e6, 1e3, 1e5  # of the rows' slacks of last resort
 MU_WEIGHT = 0.01  # of |mu|^2 in `pd_centred`
 
@@ -105,9 +104,14 @@ def make_tick(w: Walking, p: Parameters, further: Sequence[Constrained] = ()) ->
         objective=None if p.objective == "paper" else pd_objective(w, kind.problem.corrects_input),
         corners=kind.corners(w, p) if kind.corners else None,
         corrects_input=kind.problem.corrects_input,
-        reads=reads(w, p, {each.name: each.B for each in quantities if isinstance(each, Barrier)}),
+        reads=reads(w, p, barriers_of([*quantities, *further])),
         solver=p.qp_solver,
     )
+
+
+def barriers_of(quantities: Sequence[Constrained]) -> dict[str, ca.SX]:
+    """Those that are barriers, by name."""
+    return {each.name: each.B for each in quantities if isinstance(each, Barrier)}
 
 
 def unestimated(further: Constrained) -> Constraint:
@@ -161,15 +165,11 @@ def pd_centred(
 
 
 def reads(w: Walking, p: Parameters, barriers: Mapping[str, ca.SX]) -> dict[str, ca.SX]:
-    """What estimators, recorders and the page read of a state besides what the quantities show.
-
-    Of `BARRIERS`, those that are not among the `barriers` by name are NaN.
-    """
-    clf, y_ddot = res_clf(w, p), w.output_dynamics
-    B = [barriers.get(name) for name in BARRIERS]
+    """What estimators, recorders and the page read of a state besides what the quantities show."""
+    clf, y_ddot, B = res_clf(w, p), w.output_dynamics, barriers.values()
     return {
-        "barriers": ca.vertcat(*(ca.SX.nan() if each is None else each for each in B)),
-        "barrier_rates": ca.vertcat(*(ca.SX.nan() if each is None else w.robot.rate(each) for each in B)),
+        "barriers": ca.vertcat(ca.SX(0, 1), *B),
+        "barrier_rates": ca.vertcat(ca.SX(0, 1), *map(w.robot.rate, B)),
         "eta": w.eta,
         "V": clf.value(w.eta),
         "LgV": clf.derivative(w.eta).a.T,

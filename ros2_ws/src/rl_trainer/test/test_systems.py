@@ -70,9 +70,9 @@ def test_a_barriers_target_is_the_models_error_under_any_estimates() -> None:
     assert found.LgV == pytest.approx([0.0])
 
 
-def test_an_oracle_knows_the_first_parameters() -> None:
+def test_an_oracle_knows_the_true_parameters() -> None:
     """Twice the mass: y'' = mu / 2, so that V-dot is wrong by -LgV mu / 2, and mu with it twice as large."""
-    TICKS.begin(true=np.array([2.0]))
+    TICKS.begin(true={"mass": 2.0})
     now = TICKS(np.array([0.3, -0.2]), P)
     assert now.estimates.alpha == pytest.approx(-now.seen.LgV[None] / 2)
     assert now.estimates.output_error == pytest.approx(np.array([[-0.5, 0.0]]))

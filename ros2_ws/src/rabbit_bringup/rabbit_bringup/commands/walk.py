@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from datetime import datetime
 from functools import partial
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -106,7 +107,9 @@ def walk_with_progress(walk: WalkSettings, ended: Callable[[Any], None]) -> Any:
 
     def show(now: Any) -> None:
         episode = f"episode {now.episode}, " if walk.options.episodes > 1 else ""
-        text = f"margin {now.margin * 1e3:.0f} mm, slack {now.slack:.2f}, force ratio {now.ratio:.2f}"
+        kept = [f"margin {now.margin * 1e3:.0f} mm"] if isfinite(now.margin) else []
+        kept += [f"{name} {B:.3f}" for name, B in now.barriers.items() if name not in ("B1", "B2")]
+        text = ", ".join([*kept, f"slack {now.slack:.2f}", f"force ratio {now.ratio:.2f}"])
         description = f"{episode}stone {now.stone} of {now.stones},"
         bar.update(task, description=description, total=now.stones, completed=now.stone, text=text)
 

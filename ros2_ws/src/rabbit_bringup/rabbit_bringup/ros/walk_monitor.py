@@ -37,7 +37,8 @@ class Progress(NamedTuple):
     episode: int
     stone: int
     stones: int
-    margin: float  # m, of the last landing
+    margin: float  # m, of the last landing; NaN where there are no stones
+    barriers: dict[str, float]  # B, by name
     slack: float
     ratio: float  # |F_T| / F_N of the stance foot
     ticks: int  # of all episodes so far
@@ -98,7 +99,9 @@ class WalkMonitor(GraphClient):
         ratio = float(force_ratio(forces[Leg.standing(state.touchdowns)]))
         ticks = round((state.header.stamp.sec + state.header.stamp.nanosec * 1e-9) / TICK_SECONDS)
         e = self.episode
-        return Progress(e.episode, state.touchdowns, e.stones, self._margin, details.clf_slack, ratio, ticks)
+        barriers = {name: B for name, B in zip(details.names, details.values, strict=False) if name != "V"}
+        stands = state.touchdowns, e.stones, self._margin, barriers, details.clf_slack, ratio, ticks
+        return Progress(e.episode, *stands)
 
     def not_ready(self, nodes: list[str]) -> dict[str, str]:
         """Which of the nodes are not ready, and what they say; and topics that do not reach all who need them."""

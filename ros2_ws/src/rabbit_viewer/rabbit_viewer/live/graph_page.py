@@ -61,9 +61,9 @@ class GraphPage:
 
     def show(self, episode: Any, drawn: dict[str, Any], state: RobotState, output: ControllerOutput) -> None:
         """Show a tick of `episode`, an object with the fields of `Episode`; `drawn`: see `drawn_parameters`."""
-        of = (episode.episode, episode.seed, drawn, output.quantities)
+        of = (episode.episode, episode.seed, drawn, output.quantities, output.barrier_names)
         if self._maker is None or of != self._of:
-            self._of, self._maker = of, RowMaker(drawn, output.quantities)
+            self._of, self._maker = of, RowMaker(drawn, output.quantities, output.barrier_names)
             walker = f"policy {output.policy_version}" if output.policy_version else episode.controller
             about = {
                 "mode": "graph",

@@ -39,7 +39,7 @@ def show_recording(source: Path, port: int, opens_browser: bool, export: Path | 
 def fill(broadcast: Broadcast, walk: WalkRecords, name: str) -> None:
     """Tell all of a walk."""
     quantities = walk.about.get("quantities", [f"quantity {i + 1}" for i in range(walk.nominal_b.shape[1])])
-    maker = RowMaker(walk.about, quantities)
+    maker = RowMaker(walk.about, quantities, walk.barrier_names)
     about = {"mode": "recording", "title": str(walk.about.get("title", name)), "tick_seconds": TICK_SECONDS}
     walker = maker.about(str(walk.about.get("controller", name)))
     broadcast.begin({**about, "stones": walk.about.get("stones"), "walkers": [walker]})

@@ -23,7 +23,7 @@ FIXED = (
     *("tick", "running", "events", "stance", "step", "touchdowns"),
     *(f"{point}_{axis}" for point in POINTS for axis in "xz"),
     *("stone_near", "stone_far", "stone_top", "F_T", "F_N", "force_ratio"),
-    *("V", "V_bound", "B1", "B2", "clf_slack", "rescue_slack"),
+    *("V", "V_bound", "clf_slack", "rescue_slack"),
     *(f"torque_{joint}" for joint in ACTUATED),
 )
 EVENTS = {"saturated": 1, "over_cone": 2, "pushed": 4, "swapped": 8}  # bits of the column `events`
@@ -33,13 +33,16 @@ JOINTS = 4  # outputs of the CLF
 
 
 class RowMaker:
-    """Makes the rows of one walker's ticks, in order; `quantities` are the names of those that are estimated."""
+    """Makes the rows of one walker's ticks, in order; `quantities` names those that are estimated, `barriers` all B."""
 
-    def __init__(self, about: Mapping[str, Any], quantities: Sequence[str], knows_plant: bool = False) -> None:
+    def __init__(
+        self, about: Mapping[str, Any], quantities: Sequence[str], barriers: Sequence[str], knows_plant: bool = False
+    ) -> None:
         """`knows_plant`: `row` is given the true errors."""
         kinds = ("estimated", "measured", "true") if knows_plant else ("estimated", "measured")
-        self.columns = (*FIXED, *(f"{kind}_{name}" for kind in kinds for name in quantities))
+        self.columns = (*FIXED, *barriers, *(f"{kind}_{name}" for kind in kinds for name in quantities))
         self._about, self._quantities, self._kinds = about, list(quantities), len(kinds)
+        self._barriers = list(barriers)
         self._links = links_of(about)
         self._limits = tuple(float(about.get(name, math.nan)) for name in ("torque_limit", "friction_coeff"))
         self._decay = clf_decay(about)
@@ -51,7 +54,8 @@ class RowMaker:
 
     def about(self, name: str) -> dict[str, Any]:
         """What the page needs to draw the rows."""
-        return {**self._about, "name": name, "columns": self.columns, "quantities": self._quantities}
+        names = {"columns": self.columns, "quantities": self._quantities, "barriers": self._barriers}
+        return {**self._about, "name": name, **names}
 
     @np.errstate(all="ignore")
     def row(self, state: Any, output: Any, events: int = 0, true: Array | None = None) -> list[float]:
@@ -72,8 +76,9 @@ class RowMaker:
             *(float(output.stance), float(output.step_index), float(state.touchdowns)),
             *points.ravel().tolist(),
             *(*self._stone, *force.tolist(), ratio),
-            *(output.V, bound, *output.barriers.tolist(), output.clf_slack, output.rescue_slack),
+            *(output.V, bound, output.clf_slack, output.rescue_slack),
             *output.torque.tolist(),
+            *output.barriers.tolist(),
             *self._errors(state.tick, output, [] if true is None else [true]),
         ]
 

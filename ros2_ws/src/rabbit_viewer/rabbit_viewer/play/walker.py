@@ -35,7 +35,8 @@ class Walker:
         self._assembly = Assembly(plant, parameters, resolve_policy(policy, parameters))
         self._simulation, self._controller = self._assembly.build()
         quantities = self._controller.qp.names
-        self._maker = RowMaker(about_walk(parameters, plant, policy, seed, ""), quantities, knows_plant=True)
+        names = self._controller.barrier_names
+        self._maker = RowMaker(about_walk(parameters, plant, policy, seed, ""), quantities, names, knows_plant=True)
         self._oracle = self._make_oracle()
         self._true = np.full(len(quantities), np.nan)
         self._controller.reset(seed)
@@ -112,8 +113,9 @@ class Walker:
         except (ControllerError, np.linalg.LinAlgError) as error:
             self.fault = f"controller error: {error}"
         if self.fault:
-            nothing: Any = {"V": np.nan, "barriers": NOTHING, "clf_slack": np.nan, "rescue_slack": np.nan}
-            self._output = replace(self._output, torque=np.zeros(4), **nothing)
+            nothing: Any = dict.fromkeys(("V", "clf_slack", "rescue_slack"), np.nan)
+            unknown = self._output.barriers * np.nan
+            self._output = replace(self._output, torque=np.zeros(4), barriers=unknown, **nothing)
 
     def _change(self, plant: SimulationParameters) -> None:
         reading = self._simulation.reading

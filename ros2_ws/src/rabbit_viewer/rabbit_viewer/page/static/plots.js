@@ -7,7 +7,7 @@ const MOST_POINTS = 1200; // of a curve
 const LEAST_V = 1e-6;
 const PANELS = [
   {title: "V, its bound", columns: ["V", "V_bound"], log: true},
-  {title: "B1, B2 (m)", columns: ["B1", "B2"], limits: () => [0]},
+  {title: "barriers B", columns: (about) => about.barriers, limits: () => [0]},
   {title: "|F_T| / F_N", columns: ["force_ratio"], limits: (about) => [about.friction_coeff]},
   {title: "torque (N m)", columns: ["torque_left_hip", "torque_left_knee", "torque_right_hip", "torque_right_knee"],
     limits: (about) => [-about.torque_limit, about.torque_limit]},
@@ -44,7 +44,8 @@ export class Plots {
     this.chooser();
     const quantities = this.walker.about.quantities;
     this.quantity = Math.min(this.quantity, quantities.length - 1);
-    const wanted = PANELS.filter((panel) => panel.isError ? quantities.length : panel.columns.some((name) => this.walker.has(name)));
+    const panels = PANELS.map((panel) => ({...panel, columns: panel.columns.call ? panel.columns(this.walker.about) : panel.columns}));
+    const wanted = panels.filter((panel) => panel.isError ? quantities.length : panel.columns.some((name) => this.walker.has(name)));
     this.plots = wanted.map((panel, i) => this.panel(panel, i === wanted.length - 1));
     this.draw();
   }
