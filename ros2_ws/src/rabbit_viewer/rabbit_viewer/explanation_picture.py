@@ -14,6 +14,8 @@ from rabbit_viewer import style
 
 POINTS = 400  # a side, of the grid on which rows are drawn
 FARTHEST = 3.0  # times the input's limit, or its size, that is drawn
+ROUNDING = 1e-9  # of a row that no input of the cut moves, over its norm
+ACTIVE = 1e-5  # as far beyond a row as it may be that the cut lies along, over 1 + |w|
 BAND = 0.04  # on the side that a row forbids, over what is drawn
 COLOURS = (style.RED, style.BLUE, style.ORANGE, style.PURPLE, style.SKY, style.BLACK, style.YELLOW)
 
@@ -42,7 +44,7 @@ def draw_explanation(
                 axes.contour(axis, axis, beyond, [0], colors=[colour], linewidths=width)
                 axes.contourf(axis, axis, beyond, [0, 2 * BAND * reach], colors=[colour], alpha=0.3)
             label = in_words(row.name, explained.excluding.get(row.name, row.asks), words)
-            label += "" if row.normal[chosen].any() else ", not in this cut"
+            label += "" if _is_in(row, chosen) else ", not in this cut"
             axes.plot([], [], color=colour, linewidth=width, label=label)
         axes.plot(*w[chosen], *[0.0] * (2 - len(chosen)), "o", color=style.BLACK, label="taken")
         units = [meaning_of(f"u{i + 1}", words)[1] for i in chosen]
@@ -54,18 +56,24 @@ def draw_explanation(
         return style.save(figure, path)
 
 
+def _is_in(row: Row, chosen: list[int]) -> bool:
+    """Whether the inputs of the cut move it."""
+    return bool(np.linalg.norm(row.normal[chosen]) > ROUNDING * np.linalg.norm(row.normal))
+
+
 def _beyond(row: Row, w: Array, chosen: list[int], points: Array) -> Array:
     """How far points (..., 1 or 2) of the cut are beyond the row, in units of the input; negative: they meet it."""
-    normal = row.normal[chosen]
+    normal = row.normal[chosen] * _is_in(row, chosen)
     value = points @ normal + (row.normal @ w - normal @ w[chosen])
-    beyond: Array = np.maximum(value - row.bounds[1], row.bounds[0] - value)
-    return beyond / (np.linalg.norm(normal) or 1.0)
+    size = np.linalg.norm(normal) or np.linalg.norm(row.normal) or 1.0
+    beyond: Array = np.maximum(value - row.bounds[1], row.bounds[0] - value) / size
+    return beyond - ACTIVE * (1 + np.linalg.norm(w)) * (not normal.any())
 
 
 def _reach(explained: Explanation, told: list[Row], chosen: list[int]) -> float:
     """How far from zero is drawn: the limit, the input that was taken, and the nearest of each row, within bounds."""
     w = explained.w
     size = max(float(np.abs(w).max()), explained.rows[-1].upper if explained.factor is not None else 0.0) or 1.0
-    inside = [row for row in told if row.normal[chosen].any()]
-    away = [abs(float(_beyond(row, w, chosen, w[chosen]))) for row in inside if row.kind != "hard"]
+    lines = [row for row in told if row.kind != "hard" and _is_in(row, chosen)]
+    away = [abs(float(_beyond(row, w, chosen, w[chosen]))) for row in lines]
     return min(1.15 * (size + max(away, default=0.0)), FARTHEST * size)
