@@ -141,13 +141,14 @@ class Explanation:
         return [f"An input {size} could meet all rows that are not soft."]
 
     def _paying(self) -> list[str]:
-        told = []
-        for row in self.rows:
-            why = "it is soft, and this costs less than a larger mu"
-            if row.kind != "soft":
-                costs = "" if row.name in self.excluding else ", which costs next to nothing while it is small"
-                why = f"its slack of last resort{costs}"
-            told += [f"{row.name} gives way by {number(row.gives_way)}: {why}."] if row.gives_way else []
+        excuse = "" if self.excluding else ", which cost less than an input that meets it"
+        whys = {
+            "soft": "it is soft, and this cost less than a larger mu",
+            "last resort": f"its slack of last resort{excuse}",
+        }
+        told = [
+            f"{row.name} gives way by {number(row.gives_way)}: {whys[row.kind]}." for row in self.rows if row.gives_way
+        ]
         return told or ["No row gives way."]
 
 
