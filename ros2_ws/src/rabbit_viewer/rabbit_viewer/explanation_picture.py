@@ -36,7 +36,7 @@ def draw_explanation(
         worst = np.max([_beyond(row, w, chosen, points) for row in rows], axis=0)
         if worst.min() <= 0:
             axes.contourf(axis, axis, worst, [-np.inf, 0], colors=[style.GREEN], alpha=0.35)
-        axes.plot([], [], color=style.GREEN, alpha=0.35, linewidth=8, label="meets all rows that are not soft")
+            axes.plot([], [], color=style.GREEN, alpha=0.35, linewidth=8, label="meets all rows that are not soft")
         for row, colour in zip(told, COLOURS * len(told), strict=False):
             width = 2.5 if row.name in explained.excluding else 1
             beyond = _beyond(row, w, chosen, points)
