@@ -28,6 +28,7 @@ from cbf_clf_qp.answer import Decided
 from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.functions import Array, NumpyFunction, Values, one_at_a_time
 from cbf_clf_qp.qp import ROUNDING, TINY, UNBOUNDED
+from cbf_clf_qp.quantity import Rows
 from cbf_clf_qp.tick import Tick
 
 GAP = 1e-6  # of rows that exclude each other, over 1 + |mu|; a smaller one is a solver's tolerance
@@ -105,19 +106,15 @@ class Explanation:
 
     def lines(self, words: Words | None = None) -> list[str]:
         """All of it in words."""
-        words = words or {}
-        cells = [("row", "asks", "model", "estimates", "in all", "gives way", "multiplier", "", "")]
+        words, table = words or {}, []
         for row in self.rows:
-            numbers = (row.nominal, row.estimated, row.value, row.gives_way, abs(row.multiplier))
+            numbers = row.nominal, row.estimated, row.value, row.gives_way, abs(row.multiplier)
+            cells = "".join(f"{number(each):>11}" for each in numbers)
             kind, (meaning, unit) = f"{row.kind}, {row.state}".rstrip(", "), meaning_of(row.name, words)
-            cells.append((row.name, f"{row.asks} {unit}", *map(number, numbers), kind, meaning))
-        widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
-        ways = "<<>>>>><<"  # how columns are aligned
-        told = [
-            "  ".join(f"{text:{way}{width}}" for text, way, width in zip(line, ways, widths, strict=True)).rstrip()
-            for line in cells
-        ]
-        return [*told, "", *self._excluding(words), *self._needed(words), *self._paying()]
+            table.append(f"{row.name:8}{f'{row.asks} {unit}':24}{cells}  {kind:22}  {meaning}".rstrip())
+        head = "".join(f"{each:>11}" for each in ("model", "estimates", "in all", "gives way", "multiplier"))
+        told = [f"{'row':8}{'asks':24}{head}", *table, ""]
+        return [*told, *self._excluding(words), *self._needed(words), *self._paying()]
 
     def _excluding(self, words: Words) -> list[str]:
         asked = [f"  {in_words(name, asks, words)}" for name, asks in self.excluding.items()]
@@ -168,10 +165,10 @@ def explain(
     values, mu, layout = decided.values, decided.mu, tick.layout
     rows, by_model = (_RowsOverMu(tick.programme(x, p, each), layout.inputs) for each in (estimates, nothing))
     sign, constant = _constants(tick, x, p, rows)
-    at_mu, given = rows.A @ mu, values.slack > 0
+    at_mu = rows.A @ mu
     share = sign * (at_mu - by_model.A @ mu - rows.bound + by_model.bound)
     lower, upper = np.sort(sign * ([rows.lower, rows.upper] + constant), axis=0)
-    beyond = np.where(given, np.maximum(at_mu - rows.upper, rows.lower - at_mu), 0.0)
+    beyond = np.where(values.slack > 0, np.maximum(at_mu - rows.upper, rows.lower - at_mu), 0.0)
     is_soft = layout.of_slacks.any(axis=1) & ~layout.rescues
     kinds = np.where(is_soft, "soft", np.where(layout.rescues, "last resort", "hard"))
     control = Affine(values.control_a, values.control_b)
@@ -179,21 +176,14 @@ def explain(
         control = Affine(np.eye(len(mu)), np.zeros(len(mu)))
     normals = np.linalg.solve(control.a.T, rows.A.T).T
     bounds = np.array([rows.lower, rows.upper]) + normals @ control.b
-    columns = (lower, upper, sign * (at_mu + constant) - share, share, beyond, values.slack, values.multiplier)
-    names = _told_apart(layout.names)
-    numbers = np.array(columns).T.tolist()
-    active = values.margin < ROUNDING * (1 + np.linalg.norm(mu))
-    made = zip(names, kinds.tolist(), numbers, active.tolist(), normals, bounds.T, strict=True)
-    programme = _Feasibility(rows, mu, limits=range(len(names) - tick.limits, len(names)))
-    cost = np.abs(values.multiplier) * rows.norm
-    excluding = programme.least_set(sorted(np.flatnonzero(~is_soft).tolist(), key=cost.item))
-    told = [Row(name, kind, *values, *rest) for name, kind, values, *rest in made]
-    return Explanation(
-        tuple(told),
-        {names[i]: told[i].asks_on(side * sign[i] > 0) for i, side in excluding.items()},
-        programme.factor(np.flatnonzero(~is_soft).tolist()) if tick.limits else None,
-        control(mu),
-    )
+    names, active = _told_apart(layout.names), values.margin < ROUNDING * (1 + np.linalg.norm(mu))
+    numbers = lower, upper, sign * (at_mu + constant) - share, share, beyond, values.slack, values.multiplier
+    columns = names, kinds.tolist(), *(each.tolist() for each in (*numbers, active)), normals, bounds.T
+    told = tuple(Row(*line) for line in zip(*columns, strict=True))
+    programme = _Feasibility(rows, mu, limits=range(len(told) - tick.limits, len(told)))
+    chosen = sorted(np.flatnonzero(~is_soft).tolist(), key=(np.abs(values.multiplier) * rows.norm).item)
+    excluding = {names[i]: told[i].asks_on(side * sign[i] > 0) for i, side in programme.least_set(chosen).items()}
+    return Explanation(told, excluding, programme.factor(chosen) if tick.limits else None, control(mu))
 
 
 def changes(before: Explanation, now: Explanation) -> list[str]:
@@ -231,9 +221,8 @@ class _RowsOverMu:
     def __init__(self, data: Values, inputs: int) -> None:
         size = data.row_scale
         self.A = np.linalg.solve(data.unroot.T, (data.A[:, :inputs] * size[:, None]).T).T
-        self.lower, self.upper = (
-            np.where(np.abs(bound) < UNBOUNDED, bound * size, bound * np.inf) for bound in (data.lower, data.upper)
-        )
+        bounds = np.array([data.lower, data.upper])
+        self.lower, self.upper = np.where(np.abs(bounds) < UNBOUNDED, bounds * size, bounds * np.inf)
         self.bound = np.where(np.isinf(self.upper), self.lower, self.upper)
         self.norm = np.linalg.norm(self.A, axis=1)
 
@@ -244,19 +233,17 @@ def _constants(tick: Tick, x: Array, p: Array, rows: _RowsOverMu) -> tuple[Array
     The QP has what does not depend on mu in its bounds. Here a quantity's row has its whole value, and the sign that
     its first quantity has; a limit has u; a further constraint what mu moves.
     """
-    n = len(tick.names)
-    of_value = tick.terms.rows(Affine(ca.SX.eye(n), ca.SX.zeros(n)))
-    nothing = ca.SX(0, 1)
-    stacked = {name: ca.vertcat(nothing, *(getattr(each, name) for each in of_value)) for name in ("lower", "upper")}
-    stacked["A"] = ca.vertcat(ca.SX(0, n), *(each.A for each in of_value))
+    n, nothing = len(tick.names), Rows((), ca.SX(0, len(tick.names)), ca.SX(0, 1), ca.SX(0, 1))
+    blocks = [nothing, *tick.terms.rows(Affine(ca.SX.eye(n), ca.SX.zeros(n)))]
+    stacked = {name: ca.vertcat(*(getattr(each, name) for each in blocks)) for name in ("A", "lower", "upper")}
     asked = NumpyFunction.of("asked", {"x": tick.system.x, "p": tick.system.p}, stacked, matrices=("A",))(x, p)
     first = np.array([row[np.flatnonzero(row)[:1]].sum() for row in asked.A])
     bound = np.tile(np.where(np.isinf(asked.upper), asked.lower, asked.upper), tick.cases)
     sign, constant = np.ones(len(rows.A)), np.zeros(len(rows.A))
     sign[: len(bound)] = np.tile(np.where(first < 0, -1, 1), tick.cases)
     constant[: len(bound)] = bound - rows.bound[: len(bound)]
-    if tick.limits:  # even bounds of u
-        constant[-tick.limits :] = -(rows.lower + rows.upper)[-tick.limits :] / 2
+    limits = slice(len(rows.A) - tick.limits, None)  # whose bounds on u are even
+    constant[limits] = -(rows.lower + rows.upper)[limits] / 2
     return sign, constant
 
 
@@ -271,9 +258,9 @@ class _Feasibility:
 
     def __init__(self, rows: _RowsOverMu, mu: Array, limits: range) -> None:
         norm = np.where(rows.norm > TINY, rows.norm, 1.0)
-        scale = 1 + float(np.linalg.norm(mu))
-        self.A, self.limits, self._unit = rows.A / norm[:, None], limits, norm * scale
-        self.lower, self.upper = rows.lower / self._unit, rows.upper / self._unit
+        scale = norm * (1 + np.linalg.norm(mu))
+        self.A, self.limits = rows.A / norm[:, None], limits
+        self.lower, self.upper = rows.lower / scale, rows.upper / scale
 
     def least_set(self, chosen: list[int]) -> dict[int, int]:
         """Rows that exclude each other, and do not without any one of them; left out in this order, limits first.
@@ -293,13 +280,12 @@ class _Feasibility:
     def _gap(self, chosen: list[int]) -> tuple[float, Array]:
         return self._least([(i, self.lower[i], self.upper[i], 1.0) for i in chosen])
 
-    def factor(self, chosen: Sequence[int]) -> float:
+    def factor(self, chosen: list[int]) -> float:
         """The least f with which some mu meets the rows `chosen`, their limits times f; inf: there is none."""
-        rows = [(i, self.lower[i] - GAP, self.upper[i] + GAP, 0.0) for i in chosen if i not in self.limits]
-        for i in self.limits:
-            middle, half = (self.upper[i] + self.lower[i]) / 2, (self.upper[i] - self.lower[i]) / 2
-            rows.append((i, middle, middle, half))
-        return self._least(rows)[0]
+        middle, half = (self.upper + self.lower) / 2, (self.upper - self.lower) / 2
+        limits = [(i, middle[i], middle[i], half[i]) for i in self.limits]
+        others = [(i, self.lower[i] - GAP, self.upper[i] + GAP, 0.0) for i in chosen if i not in self.limits]
+        return self._least([*others, *limits])[0]
 
     def _least(self, rows: Sequence[tuple[int, float, float, float]]) -> tuple[float, Array]:
         """min t  subject to  lower - slope t <= A_i mu <= upper + slope t  of each (i, lower, upper, slope).
