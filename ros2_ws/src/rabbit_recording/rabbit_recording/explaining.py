@@ -47,7 +47,8 @@ class ExplainedTick:
     def lines(self) -> list[str]:
         """All of it in words."""
         output = self.record.output
-        told = [self.title, f"policy {output.policy_version}, answered by {output.solver}", ""]
+        noise = "; exploration was added to this answer" * bool(output.omega.any())
+        told = [self.title, f"policy {output.policy_version}, answered by {output.solver}{noise}", ""]
         told += [*self.explanation.lines(WORDS), "", "Since the tick before:"]
         return [*told, *(f"  {each}" for each in self._changed() or ["no row, no leg, no contact changed"])]
 
