@@ -75,6 +75,7 @@ class Tick:
             cases = [value + corner for corner in corners(terms)] if corners else [value]
         rows = [block for case in cases for block in terms.rows(case)]
         rows += [block for constraint in constraints for block in constraint(terms)]
+        self.cases, self.limits = len(cases), 0 if limit is None else system.u.numel()  # how many; of rows, the last
         if limit is not None:  # the mu that gives u = 0 always meets these
             names, a, b = tuple(f"u{i + 1}" for i in range(system.u.numel())), terms.control.a, terms.control.b
             rows.append(Rows(names, a, -limit - b, limit - b))

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from rabbit_description.state import Array
 from rl_cbf_clf_controller.controller import Controller
+from rl_cbf_clf_controller.controller_output import ControllerOutput
 from rl_cbf_clf_controller.fitted_policy import fitted
 from rl_cbf_clf_controller.policy import ZeroPolicy
 from rl_cbf_clf_controller.weights import decode
@@ -44,10 +45,15 @@ def check_episodes(path: Path) -> Iterator[Checked]:
 
 
 def replay(episode: RecordedEpisode) -> Iterator[Array]:
+    """Torques (4,), N m, for each recorded tick: the recorded ones must come out; raises as `replayed`."""
+    yield from (output.torque for _, output in replayed(episode))
+
+
+def replayed(episode: RecordedEpisode) -> Iterator[tuple[Controller, ControllerOutput]]:
     """The recorded states into a controller of one's own, under the recorded settings and policies.
 
     Returns:
-        Torques (4,), N m, for each recorded tick: the recorded ones must come out.
+        The controller after each recorded tick, and its output.
 
     Raises:
         ValueError: nothing says what the controller went by at tick 0; a policy is not in the recording, or not for it.
@@ -70,4 +76,4 @@ def replay(episode: RecordedEpisode) -> Iterator[Array]:
             if swap.data is None:
                 raise ValueError(f"policy {swap.version} is not in it")
             controller.policy = fitted(decode(swap.data), first, gait) if swap.data else zero
-        yield controller.step(record.state).torque
+        yield controller, controller.step(record.state)

@@ -13,6 +13,7 @@ from rabbit_sim.simulation import Landing
 from rl_cbf_clf_controller.message_fields import output_of
 from rl_trainer.rollout import Record
 
+from rabbit_recording import RecordingError
 from rabbit_recording.active_settings import Policies, RecordedSettings, Settings
 from rabbit_recording.episode_inventory import BY_TICK, DETAILS, OTHERS, EpisodeInventory, Gathered, Gathering, Presence
 from rabbit_recording.message_header import SimulatedTime
@@ -71,6 +72,17 @@ def iterate_episodes(path: Path) -> Iterator[RecordedEpisode]:
         for gathered, inventory in _finished(path, announced):
             if inventory.presence is not Presence.ANNOUNCED:
                 yield _decoded(gathered, inventory, announced)
+
+
+def last_episode(path: Path, number: int | None = None) -> RecordedEpisode:
+    """Episode `number`, or the last one that has ticks; raises `RecordingError`."""
+    chosen: RecordedEpisode | None = None
+    for episode in iterate_episodes(path):
+        if episode.records and number in (None, episode.number):
+            chosen = episode
+    if chosen is None:
+        raise RecordingError(f"recording {path}: no ticks of {f'episode {number}' if number else 'a walk'} in it")
+    return chosen
 
 
 def iterate_inventories(path: Path) -> Iterator[EpisodeInventory]:

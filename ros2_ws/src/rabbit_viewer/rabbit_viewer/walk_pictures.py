@@ -3,8 +3,7 @@
 from pathlib import Path
 
 from rabbit_experiments.walk_records import RECORDS, WalkRecords, drawn_parameters, load_records
-from rabbit_recording import RecordingError
-from rabbit_recording.reader import RecordedEpisode, iterate_episodes
+from rabbit_recording.reader import last_episode
 
 from rabbit_viewer.pictures import draw
 from rabbit_viewer.video import film
@@ -44,12 +43,7 @@ def _place(source: Path, name: str, suffix: str) -> Path:
 
 def records_of_bag(bag: Path, number: int | None = None) -> WalkRecords:
     """The ticks of episode `number`, or of the last one that has some; raises `RecordingError`."""
-    chosen: RecordedEpisode | None = None
-    for episode in iterate_episodes(bag):
-        if episode.records and number in (None, episode.number):
-            chosen = episode
-    if chosen is None:
-        raise RecordingError(f"recording {bag}: no ticks of {f'episode {number}' if number else 'a walk'} in it")
+    chosen = last_episode(bag, number)
     policies = ", ".join(dict.fromkeys(record.output.policy_version for record in chosen.records))
     walker = f"policy {policies}" if policies else f"controller {chosen.controller}"
     outcome = chosen.outcome or "not recorded to its end"

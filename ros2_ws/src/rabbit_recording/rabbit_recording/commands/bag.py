@@ -1,4 +1,4 @@
-"""Recordings: record, info, show, play, plot, check, recover."""
+"""Recordings: record, info, show, play, plot, check, explain, recover."""
 
 import json
 import os
@@ -158,6 +158,28 @@ def check(bag: Bag) -> None:
         fail(f"recording {bag}: no episode in it")
     if faults:
         raise typer.Exit(DIFFERS)
+
+
+@app.command()
+def explain(
+    bag: Bag,
+    tick: Annotated[int | None, typer.Option(help="of the episode", min=0)] = None,
+    worst: Annotated[bool, typer.Option("--worst", help="the tick with the most slack of last resort")] = False,
+    picture: Annotated[Path | None, typer.Option(help="draw what the rows leave of two torques into this file")] = None,
+    episode: Episode = None,
+) -> None:
+    """Explain a tick: what each row asks, which rows exclude each other, what torque would do, what changed."""
+    from rabbit_recording.explaining import INPUTS, WORDS, explain_tick
+
+    if worst == (tick is not None):
+        fail("expected --tick N or --worst")
+    draw = from_viewer("explanation") if picture else None
+    with complaints(RecordingError):
+        explained = explain_tick(bag, tick, episode)
+    print(*explained.lines(), sep="\n")
+    if draw:
+        with complaints(ValueError, OSError):
+            print(draw(explained.explanation, picture, explained.title, WORDS, INPUTS))
 
 
 @app.command()

@@ -1,0 +1,100 @@
+"""A recorded tick, explained: the controller's own programme by replay, and what changed since the tick before."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from rabbit_description.state import TICK_SECONDS
+from rl_cbf_clf_controller.explanation import Explanation, changes, explain
+from rl_trainer.rollout import Record
+
+from rabbit_recording import RecordingError
+from rabbit_recording.checking import replayed
+from rabbit_recording.open_recording import one_line_errors
+from rabbit_recording.reader import RecordedEpisode, last_episode
+
+INPUTS = "stance hip", "stance knee", "swing hip", "swing knee"
+WORDS = {  # of RABBIT's rows: what each is for, and the unit of what it constrains
+    "CLF": ("follow the gait", "rad²/s³"),
+    "B1": ("land before the far edge", "m/s²"),
+    "B2": ("land past the near edge", "m/s²"),
+    "C1": ("press on the ground", "N"),
+    "C2": ("friction", "N"),
+    "C2+": ("friction, ground pushing forward", "N"),
+    "C2-": ("friction, ground pushing back", "N"),
+    **{f"u{i + 1}": (f"{name}'s torque", "N m") for i, name in enumerate(INPUTS)},
+}
+ROUNDING = 1e-6  # N m, by which another machine's torque may differ
+LEGS = "left", "right"
+
+
+@dataclass(frozen=True)
+class ExplainedTick:
+    """A tick of an episode, and the one before; None before tick 0."""
+
+    episode: RecordedEpisode
+    record: Record
+    explanation: Explanation
+    before: tuple[Record, Explanation] | None
+
+    @property
+    def title(self) -> str:
+        """Which tick it is."""
+        output = self.record.output
+        where = f"step {output.step_index}, on the {LEGS[output.stance]} leg for {output.step_time:.2f} s"
+        return f"episode {self.episode.number}, tick {output.tick} ({output.tick * TICK_SECONDS:.2f} s): {where}"
+
+    def lines(self) -> list[str]:
+        """All of it in words."""
+        output = self.record.output
+        noise = "; exploration was added to this answer" * bool(output.omega.any())
+        told = [self.title, f"policy {output.policy_version}, answered by {output.solver}{noise}", ""]
+        told += [*self.explanation.lines(WORDS), "", "Since the tick before:"]
+        return [*told, *(f"  {each}" for each in self._changed() or ["no row, no leg, no contact changed"])]
+
+    def _changed(self) -> list[str]:
+        if self.before is None:
+            return ["it is the first"]
+        (was, explained), now = self.before, self.record
+        feet = [
+            f"the {LEGS[leg]} foot {'touches' if now.state.contact[leg] else 'leaves'} the ground"
+            for leg in np.flatnonzero(was.state.contact != now.state.contact)
+        ]
+        told = [f"the robot stands on the {LEGS[now.output.stance]} leg"] * (was.output.stance != now.output.stance)
+        told += [f"policy {now.output.policy_version}"] * (was.output.policy_version != now.output.policy_version)
+        told += ["another stone is seen"] * (was.state.preview != now.state.preview)
+        told += ["parameters changed"] * (now.output.tick in [each.tick for each in self.episode.settings])
+        return [*feet, *told, *changes(explained, self.explanation)]
+
+
+def explain_tick(path: Path, tick: int | None = None, number: int | None = None) -> ExplainedTick:
+    """Explain a tick of episode `number`, by default of the last with ticks; the worst, where none is named.
+
+    The worst is the one whose slacks of last resort are largest in all.
+
+    Raises:
+        RecordingError: as `iterate_episodes`; no such tick, or one that cannot be replayed.
+    """
+    episode = last_episode(path, number)
+    records = {record.state.tick: record for record in episode.records}
+    if tick is None:
+        tick = max(records, key=lambda each: np.nan_to_num(records[each].output.rescue_slack, nan=-1.0))
+    here = f"recording {path}: tick {tick} of episode {episode.number}"
+    if tick not in records:
+        raise RecordingError(f"{here}: expected one that was recorded, {episode.first} to {episode.last}")
+    if not records[tick].output.quantities:
+        raise RecordingError(f"{here}: its controller publishes no controller_state")
+    if missing := [each for each in range(tick) if each not in records]:
+        raise RecordingError(f"{here}: a replay needs all ticks before it, but tick {missing[0]} is missing")
+    explained = list[tuple[Record, Explanation]]()
+    with one_line_errors(path, f"tick {tick} of episode {episode.number} cannot be explained"):
+        wanted = replace(episode, records=[records[each] for each in range(tick + 1)])
+        for record, (controller, output) in zip(wanted.records, replayed(wanted), strict=True):
+            if output.tick >= tick - 1:
+                scene, off = controller.scene, np.abs(output.torque - record.output.torque).max()
+                if off > ROUNDING:
+                    raise RecordingError(f"{here}: its replay is off by {off:.3g} N m in tick {output.tick}")
+                decided = controller.qp, scene.x, scene.p, controller.estimates, controller.decided
+                explained.append((record, explain(*decided)))
+    *before, (record, explanation) = explained
+    return ExplainedTick(episode, record, explanation, before[0] if before else None)

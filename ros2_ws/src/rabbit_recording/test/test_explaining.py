@@ -1,0 +1,133 @@
+"""A recorded tick explained: the rows are those that were recorded; what cannot be explained is refused in one line."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rabbit_recording import RecordingError
+from rabbit_recording.commands.bag import app
+from rabbit_recording.explaining import ExplainedTick, explain_tick
+from recorded_walk import Walk
+from test_former_recordings import former
+from typer.testing import CliRunner, Result
+
+WriteBag = Callable[..., Path]
+
+
+def rabbit(*words: object) -> Result:
+    """`rabbit bag explain` in this process."""
+    return CliRunner().invoke(app, ["explain", *map(str, words)])
+
+
+def check_rows(told: ExplainedTick) -> None:
+    """Rows as recorded: names, slacks, multipliers, and margins to the bounds that are told, but for the slack."""
+    rows, output = told.explanation.rows, told.record.output
+    assert tuple(row.name for row in rows) == output.rows
+    np.testing.assert_array_equal([row.slack for row in rows], output.slacks)
+    np.testing.assert_array_equal([row.multiplier for row in rows], output.multipliers)
+    margins = np.array([min(row.value - row.lower, row.upper - row.value) for row in rows])
+    met = output.slacks == 0
+    sizes = 1 + np.abs([row.value for row in rows])
+    np.testing.assert_allclose((margins / sizes)[met], (output.margins / sizes)[met], atol=1e-9)
+    np.testing.assert_allclose([row.gives_way for row in rows], np.where(met, 0, -margins), atol=1e-9 * sizes.max())
+
+
+@pytest.mark.parametrize("tick", [0, 30, 60])
+def test_the_rows_are_those_that_were_recorded(tmp_path: Path, write_bag: WriteBag, tick: int) -> None:
+    told = explain_tick(write_bag(tmp_path / "bag"), tick)
+    check_rows(told)
+    assert (told.before is None) == (tick == 0)
+
+
+def test_what_the_model_says_is_the_recorded_model_at_the_mu_that_was_found(
+    tmp_path: Path, write_bag: WriteBag
+) -> None:
+    told = explain_tick(write_bag(tmp_path / "bag"), 30)
+    output, rows = told.record.output, {row.name: row for row in told.explanation.rows}
+    nominal = dict(zip(output.quantities, output.nominal_a @ output.mu_qp + output.nominal_b, strict=True))
+    for row, quantity in (("CLF", "V"), ("B1", "B1"), ("B2", "B2"), ("C1", "C1")):
+        assert rows[row].nominal == pytest.approx(nominal[quantity], rel=1e-9)
+        assert rows[row].estimated == 0  # the zero policy
+    assert rows["u1"].upper == 200
+
+
+def test_the_worst_tick_has_the_most_slack_of_last_resort(tmp_path: Path, write_bag: WriteBag, walk: Walk) -> None:
+    told = explain_tick(write_bag(tmp_path / "bag"))
+    assert told.record.output.rescue_slack == max(record.output.rescue_slack for record in walk.records)
+
+
+def test_a_touchdown_is_told(tmp_path: Path, write_bag: WriteBag, walk: Walk) -> None:
+    stances = [record.output.stance for record in walk.records]
+    tick = next(i for i in range(1, len(stances)) if stances[i] != stances[i - 1])
+    told = "\n".join(explain_tick(write_bag(tmp_path / "bag"), tick).lines())
+    assert "the robot stands on the right leg" in told
+    assert "the right foot touches the ground" in told
+    assert "another stone is seen" in told
+
+
+def test_the_command_explains_and_draws(tmp_path: Path, write_bag: WriteBag) -> None:
+    bag, picture = write_bag(tmp_path / "bag"), tmp_path / "tick.png"
+    done = rabbit(bag, "--tick", 30, "--picture", picture)
+    assert done.exit_code == 0, done.output
+    assert done.output.splitlines()[:-1] == explain_tick(bag, 30).lines()
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    assert "slack" in rabbit(bag, "--worst").output
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--tick", 9999], "tick 9999 of episode 1: expected one that was recorded, 0 to "),
+        (["--tick", 3, "--worst"], "expected --tick N or --worst"),
+        ([], "expected --tick N or --worst"),
+        (["--tick", 3, "--episode", 7], "no ticks of episode 7 in it"),
+        (["--tick", 3, "--picture", "tick.nothing"], "'nothing' is not supported"),
+    ],
+)
+def test_what_is_not_there_is_refused(tmp_path: Path, write_bag: WriteBag, words: list[object], said: str) -> None:
+    done = rabbit(write_bag(tmp_path / "bag"), *words)
+    assert (done.exit_code, "Traceback" in done.output) == (2, False)
+    assert said in " ".join(done.output.split())
+
+
+DETAILS = ("controller_state", "learner_terms", "controller_settings")
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda topic, m: None if topic in DETAILS else m, "its controller publishes no controller_state"),
+        (lambda topic, m: None if topic == "state" and m.tick == 5 else m, "tick 5 is missing"),
+        (lambda topic, m: None if topic == "controller_settings" else m, "the controller's parameters are not in it"),
+        (lambda topic, m: turned(m) if topic == "torque" else m, "its replay is off by 1 N m"),
+    ],
+)
+def test_what_cannot_be_replayed_is_refused(tmp_path: Path, write_bag: WriteBag, change: Any, said: str) -> None:
+    with pytest.raises(RecordingError, match=said):
+        explain_tick(write_bag(tmp_path / "bag", change=change), 20)
+
+
+def turned(message: Any) -> Any:
+    """A torque that no replay gives."""
+    message.torque = message.torque + 1.0
+    return message
+
+
+def test_a_tick_that_no_solver_answered_is_refused(
+    tmp_path: Path, write_bag: WriteBag, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bag = write_bag(tmp_path / "bag")
+    monkeypatch.setattr("cbf_clf_qp.answer.TOLERANCE", -1.0)
+    monkeypatch.setattr("rabbit_recording.explaining.ROUNDING", np.inf)
+    with pytest.raises(RecordingError, match="tick 0 of episode 1 cannot be explained: no solver answered"):
+        explain_tick(bag, 0)
+
+
+@pytest.mark.parametrize("name", ["former_best", "former_trained"])
+def test_former_recordings_are_explained_too(name: str, tmp_path: Path) -> None:
+    told = explain_tick(former(name, tmp_path), 20)
+    assert len(told.explanation.rows) == 10
+    output = told.record.output
+    assert told.explanation.rows[0].estimated == pytest.approx(output.alpha[0] @ output.mu_qp + output.beta[0])
