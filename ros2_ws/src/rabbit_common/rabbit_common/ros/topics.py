@@ -58,7 +58,7 @@ class Service:
 
 
 TOPICS = (
-    Topic("state", msg.RobotState, TICK, A_TICK, "simulator", ("controller", "trainer", "launcher", "viewer"),
+    Topic("state", msg.RobotState, TICK, A_TICK, "simulator", ("controller", "trainer", "viewer"),
           "what is measured of the robot; with `sensors: lab` from the estimator"),
     Topic("joint_states", JointState, TICK, A_TICK, "simulator", ("estimator",),
           "the same q, dq by the URDF's joint names, and torques; with `sensors: lab` what the joints' encoders say"),
@@ -76,7 +76,7 @@ TOPICS = (
           ("estimator", "controller", "trainer", "launcher", "viewer")),
     Topic("torque", msg.TorqueCommand, TICK, A_TICK, "controller", ("simulator", "trainer")),
     Topic("controller_state", msg.ControllerState, TICK, f"{A_TICK}, while a node reads it", "controller",
-          ("trainer", "launcher", "viewer")),
+          ("trainer", "viewer")),
     Topic("learner_terms", msg.LearnerTerms, TICK, f"{A_TICK}, while a node reads it", "controller",
           ("trainer", "viewer")),
     Topic("policy_swap", msg.PolicySwap, EVENT, "1 a policy", "controller"),

@@ -38,7 +38,7 @@ class EpisodePlayer:
         self.simulation = Simulation(plant, load_gaits(own.gait))
         self._memory = RestartFile(Path(own.memory) if own.memory else None)
         before = self._memory.stand  # of a simulator that was killed
-        self._clock_ticks = before.clock_ticks
+        self.clock_ticks = before.clock_ticks
         self.episode = episode_of(before, plant.stones)
         self.state: RobotState | None = None
         self.torque: Array | None = None
@@ -58,7 +58,7 @@ class EpisodePlayer:
         """Reset the plant; tick 0 goes out at once."""
         plant = self.simulation.parameters
         if plant.sensors == "lab":
-            self._clock_ticks += 1  # what the sensors say is matched by its stamp: each tick has one of its own
+            self.clock_ticks += 1  # what the sensors say is matched by its stamp: each tick has one of its own
         self.torque = None
         self.stand_in.begin()
         self.admission.begin()
@@ -86,10 +86,10 @@ class EpisodePlayer:
 
     def _step(self, torque: Array, source: Source) -> None:
         """Ends the episode if it is over."""
-        before = header(self._clock_ticks), self.episode.episode, self.episode.tick
+        before = header(self.clock_ticks), self.episode.episode, self.episode.tick
         self.state, self.torque = self.simulation.step(torque), None
         self.episode.tick, self.episode.touchdowns = self.state.tick, self.state.touchdowns
-        self._clock_ticks += 1
+        self.clock_ticks += 1
         self.ticks.wait()
         if self._own.real_time:
             self.ticks.simulated(*before, source)
@@ -111,8 +111,8 @@ class EpisodePlayer:
 
     def announce(self, phase: int) -> None:
         """Publish where the episode stands."""
-        self.episode.phase, self.episode.header = phase, header(self._clock_ticks)
-        self._memory.note(restart_point(self.episode, self._clock_ticks))
+        self.episode.phase, self.episode.header = phase, header(self.clock_ticks)
+        self._memory.note(restart_point(self.episode, self.clock_ticks))
         self._topics.episodes.publish(self.episode)
 
     def give_up(self, reason: str) -> None:
@@ -160,12 +160,12 @@ class EpisodePlayer:
     def ask_again(self, state: RobotState) -> None:
         """Announce the episode and publish the state once more."""
         self.announce(Episode.RUNNING)
-        self._topics.again(state, self.episode.episode, header(self._clock_ticks))
+        self._topics.again(state, self.episode.episode, header(self.clock_ticks))
 
     def _publish(self, state: RobotState) -> None:
         """A tick's messages."""
-        self._memory.note(restart_point(self.episode, self._clock_ticks))
-        now, truth = header(self._clock_ticks), self.simulation.reading
+        self._memory.note(restart_point(self.episode, self.clock_ticks))
+        now, truth = header(self.clock_ticks), self.simulation.reading
         self._topics.tick(state, self.episode.episode, now, self.simulation.landings, truth)
         self.ticks.sent()
         if self.wait.reminders:

@@ -174,6 +174,7 @@ class ControllerNode(CheckedNode):
             "ticks not answered by the chosen solver": self._controller.unanswered,
             "scheduling": scheduling(),
             "walked by": ticks.episode.controller,
+            "CLF slack": self._clf_slack,
         }
         if not self._states.get_publisher_count():
             return WARN, "waiting for a simulator", figures
