@@ -6,8 +6,9 @@ from pathlib import Path
 
 from rabbit_common.message_checks import Refused, check_turn
 from rabbit_common.ros.conversions import header, torque_of
+from rabbit_description.force_ratio import force_ratio
 from rabbit_description.gait import load_gaits
-from rabbit_description.state import Array, RobotState
+from rabbit_description.state import Array, Leg, RobotState
 from rabbit_msgs.msg import Episode, TorqueCommand
 from rclpy.node import Node
 
@@ -26,7 +27,7 @@ BY_SERVICE = "by service"  # reason of a reset after which another episode begin
 class EpisodePlayer:
     """`episode`: where it stands; `state`: whose torque is awaited, None between episodes; `torque`: its answer.
 
-    `wait`: for that, or for what the next episode needs; `ticks`: their pace; `admission`: who may answer;
+    `clock_ticks`: since the clock began; `wait`: for that, or for what the next episode needs; `ticks`: their pace; `admission`: who may answer;
     `stand_in`: what acts in real time where nobody does.
     """
 
@@ -48,6 +49,12 @@ class EpisodePlayer:
         self._topics = SimulatorPublishers(node, plant, own)
         if before.running:
             self._log.warning(f"episode {before.episode}, tick {before.tick}: {self.episode.reason}")
+
+    @property
+    def force_ratio(self) -> float:
+        """|F_T| / F_N of the stance foot as measured; NaN where it is not loaded."""
+        state = self.state
+        return math.nan if state is None else float(force_ratio(state.foot_force[Leg.standing(state.touchdowns)]))
 
     @property
     def readers(self) -> int:
@@ -86,13 +93,13 @@ class EpisodePlayer:
 
     def _step(self, torque: Array, source: Source) -> None:
         """Ends the episode if it is over."""
-        before = header(self.clock_ticks), self.episode.episode, self.episode.tick
+        before = self.clock_ticks, self.episode.episode, self.episode.tick
         self.state, self.torque = self.simulation.step(torque), None
         self.episode.tick, self.episode.touchdowns = self.state.tick, self.state.touchdowns
         self.clock_ticks += 1
         self.ticks.wait()
         if self._own.real_time:
-            self.ticks.simulated(*before, source)
+            self.ticks.simulated(header(before[0]), *before[1:], source)
         self._publish(self.state)
         if not self.state.running or self.stand_in.is_over:
             self.end(*self.stand_in.verdict(self.simulation.outcome.value))

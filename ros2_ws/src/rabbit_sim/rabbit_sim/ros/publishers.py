@@ -88,7 +88,8 @@ class SimulatorPublishers:
             self._previews.publish(preview_message(state.preview, episode, at))
         self._preview = state.preview
         message = self._state(state, episode, at)
-        self._clock.publish(Clock(clock=at.stamp))  # while the controller works
+        if self._clock.get_subscription_count():  # what follows the controller does not wait for
+            self._clock.publish(Clock(clock=at.stamp))
         if self._is_lab and self._truth.get_subscription_count():
             true = replace(state, q=reading.q, dq=reading.dq, foot_force=reading.foot_force)
             self._truth.publish(state_message(true, episode, at))

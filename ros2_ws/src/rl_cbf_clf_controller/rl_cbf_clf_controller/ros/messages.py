@@ -5,14 +5,14 @@ from typing import Any
 from rabbit_common.message_arrays import doubles
 from rabbit_msgs.msg import ControllerState, LearnerTerms, RobotState, TorqueCommand
 
-from rl_cbf_clf_controller.controller_output import ControllerOutput
+from rl_cbf_clf_controller.controller_output import Acted, ControllerOutput
 from rl_cbf_clf_controller.message_fields import state_fields, terms_fields
 
 
-def torque_message(output: ControllerOutput, answered: RobotState, sender: str) -> TorqueCommand:
+def torque_message(acted: Acted | ControllerOutput, answered: RobotState, sender: str) -> TorqueCommand:
     """What the simulator needs."""
-    said = {"policy_version": output.policy_version, "fault": output.fault[:128]}
-    return TorqueCommand(**head(answered, sender), torque=doubles(output.torque), **said)
+    said = {"policy_version": acted.policy_version, "fault": acted.fault[:128]}
+    return TorqueCommand(**head(answered, sender), torque=doubles(acted.torque), **said)
 
 
 def controller_state(output: ControllerOutput, answered: RobotState, sender: str) -> ControllerState:

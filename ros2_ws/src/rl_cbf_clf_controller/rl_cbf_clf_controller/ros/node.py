@@ -113,15 +113,16 @@ class ControllerNode(CheckedNode):
         if policy := self._policies.swap(self._ticks.turn, self._named(message)):
             self._controller.policy = policy
         try:
-            output = self._controller.step(state)
+            acted = self._controller.act(state)
         except ValueError as error:
             self._give_up(message, str(error))
             return
-        self._say(messages.torque_message(output, message, self._sender))
-        if self._details.get_subscription_count():
-            self._details.publish(messages.controller_state(output, message, self._sender))
-        if self._terms.get_subscription_count():
-            self._terms.publish(messages.learner_terms(output, message, self._sender))
+        self._say(messages.torque_message(acted, message, self._sender))
+        told = (self._details, messages.controller_state), (self._terms, messages.learner_terms)
+        heard = [(publisher, tell) for publisher, tell in told if publisher.get_subscription_count()]
+        output = self._controller.output() if heard else None
+        for publisher, tell in heard:
+            publisher.publish(tell(output, message, self._sender))
 
     def _say(self, answer: msg.TorqueCommand) -> None:
         self._answer = answer
@@ -174,7 +175,7 @@ class ControllerNode(CheckedNode):
             "ticks not answered by the chosen solver": self._controller.unanswered,
             "scheduling": scheduling(),
             "walked by": ticks.episode.controller,
-            "CLF slack": self._clf_slack,
+            "CLF slack": self._controller.output().clf_slack,
         }
         if not self._states.get_publisher_count():
             return WARN, "waiting for a simulator", figures
