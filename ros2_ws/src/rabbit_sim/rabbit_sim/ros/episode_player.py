@@ -5,7 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from rabbit_common.message_checks import Refused, check_turn
-from rabbit_common.ros.conversions import header, torque_of
+from rabbit_common.ros.conversions import header, set_time, torque_of
 from rabbit_description.force_ratio import force_ratio
 from rabbit_description.gait import load_gaits
 from rabbit_description.state import Array, Leg, RobotState
@@ -39,7 +39,7 @@ class EpisodePlayer:
         self.simulation = Simulation(plant, load_gaits(own.gait))
         self._memory = RestartFile(Path(own.memory) if own.memory else None)
         before = self._memory.stand  # of a simulator that was killed
-        self.clock_ticks = before.clock_ticks
+        self.clock_ticks, self._now = before.clock_ticks, header(0)
         self.episode = episode_of(before, plant.stones)
         self.state: RobotState | None = None
         self.torque: Array | None = None
@@ -171,9 +171,9 @@ class EpisodePlayer:
 
     def _publish(self, state: RobotState) -> None:
         """A tick's messages."""
-        self._memory.note(restart_point(self.episode, self.clock_ticks))
-        now, truth = header(self.clock_ticks), self.simulation.reading
-        self._topics.tick(state, self.episode.episode, now, self.simulation.landings, truth)
+        self._memory.note_tick(clock_ticks=self.clock_ticks, tick=state.tick, touchdowns=state.touchdowns)
+        set_time(self._now, self.clock_ticks)
+        self._topics.tick(state, self.episode.episode, self._now, self.simulation.landings, self.simulation.reading)
         self.ticks.sent()
         if self.wait.reminders:
             self._log.warning(f"goes on with tick {state.tick} of episode {self.episode.episode}")
