@@ -3,9 +3,10 @@
     min x'x + q'x  subject to  lower <= A x <= upper;  multipliers y are positive at an upper bound
 
 DAQP, a dual active-set method, is exact and starts from nothing at every tick; programme, solver and the reading of its
-answer are one CasADi function. OSQP starts from its last answer; its own is then polished, so that it depends on nothing
-but which rows are active. Mostly these are those of the tick before: OSQP is asked where they give no optimum any more.
-Each solver is the other's guard: what counts is the KKT residual of an answer, and not what a solver says of it.
+answer are one CasADi function. OSQP starts from its last answer and solves between two; what it finds is polished, so
+that nothing counts but which rows are active. Mostly they are those of the tick before: OSQP is asked only where these
+give no optimum. Each solver is the other's guard: what counts is the KKT residual of an answer, and not what a solver
+says of it.
 """
 
 import signal
@@ -85,8 +86,8 @@ class Answering:
         x, y = ca.SX.sym("x", layout.of_A.size2()), ca.SX.sym("y", layout.of_A.size1())
         answer = {"data": packed(parts), "x": x, "y": y}
         self.reading = NumpyFunction.of("reading", answer, reading(parts, x, y, layout), matrices=("control_a",))
-        exact = dict(zip(("x", "y"), polished(parts, x, y, layout), strict=True))
-        exact = reading(parts, *exact.values(), layout) | exact
+        exact_x, exact_y = polished(parts, x, y, layout)
+        exact = {**reading(parts, exact_x, exact_y, layout), "x": exact_x, "y": exact_y}
         self.polished_reading = NumpyFunction.of("polished_reading", answer, exact, matrices=("control_a",))
         given, names = self.programme.function.mx_in(), self.programme.function.name_in()
         row = self.programme.function(*given)

@@ -27,8 +27,8 @@ BY_SERVICE = "by service"  # reason of a reset after which another episode begin
 class EpisodePlayer:
     """`episode`: where it stands; `state`: whose torque is awaited, None between episodes; `torque`: its answer.
 
-    `clock_ticks`: since the clock began; `wait`: for that, or for what the next episode needs; `ticks`: their pace; `admission`: who may answer;
-    `stand_in`: what acts in real time where nobody does.
+    `clock_ticks`: since the clock began; `wait`: for that, or for what the next episode needs; `ticks`: their pace;
+    `admission`: who may answer; `stand_in`: what acts in real time where nobody does.
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""What the controller tells of a tick beside the torque. The fields that tell of an output are in message_fields, with the way back."""
+"""What the controller tells of a tick beside the torque. The fields of an output, and the way back: message_fields."""
 
 from typing import Any
 
