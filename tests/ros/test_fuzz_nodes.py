@@ -221,7 +221,7 @@ def test_a_state_before_the_announcement_of_its_episode_is_kept_until_then(ros: 
             message.episode = 7
         for topic, message in (("state", state), ("preview", preview)):
             hears[topic](bytes(serialize_message(message)))
-        assert (node._answer, refused(node)) == (None, 0)
+        assert (node._answer.episode, refused(node)) == (0, 0)
         assert "announcement of episode 7" in node._status()[1]
         hears["episode"](bytes(serialize_message(announcement)))
         assert (node._answer.episode, node._answer.tick, node._answer.fault) == (7, 0, "")

@@ -69,9 +69,9 @@ class Answering:
     """The answer to a programme of which the `data`, see `qp.build_qp`, are expressions of `inputs`.
 
     Functions: `programme`, the data of the inputs; `reading`, what an answer says, of (data, x, y), `polished_reading`
-    what the exact one near it says, with its `x` and `y`; `with_daqp`, programme and reading with DAQP between them;
-    `near`, programme and polished reading, of (x, y) and the inputs. `solver`: the one that is asked first, `daqp` or
-    `osqp`. Raises ValueError for another one, or an unknown symbol.
+    what the exact one near it says; `with_daqp`, programme and reading with DAQP between them; `near`, programme and
+    polished reading, of (x, y) and the inputs. `solver`: the one that is asked first, `daqp` or `osqp`. Raises
+    ValueError for another one, or an unknown symbol.
     """
 
     @one_at_a_time
@@ -86,8 +86,7 @@ class Answering:
         x, y = ca.SX.sym("x", layout.of_A.size2()), ca.SX.sym("y", layout.of_A.size1())
         answer = {"data": packed(parts), "x": x, "y": y}
         self.reading = NumpyFunction.of("reading", answer, reading(parts, x, y, layout), matrices=("control_a",))
-        exact_x, exact_y = polished(parts, x, y, layout)
-        exact = {**reading(parts, exact_x, exact_y, layout), "x": exact_x, "y": exact_y}
+        exact = reading(parts, *polished(parts, x, y, layout), layout)
         self.polished_reading = NumpyFunction.of("polished_reading", answer, exact, matrices=("control_a",))
         given, names = self.programme.function.mx_in(), self.programme.function.name_in()
         row = self.programme.function(*given)
