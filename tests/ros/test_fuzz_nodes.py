@@ -25,6 +25,7 @@ from rabbit_msgs.msg import (
     EpisodePlan,
     PolicySwap,
     PolicyWeights,
+    TorqueCommand,
 )
 from rabbit_recording.open_recording import opened
 from rabbit_recording.ros.recorder import SENT, RecorderNode
@@ -36,7 +37,7 @@ from rclpy.signals import SignalHandlerOptions
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import ZeroPolicy
-from rl_cbf_clf_controller.ros.messages import controller_state, learner_terms, torque_message
+from rl_cbf_clf_controller.ros.messages import controller_state, head, learner_terms
 from rl_cbf_clf_controller.ros.node import ControllerNode
 from rl_cbf_clf_controller.uncertainty import RL_CBF_CLF_QP
 from rl_trainer.parameters import TrainingParameters
@@ -76,7 +77,9 @@ def sound_messages() -> dict[str, list[Any]]:
     for _ in range(4):
         output = controller.step(state)
         asked = state_message(state, 1, Header())
-        answers = [tell(output, asked, "a") for tell in (torque_message, controller_state, learner_terms)]
+        said = {"torque": array("d", output.torque), "policy_version": output.policy_version}
+        torque = TorqueCommand(**head(asked, "a"), **said)
+        answers = torque, controller_state(output, asked, "a"), learner_terms(output, asked, "a")
         for name, message in zip(BY_TICK, (asked, *answers), strict=True):
             made.setdefault(name, []).append(message)
         state = simulation.step(output.torque)
@@ -218,7 +221,7 @@ def test_a_state_before_the_announcement_of_its_episode_is_kept_until_then(ros: 
             message.episode = 7
         for topic, message in (("state", state), ("preview", preview)):
             hears[topic](bytes(serialize_message(message)))
-        assert (node._answer, refused(node)) == (None, 0)
+        assert (node._answer.episode, refused(node)) == (0, 0)
         assert "announcement of episode 7" in node._status()[1]
         hears["episode"](bytes(serialize_message(announcement)))
         assert (node._answer.episode, node._answer.tick, node._answer.fault) == (7, 0, "")

@@ -49,8 +49,9 @@ def die(walk: WalkSettings, rng: random.Random) -> Death:
 
     with closing(GraphClient("ear", walk.options.namespace, "/")) as ear, walking(walk) as monitor:
         ear.hear("timing", on_timing)
-        while monitor.glance().ticks < EARLIEST:
-            ear.spin(0.0)
+        while len(told) < EARLIEST:
+            monitor.check()
+            ear.spin(TICK_SECONDS)
         time.sleep(rng.uniform(0, TICK_SECONDS))
         killed = time.monotonic()
         monitor.processes.send("controller", signal.SIGKILL)

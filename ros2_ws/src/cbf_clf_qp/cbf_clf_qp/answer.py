@@ -3,8 +3,10 @@
     min x'x + q'x  subject to  lower <= A x <= upper;  multipliers y are positive at an upper bound
 
 DAQP, a dual active-set method, is exact and starts from nothing at every tick; programme, solver and the reading of its
-answer are one CasADi function. OSQP starts from its last answer and solves between two. Each is the other's guard: what
-counts is the KKT residual of an answer, and not what a solver says of it.
+answer are one CasADi function. OSQP starts from its last answer and solves between two; what it finds is polished, so
+that nothing counts but which rows are active. Mostly they are those of the tick before: OSQP is asked only where these
+give no optimum. Each solver is the other's guard: what counts is the KKT residual of an answer, and not what a solver
+says of it.
 """
 
 import signal
@@ -22,6 +24,7 @@ from cbf_clf_qp.qp import ROUNDING, UNBOUNDED, Layout, polished, reading
 
 SOLVERS = "daqp", "osqp"
 TOLERANCE = 1e-6  # KKT residual that is let pass, relative to 1 + |x|
+OPTIMAL = 1e-12  # one that is rounding alone
 
 
 @dataclass(slots=True)
@@ -66,8 +69,9 @@ class Answering:
     """The answer to a programme of which the `data`, see `qp.build_qp`, are expressions of `inputs`.
 
     Functions: `programme`, the data of the inputs; `reading`, what an answer says, of (data, x, y), `polished_reading`
-    what the exact one near it says; `with_daqp`, programme and reading with DAQP between them. `solver`: the one that
-    is asked first, `daqp` or `osqp`. Raises ValueError for another one, or an unknown symbol.
+    what the exact one near it says; `with_daqp`, programme and reading with DAQP between them; `near`, programme and
+    polished reading, of (x, y) and the inputs. `solver`: the one that is asked first, `daqp` or `osqp`. Raises
+    ValueError for another one, or an unknown symbol.
     """
 
     @one_at_a_time
@@ -88,12 +92,21 @@ class Answering:
         row = self.programme.function(*given)
         values = self.reading.function(row, *by_daqp(row, self.programme.places))
         self.with_daqp = NumpyFunction(ca.Function("decided", given, [values], names, ["values"]), self.reading.places)
+        last = ca.MX.sym("x", x.numel()), ca.MX.sym("y", y.numel())
+        values = self.polished_reading.function(row, *last)
+        near = ca.Function("near", [*last, *given], [values], ["last_x", "last_y", *names], ["values"])
+        self.near = NumpyFunction(near, self.polished_reading.places)
         self._begin()
 
     def _begin(self) -> None:
         self._osqp = OsqpSolver(self.layout)
-        self.reset = self._osqp.reset
         self.unanswered = 0  # programmes that the first solver did not answer
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the last programme: OSQP sets the next one up again, and no rows are known to be active."""
+        self._osqp.reset()
+        self._last: tuple[Array, Array] | None = None  # x and y
 
     def another(self) -> "Answering":
         """One with the same functions and an OSQP of its own, for another robot in the same thread."""
@@ -118,11 +131,18 @@ class Answering:
         return values, "solved" if is_solved else "not solved" if values.is_valid[0] else "data not valid"
 
     def _by_osqp(self, *inputs: Array) -> tuple[Values, str]:
+        if self._last:
+            values = self.near(*self._last, *inputs)
+            if values.row.item(0) < OPTIMAL:
+                self._last = values.x, values.y
+                return values, "solved" if values.y.any() else "unconstrained"
         data = self.programme(*inputs)
         if not data.is_valid[0]:
             return self._by_daqp(*inputs)
         x, y, status = self._osqp.solve(data)
-        return self.polished_reading(data.row, x, y), status
+        values = self.polished_reading(data.row, x, y)
+        self._last = values.x, values.y
+        return values, status
 
 
 def by_daqp(data: ca.MX, places: Mapping[str, Place]) -> tuple[ca.MX, ca.MX]:

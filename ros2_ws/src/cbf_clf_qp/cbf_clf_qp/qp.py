@@ -115,6 +115,8 @@ def reading(data: dict[str, ca.SX], x: ca.SX, y: ca.SX, layout: Layout) -> dict[
         "margin": (margin := ca.fmin(upper - value, value - lower)),
         "row_margin": data["row_scale"] * margin,
         "multiplier": y / data["row_scale"],
+        "x": x,
+        "y": y,
     }
 
 

@@ -96,7 +96,7 @@ class BodySensors:
         return 2 * atan2(y, w)
 
 
-@dataclass(frozen=True)
+@dataclass  # not frozen: that would take a tick 3 us
 class RobotState:
     """What is measured at one tick, all in the world frame (x forward, z up).
 

@@ -34,7 +34,7 @@ class Actuation:
 
     def advance(self, command: Array) -> Array:
         """Torques held over the substeps of one tick, N m: (SUBSTEPS, 4) for a command (4,), (N, SUBSTEPS, 4) for N."""
-        torques = np.repeat(command.reshape(-1, 1, 4), SUBSTEPS, axis=1)
+        torques = command.reshape(-1, 1, 4).repeat(SUBSTEPS, axis=1)
         for stage in self._stages:
             torques = stage.drive(torques, self.states[type(stage)])
         return torques.reshape(*command.shape[:-1], SUBSTEPS, 4)

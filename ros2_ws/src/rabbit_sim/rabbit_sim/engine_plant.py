@@ -20,13 +20,17 @@ from rabbit_sim.terrain import Ground
 from rabbit_sim.touchdown_detector import Feet, TouchdownDetector
 
 STONE_DEPTH = 1.0  # m
+NO_PUSH, NOT_PUSHED = np.zeros(0), [0.0] * SUBSTEPS  # N
 
 JointStates = tuple[list[float], list[float]]  # q, dq: seven each
 Forces = list[list[float]]  # on each foot in a substep, rows left, right; columns x, z; N
 
 
 class EnginePlant(ABC):
-    """RABBIT on stones that are boxes; see `Plant` for the methods. `watch` finds which feet come down."""
+    """RABBIT on stones that are boxes; see `Plant` for the methods. `watch` finds which feet come down.
+
+    `feeds_back`: whether joint torques depend on the state within a tick.
+    """
 
     def __init__(self, parameters: SimulationParameters) -> None:
         self._parameters, self._perturbations = parameters, parameters.in_force()
@@ -36,12 +40,8 @@ class EnginePlant(ABC):
         self._kinematics = RabbitFeet(leg_shape(parameters))
         self._transmissions = [each for each in self._perturbations if each.has("transmitted")]
         self._joint_torques = [each.joint_torque(legs) for each in self._perturbations if each.has("joint_torque")]
+        self.feeds_back = bool(self._transmissions or self._joint_torques)
         self._keeps_path = parameters.needs_path
-
-    @property
-    def feeds_back(self) -> bool:
-        """Whether joint torques depend on the state within a tick."""
-        return bool(self._transmissions or self._joint_torques)
 
     def close(self) -> None:  # noqa: B027  MuJoCo has nothing
         """Nothing to give back, unless the engine has something."""
@@ -55,7 +55,7 @@ class EnginePlant(ABC):
         self._memories = [Memory(joints=q[3:].copy(), rates=dq[3:].copy()) for _ in self._transmissions]
         for each, memory in zip(self._transmissions, self._memories, strict=True):
             each.begin(memory)
-        self._push, self._push_in_tick = np.zeros(0), np.zeros(SUBSTEPS)
+        self._push, self._push_in_tick = NO_PUSH, NO_PUSH
         self._force = np.zeros((2, 2))
         self._contact = np.array([stance is Leg.LEFT, stance is Leg.RIGHT])
         self.watch = TouchdownDetector(self._locate_feet)
@@ -72,9 +72,12 @@ class EnginePlant(ABC):
 
     def next_pushes(self) -> list[float]:
         """On the torso in the next tick's substeps, N."""
-        pushes, self._push_in_tick = self._push_in_tick, np.zeros(SUBSTEPS)
-        under_way, self._push = self._push[:SUBSTEPS], self._push[SUBSTEPS:]
-        pushes[: len(under_way)] += under_way
+        if self._push is NO_PUSH and self._push_in_tick is NO_PUSH:
+            return NOT_PUSHED
+        pushes = np.zeros(SUBSTEPS)
+        for each in (self._push_in_tick, self._push[:SUBSTEPS]):
+            pushes[: len(each)] += each
+        self._push, self._push_in_tick = self._push[SUBSTEPS:], NO_PUSH
         return pushes.tolist()
 
     def follow(self, states: Array, forces: Array) -> None:
@@ -88,8 +91,8 @@ class EnginePlant(ABC):
         self._take_in(self._followed(path, forces.tolist()))
 
     def _walked(self, torques: Array, pushes: list[float]) -> Iterator[Forces]:
-        for torque, push in zip(torques, pushes, strict=True):
-            self._substep(self.at_joints(torque), push)
+        for torque, push in zip(torques if self.feeds_back else torques.tolist(), pushes, strict=True):
+            self._substep(self.at_joints(torque).tolist() if self.feeds_back else torque, push)
             self._states = None
             yield self._contact_forces()
 
@@ -122,7 +125,7 @@ class EnginePlant(ABC):
 
     def push_for_tick(self, forces: Array) -> None:
         """See `Plant`."""
-        self._push_in_tick = self._push_in_tick + forces
+        self._push_in_tick = forces if self._push_in_tick is NO_PUSH else self._push_in_tick + forces
 
     def observe(self) -> PlantReading:
         """The truth after the last tick."""
@@ -133,8 +136,6 @@ class EnginePlant(ABC):
 
     def at_joints(self, torque: Array) -> Array:
         """What of `torque` (4,) of the motors comes to the joints, with what acts beside them, now, N m."""
-        if not self.feeds_back:
-            return torque
         q, dq = map(np.array, self._now())
         for each, memory in zip(self._transmissions, self._memories, strict=True):
             torque = each.transmitted(memory, torque, q[3:], dq[3:])
@@ -164,7 +165,7 @@ class EnginePlant(ABC):
         """The robot in a state, and no stone."""
 
     @abstractmethod
-    def _substep(self, torque: Array, push: float = 0.0) -> None:
+    def _substep(self, torque: list[float], push: float = 0.0) -> None:
         """Go on `SUBSTEP_SECONDS` under `torque` (4,), N m, at the joints, and `push`, N, on the torso."""
 
     @abstractmethod

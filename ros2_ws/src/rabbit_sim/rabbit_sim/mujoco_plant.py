@@ -86,7 +86,7 @@ class MujocoPlant(EnginePlant):
         places = [((near + far) / 2, 0.0, top - FOOT_RADIUS - STONE_DEPTH / 2) for near, far, top in placed]
         self._stone_places[:] = self._data.mocap_pos[:] = places
 
-    def _substep(self, torque: Array, push: float = 0.0) -> None:
+    def _substep(self, torque: list[float], push: float = 0.0) -> None:
         self._torque[:] = torque
         self._torso_force[0] = push
         mujoco.mj_step(self.model, self._data)

@@ -60,7 +60,7 @@ def child(element: Element, path: str) -> Element:
     return found
 
 
-@dataclass(frozen=True)
+@dataclass
 class Measured:
     """`q`, `dq` (7,) and `foot_force` (2, 2) as the controller gets them; `body`: where these are all there is."""
 

@@ -48,7 +48,7 @@ class Touch:
     hold: bool
 
 
-@dataclass(frozen=True)
+@dataclass  # not frozen: that would take a tick 2 us
 class PlantReading:
     """The truth after a tick, world frame.
 

@@ -129,18 +129,16 @@ class PybulletPlant(EnginePlant):
         self._set_surface(body, -1, 1.0)
         return body
 
-    def _substep(self, torque: Array, push: float = 0.0) -> None:
+    def _substep(self, torque: list[float], push: float = 0.0) -> None:
         self._apply(torque)
         if push:
             centre = self._client.getLinkState(self._robot, self._torso)[0]
             self._client.applyExternalForce(self._robot, self._torso, [push, 0, 0], centre, pybullet.WORLD_FRAME)
         self._client.stepSimulation()
 
-    def _apply(self, torque: Array) -> None:
+    def _apply(self, torque: Sequence[float]) -> None:
         """For the next substep alone, as PyBullet forgets it."""
-        self._client.setJointMotorControlArray(
-            self._robot, self._motors, pybullet.TORQUE_CONTROL, forces=torque.tolist()
-        )
+        self._client.setJointMotorControlArray(self._robot, self._motors, pybullet.TORQUE_CONTROL, forces=torque)
 
     def _joint_states(self) -> JointStates:
         states: Any = self._client.getJointStates(self._robot, self._joints)

@@ -66,3 +66,9 @@ class RestartFile:
     def note(self, stand: RestartPoint) -> None:
         """Keep where the simulator stands."""
         self._kept[0] = tuple(vars(stand).values())
+
+    def note_tick(self, **numbers: int) -> None:
+        """Keep what a tick changes of it."""
+        kept = self._kept[0]
+        for name, value in numbers.items():
+            kept[name] = value

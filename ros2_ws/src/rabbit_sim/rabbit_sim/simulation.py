@@ -137,7 +137,7 @@ class Simulation:
             RuntimeError: no episode is running.
         """
         torque = np.asarray(torque, dtype=float)
-        if torque.shape != (4,) or not np.isfinite(torque).all():
+        if torque.shape != (4,) or not all(map(isfinite, torque.tolist())):
             raise ValueError(f"torque = {torque}: expected four finite numbers, N m")
         if self.outcome is not Outcome.RUNNING:
             raise RuntimeError(f"outcome = {self.outcome}: expected a running episode, call reset first")
@@ -241,12 +241,15 @@ class Simulation:
         flies = self._airborne_ticks > 0 and self._airborne_ticks >= flight_ticks(self.parameters, self._dropped())
         if flies and not self._fell_into_gap:
             return Outcome.FLIGHT
-        travel = abs(reading.foot_position[self._stance, 0] - self._stance_x)
-        if self.parameters.ground_friction <= SLIP_FRICTION and travel > SLIP_DISTANCE:
+        if self.parameters.ground_friction <= SLIP_FRICTION and self._travel(reading) > SLIP_DISTANCE:
             return Outcome.SLIP
         if self._tick - self._step_began >= STALL_TICKS:
             return Outcome.STALL
         return Outcome.RUNNING
+
+    def _travel(self, reading: PlantReading) -> float:
+        """Of the stance foot since it came down, m."""
+        return float(abs(reading.foot_position[self._stance, 0] - self._stance_x))
 
     def _dropped(self) -> float:
         """By how much the stone underfoot has given way, m."""

@@ -1,7 +1,7 @@
 """The controller of one tick: state in, torque out. Read `cbf_clf_qp.tick` first, then this, then `recipes.py`.
 
     relabel to stance/swing -> scene, nominal dynamics -> terms
-    -> the tick of `cbf_clf_qp`: estimates, rows, QP -> mu -> exploration -> torque, saturated
+    -> the tick of `cbf_clf_qp`: estimates, rows, QP -> mu -> exploration -> torque, saturated (`act`) -> `output`
 
 Which leg stands, exploration and what is kept from tick to tick are here; what a controller constrains is its recipe.
 """
@@ -17,7 +17,7 @@ from cbf_clf_qp.quantity import Constrained
 from rabbit_description.gait import Gaits
 from rabbit_description.state import SWAP_STATE, SWAP_TORQUE, TICK_SECONDS, Array, Leg, RobotState, StonePreview
 
-from rl_cbf_clf_controller.controller_output import NOTHING, ControllerOutput, flat, seen_fields
+from rl_cbf_clf_controller.controller_output import NOTHING, Acted, ControllerOutput, flat, seen_fields
 from rl_cbf_clf_controller.identified_robot import IdentifiedRobot
 from rl_cbf_clf_controller.kinds import find_kind
 from rl_cbf_clf_controller.parameters import ControllerParameters
@@ -175,7 +175,12 @@ class Controller:
         self.reset(0)
 
     def step(self, state: RobotState) -> ControllerOutput:
-        """The torque for one tick.
+        """One tick: the torque, and all that others read of it; raises `ControllerError`."""
+        self.act(state)
+        return self.output()
+
+    def act(self, state: RobotState) -> Acted:
+        """What acts in one tick: all that the robot waits for.
 
         Raises:
             ControllerError: a state of the wrong shape, not finite, or without the preview of the next stone; a policy
@@ -183,9 +188,8 @@ class Controller:
         """
         fault = self.see(state)
         self.decided = self.decide(self.scene)
-        output = self._output(fault)
         self._step.last = self.scene
-        return output
+        return self._act(fault)
 
     def see(self, state: RobotState) -> str:
         """Take a state in: which leg stands, the step's outputs, `scene`. Why the episode must end, or nothing."""
@@ -239,8 +243,9 @@ class Controller:
             raise ControllerError("objective pd_centred: expected a structured policy, which gives the output error")
         return self._answer(scene.seen.prepared, total.alpha, total.beta, *known)
 
-    def _output(self, fault: str) -> ControllerOutput:
-        p, step, decided, scene = self.parameters, self._step, self.decided, self.scene
+    def _act(self, fault: str) -> Acted:
+        """What was decided, with exploration, within the torque limit."""
+        p, step, decided = self.parameters, self._step, self.decided
         values = decided.values
         mu_qp, wanted, omega = values.mu, values.u, NO_NOISE
         if not decided.solved:
@@ -258,14 +263,17 @@ class Controller:
             mu = np.linalg.solve(values.control_a, torque - values.control_b)
         step.torque = torque
         self._held = torque[SWAP_TORQUE] if step.stance is Leg.RIGHT else torque
+        self._acted = Acted(self._held, mu, mu_qp, omega, saturated, self.policy.version, fault)
+        return self._acted
+
+    def output(self) -> ControllerOutput:
+        """All of the last tick that others read."""
+        p, decided, values = self.parameters, self.decided, self.decided.values
         clf_slack, rescue_slack = (self._slacks @ values.slack).tolist()
         return ControllerOutput(
-            **seen_fields(scene),
+            **seen_fields(self.scene),
+            **vars(self._acted),
             barrier_names=self.barrier_names,
-            torque=self._held,
-            mu=mu,
-            mu_qp=mu_qp,
-            omega=omega,
             quantities=self.qp.names,
             alpha=self.estimates.alpha,
             beta=self.estimates.beta,
@@ -276,13 +284,10 @@ class Controller:
             margins=values.row_margin,
             slacks=values.slack,
             multipliers=values.multiplier,
-            saturated=saturated,
             solver=decided.solver,
             status=decided.status,
             answered=decided.solver == p.qp_solver,
             solve_seconds=decided.seconds,
-            policy_version=self.policy.version,
-            fault=fault,
             objective=p.objective,
             adaptation=p.adaptation,
             identified=self._robot.known if self._robot else NOTHING,

@@ -12,6 +12,19 @@ from rl_cbf_clf_controller.scene import Scene
 NOTHING = np.zeros(0)
 
 
+@dataclass
+class Acted:
+    """What acts in a tick, as in `ControllerOutput`."""
+
+    torque: Array
+    mu: Array
+    mu_qp: Array
+    omega: Array
+    saturated: bool
+    policy_version: str
+    fault: str
+
+
 @dataclass  # not frozen: that would take a tick 5 us
 class ControllerOutput:
     """All of one tick that a person debugging, a recorder or the trainer wants.

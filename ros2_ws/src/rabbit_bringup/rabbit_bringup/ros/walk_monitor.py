@@ -3,26 +3,22 @@
 import math
 import time
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rabbit_common.executables import LaunchError
 from rabbit_common.exit_codes import CUT_SHORT, ExitCode
 from rabbit_common.ros.client import TOPIC, GraphClient
-from rabbit_common.ros.diagnostics import reader_counts
+from rabbit_common.ros.diagnostics import BARRIER, figure, reader_counts
 from rabbit_common.ros.topics import missing_readers
-from rabbit_common.ros.waiting_messages import WaitingMessages
-from rabbit_description.force_ratio import force_ratio
-from rabbit_description.state import TICK_SECONDS, Leg
 from rabbit_msgs.msg import Episode, EpisodePlan, Landing
-from rclpy.serialization import deserialize_message
 
 from rabbit_bringup.launching.processes import Processes
 from rabbit_bringup.launching.walk import WalkOptions
 
 GLANCE_SECONDS, READY_SECONDS = 0.2, 0.05  # between two looks at the walk, and at nodes that begin
 ANSWER_SECONDS = 10.0
+UNHEARD = DiagnosticStatus(level=DiagnosticStatus.WARN, message="not heard of yet")
 
 
 class Stuck(LaunchError):
@@ -32,7 +28,7 @@ class Stuck(LaunchError):
 
 
 class Progress(NamedTuple):
-    """How the walk stands."""
+    """How the walk stands; what only a tick knows is what simulator and controller said in their last diagnostics."""
 
     episode: int
     stone: int
@@ -54,22 +50,15 @@ class WalkMonitor(GraphClient):
         self.processes = processes
         self._options, self._tell = options, tell
         self._said: dict[str, DiagnosticStatus] = {}
-        self._newest: dict[str, bytes] = {}
         self.episode = Episode()
         self.ended: dict[int, Episode] = {}
         self._complaint = ""  # of a simulator that cannot go on
         self._digested = 0  # episodes that the trainer has learned from
         self.seconds, self._began = 0.0, time.monotonic()  # of the ended episodes; when this one did
-        self._margin = math.nan
+        self._landing = Landing()  # the last
         for name in ("diagnostics", "episode", "episode_plan", "landing"):
             self.hear(name, getattr(self, f"_on_{name}"))
-        self._ticks = WaitingMessages(self.node, {name: TOPIC[name].type for name in ("state", "controller_state")})
         self.client("pause")  # so that the simulator knows it in time
-
-    def close(self) -> None:
-        """Leave the graph."""
-        self._ticks.close()
-        super().close()
 
     def begin(self) -> None:
         """Let the simulator go on, once all nodes are ready; raises `LaunchError`."""
@@ -93,23 +82,21 @@ class WalkMonitor(GraphClient):
         self.check()
         if self._complaint:
             raise Stuck(self._complaint)
-        self._newest |= dict(self._ticks.take())
-        state, details = self._decoded("state"), self._decoded("controller_state")
-        forces = np.asarray(state.foot_force or [np.nan] * 4).reshape(2, 2)
-        ratio = float(force_ratio(forces[Leg.standing(state.touchdowns)]))
-        ticks = round((state.header.stamp.sec + state.header.stamp.nanosec * 1e-9) / TICK_SECONDS)
-        e = self.episode
-        barriers = {name: B for name, B in zip(details.names, details.values, strict=False) if name != "V"}
-        stands = state.touchdowns, e.stones, self._margin, barriers, details.clf_slack, ratio, ticks
-        return Progress(e.episode, *stands)
+        e, landing = self.episode, self._landing
+        stone = landing.index if e.phase != Episode.ENDED and landing.episode == e.episode else e.touchdowns
+        margin = min(landing.l - landing.l_min, landing.l_max - landing.l) if landing.episode else math.nan
+        simulator, controller = (self._said.get(name, UNHEARD) for name in ("simulator", "controller"))
+        slack, ratio = figure(controller, "CLF slack"), figure(simulator, "force ratio")
+        names = [each.key.removeprefix(BARRIER) for each in controller.values if each.key.startswith(BARRIER)]
+        barriers = {name: figure(controller, BARRIER + name) for name in names}
+        return Progress(e.episode, stone, e.stones, margin, barriers, slack, ratio, int(figure(simulator, "ticks")))
 
     def not_ready(self, nodes: list[str]) -> dict[str, str]:
         """Which of the nodes are not ready, and what they say; and topics that do not reach all who need them."""
-        unheard = DiagnosticStatus(level=DiagnosticStatus.WARN, message="not heard of yet")
         silent: tuple[str, ...] = ()
         if self._options.is_foreign:  # it says nothing of itself, and the recorder waits for what it does not publish
             nodes, silent = [name for name in nodes if name != "controller"], ("recorder",)
-        said = {name: self._said.get(name, unheard) for name in nodes if name not in silent}
+        said = {name: self._said.get(name, UNHEARD) for name in nodes if name not in silent}
         told: dict[str, int] = {}
         for status in said.values():
             told |= reader_counts(status)
@@ -130,10 +117,6 @@ class WalkMonitor(GraphClient):
         ended = e.phase == Episode.ENDED and e.episode >= options.episodes and e.outcome != CUT_SHORT
         return ended and not (options.learns_between and self._digested < e.episode)
 
-    def _decoded(self, name: str) -> Any:
-        kind = TOPIC[name].type
-        return deserialize_message(self._newest[name], kind) if name in self._newest else kind()
-
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
             self._said[status.name.split("/")[-1]] = status
@@ -153,4 +136,4 @@ class WalkMonitor(GraphClient):
         self._digested = message.after_episode
 
     def _on_landing(self, message: Landing) -> None:
-        self._margin = min(message.l - message.l_min, message.l_max - message.l)
+        self._landing = message

@@ -42,8 +42,14 @@ UNKNOWN = -1.0  # as the first of a covariance: an `Imu` does not measure that
 
 def header(ticks: int) -> Header:
     """Simulated time after `ticks` ticks."""
-    seconds, nanoseconds = divmod(ticks * TICK_NANOSECONDS, 1_000_000_000)
-    return Header(stamp=Time(sec=seconds, nanosec=nanoseconds), frame_id=WORLD)
+    at = Header(frame_id=WORLD)
+    set_time(at, ticks)
+    return at
+
+
+def set_time(at: Header, ticks: int) -> None:
+    """Have `at` say the time after `ticks` ticks."""
+    at.stamp.sec, at.stamp.nanosec = divmod(ticks * TICK_NANOSECONDS, 1_000_000_000)
 
 
 def nanoseconds(time: Time) -> int:
@@ -53,19 +59,17 @@ def nanoseconds(time: Time) -> int:
 
 def state_message(state: RobotState, episode: int, at: Header) -> msg.RobotState:
     """A measured state; the preview travels on its own topic."""
-    return msg.RobotState(
-        header=at,
-        episode=episode,
-        tick=state.tick,
-        q=doubles(state.q),
-        dq=doubles(state.dq),
-        foot_force=doubles(state.foot_force),
-        contact=state.contact.tolist(),
-        applied=doubles(state.applied),
-        touchdowns=state.touchdowns,
-        previewed=state.preview is not None,
-        running=state.running,
-    )
+    message = msg.RobotState()
+    write_state(message, state, episode, at)
+    return message
+
+
+def write_state(message: msg.RobotState, state: RobotState, episode: int, at: Header) -> None:
+    """The same into a message that is there: a new one makes more objects than it needs."""
+    message.header, message.episode, message.tick = at, episode, state.tick
+    message.q, message.dq, message.foot_force = doubles(state.q), doubles(state.dq), doubles(state.foot_force)
+    message.contact, message.applied = state.contact.tolist(), doubles(state.applied)
+    message.touchdowns, message.previewed, message.running = state.touchdowns, state.preview is not None, state.running
 
 
 def state_of(message: msg.RobotState, preview: StonePreview | None, finite: bool = True) -> RobotState:

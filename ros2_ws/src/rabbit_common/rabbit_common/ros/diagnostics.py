@@ -4,6 +4,7 @@ Once a second, and within 0.1 s of a change between OK, WARN and ERROR or in the
 launcher waits for both before it lets a walk begin.
 """
 
+import math
 import time
 from collections.abc import Callable, Mapping
 
@@ -21,6 +22,7 @@ LOOK_SECONDS = 0.1
 PERIOD_SECONDS = 1.0
 READERS = "readers of "
 Status = tuple[bytes, str, Mapping[str, object]]  # level, line, figures
+BARRIER = "barrier "  # before a barrier's name, of the figure that is its value
 
 
 class Diagnostics:
@@ -62,3 +64,8 @@ def reader_counts(status: DiagnosticStatus) -> dict[str, int]:
     """How many readers a node says its topics have, by the topic's name before remapping."""
     counts = [value for value in status.values if value.key.startswith(READERS)]
     return {value.key.removeprefix(READERS): int(value.value) for value in counts}
+
+
+def figure(status: DiagnosticStatus, name: str) -> float:
+    """A number that a node says of itself; NaN where it says none."""
+    return next((float(each.value) for each in status.values if each.key == name), math.nan)

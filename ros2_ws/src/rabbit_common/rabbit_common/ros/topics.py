@@ -58,7 +58,7 @@ class Service:
 
 
 TOPICS = (
-    Topic("state", msg.RobotState, TICK, A_TICK, "simulator", ("controller", "trainer", "launcher", "viewer"),
+    Topic("state", msg.RobotState, TICK, A_TICK, "simulator", ("controller", "trainer", "viewer"),
           "what is measured of the robot; with `sensors: lab` from the estimator"),
     Topic("joint_states", JointState, TICK, A_TICK, "simulator", ("estimator",),
           "the same q, dq by the URDF's joint names, and torques; with `sensors: lab` what the joints' encoders say"),
@@ -68,7 +68,8 @@ TOPICS = (
           "all that `state` will have but q and dq, which are NaN", "estimator"),
     Topic("true_state", msg.RobotState, TICK, f"{IN_LAB}; while a node reads it", "simulator", (),
           "the true q, dq and foot forces, for judges; no node acts on it", "estimator"),
-    Topic("clock", Clock, TICK, A_TICK, "simulator", (), "simulated time, continuous over episodes"),
+    Topic("clock", Clock, TICK, f"{A_TICK}, while a node reads it", "simulator", (),
+          "simulated time, continuous over episodes"),
     Topic("timing", msg.Timing, TICK, "1 a tick in real time, else none", "simulator"),
     Topic("preview", msg.StonePreview, EVENT, "1 a stone", "simulator", ("controller", "viewer")),
     Topic("landing", msg.Landing, EVENT, "1 a stone", "simulator", ("launcher", "viewer")),
@@ -76,7 +77,7 @@ TOPICS = (
           ("estimator", "controller", "trainer", "launcher", "viewer")),
     Topic("torque", msg.TorqueCommand, TICK, A_TICK, "controller", ("simulator", "trainer")),
     Topic("controller_state", msg.ControllerState, TICK, f"{A_TICK}, while a node reads it", "controller",
-          ("trainer", "launcher", "viewer")),
+          ("trainer", "viewer")),
     Topic("learner_terms", msg.LearnerTerms, TICK, f"{A_TICK}, while a node reads it", "controller",
           ("trainer", "viewer")),
     Topic("policy_swap", msg.PolicySwap, EVENT, "1 a policy", "controller"),

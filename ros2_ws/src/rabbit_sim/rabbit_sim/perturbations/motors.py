@@ -26,7 +26,7 @@ class Saturation(Perturbation):
     torque_limit: Number = setting(TORQUE_LIMIT, 1e-6, 10000, "saturation of each motor, N m")
 
     def drive(self, torques: Array, state: Array) -> Array:
-        return torques.clip(-self.torque_limit, self.torque_limit)
+        return np.minimum(np.maximum(torques, -self.torque_limit), self.torque_limit)
 
 
 class DeadTime(Perturbation):

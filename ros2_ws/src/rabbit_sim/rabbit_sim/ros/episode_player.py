@@ -5,9 +5,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 from rabbit_common.message_checks import Refused, check_turn
-from rabbit_common.ros.conversions import header, torque_of
+from rabbit_common.ros.conversions import header, set_time, torque_of
+from rabbit_description.force_ratio import force_ratio
 from rabbit_description.gait import load_gaits
-from rabbit_description.state import Array, RobotState
+from rabbit_description.state import Array, Leg, RobotState
 from rabbit_msgs.msg import Episode, TorqueCommand
 from rclpy.node import Node
 
@@ -26,8 +27,8 @@ BY_SERVICE = "by service"  # reason of a reset after which another episode begin
 class EpisodePlayer:
     """`episode`: where it stands; `state`: whose torque is awaited, None between episodes; `torque`: its answer.
 
-    `wait`: for that, or for what the next episode needs; `ticks`: their pace; `admission`: who may answer;
-    `stand_in`: what acts in real time where nobody does.
+    `clock_ticks`: since the clock began; `wait`: for that, or for what the next episode needs; `ticks`: their pace;
+    `admission`: who may answer; `stand_in`: what acts in real time where nobody does.
     """
 
     def __init__(
@@ -38,7 +39,7 @@ class EpisodePlayer:
         self.simulation = Simulation(plant, load_gaits(own.gait))
         self._memory = RestartFile(Path(own.memory) if own.memory else None)
         before = self._memory.stand  # of a simulator that was killed
-        self._clock_ticks = before.clock_ticks
+        self.clock_ticks, self._now = before.clock_ticks, header(0)
         self.episode = episode_of(before, plant.stones)
         self.state: RobotState | None = None
         self.torque: Array | None = None
@@ -50,6 +51,12 @@ class EpisodePlayer:
             self._log.warning(f"episode {before.episode}, tick {before.tick}: {self.episode.reason}")
 
     @property
+    def force_ratio(self) -> float:
+        """|F_T| / F_N of the stance foot as measured; NaN where it is not loaded."""
+        state = self.state
+        return math.nan if state is None else float(force_ratio(state.foot_force[Leg.standing(state.touchdowns)]))
+
+    @property
     def readers(self) -> int:
         """Nodes that hear the state."""
         return self._topics.readers
@@ -58,7 +65,7 @@ class EpisodePlayer:
         """Reset the plant; tick 0 goes out at once."""
         plant = self.simulation.parameters
         if plant.sensors == "lab":
-            self._clock_ticks += 1  # what the sensors say is matched by its stamp: each tick has one of its own
+            self.clock_ticks += 1  # what the sensors say is matched by its stamp: each tick has one of its own
         self.torque = None
         self.stand_in.begin()
         self.admission.begin()
@@ -86,13 +93,13 @@ class EpisodePlayer:
 
     def _step(self, torque: Array, source: Source) -> None:
         """Ends the episode if it is over."""
-        before = header(self._clock_ticks), self.episode.episode, self.episode.tick
+        before = self.clock_ticks, self.episode.episode, self.episode.tick
         self.state, self.torque = self.simulation.step(torque), None
         self.episode.tick, self.episode.touchdowns = self.state.tick, self.state.touchdowns
-        self._clock_ticks += 1
+        self.clock_ticks += 1
         self.ticks.wait()
         if self._own.real_time:
-            self.ticks.simulated(*before, source)
+            self.ticks.simulated(header(before[0]), *before[1:], source)
         self._publish(self.state)
         if not self.state.running or self.stand_in.is_over:
             self.end(*self.stand_in.verdict(self.simulation.outcome.value))
@@ -111,8 +118,8 @@ class EpisodePlayer:
 
     def announce(self, phase: int) -> None:
         """Publish where the episode stands."""
-        self.episode.phase, self.episode.header = phase, header(self._clock_ticks)
-        self._memory.note(restart_point(self.episode, self._clock_ticks))
+        self.episode.phase, self.episode.header = phase, header(self.clock_ticks)
+        self._memory.note(restart_point(self.episode, self.clock_ticks))
         self._topics.episodes.publish(self.episode)
 
     def give_up(self, reason: str) -> None:
@@ -160,13 +167,13 @@ class EpisodePlayer:
     def ask_again(self, state: RobotState) -> None:
         """Announce the episode and publish the state once more."""
         self.announce(Episode.RUNNING)
-        self._topics.again(state, self.episode.episode, header(self._clock_ticks))
+        self._topics.again(state, self.episode.episode, header(self.clock_ticks))
 
     def _publish(self, state: RobotState) -> None:
         """A tick's messages."""
-        self._memory.note(restart_point(self.episode, self._clock_ticks))
-        now, truth = header(self._clock_ticks), self.simulation.reading
-        self._topics.tick(state, self.episode.episode, now, self.simulation.landings, truth)
+        self._memory.note_tick(clock_ticks=self.clock_ticks, tick=state.tick, touchdowns=state.touchdowns)
+        set_time(self._now, self.clock_ticks)
+        self._topics.tick(state, self.episode.episode, self._now, self.simulation.landings, self.simulation.reading)
         self.ticks.sent()
         if self.wait.reminders:
             self._log.warning(f"goes on with tick {state.tick} of episode {self.episode.episode}")

@@ -89,8 +89,10 @@ class ControllerAdmission:
 
     def mixed(self, message: TorqueCommand) -> str:
         """Why this torque ends the episode: a tick has another answer by then, and both are without a name."""
-        ours, last = ((each.episode, each.tick, each.sender) for each in (message, self._last))
-        if ours != last or message.sender or list(message.torque) == list(self._last.torque):
+        last = self._last
+        if message.sender or last.sender or (message.episode, message.tick) != (last.episode, last.tick):
+            return ""
+        if message.torque == last.torque:
             return ""
         return f"two controllers without a name answer tick {message.tick}: expected a `sender` of its own in each"
 

@@ -183,6 +183,7 @@ class SimulatorNode(CheckedNode):
     def _status(self) -> Status:
         e, punctuality = self._player.episode, self._player.ticks.punctuality
         figures = {"episode": e.episode, "outcome": e.outcome, "paused": self._paused, "scheduling": scheduling()}
+        figures |= {"ticks": self._player.clock_ticks, "force ratio": self._player.force_ratio}
         if self._own.real_time:
             figures |= punctuality.figures
         if missing := self._missing():

@@ -13,6 +13,7 @@ from rabbit_common.ros.conversions import (
     joint_state,
     preview_message,
     state_message,
+    write_state,
 )
 from rabbit_common.ros.qos import EVENT, TICK
 from rabbit_common.ros.robot_frames import RobotFrames
@@ -49,6 +50,7 @@ class SimulatorPublishers:
             self._variances = p.attitude_error**2, gyro, accelerometer
         self._states = node.create_publisher(StateMessage, "measured" if self._is_lab else "state", TICK)
         has_drivers = not own.IS_SIMULATED
+        self._message = StateMessage()
         self._joints = None if has_drivers else node.create_publisher(JointState, "joint_states", TICK)
         feet = () if has_drivers else FEET
         self._wrenches = [node.create_publisher(WrenchStamped, f"{foot}_foot/wrench", TICK) for foot in feet]
@@ -87,15 +89,16 @@ class SimulatorPublishers:
         if state.preview is not None and state.preview != self._preview:
             self._previews.publish(preview_message(state.preview, episode, at))
         self._preview = state.preview
-        message = self._state(state, episode, at)
-        self._clock.publish(Clock(clock=at.stamp))  # while the controller works
+        self._state(state, episode, at)
+        if self._clock.get_subscription_count():  # what follows the controller does not wait for
+            self._clock.publish(Clock(clock=at.stamp))
         if self._is_lab and self._truth.get_subscription_count():
             true = replace(state, q=reading.q, dq=reading.dq, foot_force=reading.foot_force)
             self._truth.publish(state_message(true, episode, at))
         elif not self._is_lab and self._joints and self._joints.get_subscription_count():
             self._joints.publish(joint_state(state, at))
         if self._frames and self._frames.are_read:
-            self._frames.publish(message)
+            self._frames.publish(self._message)
         for foot, publisher in enumerate(self._wrenches):
             if publisher.get_subscription_count():
                 angle = float(reading.q[2] + reading.q[3 + 2 * foot] + reading.q[4 + 2 * foot])
@@ -111,14 +114,13 @@ class SimulatorPublishers:
             self._previews.publish(preview_message(state.preview, episode, at))
         self._state(state, episode, at)
 
-    def _state(self, state: RobotState, episode: int, at: Header) -> StateMessage:
+    def _state(self, state: RobotState, episode: int, at: Header) -> None:
         """What is answered: with a lab's sensors in three parts."""
-        message = state_message(state, episode, at)
-        self._states.publish(message)
+        write_state(self._message, state, episode, at)
+        self._states.publish(self._message)
         if self._joints and state.sensors:
             self._joints.publish(encoder_message(state.sensors, at, state.applied))
             self._imu.publish(imu_message(state.sensors, at, self._variances))
-        return message
 
 
 KEPT = ("episode", "tick", "touchdowns", "seed", "sigma", "policy_version")  # of an episode, in the restart file

@@ -1,18 +1,11 @@
-"""What the controller says of a tick. The fields that tell of an output are in message_fields, with the way back."""
+"""What the controller tells of a tick beside the torque. The fields of an output, and the way back: message_fields."""
 
 from typing import Any
 
-from rabbit_common.message_arrays import doubles
-from rabbit_msgs.msg import ControllerState, LearnerTerms, RobotState, TorqueCommand
+from rabbit_msgs.msg import ControllerState, LearnerTerms, RobotState
 
 from rl_cbf_clf_controller.controller_output import ControllerOutput
 from rl_cbf_clf_controller.message_fields import state_fields, terms_fields
-
-
-def torque_message(output: ControllerOutput, answered: RobotState, sender: str) -> TorqueCommand:
-    """What the simulator needs."""
-    said = {"policy_version": output.policy_version, "fault": output.fault[:128]}
-    return TorqueCommand(**head(answered, sender), torque=doubles(output.torque), **said)
 
 
 def controller_state(output: ControllerOutput, answered: RobotState, sender: str) -> ControllerState:
@@ -26,6 +19,6 @@ def learner_terms(output: ControllerOutput, answered: RobotState, sender: str) -
 
 
 def head(answered: RobotState, sender: str) -> dict[str, Any]:
-    """What the three begin with."""
+    """What both begin with."""
     of_state = {"header": answered.header, "episode": answered.episode, "tick": answered.tick}
     return {**of_state, "sender": sender}

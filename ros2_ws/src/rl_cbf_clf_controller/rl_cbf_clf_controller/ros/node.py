@@ -14,11 +14,12 @@ from rabbit_common.message_arrays import doubles
 from rabbit_common.message_checks import Refused
 from rabbit_common.priority import scheduling, take_priority
 from rabbit_common.ros.checked_node import CheckedNode
-from rabbit_common.ros.diagnostics import OK, WARN, Diagnostics, Status
+from rabbit_common.ros.diagnostics import BARRIER, OK, WARN, Diagnostics, Status
 from rabbit_common.ros.parameters import ParameterError, declare, follow, refuse_unknown
 from rabbit_common.ros.qos import EVENT, TICK
 from rabbit_common.ros.spin import run
 from rabbit_description.gait import GaitError, load_gaits
+from rabbit_description.state import Array
 from rabbit_msgs import msg
 
 from rl_cbf_clf_controller.controller import DYNAMIC, Controller
@@ -48,7 +49,7 @@ class ControllerNode(CheckedNode):
         self._controller.rehearse()
         self.close = self._policies.close
         self._ticks = TickIntake()
-        self._answer: msg.TorqueCommand | None = None  # the newest
+        self._answer = msg.TorqueCommand(sender=self._sender)  # the newest
         self._torques = self.create_publisher(msg.TorqueCommand, "torque", TICK)
         self._details = self.create_publisher(msg.ControllerState, "controller_state", TICK)
         self._terms = self.create_publisher(msg.LearnerTerms, "learner_terms", TICK)
@@ -67,7 +68,7 @@ class ControllerNode(CheckedNode):
     def _on_state(self, message: msg.RobotState) -> None:
         if (message.episode, message.tick) == self._ticks.turn:  # the simulator has not heard the answer
             self._message_counter.accept("state again")
-            if self._answer is not None and (self._answer.episode, self._answer.tick) == self._ticks.turn:
+            if (self._answer.episode, self._answer.tick) == self._ticks.turn:
                 self._torques.publish(self._answer)
             return
         fault = self._ticks.take(message)
@@ -113,26 +114,25 @@ class ControllerNode(CheckedNode):
         if policy := self._policies.swap(self._ticks.turn, self._named(message)):
             self._controller.policy = policy
         try:
-            output = self._controller.step(state)
+            acted = self._controller.act(state)
         except ValueError as error:
             self._give_up(message, str(error))
             return
-        self._say(messages.torque_message(output, message, self._sender))
-        if self._details.get_subscription_count():
-            self._details.publish(messages.controller_state(output, message, self._sender))
-        if self._terms.get_subscription_count():
-            self._terms.publish(messages.learner_terms(output, message, self._sender))
+        self._say(message, acted.torque, acted.policy_version, acted.fault)
+        for publisher, tell in ((self._details, messages.controller_state), (self._terms, messages.learner_terms)):
+            if publisher.get_subscription_count():  # while the simulator steps
+                publisher.publish(tell(self._controller.output(), message, self._sender))
 
-    def _say(self, answer: msg.TorqueCommand) -> None:
-        self._answer = answer
+    def _say(self, answered: msg.RobotState, torque: Array, policy: str, fault: str) -> None:
+        answer = self._answer
+        answer.header, answer.episode, answer.tick = answered.header, answered.episode, answered.tick
+        answer.torque, answer.policy_version, answer.fault = doubles(torque), policy, fault[:128]
         self._torques.publish(answer)
 
     def _give_up(self, message: msg.RobotState, reason: str) -> None:
         """Answer with a fault: the simulator ends the episode under this reason."""
         self.get_logger().error(reason)
-        torque, version = doubles(np.zeros(len(message.applied))), self._policies.in_force.version
-        said = {"torque": torque, "policy_version": version, "fault": reason[:128]}
-        self._say(msg.TorqueCommand(**messages.head(message, self._sender), **said))
+        self._say(message, np.zeros(len(message.applied)), self._policies.in_force.version, reason)
 
     def _missing(self, message: msg.RobotState) -> str:
         """What this tick still waits for; empty when it can be made."""
@@ -168,12 +168,15 @@ class ControllerNode(CheckedNode):
     def _status(self) -> Status:
         ticks = self._ticks
         episode, tick = ticks.turn
+        output = self._controller.output()
         figures = {
             "policy": self._policies.in_force.version,
             "policy waiting": self._policies.newest,
             "ticks not answered by the chosen solver": self._controller.unanswered,
             "scheduling": scheduling(),
             "walked by": ticks.episode.controller,
+            "CLF slack": output.clf_slack,
+            **{BARRIER + name: B for name, B in zip(output.barrier_names, output.barriers.tolist(), strict=True)},
         }
         if not self._states.get_publisher_count():
             return WARN, "waiting for a simulator", figures
