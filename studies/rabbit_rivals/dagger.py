@@ -79,11 +79,9 @@ class Dagger:
         self._ticks, self._rng = state["ticks"], np.random.default_rng(seed)
 
     def _learn(self) -> float:
-        """One minibatch, of the ticks at which the teacher had an answer; returns the mean square of the error."""
+        """One minibatch; returns the mean square of the error, 0 where the teacher had no answer."""
         of = self._replay.sample(self._parameters.batch, self._rng)
-        answered = of["said"].isfinite().all(1)
-        error = torch.tanh(self._actor(of["reads"][answered])) - of["said"][answered]
-        loss = (error**2).mean()
+        loss = (torch.tanh(self._actor(of["reads"])) - of["said"]).nan_to_num().square().mean()
         self._adam.zero_grad()
         loss.backward()
         self._adam.step()

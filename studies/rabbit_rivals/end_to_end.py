@@ -150,7 +150,9 @@ def train(options: Options, out: Path, tell: Callable[[str], None] = print) -> P
         learner = student = Dagger(READS, ACTIONS, o.learner, o.seed)
         fleet = partial(TaughtFleet, lambda: student.taught)
     else:
-        learner = Ppo(*sizes, o.learner, o.seed) if isinstance(o.learner, PpoParameters) else Sac(*sizes, o.learner, o.seed)
+        learner = (
+            Ppo(*sizes, o.learner, o.seed) if isinstance(o.learner, PpoParameters) else Sac(*sizes, o.learner, o.seed)
+        )
 
     def write(path: Path, done: session.Done) -> None:
         name = type(learner).__name__.lower()
