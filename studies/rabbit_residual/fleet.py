@@ -67,7 +67,7 @@ class Fleet(ABC):
         self._known = np.array([described(plant.parameters) for plant, _ in episodes])
 
     def begin(self, robot: int, plant: Simulation, episode: int) -> None:
-        """The seed of an episode, in which `robot` is the one of this plant."""
+        """An episode of this seed, in which the `robot` is this plant."""
         self.controller.reset(robot, episode)
 
     @abstractmethod

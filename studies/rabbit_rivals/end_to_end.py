@@ -1,5 +1,4 @@
-"""Training end to end: PPO, SAC or DAgger on robots whose actions are joint targets, in a session
-(`rabbit_residual.session`).
+"""Training end to end, in a session (`rabbit_residual.session`): PPO, SAC or DAgger, whose actions are joint targets.
 
 reward    for each landing a share of one by its place on the stone; a little for each tick on the reference; less
           for torque and for changes of the action; -1 for a fall, a miss or a foot in a gap
@@ -89,19 +88,17 @@ class JointTargetFleet(Fleet):
 
 
 class TaughtFleet(JointTargetFleet):
-    """Beside each robot walks a teacher that knows its plant, and drives a share of the episodes, which `taught` tells.
+    """Beside each robot walks a teacher that knows its plant, and drives a share of the episodes, `student.taught`.
 
     What a tick `said` is the action that gives the teacher's torque, NaN where the teacher refuses the state.
     """
 
-    def __init__(
-        self, taught: Callable[[], float], terrain: Terrain, robots: int, act: session.Act, seed: list[int]
-    ) -> None:
+    def __init__(self, student: Dagger, terrain: Terrain, robots: int, act: session.Act, seed: list[int]) -> None:
         contender = TEACHER.on(terrain)
         assert contender
         self._assembly = contender.assembly()
         _, controller = self._assembly.build()
-        self._taught, self._is_taught = taught, np.zeros(robots, dtype=bool)
+        self._student, self._is_taught = student, np.zeros(robots, dtype=bool)
         self._teacher = BatchController(controller, [controller.policy] * robots)
         super().__init__(terrain, robots, act, seed)
 
@@ -110,7 +107,7 @@ class TaughtFleet(JointTargetFleet):
         super().begin(robot, plant, episode)
         self._teacher.policies[robot] = replace(self._assembly, simulation=plant.parameters).make_policy()
         self._teacher.reset(robot, episode)
-        self._is_taught[robot] = self._rng.random() < self._taught()
+        self._is_taught[robot] = self._rng.random() < self._student.taught
 
     def command(self, states: RobotStates) -> Command:
         """See `Fleet`."""
@@ -141,18 +138,18 @@ def options(name: str, **given: Any) -> Options:
     return Options.model_validate({"learner": LEARNERS[name], "rollout": ROLLOUT[name], **given})
 
 
+def _learner(o: Options) -> Ppo | Sac | Dagger:
+    if isinstance(o.learner, DaggerParameters):
+        return Dagger(READS, ACTIONS, o.learner, o.seed)
+    if isinstance(o.learner, SacParameters):
+        return Sac(READS, KNOWN, ACTIONS, o.learner, o.seed)
+    return Ppo(READS, KNOWN, ACTIONS, o.learner, o.seed)
+
+
 def train(options: Options, out: Path, tell: Callable[[str], None] = print) -> Path:
     """Train, or go on; returns the policy's file. Raises `SessionError`."""
-    o, sizes = options, (READS, KNOWN, ACTIONS)
-    learner: Ppo | Sac | Dagger
-    fleet: Callable[[Terrain, int, session.Act, list[int]], JointTargetFleet] = JointTargetFleet
-    if isinstance(o.learner, DaggerParameters):
-        learner = student = Dagger(READS, ACTIONS, o.learner, o.seed)
-        fleet = partial(TaughtFleet, lambda: student.taught)
-    else:
-        learner = (
-            Ppo(*sizes, o.learner, o.seed) if isinstance(o.learner, PpoParameters) else Sac(*sizes, o.learner, o.seed)
-        )
+    o, learner = options, _learner(options)
+    fleet: Callable[..., Fleet] = partial(TaughtFleet, learner) if isinstance(learner, Dagger) else JointTargetFleet
 
     def write(path: Path, done: session.Done) -> None:
         name = type(learner).__name__.lower()

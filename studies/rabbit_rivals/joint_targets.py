@@ -109,18 +109,14 @@ def observe(memory: Memory, scene: Any) -> Array:
 def command(memory: Memory, scene: Any, action: Array) -> Array:
     """The torques (N, 4), stance/swing order, not limited, N m, of actions (N, 4), which are cut to [-1, 1]."""
     memory.action = action.clip(-1, 1).astype(float)
-    return KP * REACH * memory.action - _feedback(scene)
+    y, dy = scene.seen.eta[:, :ACTIONS], scene.seen.eta[:, ACTIONS:]
+    return KP * (REACH * memory.action - y) - KD * dy
 
 
 def action_for(scene: Any, torque: Array) -> Array:
     """The actions (N, 4), within [-1, 1], whose torques are the nearest to `torque` (N, 4), stance/swing order, N m."""
-    found: Array = ((torque + _feedback(scene)) / (KP * REACH)).clip(-1, 1)
-    return found
-
-
-def _feedback(scene: Any) -> Array:
-    """KP y + KD y', N m."""
-    found: Array = KP * scene.seen.eta[:, :ACTIONS] + KD * scene.seen.eta[:, ACTIONS:]
+    y, dy = scene.seen.eta[:, :ACTIONS], scene.seen.eta[:, ACTIONS:]
+    found: Array = ((torque + KP * y + KD * dy) / (KP * REACH)).clip(-1, 1)
     return found
 
 

@@ -201,9 +201,9 @@ class Witnessed(TaughtFleet):
 @pytest.mark.parametrize("terrain", ["stones", "flat"])
 def test_a_teacher_walks_each_plant_as_the_oracle_that_knows_it_alone(terrain: str) -> None:
     """First students that fall, so that the teachers walk plants that came later; an action may clip a torque."""
-    share = [0.0]
-    own = Witnessed(lambda: share[0], terrain, 4, lambda reads: np.full((len(reads), ACTIONS), 0.7), [1, 2])
-    first, share[0] = own.seen, 1.0
+    student = SimpleNamespace(taught=0.0)
+    own = Witnessed(student, terrain, 4, lambda reads: np.full((len(reads), ACTIONS), 0.7), [1, 2])
+    first, student.taught = own.seen, 1.0
     while not all(own._is_taught):
         own.walk(1)
     assert any(own.seen[robot][0] != first[robot][0] for robot in range(4))
@@ -233,7 +233,9 @@ def test_a_teacher_walks_each_plant_as_the_oracle_that_knows_it_alone(terrain: s
 
 
 def test_a_student_walks_by_itself_and_is_told_what_the_teacher_would_do() -> None:
-    own = TaughtFleet(lambda: 0.0, "stones", 4, lambda reads: np.full((len(reads), ACTIONS), 0.1), [1, 2])
+    own = TaughtFleet(
+        SimpleNamespace(taught=0.0), "stones", 4, lambda reads: np.full((len(reads), ACTIONS), 0.1), [1, 2]
+    )
     other = fleet("stones", 0.1)
     one, same = own.command(own._batch.states), other.command(other._batch.states)
     assert np.array_equal(one.torque, same.torque)
