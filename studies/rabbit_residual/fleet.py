@@ -61,10 +61,14 @@ class Fleet(ABC):
         episodes = [self._episode() for _ in range(robots)]
         self._batch = BatchSimulation([plant for plant, _ in episodes])
         self._batch.reset([seed for _, seed in episodes])
-        for robot, (_, episode) in enumerate(episodes):
-            self.controller.reset(robot, episode)
+        for robot, (plant, episode) in enumerate(episodes):
+            self.begin(robot, plant, episode)
         self._steps = np.zeros(robots, dtype=int)
         self._known = np.array([described(plant.parameters) for plant, _ in episodes])
+
+    def begin(self, robot: int, plant: Simulation, episode: int) -> None:
+        """An episode of this seed, in which the `robot` is this plant."""
+        self.controller.reset(robot, episode)
 
     @abstractmethod
     def command(self, states: RobotStates) -> Command:
@@ -101,7 +105,7 @@ class Fleet(ABC):
                 plant, episode = self._episode()
             self._batch.restart(robot, plant, episode)
             self._known[robot] = described(plant.parameters)
-            self.controller.reset(robot, episode)
+            self.begin(robot, plant, episode)
             self._steps[robot] = 0
         reward[failed] += self.failure
         return command.reads, known, command.said, reward, ended, failed

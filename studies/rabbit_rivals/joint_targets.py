@@ -113,6 +113,13 @@ def command(memory: Memory, scene: Any, action: Array) -> Array:
     return KP * (REACH * memory.action - y) - KD * dy
 
 
+def action_for(scene: Any, torque: Array) -> Array:
+    """The actions (N, 4), within [-1, 1], whose torques are the nearest to `torque` (N, 4), stance/swing order, N m."""
+    y, dy = scene.seen.eta[:, :ACTIONS], scene.seen.eta[:, ACTIONS:]
+    found: Array = ((torque + KP * y + KD * dy) / (KP * REACH)).clip(-1, 1)
+    return found
+
+
 class JointTargetController(Controller):
     """The walking controller with PD and a network in place of the QP."""
 

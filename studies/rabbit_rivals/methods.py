@@ -81,6 +81,7 @@ PLANTS = "in MuJoCo over random plants: storm, masses, development families; see
 PD = _joint_targets("pd", "PD on the gait library", "zero", "")
 PPO = _joint_targets("ppo", "PPO, joint targets", shipped("ppo"), f"PPO {PLANTS}: 4.3 million ticks")
 SAC = _joint_targets("sac", "SAC, joint targets", shipped("sac"), f"SAC {PLANTS}: 0.5 million ticks")
+DAGGER = _joint_targets("dagger", "DAgger, joint targets", shipped("dagger"), f"DAgger {PLANTS}: 1.4 million ticks")
 DDPG_SB3 = _estimates(
     "ddpg-sb3",
     "DDPG of stable-baselines3",

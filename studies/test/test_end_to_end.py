@@ -1,4 +1,4 @@
-"""SAC against what its formulas say; a session end to end that was stopped goes on where it stood."""
+"""SAC and DAgger against what their formulas say; a session that was stopped goes on where it stood."""
 
 from pathlib import Path
 
@@ -8,6 +8,7 @@ import torch
 from rabbit_residual.fleet import Rollout
 from rabbit_residual.ppo import PpoParameters
 from rabbit_residual.session import SessionError
+from rabbit_rivals.dagger import Dagger, DaggerParameters
 from rabbit_rivals.end_to_end import Options, options, train
 from rabbit_rivals.joint_targets import NetworkAbout
 from rabbit_rivals.model_file import read
@@ -17,6 +18,7 @@ from rl_cbf_clf_controller.weights import Actor
 SMALL = {
     "ppo": PpoParameters(hidden=8, minibatch=16),
     "sac": SacParameters(hidden=8, batch=16, first=40, every=8),
+    "dagger": DaggerParameters(hidden=8, batch=16, every=8, half=100),
 }
 
 
@@ -61,6 +63,20 @@ def test_its_critics_alone_read_what_is_known_of_the_plant() -> None:
     assert found.numpy() == pytest.approx(np.array([[-1.0, -1.0], [1.0, 1.0]]), abs=0.1)
 
 
+def test_a_student_learns_what_its_teacher_says_and_nothing_where_it_says_nothing() -> None:
+    """0.4 sign(x) where there is an answer, whatever comes of it; the teacher's share halves each 1,000 ticks."""
+    student, rng = Dagger(1, 1, DaggerParameters(hidden=32, learning_rate=3e-3, every=4, half=1000), seed=1), np.random
+    for round_ in range(20):
+        reads = np.sign(rng.default_rng(round_).standard_normal((11, 10, 1)))
+        said = np.where(rng.default_rng(round_).random(reads.shape) < 0.2, np.nan, 0.4 * reads)
+        over = np.zeros(reads.shape[:2], dtype=bool)
+        taught, _ = student.update([Rollout(reads, reads, said, -said[:, :, 0], over, over)])
+        assert taught == pytest.approx(0.5 ** (round_ / 10))
+    both = np.array([[-1.0], [1.0]], np.float32)
+    assert Actor(student.arrays())(both)[:, 0] == pytest.approx([-0.4, 0.4], abs=0.02)
+    assert student.act(both) == pytest.approx(Actor(student.arrays())(both))
+
+
 def test_a_transition_stays_within_its_rollout_and_its_episode() -> None:
     """What is read counts ticks and robots, so what follows is one more, and the same where an episode ended."""
     replay, rng, added = Replay(120), np.random.default_rng(1), 0
@@ -82,7 +98,7 @@ def test_a_transition_stays_within_its_rollout_and_its_episode() -> None:
     assert np.array_equal(found["reward"].numpy(), reads)
 
 
-@pytest.mark.parametrize("learner", ["ppo", "sac"])
+@pytest.mark.parametrize("learner", list(SMALL))
 def test_a_session_goes_on_and_refuses_another(learner: str, tmp_path: Path) -> None:
     first = read(train(small(learner, 96), tmp_path, quiet), NetworkAbout)
     assert first.about.ticks == 96
@@ -106,7 +122,7 @@ def steps(state) -> float:
     return next(iter(adam["state"].values()), {"step": torch.tensor(0.0)})["step"].item()
 
 
-@pytest.mark.parametrize("learner", ["ppo", "sac"])
+@pytest.mark.parametrize("learner", list(SMALL))
 def test_a_session_that_was_stopped_goes_on_from_what_it_kept(learner: str, tmp_path: Path) -> None:
     def stop(line: str) -> None:
         raise KeyboardInterrupt
@@ -123,7 +139,7 @@ def test_a_session_that_was_stopped_goes_on_from_what_it_kept(learner: str, tmp_
     assert hours == sorted(hours)
 
 
-@pytest.mark.parametrize("learner", ["ppo", "sac"])
+@pytest.mark.parametrize("learner", list(SMALL))
 def test_the_same_stops_lead_to_the_same_network(learner: str, tmp_path: Path) -> None:
     def network(out: Path) -> dict[str, np.ndarray]:
         for ticks in (96, 160):

@@ -1,12 +1,14 @@
 """Joint targets: PD on the reference, and what a network reads, of one robot and of N."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from rabbit_description.gait import load_gaits
 from rabbit_description.state import SWAP_TORQUE, Leg
-from rabbit_rivals.end_to_end import JointTargetFleet
+from rabbit_experiments.assembly import make_simulation
+from rabbit_rivals.end_to_end import TEACHER, JointTargetFleet, TaughtFleet
 from rabbit_rivals.joint_targets import (
     ACTIONS,
     BOUND,
@@ -20,6 +22,7 @@ from rabbit_rivals.joint_targets import (
     Memory,
     NetworkAbout,
     NetworkPolicy,
+    action_for,
     command,
     observe,
     reference_alone,
@@ -68,6 +71,17 @@ def test_an_action_moves_the_targets_and_is_cut() -> None:
     moved = command(Memory.of(1), scene, action) - command(Memory.of(1), scene, nothing)
     assert moved == pytest.approx(KP * REACH * action)
     assert (command(Memory.of(1), scene, 3 * action)[0, 0]) == command(Memory.of(1), scene, action)[0, 0]
+
+
+def test_an_action_gives_the_torque_it_was_found_for_or_the_nearest() -> None:
+    rng = np.random.default_rng(1)
+    scene = SimpleNamespace(seen=SimpleNamespace(eta=0.3 * rng.standard_normal((200, 8))))
+    torque = rng.uniform(-200, 200, (200, ACTIONS))
+    action = action_for(scene, torque)
+    given, (least, most) = command(Memory.of(200), scene, action), (-np.ones((200, 4)), np.ones((200, 4)))
+    low, high = (command(Memory.of(200), scene, each) for each in (least, most))
+    assert given == pytest.approx(np.clip(torque, low, high))
+    assert 0.2 < (np.abs(action) < 1).mean() < 0.9
 
 
 @pytest.mark.parametrize("terrain", ["stones", "flat"])
@@ -174,3 +188,56 @@ def test_an_action_that_stays_costs_its_change_once_in_an_episode() -> None:
         own.controller.reset(robot, robot)
     found = own.command(own._batch.states)
     assert found.reward == worth(found, 0.5)
+
+
+class Witnessed(TaughtFleet):
+    """Which plants came with which episodes."""
+
+    def begin(self, robot, plant, episode) -> None:
+        super().begin(robot, plant, episode)
+        self.seen = {**getattr(self, "seen", {}), robot: (plant.parameters, episode)}
+
+
+@pytest.mark.parametrize("terrain", ["stones", "flat"])
+def test_a_teacher_walks_each_plant_as_the_oracle_that_knows_it_alone(terrain: str) -> None:
+    """First students that fall, so that the teachers walk plants that came later; an action may clip a torque."""
+    student = SimpleNamespace(taught=0.0)
+    own = Witnessed(student, terrain, 4, lambda reads: np.full((len(reads), ACTIONS), 0.7), [1, 2])
+    first, student.taught = own.seen, 1.0
+    while not all(own._is_taught):
+        own.walk(1)
+    assert any(own.seen[robot][0] != first[robot][0] for robot in range(4))
+    for robot in range(4):
+        own._batch.restart(robot, own._batch.simulations[robot], own.seen[robot][1])
+        own.controller.reset(robot, 0)
+        own._teacher.reset(robot, 0)
+    together, said, compared = [], [], 0
+    for _ in range(60):
+        found = own.command(own._batch.states)
+        together.append(found.torque)
+        said.append(np.abs(found.said).max(axis=1))
+        own._batch.step(found.torque)
+    for robot, (parameters, episode) in own.seen.items():
+        contender = TEACHER.on(terrain)
+        _, alone = replace(contender.assembly(), simulation=parameters).build()
+        simulation = make_simulation(parameters, load_gaits(alone.parameters.gait))
+        state = simulation.reset(episode)
+        alone.reset(0)
+        ticks = next((tick for tick in range(60) if not said[tick][robot] < 1), 60)
+        compared += ticks
+        for tick in range(ticks):
+            torque = alone.step(state).torque
+            assert together[tick][robot] == pytest.approx(torque, abs=1e-3)
+            state = simulation.step(torque)
+    assert compared > 60
+
+
+def test_a_student_walks_by_itself_and_is_told_what_the_teacher_would_do() -> None:
+    own = TaughtFleet(
+        SimpleNamespace(taught=0.0), "stones", 4, lambda reads: np.full((len(reads), ACTIONS), 0.1), [1, 2]
+    )
+    other = fleet("stones", 0.1)
+    one, same = own.command(own._batch.states), other.command(other._batch.states)
+    assert np.array_equal(one.torque, same.torque)
+    taught = own._teacher.step(own._batch.states).torque
+    assert one.torque + KP * REACH * (one.said - 0.1) == pytest.approx(taught)  # the left leg stands

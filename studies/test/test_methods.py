@@ -19,7 +19,7 @@ from rl_cbf_clf_controller.weights import PolicyFileError
 TINY = Protocol(courses=1, stones=1)
 
 
-@pytest.mark.parametrize("name", ["ddpg-sb3", "gp-socp", "pd", "ppo", "regression", "sac"])
+@pytest.mark.parametrize("name", ["dagger", "ddpg-sb3", "gp-socp", "pd", "ppo", "regression", "sac"])
 @pytest.mark.parametrize("terrain", ["stones", "flat"])
 def test_each_takes_a_step_in_the_benchmark(name: str, terrain: str) -> None:
     if name == "gp-socp":

@@ -17,12 +17,12 @@ Seed = Annotated[int, typer.Option(min=0, max=2**31)]
 @app.command()
 def end_to_end(
     out: Annotated[Path, typer.Option(help="folder; a session that was stopped there goes on")],
-    learner: Annotated[Literal["ppo", "sac"], typer.Option()] = "ppo",
+    learner: Annotated[Literal["ppo", "sac", "dagger"], typer.Option()] = "ppo",
     ticks: Annotated[int, typer.Option(min=1, max=10**11, help="in all, of all robots")] = 20_000_000,
     seed: Seed = 1,
     robots: Annotated[int, typer.Option(min=4, max=4096, help="that walk side by side")] = 128,
 ) -> None:
-    """Joint targets by PPO or SAC in MuJoCo, over random plants: DIR/policy.safetensors and a curve."""
+    """Joint targets by PPO, SAC or DAgger in MuJoCo, over random plants: DIR/policy.safetensors and a curve."""
     from rabbit_residual.session import SessionError
 
     from rabbit_rivals.end_to_end import options, train

@@ -1,4 +1,4 @@
-"""Exact alpha and beta from the plant's own parameters: for tests and upper bounds, never for training.
+"""Exact alpha and beta from the plant's own parameters: for tests, upper bounds and the rival that it teaches.
 
 The plant's numbers take the place of the nominal robot's. In the first approach alpha and beta are the input that makes
 y-ddot = mu: where the quantities' errors say y-ddot = (I + A) mu + b, that is alpha = (I + A)^-1 - I,
