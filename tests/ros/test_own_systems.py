@@ -1,0 +1,167 @@
+"""Tasks of one's own through nodes: the same inputs as in process, swaps, refusals, and a filter before a robot."""
+
+import dataclasses
+import json
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from own_systems import ControlTask
+from own_systems.episode import NOMINAL, Rider, beginning
+from own_systems.messages import layout_fields, parameter_fields, state_fields
+from own_systems.task import load_task
+from rabbit_common.ros.qos import EVENT, TICK
+from rabbit_msgs import msg
+from rl_cbf_clf_controller.weights import PolicyFile
+from std_srvs.srv import SetBool
+from untrained_policy import policy_file, policy_metadata
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+STAND_IN = Path(__file__).parents[1] / "shared" / "teleoperated_arm.py"
+SEED = 3
+MARGIN = 0.005  # m, by which a sampled barrier may be violated and counts as kept
+
+
+def path_of(name: str) -> str:
+    """Of an example."""
+    return str(EXAMPLES / f"{name}.py")
+
+
+def start(world: Any, node: str, executable: str = "", **parameters: Any) -> None:
+    """A node of own_systems."""
+    words = [word for name, value in parameters.items() for word in ("-p", f"{name}:={value}")]
+    arguments = ("--ros-args", "-r", f"__ns:=/{world.namespace}", *words)
+    world.processes.start(node, arguments, executable or node, "own_systems")
+
+
+def hear(world: Any, kind: Any, name: str, qos: Any = TICK) -> list[Any]:
+    """All messages of a topic from now on."""
+    heard: list[Any] = []
+    world.node.create_subscription(kind, name, heard.append, qos)
+    return heard
+
+
+def play(world: Any, name: str, episodes: int = 1, **of_controller: Any) -> list[Any]:
+    """Start both nodes; the torques."""
+    torques, said = hear(world, msg.TorqueCommand, "torque"), world.hear("diagnostics")
+    hear(world, msg.TaskParameters, "parameters")
+    states = hear(world, msg.RobotState, "state")
+    start(world, "controller", task=path_of(name), **of_controller)
+    world.wait(lambda: any(s.name.endswith("/controller") for m in said for s in m.status))
+    start(world, "simulator", task=path_of(name), seed=SEED, episodes=episodes, readers=2, answer_timeout=60.0)
+    world.wait(lambda: bool(states))
+    return torques
+
+
+def ended(world: Any) -> msg.Episode:
+    """How the newest episode did."""
+    episodes = world.hear("episode")
+    world.wait(lambda: bool(episodes) and episodes[-1].phase == msg.Episode.ENDED)
+    return episodes[-1]
+
+
+def small_policy(task: ControlTask, number: int = 0) -> PolicyFile:
+    """A policy of a task with small random weights."""
+    rng = np.random.default_rng(number)
+    metadata = policy_metadata(Rider(task).problem, training_seed=number)
+    return policy_file(metadata, lambda shape: rng.normal(0, 0.1, shape))
+
+
+@pytest.mark.parametrize("name", ["segway", "obstacle_arm"])
+def test_nodes_answer_as_a_ride_in_process(world: Any, name: str) -> None:
+    torques = play(world, name)
+    end = ended(world)
+    ride = Rider(load_task(path_of(name))).ride(NOMINAL, SEED)
+    assert end.outcome == ride.outcome
+    world.wait(lambda: len(torques) >= len(ride.moments))
+    assert [list(each.torque) for each in torques] == [each.u.tolist() for each in ride.moments]
+    assert {each.policy_version for each in torques} == {NOMINAL}
+
+
+def test_a_policy_is_swapped_between_two_ticks(world: Any) -> None:
+    task = load_task(path_of("segway"))
+    other, fit = dataclasses.replace(task, name="another"), small_policy(task)
+    swaps = world.hear("policy_swap")
+    torques = play(world, "segway", episodes=2)
+    for file in (small_policy(other), fit):
+        world.say("policy", msg.PolicyWeights(version=file.version, source="test", data=file.encode()))
+        world.wait(lambda file=file: file.version in [swap.version for swap in swaps])
+    world.wait(lambda: bool(torques) and torques[-1].episode == 2)
+    first, refused, swap = swaps
+    assert (first.version, first.accepted, refused.accepted, swap.accepted) == (NOMINAL, True, False, True)
+    assert "is for ('another'" in refused.reason
+    assert (swap.episode, swap.tick) > (1, 0)
+    rider, rest = Rider(task), [each for each in torques if each.episode == swap.episode]
+    expected = []
+    for moment in rider.moments(NOMINAL, SEED + swap.episode - 1):
+        expected.append(moment.u.tolist())
+        if len(expected) == swap.tick:
+            rider.begin(rider.fitted(fit))
+    got = [list(each.torque) for each in rest]
+    assert len(got) > swap.tick
+    assert got == expected[: len(got)]
+    assert [each.policy_version == fit.version for each in rest] == [each.tick >= swap.tick for each in rest]
+
+
+def test_what_is_wrong_is_refused_and_counted(world: Any) -> None:
+    task = load_task(path_of("obstacle_arm"))
+    torques, said = hear(world, msg.TorqueCommand, "torque"), world.hear("diagnostics")
+    start(world, "controller", task=path_of("obstacle_arm"))
+    kinds = {"episode": msg.Episode, "state": msg.RobotState, "parameters": msg.TaskParameters}
+    say = {name: world.node.create_publisher(kind, name, EVENT if name == "episode" else TICK) for name, kind in kinds.items()}
+    world.wait(lambda: all(each.get_subscription_count() for each in say.values()))
+    world.spin(0.5)
+    x, commands, _ = beginning(task, SEED)
+    turn = {"episode": 1, "tick": 0}
+    state = msg.RobotState(**turn, **state_fields(task, x, np.zeros(2)))
+    parameters = msg.TaskParameters(**turn, **parameter_fields(task, task.parameters_at({}, commands(0.0))))
+    say["episode"].publish(msg.Episode(episode=1, joints=["left_hip"]))
+    say["state"].publish(msg.RobotState(**turn, running=True, q=[0.0] * 7, dq=[0.0] * 7))
+    say["state"].publish(msg.RobotState(**turn, running=True, q=[0.0, np.nan], dq=[0.0] * 2))
+    say["parameters"].publish(msg.TaskParameters(**turn, names=["goal_x"], values=[0.0]))
+
+    def counts() -> dict[str, str]:
+        values = [v for m in said for s in m.status if s.name.endswith("/controller") for v in s.values]
+        return {v.key: v.value for v in values if v.key.startswith("refused")}
+
+    refused = ("episode: another system", "state: wrong length", "state: not finite", "parameters: other names")
+    world.wait(lambda: counts() == {f"refused {name}": "1" for name in refused})
+    assert not torques
+    for name, message in (("state", state), ("parameters", parameters)):
+        say[name].publish(message)
+        world.spin(0.3)
+        assert not torques
+    say["episode"].publish(msg.Episode(episode=1, sigma=np.nan, **layout_fields(task)))
+    world.wait(lambda: bool(torques))
+    first = next(Rider(task).moments(NOMINAL, SEED))
+    assert list(torques[0].torque) == first.u.tolist()
+
+
+@pytest.fixture
+def arm(world: Any) -> Iterator["subprocess.Popen[str]"]:
+    """The teleoperated arm, in a process of its own."""
+    words = (sys.executable, STAND_IN, json.dumps({"task": path_of("obstacle_arm"), "seed": 0, "commands": 1000, "held": 10}))
+    space = ("--ros-args", "-r", f"__ns:=/{world.namespace}")
+    process = subprocess.Popen([*words, *space], stdout=subprocess.PIPE, text=True)
+    yield process
+    process.kill()
+    process.wait()
+
+
+def test_a_teleoperated_arm_cannot_be_driven_into_the_obstacle(world: Any, arm: "subprocess.Popen[str]") -> None:
+    """1,000 random postures; the obstacle moves, its place and speed are published; the payload is known."""
+    stale = dict.fromkeys(("stale", "stale_parameters", "stale_wanted"), 10.0)
+    said = world.hear("diagnostics")
+    start(world, "controller", "robot_controller", task=path_of("obstacle_arm"), policy="oracle", filters=True, **stale)
+    world.wait(lambda: any(s.level == s.OK for m in said for s in m.status if s.name.endswith("/controller")))
+    assert world.ask(SetBool, "pause", data=False).success
+    out, _ = arm.communicate(timeout=400)
+    seen = json.loads(out)
+    print(seen)
+    assert seen["ticks"] == 10_000
+    assert seen["least"] > -MARGIN
+    assert seen["unfiltered"] < -0.1  # the same commands without the filter
