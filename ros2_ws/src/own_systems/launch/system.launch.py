@@ -40,7 +40,10 @@ def generate_launch_description() -> LaunchDescription:
     recorded = {"path": Argument("path"), "topics": ["parameters"]}
     return LaunchDescription(
         [
-            *(DeclareLaunchArgument(n, default_value=value, description=text) for n, (value, text) in ARGUMENTS.items()),
+            *(
+                DeclareLaunchArgument(n, default_value=value, description=text)
+                for n, (value, text) in ARGUMENTS.items()
+            ),
             node("own_systems", "simulator", {**task, **played, "readers": readers}),
             node("own_systems", "controller", {**task, "policy": Argument("policy")}),
             node("rabbit_recording", "recorder", recorded, condition=IfCondition(Argument("record"))),

@@ -21,7 +21,7 @@ from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 from pydantic import Field
 from rabbit_common.message_arrays import array_of, doubles
-from rabbit_common.message_checks import Refused, check_finite
+from rabbit_common.message_checks import check_finite
 from rabbit_common.ros.conversions import joints_of
 from rabbit_common.ros.diagnostics import ERROR, OK, WARN, Status
 from rabbit_common.ros.qos import TICK
@@ -179,7 +179,9 @@ class RobotControllerNode(TaskNode):
 
     def _missing(self) -> str:
         """What is too old; empty: nothing."""
-        limits = {"state": self._own.stale} | ({"parameters": self._own.stale_parameters} if self.task.commanded else {})
+        limits = {"state": self._own.stale} | (
+            {"parameters": self._own.stale_parameters} if self.task.commanded else {}
+        )
         for name, limit in limits.items():
             if (silent := time.monotonic() - self._came[name]) > limit:
                 return f"no {name} for {silent:.3f} s" if math.isfinite(silent) else f"no {name} yet"

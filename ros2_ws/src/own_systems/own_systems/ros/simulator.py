@@ -77,8 +77,8 @@ class SimulatorNode(CheckedNode):
     def _on_torque(self, message: msg.TorqueCommand) -> None:
         if self._x is None:
             raise Refused("not awaited", f"episode {message.episode}, tick {message.tick}")
-        check_turn((message.episode, message.tick), (self._episode.episode, self._episode.tick))
         self._admission.check(message.sender, is_asked_again=self._wait.reminders > 0)
+        check_turn((message.episode, message.tick), (self._episode.episode, self._episode.tick))
         u = self._checked(message, "torque")
         self._message_counter.accept("torque")
         if fault := self._admission.admit(message):
@@ -167,7 +167,9 @@ class SimulatorNode(CheckedNode):
         self._states.publish(msg.RobotState(**head, **fields))
         names = list(self.task.names_of_q)
         told = {"position": fields["q"], "velocity": fields["dq"]}
-        self._joints.publish(JointState(header=head["header"], name=names, effort=doubles(np.zeros(len(names))), **told))
+        self._joints.publish(
+            JointState(header=head["header"], name=names, effort=doubles(np.zeros(len(names))), **told)
+        )
 
     def _header(self) -> Header:
         """Simulated time."""

@@ -230,4 +230,3 @@ class Policies:
         self._checked.append(checked)
         if self._node.executor is not None:
             self._node.executor.create_task(self._on_checked)
-
