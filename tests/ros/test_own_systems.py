@@ -10,13 +10,17 @@ from typing import Any
 
 import numpy as np
 import pytest
+from geometry_msgs.msg import Twist
+from nav_msgs.msg import Odometry
 from own_systems import ControlTask
 from own_systems.episode import NOMINAL, Rider, beginning
 from own_systems.messages import layout_fields, parameter_fields, state_fields
 from own_systems.task import load_task
 from rabbit_common.ros.qos import EVENT, TICK
 from rabbit_msgs import msg
+from rclpy.qos import qos_profile_sensor_data
 from rl_cbf_clf_controller.weights import PolicyFile
+from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool
 from untrained_policy import policy_file, policy_metadata
 
@@ -175,3 +179,51 @@ def test_a_teleoperated_arm_cannot_be_driven_into_the_obstacle(world: Any, arm: 
     assert seen["ticks"] == 10_000
     assert seen["least"] > -MARGIN
     assert seen["unfiltered"] < -0.1  # the same commands without the filter
+
+
+ROVER = """
+import casadi as ca
+from cbf_clf_qp import Barrier, System
+from own_systems import ControlTask
+
+x, y, yaw, v, w = (ca.SX.sym(name) for name in ("x", "y", "yaw", "v", "w"))
+ahead = ca.vertcat(x + 0.3 * ca.cos(yaw), y + 0.3 * ca.sin(yaw))
+rover = System(ca.vertcat(x, y, yaw), ca.vertcat(v, w), ca.vertcat(v * ca.cos(yaw), v * ca.sin(yaw), w))
+TASK = ControlTask(
+    "rover", rover, [Barrier("wall", 2 - ahead[0], poles=(1.0,))], {}, {}, ((0, 0, 0), (0, 0, 0)),
+    coordinates=("x", "y", "yaw"), inputs=("linear_x", "angular_z"),
+)
+"""
+
+
+def test_a_rover_is_filtered_from_odometry_to_twist_and_stops_where_states_fall_silent(world: Any) -> None:
+    path = world.folder / "rover.py"
+    path.write_text(ROVER)
+    said, twists = world.hear("diagnostics"), hear(world, Twist, "cmd_vel", 10)
+    topics = {"input": "odom", "output": "cmd_vel", "filters": True, "stale": 1.0, "stale_wanted": 60.0}
+    start(world, "controller", "robot_controller", task=str(path), **topics)
+    odometry = world.node.create_publisher(Odometry, "odom", qos_profile_sensor_data)
+    wanted = world.node.create_publisher(Float64MultiArray, "wanted", qos_profile_sensor_data)
+    world.wait(lambda: all(each.get_subscription_count() for each in (odometry, wanted)))
+    world.spin(0.5)
+    refused = world.ask(SetBool, "pause", data=False)
+    assert (refused.success, refused.message) == (False, "no state yet")
+    message = Odometry()
+    message.pose.pose.position.x, message.pose.pose.orientation.w = 1.2, 1.0
+
+    def drives(until: Any) -> None:
+        def goes_on() -> bool:
+            odometry.publish(message)
+            return bool(until())
+
+        world.wait(goes_on)
+
+    drives(lambda: any(v.key == "accepted state" for m in said for s in m.status for v in s.values))
+    wanted.publish(Float64MultiArray(data=[2.0, 0.5]))
+    assert world.ask(SetBool, "pause", data=False).success
+    drives(lambda: twists[-1].linear.x > 0.4)
+    assert (twists[-1].linear.x, twists[-1].angular.z) == pytest.approx((0.5, 0.5), abs=1e-6)  # v <= 2 - 1.2 - 0.3
+    world.wait(lambda: twists[-1].linear.x == twists[-1].angular.z == 0)
+    world.wait(
+        lambda: any(s.level == s.ERROR and "paused: no state for 1." in s.message for m in said for s in m.status)
+    )

@@ -179,9 +179,9 @@ class RobotControllerNode(TaskNode):
 
     def _missing(self) -> str:
         """What is too old; empty: nothing."""
-        limits = {"state": self._own.stale} | (
-            {"parameters": self._own.stale_parameters} if self.task.commanded else {}
-        )
+        limits = {"state": self._own.stale}
+        if self.task.commanded:
+            limits["parameters"] = self._own.stale_parameters
         for name, limit in limits.items():
             if (silent := time.monotonic() - self._came[name]) > limit:
                 return f"no {name} for {silent:.3f} s" if math.isfinite(silent) else f"no {name} yet"

@@ -10,7 +10,7 @@ import numpy as np
 from builtin_interfaces.msg import Time
 from cbf_clf_qp.functions import Array
 from pydantic import BaseModel, ConfigDict, Field
-from rabbit_common.message_arrays import array_of, doubles
+from rabbit_common.message_arrays import array_of
 from rabbit_common.message_checks import Refused, check_finite, check_turn
 from rabbit_common.ros.checked_node import CheckedNode
 from rabbit_common.ros.diagnostics import OK, WARN, Diagnostics, Status
@@ -55,7 +55,7 @@ class SimulatorNode(CheckedNode):
         self._clock_ticks = 0
         self._admission, self._wait = ControllerAdmission(), Wait()
         self._episodes = self.create_publisher(msg.Episode, "episode", EVENT)
-        self._parameters = self.create_publisher(msg.TaskParameters, "parameters", TICK)
+        self._commanding = self.create_publisher(msg.TaskParameters, "parameters", TICK)
         self._states = self.create_publisher(msg.RobotState, "state", TICK)
         self._joints = self.create_publisher(JointState, "joint_states", TICK)
         if self._own.real_time:
@@ -112,7 +112,7 @@ class SimulatorNode(CheckedNode):
     def _is_heard(self) -> bool:
         if self._own.real_time:
             return self._joints.get_subscription_count() >= self._own.readers
-        least = min(each.get_subscription_count() for each in (self._states, self._parameters))
+        least = min(each.get_subscription_count() for each in (self._states, self._commanding))
         return least >= self._own.readers and self._torques.get_publisher_count() > 0
 
     def _begin(self) -> None:
@@ -162,14 +162,11 @@ class SimulatorNode(CheckedNode):
         assert self._x is not None
         head = {"header": self._header(), "episode": self._episode.episode, "tick": self._episode.tick}
         p = self.task.parameters_at({}, self._commanded())
-        self._parameters.publish(msg.TaskParameters(**head, **parameter_fields(self.task, p)))
+        self._commanding.publish(msg.TaskParameters(**head, **parameter_fields(self.task, p)))
         fields = {**state_fields(self.task, self._x, self._u), "running": running}
         self._states.publish(msg.RobotState(**head, **fields))
-        names = list(self.task.names_of_q)
-        told = {"position": fields["q"], "velocity": fields["dq"]}
-        self._joints.publish(
-            JointState(header=head["header"], name=names, effort=doubles(np.zeros(len(names))), **told)
-        )
+        told = {"name": self._episode.coordinates, "position": fields["q"], "velocity": fields["dq"]}
+        self._joints.publish(JointState(header=head["header"], **told))
 
     def _header(self) -> Header:
         """Simulated time."""

@@ -1,4 +1,4 @@
-"""What the controllers of tasks share: the task, its policies, swapped between two ticks, and what is told of a tick."""
+"""What the controllers of tasks share: the task, its policies, swapped between two ticks, and what is told of it."""
 
 import secrets
 from typing import Any
