@@ -13,6 +13,7 @@ from typing import Any
 import own_systems.ros.robot_controller
 import own_systems.ros.simulator
 import own_systems.ros.task_node
+import own_systems.ros.trainer
 import rl_cbf_clf_controller.ros.policies
 import rl_trainer.ros.trainer_setup
 import typer
@@ -39,6 +40,7 @@ NODES: Mapping[str, tuple[type[BaseModel], ...]] = {
     "viewer": (ViewerParameters,),
     "own_systems simulator": (own_systems.ros.simulator.NodeParameters,),
     "own_systems controller": (own_systems.ros.task_node.NodeParameters,),
+    "own_systems trainer": (own_systems.ros.trainer.NodeParameters,),
     "own_systems robot_controller": (own_systems.ros.robot_controller.RobotParameters,),
 }
 

@@ -16,10 +16,11 @@ from own_systems import ControlTask
 from own_systems.episode import NOMINAL, Rider, beginning
 from own_systems.messages import layout_fields, parameter_fields, state_fields
 from own_systems.task import load_task
+from own_systems.training import train
 from rabbit_common.ros.qos import EVENT, TICK
 from rabbit_msgs import msg
 from rclpy.qos import qos_profile_sensor_data
-from rl_cbf_clf_controller.weights import PolicyFile
+from rl_cbf_clf_controller.weights import PolicyFile, read
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool
 from untrained_policy import policy_file, policy_metadata
@@ -228,3 +229,14 @@ def test_a_rover_is_filtered_from_odometry_to_twist_and_stops_where_states_fall_
     world.wait(
         lambda: any(s.level == s.ERROR and "paused: no state for 1." in s.message for m in said for s in m.status)
     )
+
+
+def test_the_graph_learns_what_is_learned_in_process(world: Any) -> None:
+    path = world.folder / "policy.safetensors"
+    start(world, "trainer", task=path_of("segway"), seed=1, episodes=2, path=str(path))
+    start(world, "controller", task=path_of("segway"))
+    simulated = {"episodes": 2, "readers": 2, "trainer": "follow", "answer_timeout": 60.0}
+    start(world, "simulator", task=path_of("segway"), **simulated)
+    expected, _ = train(load_task(path_of("segway")), 1, episodes=2)
+    world.wait(path.exists)
+    assert read(path).version == expected.version

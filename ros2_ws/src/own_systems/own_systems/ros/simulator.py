@@ -4,7 +4,7 @@ In lock-step nothing moves before the `torque` of the very tick has come. In rea
 ros2_control: it moves on under the newest `commands`, and says `joint_states`.
 """
 
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from rabbit_common.message_arrays import array_of
 from rabbit_common.message_checks import Refused, check_finite, check_turn
 from rabbit_common.ros.checked_node import CheckedNode
+from rabbit_common.ros.conversions import check_plan
 from rabbit_common.ros.diagnostics import OK, WARN, Diagnostics, Status
 from rabbit_common.ros.parameters import declare, refuse_unknown
 from rabbit_common.ros.qos import EVENT, TICK
@@ -27,6 +28,8 @@ from own_systems.messages import layout_fields, parameter_fields, state_fields
 from own_systems.ros.task_node import TASK
 from own_systems.task import TaskError, load_task
 
+NONE = 2**32 - 1  # no episode
+
 
 class NodeParameters(BaseModel):
     """Which task, how many episodes, and who must be there."""
@@ -38,6 +41,7 @@ class NodeParameters(BaseModel):
     episodes: int = Field(1, ge=1, description="after which it says no more")
     readers: int = Field(1, ge=1, le=100, description="nodes that must hear it before an episode begins")
     real_time: bool = Field(False, description="a tick lasts its time by the wall clock, under the newest `commands`")
+    trainer: Literal["ignore", "follow"] = Field("ignore", description="follow: wait for its plans, and play those")
     answer_timeout: float = Field(5.0, gt=0, le=3600, description="s without a torque that end an episode")
 
 
@@ -53,6 +57,7 @@ class SimulatorNode(CheckedNode):
         self._x: Array | None = None  # None between episodes
         self._u = np.zeros(len(self.task.names_of_u))
         self._clock_ticks = 0
+        self._plan = msg.EpisodePlan(sigma=np.nan)
         self._admission, self._wait = ControllerAdmission(), Wait()
         self._episodes = self.create_publisher(msg.Episode, "episode", EVENT)
         self._commanding = self.create_publisher(msg.TaskParameters, "parameters", TICK)
@@ -63,6 +68,9 @@ class SimulatorNode(CheckedNode):
             steady_timer(self, self.task.seconds, self._step)
         else:
             self._torques = self._hear(msg.TorqueCommand, "torque", self._on_torque, TICK)
+        if self._own.trainer == "follow":
+            self._plan.after_episode = NONE
+            self._hear(msg.EpisodePlan, "episode_plan", self._on_plan, EVENT)
         self._diagnostics = Diagnostics(self, self._message_counter, self._status)
         steady_timer(self, LOOK_SECONDS, self._look)
         self._announce(msg.Episode.WAITING)
@@ -87,6 +95,11 @@ class SimulatorNode(CheckedNode):
         self._u, self._episode.controller = u, message.sender
         self._step()
 
+    def _on_plan(self, message: msg.EpisodePlan) -> None:
+        check_plan(message, (self._episode.episode, self._episode.episode - 1))
+        self._message_counter.accept("episode_plan")
+        self._plan = message
+
     def _on_command(self, message: Float64MultiArray) -> None:
         self._u = self._checked(message, "data")
         self._message_counter.accept("commands")
@@ -102,7 +115,7 @@ class SimulatorNode(CheckedNode):
         """Begin what can begin; ask again, or end what nobody answers."""
         self._wait.look()
         if self._x is None:
-            if self._episode.episode < self._own.episodes and self._is_heard():
+            if self._episode.episode < self._own.episodes and self._is_heard() and self._is_planned():
                 self._begin()
         elif not self._own.real_time and self._wait.seconds > self._own.answer_timeout:
             self._end("silent", f"no torque for tick {self._episode.tick} in {self._own.answer_timeout:g} s")
@@ -115,9 +128,14 @@ class SimulatorNode(CheckedNode):
         least = min(each.get_subscription_count() for each in (self._states, self._commanding))
         return least >= self._own.readers and self._torques.get_publisher_count() > 0
 
+    def _is_planned(self) -> bool:
+        return self._own.trainer == "ignore" or self._plan.after_episode == self._episode.episode
+
     def _begin(self) -> None:
-        number = self._episode.episode + 1
-        self._episode.episode, self._episode.tick, self._episode.seed = number, 0, self._own.seed + number - 1
+        number, plan = self._episode.episode + 1, self._plan
+        seed = self._own.seed + number - 1 if self._own.trainer == "ignore" else plan.seed
+        self._episode.episode, self._episode.tick, self._episode.seed = number, 0, seed
+        self._episode.sigma, self._episode.policy_version = plan.sigma, plan.policy_version
         self._episode.outcome = self._episode.reason = ""
         self._x, self._commands, _ = beginning(self.task, self._episode.seed)
         self._u = np.full(len(self._u), 0.0 if self._own.real_time else np.nan)
@@ -178,6 +196,8 @@ class SimulatorNode(CheckedNode):
         is_done = self._x is None and self._episode.episode >= self._own.episodes
         if self._x is None and not is_done and not self._is_heard():
             return WARN, "waiting for a controller, or more readers", figures
+        if self._x is None and not is_done and not self._is_planned():
+            return WARN, f"waiting for the trainer: no plan after episode {self._episode.episode}", figures
         return OK, "all episodes are done" if is_done else f"episode {self._episode.episode}", figures
 
 
