@@ -66,10 +66,10 @@ class TrainerNode(CheckedNode):
         if message.running:
             applied = array_of(message, "applied", len(self.task.names_of_u))
             self._states[message.tick] = state_of(self.task, message), applied
+        else:
+            self._end = message.tick
         self._message_counter.accept("state")
         self._go_on()
-        if not message.running:
-            self._learn()
 
     def _on_parameters(self, message: msg.TaskParameters) -> None:
         self._check(message)
@@ -93,7 +93,7 @@ class TrainerNode(CheckedNode):
         """Plan the next one."""
         self._plan, number = self._trainer.begin_episode(), self._trainer.episode
         self._states, self._p, self._tick = dict[int, tuple[Array, Array]](), dict[int, Array](), 0
-        self._u = np.zeros(0)
+        self._u, self._end = np.zeros(0), -1  # the newest input; how many ticks the episode had, once that is known
         self._exploring = beginning(self.task, self._plan.seed)[2]
         self._rider.begin(self._plan.policy)
         version = NOMINAL
@@ -116,6 +116,8 @@ class TrainerNode(CheckedNode):
             noise = self._plan.sigma * self._exploring.standard_normal(self._rider.problem.inputs)
             moment = self._rider.moment(self._plan.policy, self._tick * self.task.seconds, x, p, noise)
             self._u, self._tick = moment.u, self._tick + 1
+        if self._tick == self._end:
+            self._learn()
 
     def _learn(self) -> None:
         for transition in self._rider.ticks.transitions:
