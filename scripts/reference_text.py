@@ -10,6 +10,10 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+import own_systems.ros.robot_controller
+import own_systems.ros.simulator
+import own_systems.ros.task_node
+import own_systems.ros.trainer
 import rl_cbf_clf_controller.ros.policies
 import rl_trainer.ros.trainer_setup
 import typer
@@ -34,6 +38,10 @@ NODES: Mapping[str, tuple[type[BaseModel], ...]] = {
     "trainer": (rl_trainer.ros.trainer_setup.NodeParameters, TrainingParameters),
     "recorder": (recorder.NodeParameters,),
     "viewer": (ViewerParameters,),
+    "own_systems simulator": (own_systems.ros.simulator.NodeParameters,),
+    "own_systems controller": (own_systems.ros.task_node.NodeParameters,),
+    "own_systems trainer": (own_systems.ros.trainer.NodeParameters,),
+    "own_systems robot_controller": (own_systems.ros.robot_controller.RobotParameters,),
 }
 
 

@@ -9,6 +9,7 @@ PACKAGES = [
     "cbf_clf_qp",
     "rabbit_description",
     "rabbit_common",
+    "rabbit_sim",
     "rl_cbf_clf_controller",
     "rl_trainer",
     "rabbit_recording",

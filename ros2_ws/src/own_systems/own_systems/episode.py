@@ -14,13 +14,12 @@ from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.functions import Array
 from rl_cbf_clf_controller.policy import ActorPolicy, LearnedPolicy
 from rl_cbf_clf_controller.problem import Problem
-from rl_cbf_clf_controller.weights import PolicyFileError, read
+from rl_cbf_clf_controller.weights import PolicyFile, PolicyFileError, read
 from rl_trainer.systems import SystemTick, SystemTicks
 
-from own_systems.task import ControlTask, TaskError
+from own_systems.task import Commands, ControlTask, TaskError
 
 NOMINAL, ORACLE = "nominal", "oracle"
-COURSE, NOISE = range(2)  # random numbers of an episode: start and commands; exploration
 Controlling = LearnedPolicy | str  # a policy, or a controller's name
 
 
@@ -65,6 +64,12 @@ class Ride:
         return self.outcome == "done" and bool((self.margins >= -self.task.tolerance).all())
 
 
+def beginning(task: ControlTask, seed: int) -> tuple[Array, Commands, np.random.Generator]:
+    """Of an episode: its first state x (n,), its commands, and the generator of what exploration adds to mu."""
+    course, exploring = (np.random.default_rng(each) for each in np.random.SeedSequence(seed).spawn(2))
+    return course.uniform(*np.asarray(task.start, dtype=float)), task.commands(course), exploring
+
+
 class Rider:
     """Rides a task. `problem` is what is learned on it; without one it can be ridden, and not learned on."""
 
@@ -84,13 +89,16 @@ class Rider:
             known = ", ".join((NOMINAL, ORACLE, *self.task.controllers))
             raise TaskError(f"controller {name}: expected {known}, or a policy's file")
         try:
-            file = read(Path(name))
+            return self.fitted(read(Path(name)))
         except PolicyFileError as error:
             raise TaskError(str(error)) from error
+
+    def fitted(self, file: PolicyFile) -> ActorPolicy:
+        """The policy of a file; raises `PolicyFileError` where it was trained for another task."""
         about, problem = file.metadata, self.problem
         now = problem.name, problem.quantities, problem.inputs, problem.observation
         if (then := (about.problem, about.names, about.m, about.observation)) != now:
-            raise TaskError(f"policy {name} is for {then}: expected {now}")
+            raise PolicyFileError(f"policy {file.version} is for {then}: expected {now}")
         return ActorPolicy(file)
 
     def ride(self, controlling: Controlling, seed: int, noise: float = 0.0) -> Ride:
@@ -108,9 +116,8 @@ class Rider:
 
     def moments(self, controlling: Controlling, seed: int, noise: float = 0.0) -> Iterator[Moment]:
         """The ticks of an episode, one after another, until its time is over or it has failed."""
-        task, random = self.task, np.random.SeedSequence(seed).spawn(2)
-        course, exploring = (np.random.default_rng(each) for each in random)
-        x, commands = course.uniform(*np.asarray(task.start, dtype=float)), task.commands(course)
+        task = self.task
+        x, commands, exploring = beginning(task, seed)
         self.begin(controlling)
         for k in range(round(task.duration / task.seconds)):
             commanded = commands(k * task.seconds)

@@ -76,16 +76,21 @@ def train(
 
     `changes`: of `TrainingParameters`.
     """
-    problem = measured_problem(task, seed)
-    of_mu = {"sigma": problem.mu_unit, "probe_noise": problem.mu_unit}
-    asked = {"problem": problem, "seed": seed, "learner": "regression", **SLOW, **SCHEDULE, **of_mu, **changes}
-    parameters = TrainingParameters.model_validate(asked)
-    rider = Rider(task, problem)
+    parameters = training_parameters(task, seed, **changes)
+    rider = Rider(task, parameters.problem)
 
     def ride(policy: LearnedPolicy, plan: EpisodePlan) -> None:
         rider.ride(policy, plan.seed, plan.sigma)
 
-    return learn(parameters, rider.ticks, ride, say), problem
+    return learn(parameters, rider.ticks, ride, say), parameters.problem
+
+
+def training_parameters(task: ControlTask, seed: int, **changes: Any) -> TrainingParameters:
+    """Of a training of the task, in units that are measured now."""
+    problem = measured_problem(task, seed)
+    of_mu = {"sigma": problem.mu_unit, "probe_noise": problem.mu_unit}
+    asked = {"problem": problem, "seed": seed, "learner": "regression", **SLOW, **SCHEDULE, **of_mu, **changes}
+    return TrainingParameters.model_validate(asked)
 
 
 def write(policy: LearnedPolicy, path: Path) -> Path:

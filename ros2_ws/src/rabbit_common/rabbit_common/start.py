@@ -1,4 +1,4 @@
-"""Every node's executable: becomes the entry point of the executable's own name in the group `rabbit.nodes`.
+"""Every node's executable: becomes an entry point in the group `rabbit.nodes`, by default the one of its own name.
 
 A node imports for a second or two. A Ctrl-C meanwhile ends it at once, without a traceback.
 """
@@ -9,12 +9,12 @@ from importlib.metadata import entry_points
 from pathlib import Path
 
 
-def main() -> None:
+def main(name: str = "") -> None:
     """Import the node's module, then run its `main`."""
     import numpy as np  # noqa: F401  its threads do not hear SIGINT, which is blocked by the executable's first line
 
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # nobody has it ignored
         signal.signal(signal.SIGINT, signal.SIG_DFL)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
-    (node,) = entry_points(group="rabbit.nodes", name=Path(sys.argv[0]).name)
+    (node,) = entry_points(group="rabbit.nodes", name=name or Path(sys.argv[0]).name)
     node.load()()

@@ -19,8 +19,8 @@ import numpy as np
 from geometry_msgs.msg import WrenchStamped
 from pydantic import Field
 from rabbit_common.message_arrays import doubles
-from rabbit_common.message_checks import Refused, check_finite
-from rabbit_common.ros.conversions import imu_of, nanoseconds
+from rabbit_common.message_checks import check_finite
+from rabbit_common.ros.conversions import imu_of, joints_of, nanoseconds
 from rabbit_common.ros.spin import run
 from rabbit_description.state import ACTUATED, FEET, TICK_NANOSECONDS, TICK_SECONDS, Array, BodySensors, Leg, RobotState
 from rabbit_estimator.contact_aided_filter import ContactAidedFilter, EstimatorError
@@ -164,13 +164,7 @@ class HardwareNode(SimulatorNode):
     # What comes in
 
     def _on_joints(self, message: JointState) -> None:
-        """In whatever order, and with whatever other joints."""
-        try:
-            order = [message.name.index(joint) for joint in ACTUATED]
-            angles, rates = (np.array([each[i] for i in order]) for each in (message.position, message.velocity))
-        except (ValueError, IndexError) as error:
-            raise Refused("other joints", f"name = {message.name[:8]}; expected {', '.join(ACTUATED)}") from error
-        self._take("joint_states", message, (angles, rates))
+        self._take("joint_states", message, joints_of(message, ACTUATED))
 
     def _on_imu(self, message: Imu) -> None:
         self._take("imu", message, imu_of(message))

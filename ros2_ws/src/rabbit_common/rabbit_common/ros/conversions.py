@@ -171,6 +171,16 @@ def encoders_of(message: JointState) -> tuple[Array, Array]:
     return np.array(message.position), np.array(message.velocity)
 
 
+def joints_of(message: JointState, joints: Sequence[str]) -> tuple[Array, Array]:
+    """Positions and velocities (n,) of these joints, which may come in whatever order, and with others."""
+    try:
+        order = [message.name.index(joint) for joint in joints]
+        positions, velocities = (np.array([each[i] for i in order]) for each in (message.position, message.velocity))
+    except (ValueError, IndexError) as error:
+        raise Refused("other joints", f"name = {message.name[:8]}; expected {', '.join(joints)}") from error
+    return positions, velocities
+
+
 def imu_message(sensors: BodySensors, at: Header, variances: Sequence[float]) -> Imu:
     """An IMU in the torso at the hip, which turns about y alone.
 

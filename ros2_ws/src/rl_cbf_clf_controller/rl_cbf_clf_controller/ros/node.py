@@ -8,6 +8,7 @@ made it.
 
 import math
 import secrets
+from functools import partial
 
 import numpy as np
 from rabbit_common.message_arrays import doubles
@@ -23,10 +24,11 @@ from rabbit_description.state import Array
 from rabbit_msgs import msg
 
 from rl_cbf_clf_controller.controller import DYNAMIC, Controller
+from rl_cbf_clf_controller.fitted_policy import fitted
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import ZeroPolicy
 from rl_cbf_clf_controller.ros import messages
-from rl_cbf_clf_controller.ros.policies import NodeParameters, Policies
+from rl_cbf_clf_controller.ros.policies import ZERO, CheckedPolicy, NodeParameters, Policies
 from rl_cbf_clf_controller.ros.tick_intake import TickIntake
 from rl_cbf_clf_controller.scene import ControllerError
 from rl_cbf_clf_controller.weights import PolicyFileError
@@ -43,9 +45,10 @@ class ControllerNode(CheckedNode):
         refuse_unknown(self)
         take_priority(own.priority, self.get_logger().warning)
         self._gait = load_gaits(self._settings.gait)
-        self._policies = Policies(self, own, self._settings, self._gait, self._sender, self._go_on)
-        policy = self._policies.in_force.policy or ZeroPolicy(self._settings.problem)
-        self._controller = Controller(self._settings, self._gait, policy)
+        zero = CheckedPolicy(ZERO, "built in", ZeroPolicy(self._settings.problem))
+        fit = partial(fitted, parameters=self._settings, gaits=self._gait)
+        self._policies = Policies(self, own, zero, fit, self._sender, self._go_on)
+        self._controller = Controller(self._settings, self._gait, self._policies.in_force.policy)
         self._controller.rehearse()
         self.close = self._policies.close
         self._ticks = TickIntake()

@@ -12,7 +12,7 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Literal
+from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 from rabbit_common.message_checks import Refused
@@ -21,22 +21,19 @@ from rabbit_common.ros.checked_node import bounds, check_size, decoded
 from rabbit_common.ros.qos import EVENT
 from rabbit_common.ros.services import create_async_service
 from rabbit_description.bounded_file import FileError, read_bytes
-from rabbit_description.gait import Gaits
 from rabbit_msgs.msg import PolicySwap, PolicyWeights
 from rabbit_msgs.srv import LoadPolicy
 from rclpy.node import Node
 from rclpy.task import Future
 
-from rl_cbf_clf_controller.fitted_policy import fitted
-from rl_cbf_clf_controller.parameters import ControllerParameters
-from rl_cbf_clf_controller.policy import Policy, ZeroPolicy
-from rl_cbf_clf_controller.weights import SIZE_LIMIT, PolicyFileError, decode, policy_path
+from rl_cbf_clf_controller.weights import SIZE_LIMIT, PolicyFile, PolicyFileError, decode, policy_path
 
 ZERO = "zero"
 UNCHECKED = 20  # policies that wait for their check
 WAITING = 4  # policies kept until they are due; an episode may name an older one than the newest
 REFUSED = 20  # refusals of policies kept: an episode may name one of them
 LIMITS = bounds(PolicyWeights)
+Fit = Callable[[PolicyFile], Any]  # the policy of a file, for this controller; raises PolicyFileError
 
 
 class NodeParameters(BaseModel):
@@ -57,12 +54,13 @@ class NodeParameters(BaseModel):
 class CheckedPolicy:
     """The word on what came in: a policy ready to use, or the reason it is refused.
 
-    `version` is computed from the bytes, whatever a message says; empty when they are no policy.
+    `version` is computed from the bytes, whatever a message says; empty when they are no policy. `policy`: what the
+    controller makes of them, None of a refused one.
     """
 
     version: str
     source: str
-    policy: Policy | None = None
+    policy: Any = None
     reason: str = ""
     data: bytes = b""
     by_operator: bool = False
@@ -75,20 +73,19 @@ class Policies:
         self,
         node: Node,
         own: NodeParameters,
-        parameters: ControllerParameters,
-        gaits: Gaits,
+        built_in: CheckedPolicy,
+        fit: Fit,
         sender: str,
         on_checked: Callable[[], object],
     ) -> None:
-        """Begin with zero, the shipped policy of this name, or the file; raises `PolicyFileError`.
+        """Begin with the one that is built in, the shipped policy of this name, or the file; raises `PolicyFileError`.
 
         `on_checked` is called in the executor once there is something to `take`.
         """
         self._node, self._sender, self._on_checked = node, sender, on_checked
         self._swap_at, self.hears_published = own.swap_at, own.swap_at != "never"
-        self._check = partial(check, parameters=parameters, gaits=gaits)
-        self._zero = CheckedPolicy(ZERO, "built in", ZeroPolicy(parameters.problem))
-        self.in_force = self._zero if own.policy == ZERO else self._read(own.policy)
+        self._fit, self._built_in = fit, built_in
+        self.in_force = built_in if own.policy == built_in.version else self._read(own.policy)
         if self.in_force.policy is None:
             raise PolicyFileError(f"policy {own.policy}: {self.in_force.reason}")
         self._checked: deque[CheckedPolicy] = deque()  # from the other thread
@@ -154,7 +151,7 @@ class Policies:
         refused = [d.reason for d in self._refused if d.version == named]
         return f"policy {named} was refused: {refused[-1]}" if refused else ""
 
-    def swap(self, turn: tuple[int, int], named: str) -> Policy | None:
+    def swap(self, turn: tuple[int, int], named: str) -> Any:
         """Put in force what is due at this tick; what came before it is due no more. Returns it, None: no change."""
         episode, tick = turn
         due = [d for d in self._waiting if d.by_operator or self._swap_at == "tick" or tick == 0]
@@ -170,7 +167,7 @@ class Policies:
         return new.policy
 
     def _here(self, version: str) -> CheckedPolicy | None:
-        return next((d for d in (self._zero, self.in_force, *self._waiting) if d.version == version), None)
+        return next((d for d in (self._built_in, self.in_force, *self._waiting) if d.version == version), None)
 
     def _tell(self, checked: CheckedPolicy, turn: tuple[int, int]) -> None:
         """A policy is in force since `turn`, episode and tick, or was refused then."""
@@ -199,7 +196,7 @@ class Policies:
         except Refused as error:
             self._keep(CheckedPolicy("", "policy", reason=str(error)))
             return
-        checked = self._check(bytes(message.data), message.source)
+        checked = self._decode(bytes(message.data), message.source)
         if checked.policy is not None and checked.version != message.version:
             text = f"the message says version {message.version}; its content has {checked.version}"
             checked = CheckedPolicy("", message.source, reason=text)
@@ -218,20 +215,18 @@ class Policies:
             data = read_bytes(policy_path(name), SIZE_LIMIT)
         except FileError as error:
             return CheckedPolicy("", name, reason=f"cannot read it, neither a shipped one nor a file: {error}")
-        return self._check(data, name)
+        return self._decode(data, name)
+
+    def _decode(self, data: bytes, source: str) -> CheckedPolicy:
+        version = ""
+        try:
+            file = decode(data)
+            version = file.version
+            return CheckedPolicy(version, source, self._fit(file), data=data)
+        except PolicyFileError as error:
+            return CheckedPolicy(version, source, reason=str(error))
 
     def _keep(self, checked: CheckedPolicy) -> None:
         self._checked.append(checked)
         if self._node.executor is not None:
             self._node.executor.create_task(self._on_checked)
-
-
-def check(data: bytes, source: str, parameters: ControllerParameters, gaits: Gaits) -> CheckedPolicy:
-    """Decode a policy and fit it to the controller; never raises."""
-    version = ""
-    try:
-        file = decode(data)
-        version = file.version
-        return CheckedPolicy(version, source, fitted(file, parameters, gaits), data=data)
-    except PolicyFileError as error:
-        return CheckedPolicy(version, source, reason=str(error))

@@ -1,0 +1,201 @@
+"""The controller of a task before a robot: it answers each state that the robot's own drivers say.
+
+    joint_states   sensor_msgs/JointState       in, by the names of the task's coordinates; or
+    odom           nav_msgs/Odometry            in, of coordinates x, y, yaw
+    parameters     rabbit_msgs/TaskParameters   in, where the task has commands: an obstacle, a goal
+    wanted         std_msgs/Float64MultiArray   in, of a teleoperator, if `filters`
+    commands       std_msgs/Float64MultiArray   out, in the order of the task's inputs; or
+    cmd_vel        geometry_msgs/Twist          out, of inputs linear_x, linear_y, angular_z
+
+It begins paused: the service `pause` enables the robot. Where states or parameters fall silent it sends zeros, and is
+paused again.
+"""
+
+import math
+import time
+from typing import Literal
+
+import numpy as np
+from cbf_clf_qp.functions import Array
+from geometry_msgs.msg import Twist
+from nav_msgs.msg import Odometry
+from pydantic import Field
+from rabbit_common.message_arrays import array_of, doubles
+from rabbit_common.message_checks import check_finite
+from rabbit_common.ros.conversions import joints_of
+from rabbit_common.ros.diagnostics import ERROR, OK, WARN, Status
+from rabbit_common.ros.qos import TICK
+from rabbit_common.ros.spin import run, steady_timer
+from rabbit_msgs.msg import TaskParameters
+from rclpy.qos import qos_profile_sensor_data
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray, Header
+from std_srvs.srv import SetBool
+
+from own_systems.filtering import filtering
+from own_systems.messages import parameters_of
+from own_systems.ros.task_node import ERRORS, NodeParameters, TaskNode
+from own_systems.task import ControlTask, TaskError
+
+LOOK_SECONDS = 0.02
+POSE = ("x", "y", "yaw")
+TWIST = ("linear_x", "linear_y", "angular_z")
+
+
+class RobotParameters(NodeParameters):
+    """Those of a task's controller, and what the robot speaks."""
+
+    input: Literal["joint_states", "odom"] = Field("joint_states", description="what says the state")
+    output: Literal["commands", "cmd_vel"] = Field("commands", description="what the robot hears")
+    filters: bool = Field(False, description="answer with the input that is nearest to `wanted`")
+    start_paused: bool = Field(True, description="wait for the service `pause` to enable the robot")
+    stale: float = Field(0.1, gt=0, le=10, description="s without a state, after which it is paused")
+    stale_parameters: float = Field(0.5, gt=0, le=3600, description="s without `parameters`, likewise")
+    stale_wanted: float = Field(0.5, gt=0, le=3600, description="s without `wanted`, after which zeros are wanted")
+
+
+class RobotControllerNode(TaskNode):
+    """Answers sensors with commands."""
+
+    PARAMETERS = RobotParameters
+    _own: RobotParameters
+
+    def __init__(self) -> None:
+        super().__init__()
+        task, sensed, told = self.task, self._own.input == "joint_states", self._own.output == "commands"
+        if not sensed and not set(task.names_of_q) <= set(POSE):
+            raise TaskError(f"coordinates = {task.names_of_q}: expected some of {POSE} where odom says the state")
+        if not told and not set(task.names_of_u) <= set(TWIST):
+            raise TaskError(f"inputs = {task.names_of_u}: expected some of {TWIST} for cmd_vel")
+        self._paused, self._fault, self._ticks = self._own.start_paused, "", 0
+        self._wanted = np.zeros(len(task.names_of_u))
+        self._p = None if task.commanded else task.parameters_at({}, {})
+        self._came = dict.fromkeys(("state", "parameters", "wanted"), -math.inf)  # when, s by the steady clock
+        self._commands = self.create_publisher(*((Float64MultiArray, "commands") if told else (Twist, "cmd_vel")), 10)
+        if sensed:
+            self._hear(JointState, "joint_states", self._on_joints, qos_profile_sensor_data)
+        else:
+            self._hear(Odometry, "odom", self._on_odometry, qos_profile_sensor_data)
+        if task.commanded:
+            self._hear(TaskParameters, "parameters", self._on_parameters, TICK)
+        if self._own.filters:
+            self._hear(Float64MultiArray, "wanted", self._on_wanted, qos_profile_sensor_data)
+        self.create_service(SetBool, "pause", self._on_pause)
+        steady_timer(self, LOOK_SECONDS, self._look)
+
+    def _ridden(self, task: ControlTask) -> ControlTask:
+        return filtering(task) if self._own.filters else task
+
+    # What comes in
+
+    def _on_joints(self, message: JointState) -> None:
+        self._take(message.header, *joints_of(message, self.task.names_of_q))
+
+    def _on_odometry(self, message: Odometry) -> None:
+        """In the world; the message has the twist in the robot's frame."""
+        pose, twist = message.pose.pose, message.twist.twist
+        o = pose.orientation
+        yaw = math.atan2(2 * (o.w * o.z + o.x * o.y), 1 - 2 * (o.y**2 + o.z**2))
+        forward, left = twist.linear.x, twist.linear.y
+        q = {"x": pose.position.x, "y": pose.position.y, "yaw": yaw}
+        dq = {
+            "x": math.cos(yaw) * forward - math.sin(yaw) * left,
+            "y": math.sin(yaw) * forward + math.cos(yaw) * left,
+            "yaw": twist.angular.z,
+        }
+        self._take(message.header, *(np.array([each[name] for name in self.task.names_of_q]) for each in (q, dq)))
+
+    def _on_parameters(self, message: TaskParameters) -> None:
+        self._p = parameters_of(self.task, message)
+        self._heard("parameters")
+
+    def _on_wanted(self, message: Float64MultiArray) -> None:
+        wanted = array_of(message, "data", len(self._wanted))
+        check_finite("wanted", wanted.tolist())
+        self._wanted = wanted
+        self._heard("wanted")
+
+    def _on_pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        if not request.data and (missing := self._missing()):
+            response.message = missing
+            return response
+        self._paused, self._fault, response.success = request.data, "", True
+        self._send(np.zeros_like(self._wanted))
+        return response
+
+    def _heard(self, name: str) -> None:
+        self._came[name] = time.monotonic()
+        self._message_counter.accept(name)
+
+    # The tick
+
+    def _take(self, header: Header, q: Array, dq: Array) -> None:
+        """A state; answered at once."""
+        x = np.concatenate([q, dq])[: self.task.system.x.numel()]
+        check_finite(self._own.input, x.tolist())
+        self._heard("state")
+        self._go_on()
+        if self._paused or self._missing():
+            return
+        p, wanted = self._p, self._wanted
+        assert p is not None
+        if self._own.filters:
+            is_stale = time.monotonic() - self._came["wanted"] > self._own.stale_wanted
+            p = np.append(p, np.zeros_like(wanted) if is_stale else wanted)
+        turn = (1, self._ticks)
+        try:
+            moment = self._decide(turn, "", x, p, np.zeros_like(wanted))
+        except ValueError as error:
+            self._stop(str(error))
+            return
+        self._send(moment.u)
+        self._tell({"header": header, "episode": 1, "tick": self._ticks, "sender": self._sender}, moment)
+        self._ticks += 1
+
+    def _go_on(self) -> None:
+        self._take_policies((1, self._ticks))
+
+    def _send(self, u: Array) -> None:
+        if self._own.output == "commands":
+            self._commands.publish(Float64MultiArray(data=doubles(u)))
+            return
+        twist = Twist()
+        for name, value in zip(self.task.names_of_u, u.tolist(), strict=True):
+            part, axis = name.split("_")
+            setattr(getattr(twist, part), axis, value)
+        self._commands.publish(twist)
+
+    def _look(self) -> None:
+        """No command but what the newest states ask for."""
+        if not self._paused and (missing := self._missing()):
+            self._stop(missing)
+        if self._paused:
+            self._send(np.zeros_like(self._wanted))
+
+    def _stop(self, reason: str) -> None:
+        self._paused, self._fault = True, reason
+        self._send(np.zeros_like(self._wanted))
+        self.get_logger().error(f"paused: {reason}")
+
+    def _missing(self) -> str:
+        """What is too old; empty: nothing."""
+        limits = {"state": self._own.stale}
+        if self.task.commanded:
+            limits["parameters"] = self._own.stale_parameters
+        for name, limit in limits.items():
+            if (silent := time.monotonic() - self._came[name]) > limit:
+                return f"no {name} for {silent:.3f} s" if math.isfinite(silent) else f"no {name} yet"
+        return ""
+
+    def _status(self) -> Status:
+        figures = {"policy": self._policies.in_force.version, "paused": self._paused, "ticks": self._ticks}
+        if self._fault:
+            return ERROR, f"paused: {self._fault}", figures
+        if missing := self._missing():
+            return WARN, missing, figures
+        return OK, "paused" if self._paused else "commands the robot", figures
+
+
+def main() -> None:
+    """The executable `robot_controller`."""
+    run(RobotControllerNode, errors=ERRORS)

@@ -1,0 +1,141 @@
+"""Learns on a task while its simulator and controller run: it plans episodes, and publishes what it has learned.
+
+It hears `state` and `parameters` and makes the controller's ticks again, so its transitions, and the policy after all
+episodes, have the bits of those of `own_systems.training.train`. A tick after which another input was applied counts
+for nothing. It learns once an episode has ended; the simulator, which follows it, waits meanwhile.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from cbf_clf_qp.functions import Array
+from pydantic import BaseModel, ConfigDict, Field
+from rabbit_common.message_arrays import array_of
+from rabbit_common.message_checks import Refused
+from rabbit_common.ros.checked_node import CheckedNode
+from rabbit_common.ros.diagnostics import OK, Diagnostics, Status
+from rabbit_common.ros.parameters import declare, refuse_unknown
+from rabbit_common.ros.qos import EVENT, TICK, WEIGHTS
+from rabbit_common.ros.spin import run
+from rabbit_msgs import msg
+from rl_cbf_clf_controller.policy import ActorPolicy
+from rl_trainer.training import Trainer
+
+from own_systems.episode import NOMINAL, Rider, beginning
+from own_systems.messages import parameters_of, state_of
+from own_systems.ros.task_node import TASK
+from own_systems.task import TaskError, load_task
+from own_systems.training import training_parameters
+
+
+class NodeParameters(BaseModel):
+    """Which task, how long, and where the policy goes."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    task: str = Field("", description=TASK)
+    seed: int = Field(1, ge=0, le=2**32 - 1, description="of the training")
+    episodes: int = Field(4, ge=1, description="to learn from")
+    path: str = Field("policy.safetensors", min_length=1, description="the policy's file after all episodes")
+
+
+class TrainerNode(CheckedNode):
+    """Plans, hears, learns."""
+
+    def __init__(self) -> None:
+        super().__init__("trainer")
+        self._own = declare(self, NodeParameters)
+        refuse_unknown(self)
+        self.task = load_task(self._own.task)
+        asked = training_parameters(self.task, self._own.seed, episodes=self._own.episodes)
+        self._trainer, self._rider = Trainer(asked), Rider(self.task, asked.problem)
+        self._policies = self.create_publisher(msg.PolicyWeights, "policy", WEIGHTS)
+        self._plans = self.create_publisher(msg.EpisodePlan, "episode_plan", EVENT)
+        self._diagnostics = Diagnostics(self, self._message_counter, self._status)
+        self._begin()
+        self._hear(msg.RobotState, "state", self._on_state, TICK)
+        self._hear(msg.TaskParameters, "parameters", self._on_parameters, TICK)
+        self._hear(msg.Episode, "episode", self._on_episode, EVENT)
+        self.get_logger().info(f"ready: task {self.task.name}, {self._own.episodes} episodes")
+
+    # What comes in
+
+    def _on_state(self, message: msg.RobotState) -> None:
+        self._check(message)
+        if message.running:
+            applied = array_of(message, "applied", len(self.task.names_of_u))
+            self._states[message.tick] = state_of(self.task, message), applied
+        else:
+            self._end = message.tick
+        self._message_counter.accept("state")
+        self._go_on()
+
+    def _on_parameters(self, message: msg.TaskParameters) -> None:
+        self._check(message)
+        self._p[message.tick] = parameters_of(self.task, message)
+        self._message_counter.accept("parameters")
+        self._go_on()
+
+    def _on_episode(self, message: msg.Episode) -> None:
+        if message.phase == msg.Episode.ENDED and message.outcome not in ("done", "failed"):
+            self._check(message)
+            self._learn()
+        self._message_counter.accept("episode")
+
+    def _check(self, message: Any) -> None:
+        if message.episode != (expected := self._trainer.episode + 1):
+            raise Refused("wrong episode", f"episode {message.episode}; expected {expected}")
+
+    # The episode
+
+    def _begin(self) -> None:
+        """Plan the next one."""
+        self._plan, number = self._trainer.begin_episode(), self._trainer.episode
+        self._states, self._p, self._tick = dict[int, tuple[Array, Array]](), dict[int, Array](), 0
+        self._u, self._end = np.zeros(0), -1  # the newest input; how many ticks the episode had, once that is known
+        self._exploring = beginning(self.task, self._plan.seed)[2]
+        self._rider.begin(self._plan.policy)
+        version = NOMINAL
+        if isinstance(self._plan.policy, ActorPolicy):
+            version = self._plan.policy.version
+            self._publish(self._plan.policy)
+        how = {"seed": self._plan.seed, "sigma": self._plan.sigma, "policy_version": version}
+        self._plans.publish(msg.EpisodePlan(after_episode=number, **how))
+
+    def _publish(self, policy: ActorPolicy) -> None:
+        weights = msg.PolicyWeights(version=policy.version, source="trainer", data=policy.file.encode())
+        self._policies.publish(weights)
+
+    def _go_on(self) -> None:
+        """The ticks of which both messages are here, in their order."""
+        while self._tick in self._states and self._tick in self._p:
+            (x, applied), p = self._states.pop(self._tick), self._p.pop(self._tick)
+            if self._tick and not np.array_equal(applied, self._u):
+                self._rider.ticks.interrupt()
+            noise = self._plan.sigma * self._exploring.standard_normal(self._rider.problem.inputs)
+            moment = self._rider.moment(self._plan.policy, self._tick * self.task.seconds, x, p, noise)
+            self._u, self._tick = moment.u, self._tick + 1
+        if self._tick == self._end:
+            self._learn()
+
+    def _learn(self) -> None:
+        for transition in self._rider.ticks.transitions:
+            self._trainer.take(transition)
+        self._trainer.learn_episode()
+        self.get_logger().info(f"episode {self._trainer.episode}: {len(self._rider.ticks.transitions)} transitions")
+        if self._trainer.episode < self._own.episodes:
+            self._begin()
+            return
+        policy = ActorPolicy(self._trainer.policy_file())
+        policy.file.write(Path(self._own.path))
+        self._publish(policy)
+        self.get_logger().info(f"policy {policy.version} in {self._own.path}")
+
+    def _status(self) -> Status:
+        return OK, f"episode {self._trainer.episode + 1}", {"transitions": self._trainer.transitions}
+
+
+def main() -> None:
+    """The executable `trainer`."""
+    run(TrainerNode, errors=(TaskError,))
