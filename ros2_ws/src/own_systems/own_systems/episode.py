@@ -14,7 +14,7 @@ from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.functions import Array
 from rl_cbf_clf_controller.policy import ActorPolicy, LearnedPolicy
 from rl_cbf_clf_controller.problem import Problem
-from rl_cbf_clf_controller.weights import PolicyFileError, read
+from rl_cbf_clf_controller.weights import PolicyFile, PolicyFileError, read
 from rl_trainer.systems import SystemTick, SystemTicks
 
 from own_systems.task import ControlTask, TaskError
@@ -76,21 +76,30 @@ class Rider:
         self.problem = problem or Problem(task.name, terms.inputs, terms.names, observed, units)
         self.ticks = SystemTicks(task.tick, self.problem, task.seconds, np.inf if task.limit is None else task.limit)
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the controllers that are no policies."""
+        return NOMINAL, ORACLE, *self.task.controllers
+
     def controlling(self, name: str) -> Controlling:
         """A controller by its name, or a policy by its file; raises `TaskError`."""
-        if name in (NOMINAL, ORACLE, *self.task.controllers):
+        if name in self.names:
             return name
         if not name.endswith(".safetensors"):
-            known = ", ".join((NOMINAL, ORACLE, *self.task.controllers))
-            raise TaskError(f"controller {name}: expected {known}, or a policy's file")
+            raise TaskError(f"controller {name}: expected {', '.join(self.names)}, or a policy's file")
         try:
-            file = read(Path(name))
+            return self.fitting(read(Path(name)), name)
         except PolicyFileError as error:
             raise TaskError(str(error)) from error
+
+    def fitting(self, file: PolicyFile, where: str) -> ActorPolicy:
+        """The policy, if it was trained for this task; raises `TaskError`."""
         about, problem = file.metadata, self.problem
-        now = problem.name, problem.quantities, problem.inputs, problem.observation
-        if (then := (about.problem, about.names, about.m, about.observation)) != now:
-            raise TaskError(f"policy {name} is for {then}: expected {now}")
+        if about.problem != problem.name:
+            raise TaskError(f"policy {where}: trained for {about.problem}; this task is {problem.name}")
+        now = problem.quantities, problem.inputs, problem.observation
+        if (then := (about.names, about.m, about.observation)) != now:
+            raise TaskError(f"policy {where} is for {then}: {problem.name} is now {now}")
         return ActorPolicy(file)
 
     def ride(self, controlling: Controlling, seed: int, noise: float = 0.0) -> Ride:
@@ -126,6 +135,7 @@ class Rider:
 
     def begin(self, controlling: Controlling) -> None:
         """The first tick of an episode comes next."""
+        self.task.tick.reset()
         policy = controlling if isinstance(controlling, LearnedPolicy) else None
         self.ticks.begin(policy, self.task.true if controlling == ORACLE else None)
 
