@@ -25,7 +25,7 @@ def draw_margins(task: ControlTask, rides: Mapping[str, Sequence[Ride]], path: P
     with style.look():
         figure, panels = style.figure(len(task.barriers))
         for i, (axes, barrier) in enumerate(zip(panels, task.barriers, strict=True)):
-            for k, (name, each) in enumerate(rides.items()):
+            for k, each in enumerate(rides.values()):
                 margins = [ride.margins[i] if ride.outcome == "done" else np.nan for ride in each]
                 places = k + np.linspace(-0.2, 0.2, len(margins))
                 axes.plot(places, margins, "o", color=COLOURS[k % len(COLOURS)], markersize=4)

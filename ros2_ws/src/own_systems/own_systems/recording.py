@@ -1,6 +1,7 @@
 """A ride as a recording on the graph's topics, and back: what was recorded must come out of the controller again."""
 
 import json
+from array import array
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -70,15 +71,20 @@ class RideWriter:
         stamp = self._types.types["builtin_interfaces/msg/Time"](*divmod(at, 10**9))
         header = self._types.types["std_msgs/msg/Header"](stamp, "")
         known = {"header": header, "episode": 1, "tick": tick, "sender": self._ride.controller, **given}
-        names = {name: known.get(name, empty(form)) for name, form in self._types.fielddefs[kind][1]}
-        data = self._types.serialize_cdr(self._types.types[kind](**names), kind)
+        forms = self._types.fielddefs[kind][1]
+        values = {name: known[name] if name in known else empty(form) for name, form in forms}
+        values = {name: np.array(value) if isinstance(value, array) else value for name, value in values.items()}
+        data = self._types.serialize_cdr(self._types.types[kind](**values), kind)
         self._bag.write(f"/{topic}", at, bytes(data))
 
 
 def empty(form: Any) -> Any:
     """Of a field that nobody gives: 0, or an empty sequence."""
     node, detail = form
-    return ZERO[detail[0]] if node.name == "BASE" else []
+    if node.name == "BASE":
+        return ZERO[detail[0]]
+    inner = detail[0][1][0]
+    return [] if inner == "string" else np.zeros(0, inner)
 
 
 def offered(latched: bool) -> Qos:
@@ -106,10 +112,10 @@ def recorded_ticks(task: ControlTask, path: Path, policies: dict[str, bytes]) ->
     Raises `RecordingError` where it is of another task.
     """
     x = p = turn = None
-    wanted = fields.layout_fields(task)
+    layout = [fields.layout_fields(task)[name] for name in ("coordinates", "joints")]
     for topic, m in messages(path, "episode", "policy_swap", "state", "parameters", "torque"):
         try:
-            if topic == "episode" and (list(m.coordinates), list(m.joints)) != (wanted["coordinates"], wanted["joints"]):
+            if topic == "episode" and [m.coordinates, m.joints] != layout:
                 was = ", ".join((*m.coordinates, *m.joints))
                 raise RecordingError(f"recording {path}: of another system, with {was}; not of {task.name}")
             if topic == "policy_swap" and m.accepted:

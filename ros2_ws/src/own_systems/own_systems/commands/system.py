@@ -75,7 +75,9 @@ def show(task: "ControlTask", summary: dict[str, Any]) -> None:
     from rich.table import Table
 
     names = [each.name for each in task.barriers]
-    table = Table("controller", "rides that kept all [95%]", *(f"{name}: worst; mean [95%]" for name in names), "outcomes")
+    table = Table(
+        "controller", "rides that kept all [95%]", *(f"{name}: worst; mean [95%]" for name in names), "outcomes"
+    )
     for controller, of in summary.items():
         row = [Path(controller).stem, f"{of['kept']} of {of['of']} {interval(of['kept_ci95'], 2)}"]
         for name in names:
