@@ -1,10 +1,10 @@
 """A two-link arm that lifts an unknown payload follows a goal, and its hand must not touch an obstacle that moves.
 
     M(q) q'' + h(q, q') = u   from the Lagrangian, with a payload at the hand; the model believes in none
-    CLF:      y = q - goal;      barrier: the hand's distance from the obstacle's rim, relative degree 2
-
-A policy reads q, q' and how the distance changes with q: what it learns of the barrier is proportional to that.
+    CLF: y = q - goal;   barrier: the hand's distance from the obstacle's rim; a policy reads q, q', d distance / dq
 """
+
+from functools import partial
 
 import casadi as ca
 import numpy as np
@@ -26,20 +26,14 @@ for mass, centre, angle in links:
     lagrangian += mass * (ca.sumsqr(rate) / 2 + INERTIA * turn**2 / 2 - GRAVITY * centre[1])
 momentum = ca.gradient(lagrangian, dq)
 M, h = ca.jacobian(momentum, dq), ca.jtimes(momentum, q, dq) - ca.gradient(lagrangian, q) + friction * dq
-moves = {"place_x": speed_x, "place_z": speed_z}
 read = ca.vertsplit(ca.vertcat(q, dq, ca.gradient(distance, q)))
 
 
-def commands(rng: np.random.Generator):
+def at(rate, begin, wide, t):
     """The goal moves slowly, and the obstacle on a circle through the hand's way."""
-    rate, begin, wide = rng.uniform(1.0, 1.6), rng.uniform(0, 2 * np.pi), rng.uniform(0.1, 0.2)
-
-    def at(t):
-        cos, sin = wide * np.cos(rate * t + begin), wide * np.sin(rate * t + begin)
-        values = 0.2 * np.sin(0.8 * t) - 0.4, 1.2, 0.95 + cos, 0.05 + sin, -rate * sin, rate * cos
-        return dict(zip(names[2:], values, strict=True))
-
-    return at
+    cos, sin = wide * np.cos(rate * t + begin), wide * np.sin(rate * t + begin)
+    values = 0.2 * np.sin(0.8 * t) - 0.4, 1.2, 0.95 + cos, 0.05 + sin, -rate * sin, rate * cos
+    return dict(zip(names[2:], values, strict=True))
 
 
 def draw(x, p):
@@ -51,12 +45,12 @@ def draw(x, p):
 
 TASK = ControlTask(
     "obstacle-arm",
-    mechanical(q, dq, u, M, h, ca.SX.eye(2), parameters=p, rates=moves),
+    mechanical(q, dq, u, M, h, ca.SX.eye(2), parameters=p, rates={"place_x": speed_x, "place_z": speed_z}),
     [Clf(q - ca.vertcat(*goal), eps=0.1), Barrier("obstacle", distance, poles=(18.0, 18.0))],
     nominal={"payload": 0.0, "friction": 0.0},
     true={"payload": 1.0, "friction": 1.0},
     start=((-0.4, 1.2, 0, 0), (-0.2, 1.4, 0, 0)),
-    commands=commands,
+    commands=lambda rng: partial(at, rng.uniform(1.0, 1.6), rng.uniform(0, 2 * np.pi), rng.uniform(0.1, 0.2)),
     duration=8.0,
     limit=60.0,
     observation=dict(zip(("q1", "q2", "dq1", "dq2", "slope1", "slope2"), read, strict=True)),
