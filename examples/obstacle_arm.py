@@ -30,7 +30,7 @@ read = ca.vertsplit(ca.vertcat(q, dq, ca.gradient(distance, q)))
 
 
 def at(rate, begin, wide, t):
-    """The goal moves slowly, and the obstacle on a circle through the hand's way."""
+    """The goal moves slowly, and the obstacle, which begins away from the hand, on a circle through its way."""
     cos, sin = wide * np.cos(rate * t + begin), wide * np.sin(rate * t + begin)
     values = 0.2 * np.sin(0.8 * t) - 0.4, 1.2, 0.95 + cos, 0.05 + sin, -rate * sin, rate * cos
     return dict(zip(names[2:], values, strict=True))
@@ -50,7 +50,7 @@ TASK = ControlTask(
     nominal={"payload": 0.0, "friction": 0.0},
     true={"payload": 1.0, "friction": 1.0},
     start=((-0.4, 1.2, 0, 0), (-0.2, 1.4, 0, 0)),
-    commands=lambda rng: partial(at, rng.uniform(1.0, 1.6), rng.uniform(0, 2 * np.pi), rng.uniform(0.1, 0.2)),
+    commands=lambda rng: partial(at, rng.uniform(1.0, 1.6), rng.uniform(-1.5, 0.8), rng.uniform(0.1, 0.2)),
     duration=8.0,
     limit=60.0,
     observation=dict(zip(("q1", "q2", "dq1", "dq2", "slope1", "slope2"), read, strict=True)),
