@@ -1,7 +1,7 @@
 """A two-link arm that lifts an unknown payload follows a goal, and its hand must not touch an obstacle that moves.
 
-    M(q) q'' + h(q, q') = u   from the Lagrangian, with a payload at the hand; the model believes in none
-    CLF: y = q - goal;   barrier: the hand's distance from the obstacle's rim; a policy reads q, q', d distance / dq
+M(q) q'' + h(q, q') = u   from the Lagrangian, with a payload at the hand; the model believes in none
+CLF: y = q - goal;   barrier: the hand's distance from the obstacle's rim; a policy reads q, q', d distance / dq
 """
 
 from functools import partial

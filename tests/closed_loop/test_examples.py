@@ -12,7 +12,12 @@ from cbf_clf_qp.functions import NumpyFunction
 from own_systems.episode import Rider
 from own_systems.training import train
 
-LENGTHS = {**dict.fromkeys(("segway", "cart_pole", "obstacle_arm"), 60), "three_link_walker": 100, "own_controller_node": 45, "own_simulator_node": 45}
+LENGTHS = {
+    **dict.fromkeys(("segway", "cart_pole", "obstacle_arm"), 60),
+    "three_link_walker": 100,
+    "own_controller_node": 45,
+    "own_simulator_node": 45,
+}
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
 

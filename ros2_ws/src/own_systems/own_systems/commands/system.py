@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rabbit_common.options import complaints, fail
-from rabbit_common.own_folder import own_folder
+from rabbit_common.own_folder import new_file, own_folder
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -36,15 +36,16 @@ def evaluate(
     loaded = load(task)
     from own_systems.episode import Rider
 
-    rider, ridden = Rider(loaded), dict[str, list[Ride]]()
-    for name in controller.split(","):
-        with complaints(ValueError):
-            controlling = rider.controlling(name)
-        ridden[name] = [rider.ride(controlling, APART * seed + ride) for ride in range(rides)]
+    rider = Rider(loaded)
+    with complaints(ValueError):
+        chosen = {name: rider.controlling(name) for name in controller.split(",")}
+    folder = own_folder(out, "system evaluate") if out else None
+    seeds = [APART * seed + ride for ride in range(rides)]
+    ridden = {name: [rider.ride(controlling, each) for each in seeds] for name, controlling in chosen.items()}
     summary = {name: summarise(loaded, each) for name, each in ridden.items()}
     show(loaded, summary)
-    if out:
-        write_results(own_folder(out, "system evaluate"), loaded, ridden, {"seed": seed, "rides": rides, **summary})
+    if folder:
+        write_results(folder, loaded, ridden, {"seed": seed, "rides": rides, **summary})
 
 
 def load(source: str) -> "ControlTask":
@@ -114,20 +115,21 @@ def write_results(folder: Path, task: "ControlTask", ridden: "dict[str, list[Rid
 @app.command()
 def train(
     task: Task,
-    out: Annotated[Path, typer.Option(help="policy file")] = Path("policy.safetensors"),
+    out: Annotated[Path, typer.Option(help="new policy file")] = Path("policy.safetensors"),
     seed: Seed = 1,
     learner: Annotated[str, typer.Option(help="regression, ddpg, or one of your own")] = "regression",
     episodes: Annotated[int | None, typer.Option(help="rides to learn from", min=1, max=10_000)] = None,
 ) -> None:
     """Learn what the model gets wrong, from rides with the present estimates; scales and units are measured first."""
     loaded = load(task)
-    if out.suffix != ".safetensors":
+    if new_file(out).suffix != ".safetensors":
         fail(f"--out {out}: expected a name that ends in .safetensors")
     from own_systems.training import train, write
 
     with complaints(OSError):
         out.parent.mkdir(parents=True, exist_ok=True)
-        out.touch()
+        out.touch()  # where nothing can be written, nobody need train
+        out.unlink()
     changes: dict[str, Any] = {"learner": learner} | ({"episodes": episodes} if episodes else {})
     with complaints(ValueError, OSError):
         policy, _ = train(loaded, seed, **changes)
