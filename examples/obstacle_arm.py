@@ -51,7 +51,7 @@ TASK = ControlTask(
     true={"payload": 1.0, "friction": 1.0},
     start=((-0.4, 1.2, 0, 0), (-0.2, 1.4, 0, 0)),
     commands=lambda rng: partial(at, rng.uniform(1.0, 1.6), rng.uniform(-1.5, 0.8), rng.uniform(0.1, 0.2)),
-    duration=8.0,
+    duration=12.0,
     limit=60.0,
     observation=dict(zip(("q1", "q2", "dq1", "dq2", "slope1", "slope2"), read, strict=True)),
     coordinates=("shoulder", "elbow"),
