@@ -238,7 +238,7 @@ def test_what_is_wrong_ends_a_command_with_one_line(cart, words, tmp_path, monke
 def test_five_trainings_keep_what_the_nominal_controller_breaks(name):
     task = load_task(str(EXAMPLES / f"{name}.py"))
     rider, kept = Rider(task), dict.fromkeys(("nominal", "learned", "oracle"), 0)
-    for seed in range(1, 6):
+    for seed in range(11, 16):  # none of them was looked at while tasks and defaults were chosen
         policy, _ = train(task, seed)
         for label, controlling in (("nominal", "nominal"), ("learned", policy), ("oracle", "oracle")):
             kept[label] += sum(rider.ride(controlling, 1_000_000 * seed + k).is_kept for k in range(10))
