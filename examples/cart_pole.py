@@ -3,8 +3,8 @@
     CLF:      y = theta - the lean that is asked for
     barrier:  wall - (where the pole's tip is going) >= 0
 
-To stop, the cart must run ahead of the pole. A limit on the tip f = x + LENGTH sin(theta) alone has the relative degree 4.
-So the barrier looks ahead: f + 3 T f' + 3 T^2 f'' + T^3 f''' stays before the wall, and then so does f.
+To stop, the cart must run ahead of the pole. A limit on the tip f = x + LENGTH sin(theta) alone has relative degree 4:
+the barrier looks ahead: f + 3 T f' + 3 T^2 f'' + T^3 f''' stays before the wall, and then so does f.
 """
 
 import casadi as ca

@@ -9,8 +9,15 @@ import casadi as ca
 import numpy as np
 import pytest
 from cbf_clf_qp.functions import NumpyFunction
+from own_systems.episode import Rider
+from own_systems.training import train
 
-LENGTHS = {"segway": 90, "three_link_walker": 100, "own_controller_node": 45, "own_simulator_node": 45}
+LENGTHS = {
+    **dict.fromkeys(("segway", "cart_pole", "obstacle_arm"), 60),
+    "three_link_walker": 100,
+    "own_controller_node": 45,
+    "own_simulator_node": 45,
+}
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
@@ -75,15 +82,16 @@ def test_own_robots_energy_changes_by_the_motors_power():
 
 
 def test_segway_learns_to_keep_the_limit():
-    segway = load("segway")
+    task = load("segway").TASK
+    rider = Rider(task)
 
-    def worst(estimate):
-        return max(segway.ride((77, 1, k), estimate)[:, 0].max() for k in range(2)) - segway.LIMIT
+    def worst(controlling):
+        return -min(rider.ride(controlling, 77_000_000 + k).margins[0] for k in range(2))
 
     nominal = worst("nominal")
     assert nominal > 0.3
-    assert worst("oracle") <= segway.KEPT
-    assert worst(segway.train(77, episodes=2)) < 0.2 * nominal
+    assert worst("oracle") <= task.tolerance
+    assert worst(train(task, 77, episodes=2)[0]) < 0.2 * nominal
 
 
 def test_own_barrier_lowers_the_swing_foot():

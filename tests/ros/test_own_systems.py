@@ -101,7 +101,7 @@ def test_a_policy_is_swapped_between_two_ticks(world: Any) -> None:
     world.spin(0.5)
     first, refused, swap = swaps
     assert (first.version, first.accepted, refused.accepted, swap.accepted) == (NOMINAL, True, False, True)
-    assert "is for ('another'" in refused.reason
+    assert "trained for another" in refused.reason
     assert (swap.episode, swap.tick) > (1, 0)
     rider, rest = Rider(task), [each for each in torques if each.episode == swap.episode]
     expected = []

@@ -13,6 +13,7 @@ FOREIGN = (
     *("cache/notes.txt", "made_with/0.json", "training/1.txt", "policies/1.txt", "pictures/1.png", "checkpoint.pt"),
     *("progress.json", "search.log", "results.jsonl"),
 )
+CART_POLE = Path(__file__).parents[2] / "examples" / "cart_pole.py"
 FOLDERS = {
     "evaluate": (),
     "evaluate, overwritten": ("--overwrite",),
@@ -28,6 +29,8 @@ FOLDERS = {
     "faults": ("--runs", 1),
     "bag plot": ("none.mcap",),
     "walk": (),
+    "system evaluate": (CART_POLE, "--rides", 1),
+    "system ride": (CART_POLE,),
     "soak": (),
     "jitter": (),
 }
@@ -36,6 +39,7 @@ FILES = {
     "bench": (),
     "estimates": ("rl-cbf-clf-qp",),
     "rival gp": ("session",),
+    "system train": (CART_POLE,),
 }
 
 

@@ -81,24 +81,30 @@ class Rider:
         self.problem = problem or Problem(task.name, terms.inputs, terms.names, observed, units)
         self.ticks = SystemTicks(task.tick, self.problem, task.seconds, np.inf if task.limit is None else task.limit)
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the controllers that are no policies."""
+        return NOMINAL, ORACLE, *self.task.controllers
+
     def controlling(self, name: str) -> Controlling:
         """A controller by its name, or a policy by its file; raises `TaskError`."""
-        if name in (NOMINAL, ORACLE, *self.task.controllers):
+        if name in self.names:
             return name
         if not name.endswith(".safetensors"):
-            known = ", ".join((NOMINAL, ORACLE, *self.task.controllers))
-            raise TaskError(f"controller {name}: expected {known}, or a policy's file")
+            raise TaskError(f"controller {name}: expected {', '.join(self.names)}, or a policy's file")
         try:
             return self.fitted(read(Path(name)))
         except PolicyFileError as error:
-            raise TaskError(str(error)) from error
+            raise TaskError(f"policy {name}: {error}") from error
 
     def fitted(self, file: PolicyFile) -> ActorPolicy:
         """The policy of a file; raises `PolicyFileError` where it was trained for another task."""
         about, problem = file.metadata, self.problem
-        now = problem.name, problem.quantities, problem.inputs, problem.observation
-        if (then := (about.problem, about.names, about.m, about.observation)) != now:
-            raise PolicyFileError(f"policy {file.version} is for {then}: expected {now}")
+        if about.problem != problem.name:
+            raise PolicyFileError(f"trained for {about.problem}; this task is {problem.name}")
+        now = problem.quantities, problem.inputs, problem.observation
+        if (then := (about.names, about.m, about.observation)) != now:
+            raise PolicyFileError(f"for {then}: {problem.name} is now {now}")
         return ActorPolicy(file)
 
     def ride(self, controlling: Controlling, seed: int, noise: float = 0.0) -> Ride:
@@ -133,6 +139,7 @@ class Rider:
 
     def begin(self, controlling: Controlling) -> None:
         """The first tick of an episode comes next."""
+        self.task.tick.reset()
         policy = controlling if isinstance(controlling, LearnedPolicy) else None
         self.ticks.begin(policy, self.task.true if controlling == ORACLE else None)
 

@@ -201,7 +201,7 @@ def load_task(source: str) -> ControlTask:
         try:
             found = plugins.load(GROUP, source)
         except LookupError as error:
-            raise TaskError(f"{error}, or a file that ends in .py") from error
+            raise TaskError(f"{error}; or a file that ends in .py") from error
         return _checked(found, source)
     path = Path(source)
     if not path.is_file():

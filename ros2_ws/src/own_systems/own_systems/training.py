@@ -17,8 +17,8 @@ from own_systems.task import ControlTask
 RIDES = 3  # of the nominal controller and of the oracle, each
 ROOM = 1.5  # of a scale, over the most that was seen
 LEAST = 1e-3  # of a scale, where nothing was seen
-SLOW = {"actor_rate": 6e-4, "critic_rate": 1e-3, "polyak": 5e-4, "batch": 160, "hidden1": 64, "hidden2": 64}
-SCHEDULE = {"sigma_factors": (1,), "nominal_episodes": 1, "updates_per_tick": 0, "updates_least": 600, "episodes": 4}
+SLOW = {"actor_rate": 6e-4, "critic_rate": 1e-3, "polyak": 3e-3, "batch": 160, "hidden1": 64, "hidden2": 64}
+SCHEDULE = {"sigma_factors": (1,), "nominal_episodes": 1, "updates_per_tick": 0, "updates_least": 600, "episodes": 5}
 
 
 def measured_problem(task: ControlTask, seed: int) -> Problem:

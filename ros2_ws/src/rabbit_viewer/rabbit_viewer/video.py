@@ -1,7 +1,7 @@
 """A walk as a film: MP4, and a small GIF. The encoder is the one that imageio-ffmpeg brings."""
 
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from pathlib import Path
 
@@ -14,7 +14,7 @@ from rabbit_viewer.scene import SIZE, Scene
 FRAME_RATE = 25  # 1/s
 LAST_FRAME = 0.8  # s, for which the last frame stays
 GIF_RATE, GIF_WIDTH = 12.5, 480
-PICTURES = ("-f", "rawvideo", "-pix_fmt", "rgba", "-s", f"{SIZE[0]}x{SIZE[1]}", "-r", str(FRAME_RATE), "-i", "-")
+PICTURES = ("-f", "rawvideo", "-pix_fmt", "rgba", "-r", str(FRAME_RATE), "-s")  # and the size
 MP4 = ("-map", "0:v", "-c:v", "libx264", "-preset", "veryfast", "-crf", "25", "-pix_fmt", "yuv420p")
 SMALL = f"[0:v]fps={GIF_RATE},scale={GIF_WIDTH}:-1:flags=area,split[a][b]"
 GIF = ("-filter_complex", f"{SMALL};[a]palettegen=max_colors=64[p];[b][p]paletteuse[gif]", "-map", "[gif]")
@@ -30,15 +30,20 @@ def film(walk: WalkRecords, path: Path, speed: float = 1.0, gif: bool = False) -
     Raises:
         VideoError: the encoder failed.
     """
+    return encode(_frames(walk, speed), SIZE, path, gif)
+
+
+def encode(frames: Iterable[memoryview], size: tuple[int, int], path: Path, gif: bool = False) -> list[Path]:
+    """Write RGBA pictures of `size` (width, height), `FRAME_RATE` a second, as `film` does."""
     import imageio_ffmpeg  # type: ignore[import-untyped]  # pictures do without it
 
     path.parent.mkdir(parents=True, exist_ok=True)
     made = [path, path.with_suffix(".gif")] if gif else [path]
-    words = [imageio_ffmpeg.get_ffmpeg_exe(), "-y", "-loglevel", "error", *PICTURES, *MP4, str(path)]
-    words += [*GIF, str(made[1])] if gif else []
+    words = [imageio_ffmpeg.get_ffmpeg_exe(), "-y", "-loglevel", "error", *PICTURES, f"{size[0]}x{size[1]}", "-i", "-"]
+    words += [*MP4, str(path), *(GIF if gif else ()), *map(str, made[1:])]
     with subprocess.Popen(words, stdin=subprocess.PIPE, stderr=subprocess.PIPE) as encoder:
         with suppress(BrokenPipeError):  # it has ended, and says why
-            for picture in _frames(walk, speed):
+            for picture in frames:
                 encoder.stdin.write(picture)  # type: ignore[union-attr]
         _, complaint = encoder.communicate()
     if encoder.returncode:

@@ -1,0 +1,187 @@
+"""A control task of your own: evaluate, train, ride, check."""
+
+import csv
+import json
+from collections import Counter
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rabbit_common.options import complaints, fail
+from rabbit_common.own_folder import new_file, own_folder
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from own_systems.episode import Ride
+    from own_systems.task import ControlTask
+
+DIFFERS = 1
+APART = 1_000_000  # seeds of evaluations begin here times their own; those of trainings are 32 bits long, drawn
+
+app = typer.Typer(help=__doc__, no_args_is_help=True, add_completion=False)
+Task = Annotated[str, typer.Argument(help="a .py file with a ControlTask, or its entry point in rabbit.systems")]
+Seed = Annotated[int, typer.Option(help="of starts, commands and weights", min=0, max=2**31)]
+
+
+@app.command()
+def evaluate(
+    task: Task,
+    controller: Annotated[str, typer.Option(help="names, or policy files", metavar="NAME,...")] = "nominal,oracle",
+    rides: Annotated[int, typer.Option(help="of each controller, the same ones", min=1, max=100_000)] = 10,
+    seed: Seed = 1,
+    out: Annotated[Path | None, typer.Option(help="folder for runs.csv, summary.json, margins.png")] = None,
+) -> None:
+    """Ride many seeded episodes under each controller: which kept every barrier, and by how much."""
+    loaded = load(task)
+    from own_systems.episode import Rider
+
+    rider = Rider(loaded)
+    with complaints(ValueError):
+        chosen = {name: rider.controlling(name) for name in controller.split(",")}
+    folder = own_folder(out, "system evaluate") if out else None
+    seeds = [APART * seed + ride for ride in range(rides)]
+    ridden = {name: [rider.ride(controlling, each) for each in seeds] for name, controlling in chosen.items()}
+    summary = {name: summarise(loaded, each) for name, each in ridden.items()}
+    show(loaded, summary)
+    if folder:
+        write_results(folder, loaded, ridden, {"seed": seed, "rides": rides, **summary})
+
+
+def load(source: str) -> "ControlTask":
+    """The task; ends the command where there is none, or it is wrong."""
+    from own_systems.task import load_task
+
+    with complaints(Exception):  # a file is code, and may raise anything
+        return load_task(source)
+
+
+def summarise(task: "ControlTask", rides: "Sequence[Ride]") -> dict[str, Any]:
+    """Of one controller's rides; a barrier's figures are of rides that did not fail."""
+    import numpy as np
+    from rabbit_experiments.summary import mean_interval, wilson
+
+    kept = sum(ride.is_kept for ride in rides)
+    found: dict[str, Any] = {"kept": kept, "of": len(rides), "kept_ci95": wilson(kept, len(rides)), "barriers": {}}
+    done = np.array([ride.margins for ride in rides if ride.outcome == "done"])
+    for name, margins in zip((b.name for b in task.barriers), done.T, strict=False):
+        figures = {"worst": float(margins.min()), "mean": float(margins.mean()), "mean_ci95": mean_interval(margins)}
+        found["barriers"][name] = figures
+    return found | {"outcomes": dict(Counter(ride.outcome for ride in rides))}
+
+
+def show(task: "ControlTask", summary: dict[str, Any]) -> None:
+    """The table."""
+    from rich.console import Console
+    from rich.table import Table
+
+    names = [each.name for each in task.barriers]
+    table = Table(
+        "controller", "rides that kept all [95%]", *(f"{name}: worst; mean [95%]" for name in names), "outcomes"
+    )
+    for controller, of in summary.items():
+        row = [Path(controller).stem, f"{of['kept']} of {of['of']} {interval(of['kept_ci95'], 2)}"]
+        for name in names:
+            b = of["barriers"].get(name)
+            row.append(f"{b['worst']:.4f}; {b['mean']:.4f} {interval(b['mean_ci95'], 4)}" if b else "-")
+        table.add_row(*row, ", ".join(f"{count} {name}" for name, count in of["outcomes"].items()))
+    Console().print(table)
+
+
+def interval(ends: tuple[float, float] | None, digits: int) -> str:
+    """As in (0.72, 1.00)."""
+    return f"({ends[0]:.{digits}f}, {ends[1]:.{digits}f})" if ends else ""
+
+
+def write_results(folder: Path, task: "ControlTask", ridden: "dict[str, list[Ride]]", summary: dict[str, Any]) -> None:
+    """A row for each ride, the summary, and a picture."""
+    from rabbit_description.atomic_file import replace_text, replacing
+
+    from own_systems.pictures import draw_margins
+
+    with complaints(OSError):
+        with replacing(folder / "runs.csv") as partial, partial.open("w", newline="", encoding="utf-8") as file:
+            table = csv.writer(file)
+            table.writerow(["controller", "seed", "ticks", "outcome", "kept", *(b.name for b in task.barriers)])
+            for name, rides in ridden.items():
+                for ride in rides:
+                    ended = len(ride.moments), ride.outcome, ride.is_kept
+                    table.writerow([name, ride.seed, *ended, *ride.margins.tolist()])
+        replace_text(folder / "summary.json", json.dumps({"task": task.name, **summary}, indent=2))
+        draw_margins(task, ridden, folder / "margins.png")
+    print(f"written {folder}")
+
+
+@app.command()
+def train(
+    task: Task,
+    out: Annotated[Path, typer.Option(help="new policy file")] = Path("policy.safetensors"),
+    seed: Seed = 1,
+    learner: Annotated[str, typer.Option(help="regression, ddpg, or one of your own")] = "regression",
+    episodes: Annotated[int | None, typer.Option(help="rides to learn from", min=1, max=10_000)] = None,
+) -> None:
+    """Learn what the model gets wrong, from rides with the present estimates; scales and units are measured first."""
+    loaded = load(task)
+    if new_file(out).suffix != ".safetensors":
+        fail(f"--out {out}: expected a name that ends in .safetensors")
+    from own_systems.training import train, write
+
+    with complaints(OSError):
+        out.parent.mkdir(parents=True, exist_ok=True)
+        out.touch()  # where nothing can be written, nobody need train
+        out.unlink()
+    changes: dict[str, Any] = {"learner": learner} | ({"episodes": episodes} if episodes else {})
+    with complaints(ValueError, OSError):
+        policy, _ = train(loaded, seed, **changes)
+        print(f"written {write(policy, out)}")
+
+
+@app.command()
+def ride(
+    task: Task,
+    out: Annotated[Path, typer.Option(help="folder for recording, plot and film")],
+    controller: Annotated[str, typer.Option(help="its name, or a policy file")] = "nominal",
+    seed: Seed = 1,
+) -> None:
+    """Ride one episode: recording/, rows.png and, of a task that has `draw`, ride.mp4."""
+    loaded = load(task)
+    from rabbit_common.executables import LaunchError
+    from rabbit_recording import RecordingError
+    from rabbit_viewer.video import VideoError
+    from rl_cbf_clf_controller.policy import ActorPolicy
+
+    from own_systems.episode import Rider
+    from own_systems.pictures import draw_ride, film
+    from own_systems.recording import RideWriter
+
+    rider = Rider(loaded)
+    with complaints(ValueError):
+        controlling = rider.controlling(controller)
+    folder = own_folder(out, "system ride")
+    ridden = rider.ride(controlling, seed)
+    with complaints(LaunchError, RecordingError, VideoError, OSError):
+        made = RideWriter(ridden, folder / "recording")
+        made.write(controlling if isinstance(controlling, ActorPolicy) else None)
+        print(f"{ridden.outcome}, kept: {'yes' if ridden.is_kept else 'no'}, {len(ridden.moments)} ticks")
+        print(folder / "recording", draw_ride(ridden, folder / "rows.png"), sep="\n")
+        if loaded.draw:
+            print(*film(ridden, folder / "ride.mp4"), sep="\n")
+
+
+@app.command()
+def check(
+    recording: Annotated[Path, typer.Argument(help="a recording's folder, or its .mcap file")],
+    task: Task,
+) -> None:
+    """Replay recorded states and parameters through the controller; exit code 1 if an input differs."""
+    loaded = load(task)
+    from rabbit_recording import RecordingError
+
+    from own_systems.recording import differing
+
+    with complaints(RecordingError):
+        count, wrong, furthest = differing(loaded, recording)
+    said = f"{len(wrong)} differ, by up to {furthest:.3g}, in ticks {wrong[:5]}" if wrong else "inputs identical"
+    print(f"{count} ticks replayed, {said}")
+    if wrong:
+        raise typer.Exit(DIFFERS)

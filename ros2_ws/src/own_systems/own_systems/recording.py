@@ -1,0 +1,166 @@
+"""A ride as a recording on the graph's topics, and back: what was recorded must come out of the controller again."""
+
+import json
+from array import array
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from cbf_clf_qp.functions import Array
+from rabbit_common.executables import sourced_share
+from rabbit_common.message_arrays import array_of, doubles
+from rabbit_common.message_checks import Refused
+from rabbit_recording import RecordingError
+from rabbit_recording.bag_writer import BagWriter, graph_types
+from rabbit_recording.reader import messages
+from rl_cbf_clf_controller.policy import ActorPolicy
+from rl_cbf_clf_controller.weights import PolicyFileError, decode
+from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
+
+from own_systems import messages as fields
+from own_systems.episode import NOMINAL, Controlling, Ride, Rider
+from own_systems.task import ControlTask
+
+RUNNING, ENDED = 1, 3  # phases of rabbit_msgs/Episode
+FOREVER = QosTime(9223372036, 854775807)
+LATCHED = {"episode": "Episode", "policy_swap": "PolicySwap", "controller_settings": "ControllerSettings"}
+BY_TICK = {
+    **{"state": "RobotState", "parameters": "TaskParameters", "torque": "TorqueCommand"},
+    **{"controller_state": "ControllerState", "learner_terms": "LearnerTerms"},
+}
+ZERO = {"float64": 0.0, "uint8": 0, "uint32": 0, "uint64": 0, "bool": False, "string": ""}
+
+
+class RideWriter:
+    """Writes the messages of one ride, its only episode; raises `RecordingError`."""
+
+    def __init__(self, ride: Ride, path: Path) -> None:
+        self._ride, self._types = ride, graph_types([sourced_share("rabbit_msgs")])
+        self._bag = BagWriter(path, self._types)
+        for topics, latched in ((LATCHED, True), (BY_TICK, False)):
+            for topic, kind in topics.items():
+                self._bag.add(f"/{topic}", f"rabbit_msgs/msg/{kind}", [offered(latched)])
+
+    def write(self, policy: ActorPolicy | None) -> None:
+        """All of it; `policy`: what rode, of a learned controller."""
+        ride, task = self._ride, self._ride.task
+        about = {"task": task.name, "controller": ride.controller, "seconds": task.seconds, "nominal": task.nominal}
+        self._add("controller_settings", 0, parameters=json.dumps(about))
+        if policy:
+            data = np.frombuffer(policy.file.encode(), np.uint8)
+            self._add("policy_swap", 0, version=policy.version, accepted=True, data=data)
+        episode = {"seed": ride.seed, "controller": ride.controller, "sigma": 0.0, **fields.layout_fields(task)}
+        self._add("episode", 0, phase=RUNNING, **episode)
+        applied = np.full(len(task.names_of_u), np.nan)
+        for k, moment in enumerate(ride.moments):
+            self._add("state", k, **fields.state_fields(task, moment.x, applied))
+            self._add("parameters", k, **fields.parameter_fields(task, moment.p))
+            self._add("torque", k, torque=doubles(moment.u), policy_version=ride.controller)
+            self._add("controller_state", k, **fields.controller_fields(task, moment, ride.controller))
+            if moment.decided is not None:
+                self._add("learner_terms", k, **fields.terms_fields(task, moment))
+            applied = moment.u
+        self._add("episode", len(ride.moments), phase=ENDED, outcome=ride.outcome, **episode)
+        self._bag.close()
+
+    def _add(self, topic: str, tick: int, **given: Any) -> None:
+        """One message; what is not given is empty or 0."""
+        kind, at = f"rabbit_msgs/msg/{({**LATCHED, **BY_TICK})[topic]}", round(tick * self._ride.task.seconds * 1e9)
+        stamp = self._types.types["builtin_interfaces/msg/Time"](*divmod(at, 10**9))
+        header = self._types.types["std_msgs/msg/Header"](stamp, "")
+        known = {"header": header, "episode": 1, "tick": tick, "sender": self._ride.controller, **given}
+        forms = self._types.fielddefs[kind][1]
+        values = {name: known[name] if name in known else empty(form) for name, form in forms}
+        values = {name: np.array(value) if isinstance(value, array) else value for name, value in values.items()}
+        data = self._types.serialize_cdr(self._types.types[kind](**values), kind)
+        self._bag.write(f"/{topic}", at, bytes(data))
+
+
+def empty(form: Any) -> Any:
+    """Of a field that nobody gives: 0, or an empty sequence."""
+    node, detail = form
+    if node.name == "BASE":
+        return ZERO[detail[0]]
+    inner = detail[0][1][0]
+    return [] if inner == "string" else np.zeros(0, inner)
+
+
+def offered(latched: bool) -> Qos:
+    """As docs/topics.md has them: latched events, or every tick."""
+    durability, depth = (QosDurability.TRANSIENT_LOCAL, 20) if latched else (QosDurability.VOLATILE, 5000)
+    kept = QosHistory.KEEP_LAST, depth, QosReliability.RELIABLE, durability
+    return Qos(*kept, FOREVER, FOREVER, QosLiveliness.AUTOMATIC, FOREVER, avoid_ros_namespace_conventions=False)
+
+
+@dataclass(frozen=True)
+class RecordedTick:
+    """What was measured and commanded at a tick, and the answer: x (n,), p (k,), u (m,), by whom."""
+
+    episode: int
+    tick: int
+    x: Array
+    p: Array
+    u: Array
+    by: str
+
+
+def recorded_ticks(task: ControlTask, path: Path, policies: dict[str, bytes]) -> Iterator[RecordedTick]:
+    """Those with state, parameters and torque; `policies` gets the recorded ones by version.
+
+    Raises `RecordingError` where it is of another task.
+    """
+    x = p = turn = None
+    layout = [fields.layout_fields(task)[name] for name in ("coordinates", "joints")]
+    for topic, m in messages(path, "episode", "policy_swap", "state", "parameters", "torque"):
+        try:
+            if topic == "episode" and [m.coordinates, m.joints] != layout:
+                was = ", ".join((*m.coordinates, *m.joints))
+                raise RecordingError(f"recording {path}: of another system, with {was}; not of {task.name}")
+            if topic == "policy_swap" and m.accepted:
+                policies[m.version] = bytes(m.data)
+            elif topic == "parameters":
+                p = fields.parameters_of(task, m)
+            elif topic == "state":
+                turn, x = (m.episode, m.tick), fields.state_of(task, m)
+            elif topic == "torque" and (m.episode, m.tick) == turn and x is not None and p is not None:
+                u = array_of(m, "torque", len(task.names_of_u))
+                yield RecordedTick(m.episode, m.tick, x, p, u, m.policy_version)
+        except Refused as error:
+            raise RecordingError(f"recording {path}: {topic} of tick {turn}: {error}") from error
+
+
+def differing(task: ControlTask, path: Path) -> tuple[int, list[int], float]:
+    """How many ticks were replayed, which did not come out to the bit, and by how much at most (in the input's unit).
+
+    Raises `RecordingError`, also where a policy is not in it or not for this task.
+    """
+    rider, policies = Rider(task), dict[str, bytes]()
+    by: str | None = None
+    controlling: Controlling = NOMINAL
+    count, wrong, furthest = 0, list[int](), 0.0
+    for tick in recorded_ticks(task, path, policies):
+        if tick.by != by or not tick.tick:
+            by, controlling = tick.by, recorded_controller(rider, path, tick.by, policies)
+            rider.begin(controlling)
+        u = rider.moment(controlling, 0.0, tick.x, tick.p, np.zeros(rider.problem.inputs)).u
+        count += 1
+        if off := float(np.abs(u - tick.u).max()):
+            wrong.append(tick.tick)
+            furthest = max(furthest, off)
+    if not count:
+        raise RecordingError(f"recording {path}: no tick of {task.name} in it")
+    return count, wrong, furthest
+
+
+def recorded_controller(rider: Rider, path: Path, by: str, policies: dict[str, bytes]) -> Controlling:
+    """Who made a torque: a controller by its name, or a policy that is in the recording."""
+    if by == "zero":
+        return NOMINAL
+    if by in rider.names:
+        return by
+    try:
+        return rider.fitted(decode(policies[by]))
+    except (KeyError, PolicyFileError, ValueError) as error:
+        raise RecordingError(f"recording {path}: policy {by} is not in it, or not for this task: {error}") from error

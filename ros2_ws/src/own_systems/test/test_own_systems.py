@@ -1,0 +1,246 @@
+"""A cart before a wall, half as heavy in its model: what follows from the task is compared with closed forms."""
+
+import csv
+import json
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+from cbf_clf_qp import Clf, System
+from own_systems import ControlTask, TaskError
+from own_systems.commands.system import app
+from own_systems.episode import Rider
+from own_systems.recording import RideWriter, differing
+from own_systems.task import load_task
+from own_systems.training import measured_problem, train, write
+from rabbit_recording import RecordingError
+from rabbit_recording.contents import contents
+from scipy.linalg import expm
+from typer.testing import CliRunner
+
+EXAMPLES = Path(__file__).resolve().parents[4] / "examples"
+POLE, LIMIT = 4.0, 20.0  # 1/s, N
+CART = """
+import casadi as ca
+from cbf_clf_qp import Barrier, Clf, System
+from own_systems import ControlTask, Disc
+x, v, u, mass, target = (ca.SX.sym(name) for name in ("x", "v", "u", "mass", "target"))
+TASK = ControlTask(
+    "cart", System(ca.vertcat(x, v), u, ca.vertcat(v, u / mass), parameters=[mass, target]),
+    [Clf(x - target), Barrier("wall", 1 - x, poles=(4.0, 4.0))], limit=20.0,
+    nominal={"mass": 1.0}, true={"mass": 2.0}, start=((-0.1, 0.0), (0.1, 0.0)),
+    commands=lambda rng: lambda t: {"target": 1.2}, duration=3.0, tolerance=1e-3,
+    coordinates=("x",), draw=lambda x, p: [Disc((x[0], p["target"]), 0.1)],
+)
+"""
+
+
+@pytest.fixture
+def cart(tmp_path):
+    """The task's file."""
+    path = tmp_path / "cart.py"
+    path.write_text(CART)
+    return path
+
+
+@pytest.fixture
+def task(cart):
+    return load_task(str(cart))
+
+
+def test_the_plant_is_the_exact_solution_of_a_linear_system():
+    x, u = ca.SX.sym("x", 2), ca.SX.sym("u")
+    A, b = np.array([[0.0, 1.0], [-4.0, -0.4]]), np.array([0.0, 2.0])
+    system = System(x, u, ca.DM(A) @ x + ca.DM(b) * u)
+    task = ControlTask("spring", system, [Clf(x[0])], {}, {}, ((0, 0), (0, 0)), seconds=0.05)
+    found, held = (
+        task.moved(np.array([1.0, -0.5]), np.zeros(0), np.array([0.7])),
+        expm(0.05 * np.block([[A, 0.7 * b[:, None]], [np.zeros((1, 3))]])),
+    )
+    assert found == pytest.approx((held @ [1.0, -0.5, 1.0])[:2], abs=1e-13)
+
+
+@pytest.mark.parametrize(("controller", "mass"), [("nominal", 1.0), ("oracle", 2.0)])
+def test_where_the_barrier_alone_decides_the_input_is_its_closed_form(task, controller, mass):
+    ride = Rider(task).ride(controller, 1)
+    near = [m for m in ride.moments if "wall" in m.decided.active and abs(m.u[0]) < LIMIT]
+    assert len(near) > 50
+    for m in near:  # B'' = -u / mass = -2 pole B' - pole^2 B, but for the slack of last resort, mu over its weight
+        x, v = m.x
+        assert m.u[0] == pytest.approx(mass * (POLE**2 * (1 - x) - 2 * POLE * v), abs=1e-4)
+
+
+def test_the_oracle_keeps_the_barrier_and_the_nominal_controller_does_not(task):
+    rider = Rider(task)
+    assert all(rider.ride("oracle", seed).is_kept for seed in range(5))
+    assert not any(rider.ride("nominal", seed).is_kept for seed in range(5))
+
+
+def test_no_input_exceeds_its_limit_also_with_noise(task):
+    ride = Rider(task).ride("nominal", 1, noise=30.0)
+    assert max(abs(m.u[0]) for m in ride.moments) == LIMIT
+
+
+def test_a_controller_of_ones_own_is_cut_to_the_limit_and_needs_no_qp(task):
+    own = replace(task, controllers={"bang": lambda x, p: [100.0]})
+    ride = Rider(own).ride("bang", 1)
+    assert {m.u[0] for m in ride.moments} == {LIMIT}
+    assert ride.moments[-1].x[1] == pytest.approx(LIMIT / 2.0 * (task.duration - task.seconds))
+
+
+def test_an_episode_that_fails_ends_there(task):
+    failing = replace(task, failed=task.system.x[0] - 0.5)
+    ride = Rider(failing).ride("nominal", 1)
+    assert (ride.outcome, ride.is_kept) == ("failed", False)
+    assert len(ride.moments) < 300
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        ({"commands": lambda rng: lambda t: {}}, "commands give nothing: expected target"),
+        ({"commands": lambda rng: lambda t: {"goal": 1.0}}, "commands give goal: expected target"),
+        ({"nominal": {"mas": 1.0}}, "nominal = mas: expected some of mass, target"),
+        ({"true": {"target": 1.0}}, "true = target: expected some of mass"),
+        ({"true": {"mass": np.nan}}, "mass = nan"),
+        ({"start": ((0,), (0,))}, "start = "),
+        ({"start": ((1, 0), (0, 0))}, "start = "),
+        ({"seconds": 0.0}, "seconds = 0.0"),
+        ({"coordinates": ("a", "b", "c")}, "coordinates = "),
+    ],
+)
+def test_what_does_not_fit_is_named(task, change, text):
+    with pytest.raises(TaskError) as error:
+        replace(task, **change)
+    assert text in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("source", "text"),
+    [("nosuch", "rabbit.systems nosuch"), ("nosuch.py", "nosuch.py: no such file"), (__file__, "0 objects")],
+)
+def test_a_source_without_a_task_is_named(source, text):
+    with pytest.raises(TaskError, match=text):
+        load_task(source)
+
+
+def test_the_same_seed_gives_the_same_ride_in_another_process_too(task, cart):
+    here = [m.u[0].hex() for m in Rider(task).ride("oracle", 7).moments]
+    code = (
+        "import sys; from own_systems.episode import Rider; from own_systems.task import load_task;"
+        "print(*[m.u[0].hex() for m in Rider(load_task(sys.argv[1])).ride('oracle', 7).moments])"
+    )
+    told = subprocess.run([sys.executable, "-c", code, cart], capture_output=True, text=True, check=True)
+    assert told.stdout.split() == here
+    assert [m.u[0].hex() for m in Rider(task).ride("oracle", 8).moments] != here
+
+
+def test_measured_units_hold_the_errors_closed_form(task):
+    problem = measured_problem(task, 1)  # u = mu; of y'' and B'' the error is (1/2 - 1) mu, and no beta
+    assert problem.alpha_scale == pytest.approx((0.75, 0.75))
+    assert max(problem.beta_scale) == pytest.approx(1e-3)
+
+
+def test_training_finds_the_error_and_keeps_the_barrier(task, tmp_path):
+    said = []
+    policy, problem = train(task, 1, said.append)
+    assert len(said) == 5
+    rider = Rider(task, problem)
+    nominal, learned = (min(rider.ride(c, seed).margins[0] for seed in range(3)) for c in ("nominal", policy))
+    assert learned > 0.2 * nominal
+    path = write(policy, tmp_path / "policy.safetensors")
+    again = Rider(task)
+    assert again.controlling(str(path)).version == policy.version
+    with pytest.raises(TaskError, match="trained for cart; this task is other"):
+        Rider(replace(task, name="other")).controlling(str(path))
+    ride = again.ride(again.controlling(str(path)), 5)
+    RideWriter(ride, tmp_path / "bag").write(policy)
+    assert differing(task, tmp_path / "bag") == (300, [], 0.0)
+    assert contents(tmp_path / "bag").episodes[0].policies == [policy.version]
+
+
+@pytest.mark.parametrize("controller", ["nominal", "oracle", "own"])
+def test_a_recording_replays_to_the_bit_and_a_changed_one_is_found(task, tmp_path, controller):
+    task = replace(task, controllers={"own": lambda x, p: [p[1] - x[0] - x[1]]})
+    ride = Rider(task).ride(controller, 3)
+    RideWriter(ride, tmp_path / "bag").write(None)
+    (episode,) = contents(tmp_path / "bag").episodes
+    assert (episode.recorded, episode.lost, episode.seed, episode.outcome) == (300, 0, 3, "done")
+    assert differing(task, tmp_path / "bag") == (300, [], 0.0)
+    moment = ride.moments[17]
+    ride.moments[17] = replace(moment, u=np.nextafter(moment.u, 100))
+    RideWriter(ride, tmp_path / "changed").write(None)
+    count, wrong, furthest = differing(task, tmp_path / "changed")
+    assert (count, wrong) == (300, [17])
+    assert furthest > 0
+
+
+def test_a_recording_of_another_system_is_refused(task, tmp_path):
+    RideWriter(Rider(task).ride("nominal", 3), tmp_path / "bag").write(None)
+    with pytest.raises(RecordingError, match="of another system, with x, u1; not of segway"):
+        differing(load_task(str(EXAMPLES / "segway.py")), tmp_path / "bag")
+
+
+def typed(*words):
+    """A command's exit code, and what it printed."""
+    result = CliRunner().invoke(app, [str(word) for word in words])
+    return result.exit_code, result.output
+
+
+def test_the_commands(cart, task, tmp_path):
+    code, said = typed("evaluate", cart, "--rides", 3, "--out", tmp_path / "e")
+    assert code == 0, said
+    summary = json.loads((tmp_path / "e" / "summary.json").read_text())
+    assert (summary["nominal"]["kept"], summary["oracle"]["kept"]) == (0, 3)
+    rows = list(csv.DictReader((tmp_path / "e" / "runs.csv").open()))
+    assert [row["kept"] for row in rows] == ["False"] * 3 + ["True"] * 3
+    first = Rider(task).ride("nominal", int(rows[0]["seed"]))
+    assert float(rows[0]["wall"]) == first.margins[0]
+    assert (tmp_path / "e" / "margins.png").is_file()
+    code, said = typed("ride", cart, "--controller", "oracle", "--out", tmp_path / "r")
+    assert code == 0, said
+    assert {path.name for path in (tmp_path / "r").iterdir()} >= {"recording", "rows.png", "ride.mp4"}
+    assert typed("check", tmp_path / "r" / "recording", cart) == (0, "300 ticks replayed, inputs identical\n")
+    cart.write_text(CART.replace("(4.0, 4.0)", "(4.0, 5.0)"))
+    code, said = typed("check", tmp_path / "r" / "recording", cart)
+    assert code == 1
+    assert "differ" in said
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("evaluate", "nosuch.py"),
+        ("evaluate", "{cart}", "--controller", "nosuch"),
+        ("evaluate", "{cart}", "--controller", "nosuch.safetensors"),
+        ("evaluate", "{cart}", "--rides", "1", "--out", "/proc/nosuch"),
+        ("train", "{cart}", "--learner", "nosuch"),
+        ("train", "{cart}", "--out", "/proc/nosuch/p.safetensors"),
+        ("train", "{cart}", "--out", "policy.txt"),
+        ("check", "nosuch", "{cart}"),
+    ],
+)
+def test_what_is_wrong_ends_a_command_with_one_line(cart, words, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    result = CliRunner().invoke(app, [word.format(cart=cart) for word in words])
+    assert result.exit_code == 2
+    last = result.output.strip().splitlines()
+    assert last[-1].startswith("rabbit: ")
+    assert "Traceback" not in result.output
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["cart_pole", "segway", "obstacle_arm"])
+def test_five_trainings_keep_what_the_nominal_controller_breaks(name):
+    task = load_task(str(EXAMPLES / f"{name}.py"))
+    rider, kept = Rider(task), dict.fromkeys(("nominal", "learned", "oracle"), 0)
+    for seed in range(11, 16):  # none of them was looked at while tasks and defaults were chosen
+        policy, _ = train(task, seed)
+        for label, controlling in (("nominal", "nominal"), ("learned", policy), ("oracle", "oracle")):
+            kept[label] += sum(rider.ride(controlling, 1_000_000 * seed + k).is_kept for k in range(10))
+    assert kept["nominal"] <= 10
+    assert (kept["learned"], kept["oracle"]) == (50, 50)
