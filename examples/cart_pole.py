@@ -7,10 +7,12 @@ To stop, the cart must run ahead of the pole. A limit on the tip f = x + LENGTH 
 the barrier looks ahead: f + 3 T f' + 3 T^2 f'' + T^3 f''' stays before the wall, and then so does f.
 """
 
+from collections.abc import Mapping
+
 import casadi as ca
 import numpy as np
 from cbf_clf_qp import Barrier, Clf, mechanical
-from own_systems import ControlTask, Disc, Line
+from own_systems import Commands, ControlTask, Disc, Line, Shape
 
 LENGTH, GRAVITY, AHEAD = 0.8, 9.81, 0.25  # m; m/s^2; T, s
 q, dq, force = ca.SX.sym("q", 2), ca.SX.sym("dq", 2), ca.SX.sym("force")
@@ -23,13 +25,13 @@ goes_to = x + LENGTH * sin + 3 * AHEAD * (v + LENGTH * cos * omega)
 goes_to += 3 * AHEAD**2 * GRAVITY * sin + AHEAD**3 * GRAVITY * cos * omega
 
 
-def commands(rng: np.random.Generator):
+def commands(rng: np.random.Generator) -> Commands:
     """The lean that is asked for, towards the wall."""
     asked, begin = rng.uniform(0.03, 0.06), rng.uniform(0.2, 0.6)
     return lambda t: {"lean": asked if t > begin else 0.0, "wall": 2.0}
 
 
-def draw(x, p):
+def draw(x: np.ndarray, p: Mapping[str, float]) -> list[Shape]:
     """The cart, the pole, the wall."""
     cart, tip = np.array([x[0], 0.0]), np.array([x[0] + LENGTH * np.sin(x[1]), LENGTH * np.cos(x[1])])
     box = cart + np.array([[-0.15, -0.05], [0.15, -0.05], [0.15, 0.05], [-0.15, 0.05], [-0.15, -0.05]])

@@ -4,12 +4,13 @@ M(q) q'' + h(q, q') = u   from the Lagrangian, with a payload at the hand; the m
 CLF: y = q - goal;   barrier: the hand's distance from the obstacle's rim; a policy reads q, q', d distance / dq
 """
 
+from collections.abc import Mapping
 from functools import partial
 
 import casadi as ca
 import numpy as np
 from cbf_clf_qp import Barrier, Clf, mechanical
-from own_systems import ControlTask, Disc, Line
+from own_systems import ControlTask, Disc, Line, Shape
 
 LENGTH, MASS, INERTIA, GRAVITY, RIM = 0.5, 2.0, 0.025, 9.81, 0.15  # m; of a link, kg; / its mass, m^2; m/s^2; m
 
@@ -29,18 +30,20 @@ M, h = ca.jacobian(momentum, dq), ca.jtimes(momentum, q, dq) - ca.gradient(lagra
 read = ca.vertsplit(ca.vertcat(q, dq, ca.gradient(distance, q)))
 
 
-def at(rate, begin, wide, t):
+def at(rate: float, begin: float, wide: float, t: float) -> dict[str, float]:
     """The goal moves slowly, and the obstacle, which begins away from the hand, on a circle through its way."""
     cos, sin = wide * np.cos(rate * t + begin), wide * np.sin(rate * t + begin)
     values = 0.2 * np.sin(0.8 * t) - 0.4, 1.2, 0.95 + cos, 0.05 + sin, -rate * sin, rate * cos
     return dict(zip(names[2:], values, strict=True))
 
 
-def draw(x, p):
+def draw(x: np.ndarray, p: Mapping[str, float]) -> list[Shape]:
     """The arm and the obstacle."""
     ends = LENGTH * np.array([[np.cos(angle), np.sin(angle)] for angle in (x[0], x[0] + x[1])])
-    arm = np.array([[0, 0], ends[0], ends[0] + ends[1]])
-    return [Line(arm, "tab:blue", 5), Disc(np.array([p["place_x"], p["place_z"]]), RIM)]
+    return [
+        Line(np.vstack([(0, 0), ends.cumsum(axis=0)]), "tab:blue", 5),
+        Disc(np.array([p["place_x"], p["place_z"]]), RIM),
+    ]
 
 
 TASK = ControlTask(

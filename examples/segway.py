@@ -8,10 +8,12 @@ To brake, the wheels must first run forward, so that the body leans back; a limi
 The barrier therefore limits the speed of the body at HEIGHT plus what the lean will add to it.
 """
 
+from collections.abc import Mapping
+
 import casadi as ca
 import numpy as np
 from cbf_clf_qp import Barrier, Clf, System
-from own_systems import ControlTask, Disc, Line
+from own_systems import Commands, ControlTask, Disc, Line, Shape
 
 LIMIT, HEIGHT, AHEAD, RATE, GRAVITY = 3.0, 1.2, 4.0, 4.0, 9.81  # m/s; m; m/s a radian of lean; 1/s; m/s^2
 RADIUS, WHEELS = 0.2, 12.0  # m, kg
@@ -25,13 +27,13 @@ v_dot, omega_dot = ca.vertsplit(ca.inv_minor(mass) @ (forces + lever * motor * t
 look_ahead = v + HEIGHT * ca.cos(theta) * omega + AHEAD * ca.sin(theta)
 
 
-def commands(rng: np.random.Generator):
+def commands(rng: np.random.Generator) -> Commands:
     """The rider leans forward, back for a second, and forward again."""
     lean, turn = rng.uniform(0.1, 0.2), rng.uniform(3, 4.5)
     return lambda t: {"lean": -lean if turn < t < turn + 1 else lean}
 
 
-def draw(x, p):
+def draw(x: np.ndarray, p: Mapping[str, float]) -> list[Shape]:
     """The wheel and the body, where the wheel stands still."""
     axle, top = np.array([0, RADIUS]), np.array([HEIGHT * np.sin(x[1]), RADIUS + HEIGHT * np.cos(x[1])])
     return [Disc(axle, RADIUS, "gray"), Line(np.array([axle, top]), "tab:blue", 6)]
