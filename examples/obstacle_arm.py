@@ -17,11 +17,10 @@ LENGTH, MASS, INERTIA, GRAVITY, RIM = 0.5, 2.0, 0.025, 9.81, 0.15  # m; of a lin
 q, dq, u = (ca.SX.sym(name, 2) for name in ("q", "dq", "u"))
 names = "payload", "friction", "goal_1", "goal_2", "place_x", "place_z", "speed_x", "speed_z"
 payload, friction, *goal, place_x, place_z, speed_x, speed_z = p = [ca.SX.sym(name) for name in names]
-angles = ca.vertcat(q[0], q[0] + q[1])
-elbow, lower = (LENGTH * ca.vertcat(ca.cos(angle), ca.sin(angle)) for angle in ca.vertsplit(angles))
+elbow, lower = (LENGTH * ca.vertcat(ca.cos(angle), ca.sin(angle)) for angle in (q[0], q[0] + q[1]))
 hand, lagrangian = elbow + lower, ca.SX(0)
 distance = ca.norm_2(hand - ca.vertcat(place_x, place_z)) - RIM
-links = (MASS, elbow / 2, angles[0]), (MASS, elbow + lower / 2, angles[1]), (payload, hand, ca.SX(0))
+links = (MASS, elbow / 2, q[0]), (MASS, elbow + lower / 2, q[0] + q[1]), (payload, hand, ca.SX(0))
 for mass, centre, angle in links:
     rate, turn = ca.jtimes(centre, q, dq), ca.jtimes(angle, q, dq)
     lagrangian += mass * (ca.sumsqr(rate) / 2 + INERTIA * turn**2 / 2 - GRAVITY * centre[1])
@@ -40,10 +39,8 @@ def at(rate: float, begin: float, wide: float, t: float) -> dict[str, float]:
 def draw(x: np.ndarray, p: Mapping[str, float]) -> list[Shape]:
     """The arm and the obstacle."""
     ends = LENGTH * np.array([[np.cos(angle), np.sin(angle)] for angle in (x[0], x[0] + x[1])])
-    return [
-        Line(np.vstack([(0, 0), ends.cumsum(axis=0)]), "tab:blue", 5),
-        Disc(np.array([p["place_x"], p["place_z"]]), RIM),
-    ]
+    arm, obstacle = np.vstack([(0, 0), ends.cumsum(axis=0)]), np.array([p["place_x"], p["place_z"]])
+    return [Line(arm, "tab:blue", 5), Disc(obstacle, RIM)]
 
 
 TASK = ControlTask(

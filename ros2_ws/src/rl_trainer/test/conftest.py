@@ -54,6 +54,7 @@ def make_output(tick: int, problem: Problem = RL_CBF_CLF_QP, **changes: Any) -> 
         V=0.0,
         barriers=np.zeros(2),
         barrier_rates=np.zeros(2),
+        barrier_names=("B1", "B2"),
         mu=np.zeros(4),
         mu_qp=np.zeros(4),
         omega=np.zeros(4),
