@@ -11,7 +11,7 @@ from matplotlib.patches import Circle
 from rabbit_viewer import style
 from rabbit_viewer.video import FRAME_RATE, encode
 
-from own_systems.episode import Ride
+from own_systems.episode import Moment, Ride
 from own_systems.shapes import Line
 from own_systems.task import ControlTask
 
@@ -76,7 +76,9 @@ def film(ride: Ride, path: Path) -> list[Path]:
     task = ride.task
     assert task.draw
     step = max(1, round(1 / (FRAME_RATE * task.seconds)))
-    drawn = [task.draw(m.x, dict(zip(task.system.named, m.p, strict=True))) for m in ride.moments[::step]]
+    shown = ride.moments[::step]
+    drawn = [task.draw(m.x, dict(zip(task.system.named, m.p, strict=True))) for m in shown]
+    titles = [title_of(ride, m) for m in shown]
     corners = np.concatenate([points for shapes in drawn for points in map(corners_of, shapes)])
     low, high = corners.min(axis=0), corners.max(axis=0)
     room = ROOM * (high - low).max()
@@ -85,7 +87,14 @@ def film(ride: Ride, path: Path) -> list[Path]:
         figure, (axes,) = style.figure(1, FILM_INCHES, FILM_INCHES)
         figure.set_dpi(FILM_DPI)
         limits: dict[str, Any] = {"xlim": (low[0] - room, high[0] + room), "ylim": (low[1] - room, high[1] + room)}
-        return encode(frames(figure, axes, drawn, limits), (size, size), path)
+        return encode(frames(figure, axes, drawn, titles, limits), (size, size), path)
+
+
+def title_of(ride: Ride, moment: Moment) -> str:
+    """Which ride, when, and the value of each barrier."""
+    values = zip(ride.task.barriers, moment.barriers, strict=True)
+    told = (f"{each.name}: {value:.3f}" for each, value in values)
+    return "\n".join([f"{ride.task.name}, {ride.controller}, {moment.time:.1f} s", *told])
 
 
 def corners_of(shape: Any) -> Array:
@@ -96,10 +105,13 @@ def corners_of(shape: Any) -> Array:
     return np.array([centre - shape.radius, centre + shape.radius])
 
 
-def frames(figure: Any, axes: Axes, drawn: Sequence[Sequence[Any]], limits: Mapping[str, Any]) -> Iterator[memoryview]:
-    """A picture of each; RGBA."""
-    for shapes in drawn:
+def frames(
+    figure: Any, axes: Axes, drawn: Sequence[Sequence[Any]], titles: Sequence[str], limits: Mapping[str, Any]
+) -> Iterator[memoryview]:
+    """A picture of each with its title; RGBA."""
+    for shapes, title in zip(drawn, titles, strict=True):
         axes.clear()
+        axes.set_title(title, loc="left")
         axes.set(aspect="equal", xlabel="x (m)", ylabel="z (m)", **limits)
         for shape in shapes:
             if isinstance(shape, Line):
