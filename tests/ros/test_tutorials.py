@@ -11,10 +11,13 @@ from typed import ROOT, blocks, type_in
 WALK = "--stones 3 --no-video --no-pictures"
 ALONE = "--no-trainer --no-record"
 COURSES = "--runs 1 --stones 2"
-ELSEWHERE = {"docs/tutorials/own_barrier.md", "ros2_ws/src/cbf_clf_qp/README.md"}  # in tests of their own
+ELSEWHERE = {  # in tests of their own
+    *("docs/tutorials/own_barrier.md", "ros2_ws/src/cbf_clf_qp/README.md", "docs/operations.md"),
+}
 SHORTER = {
     "studies/docs/benchmark.md": {"rabbit benchmark": "--cells flat/scale-1 --courses 1"},
     "docs/evaluate.md": {"rabbit evaluate": COURSES},
+    "docs/explain.md": {},
     "docs/get_started.md": {
         "rabbit walk --controller cbf-clf-qp": f"{ALONE} --stones 6",
         "rabbit walk": f"{ALONE} --stones 3 --episodes 2",
@@ -46,6 +49,7 @@ def test_every_page_with_blocks_is_run() -> None:
     [
         "studies/docs/benchmark.md",
         "docs/evaluate.md",
+        "docs/explain.md",
         "docs/learning.md",
         "docs/own_system.md",
         "docs/plant.md",
