@@ -29,6 +29,7 @@ SLIDERS = (  # name, share of the slider's width
     *(("wind", 0.52), ("gusts", 0.05), ("dead_zone", 0.1), ("hysteresis", 0.1), ("motor_frequency", 0.9)),
     *(("stone_tilt", 0.2), ("encoder_drift", 0.02), ("stuck_seconds", 0.1), ("sensor_dropout", 0.1)),
     ("sensor_jitter", 0.3),
+    ("sole_radius", 0.1),
 )
 NUMBERS = {"ground_stiffness": 200_000, "ground_damping": 6000, "torque_rate": 50_000, "gear_stiffness": 5000}
 CHOICES = {
