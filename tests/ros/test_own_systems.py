@@ -29,7 +29,7 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 STAND_IN = Path(__file__).parents[1] / "shared" / "teleoperated_arm.py"
 SEED = 3
 # m, that may be missing: the obstacle's acceleration, which nobody publishes, over the product of the barrier's poles
-MARGIN = 0.2 * 1.6**2 / 12**2
+MARGIN = 0.2 * 1.6**2 / 18**2
 
 
 def path_of(name: str) -> str:

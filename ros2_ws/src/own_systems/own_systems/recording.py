@@ -107,28 +107,31 @@ class RecordedTick:
 
 
 def recorded_ticks(task: ControlTask, path: Path, policies: dict[str, bytes]) -> Iterator[RecordedTick]:
-    """Those with state, parameters and torque; `policies` gets the recorded ones by version.
+    """Those with state, parameters and torque, which a recorder may have heard in any order; `policies` gets the
+    recorded ones by version.
 
     Raises `RecordingError` where it is of another task.
     """
-    x = p = turn = None
+    heard: dict[str, dict[tuple[int, int], Any]] = {name: {} for name in ("state", "parameters", "torque")}
     layout = [fields.layout_fields(task)[name] for name in ("coordinates", "joints")]
-    for topic, m in messages(path, "episode", "policy_swap", "state", "parameters", "torque"):
-        try:
-            if topic == "episode" and [m.coordinates, m.joints] != layout:
-                was = ", ".join((*m.coordinates, *m.joints))
-                raise RecordingError(f"recording {path}: of another system, with {was}; not of {task.name}")
-            if topic == "policy_swap" and m.accepted:
-                policies[m.version] = bytes(m.data)
-            elif topic == "parameters":
-                p = fields.parameters_of(task, m)
-            elif topic == "state":
-                turn, x = (m.episode, m.tick), fields.state_of(task, m)
-            elif topic == "torque" and (m.episode, m.tick) == turn and x is not None and p is not None:
-                u = array_of(m, "torque", len(task.names_of_u))
-                yield RecordedTick(m.episode, m.tick, x, p, u, m.policy_version)
-        except Refused as error:
-            raise RecordingError(f"recording {path}: {topic} of tick {turn}: {error}") from error
+    for topic, m in messages(path, "episode", "policy_swap", *heard):
+        if topic == "episode" and [m.coordinates, m.joints] != layout:
+            was = ", ".join((*m.coordinates, *m.joints))
+            raise RecordingError(f"recording {path}: of another system, with {was}; not of {task.name}")
+        if topic == "policy_swap" and m.accepted:
+            policies[m.version] = bytes(m.data)
+        if topic not in heard:
+            continue
+        turn = (m.episode, m.tick)
+        heard[topic][turn] = m
+        if all(turn in each for each in heard.values()):
+            state, parameters, torque = (each.pop(turn) for each in heard.values())
+            try:
+                u = array_of(torque, "torque", len(task.names_of_u))
+                x, p = fields.state_of(task, state), fields.parameters_of(task, parameters)
+            except Refused as error:
+                raise RecordingError(f"recording {path}: tick {turn}: {error}") from error
+            yield RecordedTick(*turn, x, p, u, torque.policy_version)
 
 
 def differing(task: ControlTask, path: Path) -> tuple[int, list[int], float]:
