@@ -79,7 +79,8 @@ class Rider:
         observed = tuple(task.observed)
         units = tuple((name, 0.0, 1.0) for name in observed)
         self.problem = problem or Problem(task.name, terms.inputs, terms.names, observed, units)
-        self.ticks = SystemTicks(task.tick, self.problem, task.seconds, np.inf if task.limit is None else task.limit)
+        self._limit = np.inf if task.limit is None else task.limit
+        self.ticks = SystemTicks(task.tick, self.problem, task.seconds, self._limit)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -148,7 +149,6 @@ class Rider:
         own = self.task.controllers.get(controlling) if isinstance(controlling, str) else None
         if own:
             u = np.asarray(own(x, p), dtype=float).reshape(self.task.system.u.numel())
-            limit = np.inf if self.task.limit is None else self.task.limit
-            return Moment(time, x, p, u.clip(-limit, limit), self.task.tick.look(x, p).barriers)
+            return Moment(time, x, p, u.clip(-self._limit, self._limit), self.task.tick.look(x, p).barriers)
         now: SystemTick = self.ticks(x, p, noise)
         return Moment(time, x, p, now.control, now.seen.barriers, now.seen, now.estimates, now.decided, now.mu)

@@ -1,10 +1,12 @@
 """Learning on a task: what is learned and in which units, measured from a few rides, and the training itself."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from cbf_clf_qp.estimates import Estimates
 from cbf_clf_qp.functions import Array
 from rl_cbf_clf_controller.policy import ActorPolicy, LearnedPolicy
 from rl_cbf_clf_controller.problem import Problem
@@ -35,26 +37,29 @@ def measured_problem(task: ControlTask, seed: int) -> Problem:
             read.append(moment.seen.observation)
             mus.append(np.asarray(moment.mu))
             if controller == ORACLE and moment.estimates:
-                alphas.append(
-                    _unsigned(moment.estimates.alpha, moment.estimates.output_error, rider.problem.has_clf, 0)
-                )
-                betas.append(_unsigned(moment.estimates.beta, moment.estimates.output_error, rider.problem.has_clf, 1))
+                alpha, beta = _greatest(moment.estimates, rider.problem.has_clf)
+                alphas.append(alpha)
+                betas.append(beta)
         if controller == NOMINAL:
             errors += [_error(each, rider.problem.has_clf) for each in rider.ticks.transitions]
-    names = rider.problem.observation
-    units = tuple(zip(names, np.mean(read, axis=0).tolist(), _floored(np.std(read, axis=0)), strict=True))
-    alpha, beta = (_floored(ROOM * np.quantile(each, 0.99, axis=0)) for each in (alphas, betas))
-    error = _floored(np.sqrt(np.mean(np.square(errors), axis=0)))
-    mu_unit = max(float(np.std(mus)), LEAST)
-    return Problem(task.name, rider.problem.inputs, rider.problem.quantities, names, units, alpha, beta, error, mu_unit)
+    means, deviations = np.mean(read, axis=0).tolist(), _floored(np.std(read, axis=0))
+    alpha_scale, beta_scale = (_floored(ROOM * np.quantile(each, 0.99, axis=0)) for each in (alphas, betas))
+    return replace(
+        rider.problem,
+        units=tuple(zip(rider.problem.observation, means, deviations, strict=True)),
+        alpha_scale=alpha_scale,
+        beta_scale=beta_scale,
+        error_scale=_floored(np.sqrt(np.mean(np.square(errors), axis=0))),
+        mu_unit=max(float(np.std(mus)), LEAST),
+    )
 
 
-def _unsigned(values: Array, output_error: Array | None, has_clf: bool, part: int) -> Array:
-    """The greatest |alpha| (part 0) or |beta| (1) of each quantity; of V that of the outputs, which LgV multiplies."""
-    found: Array = np.abs(values).reshape(len(values), -1).max(axis=1)
-    if has_clf and output_error is not None:
-        found[0] = np.abs(output_error[:, :-1] if part == 0 else output_error[:, -1]).max()
-    return found
+def _greatest(estimates: Estimates, has_clf: bool) -> tuple[Array, Array]:
+    """The greatest |alpha| and |beta| (n,) of each quantity; of V those of the outputs, which LgV multiplies."""
+    found = np.abs(np.column_stack([estimates.alpha, estimates.beta]))
+    if has_clf and estimates.output_error is not None:
+        found[0] = np.abs(estimates.output_error).max(axis=0)
+    return found[:, :-1].max(axis=1), found[:, -1]
 
 
 def _error(transition: Transition, has_clf: bool) -> Array:

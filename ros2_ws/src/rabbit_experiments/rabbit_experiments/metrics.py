@@ -17,10 +17,11 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, PlainSerializer
 from rabbit_description.force_ratio import force_ratio
 from rabbit_description.state import Array
 from rabbit_sim.simulation import Landing, Outcome
+from rl_cbf_clf_controller.message_fields import STONE_BARRIERS
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_trainer.rollout import Record
 
-from rabbit_experiments.walk_records import RESCUE_NEEDED, STONE_BARRIERS
+from rabbit_experiments.walk_records import RESCUE_NEEDED
 
 IMPACT_TICKS = 4  # of a step's beginning, whose mean force may hold some of the 30 ms after impact
 ROWS = ("CLF", "B1", "B2", "C1", "C2", "u")  # of the QP, both cone rows as C2 and all saturation rows as u
@@ -178,7 +179,7 @@ class RunTally:
         for names, at in zip(self._active, step, strict=True):
             bounds = {name if name in ROWS else name[: 1 if name[0] == "u" else 2] for name in names}
             active.update(bounds)
-            steps |= {at} if bounds & {"B1", "B2"} else set()
+            steps |= {at} if bounds & {*STONE_BARRIERS} else set()
         happened = {
             "ticks_over_cone": over & ~at_impact,
             "ticks_over_cone_at_impact": over & at_impact,

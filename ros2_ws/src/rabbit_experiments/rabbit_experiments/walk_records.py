@@ -20,12 +20,12 @@ from rabbit_description.state import TICK_SECONDS, Array, RobotState
 from rabbit_description.yaml_file import shortened
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.simulation import Landing
+from rl_cbf_clf_controller.message_fields import STONE_BARRIERS
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_trainer.rollout import Record
 
 RECORDS = "records.npz"  # in a run's folder
 LANDING = ("index", "tick", "l", "l_min", "l_max", "on_stone")
-STONE_BARRIERS = ["B1", "B2"]
 DRAWN = (
     *("controller", "friction_coeff", "friction_margin", "torque_limit"),
     *("R1", "R2", "stone_margin", "eps", "kp", "kd"),
@@ -106,7 +106,7 @@ class WalkRecords:
     @property
     def barrier_names(self) -> list[str]:
         """Of `barriers`; a former file, which does not say, has the two of the stones."""
-        found: list[str] = self.about.get("barriers", STONE_BARRIERS)
+        found: list[str] = self.about.get("barriers", [*STONE_BARRIERS])
         return found
 
     @property
@@ -194,7 +194,7 @@ def _check(arrays: Mapping[str, Array], about: Any) -> None:
     names = about.get("quantities", [""] * quantities)
     if not isinstance(names, list) or len(names) != quantities or not all(isinstance(each, str) for each in names):
         raise ValueError(f"quantities = {shortened(names)}: expected {quantities} names")
-    barriers = about.get("barriers", STONE_BARRIERS)
+    barriers = about.get("barriers", [*STONE_BARRIERS])
     if not isinstance(barriers, list) or len(barriers) != arrays["barriers"].shape[1]:
         raise ValueError(f"barriers = {shortened(barriers)}: expected {arrays['barriers'].shape[1]} names")
     for name, value in about.items():

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 from rabbit_description.state import LAYOUT
-from rl_cbf_clf_controller.message_fields import bounded_fields
+from rl_cbf_clf_controller.message_fields import STONE_BARRIERS, bounded_fields
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Connection
 from rosbags.typesys.store import Typestore
@@ -46,7 +46,7 @@ def renewed(decode: Callable[[], Any]) -> Any:
         now |= {name: list(names) for name, names in LAYOUT.items()}
     if "clf" in now:
         V, barriers, rates = (now.pop(name) for name in ("clf", "barriers", "barrier_rates"))
-        names = ("B1", "B2") if np.isfinite(barriers).all() else ()  # else the ground was flat
+        names = STONE_BARRIERS if np.isfinite(barriers).all() else ()  # else the ground was flat
         now |= bounded_fields(V, names, barriers[: len(names)], rates[: len(names)])
         now |= {"rows": [], **dict.fromkeys(("margins", "slacks", "multipliers"), np.zeros(0))}
         now.setdefault("measured", np.full(len(now["quantities"]), np.nan))

@@ -21,7 +21,7 @@ NAMES = ("hip, stance leg", "knee, stance leg", "hip, swing leg", "knee, swing l
 
 
 BARRIER_COLOURS = style.BLUE, style.ORANGE, style.GREEN, style.PURPLE
-STONE_BARRIERS = {"B1": "B1 (m): before the far edge", "B2": "B2 (m): past the near edge"}
+BARRIER_LABELS = {"B1": "B1 (m): before the far edge", "B2": "B2 (m): past the near edge"}
 
 
 def draw(walk: WalkRecords, out: Path, suffix: str = ".png") -> list[Path]:
@@ -57,7 +57,7 @@ def draw_barriers(walk: WalkRecords, path: Path) -> Path:
     figure, panels = style.figure(2)
     for axes, label in zip(panels, ("barrier B", "near zero"), strict=True):
         for name, B, colour in zip(walk.barrier_names, walk.barriers.T, cycle(BARRIER_COLOURS)):
-            plot_steps(walk, axes, B, colour, STONE_BARRIERS.get(name, name))
+            plot_steps(walk, axes, B, colour, BARRIER_LABELS.get(name, name))
         style.limit(axes, 0.0, "limit")
         axes.set_ylabel(label)
     panels[1].set_ylim(-0.02, 0.06)

@@ -16,6 +16,7 @@ from rl_cbf_clf_controller.controller_output import NOTHING, ControllerOutput
 
 INPUTS = len(ACTUATED)
 LEGS = tuple(Leg)
+STONE_BARRIERS = ("B1", "B2")  # others are your own
 SCALARS = ("step_index", "step_time", "phase", "clf_slack", "rescue_slack", "saturated", "answered", "solve_seconds")
 WORDS = {  # with the most characters that a message holds
     **{"policy_version": 64, "objective": 32, "adaptation": 32},
