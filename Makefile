@@ -1,7 +1,7 @@
 # make help lists what there is. PYTHON chooses the interpreter for the environment: make setup PYTHON=python3.12
 SHELL := /bin/bash
 .DEFAULT_GOAL := help
-.PHONY: help setup studies tools build walk test test-all test-browser fuzz check format bench docs lock clean
+.PHONY: help setup python workspace studies tools build walk test test-all test-browser fuzz check format bench docs lock clean
 
 ifneq ($(words $(CURDIR)),1)
 $(error The path "$(CURDIR)" has a space in it: move the project to a path without one)
@@ -15,10 +15,12 @@ CODE := ros2_ws/src studies qa scripts examples
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F':.*## ' '{printf "make %-12s %s\n", $$1, $$2}'
 
-setup: ## create the environment from the locks, once
+setup: python ## create the environment from the locks, once
+	@$(PYTHON) -B scripts/set_up.py
+
+python:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info[:2] not in ((3, 11), (3, 12)))' 2>/dev/null || \
 	  { echo 'set-up: "$(PYTHON)" is not Python 3.11 or 3.12; install one, then call make again with PYTHON=python3.12' >&2; exit 1; }
-	@$(PYTHON) -B scripts/set_up.py
 
 studies: build ## install the studies: rabbit benchmark, reproduce, gait, misses, rival; and qa: rabbit bench, faults, soak
 	@.venv/bin/python -B scripts/set_up.py studies
@@ -26,7 +28,11 @@ studies: build ## install the studies: rabbit benchmark, reproduce, gait, misses
 tools: setup # what tests and checks the project, and the studies
 	@.venv/bin/python -B scripts/set_up.py tests
 
-build: setup ## build the ROS 2 workspace, when something changed
+build: python ## build the ROS 2 workspace, when something changed; torch is installed meanwhile
+	@$(PYTHON) -B scripts/set_up.py ros
+	@$(MAKE) --no-print-directory -j2 setup workspace
+
+workspace:
 	@.venv/bin/python -B scripts/build_workspace.py
 
 walk: build ## RABBIT walks over 20 stepping stones through the nodes; then, in process, at thrice the mass

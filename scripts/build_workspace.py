@@ -106,4 +106,4 @@ def build() -> None:
 
 
 if __name__ == "__main__":
-    main(build)
+    main(build, "build")

@@ -59,10 +59,10 @@ def forget(*steps: str) -> None:
 
 
 @contextmanager
-def one_at_a_time() -> Iterator[None]:
-    """Hold the set-up's lock, so that two calls of make do not fight over one environment."""
+def one_at_a_time(name: str) -> Iterator[None]:
+    """Hold the lock of set-up or build, so that two calls of make do not fight over one environment."""
     STATE.mkdir(exist_ok=True)
-    with (STATE / "lock").open("w") as lock:
+    with (STATE / f"{name}.lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         yield
 
@@ -94,7 +94,7 @@ def say(text: str) -> None:
 def main(work: Callable[[], None], name: str = "set-up") -> None:
     """Run a script's work under the lock; an error becomes one line, which `name` begins, and exit code 1."""
     try:
-        with one_at_a_time():
+        with one_at_a_time(name):
             work()
     except SetUpError as error:
         sys.exit(f"{name}: {error}")

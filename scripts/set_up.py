@@ -1,6 +1,7 @@
 """`make setup`: the environment in .venv, from hashed locks, with the ROS 2 wheels or over a full ROS 2 Jazzy.
 
-Walking needs no more. The argument `studies` adds the studies with their libraries, `tests` also what tests and checks.
+Walking needs no more. The argument `ros` leaves torch out, so that `make build` installs it beside the build; `studies`
+adds the studies with their libraries, `tests` also what tests and checks.
 Each step leaves a stamp with a hash of its inputs, so a second call does nothing and an interrupted one goes on. Called
 by the interpreter that the environment is to have (Python 3.11 or 3.12).
 """
@@ -124,7 +125,7 @@ def mend_ros() -> None:
 
 
 def steps(extent: str) -> list[Step]:
-    """The steps in their order, as far as `extent`, which is empty, `studies` or `tests`."""
+    """The steps in their order, as far as `extent`, which is `ros`, empty, `studies` or `tests`."""
     locks = [REQUIREMENTS / f"{name}.txt" for name in ("build", "python", "ros", "torch_cpu", "torch", "torch_cuda")]
     links = ROOT / "studies/pyproject.toml", ROOT / "qa/pyproject.toml"
     walking = [
@@ -136,9 +137,11 @@ def steps(extent: str) -> list[Step]:
             (locks[1], locks[2]),
             install_python,
         ),
-        Step("torch", "torch", tuple(locks[3:]), install_torch),
         Step("mend", "set-up files for ROS 2", (locks[2], SCRIPTS / "mend_ros_wheels.py"), mend_ros),
+        Step("torch", "torch", tuple(locks[3:]), install_torch),
     ]
+    if extent == "ros":
+        return walking[:-1]
     studies = [Step("studies", "the studies", (REQUIREMENTS / "studies.txt", *links), install_studies)]
     tests = [Step("tests", "what tests and checks", (REQUIREMENTS / "tests.txt",), install_tests)]
     return walking + (studies if extent else []) + (tests if extent == "tests" else [])
