@@ -16,5 +16,12 @@ def main(name: str = "") -> None:
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # nobody has it ignored
         signal.signal(signal.SIGINT, signal.SIG_DFL)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
-    (node,) = entry_points(group="rabbit.nodes", name=name or Path(sys.argv[0]).name)
-    node.load()()
+    wanted = name or Path(sys.argv[0]).name
+    found = tuple(entry_points(group="rabbit.nodes", name=wanted))
+    if len(found) != 1:
+        print(
+            f"error: {len(found)} nodes {wanted} installed, expected one; source the workspace's setup.bash",
+            file=sys.stderr,
+        )
+        sys.exit(2)
+    found[0].load()()

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from importlib.metadata import EntryPoint, EntryPoints
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import pytest
 from rabbit_common import start
@@ -41,6 +42,14 @@ def test_the_node_of_the_executables_name_is_run(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(sys, "argv", ["/anywhere/lib/walker", "--ros-args"])
     start.main()
     assert runs == [["/anywhere/lib/walker", "--ros-args"]]
+
+
+def test_a_node_that_is_not_installed_is_named(monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
+    monkeypatch.setattr(start, "entry_points", lambda **wanted: EntryPoints().select(**wanted))
+    with pytest.raises(SystemExit) as end:
+        start.main("nowhere/walker")
+    assert end.value.code == 2
+    assert capsys.readouterr().err.startswith("error: 0 nodes nowhere/walker installed")
 
 
 def ended(process: "subprocess.Popen[str]") -> tuple[int, str, str]:
