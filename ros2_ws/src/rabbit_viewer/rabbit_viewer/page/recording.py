@@ -38,15 +38,24 @@ def show_recording(source: Path, port: int, opens_browser: bool, export: Path | 
 
 def fill(broadcast: Broadcast, walk: WalkRecords, name: str) -> None:
     """Tell all of a walk."""
-    quantities = walk.about.get("quantities", [f"quantity {i + 1}" for i in range(walk.nominal_b.shape[1])])
-    maker = RowMaker(walk.about, quantities, walk.barrier_names)
+    maker = maker_of(walk)
     about = {"mode": "recording", "title": str(walk.about.get("title", name)), "tick_seconds": TICK_SECONDS}
     walker = maker.about(str(walk.about.get("controller", name)))
     broadcast.begin({**about, "stones": walk.about.get("stones"), "walkers": [walker]})
     rows = [number for tick in ticks(walk) for number in maker.row(tick, tick)]
     broadcast.add(packed(rows))
-    ended = {"outcome": str(walk.about.get("outcome") or "not recorded to its end"), "stones": int(walk.touchdowns[-1])}
-    broadcast.say("ended", {"walkers": [ended]})
+    broadcast.say("ended", {"walkers": [ended_of(walk)]})
+
+
+def maker_of(walk: WalkRecords) -> RowMaker:
+    """What makes the rows of its ticks."""
+    quantities = walk.about.get("quantities", [f"quantity {i + 1}" for i in range(walk.nominal_b.shape[1])])
+    return RowMaker(walk.about, quantities, walk.barrier_names)
+
+
+def ended_of(walk: WalkRecords) -> dict[str, Any]:
+    """How it ended, and the stones walked."""
+    return {"outcome": str(walk.about.get("outcome") or "not recorded to its end"), "stones": int(walk.touchdowns[-1])}
 
 
 def ticks(walk: WalkRecords) -> list[Any]:

@@ -56,7 +56,21 @@ class Push(Checked):
     seconds: Number = Field(0.1, ge=0.001, le=1)
 
 
-Asked = Annotated[Set | Reset | Begin | Pause | Tick | Speed | Push, Field(discriminator="do")]
+class Watch(Checked):
+    """Somebody looks: the walk that waits for its first viewer begins."""
+
+    do: Literal["watch"]
+
+
+class Explain(Checked):
+    """Say why a robot decided so in a tick."""
+
+    do: Literal["explain"]
+    walker: int = Field(ge=0, le=1)
+    tick: int = Field(ge=0, le=2**31 - 1)
+
+
+Asked = Annotated[Set | Reset | Begin | Pause | Tick | Speed | Push | Watch | Explain, Field(discriminator="do")]
 ASKED: TypeAdapter[Asked] = TypeAdapter(Asked)
 
 

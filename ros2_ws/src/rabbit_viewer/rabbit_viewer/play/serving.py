@@ -7,6 +7,7 @@ ask waits in a queue, from which the player takes it between two ticks. The page
 import multiprocessing
 import os
 import queue
+import re
 import signal
 import sys
 from collections.abc import Callable, Iterator
@@ -30,6 +31,7 @@ from rabbit_viewer.play.messages import ASKED, Asked, Begin, Learned, Push, Set
 from rabbit_viewer.play.settings import PlayError, Start, plant_of
 
 BUSY = "the walk has not yet done what was asked before: ask again"
+INSIDE = re.compile(r"^(?:--)?\w+(?:\[settings\])?\[(\w+)\]")  # where in a message a setting is
 MOST_WAITING = 100  # messages for the player
 ENDING_SECONDS = 0.7  # for a process to close what it has opened
 SPAWN = multiprocessing.get_context("spawn")
@@ -39,7 +41,7 @@ class Door:
     """Checks what browsers ask of a walk, and hands it to `put`, which may raise `queue.Full`."""
 
     def __init__(self, start: Start, put: Callable[[Asked], object]) -> None:
-        self._plant, self._put = start.plant, put
+        self._start, self._plant, self._put = start, start.plant, put
 
     def __call__(self, message: str) -> str:
         """Empty, or why the message is refused."""
@@ -47,8 +49,11 @@ class Door:
             asked = ASKED.validate_json(message)
             if isinstance(asked, Set | Begin):
                 plant_of(self._plant, asked.settings)
+                self._start.check(asked.settings)
         except ValidationError as error:
-            return refused(fault(error))
+            return refused(INSIDE.sub(r"\1", fault(error)))
+        except PlayError as error:
+            return refused(error)
         if isinstance(asked, Push) and self._plant.plant == "rigid":
             return "push: expected the plant pybullet or mujoco"
         try:
