@@ -12,7 +12,7 @@ from rabbit_viewer.page import PORT, PageError
 from rabbit_viewer.play.settings import RECORDED, YOURS, Choice, OtherChoice, PlaySettings, Yours
 
 DEFAULTS = Defaults(
-    always={"motor_lag": 0.004, "mass_scale": 0.5, "stop_at_miss": False, "fall_height": 0.35, "fall_pitch": 1.6}
+    always={"motor_lag": 0.004, "mass_scale": 0.5, "stop_at_miss": False, "fall_height": 0.2, "fall_pitch": 2.0}
 )
 YOUR_OWN = ("controller", "adaptation", "policy", "parameters")  # robot: any of these options makes it
 IN_THE_LINK = (*PlaySettings.model_fields, "motor_loss")

@@ -42,11 +42,11 @@ class RowMaker:
         about: Mapping[str, Any],
         quantities: Sequence[str],
         barriers: Sequence[str],
-        rows: Sequence[str] = (),
         knows_plant: bool = False,
+        rows: Sequence[str] = (),
     ) -> None:
-        """`rows` of the QP, of which each has its margin, but for the input's limits; `knows_plant`: `row` is given
-        the true errors."""
+        """`knows_plant`: `row` is given the true errors; `rows` of the QP, of which each but an input's limit has its
+        margin."""
         kinds = ("estimated", "measured", "true") if knows_plant else ("estimated", "measured")
         self._rows = [i for i, name in enumerate(rows) if not LIMIT.fullmatch(name)]
         margins = [f"margin_{rows[i]}" for i in self._rows]

@@ -5,7 +5,9 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from rabbit_description.state import Array
 from rabbit_recording.explaining import WORDS
+from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.explanation import number
 
 from rabbit_viewer.page.rows import body_points
@@ -18,15 +20,14 @@ if TYPE_CHECKING:
 
 WHO = {  # what each robot does with the difference between its model and itself
     "best": "identifies its masses as it walks",
-    "tuned": "trusts its model, with the gain that walks most courses",
-    "learned": "corrects its model by what a network learned at twice the mass",
+    "tuned": "trusts its model, at the best gain",
+    "learned": "corrects its model by a network that learned at twice the mass",
     "nominal": "trusts its model, with the paper's gain",
     "identified": "identifies its masses as it walks, with the paper's speed",
     "oracle": "is told exactly how wrong its model is",
     "l1": "adapts its model, and sees no stones",
     RECORDED: "was recorded before",
 }
-LOW = 0.66  # m, of a hip above the lower foot: the robot falls; as in walk.js
 TIMES = {0.5: "half of what", 2.0: "twice what", 3.0: "three times what"}
 PUSH = {"text": "Push them", "do": {"do": "push", "force": 200, "seconds": 0.1}}
 WHY = {"text": "Why did it fall?", "do": {"do": "explain"}}
@@ -53,13 +54,13 @@ def opening(start: Start, settings: PlaySettings) -> str:
     if settings.motor_power != 1:
         differences.append(f"{'has' if s else 'have'} motors of {settings.motor_power:.0%} power")
     said = " and ".join(differences) or f"walk{s} as {own}"
-    return f"{both} {said}. " + "; ".join(title_of(name, start).replace(": ", " ", 1) for name in names) + "."
+    return f"{both} {said}: " + "; ".join(title_of(name, start).replace(": ", " ", 1) for name in names) + "."
 
 
 def next_things(settings: PlaySettings) -> list[dict[str, Any]]:
     """Three things to try, each as what the page asks for: a push, another robot, why it fell."""
     mass = 0.5 if settings.mass_scale > 1 else 3.0
-    text = "Half the mass" if mass < 1 else "Three times the mass"
+    text = "Half the mass" if mass < 1 else "3 times the mass"
     other = {"text": text, "do": {"do": "begin", "settings": {"mass_scale": mass}}}
     return [WHY, other, PUSH]
 
@@ -78,11 +79,12 @@ def why_it_fell(name: str, outcome: str, kept: "Sequence[Kept]", landings: "Sequ
         sign, off = 1, max(missed.l - missed.l_max, missed.l_min - missed.l)
     elif outcome == "flight":
         row, quantity, sign = "C1", "C1", 1
-    last = max((tick.output.step_index for tick in kept if stands(tick)), default=0) - bool(missed)
+    last = max((tick.output.step_index for tick in kept if stands(tick.state.q)), default=0) - bool(missed)
     found = [
         (sign * (promised(tick, quantity) - measured(after, quantity)), tick, after)
         for tick, after in pairwise(kept)
-        if stands(tick) and tick.output.step_index == after.output.step_index == last and row in tick.output.rows
+        if stands(tick.state.q) and tick.output.step_index == after.output.step_index == last
+        and row in tick.output.rows and quantity in tick.output.quantities
     ]
     walked = max((tick.state.touchdowns for tick in kept), default=0)
     where = f"{name} fell after {walked} stone{'s' * (walked != 1)}"
@@ -100,10 +102,11 @@ def why_it_fell(name: str, outcome: str, kept: "Sequence[Kept]", landings: "Sequ
     return {"reason": told, "tick": tick.output.tick}
 
 
-def stands(tick: "Kept") -> bool:
-    """Not falling yet."""
-    points = body_points(tick.state.q)
-    return bool(points[0, 1] - min(points[3, 1], points[5, 1]) > LOW)
+def stands(q: Array) -> bool:
+    """Not falling yet, by the bounds of any evaluation, at `q` (7,)."""
+    points, usual = body_points(q), SimulationParameters.model_fields
+    height = points[0, 1] - min(points[3, 1], points[5, 1])
+    return bool(height > usual["fall_height"].default and abs(q[2]) < usual["fall_pitch"].default)
 
 
 def promised(tick: "Kept", name: str) -> float:

@@ -25,7 +25,7 @@ from rl_trainer.rollout import Record
 
 from rabbit_viewer.page.rows import EVENTS, RowMaker
 from rabbit_viewer.play.settings import SHIPPED, SWAPPED_AT_ONCE, YOURS, Start, controller_of
-from rabbit_viewer.play.story import title_of, why_it_fell
+from rabbit_viewer.play.story import stands, title_of, why_it_fell
 
 CLEAR_HEIGHT = 0.01  # m, of a swing foot that is well in the air
 LIMP_TICKS = 150  # of a robot that no controller moves any more, at most
@@ -62,7 +62,7 @@ class Walker:
         quantities = self._controller.qp.names
         names, rows = self._controller.barrier_names, self._controller.qp.layout.names
         about = about_walk(parameters, plant, policy, seed, "")
-        self._maker = RowMaker(about, quantities, names, rows, knows_plant=True)
+        self._maker = RowMaker(about, quantities, names, knows_plant=True, rows=rows)
         self._oracle = self._make_oracle()
         self._true = np.full(len(quantities), np.nan)
         self._controller.reset(seed)
@@ -135,12 +135,16 @@ class Walker:
             self._change(self._next_plant)
         if not self.fault:
             self._control()
+        if self.fault:
+            self._go_limp()
         drawn, reading = self._state, self._simulation.reading
         if drawn.sensors:  # the state is an estimate, which drifts over the ground
             drawn = replace(drawn, q=reading.q, dq=reading.dq)
         self.row = self._maker.row(drawn, self._output, events, self._true)
         self.row[RUNNING] = float(not self.fault)
         self._state = self._simulation.step(self._output.torque)
+        if not self.fault and self._state.running and not stands(self._simulation.reading.q):
+            self.fault = Outcome.FALL.value
         self._limp += bool(self.fault)
         if not self._state.running or self._limp > LIMP_TICKS:
             self.outcome = self.fault or self._simulation.outcome.value
@@ -156,7 +160,9 @@ class Walker:
             self._kept.append(Kept(self._state, self._output, *kept))
         except (ControllerError, np.linalg.LinAlgError) as error:
             self.fault = f"controller error: {error}"
-        if self.fault:
+
+    def _go_limp(self) -> None:
+        if self._output.torque.any():
             nothing: Any = dict.fromkeys(("V", "clf_slack", "rescue_slack"), np.nan)
             unknown = {name: getattr(self._output, name) * np.nan for name in ("barriers", "margins")}
             self._output = replace(self._output, torque=np.zeros(4), **unknown, **nothing)

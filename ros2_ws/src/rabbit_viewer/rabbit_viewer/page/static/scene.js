@@ -158,7 +158,7 @@ export class Scene {
     pen.fillText(walker.about.name, 10, 8, room);
     pen.font = "13px system-ui, sans-serif";
     const slope = this.slope ?? walker.about.slope;
-    const lines = [walker.about.title?.split(": ")[1], stones, slope && `ground rises ${slope}°`, walker.get(row, "events") & PUSHED && "pushed"];
+    const lines = [width > 500 && walker.about.title?.split(": ")[1], stones, slope && `ground rises ${slope}°`, walker.get(row, "events") & PUSHED && "pushed"];
     lines.filter(Boolean).forEach((line, i) => pen.fillText(line, 10, 28 + 18 * i, width));
     if (!ended) return;
     pen.font = "600 15px system-ui, sans-serif";

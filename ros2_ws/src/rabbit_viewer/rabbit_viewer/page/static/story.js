@@ -1,5 +1,7 @@
 // What will be seen, what happened, what to try next: the words above the scenes. The server makes the sentences.
 
+const WAITS = "If a robot falls, you see it slowly, and here is why.";
+
 export class Story {
   // `act` does what is offered
   constructor(element, act) {
@@ -11,7 +13,7 @@ export class Story {
   begin({story = "", next = []}) {
     this.element.hidden = !story;
     this.sentence.textContent = story;
-    this.happened.hidden = this.next.hidden = true;
+    this.show([]);
     this.next.replaceChildren(...next.map(({text, do: message}) => {
       const button = Object.assign(document.createElement("button"), {textContent: text});
       button.onclick = () => this.act(message);
@@ -22,9 +24,8 @@ export class Story {
   // `endings`: of each walker how it ended, null as long as it walks in the picture
   show(endings) {
     const told = endings.filter((ended) => ended?.reason);
-    this.happened.hidden = !told.length;
-    const text = told.map(({reason}) => reason).join(" ");
+    const text = told.map(({reason}) => reason).join(" ") || WAITS;
+    this.happened.classList.toggle("waits", text === WAITS);
     if (this.happened.textContent !== text) this.happened.textContent = text;
-    this.next.hidden = !told.length && !endings.every(Boolean);
   }
 }

@@ -1,7 +1,7 @@
 // One episode as it is known here: rows of numbers, and what they say of stones and faults. See rows.py for the columns.
 
 const EVENTS = {saturated: 1, over_cone: 2, pushed: 4, swapped: 8};
-const LOW = 0.66; // m, of a hip above the lower foot: the robot falls
+const LOW = 0.7; // m, of a hip above the lower foot: the robot falls
 const PLATFORM = -1; // m, where the first platform begins
 
 export class Walk {
