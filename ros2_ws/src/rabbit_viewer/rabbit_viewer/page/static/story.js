@@ -5,7 +5,7 @@ const WAITS = "If a robot falls, you see it slowly, and here is why.";
 export class Story {
   // `act` does what is offered
   constructor(element, act) {
-    [this.sentence, this.happened, this.next] = ["#sentence", "#happened", "#next"].map((id) => element.querySelector(id));
+    [this.sentence, this.happened, this.next] = ["#sentence", "#happened", "#things"].map((id) => element.querySelector(id));
     this.element = element;
     this.act = act;
   }
