@@ -13,13 +13,14 @@ from matplotlib.figure import Figure
 from matplotlib.font_manager import findfont
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.transforms import Affine2D
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 from rabbit_description.state import TICK_SECONDS, Array
 from rabbit_experiments.walk_records import WalkRecords
 
 from rabbit_viewer import style
-from rabbit_viewer.geometry import DEPTH, PLATFORM, area_at, force_arrow, legs_of, torso_points
+from rabbit_viewer.geometry import DEPTH, PLATFORM, area_at, fall_of, force_arrow, legs_of, torso_points
 
 VIEW = (-1.2, 1.2, -0.25, 1.6)  # m: left, right, bottom, top, from below the hip
 SIZE = (960, 740)  # pixels, the view's own shape
@@ -42,22 +43,27 @@ LINES: dict[str, dict[str, Any]] = {
 
 
 class Scene:
-    """Draws any tick of `walk` into one canvas."""
+    """Draws any tick of `walk` into one canvas. `fall`: the row from which the robot falls, if it does."""
 
-    def __init__(self, walk: WalkRecords) -> None:
+    def __init__(self, walk: WalkRecords, has_legend: bool = True) -> None:
         self._walk, self._starts = walk, walk.step_starts
         self._legs, self._torso = legs_of(walk), torso_points(walk.q)
+        self.fall = fall_of(walk)
         self._spans = stone_spans(walk, self._legs[:, :, 2].swapaxes(0, 1))
         figure = Figure(figsize=(SIZE[0] / 100, SIZE[1] / 100), dpi=100)
         self._canvas: Any = FigureCanvasAgg(figure)  # its drawing methods have no types
         axes = figure.add_axes((0, 0, 1, 1))
         axes.set(xlim=VIEW[:2], ylim=VIEW[2:])
         axes.set_axis_off()
-        axes.legend(handles=self._legend(), loc="upper right", fontsize=9, frameon=False)
+        if has_legend:
+            axes.legend(handles=self._legend(), loc="upper right", fontsize=9, frameon=False)
         self._boxes = {name: PolyCollection([], **look) for name, look in BOXES.items()}
         for boxes in self._boxes.values():
             axes.add_collection(boxes)
         self._lines = {name: axes.plot([], [], **look)[0] for name, look in LINES.items()}
+        tilted = Affine2D().rotate_deg(float(walk.about.get("slope", 0.0))) + axes.transData  # level in the plant's frame
+        for artist in (*self._boxes.values(), *self._lines.values()):
+            artist.set_transform(tilted)
         self._font = ImageFont.truetype(findfont("monospace"), FONT_SIZE)
         self._canvas.draw()
         self._background = self._canvas.copy_from_bbox(figure.bbox)  # what stays, drawn once

@@ -5,12 +5,10 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from rabbit_description.state import Array
 from rabbit_recording.explaining import WORDS
-from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.explanation import number
 
-from rabbit_viewer.page.rows import body_points
+from rabbit_viewer.geometry import stands
 from rabbit_viewer.play.settings import NOBODY, RECORDED, YOURS, PlaySettings, Start
 
 if TYPE_CHECKING:
@@ -79,11 +77,11 @@ def why_it_fell(name: str, outcome: str, kept: "Sequence[Kept]", landings: "Sequ
         sign, off = 1, max(missed.l - missed.l_max, missed.l_min - missed.l)
     elif outcome == "flight":
         row, quantity, sign = "C1", "C1", 1
-    last = max((tick.output.step_index for tick in kept if stands(tick.state.q)), default=0) - bool(missed)
+    last = max((tick.output.step_index for tick in kept if stands(tick.state.q[None])), default=0) - bool(missed)
     found = [
         (sign * (promised(tick, quantity) - measured(after, quantity)), tick, after)
         for tick, after in pairwise(kept)
-        if stands(tick.state.q) and tick.output.step_index == after.output.step_index == last
+        if stands(tick.state.q[None]) and tick.output.step_index == after.output.step_index == last
         and row in tick.output.rows and quantity in tick.output.quantities
     ]
     walked = max((tick.state.touchdowns for tick in kept), default=0)
@@ -100,13 +98,6 @@ def why_it_fell(name: str, outcome: str, kept: "Sequence[Kept]", landings: "Sequ
     cause = f": its foot came down {off * 1000:.0f} mm {side} of the next" if missed else ""
     told = f"{where}{cause}. It could not keep the row {row}, “{meaning}”: at {tick.output.tick / 100:.2f} s {said}."
     return {"reason": told, "tick": tick.output.tick}
-
-
-def stands(q: Array) -> bool:
-    """Not falling yet, by the bounds of any evaluation, at `q` (7,)."""
-    points, usual = body_points(q), SimulationParameters.model_fields
-    height = points[0, 1] - min(points[3, 1], points[5, 1])
-    return bool(height > usual["fall_height"].default and abs(q[2]) < usual["fall_pitch"].default)
 
 
 def promised(tick: "Kept", name: str) -> float:

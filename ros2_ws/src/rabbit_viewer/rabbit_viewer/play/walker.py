@@ -23,9 +23,10 @@ from rl_cbf_clf_controller.policy import Policy
 from rl_cbf_clf_controller.scene import ControllerError, Scene
 from rl_trainer.rollout import Record
 
+from rabbit_viewer.geometry import stands
 from rabbit_viewer.page.rows import EVENTS, RowMaker
 from rabbit_viewer.play.settings import SHIPPED, SWAPPED_AT_ONCE, YOURS, Start, controller_of
-from rabbit_viewer.play.story import stands, title_of, why_it_fell
+from rabbit_viewer.play.story import title_of, why_it_fell
 
 CLEAR_HEIGHT = 0.01  # m, of a swing foot that is well in the air
 LIMP_TICKS = 150  # of a robot that no controller moves any more, at most
@@ -143,7 +144,7 @@ class Walker:
         self.row = self._maker.row(drawn, self._output, events, self._true)
         self.row[RUNNING] = float(not self.fault)
         self._state = self._simulation.step(self._output.torque)
-        if not self.fault and self._state.running and not stands(self._simulation.reading.q):
+        if not self.fault and self._state.running and not stands(self._simulation.reading.q[None]):
             self.fault = Outcome.FALL.value
         self._limp += bool(self.fault)
         if not self._state.running or self._limp > LIMP_TICKS:

@@ -18,7 +18,8 @@ export class Controls {
     if (this.fields.size) return;
     this.section.hidden = false;
     this.section.append(this.actions());
-    for (const control of description) this.place(control.group).append(this.field(control));
+    const grouped = (control) => Number(Boolean(control.group)); // what opens comes last
+    for (const control of [...description].sort((one, other) => grouped(one) - grouped(other))) this.place(control.group).append(this.field(control));
   }
 
   // the section, or a part of it that opens

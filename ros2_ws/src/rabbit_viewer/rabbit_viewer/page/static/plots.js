@@ -108,7 +108,7 @@ export class Plots {
       },
       axes: [
         {...axis, size: isLast ? 22 : 4, values: isLast ? (_, ticks) => ticks.map((tick) => `${tick} s`) : () => []},
-        {...axis, size: 46, grid: {...axis.grid, ...(panel.log && {filter: decades})}},
+        {...axis, size: 46, ...(panel.log && {grid: {...axis.grid, filter: decades}, values: (_, ticks) => ticks.map((tick) => (tick >= 0.001 ? tick : tick?.toExponential(0)))})},
       ],
       series: [{}, ...columns.map((_, i) => ({stroke: () => colour(`plot${i + 1}`), width: 1.3, dash: DASHES[i], points: {show: false}, spanGaps: false}))],
       hooks: {draw: [(plot) => this.lines(plot, limits)]},
