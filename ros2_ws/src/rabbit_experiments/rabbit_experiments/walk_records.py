@@ -157,12 +157,17 @@ def walk_title(about: Mapping[str, Any]) -> str:
         who = "controller that identifies the robot"
     elif who == LEARNED and policy in ESTIMATES:
         who = ESTIMATES[policy]
-    mass, payload, slope = (about.get(name, usual) for name, usual in (("mass_scale", 1), ("payload", 0), ("slope", 0)))
-    said = [who, {1: "", 2: "twice the mass", 0.5: "half the mass"}.get(mass, f"{mass:g} times the mass")]
-    said += [f"{payload:g} kg on the torso"] * bool(payload) + [f"{slope:g}° uphill"] * bool(slope)
-    title = ", ".join(filter(None, said))
+    title = ", ".join(filter(None, (who, plant_in_words(about))))
     outcome = str(about.get("outcome") or "not recorded to its end")
     return f"{title[:1].upper()}{title[1:]}: {OUTCOMES.get(outcome, outcome)}"
+
+
+def plant_in_words(about: Mapping[str, Any]) -> str:
+    """How the true robot and its ground differ from the model, as `half the mass, 5° uphill`; empty: not at all."""
+    mass, payload, slope = (about.get(name, usual) for name, usual in (("mass_scale", 1), ("payload", 0), ("slope", 0)))
+    said = [{1: "", 2: "twice the mass", 0.5: "half the mass"}.get(mass, f"{mass:g} times the mass")]
+    said += [f"{payload:g} kg on the torso"] * bool(payload) + [f"{slope:g}° uphill"] * bool(slope)
+    return ", ".join(filter(None, said))
 
 
 def drawn_parameters(controller: ControllerParameters) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 The camera follows the hip; everything is drawn relative to it, so axes and ground never change between frames.
 """
 
+from textwrap import wrap
 from typing import Any
 
 import numpy as np
@@ -24,9 +25,10 @@ from rabbit_viewer.geometry import DEPTH, PLATFORM, area_at, fall_of, force_arro
 
 VIEW = (-1.2, 1.2, -0.25, 1.6)  # m: left, right, bottom, top, from below the hip
 SIZE = (960, 740)  # pixels, the view's own shape
-CAPTION = (19, 22)  # pixels of its left top corner
-CAPTION_END = 110  # pixels from the top
-FONT_SIZE, LINE_SPACING = 15, 5  # pixels
+LEFT = 19  # pixels, of all words
+TITLE, NUMBERS, REASON, WORDS_END = 14, 58, 124, 260  # pixels from the top
+LETTERS = 66  # of a reason's line
+SMALL, LARGE, LINE_SPACING = 15, 24, 5  # pixels
 BOXES: dict[str, dict[str, Any]] = {  # in the order in which they are drawn, before the lines
     "area": {"facecolor": style.AREA, "edgecolor": "none"},
     "ground": {"facecolor": style.STONE, "edgecolor": style.BLACK, "linewidth": 0.5},
@@ -56,7 +58,7 @@ class Scene:
         axes.set(xlim=VIEW[:2], ylim=VIEW[2:])
         axes.set_axis_off()
         if has_legend:
-            axes.legend(handles=self._legend(), loc="upper right", fontsize=9, frameon=False)
+            axes.legend(handles=self._legend(), loc="upper right", bbox_to_anchor=(1, 0.94), fontsize=9, frameon=False)
         self._boxes = {name: PolyCollection([], **look) for name, look in BOXES.items()}
         for boxes in self._boxes.values():
             axes.add_collection(boxes)
@@ -64,7 +66,8 @@ class Scene:
         tilted = Affine2D().rotate_deg(float(walk.about.get("slope", 0.0))) + axes.transData  # level in the plant's frame
         for artist in (*self._boxes.values(), *self._lines.values()):
             artist.set_transform(tilted)
-        self._font = ImageFont.truetype(findfont("monospace"), FONT_SIZE)
+        self._small = ImageFont.truetype(findfont("monospace"), SMALL)
+        self._large = ImageFont.truetype(findfont("DejaVu Sans"), LARGE)
         self._canvas.draw()
         self._background = self._canvas.copy_from_bbox(figure.bbox)  # what stays, drawn once
 
@@ -76,7 +79,7 @@ class Scene:
         for artist in (*self._boxes.values(), *self._lines.values()):
             artist.draw(self._canvas.get_renderer())
         picture = np.array(self._canvas.buffer_rgba())
-        picture[:CAPTION_END] = self._with_caption(row, picture[:CAPTION_END])
+        picture[:WORDS_END] = self._with_words(row, picture[:WORDS_END])
         return picture
 
     def _legend(self) -> list[Artist]:
@@ -117,14 +120,13 @@ class Scene:
         for name, (x, z) in ((name, each.T) for name, each in points.items()):
             self._lines[name].set_data(x - self._walk.q[row, 0], z)
 
-    def _with_caption(self, row: int, picture: NDArray[np.uint8]) -> Image.Image:
+    def _with_words(self, row: int, picture: NDArray[np.uint8]) -> Image.Image:
         """By Pillow: matplotlib takes four times as long for the letters as for all the rest."""
         walk = self._walk
         tangential, normal = walk.stance_force[row]
         ratio = f"{abs(tangential) / normal:4.2f}" if normal > 1 else "   -"
         total, slack = walk.about.get("stones"), walk.clf_slack[row]
         lines = [
-            str(walk.about.get("title", "")),
             f"t {walk.tick[row] * TICK_SECONDS:6.2f} s   step {walk.step_index[row] + 1}"
             + (f" of {total}" if total else ""),
             f"|F_T|/F_N {ratio}" + (f"   d {slack:6.2f}" if np.isfinite(slack) else ""),
@@ -134,7 +136,11 @@ class Scene:
             lines.append("   ".join(known))
         image = Image.fromarray(picture)
         draw = ImageDraw.Draw(image)
-        draw.multiline_text(CAPTION, "\n".join(lines), "black", self._font, spacing=LINE_SPACING)
+        draw.text((LEFT, TITLE), str(walk.about.get("title", "")), "black", self._large)
+        draw.multiline_text((LEFT, NUMBERS), "\n".join(lines), "black", self._small, spacing=LINE_SPACING)
+        if self.fall is not None and row >= self.fall:
+            why = "\n".join(wrap(str(walk.about.get("reason", "")), LETTERS))
+            draw.multiline_text((LEFT, REASON), why, style.RED, self._large, spacing=LINE_SPACING)
         return image
 
 

@@ -16,7 +16,7 @@ from rabbit_viewer.scene import SIZE, Scene
 
 FRAME_RATE = 25  # 1/s
 LAST_FRAME = 0.8  # s, for which the last frame stays
-GIF_RATE, GIF_WIDTH = 12.5, 480  # of a walk
+GIF_RATE, GIF_WIDTH = 12.5, 560  # of a walk
 SLOW, AROUND = 0.25, 20  # times real time; ticks before and after a fall that are slow too
 PICTURES = ("-f", "rawvideo", "-pix_fmt", "rgba", "-r", str(FRAME_RATE), "-s")  # and the size
 MP4 = ("-map", "0:v", "-c:v", "libx264", "-preset", "veryfast", "-crf", "25", "-pix_fmt", "yuv420p")

@@ -225,7 +225,7 @@ def test_the_next_course_comes_by_itself(played: Callable[..., Played]) -> None:
 
 
 def test_a_file_of_20_stones_is_small(tmp_path: Path) -> None:
-    path = write_play(start_of(second="nominal", stones=20), tmp_path / "walk.html")
+    (path,) = write_play(start_of(second="nominal", stones=20), tmp_path / "walk.html")
     assert path.stat().st_size <= LARGEST_FILE
 
 

@@ -30,7 +30,7 @@ class PlayOptions(BaseModel):
 
     port: int = Field(PORT, ge=0, le=65535, description="of the page, on this machine alone; 0: any free one")
     browser: bool = Field(True, description="open the page in a browser")
-    export: Path | None = Field(None, description="walk one episode without a page, and write it to this HTML file")
+    export: Path | None = Field(None, description="walk one episode without a page, and write it to this HTML file, or film it: FILE.mp4, and FILE.gif")
     learn: bool = Field(False, description="train next to the walk, and walk with each policy")
     policy: str | None = Field(None, description="policy of your robot: a shipped policy, a file, zero or oracle")
     parameters: str = Field("ours", description="controller parameters of your robot: a file's name or path")
@@ -46,6 +46,7 @@ def play(given: Given) -> None:
     """Play with a walk in the browser: push it, load it, change its course and controller."""
     from rabbit_viewer.play.serving import serve_play, write_play
     from rabbit_viewer.play.settings import PlayError, Start, settings_of
+    from rabbit_viewer.video import VideoError
 
     chosen = given.build(PlayOptions)
     given = given.over({"mass_scale": 2.0}) if chosen.learn else given
@@ -53,7 +54,7 @@ def play(given: Given) -> None:
     plant = given.build(SimulationParameters, terrain=yours.controller.terrain if yours else "stones")
     with complaints():
         controller = ControllerParameters.model_validate(given.of(ControllerParameters, but=YOUR_OWN))
-    with complaints(PageError, PlayError):
+    with complaints(PageError, PlayError, VideoError):
         again = "same course" if chosen.learn else "wait"
         first = chosen.first or ("learned" if chosen.learn else YOURS if yours else "best")
         second = chosen.second or (RECORDED if chosen.recording else "nominal" if chosen.learn else "tuned")
@@ -63,7 +64,7 @@ def play(given: Given) -> None:
         start = Start(settings=settings, plant=plant, controller=controller, **more)
         start.check(settings)
         if chosen.export:
-            print(write_play(start, chosen.export))
+            print(*write_play(start, chosen.export), sep="\n")
         else:
             serve_play(start, chosen.port, chosen.browser)
 

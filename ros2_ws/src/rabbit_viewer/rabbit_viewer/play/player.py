@@ -45,13 +45,13 @@ Send = Callable[..., None]
 
 
 class Player:
-    """`is_moving`: whether ticks are due; `seconds`: from one to the next. `send`: see `serving.tell`."""
+    """`is_moving`: whether ticks are due; `seconds`: from one to the next; `walkers`: the robots. `send`: see `serving.tell`."""
 
     def __init__(self, start: Start, send: Send) -> None:
         """Raises `PlayError`."""
         self._start, self._send = start, send
         self._chosen = start.settings
-        self._walkers: list[Walker | RecordedWalker] = []
+        self.walkers: list[Walker | RecordedWalker] = []
         self._learned = "zero" if start.learns else SHIPPED
         self.is_paused, self.speed = False, 1.0
         self._is_awaiting = True  # its first viewer
@@ -85,14 +85,14 @@ class Player:
         names = [name for name in (settings.first, settings.second) if name != NOBODY]
         walkers = [self._walker(name, plant, settings.seed) for name in names]
         self.close()
-        self._walkers, self._settings = walkers, settings
+        self.walkers, self._settings = walkers, settings
         self._tick = self._after_end = 0
         about = {
             "mode": "play",
             "title": f"course {settings.seed}",
             "stones": plant.stones,
             "tick_seconds": TICK_SECONDS,
-            "walkers": [walker.about for walker in self._walkers],
+            "walkers": [walker.about for walker in self.walkers],
             "controls": controls(self._start),
             "story": opening(self._start, settings),
             "next": next_things(settings),
@@ -110,7 +110,7 @@ class Player:
 
     def close(self) -> None:
         """Give back the plants."""
-        for walker in self._walkers:
+        for walker in self.walkers:
             walker.close()
 
     def take(self, asked: Asked | Learned) -> None:
@@ -135,7 +135,7 @@ class Player:
             case Speed():
                 self.speed = asked.speed
             case Push():
-                for walker in self._walkers:
+                for walker in self.walkers:
                     walker.push(asked.force, asked.seconds)
         if self._is_reset_due and not self.is_moving:
             self._try_reset()
@@ -153,14 +153,14 @@ class Player:
         if self._after_end:
             self._after_end += 1
             return
-        walking = [walker for walker in self._walkers if not walker.outcome]
+        walking = [walker for walker in self.walkers if not walker.outcome]
         for walker in walking:
             walker.tick()
-        self._send("add", packed([number for walker in self._walkers for number in walker.row]))
+        self._send("add", packed([number for walker in self.walkers for number in walker.row]))
         self._tick += 1
         if any(walker.outcome for walker in walking):
-            self.say("ended", {"walkers": [walker.ended for walker in self._walkers]})
-            self._after_end = int(all(walker.outcome for walker in self._walkers))
+            self.say("ended", {"walkers": [walker.ended for walker in self.walkers]})
+            self._after_end = int(all(walker.outcome for walker in self.walkers))
 
     def say_state(self) -> None:
         """Say how everything stands, if that has changed."""
@@ -185,7 +185,7 @@ class Player:
 
     def _set(self, settings: PlaySettings) -> None:
         """What needs no reset acts at once."""
-        robots = list(zip(ROBOTS, self._walkers, strict=False))
+        robots = list(zip(ROBOTS, self.walkers, strict=False))
         swapped = [name for name, walker in robots if walker.may_become(getattr(settings, name))]
         wanted = {name: getattr(settings, name) for name in (*swapped, *PLANT_AT_ONCE)}
         changes = {name: value for name, value in wanted.items() if value != getattr(self._settings, name)}
@@ -195,12 +195,12 @@ class Player:
             if name in changes:
                 walker.become(changes[name])
         if changes.keys() - set(ROBOTS):
-            for walker in self._walkers:
+            for walker in self.walkers:
                 walker.change(plant_of(self._start.plant, self._settings))
 
     def _explain(self, asked: Explain) -> None:
         try:
-            lines = self._walkers[asked.walker].explain(asked.tick)
+            lines = self.walkers[asked.walker].explain(asked.tick)
         except (IndexError, ValueError) as error:
             lines = [str(error)]
         self.say("explained", {"walker": asked.walker, "tick": asked.tick, "lines": lines})
@@ -208,7 +208,7 @@ class Player:
     def _load(self, path: str) -> None:
         """Walk on with what was learned."""
         self._learned = path
-        for walker in self._walkers:
+        for walker in self.walkers:
             walker.learned = path
             if walker.name == "learned":
                 self.say("swap", {"tick": self._tick, "version": walker.become("learned")})

@@ -4,6 +4,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from rabbit_experiments.walk_records import WalkRecords
+
 from rabbit_viewer.page.recording import ended_of, maker_of, ticks
 from rabbit_viewer.play.settings import RECORDED, Choice
 from rabbit_viewer.walk_pictures import records_of
@@ -16,6 +18,7 @@ class RecordedWalker:
 
     def __init__(self, source: Path) -> None:
         """Raises `RecordsError`, `RecordingError`."""
+        self._source = source
         self.about, self._rows, self._ended = read(source)
         self._next = 0
         self.row: list[float] = []
@@ -29,6 +32,11 @@ class RecordedWalker:
     def ended(self) -> dict[str, Any]:
         """As of a `Walker`."""
         return {**self._ended, "outcome": self.outcome}
+
+    @property
+    def records(self) -> WalkRecords:
+        """All of it, for a film."""
+        return records_of(self._source)
 
     def tick(self) -> None:
         """Go on one tick; nothing, once the recording has ended."""

@@ -32,6 +32,7 @@ from rabbit_viewer.play.settings import PlayError, Start, plant_of
 
 BUSY = "the walk has not yet done what was asked before: ask again"
 INSIDE = re.compile(r"^(?:--)?\w+(?:\[settings\])?\[(\w+)\]")  # where in a message a setting is
+FILM = ".mp4"
 MOST_WAITING = 100  # messages for the player
 ENDING_SECONDS = 0.7  # for a process to close what it has opened
 SPAWN = multiprocessing.get_context("spawn")
@@ -134,13 +135,19 @@ def play(send: Callable[..., None], start: Start, wishes: "Queue[Asked | Learned
     play(send, start, wishes)
 
 
-def write_play(start: Start, path: Path) -> Path:
-    """Walk one episode as fast as it goes, and write it; raises `PlayError`, `PageError`."""
+def write_play(start: Start, path: Path) -> list[Path]:
+    """Walk one episode as fast as it goes, and write it: a page, or a film and its GIF where the suffix is .mp4.
+
+    Raises `PlayError`, `PageError`, `VideoError`.
+    """
     from rabbit_viewer.play.player import Player
+    from rabbit_viewer.video import film
 
     broadcast = Broadcast()
     with closing(Player(start, partial(tell, broadcast))) as player:
         while not player.has_ended:
             player.tick()
         player.say_state()
-    return write_page(path, broadcast)
+        if path.suffix == FILM:
+            return film([walker.records for walker in player.walkers], path, gif=True)
+    return [write_page(path, broadcast)]

@@ -12,7 +12,7 @@ from cbf_clf_qp.answer import Decided
 from cbf_clf_qp.estimates import Estimates
 from rabbit_description.state import RobotState
 from rabbit_experiments.assembly import Assembly, resolve_policy
-from rabbit_experiments.walk_records import about_walk
+from rabbit_experiments.walk_records import WalkRecords, about_walk, plant_in_words
 from rabbit_recording.explaining import ExplainedTick
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.simulation import Outcome
@@ -70,6 +70,7 @@ class Walker:
         self._state = self._simulation.reset(seed)
         self._output: ControllerOutput
         self._kept: deque[Kept] = deque(maxlen=KEPT_TICKS)
+        self._drawn: deque[Record] = deque(maxlen=KEPT_TICKS)
         self._pushed_until = self._limp = 0
         self._swapped = False
         self._next_plant: SimulationParameters | None = None
@@ -87,6 +88,14 @@ class Walker:
         fell = self.outcome not in ("", Outcome.WALKED.value)
         why = why_it_fell(self.name, self.outcome, list(self._kept), self._simulation.landings) if fell else {}
         return {"outcome": self.outcome, "stones": self._state.touchdowns, **why}
+
+    @property
+    def records(self) -> WalkRecords:
+        """Its last ticks, which are kept, for a film: how it ended and why in words."""
+        why = str(self.ended.get("reason", ""))
+        title = f"{self.about['title']}; {plant_in_words(self.about)}"
+        about = {**self.about, "title": title, "outcome": self.outcome, "reason": why}
+        return WalkRecords.from_ticks(list(self._drawn), self._simulation.landings, about)
 
     def explain(self, tick: int) -> list[str]:
         """A tick in words; raises `ValueError` where it is not kept, or no solver answered it."""
@@ -141,6 +150,7 @@ class Walker:
         drawn, reading = self._state, self._simulation.reading
         if drawn.sensors:  # the state is an estimate, which drifts over the ground
             drawn = replace(drawn, q=reading.q, dq=reading.dq)
+        self._drawn.append(Record(drawn, self._output))
         self.row = self._maker.row(drawn, self._output, events, self._true)
         self.row[RUNNING] = float(not self.fault)
         self._state = self._simulation.step(self._output.torque)
