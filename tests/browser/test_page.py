@@ -5,7 +5,7 @@ import os
 import re
 import subprocess
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -133,7 +133,8 @@ def test_what_is_offered_next_is_done(chromium: Chromium) -> None:
         page.click("#why button")
         page.wait("document.querySelector('#why').hidden")
         page.click("#things button:nth-child(2)")
-        page.wait("rabbit.controls.state.settings.mass_scale === 3 && rabbit.state.walk.about.story.includes('three times')")
+        page.wait("rabbit.state.walk.about.story.includes('three times')")
+        assert settings(page)["mass_scale"] == 3
         page.click("#things button:nth-child(3)")
         page.wait("rabbit.state.walk.walkers[0].marks.some(({kind}) => kind === 'pushed')")
         check_requests(page)
@@ -447,7 +448,21 @@ def test_a_run_is_served_with_a_time_line(chromium: Chromium, tmp_path: Path) ->
         page.wait(f"rabbit.clock.row === {row + 1}")
         assert colours(page) > 20
         page.look("rabbit.source.send({do: 'reset'})")
-        page.wait("rabbit.state.words.refused?.text === 'a recording takes no messages'")
+        page.wait("rabbit.state.words.refused?.text === 'a recording takes no messages but explain'")
+        check_requests(page)
+    finally:
+        assert served.end() == 0
+
+
+def test_a_recorded_tick_is_explained(chromium: Chromium, write_bag: Callable[..., Path], tmp_path: Path) -> None:
+    served = Served("bag", "show", str(write_bag(tmp_path / "bag")))
+    try:
+        page = chromium.open(served.address)
+        page.wait("rabbit.state.pictures > 5")
+        page.drag("#time", 0.5)
+        page.wait("!document.querySelector('#why').hidden")
+        tick = page.look("rabbit.state.walk.walkers[0].get(rabbit.clock.row, 'tick')")
+        assert f", tick {tick} " in page.look("document.querySelector('#why pre').textContent")
         check_requests(page)
     finally:
         assert served.end() == 0

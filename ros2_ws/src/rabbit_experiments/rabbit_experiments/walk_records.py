@@ -38,8 +38,8 @@ MOST_NUMBER = 1e9
 WHOLE = ("tick", "touchdowns", "stance", "step_index")
 LEARNED = "learned controller"
 CONTROLLERS = {  # in a title
-    **{name: "nominal controller" for name in ("clf-qp", "cbf-clf-qp")},
-    **{name: LEARNED for name in ("rl-clf-qp", "io-rl-clf-qp", "rl-cbf-clf-qp")},
+    **dict.fromkeys(("clf-qp", "cbf-clf-qp"), "nominal controller"),
+    **dict.fromkeys(("rl-clf-qp", "io-rl-clf-qp", "rl-cbf-clf-qp"), LEARNED),
     "l1-clf-qp": "L1 adaptive controller",
     "robust-cbf-clf-qp": "robust controller",
 }

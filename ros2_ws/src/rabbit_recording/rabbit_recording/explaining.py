@@ -30,7 +30,7 @@ LEGS = "left", "right"
 
 @dataclass(frozen=True)
 class ExplainedTick:
-    """A tick, and the one before; None before tick 0. `of`: what it is a tick of; `is_set`: parameters changed in it."""
+    """A tick, and the one before; None before tick 0. `of`: of what a tick; `is_set`: parameters changed in it."""
 
     of: str
     record: Record

@@ -63,7 +63,8 @@ class Scene:
         for boxes in self._boxes.values():
             axes.add_collection(boxes)
         self._lines = {name: axes.plot([], [], **look)[0] for name, look in LINES.items()}
-        tilted = Affine2D().rotate_deg(float(walk.about.get("slope", 0.0))) + axes.transData  # level in the plant's frame
+        slope = float(walk.about.get("slope", 0.0))  # the ground is level in the plant's frame
+        tilted = Affine2D().rotate_deg(slope) + axes.transData
         for artist in (*self._boxes.values(), *self._lines.values()):
             artist.set_transform(tilted)
         self._small = ImageFont.truetype(findfont("monospace"), SMALL)

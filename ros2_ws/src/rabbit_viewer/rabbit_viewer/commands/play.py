@@ -30,7 +30,10 @@ class PlayOptions(BaseModel):
 
     port: int = Field(PORT, ge=0, le=65535, description="of the page, on this machine alone; 0: any free one")
     browser: bool = Field(True, description="open the page in a browser")
-    export: Path | None = Field(None, description="walk one episode without a page, and write it to this HTML file, or film it: FILE.mp4, and FILE.gif")
+    export: Path | None = Field(
+        None,
+        description="HTML file of one walked episode, written without a page; or its film, FILE.mp4 and FILE.gif",
+    )
     learn: bool = Field(False, description="train next to the walk, and walk with each policy")
     policy: str | None = Field(None, description="policy of your robot: a shipped policy, a file, zero or oracle")
     parameters: str = Field("ours", description="controller parameters of your robot: a file's name or path")
@@ -77,4 +80,6 @@ def your_own(given: Given, chosen: PlayOptions) -> Yours | None:
 
     assembly = given_assembly(given, chosen.policy, chosen.parameters)
     words = [str(given.values[name]) for name in YOUR_OWN if name in given.values]
-    return Yours(name=", ".join(Path(word).name for word in words), controller=assembly.controller, policy=assembly.policy)
+    return Yours(
+        name=", ".join(Path(word).name for word in words), controller=assembly.controller, policy=assembly.policy
+    )

@@ -18,7 +18,7 @@ def video(
     gif: Annotated[bool, typer.Option(help="also a GIF")] = True,
     episode: Annotated[int | None, typer.Option(help="of a recording (default: the last with ticks)", min=1)] = None,
 ) -> None:
-    """Film a run, walk.mp4 and walk.gif in its folder; or a recording, BAG.mp4 and BAG.gif beside it; or two of them."""
+    """Film a run, walk.mp4 and walk.gif in its folder, or a recording, BAG.mp4 and BAG.gif beside it; or two."""
     from rabbit_experiments.walk_records import RecordsError
 
     from rabbit_viewer.video import VideoError

@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, TypeAdapter
 
+from rabbit_viewer.page.messages import Explain
 from rabbit_viewer.play.settings import Checked, Number, PlaySettings
 
 
@@ -60,14 +61,6 @@ class Watch(Checked):
     """Somebody looks: the walk that waits for its first viewer begins."""
 
     do: Literal["watch"]
-
-
-class Explain(Checked):
-    """Say why a robot decided so in a tick."""
-
-    do: Literal["explain"]
-    walker: int = Field(ge=0, le=1)
-    tick: int = Field(ge=0, le=2**31 - 1)
 
 
 Asked = Annotated[Set | Reset | Begin | Pause | Tick | Speed | Push | Watch | Explain, Field(discriminator="do")]

@@ -19,8 +19,9 @@ from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.stones import CourseError
 from rl_cbf_clf_controller.weights import PolicyFileError
 
+from rabbit_viewer.page.messages import Explain
 from rabbit_viewer.page.rows import packed
-from rabbit_viewer.play.messages import Asked, Begin, Explain, Learned, Pause, Push, Reset, Set, Speed, Tick
+from rabbit_viewer.play.messages import Asked, Begin, Learned, Pause, Push, Reset, Set, Speed, Tick
 from rabbit_viewer.play.recorded_walker import RecordedWalker
 from rabbit_viewer.play.settings import (
     NOBODY,
@@ -45,7 +46,10 @@ Send = Callable[..., None]
 
 
 class Player:
-    """`is_moving`: whether ticks are due; `seconds`: from one to the next; `walkers`: the robots. `send`: see `serving.tell`."""
+    """`walkers`: the robots; `is_moving`: whether ticks are due; `seconds`: from one to the next.
+
+    `send`: see `serving.tell`.
+    """
 
     def __init__(self, start: Start, send: Send) -> None:
         """Raises `PlayError`."""

@@ -7,7 +7,7 @@ from typing import Any
 from rabbit_experiments.walk_records import WalkRecords
 
 from rabbit_viewer.page.recording import ended_of, maker_of, ticks
-from rabbit_viewer.play.settings import RECORDED, Choice
+from rabbit_viewer.play.settings import RECORDED
 from rabbit_viewer.walk_pictures import records_of
 
 
@@ -48,11 +48,11 @@ class RecordedWalker:
         """What explains a recorded tick."""
         raise ValueError(f"tick {tick} of a recording: `rabbit bag explain RUN/recording --tick {tick}` explains it")
 
-    def may_become(self, name: Choice) -> bool:
+    def may_become(self, name: str) -> bool:
         """It stays what it is."""
         return False
 
-    def become(self, name: Choice) -> str:
+    def become(self, name: str) -> str:
         """See `may_become`."""
         raise ValueError(f"{name}: a recording stays what it is")
 

@@ -5,7 +5,7 @@ walks. A field's `when` says whether a change acts at once or from the next rese
 """
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, create_model
 from rabbit_sim.parameters import SimulationParameters, marked
@@ -23,13 +23,14 @@ CONTROLLERS: dict[str, tuple[dict[str, Any], str]] = {  # changed parameters, po
     "learned": (LEARNED_ROWS, SHIPPED),
     "oracle": (LEARNED_ROWS, "oracle"),
     "identified": (IDENTIFIED, "zero"),
-    "best": ({}, "zero"),  # and what the file says, see `FILES`
+    "best": ({}, "zero"),  # as the file says, see `FILES`
     "tuned": ({}, "zero"),
     "l1": ({"controller": "l1-clf-qp"}, "zero"),
 }
 FILES = {"best": "best", "tuned": "nominal_tuned"}  # of controller parameters
 if TYPE_CHECKING:
-    Choice = OtherChoice = str
+    Choice: TypeAlias = str
+    OtherChoice: TypeAlias = str
 else:  # and every controller that has an entry point
     Choice = Literal["best", "tuned", "learned", "nominal", "identified", "oracle", "l1", YOURS, *kinds.NAMES]
     OtherChoice = Literal[NOBODY, RECORDED, *get_args(Choice)]
@@ -155,8 +156,8 @@ def controller_of(
 ) -> tuple[ControllerParameters, str | None]:
     """Parameters and policy of one of `CONTROLLERS`, or of an entry point's controller; None: the policy it ships."""
     changes, policy = CONTROLLERS.get(name, ({"controller": name, "adaptation": "none"}, None))
-    if name in FILES:
-        changes = load_parameters(FILES[name], terrain).model_dump(exclude_defaults=True)
+    if name in FILES:  # what is given on the command line goes before the file
+        return load_parameters(FILES[name], terrain, **base.model_dump(exclude_defaults=True)), policy
     return ControllerParameters.model_validate({**base.model_dump(), **changes}), policy
 
 

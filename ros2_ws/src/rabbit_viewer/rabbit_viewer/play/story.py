@@ -1,20 +1,23 @@
 """What the page says: before a walk what will be seen, at a fall what happened, then what to try next."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from cbf_clf_qp.answer import Decided
+from cbf_clf_qp.estimates import Estimates
+from rabbit_description.state import RobotState
+from rabbit_experiments.walk_records import CONTROLLERS
 from rabbit_recording.explaining import WORDS
+from rabbit_sim.simulation import Landing
+from rl_cbf_clf_controller.controller_output import ControllerOutput
 from rl_cbf_clf_controller.explanation import number
+from rl_cbf_clf_controller.scene import Scene
 
 from rabbit_viewer.geometry import stands
 from rabbit_viewer.play.settings import NOBODY, RECORDED, YOURS, PlaySettings, Start
-
-if TYPE_CHECKING:
-    from rabbit_sim.simulation import Landing
-
-    from rabbit_viewer.play.walker import Kept
 
 WHO = {  # what each robot does with the difference between its model and itself
     "best": "identifies its masses as it walks",
@@ -31,9 +34,21 @@ PUSH = {"text": "Push them", "do": {"do": "push", "force": 200, "seconds": 0.1}}
 WHY = {"text": "Why did it fall?", "do": {"do": "explain"}}
 
 
+@dataclass(frozen=True)
+class Kept:
+    """What a tick was decided from, and what it decided."""
+
+    state: RobotState
+    output: ControllerOutput
+    scene: Scene
+    estimates: Estimates
+    decided: Decided
+
+
 def title_of(name: str, start: Start) -> str:
     """A robot's name and what it does."""
-    who = start.yours.name if name == YOURS and start.yours else WHO.get(name, "your own controller")
+    who = start.yours.name if name == YOURS and start.yours else WHO.get(name)
+    who = who or CONTROLLERS.get(name, "a controller of your own")
     return f"{name}: {who}"
 
 
@@ -63,8 +78,8 @@ def next_things(settings: PlaySettings) -> list[dict[str, Any]]:
     return [WHY, other, PUSH]
 
 
-def why_it_fell(name: str, outcome: str, kept: "Sequence[Kept]", landings: "Sequence[Landing]") -> dict[str, Any]:
-    """Which row was not kept, in words (`reason`), and the `tick` of the last step in which the model was furthest from the robot.
+def why_it_fell(name: str, outcome: str, kept: Sequence[Kept], landings: Sequence[Landing]) -> dict[str, Any]:
+    """Which row was not kept, in words (`reason`), and the `tick` in which the model was furthest from the robot.
 
     The row: B1 or B2 where the foot came down off its stone, C1 where both feet left the ground, else the CLF's. By the
     model the QP keeps it, or nearly; what the robot does in the same tick is measured.
@@ -81,8 +96,10 @@ def why_it_fell(name: str, outcome: str, kept: "Sequence[Kept]", landings: "Sequ
     found = [
         (sign * (promised(tick, quantity) - measured(after, quantity)), tick, after)
         for tick, after in pairwise(kept)
-        if stands(tick.state.q[None]) and tick.output.step_index == after.output.step_index == last
-        and row in tick.output.rows and quantity in tick.output.quantities
+        if stands(tick.state.q[None])
+        and tick.output.step_index == after.output.step_index == last
+        and row in tick.output.rows
+        and quantity in tick.output.quantities
     ]
     walked = max((tick.state.touchdowns for tick in kept), default=0)
     where = f"{name} fell after {walked} stone{'s' * (walked != 1)}"
@@ -100,12 +117,12 @@ def why_it_fell(name: str, outcome: str, kept: "Sequence[Kept]", landings: "Sequ
     return {"reason": told, "tick": tick.output.tick}
 
 
-def promised(tick: "Kept", name: str) -> float:
+def promised(tick: Kept, name: str) -> float:
     """A quantity over the tick as the controller computed it, by its model and its estimates."""
     i, output = tick.output.quantities.index(name), tick.output
     return float((output.nominal_a[i] + output.alpha[i]) @ output.mu + output.nominal_b[i] + output.beta[i])
 
 
-def measured(after: "Kept", name: str) -> float:
+def measured(after: Kept, name: str) -> float:
     """A quantity over the tick before."""
     return float(after.output.measured[after.output.quantities.index(name)])

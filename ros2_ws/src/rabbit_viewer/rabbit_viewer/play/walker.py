@@ -4,13 +4,11 @@ Of its last ticks it keeps what decided them, so that it can say why it fell, an
 """
 
 from collections import deque
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from cbf_clf_qp.answer import Decided
 from cbf_clf_qp.estimates import Estimates
-from rabbit_description.state import RobotState
 from rabbit_experiments.assembly import Assembly, resolve_policy
 from rabbit_experiments.walk_records import WalkRecords, about_walk, plant_in_words
 from rabbit_recording.explaining import ExplainedTick
@@ -20,13 +18,13 @@ from rl_cbf_clf_controller.controller_output import ControllerOutput
 from rl_cbf_clf_controller.explanation import Explanation, explain
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import Policy
-from rl_cbf_clf_controller.scene import ControllerError, Scene
+from rl_cbf_clf_controller.scene import ControllerError
 from rl_trainer.rollout import Record
 
 from rabbit_viewer.geometry import stands
 from rabbit_viewer.page.rows import EVENTS, RowMaker
 from rabbit_viewer.play.settings import SHIPPED, SWAPPED_AT_ONCE, YOURS, Start, controller_of
-from rabbit_viewer.play.story import title_of, why_it_fell
+from rabbit_viewer.play.story import Kept, title_of, why_it_fell
 
 CLEAR_HEIGHT = 0.01  # m, of a swing foot that is well in the air
 LIMP_TICKS = 150  # of a robot that no controller moves any more, at most
@@ -34,17 +32,6 @@ NOTHING = np.full(2, np.nan)
 NONE = Estimates.zero(1, 4)  # before the oracle nobody has estimated
 RUNNING = 1  # column of a row
 KEPT_TICKS = 6_000  # a minute: a tick takes some 10 kB
-
-
-@dataclass(frozen=True)
-class Kept:
-    """What a tick was decided from, and what it decided."""
-
-    state: RobotState
-    output: ControllerOutput
-    scene: Scene
-    estimates: Estimates
-    decided: Decided
 
 
 class Walker:
@@ -84,7 +71,7 @@ class Walker:
 
     @property
     def ended(self) -> dict[str, Any]:
-        """How it ended, for the page: an outcome, empty while it walks; stones walked so far; why it fell, if it did."""
+        """How it ended, for the page: outcome, empty while it walks; stones walked so far; why it fell, if it did."""
         fell = self.outcome not in ("", Outcome.WALKED.value)
         why = why_it_fell(self.name, self.outcome, list(self._kept), self._simulation.landings) if fell else {}
         return {"outcome": self.outcome, "stones": self._state.touchdowns, **why}
