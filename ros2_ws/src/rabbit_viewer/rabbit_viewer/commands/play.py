@@ -28,7 +28,7 @@ class PlayOptions(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    port: int = Field(PORT, ge=0, le=65535, description="of the page, on this machine alone; 0: any free one")
+    port: int = Field(PORT, ge=0, le=65535, description="port of the page, on this machine alone; 0: any free one")
     browser: bool = Field(True, description="open the page in a browser")
     export: Path | None = Field(
         None,
