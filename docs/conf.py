@@ -44,7 +44,7 @@ html_title = project
 html_copy_source = False
 html_show_sourcelink = False
 html_extra_path = ["site/index.html", "pictures/walk.html"]  # the first opens the first page, the second is on it
-PICTURE = re.compile(r"^\[!\[[^]]*\]\([^)]*walk.png\)\]\([^)]*walk.html\)\n\n\*[^*]*\*\n", re.MULTILINE)
+PICTURE = re.compile(r"^\[!\[[^]]*\]\([^)]*walk.gif\)\]\([^)]*walk.html\)\n\n\*[^*]*\*\n", re.MULTILINE)
 
 OUTSIDE = re.compile(r"\]\(((?:\.\./)*(?:studies|qa)/docs/[^)#\s]+\.md)(?:#[^)\s]*)?\)")
 

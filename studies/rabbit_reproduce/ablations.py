@@ -222,7 +222,7 @@ def main(
     ),
     seeds: Annotated[list[int], typer.Option(min=0, help="of the trainings, once for each")] = [1, 2, 3],  # noqa: B006
     runs: Annotated[int, typer.Option(min=1, help="courses of 20 stones for each policy")] = 20,
-    seed: Annotated[int, typer.Option(min=0, help="of courses and first states")] = 40001,
+    seed: Annotated[int, typer.Option(min=0, help="seed of courses and first states")] = 40001,
     jobs: Annotated[int, typer.Option(min=1, help="processes")] = 1,
     episodes: Annotated[int | None, typer.Option(min=1, help="in place of every variant's own number")] = None,
     show: Annotated[bool, typer.Option("--list", help="the variants, and nothing more")] = False,

@@ -26,6 +26,7 @@ from rabbit_reproduce.table_lines import MAIN, RIGID, Found, Line, Runs, Size, l
 from rabbit_reproduce.training import that_made
 from rabbit_reproduce.training_jobs import TrainingJob
 
+FIGURES = ("fig:Main", "fig:clf-results", "fig:clf-torso-results", "fig:stepping-stone", "fig:rl-cbf-clf-results")
 SWEPT = Runs(10, 1)  # there are many values
 
 
@@ -46,6 +47,11 @@ class Experiment(ABC):
     judged_on_rigid: bool = False  # all claims hold of any plant's walks, but for those made on `MAIN` alone
     needs_training: bool = False
     shown: ClassVar[Sequence[Any]] = ()  # keys of the lines whose first run a figure shows
+
+    @property
+    def place(self) -> str:
+        """Where in the paper, its figure by number."""
+        return f"Fig. {FIGURES.index(self.label) + 1}, {self.label}" if self.label in FIGURES else self.label
 
     def __init__(self, name: str = "") -> None:
         self.name = name or self.name

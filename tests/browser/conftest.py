@@ -4,6 +4,9 @@ from collections.abc import Iterator
 
 import pytest
 from chromium import Chromium, find_chromium
+from recorded_walk import walk, write_bag
+
+__all__ = ["walk", "write_bag"]
 
 
 @pytest.fixture

@@ -1,11 +1,15 @@
 """The page in a real browser: every control is clicked, and what is drawn and the numbers behind it are looked at."""
 
 import json
+import os
 import re
 import subprocess
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
+from urllib.parse import parse_qsl
 
 import pytest
 from chromium import Chromium, Page
@@ -33,7 +37,7 @@ SLIDERS = (  # name, share of the slider's width
 )
 NUMBERS = {"ground_stiffness": 200_000, "ground_damping": 6000, "torque_rate": 50_000, "gear_stiffness": 5000}
 CHOICES = {
-    "first": ("nominal", "oracle", "identified", "best", "l1", "learned"),
+    "first": ("nominal", "oracle", "identified", "tuned", "l1", "learned", "robust-cbf-clf-qp"),
     "second": ("learned", "none", "nominal"),
     "again": ("same course", "next course", "wait"),
     "sensors": ("lab", "exact"),
@@ -81,9 +85,154 @@ def test_a_walk_is_drawn_as_it_happens(chromium: Chromium, played: str) -> None:
     assert 0.6 < hip < 0.9
     assert stones >= 2
     plots = page.look("[...rabbit.plots.plots].map(({plot}) => plot.data[0].length)")
-    assert len(plots) == 6
+    assert len(plots) == 7
     assert min(plots) > 10
     check_requests(page)
+
+
+def test_a_first_visit_sees_the_walk_the_fall_and_why(chromium: Chromium) -> None:
+    """However late it comes; and who comes later still sees the same, and not its end."""
+    served = Served("play")
+    try:
+        time.sleep(3)
+        page = chromium.open(served.address)
+        page.wait("rabbit.state.pictures")
+        assert page.look("rabbit.state.walk.length") == 1
+        assert page.look("document.querySelector('#sentence').textContent").startswith("Both robots weigh half of what")
+        page.wait("rabbit.clock.row > 50")
+        walk = "rabbit.state.walk.walkers[1]"
+        page.wait(f"{walk}.fall && rabbit.clock.row >= {walk}.fall.from && rabbit.clock.pace() < 1")
+        page.wait("rabbit.state.ended[1]?.outcome === 'fall' && !document.querySelector('#happened.waits')")
+        said = page.look("document.querySelector('#happened').textContent")
+        assert said == page.look("rabbit.state.ended[1].reason")
+        assert said.startswith("tuned fell after 8 stones. It could not keep the row")
+        lying = f"{walk}.get({walk}.fall.to, 'hip_z') - {walk}.get({walk}.fall.to, 'stone_top')"
+        assert page.look(lying) < 0.35
+        page.wait("rabbit.state.ended[0]?.outcome === 'walked'")
+        late = chromium.open(served.address)
+        late.wait("rabbit.state.pictures")
+        late.wait(f"rabbit.clock.row > 0 && rabbit.clock.row < {walk}.fall.from")
+        assert late.look("document.querySelector('#happened').className") == "waits"
+        late.wait("!document.querySelector('#happened.waits')")
+        for each in (page, late):
+            check_requests(each)
+    finally:
+        assert served.end() == 0
+
+
+def test_what_is_offered_next_is_done(chromium: Chromium) -> None:
+    served = Served("play", "--seed", "41")  # falls soon
+    try:
+        page = chromium.open(served.address)
+        page.wait("rabbit.state.ended[1]?.tick && !document.querySelector('#happened.waits')")
+        page.click("#things button:nth-child(1)")
+        page.wait("!document.querySelector('#why').hidden")
+        tick = page.look("rabbit.state.ended[1].tick")
+        assert f"robot tuned, tick {tick} " in page.look("document.querySelector('#why pre').textContent")
+        assert page.look("rabbit.state.walk.walkers[1].get(rabbit.clock.row, 'tick')") == tick
+        page.click("#why button")
+        page.wait("document.querySelector('#why').hidden")
+        page.click("#things button:nth-child(2)")
+        page.wait("rabbit.state.walk.about.story.includes('three times')")
+        assert settings(page)["mass_scale"] == 3
+        page.click("#things button:nth-child(3)")
+        page.wait("rabbit.state.walk.walkers[0].marks.some(({kind}) => kind === 'pushed')")
+        check_requests(page)
+    finally:
+        assert served.end() == 0
+
+
+def test_a_click_on_the_time_line_explains_its_tick(chromium: Chromium, played: str) -> None:
+    page = chromium.open(played)
+    page.wait("rabbit.state.walk.length > 100")
+    page.click("#pause")
+    page.wait("rabbit.controls.state.paused")
+    page.drag("#time", 0.5)
+    page.wait("!document.querySelector('#why').hidden")
+    row = page.look("rabbit.clock.row")
+    lines = page.look("document.querySelector('#why pre').textContent").split("\n")
+    assert lines[0].startswith(f"robot best, tick {row} ")
+    assert {line.split()[0] for line in lines[4:10]} == {"CLF", "B1", "B2", "C1", "C2+", "C2-"}
+    page.choose("#row", "1")
+    page.wait("rabbit.plots.plots.at(-2).columns[0] === 'margin_B1'")
+    check_requests(page)
+
+
+def test_a_reset_while_paused_shows_the_robots_at_their_start(chromium: Chromium, played: str) -> None:
+    page = chromium.open(played)
+    page.wait("rabbit.state.walk.length > 150")
+    page.click("#pause")
+    page.wait("rabbit.controls.state.paused")
+    page.click("#reset")
+    page.wait("rabbit.state.walk.length === 1 && rabbit.clock.row === 0")
+    page.wait("document.querySelector('#clock').textContent === '0.00 s'")
+    assert min(colours(page, 0), colours(page, 1)) > 20
+    marks = "[...document.querySelector('#marks').getContext('2d').getImageData(0, 0, 300, 24).data]"
+    assert not page.look(f"{marks}.some(Boolean)")
+    page.click("#pause")
+    page.wait("rabbit.clock.row > 20")
+    check_requests(page)
+
+
+@pytest.mark.parametrize(
+    ("link", "line"),
+    [
+        ("mass_scale=99", "--mass-scale 99: expected less than or equal to 3"),
+        ("colour=red", "colour: no such parameter"),
+        ("stones=many", "stones many: expected"),
+        ("first=yours", "controller yours: expected --controller, --policy or --parameters on the command line"),
+    ],
+)
+def test_what_is_wrong_in_a_link_is_one_line(chromium: Chromium, played: str, link: str, line: str) -> None:
+    page = chromium.open(f"{played}/#{link}")
+    page.wait("rabbit.state.refused === 1 && !document.querySelector('#notice').hidden")
+    assert line.lstrip("-").replace("-scale", "_scale") in page.look("document.querySelector('#notice').textContent")
+    assert settings(page)["mass_scale"] == 0.5
+    check_requests(page)
+
+
+def test_your_own_controller_barrier_and_policy_walk_on_the_page(
+    chromium: Chromium, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The controller by its entry point, the policy as a file, a recording beside them."""
+    own = tmp_path / "own-1.dist-info"
+    own.mkdir()
+    (own / "METADATA").write_text("Metadata-Version: 2.1\nName: own\nVersion: 1\n")
+    (own / "entry_points.txt").write_text("[rabbit.controllers]\npitch-rl-clf-qp = torso_pitch:CONTROLLER\n")
+    paths = [str(tmp_path), str(Path(__file__).parents[2] / "examples"), os.environ.get("PYTHONPATH", "")]
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(paths))
+    mine = ("--controller", "pitch-rl-clf-qp", "--policy", "zero", "--terrain", "flat", "--mass-scale", "1")
+    served = Served("play", *mine)
+    try:
+        page = chromium.open(served.address)
+        page.wait("rabbit.clock.row > 60")
+        assert page.look("rabbit.state.walk.walkers[0].about.barriers") == ["pitch"]
+        assert "yours pitch-rl-clf-qp, zero" in page.look("document.querySelector('#sentence').textContent")
+        lean = page.look("rabbit.state.walk.walkers[0].get(60, 'pitch')")
+        assert -0.1 < lean < 0.345
+        rows = page.look("[...document.querySelector('#row').options].map(({text}) => text)")
+        assert "pitch" in rows
+        page.drag("#time", 0.5)
+        page.wait("document.querySelector('#why pre').textContent.includes('pitch')")
+        page.choose("#second", "pitch-rl-clf-qp")
+        page.wait("rabbit.controls.state.waiting.includes('second')")
+        check_requests(page)
+    finally:
+        assert served.end() == 0
+    shipped = files("rl_cbf_clf_controller") / "policies" / "rl-cbf-clf-qp.safetensors"
+    (tmp_path / "mine.safetensors").write_bytes(shipped.read_bytes())
+    run = tmp_path / "run"
+    evaluate = [*RABBIT, "evaluate", "--runs", "1", "--stones", "3", "--pictures", "--out", str(run)]
+    subprocess.run(evaluate, check=True, timeout=300, stdout=subprocess.DEVNULL)
+    beside = ("--policy", str(tmp_path / "mine.safetensors"), "--recording", str(run), "--mass-scale", "2")
+    served = Served("play", *beside, "--stones", "3")
+    try:
+        page = chromium.open(served.address)
+        page.wait("rabbit.state.ended[0]?.outcome === 'walked' && rabbit.state.ended[1]?.outcome === 'walked'")
+        assert page.look("rabbit.state.walk.walkers.map(({about}) => about.name)") == ["yours", "recording"]
+        check_requests(page)
+    finally:
+        assert served.end() == 0
 
 
 def test_every_button_does_what_it_says(chromium: Chromium, played: str) -> None:
@@ -125,7 +274,7 @@ def test_every_button_does_what_it_says(chromium: Chromium, played: str) -> None
     unclicked = "[...document.querySelectorAll('button, a')].map((each) => each.id || each.textContent)"
     assert set(page.look(unclicked)) == {
         *("pause", "tick", "reset", "next", "push-back", "push-on", "link", "save", "theme", "help", "live", "Close"),
-        *("plots: learned", "plots: nominal"),
+        *("plots: best", "plots: tuned", "Why did it fall?", "3 times the mass", "Push them", "✕"),
     }
     check_requests(page)
 
@@ -194,7 +343,7 @@ def test_keys_do_what_the_buttons_do(chromium: Chromium, played: str) -> None:
     page.press("r")
     page.wait(f"{pushed} === 0")
     page.press("n")
-    page.wait("rabbit.state.walk.about.title === 'course 2'")
+    page.wait("rabbit.state.walk.about.title === 'course 41'")
     page.press("d")
     page.press("?")
     page.wait("document.querySelector('#keys').open")
@@ -220,11 +369,11 @@ def test_three_browsers_see_the_same_and_a_link_brings_the_same_walk(chromium: C
         page.wait(f"rabbit.state.walk.length === {rows}")
         assert page.look(hips) == one.look(hips)
     link, walked = one.look("location.href"), one.look(hips)
-    assert "payload=" in link
+    assert dict(parse_qsl(link.partition("#")[2])).keys() == {"payload", "stones"}  # what differs from the default
     served = Served("play", "--seed", "5", "--first", "oracle")
     try:
         there = chromium.open(served.address + "/" + link[link.index("#") :])
-        there.wait(f"rabbit.state.walk.about.title === 'course 1' && rabbit.state.walk.length >= {rows}")
+        there.wait(f"rabbit.state.walk.about.title === 'course 40' && rabbit.state.walk.length >= {rows}")
         assert there.look(hips)[:rows] == walked
         there.look("location.hash = '#seed=7&options=--plant+mujoco'")  # another link, pasted
         there.wait("rabbit.state.walk.about.title === 'course 7'")
@@ -299,7 +448,21 @@ def test_a_run_is_served_with_a_time_line(chromium: Chromium, tmp_path: Path) ->
         page.wait(f"rabbit.clock.row === {row + 1}")
         assert colours(page) > 20
         page.look("rabbit.source.send({do: 'reset'})")
-        page.wait("rabbit.state.words.refused?.text === 'a recording takes no messages'")
+        page.wait("rabbit.state.words.refused?.text === 'a recording takes no messages but explain'")
+        check_requests(page)
+    finally:
+        assert served.end() == 0
+
+
+def test_a_recorded_tick_is_explained(chromium: Chromium, write_bag: Callable[..., Path], tmp_path: Path) -> None:
+    served = Served("bag", "show", str(write_bag(tmp_path / "bag")))
+    try:
+        page = chromium.open(served.address)
+        page.wait("rabbit.state.pictures > 5")
+        page.drag("#time", 0.5)
+        page.wait("!document.querySelector('#why').hidden")
+        tick = page.look("rabbit.state.walk.walkers[0].get(rabbit.clock.row, 'tick')")
+        assert f", tick {tick} " in page.look("document.querySelector('#why pre').textContent")
         check_requests(page)
     finally:
         assert served.end() == 0

@@ -79,7 +79,7 @@ def test_every_picture_opens(controller: str, count: int, tmp_path: Path) -> Non
 
 
 def test_film_and_gif_show_the_walk(walk: WalkRecords, tmp_path: Path) -> None:
-    video, gif = film(walk, tmp_path / "walk.mp4", speed=4.0, gif=True)
+    video, gif = film([walk], tmp_path / "walk.mp4", speed=4.0, gif=True)
     frames = imageio.imread(video, plugin="FFMPEG")
     assert frames.shape[1:] == (SIZE[1], SIZE[0], 3)
     assert frames.shape[0] >= len(walk.tick) / 16  # 25 frames a second at four times real time, then the last one

@@ -36,7 +36,9 @@ class JitterOptions(BaseModel):
     kills: int = Field(0, ge=0, le=1000, description="times the controller is killed, under each priority, a walk each")
     seed: int = Field(1, ge=0, le=2**63 - 1, description="of the first episode")
     policy: str | None = Field(None, description="zero, a shipped policy or a file")
-    parameters: str = Field("ours", description="of the controller: ours, best, nominal_tuned, authors or a YAML file")
+    parameters: str = Field(
+        "ours", description="file of controller parameters: ours, best, nominal_tuned, authors or a YAML file"
+    )
 
 
 @app.command()

@@ -42,7 +42,9 @@ class SoakOptions(BaseModel):
     operate_every: float = Field(15.0, ge=0, le=3600, description="s between operations beside the walk; 0: none")
     pace: float | None = Field(None, ge=0, le=100, description="times real time at most; 0: no limit (default: 0)")
     seed: int = Field(1, ge=0, le=2**63 - 1, description="of the first episode, and of the operations")
-    parameters: str = Field("ours", description="of the controller: ours, best, nominal_tuned, authors or a YAML file")
+    parameters: str = Field(
+        "ours", description="file of controller parameters: ours, best, nominal_tuned, authors or a YAML file"
+    )
 
 
 @app.command()

@@ -25,22 +25,32 @@ def reproduce(
     setting: Annotated[
         str | None, typer.Option(help="YAML file, or a shipped one's name: what the paper does not print")
     ] = None,
-    plant: Annotated[PlantName | None, typer.Option(help="on which the claims are judged (default: pybullet)")] = None,
+    plant: Annotated[PlantName | None, typer.Option(help="plant on which the claims are judged (default: pybullet)")] = None,
+    figure: Annotated[
+        int | None, typer.Option(min=1, max=5, help="the paper's figure of this number; Fig. 1 is a drawing")
+    ] = None,
     show: Annotated[bool, typer.Option("--list", help="the experiments, and nothing more")] = False,
 ) -> None:
     """Make the paper's figures and tables anew: DIR/results.md has its figures beside ours, with verdicts."""
     from rabbit_experiments.cache import JobError
 
     from rabbit_reproduce.catalogue import EXPERIMENTS
+    from rabbit_reproduce.experiment import FIGURES
     from rabbit_reproduce.page import make
     from rabbit_reproduce.setting import OURS, SettingError, read_setting
     from rabbit_reproduce.table_lines import FULL, QUICK
     from rabbit_reproduce.training import retrain as retrained
 
     known = {each.name: each for each in EXPERIMENTS}
+    if figure:
+        shown = [name for name, each in known.items() if each.label == FIGURES[figure - 1]]
+        names = [
+            *(names or ()),
+            *(shown or fail(f"--figure {figure}: expected 2 to 5, Fig. 1 is a drawing of the method")),
+        ]
     if show:
         for name, each in known.items():
-            print(f"{name:24s} {each.title} ({each.label}){'; needs --retrain' * each.needs_training}")
+            print(f"{name:24s} {each.title} ({each.place}){'; needs --retrain' * each.needs_training}")
         return
     if wrong := [name for name in names or () if name not in known]:
         fail(f"{wrong[0]}: expected some of {', '.join(known)}")

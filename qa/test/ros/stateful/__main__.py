@@ -25,7 +25,7 @@ SHARED = Path(__file__).parents[4] / "tests/shared"  # what pytest has on its pa
 def main() -> int:
     """Exit code 1 where something was wrong, 130 where interrupted."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--rules", type=int, default=5000, help="in all (default: 5000)")
+    parser.add_argument("--rules", type=int, default=5000, help="number in all (default: 5000)")
     parser.add_argument("--first", type=int, default=0, help="number of the first batch: for campaigns side by side")
     parser.add_argument("--batch", type=int, help="this one alone")
     parser.add_argument("--out", type=Path, default=Path("runs/sequences"), help="folder of the results")

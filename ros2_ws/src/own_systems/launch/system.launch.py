@@ -18,7 +18,7 @@ ARGUMENTS = {
     "seed": ("1", "of the first episode"),
     "record": ("false", "record it"),
     "path": ("recording", "folder of the recording"),
-    "namespace": ("", "of the graph"),
+    "namespace": ("", "namespace of the graph"),
 }
 
 

@@ -11,12 +11,13 @@ import errno
 import gc
 import os
 import signal
+from difflib import get_close_matches
 from functools import cache
 from importlib.machinery import PathFinder
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint, entry_points, version
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Annotated, Any, NoReturn
 
 os.environ.setdefault("TYPER_USE_RICH", "0")  # its panels make a help text twice as long, and later
 
@@ -87,6 +88,9 @@ class LazyGroup(TyperGroup):
         """The command itself. From here on a Ctrl-C or SIGTERM is a `KeyboardInterrupt`, which it may answer."""
         if args[0] in ORDER and args[0] not in commands():
             _fail(f"{args[0]} is not installed: call make studies, or pip install ./studies ./qa")
+        if args[0] not in commands() and not args[0].startswith("-"):
+            near = get_close_matches(args[0], commands(), n=1)
+            _fail(f"no command {args[0]}{f': did you mean {near[0]}?' if near else '; rabbit --help lists them'}")
         name, _, rest = super().resolve_command(ctx, args)
         entry = commands()[str(name)]
         if source(entry) is None:
@@ -132,8 +136,18 @@ def _terminate(number: int, _: object) -> None:
 app = typer.Typer(cls=LazyGroup, add_completion=False, no_args_is_help=True, pretty_exceptions_show_locals=False)
 
 
+def _show_version(given: bool) -> None:
+    if given:
+        print(f"rabbit {version('rabbit_bringup')}")
+        raise typer.Exit
+
+
 @app.callback()
-def _root() -> None:
+def _root(
+    _version: Annotated[
+        bool, typer.Option("--version", is_eager=True, callback=_show_version, help="Show the version and exit.")
+    ] = False,
+) -> None:
     """RABBIT on stepping stones: simulate, control, learn, evaluate."""
 
 

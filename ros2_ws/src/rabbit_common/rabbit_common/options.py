@@ -17,6 +17,7 @@ import sys
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from difflib import get_close_matches
 from typing import Annotated, Any, Literal, NoReturn, TypeVar, get_args, get_origin
 
 import typer
@@ -116,7 +117,7 @@ def complaints(*errors: type[Exception]) -> Iterator[None]:
 class Graph(BaseModel, defer_build=True):
     """Which running graph a command means."""
 
-    namespace: str = Field("", pattern=NAMESPACE, description="of the graph")
+    namespace: str = Field("", pattern=NAMESPACE, description="namespace of the graph")
 
 
 def check_namespace(namespace: str) -> None:
@@ -129,6 +130,10 @@ def fault(error: ValidationError) -> str:
     """Option, value and expectation of the first thing that is wrong."""
     first: ErrorDetails = error.errors()[0]
     text = re.sub(r"^(Input should be|Value error,)( a valid)? ?(expected )?", "", first["msg"])
+    if first["type"] == "literal_error":
+        known = re.findall(r"'([^']*)'", str(first.get("ctx", {}).get("expected", "")))
+        near = get_close_matches(str(first["input"]), known, n=1)
+        text += f"; did you mean {near[0]}?" if near else ""
     parts = "".join(f"[{part}]" for part in first["loc"][1:])
     if first["type"] == "extra_forbidden":
         return f"{first['loc'][0]}{parts}: no such parameter"

@@ -15,14 +15,16 @@ class TuningOptions(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
-    parameters: str = Field("ours", description="of the controller: ours, best, nominal_tuned, authors or a YAML file")
+    parameters: str = Field(
+        "ours", description="file of controller parameters: ours, best, nominal_tuned, authors or a YAML file"
+    )
 
 
 class WalkOptions(TuningOptions):
     """Options of a command that walks in process."""
 
     runs: int = Field(10, ge=1, le=1_000_000, description="number of runs")
-    seed: int = Field(9001, ge=0, le=2**63 - 1, description="of courses, first states and sensor noise")
+    seed: int = Field(9001, ge=0, le=2**63 - 1, description="seed of courses, first states and sensor noise")
     policy: str | None = Field(
         None, description="zero, oracle, a shipped policy or a file; a controller that learns has its own by default"
     )

@@ -27,15 +27,27 @@ from rl_trainer.rollout import Record
 RECORDS = "records.npz"  # in a run's folder
 LANDING = ("index", "tick", "l", "l_min", "l_max", "on_stone")
 DRAWN = (
-    *("controller", "friction_coeff", "friction_margin", "torque_limit"),
+    *("controller", "adaptation", "friction_coeff", "friction_margin", "torque_limit"),
     *("R1", "R2", "stone_margin", "eps", "kp", "kd"),
 )
-DRAWN_OF_PLANT = ("mass_scale", "payload", "link_bend", "leg_stretch", "stones", "terrain")
+DRAWN_OF_PLANT = ("mass_scale", "payload", "link_bend", "leg_stretch", "stones", "slope", "terrain")
 MOST_BYTES = 200_000_000  # of records; a tick has about a thousand, half as many in the file
 GAINS = ("eps", "kp", "kd")  # positive
-NUMBERS = {*DRAWN[1:], "link_bend", "leg_stretch", "stones"}
+NUMBERS = {*DRAWN[2:], "link_bend", "leg_stretch", "stones", "slope"}
 MOST_NUMBER = 1e9
 WHOLE = ("tick", "touchdowns", "stance", "step_index")
+LEARNED = "learned controller"
+CONTROLLERS = {  # in a title
+    **dict.fromkeys(("clf-qp", "cbf-clf-qp"), "nominal controller"),
+    **dict.fromkeys(("rl-clf-qp", "io-rl-clf-qp", "rl-cbf-clf-qp"), LEARNED),
+    "l1-clf-qp": "L1 adaptive controller",
+    "robust-cbf-clf-qp": "robust controller",
+}
+ESTIMATES = {"zero": "nominal controller", "oracle": "controller with exact estimates"}  # of a learned one
+OUTCOMES = {
+    **{"miss": "missed a stone", "gap_fall": "fell into a gap", "fall": "fell", "slip": "slipped"},
+    **{"flight": "left the ground", "stall": "stood still"},
+}
 RESCUE_NEEDED = 0.01  # rad/s^2 of slack of last resort: a quadratic one gives way a little whenever its row is active
 
 
@@ -133,11 +145,29 @@ def about_walk(
     """The parameters that pictures draw or name; `policy` is its version or name."""
     shown = drawn_parameters(controller)
     plant = {name: getattr(simulation, name) for name in DRAWN_OF_PLANT}
-    load = f" + {simulation.payload:g} kg" if simulation.payload else ""
-    title = (
-        f"{controller.controller}, policy {policy}, mass scale {simulation.mass_scale:g}{load}, seed {seed}: {outcome}"
-    )
-    return {"title": title, "outcome": outcome, "seed": seed, "policy": policy, **shown, **plant}
+    about = {"outcome": outcome, "seed": seed, "policy": policy, **shown, **plant}
+    return {"title": walk_title(about), **about}
+
+
+def walk_title(about: Mapping[str, Any]) -> str:
+    """A picture's title in words, as `Learned controller, twice the mass: walked`, of what is known in `about`."""
+    controller, policy = str(about.get("controller", "")), about.get("policy")
+    who = CONTROLLERS.get(controller, controller)
+    if about.get("adaptation") == "identification":
+        who = "controller that identifies the robot"
+    elif who == LEARNED and policy in ESTIMATES:
+        who = ESTIMATES[policy]
+    title = ", ".join(filter(None, (who, plant_in_words(about))))
+    outcome = str(about.get("outcome") or "not recorded to its end")
+    return f"{title[:1].upper()}{title[1:]}: {OUTCOMES.get(outcome, outcome)}"
+
+
+def plant_in_words(about: Mapping[str, Any]) -> str:
+    """How the true robot and its ground differ from the model, as `half the mass, 5° uphill`; empty: not at all."""
+    mass, payload, slope = (about.get(name, usual) for name, usual in (("mass_scale", 1), ("payload", 0), ("slope", 0)))
+    said = [{1: "", 2: "twice the mass", 0.5: "half the mass"}.get(mass, f"{mass:g} times the mass")]
+    said += [f"{payload:g} kg on the torso"] * bool(payload) + [f"{slope:g}° uphill"] * bool(slope)
+    return ", ".join(filter(None, said))
 
 
 def drawn_parameters(controller: ControllerParameters) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from rl_trainer.rollout import Record
 from rabbit_recording import RecordingError
 from rabbit_recording.checking import replayed
 from rabbit_recording.open_recording import one_line_errors
-from rabbit_recording.reader import RecordedEpisode, last_episode
+from rabbit_recording.reader import last_episode
 
 INPUTS = "stance hip", "stance knee", "swing hip", "swing knee"
 WORDS = {  # of RABBIT's rows: what each is for, and the unit of what it constrains
@@ -30,19 +30,20 @@ LEGS = "left", "right"
 
 @dataclass(frozen=True)
 class ExplainedTick:
-    """A tick of an episode, and the one before; None before tick 0."""
+    """A tick, and the one before; None before tick 0. `of`: of what a tick; `is_set`: parameters changed in it."""
 
-    episode: RecordedEpisode
+    of: str
     record: Record
     explanation: Explanation
     before: tuple[Record, Explanation] | None
+    is_set: bool = False
 
     @property
     def title(self) -> str:
         """Which tick it is."""
         output = self.record.output
         where = f"step {output.step_index}, on the {LEGS[output.stance]} leg for {output.step_time:.2f} s"
-        return f"episode {self.episode.number}, tick {output.tick} ({output.tick * TICK_SECONDS:.2f} s): {where}"
+        return f"{self.of}, tick {output.tick} ({output.tick * TICK_SECONDS:.2f} s): {where}"
 
     def lines(self) -> list[str]:
         """All of it in words."""
@@ -63,7 +64,7 @@ class ExplainedTick:
         told = [f"the robot stands on the {LEGS[now.output.stance]} leg"] * (was.output.stance != now.output.stance)
         told += [f"policy {now.output.policy_version}"] * (was.output.policy_version != now.output.policy_version)
         told += ["another stone is seen"] * (was.state.preview != now.state.preview)
-        told += ["parameters changed"] * (now.output.tick in [each.tick for each in self.episode.settings])
+        told += ["parameters changed"] * self.is_set
         return [*feet, *told, *changes(explained, self.explanation)]
 
 
@@ -97,4 +98,5 @@ def explain_tick(path: Path, tick: int | None = None, number: int | None = None)
                 decided = controller.qp, scene.x, scene.p, controller.estimates, controller.decided
                 explained.append((record, explain(*decided)))
     *before, (record, explanation) = explained
-    return ExplainedTick(episode, record, explanation, before[0] if before else None)
+    is_set = tick in [each.tick for each in episode.settings]
+    return ExplainedTick(f"episode {episode.number}", record, explanation, before[0] if before else None, is_set)

@@ -42,11 +42,12 @@ class Episode(BaseModel):
     l_min_std: Number = Field(0.02, ge=0, le=0.3, description="standard deviation of the near edge, m")
     l_min_truncation: Number = Field(2.5, ge=1e-6, le=6, description="largest deviation from the mean, in std")
     l_min_distribution: Literal["normal", "uniform"] = Field(
-        "normal", description="of the near edge, both on mean +- truncation x std"
+        "normal", description="distribution of the near edge, on mean +- truncation x std"
     )
     stone_width: Number = Field(0.05, ge=1e-3, le=0.5, description="l_max - l_min, m")
     stone_placement: Literal["relative", "absolute"] = Field(
-        "relative", description="from where the foot landed, or from the middle of the stone before"
+        "relative",
+        description="from where a stone's distance counts: the landed foot, or the middle of the stone before",
     )
     stone_height: EngineNumber = setting(
         0.0,
@@ -60,11 +61,13 @@ class Episode(BaseModel):
 
     x0_position_std: Number = Field(0.02, ge=0, le=0.5, description="noise of the first angles, rad")
     x0_velocity_std: Number = Field(0.05, ge=0, le=1, description="noise of the first angle rates, over their size")
-    x0_spread: Number = Field(1.0, ge=0, le=10, description="factor on both")
+    x0_spread: Number = Field(1.0, ge=0, le=10, description="factor on the noise of the first state")
 
     stop_at_miss: bool = Field(True, description="a missed stone ends the episode")
-    fall_height: Number = Field(0.70, ge=0, le=0.8, description="a hip below it has fallen, m")
-    fall_pitch: Number = Field(math.pi / 3, ge=1e-6, le=math.pi, description="a torso beyond it has fallen, rad")
+    fall_height: Number = Field(0.70, ge=0, le=0.8, description="height of the hip below which the robot has fallen, m")
+    fall_pitch: Number = Field(
+        math.pi / 3, ge=1e-6, le=math.pi, description="pitch of the torso beyond which the robot has fallen, rad"
+    )
 
     @model_validator(mode="after")
     def _edges_are_in_reach(self) -> Self:

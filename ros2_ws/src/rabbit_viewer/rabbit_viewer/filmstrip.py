@@ -14,7 +14,7 @@ from rabbit_viewer.geometry import ARC, area_at, legs_of, torso_points
 from rabbit_viewer.scene import stone_spans
 
 STEPS = 9  # shown at most
-COLOURS = {Leg.LEFT: style.BLUE, Leg.RIGHT: style.ORANGE}
+STANCE, SWING = style.BLUE, style.ORANGE  # as in films and on the page
 ROOM = (0.25, 0.45)  # m, beyond the first and the last foot
 LEAST = 4.0  # m, shown of a short walk too
 STONE_DEPTH = 0.06  # m
@@ -41,8 +41,8 @@ def draw_walk(walk: WalkRecords, path: Path) -> Path:
         _draw_path(foot, walk, feet, first, last)
     for row in rows:
         _draw_robot(robot, walk, legs, row, 1.0)
-    for leg in Leg:
-        robot.plot([], [], color=COLOURS[leg], label=f"{leg.name.lower()} leg")
+    for colour, label in ((STANCE, "stance leg"), (SWING, "swing leg")):
+        robot.plot([], [], color=colour, label=label)
     if spans:
         foot.plot([], [], color=style.RED, linestyle="--", linewidth=1, label="B2 = 0: the foot stays above")
         foot.plot([], [], color=style.RED, linestyle=":", linewidth=1, label="B1 = 0: the foot stays before")
@@ -58,7 +58,7 @@ def _draw_robot(axes: Axes, walk: WalkRecords, legs: Array, row: int, opacity: f
     look: dict[str, Any] = {"alpha": opacity, "linewidth": 2.0 if opacity == 1 else 1.2, "solid_capstyle": "round"}
     stance = Leg(walk.stance[row])
     for leg in (stance.other, stance):  # the stance leg before the other
-        axes.plot(*legs[leg, row].T, color=COLOURS[leg], marker=".", markersize=4, **look)
+        axes.plot(*legs[leg, row].T, color=STANCE if leg is stance else SWING, marker=".", markersize=4, **look)
     axes.plot(*torso_points(walk.q[row : row + 1])[0].T, color=style.BLACK, **look)
 
 
@@ -66,7 +66,7 @@ def _draw_path(axes: Axes, walk: WalkRecords, feet: Array, first: int, last: int
     """One step: path of the swing foot, and where both barriers are zero."""
     stance = Leg(walk.stance[first])
     swing = stance.other
-    axes.plot(*feet[first:last, swing].T, color=COLOURS[swing])
+    axes.plot(*feet[first:last, swing].T, color=SWING)
     if (area := area_at(walk, first)) is not None:
         area = area + (feet[first, stance, 0], 0.0)
         axes.plot(*area[:ARC].T, color=style.RED, linestyle="--", linewidth=1)

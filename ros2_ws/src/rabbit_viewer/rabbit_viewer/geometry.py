@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from rabbit_description.state import Array, Leg
 from rabbit_experiments.walk_records import WalkRecords
+from rabbit_sim.parameters import SimulationParameters
 
 LEG_LINK = 0.4  # m, thigh and shin
 TORSO = 0.63  # m
@@ -71,6 +72,20 @@ def allowed_area(l_min: float, l_max: float, R1: float, R2: float) -> Array:
     outer = np.sqrt((R1 + l_max) ** 2 - z**2) - R1
     left = [(AREA_LEFT, AREA_HEIGHT), (AREA_LEFT, 0.0)]
     return np.concatenate([np.stack([x, inner], axis=1), np.stack([outer, z], axis=1), left])
+
+
+def stands(q: Array, links: Links = STRAIGHT) -> Any:
+    """Whether the robot is not falling yet, by the bounds of any evaluation, for `q` (n, 7): shape (n,)."""
+    usual = SimulationParameters.model_fields
+    height = q[:, 1] - feet(q, links)[:, :, 1].min(axis=1)
+    return (height > usual["fall_height"].default) & (np.abs(q[:, 2]) < usual["fall_pitch"].default)
+
+
+def fall_of(walk: WalkRecords) -> int | None:
+    """The row from which the robot falls, if it does."""
+    standing = np.flatnonzero(stands(walk.q, links_of(walk.about)))
+    first = int(standing[-1]) + 1 if len(standing) else 0
+    return first if first < len(walk.q) else None
 
 
 def area_at(walk: WalkRecords, row: int) -> Array | None:

@@ -3,6 +3,7 @@
 The camera follows the hip; everything is drawn relative to it, so axes and ground never change between frames.
 """
 
+from textwrap import wrap
 from typing import Any
 
 import numpy as np
@@ -13,19 +14,21 @@ from matplotlib.figure import Figure
 from matplotlib.font_manager import findfont
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.transforms import Affine2D
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 from rabbit_description.state import TICK_SECONDS, Array
 from rabbit_experiments.walk_records import WalkRecords
 
 from rabbit_viewer import style
-from rabbit_viewer.geometry import DEPTH, PLATFORM, area_at, force_arrow, legs_of, torso_points
+from rabbit_viewer.geometry import DEPTH, PLATFORM, area_at, fall_of, force_arrow, legs_of, torso_points
 
 VIEW = (-1.2, 1.2, -0.25, 1.6)  # m: left, right, bottom, top, from below the hip
 SIZE = (960, 740)  # pixels, the view's own shape
-CAPTION = (19, 22)  # pixels of its left top corner
-CAPTION_END = 110  # pixels from the top
-FONT_SIZE, LINE_SPACING = 15, 5  # pixels
+LEFT = 19  # pixels, of all words
+TITLE, NUMBERS, REASON, WORDS_END = 14, 58, 124, 260  # pixels from the top
+LETTERS = 66  # of a reason's line
+SMALL, LARGE, LINE_SPACING = 15, 24, 5  # pixels
 BOXES: dict[str, dict[str, Any]] = {  # in the order in which they are drawn, before the lines
     "area": {"facecolor": style.AREA, "edgecolor": "none"},
     "ground": {"facecolor": style.STONE, "edgecolor": style.BLACK, "linewidth": 0.5},
@@ -42,23 +45,30 @@ LINES: dict[str, dict[str, Any]] = {
 
 
 class Scene:
-    """Draws any tick of `walk` into one canvas."""
+    """Draws any tick of `walk` into one canvas. `fall`: the row from which the robot falls, if it does."""
 
-    def __init__(self, walk: WalkRecords) -> None:
+    def __init__(self, walk: WalkRecords, has_legend: bool = True) -> None:
         self._walk, self._starts = walk, walk.step_starts
         self._legs, self._torso = legs_of(walk), torso_points(walk.q)
+        self.fall = fall_of(walk)
         self._spans = stone_spans(walk, self._legs[:, :, 2].swapaxes(0, 1))
         figure = Figure(figsize=(SIZE[0] / 100, SIZE[1] / 100), dpi=100)
         self._canvas: Any = FigureCanvasAgg(figure)  # its drawing methods have no types
         axes = figure.add_axes((0, 0, 1, 1))
         axes.set(xlim=VIEW[:2], ylim=VIEW[2:])
         axes.set_axis_off()
-        axes.legend(handles=self._legend(), loc="upper right", fontsize=9, frameon=False)
+        if has_legend:
+            axes.legend(handles=self._legend(), loc="upper right", bbox_to_anchor=(1, 0.94), fontsize=9, frameon=False)
         self._boxes = {name: PolyCollection([], **look) for name, look in BOXES.items()}
         for boxes in self._boxes.values():
             axes.add_collection(boxes)
         self._lines = {name: axes.plot([], [], **look)[0] for name, look in LINES.items()}
-        self._font = ImageFont.truetype(findfont("monospace"), FONT_SIZE)
+        slope = float(walk.about.get("slope", 0.0))  # the ground is level in the plant's frame
+        tilted = Affine2D().rotate_deg(slope) + axes.transData
+        for artist in (*self._boxes.values(), *self._lines.values()):
+            artist.set_transform(tilted)
+        self._small = ImageFont.truetype(findfont("monospace"), SMALL)
+        self._large = ImageFont.truetype(findfont("DejaVu Sans"), LARGE)
         self._canvas.draw()
         self._background = self._canvas.copy_from_bbox(figure.bbox)  # what stays, drawn once
 
@@ -70,7 +80,7 @@ class Scene:
         for artist in (*self._boxes.values(), *self._lines.values()):
             artist.draw(self._canvas.get_renderer())
         picture = np.array(self._canvas.buffer_rgba())
-        picture[:CAPTION_END] = self._with_caption(row, picture[:CAPTION_END])
+        picture[:WORDS_END] = self._with_words(row, picture[:WORDS_END])
         return picture
 
     def _legend(self) -> list[Artist]:
@@ -111,14 +121,13 @@ class Scene:
         for name, (x, z) in ((name, each.T) for name, each in points.items()):
             self._lines[name].set_data(x - self._walk.q[row, 0], z)
 
-    def _with_caption(self, row: int, picture: NDArray[np.uint8]) -> Image.Image:
+    def _with_words(self, row: int, picture: NDArray[np.uint8]) -> Image.Image:
         """By Pillow: matplotlib takes four times as long for the letters as for all the rest."""
         walk = self._walk
         tangential, normal = walk.stance_force[row]
         ratio = f"{abs(tangential) / normal:4.2f}" if normal > 1 else "   -"
         total, slack = walk.about.get("stones"), walk.clf_slack[row]
         lines = [
-            str(walk.about.get("title", "")),
             f"t {walk.tick[row] * TICK_SECONDS:6.2f} s   step {walk.step_index[row] + 1}"
             + (f" of {total}" if total else ""),
             f"|F_T|/F_N {ratio}" + (f"   d {slack:6.2f}" if np.isfinite(slack) else ""),
@@ -128,7 +137,11 @@ class Scene:
             lines.append("   ".join(known))
         image = Image.fromarray(picture)
         draw = ImageDraw.Draw(image)
-        draw.multiline_text(CAPTION, "\n".join(lines), "black", self._font, spacing=LINE_SPACING)
+        draw.text((LEFT, TITLE), str(walk.about.get("title", "")), "black", self._large)
+        draw.multiline_text((LEFT, NUMBERS), "\n".join(lines), "black", self._small, spacing=LINE_SPACING)
+        if self.fall is not None and row >= self.fall:
+            why = "\n".join(wrap(str(walk.about.get("reason", "")), LETTERS))
+            draw.multiline_text((LEFT, REASON), why, style.RED, self._large, spacing=LINE_SPACING)
         return image
 
 

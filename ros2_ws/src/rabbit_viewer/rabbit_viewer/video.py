@@ -1,7 +1,10 @@
-"""A walk as a film: MP4, and a small GIF. The encoder is the one that imageio-ffmpeg brings."""
+"""Walks as a film, side by side: MP4, and a small GIF. The encoder is the one that imageio-ffmpeg brings.
+
+Where a robot falls, the film is slow, as the page is; it ends when the last robot has stopped.
+"""
 
 import subprocess
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 
@@ -13,34 +16,40 @@ from rabbit_viewer.scene import SIZE, Scene
 
 FRAME_RATE = 25  # 1/s
 LAST_FRAME = 0.8  # s, for which the last frame stays
-GIF_RATE, GIF_WIDTH = 12.5, 480
+GIF_RATE, GIF_WIDTH = 12.5, 560  # of a walk
+SLOW, AROUND = 0.25, 20  # times real time; ticks before and after a fall that are slow too
 PICTURES = ("-f", "rawvideo", "-pix_fmt", "rgba", "-r", str(FRAME_RATE), "-s")  # and the size
 MP4 = ("-map", "0:v", "-c:v", "libx264", "-preset", "veryfast", "-crf", "25", "-pix_fmt", "yuv420p")
-SMALL = f"[0:v]fps={GIF_RATE},scale={GIF_WIDTH}:-1:flags=area,split[a][b]"
-GIF = ("-filter_complex", f"{SMALL};[a]palettegen=max_colors=64[p];[b][p]paletteuse[gif]", "-map", "[gif]")
+SMALL = f"[0:v]fps={GIF_RATE},scale={{width}}:-1:flags=area,split[a][b]"
+PALETTE = "[a]palettegen=max_colors=64[p];[b][p]paletteuse=dither=none:diff_mode=rectangle[gif]"
 
 
 class VideoError(RuntimeError):
     """The encoder failed."""
 
 
-def film(walk: WalkRecords, path: Path, speed: float = 1.0, gif: bool = False) -> list[Path]:
-    """Write an MP4 of the walk at `speed` times real time, and a GIF of half its frames while that is encoded.
+def film(walks: Sequence[WalkRecords], path: Path, speed: float = 1.0, gif: bool = False) -> list[Path]:
+    """Write an MP4 of the walks at `speed` times real time, and a GIF of half its frames while that is encoded.
 
     Raises:
         VideoError: the encoder failed.
     """
-    return encode(_frames(walk, speed), SIZE, path, gif)
+    size = SIZE[0] * len(walks), SIZE[1]
+    return encode(_frames(walks, speed), size, path, gif, GIF_WIDTH * len(walks))
 
 
-def encode(frames: Iterable[memoryview], size: tuple[int, int], path: Path, gif: bool = False) -> list[Path]:
-    """Write RGBA pictures of `size` (width, height), `FRAME_RATE` a second, as `film` does."""
+def encode(
+    frames: Iterable[memoryview], size: tuple[int, int], path: Path, gif: bool = False, width: int = GIF_WIDTH
+) -> list[Path]:
+    """Write RGBA pictures of `size` (width, height), `FRAME_RATE` a second, as `film` does; the GIF of this `width`."""
     import imageio_ffmpeg  # type: ignore[import-untyped]  # pictures do without it
 
     path.parent.mkdir(parents=True, exist_ok=True)
     made = [path, path.with_suffix(".gif")] if gif else [path]
     words = [imageio_ffmpeg.get_ffmpeg_exe(), "-y", "-loglevel", "error", *PICTURES, f"{size[0]}x{size[1]}", "-i", "-"]
-    words += [*MP4, str(path), *(GIF if gif else ()), *map(str, made[1:])]
+    words += [*MP4, str(path)]
+    if gif:
+        words += ["-filter_complex", f"{SMALL.format(width=width)};{PALETTE}", "-map", "[gif]", str(made[1])]
     with subprocess.Popen(words, stdin=subprocess.PIPE, stderr=subprocess.PIPE) as encoder:
         with suppress(BrokenPipeError):  # it has ended, and says why
             for picture in frames:
@@ -51,8 +60,17 @@ def encode(frames: Iterable[memoryview], size: tuple[int, int], path: Path, gif:
     return made
 
 
-def _frames(walk: WalkRecords, speed: float) -> Iterator[memoryview]:
-    scene, last = Scene(walk), len(walk.tick) - 1
-    for row in np.arange(0, last, speed / (FRAME_RATE * TICK_SECONDS)).astype(int).tolist():
-        yield scene.frame(row).data
-    yield from [scene.frame(last).data] * round(LAST_FRAME * FRAME_RATE)
+def _frames(walks: Sequence[WalkRecords], speed: float) -> Iterator[memoryview]:
+    scenes = [Scene(walk, has_legend=not i) for i, walk in enumerate(walks)]
+    lasts = [len(walk.tick) - 1 for walk in walks]
+    falls = [(first, last) for scene, last in zip(scenes, lasts, strict=True) if (first := scene.fall) is not None]
+    row, pace = 0.0, speed / (FRAME_RATE * TICK_SECONDS)
+
+    def frame() -> memoryview:
+        return np.hstack([scene.frame(min(int(row), last)) for scene, last in zip(scenes, lasts, strict=True)]).data
+
+    while row < max(lasts):
+        yield frame()
+        row += pace * (SLOW if any(first - AROUND <= row <= last + AROUND for first, last in falls) else 1)
+    row = max(lasts)
+    yield from [frame()] * round(LAST_FRAME * FRAME_RATE)

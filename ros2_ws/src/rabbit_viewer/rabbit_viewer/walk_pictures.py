@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from rabbit_experiments.walk_records import RECORDS, WalkRecords, drawn_parameters, load_records
+from rabbit_experiments.walk_records import RECORDS, WalkRecords, drawn_parameters, load_records, walk_title
 from rabbit_recording.reader import last_episode
 
 from rabbit_viewer.pictures import draw
@@ -20,14 +20,17 @@ def draw_pictures(source: Path, out: Path | None = None, episode: int | None = N
     return draw(records_of(source, episode), out or _place(source, "pictures", "-pictures"))
 
 
-def film_walk(source: Path, gif: bool = True, speed: float = 1.0, episode: int | None = None) -> list[Path]:
-    """Film into walk.mp4, and walk.gif, in a run's folder, or into SOURCE.mp4 next to a recording.
+def film_walk(
+    source: Path, gif: bool = True, speed: float = 1.0, episode: int | None = None, beside: Path | None = None
+) -> list[Path]:
+    """Film into walk.mp4, and walk.gif, in a run's folder, or into SOURCE.mp4 next to a recording; another `beside`.
 
     Raises:
         RecordsError, RecordingError: as in `draw_pictures`.
         VideoError: the encoder failed.
     """
-    return film(records_of(source, episode), _place(source, "walk.mp4", ".mp4"), speed, gif)
+    walks = [records_of(source, episode), *([records_of(beside)] if beside else [])]
+    return film(walks, _place(source, "walk.mp4", ".mp4"), speed, gif)
 
 
 def records_of(source: Path, episode: int | None = None) -> WalkRecords:
@@ -45,10 +48,9 @@ def records_of_bag(bag: Path, number: int | None = None) -> WalkRecords:
     """The ticks of episode `number`, or of the last one that has some; raises `RecordingError`."""
     chosen = last_episode(bag, number)
     policies = ", ".join(dict.fromkeys(record.output.policy_version for record in chosen.records))
-    walker = f"policy {policies}" if policies else f"controller {chosen.controller}"
-    outcome = chosen.outcome or "not recorded to its end"
     drawn = [(each.tick, drawn_parameters(each.parameters)) for each in chosen.settings]
     changed = ", ".join(f"parameters changed at tick {tick}" for tick, each in drawn if each != drawn[0][1])
-    title = f"episode {chosen.number}, {walker}, seed {chosen.seed}: {changed and changed + ', '}{outcome}"
-    about = {"title": title, "outcome": chosen.outcome, "seed": chosen.seed, **(drawn[0][1] if drawn else {})}
+    about = {"controller": chosen.controller, "policy": policies, "outcome": chosen.outcome, "seed": chosen.seed}
+    about |= drawn[0][1] if drawn else {}
+    about["title"] = f"{walk_title(about)} (episode {chosen.number}{changed and ', ' + changed})"
     return WalkRecords.from_ticks(chosen.records, chosen.landings, about)

@@ -42,6 +42,7 @@ class PageClient:
             try:
                 asked = connect(self._address, compression=None, max_size=None, additional_headers=self._headers)
                 self._connection = self._stack.enter_context(asked)
+                self.say({"do": "watch"})
                 return self
             except OSError as error:
                 if time.monotonic() > end:

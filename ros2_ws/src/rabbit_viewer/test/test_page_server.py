@@ -1,6 +1,7 @@
 """The page over HTTP and its websocket: the same for all who come, only from this machine, and in one file."""
 
 import base64
+import gzip
 import json
 import re
 import socket
@@ -185,7 +186,7 @@ def test_a_saved_page_holds_the_walk_and_asks_nobody(page: PageServer, broadcast
     assert text == served == page_with(broadcast)
     inside = json.loads(re.findall(r'id="walk-data">(.*?)</script>', text, re.DOTALL)[0])
     assert inside["words"] == [{"type": "about", **ABOUT}]
-    assert base64.b64decode(inside["rows"]) == rows(0, 20)
+    assert gzip.decompress(base64.b64decode(inside["rows"])) == rows(0, 20)
     assert not re.findall(r'(?:src|href)="(?!data:|walk\.html)', text)
     assert "default-src 'none'" in text
     with pytest.raises(PageError, match=r"^--export /nowhere/walk\.html: No such file"):

@@ -28,7 +28,7 @@ class ControllerParameters(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
-    controller: ControllerName = Field("cbf-clf-qp", description="controller by name")
+    controller: ControllerName = Field("cbf-clf-qp", description="name of the controller")
     gait: str = Field(DEFAULT_GAIT, description="name of a shipped gait or library, or a file's path")
     stone_aim: float = Field(
         0.5, ge=0, le=1, description="where a gait library aims: share of the stone's width beyond its near edge"
@@ -65,7 +65,10 @@ class ControllerParameters(BaseModel):
     R1: float = Field(1.0, ge=1e-6, le=100, description="radius offset of the outer circle, m")
     R2: float = Field(0.5, ge=1e-6, le=100, description="depth of the inner circle's centre, m")
     stone_margin: float = Field(
-        0.005, ge=0, le=0.02, description="kept from both edges of a stone, for what happens between two ticks, m"
+        0.005,
+        ge=0,
+        le=0.02,
+        description="distance kept from both edges of a stone, for what happens between two ticks, m",
     )
     late_margin: float = Field(
         0.0, ge=0, le=0.02, description="more stone_margin beside an identification, as far as torque is found late, m"
@@ -79,10 +82,13 @@ class ControllerParameters(BaseModel):
     cone: Literal["two_rows", "literal"] = Field("two_rows", description="form of the friction cone rows")
     friction_coeff: float = Field(0.8, ge=1e-6, le=10, description="k_f, the limit of |F_T| / F_N")
     friction_margin: float = Field(
-        0.2, ge=0, le=1, description="kept from k_f, for what held torques and motor lag add between two ticks"
+        0.2,
+        ge=0,
+        le=1,
+        description="part of k_f that is kept back, for what held torques and motor lag add between two ticks",
     )
     min_normal_force: float = Field(20.0, ge=0, le=1000, description="least normal force of row C1, N")
-    torque_limit: float = Field(200.0, ge=1e-6, le=10000, description="saturation, N m")
+    torque_limit: float = Field(200.0, ge=1e-6, le=10000, description="limit of each motor's torque, N m")
     sigma: float = Field(0.0, ge=0, le=1000, description="standard deviation of the exploration noise on mu, rad/s^2")
     qp_solver: Literal["osqp", "daqp"] = Field("osqp", description="QP solver; the other one is its guard")
     swap_time: float = Field(0.15, ge=0, le=5, description="least time of a step before the legs swap, s")

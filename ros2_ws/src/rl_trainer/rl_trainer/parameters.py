@@ -29,14 +29,16 @@ class TrainingParameters(BaseModel):
 
     problem: NamedProblem = Field(RL_CBF_CLF_QP, description="what is learned: the controller's name")
     learner: LearnerName = Field("ddpg", description="how the actor is trained")
-    seed: int = Field(1, ge=0, description="of weights, noise, courses and minibatches")
+    seed: int = Field(1, ge=0, description="seed of weights, noise, courses and minibatches")
     episodes: int = Field(18, ge=1, le=10_000, description="episodes to train")
     walking_steps: int = Field(10, ge=1, le=1000, description="walking steps an episode")
 
     # actor
     structured: bool = Field(True, description="CLF outputs are a 4x5 matrix contracted with LgV")
     observe_l_min: bool = Field(True, description="l_min is part of the observation (contribution 3)")
-    observe_step_length: bool = Field(False, description="so is what a gait library steps at, m")
+    observe_step_length: bool = Field(
+        False, description="the length that a gait library steps at is part of the observation, m"
+    )
     hidden1: int = Field(400, ge=1, le=4096, description="width of the first hidden layer")
     hidden2: int = Field(300, ge=1, le=4096, description="width of the second hidden layer")
     alpha_scale: Scales = Field((), description="alpha at an output of 1, one a quantity; empty: the default")
@@ -49,8 +51,8 @@ class TrainingParameters(BaseModel):
     every_tick: bool = Field(False, description="learn from every measured tick, doubtful ones too")
     relative_clf: bool = Field(True, description="the error of V-dot is measured in units of |LgV| + 1")
     failure_penalty: float = Field(0.0, ge=0, le=1e6, description="l_e, subtracted when the pose failed")
-    fall_height: float = Field(0.70, ge=0, le=2, description="base below this has failed, m")
-    fall_pitch: float = Field(1.0472, gt=0, le=3.15, description="pitch beyond this has failed, rad")
+    fall_height: float = Field(0.70, ge=0, le=2, description="height of the base below which it has failed, m")
+    fall_pitch: float = Field(1.0472, gt=0, le=3.15, description="pitch beyond which it has failed, rad")
 
     # optimisation
     actor_rate: float = Field(1e-3, gt=0, le=1, description="Adam's learning rate, actor")

@@ -21,7 +21,7 @@ APART = 1_000_000  # seeds of evaluations begin here times their own; those of t
 
 app = typer.Typer(help=__doc__, no_args_is_help=True, add_completion=False)
 Task = Annotated[str, typer.Argument(help="a .py file with a ControlTask, or its entry point in rabbit.systems")]
-Seed = Annotated[int, typer.Option(help="of starts, commands and weights", min=0, max=2**31)]
+Seed = Annotated[int, typer.Option(help="seed of starts, commands and weights", min=0, max=2**31)]
 
 
 @app.command()

@@ -35,7 +35,9 @@ class WalkOptions(BaseModel):
     seed: int = Field(1, ge=0, le=2**63 - 1, description="of course, first state and noise")
     episodes: int = Field(1, ge=1, le=MOST_EPISODES, description="episodes, their seeds counting up")
     policy: str | None = Field(None, description="zero, a shipped policy or a file")
-    parameters: str = Field("ours", description="of the controller: ours, best, nominal_tuned, authors or a YAML file")
+    parameters: str = Field(
+        "ours", description="file of controller parameters: ours, best, nominal_tuned, authors or a YAML file"
+    )
     trainer: bool = Field(True, description="the trainer learns from each episode")
     swap_at: Literal["episode", "never"] = Field(
         "never", description="when the trainer's policies take effect; with episode it plans each episode"
@@ -55,7 +57,7 @@ class WalkOptions(BaseModel):
     )
     view: bool = Field(False, description="serve a live view beside the walk")
     view_port: int = Field(PORT, ge=0, le=65535, description="of the live view; 0: any free one")
-    namespace: str = Field("", pattern=NAMESPACE, description="of the graph")
+    namespace: str = Field("", pattern=NAMESPACE, description="namespace of the graph")
     ready_timeout: float = Field(60.0, gt=0, le=3600, description="s for the nodes to find each other")
     log_level: Literal["debug", "info", "warn", "error", "fatal"] = Field("info", description="of all nodes")
 

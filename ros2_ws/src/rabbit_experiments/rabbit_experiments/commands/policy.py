@@ -40,7 +40,7 @@ def verify(file: File) -> None:
 @app.command()
 def load(
     file: File,
-    namespace: Annotated[str, typer.Option(help="of the graph")] = "",
+    namespace: Annotated[str, typer.Option(help="namespace of the graph")] = "",
     timeout: Annotated[float, typer.Option(help="s to wait for the controller", min=0.1, max=3600)] = 60.0,
 ) -> None:
     """Have a running controller put a policy in force; exit code 1 if there is none, 2 if it refuses the file."""

@@ -25,13 +25,13 @@ SHOWN_TICKS = 5  # of those that differ
 app = typer.Typer(help=__doc__, no_args_is_help=True, add_completion=False)
 Bag = Annotated[Path, typer.Argument(help="a recording's folder, or its .mcap or .db3 file", metavar="BAG")]
 Source = Annotated[Path, typer.Argument(help="a run's folder, or a recording: folder, .mcap or .db3 file")]
-Episode = Annotated[int | None, typer.Option(help="of a recording (default: the last with ticks)", min=1)]
+Episode = Annotated[int | None, typer.Option(help="episode of a recording (default: the last with ticks)", min=1)]
 
 
 @app.command()
 def record(
     out: Annotated[Path | None, typer.Option(help="new folder (default: recording-DATE)")] = None,
-    namespace: Annotated[str, typer.Option(help="of the graph")] = "",
+    namespace: Annotated[str, typer.Option(help="namespace of the graph")] = "",
     topics: Annotated[str, typer.Option(help="further ones, as /rosout,/tf", metavar="NAME,...")] = "",
 ) -> None:
     """Record all topics of a running graph until Ctrl-C."""
@@ -85,7 +85,7 @@ def _print_tables(bag: Path, found: "Contents") -> None:
 @app.command()
 def show(
     source: Source,
-    port: Annotated[int, typer.Option(help="of the page; 0: any free one", min=0, max=65535)] = 8765,
+    port: Annotated[int, typer.Option(help="port of the page; 0: any free one", min=0, max=65535)] = 8765,
     browser: Annotated[bool, typer.Option(help="open the page in a browser")] = True,
     export: Annotated[Path | None, typer.Option(help="write the page and the walk to this HTML file")] = None,
     episode: Episode = None,
@@ -163,7 +163,7 @@ def check(bag: Bag) -> None:
 @app.command()
 def explain(
     bag: Bag,
-    tick: Annotated[int | None, typer.Option(help="of the episode", min=0)] = None,
+    tick: Annotated[int | None, typer.Option(help="tick of the episode", min=0)] = None,
     worst: Annotated[bool, typer.Option("--worst", help="the tick with the most slack of last resort")] = False,
     picture: Annotated[Path | None, typer.Option(help="draw what the rows leave of two torques into this file")] = None,
     episode: Episode = None,

@@ -22,7 +22,11 @@ class Gears(Perturbation):
     """See above. A rotor begins in the middle of the play, where its joint is, and as fast."""
 
     gear_stiffness: EngineNumber = setting(
-        0.0, 0, 2e4, "of elastic joints, N m/rad; 0: rigid", Control("gear stiffness, 0: rigid", 100, "N m/rad")
+        0.0,
+        0,
+        2e4,
+        "stiffness of elastic joints, N m/rad; 0: rigid",
+        Control("gear stiffness, 0: rigid", 100, "N m/rad"),
     )
     backlash: EngineNumber = setting(
         0.0, 0, 5, "play of each joint's gear from side to side, degrees", Control("backlash", 0.1, "degrees")

@@ -18,11 +18,15 @@ class Ground(Perturbation):
         RUBBER_STIFFNESS,
         1e4,
         RUBBER_STIFFNESS,
-        "of ground and foot together, N/m",
+        "stiffness of ground and foot together, N/m",
         Control("ground stiffness", 1e4, "N/m"),
     )
     ground_damping: EngineNumber = setting(
-        RUBBER_DAMPING, 0, RUBBER_DAMPING, "of ground and foot together, N s/m", Control("ground damping", 500, "N s/m")
+        RUBBER_DAMPING,
+        0,
+        RUBBER_DAMPING,
+        "damping of ground and foot together, N s/m",
+        Control("ground damping", 500, "N s/m"),
     )
     slope: Number = setting(
         0.0, -20, 20, "rise of the ground, unknown to the controller, degrees", Control("slope", 0.5, "degrees")

@@ -49,9 +49,13 @@ class KneeSpring(Perturbation):
     switches = ("knee_spring",)
 
     knee_spring: EngineNumber = setting(
-        0.0, 0, 1000, "beside the knees' motors, N m/rad", Control("knees' springs", 10, "N m/rad", high=200)
+        0.0,
+        0,
+        1000,
+        "stiffness of springs beside the knees' motors, N m/rad",
+        Control("knees' springs", 10, "N m/rad", high=200),
     )
-    knee_rest: Number = setting(0.4, -1, 2, "where the knees' springs are at rest, rad")
+    knee_rest: Number = setting(0.4, -1, 2, "angle at which the knees' springs are at rest, rad")
 
     def joint_torque(self, urdf: str) -> JointTorque:
         stiffness, rest = self.knee_spring * KNEES, self.knee_rest

@@ -17,7 +17,7 @@ class LooseStone(Perturbation):
         Control("stone that gives way, 0: none", high=200, at_reset=True),
     )
     loose_depth: Number = setting(
-        0.02, 0.001, HIGHEST_TOP, "by which the top of that stone drops, m", Control("by", 0.001, "m", at_reset=True)
+        0.02, 0.001, HIGHEST_TOP, "depth by which the loose stone drops, m", Control("by", 0.001, "m", at_reset=True)
     )
 
     def drop(self, stone: int, offset: float) -> float:

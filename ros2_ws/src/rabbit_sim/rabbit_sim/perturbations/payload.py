@@ -21,14 +21,14 @@ class Payload(Perturbation):
     payload: Number = setting(
         0.0, 0, 200, "point mass on the torso, kg", Control("payload", 1, "kg", high=80, first=True)
     )
-    payload_height: Number = setting(0.24, -0.5, 1, "of the payload above the hip, m")
+    payload_height: Number = setting(0.24, -0.5, 1, "height of the payload above the hip, m")
     payload_ahead: Number = setting(
-        0.0, -0.5, 0.5, "of the payload ahead of the hip, m", Control("payload ahead", 0.01, "m")
+        0.0, -0.5, 0.5, "distance of the payload ahead of the hip, m", Control("payload ahead", 0.01, "m")
     )
     swing_payload: EngineNumber = setting(
-        0.0, 0, 100, "pendulum that hangs at payload_height, kg", Control("swinging payload", 1, "kg")
+        0.0, 0, 100, "mass of a pendulum that hangs at payload_height, kg", Control("swinging payload", 1, "kg")
     )
-    swing_length: Number = setting(0.3, 0.05, 2, "of the pendulum, m")
+    swing_length: Number = setting(0.3, 0.05, 2, "length of the pendulum, m")
 
     @model_validator(mode="after")
     def _pendulum_has_mass(self) -> "Payload":

@@ -18,11 +18,15 @@ class Pushes(Perturbation):
         0.0,
         0,
         100,
-        "on the torso in 100 ms, forward and backward in turn, N s",
+        "impulse on the torso in 100 ms, forward and backward in turn, N s",
         Control("pushes in turn", 1, "N s", at_reset=True),
     )
     push_interval: Number = setting(
-        1.5, 0.1, 60, "from the beginning of a push to the next, s", Control("a push each", 0.1, "s", at_reset=True)
+        1.5,
+        0.1,
+        60,
+        "time from the beginning of a push to the next, s",
+        Control("a push each", 0.1, "s", at_reset=True),
     )
 
     def force(self, memory: Memory, tick: int) -> Array:

@@ -10,7 +10,7 @@ class RollingFoot(Perturbation):
     """The sole touches the ground below an upright shin where the point foot would, and ahead where the shin leans."""
 
     sole_radius: EngineNumber = setting(
-        FOOT_RADIUS, FOOT_RADIUS, 0.2, "of the foot's round sole, m", Control("sole radius", 0.01, "m", high=0.1)
+        FOOT_RADIUS, FOOT_RADIUS, 0.2, "radius of the foot's round sole, m", Control("sole radius", 0.01, "m", high=0.1)
     )
 
     def change_robot(self, robot: Element) -> None:

@@ -22,7 +22,7 @@ class SecondOrderMotors(Perturbation):
         "natural frequency of second-order motors, Hz; 0: none",
         Control("motors' frequency, 0: any", 1, "Hz"),
     )
-    motor_damping: Number = setting(0.7, 0.05, 5, "their damping ratio z")
+    motor_damping: Number = setting(0.7, 0.05, 5, "damping ratio z of second-order motors")
 
     @cached_property
     def _steps(self) -> tuple[Array, Array]:

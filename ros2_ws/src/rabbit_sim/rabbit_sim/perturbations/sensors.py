@@ -56,16 +56,16 @@ class Laboratory(Perturbation):
         "exact",
         None,
         None,
-        "the whole state, or encoders and IMU alone: a state estimator's work",
+        "what is measured: the whole state, or encoders and IMU alone, which a filter makes a state of",
         Control("sensors", at_reset=True),
     )
     encoder_offset: Number = setting(0.001, 0, 0.1, "std of a joint's constant error, rad (lab)")
     gyro_noise: Number = setting(0.005, 0, 1, "std of the gyro, rad/s (lab)")
-    gyro_bias: Number = setting(0.005, 0, 1, "std of its constant error, rad/s (lab)")
+    gyro_bias: Number = setting(0.005, 0, 1, "std of the gyro's constant error, rad/s (lab)")
     accelerometer_noise: Number = setting(0.1, 0, 10, "std of the accelerometer, m/s^2 (lab)")
-    accelerometer_bias: Number = setting(0.05, 0, 10, "std of its constant error, m/s^2 (lab)")
+    accelerometer_bias: Number = setting(0.05, 0, 10, "std of the accelerometer's constant error, m/s^2 (lab)")
     attitude_error: Number = setting(0.003, 0, 0.1, "std of the IMU's first attitude, rad (lab)")
-    sensor_delay: WholeSubsteps = setting(0.0, 0, 0.01, "age of their readings, whole ms, s (lab)")
+    sensor_delay: WholeSubsteps = setting(0.0, 0, 0.01, "age of the sensors' readings, whole ms, s (lab)")
 
     def begin(self, memory: Memory) -> None:
         rng = memory.rng

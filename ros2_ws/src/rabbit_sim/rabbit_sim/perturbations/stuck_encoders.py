@@ -19,7 +19,7 @@ class StuckEncoders(Perturbation):
         0.0,
         0,
         1,
-        "for which a joint's encoder sticks, about once a second, s; 0: never",
+        "time for which a joint's encoder sticks, about once a second, s; 0: never",
         Control("encoder sticks", 0.01, "s"),
     )
 

@@ -13,7 +13,7 @@ class TippingStones(Perturbation):
         0.0,
         0,
         45,
-        "by which each stone tips under a foot, degrees",
+        "angle by which each stone tips under a foot, degrees",
         Control("stones tip by", 1, "degrees", at_reset=True),
     )
 

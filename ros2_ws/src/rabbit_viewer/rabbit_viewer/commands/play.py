@@ -9,12 +9,16 @@ from rabbit_sim.parameters import SimulationParameters
 from rl_cbf_clf_controller.parameters import ControllerParameters
 
 from rabbit_viewer.page import PORT, PageError
-from rabbit_viewer.play.settings import Choice, OtherChoice, PlaySettings
+from rabbit_viewer.play.settings import RECORDED, YOURS, Choice, OtherChoice, PlaySettings, Yours
 
-DEFAULTS = Defaults(always={"motor_lag": 0.004, "mass_scale": 2.0, "stop_at_miss": False, "fall_height": 0.35})
-CHOSEN = ("controller", "adaptation")  # by --first and --second
+DEFAULTS = Defaults(
+    always={"motor_lag": 0.004, "mass_scale": 0.5, "stop_at_miss": False, "fall_height": 0.2, "fall_pitch": 2.0}
+)
+YOUR_OWN = ("controller", "adaptation", "policy", "parameters")  # robot: any of these options makes it
 IN_THE_LINK = (*PlaySettings.model_fields, "motor_loss")
 UNIMPORTANT = ("port", "browser", "export")  # for the walk
+
+SEED = 40  # a course on which the second robot walks some stones, and then falls
 
 app = typer.Typer(add_completion=False)
 
@@ -24,30 +28,58 @@ class PlayOptions(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    port: int = Field(PORT, ge=0, le=65535, description="of the page, on this machine alone; 0: any free one")
+    port: int = Field(PORT, ge=0, le=65535, description="port of the page, on this machine alone; 0: any free one")
     browser: bool = Field(True, description="open the page in a browser")
-    export: Path | None = Field(None, description="walk one episode without a page, and write it to this HTML file")
+    export: Path | None = Field(
+        None,
+        description="HTML file of one walked episode, written without a page; or its film, FILE.mp4 and FILE.gif",
+    )
     learn: bool = Field(False, description="train next to the walk, and walk with each policy")
-    first: Choice = Field("learned", description="controller")
-    second: OtherChoice = Field("nominal", description="controller of another robot on the same course")
-    seed: int = Field(1, ge=0, le=2**31 - 1, description="of course, first state and noise")
+    policy: str | None = Field(None, description="policy of your robot: a shipped policy, a file, zero or oracle")
+    parameters: str = Field("ours", description="controller parameters of your robot: a file's name or path")
+    recording: Path | None = Field(None, description="run or recording that walks beside the first robot")
+    first: Choice | None = Field(None, description="first robot (default: best, or yours if a controller is given)")
+    second: OtherChoice | None = Field(None, description="robot beside it (default: tuned, or the recording)")
+    seed: int = Field(SEED, ge=0, le=2**31 - 1, description="seed of course, first state and noise")
 
 
 @app.command()
-@options(PlayOptions, ControllerParameters, SimulationParameters, without=CHOSEN, defaults=DEFAULTS)
+@options(PlayOptions, ControllerParameters, SimulationParameters, defaults=DEFAULTS)
 def play(given: Given) -> None:
     """Play with a walk in the browser: push it, load it, change its course and controller."""
     from rabbit_viewer.play.serving import serve_play, write_play
     from rabbit_viewer.play.settings import PlayError, Start, settings_of
+    from rabbit_viewer.video import VideoError
 
     chosen = given.build(PlayOptions)
-    plant, controller = given.build(SimulationParameters), given.build(ControllerParameters)
-    with complaints(PageError, PlayError):
+    given = given.over({"mass_scale": 2.0}) if chosen.learn else given
+    yours = your_own(given, chosen)
+    plant = given.build(SimulationParameters, terrain=yours.controller.terrain if yours else "stones")
+    with complaints():
+        controller = ControllerParameters.model_validate(given.of(ControllerParameters, but=YOUR_OWN))
+    with complaints(PageError, PlayError, VideoError):
         again = "same course" if chosen.learn else "wait"
-        settings = settings_of(plant, first=chosen.first, second=chosen.second, seed=chosen.seed, again=again)
+        first = chosen.first or ("learned" if chosen.learn else YOURS if yours else "best")
+        second = chosen.second or (RECORDED if chosen.recording else "nominal" if chosen.learn else "tuned")
+        settings = settings_of(plant, first=first, second=second, seed=chosen.seed, again=again)
         options = given.typed(but={*IN_THE_LINK, *UNIMPORTANT})
-        start = Start(settings=settings, plant=plant, controller=controller, learns=chosen.learn, options=options)
+        more = {"yours": yours, "recording": chosen.recording, "learns": chosen.learn, "options": options}
+        start = Start(settings=settings, plant=plant, controller=controller, **more)
+        start.check(settings)
         if chosen.export:
-            print(write_play(start, chosen.export))
+            print(*write_play(start, chosen.export), sep="\n")
         else:
             serve_play(start, chosen.port, chosen.browser)
+
+
+def your_own(given: Given, chosen: PlayOptions) -> Yours | None:
+    """Your own robot, as `rabbit evaluate` has it with the same options; None where none of them is given."""
+    if not given.values.keys() & {*YOUR_OWN}:
+        return None
+    from rabbit_experiments.commands.evaluate import given_assembly
+
+    assembly = given_assembly(given, chosen.policy, chosen.parameters)
+    words = [str(given.values[name]) for name in YOUR_OWN if name in given.values]
+    return Yours(
+        name=", ".join(Path(word).name for word in words), controller=assembly.controller, policy=assembly.policy
+    )

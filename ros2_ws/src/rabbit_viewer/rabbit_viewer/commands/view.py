@@ -17,7 +17,7 @@ class ViewOptions(ViewerParameters):
     """Of `rabbit view`."""
 
     browser: bool = Field(True, description="open the page in a browser")
-    namespace: str = Field("", pattern=NAMESPACE, description="of the graph")
+    namespace: str = Field("", pattern=NAMESPACE, description="namespace of the graph")
 
 
 @app.command()

@@ -10,7 +10,7 @@ from functools import partial
 from threading import Lock
 from typing import Any
 
-OF_AN_EPISODE = ("ended", "swap", "note")  # words that the next one makes void
+OF_AN_EPISODE = ("ended", "swap", "note", "explained")  # words that the next one makes void
 KEPT_BYTES = 64_000_000  # of an episode's rows; the older half goes when there are more
 
 

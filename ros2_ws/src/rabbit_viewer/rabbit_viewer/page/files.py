@@ -4,6 +4,7 @@
 """
 
 import base64
+import gzip
 import json
 import re
 from functools import cache
@@ -58,7 +59,7 @@ def write_page(path: Path, broadcast: Broadcast) -> Path:
 def page_with(broadcast: Broadcast) -> str:
     """The whole file's text."""
     words, rows = broadcast.known
-    walk = json.dumps({"words": words, "rows": in_base64(rows)}).replace("<", "\\u003c")
+    walk = json.dumps({"words": words, "rows": in_base64(gzip.compress(rows, mtime=0))}).replace("<", "\\u003c")
     page = text(INDEX)
     page = page.replace('<meta charset="utf-8">', f'<meta charset="utf-8">\n{ALONE}')
     page = re.sub(r'<link rel="stylesheet" href="(.*?)">', lambda m: f"<style>{text(m[1])}</style>", page)

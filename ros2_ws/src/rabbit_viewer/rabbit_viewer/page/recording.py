@@ -1,5 +1,6 @@
 """A run or a recording on the page: all rows at once, and a time line to drag."""
 
+import threading
 import time
 from contextlib import closing, suppress
 from pathlib import Path
@@ -7,11 +8,16 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+from pydantic import ValidationError
 from rabbit_description.state import TICK_SECONDS, StonePreview
-from rabbit_experiments.walk_records import ARRAYS, SEEN, WalkRecords
+from rabbit_experiments.walk_records import ARRAYS, RECORDS, SEEN, WalkRecords
+from rabbit_recording import RecordingError
+from rabbit_recording.explaining import explain_tick
 
+from rabbit_viewer.page import RECORDING
 from rabbit_viewer.page.broadcast import Broadcast
 from rabbit_viewer.page.files import write_page
+from rabbit_viewer.page.messages import Explain
 from rabbit_viewer.page.rows import RowMaker, packed
 from rabbit_viewer.page.server import PageServer
 from rabbit_viewer.walk_pictures import records_of
@@ -25,28 +31,71 @@ def show_recording(source: Path, port: int, opens_browser: bool, export: Path | 
         PageError: the port is taken, or the file cannot be written.
     """
     broadcast = Broadcast()
-    fill(broadcast, records_of(source, episode), source.name)
+    bag = source / RECORDING if (source / RECORDING).exists() else source
+    has_ticks = not (bag / RECORDS).exists()  # and not the arrays alone
+    fill(broadcast, records_of(source, episode), source.name, has_ticks and not export)
     if export:
         print(write_page(export, broadcast))
     else:
-        answer = "a recording takes no messages"
-        with closing(PageServer(broadcast, lambda _: answer, port)) as page, suppress(KeyboardInterrupt):
+        explainer = Explainer(broadcast, bag, episode)
+        with closing(PageServer(broadcast, explainer, port)) as page, suppress(KeyboardInterrupt):
             page.announce(opens_browser)
             while True:
                 time.sleep(1)
 
 
-def fill(broadcast: Broadcast, walk: WalkRecords, name: str) -> None:
-    """Tell all of a walk."""
-    quantities = walk.about.get("quantities", [f"quantity {i + 1}" for i in range(walk.nominal_b.shape[1])])
-    maker = RowMaker(walk.about, quantities, walk.barrier_names)
-    about = {"mode": "recording", "title": str(walk.about.get("title", name)), "tick_seconds": TICK_SECONDS}
+class Explainer:
+    """Explains ticks of a recording, one at a time, in a thread of its own: a replay takes a second or more."""
+
+    def __init__(self, broadcast: Broadcast, bag: Path, episode: int | None) -> None:
+        self._broadcast, self._bag, self._episode = broadcast, bag, episode
+        self._thread = threading.Thread()
+
+    def __call__(self, message: str) -> str:
+        """Answer a browser: empty, or why the message is refused."""
+        try:
+            asked = Explain.model_validate_json(message)
+        except ValidationError:
+            return "a recording takes no messages but explain"
+        if self._thread.is_alive():
+            return "another tick is being explained: ask again"
+        self._thread = threading.Thread(target=self._explain, args=(asked.tick,), daemon=True)
+        self._thread.start()
+        return ""
+
+    def _explain(self, tick: int) -> None:
+        try:
+            lines = explain_tick(self._bag, tick, self._episode).lines()
+        except RecordingError as error:
+            lines = [str(error)]
+        self._broadcast.say("explained", {"walker": 0, "tick": tick, "lines": lines})
+
+
+def fill(broadcast: Broadcast, walk: WalkRecords, name: str, explains: bool = False) -> None:
+    """Tell all of a walk; `explains`: its ticks can be explained."""
+    maker = maker_of(walk)
+    about: dict[str, Any] = {
+        "mode": "recording",
+        "title": str(walk.about.get("title", name)),
+        "tick_seconds": TICK_SECONDS,
+    }
     walker = maker.about(str(walk.about.get("controller", name)))
+    about |= {"explains": True} if explains else {}
     broadcast.begin({**about, "stones": walk.about.get("stones"), "walkers": [walker]})
     rows = [number for tick in ticks(walk) for number in maker.row(tick, tick)]
     broadcast.add(packed(rows))
-    ended = {"outcome": str(walk.about.get("outcome") or "not recorded to its end"), "stones": int(walk.touchdowns[-1])}
-    broadcast.say("ended", {"walkers": [ended]})
+    broadcast.say("ended", {"walkers": [ended_of(walk)]})
+
+
+def maker_of(walk: WalkRecords) -> RowMaker:
+    """What makes the rows of its ticks."""
+    quantities = walk.about.get("quantities", [f"quantity {i + 1}" for i in range(walk.nominal_b.shape[1])])
+    return RowMaker(walk.about, quantities, walk.barrier_names)
+
+
+def ended_of(walk: WalkRecords) -> dict[str, Any]:
+    """How it ended, and the stones walked."""
+    return {"outcome": str(walk.about.get("outcome") or "not recorded to its end"), "stones": int(walk.touchdowns[-1])}
 
 
 def ticks(walk: WalkRecords) -> list[Any]:

@@ -8,6 +8,7 @@ Lengths in m and in the world frame, forces in N, torques in N m, quantities and
 """
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -29,6 +30,7 @@ FIXED = (
 EVENTS = {"saturated": 1, "over_cone": 2, "pushed": 4, "swapped": 8}  # bits of the column `events`
 IMPACT_TICKS = 4  # of a step's beginning, whose mean force holds some of the impact
 ROUNDING = 1e-6  # N m
+LIMIT = re.compile(r"u\d+")  # the row of an input's limit
 JOINTS = 4  # outputs of the CLF
 
 
@@ -36,11 +38,19 @@ class RowMaker:
     """Makes the rows of one walker's ticks, in order; `quantities` names those that are estimated, `barriers` all B."""
 
     def __init__(
-        self, about: Mapping[str, Any], quantities: Sequence[str], barriers: Sequence[str], knows_plant: bool = False
+        self,
+        about: Mapping[str, Any],
+        quantities: Sequence[str],
+        barriers: Sequence[str],
+        knows_plant: bool = False,
+        rows: Sequence[str] = (),
     ) -> None:
-        """`knows_plant`: `row` is given the true errors."""
+        """`knows_plant`: `row` is given the true errors; `rows` of the QP, of which each but an input's limit has its
+        margin."""
         kinds = ("estimated", "measured", "true") if knows_plant else ("estimated", "measured")
-        self.columns = (*FIXED, *barriers, *(f"{kind}_{name}" for kind in kinds for name in quantities))
+        self._rows = [i for i, name in enumerate(rows) if not LIMIT.fullmatch(name)]
+        margins = [f"margin_{rows[i]}" for i in self._rows]
+        self.columns = (*FIXED, *barriers, *margins, *(f"{kind}_{name}" for kind in kinds for name in quantities))
         self._about, self._quantities, self._kinds = about, list(quantities), len(kinds)
         self._barriers = list(barriers)
         self._links = links_of(about)
@@ -79,6 +89,7 @@ class RowMaker:
             *(output.V, bound, output.clf_slack, output.rescue_slack),
             *output.torque.tolist(),
             *output.barriers.tolist(),
+            *(output.margins[self._rows].tolist() if self._rows else ()),
             *self._errors(state.tick, output, [] if true is None else [true]),
         ]
 

@@ -11,7 +11,6 @@ from rabbit_viewer.play.messages import Asked, Learned
 from rabbit_viewer.play.settings import Start
 
 SHOWN = ("episode", "steps", "ticks", "reward", "losses")  # of an episode's report
-KEPT_EPISODES = 20
 
 
 def learn(send: Callable[..., None], start: Start, folder: Path, wishes: "Queue[Asked | Learned]") -> None:
@@ -19,7 +18,7 @@ def learn(send: Callable[..., None], start: Start, folder: Path, wishes: "Queue[
     episodes: list[dict[str, Any]] = []
 
     def say(text: str) -> None:
-        send("say", "learning", {"text": text, "episodes": episodes[-KEPT_EPISODES:]})
+        send("say", "learning", {"text": text, "episodes": episodes})
 
     say("the first episode begins")
     from rabbit_experiments.conditions import TRAINING_PLANT, TRAINING_SLACK_WEIGHT

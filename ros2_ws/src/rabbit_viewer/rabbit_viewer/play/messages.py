@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, TypeAdapter
 
+from rabbit_viewer.page.messages import Explain
 from rabbit_viewer.play.settings import Checked, Number, PlaySettings
 
 
@@ -56,7 +57,13 @@ class Push(Checked):
     seconds: Number = Field(0.1, ge=0.001, le=1)
 
 
-Asked = Annotated[Set | Reset | Begin | Pause | Tick | Speed | Push, Field(discriminator="do")]
+class Watch(Checked):
+    """Somebody looks: the walk that waits for its first viewer begins."""
+
+    do: Literal["watch"]
+
+
+Asked = Annotated[Set | Reset | Begin | Pause | Tick | Speed | Push | Watch | Explain, Field(discriminator="do")]
 ASKED: TypeAdapter[Asked] = TypeAdapter(Asked)
 
 

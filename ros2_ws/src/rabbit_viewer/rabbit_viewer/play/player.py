@@ -13,14 +13,20 @@ from typing import Any
 from rabbit_description.gait import GaitError
 from rabbit_description.state import TICK_SECONDS
 from rabbit_experiments.assembly import AssemblyError
+from rabbit_experiments.walk_records import RecordsError
+from rabbit_recording import RecordingError
+from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.stones import CourseError
 from rl_cbf_clf_controller.weights import PolicyFileError
 
+from rabbit_viewer.page.messages import Explain
 from rabbit_viewer.page.rows import packed
 from rabbit_viewer.play.messages import Asked, Begin, Learned, Pause, Push, Reset, Set, Speed, Tick
+from rabbit_viewer.play.recorded_walker import RecordedWalker
 from rabbit_viewer.play.settings import (
     NOBODY,
     PLANT_AT_ONCE,
+    RECORDED,
     ROBOTS,
     SHIPPED,
     PlayError,
@@ -29,25 +35,30 @@ from rabbit_viewer.play.settings import (
     controls,
     plant_of,
 )
+from rabbit_viewer.play.story import next_things, opening
 from rabbit_viewer.play.walker import Walker
 
 STATE_SECONDS = 0.03  # from one look at whether the state has changed to the next
 BEHIND = 0.25  # s, after which lost time is not caught up with
 AGAIN_TICKS = 200  # after the end, before the next episode
-UNUSABLE = (GaitError, CourseError, PolicyFileError, AssemblyError)
+UNUSABLE = (GaitError, CourseError, PolicyFileError, AssemblyError, RecordsError, RecordingError)
 Send = Callable[..., None]
 
 
 class Player:
-    """`is_moving`: whether ticks are due; `seconds`: from one to the next. `send`: see `serving.tell`."""
+    """`walkers`: the robots; `is_moving`: whether ticks are due; `seconds`: from one to the next.
+
+    `send`: see `serving.tell`.
+    """
 
     def __init__(self, start: Start, send: Send) -> None:
         """Raises `PlayError`."""
         self._start, self._send = start, send
         self._chosen = start.settings
-        self._walkers: list[Walker] = []
+        self.walkers: list[Walker | RecordedWalker] = []
         self._learned = "zero" if start.learns else SHIPPED
         self.is_paused, self.speed = False, 1.0
+        self._is_awaiting = True  # its first viewer
         self._has_changed = False  # the state, since it was sent
         self._is_reset_due = False
         try:
@@ -59,7 +70,7 @@ class Player:
     @property
     def is_moving(self) -> bool:
         """Ticks are due."""
-        return not self.is_paused and (self._after_end == 0 or self._chosen.again != "wait")
+        return not (self.is_paused or self._is_awaiting) and (self._after_end == 0 or self._chosen.again != "wait")
 
     @property
     def has_ended(self) -> bool:
@@ -76,34 +87,44 @@ class Player:
         settings = self._chosen
         plant = plant_of(self._start.plant, settings)
         names = [name for name in (settings.first, settings.second) if name != NOBODY]
-        base, seed = self._start.controller, settings.seed
-        walkers = [Walker(name, plant, base, seed, self._learned) for name in names]
+        walkers = [self._walker(name, plant, settings.seed) for name in names]
         self.close()
-        self._walkers, self._settings = walkers, settings
+        self.walkers, self._settings = walkers, settings
         self._tick = self._after_end = 0
         about = {
             "mode": "play",
             "title": f"course {settings.seed}",
             "stones": plant.stones,
             "tick_seconds": TICK_SECONDS,
-            "walkers": [walker.about for walker in self._walkers],
-            "controls": controls(),
+            "walkers": [walker.about for walker in self.walkers],
+            "controls": controls(self._start),
+            "story": opening(self._start, settings),
+            "next": next_things(settings),
             "learns": self._start.learns,
+            "explains": True,
             "options": self._start.options,
         }
         self._send("begin", about)
         self._has_changed = True
 
+    def _walker(self, name: str, plant: SimulationParameters, seed: int) -> Walker | RecordedWalker:
+        if name == RECORDED and self._start.recording:
+            return RecordedWalker(self._start.recording)
+        return Walker(name, self._start, plant, seed, self._learned)
+
     def close(self) -> None:
         """Give back the plants."""
-        for walker in self._walkers:
+        for walker in self.walkers:
             walker.close()
 
     def take(self, asked: Asked | Learned) -> None:
         """Do what the server passes on; it has checked it."""
+        self._is_awaiting &= isinstance(asked, Learned | Explain)
         match asked:
             case Learned():
                 self._load(asked.path)
+            case Explain():
+                self._explain(asked)
             case Set():
                 self._set(asked.settings)
             case Reset():
@@ -118,10 +139,11 @@ class Player:
             case Speed():
                 self.speed = asked.speed
             case Push():
-                for walker in self._walkers:
+                for walker in self.walkers:
                     walker.push(asked.force, asked.seconds)
         if self._is_reset_due and not self.is_moving:
             self._try_reset()
+            self.tick()  # so that the robots are seen
         self._has_changed = True
 
     def tick(self) -> None:
@@ -135,14 +157,14 @@ class Player:
         if self._after_end:
             self._after_end += 1
             return
-        walking = [walker for walker in self._walkers if not walker.outcome]
+        walking = [walker for walker in self.walkers if not walker.outcome]
         for walker in walking:
             walker.tick()
-        self._send("add", packed([number for walker in self._walkers for number in walker.row]))
+        self._send("add", packed([number for walker in self.walkers for number in walker.row]))
         self._tick += 1
         if any(walker.outcome for walker in walking):
-            self.say("ended", {"walkers": [walker.ended for walker in self._walkers]})
-            self._after_end = int(all(walker.outcome for walker in self._walkers))
+            self.say("ended", {"walkers": [walker.ended for walker in self.walkers]})
+            self._after_end = int(all(walker.outcome for walker in self.walkers))
 
     def say_state(self) -> None:
         """Say how everything stands, if that has changed."""
@@ -167,7 +189,7 @@ class Player:
 
     def _set(self, settings: PlaySettings) -> None:
         """What needs no reset acts at once."""
-        robots = list(zip(ROBOTS, self._walkers, strict=False))
+        robots = list(zip(ROBOTS, self.walkers, strict=False))
         swapped = [name for name, walker in robots if walker.may_become(getattr(settings, name))]
         wanted = {name: getattr(settings, name) for name in (*swapped, *PLANT_AT_ONCE)}
         changes = {name: value for name, value in wanted.items() if value != getattr(self._settings, name)}
@@ -177,13 +199,20 @@ class Player:
             if name in changes:
                 walker.become(changes[name])
         if changes.keys() - set(ROBOTS):
-            for walker in self._walkers:
+            for walker in self.walkers:
                 walker.change(plant_of(self._start.plant, self._settings))
+
+    def _explain(self, asked: Explain) -> None:
+        try:
+            lines = self.walkers[asked.walker].explain(asked.tick)
+        except (IndexError, ValueError) as error:
+            lines = [str(error)]
+        self.say("explained", {"walker": asked.walker, "tick": asked.tick, "lines": lines})
 
     def _load(self, path: str) -> None:
         """Walk on with what was learned."""
         self._learned = path
-        for walker in self._walkers:
+        for walker in self.walkers:
             walker.learned = path
             if walker.name == "learned":
                 self.say("swap", {"tick": self._tick, "version": walker.become("learned")})
@@ -198,6 +227,7 @@ def play(send: Send, start: Start, wishes: "Queue[Asked | Learned]") -> None:
         return
     now = due = shown = time.monotonic()
     with closing(player):
+        player.tick()  # so that the robots are seen
         while True:
             until = min(due, shown) if player.is_moving else shown
             with suppress(queue.Empty):

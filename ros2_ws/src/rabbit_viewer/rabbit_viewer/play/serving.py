@@ -7,6 +7,7 @@ ask waits in a queue, from which the player takes it between two ticks. The page
 import multiprocessing
 import os
 import queue
+import re
 import signal
 import sys
 from collections.abc import Callable, Iterator
@@ -30,6 +31,8 @@ from rabbit_viewer.play.messages import ASKED, Asked, Begin, Learned, Push, Set
 from rabbit_viewer.play.settings import PlayError, Start, plant_of
 
 BUSY = "the walk has not yet done what was asked before: ask again"
+INSIDE = re.compile(r"^(?:--)?\w+(?:\[settings\])?\[(\w+)\]")  # where in a message a setting is
+FILM = ".mp4"
 MOST_WAITING = 100  # messages for the player
 ENDING_SECONDS = 0.7  # for a process to close what it has opened
 SPAWN = multiprocessing.get_context("spawn")
@@ -39,7 +42,7 @@ class Door:
     """Checks what browsers ask of a walk, and hands it to `put`, which may raise `queue.Full`."""
 
     def __init__(self, start: Start, put: Callable[[Asked], object]) -> None:
-        self._plant, self._put = start.plant, put
+        self._start, self._plant, self._put = start, start.plant, put
 
     def __call__(self, message: str) -> str:
         """Empty, or why the message is refused."""
@@ -47,8 +50,11 @@ class Door:
             asked = ASKED.validate_json(message)
             if isinstance(asked, Set | Begin):
                 plant_of(self._plant, asked.settings)
+                self._start.check(asked.settings)
         except ValidationError as error:
-            return refused(fault(error))
+            return refused(INSIDE.sub(r"\1", fault(error)))
+        except PlayError as error:
+            return refused(error)
         if isinstance(asked, Push) and self._plant.plant == "rigid":
             return "push: expected the plant pybullet or mujoco"
         try:
@@ -129,13 +135,19 @@ def play(send: Callable[..., None], start: Start, wishes: "Queue[Asked | Learned
     play(send, start, wishes)
 
 
-def write_play(start: Start, path: Path) -> Path:
-    """Walk one episode as fast as it goes, and write it; raises `PlayError`, `PageError`."""
+def write_play(start: Start, path: Path) -> list[Path]:
+    """Walk one episode as fast as it goes, and write it: a page, or a film and its GIF where the suffix is .mp4.
+
+    Raises `PlayError`, `PageError`, `VideoError`.
+    """
     from rabbit_viewer.play.player import Player
+    from rabbit_viewer.video import film
 
     broadcast = Broadcast()
     with closing(Player(start, partial(tell, broadcast))) as player:
         while not player.has_ended:
             player.tick()
         player.say_state()
-    return write_page(path, broadcast)
+        if path.suffix == FILM:
+            return film([walker.records for walker in player.walkers], path, gif=True)
+    return [write_page(path, broadcast)]

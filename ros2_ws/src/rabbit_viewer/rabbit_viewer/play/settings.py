@@ -4,17 +4,17 @@ The parameters of the command line are beneath them: `plant_of(base, settings)` 
 walks. A field's `when` says whether a change acts at once or from the next reset.
 """
 
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, create_model
 from rabbit_sim.parameters import SimulationParameters, marked
 from rabbit_sim.perturbation import WHOLE_SUBSTEPS
 from rabbit_sim.plant import SUBSTEP_SECONDS
+from rl_cbf_clf_controller import kinds
 from rl_cbf_clf_controller.parameters import ControllerParameters, load_parameters
 
-Choice = Literal["nominal", "learned", "identified", "best", "oracle", "l1"]
-OtherChoice = Literal["none", "nominal", "learned", "identified", "best", "oracle", "l1"]
-NOBODY = "none"
+NOBODY, YOURS, RECORDED = "none", "yours", "recording"
 LEARNED_ROWS: dict[str, Any] = {"controller": "rl-cbf-clf-qp", "adaptation": "none"}
 IDENTIFIED = {**LEARNED_ROWS, "adaptation": "identification", "objective": "pd_centred", "gait": "paper_stones"}
 SHIPPED = "rl-cbf-clf-qp"  # policy
@@ -23,13 +23,21 @@ CONTROLLERS: dict[str, tuple[dict[str, Any], str]] = {  # changed parameters, po
     "learned": (LEARNED_ROWS, SHIPPED),
     "oracle": (LEARNED_ROWS, "oracle"),
     "identified": (IDENTIFIED, "zero"),
-    "best": ({}, "zero"),  # and what the file `best` says
+    "best": ({}, "zero"),  # as the file says, see `FILES`
+    "tuned": ({}, "zero"),
     "l1": ({"controller": "l1-clf-qp"}, "zero"),
 }
+FILES = {"best": "best", "tuned": "nominal_tuned"}  # of controller parameters
+if TYPE_CHECKING:
+    Choice: TypeAlias = str
+    OtherChoice: TypeAlias = str
+else:  # and every controller that has an entry point
+    Choice = Literal["best", "tuned", "learned", "nominal", "identified", "oracle", "l1", YOURS, *kinds.NAMES]
+    OtherChoice = Literal[NOBODY, RECORDED, *get_args(Choice)]
 SWAPPED_AT_ONCE = {"nominal", "learned", "oracle"}  # the same controller with another policy
 ROBOTS = ("first", "second")
 NOW: dict[str, Any] = {"when": "now"}
-DEFAULTS = {"mass_scale": 2.0, "motor_lag": 0.004}  # where they are not the plant's
+DEFAULTS = {"mass_scale": 0.5, "motor_lag": 0.004}  # where they are not the plant's
 Number = Annotated[float, Field(allow_inf_nan=False)]
 
 
@@ -73,13 +81,13 @@ else:
 class PlaySettings(OfThePlant):
     """Flat; `title`, unit and step are for the page."""
 
-    first: Choice = Field("learned", title="controller", json_schema_extra=NOW)
-    second: OtherChoice = Field("nominal", title="on the same course", json_schema_extra=NOW)
+    first: Choice = Field("best", title="controller", json_schema_extra=NOW)
+    second: OtherChoice = Field("tuned", title="on the same course", json_schema_extra=NOW)
     motor_power: Number = shown(1.0, 0.3, 1, "motor power", 0.05)
     l_min_std: Number = shown(0.02, 0, 0.08, "stone spread", 0.005, "m", "reset")
     stone_width: Number = shown(0.05, 0.01, 0.3, "stone width", 0.005, "m", "reset")
     stones: int = shown(20, 1, 200, "stones", when="reset")
-    seed: int = shown(1, 0, 2**31 - 1, "course", when="reset")
+    seed: int = shown(40, 0, 2**31 - 1, "course", when="reset")
     again: Literal["wait", "same course", "next course"] = Field("wait", title="at the end", json_schema_extra=NOW)
 
 
@@ -94,14 +102,35 @@ class PlayError(ValueError):
     """What is given cannot walk."""
 
 
+class Yours(BaseModel):
+    """Your own controller and policy, as `rabbit evaluate` has them; `name`: what the page calls it."""
+
+    name: str
+    controller: ControllerParameters
+    policy: str
+
+
 class Start(BaseModel):
-    """What is played: the settings, and the parameters beneath them; `options` as they were typed."""
+    """What is played: the settings, and the parameters beneath them; `options` as they were typed.
+
+    `yours`: what the robot of that name has; `recording`: a run or a recording that walks beside.
+    """
 
     settings: PlaySettings
     plant: SimulationParameters
     controller: ControllerParameters
+    yours: Yours | None = None
+    recording: Path | None = None
     learns: bool = False
     options: str = ""
+
+    def check(self, settings: PlaySettings) -> None:
+        """Raise `PlayError` where a robot is chosen that this command was not given."""
+        for title, name in (("controller", settings.first), ("on the same course", settings.second)):
+            if name == YOURS and not self.yours:
+                raise PlayError(f"{title} yours: expected --controller, --policy or --parameters on the command line")
+            if name == RECORDED and not self.recording:
+                raise PlayError(f"{title} recording: expected --recording RUN on the command line")
 
 
 SHARED = SimulationParameters.model_fields.keys() & PlaySettings.model_fields.keys()
@@ -122,17 +151,22 @@ def settings_of(base: SimulationParameters, **others: Any) -> PlaySettings:
     return PlaySettings.model_validate({**plant, "motor_power": 1 - base.motor_loss, **others})
 
 
-def controller_of(base: ControllerParameters, name: str) -> tuple[ControllerParameters, str]:
-    """Parameters and policy of one of `CONTROLLERS`."""
-    changes, policy = CONTROLLERS[name]
-    if name == "best":
-        changes = load_parameters("best").model_dump(exclude_defaults=True)
+def controller_of(
+    base: ControllerParameters, name: str, terrain: str | None = None
+) -> tuple[ControllerParameters, str | None]:
+    """Parameters and policy of one of `CONTROLLERS`, or of an entry point's controller; None: the policy it ships."""
+    changes, policy = CONTROLLERS.get(name, ({"controller": name, "adaptation": "none"}, None))
+    if name in FILES:  # what is given on the command line goes before the file
+        return load_parameters(FILES[name], terrain, **base.model_dump(exclude_defaults=True)), policy
     return ControllerParameters.model_validate({**base.model_dump(), **changes}), policy
 
 
-def controls() -> list[dict[str, Any]]:
+def controls(start: "Start | None" = None) -> list[dict[str, Any]]:
     """What the page shows of each setting, the robots first: name, title, choices or bounds, step, unit, when."""
     fields = PlaySettings.model_json_schema()["properties"]
+    absent = {YOURS: not (start and start.yours), RECORDED: not (start and start.recording)}
+    for name in ROBOTS:
+        fields[name]["enum"] = [choice for choice in fields[name]["enum"] if not absent.get(choice)]
     shown = ("title", "enum", "minimum", "maximum", "step", "unit", "when", "group", "type", "default")
     found = [{"name": name, **{key: schema[key] for key in shown if key in schema}} for name, schema in fields.items()]
     return sorted(found, key=lambda control: control["name"] not in ROBOTS)

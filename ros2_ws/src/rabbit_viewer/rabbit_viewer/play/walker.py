@@ -1,47 +1,63 @@
-"""One robot of a played walk: plant and controller, tick by tick, as rows for the page. It goes limp where it fails."""
+"""One robot of a played walk: plant and controller, tick by tick, as rows for the page. It goes limp where it fails.
 
+Of its last ticks it keeps what decided them, so that it can say why it fell, and why any of them was as it was.
+"""
+
+from collections import deque
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from cbf_clf_qp.estimates import Estimates
 from rabbit_experiments.assembly import Assembly, resolve_policy
-from rabbit_experiments.walk_records import about_walk
+from rabbit_experiments.walk_records import WalkRecords, about_walk, plant_in_words
+from rabbit_recording.explaining import ExplainedTick
 from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.simulation import Outcome
 from rl_cbf_clf_controller.controller_output import ControllerOutput
+from rl_cbf_clf_controller.explanation import Explanation, explain
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from rl_cbf_clf_controller.policy import Policy
 from rl_cbf_clf_controller.scene import ControllerError
+from rl_trainer.rollout import Record
 
+from rabbit_viewer.geometry import stands
 from rabbit_viewer.page.rows import EVENTS, RowMaker
-from rabbit_viewer.play.settings import SHIPPED, SWAPPED_AT_ONCE, controller_of
+from rabbit_viewer.play.settings import SHIPPED, SWAPPED_AT_ONCE, YOURS, Start, controller_of
+from rabbit_viewer.play.story import Kept, title_of, why_it_fell
 
 CLEAR_HEIGHT = 0.01  # m, of a swing foot that is well in the air
 LIMP_TICKS = 150  # of a robot that no controller moves any more, at most
 NOTHING = np.full(2, np.nan)
 NONE = Estimates.zero(1, 4)  # before the oracle nobody has estimated
 RUNNING = 1  # column of a row
+KEPT_TICKS = 6_000  # a minute: a tick takes some 10 kB
 
 
 class Walker:
     """`name`: of its controller, see `settings.CONTROLLERS`. `row`: the last one. `outcome`: empty while it walks."""
 
-    def __init__(
-        self, name: str, plant: SimulationParameters, base: ControllerParameters, seed: int, learned: str = SHIPPED
-    ) -> None:
-        """`learned`: the policy that this name means. Raises `GaitError`, `CourseError`, `PolicyFileError`."""
-        self.name, self._base, self.learned = name, base, learned
+    def __init__(self, name: str, start: Start, plant: SimulationParameters, seed: int, learned: str = SHIPPED) -> None:
+        """`learned`: the policy that this name means.
+
+        Raises `GaitError`, `CourseError`, `PolicyFileError`, `AssemblyError`.
+        """
+        self.name, self._start, self.learned = name, start, learned
+        self._terrain = plant.terrain
         parameters, policy = self._choice(name)
-        self._assembly = Assembly(plant, parameters, resolve_policy(policy, parameters))
+        self._assembly = Assembly(plant, parameters, policy)
         self._simulation, self._controller = self._assembly.build()
         quantities = self._controller.qp.names
-        names = self._controller.barrier_names
-        self._maker = RowMaker(about_walk(parameters, plant, policy, seed, ""), quantities, names, knows_plant=True)
+        names, rows = self._controller.barrier_names, self._controller.qp.layout.names
+        about = about_walk(parameters, plant, policy, seed, "")
+        self._maker = RowMaker(about, quantities, names, knows_plant=True, rows=rows)
         self._oracle = self._make_oracle()
         self._true = np.full(len(quantities), np.nan)
         self._controller.reset(seed)
         self._state = self._simulation.reset(seed)
         self._output: ControllerOutput
+        self._kept: deque[Kept] = deque(maxlen=KEPT_TICKS)
+        self._drawn: deque[Record] = deque(maxlen=KEPT_TICKS)
         self._pushed_until = self._limp = 0
         self._swapped = False
         self._next_plant: SimulationParameters | None = None
@@ -51,12 +67,34 @@ class Walker:
     @property
     def about(self) -> dict[str, Any]:
         """What the page needs to draw its rows."""
-        return self._maker.about(self.name)
+        return {**self._maker.about(self.name), "title": title_of(self.name, self._start)}
 
     @property
     def ended(self) -> dict[str, Any]:
-        """How it ended, for the page: empty while it walks; stones walked so far."""
-        return {"outcome": self.outcome, "stones": self._state.touchdowns}
+        """How it ended, for the page: outcome, empty while it walks; stones walked so far; why it fell, if it did."""
+        fell = self.outcome not in ("", Outcome.WALKED.value)
+        why = why_it_fell(self.name, self.outcome, list(self._kept), self._simulation.landings) if fell else {}
+        return {"outcome": self.outcome, "stones": self._state.touchdowns, **why}
+
+    @property
+    def records(self) -> WalkRecords:
+        """Its last ticks, which are kept, for a film: how it ended and why in words."""
+        why = str(self.ended.get("reason", ""))
+        title = f"{self.about['title']}; {plant_in_words(self.about)}"
+        about = {**self.about, "title": title, "outcome": self.outcome, "reason": why}
+        return WalkRecords.from_ticks(list(self._drawn), self._simulation.landings, about)
+
+    def explain(self, tick: int) -> list[str]:
+        """A tick in words; raises `ValueError` where it is not kept, or no solver answered it."""
+        found = [kept for kept in self._kept if kept.output.tick in (tick - 1, tick)]
+        if not found or found[-1].output.tick != tick:
+            first, last = (self._kept[i].output.tick if self._kept else 0 for i in (0, -1))
+            raise ValueError(f"tick {tick} of {self.name}: expected one from {first} to {last}, which are kept")
+        *before, now = [(Record(kept.state, kept.output), self._explained(kept)) for kept in found]
+        return ExplainedTick(f"robot {self.name}", *now, before[0] if before else None).lines()
+
+    def _explained(self, kept: Kept) -> Explanation:
+        return explain(self._controller.qp, kept.scene.x, kept.scene.p, kept.estimates, kept.decided)
 
     def close(self) -> None:
         """Give back the plant."""
@@ -75,7 +113,7 @@ class Walker:
     def become(self, name: str) -> str:
         """Walk on with another controller, see `may_become`; the version of its policy."""
         parameters, policy = self._choice(name)
-        self._assembly = replace(self._assembly, policy=resolve_policy(policy, parameters))
+        self._assembly = replace(self._assembly, controller=parameters, policy=policy)
         self._controller.policy = self._assembly.make_policy()  # between two ticks
         self.name, self._swapped = name, True
         return self._controller.policy.version
@@ -94,12 +132,17 @@ class Walker:
             self._change(self._next_plant)
         if not self.fault:
             self._control()
+        if self.fault:
+            self._go_limp()
         drawn, reading = self._state, self._simulation.reading
         if drawn.sensors:  # the state is an estimate, which drifts over the ground
             drawn = replace(drawn, q=reading.q, dq=reading.dq)
+        self._drawn.append(Record(drawn, self._output))
         self.row = self._maker.row(drawn, self._output, events, self._true)
         self.row[RUNNING] = float(not self.fault)
         self._state = self._simulation.step(self._output.torque)
+        if not self.fault and self._state.running and not stands(self._simulation.reading.q[None]):
+            self.fault = Outcome.FALL.value
         self._limp += bool(self.fault)
         if not self._state.running or self._limp > LIMP_TICKS:
             self.outcome = self.fault or self._simulation.outcome.value
@@ -109,13 +152,18 @@ class Walker:
         try:
             self._output = self._controller.step(self._state)
             self.fault = self._output.fault
-            self._true = self._oracle.estimate(self._controller.scene, NONE).error(self._output.mu)
+            controller = self._controller
+            self._true = self._oracle.estimate(controller.scene, NONE).error(self._output.mu)
+            kept = controller.scene, controller.estimates, controller.decided
+            self._kept.append(Kept(self._state, self._output, *kept))
         except (ControllerError, np.linalg.LinAlgError) as error:
             self.fault = f"controller error: {error}"
-        if self.fault:
+
+    def _go_limp(self) -> None:
+        if self._output.torque.any():
             nothing: Any = dict.fromkeys(("V", "clf_slack", "rescue_slack"), np.nan)
-            unknown = self._output.barriers * np.nan
-            self._output = replace(self._output, torque=np.zeros(4), barriers=unknown, **nothing)
+            unknown = {name: getattr(self._output, name) * np.nan for name in ("barriers", "margins")}
+            self._output = replace(self._output, torque=np.zeros(4), **unknown, **nothing)
 
     def _change(self, plant: SimulationParameters) -> None:
         reading = self._simulation.reading
@@ -133,5 +181,7 @@ class Walker:
         return replace(self._assembly, policy="oracle").make_policy()
 
     def _choice(self, name: str) -> tuple[ControllerParameters, str]:
-        parameters, policy = controller_of(self._base, name)
-        return parameters, self.learned if name == "learned" else policy
+        if name == YOURS and self._start.yours:
+            return self._start.yours.controller, self._start.yours.policy
+        parameters, policy = controller_of(self._start.controller, name, self._terrain)
+        return parameters, resolve_policy(self.learned if name == "learned" else policy, parameters)

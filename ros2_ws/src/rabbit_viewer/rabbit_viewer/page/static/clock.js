@@ -1,4 +1,9 @@
-// Which row is shown. It follows the newest one, or stands where it was put, or plays on from there.
+// Which row is shown. It follows the newest one, or stands where it was put, or plays on from there. Falls are told
+// slowly: a walk that is followed or played slows down where a robot falls, and then catches up.
+
+const SLOW = 0.25, CATCHING_UP = 3; // times real time
+const BEFORE = 20, AFTER = 10; // rows around a fall that are slow
+const LATE = 100, LEAD = 250; // rows: a viewer who comes after so many begins so many before the first fall
 
 export class Clock {
   constructor() {
@@ -6,9 +11,10 @@ export class Clock {
     this.begin(null, false);
   }
 
-  begin(walk, isLive) {
+  begin(walk, isLive, isTold = true) {
     this.walk = walk;
     this.isLive = isLive;
+    this.isTold = isTold;
     this.row = -1;
     this.isFollowing = this.isLive;
     this.isPlaying = !this.isLive;
@@ -20,17 +26,30 @@ export class Clock {
     if (!this.walk?.length) return false;
     const last = this.walk.length - 1;
     let row = this.row;
-    if (this.isFollowing) {
+    if (this.isFollowing && !this.isTold) {
       row = last;
       this.at = this.walk.time(row);
-    } else if (this.isPlaying) {
-      this.at = Math.min(this.at + (elapsed / 1000) * this.rate, this.walk.time(last));
+    } else if (this.isFollowing || this.isPlaying) {
+      if (row < 0 && this.isLive && last > LATE) this.at = this.walk.time(this.late(last));
+      this.at = Math.min(this.at + (elapsed / 1000) * this.rate * this.pace(), this.walk.time(last));
       row = this.rowAt(this.at);
-      if (row === last) this.isPlaying = false;
+      if (row === last && !this.isFollowing) this.isPlaying = false;
     }
     const moved = row !== this.row;
     this.row = Math.max(row, 0);
     return moved;
+  }
+
+  pace() {
+    const falls = this.isTold ? this.walk.falls : [];
+    if (falls.some(({from, to}) => this.row >= from - BEFORE && this.row <= to + AFTER)) return SLOW;
+    const hasMore = falls.some(({from}) => this.row < from);
+    return this.isFollowing && !hasMore ? CATCHING_UP : 1;
+  }
+
+  late(last) {
+    const [first] = this.walk.falls;
+    return first ? Math.max(first.from - LEAD, 0) : last;
   }
 
   seek(row) {
@@ -38,11 +57,12 @@ export class Clock {
     this.row = Math.min(Math.max(row, 0), last);
     this.at = this.walk.time(this.row);
     this.isFollowing = this.isLive && this.row === last;
-    this.isPlaying = false;
+    this.isPlaying = this.isTold = false;
   }
 
   follow() {
     this.isFollowing = true;
+    this.isTold = false;
   }
 
   toggle() {

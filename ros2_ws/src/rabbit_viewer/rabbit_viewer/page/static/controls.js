@@ -1,5 +1,7 @@
 // What a person chooses of a played walk, made of the server's description; and the link that holds it.
 
+const AS_IT_IS = "default"; // a link with nothing else
+
 export class Controls {
   constructor(section, send) {
     this.section = section;
@@ -12,10 +14,12 @@ export class Controls {
 
   build(description, options) {
     this.options = options;
+    this.defaults = Object.fromEntries(description.map((control) => [control.name, control.default]));
     if (this.fields.size) return;
     this.section.hidden = false;
     this.section.append(this.actions());
-    for (const control of description) this.place(control.group).append(this.field(control));
+    const grouped = (control) => Number(Boolean(control.group)); // what opens comes last
+    for (const control of [...description].sort((one, other) => grouped(one) - grouped(other))) this.place(control.group).append(this.field(control));
   }
 
   // the section, or a part of it that opens
@@ -23,9 +27,10 @@ export class Controls {
     if (!group) return this.section;
     if (!this.groups.has(group)) {
       const details = document.createElement("details");
-      details.append(Object.assign(document.createElement("summary"), {textContent: group}));
+      const inside = document.createElement("div"); // a grid on `details` itself is one column in Chromium
+      details.append(Object.assign(document.createElement("summary"), {textContent: group}), inside);
       this.section.append(details);
-      this.groups.set(group, details);
+      this.groups.set(group, inside);
     }
     return this.groups.get(group);
   }
@@ -51,6 +56,11 @@ export class Controls {
 
   get force() {
     return Number(this.section.querySelector("#force").value);
+  }
+
+  // a message with all settings, of one that names some
+  whole(message) {
+    return message.settings ? {...message, settings: {...this.state.settings, ...message.settings}} : message;
   }
 
   another() {
@@ -112,10 +122,10 @@ export class Controls {
 
   // begins again with the settings of the link in the address bar, if they are others; what the link alone cannot bring
   follow() {
-    const known = this.state.settings, {settings, options} = fromLink(location.hash, known);
-    const wanted = {...known, ...settings};
+    const known = this.state.settings, {settings, options} = fromLink(location.hash, this.defaults);
+    const wanted = location.hash ? {...this.defaults, ...settings} : known;
     this.isLinked = true;
-    if (toLink(wanted, "") !== toLink(known, "")) this.send({do: "begin", settings: wanted});
+    if (this.toLink(wanted, "") !== this.toLink(known, "")) this.send({do: "begin", settings: wanted});
     else history.replaceState(null, "", this.link());
     if (!location.hash || (options === this.options && !options.includes("--learn"))) return "";
     const command = (words) => `"rabbit play${words && ` ${words}`}"`;
@@ -124,18 +134,19 @@ export class Controls {
   }
 
   link() {
-    return `${location.pathname}#${toLink(this.state.settings, this.options)}`;
+    return `${location.pathname}#${this.toLink(this.state.settings, this.options) || AS_IT_IS}`;
+  }
+
+  // what differs from the default
+  toLink(settings, options) {
+    const words = new URLSearchParams(Object.entries(settings).filter(([name, value]) => value !== this.defaults[name]));
+    if (options) words.set("options", options);
+    return words.toString();
   }
 }
 
-function toLink(settings, options) {
-  const words = new URLSearchParams(settings);
-  if (options) words.set("options", options);
-  return words.toString();
-}
-
-function fromLink(hash, known) {
-  const {options = "", ...settings} = Object.fromEntries(new URLSearchParams(hash.slice(1)));
-  for (const name of Object.keys(settings)) if (typeof known[name] === "number") settings[name] = Number(settings[name]);
+function fromLink(hash, defaults) {
+  const {options = "", [AS_IT_IS]: _, ...settings} = Object.fromEntries(new URLSearchParams(hash.slice(1)));
+  for (const [name, value] of Object.entries(settings)) if (typeof defaults[name] === "number" && value !== "" && Number.isFinite(Number(value))) settings[name] = Number(value);
   return {settings, options};
 }

@@ -7,11 +7,13 @@ import {showLearning} from "learning";
 import {Plots} from "plots";
 import {Scene} from "scene";
 import {open} from "source";
+import {Story} from "story";
 import {onTheme, toggle} from "theme";
 import {MARKS, Timeline} from "timeline";
 import {Walk} from "walk";
 
 const PLOTS_EVERY = 100; // ms
+const READING = 1200; // ms, from the first picture to the walk
 const KEYS = {
   " ": ["hold or go on", "pause", "play"], ".": ["one tick", "tick", "on"], r: ["reset", "reset"], n: ["next course", "next"],
   ArrowLeft: ["push back; a tick back", "push-back", "back"], ArrowRight: ["push on; a tick on", "push-on", "on"],
@@ -24,8 +26,9 @@ const state = {walk: null, scenes: [], ended: {}, isDirty: false, plotted: 0, la
 const source = open({word, rows, connected});
 const clock = new Clock();
 const plots = new Plots(by("plots"), clock);
-const timeline = new Timeline(by("timeline"), clock);
-const controls = new Controls(by("controls"), (message) => source.send(message));
+const timeline = new Timeline(by("timeline"), clock, () => explain(plots.chosen, clock.row));
+const controls = new Controls(by("controls"), act);
+const story = new Story(by("story"), (message) => (message.do === "explain" ? explainFall() : act(controls.whole(message))));
 const graph = new GraphControls(by("controls"), (message) => source.send(message));
 
 function word(message) {
@@ -49,6 +52,11 @@ const HANDLERS = {
     state.refused += 1;
     notice(text, "alert");
   },
+  explained({walker, tick, lines}) {
+    if (state.asked !== `${walker} ${tick}`) return;
+    by("why").querySelector("pre").textContent = lines.join("\n");
+    by("why").hidden = false;
+  },
   learning: (message) => showLearning(by("learning"), message),
   graph(message) {
     graph.show(message);
@@ -65,7 +73,9 @@ function begin(about) {
   document.title = `RABBIT ${about.title ?? ""}`;
   by("scenes").replaceChildren();
   state.scenes = state.walk.walkers.map((walker) => new Scene(by("scenes"), walker));
-  clock.begin(state.walk, source.isLive && about.mode !== "recording");
+  clock.begin(state.walk, source.isLive && about.mode !== "recording", about.mode !== "graph");
+  story.begin(about);
+  by("why").hidden = true;
   timeline.begin();
   plots.begin(state.walk);
   if (about.controls && source.isLive) controls.build(about.controls, about.options);
@@ -78,7 +88,29 @@ function rows(buffer) {
 
 function connected(is) {
   by("status").textContent = is ? "" : "no connection";
+  state.isWatching = false;
   if (is) by("notice").hidden = true;
+}
+
+// asks for something that changes the walk: it is to be seen at once
+function act(message) {
+  if (["push", "pause", "tick", "speed"].includes(message.do)) clock.follow();
+  source.send(message);
+}
+
+function explain(walker, row) {
+  if (!source.isLive || !("explains" in state.walk.about)) return;
+  const tick = state.walk.walkers[walker].get(row, "tick");
+  state.asked = `${walker} ${tick}`;
+  source.send({do: "explain", walker, tick});
+}
+
+// the tick that the server names, of the first robot that fell
+function explainFall() {
+  const walker = Object.values(state.ended).findIndex((ended) => ended.tick !== undefined);
+  if (walker < 0) return;
+  clock.seek(state.walk.walkers[walker].rowOf(state.ended[walker].tick));
+  explain(walker, clock.row);
 }
 
 function notice(text, role = "status", seconds = 6) {
@@ -97,7 +129,12 @@ function picture(now) {
   const moved = clock.advance(now - state.last);
   state.last = now;
   if (clock.row < 0 || !(moved || state.isDirty || clock.row !== state.drawn)) return;
-  state.scenes.forEach((scene, i) => scene.draw(clock.row, ending(i, clock.row)));
+  const endings = state.scenes.map((_, i) => ending(i, clock.row));
+  state.scenes.forEach((scene, i) => {
+    scene.slope = controls.state?.settings.slope;
+    scene.draw(clock.row, endings[i]);
+  });
+  story.show(endings);
   timeline.draw();
   if (now - state.plotted > PLOTS_EVERY || state.isDirty || !moved) {
     plots.draw();
@@ -106,6 +143,10 @@ function picture(now) {
   state.drawn = clock.row;
   state.isDirty = false;
   state.pictures += 1;
+  if (!state.isWatching) { // pictures are drawn only where they are seen
+    state.isWatching = true;
+    setTimeout(() => state.walk.about.mode === "play" && source.send({do: "watch"}), READING);
+  }
 }
 
 // how a walker ended, from its last tick on
@@ -144,6 +185,7 @@ function faster(factor) {
 }
 
 by("save").hidden = !source.isLive;
+by("why").querySelector("button").onclick = () => { by("why").hidden = true; };
 by("theme").onclick = toggle;
 by("help").onclick = () => by("keys").showModal();
 by("link").onclick = () => navigator.clipboard?.writeText(location.href).then(() => notice("the link is copied"), () => notice(location.href));

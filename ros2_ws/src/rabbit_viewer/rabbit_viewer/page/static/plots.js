@@ -12,8 +12,10 @@ const PANELS = [
   {title: "torque (N m)", columns: ["torque_left_hip", "torque_left_knee", "torque_right_hip", "torque_right_knee"],
     limits: (about) => [-about.torque_limit, about.torque_limit]},
   {title: "slack d, of last resort", columns: ["clf_slack", "rescue_slack"]},
-  {title: "model error", columns: ["measured", "estimated", "true"], isError: true},
+  {title: "what a row leaves", of: "row", columns: ["margin"], limits: () => [0]},
+  {title: "model error", of: "quantity", columns: ["measured", "estimated", "true"]},
 ];
+const OUTLIERS = 0.02; // share of the numbers at either end that the axis of `of` need not show
 const DASHES = [[], [6, 3], [2, 3], [8, 3, 2, 3]];
 const WORDS = {V_bound: "bound", clf_slack: "d", rescue_slack: "last resort", force_ratio: "ratio"};
 
@@ -23,7 +25,7 @@ export class Plots {
     this.which = section.querySelector("#which");
     this.panels = section.querySelector("#panels");
     this.chosen = 0;
-    this.quantity = 0;
+    this.of = {row: 0, quantity: 0}; // chosen
     this.plots = [];
     new ResizeObserver(() => this.resize()).observe(this.panels);
   }
@@ -42,10 +44,8 @@ export class Plots {
     for (const {plot} of this.plots) plot.destroy();
     this.panels.replaceChildren();
     this.chooser();
-    const quantities = this.walker.about.quantities;
-    this.quantity = Math.min(this.quantity, quantities.length - 1);
     const panels = PANELS.map((panel) => ({...panel, columns: panel.columns.call ? panel.columns(this.walker.about) : panel.columns}));
-    const wanted = panels.filter((panel) => panel.isError ? quantities.length : panel.columns.some((name) => this.walker.has(name)));
+    const wanted = panels.filter((panel) => panel.of ? this.names(panel).length : panel.columns.some((name) => this.walker.has(name)));
     this.plots = wanted.map((panel, i) => this.panel(panel, i === wanted.length - 1));
     this.draw();
   }
@@ -60,9 +60,15 @@ export class Plots {
     this.which.replaceChildren(...(buttons.length > 1 ? buttons : []));
   }
 
+  // what the panel is of one of: quantities, or rows of the QP
+  names({of}) {
+    if (of === "quantity") return this.walker.about.quantities;
+    return this.walker.about.columns.filter((name) => name.startsWith("margin_")).map((name) => name.slice(7));
+  }
+
   panel(panel, isLast) {
-    const quantity = this.walker.about.quantities[this.quantity];
-    if (panel.isError) panel = {...panel, columns: panel.columns.filter((kind) => this.walker.has(`${kind}_${quantity}`))};
+    const names_of = panel.of ? this.names(panel) : [], name = names_of[Math.min(this.of[panel.of], names_of.length - 1)];
+    if (panel.of) panel = {...panel, columns: panel.columns.filter((kind) => this.walker.has(`${kind}_${name}`))};
     const box = Object.assign(document.createElement("div"), {className: "panel"});
     const title = Object.assign(document.createElement("h2"), {textContent: panel.title});
     const names = panel.columns.map((name, i) => {
@@ -72,22 +78,22 @@ export class Plots {
       label.append(line, WORDS[name] ?? name.replace("torque_", "").replace("_", " "));
       return label;
     });
-    title.append(...(panel.isError ? [this.quantityChooser(), ...names] : names));
+    title.append(...(panel.of ? [this.chooserOf(panel, names_of), ...names] : names));
     box.append(title);
     this.panels.append(box);
-    const columns = panel.isError ? panel.columns.map((kind) => `${kind}_${quantity}`) : panel.columns;
+    const columns = panel.of ? panel.columns.map((kind) => `${kind}_${name}`) : panel.columns;
     const limits = (panel.limits?.(this.walker.about) ?? []).filter(Number.isFinite);
     const plot = new uPlot(this.options(panel, columns, limits, isLast), columns.map(() => []).concat([[]]), box);
     plot.over.addEventListener("click", () => this.clock.seek(this.clock.rowAt(plot.posToVal(plot.cursor.left, "x"))));
     return {plot, columns, panel};
   }
 
-  quantityChooser() {
+  chooserOf({of}, names) {
     const select = document.createElement("select");
-    select.id = "quantity";
-    select.setAttribute("aria-label", "quantity");
-    select.append(...this.walker.about.quantities.map((name, i) => new Option(name, i, false, i === this.quantity)));
-    select.onchange = () => { this.quantity = Number(select.value); this.build(); };
+    select.id = of;
+    select.setAttribute("aria-label", of);
+    select.append(...names.map((name, i) => new Option(name, i, false, i === this.of[of])));
+    select.onchange = () => { this.of[of] = Number(select.value); this.build(); };
     return select;
   }
 
@@ -98,11 +104,11 @@ export class Plots {
       cursor: {sync: {key: "rabbit"}, y: false, drag: {x: false, y: false}, points: {show: false}},
       scales: {
         x: {time: false, range: () => this.window()},
-        y: panel.log ? {distr: 3, range: (_, low, high) => logarithmic(low, high)} : {range: (_, low, high) => linear(low, high, limits)},
+        y: panel.log ? {distr: 3, range: (_, low, high) => logarithmic(low, high)} : {range: (plot, low, high) => linear(...(panel.of ? usual(plot.data) : [low, high]), limits)},
       },
       axes: [
         {...axis, size: isLast ? 22 : 4, values: isLast ? (_, ticks) => ticks.map((tick) => `${tick} s`) : () => []},
-        {...axis, size: 46, grid: {...axis.grid, ...(panel.log && {filter: decades})}},
+        {...axis, size: 46, ...(panel.log && {grid: {...axis.grid, filter: decades}, values: (_, ticks) => ticks.map((tick) => (tick >= 0.001 ? tick : tick?.toExponential(0)))})},
       ],
       series: [{}, ...columns.map((_, i) => ({stroke: () => colour(`plot${i + 1}`), width: 1.3, dash: DASHES[i], points: {show: false}, spanGaps: false}))],
       hooks: {draw: [(plot) => this.lines(plot, limits)]},
@@ -121,7 +127,7 @@ export class Plots {
     if (!this.walk.length) return [0, WINDOW];
     const end = this.walk.time(this.walk.length - 1);
     if (!this.clock.isLive) return [0, Math.max(end, 0.1)];
-    const to = this.clock.isFollowing ? end : Math.min(end, Math.max(this.clock.at + WINDOW / 2, WINDOW));
+    const to = this.clock.isFollowing ? this.clock.at : Math.min(end, Math.max(this.clock.at + WINDOW / 2, WINDOW));
     return [Math.max(to - WINDOW, 0), Math.max(to, WINDOW)];
   }
 
@@ -166,6 +172,14 @@ export class Plots {
     }
     ctx.restore();
   }
+}
+
+// least and greatest of what is drawn, but for outliers: a few impacts would make all else a flat line
+function usual([, ...curves]) {
+  const values = curves.flat().filter((value) => value !== null).sort((one, other) => one - other);
+  if (!values.length) return [null, null];
+  const out = Math.floor(values.length * OUTLIERS);
+  return [values[out], values[values.length - 1 - out]];
 }
 
 function linear(low, high, limits) {

@@ -5,6 +5,7 @@ import {colour} from "theme";
 const VIEW = {left: -0.95, right: 1.25, bottom: -0.2, top: 1.55}; // around the hip; the ground is at 0
 const DEPTH = 0.12, AREA_HEIGHT = 0.2, AREA_LEFT = -0.45, CONE_HEIGHT = 0.3; // m, as in geometry.py
 const FORCE_SCALE = 1e-3, LONGEST_ARROW = 0.9; // m per N, m
+const OUTCOMES = {walked: "walked the course", fall: "fell", gap_fall: "fell into a gap", miss: "missed a stone", slip: "slipped", flight: "left the ground", stall: "stands still"};
 const PUSHED = 4; // see EVENTS in rows.py
 
 export class Scene {
@@ -26,7 +27,9 @@ export class Scene {
     const [hip] = walker.point(row, "hip");
     pen.setTransform(1, 0, 0, 1, 0, 0);
     pen.clearRect(0, 0, width, height);
-    pen.setTransform(scale, 0, 0, -scale, width / 2 - (hip + (VIEW.left + VIEW.right) / 2) * scale, height + VIEW.bottom * scale);
+    const middle = hip + (VIEW.left + VIEW.right) / 2, slope = ((this.slope ?? walker.about.slope ?? 0) * Math.PI) / 180;
+    const [a, b] = [scale * Math.cos(slope), scale * Math.sin(slope)]; // the ground is level in the plant's frame
+    pen.setTransform(a, -b, -b, -a, width / 2 - middle * a, height + VIEW.bottom * scale + middle * b);
     this.pixel = ratio / scale; // a pixel of the page, in m
     this.span = [hip - width / scale, hip + width / scale];
     const stance = walker.get(row, "stance") ? "right" : "left", swing = stance === "left" ? "right" : "left";
@@ -150,15 +153,18 @@ export class Scene {
     pen.textBaseline = "top";
     pen.fillStyle = colour("text");
     pen.font = "600 15px system-ui, sans-serif";
-    pen.fillText(walker.about.name, 10, 8);
+    const said = ended ? OUTCOMES[ended.outcome] ?? ended.outcome : "", width = this.canvas.clientWidth - 20;
+    const room = width - pen.measureText(said).width - 10;
+    pen.fillText(walker.about.name, 10, 8, room);
     pen.font = "13px system-ui, sans-serif";
-    pen.fillText(stones, 10, 28);
-    if (walker.get(row, "events") & PUSHED) pen.fillText("pushed", 10, 46);
+    const slope = this.slope ?? walker.about.slope;
+    const lines = [width > 500 && walker.about.title?.split(": ")[1], stones, slope && `ground rises ${slope}°`, walker.get(row, "events") & PUSHED && "pushed"];
+    lines.filter(Boolean).forEach((line, i) => pen.fillText(line, 10, 28 + 18 * i, width));
     if (!ended) return;
     pen.font = "600 15px system-ui, sans-serif";
     pen.textAlign = "right";
     pen.fillStyle = colour(ended.outcome === "walked" ? "next" : "force");
-    pen.fillText(ended.outcome === "walked" ? "walked the course" : ended.outcome.replaceAll("_", " "), this.canvas.clientWidth - 10, 8);
+    pen.fillText(said, width + 10, 8);
     pen.textAlign = "left";
   }
 }

@@ -6,16 +6,19 @@ export const MARKS = {saturated: ["plot4", "torque limit"], over_cone: ["force",
 const LANE = 12; // px, of a walker
 
 export class Timeline {
-  constructor(element, clock) {
+  constructor(element, clock, onclick) {
     this.clock = clock;
     this.buttons = element.querySelector(".buttons");
     this.range = element.querySelector("input");
     this.canvas = element.querySelector("canvas");
     this.output = element.querySelector("output");
     this.range.oninput = () => clock.walk && clock.seek(Number(this.range.value));
+    this.range.onchange = onclick; // when the mouse is let go
   }
 
   begin() {
+    this.output.textContent = "";
+    this.canvas.width = 0; // clears it
     if (this.isLive === this.clock.isLive) return;
     this.isLive = this.clock.isLive;
     this.buttons.replaceChildren();

@@ -1,6 +1,7 @@
 // One episode as it is known here: rows of numbers, and what they say of stones and faults. See rows.py for the columns.
 
 const EVENTS = {saturated: 1, over_cone: 2, pushed: 4, swapped: 8};
+const LOW = 0.7; // m, of a hip above the lower foot: the robot falls
 const PLATFORM = -1; // m, where the first platform begins
 
 export class Walk {
@@ -31,6 +32,11 @@ export class Walk {
     for (const walker of this.walkers) walker.note(from, this.length);
   }
 
+  // {from, to} of each robot that fell or is falling, rows, the first one first
+  get falls() {
+    return this.walkers.map(({fall}) => fall).filter(Boolean).sort((one, other) => one.from - other.from);
+  }
+
   // seconds since the reset
   time(row) {
     return Math.max(...this.walkers.map((walker) => walker.get(row, "tick"))) * this.about.tick_seconds;
@@ -46,6 +52,7 @@ class Walker {
     this.marks = []; // {row, kind}
     this.touchdowns = -1;
     this.was = 0;
+    this.fall = null; // {from, to}
   }
 
   get(row, name) {
@@ -54,6 +61,11 @@ class Walker {
 
   has(name) {
     return name in this.column;
+  }
+
+  rowOf(tick) {
+    for (let row = 0; row < this.walk.length; row++) if (this.get(row, "tick") === tick) return row;
+    return this.walk.length - 1;
   }
 
   point(row, name) {
@@ -73,10 +85,19 @@ class Walker {
         if (this.touchdowns >= 0) this.marks.push({row, kind: "stone", number: touchdowns});
         this.touchdowns = touchdowns;
       }
+      this.watch(row);
       const events = this.get(row, "events");
       const begun = events & ~this.was;
       for (const [kind, bit] of Object.entries(EVENTS)) if (begun & bit) this.marks.push({row, kind});
       this.was = events;
     }
+  }
+
+  // whether it falls; a robot whose ticks no longer count lies where it fell
+  watch(row) {
+    if (row && this.get(row, "tick") === this.get(row - 1, "tick")) return;
+    const height = this.get(row, "hip_z") - Math.min(this.get(row, "left_foot_z"), this.get(row, "right_foot_z"));
+    if (height > LOW) this.fall = null;
+    else this.fall = {from: this.fall?.from ?? row, to: row};
   }
 }

@@ -1,0 +1,31 @@
+// What will be seen, what happened, what to try next: the words above the scenes. The server makes the sentences.
+
+const WAITS = "If a robot falls, you see it slowly, and here is why.";
+
+export class Story {
+  // `act` does what is offered
+  constructor(element, act) {
+    [this.sentence, this.happened, this.next] = ["#sentence", "#happened", "#things"].map((id) => element.querySelector(id));
+    this.element = element;
+    this.act = act;
+  }
+
+  begin({story = "", next = []}) {
+    this.element.hidden = !story;
+    this.sentence.textContent = story;
+    this.show([]);
+    this.next.replaceChildren(...next.map(({text, do: message}) => {
+      const button = Object.assign(document.createElement("button"), {textContent: text});
+      button.onclick = () => this.act(message);
+      return button;
+    }));
+  }
+
+  // `endings`: of each walker how it ended, null as long as it walks in the picture
+  show(endings) {
+    const told = endings.filter((ended) => ended?.reason);
+    const text = told.map(({reason}) => reason).join(" ") || WAITS;
+    this.happened.classList.toggle("waits", text === WAITS);
+    if (this.happened.textContent !== text) this.happened.textContent = text;
+  }
+}

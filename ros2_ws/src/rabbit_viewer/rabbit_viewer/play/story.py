@@ -1,0 +1,128 @@
+"""What the page says: before a walk what will be seen, at a fall what happened, then what to try next."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from cbf_clf_qp.answer import Decided
+from cbf_clf_qp.estimates import Estimates
+from rabbit_description.state import RobotState
+from rabbit_experiments.walk_records import CONTROLLERS
+from rabbit_recording.explaining import WORDS
+from rabbit_sim.simulation import Landing
+from rl_cbf_clf_controller.controller_output import ControllerOutput
+from rl_cbf_clf_controller.explanation import number
+from rl_cbf_clf_controller.scene import Scene
+
+from rabbit_viewer.geometry import stands
+from rabbit_viewer.play.settings import NOBODY, RECORDED, YOURS, PlaySettings, Start
+
+WHO = {  # what each robot does with the difference between its model and itself
+    "best": "identifies its masses as it walks",
+    "tuned": "trusts its model, at the best gain",
+    "learned": "corrects its model by a network that learned at twice the mass",
+    "nominal": "trusts its model, with the paper's gain",
+    "identified": "identifies its masses as it walks, with the paper's speed",
+    "oracle": "is told exactly how wrong its model is",
+    "l1": "adapts its model, and sees no stones",
+    RECORDED: "was recorded before",
+}
+TIMES = {0.5: "half of what", 2.0: "twice what", 3.0: "three times what"}
+PUSH = {"text": "Push them", "do": {"do": "push", "force": 200, "seconds": 0.1}}
+WHY = {"text": "Why did it fall?", "do": {"do": "explain"}}
+
+
+@dataclass(frozen=True)
+class Kept:
+    """What a tick was decided from, and what it decided."""
+
+    state: RobotState
+    output: ControllerOutput
+    scene: Scene
+    estimates: Estimates
+    decided: Decided
+
+
+def title_of(name: str, start: Start) -> str:
+    """A robot's name and what it does."""
+    who = start.yours.name if name == YOURS and start.yours else WHO.get(name)
+    who = who or CONTROLLERS.get(name, "a controller of your own")
+    return f"{name}: {who}"
+
+
+def opening(start: Start, settings: PlaySettings) -> str:
+    """One sentence: which plant, which robots."""
+    names = [name for name in (settings.first, settings.second) if name != NOBODY]
+    both, s, own = ("Both robots", "", "their controllers believe") if names[1:] else ("The robot", "s", "it believes")
+    differences = []
+    if settings.mass_scale != 1:
+        times = TIMES.get(settings.mass_scale, f"{settings.mass_scale:g} times what")
+        differences.append(f"weigh{s} {times} {own}")
+    if settings.payload:
+        differences.append(f"carr{'ies' if s else 'y'} {settings.payload:g} kg of which no model knows")
+    if settings.slope:
+        differences.append(f"walk{s} {'up' if settings.slope > 0 else 'down'} {abs(settings.slope):g}° unawares")
+    if settings.motor_power != 1:
+        differences.append(f"{'has' if s else 'have'} motors of {settings.motor_power:.0%} power")
+    said = " and ".join(differences) or f"walk{s} as {own}"
+    return f"{both} {said}: " + "; ".join(title_of(name, start).replace(": ", " ", 1) for name in names) + "."
+
+
+def next_things(settings: PlaySettings) -> list[dict[str, Any]]:
+    """Three things to try, each as what the page asks for: a push, another robot, why it fell."""
+    mass = 0.5 if settings.mass_scale > 1 else 3.0
+    text = "Half the mass" if mass < 1 else "3 times the mass"
+    other = {"text": text, "do": {"do": "begin", "settings": {"mass_scale": mass}}}
+    return [WHY, other, PUSH]
+
+
+def why_it_fell(name: str, outcome: str, kept: Sequence[Kept], landings: Sequence[Landing]) -> dict[str, Any]:
+    """Which row was not kept, in words (`reason`), and the `tick` in which the model was furthest from the robot.
+
+    The row: B1 or B2 where the foot came down off its stone, C1 where both feet left the ground, else the CLF's. By the
+    model the QP keeps it, or nearly; what the robot does in the same tick is measured.
+    """
+    missed = landings[-1] if landings and landings[-1].missed else None
+    off = 0.0
+    row, quantity, sign = "CLF", "V", -1
+    if missed:
+        row = quantity = "B1" if missed.l > missed.l_max else "B2"
+        sign, off = 1, max(missed.l - missed.l_max, missed.l_min - missed.l)
+    elif outcome == "flight":
+        row, quantity, sign = "C1", "C1", 1
+    last = max((tick.output.step_index for tick in kept if stands(tick.state.q[None])), default=0) - bool(missed)
+    found = [
+        (sign * (promised(tick, quantity) - measured(after, quantity)), tick, after)
+        for tick, after in pairwise(kept)
+        if stands(tick.state.q[None])
+        and tick.output.step_index == after.output.step_index == last
+        and row in tick.output.rows
+        and quantity in tick.output.quantities
+    ]
+    walked = max((tick.state.touchdowns for tick in kept), default=0)
+    where = f"{name} fell after {walked} stone{'s' * (walked != 1)}"
+    if not (found := [each for each in found if np.isfinite(each[0])]):
+        return {"reason": f"{where}."}
+    _, tick, after = max(found, key=lambda each: each[0])
+    (meaning, unit), did = WORDS[row], measured(after, quantity)
+    was, now = (f"{number(abs(value))} {unit}" for value in (promised(tick, quantity), did))
+    said = f"its model promised {was}, the robot did {now}"
+    if row == "CLF":
+        said = f"V, how far it is from its gait, was to fall by {was}; it {'rose' if did > 0 else 'fell only'} by {now}"
+    side = "past the far edge" if row == "B1" else "short of the near edge"
+    cause = f": its foot came down {off * 1000:.0f} mm {side} of the next" if missed else ""
+    told = f"{where}{cause}. It could not keep the row {row}, “{meaning}”: at {tick.output.tick / 100:.2f} s {said}."
+    return {"reason": told, "tick": tick.output.tick}
+
+
+def promised(tick: Kept, name: str) -> float:
+    """A quantity over the tick as the controller computed it, by its model and its estimates."""
+    i, output = tick.output.quantities.index(name), tick.output
+    return float((output.nominal_a[i] + output.alpha[i]) @ output.mu + output.nominal_b[i] + output.beta[i])
+
+
+def measured(after: Kept, name: str) -> float:
+    """A quantity over the tick before."""
+    return float(after.output.measured[after.output.quantities.index(name)])
