@@ -35,7 +35,7 @@ def look(columns: int | None = None) -> AbstractContextManager[None]:
     """Draw inside this: for a page, or as wide as so many `COLUMNS` of a paper, with letters of 7 points."""
     if columns is None:
         return mpl.rc_context(LOOK)
-    small = {"font.size": 7, "figure.titlesize": 7, "lines.linewidth": 0.9, "legend.handlelength": 1.4}
+    small: Any = {"font.size": 7, "figure.titlesize": 7, "lines.linewidth": 0.9, "legend.handlelength": 1.4}
     return mpl.rc_context({**LOOK, "figure.figsize": (COLUMNS[columns], 2.4), **small, "pdf.fonttype": 42})
 
 
