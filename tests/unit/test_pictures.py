@@ -1,5 +1,7 @@
 """What pictures show: the feet and stones where they were; files that open."""
 
+import re
+from dataclasses import replace
 from pathlib import Path
 
 import imageio.v3 as imageio
@@ -9,7 +11,7 @@ from rabbit_experiments.assembly import Assembly
 from rabbit_experiments.evaluation import record_walk
 from rabbit_experiments.walk_records import ARRAYS, RECORDS, RecordsError, WalkRecords, load_records, save_records
 from rabbit_sim.parameters import SimulationParameters
-from rabbit_viewer.geometry import feet
+from rabbit_viewer.geometry import fall_of, feet
 from rabbit_viewer.pictures import swing_foot
 from rabbit_viewer.scene import SIZE, Scene, stone_spans
 from rabbit_viewer.video import film
@@ -85,6 +87,44 @@ def test_film_and_gif_show_the_walk(walk: WalkRecords, tmp_path: Path) -> None:
     assert frames.shape[0] >= len(walk.tick) / 16  # 25 frames a second at four times real time, then the last one
     assert np.abs(frames[0].astype(int) - frames[-1]).max() > 100
     assert len(imageio.imread(gif, index=None)) > 1
+
+
+def test_two_walks_are_filmed_side_by_side_and_a_fall_slowly(tmp_path: Path) -> None:
+    """Twice the mass: the nominal robot falls, and the film has at least four frames for one of real time there."""
+    plant = SimulationParameters(mass_scale=2.0, stones=4, fall_height=0.2, fall_pitch=2.0, stop_at_miss=False)
+    own = load_parameters("ours", controller="cbf-clf-qp")
+    falling, standing = (record_walk(Assembly(plant, own, policy), seed=1) for policy in ("zero", "oracle"))
+    first = fall_of(falling)
+    assert first is not None
+    assert fall_of(standing) is None
+    video, _ = film([standing, falling], tmp_path / "walk.mp4", gif=True)
+    frames = imageio.imread(video, plugin="FFMPEG")
+    assert frames.shape[1:] == (SIZE[1], 2 * SIZE[0], 3)
+    slow = len(falling.tick) - first
+    assert len(frames) >= (len(standing.tick) + 3 * slow) / 4  # a tick is 10 ms, a frame 40
+
+
+def test_a_slope_is_drawn_as_steep_as_it_is(walk: WalkRecords) -> None:
+    """On flat ground the stance foot's ground is a level line; on a slope of 20 degrees it rises by their tangent."""
+    flat = walk_on("clf-qp")
+    tops = []
+    for slope in (0.0, 20.0):
+        picture = Scene(replace(flat, about={**flat.about, "slope": slope}), has_legend=False).frame(0)[260:, :, :3]
+        ground = (picture.astype(int) - 0x8C).__abs__().max(axis=2) < 8  # the stones' grey
+        tops.append([np.flatnonzero(ground[:, column])[0] for column in (300, 660)])
+    assert tops[0][0] == tops[0][1]
+    rise = (tops[1][0] - tops[1][1]) / 360
+    assert rise == pytest.approx(np.tan(np.radians(20.0)), abs=0.02)
+
+
+@pytest.mark.parametrize(("columns", "inches"), [(1, 3.5), (2, 7.16)])
+def test_a_picture_for_a_paper_is_as_wide_as_its_columns(
+    walk: WalkRecords, tmp_path: Path, columns: int, inches: float
+) -> None:
+    save_records(walk, tmp_path / RECORDS)
+    for path in draw_pictures(tmp_path, form="pdf", columns=columns):
+        (width,) = re.findall(rb"/MediaBox \[ 0 0 ([\d.]+) ", path.read_bytes())
+        assert float(width) == pytest.approx(72 * inches, abs=1)
 
 
 def test_a_scene_draws_any_tick(walk: WalkRecords) -> None:

@@ -14,7 +14,9 @@ app = typer.Typer(add_completion=False)
 
 @app.command()
 def misses(
-    parameters: Annotated[str, typer.Option(help="file of controller parameters: ours, best, authors or a YAML file")] = "best",
+    parameters: Annotated[
+        str, typer.Option(help="file of controller parameters: ours, best, authors or a YAML file")
+    ] = "best",
     model: Annotated[
         Path | None, typer.Option(help="file of a fitted model; the command judges it and fits none")
     ] = None,

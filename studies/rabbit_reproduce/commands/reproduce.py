@@ -25,7 +25,9 @@ def reproduce(
     setting: Annotated[
         str | None, typer.Option(help="YAML file, or a shipped one's name: what the paper does not print")
     ] = None,
-    plant: Annotated[PlantName | None, typer.Option(help="plant on which the claims are judged (default: pybullet)")] = None,
+    plant: Annotated[
+        PlantName | None, typer.Option(help="plant on which the claims are judged (default: pybullet)")
+    ] = None,
     figure: Annotated[
         int | None, typer.Option(min=1, max=5, help="the paper's figure of this number; Fig. 1 is a drawing")
     ] = None,

@@ -6,7 +6,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
-from importlib.metadata import EntryPoint
+from importlib.metadata import EntryPoint, version
 from pathlib import Path
 
 import pytest
@@ -144,4 +144,8 @@ def test_a_process_that_a_command_spawns_is_not_the_command_again(name: str) -> 
 def test_an_unknown_command_is_named() -> None:
     refused = CliRunner().invoke(app, ["dance"])
     assert refused.exit_code == 2
-    assert "No such command 'dance'" in refused.stderr
+    assert refused.stderr == "rabbit: no command dance; rabbit --help lists them\n"
+    near = CliRunner().invoke(app, ["evalute"])
+    assert near.stderr == "rabbit: no command evalute: did you mean evaluate?\n"
+    told = CliRunner().invoke(app, ["--version"])
+    assert (told.exit_code, told.stdout) == (0, f"rabbit {version('rabbit_bringup')}\n")

@@ -151,22 +151,37 @@ def about_walk(
 
 def walk_title(about: Mapping[str, Any]) -> str:
     """A picture's title in words, as `Learned controller, twice the mass: walked`, of what is known in `about`."""
+    title = ", ".join(filter(None, (controller_in_words(about), plant_in_words(about))))
+    outcome = str(about.get("outcome") or "not recorded to its end")
+    return f"{title}: {OUTCOMES.get(outcome, outcome)}"
+
+
+def what_walks(controller: ControllerParameters, simulation: SimulationParameters, policy: str) -> str:
+    """A command's first line: which controller walks on which plant."""
+    about = about_walk(controller, simulation, policy, 0, "")
+    with_policy = f", policy {Path(policy).stem}" if controller.learns and policy not in ESTIMATES else ""
+    ground = "flat ground" if simulation.terrain == "flat" else "stones"
+    plant = f"{simulation.plant}, {ground}, {plant_in_words(about) or 'the mass of its model'}"
+    return f"{controller_in_words(about)} ({controller.controller}{with_policy}) on {plant}"
+
+
+def controller_in_words(about: Mapping[str, Any]) -> str:
+    """As `Learned controller`."""
     controller, policy = str(about.get("controller", "")), about.get("policy")
     who = CONTROLLERS.get(controller, controller)
     if about.get("adaptation") == "identification":
         who = "controller that identifies the robot"
     elif who == LEARNED and policy in ESTIMATES:
         who = ESTIMATES[policy]
-    title = ", ".join(filter(None, (who, plant_in_words(about))))
-    outcome = str(about.get("outcome") or "not recorded to its end")
-    return f"{title[:1].upper()}{title[1:]}: {OUTCOMES.get(outcome, outcome)}"
+    return who[:1].upper() + who[1:]
 
 
 def plant_in_words(about: Mapping[str, Any]) -> str:
     """How the true robot and its ground differ from the model, as `half the mass, 5° uphill`; empty: not at all."""
     mass, payload, slope = (about.get(name, usual) for name, usual in (("mass_scale", 1), ("payload", 0), ("slope", 0)))
     said = [{1: "", 2: "twice the mass", 0.5: "half the mass"}.get(mass, f"{mass:g} times the mass")]
-    said += [f"{payload:g} kg on the torso"] * bool(payload) + [f"{slope:g}° uphill"] * bool(slope)
+    said += [f"{payload:g} kg on the torso"] * bool(payload)
+    said += [f"{abs(slope):g}° {'up' if slope > 0 else 'down'}hill"] * bool(slope)
     return ", ".join(filter(None, said))
 
 

@@ -20,7 +20,6 @@ LEAST = 4.0  # m, shown of a short walk too
 STONE_DEPTH = 0.06  # m
 TOP = 1.5  # m
 PATH_TOP = 0.14  # m
-WIDTH = 9.0  # inches
 
 
 def draw_walk(walk: WalkRecords, path: Path) -> Path:
@@ -30,8 +29,9 @@ def draw_walk(walk: WalkRecords, path: Path) -> Path:
     feet = legs[:, :, 2].swapaxes(0, 1)
     left = feet[rows, :, 0].min() - ROOM[0]
     right = max(feet[rows, :, 0].max() + ROOM[1], left + LEAST)
-    tall = WIDTH * (TOP + 0.1) / (right - left)
-    figure, (robot, foot) = style.figure(2, (tall + 2.6) / 2, WIDTH, height_ratios=(tall, 1.6))
+    wide = style.inches()
+    tall, low = wide * (TOP + 0.1) / (right - left), wide / style.PAGE
+    figure, (robot, foot) = style.figure(2, (tall + 2.6 * low**0.5) / 2, wide, height_ratios=(tall, 1.6 * low**0.5))
     spans = stone_spans(walk, feet)[: int(walk.step_index[rows[-1]]) + 2]
     for axes, depth in ((robot, STONE_DEPTH), (foot, PATH_TOP / 10)):
         for near, far, top in spans or [(left, right, 0.0)]:
@@ -50,15 +50,21 @@ def draw_walk(walk: WalkRecords, path: Path) -> Path:
         style.legend(axes)
     robot.set(xlim=(left, right), ylim=(-0.1, TOP), aspect="equal", anchor="S", ylabel="z (m)")
     foot.set(ylim=(-PATH_TOP / 10, PATH_TOP), ylabel="swing foot z (m)", xlabel="x (m)")
-    figure.suptitle(str(walk.about.get("title", "")), fontsize=10)
+    if wide == style.PAGE:  # a paper has captions
+        figure.suptitle(str(walk.about.get("title", "")), fontsize=10)
     return style.save(figure, path)
 
 
 def _draw_robot(axes: Axes, walk: WalkRecords, legs: Array, row: int, opacity: float) -> None:
-    look: dict[str, Any] = {"alpha": opacity, "linewidth": 2.0 if opacity == 1 else 1.2, "solid_capstyle": "round"}
+    thin = style.inches() / style.PAGE
+    look: dict[str, Any] = {
+        "alpha": opacity,
+        "linewidth": (2.0 if opacity == 1 else 1.2) * thin,
+        "solid_capstyle": "round",
+    }
     stance = Leg(walk.stance[row])
     for leg in (stance.other, stance):  # the stance leg before the other
-        axes.plot(*legs[leg, row].T, color=STANCE if leg is stance else SWING, marker=".", markersize=4, **look)
+        axes.plot(*legs[leg, row].T, color=STANCE if leg is stance else SWING, marker=".", markersize=4 * thin, **look)
     axes.plot(*torso_points(walk.q[row : row + 1])[0].T, color=style.BLACK, **look)
 
 

@@ -24,8 +24,11 @@ BARRIER_COLOURS = style.BLUE, style.ORANGE, style.GREEN, style.PURPLE
 BARRIER_LABELS = {"B1": "B1 (m): before the far edge", "B2": "B2 (m): past the near edge"}
 
 
-def draw(walk: WalkRecords, out: Path, suffix: str = ".png") -> list[Path]:
-    """All pictures of a walk; returns their paths. CLF, barriers and quantities are drawn where there are some."""
+def draw(walk: WalkRecords, out: Path, suffix: str = ".png", columns: int | None = None) -> list[Path]:
+    """All pictures of a walk; returns their paths. CLF, barriers and quantities are drawn where there are some.
+
+    `columns`: of a paper, that they are as wide as.
+    """
     pictures = [draw_walk, draw_swing_foot, draw_forces, draw_torques]
     if np.isfinite(walk.V).any():
         pictures.insert(2, draw_clf)
@@ -33,7 +36,7 @@ def draw(walk: WalkRecords, out: Path, suffix: str = ".png") -> list[Path]:
         pictures.insert(2, draw_barriers)
     if np.isfinite(walk.measured).any():
         pictures.append(draw_quantities)
-    with style.look():
+    with style.look(columns):
         return [picture(walk, out / f"{picture.__name__.removeprefix('draw_')}{suffix}") for picture in pictures]
 
 
@@ -46,8 +49,8 @@ def draw_swing_foot(walk: WalkRecords, path: Path) -> Path:
     if landing:
         plot_stones(walk, length)
         _draw_landings(walk, *landing)
-    length.set_ylabel("l_f, from stance foot (m)")
-    height.set_ylabel("height h_f (m)")
+    length.set_ylabel("l_f (m)")
+    height.set_ylabel("h_f (m)")
     style.legend(length)
     return _finish(walk, figure, path)
 
@@ -185,6 +188,6 @@ def _end(walk: WalkRecords) -> float:
 
 def _finish(walk: WalkRecords, figure: Figure, path: Path) -> Path:
     figure.axes[-1].set(xlabel="time (s)", xlim=(0, 1.02 * _end(walk)))
-    if title := walk.about.get("title"):
+    if (title := walk.about.get("title")) and style.inches() == style.PAGE:  # a paper has captions
         figure.suptitle(str(title), fontsize=10)
     return style.save(figure, path)

@@ -9,15 +9,18 @@ from rabbit_viewer.pictures import draw
 from rabbit_viewer.video import film
 
 
-def draw_pictures(source: Path, out: Path | None = None, episode: int | None = None) -> list[Path]:
+def draw_pictures(
+    source: Path, out: Path | None = None, episode: int | None = None, form: str = "png", columns: int | None = None
+) -> list[Path]:
     """Draw into the folder `out`, by default SOURCE/pictures of a run and SOURCE-pictures of a recording.
 
-    `episode`: of a recording, by default the last one with ticks.
+    `episode`: of a recording, by default the last one with ticks; `form`: png, pdf or svg; `columns`: of a paper, that
+    they are as wide as.
 
     Raises:
         RecordsError, RecordingError: not readable, or no such episode in it.
     """
-    return draw(records_of(source, episode), out or _place(source, "pictures", "-pictures"))
+    return draw(records_of(source, episode), out or _place(source, "pictures", "-pictures"), f".{form}", columns)
 
 
 def film_walk(

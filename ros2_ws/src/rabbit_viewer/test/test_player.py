@@ -2,6 +2,7 @@
 
 import json
 import random
+import re
 import struct
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -214,6 +215,57 @@ def test_pause_holds_and_a_tick_is_one(played: Callable[..., Played]) -> None:
     assert one.player.is_moving
     one.ask(do="speed", speed=0.5)
     assert one.player.seconds == pytest.approx(0.02)
+
+
+def test_the_walk_waits_until_somebody_looks(played: Callable[..., Played]) -> None:
+    one = played()
+    assert not one.player.is_moving
+    one.ask(do="explain", walker=0, tick=0)
+    assert not one.player.is_moving
+    one.ask(do="watch")
+    assert one.player.is_moving
+
+
+def test_after_a_reset_while_paused_the_robots_are_at_their_start(played: Callable[..., Played]) -> None:
+    one = played().walk(40)
+    one.ask(do="pause", paused=True)
+    one.ask(do="reset")
+    assert one.rows()["tick"].tolist() == [0]
+    one.ask(do="tick")
+    assert one.rows()["tick"].tolist() == [0, 1]
+
+
+def test_why_it_fell_is_the_barrier_that_its_foot_was_beyond(played: Callable[..., Played]) -> None:
+    """With three times the mass the first foot lands past the far edge; the named tick's row is in its explanation."""
+    one = played(first="tuned", mass_scale=3.0).walk()
+    ended = one.words["ended"]["walkers"][0]
+    (landing,) = one.player.walkers[0].records.landings
+    off = (landing[2] - landing[4]) * 1000
+    assert off > 0
+    assert f"{off:.0f} mm past the far edge" in ended["reason"]
+    assert "the row B1, “land before the far edge”" in ended["reason"]
+    one.ask(do="explain", walker=0, tick=ended["tick"])
+    lines = one.words["explained"]["lines"]
+    assert lines[0].startswith(f"robot tuned, tick {ended['tick']} ")
+    (row,) = [line.split() for line in lines if re.match("B1 +at least", line)]
+    assert f"promised {row[7]} m/s²" in ended["reason"]
+
+
+def test_a_robot_that_walked_has_no_reason_and_a_tick_that_was_not_is_said_so(played: Callable[..., Played]) -> None:
+    one = played().walk()
+    assert one.words["ended"]["walkers"] == [{"outcome": "walked", "stones": 3}]
+    one.ask(do="explain", walker=0, tick=9999)
+    assert "expected one from 0 to" in one.words["explained"]["lines"][0]
+    one.ask(do="explain", walker=1, tick=0)
+    assert len(one.words["explained"]["lines"]) == 1
+
+
+def test_the_opening_says_what_is_unusual(played: Callable[..., Played]) -> None:
+    said = played(mass_scale=0.5, payload=8.0, second="tuned").words["about"]["story"]
+    assert said.startswith("Both robots weigh half of what their controllers believe and carry 8 kg")
+    alone = played(mass_scale=1.0).words["about"]
+    assert alone["story"].startswith("The robot walks as it believes: learned corrects")
+    assert len(alone["next"]) == 3
 
 
 def test_the_next_course_comes_by_itself(played: Callable[..., Played]) -> None:

@@ -47,6 +47,10 @@ def prepare(given: Given) -> WalkSettings:
     assembly = assembly_of_nodes(given, options.policy, options.parameters)
     training = given_training(options, assembly.controller, assembly.policy) if options.trainer else {}
     walk = WalkSettings.of(assembly, make_folder(options), options, training=training)
+    if not options.is_foreign:
+        from rabbit_experiments.walk_records import what_walks
+
+        print(what_walks(assembly.controller, assembly.simulation, assembly.policy), flush=True)
     if options.view:
         port = options.view_port
         print(f"open http://127.0.0.1:{port} in a browser" if port else "the page: see log/viewer.log")

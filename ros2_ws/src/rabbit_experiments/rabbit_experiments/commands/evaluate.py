@@ -43,8 +43,9 @@ def evaluate(given: Given) -> None:
         fail(f"--batch {request.batch} with --plant {assembly.simulation.plant}: expected --plant mujoco")
     from rabbit_experiments.evaluation import Scenario
     from rabbit_experiments.results import ResultsError, ResultsFolder
-    from rabbit_experiments.walk_records import RECORDS
+    from rabbit_experiments.walk_records import RECORDS, what_walks
 
+    print(what_walks(assembly.controller, assembly.simulation, assembly.policy), flush=True)
     scenario, about = Scenario(assembly, request.runs, request.seed), describe(assembly, request.seed)
     with complaints(ResultsError):
         folder = ResultsFolder(own_folder(request.out, "evaluate"), about, request.overwrite)

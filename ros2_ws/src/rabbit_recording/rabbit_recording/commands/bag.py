@@ -6,7 +6,7 @@ from dataclasses import asdict
 from datetime import datetime
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 from rabbit_common.executables import LaunchError, find_executable
@@ -127,13 +127,15 @@ def plot(
     source: Source,
     out: Annotated[Path | None, typer.Option(help="folder (default: SOURCE-pictures or RUN/pictures)")] = None,
     episode: Episode = None,
+    form: Annotated[Literal["png", "pdf", "svg"], typer.Option(help="form of the files")] = "png",
+    columns: Annotated[int | None, typer.Option(help="width in columns of a paper of two", min=1, max=2)] = None,
 ) -> None:
     """Draw the pictures of a run or a recording."""
     draw = from_viewer("recording")
     if out:
         own_folder(out, "bag plot")
     with complaints(ValueError, RuntimeError, OSError):
-        print(*draw(source, out, episode), sep="\n")
+        print(*draw(source, out, episode, form, columns), sep="\n")
 
 
 @app.command()
