@@ -35,6 +35,11 @@ SECURITY = (  # MuJoCo's bindings make functions from text as they start
     "script-src 'self' 'unsafe-inline' 'unsafe-eval'; style-src 'self' 'unsafe-inline'; img-src data:\">"
 )
 
+LICENSES = """mujoco.js, mujoco.wasm.gz: MuJoCo, Apache-2.0, https://github.com/google-deepmind/mujoco
+tick.wasm.gz: this project, Apache-2.0; libc of musl and wasi-libc, MIT; and DAQP, whose licence follows.
+
+"""
+
 
 class BuildError(Exception):
     """What could not be built, and why."""
@@ -69,6 +74,7 @@ def build_page(site: Path, zig: Path, daqp: Path, mujoco: Path, work: Path) -> N
         if name != "index.html":
             (folder / name).parent.mkdir(exist_ok=True)
             (folder / name).write_bytes(data)
+    (folder / "LICENSES.txt").write_text(LICENSES + (daqp.parent / "LICENSE").read_text(), encoding="utf-8")
     for path in OWN.glob("*.js"):
         (folder / path.name).write_bytes(path.read_bytes())
     (folder / "mujoco.js").write_bytes((mujoco / "mujoco.js").read_bytes())
@@ -105,7 +111,16 @@ def compile_c(source: Path, names: list[str], zig: Path, daqp: Path) -> Path:
     if not (include / "daqp").exists():
         (include / "daqp").symlink_to((daqp / "include").resolve())
     exports = [f"-Wl,--export={name}{part}" for name in names for part in ("", "_work", "_checkout")]
-    options = ["-target", LIBC, "-mexec-model=reactor", "-O2", "-g0", "-Wl,--strip-all", "-Wl,--export=malloc"]
+    options = [
+        "-target",
+        LIBC,
+        "-mexec-model=reactor",
+        "-O2",
+        "-g0",
+        "-Wl,--strip-all",
+        "-Wl,--export=malloc",
+        "-Wl,--export=free",
+    ]
     files = [str(source), *map(str, sorted((daqp / "src").glob("*.c"))), f"-I{include}", f"-I{daqp / 'include'}"]
     command = [str(zig), "cc", *options, *exports, *files, "-o", str(module)]
     caches = {f"ZIG_{kind}_CACHE_DIR": str(source.parent / "zig") for kind in ("GLOBAL", "LOCAL")}

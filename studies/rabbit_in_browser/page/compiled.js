@@ -30,6 +30,10 @@ export class Compiled {
     return {keptAt: at};
   }
 
+  release({keptAt}) {
+    this.exports.free(keptAt);
+  }
+
   made(name, {inputs, places, size}) {
     const {exports} = this, needed = this.reserve(4 * POINTER);
     exports[`${name}_work`](needed, needed + POINTER, needed + 2 * POINTER, needed + 3 * POINTER);

@@ -28,7 +28,10 @@ export function readPolicy(buffer, {shapes, problem, observations, probe}, compi
     const {outputs} = compiled.functions.actor({scaled: padded(scaled, all), policy});
     return Array.from(outputs, (value, i) => Math.abs(value - said[k * probe.outputs + i]));
   }));
-  if (!(off <= PROBE_TOLERANCE)) throw new Error(`policy: on the fixed observations its outputs differ by ${off} from those stored`);
+  if (!(off <= PROBE_TOLERANCE)) {
+    compiled.release(policy);
+    throw new Error(`policy: on the fixed observations its outputs differ by ${off} from those stored`);
+  }
   return policy;
 }
 

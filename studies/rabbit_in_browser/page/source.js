@@ -1,6 +1,7 @@
 // Plays the walk in the page itself, in place of the server of `rabbit play`: the same words and rows, as play/player.py.
 
 import {load} from "./load.js";
+import {readPolicy} from "./policy.js";
 import {Robot} from "./robot.js";
 
 const STEP = 4, STATE_EVERY = 30, BEHIND = 250; // ms
@@ -10,7 +11,7 @@ const ROBOTS = ["first", "second"];
 export function open(on) {
   on.connected(true);
   const player = new Player(on);
-  player.begin().catch((error) => player.refuse(error));
+  player.begin().catch((error) => { document.getElementById("truth").textContent = `The walk cannot start: ${error.message}.`; });
   return {isLive: true, send: (message) => player.take(message), player};
 }
 
@@ -37,7 +38,6 @@ class Player {
     addEventListener("dragover", (event) => event.preventDefault());
     addEventListener("drop", (event) => this.drop(event));
     this.due = this.shown = performance.now();
-    requestAnimationFrame(() => { this.firstPicture = performance.now(); });
     setInterval(() => this.go(performance.now()), STEP);
   }
 
@@ -157,12 +157,13 @@ class Player {
 
   // a policy file: from now on "learned" is that one
   async load(name, buffer) {
-    const {readPolicy} = await import("./policy.js");
     try {
       const {compiled, numbers, policies} = this.parts;
+      const old = policies.learned;
       policies.learned = readPolicy(buffer, numbers.policy, compiled);
       const learned = this.robots.filter((robot) => numbers.controllers[robot.name].policy === "learned");
       for (const robot of learned) robot.swap(policies.learned);
+      compiled.release(old);
       this.on.word({type: "swap", tick: this.tickOfWalk, version: name});
     } catch (error) {
       this.refuse(error);
