@@ -111,16 +111,8 @@ def compile_c(source: Path, names: list[str], zig: Path, daqp: Path) -> Path:
     if not (include / "daqp").exists():
         (include / "daqp").symlink_to((daqp / "include").resolve())
     exports = [f"-Wl,--export={name}{part}" for name in names for part in ("", "_work", "_checkout")]
-    options = [
-        "-target",
-        LIBC,
-        "-mexec-model=reactor",
-        "-O2",
-        "-g0",
-        "-Wl,--strip-all",
-        "-Wl,--export=malloc",
-        "-Wl,--export=free",
-    ]
+    exports += ["-Wl,--export=malloc", "-Wl,--export=free"]
+    options = ["-target", LIBC, "-mexec-model=reactor", "-O2", "-g0", "-Wl,--strip-all"]
     files = [str(source), *map(str, sorted((daqp / "src").glob("*.c"))), f"-I{include}", f"-I{daqp / 'include'}"]
     command = [str(zig), "cc", *options, *exports, *files, "-o", str(module)]
     caches = {f"ZIG_{kind}_CACHE_DIR": str(source.parent / "zig") for kind in ("GLOBAL", "LOCAL")}
