@@ -24,7 +24,7 @@ from rl_cbf_clf_controller.tick_functions import tick_functions
 from rl_cbf_clf_controller.walking import Walking
 
 HIDDEN = 400, 300  # sizes of the actor's layers
-SEEN = ("leaves", "V", "barriers", "measured", "nominal_a", "nominal_b", "swing")
+SEEN = ("leaves", "V", "barriers", "measured", "nominal_a", "nominal_b")
 ANSWERED = ("residual", "u", "mu", "slack", "control_b")
 ESTIMATED = ("alpha", "beta", "output_error")
 
@@ -70,7 +70,8 @@ def tick_in_c(name: str, parameters: ControllerParameters) -> TickInC:
     data = answer.programme.function(seen["prepared"], *estimates.values())
     x, y = by_daqp(data, answer.programme.places)
     answered = split(answer.reading, answer.polished_reading.function(data, x, y))
-    shown = {key: seen[key] for key in SEEN} | {key: answered[key] for key in ANSWERED} | estimates
+    shown = {key: seen[key] for key in SEEN} | {key: answered[key] for key in ANSWERED}
+    shown |= {key: estimates[key] for key in ("alpha", "beta")}
     inputs = {**dict(zip(look.function.name_in(), symbols, strict=True)), "policy": numbers}
     function = ca.Function(name, [*inputs.values()], [ca.vertcat(*shown.values())], [*inputs], ["values"])
     return TickInC(function, places_in_row(shown), places_of(walking.system.named), tick.layout)

@@ -2,9 +2,6 @@
 
 import {Steps} from "./steps.js";
 
-const CARRIED = [3, 4, 5, 6]; // the joints among the coordinates
-const GAINS = ["eps"]; // that may change while it walks
-
 export class Controller {
   // `choice`: the numbers of a controller, see build.py; `policy`: where the compiled code finds one
   constructor(compiled, choice, gaits, policy) {
@@ -17,43 +14,40 @@ export class Controller {
     this.follow(this.steps.first());
   }
 
-  // gains, by name
-  set(gains) {
-    for (const name of GAINS) {
-      const place = this.choice.places[name][0];
-      if (this.p[place] !== gains[name]) this.last = null;
-      this.p[place] = gains[name];
-    }
+  // the gain may change between two ticks; a difference of V under two gains measures nothing
+  set eps(eps) {
+    if (this.p[this.choice.places.eps[0]] !== eps) this.last = null;
+    this.put({eps: [eps]});
   }
 
   // the torque, left before right, and all that was seen and decided; `fault`: why the walk must end
   step(state) {
     if (state.applied) {
       this.held = state.applied;
-      this.torque = this.relabelled(state.applied, 2);
+      this.torque = this.relabelled(state.applied);
     }
     const fault = this.swapLegs(state);
     if (this.isNew) this.beginStep(state);
     const x = [...this.coordinates(state.q), ...this.coordinates(state.dq)];
     const force = state.force[this.stance], {l_min, l_max} = state.preview;
-    this.put({l_min: [l_min], l_max: [l_max], height: [0], force, held: this.relabelled(this.held, 2)});
+    this.put({l_min: [l_min], l_max: [l_max], height: [0], force, held: this.relabelled(this.held)});
     const before = this.last?.tick === state.tick - 1 ? this.last.leaves : this.nothing;
     const values = this.tick({x, p: this.p, path: this.path.row, torque: this.torque, before, policy: this.policy});
     this.last = {tick: state.tick, leaves: values.leaves};
     const isSolved = values.residual[0] < this.choice.tolerance, limit = this.choice.about.torque_limit;
     const wanted = Array.from(isSolved ? values.u : values.control_b);
     this.torque = wanted.map((each) => Math.min(Math.max(each, -limit), limit));
-    this.held = this.relabelled(this.torque, 2);
+    this.held = this.relabelled(this.torque);
     return {values, torque: this.held, stance: this.stance, index: this.index, fault: fault || (isSolved ? "" : "no solver answered")};
   }
 
-  // left, right <-> stance, swing: pairs change places where the right leg stands
-  relabelled(values, size) {
-    return this.stance === 1 ? [...values.slice(size), ...values.slice(0, size)] : values;
+  // hips and knees, left before right <-> stance before swing
+  relabelled(joints) {
+    return this.stance === 1 ? [...joints.slice(2), ...joints.slice(0, 2)] : joints;
   }
 
   coordinates(q) {
-    return [...q.slice(0, 3), ...this.relabelled(CARRIED.map((i) => q[i]), 2)];
+    return [...q.slice(0, 3), ...this.relabelled(q.slice(3))];
   }
 
   put(values) {

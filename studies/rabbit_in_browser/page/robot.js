@@ -12,19 +12,23 @@ export class Robot {
   // `parts`: see load.js; `choice`: name of its controller; `settings`: of the page
   constructor(parts, choice, settings, eps) {
     const {mujoco, compiled, numbers, policies} = parts, chosen = numbers.controllers[choice];
+    const {near, starts} = numbers.courses[settings.seed - 1];
     this.name = choice;
-    this.eps = eps;
-    this.limp = 0;
-    this.episode = new Episode(mujoco, numbers.plant, settings, {...numbers.courses[settings.seed - 1].starts[chosen.gait], near: numbers.courses[settings.seed - 1].near});
+    this.episode = new Episode(mujoco, numbers.plant, settings, {near, ...starts[chosen.gait]});
     this.controller = new Controller(compiled, chosen, numbers.gaits, policies[chosen.policy]);
     this.maker = new RowMaker(chosen.about, numbers.plant);
     this.about = {...chosen.about, eps, name: choice, stones: numbers.plant.stones, columns: chosen.columns};
-    Object.assign(this, {pushedUntil: 0, isSwapped: false, next: null, outcome: "", fault: ""});
-    this.controller.set({eps});
+    Object.assign(this, {pushedUntil: 0, isSwapped: false, next: null, limp: 0, outcome: "", fault: ""});
+    this.eps = eps;
   }
 
   get ended() {
     return {outcome: this.outcome, stones: this.episode.touchdowns};
+  }
+
+  set eps(eps) {
+    this.controller.eps = eps;
+    this.maker.eps = eps;
   }
 
   push(force, seconds) {
@@ -54,7 +58,7 @@ export class Robot {
     if (this.fault) this.output = {...this.output, torque: [0, 0, 0, 0]};
     const events = [...(state.tick < this.pushedUntil ? ["pushed"] : []), ...(this.isSwapped ? ["swapped"] : [])];
     this.isSwapped = false;
-    this.row = this.maker.row(state, this.output, this.eps, events);
+    this.row = this.maker.row(state, this.output, events);
     this.row[RUNNING] = this.fault ? 0 : 1;
     episode.step(this.output.torque);
     this.limp += this.fault ? 1 : 0;

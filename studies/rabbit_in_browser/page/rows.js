@@ -4,12 +4,13 @@ const EVENTS = {saturated: 1, over_cone: 2, pushed: 4, swapped: 8};
 const IMPACT_TICKS = 4, LOADED = 20, ROUNDING = 1e-6; // ticks, N, N m
 
 export class RowMaker {
+  // `eps`, of the gain, is set by who makes the robot
   constructor(about, numbers) {
     Object.assign(this, {about, numbers, step: -1, touchdowns: -1, start: [0, NaN], stone: [NaN, NaN], last: null});
   }
 
   // `events`: names of those that the player knows of
-  row(state, output, eps, events) {
+  row(state, output, events) {
     const {values, stance, index, torque} = output, points = bodyPoints(state.q, this.numbers), foot = points[stance ? 5 : 3];
     const V = values.V[0];
     if (index !== this.step) Object.assign(this, {step: index, start: [state.tick, V]});
@@ -18,7 +19,7 @@ export class RowMaker {
       this.stone = state.preview ? [foot[0] + state.preview.l_min, foot[0] + state.preview.l_max] : [NaN, NaN];
     }
     const force = state.force[stance], ratio = force[1] > LOADED ? Math.abs(force[0]) / force[1] : NaN;
-    const age = state.tick - this.start[0], bound = this.start[1] * Math.exp((-this.about.clf_rate / eps) * age * this.numbers.tick_seconds);
+    const age = state.tick - this.start[0], bound = this.start[1] * Math.exp((-this.about.clf_rate / this.eps) * age * this.numbers.tick_seconds);
     if (Math.max(...torque.map(Math.abs)) > this.about.torque_limit - ROUNDING) events = [...events, "saturated"];
     if (ratio > this.about.friction_coeff && age >= IMPACT_TICKS) events = [...events, "over_cone"];
     const bits = events.reduce((sum, name) => sum | EVENTS[name], 0), slack = (isRescue) => values.slack.reduce((sum, each, i) => sum + (this.about.rescues[i] === isRescue ? each : 0), 0);

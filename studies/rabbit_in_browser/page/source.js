@@ -30,7 +30,6 @@ class Player {
   }
 
   async begin() {
-    this.on.word({type: "note", text: "loading MuJoCo and the controllers"});
     this.parts = await load(read);
     this.controls = this.parts.numbers.controls;
     this.chosen = Object.fromEntries(this.controls.map((each) => [each.name, each.default]));
@@ -99,7 +98,6 @@ class Player {
       }
       if (name === robot.name) {
         robot.eps = this.settings[`${robot.place}_eps`] = eps;
-        robot.controller.set({eps});
       }
       robot.change(settings);
     }
