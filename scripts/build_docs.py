@@ -1,5 +1,6 @@
-"""`make docs`: the site in docs/build. It opens from disk, without a network.
+"""`make docs`: the site in docs/build. Its pages open from disk, without a network.
 
+Its first page, where the robot walks, needs any web server, and node and npm as it is built.
 Sphinx and what it needs lie in .setup/sphinx, apart from .venv: the ROS wheels pin a docutils that is too new for it.
 """
 
@@ -10,6 +11,7 @@ import sys
 from html.parser import HTMLParser
 from pathlib import Path
 
+import browser_tools
 from common import ROOT, STATE, SetUpError, digest, is_done, main, mark_done, say
 from pip_install import REQUIREMENTS, pip_install
 
@@ -51,6 +53,20 @@ def install_sphinx() -> None:
         mark_done("docs", key)
 
 
+def build_first_page() -> None:
+    """The page where the robot walks; without node and npm the first page stays what `docs/site/index.html` is."""
+    if (tools := browser_tools.install()) is None:
+        say(f"docs: without the page that walks in the browser: {browser_tools.missing()}")
+        return
+    from rabbit_in_browser.build import BuildError, build_page
+
+    say("docs: the page that walks in the browser")
+    try:
+        build_page(SITE, tools.zig, tools.daqp, tools.mujoco, tools.work)
+    except BuildError as error:
+        raise SetUpError(str(error)) from error
+
+
 def build() -> None:
     """Build the whole site.
 
@@ -66,6 +82,7 @@ def build() -> None:
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(paths)}
     if subprocess.run(command, cwd=ROOT, env=environment, check=False).returncode:
         raise SetUpError("Sphinx warned or failed: see the lines above")
+    build_first_page()
     if found := outside_requests(SITE):
         raise SetUpError(f"pages that ask something of another host: {'; '.join(found)}")
     say(f"docs: {SITE.relative_to(ROOT)}/index.html")

@@ -2,7 +2,8 @@
 
 The product needs python.txt; studies.txt and tests.txt have the rest. torch has locks of its own, installed
 after the others: the CPU build, which PyPI does not list, in torch_cpu.txt (by hand), tried first; PyPI's build in
-torch.txt; and what that one needs of CUDA in torch_cuda.txt.
+torch.txt; and what that one needs of CUDA in torch_cuda.txt. daqp_source.txt (by hand) and npm/package-lock.json (`npm
+install --package-lock-only` there) have the rest of what the page in the browser is built of.
 """
 
 import re
@@ -46,6 +47,7 @@ def main() -> None:
     write("tests.txt", added("tests.in", "python.txt", "studies.txt"))
     write("ros.txt", compile_lock("ros.in", "build.txt", "python.txt"))
     write("docs.txt", compile_lock("docs.in", "build.txt", "python.txt"))
+    write("browser.txt", compile_lock("browser.in", "build.txt", "python.txt"))
     packages = compile_lock("torch.in", "build.txt", "python.txt")
     write("torch.txt", [package for package in packages if TORCH.match(package)])
     write("torch_cuda.txt", [package for package in packages if CUDA.match(package)])

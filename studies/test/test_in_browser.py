@@ -1,0 +1,176 @@
+"""The walk in the browser, without one: its code in node against Python, torque by torque and course by course."""
+
+import base64
+import json
+import shutil
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import mujoco
+import numpy as np
+import pytest
+from built_walk_page import build
+from rabbit_experiments.assembly import Assembly
+from rabbit_in_browser.build import FOLDER
+from rabbit_in_browser.numbers import CONTROLLERS
+from rabbit_sim.mujoco_plant import robot_mjcf
+from rabbit_sim.parameters import SimulationParameters
+from rabbit_sim.robot_urdf import perturbed_urdf
+from rabbit_sim.simulation import Simulation
+from rl_cbf_clf_controller.controller import Controller
+from rl_cbf_clf_controller.policy import ActorPolicy
+from rl_cbf_clf_controller.weights import Arrays, policy_path
+from rl_trainer.rollout import Record, rollout
+
+ROOT = Path(__file__).resolve().parents[2]
+NODE = Path(__file__).with_name("walk_in_node.mjs")
+POLICY = str(policy_path("rl-cbf-clf-qp"))
+OPTIMAL = 1e-12  # KKT residual of a polished answer; times the largest numbers of a tick it is far below EQUAL
+EQUAL = 1e-6  # N m
+SEEDS = range(1, 21)
+SETTINGS: dict[str, float] = {"mass_scale": 2.0, "payload": 0.0, "ground_friction": 1.5, "stone_width": 0.05}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The page, built."""
+    return build(tmp_path_factory.mktemp("site")) / FOLDER
+
+
+def ask(folder: Path, **question: Any) -> Any:
+    """What the page's code answers in node."""
+    command = [str(shutil.which("node")), str(NODE), str(folder)]
+    done = subprocess.run(command, input=json.dumps(question), capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+class DoubleActor:
+    """The actor of a policy file in double precision, as the page has it."""
+
+    def __init__(self, arrays: Arrays) -> None:
+        self._arrays = {name: array.astype(float) for name, array in arrays.items()}
+
+    def __call__(self, scaled: np.ndarray) -> np.ndarray:
+        values = scaled
+        for layer in range(3):
+            values = self._arrays[f"{layer}.weight"] @ (np.maximum(values, 0) if layer else values)
+            values = values + self._arrays[f"{layer}.bias"]
+        return np.tanh(values)
+
+
+def assembly(name: str, **settings: float) -> Assembly:
+    """Of one of the page's controllers in Python."""
+    parameters, policy = CONTROLLERS[name]
+    plant = SimulationParameters.model_validate({"plant": "mujoco", **SETTINGS, **settings})
+    return Assembly(plant, parameters, POLICY if policy == "learned" else policy)
+
+
+def as_json(record: Record) -> dict[str, Any]:
+    """A state as the page's controller reads it."""
+    state = record.state
+    assert state.preview
+    return {
+        **{"tick": state.tick, "q": state.q.tolist(), "dq": state.dq.tolist(), "force": state.foot_force.tolist()},
+        **{"contact": state.contact.tolist(), "touchdowns": state.touchdowns},
+        "preview": {"l_min": state.preview.l_min, "l_max": state.preview.l_max},
+        "applied": state.applied.tolist() if np.isfinite(state.applied).all() else None,
+    }
+
+
+def in_double_precision(parts: Assembly) -> tuple[Simulation, Controller]:
+    """Plant and controller, whose actor is the page's."""
+    simulation, controller = parts.build()
+    if isinstance(controller.policy, ActorPolicy):
+        controller.policy._actor = DoubleActor(controller.policy.file.arrays)  # type: ignore[assignment]
+    return simulation, controller
+
+
+def endings(simulation: Simulation, controller: Controller) -> list[tuple[str, int]]:
+    """How the walks of 20 seeds end, and after how many stones."""
+    found = []
+    for seed in SEEDS:
+        records: list[Record] = []
+        last = rollout(simulation, controller, seed, records.append)
+        found.append((records[-1].output.fault or simulation.outcome.value, last.touchdowns))
+    return found
+
+
+@pytest.mark.parametrize("name", CONTROLLERS)
+def test_torques_on_the_same_states(folder: Path, name: str) -> None:
+    parts = assembly(name, mass_scale=1.5)
+    records: list[Record] = []
+    rollout(*parts.build(), 1, records.append)
+    assert records[-1].state.touchdowns == 19  # 20 stones
+    _, controller = in_double_precision(parts)
+    controller.reset(1)
+    wanted = np.array([controller.step(record.state).torque for record in records])
+    found = ask(folder, ask="torques", name=name, states=[as_json(record) for record in records])
+    assert max(each["residual"] for each in found) < OPTIMAL
+    torques = np.array([each["torque"] for each in found])
+    np.testing.assert_allclose(torques, wanted, rtol=0, atol=EQUAL)
+    rounded = np.abs(torques - [record.output.torque for record in records]).max()
+    print(f"{name}: {np.abs(torques - wanted).max():.2g} N m; from the actor in single precision {rounded:.2g} N m")
+
+
+@pytest.mark.parametrize("name", CONTROLLERS)
+def test_twenty_courses_end_as_in_python(folder: Path, name: str) -> None:
+    answers = ask(folder, ask="walks", name=name, settings=SETTINGS, seeds=[*SEEDS])
+    assert [(each["outcome"], each["stones"]) for each in answers] == endings(*assembly(name).build())
+
+
+@pytest.mark.parametrize(
+    ("name", "settings"),
+    [
+        ("learned", {"mass_scale": 3.0}),
+        ("learned", {"mass_scale": 1.0, "payload": 40.0}),
+        ("nominal, tuned", {"ground_friction": 0.7, "stone_width": 0.03}),
+    ],
+)
+def test_falls_are_alike(folder: Path, name: str, settings: dict[str, float]) -> None:
+    """Where robots fall a rounding decides after which stone: so with the actor in the page's precision."""
+    answers = ask(folder, ask="walks", name=name, settings={**SETTINGS, **settings}, seeds=[*SEEDS])
+    wanted = endings(*in_double_precision(assembly(name, **settings)))
+    assert [(each["outcome"], each["stones"]) for each in answers] == wanted
+    assert {outcome for outcome, _ in wanted} > {"walked"}
+
+
+@pytest.mark.parametrize("settings", [{}, {"mass_scale": 1.7, "payload": 30.0, "ground_friction": 0.6}])
+def test_the_robot_in_mujocos_xml(folder: Path, settings: dict[str, float]) -> None:
+    plant = SimulationParameters.model_validate({"plant": "mujoco", **SETTINGS, **settings})
+    text = robot_mjcf(perturbed_urdf(plant), plant.ground_friction, plant.sole_radius)
+    found = ElementTree.fromstring(ask(folder, ask="mjcf", settings={**SETTINGS, **settings}))
+    for one, other in zip(found.iter(), ElementTree.fromstring(text).iter(), strict=True):
+        assert one.attrib.keys() == other.attrib.keys()
+        for name, value in other.attrib.items():
+            try:
+                wanted = [float(each) for each in value.split()]
+            except ValueError:
+                assert one.attrib[name] == value
+            else:
+                assert [float(each) for each in one.attrib[name].split()] == pytest.approx(wanted, rel=1e-14)
+
+
+def damaged_policies() -> Iterator[tuple[bytes, str]]:
+    """Files that are refused, and what is said of them."""
+    whole = policy_path("rl-cbf-clf-qp").read_bytes()
+    yield b"no policy", "not a policy file"
+    yield whole[:-400], "expected"
+    yield bytes([*whole[:-40_000], *bytes(30_000), *whole[-10_000:]]), "its outputs differ"
+    yield policy_path("rl-clf-qp").read_bytes(), "it was trained for rl-clf-qp; the page runs rl-cbf-clf-qp"
+    yield policy_path("io-rl-clf-qp").read_bytes(), "it was trained for io-rl-clf-qp"
+
+
+def test_policy_files_are_checked(folder: Path) -> None:
+    known = [(policy_path(f"rl-cbf-clf-qp{part}").read_bytes(), "read") for part in ("", "-scale-0.7")]
+    files, words = zip(*known, *damaged_policies(), strict=True)
+    answers = ask(folder, ask="policies", files=[base64.b64encode(file).decode() for file in files])
+    assert [word in answer for word, answer in zip(words, answers, strict=True)] == [True] * len(words), answers
+
+
+def test_mujoco_has_pythons_version() -> None:
+    package = json.loads((ROOT / "requirements/npm/package.json").read_text())
+    assert package["dependencies"]["@mujoco/mujoco"] == mujoco.__version__
