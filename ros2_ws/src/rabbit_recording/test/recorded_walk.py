@@ -4,6 +4,7 @@ import math
 from array import array
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
+from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,7 @@ from rl_trainer.rollout import Record, rollout
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 from rosbags.rosbag2 import StoragePlugin, Writer
 
+DRAWS = pytest.mark.skipif(not entry_points(group="rabbit.pictures"), reason="rabbit_viewer, which draws, is not there")
 MESSAGES = Path(get_package_share_directory("rabbit_msgs"))
 TYPES = graph_types([MESSAGES])
 TICK_NS, SEED = 10_000_000, 3

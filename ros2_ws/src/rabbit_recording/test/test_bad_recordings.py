@@ -17,7 +17,7 @@ from rabbit_recording.contents import contents
 from rabbit_recording.open_recording import MCAP_MAGIC
 from rabbit_recording.reader import read_episodes
 from rabbit_recording.recover import recover
-from recorded_walk import MESSAGES
+from recorded_walk import DRAWS, MESSAGES
 from typer.testing import CliRunner
 
 WriteBag = Callable[..., Path]
@@ -62,7 +62,7 @@ BAD = (no_such, empty_folder, other_file, cut_mcap, empty_mcap, noise_in_mcap)
 
 
 @pytest.mark.parametrize("spoil", BAD)
-@pytest.mark.parametrize("command", ["info", "plot", "check"])
+@pytest.mark.parametrize("command", ["info", pytest.param("plot", marks=DRAWS), "check"])
 def test_refused_in_one_line(
     tmp_path: Path, write_bag: WriteBag, spoil: Callable[[Path, Path], str], command: str
 ) -> None:
@@ -111,6 +111,7 @@ def test_a_file_of_any_length_is_refused_with_sense(tmp_path: Path, write_bag: W
                 assert re.search(r"no whole message|expected a rosbag2 folder, or its \.mcap", said), (size, said)
 
 
+@DRAWS
 def test_other_message_definitions_are_refused(tmp_path: Path) -> None:
     """A recording of a version whose state had no `q`."""
     share = shutil.copytree(MESSAGES, tmp_path / "rabbit_msgs")

@@ -9,7 +9,7 @@ import pytest
 from rabbit_recording import RecordingError
 from rabbit_recording.commands.bag import app
 from rabbit_recording.explaining import ExplainedTick, explain_tick
-from recorded_walk import Walk
+from recorded_walk import DRAWS, Walk
 from test_former_recordings import former
 from typer.testing import CliRunner, Result
 
@@ -67,6 +67,7 @@ def test_a_touchdown_is_told(tmp_path: Path, write_bag: WriteBag, walk: Walk) ->
     assert "another stone is seen" in told
 
 
+@DRAWS
 def test_the_command_explains_and_draws(tmp_path: Path, write_bag: WriteBag) -> None:
     bag, picture = write_bag(tmp_path / "bag"), tmp_path / "tick.png"
     done = rabbit(bag, "--tick", 30, "--picture", picture)
@@ -83,7 +84,7 @@ def test_the_command_explains_and_draws(tmp_path: Path, write_bag: WriteBag) -> 
         (["--tick", 3, "--worst"], "expected --tick N or --worst"),
         ([], "expected --tick N or --worst"),
         (["--tick", 3, "--episode", 7], "no ticks of episode 7 in it"),
-        (["--tick", 3, "--picture", "tick.nothing"], "'nothing' is not supported"),
+        pytest.param(["--tick", 3, "--picture", "tick.nothing"], "'nothing' is not supported", marks=DRAWS),
     ],
 )
 def test_what_is_not_there_is_refused(tmp_path: Path, write_bag: WriteBag, words: list[object], said: str) -> None:

@@ -12,7 +12,7 @@ from rabbit_recording.checking import check_episodes
 from rabbit_recording.commands.bag import app
 from rabbit_recording.contents import contents
 from rabbit_recording.reader import read_episodes
-from recorded_walk import SEED, TICK_NS, Walk
+from recorded_walk import DRAWS, SEED, TICK_NS, Walk
 from rl_cbf_clf_controller.parameters import ControllerParameters
 from typer.testing import CliRunner, Result
 
@@ -109,6 +109,7 @@ def test_info_counts(tmp_path: Path, write_bag: WriteBag, walk: Walk) -> None:
     assert "walked" in rabbit("info", bag).output
 
 
+@DRAWS
 def test_plot_draws_every_picture(tmp_path: Path, write_bag: WriteBag) -> None:
     done = rabbit("plot", write_bag(tmp_path / "bag"))
     assert done.exit_code == 0, done.output

@@ -12,7 +12,7 @@ from rabbit_recording.checking import replay
 from rabbit_recording.commands.bag import app
 from rabbit_recording.message_header import SimulatedTime
 from rabbit_recording.reader import read_episodes
-from recorded_walk import LATCHED, TICK_NS, TOPICS, TYPES, Walk, message, state_message, told
+from recorded_walk import DRAWS, LATCHED, TICK_NS, TOPICS, TYPES, Walk, message, state_message, told
 from typer.testing import CliRunner
 
 
@@ -39,7 +39,7 @@ def restarted(tmp_path: Path, walk: Walk) -> Path:
     return tmp_path / "bag"
 
 
-@pytest.mark.parametrize("command", ["info", "check", "plot"])
+@pytest.mark.parametrize("command", ["info", "check", pytest.param("plot", marks=DRAWS)])
 def test_a_recording_of_two_simulators_is_refused(restarted: Path, command: str) -> None:
     done = CliRunner().invoke(app, [command, str(restarted)])
     assert done.exit_code == 2
