@@ -11,9 +11,7 @@ from rl_cbf_clf_controller.parameters import ControllerParameters
 from rabbit_viewer.page import PORT, PageError
 from rabbit_viewer.play.settings import RECORDED, YOURS, Choice, OtherChoice, PlaySettings, Yours
 
-DEFAULTS = Defaults(
-    always={"motor_lag": 0.004, "mass_scale": 0.5, "stop_at_miss": False, "fall_height": 0.2, "fall_pitch": 2.0}
-)
+DEFAULTS = Defaults(always={"motor_lag": 0.004, "mass_scale": 0.5, "stop_at_miss": False})
 YOUR_OWN = ("controller", "adaptation", "policy", "parameters")  # robot: any of these options makes it
 IN_THE_LINK = (*PlaySettings.model_fields, "motor_loss")
 UNIMPORTANT = ("port", "browser", "export")  # for the walk

@@ -102,7 +102,7 @@ def why_it_fell(name: str, outcome: str, kept: Sequence[Kept], landings: Sequenc
         and quantity in tick.output.quantities
     ]
     walked = max((tick.state.touchdowns for tick in kept), default=0)
-    where = f"{name} fell after {walked} stone{'s' * (walked != 1)}"
+    where = f"{name} fell {f'after {walked} stone' + 's' * (walked > 1) if walked else 'at the first stone'}"
     if not (found := [each for each in found if np.isfinite(each[0])]):
         return {"reason": f"{where}."}
     _, tick, after = max(found, key=lambda each: each[0])
@@ -112,7 +112,7 @@ def why_it_fell(name: str, outcome: str, kept: Sequence[Kept], landings: Sequenc
     if row == "CLF":
         said = f"V, how far it is from its gait, was to fall by {was}; it {'rose' if did > 0 else 'fell only'} by {now}"
     side = "past the far edge" if row == "B1" else "short of the near edge"
-    cause = f": its foot came down {off * 1000:.0f} mm {side} of the next" if missed else ""
+    cause = f": its foot came down {off * 1000:.0f} mm {side} of stone {walked + 1}" if missed else ""
     told = f"{where}{cause}. It could not keep the row {row}, “{meaning}”: at {tick.output.tick / 100:.2f} s {said}."
     return {"reason": told, "tick": tick.output.tick}
 

@@ -21,13 +21,14 @@ from rl_cbf_clf_controller.policy import Policy
 from rl_cbf_clf_controller.scene import ControllerError
 from rl_trainer.rollout import Record
 
-from rabbit_viewer.geometry import stands
+from rabbit_viewer.geometry import torso_points
 from rabbit_viewer.page.rows import EVENTS, RowMaker
 from rabbit_viewer.play.settings import SHIPPED, SWAPPED_AT_ONCE, YOURS, Start, controller_of
 from rabbit_viewer.play.story import Kept, title_of, why_it_fell
 
 CLEAR_HEIGHT = 0.01  # m, of a swing foot that is well in the air
 LIMP_TICKS = 150  # of a robot that no controller moves any more, at most
+LYING = 0.2  # m, of hip or head above the ground
 NOTHING = np.full(2, np.nan)
 NONE = Estimates.zero(1, 4)  # before the oracle nobody has estimated
 RUNNING = 1  # column of a row
@@ -140,12 +141,15 @@ class Walker:
         self._drawn.append(Record(drawn, self._output))
         self.row = self._maker.row(drawn, self._output, events, self._true)
         self.row[RUNNING] = float(not self.fault)
-        self._state = self._simulation.step(self._output.torque)
-        if not self.fault and self._state.running and not stands(self._simulation.reading.q[None]):
-            self.fault = Outcome.FALL.value
-        self._limp += bool(self.fault)
-        if not self._state.running or self._limp > LIMP_TICKS:
-            self.outcome = self.fault or self._simulation.outcome.value
+        if self.fault:
+            self._sink()
+        else:
+            self._state = self._simulation.step(self._output.torque)
+            if self._simulation.outcome is Outcome.WALKED:
+                self.outcome = Outcome.WALKED.value
+            elif not self._state.running:
+                self.fault = self._simulation.outcome.value
+        if self.outcome:
             self.row[RUNNING] = 0.0
 
     def _control(self) -> None:
@@ -158,6 +162,17 @@ class Walker:
             self._kept.append(Kept(self._state, self._output, *kept))
         except (ControllerError, np.linalg.LinAlgError) as error:
             self.fault = f"controller error: {error}"
+
+    def _sink(self) -> None:
+        """A tick of the plant that nobody judges any more, until the robot lies on the ground."""
+        self._simulation.plant.advance(self._output.torque)
+        self._simulation.reading = reading = self._simulation.plant.observe()
+        seen = {name: getattr(reading, name) for name in ("q", "dq", "foot_force", "contact")}
+        self._state = replace(self._state, tick=self._state.tick + 1, **seen)
+        self._limp += 1
+        height = torso_points(reading.q[None])[0, :, 1].min() - self.row[self._maker.columns.index("stone_top")]
+        if not height > LYING or self._limp > LIMP_TICKS:
+            self.outcome = self.fault
 
     def _go_limp(self) -> None:
         if self._output.torque.any():

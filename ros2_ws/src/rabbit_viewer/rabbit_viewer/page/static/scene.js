@@ -153,7 +153,7 @@ export class Scene {
     pen.textBaseline = "top";
     pen.fillStyle = colour("text");
     pen.font = "600 15px system-ui, sans-serif";
-    const said = ended ? OUTCOMES[ended.outcome] ?? ended.outcome : "", width = this.canvas.clientWidth - 20;
+    const said = ended ? OUTCOMES[ended.outcome] ?? (ended.reason ? "fell" : ended.outcome) : "", width = this.canvas.clientWidth - 20;
     const room = width - pen.measureText(said).width - 10;
     pen.fillText(walker.about.name, 10, 8, room);
     pen.font = "13px system-ui, sans-serif";
