@@ -18,12 +18,12 @@ LOCKS = [*REQUIREMENTS.glob("browser.txt"), *REQUIREMENTS.glob("daqp_source.txt"
 
 @dataclass(frozen=True)
 class BrowserTools:
-    """The command `zig`; folders of DAQP's C source and of the npm package @mujoco/mujoco; `work` for what is made."""
+    """The program `zig`; folders: DAQP's C source, the npm package @mujoco/mujoco, what zig has compiled."""
 
     zig: Path = BROWSER / "python" / "ziglang" / "zig"
     daqp: Path = BROWSER / "daqp" / "csrc"
     mujoco: Path = BROWSER / "npm" / "node_modules" / "@mujoco" / "mujoco"
-    work: Path = BROWSER / "work"
+    cache: Path = BROWSER / "cache"
 
 
 def missing() -> str:

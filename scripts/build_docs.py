@@ -62,7 +62,7 @@ def build_first_page() -> None:
 
     say("docs: the page that walks in the browser")
     try:
-        build_page(SITE, tools.zig, tools.daqp, tools.mujoco, tools.work)
+        build_page(SITE, tools.zig, tools.daqp, tools.mujoco, tools.cache)
     except BuildError as error:
         raise SetUpError(str(error)) from error
 

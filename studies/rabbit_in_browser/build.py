@@ -13,6 +13,7 @@ import re
 import subprocess
 from collections.abc import Mapping
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import casadi as ca
@@ -45,25 +46,26 @@ class BuildError(Exception):
     """What could not be built, and why."""
 
 
-def build_page(site: Path, zig: Path, daqp: Path, mujoco: Path, work: Path) -> None:
+def build_page(site: Path, zig: Path, daqp: Path, mujoco: Path, cache: Path) -> None:
     """Write `site`/index.html and the folder beside it.
 
     Args:
         zig: the program.
         daqp: folder of DAQP's C source, with `include` and `src`.
         mujoco: folder of the npm package @mujoco/mujoco.
-        work: folder for what is made on the way.
+        cache: folder in which zig keeps what it has compiled.
 
     Raises:
         BuildError: the C code cannot be compiled, or the page has no place for what is added.
     """
     folder = site / FOLDER
     folder.mkdir(parents=True, exist_ok=True)
-    work.mkdir(parents=True, exist_ok=True)
-    numbers = write_c(work / "tick.c")
-    compiled = compile_c(work / "tick.c", list(numbers["functions"]), zig, daqp)
+    with TemporaryDirectory() as made:
+        source = Path(made) / "tick.c"
+        numbers = write_c(source)
+        module = compile_c(source, list(numbers["functions"]), zig, daqp, cache).read_bytes()
     large = {
-        "tick.wasm": compiled.read_bytes(),
+        "tick.wasm": module,
         "mujoco.wasm": (mujoco / "mujoco.wasm").read_bytes(),
         "numbers.json": json.dumps(numbers).encode(),
         "policy.safetensors": policy_path(RL_CBF_CLF_QP.name).read_bytes(),
@@ -104,18 +106,17 @@ def about(function: ca.Function, places: Mapping[str, Any]) -> dict[str, Any]:
     return {"inputs": inputs, "places": found, "size": function.numel_out()}
 
 
-def compile_c(source: Path, names: list[str], zig: Path, daqp: Path) -> Path:
+def compile_c(source: Path, names: list[str], zig: Path, daqp: Path, cache: Path) -> Path:
     """The C code with DAQP's as one WebAssembly module that exports these functions; raises BuildError."""
     module, include = source.with_suffix(".wasm"), source.parent / "include"
-    include.mkdir(exist_ok=True)
-    if not (include / "daqp").exists():
-        (include / "daqp").symlink_to((daqp / "include").resolve())
+    include.mkdir()
+    (include / "daqp").symlink_to((daqp / "include").resolve())
     exports = [f"-Wl,--export={name}{part}" for name in names for part in ("", "_work", "_checkout")]
     exports += ["-Wl,--export=malloc", "-Wl,--export=free"]
     options = ["-target", LIBC, "-mexec-model=reactor", "-O2", "-g0", "-Wl,--strip-all"]
     files = [str(source), *map(str, sorted((daqp / "src").glob("*.c"))), f"-I{include}", f"-I{daqp / 'include'}"]
     command = [str(zig), "cc", *options, *exports, *files, "-o", str(module)]
-    caches = {f"ZIG_{kind}_CACHE_DIR": str(source.parent / "zig") for kind in ("GLOBAL", "LOCAL")}
+    caches = {f"ZIG_{kind}_CACHE_DIR": str(cache) for kind in ("GLOBAL", "LOCAL")}
     done = subprocess.run(command, capture_output=True, text=True, check=False, env={**os.environ, **caches})
     if done.returncode:
         raise BuildError(f"zig cannot compile the tick: {done.stderr.strip()}")

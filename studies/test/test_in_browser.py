@@ -14,12 +14,14 @@ import numpy as np
 import pytest
 from built_walk_page import build
 from rabbit_experiments.assembly import Assembly
+from rabbit_experiments.walk_records import about_walk
 from rabbit_in_browser.build import FOLDER
 from rabbit_in_browser.numbers import CONTROLLERS
 from rabbit_sim.mujoco_plant import robot_mjcf
 from rabbit_sim.parameters import SimulationParameters
 from rabbit_sim.robot_urdf import perturbed_urdf
 from rabbit_sim.simulation import Simulation
+from rabbit_viewer.page.rows import RowMaker
 from rl_cbf_clf_controller.controller import Controller
 from rl_cbf_clf_controller.policy import ActorPolicy
 from rl_cbf_clf_controller.weights import Arrays, policy_path
@@ -100,18 +102,26 @@ def endings(simulation: Simulation, controller: Controller) -> list[tuple[str, i
 
 
 @pytest.mark.parametrize("name", CONTROLLERS)
-def test_torques_on_the_same_states(folder: Path, name: str) -> None:
+def test_torques_and_rows_on_the_same_states(folder: Path, name: str) -> None:
     parts = assembly(name, mass_scale=1.5)
     records: list[Record] = []
     rollout(*parts.build(), 1, records.append)
     assert records[-1].state.touchdowns == 19  # 20 stones
     _, controller = in_double_precision(parts)
     controller.reset(1)
-    wanted = np.array([controller.step(record.state).torque for record in records])
+    outputs = [controller.step(record.state) for record in records]
+    wanted = np.array([output.torque for output in outputs])
     found = ask(folder, ask="torques", name=name, states=[as_json(record) for record in records])
     assert max(each["residual"] for each in found) < OPTIMAL
     torques = np.array([each["torque"] for each in found])
     np.testing.assert_allclose(torques, wanted, rtol=0, atol=EQUAL)
+    about = about_walk(parts.controller, parts.simulation, "", 1, "")
+    maker = RowMaker(about, controller.qp.names, controller.barrier_names)
+    rows = np.array([maker.row(record.state, output) for record, output in zip(records, outputs, strict=True)])
+    drawn = np.array([each["row"] for each in found], dtype=float)  # JSON has null for NaN
+    is_slack = np.array(["slack" in name for name in maker.columns])  # near 0 where the CLF's row is: a step's start
+    np.testing.assert_allclose(drawn[:, ~is_slack], rows[:, ~is_slack], rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(drawn[:, is_slack], rows[:, is_slack], rtol=1e-6, atol=1e-4)
     rounded = np.abs(torques - [record.output.torque for record in records]).max()
     print(f"{name}: {np.abs(torques - wanted).max():.2g} N m; from the actor in single precision {rounded:.2g} N m")
 

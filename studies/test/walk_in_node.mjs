@@ -5,7 +5,7 @@ import {gunzipSync} from "node:zlib";
 import {pathToFileURL} from "node:url";
 
 const folder = process.argv[2], module = (name) => import(pathToFileURL(`${folder}/${name}.js`));
-const [{load}, {Controller}, {Robot}, {robotMjcf}, {readPolicy}] = await Promise.all(["load", "controller", "robot", "plant", "policy"].map(module));
+const [{load}, {Controller}, {Robot}, {robotMjcf}, {readPolicy}, {RowMaker}] = await Promise.all(["load", "controller", "robot", "plant", "policy", "rows"].map(module));
 
 async function read(name) {
   const {buffer, byteOffset, byteLength} = gunzipSync(await readFile(`${folder}/${name}`));
@@ -13,13 +13,14 @@ async function read(name) {
 }
 
 const QUESTIONS = {
-  // torques at recorded states, and how exact the answers of the QP are
+  // torques at recorded states, how exact the answers of the QP are, and what is drawn
   torques({name, states}) {
     const {compiled, numbers, policies} = parts, choice = numbers.controllers[name];
     const controller = new Controller(compiled, choice, numbers.gaits, policies[choice.policy]);
+    const maker = Object.assign(new RowMaker(choice.about, numbers.plant), {eps: choice.about.eps});
     return states.map((state) => {
-      const {torque, values} = controller.step(state);
-      return {torque, residual: values.residual[0]};
+      const output = controller.step(state);
+      return {torque: output.torque, residual: output.values.residual[0], row: maker.row(state, output, [])};
     });
   },
   // how walks end

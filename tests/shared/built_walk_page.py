@@ -16,5 +16,5 @@ def build(site: Path) -> Path:
     from rabbit_in_browser.build import build_page
 
     tools = browser_tools.BrowserTools()
-    build_page(site, tools.zig, tools.daqp, tools.mujoco, tools.work)
+    build_page(site, tools.zig, tools.daqp, tools.mujoco, tools.cache)
     return site

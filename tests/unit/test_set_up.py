@@ -84,6 +84,14 @@ def test_pip_errors_become_advice(script, output: str, advice: str) -> None:
     assert advice in script("pip_install").cause(output)
 
 
+def test_without_node_the_site_has_its_other_pages(script, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    script("common"), script("pip_install")
+    tools = script("browser_tools")
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert tools.missing() == "node and npm not installed"
+    assert tools.install() is None
+
+
 def test_a_stamp_holds_only_for_the_same_inputs(script, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     common = script("common")
     monkeypatch.setattr(common, "STATE", tmp_path)
