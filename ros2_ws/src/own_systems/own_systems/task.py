@@ -18,7 +18,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -86,6 +86,7 @@ class ControlTask:
         controllers: further ones by name, u (m,) of (x, p): end to end, without a QP.
         plant: the next state of (x, p, u) in place of the system's own integration.
         impact: where the state jumps; impacts: an episode is done after so many, and has failed if it has fewer.
+        training: what a training of it has in place of the defaults, by name, see `TrainingParameters`.
 
     Raises:
         TaskError: names the field, what it is and what was expected.
@@ -112,6 +113,7 @@ class ControlTask:
     plant: Callable[[Array, Array, Array], Array] | None = None
     impact: Impact | None = None
     impacts: int | None = None
+    training: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         n = self.system.x.numel()

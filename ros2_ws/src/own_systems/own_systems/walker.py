@@ -13,7 +13,7 @@ but ahead of the stance foot. Source: Grizzle, Abba, Plestan (2001).
 from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Self
+from typing import Annotated, Any, Self
 
 import casadi as ca
 import numpy as np
@@ -65,6 +65,7 @@ class WalkerFile(BaseModel):
     steps: int = Field(100, ge=1, description="of an episode")
     longest_step: Positive = Field(3.0, description="s, in the mean of an episode")
     spread: tuple[Finite, Finite] = Field((0.03, 0.05), description="of the start: angles, rad; rates, a share")
+    training: dict[str, Any] = Field(default_factory=dict, description="in place of the defaults of a training")
     plant: dict[str, Finite] = Field(default_factory=dict, description="the true mass, payload (kg, on the torso), motors")
 
     @model_validator(mode="after")
@@ -179,6 +180,7 @@ class PlanarWalker:
             draw=self.draw,
             impact=self.impact,
             impacts=file.steps,
+            training=file.training,
         )
 
     @property
