@@ -5,13 +5,12 @@
 The first two control points of the path follow from its end through the impact; the rest is optimised.
 """
 
-from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 import typer
 from own_systems.walker import read_walker
-from rabbit_gait_design.hybrid_zero_dynamics import RepeatedStep, Walker
+from rabbit_gait_design.hybrid_zero_dynamics import Walker
 from rabbit_gait_design.pinocchio_model import PinocchioModel
 from rabbit_gait_design.planar_design import PlanarSpecification, design
 
@@ -28,10 +27,12 @@ def main(
     wanted = PlanarSpecification(
         step_length, speed, clear_from, clearance, torque_limit=torque_limit, max_eigenvalue=max_eigenvalue
     )
-    gait = design(walker, wanted, own.path, lambda iteration, cost: print(f"# {iteration}: cost {cost:.5f}", flush=True))
+    gait = design(
+        walker, wanted, own.path, lambda iteration, cost: print(f"# {iteration}: cost {cost:.5f}", flush=True)
+    )
     print("path:", *(f"- {row}" for row in gait.path.coeffs.round(DIGITS).tolist()), sep="\n")
-    print(f"phase_range: {[round(float(each), DIGITS) for each in (gait.path.phase_angle_start, gait.path.phase_angle_end)]}")
-    print(f"phase_rate: {gait.rates[0]:.{DIGITS}f}")
+    begin, end, rate = gait.path.phase_angle_start, gait.path.phase_angle_end, gait.rates[0]
+    print(f"phase_range: [{begin:.{DIGITS}f}, {end:.{DIGITS}f}]", f"phase_rate: {rate:.{DIGITS}f}", sep="\n")
     torque = np.abs(gait.series("torque")).max()
     print(f"# {wanted}: eigenvalue {gait.eigenvalue:.2f}, torque at most {torque:.0f} N m, {gait.duration:.2f} s")
 

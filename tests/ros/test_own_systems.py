@@ -14,8 +14,8 @@ from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 from own_systems import ControlTask
 from own_systems.episode import NOMINAL, Rider, beginning
-from own_systems.messages import layout_fields, parameter_fields, state_fields
 from own_systems.loading import load_task
+from own_systems.messages import layout_fields, parameter_fields, state_fields
 from own_systems.training import train
 from rabbit_common.ros.qos import EVENT, TICK
 from rabbit_msgs import msg

@@ -12,8 +12,8 @@ import time
 import numpy as np
 import rclpy
 from own_systems.episode import beginning
-from own_systems.messages import parameter_fields
 from own_systems.loading import load_task
+from own_systems.messages import parameter_fields
 from rabbit_common.message_arrays import doubles
 from rabbit_common.ros.qos import TICK
 from rabbit_msgs.msg import TaskParameters

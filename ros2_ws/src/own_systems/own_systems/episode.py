@@ -27,7 +27,8 @@ Controlling = LearnedPolicy | str  # a policy, or a controller's name
 class Moment:
     """A tick: state x (n,), parameters p (k,) that the model has, the input u (m,), and what led to it.
 
-    `barriers` (b,): the values of B; `impacts`: how many came before. `seen`, `estimates` and `decided` are None under a controller without a QP.
+    `barriers` (b,): the values of B; `impacts`: how many came before. `seen`, `estimates`, `decided` are None under a
+    controller without a QP.
     """
 
     time: float

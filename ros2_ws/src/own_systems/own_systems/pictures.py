@@ -16,12 +16,12 @@ from own_systems.shapes import Line
 from own_systems.task import ControlTask
 
 COLOURS = (style.BLUE, style.ORANGE, style.GREEN, style.PURPLE, style.SKY)
-FILM_INCHES, FILM_DPI = 6.4, 100
+FILM_INCHES, FILM_DPI, FILM_SECONDS = 6.4, 100, 12.0
 ROOM = 0.1  # around what is drawn, of its size
 
 
 def draw_margins(task: ControlTask, rides: Mapping[str, Sequence[Ride]], path: Path) -> Path:
-    """Each barrier's least value in each ride, by controller; rides that failed have none. And impacts, if there are."""
+    """Each barrier's least value in each ride, by controller; rides that failed have none. Impacts, if any."""
     names = [each.name for each in task.barriers]
     with style.look():
         figure, panels = style.figure(len(names) + (task.impact is not None))
@@ -79,11 +79,11 @@ def plot(axes: Axes, time: Array, values: Array, names: Sequence[str]) -> None:
 
 
 def film(ride: Ride, path: Path) -> list[Path]:
-    """What `draw` makes of each state, in axes that hold all of it; raises `VideoError`."""
+    """What `draw` makes of each state of the first 12 s, in axes that hold all of it; raises `VideoError`."""
     task = ride.task
     assert task.draw
     step = max(1, round(1 / (FRAME_RATE * task.seconds)))
-    shown = ride.moments[::step]
+    shown = ride.moments[: round(FILM_SECONDS / task.seconds) : step]
     drawn = [task.draw(m.x, dict(zip(task.system.named, m.p, strict=True))) for m in shown]
     titles = [title_of(ride, m) for m in shown]
     corners = np.concatenate([points for shapes in drawn for points in map(corners_of, shapes)])

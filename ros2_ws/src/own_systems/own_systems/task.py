@@ -44,9 +44,10 @@ class TaskError(ValueError):
 
 @dataclass(frozen=True, eq=False)
 class Impact:
-    """A jump of the state: `after` (n,) where `guard` falls through zero while `armed` is positive, expressions of x, p.
+    """A jump: `guard`, `armed` and `after` (n,), expressions of x and p.
 
-    `held` (m,), of u: what becomes of the input that the tick holds, where the jump exchanges inputs, as legs that swap.
+    Where `guard` falls through zero while `armed` is positive, the state becomes `after`, and the input that the tick
+    holds becomes `held` (m,), of u, where the jump exchanges inputs, as legs that swap.
     """
 
     guard: ca.SX

@@ -2,7 +2,7 @@
 
     q = (foot, pitch, joints)      the stance foot's place, and the robot over it, which is pinned there
     outputs                        y = H q - path(phase), phase = (c' q - start) / (end - start): sums of coordinates
-    impact                         where the swing foot comes down ahead of the stance foot, it stays, and the legs swap:
+    impact                         where the swing foot comes down ahead of the stance foot it stays, and the legs swap:
                                    M (dq+ - dq-) = J' L,  J dq+ = 0, of the floating robot, inelastic, no slip
 
 The joints are named by what their leg does: that of the stance leg is `stance_hip`, whichever leg that is. So the leg
@@ -66,12 +66,16 @@ class WalkerFile(BaseModel):
     longest_step: Positive = Field(3.0, description="s, in the mean of an episode")
     spread: tuple[Finite, Finite] = Field((0.03, 0.05), description="of the start: angles, rad; rates, a share")
     training: dict[str, Any] = Field(default_factory=dict, description="in place of the defaults of a training")
-    plant: dict[str, Finite] = Field(default_factory=dict, description="the true mass, payload (kg, on the torso), motors")
+    plant: dict[str, Finite] = Field(
+        default_factory=dict, description="the true mass, payload (kg, on the torso), motors"
+    )
 
     @model_validator(mode="after")
     def _fits(self) -> Self:
         if set(self.stance) != set(self.swing) or FOOT not in self.stance:
-            raise ValueError(f"stance = {self.stance}, swing = {self.swing}: expected foot and joints by the same names")
+            raise ValueError(
+                f"stance = {self.stance}, swing = {self.swing}: expected foot and joints by the same names"
+            )
         if self.phase_range[0] >= self.phase_range[1]:
             raise ValueError(f"phase_range = {self.phase_range}: expected a sum that grows")
         if len(self.path) != len(self.outputs) or len({len(row) for row in self.path}) != 1 or len(self.path[0]) < 2:
@@ -123,7 +127,9 @@ class PlanarWalker:
         own, numbers = self.parameters, self.numbers
         links, (x, z) = own["mass"] * ca.SX(numbers.links), numbers.links[0, 1:3] / numbers.links[0, 0]
         links[0, :] += own["payload"] * ca.SX([1, x, z, x**2 + z**2]).T
-        given = {name: ca.SX(getattr(numbers, name)) for name in ("joints", "feet", "joint_damping", "coulomb", "gravity")}
+        given = {
+            name: ca.SX(getattr(numbers, name)) for name in ("joints", "feet", "joint_damping", "coulomb", "gravity")
+        }
         return given | {"links": links, "motor_gain": own["motors"] * ca.SX(numbers.motor_gain)}
 
     def _row(self, of: Sum) -> Array:
@@ -213,10 +219,15 @@ class PlanarWalker:
         at = self._points(x[1 : 1 + self.q.numel()])
         place = np.array([x[0] + at.hip[0], 0.0])
         over = np.array([at.hip[0], 0.0])
-        legs = [Line(points.T - over, colour, 5) for points, colour in ((at.swing, "tab:gray"), (at.stance, "tab:blue"))]
-        torso, ground = Line(np.array([at.hip, at.top]) - over, "black", 7), Line(np.array([[-1.0, 0], [1, 0]]), width=1)
+        legs = [
+            Line(points.T - over, colour, 5) for points, colour in ((at.swing, "tab:gray"), (at.stance, "tab:blue"))
+        ]
+        torso, ground = (
+            Line(np.array([at.hip, at.top]) - over, "black", 7),
+            Line(np.array([[-1.0, 0], [1, 0]]), width=1),
+        )
         first = np.ceil((place[0] - 1) / MARKS) * MARKS
-        marks = [Disc((mark - place[0], 0.0), 0.012, "black") for mark in np.arange(first, place[0] + 1, MARKS)]
+        marks = [Disc(np.array([mark - place[0], 0.0]), 0.012, "black") for mark in np.arange(first, place[0] + 1, MARKS)]
         return [ground, *marks, *legs, torso]
 
 

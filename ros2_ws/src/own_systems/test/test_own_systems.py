@@ -14,8 +14,8 @@ from cbf_clf_qp import Clf, System
 from own_systems import ControlTask, TaskError, recording
 from own_systems.commands.system import app
 from own_systems.episode import Rider
-from own_systems.recording import RideWriter, differing
 from own_systems.loading import load_task
+from own_systems.recording import RideWriter, differing
 from own_systems.training import measured_problem, train, write
 from rabbit_recording import RecordingError
 from rabbit_recording.contents import contents

@@ -20,7 +20,9 @@ DIFFERS = 1
 APART = 1_000_000  # seeds of evaluations begin here times their own; those of trainings are 32 bits long, drawn
 
 app = typer.Typer(help=__doc__, no_args_is_help=True, add_completion=False)
-Task = Annotated[str, typer.Argument(help="a .py file with a ControlTask, a walker's .yaml, or an entry point in rabbit.systems")]
+Task = Annotated[
+    str, typer.Argument(help="a .py file with a ControlTask, a walker's .yaml, or an entry point in rabbit.systems")
+]
 Seed = Annotated[int, typer.Option(help="of starts, commands and weights", min=0, max=2**31)]
 
 
@@ -106,7 +108,9 @@ def write_results(folder: Path, task: "ControlTask", ridden: "dict[str, list[Rid
     with complaints(OSError):
         with replacing(folder / "runs.csv") as partial, partial.open("w", newline="", encoding="utf-8") as file:
             table = csv.writer(file)
-            table.writerow(["controller", "seed", "ticks", "outcome", "kept", "impacts", *(b.name for b in task.barriers)])
+            table.writerow(
+                ["controller", "seed", "ticks", "outcome", "kept", "impacts", *(b.name for b in task.barriers)]
+            )
             for name, rides in ridden.items():
                 for ride in rides:
                     ended = len(ride.moments), ride.outcome, ride.is_kept, ride.impacts

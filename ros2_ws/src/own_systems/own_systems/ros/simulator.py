@@ -24,9 +24,9 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Header
 
 from own_systems.episode import beginning
+from own_systems.loading import load_task
 from own_systems.messages import layout_fields, parameter_fields, state_fields
 from own_systems.ros.task_node import TASK
-from own_systems.loading import load_task
 from own_systems.task import TaskError
 
 NONE = 2**32 - 1  # no episode

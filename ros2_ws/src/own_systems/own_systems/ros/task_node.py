@@ -17,8 +17,8 @@ from rl_cbf_clf_controller.ros import policies
 from rl_cbf_clf_controller.weights import PolicyFileError
 
 from own_systems.episode import NOMINAL, ORACLE, Moment, Rider, beginning
-from own_systems.messages import controller_fields, terms_fields
 from own_systems.loading import load_task
+from own_systems.messages import controller_fields, terms_fields
 from own_systems.task import ControlTask, TaskError
 
 ERRORS = (TaskError, PolicyFileError)

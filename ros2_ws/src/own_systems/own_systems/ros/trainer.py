@@ -1,8 +1,8 @@
 """Learns on a task while its simulator and controller run: it plans episodes, and publishes what it has learned.
 
 It hears `state` and `parameters` and makes the controller's ticks again, so its transitions, and the policy after all
-episodes, have the bits of those of `own_systems.training.train`. A tick after which another input was applied, or in which
-there was an impact, counts for nothing. It learns once an episode has ended; the simulator, which follows it, waits meanwhile.
+episodes, have the bits of those of `own_systems.training.train`. A tick with an impact, or after which another input
+was applied, counts for nothing. It learns once an episode has ended; the simulator, which follows it, waits meanwhile.
 """
 
 from pathlib import Path
@@ -23,9 +23,9 @@ from rl_cbf_clf_controller.policy import ActorPolicy
 from rl_trainer.training import Trainer
 
 from own_systems.episode import NOMINAL, Rider, beginning
+from own_systems.loading import load_task
 from own_systems.messages import parameters_of, state_of
 from own_systems.ros.task_node import TASK
-from own_systems.loading import load_task
 from own_systems.task import TaskError
 from own_systems.training import training_parameters
 
