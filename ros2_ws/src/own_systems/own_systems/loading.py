@@ -22,7 +22,7 @@ def load_task(source: str) -> ControlTask:
         try:
             found = plugins.load(GROUP, source)
         except LookupError as error:
-            raise TaskError(f"task {source}: expected a file that ends in .py or .yaml, or a name: {known()}") from error
+            raise TaskError(f"{error}; or a file that ends in .py or .yaml") from error
         return _checked(found, source)
     if not path.is_file():
         raise TaskError(f"{source}: no such file")
@@ -37,11 +37,6 @@ def load_task(source: str) -> ControlTask:
     if len(tasks) != 1:
         raise TaskError(f"{source}: {len(tasks)} objects of ControlTask; expected one")
     return tasks[0]
-
-
-def known() -> str:
-    """The names that installed packages bring, or that there are none."""
-    return ", ".join(plugins.names(GROUP)) or "no installed package brings one"
 
 
 def _checked(found: Any, source: str) -> ControlTask:

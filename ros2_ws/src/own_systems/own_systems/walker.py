@@ -217,17 +217,12 @@ class PlanarWalker:
     def draw(self, x: Array, p: Mapping[str, float]) -> list[Shape]:
         """The robot where its hip stands still, and the ground with its marks, which pass."""
         at = self._points(x[1 : 1 + self.q.numel()])
-        place = np.array([x[0] + at.hip[0], 0.0])
-        over = np.array([at.hip[0], 0.0])
-        legs = [
-            Line(points.T - over, colour, 5) for points, colour in ((at.swing, "tab:gray"), (at.stance, "tab:blue"))
-        ]
-        torso, ground = (
-            Line(np.array([at.hip, at.top]) - over, "black", 7),
-            Line(np.array([[-1.0, 0], [1, 0]]), width=1),
-        )
-        first = np.ceil((place[0] - 1) / MARKS) * MARKS
-        marks = [Disc(np.array([mark - place[0], 0.0]), 0.012, "black") for mark in np.arange(first, place[0] + 1, MARKS)]
+        place, over = x[0] + at.hip[0], np.array([at.hip[0], 0.0])
+        legs = [Line(at.swing.T - over, "tab:gray", 5), Line(at.stance.T - over, "tab:blue", 5)]
+        torso = Line(np.array([at.hip, at.top]) - over, "black", 6)
+        ground = Line(np.array([[-1.0, 0.0], [1.0, 0.0]]), width=1)
+        first = np.ceil((place - 1) / MARKS) * MARKS
+        marks = [Disc(np.array([mark - place, 0.0]), 0.012, "black") for mark in np.arange(first, place + 1, MARKS)]
         return [ground, *marks, *legs, torso]
 
 
